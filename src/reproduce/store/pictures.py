@@ -241,20 +241,15 @@ def _from_pillow(path: Path) -> _Read:
 
     with Image.open(path) as opened:
         deep = any(";16" in str(tile[3]) for tile in opened.tile) and opened.mode == "RGB"
-        notes = ("16 bits of each colour are read as 8: save it as TIFF",) if deep else ()
+        notes: tuple[str, ...] = ()
+        notes += ("16 bits of each colour are read as 8: save it as TIFF",) * deep
         grey = opened.mode in ("L", "1") or opened.mode.startswith(("I", "F"))
         light = np.asarray(opened if grey else opened.convert("RGB"))
+        light = light.astype(np.uint8) if light.dtype == bool else light
         if opened.format != "JPEG":
-            return (
-                np.ma.asarray(light.astype(np.uint8) if light.dtype == bool else light),
-                {},
-                notes,
-            )
+            return _Read(np.ma.asarray(light), {}, notes)
     # A camera writes sRGB: undone, so that light adds up, with the full pixels still the highest.
     encoded = light / 255
     linear = np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
-    return (
-        np.ma.asarray(255 * linear),
-        {"SATURATE": 255.0},
-        (*notes, "sRGB turned into linear light"),
-    )
+    notes = (*notes, "sRGB turned into linear light")
+    return _Read(np.ma.asarray(255 * linear), {"SATURATE": 255.0}, notes)

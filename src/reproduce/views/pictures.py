@@ -62,8 +62,11 @@ _MISFIT, _UNUSUAL, _SLIGHT = 0.1, 4.0, 2e-3
 _FWHM = float(np.sqrt(8 * np.log(2)))
 # So often spots are fitted where the gain is to be found too.
 _FITS, _ROUNDS = 4, 10
-# Fewer spots do not tell several noises apart; what may multiply that of the background.
-_TELLING, _FACTOR = 10, (0.25, 4.0)
+# So much must another shape than the Gaussian better chi-square.
+_PLAIN = 9.0
+# Fewer spots do not tell photon noise from another shape, fewer pixels nothing of their noise;
+# what may multiply its variance.
+_TELLING, _DARK, _FACTOR = 10, 200, (0.25, 4.0)
 # In how many standard deviations of its noise that must show.
 _SURELY = 5.0
 # Stars among which triangles are looked for, first and where that fails; neighbours of each.
@@ -312,8 +315,8 @@ def _measured(picture: Picture, found: _Field, gain: float | None, threshold: fl
         left = spots.residuals / gain
         model = np.maximum((light - left) * seen, 0)
         if estimated:
-            factor, gain = _noises(left, model, np.square(noise), seen, gain)
-            noise = noise * np.sqrt(factor)
+            noise = noise * np.sqrt(_dark(left, model, np.square(noise), seen))
+            gain = _gain(left, model, np.square(noise), seen, gain)
     dark = np.square(noise)
     flux = spots.light / gain
     odd = _odd(left, model, dark[:, None, None] + model / gain, seen)
@@ -362,37 +365,45 @@ def _told(picture: Picture, facts: Mapping[str, float], threshold: float, size: 
     ]
 
 
-def _noises(
-    left: FloatArray, model: FloatArray, dark: FloatArray, seen: Mask, last: float
-) -> tuple[float, float]:
-    """Return what multiplies the variance of dark pixels, and electrons per digital number.
+def _dark(left: FloatArray, model: FloatArray, dark: FloatArray, seen: Mask) -> float:
+    """Return what multiplies the variance of dark pixels, from those of the windows."""
+    some = seen & (np.square(model) < dark[:, None, None] / 4) & np.isfinite(left)
+    if some.sum() < _DARK:
+        return 1.0
+    squares = np.square(left) / dark[:, None, None]
+    # The median of the square of a normal number.
+    return float(np.clip(np.median(squares[some]) / 0.4549, *_FACTOR))
 
-    From how residuals, those of a fit with the `last` gain, grow with the light. What grows with
-    its square is no noise: spots that are not quite Gaussian.
+
+def _gain(left: FloatArray, model: FloatArray, dark: FloatArray, seen: Mask, last: float) -> float:
+    """Return electrons per digital number, from how residuals grow with the light.
+
+    What grows with its square is no photon noise: spots that are not quite Gaussian. Residuals are
+    those of a fit with the `last` gain.
     """
     from scipy.optimize import nnls
 
     variance = dark[:, None, None] + model / last
     free = np.maximum(seen.sum(axis=(1, 2)) - 3.0, 1.0)  # a fit has three numbers
     share = (free / seen.sum(axis=(1, 2)))[:, None, None] * seen / variance
-    square = (np.square(left) / variance).sum(axis=(1, 2))
-    powers = [model, dark[:, None, None], model**2]
-    columns = np.stack([(share * one).sum(axis=(1, 2)) for one in powers], axis=-1)
-    good = np.isfinite(square) & (columns[:, 0] > 0)
-    square, columns, free = square[good], columns[good], free[good]
-    if len(square) < _TELLING:  # then the noise of the background is taken for granted
-        square, columns = square - columns[:, 1], columns[:, :1]
+    over = (np.square(left) / variance - share * dark[:, None, None]).sum(axis=(1, 2))
+    columns = np.stack([(share * model**power).sum(axis=(1, 2)) for power in (1, 2)], axis=-1)
+    good = np.isfinite(over) & (columns[:, 0] > 0)
+    over, columns, free = over[good], columns[good], free[good]
+    columns = columns[:, : 1 if len(over) < _TELLING else 2]
     scale = columns.max(axis=0, initial=1e-300)
     found = np.zeros(len(scale))
     for _ in range(_ROUNDS):
-        spread = np.sqrt(2 * free) + (columns / scale)[:, 2:] @ found[2:]
+        spread = np.sqrt(2 * free) + (columns / scale)[:, 1:] @ found[1:]
         # One that is not alone in its window would spoil what the others say.
-        off = np.abs(square - columns / scale @ found) / spread
-        trust = 1 / (spread * np.sqrt(np.maximum(1, off / 2)))
-        found, _ = nnls(columns / scale * trust[:, None], square * trust)
-    more = found / scale
-    factor = float(more[1]) if len(more) > 1 else 1.0
-    return float(np.clip(factor, *_FACTOR)), 1 / max(float(more[0]), 1e-6 * float(dark.min()))
+        off = np.abs(over - columns / scale @ found) / spread
+        trust = 1 / (spread * np.sqrt(np.maximum(1, off / 3)))
+        found, _ = nnls(columns / scale * trust[:, None], over * trust)
+    alone, worse = nnls(columns[:, :1] / scale[:1] * trust[:, None], over * trust)
+    rest = np.linalg.norm((over - columns / scale @ found) * trust)
+    if worse**2 - rest**2 < _PLAIN:
+        found = alone
+    return float(1 / max(found[0] / scale[0], 1e-6 * float(dark.min())))
 
 
 def _odd(left: FloatArray, model: FloatArray, variance: FloatArray, seen: Mask) -> Mask:
@@ -442,7 +453,10 @@ class Match(Display):
         near = radius or _reach(source, target)
         how = "neighbours of a start"
         if start is None:
-            start = _asterism(source.points, target.points, near)
+            try:
+                start = _asterism(source.points, target.points, near)
+            except ValueError as error:
+                raise ValueError(f"{source.name} and {target.name}: {error}") from error
             how = "triangles of neighbours"
         pairs = _neighbours(start, source.points, target.points, near)
         for _ in range(2 if len(pairs) > _FEW else 0):
@@ -835,12 +849,14 @@ def registered(
             channels = read_pictures(source, bayer, saturation)
         if len(channels) > 1 and len(sources) > 1:
             raise PictureError(
-                f"picture {number}: expected one channel, got {', '.join(channels)}; several "
-                "pictures are registered by one channel of each"
+                f"{_name(source, number, pictures)}: expected one channel beside other pictures, "
+                f"got {', '.join(channels)}; register it alone, or rp.stars of one channel of each"
             )
         for colour, one in channels.items():
             name = colour or _name(source, number, pictures)
-            picture = replace(one, name=name) if isinstance(one, Picture) else None
+            unnamed = not (colour or isinstance(source, str | Path))
+            picture = one if isinstance(one, Picture) else None
+            picture = replace(picture, name=name) if picture and unnamed else picture
             pictures[name], known = picture, one if isinstance(one, Stars) else None
             found[name] = _found(picture, threshold, gain) if picture else known or _listed(one)
         if progress:
