@@ -257,8 +257,11 @@ def register(
     reference: str | int | None = None,
     start: Any = None,
     radius: float | None = None,
+    bayer: str | None = None,
+    threshold: float | None = None,
+    saturation: float | None = None,
+    gain: float | None = None,
     progress: Callable[[int, int], None] | None = None,
-    **cuts: Any,
 ) -> Registered | Channels:
     """Fit the transform that lays a user's own stars, the source, on the same stars of a target.
 
@@ -296,10 +299,10 @@ def register(
         three, the last of two, green of a colour picture.
     start, radius : optional
         Of pictures, as for `match`.
+    bayer, threshold, saturation, gain : optional
+        Of pictures, as for `stars`.
     progress : callable, optional
         Is told how many pictures of all are read.
-    **cuts
-        Of pictures, as for `stars`.
 
     Returns
     -------
@@ -322,17 +325,19 @@ def register(
     """
     known: dict[str, Any] = {"weights": weights, "source_covariance": source_covariance}
     known |= {"target_covariance": target_covariance}
+    own: dict[str, Any] = {"start": start, "radius": radius}
+    cuts: dict[str, Any] = {"bayer": bayer, "threshold": threshold}
+    cuts |= {"saturation": saturation, "gain": gain}
     if pictures := _pictures(source, target):
         if given := [name for name, value in known.items() if value is not None]:
             raise ValueError(f"{given[0]}: expected none beside pictures, whose stars have theirs")
         from reproduce.views.pictures import registered
 
-        fit = {"model": model, "robust": robust is not False, "start": start, "radius": radius}
+        fit = {"model": model, "robust": robust is not False, **own}
         return registered(pictures, pivot, reference=reference, progress=progress, fit=fit, **cuts)
-    if odd := [name for name in ("reference", "start", "radius") if locals()[name] is not None]:
-        raise ValueError(f"{odd[0]}: expected pictures beside it, got stars that are paired")
-    if cuts:
-        raise TypeError(f"unknown {sorted(cuts)}: cuts belong to pictures")
+    for name, value in (own | cuts | {"reference": reference}).items():
+        if value is not None:
+            raise ValueError(f"{name}: expected pictures beside it, got stars that are paired")
     from reproduce.views.measurements import Registered
 
     paired: tuple[Any, Any] = (source, target)

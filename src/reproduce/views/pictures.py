@@ -49,6 +49,8 @@ if TYPE_CHECKING:
 FloatArray = NDArray[np.float64]
 # A star has so many touching pixels above the threshold, in standard deviations of the noise.
 _TOUCHING, THRESHOLD = 3, 5.0
+# A hot pixel exceeds so many deviations, and its neighbours have less than a share of its light.
+_GLARING, _ALONE = 10.0, 0.1
 # Side of the boxes in which the background is found; of so many pixels along each axis one counts.
 _BOX, _EVERY = 64, 4
 # Segments at most, the brightest; stars whose widths are measured; half a window, in radii.
@@ -184,7 +186,24 @@ def _found(picture: Picture, threshold: float | None = None, gain: float | None 
             f"{picture.name}: expected stars, got nothing above {threshold:g} standard deviations "
             f"of the noise in {_TOUCHING} touching pixels"
         )
+    picture = _without(picture, field_.hot)
     return _measured(picture, field_, gain or picture.gain, threshold)
+
+
+def _without(picture: Picture, hot: Mask) -> Picture:
+    return picture if picture.cell else replace(picture, seen=picture.seen & ~hot)
+
+
+def _hot(light: FloatArray, noise: FloatArray, step: int) -> Mask:
+    """Say which pixels shine alone, as no spot does: their neighbours have next to no light."""
+    rows, columns = np.nonzero(light > _GLARING * float(noise.min()))
+    padded = np.pad(np.nan_to_num(light), 1)
+    around = [padded[rows + y, columns + x] for y in range(3) for x in range(3) if (y, x) != (1, 1)]
+    own, sigma = light[rows, columns], noise[rows // step, columns // step]
+    alone = np.max(around, axis=0, initial=-np.inf) < np.maximum(_ALONE * own, 3 * sigma)
+    hot = np.zeros(light.shape, bool)
+    hot[rows, columns] = alone & (own > _GLARING * sigma)
+    return hot
 
 
 @dataclass(frozen=True, eq=False)
@@ -195,6 +214,7 @@ class _Field:
     light: FloatArray
     level: FloatArray
     noise: FloatArray
+    hot: Mask
     radius: float = np.nan
 
 
@@ -217,11 +237,13 @@ def _field(picture: Picture, threshold: float) -> _Field:
         )  # fmt: skip
         least = 1e-3 * max(float(np.nanmax(image) - np.median(level)), 0.0)
         noise = np.where(noise > 0, noise, least)
-        limit = _spread(level + threshold * noise, step, image.shape)
+        under = _spread(level, step, image.shape)
+        hot = np.zeros_like(missing) if picture.cell else _hot(image - under, noise, step)
+        missing = missing | hot
+        limit = under + threshold * _spread(noise, step, image.shape)
         segments = detect_sources(np.where(missing, limit, image), limit, _TOUCHING)
         if segments is None:
-            return _Field(*(np.zeros((0, 2)), *(np.zeros(0),) * 3))
-        under = _spread(level, step, image.shape)
+            return _Field(np.zeros((0, 2)), *(np.zeros(0),) * 3, hot)
         catalogue = SourceCatalog(np.where(missing, 0.0, image - under), segments, mask=missing)
         places = np.column_stack([catalogue.maxval_xindex, catalogue.maxval_yindex]).astype(float)
         light = np.asarray(catalogue.segment_flux)
@@ -230,11 +252,11 @@ def _field(picture: Picture, threshold: float) -> _Field:
         rows, columns = (places[:, i].astype(int) // step for i in (1, 0))
         found = _Field(
             scale * places + first, light, level[rows, columns],
-            noise[rows, columns] * np.sqrt(max(len(picture.cell), 1)),
+            noise[rows, columns] * np.sqrt(max(len(picture.cell), 1)), hot,
         )  # fmt: skip
         round_ = np.asarray(catalogue.elongation)[some_] < 2
         guess = scale * np.median(np.asarray(catalogue.semimajor_axis)[some_][round_])
-        radius = _radius(picture, found, round_, float(guess))
+        radius = _radius(_without(picture, hot), found, round_, float(guess))
     return replace(found, radius=radius)
 
 
@@ -338,7 +360,7 @@ def _measured(picture: Picture, found: _Field, gain: float | None, threshold: fl
     table = pd.DataFrame(dict(zip(names, columns, strict=True)))
     facts = {"radius": found.radius, "background": float(np.median(found.level)),
              "noise": float(np.median(noise)), "gain": float(gain)}  # fmt: skip
-    log = [*picture.notes, *_told(picture, facts, threshold, size, len(flux))]
+    log = [*picture.notes, *_told(picture, found.hot, facts, threshold, size, len(flux))]
     result = Stars(picture.name, shape, table, spots.covariance, log, facts)
     if not len(result):
         raise PictureError(
@@ -352,10 +374,12 @@ def _causes(found: Stars) -> str:
     return ", ".join(f"{count} {reason}" for reason, count in counts.items())
 
 
-def _told(picture: Picture, facts: Mapping[str, float], threshold: float, size: int, count: int
-          ) -> list[str]:  # fmt: skip
-    lost, full = int((np.isnan(picture.light)).sum()), int(picture.full.sum())
-    masked = [f"{lost} pixels are missing"] * bool(lost) + [f"{full} are saturated"] * bool(full)
+def _told(
+    picture: Picture, hot: Mask, facts: Mapping[str, float], threshold: float, size: int, count: int
+) -> list[str]:
+    counts = {"missing": int(np.isnan(picture.light).sum()), "saturated": int(picture.full.sum()),
+              "hot": int((hot & ~picture.full).sum())}  # fmt: skip
+    masked = [f"{number} pixels are {kind}" for kind, number in counts.items() if number]
     return [
         *[", ".join(masked)] * bool(masked),
         "background {background:.5g}, noise {noise:.3g}, gain {gain:.3g} electrons per number, "

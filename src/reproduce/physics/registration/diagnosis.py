@@ -19,7 +19,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from reproduce.physics.registration._least_squares import thinned
-from reproduce.physics.registration.fit import RegistrationFit, fit_registration
+from reproduce.physics.registration.fit import (
+    _ALARM,
+    _MEDIAN_LENGTH,
+    RegistrationFit,
+    fit_registration,
+)
 from reproduce.physics.registration.transforms import MODELS
 from reproduce.physics.validate import (
     DegenerateGeometryError,
@@ -196,6 +201,8 @@ def _misfits(
         found.append(Finding("model", better[1]))
     if settings["robust"] and not found:
         return _dropped(fit, settings, named)
+    if not found and _none_far(fit, settings):
+        return found
     off = _wrong_matches(source, target, pivot, **settings | {"model": model})
     suspects = np.flatnonzero(off)
     rows = tuple(suspects[np.argsort(-off[suspects])].tolist())
@@ -208,6 +215,16 @@ def _misfits(
         )
         found.append(Finding("mismatched", text, rows))
     return found
+
+
+def _none_far(fit: RegistrationFit, settings: dict[str, Any]) -> bool:
+    """Whether of very many stars none is far by the median of all: a robust fit would keep them."""
+    keys = ("weights", "source_covariance", "target_covariance")
+    if len(fit.residuals) < _COMPARED or any(settings.get(key) is not None for key in keys):
+        return False
+    lengths = np.hypot(*fit.residuals.T)
+    limit = np.sqrt(2 * np.log(len(lengths) / _ALARM))
+    return bool(lengths.max() < limit * np.median(lengths) / _MEDIAN_LENGTH)
 
 
 def _robustly(
@@ -336,6 +353,13 @@ def _repeated(source: FloatArray, target: FloatArray, named: _Named) -> list[Fin
 
 def _again(stars: FloatArray) -> NDArray[np.intp]:
     """Return the rows, in order, that repeat an earlier one."""
+    # Rows that are equal have equal sums: without any, which is usual, nothing else is sorted.
+    sums = np.zeros(len(stars))
+    for root, column in zip(np.sqrt([2.0, 3.0, 5.0, 7.0]), stars.T, strict=False):
+        sums += root * column  # column by column: a product of matrices may round rows differently
+    sums.sort()
+    if (sums[1:] > sums[:-1]).all():
+        return np.zeros(0, np.intp)
     first = np.unique(stars, axis=0, return_index=True)[1]
     return np.setdiff1d(np.arange(len(stars)), first)
 
