@@ -174,8 +174,8 @@ def test_a_mosaic_gives_the_transforms_of_its_channels():
     """Each channel is exposed on its own; the mosaic takes one pixel in four of red and blue."""
     rng = np.random.default_rng(5)
     back = TRUTH.inverse()
-    shots = [evidence.exposed(one.apply(FIELD.source) if one else FIELD.source, 4 * FIELD.light, rng)
-             for one in (back, None, TRUTH)]  # fmt: skip
+    places = (back.apply(FIELD.source), FIELD.source, TRUTH.apply(FIELD.source))
+    shots = [evidence.exposed(points, 4 * FIELD.light, rng) for points in places]
     mosaic = shots[1].copy()
     mosaic[0::2, 0::2], mosaic[1::2, 1::2] = shots[0][0::2, 0::2], shots[2][1::2, 1::2]
     found = rp.register(mosaic, bayer="RGGB")
@@ -246,7 +246,7 @@ def test_the_posterior_is_that_of_the_pairs(fit):
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     made = tmp_path_factory.mktemp("pictures")
-    blue = evidence.exposed(FIELD.source + [2, 1], FIELD.light, np.random.default_rng(8))
+    blue = evidence.exposed(FIELD.source + np.array([2, 1]), FIELD.light, np.random.default_rng(8))
     for name, image in (("red", RED), ("green", GREEN), ("blue", blue)):
         fits.writeto(made / f"{name}.fits", image.astype(np.uint16))
     return made

@@ -104,7 +104,7 @@ def errors(seeds: Iterable[int], radius: float = RADIUS) -> dict[str, float]:
         limit = 5 * found.facts["noise"]
         catalogue = SourceCatalog(image, detect_sources(image, limit, 3))
         others = {"ours": found.points,
-                  "photutils, isophotal": np.transpose([catalogue.x_centroid, catalogue.y_centroid]),
+                  "photutils, isophotal": np.asarray(catalogue.centroid),
                   "photutils, windowed": np.asarray(catalogue.centroid_win)}  # fmt: skip
         half = int(np.ceil(3 * radius))
         for name, centre in (("centre of gravity", centroid_com), ("parabola", centroid_quadratic),

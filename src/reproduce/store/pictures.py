@@ -214,16 +214,20 @@ def _file(path: Path) -> _Read:
 def _from_fits(path: Path) -> _Read:
     from astropy.io import fits
 
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore")
-        warnings.filterwarnings("error", message=".*truncated")
-        with fits.open(path, memmap=False) as units:
-            for number, unit in enumerate(units):
-                if unit.is_image and unit.header.get("NAXIS", 0) >= 2 and unit.data is not None:
-                    header = {**units[0].header, **unit.header}
-                    native = unit.data.astype(unit.data.dtype.newbyteorder("="), copy=True)
-                    notes = (f"picture of extension {number}",) if number else ()
-                    return _Read(np.ma.asarray(native), header, notes)
+    with (
+        warnings.catch_warnings(record=True) as told,
+        path.open("rb") as file,
+        fits.open(file, memmap=False) as units,
+    ):
+        warnings.simplefilter("always")
+        for number, unit in enumerate(units):
+            if cut := [str(one.message) for one in told if "truncated" in str(one.message)]:
+                raise OSError(cut[0])
+            if unit.is_image and unit.header.get("NAXIS", 0) >= 2 and unit.data is not None:
+                header = {**units[0].header, **unit.header}
+                native = unit.data.astype(unit.data.dtype.newbyteorder("="), copy=True)
+                notes = (f"picture of extension {number}",) if number else ()
+                return _Read(np.ma.asarray(native), header, notes)
     raise PictureError(f"{path.name}: expected a picture in the FITS file, got tables alone")
 
 

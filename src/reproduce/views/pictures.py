@@ -220,7 +220,7 @@ class _Field:
 
 def _field(picture: Picture, threshold: float) -> _Field:
     """Return what stands out of the background, and the width of its spots."""
-    from photutils.background import Background2D
+    from photutils.background import Background2D, MADStdBackgroundRMS
     from photutils.segmentation import SourceCatalog, detect_sources
 
     image, missing, scale, first = _coarse(picture)
@@ -231,6 +231,7 @@ def _field(picture: Picture, threshold: float) -> _Field:
         ground = Background2D(
             np.where(missing, 0.0, image)[some], max(8, _BOX // step), mask=missing[some],
             exclude_percentile=90.0,
+            bkgrms_estimator=MADStdBackgroundRMS(),
         )  # fmt: skip
         level, noise = ground.background, np.hypot(
             ground.background_rms, picture.step / np.sqrt(12 * max(len(picture.cell), 1))
@@ -254,9 +255,11 @@ def _field(picture: Picture, threshold: float) -> _Field:
             scale * places + first, light, level[rows, columns],
             noise[rows, columns] * np.sqrt(max(len(picture.cell), 1)), hot,
         )  # fmt: skip
-        round_ = np.asarray(catalogue.elongation)[some_] < 2
-        guess = scale * np.median(np.asarray(catalogue.semimajor_axis)[some_][round_])
-        radius = _radius(_without(picture, hot), found, round_, float(guess))
+        long, across = (np.asarray(getattr(catalogue, f"semi{one}_axis"))[some_]
+                        for one in ("major", "minor"))  # fmt: skip
+        guess = float(np.nanmedian(long)) if np.isfinite(long).any() else 1.0
+        usual = (long < 2 * across) & (long < 1.5 * guess) & (long > guess / 1.5)
+        radius = _radius(_without(picture, hot), found, usual, scale * guess)
     return replace(found, radius=radius)
 
 
@@ -274,16 +277,19 @@ def _spread(coarse: FloatArray, step: int, shape: tuple[int, ...]) -> FloatArray
     return coarse.repeat(step, axis=0).repeat(step, axis=1)[: shape[0], : shape[1]]
 
 
-def _radius(picture: Picture, found: _Field, round_: Mask, guess: float) -> float:
+def _radius(picture: Picture, found: _Field, usual: Mask, guess: float) -> float:
     """Return the median radius of a few bright spots, fitted by photutils."""
     from photutils.psf import fit_2dgaussian
 
     size = _size(guess)
-    whole = round_ & ~_touched(picture.full, found.places, size)
+    whole = usual & ~_touched(picture.full, found.places, size)
     inside = _inside(found.places, picture.light.shape, size // 2)
-    chosen = np.flatnonzero(whole & inside)[:_MEASURED]
-    if not len(chosen):
+    bright = np.flatnonzero(whole & inside)
+    bright = bright[: max(_MEASURED, len(bright) // 2)]
+    if not len(bright):
         return guess
+    # Not the very brightest: what is no star is among them.
+    chosen = bright[:: max(1, len(bright) // _MEASURED)][:_MEASURED]
     corners = window_corners(found.places[chosen], size)
     # Side by side, so that photutils is called once.
     parts = [(slice(y, y + size), slice(x, x + size)) for x, y in corners]
@@ -328,7 +334,7 @@ def _measured(picture: Picture, found: _Field, gain: float | None, threshold: fl
     at = (y[:, :, None], x[:, None, :])
     seen = picture.seen[at]
     light = np.where(seen, picture.light[at] - found.level[:, None, None], 0.0)
-    fits, estimated = (_FITS, True) if gain is None else (1, False)
+    fits, estimated = (_FITS, True) if gain is None else (2, False)
     # Without photon noise first: what scatters more under more light tells how much there is.
     gain = gain or 1e6 / float(found.noise.min()) ** 2
     noise = found.noise
@@ -336,8 +342,8 @@ def _measured(picture: Picture, found: _Field, gain: float | None, threshold: fl
         spots = fitted_spots(gain * light, corners, found.radius, gain * noise, seen)
         left = spots.residuals / gain
         model = np.maximum((light - left) * seen, 0)
+        noise = found.noise * np.sqrt(_dark(left, model, np.square(found.noise), seen))
         if estimated:
-            noise = noise * np.sqrt(_dark(left, model, np.square(noise), seen))
             gain = _gain(left, model, np.square(noise), seen, gain)
     dark = np.square(noise)
     flux = spots.light / gain
@@ -378,7 +384,7 @@ def _told(
     picture: Picture, hot: Mask, facts: Mapping[str, float], threshold: float, size: int, count: int
 ) -> list[str]:
     counts = {"missing": int(np.isnan(picture.light).sum()), "saturated": int(picture.full.sum()),
-              "hot": int((hot & ~picture.full).sum())}  # fmt: skip
+              "hot": int(hot.sum())}  # fmt: skip
     masked = [f"{number} pixels are {kind}" for kind, number in counts.items() if number]
     return [
         *[", ".join(masked)] * bool(masked),
