@@ -4,7 +4,7 @@
 SHELL := /bin/sh
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help book lab test coverage check browser-test bench same mutants lock checksums clean
+.PHONY: help book lab test coverage check browser-test bench same mutants release lock checksums clean
 
 export PYTHON
 # Nothing of the user's own, packages, settings or kernels, reaches the results, and a home that
@@ -55,6 +55,9 @@ same: $(TESTS)  ## compute every number of the book under other arithmetic, and 
 mutants: $(TESTS)  ## change the code in many places and see whether the tests notice
 	@$(PY) tools/evidence/mutation.py
 
+release: $(TESTS) book  ## make the files of a release in dist/release, twice, and compare
+	@$(PY) tools/release.py
+
 COMPILE = $(PY) -m uv pip compile --universal --python-version 3.11 --fork-strategy fewest \
 	--generate-hashes --no-emit-index-url --quiet
 
@@ -62,7 +65,7 @@ lock: $(STAMP)  ## resolve environment.txt and those of tests and notebooks agai
 	@$(COMPILE) --extra book --extra notebooks --group lock --upgrade --output-file environment.txt pyproject.toml
 	@$(COMPILE) --all-extras --group lock --constraint environment.txt --upgrade \
 		--output-file tools/environment-test.txt pyproject.toml
-	@$(COMPILE) --extra notebooks --constraint environment.txt --upgrade \
+	@$(COMPILE) --extra notebooks --extra images --constraint environment.txt --upgrade \
 		--output-file tools/environment-notebooks.txt pyproject.toml
 	@for platform in x86_64-unknown-linux-gnu aarch64-apple-darwin x86_64-pc-windows-msvc; do \
 		for version in 3.11 3.14; do \

@@ -15,6 +15,7 @@ PLACES = {
     "book/_ext/notebook_downloads.py write": "book/_build/notebooks, which only a build writes",
     "tools/drop_stale_pages.py drop_stale": "book/_build, which only a build writes",
     "tools/evidence/mutant_runs.py _pytest": "a note in a copy of the tree",
+    "tools/release.py release": "a folder of dist, which only a release writes",
     "tools/pack_book.py build_wheel": "book/_build/wheel, which only a build writes",
 }
 MAKE = [

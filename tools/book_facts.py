@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from markupsafe import Markup
 
 from reproduce.judge.ledger import erratum
 from reproduce.judge.rerun import studies
@@ -28,6 +29,7 @@ from reproduce.papers.catalogue import catalogue
 from reproduce.printed.cells import PAPERS, library
 from reproduce.store import studies as stored
 from reproduce.views import computed, numbers, verdicts
+from reproduce.views.blocks import html
 from reproduce.views.computed import item_ledger, paper_audit, whole_ledger
 from reproduce.views.contradictions import errata_register
 from reproduce.views.export import export, signed, table_files
@@ -214,10 +216,20 @@ def write_facts(path: Path, *papers: str) -> bool:
     return True
 
 
+def card(cell: Cell, place: str) -> str:
+    """Return what a page shows beside a link to a cell: all of it, and what to take away."""
+    button = Markup('<button type="button" data-{}="{}">Copy {}</button>').format
+    forms = {"citation": "text", "BibTeX": "bibtex", "RIS": "ris"}
+    copied = {name: cell.cite(form) for name, form in forms.items()} | {"code": cell.again}
+    taken = [button("link", f"#{place}", "link"), button("record", cell.address, "JSON")]
+    taken[1:1] = [button("copy", text, name) for name, text in copied.items()]
+    return Markup("<p>{}</p>").format(Markup(" ").join(taken)) + Markup(html(cell.blocks()))
+
+
 def write_cards(path: Path) -> None:
     """Write what pages show beside links to printed cells, by anchor."""
     cells = [cell for table in library().values() for cell in table.cells]
-    cards = {cell.anchor: Cell(cell.address).card() for cell in cells}
+    cards = {cell.anchor: card(Cell(cell.address), cell.anchor) for cell in cells}
     path.write_text(json.dumps(cards, ensure_ascii=False), encoding="utf-8")
 
 

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from datetime import UTC, datetime
 from pathlib import Path
 from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
 from reproduce.store import studies
+from reproduce.version import RELEASED
 
 ARCHIVE = "downloads/reproduce-book.zip"
 # The library and JupyterLab, without what builds the pages.
@@ -42,12 +45,14 @@ def readme() -> str:
     return README.format(install=install, open=OPEN, size=taken.megabytes)
 
 
-def build_wheel(root: Path, folder: Path) -> None:
-    """Build the wheel of a checkout into a folder."""
+def build_wheel(root: Path, folder: Path, *what: str) -> None:
+    """Build the wheel of a checkout into a folder, and what else is asked for."""
     folder.mkdir(parents=True, exist_ok=True)
-    command = [sys.executable, "-m", "uv", "build", "--quiet", "--wheel", "--no-build-isolation"]
-    command += ["--python", sys.executable, "--out-dir", str(folder), str(root)]
-    subprocess.run(command, check=True)
+    day = datetime.fromisoformat(RELEASED).replace(tzinfo=UTC)
+    dated = os.environ | {"SOURCE_DATE_EPOCH": str(int(day.timestamp()))}
+    command = [sys.executable, "-m", "uv", "build", "--quiet", "--no-build-isolation", "--wheel"]
+    command += [*what, "--python", sys.executable, "--out-dir", str(folder), str(root)]
+    subprocess.run(command, check=True, env=dated)
     (folder / ".gitignore").unlink(missing_ok=True)
 
 
@@ -67,9 +72,14 @@ def pack(root: Path) -> Path:
     build = root / "book" / "_build"
     archive = build / "html" / ARCHIVE
     archive.parent.mkdir(parents=True, exist_ok=True)
+    write_zip(archive, "reproduce-book", contents(root, build))
+    return archive
+
+
+def write_zip(archive: Path, folder: str, files: Iterable[tuple[str, bytes]]) -> None:
+    """Write files, by name, into a folder of an archive, without the time and the writer's mark."""
     with ZipFile(archive, "w") as file:
-        for name, content in contents(root, build):
-            entry = ZipInfo(f"reproduce-book/{name}", (1980, 1, 1, 0, 0, 0))
+        for name, content in files:
+            entry = ZipInfo(f"{folder}/{name}", (1980, 1, 1, 0, 0, 0))
             entry.external_attr = 0o644 << 16
             file.writestr(entry, content, ZIP_DEFLATED)
-    return archive

@@ -101,8 +101,11 @@ def read(page: Path) -> Any:
 def executed(notebook: Any, page: Path) -> Any:
     """Run a notebook's cells in a fresh kernel, in the folder of its page, and return it."""
     beside = {"metadata": {"path": str(page.parent)}}
-    # Times in the cells' metadata would become part of the key in the cache.
-    client = NotebookClient(notebook, timeout=TIMEOUT, resources=beside, record_timing=False)
+    # Times in the cells' metadata would become part of the key in the cache, and where a stream is
+    # cut hangs on the moment.
+    client = NotebookClient(
+        notebook, timeout=TIMEOUT, resources=beside, record_timing=False, coalesce_streams=True
+    )
     return asyncio.run(client.async_execute())
 
 

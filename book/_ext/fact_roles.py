@@ -48,10 +48,11 @@ class Fact(SphinxRole):
         if name not in known:
             message = self.inliner.reporter.error(f"no fact is called {name!r}", line=self.lineno)
             return [], [message]
-        if self.name == "fact":
+        about = self.text.partition(" ")[0]
+        if self.name == "fact" and f"{about} printed" not in known:
             return [nodes.inline(self.rawtext, known[name], classes=["rp-fact"])], []
-        # A side of a printed cell leads there, on whatever page that is (`anchors`).
-        cell = re.sub("[/#.]", "-", self.text)
+        # What is said of a printed cell leads there, on whatever page that is (`anchors`).
+        cell = re.sub("[/#.]", "-", about)
         link = nodes.reference(self.rawtext, known[name], internal=True, refuri=f"#{cell}")
         return [nodes.inline("", "", link, classes=["rp-fact"])], []
 

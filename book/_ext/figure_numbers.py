@@ -1,7 +1,8 @@
-"""Sphinx extension: the figures of the book are numbered in the order in which it is read.
+"""Sphinx extension: our own figures are numbered in the order in which the book is read.
 
-Figure B3 is the third of the whole book: the papers' own figures keep the papers' numbers. Every
-figure brings an empty place for its number, which is filled as its page is written.
+Figure B3 is the third of the whole book: the papers' own figures keep the papers' numbers, which
+their captions say. Every figure brings an empty place for a number, which is filled as its page is
+written.
 """
 
 import re
@@ -12,7 +13,9 @@ from docutils import nodes
 from sphinx.application import Sphinx
 from sphinx.environment import BuildEnvironment
 
-FIGURE = re.compile(r'<figure class="rp-figure" id="([^"]+)".*?</figure>', re.DOTALL)
+FIGURE = re.compile(
+    r'<figure class="rp-figure" id="((?!figure-\w+-fig-)[^"]+)".*?</figure>', re.DOTALL
+)
 PLACE = '<span class="rp-number"></span>'
 
 

@@ -181,6 +181,8 @@ def written(app: Sphinx, page: str) -> str:
         elif "hide-input" in cell.metadata.get("tags", []):
             cell.metadata["jupyter"] = {"source_hidden": True}
     notebook.cells = [cell for cell in notebook.cells if cell.source.strip()]
+    for number, cell in enumerate(notebook.cells):
+        cell["id"] = f"cell-{number}"  # the reader of MyST draws them
     notebook.metadata = {"kernelspec": notebook.metadata["kernelspec"]}
     nbformat.validate(notebook)
     return json.dumps(notebook, ensure_ascii=False, indent=1) + "\n"

@@ -21,6 +21,12 @@ SCRIPT = Path(__file__).with_name("own_search.js")
 INDEX = "search-index.js"
 ROMAN = ("i", "ii", "iii", "iv", "v", "vi", "vii", "viii", "ix", "x", "xi", "xii")
 IDENTIFIED = re.compile(r'\bid="([^"]+)"')
+# What a reader may look for under another word than the title of its page.
+WORDS = {
+    "audit/errata": ["misprint", "misprints", "erratum", "corrections"],
+    "posteriors/diagnostics": ["coverage", "convergence", "R-hat", "simulation-based calibration"],
+    "audit/relations": ["contradiction", "contradictions", "consistency"],
+}
 # Where something stands, what is shown of it, its own names, and other names for it.
 Entry: TypeAlias = tuple[str, str, list[str], list[str]]
 
@@ -74,7 +80,7 @@ def of_items(anchors: Mapping[str, Mapping[str, str]]) -> Iterator[Entry]:
         for cell in table.cells:
             if address := where(cell.anchor, paper) or addresses.get(key):
                 shown = f"{cell.shown}, printed in {cell.place} of {paper}: {cell.label}"
-                yield address, shown, [cell.address], printed_as(cell)
+                yield address, shown, [cell.address], [*printed_as(cell), cell.name]
 
 
 def printed_as(cell: Any) -> list[str]:
@@ -106,7 +112,7 @@ def of_studies(anchors: Mapping[str, Mapping[str, str]]) -> Iterator[Entry]:
 def of_pages(titles: Mapping[str, str]) -> Iterator[Entry]:
     """Yield the pages, by title."""
     for page, title in titles.items():
-        yield f"{page}.html", title, [title], []
+        yield f"{page}.html", title, [title], WORDS.get(page, [])
 
 
 def of_sections(app: Sphinx, titles: Mapping[str, str]) -> Iterator[Entry]:

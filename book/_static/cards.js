@@ -1,4 +1,4 @@
-// A card on every link to a printed number, an equation or a reference: the link carries the sign
+// A card on every link to a printed number, an equation, a figure, a symbol, an erratum or a reference: the link carries the sign
 // (book/_ext/cards.py), this shows the card on hover, focus and tap. Without it the link leads there.
 (() => {
   const root = document.documentElement.dataset.content_root || "./";
@@ -48,9 +48,15 @@
     const html = (await load())[keyOf(link)];
     if (!html || shown === link) return;
     close();
+    // The browser's own tooltip would lie over the card.
+    const told = link.querySelector("title");
+    if (told) { link.setAttribute("aria-label", told.textContent); told.remove(); }
+    link.removeAttribute("title");
     box.innerHTML = html;
-    box.setAttribute("aria-label", `About ${link.textContent.trim() || keyOf(link)}`);
+    box.setAttribute("aria-label", `About ${link.ariaLabel || link.textContent.trim() || keyOf(link)}`);
     for (const one of box.querySelectorAll("a[href]")) one.href = root + one.getAttribute("href");
+    for (const one of box.querySelectorAll("img")) one.src = root + one.dataset.src;
+    for (const one of box.querySelectorAll("[data-record]")) one.dataset.copy = JSON.stringify(window.rpLedger[one.dataset.record], null, 2);
     for (const one of box.querySelectorAll("[data-link]")) one.dataset.copy = new URL(root + one.dataset.link, location.href).href;
     reach(false);
     (link.closest("svg") ?? link).after(box);

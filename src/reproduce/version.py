@@ -4,8 +4,8 @@ import subprocess
 from functools import cache
 from pathlib import Path
 
-__version__ = "0.1.0"
-RELEASED = "2026-11-21"
+__version__ = "0.2.0"
+RELEASED = "2026-11-25"
 # Where the book is published, without a slash at its end, and the DOI of its archive; empty while
 # there is none. Every citation takes them from here.
 ADDRESS = ""

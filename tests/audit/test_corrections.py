@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from made_up import TABLES, audited_table, printed_cell
 
-from reproduce.audit.corrections import corrections, of_cell, of_digits
+from reproduce.audit.corrections import _of_cell, corrections, of_digits
 from reproduce.audit.examine import conflicts, contradicted, examine, groups, reprinted
 from reproduce.audit.intervals import EVERYTHING, printed_intervals, propagate
 
@@ -16,7 +16,7 @@ def planted(cells, kind, seed):
     rng = np.random.default_rng(seed)
     while True:
         victim = cells[rng.choice(sorted(cells))]
-        ways = [s for s in of_cell(victim) if s.kind == kind and s.changes[0][1] != victim]
+        ways = [s for s in _of_cell(victim) if s.kind == kind and s.changes[0][1] != victim]
         if ways:
             slip = ways[rng.integers(len(ways))]
             return slip.undone(cells), victim.address

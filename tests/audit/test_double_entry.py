@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 from made_up import declared
 
-from reproduce.audit.intervals import enclosure, printed_intervals
+from reproduce.audit.intervals import EVERYTHING, _narrowed, printed_intervals
 from reproduce.audit.relation import relations_of
-from reproduce.audit.report import audit_paper, paper_sheet
+from reproduce.audit.report import _paper_sheet, audit_paper
 from reproduce.judge.ledger import build
 from reproduce.judge.verdicts import numbers, result_intervals
 from reproduce.papers.catalogue import catalogue
@@ -24,10 +24,16 @@ from reproduce.printed.cells import PAPERS
 from reproduce.printed.given import given
 from reproduce.printed.number import PrintedNumber, si_factor
 
-SHEET = {address: cell for paper in PAPERS for address, cell in paper_sheet(paper).items()}
-RELATIONS = [r for paper in PAPERS for r in relations_of(paper, paper_sheet(paper))]
+SHEET = {address: cell for paper in PAPERS for address, cell in _paper_sheet(paper).items()}
+RELATIONS = [r for paper in PAPERS for r in relations_of(paper, _paper_sheet(paper))]
 OTHERS = declared((Path(__file__).parent / "second_entries.toml").read_text(), SHEET)
 ENTRIES = {r.restates: r for r in (*RELATIONS, *OTHERS) if r.restates}
+
+
+def enclosure(relation, cells):
+    """Enclose, in SI, what the right side gives for its result, whatever the rounding."""
+    inputs = printed_intervals(cells, [relation]) | {relation.result: EVERYTHING}
+    return _narrowed(relation, tuple(inputs.values()))[relation.addresses.index(relation.result)]
 
 
 @functools.cache

@@ -6,7 +6,7 @@ import math
 import pytest
 from made_up import audited_table, declared, printed_cell
 
-from reproduce.audit.corrections import COSTS, interchanges
+from reproduce.audit.corrections import COSTS, _interchanges
 from reproduce.audit.equations import STEPS
 from reproduce.audit.examine import reprinted
 from reproduce.audit.intervals import printed_intervals, propagate
@@ -78,7 +78,7 @@ def test_only_numbers_of_one_unit_are_interchanged():
         for row in "12"
         for i, (column, unit) in enumerate([("a", "mm"), ("b", "mm"), ("c", "s")])
     }
-    slips = [slip for line in interchanges(cells, ["t"]) if (slip := line.slip(cells)) is not None]
+    slips = [slip for line in _interchanges(cells, ["t"]) if (slip := line.slip(cells)) is not None]
     assert {slip.kind for slip in slips} == {"cells", "columns", "rows"}
     assert [s.label for s in slips if s.kind == "columns"] == ["t: columns a ↔ b"]
     for slip in slips:

@@ -7,15 +7,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from made_up import printed_cell
 
-from reproduce.audit.examine import printed_by
-from reproduce.audit.relation import Tolerance
+from reproduce.audit.examine import _printed_by
+from reproduce.audit.relation import _Tolerance
 from reproduce.printed.cells import library
 from reproduce.printed.given import given as given_cells
 from reproduce.printed.number import si_factor
 
 
 def allowed(cell, rule="nearest"):
-    return cell.allowed if rule == "nearest" else printed_by(rule, {"t": cell})["t"].allowed
+    return cell.allowed if rule == "nearest" else _printed_by(rule, {"t": cell})["t"].allowed
 
 
 @pytest.mark.parametrize(
@@ -76,5 +76,5 @@ def test_rules_are_those_of_decimal_arithmetic(value, step):
 
 
 def test_tolerances_are_read_in_their_unit_or_in_hundredths():
-    assert Tolerance(0.025, "small angles").text == "2.5 %"
-    assert Tolerance(0.3, "nominal", "arcsec").text == "0.3 arcsec"
+    assert _Tolerance(0.025, "small angles").text == "2.5 %"
+    assert _Tolerance(0.3, "nominal", "arcsec").text == "0.3 arcsec"

@@ -6,7 +6,7 @@ import math
 import pytest
 from made_up import declared, printed_cell
 
-from reproduce.audit.corrections import Search, corrections, interchanges, of_cell
+from reproduce.audit.corrections import _interchanges, _of_cell, _Search, corrections
 from reproduce.audit.examine import contradicted, groups
 from reproduce.audit.report import audit_paper
 
@@ -50,9 +50,9 @@ def sheet_of(name):
 def after_one(cells):
     """Every sheet that one slip, of whatever kind and wherever, may have come from."""
     for address in cells:
-        for slip in of_cell(cells[address]):
+        for slip in _of_cell(cells[address]):
             yield slip, slip.undone(cells)
-    for line in interchanges(cells, {q.key for q in cells.values()}):
+    for line in _interchanges(cells, {q.key for q in cells.values()}):
         slip = line.slip(cells)
         if slip is not None:
             yield slip, slip.undone(cells)
@@ -96,7 +96,7 @@ def test_the_search_finds_what_brute_force_finds(name):
     cells, relations = sheet_of(name)
     for group in groups(cells, relations):
         targets = frozenset(relation.name for relation in group)
-        states = Search(cells, relations, targets).run(2, 1)
+        states = _Search(cells, relations, targets).run(2, 1)
         wanted = by_force(cells, relations, targets)
         assert bool(wanted) == (name != "far")  # that one takes more than two slips
         assert {printed(state.cells) for state in states} == set(wanted)
@@ -106,7 +106,7 @@ def test_every_completion_touches_every_cover():
     cells, relations = sheet_of("split")
     (group,) = groups(cells, relations)
     targets = frozenset(relation.name for relation in group)
-    search = Search(cells, relations, targets)
+    search = _Search(cells, relations, targets)
     covers = search.covers(search.start)
     assert covers
     for state in search.run(2, 1):

@@ -4,7 +4,7 @@ import pint
 import pytest
 from made_up import PINT, printed_cell
 
-from reproduce.audit.corrections import of_cell
+from reproduce.audit.corrections import _of_cell
 from reproduce.printed.number import UNITS
 
 
@@ -18,7 +18,7 @@ from reproduce.printed.number import UNITS
     ],
 )
 def test_a_slip_of_the_unit_stays_within_its_kind(unit, likely, never):
-    slips = [slip for slip in of_cell(printed_cell("t#1.a", "5.0", unit)) if slip.kind == "unit"]
+    slips = [slip for slip in _of_cell(printed_cell("t#1.a", "5.0", unit)) if slip.kind == "unit"]
     found = {printed.unit for slip in slips for _, printed in slip.changes}
     assert likely <= found
     assert not never & found
@@ -31,5 +31,5 @@ def test_every_unit_with_another_of_its_dimension_can_slip():
     for unit, dimension in dimensions.items():
         if dimension and unit != "px":
             alike = {u for u, other in dimensions.items() if other == dimension and u != unit}
-            slips = [s for s in of_cell(printed_cell("t#1.a", "5.0", unit)) if s.kind == "unit"]
+            slips = [s for s in _of_cell(printed_cell("t#1.a", "5.0", unit)) if s.kind == "unit"]
             assert {changed.unit for s in slips for _, changed in s.changes} == alike

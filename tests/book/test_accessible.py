@@ -1,5 +1,6 @@
 """Every page keeps WCAG 2.1, levels A and AA, as far as axe-core can tell, light and dark."""
 
+import re
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -85,3 +86,54 @@ def test_a_mark_of_the_wall_leads_to_its_cell(themed: Page) -> None:
     )
     cell = themed.locator("#niu2024-table-3-scale-red").element_handle()
     themed.wait_for_function(in_sight, arg=cell, timeout=10_000)
+
+
+# Of each class of marks how many stand out and how many fade.
+MARKS = """() => {
+    const found = {};
+    for (const mark of document.querySelectorAll('.rp-wall [class^="rp-mark"]')) {
+        const bright = getComputedStyle(mark).opacity === '1';
+        (found[mark.getAttribute('class')] ??= []).push(bright);
+    }
+    const told = all => all.every(b => b) ? 'bright' : all.some(b => b) ? 'mixed' : 'faded';
+    return Object.fromEntries(Object.entries(found).map(([name, all]) => [name, told(all)]));
+}"""
+SHOWN = {
+    "exact": {"rp-mark-exact", "rp-mark-exact rp-mark-weak"},
+    "consistent": {"rp-mark-consistent"},
+    "weak": {"rp-mark-exact rp-mark-weak", "rp-mark-consistent rp-mark-weak"},
+    "differs": {"rp-mark-differs"},
+    "blocked": {"rp-mark-blocked"},
+    "input": {"rp-mark-input"},
+}
+
+
+@pytest.mark.parametrize("word", SHOWN)
+@pytest.mark.parametrize("way", ["hover", "focus"])
+def test_an_entry_of_the_legend_makes_its_marks_stand_out(
+    themed: Page, way: str, word: str
+) -> None:
+    themed.goto((HTML / "index.html").as_uri(), wait_until="load")
+    themed.mouse.move(1, 1)
+    assert set(themed.evaluate(MARKS).values()) == {"bright"}
+    name = f"of these {word}" if word == "weak" else f"\\d+ {word}"
+    entry = themed.locator(".rp-wall-legend li").filter(has_text=re.compile(name))
+    assert entry.count() == 1
+    getattr(entry, way)()
+    marks = themed.evaluate(MARKS)
+    assert {mark for mark, seen in marks.items() if seen == "bright"} == SHOWN[word] & set(marks)
+    assert "mixed" not in marks.values()
+
+
+def test_the_first_picture_stands_above_its_code_and_its_papers_side_by_side(themed: Page) -> None:
+    themed.goto((HTML / "index.html").as_uri(), wait_until="load")
+    first, second = (themed.locator(".rp-walls > div").nth(at).bounding_box() for at in (0, 1))
+    code = themed.locator("details.above-input").first.bounding_box()
+    assert first
+    assert second
+    assert code
+    assert first["y"] == second["y"]
+    assert first["x"] + first["width"] < second["x"]
+    assert code["y"] > first["y"] + first["height"]
+    heights = themed.locator(".rp-wall svg").evaluate_all("all => all.map(e => e.clientHeight)")
+    assert len(set(heights)) == 1

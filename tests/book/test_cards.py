@@ -4,14 +4,15 @@ import json
 import re
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Browser, Page
-from reading import DESKTOP, HTML, PHONE
+from reading import DESKTOP, HTML, PHONE, built_pages
 
 import reproduce as rp
-from reproduce.printed.cells import library
+from reproduce.printed.cells import PAPERS, library
 
 pytestmark = pytest.mark.browser
 PLACE = "niu2024/simulation.html#niu2024-table-3-scale-red"
@@ -20,10 +21,23 @@ LINK = re.compile(r'href="(?!https)([^"#]*)#?([^"]*)"')
 
 
 @pytest.fixture(scope="module")
-def cards() -> dict[str, str]:
-    text = (HTML / "cards.js").read_text(encoding="utf-8")
-    found: dict[str, str] = json.loads(text.removeprefix("window.rpCards = ").rstrip(";\n"))
-    return found
+def scripts() -> list[dict[str, Any]]:
+    lines = (HTML / "cards.js").read_text(encoding="utf-8").splitlines()
+    return [json.loads(line.partition(" = ")[2].rstrip(";")) for line in lines]
+
+
+@pytest.fixture(scope="module")
+def cards(scripts: list[dict[str, Any]]) -> dict[str, str]:
+    return scripts[0]
+
+
+def signed(page: str) -> Iterator[str]:
+    """Yield the name of the card of every link of a page that has the sign of one."""
+    for link in re.findall(r"<a\b[^>]*>", (HTML / page).read_text(encoding="utf-8")):
+        if "rp-has-card" in link:
+            (href,) = re.findall(r'href="([^"]*)"', link)
+            place, name = href.split("#")
+            yield f"bibliography-{name}" if place.endswith("bibliography.html") else name
 
 
 @pytest.fixture
@@ -40,6 +54,45 @@ def test_every_cell_of_the_ledger_has_its_card(cards: dict[str, str]) -> None:
     cells = [cell for table in library().values() for cell in table.cells]
     assert {cell.anchor for cell in cells} <= set(cards)
     assert all(cell.address in cards[cell.anchor] for cell in cells)
+
+
+def test_every_cell_of_the_ledger_gives_its_record(scripts: list[dict[str, Any]]) -> None:
+    written = json.loads((HTML / "ledger.json").read_text(encoding="utf-8"))["records"]
+    assert scripts[1] == {one["cell"]: one for one in written}
+    cells = [cell.address for table in library().values() for cell in table.cells]
+    assert set(scripts[1]) == set(cells)
+
+
+def test_every_sign_of_a_card_has_one(cards: dict[str, str]) -> None:
+    names = {page: list(signed(page)) for page in built_pages()}
+    assert [(page, n) for page, some in names.items() for n in some if n not in cards] == []
+    kinds = {name.partition("-")[0] for some in names.values() for name in some}
+    assert {"equation", "figure", "symbol", "bibliography", *PAPERS} <= kinds
+    assert "chen2023-table-5-columns" in names["chen2023/effectiveness.html"], "an erratum"
+
+
+def test_every_mark_of_the_first_page_has_a_card(cards: dict[str, str]) -> None:
+    text = (HTML / "index.html").read_text(encoding="utf-8")
+    marks = re.findall(r'<a class="rp-has-card"\s+href="[^"#]*#([^"]+)" tabindex="-1">', text)
+    assert sorted(marks) == sorted(c.anchor for table in library().values() for c in table.cells)
+
+
+def test_symbols_are_those_of_their_paper(cards: dict[str, str]) -> None:
+    """The laser transform of one paper is written as the residuals of the other."""
+    transform = next(n for n, card in cards.items() if card.endswith(": laser transform</p>"))
+    assert transform in set(signed("chen2023/attitude.html"))
+    assert transform not in set(signed("niu2024/calibration.html"))
+    rows = re.findall(r'id="(symbol-\d+)"', (HTML / "notation.html").read_text(encoding="utf-8"))
+    assert rows == [name for name in cards if name.startswith("symbol-")]
+
+
+def test_the_picture_of_a_card_is_that_of_its_figure(cards: dict[str, str]) -> None:
+    pictures = {n: re.findall(r'data-src="([^"]+)"', card) for n, card in cards.items()}
+    found = {name: files for name, files in pictures.items() if files}
+    assert len(found) > 40
+    for name, (file,) in found.items():
+        assert set(Path(file).stem.split("-")) <= set(name.split("-")), name
+        assert (HTML / file).is_file()
 
 
 def test_every_link_of_a_card_leads_somewhere(cards: dict[str, str]) -> None:
@@ -72,11 +125,12 @@ def test_what_a_card_offers_is_copied(wide: Page) -> None:
     link, card = wide.locator(CELL), wide.locator(".rp-card")
     link.hover()
     card.wait_for(state="visible")
-    taken = []
+    taken: list[str] = []
     for button in card.locator("button").all():
         button.click()
         taken.append(wide.evaluate("navigator.clipboard.readText()"))
     address = "niu2024/table-3#scale.red"
+    record = rp.table(address).record
     forms = [rp.cite(address, form) for form in ("text", "bibtex", "ris")]
     # The pages may be of another commit than the tests.
     commit = re.compile(r", commit \w+")
@@ -86,6 +140,8 @@ def test_what_a_card_offers_is_copied(wide: Page) -> None:
     ]
     assert taken[4].startswith(f'rp.table("{address}").rerun(')
     assert rp.verify(taken[1]) == "unchanged"
+    assert json.loads(taken[5])["stands_for"] == list(record.stands_for or ())
+    assert json.loads(taken[5])["cell"] == address
     wide.goto(taken[0])
     assert wide.locator(CELL).is_visible()
 
@@ -118,6 +174,38 @@ def test_an_equation_and_a_mark_of_the_first_page_have_cards(wide: Page) -> None
     wide.locator(".rp-wall a[href*=niu2024-table-3-scale-red]").hover()
     card.wait_for(state="visible")
     assert "niu2024/table-3#scale.red" in card.inner_text()
+
+
+@pytest.mark.parametrize(
+    ("page", "link", "shown"),
+    [
+        ("chen2023/attitude.html", "a.rp-has-card[href*='#symbol-']", "mjx-container"),
+        ("niu2024/simulation.html", "a.rp-has-card[href*='errata.html#']", "table"),
+        ("find.html", "a.rp-has-card[href*='#figure-']", "img"),
+        ("chen2023/attitude.html", "a.rp-has-card[href*='bibliography.html#']", "em"),
+    ],
+)
+def test_symbols_errata_figures_and_references_have_cards(
+    wide: Page, page: str, link: str, shown: str
+) -> None:
+    wide.goto(f"file://{HTML}/{page}")
+    one = wide.locator(f"article {link}").locator("visible=true").first
+    one.scroll_into_view_if_needed()
+    one.hover()
+    card = wide.locator(".rp-card")
+    card.locator(shown).first.wait_for(state="visible")
+    assert card.bounding_box()["width"] <= DESKTOP["width"]  # type: ignore[index]
+    if shown == "img":
+        assert card.locator("img").evaluate("image => image.naturalWidth") > 0
+
+
+def test_a_function_of_a_card_leads_to_its_text(wide: Page) -> None:
+    wide.locator(CELL).scroll_into_view_if_needed()
+    wide.locator(CELL).hover()
+    wide.locator(".rp-card a[href*='#function-']").click()
+    text = wide.locator("#function-niu2024-table-3-calibrated_parameters")
+    text.wait_for(state="visible")
+    assert "def calibrated_parameters(" in text.inner_text()
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])

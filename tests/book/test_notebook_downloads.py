@@ -77,6 +77,8 @@ def test_a_built_notebook_has_numbers_for_roles(path: Path) -> None:
     assert re.findall(r"\{[a-z:]+\}`|^\([^)\s]+\)=$|^`{3}\{", words, re.MULTILINE) == []
     links = re.findall(r"\]\(([^)#]+\.ipynb)\)", words)
     assert [link for link in links if not (path.parent / link).is_file()] == []
+    # Random names would make each build another one.
+    assert [cell["id"] for cell in cells] == [f"cell-{number}" for number in range(len(cells))]
 
 
 def shown(path: Path) -> tuple[list[str], set[str]]:

@@ -77,6 +77,22 @@ def test_first_rank_from_the_disk(page: Page, query: str, anchor: str) -> None:
 
 
 @pytest.mark.browser
+@pytest.mark.parametrize(
+    ("query", "address"),
+    [
+        ("scale.red", "niu2024/simulation.html#niu2024-table-2-scale-red"),
+        ("misprint", "audit/errata.html"),
+        ("coverage", "posteriors/diagnostics.html"),
+    ],
+)
+def test_other_words_for_a_place_find_it(page: Page, query: str, address: str) -> None:
+    page.goto(f"{(HTML / 'search.html').as_uri()}?q={quote(query)}")
+    first = page.locator(FOUND).first
+    first.wait_for(timeout=10_000)
+    assert first.get_attribute("href") == address
+
+
+@pytest.mark.browser
 def test_answers_stand_before_those_of_sphinx(page: Page, served: str) -> None:
     page.goto(f"{served}/search.html?q=simulation")
     page.wait_for_selector("#search-results ul.search li a", timeout=10_000)

@@ -33,6 +33,12 @@ def test_mathematics_is_typeset(visits: dict[str, Visit], address: str) -> None:
 
 
 @each_page
+def test_no_page_shows_a_traceback(address: str) -> None:
+    """What cannot be shown does not stop a notebook."""
+    assert "(most recent call last)" not in (HTML / address).read_text(encoding="utf-8")
+
+
+@each_page
 def test_no_rounding_noise_is_shown_as_a_result(visits: dict[str, Visit], address: str) -> None:
     assert visits[address].noise == []
 
@@ -70,6 +76,29 @@ def test_equations_carry_the_papers_numbers(visits: dict[str, Visit]) -> None:
     assert shown, "no numbered equation in the book"
     assert shown == {label: expected_number(label) for label in shown}
     assert [pair for pair in referred if shown.get(pair[0]) != pair[1]] == []
+
+
+@pytest.mark.parametrize(
+    "address", ["chen2023/effectiveness.html", "niu2024/simulation.html", "niu2024/experiment.html"]
+)
+@pytest.mark.parametrize("width", [1440, 1920])
+def test_tables_of_printed_numbers_are_whole_on_a_desk(
+    page: Page, address: str, width: int
+) -> None:
+    page.set_viewport_size({"width": width, "height": 1000})
+    page.goto((HTML / address).as_uri())
+    page.evaluate("() => document.querySelectorAll('article details').forEach(e => e.open = true)")
+    cut = page.evaluate(
+        """() => [...document.querySelectorAll('.rp-scroll:has(.rp-cell, .rp-numbers)')]
+            .filter(e => e.scrollWidth > e.clientWidth + 1).map(e => e.ariaLabel)"""
+    )
+    assert cut == []
+    larger = page.evaluate(
+        """() => [...document.querySelectorAll('article small')].filter(e =>
+            parseFloat(getComputedStyle(e).fontSize)
+            >= parseFloat(getComputedStyle(e.parentElement).fontSize)).length"""
+    )
+    assert larger == 0, "small print is smaller than what it stands in"
 
 
 def test_no_request_leaves_a_served_book(page: Page, served: str) -> None:

@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from reproduce.inference.diagnostics import effective_size
+from reproduce.inference.diagnostics import _effective_size
 
 
 def mcse_mean(chains):
     """Standard error of the mean."""
-    return float(chains.std() / np.sqrt(effective_size(chains)))
+    return float(chains.std() / np.sqrt(_effective_size(chains)))
 
 
 def mcse_deviation(chains):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from reproduce.inference import posterior_checks
-from reproduce.inference.posterior import two_sided
+from reproduce.inference.posterior import _two_sided
 from reproduce.inference.sampling import Plan, sample
 
 PLAN = Plan(5, steps=500, warmup=200)
@@ -30,6 +30,6 @@ def test_distortion_is_seen(registration):
 
 def test_two_sided_tail():
     draws = np.arange(1, 101) / 100
-    assert two_sided(draws, 0.025) == pytest.approx(0.04)
-    assert two_sided(draws, 2.0) == 0.0
-    assert two_sided(np.ones(5), 1.0) == 1.0
+    assert _two_sided(draws, 0.025) == pytest.approx(0.04)
+    assert _two_sided(draws, 2.0) == 0.0
+    assert _two_sided(np.ones(5), 1.0) == 1.0

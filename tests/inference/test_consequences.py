@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+from exact import registration_posterior
 from scipy import stats
 
-from reproduce.inference.models import NewStars, distortion_model, registration_posterior
-from reproduce.papers.chen2023.posteriors import OnTheGround
+from reproduce.inference.models import NewStars, distortion_model
+from reproduce.papers.chen2023.posteriors import _OnTheGround
 from reproduce.papers.posteriors import posteriors
 from reproduce.physics.registration import Registration, fit_registration
 from reproduce.units import ARCSEC_PER_RADIAN
@@ -84,7 +85,7 @@ def test_every_posterior_has_a_pointing_error(name):
 
 def test_ground_error_of_a_misalignment():
     angles = np.random.default_rng(4).normal((1e-4, -5e-5, 2e-4), 1e-6, (1000, 3))
-    found = OnTheGround(ALTITUDE)(np.pad(angles, ((0, 0), (3, 0))))
+    found = _OnTheGround(ALTITUDE)(np.pad(angles, ((0, 0), (3, 0))))
     off = angles[:, :2] - angles[:, :2].mean(axis=0)
     np.testing.assert_allclose(found["pointing error"].values, np.hypot(*off.T) * ARCSEC_PER_RADIAN)
     np.testing.assert_allclose(found["position error"].values, np.hypot(*off.T) * ALTITUDE)

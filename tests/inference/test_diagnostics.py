@@ -49,7 +49,7 @@ def test_walkers_that_move_together_are_one_walker():
     """What the mean of emcee's own estimate over walkers cannot see."""
     alone = autoregressive(0.5, (4, 2000, 1))
     chains = np.repeat(alone, 16, axis=2)
-    assert diagnostics.effective_size(chains) < 1.3 * diagnostics.effective_size(alone)
+    assert diagnostics._effective_size(chains) < 1.3 * diagnostics._effective_size(alone)
 
 
 def test_standard_errors_are_honest():

@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
+from exact import registration_posterior
 from scipy import stats
 
 from reproduce.inference.models import (
     mixture_model,
     probability_false,
     registration_model,
-    registration_posterior,
 )
 from reproduce.inference.sampling import Plan, sample
 from reproduce.physics.registration import Registration

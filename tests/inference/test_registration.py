@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from errors import mcse_deviation, mcse_mean
+from exact import registration_posterior
 from scipy import stats
 
 from reproduce.inference import LogUniform, Uniform
@@ -12,7 +13,6 @@ from reproduce.inference.models import (
     joint_model,
     noise_growth,
     registration_model,
-    registration_posterior,
 )
 from reproduce.inference.sampling import Plan, sample
 from reproduce.papers.posteriors import posteriors
@@ -48,10 +48,11 @@ def point_by_point(likelihood, parameters):
     """Log likelihood from all points, by the normal density of complex residuals."""
     green = likelihood.target @ [1, 1j]
     sources = getattr(likelihood, "sources", None) or [likelihood.source]
+    pivots = getattr(likelihood, "pivots", None) or [likelihood.pivot]
     found = []
     for u in parameters:
         residuals = []
-        for i, (source, pivot) in enumerate(zip(sources, likelihood.pivots, strict=True)):
+        for i, (source, pivot) in enumerate(zip(sources, pivots, strict=True)):
             k, theta, x, y = u[4 * i : 4 * i + 4]
             centre = pivot @ [1, 1j]
             moved = k * np.exp(1j * theta) * (source @ [1, 1j] - centre) + centre - x - 1j * y

@@ -99,3 +99,13 @@ def test_mid_p_counts_half_of_the_interval():
     ordered = np.arange(10.0)
     assert tail_mid_p(ordered, 1.5, 3.5) == pytest.approx(0.3)
     assert tail_mid_p(ordered, 20.0, 21.0) == 0.0
+
+
+def test_the_error_of_a_median_is_the_spread_of_many():
+    found = [
+        judge_prediction(PrintedNumber("10.00"), normal(10.0, 0.5, 2000, seed))
+        for seed in range(200)
+    ]
+    assert np.std([f.computed for f in found]) == pytest.approx(
+        np.mean([f.error for f in found]), rel=0.15
+    )

@@ -6,6 +6,7 @@ import re
 import shutil
 import subprocess
 import sys
+from html import unescape
 from pathlib import Path
 
 import pytest
@@ -85,6 +86,14 @@ def test_its_erratum_citation_and_study_are_found(found):
     assert "Nora Nobody" in found["cite"]
     compared = [[{"lens": "far over near", "ratio": value}] for value in (1.5, 3.0)]
     assert found["study"] == [[pytest.approx(row) for row in rows] for rows in compared]
+
+
+def test_a_reply_of_its_authors_stands_beside_the_verdict_and_the_erratum(found):
+    reply = "N. Nobody, 2026-11-24: the far lens was another one."
+    assert reply in " ".join(found["shown"].split())
+    assert reply in " ".join(found["audit"].split())
+    assert f"The authors' reply: {reply}" in unescape(found["page"])
+    assert "none yet" not in found["page"]
 
 
 def test_its_posterior_is_found(found):

@@ -19,7 +19,6 @@ TRACKER = {"principal_point": (0.0, 0.0), "pixel_pitch": 1e-5, "focal_length": 0
 # A good call of every public function that takes arrays; the tests spoil one argument each.
 GOOD = {
     wahba.attitude: {"target_vectors": EYE, "source_vectors": EYE, "weights": [1.0, 2, 3]},
-    wahba.taste: {"target_vectors": EYE, "source_vectors": EYE, "sigma": [1.0, 2, 3]},
     wahba.mean_rotation: {"matrices": [EYE, EYE]},
     validate.rotations: {"name": "R", "matrices": EYE},
     rotations.unit: {"name": "v", "vectors": EYE},
@@ -37,20 +36,17 @@ GOOD = {
     angles.laser_transform: {
         "camera_directions": EYE,
         "tracker_directions": EYE,
-        "weights": [1.0, 2, 3],
     },
     angles.misalignment: {
         "camera_directions": EYE,
         "tracker_directions": EYE,
         "tracker_from_camera_zero": EYE,
-        "weights": [1.0, 2, 3],
     },
     angles.misalignment_angles: {"camera_now_from_camera_zero": EYE},
     angles.angle_jacobian: {
         "camera_directions": EYE,
         "tracker_directions": EYE,
         "direction_jacobian": np.ones((3, 3, 2)),
-        "weights": [1.0, 2, 3],
     },
     angles.moved_laser_transform: {
         "tracker_from_camera_zero": EYE,

@@ -15,7 +15,7 @@ from numpy.random import SeedSequence, default_rng
 
 from reproduce.physics import optics, registration
 from reproduce.physics.attitude import attitude
-from reproduce.physics.images import centroids, fitted_centre
+from reproduce.physics.images import fitted_centre
 from reproduce.physics.optics import arrangements, camera, simulate
 from reproduce.physics.registration import (
     calibration,
@@ -382,8 +382,6 @@ def test_what_holds_no_numbers_is_refused_in_one_line(value: Any, message: str) 
         lambda: fit_registration(good, value, (0, 0)),
         lambda: fit_registration(good, good, value),
         lambda: fit_registration(good, good, (0, 0), target_covariance=value),
-        lambda: centroids.detect_spots(value, 1.0),
-        lambda: centroids.detect_spots(image, value),
         lambda: fitted_centre(value, (0, 0), 0.6),
         lambda: registered_image(value, SIMILARITY),
         lambda: registered_image(image, SIMILARITY, corner=value),

@@ -58,7 +58,10 @@ def test_files_that_are_missing_or_of_no_checksum_are_altered(tmp_path, monkeypa
     monkeypatch.setattr(cells, "data_folders", lambda: (tmp_path,))
     assert altered_files() == ("more.toml", "niu2024/table-1.toml")
     (tmp_path / "printed" / "SHA256SUMS").unlink()
-    with pytest.raises(PrintedFileError, match="expected lines of a checksum"):
+    with pytest.raises(PrintedFileError, match="SHA256SUMS is missing: restore it, or run `make"):
+        altered_files()
+    (tmp_path / "printed" / "SHA256SUMS").write_text("no sum\n", encoding="utf-8")
+    with pytest.raises(PrintedFileError, match="SHA256SUMS: a line is no checksum and name"):
         altered_files()
 
 

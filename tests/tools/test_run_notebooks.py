@@ -89,6 +89,16 @@ def test_notebooks_run_apart_from_each_other_in_warm_kernels(book, capsys) -> No
 
 
 @pytest.mark.slow
+def test_pieces_of_one_stream_are_one_output(book) -> None:
+    """Where a kernel cuts a stream hangs on the moment, and the page would differ."""
+    path = page(book, "one.md", "import time\nprint(1, flush=True)\ntime.sleep(1)\nprint(2)")
+    assert run_all(book, 1)
+    with cache_of(book) as cache:
+        _, notebook = cache.merge_match_into_notebook(read(path))
+    assert [one["text"] for cell in notebook.cells for one in cell.get("outputs", [])] == ["1\n2\n"]
+
+
+@pytest.mark.slow
 def test_a_broken_notebook_is_named_and_fails_the_build(book, capsys) -> None:
     page(book, "broken.md", "1 / 0")
     page(book, "sound.md", "print(1)")

@@ -130,6 +130,9 @@ def test_every_erratum_has_a_row_that_leads_to_its_folded_entry(supposed):
     entries = re.findall(r"<details(?: [^>]*)?>.*?</details>", text, flags=re.DOTALL)
     assert [re.search(r'id="([^"]+)"', entry).group(1) for entry in entries] == anchors
     assert text.count(">Supposing that</th>") == len(anchors) * supposed
+    replies = re.findall('none yet; <a href="#letter-([^"]+)">how to answer</a>', text)
+    unanswered = [e for e in register if bool(e.supposition) == supposed and not e.reply]
+    assert sorted(replies) == sorted(e.paper for e in unanswered)
 
 
 def test_errata_come_by_consequence():

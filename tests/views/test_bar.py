@@ -2,14 +2,17 @@
 
 import csv
 import re
+from html import unescape
 
 import pytest
+from markupsafe import escape
 
 import reproduce as rp
 from reproduce.papers.catalogue import catalogue
 from reproduce.printed.cells import anchor, library
 from reproduce.views import computed
 from reproduce.views import figure as figures
+from reproduce.views.base import text_of
 from reproduce.views.export import table_files
 
 KEY = "niu2024/table-2"
@@ -40,13 +43,30 @@ def test_a_table_can_be_followed_to_its_inputs_its_seed_and_its_place(key):
     assert len(linked) == len(reads)
     assert set(linked) == reads
     assert f"Printed in {library()[key].place}." in inputs
+    assert str(escape(rp.table(key).again)) in inputs
+
+
+@pytest.mark.parametrize("key", [KEY, "niu2024/table-3", "chen2023/table-5"])
+def test_a_page_holds_what_cards_say_without_a_script(key):
+    html = rp.table(key)._repr_html_()
+    (made,) = re.findall(r"<caption>What computes .*?</table>", html, re.DOTALL)
     for one in catalogue()[key].computations:
-        drawn = f"{one.function.__name__} draws random numbers: seed "
-        assert (drawn in inputs) == bool(one.replicates)
-        if one.replicates:
-            project, own = one.entropy
-            told = f"{drawn}{project} of the project, {own} of this function; "
-            assert f"{told}{one.replicates:,} replicates." in inputs
+        place = f"function-{anchor(key)}-{one.function.__name__}"
+        assert f'<a href="#{place}">{one.name}</a> ({one.line})' in made
+        assert f'id="{place}">{escape(text_of(one.function))}</pre>' in html
+        for number in one.equations:
+            assert f'href="#equation-{key.partition("/")[0]}-{number}">({number})</a>' in made
+        seed = f"{one.entropy[1]} of this function; {one.replicates:,}" if one.replicates else ""
+        assert seed in made
+    said = unescape(html)
+    for cell in library()[key].cells:
+        assert rp.cite(cell.address, "text").partition("\n")[0] in said
+
+
+def test_a_card_offers_the_line_that_computes_its_cell_again():
+    for address in ("niu2024/table-3#scale.red", "niu2024/table-1#focal-length.red"):
+        again = eval(rp.table(address).again, {"rp": rp})
+        assert address.partition("#")[2] in repr(again)
 
 
 @pytest.mark.parametrize("key", ["niu2024/fig-2", "chen2023/drawing-misalignment"])

@@ -15,7 +15,8 @@ from reproduce.judge.rerun import studies
 from reproduce.locate import data_folder
 from reproduce.papers.catalogue import catalogue
 from reproduce.printed import cells
-from reproduce.views import verdicts
+from reproduce.printed.cells import library
+from reproduce.views import front, verdicts
 from reproduce.views.cli import main
 from reproduce.views.computed import item_ledger
 
@@ -77,6 +78,7 @@ def test_check_ends_with_one_and_names_the_cells_that_differ(monkeypatch):
     result = run("check", "niu2024/table-2", "niu2024/table-1")
     assert result.exit_code == 1
     assert "niu2024/table-2#scale.red: expected differs, found exact" in result.stdout
+    assert "Not as in data/verdicts.toml: 1 of 20; find the cause" in result.stdout
     assert result.stdout.count("expected") == 1
 
 
@@ -103,6 +105,13 @@ def test_check_names_the_file_with_a_changed_input(tmp_path, monkeypatch, name, 
     as_json = run("check", "niu2024/table-2", "--json")
     assert as_json.exit_code == 1
     assert json.loads(as_json.stdout)["altered"] == [f"{name}.toml"]
+
+
+def test_check_takes_the_name_of_a_paper():
+    found = front.check("niu2024", "chen2023/table-5").ledger
+    own = [key for key in catalogue() if key.startswith("niu2024/")]
+    assert found.records == front.check(*own, "chen2023/table-5").ledger.records
+    assert {record.key for record in found.records} == {*own, "chen2023/table-5"} & set(library())
 
 
 def test_check_counts_weak_agreement_apart():
@@ -151,7 +160,9 @@ def test_show_gives_what_each_reading_makes_of_each_cell(key):
 
 
 def test_wide_terminals_show_more():
-    assert "Allowed or predicted" in run("show", "niu2024/table-3", columns=140).stdout
+    wide = run("show", "niu2024/table-3", columns=240).stdout
+    assert "predicted, central 99 %" in wide
+    assert "allowed by rounded inputs" not in wide, "of a table that is drawn, nothing is"
 
 
 def test_show_of_a_figure_says_how_to_draw_it():

@@ -8,13 +8,15 @@ import subprocess
 import numpy as np
 import pandas as pd
 import pytest
-from pybtex.database import parse_string
+from pybtex.database import Entry, Person, parse_string
 
 from reproduce import version
 from reproduce.judge import ledger
 from reproduce.papers.catalogue import catalogue
 from reproduce.printed.cells import library
 from reproduce.version import RELEASED, __version__
+from reproduce.views import export as exporting
+from reproduce.views.computed import item_ledger
 from reproduce.views.export import FORMATS, citation, export, mark, statement, verify
 from reproduce.views.figure import draw, drawable, save
 
@@ -54,10 +56,17 @@ def test_markdown_and_latex_keep_the_shape_of_the_table(table):
     column = rows[0].index("Difference about Y (″)")
     assert rows[3][column] == "-0.040 (-0.040, exact, difference)"
     text = export(table, KEY, "latex")
-    assert text.isascii()
     assert r"\label{tab:chen2023-table-5}" in text
     assert text.count(r"\\") == 1 + len(printed.rows)
-    assert "Difference about Y (arcsec)" in text
+    assert "Difference about Y ($''$)" in text
+    assert r"Position X (\textmu{}m)" in text
+    assert "$-$0.040 ($-$0.040, exact, difference)" in text
+    assert r"\begin{tabular}{lrrrrrrrrrr}" in text
+
+
+@pytest.mark.parametrize("key", list(library()))
+def test_latex_has_no_sign_that_it_does_not_know(key):
+    assert export(item_ledger(key), key, "latex").isascii()
 
 
 def test_a_row_that_shares_a_unit_names_it():
@@ -71,6 +80,16 @@ def test_a_cell_alone_and_a_group_have_a_row_per_cell(table):
     group = "niu2024/text-optics"
     lines = export(ledger.build([group]), group, "markdown").splitlines()
     assert len(lines) == 2 + len(library()[group].cells)
+
+
+@pytest.mark.parametrize(
+    ("names", "told"),
+    [(["Euler"], "Euler"), (["Euler", "Gauss"], "Euler and Gauss"), (list("ABC"), "A et al.")],
+)
+def test_a_citation_names_the_authors_of_a_paper(monkeypatch, names, told):
+    paper = Entry("article", {"year": "1776"}, {"author": [Person(last=name) for name in names]})
+    monkeypatch.setattr(exporting, "_paper", lambda _: paper)
+    assert exporting._et_al("any") == f"{told} (1776)"
 
 
 def test_unknown_formats_are_refused(table):

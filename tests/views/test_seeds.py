@@ -52,6 +52,15 @@ def test_a_seed_reaches_every_random_number_or_is_refused(find, key, monkeypatch
     assert "With seed = 7: a reader's own setting" in " ".join(str(again).split())
 
 
+@pytest.mark.parametrize("name", ["seed", "data_seed"])
+@pytest.mark.parametrize("wrong", ["a", 1.5, -1])
+def test_a_seed_of_a_posterior_that_is_none_is_refused_in_our_words(name, wrong):
+    with pytest.raises(
+        (TypeError, ValueError), match=r"^seed: expected (a whole number|zero or|0 or)"
+    ):
+        rp.posterior("registration", **{name: wrong})
+
+
 def test_a_seed_stays_through_other_changes():
     year = rp.table("chen2023/strategies")
     wider = year.rerun(seed=7).rerun({PIXEL: "30 um"})

@@ -32,6 +32,12 @@ class Tags(HTMLParser):
         return [attrs for name, attrs in self.found if name == tag]
 
 
+def marks(picture):
+    """Return the column and the row of each mark."""
+    moved = re.findall(r"translate\((\d+) (\d+)\)", picture)
+    return [(int(x) // wall.PITCH, int(y) // wall.PITCH) for x, y in moved]
+
+
 @pytest.fixture(scope="module")
 def records():
     return build(["niu2024/table-2", "niu2024/text-optics"]).records
@@ -57,7 +63,24 @@ def test_marks_tell_verdicts_by_shape_and_class(records):
 def test_a_table_keeps_its_shape(records):
     picture = str(wall.wall(r for r in records if r.key == TABLE))
     rows, columns = len(library()[TABLE].rows), len(library()[TABLE].columns)
-    assert f'viewBox="0 0 {columns * wall.PITCH} {rows * wall.PITCH}"' in picture
+    assert f'viewBox="0 0 {columns * wall.PITCH} {wall.DEEP * wall.PITCH}"' in picture
+    assert marks(picture) == [(x, y) for y in range(rows) for x in range(columns)]
+
+
+def test_all_items_are_as_high_and_a_long_one_goes_on_beside_itself():
+    """Sixteen quoted numbers in three columns of six at most, no two in one place."""
+    text = str(rp.contents()._repr_html_())
+    assert {high for _, high in re.findall(r'viewBox="0 0 (\d+) (\d+)"', text)} == {
+        str(wall.DEEP * wall.PITCH)
+    }
+    for key, table in library().items():
+        picture = str(wall.wall(build([key]).records)) if len(table.rows) > wall.DEEP else ""
+        places = marks(picture)
+        assert len(set(places)) == len(places)
+        assert all(y < wall.DEEP for _, y in places)
+        if key == "chen2023/table-3":
+            assert places[:2] == [(0, 0), (1, 0)]
+            assert places[8:10] == [(2, 0), (3, 0)]
 
 
 def test_the_legend_counts_what_the_wall_shows(records):
@@ -90,6 +113,21 @@ def test_a_sweep_holds_what_each_rerun_gives():
         assert frame.loc[(value, "scale.red"), "computed"] == alone
     assert frame["computed"].xs("scale.red", level="cell").is_monotonic_decreasing
     assert "25.0601 mm (printed)" in repr(swept)
+
+
+def test_a_slider_says_that_it_was_computed_and_its_pictures_have_values_and_units():
+    swept = rp.table("niu2024/table-3").sweep(
+        "niu2024/text-simulation#noise", ["0.02 px", "0.2 px"], ["rotation.red"], replicates=20
+    )
+    html = str(swept._repr_html_())
+    assert "all 2 settings were computed beforehand" in html
+    assert "<figcaption>rotation.red (°)</figcaption>" in html
+    below, above, first, last = re.findall(r"<text [^>]*>([^<]*)</text>", html)
+    assert (first, last) == ("0.02 px", "0.2 px")
+    ends = swept.frame()[["low", "high"]].to_numpy()
+    assert float(below) == pytest.approx(ends.min(), rel=0.02)
+    assert float(above) == pytest.approx(ends.max(), rel=0.02)
+    assert re.search(r"0\.\d+ \(0\.\d+ to 0\.\d+\)°", html), "a unit stays with its number"
 
 
 def test_a_sweep_simulates_as_many_tables_as_asked():

@@ -17,15 +17,8 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
+from reproduce.audit import intervals
 from reproduce.audit.examine import Agreement, agreements, by_value, contradicted, reprinted
-from reproduce.audit.intervals import (
-    EVERYTHING,
-    contract,
-    meet,
-    printed_intervals,
-    projection,
-    widened,
-)
 from reproduce.audit.relation import Relation, Sheet
 from reproduce.printed.cells import Cell
 from reproduce.printed.number import ALIKE, Interval, si_factor
@@ -110,7 +103,7 @@ def of_digits(text: str) -> Iterator[tuple[_SlipKind, str]]:
         yield "sign", ("" if sign else "-") + body + tail
 
 
-def of_cell(cell: Cell) -> Iterator[_Slip]:
+def _of_cell(cell: Cell) -> Iterator[_Slip]:
     """Yield all slips in one cell: in its digits and in its unit."""
     address, printed = cell.address, cell.number.text
     seen = {printed}
@@ -163,7 +156,7 @@ class _Interchange:
         return _Slip(self.kind, self.label, tuple(changes))
 
 
-def interchanges(cells: Sheet, keys: Iterable[str]) -> list[_Interchange]:
+def _interchanges(cells: Sheet, keys: Iterable[str]) -> list[_Interchange]:
     """Return what could be interchanged in some tables.
 
     Two cells within their row, column or group; two rows or two columns of a table.
@@ -227,15 +220,13 @@ class Correction(_State):
 
     `lifted` relations no longer contradict, `broken` ones held as printed and no longer do;
     `unknowns` has what the relations then say of them. `moved` are the paper's claims that no
-    longer hold, once the cells that a broken relation computes are computed again. `misfit` is how
-    far the corrected numbers still lie from their relations, relatively and within rounding.
+    longer hold, once the cells that a broken relation computes are computed again.
     """
 
     lifted: tuple[str, ...]
     broken: tuple[str, ...]
     unknowns: dict[str, Agreement]
     moved: tuple[str, ...]
-    misfit: float
 
     @property
     def restores_everything(self) -> bool:
@@ -253,19 +244,19 @@ def corrections(
     """Return corrections that lift a group of contradictions, given by name.
 
     Those that restore everything first, then those that break other relations in exchange; within
-    each, by size, by what they break and lift, and by fit.
+    each, by size, and by what they break and lift.
     """
 
-    def rank(found: Correction) -> tuple[bool, float, int, int, float]:
+    def rank(found: Correction) -> tuple[bool, float, int, int]:
         broken = len(found.broken)
-        return bool(broken), found.cost, broken, -len(found.lifted), found.misfit
+        return bool(broken), found.cost, broken, -len(found.lifted)
 
-    search = Search(cells, relations, targets)
+    search = _Search(cells, relations, targets)
     found = [_correction(state, search) for state in search.run(depth, breadth)]
     return sorted(_worth_showing(found), key=rank)
 
 
-class Search:
+class _Search:
     """A search over the slips that could lift one group of contradictions, its targets."""
 
     def __init__(
@@ -280,7 +271,7 @@ class Search:
         # What one relation allows of an unknown decides who else agrees with the most.
         voting = {*touched, *_sharing(touched, relations)}
         self.near = [r for r in relations if r in voting]
-        self.interchanges = interchanges(cells, keys)
+        self.interchanges = _interchanges(cells, keys)
         self.already = contradicted(cells, self.near)
         self.start = _State((), cells, self.already)
         self._touched: dict[frozenset[str], list[list[Relation]]] = {}
@@ -320,7 +311,7 @@ class Search:
                 continue
             rivals = [r for r in ours if r.unknown is relation.unknown]
             asked = [(r, _value(r, state.cells)) for r in rivals]
-            apart = [r for r, other in asked if other and not meet(value, other)]
+            apart = [r for r, other in asked if other and not intervals.meet(value, other)]
             found += [own | frozenset(r.addresses) for r in apart]
             if not apart:  # outvoted by relations that were right: any of them may change sides
                 family = [r for r in self.near if r.unknown is relation.unknown]
@@ -393,7 +384,7 @@ class Search:
         blamed = [r for r in self.near if r.name in wrong and address in r.addresses]
         goals = [self._goals(r, address, state.cells) for r in by_value(blamed)]
         for slip, reached in _slips_of(state.cells[address]):
-            if all(any(meet(reached, one) for one in goal) for goal in goals):
+            if all(any(intervals.meet(reached, one) for one in goal) for goal in goals):
                 yield slip
 
     def _goals(self, relation: Relation, address: str, cells: Sheet) -> list[Interval]:
@@ -401,8 +392,8 @@ class Search:
         others = [r for r in _sharing([relation], self.near) if address not in r.addresses]
         about = list(agreements(cells, others).values())
         values: list[Interval | None] = [*about[0].by_relation.values()] if about else []
-        intervals = printed_intervals(cells, [relation]) | {address: EVERYTHING}
-        free = [contract(relation, intervals, value) for value in values or [None]]
+        boxes = intervals.printed_intervals(cells, [relation]) | {address: intervals.EVERYTHING}
+        free = [intervals.contract(relation, boxes, value) for value in values or [None]]
         return [found[address] for found in free if found is not None]
 
     def _after(
@@ -435,7 +426,7 @@ class Search:
 @functools.lru_cache(maxsize=5_000)
 def _slips_of(cell: Cell) -> tuple[tuple[_Slip, Interval], ...]:
     """Return the slips in a cell, each with the values that then print so."""
-    return tuple((slip, widened(slip.changes[0][1].allowed)) for slip in of_cell(cell))
+    return tuple((slip, intervals.widened(slip.changes[0][1].allowed)) for slip in _of_cell(cell))
 
 
 def _sharing(some: Iterable[Relation], relations: Iterable[Relation]) -> list[Relation]:
@@ -446,25 +437,23 @@ def _sharing(some: Iterable[Relation], relations: Iterable[Relation]) -> list[Re
 
 def _value(relation: Relation, cells: Sheet) -> Interval | None:
     """Return what a relation allows of its unknown; None if that is nothing or it has none."""
-    return projection(relation, printed_intervals(cells, [relation]))
+    return intervals.projection(relation, intervals.printed_intervals(cells, [relation]))
 
 
-def _correction(state: _State, search: Search) -> Correction:
+def _correction(state: _State, search: _Search) -> Correction:
     order = [relation.name for relation in search.near]
     broken = state.wrong - search.already
     ours = [relation for relation in search.near if relation.name in search.targets]
-    unknowns = agreements(state.cells, ours)
     return Correction(
         **vars(state),
         lifted=tuple(name for name in order if name in search.already - state.wrong),
         broken=tuple(name for name in order if name in broken),
-        unknowns=unknowns,
+        unknowns=agreements(state.cells, ours),
         moved=_moved_claims(state.cells, search, broken),
-        misfit=_misfit(state.cells, ours, unknowns.values()),
     )
 
 
-def _moved_claims(cells: Sheet, search: Search, broken: frozenset[str]) -> tuple[str, ...]:
+def _moved_claims(cells: Sheet, search: _Search, broken: frozenset[str]) -> tuple[str, ...]:
     """Compute again the results of broken relations and see which claims then fail."""
     anew = dict(cells)
     for relation in search.near:
@@ -478,17 +467,6 @@ def _moved_claims(cells: Sheet, search: Search, broken: frozenset[str]) -> tuple
     claims = [relation for relation in search.near if relation.claim]
     fallen = contradicted(anew, claims) - search.already
     return tuple(dict.fromkeys(r.claim for r in claims if r.claim and r.name in fallen))
-
-
-def _misfit(cells: Sheet, relations: Sequence[Relation], unknowns: Iterable[Agreement]) -> float:
-    """Return how far the corrected numbers still lie from the relations, within rounding."""
-    apart = [agreement.spread for agreement in unknowns if agreement.by_relation]
-    for relation in by_value(relations):
-        if relation.unknown is None and relation.formula.sign == "=":
-            left, right = relation.sides({a: cells[a].si for a in relation.addresses})
-            size = max(abs(left), abs(right))
-            apart.append(abs(left - right) / size if size else 0.0)
-    return max(apart, default=0.0)
 
 
 def _worth_showing(found: Sequence[Correction]) -> Iterator[Correction]:

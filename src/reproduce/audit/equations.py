@@ -14,12 +14,6 @@ import numpy as np
 from reproduce.audit.relation import Sheet, declarations
 from reproduce.physics import attitude, light, optics, registration
 from reproduce.physics.attitude import rotation_from_vector
-from reproduce.physics.optics import (
-    detector_centre,
-    rotary_matrix,
-    rotary_matrix_printed,
-    turned_onto_detector,
-)
 from reproduce.physics.registration import constraint, constraint_printed
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.number import si_factor
@@ -54,11 +48,6 @@ class Demonstration:
         """Whether the printed form does what it must."""
         return abs(self.printed - self.wanted) <= _ZERO * max(1.0, abs(self.wanted))
 
-    @property
-    def mended(self) -> bool:
-        """Whether the form that the library uses does."""
-        return abs(self.right - self.wanted) <= _ZERO * max(1.0, abs(self.wanted))
-
 
 def _distortion_ratio(cells: Sheet) -> _Values:
     k = cells["niu2024/table-2#scale.red"].si
@@ -73,7 +62,7 @@ def _turned_back(cells: Sheet) -> _Values:
     angle = cells["niu2024/table-2#rotation.red"].si
     start = np.array([[3.0, 4.0]])
     cosine, sine = np.cos(angle), np.sin(angle)
-    back = turned_onto_detector(start, angle) @ np.array([[cosine, -sine], [sine, cosine]]).T
+    back = optics.turned_onto_detector(start, angle) @ np.array([[cosine, -sine], [sine, cosine]]).T
     left = float(np.abs(back - start).max())
     return left, left, 0.0
 
@@ -81,7 +70,8 @@ def _turned_back(cells: Sheet) -> _Values:
 def _rotary(cells: Sheet) -> _Values:
     turn = cells["niu2024/text-simulation#range-x-high"].si
     printed, right = (
-        float(np.linalg.det(form(0.0, turn))) for form in (rotary_matrix_printed, rotary_matrix)
+        float(np.linalg.det(form(0.0, turn)))
+        for form in (optics.rotary_matrix_printed, optics.rotary_matrix)
     )
     return printed, right, 1.0
 
@@ -95,7 +85,7 @@ def _corners(cells: Sheet) -> tuple[FloatArray, FloatArray]:
     """Return the corners of the detector, and its middle."""
     size = np.array([cells[f"niu2024/text-optics#pixels-{a}"].si for a in "xy"])
     corners = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]]) * (size - 1)
-    return corners, detector_centre(size)
+    return corners, optics.detector_centre(size)
 
 
 def _iteration(cells: Sheet) -> _Values:
@@ -150,7 +140,7 @@ def _roll_leak(cells: Sheet) -> _Values:
     spots = np.array(
         [[cells[f"chen2023/text-platform#spot-{i}-{a}"].si for a in "xy"] for i in "1234"]
     )
-    middle = detector_centre([cells[f"{t}pixels-{a}.value"].si for a in "xy"])
+    middle = optics.detector_centre([cells[f"{t}pixels-{a}.value"].si for a in "xy"])
     scale = cells[f"{t}pixel-size.value"].si / cells[f"{t}focal-length.value"].si
     across, along = (spots.mean(axis=0) - middle) * scale
     reference = rotation_from_vector(np.array([-along, across, 0.0]))

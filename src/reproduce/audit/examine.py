@@ -13,14 +13,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from reproduce.audit.intervals import (
-    EVERYTHING,
-    contract,
-    meet,
-    printed_intervals,
-    projection,
-    propagate,
-)
+from reproduce.audit import intervals
 from reproduce.audit.relation import Relation, Sheet, Unknown
 from reproduce.printed.cells import Cell
 from reproduce.printed.number import Interval, PrintedNumber, si_factor
@@ -114,8 +107,8 @@ def agreements(cells: Sheet, relations: Iterable[Relation]) -> dict[str, Agreeme
             groups.setdefault(relation.unknown, []).append(relation)
     found = {}
     for unknown, group in groups.items():
-        intervals = printed_intervals(cells, group)
-        allows = {r.name: own for r in group if (own := projection(r, intervals)) is not None}
+        boxes = intervals.printed_intervals(cells, group)
+        allows = {r.name: own for r in group if (own := intervals.projection(r, boxes)) is not None}
         found[unknown.name] = _largest_agreement(unknown, allows)
     return found
 
@@ -142,13 +135,13 @@ def contradicted(cells: Sheet, relations: Sequence[Relation]) -> frozenset[str]:
     that are not in all of them count as contradicting.
     """
     shared = agreements(cells, relations)
-    intervals = printed_intervals(cells, relations)
+    boxes = intervals.printed_intervals(cells, relations)
 
     def holds(relation: Relation) -> bool:
         if relation.kind == "print":
             return _agrees(relation, cells, *_sides(relation, cells, shared))
         if relation.unknown is None:
-            return contract(relation, intervals) is not None
+            return intervals.contract(relation, boxes) is not None
         return relation.name in shared[relation.unknown.name].members
 
     return frozenset(relation.name for relation in relations if not holds(relation))
@@ -163,7 +156,7 @@ def examine(cells: Sheet, relations: Sequence[Relation]) -> list[Examined]:
     """Say of every relation, in order, whether it agrees, only through rounding, or contradicts."""
     wrong = contradicted(cells, relations)
     lifted = {
-        rule: wrong - contradicted(printed_by(rule, cells), relations) for rule in _OTHER_RULES
+        rule: wrong - contradicted(_printed_by(rule, cells), relations) for rule in _OTHER_RULES
     }
     shared = agreements(cells, relations)
     findings = []
@@ -178,7 +171,7 @@ def examine(cells: Sheet, relations: Sequence[Relation]) -> list[Examined]:
     return findings
 
 
-def printed_by(rule: str, cells: Sheet) -> Sheet:
+def _printed_by(rule: str, cells: Sheet) -> Sheet:
     """Return the sheet as if all plain numbers had been rounded by another rule."""
     kind = _OTHER_RULES[rule]
     return {
@@ -257,17 +250,17 @@ def conflicts(cells: Sheet, relations: Sequence[Relation]) -> list[Conflict]:
         if _last_digit(cells[a]) != _last_digit(cells[b])
     ]
     kept = by_value(relations)
-    intervals = printed_intervals(cells, kept)
+    boxes = intervals.printed_intervals(cells, kept)
 
     def apart(together: Sequence[Relation]) -> bool:
-        return propagate(together, intervals) is None
+        return intervals.propagate(together, boxes) is None
 
     alone = [[relation] for relation in kept if apart([relation])]
-    asked = [(r, p) for r in kept if (p := projection(r, intervals)) is not None]
+    asked = [(r, p) for r in kept if (p := intervals.projection(r, boxes)) is not None]
     pairs = [
         [one, two]
         for (one, a), (two, b) in itertools.combinations(asked, 2)
-        if one.unknown is two.unknown and not meet(a, b)
+        if one.unknown is two.unknown and not intervals.meet(a, b)
     ]
     found += [_smallest(cells, together) for together in (*alone, *pairs)]
     kept = [relation for relation in kept if relation.name not in wrong]
@@ -287,11 +280,11 @@ def conflicts(cells: Sheet, relations: Sequence[Relation]) -> list[Conflict]:
 
 def _smallest(cells: Sheet, relations: Sequence[Relation]) -> Conflict:
     """Free cells one by one as long as the rest is still in conflict."""
-    state = printed_intervals(cells, relations)
+    state = intervals.printed_intervals(cells, relations)
     blamed = list(state)
     for address in list(state):
-        freed = state | {address: EVERYTHING}
-        if propagate(relations, freed) is None:
+        freed = state | {address: intervals.EVERYTHING}
+        if intervals.propagate(relations, freed) is None:
             state = freed
             blamed.remove(address)
     return Conflict(tuple(blamed), tuple(relation.name for relation in relations))

@@ -288,20 +288,6 @@ def printed_intervals(cells: Sheet, relations: Iterable[Relation]) -> dict[str, 
     return {a: cells[a].allowed for r in relations for a in r.addresses}
 
 
-def enclosure(relation: Relation, cells: Sheet) -> Interval:
-    """Enclose, in SI, what the right side gives for its result, whatever the rounding.
-
-    Exact but for outward rounding where the formula names each cell once.
-    """
-    if relation.result is None or relation.unknown or relation.tolerance:
-        raise ValueError(f"{relation.name!r}: expected an equation solved for one cell")
-    inputs = printed_intervals(cells, [relation]) | {relation.result: EVERYTHING}
-    found = _narrowed(relation, tuple(inputs.values()))
-    if found is None:
-        raise ArithmeticError(f"{relation.name!r}: no values that print so give a result")
-    return found[relation.addresses.index(relation.result)]
-
-
 def contract(
     relation: Relation, intervals: Mapping[str, Interval], unknown: Interval | None = None
 ) -> dict[str, Interval] | None:

@@ -134,7 +134,7 @@ class Unknown:
 
 
 @dataclass(frozen=True)
-class Tolerance:
+class _Tolerance:
     """How far two sides may lie apart beyond rounding, and why.
 
     The size is relative to the right side or, with a unit, absolute in that unit.
@@ -172,7 +172,7 @@ class Relation:
     source: str
     kind: _RelationKind
     unknown: Unknown | None
-    tolerance: Tolerance | None
+    tolerance: _Tolerance | None
     # The number that the library computes by a function of its own, a cell or one reading of it.
     # Such a relation is a second entry of that computation, and no further evidence.
     restates: str
@@ -253,7 +253,7 @@ def declared(content: Mapping[str, Any], cells: Sheet, prefix: str = "") -> list
     """Return relations in order of declaration."""
     named: dict[str | None, Any] = {
         name: kind(**{"name": name, **given} if kind is Unknown else given)
-        for part, kind in (("unknown", Unknown), ("tolerance", Tolerance))
+        for part, kind in (("unknown", Unknown), ("tolerance", _Tolerance))
         for name, given in content.get(part, {}).items()
     }
     relations: dict[str, Relation] = {}

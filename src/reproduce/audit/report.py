@@ -5,26 +5,15 @@ from __future__ import annotations
 import fnmatch
 import functools
 import tomllib
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 from pydantic import BaseModel, ConfigDict
 
+from reproduce.audit import examine
 from reproduce.audit.corrections import Correction, corrections
 from reproduce.audit.equations import Demonstration, demonstrations
-from reproduce.audit.examine import (
-    OUTCOMES,
-    Agreement,
-    Conflict,
-    Examined,
-    RelationOutcome,
-    agreements,
-    conflicts,
-    examine,
-    groups,
-)
 from reproduce.audit.relation import Finder, Relation, Sheet, relations_of
 from reproduce.printed.cells import Cell, library
 
@@ -50,10 +39,10 @@ class Audit:
 
     name: str
     cells: Sheet
-    findings: tuple[Examined, ...]
-    conflicts: tuple[Conflict, ...]
+    findings: tuple[examine.Examined, ...]
+    conflicts: tuple[examine.Conflict, ...]
     groups: tuple[Group, ...]
-    unknowns: dict[str, Agreement]
+    unknowns: dict[str, examine.Agreement]
     equations: tuple[Demonstration, ...]
 
     @property
@@ -69,17 +58,17 @@ class Audit:
         return tuple(a for a in self.cells if a in found and a not in self.examined)
 
     @property
-    def read(self) -> tuple[Examined, ...]:
+    def read(self) -> tuple[examine.Examined, ...]:
         """The findings on what the paper says, without those that rest on a supposition of ours."""
         return tuple(f for f in self.findings if not f.relation.supposition)
 
     @property
-    def supposed(self) -> tuple[Examined, ...]:
+    def supposed(self) -> tuple[examine.Examined, ...]:
         """The findings that rest on a supposition of ours."""
         return tuple(f for f in self.findings if f.relation.supposition)
 
     @property
-    def restating(self) -> tuple[Examined, ...]:
+    def restating(self) -> tuple[examine.Examined, ...]:
         """The findings on what the paper says that restate a number the library computes."""
         return tuple(f for f in self.read if f.relation.restates)
 
@@ -88,19 +77,15 @@ class Audit:
         """The equations that fail as extracted, without those that rest on a supposition."""
         return tuple(e for e in self.equations if not (e.holds or e.supposition))
 
-    def tally(self, *, restating: bool | None = None) -> dict[RelationOutcome, int]:
+    def tally(self, *, restating: bool | None = None) -> dict[examine.RelationOutcome, int]:
         """Count the relations without suppositions by outcome, every outcome present.
 
         All of them, or only those that do, or do not, restate a computed number.
         """
         found = [f for f in self.read if restating in {None, bool(f.relation.restates)}]
-        return {o: sum(f.outcome == o for f in found) for o in OUTCOMES}
+        return {o: sum(f.outcome == o for f in found) for o in examine.OUTCOMES}
 
-    def blamed(self) -> dict[str, int]:
-        """Count, for each cell in a contradiction, the smallest sets that hold it."""
-        return Counter(address for conflict in self.conflicts for address in conflict.cells)
-
-    def finding(self, name: str) -> Examined:
+    def finding(self, name: str) -> examine.Examined:
         """Return the finding on one relation, or raise KeyError."""
         for finding in self.findings:
             if finding.relation.name == name:
@@ -108,7 +93,7 @@ class Audit:
         raise KeyError(f"{self.name} has no relation {name!r}")
 
 
-def paper_sheet(paper: str) -> dict[str, Cell]:
+def _paper_sheet(paper: str) -> dict[str, Cell]:
     """Return the printed numbers of a paper by address."""
     tables = (table for key, table in library().items() if key.startswith(f"{paper}/"))
     return {cell.address: cell for table in tables for cell in table.cells if cell.is_number}
@@ -117,7 +102,7 @@ def paper_sheet(paper: str) -> dict[str, Cell]:
 @functools.cache
 def audit_paper(paper: str) -> Audit:
     """Audit the printed numbers and equations of a paper."""
-    cells = paper_sheet(paper)
+    cells = _paper_sheet(paper)
     return audit(paper, cells, relations_of(paper, cells))
 
 
@@ -127,10 +112,12 @@ def audit(name: str, cells: Sheet, relations: Sequence[Relation]) -> Audit:
     return Audit(
         name=name,
         cells=cells,
-        findings=tuple(examine(cells, relations)),
-        conflicts=tuple(conflicts(cells, read)),
-        groups=tuple(part for group in groups(cells, read) for part in _parts(cells, read, group)),
-        unknowns=agreements(cells, relations),
+        findings=tuple(examine.examine(cells, relations)),
+        conflicts=tuple(examine.conflicts(cells, read)),
+        groups=tuple(
+            part for group in examine.groups(cells, read) for part in _parts(cells, read, group)
+        ),
+        unknowns=examine.agreements(cells, relations),
         equations=tuple(demonstrations(name, cells)),
     )
 
@@ -161,7 +148,8 @@ class Erratum(BaseModel):
     of two independent readings of the paper found it, as for a relation, and `again` whether the
     third one did too, which knew no list. An entry that holds only if we suppose something that
     the paper does not say names it as its `supposition`, and is counted apart. `extraction` marks
-    what rests on a formula, a digit or a heading of our text, which a machine read.
+    what rests on a formula, a digit or a heading of our text, which a machine read. `reply` is what
+    the authors of the paper say to it, with their name and the day; empty until they do.
     """
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
@@ -180,10 +168,11 @@ class Erratum(BaseModel):
     extraction: bool = False
     supposition: str = ""
     evidence: str = ""
+    reply: str = ""
     relations: list[str] = []
     equations: list[str] = []
 
-    def findings(self, audit: Audit) -> list[Examined]:
+    def findings(self, audit: Audit) -> list[examine.Examined]:
         """Return the findings of the relations that the entry names."""
         return [f for f in audit.findings if self.names(f.relation.name)]
 

@@ -20,7 +20,6 @@ from reproduce.inference.model import (
     Parameter,
     Prior,
     Progress,
-    StartError,
     Uniform,
 )
 from reproduce.inference.posterior import (

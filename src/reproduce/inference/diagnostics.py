@@ -73,7 +73,7 @@ def autocorrelation_time(chains: FloatArray) -> float:
     return max(walkers, float(together))
 
 
-def effective_size(chains: FloatArray) -> float:
+def _effective_size(chains: FloatArray) -> float:
     """Number of independent draws that would give the mean as well, summed over ensembles."""
     return chains.size / autocorrelation_time(chains)
 
@@ -94,7 +94,7 @@ def _rank_normalised(values: FloatArray) -> FloatArray:
 def _tail_size(chains: FloatArray) -> float:
     """Smaller effective sample size of the two tail indicators, at 5 % and 95 %."""
     low, high = np.quantile(chains, _TAILS)
-    return min(effective_size((chains <= end).astype(float)) for end in (low, high))
+    return min(_effective_size((chains <= end).astype(float)) for end in (low, high))
 
 
 def _split_rhat(draws: FloatArray) -> float:
@@ -127,7 +127,7 @@ def mcse_quantile(chains: FloatArray, probability: float) -> float:
 
     Half the distance between the quantiles that bound it with one standard error.
     """
-    size = effective_size((chains <= np.quantile(chains, probability)).astype(float))
+    size = _effective_size((chains <= np.quantile(chains, probability)).astype(float))
     law = size * probability + 1, size * (1 - probability) + 1
     low, high = (np.quantile(chains, betaincinv(*law, end)) for end in (0.1586553, 0.8413447))
     return float((high - low) / 2)
@@ -230,7 +230,7 @@ def diagnosed(name: str, draws: FloatArray) -> Diagnosis:
         _split_rhat(thinned(draws, time)),
         time,
         draws.shape[1] / time,
-        effective_size(_rank_normalised(draws)),
+        _effective_size(_rank_normalised(draws)),
         _tail_size(draws),
         float(draws.std() / np.sqrt(draws.size / time)),
     )

@@ -11,7 +11,6 @@ from it, which simulation-based calibration needs. Its numbers are in the parame
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Protocol, Self, TypeVar
@@ -30,26 +29,8 @@ _OVERDISPERSION = 3.0
 _TRIES = 1000
 
 
-class Prior(ABC):
-    """What a model needs of a prior; as text it is the distribution in words and numbers."""
-
-    reason: str
-
-    @abstractmethod
-    def log_density(self, values: FloatArray) -> FloatArray:
-        """Log density at values of any shape, minus infinity outside the support."""
-
-    @abstractmethod
-    def draw(self, generator: Generator, count: int) -> FloatArray:
-        """Independent draws, shape (count,)."""
-
-    @abstractmethod
-    def in_unit(self, scale: float) -> Prior:
-        """The prior in another unit, of which one old unit has so many, to be read, not sampled."""
-
-
 @dataclass(frozen=True)
-class _Flat(Prior):
+class _Flat:
     low: float
     high: float
     reason: str
@@ -62,6 +43,7 @@ class _Flat(Prior):
             )
 
     def in_unit(self, scale: float) -> Self:
+        """The prior in another unit, of which one old unit has so many, to be read, not sampled."""
         return type(self)(self.low * scale, self.high * scale, self.reason)
 
 
@@ -77,10 +59,12 @@ class Uniform(_Flat):
     """
 
     def log_density(self, values: FloatArray) -> FloatArray:
+        """Log density at values of any shape, minus infinity outside the support."""
         inside = (values >= self.low) & (values <= self.high)
         return np.where(inside, -np.log(self.high - self.low), -np.inf)
 
     def draw(self, generator: Generator, count: int) -> FloatArray:
+        """Independent draws, shape (count,)."""
         return generator.uniform(self.low, self.high, count)
 
     def __str__(self) -> str:
@@ -113,7 +97,7 @@ class LogUniform(_Flat):
 
 
 @dataclass(frozen=True)
-class Normal(Prior):
+class Normal:
     """A Gaussian.
 
     Examples
@@ -145,6 +129,10 @@ class Normal(Prior):
         return f"normal, mean {self.mean:.6g}, standard deviation {self.sigma:.6g}"
 
 
+# As text, a prior is its distribution in words and numbers.
+Prior = Uniform | LogUniform | Normal
+
+
 class Coordinates:
     """Coordinates in which the moves of an ensemble work: here the parameters themselves.
 
@@ -165,10 +153,6 @@ class Coordinates:
     def log_volume(self, parameters: FloatArray) -> FloatArray:
         """Log of the determinant of the derivatives of parameters by coordinates, shape (n,)."""
         return np.zeros(len(parameters))
-
-
-class StartError(ValueError):
-    """No starting points with a finite posterior: the message says which prior excludes them."""
 
 
 class Likelihood(Protocol):
@@ -307,7 +291,7 @@ class Model:
         """Over-dispersed starting points about a displaced centre, shape (walkers, d).
 
         The displacement belongs to the ensemble, so that ensembles start apart from each other.
-        Where hardly any point has a finite posterior, a `StartError` says so.
+        Where hardly any point has a finite posterior, a ValueError says which prior excludes them.
         """
         rough, spread = self.likelihood.start()
         centre = rough + _OVERDISPERSION * spread * generator.normal(size=self.dimension)
@@ -319,7 +303,7 @@ class Model:
             points = np.concatenate([points, tried[np.isfinite(self.log_posterior(tried))]])
             if len(points) >= walkers:
                 return points[:walkers]
-        raise StartError(f"{self.name}: nowhere to start from: {self._excluded(rough)}")
+        raise ValueError(f"{self.name}: nowhere to start from: {self._excluded(rough)}")
 
     def _excluded(self, rough: FloatArray) -> str:
         """Why a rough estimate, shape (d,), has no finite posterior, and what to do."""

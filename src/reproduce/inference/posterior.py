@@ -16,15 +16,7 @@ import numpy as np
 from numpy.random import PCG64, Generator, SeedSequence
 
 from reproduce.inference import diagnostics
-from reproduce.inference.diagnostics import (
-    Diagnosis,
-    Gates,
-    diagnose,
-    diagnosed,
-    require,
-    thinned,
-)
-from reproduce.inference.model import Consequence, LogUniform, Model, Normal, Prior, Uniform
+from reproduce.inference.model import Consequence, LogUniform, Model, Normal, Prior
 from reproduce.physics.validate import FloatArray
 
 _ENDS = (0.025, 0.975)
@@ -85,8 +77,8 @@ class Sampled:
     chain: FloatArray
     log_posterior: FloatArray
     acceptance: tuple[float, ...]
-    diagnoses: tuple[Diagnosis, ...]
-    gates: Gates | None = None
+    diagnoses: tuple[diagnostics.Diagnosis, ...]
+    gates: diagnostics.Gates | None = None
 
     @property
     def time(self) -> float:
@@ -96,7 +88,7 @@ class Sampled:
     @cached_property
     def draws(self) -> FloatArray:
         """Nearly independent draws, shape (n, d): thinned by the autocorrelation time."""
-        return np.concatenate(thinned(self.chain, self.time))
+        return np.concatenate(diagnostics.thinned(self.chain, self.time))
 
     def rows(self) -> list[Summary]:
         """Return the summary of every parameter, in the unit shown."""
@@ -104,7 +96,7 @@ class Sampled:
 
     @cached_property
     def _rows(self) -> list[Summary]:
-        known = self.diagnoses or diagnose(self.model.names, self.chain)
+        known = self.diagnoses or diagnostics.diagnose(self.model.names, self.chain)
         return [
             _summarised(
                 parameter.name,
@@ -129,7 +121,7 @@ class Sampled:
         if self.gates is not None:
             gates = replace(self.gates, times=0.0)
             diagnoses = tuple(_diagnosis(row, self.chain.shape[1]) for row, _ in self._consequences)
-            require(diagnoses, self.acceptance, gates)
+            diagnostics.require(diagnoses, self.acceptance, gates)
         return self._consequences
 
     @cached_property
@@ -142,7 +134,7 @@ class Sampled:
         rows = []
         for name, quantity in found.items():
             values = quantity.values.reshape(chain.shape[:3])
-            row = _summarised(name, quantity.unit, values, diagnosed(name, values))
+            row = _summarised(name, quantity.unit, values, diagnostics.diagnosed(name, values))
             rows.append((replace(row, time=stride * row.time), quantity))
         return rows
 
@@ -158,10 +150,10 @@ class Sampled:
             raise ModuleNotFoundError(
                 "expected arviz-base, got none; install reproduce-pointing[netcdf]"
             ) from error
-        draws = thinned(self.chain, self.time)
+        draws = diagnostics.thinned(self.chain, self.time)
         parameters = self.model.parameters
         posterior = {one.name: draws[..., i] * one.shown for i, one in enumerate(parameters)}
-        stats = {"lp": thinned(self.log_posterior, self.time)}
+        stats = {"lp": diagnostics.thinned(self.log_posterior, self.time)}
         tree = arviz_base.from_dict({"posterior": posterior, "sample_stats": stats})
         for one in parameters:
             prior = str(one.prior.in_unit(one.shown))
@@ -173,11 +165,13 @@ class Sampled:
         return tree
 
 
-def _diagnosis(row: Summary, steps: int) -> Diagnosis:
-    return Diagnosis(row.name, row.rhat, row.time, steps / row.time, row.bulk, row.tail, row.mcse)
+def _diagnosis(row: Summary, steps: int) -> diagnostics.Diagnosis:
+    return diagnostics.Diagnosis(
+        row.name, row.rhat, row.time, steps / row.time, row.bulk, row.tail, row.mcse
+    )
 
 
-def _summarised(name: str, unit: str, values: FloatArray, known: Diagnosis) -> Summary:
+def _summarised(name: str, unit: str, values: FloatArray, known: diagnostics.Diagnosis) -> Summary:
     """Summarise a quantity in the unit of its values, with its numbers from `diagnosed`."""
     low, median, high = np.quantile(values, (_ENDS[0], 0.5, _ENDS[1]))
     return Summary(
@@ -224,7 +218,7 @@ def posterior_checks(posterior: Sampled, replicates: int = REPORTED) -> list[Pre
     for name, observed in model.likelihood.checks().items():
         values = np.array([one[name] for one in found])
         low, high = np.quantile(values, _ENDS).tolist()
-        rows.append(PredictiveCheck(name, observed, low, high, two_sided(values, observed)))
+        rows.append(PredictiveCheck(name, observed, low, high, _two_sided(values, observed)))
     return rows
 
 
@@ -244,12 +238,12 @@ def misfit(checks: Sequence[PredictiveCheck]) -> str:
     return f"the model does not fit: {'; '.join(told)}" if told else ""
 
 
-def two_sided(values: FloatArray, observed: float) -> float:
+def _two_sided(values: FloatArray, observed: float) -> float:
     """Two-sided tail probability of a number among draws, ties counted half.
 
     Examples
     --------
-    >>> two_sided(np.array([1.0, 2.0, 3.0, 4.0]), 2.5)
+    >>> _two_sided(np.array([1.0, 2.0, 3.0, 4.0]), 2.5)
     1.0
     """
     below = (values < observed).mean() + 0.5 * (values == observed).mean()
@@ -257,7 +251,7 @@ def two_sided(values: FloatArray, observed: float) -> float:
 
 
 @dataclass(frozen=True)
-class Leaning:
+class _Leaning:
     """A parameter whose posterior leans on its prior.
 
     - `parameter`: which.
@@ -288,7 +282,7 @@ class Leaning:
         )
 
 
-def leanings(posterior: Sampled) -> list[Leaning]:
+def leanings(posterior: Sampled) -> list[_Leaning]:
     """Return the parameters whose posterior leans on an end of a prior, or lies in its tail."""
     found = []
     for parameter, column in zip(
@@ -299,7 +293,7 @@ def leanings(posterior: Sampled) -> list[Leaning]:
             if end in parameter.natural:
                 continue
             place = None if end is None else end * parameter.shown
-            found.append(Leaning(parameter.name, place, parameter.unit, str(shown), share))
+            found.append(_Leaning(parameter.name, place, parameter.unit, str(shown), share))
     return found
 
 
@@ -307,8 +301,6 @@ def _leaning(prior: Prior, draws: FloatArray) -> list[tuple[float | None, float]
     if isinstance(prior, Normal):
         out = float(abs(draws.mean() - prior.mean) / prior.sigma)
         return [(None, out)] if out > _CONTRADICTED else []
-    if not isinstance(prior, Uniform | LogUniform):
-        return []
     # In the scale in which the prior is flat.
     scale = np.log if isinstance(prior, LogUniform) else np.asarray
     values = scale(draws)

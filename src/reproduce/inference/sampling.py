@@ -171,10 +171,8 @@ class Plan:
     warmup: int = 500
 
     def __post_init__(self) -> None:
-        for name in ("ensembles", "steps"):
-            whole_number(name, getattr(self, name))
-        whole_number("warmup", self.warmup, least=0)
-        whole_number("walkers", self.walkers, least=0)
+        for name in ("seed", "ensembles", "walkers", "steps", "warmup"):
+            whole_number(name, getattr(self, name), least=int(name in {"ensembles", "steps"}))
 
     def walkers_for(self, dimension: int) -> int:
         """Walkers of an ensemble: enough that half of them know the covariance."""

@@ -107,6 +107,7 @@ class Record(_Frozen):
     )
     probability: float | None = Field(description="two-sided mid-p over the printed interval")
     mcse: float | None = Field(description="Monte Carlo standard error of the probability")
+    error: float | None = Field(description="Monte Carlo standard error of a predicted median")
     why: str = Field(description="the verdict in words")
     function: str | None = Field(description="the function that computes the cell")
     line: str | None = Field(description="file and line of that function")
@@ -442,8 +443,6 @@ def _together(predicted: Iterable[tuple[Cell, float | Prediction]]) -> dict[str,
 
     None and zero where nothing is drawn; what all replicates give alike has no share.
     """
-    from reproduce.judge.laws import joint_probability  # only now: SciPy's optimisers take long
-
     drawn = [
         (cell.number.interval(), result.draws / si_factor(cell.unit))
         for cell, result in predicted
@@ -451,6 +450,8 @@ def _together(predicted: Iterable[tuple[Cell, float | Prediction]]) -> dict[str,
     ]
     if not drawn:
         return {"joint_probability": None, "mcse": None, "replicates": 0}
+    from reproduce.judge.laws import joint_probability  # only now: SciPy's optimisers take long
+
     intervals, columns = zip(*drawn, strict=True)
     probability, error = joint_probability(list(columns), np.array(intervals))
     return {"joint_probability": probability, "mcse": error, "replicates": columns[0].size}
@@ -458,11 +459,12 @@ def _together(predicted: Iterable[tuple[Cell, float | Prediction]]) -> dict[str,
 
 @dataclass(frozen=True)
 class Expectation:
-    """The verdict frozen for a cell, with the reason and the erratum where they are due."""
+    """The verdict frozen for a cell, with reason, erratum and question where they are due."""
 
     verdict: str
-    reason: str
+    reason: str = ""
     erratum: str = ""
+    question: str = ""
 
 
 @cache
@@ -470,15 +472,15 @@ def frozen() -> dict[str, Expectation]:
     """Return the frozen verdicts by address."""
     expectations: dict[str, Expectation] = {}
     for entry in _entries():
-        verdict, reason = entry["verdict"], entry.get("reason", "")
-        if verdict not in VERDICTS:
-            raise ValueError(f"verdicts.toml: unknown verdict {verdict!r}; one of {VERDICTS}")
-        if verdict == "differs" and not reason:
+        one = Expectation(**{name: text for name, text in entry.items() if name != "cells"})
+        if one.verdict not in VERDICTS:
+            raise ValueError(f"verdicts.toml: unknown verdict {one.verdict!r}; one of {VERDICTS}")
+        if one.verdict == "differs" and not one.reason:
             raise ValueError(f"verdicts.toml: {entry['cells']}: a differs needs its reason")
         for address in (cell.address for pattern in entry["cells"] for cell in find(pattern)):
             if address in expectations:
                 raise ValueError(f"verdicts.toml: {address} stands twice; keep one")
-            expectations[address] = Expectation(verdict, reason, entry.get("erratum", ""))
+            expectations[address] = one
     return expectations
 
 
@@ -500,7 +502,7 @@ class Surprise:
 
 def surprises(ledger: Ledger) -> list[Surprise]:
     """Compare the ledger's verdicts with the frozen ones."""
-    unknown = Expectation("none", "")
+    unknown = Expectation("none")
     wanted = [(r, frozen().get(r.cell, unknown).verdict) for r in ledger.records]
     return [Surprise(r.cell, verdict, r.verdict) for r, verdict in wanted if verdict != r.verdict]
 

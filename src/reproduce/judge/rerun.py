@@ -272,7 +272,7 @@ def _drawn_above(key: str, changes: set[str]) -> bool:
 def checked_values(key: str, changes: Mapping[str, str | float]) -> dict[str, float]:
     """Return a reader's values in SI units, or refuse what the item does not read."""
     refuse_strays(key, changes, changeable(key))
-    return {address: in_si(_cell(address), text) for address, text in changes.items()}
+    return {address: in_si(find(address)[0], text) for address, text in changes.items()}
 
 
 def refuse_strays(subject: str, changes: Iterable[str], allowed: Sequence[str]) -> None:
@@ -356,7 +356,7 @@ def _reading(key: str, chosen: dict[str, str]) -> Rerun:
 
 
 def _as_read(record: Record, unchanged: float | None) -> list[ChangedCell]:
-    cell = _cell(record.cell)
+    cell = find(record.cell)[0]
     if record.readings:
         return [
             ChangedCell(cell, unchanged, one.computed, one.interval, one.name, one.verdict)
@@ -429,7 +429,7 @@ class _Run:
         above = maker(address)
         if above is None or not self.values.keys() & set(_upstream(above.given)):
             return None
-        cell = _cell(address)
+        cell = find(address)[0]
         found, unchanged = self._made(above, cell), self._unchanged._made(above, cell)
         if found is None or (unchanged is not None and _same(cell, found, unchanged)):
             return None  # nothing is computed, or no change reaches this cell
@@ -443,11 +443,6 @@ class _Run:
     def _made(self, computation: Computation, cell: Cell) -> float | None:
         result = self.results(computation).get(cell.name)
         return None if result is None else _middle(result)
-
-
-def _cell(address: str) -> Cell:
-    key, _, name = address.partition("#")
-    return library()[key][name]
 
 
 def _middle(result: Result, unit: float = 1.0) -> float | None:

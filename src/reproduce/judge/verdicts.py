@@ -42,6 +42,9 @@ class Judgement:
         The part of the tolerance that is used up; none for differs and for bounds.
     probability, mcse : float, optional
         Two-sided mid-p of the printed value under the prediction, and its Monte Carlo error.
+    error : float, optional
+        Monte Carlo standard error of the median: half of what lies between the quantiles that are
+        one standard error of a share of one half apart from it.
     """
 
     verdict: Verdict
@@ -52,6 +55,7 @@ class Judgement:
     share: float | None = None
     probability: float | None = None
     mcse: float | None = None
+    error: float | None = None
 
 
 def judge_value(printed: PrintedNumber, value: float, interval: tuple[float, float]) -> Judgement:
@@ -94,6 +98,7 @@ def judge_prediction(printed: PrintedNumber, draws: NDArray[np.float64]) -> Judg
     flags = ("uninformative",) if high - low > abs(printed.value) else ()
     # (k + 1/2)/(n + 1) in place of k/n, so that a count of zero does not claim a zero error.
     smoothed = (float(tail) * draws.size + 0.5) / (draws.size + 1)
+    near = np.quantile(draws, np.array([0.5, 0.5]) + np.array([-0.5, 0.5]) / math.sqrt(draws.size))
     return Judgement(
         verdict="consistent" if consistent else "differs",
         computed=float(np.median(draws)),
@@ -103,6 +108,7 @@ def judge_prediction(printed: PrintedNumber, draws: NDArray[np.float64]) -> Judg
         share=(1.0 - probability) / CENTRAL if consistent else None,
         probability=probability,
         mcse=2.0 * math.sqrt(smoothed * (1.0 - smoothed) / draws.size),
+        error=float(np.ptp(near)) / 2,
     )
 
 

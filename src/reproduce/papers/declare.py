@@ -205,9 +205,21 @@ class Blocked:
     readings: tuple[Reading, ...] = ()
 
 
-def blocked(text: Words, name: str, results: Iterable[float | Prediction]) -> Blocked:
+def blocked(
+    text: Words, name: str, results: Iterable[float | Prediction], stand_in: float | None = None
+) -> Blocked:
     """Return a number that depends on how the text is read, from what every way gives."""
-    return Blocked(text.missing[name], readings=tuple(map(read, text.readings[name], results)))
+    return Blocked(text.missing[name], stand_in, tuple(map(read, text.readings[name], results)))
+
+
+def options_of(text: Words, name: str) -> dict[str, dict[str, str]]:
+    """Return what the readings of a number choose among: option to alternatives, as in `Words`."""
+    chosen = {choice for way in text.readings[name] for choice in way.choices.items()}
+    taken = {
+        option: {way: told for way, told in ways.items() if (option, way) in chosen}
+        for option, ways in text.options.items()
+    }
+    return {option: ways for option, ways in taken.items() if ways}
 
 
 Result = float | Prediction | Blocked

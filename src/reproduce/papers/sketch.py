@@ -9,7 +9,7 @@ import functools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,7 +19,6 @@ from reproduce.physics.validate import FloatArray
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
     from reproduce.printed.given import Given
@@ -51,49 +50,12 @@ def thin(figure: Figure) -> bool:
     return float(figure.get_figwidth()) <= NARROW
 
 
-def slim(axes: Axes) -> bool:
-    """Tell whether axes are drawn for a narrow page."""
-    figure = axes.get_figure(root=True)
-    return figure is not None and thin(figure)
-
-
 def sized(figure: Figure, width: float, height: float, narrow: float | None = None) -> bool:
     """Give a figure its inches, or its height on a narrow page; tell whether it is for one."""
     if narrowed := thin(figure):
         width, height = NARROW, narrow or height
     figure.set_size_inches(width, height)
     return narrowed
-
-
-def canvas(
-    figure: Figure, width: float, height: float, inches: float = 6.4, narrow: Point | None = None
-) -> Axes:
-    """Return axes without ticks that reach from (0, 0) to (width, height), to scale.
-
-    On a narrow page they reach to `narrow`, where it is given.
-    """
-    if thin(figure):
-        (width, height), inches = narrow or (width, height), NARROW
-    figure.set_size_inches(inches, inches * height / width)
-    axes = figure.add_subplot()
-    axes.set(xlim=(0, width), ylim=(0, height), aspect="equal")
-    axes.set_axis_off()
-    return axes
-
-
-def diagram(
-    width: float, height: float, inches: float = 6.4, narrow: Point | None = None
-) -> Callable[[Callable[..., None]], _Draw]:
-    """Turn a painter on a canvas into a drawing of an item without printed values."""
-
-    def declare(paint: Callable[..., None]) -> _Draw:
-        @functools.wraps(paint)
-        def draw(figure: Figure, printed: Mapping[str, float], *door: Given) -> None:
-            paint(canvas(figure, width, height, inches, narrow), *door)
-
-        return draw
-
-    return declare
 
 
 def beside(place: ArrayLike, right: float, up: float) -> FloatArray:
@@ -109,136 +71,211 @@ def turned(points: ArrayLike, degrees: float) -> FloatArray:
     return result
 
 
-def label(axes: Axes, place: ArrayLike, text: str, *, size: float = SIZE, **look: object) -> None:
-    """Write a label, centred on its place unless `ha` or `va` say otherwise."""
-    size = min(size, LEAST) if slim(axes) else size
-    settings = {"ha": "center", "va": "center", "fontsize": size, **look}
-    # Matplotlib types every property of a text apart; here they are mixed in one mapping.
-    x, y = np.asarray(place).tolist()
-    axes.text(x, y, text, **settings)  # type: ignore[arg-type]
-
-
-def line(axes: Axes, points: ArrayLike, width: float = 1.0, style: str = "-") -> None:
-    """Draw a line through points of shape (n, 2)."""
-    axes.plot(*np.asarray(points).T, color=INK, linewidth=width, linestyle=style)
-
-
-def arrow(
-    axes: Axes,
-    start: ArrayLike,
-    end: ArrayLike,
-    look: Look = _INKED,
-    *,
-    style: str = "-|>",
-    width: float = 1.3,
-) -> None:
-    """Draw an arrow, in a look or in ink."""
-    from matplotlib.patches import FancyArrowPatch
-
-    ends = np.array([start, end], dtype=np.float64).tolist()
-    patch = FancyArrowPatch(*ends, arrowstyle=style, shrinkA=0, shrinkB=0, mutation_scale=9)
-    patch.set(color=look.colour, linestyle=look.line, linewidth=width)
-    axes.add_patch(patch)
-
-
-def path(axes: Axes, points: Sequence[ArrayLike], look: Look = _INKED) -> None:
-    """Draw an arrow over several straight pieces, each with a head."""
-    for start, end in pairwise(points):
-        arrow(axes, start, end, look)
-
-
-def box(
-    axes: Axes,
-    centre: ArrayLike,
-    size: Point,
-    text: str = "",
-    look: Look | None = None,
-    *,
-    turn: float = 0.0,
-    style: str = "-",
-    width: float = 1.3,
-) -> None:
-    """Draw a labelled rectangle about a centre, turned by some degrees."""
-    from matplotlib.patches import Polygon
-
-    corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) / 2 * size
-    patch = Polygon(turned(corners, turn) + np.asarray(centre), closed=True)
-    patch.set(facecolor="none", edgecolor=look.colour if look else INK)
-    patch.set(linewidth=width, linestyle=look.line if look else style)
-    axes.add_patch(patch)
-    if text:
-        label(axes, centre, text)
-
-
-def _joined(
-    axes: Axes, one: tuple[Point, Point], other: tuple[Point, Point], look: Look = _INKED
-) -> None:
-    """Draw an arrow from one box to another, each a centre and a size, from edge to edge."""
-    (start, width), (end, across) = np.array(one), np.array(other)
-    way = end - start
-    with np.errstate(divide="ignore"):
-        out, into = (0.5 * np.min(size / np.abs(way)) for size in (width, across))
-    arrow(axes, start + out * way, end - into * way, look)
-
-
 # A box of a diagram: its text, then centre and size on a wide page and on a narrow one.
 Block = tuple[str, tuple[Point, Point], tuple[Point, Point]]
 
 
-def blocks(
-    axes: Axes, boxes: Mapping[str, Block], steps: Sequence[str], looks: Mapping[str, Look]
-) -> None:
-    """Draw boxes, dotted where they have no text, and arrows; a step names the boxes it joins."""
-    places = {name: layouts[slim(axes)] for name, (_, *layouts) in boxes.items()}
-    for name, (text, *_) in boxes.items():
-        style, width = ("-", 1.3) if text else (":", 0.8)
-        box(axes, *places[name], text, looks.get(name), style=style, width=width)
-    for start, end in map(str.split, steps):
-        _joined(axes, places[start], places[end], looks.get(start) or looks.get(end) or _INKED)
+@dataclass(frozen=True)
+class Sketch:
+    """Axes without ticks, to scale, and the pieces that are drawn on them."""
+
+    axes: Axes
+    narrow: bool
+
+    @classmethod
+    def on(
+        cls,
+        figure: Figure,
+        width: float,
+        height: float,
+        inches: float = 6.4,
+        narrow: Point | None = None,
+    ) -> Sketch:
+        """Return a sketch from (0, 0) to (width, height), or to `narrow` on a narrow page."""
+        narrowed = thin(figure)
+        if narrowed:
+            (width, height), inches = narrow or (width, height), NARROW
+        figure.set_size_inches(inches, inches * height / width)
+        axes = figure.add_subplot()
+        axes.set(xlim=(0, width), ylim=(0, height), aspect="equal")
+        axes.set_axis_off()
+        return cls(axes, narrowed)
+
+    def label(self, place: ArrayLike, text: str, *, size: float = SIZE, **look: object) -> None:
+        """Write a label, centred on its place unless `ha` or `va` say otherwise."""
+        size = min(size, LEAST) if self.narrow else size
+        settings = {"ha": "center", "va": "center", "fontsize": size, **look}
+        # Matplotlib types every property of a text apart; here they are mixed in one mapping.
+        x, y = np.asarray(place).tolist()
+        self.axes.text(x, y, text, **settings)  # type: ignore[arg-type]
+
+    def line(self, points: ArrayLike, width: float = 1.0, style: str = "-") -> None:
+        """Draw a line through points of shape (n, 2)."""
+        self.axes.plot(*np.asarray(points).T, color=INK, linewidth=width, linestyle=style)
+
+    def mark(self, place: ArrayLike, look: Look, size: float) -> None:
+        """Draw the markers of a look at one place, or at places of shape (n, 2)."""
+        self.axes.plot(*np.transpose(place), look.marker, color=look.colour, markersize=size)
+
+    def arrow(
+        self,
+        start: ArrayLike,
+        end: ArrayLike,
+        look: Look = _INKED,
+        *,
+        style: str = "-|>",
+        width: float = 1.3,
+    ) -> None:
+        """Draw an arrow, in a look or in ink."""
+        from matplotlib.patches import FancyArrowPatch
+
+        ends = np.array([start, end], dtype=np.float64).tolist()
+        patch = FancyArrowPatch(*ends, arrowstyle=style, shrinkA=0, shrinkB=0, mutation_scale=9)
+        patch.set(color=look.colour, linestyle=look.line, linewidth=width)
+        self.axes.add_patch(patch)
+
+    def path(self, points: Sequence[ArrayLike], look: Look = _INKED) -> None:
+        """Draw an arrow over several straight pieces, each with a head."""
+        for start, end in pairwise(points):
+            self.arrow(start, end, look)
+
+    def box(
+        self,
+        centre: ArrayLike,
+        size: Point,
+        text: str = "",
+        look: Look | None = None,
+        *,
+        turn: float = 0.0,
+        style: str = "-",
+        width: float = 1.3,
+    ) -> None:
+        """Draw a labelled rectangle about a centre, turned by some degrees."""
+        from matplotlib.patches import Polygon
+
+        corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) / 2 * size
+        patch = Polygon(turned(corners, turn) + np.asarray(centre), closed=True)
+        patch.set(facecolor="none", edgecolor=look.colour if look else INK)
+        patch.set(linewidth=width, linestyle=look.line if look else style)
+        self.axes.add_patch(patch)
+        if text:
+            self.label(centre, text)
+
+    def _join(self, one: tuple[Point, Point], other: tuple[Point, Point], look: Look) -> None:
+        """Draw an arrow from one box to another, each a centre and a size, from edge to edge."""
+        (start, width), (end, across) = np.array(one), np.array(other)
+        way = end - start
+        with np.errstate(divide="ignore"):
+            out, into = (0.5 * np.min(size / np.abs(way)) for size in (width, across))
+        self.arrow(start + out * way, end - into * way, look)
+
+    def blocks(
+        self, boxes: Mapping[str, Block], steps: Sequence[str], looks: Mapping[str, Look]
+    ) -> None:
+        """Draw boxes, dotted where they have no text, and arrows; a step names what it joins."""
+        places = {name: layouts[self.narrow] for name, (_, *layouts) in boxes.items()}
+        for name, (text, *_) in boxes.items():
+            style, width = ("-", 1.3) if text else (":", 0.8)
+            self.box(*places[name], text, looks.get(name), style=style, width=width)
+        for start, end in map(str.split, steps):
+            look = looks.get(start) or looks.get(end) or _INKED
+            self._join(places[start], places[end], look)
+
+    def arc(
+        self,
+        centre: ArrayLike,
+        radius: float,
+        angles: Point,
+        text: str = "",
+        *,
+        head: bool = False,
+    ) -> None:
+        """Draw an arc between two angles in degrees, its label outside, a head at its end."""
+        sweep = np.radians(np.linspace(*angles, 60))
+        points = np.asarray(centre) + radius * np.stack([np.cos(sweep), np.sin(sweep)], axis=-1)
+        (self._turning if head else self.line)(points)
+        if text:
+            middle = np.radians(sum(angles) / 2)
+            beyond = (radius + 0.45) * np.array([np.cos(middle), np.sin(middle)])
+            self.label(np.asarray(centre) + beyond, text)
+
+    def _turning(self, points: FloatArray) -> None:
+        """Draw a curve of shape (n, 2) with a head at its end: the sense of a turn."""
+        self.line(points, 1.2)
+        # From a few points back: over the last step alone the head would not know its direction.
+        self.arrow(points[-6], points[-1], width=1.2)
+
+    def mirror(self, centre: ArrayLike, length: float, degrees: float, style: str = "-") -> None:
+        """Draw a mirror as a thick line."""
+        ends = turned([[-length / 2, 0], [length / 2, 0]], degrees) + np.asarray(centre)
+        (drawn,) = self.axes.plot(*ends.T, color=INK, linewidth=3, linestyle=style)
+        drawn.set_solid_capstyle("butt")
+
+    def lens(self, centre: ArrayLike, height: float, degrees: float = 0.0) -> None:
+        """Draw a lens, its axis turned from the horizontal by some degrees."""
+        t = np.linspace(-1, 1, 30)
+        bulge = 0.12 * height * (1 - t**2)
+        for side in (-1, 1):
+            outline = np.stack([side * bulge, t * height / 2], axis=-1)
+            self.line(turned(outline, degrees) + np.asarray(centre), 1.2)
+
+    def key(self, looks: Sequence[Look], place: Point = (0.0, 1.0)) -> None:
+        """Name the kinds of lines; the place of the upper left corner is in shares of the axes."""
+        for look in looks:
+            self.axes.plot([], [], color=look.colour, linestyle=look.line, label=look.name)
+        size = LEAST if self.narrow else SIZE
+        self.axes.legend(loc="upper left", bbox_to_anchor=place, borderaxespad=0, fontsize=size)
+
+    def triad(
+        self,
+        view: _View,
+        origin: ArrayLike,
+        directions: FloatArray,
+        names: Sequence[str],
+        *,
+        look: Look = _INKED,
+        width: float = 1.3,
+    ) -> None:
+        """Draw axes of a frame with their names."""
+        start = view.point(origin)
+        for direction, name in zip(directions, names, strict=True):
+            end = view.point(np.asarray(origin) + direction)
+            self.arrow(start, end, look, width=width)
+            if name:
+                away = (end - start) / np.hypot(*(end - start))
+                # Beside an arrow that runs sideways, above or below one that runs up or down.
+                side = "center" if abs(away[0]) < 0.6 else "left" if away[0] > 0 else "right"
+                gap = (0.36 if side == "center" else 0.16) * (1.2 if self.narrow else 1.0)
+                self.label(end + gap * away, name, ha=side)
+
+    def sense(
+        self, view: _View, origin: ArrayLike, axis: ArrayLike, start: ArrayLike, angle: float
+    ) -> None:
+        """Draw the sense of a right-handed turn: the way of a vector that turns about an axis."""
+        steps = np.linspace(0.0, angle, 60)[:, np.newaxis] * unit("axis", axis)
+        moved = rotation_from_vector(steps) @ np.asarray(start)
+        self._turning(view.point(np.asarray(origin) + moved))
 
 
-def arc(
-    axes: Axes,
-    centre: ArrayLike,
-    radius: float,
-    angles: Point,
-    text: str = "",
-    *,
-    head: bool = False,
-) -> None:
-    """Draw an arc from one angle to another, in degrees, its label outside, a head at its end."""
-    sweep = np.radians(np.linspace(*angles, 60))
-    points = np.asarray(centre) + radius * np.stack([np.cos(sweep), np.sin(sweep)], axis=-1)
-    (_turning if head else line)(axes, points)
-    if text:
-        middle = np.radians(sum(angles) / 2)
-        beyond = (radius + 0.45) * np.array([np.cos(middle), np.sin(middle)])
-        label(axes, np.asarray(centre) + beyond, text)
+def diagram(
+    width: float, height: float, inches: float = 6.4, narrow: Point | None = None
+) -> Callable[[Callable[..., None]], _Draw]:
+    """Turn a painter of a sketch into a drawing of an item without printed values."""
+
+    def declare(paint: Callable[..., None]) -> _Draw:
+        @functools.wraps(paint)
+        def draw(figure: Figure, printed: Mapping[str, float], *door: Given) -> None:
+            paint(Sketch.on(figure, width, height, inches, narrow), *door)
+
+        return draw
+
+    return declare
 
 
-def _turning(axes: Axes, points: FloatArray) -> None:
-    """Draw a curve of shape (n, 2) with a head at its end: the sense of a turn."""
-    line(axes, points, 1.2)
-    # From a few points back: over the last step alone the head would not know its direction.
-    arrow(axes, points[-6], points[-1], width=1.2)
-
-
-def key(axes: Axes, looks: Sequence[Look], place: Point) -> None:
-    """Name the kinds of lines; the place of the upper left corner is in shares of the axes."""
-    for look in looks:
-        axes.plot([], [], color=look.colour, linestyle=look.line, label=look.name)
-    size = LEAST if slim(axes) else SIZE
-    axes.legend(loc="upper left", bbox_to_anchor=place, borderaxespad=0, fontsize=size)
-
-
-def again(axes: Axes, which: Literal["x", "y"], label: str, factor: float) -> None:
-    """Give axes with a logarithmic scale the same scale in another unit, across from it."""
+def across(axes: Axes, label: str, factor: float) -> None:
+    """Give axes with a logarithmic scale the same upward scale in another unit, on the right."""
     there, back = (functools.partial(np.multiply, by) for by in (factor, 1 / factor))
-    axis: Axis
-    if which == "x":
-        axis = axes.secondary_xaxis("top", functions=(there, back)).xaxis
-    else:
-        axis = axes.secondary_yaxis("right", functions=(there, back)).yaxis
+    axis = axes.secondary_yaxis("right", functions=(there, back)).yaxis
     axis.set_major_formatter("{x:g}")
     axis.set_minor_formatter("")
     axis.set_label_text(label)
@@ -287,34 +324,3 @@ def seen_from(
     )
     right = np.array([-np.sin(around), np.cos(around), 0.0])
     return _View(np.stack([right, np.cross(viewer, right)]), centre, scale)
-
-
-def triad(
-    axes: Axes,
-    view: _View,
-    origin: ArrayLike,
-    directions: FloatArray,
-    names: Sequence[str],
-    *,
-    look: Look = _INKED,
-    width: float = 1.3,
-) -> None:
-    """Draw axes of a frame with their names."""
-    start = view.point(origin)
-    for direction, name in zip(directions, names, strict=True):
-        end = view.point(np.asarray(origin) + direction)
-        arrow(axes, start, end, look, width=width)
-        if name:
-            away = (end - start) / np.hypot(*(end - start))
-            # Beside an arrow that runs sideways, above or below one that runs up or down.
-            side = "center" if abs(away[0]) < 0.6 else "left" if away[0] > 0 else "right"
-            gap = (0.36 if side == "center" else 0.16) * (1.2 if slim(axes) else 1.0)
-            label(axes, end + gap * away, name, size=SIZE, ha=side)
-
-
-def sense(
-    axes: Axes, view: _View, origin: ArrayLike, axis: ArrayLike, start: ArrayLike, angle: float
-) -> None:
-    """Draw the sense of a right-handed turn: the way of a vector while it turns about an axis."""
-    steps = np.linspace(0.0, angle, 60)[:, np.newaxis] * unit("axis", axis)
-    _turning(axes, view.point(np.asarray(origin) + rotation_from_vector(steps) @ np.asarray(start)))

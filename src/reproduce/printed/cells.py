@@ -198,12 +198,6 @@ class Cell:
         return self.number.low * factor, self.number.high * factor
 
     @property
-    def si_interval(self) -> tuple[float, float]:
-        """The values that agree with the print, lower and upper end in SI units."""
-        low, high = self.number.interval()
-        return low * si_factor(self.unit), high * si_factor(self.unit)
-
-    @property
     def shown(self) -> str:
         """The cell as a reader sees it: qualifier, digits, unit."""
         if isinstance(self.content, str):
@@ -341,14 +335,14 @@ def altered_files() -> tuple[str, ...]:
 
 
 def _altered(folder: Path) -> list[str]:
+    sums = folder / "SHA256SUMS"
     try:
-        lines = (folder / "SHA256SUMS").read_text(encoding="utf-8").splitlines()
+        lines = sums.read_text(encoding="utf-8").splitlines()
         recorded = {name: digest for digest, name in (line.split("  ", 1) for line in lines)}
-    except (FileNotFoundError, ValueError) as error:
-        raise PrintedFileError(
-            f"{folder / 'SHA256SUMS'}: expected lines of a checksum and a file's name, got "
-            f"{error}; restore the file"
-        ) from error
+    except FileNotFoundError as error:
+        raise PrintedFileError(f"{sums} is missing: restore it, or run `make checksums`") from error
+    except ValueError as error:
+        raise PrintedFileError(f"{sums}: a line is no checksum and name; restore it") from error
     found = {
         path.relative_to(folder).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest()
         for path in folder.rglob("*")

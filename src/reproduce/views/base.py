@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 from reproduce.judge import rerun
 from reproduce.papers.catalogue import catalogue
+from reproduce.printed.cells import find
 from reproduce.views import keys
 from reproduce.views.display import Display
 from reproduce.views.export import citation, export_frame
@@ -30,6 +31,13 @@ class Shown(Display):
     def reads(self) -> tuple[str, ...]:
         """Addresses of all printed cells that it reads, directly or through other items."""
         return rerun.changeable(self.key)
+
+    @property
+    def again(self) -> str:
+        """The line that computes it again, with a place for another value of what it reads."""
+        line, numbers = f'rp.table("{self.key}")', (find(one)[0] for one in self.reads)
+        read = next((cell for cell in numbers if cell.is_number), None)
+        return line + (f'.rerun({{"{read.address}": "{read.text}"}})' if read else "")
 
     @abstractmethod
     def frame(self) -> pd.DataFrame:
@@ -87,7 +95,7 @@ class Item(Shown):
         """The text of the functions that compute and draw it."""
         item = catalogue()[self.key]
         drawn = [] if item.draw is None else [item.draw.function]
-        return "\n\n".join(map(text_of, [*(one.function for one in item.computations), *drawn]))
+        return "\n\n\n".join(map(text_of, [*(one.function for one in item.computations), *drawn]))
 
 
 class Changeable(Shown):

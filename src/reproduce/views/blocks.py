@@ -98,12 +98,16 @@ Block = str | Markup | Html | Grid | Fold
 def grid(
     caption: Entry,
     columns: Mapping[Any, Callable[[Any], Entry | Box]],
-    rows: Iterable[Any],
+    rows: Collection[Any],
     **looks: Any,
 ) -> Grid:
-    """Return a table from what writes the entries of each column, by its head, and the rows."""
-    written = [[write(row) for write in columns.values()] for row in rows]
-    return Grid(caption, list(columns), written, **looks)
+    """Return a table from what writes the entries of each column, by its head, and the rows.
+
+    Columns without any entry are left out.
+    """
+    written = [[write(row) for row in rows] for write in columns.values()]
+    shown = {head: column for head, column in zip(columns, written, strict=True) if any(column)}
+    return Grid(caption, list(shown), [*zip(*shown.values(), strict=True)], **looks)
 
 
 def badge(word: str, text: str = "") -> Markup:

@@ -12,8 +12,6 @@ from typing import Any
 
 import click
 
-from reproduce.inference import Progress, UnconvergedError
-from reproduce.papers.catalogue import catalogue
 from reproduce.physics.registration import MODELS
 from reproduce.version import __version__
 from reproduce.views import front
@@ -36,8 +34,8 @@ class _Shell(click.Group):
             if as_json:
                 cause = error.__cause__
                 told: dict[str, Any] = {"error": error.format_message()}
-                if isinstance(cause, UnconvergedError):
-                    told |= {"steps_needed": cause.steps, "missed": cause.missed}
+                if missed := getattr(cause, "missed", ()):  # by chains that have not converged
+                    told |= {"steps_needed": getattr(cause, "steps", None), "missed": missed}
                 click.echo(json.dumps(told, indent=2))
             raise
 
@@ -49,7 +47,11 @@ class _Shell(click.Group):
             raise click.UsageError(str(error.args[0]), ctx) from error
         except ValueError as error:
             raise click.UsageError(str(error), ctx) from error
-        except UnconvergedError as error:
+        except ArithmeticError as error:
+            from reproduce.inference import UnconvergedError  # only now: it loads SciPy
+
+            if not isinstance(error, UnconvergedError):
+                raise
             advice = f" (--steps; there were {error.taken})" if error.steps else ""
             raise click.ClickException(f"{error}{advice}") from error
         except OSError as error:
@@ -86,11 +88,11 @@ def _pairs(option: str, form: str, texts: tuple[str, ...]) -> dict[str, str]:
 
 
 @contextmanager
-def _bar(what: str, total: int) -> Iterator[Progress]:
+def _bar(what: str) -> Iterator[Callable[[int, int], None]]:
     """Show a bar on a terminal's standard error, and nothing in a pipe."""
     hidden = not sys.stderr.isatty()
-    with click.progressbar(length=total, label=what, file=sys.stderr, hidden=hidden) as shown:
-        yield lambda done, _: shown.update(done - shown.pos)
+    with click.progressbar(length=100, label=what, file=sys.stderr, hidden=hidden) as shown:
+        yield lambda done, total: shown.update(100 * done // total - shown.pos)
 
 
 def _show(as_json: bool, record: Callable[[], Any], write: Callable[[], None]) -> None:
@@ -144,7 +146,7 @@ def list_items(as_json: bool) -> None:
 
 
 @main.command()
-@click.argument("keys", nargs=-1, metavar="[KEY]...")
+@click.argument("keys", nargs=-1, metavar="[KEY|PAPER]...")
 @click.option("--json", "as_json", is_flag=True, help="Print one record per printed cell.")
 def check(keys: tuple[str, ...], as_json: bool) -> None:
     """Judge every printed cell and compare the verdicts with the frozen ones.
@@ -152,7 +154,7 @@ def check(keys: tuple[str, ...], as_json: bool) -> None:
     Exits with 0 only if every verdict is as frozen and every file of printed numbers has its
     checksum, else with 1.
     """
-    with _bar("recomputing", len(keys or catalogue())) as progress:
+    with _bar("recomputing") as progress:
         found = front.check(*keys, progress=progress)
     if as_json:
         click.echo(found.ledger.model_dump_json(indent=2))
@@ -274,7 +276,7 @@ def register(
     """
     given: dict[str, Any] = {name: one for name, one in settings.items() if one is not None}
     given |= {} if reference is None else {"reference": _place(reference)}
-    with _bar("finding stars", len(files)) as progress:
+    with _bar("finding stars") as progress:
         source: Any = files[0] if len(files) == 1 else files
         found: Any = front.register(source, progress=progress, **given)
     fits = getattr(found, "fits", {"": found})
@@ -282,7 +284,7 @@ def register(
         raise click.UsageError("--picture, --write and --posterior belong to pictures")
     sampled = {name: fit.posterior() for name, fit in fits.items()} if posterior else {}
     for name, one in sampled.items():
-        with _bar(f"sampling {name}".strip(), one.plan.ensembles) as progress:
+        with _bar(f"sampling {name}".strip()) as progress:
             one.sample(progress=progress)
     records = {name: one.record() for name, one in sampled.items()}
 
@@ -360,7 +362,7 @@ def posterior(
     wanted = front.posterior(model, priors=ends, **asked)
     if out:
         wanted.check_file(out)
-    with _bar("sampling", wanted.plan.ensembles) as progress:
+    with _bar("sampling") as progress:
         wanted.sample(progress=progress)
     _show(as_json, wanted.record, wanted.print)
     if out:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import cached_property
+from itertools import groupby
+from math import ceil
 from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
@@ -22,7 +24,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 PITCH = 14  # from one mark to the next, in CSS pixels
-ACROSS = 10  # marks in a row of a group of quoted numbers
+DEEP = 6  # marks above each other; a longer table goes on beside itself
 # Each verdict has a shape of its own, so that colour is not needed.
 SHAPES = {
     "exact": "M-4.5-4.5h9v9h-9z",
@@ -93,11 +95,10 @@ class Contents(Display):
 
     def blocks(self) -> Iterator[Block]:
         """Yield every number as a mark, and the same as lists: items, tables of our own, score."""
-        parts, records = [], self._ledger.records
-        for paper in self.papers:
-            own = [record for record in records if record.key.startswith(f"{paper}/")]
-            parts += [Markup('<p class="rp-wall-paper">{}</p>').format(paper), wall(own)]
-        yield Html(Markup("\n").join([*parts, legend(records)]))
+        records, part = self._ledger.records, Markup('<div><p class="rp-wall-paper">{}</p>{}</div>')
+        papers = groupby(records, key=lambda record: record.key.partition("/")[0])
+        walls = Markup("\n").join(part.format(paper, wall(own)) for paper, own in papers)
+        yield Html(Markup('<div class="rp-walls">\n{}\n</div>\n{}').format(walls, legend(records)))
         yield Fold("The same in words", (*self.listed(), *self.index.shown))
 
 
@@ -107,7 +108,7 @@ class Check(Display):
     Parameters
     ----------
     wanted : tuple of str
-        The items; all by default.
+        The items, or papers with all of theirs; all by default.
     progress : callable, optional
         Called with the number of items done and of all.
     """
@@ -115,7 +116,9 @@ class Check(Display):
     def __init__(
         self, wanted: tuple[str, ...] = (), progress: Callable[[int, int], None] | None = None
     ) -> None:
-        self.ledger = build([keys.check_key(key) for key in wanted] or None, progress)
+        whole = {paper: Contents(paper).keys for paper in PAPERS}
+        listed = [one for key in wanted for one in whole.get(key) or [keys.check_key(key)]]
+        self.ledger = build(listed or None, progress)
         self.surprises = surprises(self.ledger)
 
     def __bool__(self) -> bool:
@@ -133,8 +136,8 @@ class Check(Display):
         lines = [f"{s.cell}: expected {s.expected}, found {s.found}" for s in self.surprises]
         if lines:
             lines.append(
-                f"{len(lines)} verdicts differ from data/verdicts.toml; find the cause, or change "
-                "that file with the reason"
+                f"Not as in data/verdicts.toml: {len(lines)} of {len(self.ledger.records)}; find "
+                "the cause, or change that file with the reason"
             )
         return lines + [
             f"data/printed/{name}: not the file of its checksum in data/printed/SHA256SUMS; "
@@ -171,10 +174,8 @@ def _counts(records: Sequence[Record]) -> list[Box]:
 
 def wall(records: Iterable[Record]) -> Markup:
     """Draw every record as a mark that leads to its cell, one small picture for each item."""
-    items: dict[str, dict[str, Record]] = {}
-    for record in records:
-        items.setdefault(record.key, {})[record.cell] = record
-    blocks = Markup("\n").join(_block(library()[key], found) for key, found in items.items())
+    items = groupby(records, key=lambda record: record.key)
+    blocks = Markup("\n").join(_block(library()[key], tuple(own)) for key, own in items)
     return Markup('<div class="rp-wall">\n{}\n</div>').format(blocks)
 
 
@@ -192,26 +193,24 @@ def legend(records: Sequence[Record]) -> Markup:
 
 def _entry(kind: str, verdict: str, count: str, meaning: str) -> Markup:
     return Markup(
-        '<li><svg viewBox="-7 -7 14 14" width="14" height="14" aria-hidden="true">'
+        '<li tabindex="0"><svg viewBox="-7 -7 14 14" width="14" height="14" aria-hidden="true">'
         '<path class="rp-mark-{0}{1}" d="{2}"/></svg> <strong>{3}</strong>: {4}</li>'
     ).format(verdict, kind, SHAPES[verdict], count, meaning)
 
 
-def _block(table: PrintedTable, records: dict[str, Record]) -> Markup:
-    """Draw one item: its name, and its cells in the shape of the print."""
-    across = len(table.columns) if len(table.columns) > 1 else ACROSS
-    places = [
-        (records[cell.address], number % across, number // across)
-        for number, cell in enumerate(table.cells)
-        if cell.address in records
-    ]
-    wide = PITCH * (1 + max(x for _, x, _ in places))
-    high = PITCH * (1 + max(y for _, _, y in places))
-    marks = Markup("").join(_mark(record, x, y) for record, x, y in places)
+def _block(table: PrintedTable, records: Sequence[Record]) -> Markup:
+    """Draw one item: its name, and its cells in the shape of the print, as high as all others."""
+    across, rows = max(1, len(table.columns)), len(table.rows)
+    deep = ceil(rows / ceil(rows / DEEP))
+    wide, high = PITCH * across * ceil(rows / deep), PITCH * DEEP
+    marks = Markup("")
+    for at, record in enumerate(records):
+        row, column = divmod(at, across)
+        marks += _mark(record, row // deep * across + column, row % deep)
     name = table.place.partition(",")[0]
     name = table.key.partition("/")[2].removeprefix("text-") if name == "Text" else name
-    tally = verdicts.tally(tuple(records.values()))
-    told = ", ".join(f"{count} {verdict}" for verdict, count in tally.items() if count)
+    tally = verdicts.tally(records).items()
+    told = ", ".join(f"{count} {verdict}" for verdict, count in tally if count)
     return Markup(
         '<div class="rp-wall-item"><a href="#{}" title="{}: {}">{}</a>\n'
         '<svg viewBox="0 0 {} {}" width="{}" height="{}" role="group" aria-label="{}: {}">{}</svg>'
@@ -220,8 +219,7 @@ def _block(table: PrintedTable, records: dict[str, Record]) -> Markup:
 
 
 def _mark(record: Record, across: int, down: int) -> Markup:
-    cell = verdicts.cell_of(record)
-    value = verdicts.computed(record)
+    cell, value = verdicts.cell_of(record), verdicts.computed(record)
     told = f"{cell.label}: {cell.shown} printed"
     told += f", {value} computed" if value and record.role == "result" else ""
     weak = " rp-mark-weak" if verdicts.weak_agreement(record) else ""

@@ -113,6 +113,13 @@ def errata_register() -> tuple[Erratum, ...]:
     return tuple(one for text in texts for one in register(text))
 
 
+def replied(name: str) -> Entry:
+    """Return what the authors say to an entry of the register, or how they can answer."""
+    entry = next(one for one in errata_register() if one.id == name)
+    none_yet = Markup('none yet; <a href="#letter-{}">how to answer</a>')
+    return entry.reply or none_yet.format(entry.paper)
+
+
 def _grid(caption: str, columns: _Columns, rows: Sequence[_Row], **looks: Any) -> Grid:
     return grid(caption, columns, rows, kind="rp-small rp-audit", words=len(columns), **looks)
 
@@ -263,8 +270,7 @@ def _corrections(audits: Sequence[Audit]) -> _Part:
         for group in audit.groups:
             own = [_correction(group, found, audit.name) for found in group.corrections]
             rows += own
-            remark = "" if own else "no slips within the search"
-            if remark := _too_many(group) or remark:
+            if remark := _too_many(group) or ("" if own else "no slips within the search"):
                 own = [{"contradiction": group.relations, "remark": remark}]
             tried += own[:1] + [row | {"contradiction": ()} for row in own[1:_SHOWN]]
         if tried:
@@ -343,7 +349,7 @@ def _errata(audits: Sequence[Audit], *, supposed: bool) -> _Part:
     by_paper = {audit.name: audit for audit in audits}
     chosen = [e for e in errata_register() if e.paper in by_paper]
     chosen = sorted((e for e in chosen if bool(e.supposition) == supposed), key=_consequence)
-    fields = ("paper", "place", "printed", "problem", "conclusion", "status", "extraction")
+    fields = ("paper", "place", "printed", "problem", "conclusion", "status", "extraction", "reply")
     rows: list[_Row] = [
         {"name": e.id, **{name: getattr(e, name) for name in fields}, "results": _resting(e)}
         for e in chosen
@@ -385,6 +391,7 @@ def _erratum(entry: Erratum, audit: Audit) -> Fold:
         "What the library does": entry.library,
         "The paper's conclusion": f"{entry.conclusion}: {entry.because}",
         "Status": entry.status,
+        "The authors' reply": replied(entry.id),
         "Supposing that": entry.supposition,
         "Caution": fault if entry.extraction else "",
         "Cite as": f"Erratum {entry.id}, Pointing, reproduced, version {__version__}",

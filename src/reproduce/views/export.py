@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from hashlib import sha256
 from typing import TYPE_CHECKING, Any
 
@@ -19,7 +19,7 @@ from reproduce.printed.cells import anchor, library
 from reproduce.version import ADDRESS, DOI, RELEASED, __version__, software
 from reproduce.views import keys, verdicts
 from reproduce.views.computed import item_ledger
-from reproduce.views.numbers import hyphen
+from reproduce.views.numbers import hyphen, minus, powers
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -43,10 +43,13 @@ def export(ledger: Ledger, address: str, form: str) -> str:
         return full_frame(records).to_csv(index=False)
     caption = f"{keys.title(key)} ({keys.place(key)} of {key.split('/')[0]})"
     label = f"tab:{key.replace('/', '-')}"
-    shown = _shaped_frame(records, whole=not name, ascii_units=form == "latex")
+    shown = _shaped_frame(records, whole=not name)
     if form == "latex":
         caption += "; printed (computed, verdict)"
-        return shown.to_latex(index=False, escape=True, caption=caption, label=label)
+        looks: dict[str, Any] = {"column_format": "l" + "r" * (shown.shape[1] - 1)}
+        return _in_tex(
+            shown.to_latex(index=False, escape=True, caption=caption, label=label, **looks)
+        )
     return export_frame(shown, form)
 
 
@@ -70,10 +73,29 @@ def export_frame(frame: pd.DataFrame, form: str) -> str:
     if form == "json":
         return frame.to_json(orient="records", indent=2, force_ascii=False)
     if form == "latex":
-        return frame.to_latex(index=False)
+        return _in_tex(frame.to_latex(index=False))
     lines = [list(frame.columns), ["---"] * len(frame.columns), *frame.to_numpy().tolist()]
     cells = ((str(cell).replace("|", "\\|") for cell in line) for line in lines)
     return "\n".join(f"| {' | '.join(line)} |" for line in cells)
+
+
+def _in_tex(text: str) -> str:
+    """Write signs of numbers and of units as LaTeX does.
+
+    Examples
+    --------
+    >>> print(_in_tex("-5e-5 µm"))
+    $-$5\\,$\\times$\\,10$^{-}$$^{5}$ \\textmu{}m
+    """
+    return powers(minus(text)).translate(_TEX)
+
+
+_TEX = str.maketrans(
+    {"−": "$-$", "×": r"$\times$", "\u202f": r"\,", "″": "$''$", "µ": r"\textmu{}", "–": "--"}
+    | {"°": r"\textdegree{}", "σ": r"$\sigma$", "χ": r"$\chi$", "Δ": r"$\Delta$", "θ": r"$\theta$"}
+    | {"≈": r"$\approx$", "⁻": "$^{-}$"}
+    | {sign: f"$^{{{digit}}}$" for digit, sign in enumerate("⁰¹²³⁴⁵⁶⁷⁸⁹")}
+)
 
 
 def full_frame(records: tuple[Record, ...]) -> pd.DataFrame:
@@ -92,10 +114,10 @@ def full_frame(records: tuple[Record, ...]) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def _shaped_frame(records: tuple[Record, ...], *, whole: bool, ascii_units: bool) -> pd.DataFrame:
+def _shaped_frame(records: tuple[Record, ...], *, whole: bool) -> pd.DataFrame:
     """Lay out a table in the shape of the print, quoted numbers and a cell alone line by line.
 
-    Units stand where a row or a column shares one; plain LaTeX has no glyph for their signs.
+    Units stand where a row or a column shares one.
     """
     import pandas as pd
 
@@ -107,7 +129,7 @@ def _shaped_frame(records: tuple[Record, ...], *, whole: bool, ascii_units: bool
         grid = [[by_name[f"{row.id}.{c.id}"] for c in table.columns] for row in table.rows]
 
     def named(label: str, line: Iterable[Record]) -> str:
-        units = {one.unit if ascii_units else verdicts.unit(one) for one in line} - {"", "1"}
+        units = set(map(verdicts.unit, line)) - {""}
         return f"{label} ({units.pop()})" if len(units) == 1 else label
 
     if all(len({one.unit for one in row} - {""}) <= 1 for row in grid):
@@ -201,7 +223,9 @@ def _paper(key: str) -> Entry:
 
 def _et_al(paper: str) -> str:
     source = _paper(paper)
-    return f"{source.persons['author'][0].last_names[-1]} et al. ({source.fields['year']})"
+    names = [person.last_names[-1] for person in source.persons["author"]]
+    told = " and ".join(names) if len(names) < 3 else f"{names[0]} et al."
+    return f"{told} ({source.fields['year']})"
 
 
 def _written(name: str, title: str, note: str, paper: str, form: str, address: str) -> str:
@@ -313,14 +337,18 @@ def bar(
         )
     ]
     if cited:
-        texts = (citation(key, form) for form in ("bibtex", "text"))
+        cells = [one.address for one in library()[key].cells] if key in library() else []
+        texts = [citation(key, form) for form in ("bibtex", "text")]
+        texts += ["\n".join(citation(one, "text").partition("\n")[0] for one in cells)] * bool(
+            cells
+        )
         parts.append(_fold("Cite", Markup("").join(map(_block, texts))))
     link = Markup('<a href="#{}" download>{}</a>')
     named = [(path, path.rpartition(".")[2]) for path in files]
     links = [link.format(path, NAMES.get(kind, kind.upper())) for path, kind in named]
     parts.append(Markup("<span>{}</span>").format(Markup(" · ").join(links)))
     if source:
-        parts.append(_fold("Function", _block(source)))
+        parts.append(_fold("Function", Markup("").join(_functions(source, anchor))))
     if inputs:
         parts.append(_fold("Inputs", inputs))
     return Markup('<div class="rp-bar">{}</div>').format(Markup("\n").join(parts))
@@ -328,6 +356,13 @@ def bar(
 
 def _fold(summary: str, content: Markup) -> Markup:
     return Markup("<details><summary>{}</summary>{}</details>").format(summary, content)
+
+
+def _functions(source: str, place: str) -> Iterator[Markup]:
+    """Yield the text of each function, with an anchor that links of its cells lead to."""
+    for text in source.split("\n\n\n"):
+        name = text.partition("def ")[2].partition("(")[0]
+        yield Markup('<pre tabindex="0" id="function-{}-{}">{}</pre>').format(place, name, text)
 
 
 def _block(text: str) -> Markup:

@@ -33,6 +33,7 @@ from reproduce.inference import (
     sampling,
 )
 from reproduce.inference.models import MixtureRegistration, probability_false, with_priors
+from reproduce.judge.rerun import check_randomness
 from reproduce.papers.posteriors import posteriors
 from reproduce.papers.sketch import sized, thin
 from reproduce.store.points import is_table
@@ -88,6 +89,7 @@ class Posterior(Remade):
         )
         if data_seed is not None and (data is not None or not self.declared.simulated):
             raise ValueError(f"data_seed: expected none, the data of {name} are not simulated here")
+        check_randomness(name, True, (), data_seed)
         for key, value in (("pivot", pivot), ("platform", platform)):
             if value is not None and data is None:
                 raise ValueError(f"{key}: expected data of your own beside it; ours have one")

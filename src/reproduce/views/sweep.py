@@ -1,4 +1,4 @@
-"""One input moved over several values: a small table, and on a page a slider over it."""
+"""What a rerun changed; and one input moved over several values, on a page with a slider."""
 
 from __future__ import annotations
 
@@ -12,17 +12,20 @@ from markupsafe import Markup
 
 from reproduce.judge.rerun import ChangedCell, Rerun, in_si
 from reproduce.papers.declare import Study
-from reproduce.printed.cells import library
+from reproduce.printed.cells import find
 from reproduce.printed.number import Interval, symbol
-from reproduce.views.blocks import Block, Grid, Html
+from reproduce.views import verdicts
+from reproduce.views.base import setting
+from reproduce.views.blocks import Block, Grid, Html, grid
 from reproduce.views.display import Display
-from reproduce.views.numbers import entry, minus
+from reproduce.views.numbers import between, entry, minus
 
 if TYPE_CHECKING:
     import pandas as pd
 
 _Change = Mapping[str, str | float]
-WIDE, HIGH, MARGIN = 220, 96, 8  # of one picture, in CSS pixels
+WIDE, HIGH, MARGIN = 220, 110, 8  # of one picture, in CSS pixels
+LEFT, FOOT = 56, 16  # of that, for the values on its axes
 # A number of our own that moves by a smaller share than this does not fill the height of a picture.
 _NOTICED = 0.05
 
@@ -47,6 +50,91 @@ class Point(NamedTuple):
     def name(self) -> str:
         """What a head calls it."""
         return f"{self.cell} if {self.reading}" if self.reading else self.cell
+
+
+class Changed(Display):
+    """A table or cell computed again under a reader's own change, which has no verdict.
+
+    With nothing but options it is a reading of the text: each cell says what it would be judged as.
+
+    Parameters
+    ----------
+    result : reproduce.judge.rerun.Rerun
+        What was computed: ``changes``, ``options``, and the printed inputs whose place a
+        recomputed value took, ``replaced``.
+    name : str
+        The one cell that is asked for; all of them by default.
+    """
+
+    def __init__(self, result: Rerun, name: str = "") -> None:
+        self.result = result
+        self.changes, self.options, self.replaced = result.changes, result.options, result.replaced
+        self._cells = [one for one in result.cells if name in {"", one.cell.name}]
+
+    def frame(self) -> pd.DataFrame:
+        """Return printed, computed from the print, value under the change and difference.
+
+        Returns
+        -------
+        pandas.DataFrame
+            One row per computed cell, in the unit of print, with the central 99 % where it is a
+            prediction; a reading of the text has the verdict that it ``would be``.
+        """
+        import pandas as pd
+
+        heads = ("cell", "reading", "printed", "unchanged", "changed", "changed - printed",
+                 "low", "high", "unit", "would be")  # fmt: skip
+        frame = pd.DataFrame(map(_row, self._cells), columns=heads).set_index("cell")
+        return frame.drop(columns=[n for n in ("reading", "would be") if not frame[n].any()])
+
+    def _caption(self) -> str:
+        remark = "a reader's own setting, without a verdict"
+        if self.result.is_reading:
+            remark = (
+                "one reading of the text, with what each cell "
+                "would be judged as. The verdict of a cell takes every reading into account"
+            )
+        changed = {**self.changes, **self.options}
+        told = setting(f"{self.result.key} with", changed, self.replaced, remark)
+        if any(one.interval for one in self._cells):
+            told += " From and to: the central 99 % of the prediction."
+        if self.result.joint:
+            told += f" {verdicts.joint_sentence(self.result.joint)}"
+        return told
+
+    @property
+    def grid(self) -> Grid:
+        """The cells and what was changed, as a reader sees them; without empty columns."""
+        rows, columns = [one for one in self._cells if one.cell.is_number], self._columns()
+        return grid(self._caption(), columns, rows, whole=range(1, len(columns)))
+
+    def _columns(self) -> dict[str, Callable[[ChangedCell], str]]:
+        reading = self.result.is_reading
+        return {
+            "cell": lambda one: one.cell.name + f" if {one.reading}" * bool(one.reading),
+            "printed": lambda one: minus(one.cell.text),
+            "from the print": lambda one: "" if reading else _digits(one, one.unchanged),
+            "so read" if reading else "changed": lambda one: _digits(one, one.value),
+            "from": lambda one: _digits(one, (one.interval or (None, None))[0]),
+            "to": lambda one: _digits(one, (one.interval or (None, None))[1]),
+            "would be": lambda one: one.would_be,
+            "unit": lambda one: symbol(one.cell.unit),
+        }
+
+    def blocks(self) -> Iterator[Block]:
+        """Yield the cells and what was changed."""
+        yield self.grid
+
+
+def _digits(one: ChangedCell, value: float | None) -> str:
+    return "" if value is None else minus(one.cell.number.format(value, extra=1))
+
+
+def _row(one: ChangedCell) -> tuple[Any, ...]:
+    value, cell = one.value, one.cell
+    apart = value - cell.number.value if value is not None and cell.is_number else None
+    told = (cell.name, one.reading, cell.text, one.unchanged, value, apart)
+    return *told, *(one.interval or (None, None)), cell.unit and symbol(cell.unit), one.would_be
 
 
 @dataclass(frozen=True, repr=False)
@@ -119,9 +207,9 @@ class Sweep(Display):
         dial = Markup(
             '<div class="rp-sweep">\n<p class="rp-dial" hidden><label>{}: '
             '<input type="range" min="0" max="{}" step="1" value="{}"></label> '
-            "<output></output></p>"
+            "<output></output>; all {} settings were computed beforehand</p>"
         )
-        yield Html(dial.format(self.label, len(self.steps) - 1, at))
+        yield Html(dial.format(self.label, len(self.steps) - 1, at, len(self.steps)))
         yield self.grid
         pictures = Markup("\n").join(map(self._picture, self.quantities))
         yield Html(Markup('<div class="rp-sweep-pictures">{}</div></div>').format(pictures))
@@ -135,11 +223,11 @@ class Sweep(Display):
         seen = np.concatenate([ends.ravel(), one.span])
         seen = seen[np.isfinite(seen)]
         low, high = (seen.min(), seen.max()) if len(seen) else (0.0, 0.0)
-        scale = (HIGH - 2 * MARGIN) / (high - low if high > low else 1)
-        x = np.linspace(2 * MARGIN, WIDE - 2 * MARGIN, len(middle)).round(1)
+        scale = (HIGH - FOOT - 2 * MARGIN) / (high - low if high > low else 1)
+        x = np.linspace(LEFT + 2 * MARGIN, WIDE - 2 * MARGIN, len(middle)).round(1)
 
         def y(value: float) -> float:
-            return round(HIGH - MARGIN - scale * float(value - low), 1)
+            return round(HIGH - FOOT - MARGIN - scale * float(value - low), 1)
 
         mark = '<g class="rp-at"><path d="M{} {}V{}"/><circle cx="{}" cy="{}" r="3.5"/></g>'
         marks = Markup("").join(
@@ -151,11 +239,18 @@ class Sweep(Display):
         if np.isfinite(one.mark):
             told += f"; dashed: {self.dashed}"
             dashed = Markup('<path class="rp-dashed" d="M{} {}H{}"/>')
-            line = dashed.format(MARGIN, y(one.mark), WIDE - MARGIN)
+            line = dashed.format(LEFT, y(one.mark), WIDE - MARGIN)
+        ends_of = [(LEFT - 4, y(end), "end", between(end, high - low or 1)) for end in (low, high)]
+        ends_of += [
+            (LEFT, HIGH - 3, "start", self.values[0]),
+            (WIDE, HIGH - 3, "end", self.values[-1]),
+        ]
+        text = '<text x="{}" y="{}" text-anchor="{}">{}</text>'
+        axes = Markup("").join(Markup(text).format(*end) for end in ends_of)
         return Markup(
-            '<figure><svg viewBox="0 0 {} {}" role="img" aria-label="{}">{}{}</svg>'
+            '<figure><svg viewBox="0 0 {} {}" role="img" aria-label="{}">{}{}{}</svg>'
             "<figcaption>{}</figcaption></figure>"
-        ).format(WIDE, HIGH, told, line, marks, one.name)
+        ).format(WIDE, HIGH, told, line, marks, axes, one.name + f" ({one.unit})" * bool(one.unit))
 
 
 def swept(
@@ -192,13 +287,11 @@ def swept(
 
 
 def _label(name: str, settings: Mapping[str, str]) -> str:
-    key, _, cell = name.partition("#")
-    return f"{name} ({settings[name]})" if name in settings else library()[key][cell].label
+    return f"{name} ({settings[name]})" if name in settings else find(name)[0].label
 
 
 def _as_printed(address: str, value: str | float) -> bool:
-    key, _, name = address.partition("#")
-    return key in library() and isclose(in_si(library()[key][name], value), library()[key][name].si)
+    return "#" in address and isclose(in_si(find(address)[0], value), find(address)[0].si)
 
 
 def of_cells(rerun: Rerun, names: Sequence[str]) -> Iterator[Point]:
@@ -213,11 +306,10 @@ def of_cells(rerun: Rerun, names: Sequence[str]) -> Iterator[Point]:
 def _written(one: ChangedCell) -> str:
     if one.value is None:
         return "none"
-    number = one.cell.number
-    text = number.format(one.value, extra=1)
+    text = _digits(one, one.value)
     if one.interval is not None:
-        text += f" ({' to '.join(number.format(end, extra=1) for end in one.interval)})"
-    return minus(f"{text} {symbol(one.cell.unit)}".strip())
+        text += f" ({' to '.join(_digits(one, end) for end in one.interval)})"
+    return verdicts.quantity(text, symbol(one.cell.unit))
 
 
 def of_study(

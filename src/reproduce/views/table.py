@@ -9,21 +9,18 @@ from typing import TYPE_CHECKING, Any
 from markupsafe import Markup
 
 from reproduce.judge import rerun as rerunning
-from reproduce.judge.ledger import Ledger, Record, TableRecord, WholeReading, erratum, reason
-from reproduce.judge.rerun import ChangedCell, Rerun
+from reproduce.judge.ledger import Ledger, Record, WholeReading, erratum, reason
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import Computation
 from reproduce.printed.cells import Cell as PrintedCell
-from reproduce.printed.cells import anchor, find, library
-from reproduce.printed.number import symbol
+from reproduce.printed.cells import anchor, library
 from reproduce.views import keys, verdicts
-from reproduce.views.base import Item, Shown, by_row, setting, text_of
-from reproduce.views.blocks import Block, Box, Entry, Fold, Grid, Html, badge, grid, html
+from reproduce.views.base import Item, Shown, by_row, text_of
+from reproduce.views.blocks import Block, Box, Entry, Fold, Grid, Html, badge, grid
 from reproduce.views.computed import item_ledger
-from reproduce.views.display import Display
-from reproduce.views.export import bar, citation, export, full_frame, table_files
+from reproduce.views.export import bar, export, full_frame, table_files
 from reproduce.views.numbers import minus
-from reproduce.views.sweep import Sweep, of_cells, swept
+from reproduce.views.sweep import Changed, Point, Sweep, of_cells, swept
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -120,9 +117,8 @@ class Table(Item):
             If the table does not read the cell, a value does not fit it, or there is no such
             option; the message lists what there is.
         """
-        return Changed(
-            rerunning.rerun(self.key, changes, seed=seed, replicates=replicates, chosen=options)
-        )
+        numbers = {"seed": seed, "replicates": replicates}
+        return Changed(rerunning.rerun(self.key, changes, **numbers, chosen=options))
 
     def sweep(
         self,
@@ -153,12 +149,11 @@ class Table(Item):
         """
         for name in cells:
             self[name]
-        return swept(
-            self.key,
-            address,
-            values,
-            lambda step: of_cells(rerunning.rerun(self.key, step, replicates=replicates), cells),
-        )
+
+        def compute(step: Mapping[str, str | float]) -> Iterator[Point]:
+            return of_cells(rerunning.rerun(self.key, step, replicates=replicates), cells)
+
+        return swept(self.key, address, values, compute)
 
     def export(self, form: str) -> str:
         """Return the table as csv, json, latex or markdown."""
@@ -171,14 +166,15 @@ class Table(Item):
         yield self._whole()
         yield from _noted(self._printed.cells)
         if joint := self._ledger.table(self.key):
-            yield _joint_sentence(joint)
+            yield verdicts.joint_sentence(joint)
         if readings := _readings(place, records):
             fits = self._ledger.whole_readings(self.key)
             whole = grid(f"Readings of {place}, at once", _WHOLE, fits, kind="rp-small")
             yield verdicts.fitting(fits)
             yield Fold("Readings of the text, side by side", (*readings, whole))
         if results := [record for record in records if record.role == "result"]:
-            yield Fold("How each cell was judged", tuple(_judged(place, results)))
+            made = catalogue()[self.key].computations
+            yield Fold("How each cell was judged", tuple(_judged(place, results, made)))
         below = bar(self.key, anchor(self.key), files, self.source, inputs=inputs)
         yield Html(below, f"{self.key}: reproduce show {self.key}#CELL shows all about a cell")
 
@@ -187,51 +183,41 @@ class Table(Item):
         caption = Markup("<strong>{}.</strong> {}.").format(printed.place, printed.title)
         rows: list[list[Entry | Box]] = []
         if len(printed.columns) <= 1:
+            anchors, named = [cell.anchor for cell in printed.cells], [*records]
             elsewhere = any(cell.place != printed.place for cell in printed.cells)
             for cell in printed.cells:
-                record = records[cell.name]
-                texts: list[Entry] = [_printed(cell), _computed(record), _verdict(record)]
-                texts += [cell.place] if elsewhere else []
-                kind = f"rp-cell rp-{record.verdict}"
-                rows.append([cell.label, *(Box(text, kind=kind) for text in texts)])
-            head = ["Quantity", "Printed", "Computed", "Verdict", *["Where"] * elsewhere]
-            anchors = [cell.anchor for cell in printed.cells]
-            named = list(printed.by_name)
+                parts = (write(records[cell.name]) for write in _PARTS.values())
+                boxes = (Box(part, kind="rp-cell") for part in parts)
+                rows.append([cell.label, *boxes, *[cell.place] * elsewhere])
+            head = ["Quantity", *_PARTS, *["Where"] * elsewhere]
             return Grid(caption, head, rows, anchor(self.key), anchors=anchors, names=named)
         if any(record.role == "result" for record in records.values()):
             caption += " In each cell: printed, then computed, then the verdict."
         for row in printed.rows:
-            names = [f"{row.id}.{column.id}" for column in printed.columns]
-            rows.append([row.label, *(_cell(printed[name], records[name]) for name in names)])
+            own = (records[f"{row.id}.{column.id}"] for column in printed.columns)
+            rows.append([row.label, *map(_stacked, own)])
         head = ["", *(column.label for column in printed.columns)]
-        stacked = ("printed", "computed", "verdict")
-        return Grid(caption, head, rows, anchor(self.key), stacked=stacked)
+        return Grid(caption, head, rows, anchor(self.key), stacked=[*map(str.lower, _PARTS)])
 
     def _inputs(self) -> Markup:
         """Say what the table is computed from, each printed cell a link; nothing if it is not."""
         if not self.reads:
             return Markup("")
-        made = [one for one in catalogue()[self.key].computations if one.replicates]
-        told = [f"{one.function.__name__} draws random numbers: seed {_seed(one)}." for one in made]
-        told = [f"Printed in {self.place}.", *told, "Reads, directly or through other items:"]
-        link = Markup('<a href="#{}"><code>{}</code></a>')
-        items = [
-            Markup("<li><code>{}</code>{}</li>").format(
-                lead, Markup(", ").join(link.format(anchor(lead + end), end) for end in ends)
-            )
-            for lead, ends in keys.alike(self.reads).items()
-        ]
-        said = Markup("").join(map(Markup("<p>{}</p>").format, told))
-        return said + Markup("<ul>{}</ul>").format(Markup("").join(items))
+        items = Markup("").join(map(Markup("<li>{}</li>").format, _reads(self.reads)))
+        return Markup(
+            "<p>Printed in {}. Again: <code>{}</code></p>"
+            "<p>Reads, directly or through other items:</p><ul>{}</ul>"
+        ).format(self.place, self.again, items)
 
 
-def _cell(cell: PrintedCell, record: Record) -> Box:
-    parts = (_printed(cell), _computed(record), _verdict(record))
-    shown = parts if cell.is_number else (parts[0], "", "")
-    return Box(shown, cell.anchor, f"rp-cell rp-{record.verdict}", cell.name)
+def _stacked(record: Record) -> Box:
+    cell, (printed, *rest) = verdicts.cell_of(record), (w(record) for w in _PARTS.values())
+    shown = (printed, *rest) if cell.is_number else (printed, "", "")
+    return Box(shown, cell.anchor, "rp-cell", cell.name)
 
 
-def _printed(cell: PrintedCell) -> Markup:
+def _printed(record: Record) -> Markup:
+    cell = verdicts.cell_of(record)
     shown = Markup('<span class="rp-printed">{}</span>').format(cell.shown)
     if cell.sigma:
         shown += Markup(' <span class="rp-sigma">{}σ</span>').format(cell.sigma)
@@ -263,49 +249,70 @@ def _computed(record: Record) -> Entry:
 
 def _verdict(record: Record) -> Markup:
     marks = verdicts.flags(record.flags, {*verdicts.WEAK, "stand_in"})
-    link = Markup('<a href="#{}">{}</a>').format(anchor(record.cell), badge(record.verdict))
-    return link + (Markup(' <span class="rp-flag">{}</span>').format(marks) if marks else "")
+    flag = Markup(' <span class="rp-flag">{}</span>').format(marks) if marks else ""
+    return _to(anchor(record.cell), badge(record.verdict)) + flag
 
 
-def _judged(place: str, records: Sequence[Record]) -> Iterator[Block]:
-    """Yield how results were judged: cell by cell, then each reason and flag once."""
-    yield grid(f"Details of {place}", _DETAILS, records, kind="rp-small", spare=True)
+_PARTS = {"Printed": _printed, "Computed": _computed, "Verdict": _verdict}
+
+
+def _judged(place: str, records: Sequence[Record], made: Sequence[Computation]) -> Iterator[Block]:
+    """Yield how results were judged: cell by cell, then each reason once, and what made them."""
+    looks: dict[str, Any] = {"kind": "rp-small rp-numbers", "spare": True}
+    yield grid(f"Details of {place}", {"cell": _link, **_NUMBERS}, records, **looks)
     reasons: dict[Entry, list[Record]] = {}
     for one in records:
         if one.verdict in {"differs", "blocked"}:
             reasons.setdefault(_reason(one), []).append(one)
     if reasons:
-        rows = reasons.values()
-        yield grid(f"Reasons, {place}", _REASONS, rows, kind="rp-small", words=3)
+        yield grid(f"Reasons, {place}", _REASONS, reasons.values(), kind="rp-small", words=3)
+    makes = {"makes": lambda one: ", ".join(one.cells)}
+    yield grid(f"What computes {place}", makes | _MADE, made, words=4, **looks)
 
 
 def _reason(record: Record) -> Entry:
     why = minus(reason(record.cell) or record.why)
     if known := erratum(record.cell):
-        return Markup('{0} <a href="#{1}">Erratum {1}</a>').format(why, known)
+        told = "{} {}<br>The authors' reply: {}"
+        return Markup(told).format(why, _to(known, f"Erratum {known}"), _replied(known))
     return why
 
 
-def _cells(records: Sequence[Record]) -> Markup:
-    return Markup(", ").join(map(_link, records))
+def _replied(known: str) -> Entry:
+    from reproduce.views.contradictions import replied  # only now: it loads the audit
+
+    return replied(known)
 
 
 def _link(record: Record) -> Markup:
-    link = Markup('<a href="#{}"><code>{}</code></a>')
-    return link.format(anchor(record.cell), verdicts.name_of(record))
+    return _to(anchor(record.cell), Markup("<code>{}</code>").format(verdicts.name_of(record)))
 
 
-_DETAILS: dict[str, Callable[[Record], Entry]] = {
-    "Cell": _link,
-    "Printed": lambda one: verdicts.cell_of(one).shown,
-    "Computed": lambda one: verdicts.computed(one, extra=1),
-    "Allowed or predicted": verdicts.interval,
-    "Probability": verdicts.probability,
-    "Share of tolerance": lambda one: "" if one.share is None else f"{one.share:.2f}",
-    "Verdict": lambda one: one.verdict,
+_NUMBERS: dict[str, Callable[[Record], Entry]] = {
+    "printed": lambda one: verdicts.cell_of(one).shown,
+    "stands for": verdicts.stands_for,
+    "computed": lambda one: verdicts.quantity(verdicts.computed(one, extra=1), verdicts.unit(one)),
+    "Monte Carlo error": verdicts.error,
+    "allowed by rounded inputs": lambda one: verdicts.interval(one) * (one.probability is None),
+    "predicted, central 99 %": lambda one: verdicts.interval(one) * (one.probability is not None),
+    "difference": verdicts.difference,
+    "share of the tolerance": lambda one: "" if one.share is None else f"{one.share:.2f}",
+    "probability": verdicts.probability,
+    "verdict": lambda one: one.verdict,
+}
+_SEED = "{} of the project, {} of this function; {:,} replicates"
+_MADE: dict[str, Callable[[Computation], Entry]] = {
+    "function": lambda one: Markup("{} ({})").format(
+        _to(f"function-{anchor(one.key)}-{one.function.__name__}", one.name), one.line
+    ),
+    "equations": lambda one: Markup(", ").join(
+        _to(f"equation-{one.key.partition('/')[0]}-{number}", f"({number})")
+        for number in one.equations
+    ),
+    "seed": lambda one: _SEED.format(*one.entropy, one.replicates) if one.replicates else "",
 }
 _REASONS: dict[str, Callable[[Sequence[Record]], Entry]] = {
-    "Cells": _cells,
+    "Cells": lambda some: Markup(", ").join(map(_link, some)),
     "Verdict": lambda some: some[0].verdict,
     "Why": lambda some: _reason(some[0]),
 }
@@ -321,10 +328,8 @@ def _readings(place: str, records: tuple[Record, ...]) -> list[Grid]:
     grids = []
     for number, (names, group) in enumerate(groups.items(), start=1):
         head = [Markup("{}<br><small>{}</small>").format(name, place) for name, place in names]
-        cells = [
-            Markup("{} {}").format(_link(record), verdicts.cell_of(record).shown)
-            for record in group
-        ]
+        shown = ((_link(record), verdicts.cell_of(record).shown) for record in group)
+        cells = [Markup("{} {}").format(*pair) for pair in shown]
         body = [[verdicts.read(record, one) for one in record.readings] for record in group]
         if len(group) <= len(names):
             head, cells, body = cells, head, [list(row) for row in zip(*body, strict=True)]
@@ -341,124 +346,18 @@ _WHOLE: dict[str, Callable[[WholeReading], Entry]] = {
 }
 
 
-def _joint_sentence(joint: TableRecord) -> str:
-    return (
-        f"Outside the central 99 % of the prediction lie {joint.outside} of {joint.cells} "
-        f"predicted cells; chance alone would put {joint.expected_outside:.2g} there. The "
-        "probability of a table as surprising as the printed one, or more, is "
-        f"{verdicts.joint_chance(joint)} ({joint.replicates:,} tables simulated)."
-    )
+def _to(place: str, text: str) -> Markup:
+    return Markup('<a href="#{}">{}</a>').format(place, text)
 
 
-def _seed(made: Computation) -> str:
-    """Say where the random numbers of a computation come from, empty where there are none."""
-    if not made.replicates:
-        return ""
-    project, own = made.entropy
-    return f"{project} of the project, {own} of this function; {made.replicates:,} replicates"
-
-
-def _braced(lead: str, ends: Sequence[str]) -> str:
-    return f"{lead}{ends[0]}" if len(ends) == 1 else f"{lead}{{{','.join(ends)}}}"
-
-
-class Changed(Display):
-    """A table or cell computed again under a reader's own change, which has no verdict.
-
-    With nothing but options it is a reading of the text: each cell says what it would be judged as.
-
-    Parameters
-    ----------
-    result : reproduce.judge.rerun.Rerun
-        What was computed: ``changes``, ``options``, and the printed inputs whose place a
-        recomputed value took, ``replaced``.
-    name : str
-        The one cell that is asked for; all of them by default.
-    """
-
-    def __init__(self, result: Rerun, name: str = "") -> None:
-        self.result = result
-        self.changes, self.options, self.replaced = result.changes, result.options, result.replaced
-        self._cells = [one for one in result.cells if name in {"", one.cell.name}]
-
-    def frame(self) -> pd.DataFrame:
-        """Return printed, computed from the print, value under the change and difference.
-
-        Returns
-        -------
-        pandas.DataFrame
-            One row per computed cell, in the unit of print, with the central 99 % where it is a
-            prediction; a reading of the text has the verdict that it ``would be``.
-        """
-        import pandas as pd
-
-        frame = pd.DataFrame(map(_row, self._cells)).set_index("cell")
-        return frame.drop(columns=[n for n in ("reading", "would be") if not frame[n].any()])
-
-    def _caption(self) -> str:
-        remark = "a reader's own setting, without a verdict"
-        if self.result.is_reading:
-            remark = (
-                "one reading of the text, with what each cell "
-                "would be judged as. The verdict of a cell takes every reading into account"
-            )
-        changed = {**self.changes, **self.options}
-        told = setting(f"{self.result.key} with", changed, self.replaced, remark)
-        if any(one.interval for one in self._cells):
-            told += " From and to: the central 99 % of the prediction."
-        if self.result.joint:
-            told += f" {_joint_sentence(self.result.joint)}"
-        return told
-
-    @property
-    def grid(self) -> Grid:
-        """The cells and what was changed, as a reader sees them; without empty columns."""
-        rows = [one for one in self._cells if one.cell.is_number]
-        shown = {head: write for head, write in self._columns().items() if any(map(write, rows))}
-        return grid(self._caption(), shown, rows, whole=range(1, len(shown)))
-
-    def _columns(self) -> dict[str, Callable[[ChangedCell], str]]:
-        reading = self.result.is_reading
-        return {
-            "cell": lambda one: one.cell.name + f" if {one.reading}" * bool(one.reading),
-            "printed": lambda one: minus(one.cell.text),
-            "from the print": lambda one: "" if reading else _digits(one, one.unchanged),
-            "so read" if reading else "changed": lambda one: _digits(one, one.value),
-            "from": lambda one: _digits(one, _ends(one)[0]),
-            "to": lambda one: _digits(one, _ends(one)[1]),
-            "would be": lambda one: one.would_be,
-            "unit": lambda one: symbol(one.cell.unit),
-        }
-
-    def blocks(self) -> Iterator[Block]:
-        """Yield the cells and what was changed."""
-        yield self.grid
-
-
-def _digits(one: ChangedCell, value: float | None) -> str:
-    return "" if value is None else minus(one.cell.number.format(value, extra=1))
-
-
-def _ends(one: ChangedCell) -> tuple[float | None, float | None]:
-    return one.interval or (None, None)
-
-
-def _row(one: ChangedCell) -> dict[str, Any]:
-    value, cell = one.value, one.cell
-    return {
-        "cell": cell.name,
-        "reading": one.reading,
-        "printed": cell.text,
-        "unchanged": one.unchanged,
-        "changed": value,
-        "changed - printed": value - cell.number.value
-        if value is not None and cell.is_number
-        else None,
-        "low": _ends(one)[0],
-        "high": _ends(one)[1],
-        "unit": symbol(cell.unit) if cell.unit else "",
-        "would be": one.would_be,
-    }
+def _reads(addresses: Iterable[str]) -> Iterator[Markup]:
+    """Write addresses, each a link; what several begin with is said once."""
+    for lead, ends in keys.alike(addresses).items():
+        if len(ends) == 1:
+            yield _to(anchor(lead + ends[0]), lead + ends[0])
+        else:
+            links = Markup(",").join(_to(anchor(lead + end), end) for end in ends)
+            yield Markup("{}{{{}}}").format(lead, links)
 
 
 class Cell(Shown):
@@ -522,49 +421,21 @@ class Cell(Shown):
         """Return its record as csv, json, latex or markdown."""
         return export(item_ledger(self.table.key), self.address, form)
 
-    def _lines(self) -> list[tuple[str, Entry]]:
-        record, maker, paper = self.record, self._maker, self.key.partition("/")[0]
-        value = verdicts.computed(record, extra=1)
-        predicted = record.probability is not None
-        meaning = "predicted, central 99 %" if predicted else "allowed by rounded inputs"
-        link, unit = Markup('<a href="#{}">{}</a>').format, verdicts.unit(record)
-        numbers = (link(f"equation-{paper}-{one}", f"({one})") for one in record.equations)
-        reads = (link(anchor(lead + ends[0]), _braced(lead, ends))
-                 for lead, ends in keys.alike(self.reads).items())  # fmt: skip
-        known, apart = erratum(self.address), verdicts.difference(record)
-        lines: list[tuple[str, Entry]] = [
-            ("printed", self.printed),
-            ("which may mean", verdicts.loosely(record)),
-            ("computed", verdicts.quantity(value, unit) if value else ""),
-            (meaning, verdicts.interval(record, unit=True)),
-            ("difference", verdicts.quantity(apart, unit) if apart else ""),
-            ("share of the tolerance", "" if record.share is None else f"{record.share:.2f}"),
-            ("probability", verdicts.probability(record)),
-            ("verdict", ", ".join((record.verdict, *record.flags))),
-            ("why", minus(reason(self.address) or record.why)),
-            ("function", f"{record.function} ({maker.line})" if maker else ""),
-            ("equations", Markup(", ").join(numbers)),
-            ("seed", _seed(maker) if maker else ""),
-            ("reads", Markup(", ").join(reads)),
-            ("erratum", link(known, known) if known else ""),
-            *((f"if {one.name}", verdicts.read(record, one)) for one in record.readings),
-        ]
-        return [(name, text) for name, text in lines if text]
+    def _lines(self) -> dict[str, Entry]:
+        record, maker, known = self.record, self._maker, erratum(self.address)
+        made = {head: write(maker) for head, write in _MADE.items()} if maker else {}
+        return {
+            **{head: write(record) for head, write in _NUMBERS.items()},
+            "verdict": verdicts.in_words(record),
+            "why": minus(reason(self.address) or record.why),
+            **made,
+            "reads": Markup(", ").join(_reads(self.reads)),
+            "erratum": _to(known, known) if known else "",
+            "the authors' reply": _replied(known) if known else "",
+            **{f"if {one.name}": verdicts.read(record, one) for one in record.readings},
+        }
 
     def blocks(self) -> Iterator[Block]:
         """Yield all that is known of the cell, a line each."""
-        lines = self._lines()
+        lines = [line for line in self._lines().items() if line[1]]
         yield Grid(self._cell.label, ("Cell", self.address), lines, kind="rp-one", words=2)
-
-    def card(self) -> str:
-        """Return what a page shows beside a link to the cell: all of it, and what to take away."""
-        again = f'rp.table("{self.address}")'
-        if changed := next((one for one in self.reads if find(one)[0].is_number), ""):
-            again += f'.rerun({{"{changed}": "{find(changed)[0].text}"}})'
-        forms = {"citation": "text", "BibTeX": "bibtex", "RIS": "ris"}
-        copied = {name: citation(self.address, form) for name, form in forms.items()}
-        button = Markup('<button type="button" data-{}="{}">Copy {}</button>').format
-        taken = [button("link", f"#{self._cell.anchor}", "link")]
-        taken += [button("copy", text, name) for name, text in (copied | {"code": again}).items()]
-        taken.append(Markup('<a href="#tables/{}.json">JSON</a>').format(anchor(self.table.key)))
-        return Markup("<p>{}</p>").format(Markup(" ").join(taken)) + Markup(html(self.blocks()))

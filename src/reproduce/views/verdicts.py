@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 
 from reproduce.judge.ledger import ReadingRecord, Record, TableRecord, WholeReading
 from reproduce.judge.verdicts import VERDICTS
@@ -42,14 +42,27 @@ def computed(record: Record, extra: int = 0) -> str:
     return minus(cell_of(record).number.format(record.computed, extra=extra + hidden))
 
 
-def interval(record: Record, *, unit: bool = False) -> str:
-    """Write a record's interval, empty where there is none."""
-    if record.interval is None or record.interval[0] == record.interval[1]:
+def error(record: Record) -> str:
+    """Write the Monte Carlo error of a computed value, empty where nothing is drawn."""
+    return quantity(minus(f"{record.error:.1g}") if record.error else "", unit(record))
+
+
+def stands_for(record: Record) -> str:
+    """Write the interval of values that print so; empty for words, counts and limits."""
+    return _between(record, record.stands_for)
+
+
+def interval(record: Record) -> str:
+    """Write the interval of a computed value, empty where there is none."""
+    return _between(record, record.interval)
+
+
+def _between(record: Record, ends: Sequence[float | None] | None) -> str:
+    if ends is None or None in ends or ends[0] == ends[1]:
         return ""
     number = cell_of(record).number
-    low, high = (minus(number.format(end, extra=1)) for end in record.interval)
-    text = f"{low} to {high}"
-    return quantity(text, symbol(record.unit)) if unit and record.unit else text
+    text = " to ".join(number.format(end, extra=1) for end in ends if end is not None)
+    return quantity(minus(text), unit(record))
 
 
 def difference(record: Record) -> str:
@@ -57,16 +70,7 @@ def difference(record: Record) -> str:
     if record.computed is None or record.role != "result" or record.verdict == "blocked":
         return ""
     number = cell_of(record).number
-    return minus(f"{number.format(record.computed - number.value, extra=1)}")
-
-
-def loosely(record: Record) -> str:
-    """Write the interval of a print that a word such as *about* widens; empty without one."""
-    cell = cell_of(record)
-    if not cell.is_number or not {"about", "nominal"} & set(record.flags):
-        return ""
-    low, high = (minus(cell.number.format(end, extra=1)) for end in cell.number.interval())
-    return quantity(f"{low} to {high}", symbol(record.unit))
+    return quantity(minus(number.format(record.computed - number.value, extra=1)), unit(record))
 
 
 def probability(record: Record) -> str:
@@ -74,6 +78,16 @@ def probability(record: Record) -> str:
     if record.probability is None or record.mcse is None:
         return ""
     return chance(record.probability, record.mcse)
+
+
+def joint_sentence(joint: TableRecord) -> str:
+    """Say how the cells of a table fare together."""
+    return (
+        f"Outside the central 99 % of the prediction lie {joint.outside} of {joint.cells} "
+        f"predicted cells; chance alone would put {joint.expected_outside:.2g} there. The "
+        "probability of a table as surprising as the printed one, or more, is "
+        f"{joint_chance(joint)} ({joint.replicates:,} tables simulated)."
+    )
 
 
 def joint_chance(joint: TableRecord) -> str:
@@ -131,9 +145,9 @@ def unit(record: Record) -> str:
 
 
 def quantity(value: str, mark: str) -> str:
-    """Write a number before the sign of its unit."""
+    """Write a number before the sign of its unit; nothing for nothing."""
     gap = "" if mark in {"", "°", "″"} else "\u202f"
-    return f"{value}{gap}{mark}"
+    return f"{value}{gap}{mark}" if value else ""
 
 
 def tally(records: Collection[Record]) -> dict[str, int]:
@@ -160,6 +174,12 @@ def qualified(record: Record) -> str:
     """Write a verdict with what makes it weak."""
     marks = flags(record.flags)
     return f"{record.verdict} ({marks})" if marks else record.verdict
+
+
+def in_words(record: Record) -> str:
+    """Write a verdict with its flags, and what it means."""
+    named = ", ".join((record.verdict, *filter(None, [flags(record.flags, record.flags)])))
+    return f"{named}: {MEANINGS[record.verdict]}"
 
 
 def facts_of(name: str) -> dict[str, str]:
@@ -199,7 +219,7 @@ def _of_cell(record: Record) -> dict[str, str]:
     value = computed(record)
     said = {
         "printed": cell_of(record).shown,
-        "computed": quantity(value, unit(record)) if value else "nothing",
+        "computed": quantity(value, unit(record)) or "nothing",
         "verdict": record.verdict,
         "probability": probability(record) or "none",
     }

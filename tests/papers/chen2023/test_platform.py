@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from numpy.random import SeedSequence, default_rng
+from scipy.stats import chi2
 
 from reproduce.papers.chen2023 import accuracy, effectiveness, platform_twin
 from reproduce.papers.chen2023 import platform_twin as figures
@@ -12,9 +13,9 @@ from reproduce.papers.chen2023.platform import (
     as_designed,
     designed_positions,
     scatter,
-    tracker,
 )
 from reproduce.physics.attitude import (
+    attitude,
     emitted_directions,
     laser_transform,
     mean_rotation,
@@ -22,7 +23,6 @@ from reproduce.physics.attitude import (
     misalignment_angles,
     received_directions,
     scatter_of_averages,
-    taste,
 )
 from reproduce.printed.given import given
 
@@ -67,7 +67,7 @@ def test_the_tracker_points_through_the_middle_of_its_1024_pixels_numbered_from_
 
 
 def test_the_centre_of_the_detector_is_where_pixels_are_counted_from_zero():
-    np.testing.assert_array_equal(tracker(DOOR)[0], [511.5, 511.5])
+    np.testing.assert_array_equal(as_designed(DOOR).principal_point, [511.5, 511.5])
 
 
 @pytest.fixture(scope="module")
@@ -142,9 +142,9 @@ def test_a_turn_is_measured_about_its_axis_with_its_sign_and_size(platform, axis
     """Noise-free: the misfit of the designed lasers does not spoil the scale."""
     turn = np.zeros(3)
     turn[axis] = 8 * ARCSEC
-    zero = platform.transform(platform.spots)
+    zero = platform.design.transform(platform.spots)
     spots = platform.turned(turn)
-    found = misalignment(platform.design.directions, platform.directions(spots), zero)
+    found = misalignment(platform.design.directions, platform.design.seen(spots), zero)
     np.testing.assert_allclose(misalignment_angles(found), turn, atol=1e-6 * ARCSEC)
 
 
@@ -191,14 +191,25 @@ def test_the_twin_monitors_states_as_the_ledger_predicts():
             assert abs(last - draws.mean()) < 4 * 2 * draws.std()
 
 
-def test_taste_believes_the_calibrated_directions_and_not_the_designed_ones(platform, replicates):
+def loss(target, source, sigma):
+    """Squared misses of the best rotation over the variance of a direction."""
+    misses = target - source @ attitude(target, source, weights_of(target, sigma)).mT
+    return (np.square(misses).sum(axis=-1) / sigma**2).sum(axis=-1)
+
+
+def weights_of(target, sigma):
+    return np.broadcast_to(sigma**-2.0, target.shape[:-1])
+
+
+def test_noise_explains_the_calibrated_directions_and_not_the_designed_ones(platform, replicates):
+    """Shuster's test: with n directions the loss over the variance is chi-square of 2n - 3."""
     noise = np.sqrt((scatter(DOOR, 2) ** 2).mean(axis=-1)) * 13e-6 / 60e-3
-    zero, found = replicates[0].spots[0].mean(axis=0), platform.directions(replicates[0].spots[1])
+    zero, found = replicates[0].spots[0].mean(axis=0), platform.design.seen(replicates[0].spots[1])
     aside = zero + 0.1 * np.eye(4, 2)  # one laser, a tenth of a pixel
     refused = [
-        (taste(found, directions, noise)[1] < 0.01).mean()
+        (loss(found, directions, noise) > chi2(5).ppf(0.99)).mean()
         for directions in (
-            platform.design.directions, platform.directions(aside), platform.directions(zero)
+            platform.design.directions, platform.design.seen(aside), platform.design.seen(zero)
         )
     ]  # fmt: skip
     assert refused[:2] == [1.0, 1.0]
@@ -215,8 +226,8 @@ def test_an_offset_moves_the_series_of_figure_9_and_leaves_its_scatter(offset):
     first = platform_twin.centroids(platform, platform.spots, light[0], frames, generator)
     moved = platform.turned(np.array(offset) * ARCSEC)
     second = platform_twin.centroids(platform, moved, light[1], frames, generator)
-    zero = mean_rotation(platform.transform(first))
-    found = misalignment(platform.design.directions, platform.directions(second), zero)
+    zero = mean_rotation(platform.design.transform(first))
+    found = misalignment(platform.design.directions, platform.design.seen(second), zero)
     series = misalignment_angles(found)[:, :2] / ARCSEC
     without = figures._groups(door).misalignment[:, :2] / ARCSEC
     # Both means and both scatters come from as many frames: four standard errors of each.

@@ -20,6 +20,7 @@ from reproduce.physics.images import (
 from reproduce.printed.given import given
 
 DOOR = given(resolution.READS)
+NAMES, CASES = list(resolution._CASES), list(resolution._CASES.values())
 ARCSEC = np.pi / 180 / 3600
 PHASES = np.linspace(-0.49, 0.49, 50)
 
@@ -105,9 +106,9 @@ def test_what_the_radius_means_moves_the_optimum_past_the_printed_one():
     """The optimum and its error, by every definition of a Gaussian's radius and photon noise."""
     rows = resolution._readings().set_index("Reading")
     best = rows["optimum (arcsec)"]
-    assert [best[case.name] for case in resolution._CASES[:4]] == pytest.approx([57, 42, 49, 31])
+    assert [best[name] for name in NAMES[:4]] == pytest.approx([57, 42, 49, 31])
     assert best["scatter without bias"] == pytest.approx(80), "no optimum inside without bias"
-    optimum, error, _ = rows.loc[resolution._CASES[6].name]
+    optimum, error, _ = rows.loc[NAMES[6]]
     assert (optimum, error) == (pytest.approx(43), pytest.approx(0.016, abs=0.0005)), "as printed"
 
 
@@ -121,7 +122,7 @@ def test_a_spot_that_always_travels_one_pixel_of_the_tracker_has_the_same_optimu
         law = predicted_errors(travel - np.floor(travel + 0.5), light, radius, 5)
         found.append(law.total)
     best = int(np.argmin(found))
-    row = resolution._readings().set_index("Reading").loc[resolution._LITERAL.name]
+    row = resolution._readings().set_index("Reading").loc[NAMES[0]]
     assert angles[best] / ARCSEC == pytest.approx(row["optimum (arcsec)"])
     assert found[best] == pytest.approx(row["error there (px)"], rel=1e-3)
 
@@ -131,13 +132,13 @@ def test_a_spot_that_always_travels_one_pixel_of_the_tracker_has_the_same_optimu
 )
 def test_a_radius_is_where_the_light_has_fallen_as_far_as_its_case_says(case, sigma):
     level = {0: np.exp(-0.5), 1: np.exp(-1), 2: 0.5, 3: np.exp(-2)}[case]
-    found = float(resolution._radii(DOOR, np.array([13e-6 / 60e-3]), resolution._CASES[case])[0])
+    found = float(resolution._radii(DOOR, np.array([13e-6 / 60e-3]), CASES[case])[0])
     assert found * 13 == pytest.approx(sigma, rel=1e-4)
     assert np.exp(-0.5 * (7.5 / (13 * found)) ** 2) == pytest.approx(level, rel=1e-9)
 
 
 def test_the_case_with_more_light_has_it_and_the_same_read_noise():
-    plain, more = (resolution._light_for_table(DOOR, case) for case in resolution._CASES[5:7])
+    plain, more = (resolution._light_for_table(DOOR, case) for case in CASES[5:7])
     assert more.signal == pytest.approx(1.1 * plain.signal)
     assert more.read_noise == plain.read_noise > 0
 
@@ -145,7 +146,7 @@ def test_the_case_with_more_light_has_it_and_the_same_read_noise():
 def test_the_three_results_are_judged_under_every_case():
     records = {r.cell.partition("#")[2]: r for r in build([resolution.STUDY]).records}
     for name in ("optimum", "optimum-accuracy"):
-        assert [r.name for r in records[name].readings] == [c.name for c in resolution._CASES]
+        assert [r.name for r in records[name].readings] == NAMES
     verdicts = [reading.verdict for reading in records["optimum"].readings]
     assert verdicts[:2] == ["differs", "consistent"]
     assert [records[n].readings[6].verdict for n in ("optimum", "optimum-accuracy")] == [

@@ -5,7 +5,7 @@ import pytest
 from scipy.constants import c, h, k
 from scipy.integrate import quad
 
-from reproduce.physics.images import blackbody_band, channel_ratio, tabulated_star
+from reproduce.physics.images import blackbody_band, tabulated_star
 from reproduce.physics.images.detector import _ZERO_MAGNITUDE, _blackbody_photons
 
 
@@ -62,13 +62,6 @@ def test_very_cool_stars_do_not_overflow():
 def test_bad_tables_are_refused(wavelength, low, high, message):
     with pytest.raises(ValueError, match=message):
         tabulated_star(0.0, wavelength, [1.0, 1.0], low, high)
-
-
-def test_the_ratios_error_is_that_of_many_draws():
-    generator = np.random.default_rng(1)
-    top, bottom = generator.normal(4000, 60, 20_000), generator.normal(5000, 70, 20_000)
-    _, sigma = channel_ratio(4000, 5000, 60**2, 70**2)
-    assert (top / bottom).std() == pytest.approx(float(sigma), rel=0.03)
 
 
 def test_a_tabulated_blackbody_is_the_blackbody():

@@ -74,3 +74,18 @@ def test_points_are_judged_by_their_own_errors(known):
     np.testing.assert_array_less(normal, 1.4 * np.square(best.parameters - TRUE).mean(axis=0))
     claimed = np.diagonal(fit.covariance, axis1=-2, axis2=-1).mean(axis=0)
     np.testing.assert_allclose(claimed / normal, 1, atol=5 * np.sqrt(2 / len(source)))
+
+
+@pytest.mark.parametrize("known", ["nothing", "weights", "both covariances"])
+def test_a_large_field_is_judged_by_a_part_of_itself_as_by_the_whole(known, monkeypatch):
+    """Who is drawn decides only on points that lie at the limit, of which there are hardly any."""
+    source, target = field(np.random.default_rng(4), 2, 8000, 0.3)
+    covariances = ("source_covariance", "target_covariance")
+    errors = dict.fromkeys(covariances, 0.005 * np.eye(2)) if known == "both covariances" else {}
+    weights = np.tile([1.0, 0.0, 2.0, 1.0], 2000) if known == "weights" else None
+    part = fit_registration(source, target, PIVOT, weights, robust=True, **errors)
+    monkeypatch.setattr("reproduce.physics.registration.fit._SETTLED", 10_000)
+    whole = fit_registration(source, target, PIVOT, weights, robust=True, **errors)
+    assert 0.25 < (whole.weights == 0).mean() < 0.55
+    assert ((part.weights > 0) != (whole.weights > 0)).mean() < 1e-3
+    assert np.abs((part.parameters - TRUE) / part.standard_errors).max() < 5

@@ -31,6 +31,5 @@ from reproduce.inference.models.registration import (
     joint_model,
     noise_growth,
     registration_model,
-    registration_posterior,
     with_priors,
 )

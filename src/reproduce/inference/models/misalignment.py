@@ -297,7 +297,7 @@ POINTS, REACH = 401, 9.0
 
 
 @dataclass(frozen=True, eq=False)
-class SmallAnglePosterior:
+class _SmallAnglePosterior:
     """The posterior, as a mixture of Gaussians over the noise.
 
     - `noise`, `weight`, (m,): values of the noise, in px, and their probabilities.
@@ -333,7 +333,7 @@ class SmallAnglePosterior:
         return np.column_stack([others, self.noise[chosen]])
 
 
-def small_angle_posterior(model: Model) -> SmallAnglePosterior:
+def small_angle_posterior(model: Model) -> _SmallAnglePosterior:
     """Return the posterior of a misalignment whose prediction is replaced by its tangent.
 
     Exact in the limit of small angles; every prior but that of the noise has to be a `Normal`.
@@ -361,7 +361,7 @@ def small_angle_posterior(model: Model) -> SmallAnglePosterior:
     logs -= 0.5 * (statistics.squares + left @ left) / noise**2
     logs += 0.5 * np.einsum("mi,mi->m", means, pull)
     logs += np.log(np.diagonal(roots, axis1=1, axis2=2)).sum(axis=1)
-    return SmallAnglePosterior(
+    return _SmallAnglePosterior(
         noise,
         np.exp(logs - logsumexp(logs)),
         centre[:-1] + means * scale,

@@ -18,12 +18,7 @@ from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
 from reproduce.inference import Coordinates, Model, Normal, Parameter, Sampled, Uniform
-from reproduce.inference.models.registration import (
-    ComplexArray,
-    GaussianRegistration,
-    fit_checks,
-    shifts,
-)
+from reproduce.inference.models import registration
 from reproduce.physics.registration import as_complex, fit_registration
 from reproduce.physics.validate import FloatArray
 
@@ -42,14 +37,14 @@ _ROUNDS = 30
 _ROUNDING = 1e-12
 
 
-class _DistortedRegistration(GaussianRegistration):
+class _DistortedRegistration(registration.GaussianRegistration):
     """Radial distortion free in both channels; two more parameters.
 
     The distortion is its displacement at the edge of the field, in px, so that the parameter does
     not depend on the unit of the coefficient.
     """
 
-    def predicted(self, parameters: FloatArray) -> ComplexArray:
+    def predicted(self, parameters: FloatArray) -> registration.ComplexArray:
         """Undistort, scale and rotate, distort, shift."""
         edge, radius = self.field, np.abs(self.offsets) / self.field
         source, target = (parameters[:, i : i + 1] / edge for i in (5, 6))
@@ -63,7 +58,7 @@ class _DistortedRegistration(GaussianRegistration):
         factor = parameters[:, :1] * np.exp(1j * parameters[:, 1:2])
         carried = factor * ratio * self.offsets
         bent = carried * (1 + target * np.abs(carried / edge) ** 2)
-        return np.asarray(bent - shifts(parameters))
+        return np.asarray(bent - registration.shifts(parameters))
 
     def __call__(self, parameters: FloatArray) -> FloatArray:
         """Log likelihood, shape (n,)."""
@@ -90,7 +85,7 @@ def distortion_model(base: Model) -> Model:
         Parameter("source-distortion", "d_s", "px", prior),
         Parameter("target-distortion", "d_t", "px", prior),
     )
-    plain = base.likelihood_of(GaussianRegistration)
+    plain = base.likelihood_of(registration.GaussianRegistration)
     return replace(
         base,
         name="registration-distortion",
@@ -122,7 +117,7 @@ class _NoiseAndShare(Coordinates):
 
 
 @dataclass(frozen=True, eq=False)
-class MixtureRegistration(GaussianRegistration):
+class MixtureRegistration(registration.GaussianRegistration):
     """One more parameter, the share of false stars.
 
     - `corner`, (2,), and `side`: the square in which a false star lies, in px; it is part of the
@@ -209,7 +204,9 @@ class MixtureRegistration(GaussianRegistration):
     def checks(self, data: FloatArray | None = None) -> dict[str, float]:
         """As for the plain registration, of those stars alone that agree in the data at hand."""
         target = self.target if data is None else data
-        return fit_checks(self.source[self.agreeing], target[self.agreeing], self.pivot)
+        return registration.fit_checks(
+            self.source[self.agreeing], target[self.agreeing], self.pivot
+        )
 
 
 def mixture_model(base: Model) -> Model:
@@ -218,7 +215,7 @@ def mixture_model(base: Model) -> Model:
     With one more parameter, the share of false stars. The square in which they lie holds all stars
     of the reference channel.
     """
-    plain = base.likelihood_of(GaussianRegistration)
+    plain = base.likelihood_of(registration.GaussianRegistration)
     low, high = plain.target.min(axis=0), plain.target.max(axis=0)
     side = _WIDER * float((high - low).max())
     x, y = (0.5 * (low + high - side)).tolist()

@@ -9,13 +9,6 @@ The measured source points are the design: they are held, and the target (and th
 is random given them. With a flat prior on the true position of a star its noise then enters the
 residual as k times the source noise, exactly.
 
-The posterior of the registration in closed form: it needs no sampler.
-
-About the pivot the model is linear in beta = (k cos theta, k sin theta, shift x, shift y). With a
-flat prior in beta and one over the noise the posterior of beta is a Student-t about the
-least-squares solution, with 2n - 4 degrees of freedom. A prior flat in (k, theta) instead is flat
-in beta divided by k, since d(a) d(b) = k dk d(theta).
-
 What a registration leaves at stars that it was not fitted to: the transform in use is the
 least-squares one; the true one and the noise are those of the model.
 """
@@ -121,11 +114,6 @@ class GaussianRegistration:
     pivot: FloatArray
     source_noise: bool = False
     edge: float | None = None
-
-    @property
-    def pivots(self) -> tuple[FloatArray, ...]:
-        """The pivot of every channel: of one."""
-        return (self.pivot,)
 
     @cached_property
     def offsets(self) -> ComplexArray:
@@ -314,57 +302,6 @@ def free_priors(
                             "a billionth of the residuals of least squares to a thousand times "
                             "them"),
     }  # fmt: skip
-
-
-@dataclass(frozen=True, eq=False)
-class RegistrationPosterior:
-    """The exact posterior of one channel's registration.
-
-    - `mean`, (4,): of (k cos theta, k sin theta, shift x, shift y): the least-squares solution.
-    - `scale`, (4, 4): scale matrix of the Student-t.
-    - `freedom`: degrees of freedom.
-    - `squares`: sum of squared residuals of the least-squares solution, in px^2.
-    """
-
-    mean: FloatArray
-    scale: FloatArray
-    freedom: float
-    squares: float
-
-    def draw(self, generator: Generator, count: int) -> FloatArray:
-        """Independent draws of (k, theta, shift x, shift y, noise), shape (count, 5).
-
-        The prior is flat in (k cos theta, k sin theta) and one over the noise.
-        """
-        noise = np.sqrt(self.squares / generator.chisquare(self.freedom, count))
-        root = np.linalg.cholesky(self.scale * self.freedom / self.squares)
-        beta = self.mean + noise[:, None] * (generator.normal(size=(count, 4)) @ root.T)
-        k, theta = np.hypot(beta[:, 0], beta[:, 1]), np.arctan2(beta[:, 1], beta[:, 0])
-        return np.column_stack([k, theta, beta[:, 2:], noise])
-
-
-def registration_posterior(
-    source: FloatArray, target: FloatArray, pivot: FloatArray
-) -> RegistrationPosterior:
-    """Return the exact posterior of a registration, flat in (k cos theta, k sin theta, shift).
-
-    Examples
-    --------
-    >>> points = np.array([[-1.0, -1], [1, -1], [-1, 1], [1, 1]])
-    >>> moved = points + [[1, 0], [-1, 0], [0, 0], [0, 0]]
-    >>> exact = registration_posterior(points, moved, (0, 0))
-    >>> exact.mean.round(3) + 0.0, exact.freedom, round(exact.squares, 3)
-    (array([0.75, 0.  , 0.  , 0.  ]), 4.0, 1.5)
-    """
-    fit = fit_registration(source, target, pivot)
-    k, theta = fit.parameters[:2]
-    mean = np.array([k * np.cos(theta), k * np.sin(theta), *fit.parameters[2:]])
-    # Jacobian of (a, b) by (k, theta): carries the fit's cofactor over.
-    turn = np.eye(4)
-    turn[:2, :2] = [[np.cos(theta), -k * np.sin(theta)], [np.sin(theta), k * np.cos(theta)]]
-    freedom, squares = 2.0 * fit.residuals.shape[-2] - 4, float(fit.chi_square)
-    scale = squares / freedom * (turn @ fit.cofactor @ turn.T)
-    return RegistrationPosterior(mean, scale, freedom, squares)
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,37 +6,22 @@ large, or nothing would be seen (chen2023, II and III).
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from reproduce.papers.chen2023 import platform
-from reproduce.papers.chen2023.satellite import LASER, lens
+from reproduce.papers.chen2023.satellite import LASER
 from reproduce.papers.declare import draws, studied
-from reproduce.papers.sketch import (
-    INK,
-    Look,
-    arrow,
-    beside,
-    box,
-    canvas,
-    diagram,
-    label,
-    line,
-    path,
-    seen_from,
-    sense,
-    slim,
-    triad,
-)
+from reproduce.papers.sketch import INK, Look, Sketch, beside, diagram, seen_from
 from reproduce.physics.attitude import emitted_directions, rotation_from_vector
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 from reproduce.units import ARCSEC_PER_RADIAN
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 _PRINTED = "chen2023/table-4#1.transform-?"
@@ -52,39 +37,39 @@ _ROUTE = {
 
 @draws("chen2023/fig-4")
 @diagram(15.0, 12.4)
-def _draw_route(axes: Axes) -> None:
+def _draw_route(sketch: Sketch) -> None:
     """Technical route: calibration, monitoring, correction."""
     heights = (9.6, 5.6, 1.6)
     for x, (name, texts) in zip((2.5, 7.5, 12.5), _ROUTE.items(), strict=True):
-        label(axes, (x, 11.8), name, size=11)
+        sketch.label((x, 11.8), name, size=11)
         for y, text in zip(heights, texts, strict=True):
-            box(axes, (x, y), (4.2, 2.4), text)
+            sketch.box((x, y), (4.2, 2.4), text)
         for y in heights[:2]:
-            arrow(axes, (x, y - 1.2), (x, y - 2.8))
-    arrow(axes, (4.6, 1.6), (5.4, 1.6))
-    path(axes, [(9.6, 1.6), (10.0, 1.6), (10.0, 9.6), (10.4, 9.6)])
+            sketch.arrow((x, y - 1.2), (x, y - 2.8))
+    sketch.arrow((4.6, 1.6), (5.4, 1.6))
+    sketch.path([(9.6, 1.6), (10.0, 1.6), (10.0, 9.6), (10.4, 9.6)])
 
 
 @draws("chen2023/fig-5")
 @diagram(14.0, 8.4)
-def _draw_transform(axes: Axes) -> None:
+def _draw_transform(sketch: Sketch) -> None:
     """Laser directions in the camera and in the tracker, joined by the laser transform."""
     for x, vector, name, what in ((3.0, "v", "c", "lasers"), (11.0, "w", "s", "spots")):
-        line(axes, [(x - 2.2, 1.2), (x + 2.2, 1.2)], 2.5)
-        lens(axes, (x, 4.4), 3.0, 90)
+        sketch.line([(x - 2.2, 1.2), (x + 2.2, 1.2)], 2.5)
+        sketch.lens((x, 4.4), 3.0, 90)
         for tip, text in (((x, 2.8), f"$Z_{name}$"), ((x + 2.7, 1.2), f"$X_{name}$")):
-            arrow(axes, (x, 1.2), tip)
-            label(axes, beside(tip, 0.1, 0.35), text)
+            sketch.arrow((x, 1.2), tip)
+            sketch.label(beside(tip, 0.1, 0.35), text)
         for number, offset in ((1, -1.2), (2, 1.2)):
             # The light of one laser through the lens, its direction as equation (2) gives it.
             direction = emitted_directions([(offset, 0.0)], 3.2)[0][[0, 2]]
             places = [(x + offset, 1.2), (x, 4.4), (x, 4.4) + 2.9 * direction]
-            path(axes, places if vector == "v" else places[::-1], LASER)
-            label(axes, beside(places[2], 0.0, 0.4), rf"$\mathbf{{{vector}}}_{number}$")
-        label(axes, (x, 0.5), what)
-    arrow(axes, (5.6, 5.9), (8.4, 5.9))
-    label(axes, (7.0, 6.4), r"$\mathbf{w} = T\,\mathbf{v}$", size=11)
-    label(axes, (7.0, 5.2), "retro-reflector,\ndichroic mirror")
+            sketch.path(places if vector == "v" else places[::-1], LASER)
+            sketch.label(beside(places[2], 0.0, 0.4), rf"$\mathbf{{{vector}}}_{number}$")
+        sketch.label((x, 0.5), what)
+    sketch.arrow((5.6, 5.9), (8.4, 5.9))
+    sketch.label((7.0, 6.4), r"$\mathbf{w} = T\,\mathbf{v}$", size=11)
+    sketch.label((7.0, 5.2), "retro-reflector,\ndichroic mirror")
 
 
 def _turned_camera(angles: ArrayLike) -> FloatArray:
@@ -117,22 +102,22 @@ def towards(before: ArrayLike, after: ArrayLike) -> str:
 @draws("chen2023/drawing-misalignment")
 def _draw_misalignment(figure: Figure) -> None:
     """Positive misalignment angles: the camera's axes before and after a turn about each."""
-    axes = canvas(figure, 13.6, 6.2, 6.8, (13.6, 7.4))
-    below, gap = (1.2, "\n") if slim(axes) else (0.0, " ")
-    axes.set_ylim(-below, 6.2)
+    sketch = Sketch.on(figure, 13.6, 6.2, 6.8, (13.6, 7.4))
+    below, gap = (1.2, "\n") if sketch.narrow else (0.0, " ")
+    sketch.axes.set_ylim(-below, 6.2)
     for index, x in enumerate((2.0, 6.6, 11.2)):
         view, centre = seen_from(-62.0, 26.0, (x, 2.7), 2.2), np.zeros(3)
         angles = _TURN * np.eye(3)[index]
         after = _turned_camera(angles)
-        triad(axes, view, centre, 1.15 * np.eye(3), _NAMES, look=_BEFORE)
-        triad(axes, view, centre, np.delete(after, index, axis=0), ["", ""], width=2.4)
+        sketch.triad(view, centre, 1.15 * np.eye(3), _NAMES, look=_BEFORE)
+        sketch.triad(view, centre, np.delete(after, index, axis=0), ["", ""], width=2.4)
         watched, what = (0, "X") if index == 2 else (2, "boresight")
         before = np.eye(3)[watched]
-        sense(axes, view, centre, angles, 0.75 * before, _TURN)
+        sketch.sense(view, centre, angles, 0.75 * before, _TURN)
         axis = towards(before, after[watched])
         text = rf"$\theta_{_NAMES[index]} > 0$: {what}{gap}towards {axis}"
-        label(axes, (x + 0.2, 0.95 - below / 4), text)
-    label(axes, (6.8, 0.2 - below), "dashed: zero point; thick: now")
+        sketch.label((x + 0.2, 0.95 - below / 4), text)
+    sketch.label((6.8, 0.2 - below), "dashed: zero point; thick: now")
 
 
 @studied(
@@ -141,13 +126,17 @@ def _draw_misalignment(figure: Figure) -> None:
 )
 def _orders(given: Given) -> list[tuple[str | float, ...]]:
     """Accuracy of a single frame in the axes of either instrument, for two principal points."""
+    designed = platform.as_designed(given)
     points = {
-        "centre of the detector": platform.tracker(given)[0],
-        "middle of the spots": platform.printed_spots(given).mean(axis=0),
+        "centre of the detector": designed.principal_point,
+        "middle of the spots": designed.spots.mean(axis=0),
     }
     rows: list[tuple[str | float, ...]] = []
     for name, point in points.items():
-        responses = platform.responses(given, point)
+        design = replace(designed, principal_point=point)
+        response = design.response(design.spots)
+        # One small rotation, seen in the other frame: its vector turns with the laser transform.
+        responses = response, np.tensordot(design.transform(design.spots), response, axes=1)
         for frame, response in zip(("camera", "tracker"), responses, strict=True):
             variance = (response**2 * platform.scatter(given, 1) ** 2).sum(axis=(-2, -1))
             angles = platform.SIGMAS * np.sqrt(variance[:2])

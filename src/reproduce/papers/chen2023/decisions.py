@@ -17,7 +17,7 @@ from reproduce.inference.models import small_angle_posterior
 from reproduce.papers.chen2023 import accuracy, effectiveness, platform, positioning, satellite
 from reproduce.papers.chen2023.posteriors import READS, drift, misalignment
 from reproduce.papers.declare import Fact, draws, studied
-from reproduce.papers.sketch import INK, again, sized
+from reproduce.papers.sketch import INK, across, sized
 from reproduce.physics.attitude import averaged_error
 from reproduce.physics.ground import DAY
 from reproduce.physics.validate import FloatArray
@@ -245,7 +245,7 @@ def _draw_frames(figure: Figure, printed: Mapping[str, float], door: Given) -> N
     for axes in panels[-1:] if narrow else panels:
         axes.set_xlabel("frames averaged (count)")
     for axes in panels if narrow else panels[1:]:
-        again(axes, "y", "on the ground (m)", satellite.altitude(door) / ARCSEC_PER_RADIAN)
+        across(axes, "on the ground (m)", satellite.altitude(door) / ARCSEC_PER_RADIAN)
     handles = panels[0].get_legend_handles_labels()
     figure.legend(*handles, loc="outside lower center", ncols=2 if narrow else 3)
 
@@ -334,7 +334,7 @@ def _draw_drift(figure: Figure, printed: Mapping[str, float], door: Given) -> No
     axes.set_xticks((1, 10, 100, 800), ("1", "10", "100", "800"))
     axes.set_yticks((0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1), "0.01 0.02 0.05 0.1 0.2 0.5 1".split())
     axes.minorticks_off()
-    again(axes, "y", "on the ground (m)", satellite.altitude(door) / ARCSEC_PER_RADIAN)
+    across(axes, "on the ground (m)", satellite.altitude(door) / ARCSEC_PER_RADIAN)
     figure.legend(loc="outside lower center", ncols=1 if narrow else 2)
 
 

@@ -17,25 +17,15 @@ angles of an axis, which share the noise of the zero state.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.random import SeedSequence
 
+from reproduce.papers import declare
 from reproduce.papers.chen2023 import accuracy, platform
-from reproduce.papers.declare import (
-    Blocked,
-    Fact,
-    Prediction,
-    Reading,
-    Result,
-    Results,
-    draws,
-    reproduces,
-    studied,
-    words,
-)
 from reproduce.papers.sketch import thin
 from reproduce.physics.attitude import stage_angle
 from reproduce.physics.optics import spawned_normals
@@ -58,33 +48,15 @@ _MOVED = STATES[1:]
 # A motion along one axis turns the camera about the other one.
 _TURNS = {"x": "y", "y": "x"}
 _REPLICATES = 4000
-# The days on which the columns as printed with the nominal length, and other readings, came in.
-_FIRST, _LATER, _NOW = "2026-11-21", "2026-11-22", "2026-11-24"
 # The angle from which one focal length for the whole table is taken.
 LAST = f"{TABLE}#5.reference-y"
-_MISSING = "the focal length of the telescope, of which a nominal one is printed"
-_COLUMNS = f"{_MISSING}, and on which columns of Table V belong together"
-# Each reading chooses columns and focal length: its name, and where the text leaves room for it.
-_BY_LAST = "(10), with the last angle about Y"
-_BY_HEADINGS = f"headings of Table V; {_BY_LAST}"
-_READINGS = {
-    ("printed", "quoted"): ("columns as printed; 2000 mm", "IV-B writes it without 'nominal'"),
-    ("printed", "nominal"): ("columns as printed; nominal 2000 mm", "Table II"),
-    ("printed", "common"): ("columns as printed; one focal length", _BY_LAST),
-    ("motions", "common"): ("positions and motions interchanged; one focal length", _BY_HEADINGS),
-    ("references", "common"): ("reference angles interchanged; one focal length", _BY_HEADINGS),
-}
-_OPTIONS = words(TABLE).options
+_WORDS = declare.words(TABLE)
 
 
-@reproduces(TABLE, cells=["*.motion-?"], given=[f"{TABLE}#*.position-?"])
-def motion(given: Given) -> Results:
+@declare.reproduces(TABLE, cells=["*.motion-?"], given=[f"{TABLE}#*.position-?"])
+def motion(given: Given) -> declare.Results:
     """Motion of the stage: the position less that of the first state."""
     return {f"{s}.motion-{axis}": _moved(given, s, axis) for axis in _TURNS for s in STATES}
-
-
-def _telescopes(*names: str) -> dict[str, str]:
-    return {name: _OPTIONS["telescope"][name] for name in names}
 
 
 _MEASURED = (f"{TABLE}#*.position-?", f"{TABLE}#[2-5].motion-?", LAST, platform.TELESCOPE, _QUOTED)
@@ -101,28 +73,35 @@ def common_length(given: Given, axis: str) -> float:
 
 
 def _expected_angles(given: Given, state: int, turn: str) -> dict[tuple[str, str], float]:
-    """Return the angle of the stage in a state under every reading of Table V, in radians."""
+    """Return the angle of the stage in a state, in radians, by columns and telescope."""
     axis, exchanged = _TURNS[turn], common_length(given, "y")
     printed = given[f"{TABLE}#{state}.motion-{axis}"]
-    sides = (
-        (printed, given[_QUOTED]),
-        (printed, given[platform.TELESCOPE]),
-        (printed, common_length(given, "x")),
-        (_moved(given, state, turn), exchanged),
-        (_moved(given, state, axis), exchanged),
-    )
-    angles = stage_angle(*np.transpose(sides))
-    return dict(zip(_READINGS, angles.tolist(), strict=True))
+    sides = {
+        ("printed", "quoted"): (printed, given[_QUOTED]),
+        ("printed", "nominal"): (printed, given[platform.TELESCOPE]),
+        ("printed", "common"): (printed, common_length(given, "x")),
+        ("motions", "common"): (_moved(given, state, turn), exchanged),
+        ("references", "common"): (_moved(given, state, axis), exchanged),
+    }
+    angles = stage_angle(*np.transpose(list(sides.values())))
+    return dict(zip(sides, angles.tolist(), strict=True))
 
 
-@reproduces(
+def _angles_read(name: str, angles: Mapping[tuple[str, str], float]) -> declare.Blocked:
+    """Return an angle under all its readings; the nominal focal length stands in."""
+    chosen = (way.choices for way in _WORDS.readings[name])
+    found = [angles[one["columns"], one["telescope"]] for one in chosen]
+    return declare.blocked(_WORDS, name, found, angles["printed", "nominal"])
+
+
+@declare.reproduces(
     TABLE,
     cells=["[2-4].reference-?", "5.reference-x"],
     given=_MEASURED,
     equations=["10"],
-    options={name: _OPTIONS[name] for name in ("columns", "telescope")},
+    options=declare.options_of(_WORDS, "reference"),
 )
-def reference_angle(given: Given) -> Results:
+def reference_angle(given: Given) -> declare.Results:
     """Reference angles from the motions and each focal length that the text leaves open."""
     results = {}
     for turn, state in product(_TURNS, _MOVED):
@@ -130,65 +109,47 @@ def reference_angle(given: Given) -> Results:
             angles = _expected_angles(given, state, turn)
             # An angle under the other heading is one of the other motion.
             angles["references", "common"] = angles["motions", "common"]
-            results[f"{state}.reference-{turn}"] = _blocked(_COLUMNS, angles)
+            results[f"{state}.reference-{turn}"] = _angles_read("reference", angles)
     return results
 
 
-@reproduces(
+@declare.reproduces(
     TABLE,
     cells=["5.reference-y"],
     given=[f"{TABLE}#5.motion-x", platform.TELESCOPE, _QUOTED],
     equations=["10"],
-    options={"telescope": _telescopes("quoted", "nominal")},
+    options={"telescope": declare.options_of(_WORDS, "last-reference")["telescope"]},
 )
-def last_reference_angle(given: Given) -> Results:
+def last_reference_angle(given: Given) -> declare.Results:
     """The reference angle that the others take their focal length from, by the nominal one."""
     lengths = {"quoted": given[_QUOTED], "nominal": given[platform.TELESCOPE]}
     motion = given[f"{TABLE}#5.motion-x"]
     angles = {("printed", n): float(stage_angle(motion, one)) for n, one in lengths.items()}
-    return {"5.reference-y": _blocked(_MISSING, angles)}
+    return {"5.reference-y": _angles_read("last-reference", angles)}
 
 
-def _blocked(missing: str, angles: Mapping[tuple[str, str], float]) -> Blocked:
-    """Return all readings of an angle; the nominal focal length stands in."""
-    readings = (
-        Reading(
-            *_READINGS[choice],
-            angle,
-            dict(zip(("columns", "telescope"), choice, strict=True)),
-            _FIRST if choice == ("printed", "nominal") else _LATER,
-        )
-        for choice, angle in angles.items()
-    )
-    return Blocked(missing, angles["printed", "nominal"], tuple(readings))
-
-
-@reproduces(
+@declare.reproduces(
     TABLE,
     cells=["*.monitoring-?"],
     given=[*_MEASURED, *platform.INSTRUMENT, f"{platform.SCATTER}#2-*", FRAMES, accuracy.SMOOTHED],
     equations=["7", "10"],
     replicates=_REPLICATES,
-    options=_OPTIONS | {"telescope": _telescopes("quoted", "common")},
+    options=declare.options_of(_WORDS, "monitoring"),
 )
-def monitored_angle(given: Given, seed: SeedSequence, replicates: int) -> Results:
+def monitored_angle(given: Given, seed: SeedSequence, replicates: int) -> declare.Results:
     """Monitored angles: the angle of the stage, the noise of its state and of the zero state."""
     errors, count = _monitoring_errors(given, seed, replicates), given.count(accuracy.SMOOTHED)
-    few, fewer = f"; means of {count} images", np.sqrt(given.count(FRAMES) / count)
-    means = {"state": ("", "", 1.0), "ramp": (few, "; V-C on the ramps", fewer)}
-    results: dict[str, Result] = {}
+    shares = {"state": 1.0, "ramp": np.sqrt(given.count(FRAMES) / count)}
+    results: dict[str, declare.Result] = {}
     for turn, state in product(_TURNS, _MOVED):
         noise, angles = errors[:, state - 2, "xy".index(turn)], _expected_angles(given, state, turn)
         readings = []
-        for images, (label, why, share) in means.items():
-            for (columns, telescope), (name, place) in _READINGS.items():
-                if telescope == "nominal":  # known to a few per cent: no law to draw from
-                    continue
-                added = _NOW if images == "ramp" and columns == "printed" else _LATER
-                draws = Prediction(angles[columns, telescope] + share * noise)
-                choices = {"columns": columns, "telescope": telescope, "images": images}
-                readings.append(Reading(name + label, place + why, draws, choices, added))
-        results[f"{state}.monitoring-{turn}"] = Blocked(_COLUMNS, readings=tuple(readings))
+        for way in _WORDS.readings["monitoring"]:
+            columns, telescope, images = way.choices.values()
+            drawn = declare.Prediction(angles[columns, telescope] + shares[images] * noise)
+            readings.append(declare.read(replace(way, name=way.name.format(count=count)), drawn))
+        missing = _WORDS.missing["monitoring"]
+        results[f"{state}.monitoring-{turn}"] = declare.Blocked(missing, readings=tuple(readings))
     return results
 
 
@@ -205,12 +166,12 @@ def _monitoring_errors(given: Given, seed: SeedSequence, replicates: int) -> Flo
     return np.asarray(angles[:, 1:] - angles[:, :1])
 
 
-@reproduces(
+@declare.reproduces(
     TABLE,
     cells=["*.difference-?"],
     given=[f"{TABLE}#*.reference-?", f"{TABLE}#*.monitoring-?"],
 )
-def difference(given: Given) -> Results:
+def difference(given: Given) -> declare.Results:
     """Difference of the printed monitored and reference angles."""
     return {
         f"{state}.difference-{turn}": given[f"{TABLE}#{state}.monitoring-{turn}"]
@@ -219,12 +180,12 @@ def difference(given: Given) -> Results:
     }
 
 
-@reproduces(
+@declare.reproduces(
     _PLAN,
     cells=["states", "time-per-state"],
     given=[f"{_PLAN}#travel-*", f"{_PLAN}#step", FRAMES, accuracy.DURATION, accuracy.FRAMES],
 )
-def plan(given: Given) -> Results:
+def plan(given: Given) -> declare.Results:
     """Number of states, and the time that each one takes at the pace of the first groups."""
     travel = given[f"{_PLAN}#travel-end"] - given[f"{_PLAN}#travel-start"]
     per_frame = given[accuracy.DURATION] / given.count(accuracy.FRAMES)
@@ -234,22 +195,22 @@ def plan(given: Given) -> Results:
     }
 
 
-@reproduces(
+@declare.reproduces(
     _PLAN, cells=["simulated-angle"], given=[f"{_PLAN}#maximum-travel", _QUOTED], equations=["10"]
 )
-def largest_angle(given: Given) -> Results:
+def largest_angle(given: Given) -> declare.Results:
     """Largest misalignment that the stage can simulate, without its sign."""
     angle = stage_angle(given[f"{_PLAN}#maximum-travel"], given[_QUOTED])
     return {"simulated-angle": abs(float(angle))}
 
 
-@reproduces(_PLAN, cells=["difference-bound"], given=[f"{TABLE}#*.difference-?"])
-def bound(given: Given) -> Results:
+@declare.reproduces(_PLAN, cells=["difference-bound"], given=[f"{TABLE}#*.difference-?"])
+def bound(given: Given) -> declare.Results:
     """Largest printed difference between reference and monitored angle."""
     return {"difference-bound": float(np.abs(given.array(f"{TABLE}#*.difference-?")).max())}
 
 
-@draws("chen2023/table-5", given=monitored_angle.given)
+@declare.draws("chen2023/table-5", given=monitored_angle.given)
 def _draw(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """Focal length that each printed angle implies for its printed motion."""
     panels = figure.subplots(1, 2, sharey=True)
@@ -301,7 +262,7 @@ def _fitted_length(
     return 1.0 / slope, error, float(away @ inverse @ away)
 
 
-def _implied_facts(given: Given) -> dict[str, Fact]:
+def _implied_facts(given: Given) -> dict[str, declare.Fact]:
     """What sentences say of the implied focal lengths: their ends, and where all rows meet.
 
     Of the readings with interchanged columns, also the largest difference between a monitored and a
@@ -322,12 +283,12 @@ def _implied_facts(given: Given) -> dict[str, Fact]:
         "shared-low": (other - half).max(),
         "shared-high": (other + half).min(),
     }
-    facts = {name: Fact(float(value), ".1f", "mm") for name, value in lengths.items()}
+    facts = {name: declare.Fact(float(value), ".1f", "mm") for name, value in lengths.items()}
     largest = float(max(away)) / RADIANS_PER_ARCSEC
-    return facts | {"largest-difference": Fact(largest, ".3f", "arcsec")}
+    return facts | {"largest-difference": declare.Fact(largest, ".3f", "arcsec")}
 
 
-@studied(
+@declare.studied(
     "chen2023/focal-lengths",
     given=(f"{TABLE}#*", *platform.INSTRUMENT, platform.SCATTER, FRAMES),
     caption="Focal length implied by Table V: by reference angles (± rounding of the print) and by "
@@ -364,16 +325,19 @@ def _shared_zero_chi_square(differences: FloatArray, sigma: float) -> float:
     return float(total / sigma**2)
 
 
-def _test_facts(given: Given) -> dict[str, Fact]:
+def _test_facts(given: Given) -> dict[str, declare.Fact]:
     """What sentences say of the test: the probability under each noise, chi-square of the first."""
     rows = [tuple(row) for row in _differences(given).itertuples(index=False)]
     # Smaller probabilities say "never", not how rarely.
-    chances = [Fact(row[3], "chance", zero=1e-12) for row in rows]
+    chances = [declare.Fact(row[3], "chance", zero=1e-12) for row in rows]
     facts = dict(zip(("state-chance", "ramp-chance", "printed-chance"), chances, strict=True))
-    return facts | {"state-chi-square": Fact(rows[0][1], ".1f"), "freedom": Fact(rows[0][2], "d")}
+    return facts | {
+        "state-chi-square": declare.Fact(rows[0][1], ".1f"),
+        "freedom": declare.Fact(rows[0][2], "d"),
+    }
 
 
-@studied(
+@declare.studied(
     "chen2023/differences",
     given=(
         f"{TABLE}#[2-5].difference-?",

@@ -14,14 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 from reproduce.papers.declare import Results, reproduces
-from reproduce.physics.attitude import (
-    Platform,
-    angle_jacobian,
-    emitted_directions,
-    laser_transform,
-    received_directions,
-    received_jacobian,
-)
+from reproduce.physics.attitude import Platform
 from reproduce.physics.optics import angle_from_pixels, detector_centre
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
@@ -67,32 +60,14 @@ def angle_response(given: Given) -> FloatArray:
     Shape (3, 4, 2). Derivative of the angles about X, Y and Z of the camera by x and y of each
     spot, in rad/px.
     """
-    return responses(given, tracker(given)[0])[0]
+    design = as_designed(given)
+    return design.response(design.spots)
 
 
 def angle_sigma(given: Given, group: int, frames: int) -> FloatArray:
     """Return the standard deviation of the angles about X, Y and Z from some frames of a group."""
     squares = angle_response(given) ** 2 * scatter(given, group) ** 2
     return np.asarray(np.sqrt(squares.sum(axis=(1, 2)) / frames))
-
-
-def tracker(given: Given) -> tuple[FloatArray, float, float]:
-    """Return the centre of the tracker's detector, in px, pixel pitch and focal length."""
-    return detector_centre(given.array(PIXELS)), given[PIXEL], given[FOCAL_LENGTH]
-
-
-def responses(given: Given, principal_point: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the response of the error of the laser transform, in two frames.
-
-    Shape (3, 4, 2). About the axes of the camera, and about those of the tracker, in rad/px.
-    """
-    seen = (printed_spots(given), principal_point, given[PIXEL], given[FOCAL_LENGTH])
-    camera = emitted_directions(lasers(given), given[TELESCOPE])
-    received = received_directions(*seen)
-    response = angle_jacobian(camera, received, received_jacobian(*seen))
-    # One small rotation, seen in the other frame: its vector turns with the laser transform.
-    turned = np.tensordot(laser_transform(camera, received), response, axes=1)
-    return response, np.asarray(turned)
 
 
 def printed_spots(given: Given) -> FloatArray:
@@ -117,10 +92,9 @@ def designed_positions(spots: FloatArray, diagonal: float) -> FloatArray:
 
 def as_designed(given: Given) -> Platform:
     """The platform as designed, with the centre of the detector for the principal point."""
-    centre, pitch, focal_length = tracker(given)
-    return Platform(
-        lasers(given), given[TELESCOPE], focal_length, pitch, centre, printed_spots(given)
-    )
+    lengths = given[TELESCOPE], given[FOCAL_LENGTH], given[PIXEL]
+    centre = detector_centre(given.array(PIXELS))
+    return Platform(lasers(given), *lengths, centre, printed_spots(given))
 
 
 def scatter(given: Given, group: int) -> FloatArray:

@@ -28,45 +28,10 @@ from numpy.typing import ArrayLike
 
 from reproduce.papers.chen2023 import accuracy, effectiveness, platform, resolution
 from reproduce.papers.chen2023.attitude import towards
-from reproduce.papers.chen2023.satellite import LASER, STAR, lens, mirror, reflected
+from reproduce.papers.chen2023.satellite import LASER, STAR, reflected
 from reproduce.papers.declare import draws, seed_of, studied
-from reproduce.papers.sketch import (
-    INK,
-    arc,
-    arrow,
-    beside,
-    box,
-    canvas,
-    key,
-    label,
-    path,
-    sized,
-    turned,
-)
-from reproduce.physics.attitude import (
-    Platform,
-    attitude,
-    emitted_directions,
-    laser_transform,
-    mean_rotation,
-    misalignment,
-    misalignment_angles,
-    moved_laser_transform,
-    moving_average,
-    received_directions,
-    received_spots,
-    rotation_from_vector,
-    stage_angle,
-    stage_angles,
-)
-from reproduce.physics.images import (
-    Detector,
-    centre_of_gravity,
-    expose,
-    render_frame,
-    spot_windows,
-    window_corners,
-)
+from reproduce.papers.sketch import INK, Sketch, beside, sized, turned
+from reproduce.physics import attitude, images
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 from reproduce.store.stars import bright_stars
@@ -102,32 +67,21 @@ class _Bench:
         Width of the window around a spot, in px.
     """
 
-    design: Platform
+    design: attitude.Platform
     spots: FloatArray
     light: FloatArray
     radius: float
     window: int
 
-    def directions(self, spots: ArrayLike) -> FloatArray:
-        """Return the tracker directions of spots of shape (..., 4, 2)."""
-        return received_directions(spots, *self.design.tracker)
-
-    def transform(self, spots: ArrayLike) -> FloatArray:
-        """Return the laser transform of every frame, tracker_from_camera."""
-        return laser_transform(self.design.directions, self.directions(spots))
-
-    def misalignment(self, spots: ArrayLike, zero: FloatArray) -> FloatArray:
-        """Return the misalignment angles of every frame against a laser transform."""
-        now = misalignment(self.design.directions, self.directions(spots), zero)
-        return misalignment_angles(now)
-
     def turned(self, angles: ArrayLike) -> FloatArray:
         """Return where the spots stand when the camera has turned by angles of shape (..., 3)."""
-        zero = self.transform(self.spots)
-        now = moved_laser_transform(zero, rotation_from_vector(-np.asarray(angles)))
+        zero = self.design.transform(self.spots)
+        now = attitude.moved_laser_transform(
+            zero, attitude.rotation_from_vector(-np.asarray(angles))
+        )
         # The light goes back to the camera of the zero point, then by the present transform.
-        moved = self.directions(self.spots) @ zero @ now.mT
-        return received_spots(moved, *self.design.tracker)
+        moved = self.design.seen(self.spots) @ zero @ now.mT
+        return attitude.received_spots(moved, *self.design.tracker)
 
 
 def bench(given: Given) -> _Bench:
@@ -148,11 +102,11 @@ def centroids(
     Shape (..., frames, 4, 2). Centres of gravity, in px.
     """
     places = np.asarray(spots, dtype=np.float64)[..., np.newaxis, :, :]
-    corners = window_corners(places, twin.window)
-    mean = spot_windows(places, light, twin.radius, corners, twin.window)
+    corners = images.window_corners(places, twin.window)
+    mean = images.spot_windows(places, light, twin.radius, corners, twin.window)
     shape = (*mean.shape[:-4], frames, *mean.shape[-3:])
-    seen = expose(np.broadcast_to(mean, shape), Detector(), generator)
-    return centre_of_gravity(seen, np.broadcast_to(corners, (*shape[:-2], 2)))
+    seen = images.expose(np.broadcast_to(mean, shape), images.Detector(), generator)
+    return images.centre_of_gravity(seen, np.broadcast_to(corners, (*shape[:-2], 2)))
 
 
 class _Series(NamedTuple):
@@ -173,10 +127,10 @@ def _two_groups(twin: _Bench, frames: int, generator: Generator) -> _Series:
     found = np.stack(
         [centroids(twin, twin.spots, light, frames, generator) for light in twin.light]
     )
-    single = twin.transform(found[0])
-    zero = mean_rotation(single)
-    errors = misalignment_angles(single.mT @ zero)
-    return _Series(found, errors, twin.misalignment(found[1], zero))
+    single = twin.design.transform(found[0])
+    zero = attitude.mean_rotation(single)
+    errors = attitude.misalignment_angles(single.mT @ zero)
+    return _Series(found, errors, twin.design.misalignment(found[1], zero))
 
 
 @studied(
@@ -187,15 +141,15 @@ def _misfit(given: Given) -> pd.DataFrame:
     """How far the printed spots lie from the designed lasers, within what the print leaves open."""
     twin, diagonal = bench(given), given[platform.DIAGONAL]
     common, least = effectiveness.common_length(given, "y"), given.half_unit(platform.DIAGONAL)
-    seen, rows = twin.directions(twin.spots), []
+    seen, rows = twin.design.seen(twin.spots), []
     for length, across in (
         (given[platform.TELESCOPE], diagonal),
         (common, diagonal),
         (common, diagonal - least),
     ):
         lasers = platform.designed_positions(twin.design.spots, across)
-        designed = emitted_directions(lasers, length)
-        misses = seen - designed @ attitude(seen, designed).T
+        designed = attitude.emitted_directions(lasers, length)
+        misses = seen - designed @ attitude.attitude(seen, designed).T
         distance = float(np.linalg.norm(misses) / np.sqrt(len(seen)))
         sizes = [np.linalg.norm(some - some.mean(axis=0)) for some in (seen, designed)]
         pixels, stage = distance * twin.design.pixels, distance * length * 1e3
@@ -224,13 +178,17 @@ def _draw_frame(figure: Figure, printed: Mapping[str, float], door: Given) -> No
     turns, stars = [alpha + 90.0, 90.0 - delta, turn], bright_stars()
     rays = stars.directions @ Rotation.from_euler("ZXZ", turns, degrees=True).as_matrix()
     seen = (rays[:, 2] > 0.9) & (stars.magnitude <= _FAINTEST)
-    spots, size = received_spots(rays[seen], *platform.tracker(door)), stars.magnitude[seen]
+    spots, size = (
+        attitude.received_spots(rays[seen], *platform.as_designed(door).tracker),
+        stars.magnitude[seen],
+    )
     inside = ((spots > 0) & (spots < door.array(platform.PIXELS) - 1)).all(axis=1)
     x, y, size = *spots[inside].T, 5 * 1.7 ** (_FAINTEST - size[inside])
     sized(figure, 6.0, 6.0, 4.2)
     axes = figure.add_subplot()
     axes.scatter(x, y, s=size, color=STAR.colour, marker=STAR.marker, label="stars")
-    _lasers(axes, _pairs(printed), 5, "laser spots, printed")
+    axes.plot(*_pairs(printed).T, LASER.marker, markersize=5, color=LASER.colour)
+    axes.lines[0].set_label("laser spots, printed")
     axes.set(xlim=(-0.5, 1023.5), ylim=(1023.5, -0.5), aspect="equal")
     axes.set(xlabel="x (px)", ylabel="y (px)")
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, 1.09), ncols=2)
@@ -240,50 +198,46 @@ def _pairs(printed: Mapping[str, float]) -> FloatArray:
     return np.array(list(printed.values())).reshape(-1, 2)
 
 
-def _lasers(axes: Axes, places: FloatArray, size: float, name: str = "") -> None:
-    axes.plot(*places.T, LASER.marker, markersize=size, color=LASER.colour, label=name)
-
-
 @draws("chen2023/fig-6a", marks=[platform.DIAGONAL])
 def _draw_stage(figure: Figure, printed: Mapping[str, float]) -> None:
     """The stage that moves the lasers, and how the four lasers sit on it."""
     (diagonal,) = printed.values()
-    axes, centre = canvas(figure, 10.8, 9.4), np.array([3.8, 5.7])
-    box(axes, centre, (7.0, 7.0))
-    box(axes, centre, (3.4, 3.4), turn=45, style=":", width=0.7)
-    _lasers(axes, np.array([[0, 1], [1, 0], [0, -1], [-1, 0]]) * 2.4 + centre, 11)
-    arrow(axes, beside(centre, -2.1, 0.0), beside(centre, 2.1, 0.0), style="<|-|>")
-    label(axes, beside(centre, 0.0, 0.35), f"{diagonal * 1e3:g} mm")
-    label(axes, beside(centre, 0.0, 2.95), "lasers on the stage")
+    sketch, centre = Sketch.on(figure, 10.8, 9.4), np.array([3.8, 5.7])
+    sketch.box(centre, (7.0, 7.0))
+    sketch.box(centre, (3.4, 3.4), turn=45, style=":", width=0.7)
+    sketch.mark(np.array([[0, 1], [1, 0], [0, -1], [-1, 0]]) * 2.4 + centre, LASER, 11)
+    sketch.arrow(beside(centre, -2.1, 0.0), beside(centre, 2.1, 0.0), style="<|-|>")
+    sketch.label(beside(centre, 0.0, 0.35), f"{diagonal * 1e3:g} mm")
+    sketch.label(beside(centre, 0.0, 2.95), "lasers on the stage")
     corner = beside(centre, 4.3, -1.2)
     for along, axis, y in zip(np.eye(2), "XY", (1.5, 0.8), strict=True):
-        arrow(axes, corner, corner + 2.0 * along)
-        label(axes, corner + 2.3 * along, axis)
-        sense = towards(np.zeros(3), stage_angles(along, 1.0))
+        sketch.arrow(corner, corner + 2.0 * along)
+        sketch.label(corner + 2.3 * along, axis)
+        sense = towards(np.zeros(3), attitude.stage_angles(along, 1.0))
         text = f"towards {axis}: as if the camera turned about {sense}"
-        label(axes, (0.3, y), text, ha="left")
+        sketch.label((0.3, y), text, ha="left")
 
 
 @draws("chen2023/fig-6b", marks=_ANGLES)
 def _draw_bench(figure: Figure, printed: Mapping[str, float]) -> None:
     """The ground platform: lasers, telescope, two mirrors at a right angle, tracker."""
     between, table, tilt = (float(np.degrees(printed[address])) for address in _ANGLES)
-    axes = canvas(figure, 16.0, 11.2, 6.8)
+    sketch = Sketch.on(figure, 16.0, 11.2, 6.8)
     out, hit = turned([1.0, 0.0], between), np.array([8.6, 5.6])
-    box(axes, (0.8, 7.6), (0.7, 2.2))
-    lens(axes, (4.6, 7.6), 2.6)
-    path(axes, [(1.2, 7.6), (4.6, 7.6), (13.4, 7.6), (13.4, 5.6), hit], LASER)
-    mirror(axes, (13.4, 7.6), 1.6, -45)
-    mirror(axes, (13.4, 5.6), 1.6, 45)
+    sketch.box((0.8, 7.6), (0.7, 2.2))
+    sketch.lens((4.6, 7.6), 2.6)
+    sketch.path([(1.2, 7.6), (4.6, 7.6), (13.4, 7.6), (13.4, 5.6), hit], LASER)
+    sketch.mirror((13.4, 7.6), 1.6, -45)
+    sketch.mirror((13.4, 5.6), 1.6, 45)
     # The mirror stands at its tilt to the plane across the tracker's boresight.
     stands = between - 90 + tilt
     detector = hit + 3.0 * reflected([-1.0, 0.0], stands)
-    mirror(axes, hit, 1.9, stands)
-    path(axes, [hit, detector], LASER)
-    lens(axes, hit - 1.6 * out, 1.6, between)
-    box(axes, detector, (0.3, 1.4), turn=between)
-    path(axes, [hit + 4.4 * out, hit], STAR)
-    arc(axes, hit, 1.2, (0, between), f"{between:g}°")
+    sketch.mirror(hit, 1.9, stands)
+    sketch.path([hit, detector], LASER)
+    sketch.lens(hit - 1.6 * out, 1.6, between)
+    sketch.box(detector, (0.3, 1.4), turn=between)
+    sketch.path([hit + 4.4 * out, hit], STAR)
+    sketch.arc(hit, 1.2, (0, between), f"{between:g}°")
     for x, y, text in (
         (0.2, 5.9, "stage and lasers"),
         (2.2, 9.4, "telescope"),
@@ -292,8 +246,8 @@ def _draw_bench(figure: Figure, printed: Mapping[str, float]) -> None:
         (0.2, 1.1, f"tracker against the table: {table:g}°"),
         (0.2, 0.4, f"mirror against the plane across the tracker: {tilt:g}°"),
     ):
-        label(axes, (x, y), text, ha="left")
-    key(axes, (LASER, STAR), (0.8, 1.0))
+        sketch.label((x, y), text, ha="left")
+    sketch.key((LASER, STAR), (0.8, 1.0))
 
 
 @cache
@@ -314,14 +268,14 @@ def _ride(door: Given) -> tuple[FloatArray, FloatArray, FloatArray]:
     places = door.array(f"{effectiveness.TABLE}#*.position-?").reshape(-1, 2)
     # A motion along one axis turns the camera about the other; the printed signs are kept.
     angles = np.zeros((len(places), 3))
-    angles[:, :2] = stage_angle((places - places[0])[:, ::-1], door[platform.TELESCOPE])
+    angles[:, :2] = attitude.stage_angle((places - places[0])[:, ::-1], door[platform.TELESCOPE])
     generator, spots = default_rng(seed_of("chen2023/fig-10b", door.root)), twin.turned(angles)
     found = centroids(twin, spots, twin.light[1], frames, generator)
-    zero = mean_rotation(twin.transform(found[0]))
-    single = twin.misalignment(found, zero).reshape(-1, 3)[:, :2]
+    zero = attitude.mean_rotation(twin.design.transform(found[0]))
+    single = twin.design.misalignment(found, zero).reshape(-1, 3)[:, :2]
     count, pace = door.count(accuracy.SMOOTHED), door[accuracy.DURATION] / door[accuracy.FRAMES]
     start = np.cumsum(single[: count - 1], axis=0) / np.arange(1, count)[:, np.newaxis]
-    monitored = np.concatenate([start, moving_average(single, count, axis=0)])
+    monitored = np.concatenate([start, attitude.moving_average(single, count, axis=0)])
     times = np.asarray(np.arange(len(single)) * pace, dtype=np.float64)
     return times, np.repeat(angles[:, :2], frames, axis=0), monitored
 
@@ -333,8 +287,8 @@ def _draw_spots(figure: Figure, printed: Mapping[str, float], door: Given) -> No
     corner = np.floor(twin.spots.min(axis=0)).astype(int) - _MARGIN
     width, height = (np.ceil(twin.spots.max(axis=0)).astype(int) + _MARGIN - corner).tolist()
     spots = twin.spots - corner
-    mean = render_frame(spots, twin.light[0], twin.radius, (width, height))
-    seen = expose(mean, Detector(), default_rng(seed_of("chen2023/fig-7", door.root)))
+    mean = images.render_frame(spots, twin.light[0], twin.radius, (width, height))
+    seen = images.expose(mean, images.Detector(), default_rng(seed_of("chen2023/fig-7", door.root)))
     left, top = corner - 0.5
     sized(figure, 6.4, 5.2, 3.2)
     figure.set_layout_engine("compressed")
@@ -377,7 +331,7 @@ def _series(
     columns = zip(panels, "XY", angles.T[:2] * ARCSEC_PER_RADIAN, printed.values(), strict=True)
     for panel, axis, series, limit in columns:
         panel.plot(frames, series, ".", markersize=2.5, label="single frame")
-        smoothed, name = moving_average(series, count), f"mean of {count}"
+        smoothed, name = attitude.moving_average(series, count), f"mean of {count}"
         panel.plot(frames[count - 1 :], smoothed, color=INK, linewidth=2.5, label=name)
         for side, limits in ((-1, "_"), (1, "printed, 3σ")):
             edge = series.mean() + side * limit * ARCSEC_PER_RADIAN

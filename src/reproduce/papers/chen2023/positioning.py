@@ -22,45 +22,15 @@ from numpy.random import default_rng
 from reproduce.papers.chen2023 import accuracy, platform, satellite
 from reproduce.papers.chen2023.satellite import SCENE, STAR
 from reproduce.papers.declare import Column, Results, draws, reproduces, seed_of, studied
-from reproduce.papers.sketch import (
-    INK,
-    Look,
-    arrow,
-    beside,
-    diagram,
-    key,
-    label,
-    line,
-    path,
-    seen_from,
-    sense,
-    triad,
-)
+from reproduce.papers.sketch import INK, Look, Sketch, beside, diagram, seen_from
+from reproduce.physics import ground
 from reproduce.physics.attitude import rotation_from_vector, unit
-from reproduce.physics.ground import (
-    DAY,
-    WGS84,
-    GroundJacobian,
-    circular_error,
-    earth_fixed,
-    earth_from_inertial,
-    ground_covariance,
-    ground_jacobian,
-    image_vectors,
-    imaged_position,
-    last_orbits,
-    orbital_period,
-    satellite_from_inertial,
-    thermal_series,
-    trend_and_fourier,
-)
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 from reproduce.units import RADIANS_PER_ARCSEC
 
 if TYPE_CHECKING:
     import pandas as pd
-    from matplotlib.axes import Axes
 
 
 _POINTING = f"{satellite.SATELLITE}#tracker-pointing-accuracy.value"
@@ -171,28 +141,30 @@ def _look(given: Given, tilt: float, off: float) -> tuple[FloatArray, FloatArray
     Image vector, place and rotation chain, as the imaging model takes them.
     """
     height, focal = satellite.altitude(given), given[satellite.CAMERA[0]]
-    place = earth_fixed([0.5, 0.8, height])
+    place = ground.earth_fixed([0.5, 0.8, height])
     flight = np.cross(np.cross(place, [0.0, 0.0, 1.0]), place)
-    down = satellite_from_inertial(place, flight).T
+    down = ground.satellite_from_inertial(place, flight).T
     chain = down @ rotation_from_vector([np.radians(tilt), 0.0, 0.0])
     return np.array([[off / height * focal, 0.0, -focal]]), place, chain
 
 
-def _analytic(jacobian: GroundJacobian, term: _Term) -> FloatArray:
+def _analytic(jacobian: ground.GroundJacobian, term: _Term) -> FloatArray:
     """Return the covariance of east and north that a term causes, in square metres."""
     slopes = getattr(jacobian, f"by_{term.kind}")
-    return np.asarray(ground_covariance(jacobian.position, slopes, np.diag(term.sigma**2))[0])
+    return np.asarray(
+        ground.ground_covariance(jacobian.position, slopes, np.diag(term.sigma**2))[0]
+    )
 
 
 @studied("chen2023/budget", given=READS)
 def _budget(given: Given) -> pd.DataFrame:
     """Error budget of SVGF-1 on the ground, term by term."""
-    jacobians = [ground_jacobian(*_look(given, tilt, off)) for _, tilt, off in LOOKS]
+    jacobians = [ground.ground_jacobian(*_look(given, tilt, off)) for _, tilt, off in LOOKS]
     rows = []
     for name, errors in ({term.name: (term,) for term in _terms(given)} | _together(given)).items():
         scale, unit = _UNITS[errors[0].kind] if len(errors) == 1 else (np.nan, "")
         exact = (sum(_analytic(one, error) for error in errors) for one in jacobians)
-        radii = (float(circular_error(np.asarray(covariance))) for covariance in exact)
+        radii = (float(ground.circular_error(np.asarray(covariance))) for covariance in exact)
         rows.append((name, errors[0].sigma.max() / scale, unit, *radii))
     return _budget.frame(rows, altitude=satellite.altitude(given) / 1e3)
 
@@ -205,10 +177,10 @@ def _year(height: float, root: int | None) -> tuple[FloatArray, FloatArray, Floa
     about X and Y over the amplitude. Shape (samples, 2). Standard normal numbers for the errors of
     calibrations and of the monitoring.
     """
-    period = float(orbital_period(height))
-    orbits = int(np.ceil((_YEAR_DAYS + _CAMPAIGN_DAYS) * DAY / period))
+    period = float(ground.orbital_period(height))
+    orbits = int(np.ceil((_YEAR_DAYS + _CAMPAIGN_DAYS) * ground.DAY / period))
     generator = default_rng(seed_of("chen2023/year", root))
-    times, angles = thermal_series(period, _PER_ORBIT, orbits, generator)
+    times, angles = ground.thermal_series(period, _PER_ORBIT, orbits, generator)
     return times - _CAMPAIGN_DAYS, angles, generator.standard_normal(angles.shape)
 
 
@@ -222,13 +194,13 @@ def _residuals(given: Given, amplitude: float) -> dict[str, FloatArray]:
     measured = true + _CALIBRATION * noise
     # The lasers give the misalignment half an average late, with its noise.
     count = given.count(accuracy.SMOOTHED)
-    late = times - 0.5 * count / given[accuracy.RATE] / DAY
+    late = times - 0.5 * count / given[accuracy.RATE] / ground.DAY
     delayed = np.stack([np.interp(late, times, angle) for angle in true.T], axis=-1)
     estimates = (
         np.zeros_like(true),
         measured[known - 1],
-        trend_and_fourier(times, np.arange(len(times)) / _PER_ORBIT, measured, known),
-        last_orbits(measured, _PER_ORBIT),
+        ground.trend_and_fourier(times, np.arange(len(times)) / _PER_ORBIT, measured, known),
+        ground.last_orbits(measured, _PER_ORBIT),
         delayed + platform.angle_sigma(given, 2, count)[:2] * noise,
     )
     names = (UNCORRECTED, *CORRECTIONS)
@@ -286,10 +258,10 @@ def _suffices(given: Given) -> list[tuple[str | float, ...]]:
     # Every correction is linear in what is true and in the noise: two runs tell all amplitudes.
     noise, whole = _residuals(given, 0.0), _residuals(given, RADIANS_PER_ARCSEC)
     # Errors on the ground that a correction may be asked to keep below, in metres.
-    attitude = _analytic(ground_jacobian(*_look(given, 0.0, 0.0)), _terms(given)[0])
+    attitude = _analytic(ground.ground_jacobian(*_look(given, 0.0, 0.0)), _terms(given)[0])
     limits = {
         "panchromatic pixel": given[satellite.CAMERA[2]],
-        "error of the tracker itself": float(circular_error(attitude)),
+        "error of the tracker itself": float(ground.circular_error(attitude)),
     }
     rows: list[tuple[str | float, ...]] = []
     for name in CORRECTIONS:
@@ -318,7 +290,7 @@ def _largest_amplitude(slope: FloatArray, noise: FloatArray, limit: float) -> fl
 # The drawn satellite, its target, and the side they are seen from.
 _INERTIAL = Look("J2000", INK, "--")
 _DATE = "2023-09-22T03:30:00"
-_EARTH = WGS84.equatorial_radius
+_EARTH = ground.WGS84.equatorial_radius
 _ABOVE = np.array([np.radians(104.0), np.radians(24.0), 1.25 * _EARTH])
 _TARGET = np.array([np.radians(66.0), np.radians(50.0), 0.0])
 _VIEW = seen_from(36.0, 20.0, (4.6, 3.2), 2.8 / _EARTH)
@@ -330,52 +302,52 @@ def _scene(door: Given) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]]:
     Position of the satellite; where equation (1) puts the middle of the image; three frames whose
     columns are their axes. All Earth-fixed, in metres.
     """
-    turning = earth_from_inertial(_DATE, ut1_utc=0.0)
-    place = earth_fixed(_ABOVE)
-    z = unit("boresight", earth_fixed(_TARGET) - place)
+    turning = ground.earth_from_inertial(_DATE, ut1_utc=0.0)
+    place = ground.earth_fixed(_ABOVE)
+    z = unit("boresight", ground.earth_fixed(_TARGET) - place)
     x = unit("level", np.cross([0.0, 0.0, 1.0], z))
     looking = np.stack([x, np.cross(z, x), z], axis=-1)
     # The tracker looks away from the Earth: the camera, turned about the X that both share.
     tracker_from_camera = rotation_from_vector([door[satellite.BORESIGHT], 0.0, 0.0])
     inertial_from_tracker = turning.T @ looking @ tracker_from_camera.T
     chain = turning @ inertial_from_tracker @ tracker_from_camera
-    centre = image_vectors([(0.0, 0.0)], focal_length=1.0)
+    centre = ground.image_vectors([(0.0, 0.0)], focal_length=1.0)
     frames = {"camera": chain, "tracker": turning @ inertial_from_tracker, "stars": turning}
-    return place, imaged_position(centre, place, chain)[0], frames
+    return place, ground.imaged_position(centre, place, chain)[0], frames
 
 
 @draws("chen2023/fig-1a", given=[satellite.BORESIGHT])
 @diagram(14.0, 9.6, 6.6)
-def _draw_scene(axes: Axes, door: Given) -> None:
+def _draw_scene(sketch: Sketch, door: Given) -> None:
     """Frames of the imaging model, from a point of the image to a place on the Earth."""
     (above, imaged, frames), origin = _scene(door), np.zeros(3)
     around = np.linspace(0.0, 2.0 * np.pi, 240)
     circle = _EARTH * np.stack([np.cos(around), np.sin(around), 0 * around], axis=-1)
-    line(axes, np.asarray(_VIEW.centre) + _VIEW.scale * circle[:, :2], 1.3)
-    line(axes, _VIEW.point(circle), 0.7, ":")
+    sketch.line(np.asarray(_VIEW.centre) + _VIEW.scale * circle[:, :2], 1.3)
+    sketch.line(_VIEW.point(circle), 0.7, ":")
     names = [r"$X_\mathrm{WGS84}$", r"$Y_\mathrm{WGS84}$", "$Z$ of both"]
-    triad(axes, _VIEW, origin, np.diag([1.6, 1.6, 1.3]) * _EARTH, names, width=1.8)
+    sketch.triad(_VIEW, origin, np.diag([1.6, 1.6, 1.3]) * _EARTH, names, width=1.8)
     names, stars = [r"$X_\mathrm{J2000}$", r"$Y_\mathrm{J2000}$"], frames["stars"].T
-    triad(axes, _VIEW, origin, 1.6 * _EARTH * stars[:2], names, look=_INERTIAL)
+    sketch.triad(_VIEW, origin, 1.6 * _EARTH * stars[:2], names, look=_INERTIAL)
     turn = float(-np.arctan2(stars[0, 1], stars[0, 0]))
-    sense(axes, _VIEW, origin, [0.0, 0.0, 1.0], 0.6 * _EARTH * stars[0], turn)
+    sketch.sense(_VIEW, origin, [0.0, 0.0, 1.0], 0.6 * _EARTH * stars[0], turn)
     place, target = _VIEW.point(above), _VIEW.point(imaged)
-    arrow(axes, _VIEW.point(origin), place, width=0.8)
-    path(axes, [target, place], SCENE)
-    axes.plot(*target, SCENE.marker, color=SCENE.colour, markersize=7)
+    sketch.arrow(_VIEW.point(origin), place, width=0.8)
+    sketch.path([target, place], SCENE)
+    sketch.mark(target, SCENE, 7)
     # Beside the camera's frame on the paper, so that both can be read.
     tracker = above + _EARTH * np.array([0.65, 0.8]) @ _VIEW.matrix
     for foot, name, names in (
         (above, "camera", ["$X_c$", "$Y_c$", ""]),
         (tracker, "tracker", ["$X_s$", "$Y_s$", "$Z_s$"]),
     ):
-        triad(axes, _VIEW, foot, 0.4 * _EARTH * frames[name].T, names, width=1.8)
+        sketch.triad(_VIEW, foot, 0.4 * _EARTH * frames[name].T, names, width=1.8)
     # The line of sight runs along the camera's boresight: its name stands above.
     tip = _VIEW.point(above + 0.4 * _EARTH * frames["camera"][:, 2])
-    label(axes, beside(tip, -0.1, 0.4), "$Z_c$")
+    sketch.label(beside(tip, -0.1, 0.4), "$Z_c$")
     boresight = _EARTH * frames["tracker"][:, 2]
-    path(axes, [_VIEW.point(tracker + s * boresight) for s in (1.25, 0.7)], STAR)
-    label(axes, beside(place, 0.7, 0.2), "camera", ha="left")
-    label(axes, beside(_VIEW.point(tracker), -0.45, 0.1), "tracker", ha="right")
-    label(axes, beside(target, -0.2, 0.45), "target")
-    key(axes, (SCENE, STAR, _INERTIAL), (0.0, 1.0))
+    sketch.path([_VIEW.point(tracker + s * boresight) for s in (1.25, 0.7)], STAR)
+    sketch.label(beside(place, 0.7, 0.2), "camera", ha="left")
+    sketch.label(beside(_VIEW.point(tracker), -0.45, 0.1), "tracker", ha="right")
+    sketch.label(beside(target, -0.2, 0.45), "target")
+    sketch.key((SCENE, STAR, _INERTIAL))

@@ -15,16 +15,7 @@ import numpy as np
 from numpy.random import PCG64, Generator
 from scipy.special import gammainc
 
-from reproduce.inference import Consequence, LogUniform, Model, Normal, Prior
-from reproduce.inference.models import (
-    AXES,
-    MOUNT,
-    SpotLikelihood,
-    SpotStatistics,
-    errors_with_free_lasers,
-    misalignment_model,
-    with_priors,
-)
+from reproduce.inference import Consequence, LogUniform, Model, Normal, Prior, models
 from reproduce.papers.chen2023 import satellite
 from reproduce.papers.chen2023.platform import INSTRUMENT, SCATTER, SIGMAS, as_designed
 from reproduce.papers.posteriors import Aside, Declaration, File, Pivot, data_stream
@@ -50,7 +41,7 @@ _LEAST = 3
 
 def _simulated_images(
     given: Given, turns: list[tuple[FloatArray, FloatArray]], stream: int
-) -> SpotStatistics:
+) -> models.SpotStatistics:
     """Simulate images of two groups, of which the second may drift."""
     generator, frames = Generator(PCG64(data_stream(given, 2, stream))), given.count(_FRAMES)
     design = as_designed(given)
@@ -63,7 +54,7 @@ def _simulated_images(
         true = design.predicted(np.zeros((frames, 3)), turn[:, None], lasers)[:, 0]
         groups.append(true + noise * generator.normal(size=true.shape))
     first, last = turns[1]
-    return SpotStatistics.of(groups, (False, bool((first != last).any())))
+    return models.SpotStatistics.of(groups, (False, bool((first != last).any())))
 
 
 def _pattern_scale(design: Platform) -> float:
@@ -73,7 +64,7 @@ def _pattern_scale(design: Platform) -> float:
 
 
 @dataclass(frozen=True)
-class OnTheGround:
+class _OnTheGround:
     """What an error of the misalignment costs on the ground, from an altitude in metres."""
 
     altitude: float
@@ -102,8 +93,8 @@ def misalignment(given: Given, drift: FloatArray | None = None) -> Model:
     zero, half = np.zeros(3), np.zeros(3) if drift is None else drift / 2
     drifts = drift is not None
     spots = _simulated_images(given, [(zero, zero), (_TRUTH - half, _TRUTH + half)], int(drifts))
-    ground = OnTheGround(satellite.altitude(given))
-    return misalignment_model(as_designed(given), spots, drifts=drifts, derived=ground)
+    ground = _OnTheGround(satellite.altitude(given))
+    return models.misalignment_model(as_designed(given), spots, drifts=drifts, derived=ground)
 
 
 def drift(given: Given) -> Model:
@@ -116,11 +107,11 @@ def _beside(given: Given, model: Model) -> dict[str, Aside]:
 
     How many of its numbers lie further out than the furthest of as many does in 95 % of repeats.
     """
-    likelihood = model.likelihood_of(SpotLikelihood)
-    errors = errors_with_free_lasers(likelihood) * ARCSEC_PER_RADIAN
+    likelihood = model.likelihood_of(models.SpotLikelihood)
+    errors = models.errors_with_free_lasers(likelihood) * ARCSEC_PER_RADIAN
     found = {
         f"angle-{axis}-sd-lasers-free": Aside(float(error), unit="arcsec")
-        for axis, error in zip(AXES, errors, strict=True)
+        for axis, error in zip(models.AXES, errors, strict=True)
     }
     printed, freedom = given.array(SCATTER) / SIGMAS, given.count(_FRAMES) - 1
     noise = likelihood.start()[0][-1]
@@ -140,8 +131,8 @@ def _users_model(
     priors = _priors(instrument, images)
     if drifts:
         priors |= {key.replace("angle", "drift"): prior for key, prior in priors.items()}
-    statistics = SpotStatistics.of(images, (False, drifts))
-    model = misalignment_model(instrument, statistics, drifts=drifts, priors=priors)
+    statistics = models.SpotStatistics.of(images, (False, drifts))
+    model = models.misalignment_model(instrument, statistics, drifts=drifts, priors=priors)
     return _noisy(model), remarks
 
 
@@ -185,15 +176,16 @@ def _priors(instrument: Platform, images: list[FloatArray]) -> dict[str, Prior]:
 
 def _noisy(model: Model) -> Model:
     """The same, noise and zero attitude free on both sides of what least squares leaves."""
-    likelihood = model.likelihood_of(SpotLikelihood)
+    likelihood = model.likelihood_of(models.SpotLikelihood)
     residual = likelihood.residual()
     noise = LogUniform(_NOISE[0] * residual, _NOISE[1] * residual, "no scale preferred: from a "
                        "millionth of what least squares leaves to a thousand times it")  # fmt: skip
     turn = _GENEROUS * residual / float(np.ptp(likelihood.statistics.means[0], axis=0).max())
-    mount = Normal(0.0, max(MOUNT, turn), "the zero attitude is laid over the spots to begin with: "
-                   "a quarter of a degree, or twenty times what their noise turns it")  # fmt: skip
-    priors: dict[str, Prior] = {"noise": noise, **{f"mount-{axis}": mount for axis in AXES}}
-    return replace(model, parameters=with_priors(model.parameters, priors))
+    mount = Normal(0.0, max(models.MOUNT, turn), "the zero attitude is laid over the spots to "
+                   "begin with: a quarter of a degree, or twenty times what their noise turns "
+                   "it")  # fmt: skip
+    priors: dict[str, Prior] = {"noise": noise, **{f"mount-{axis}": mount for axis in models.AXES}}
+    return replace(model, parameters=models.with_priors(model.parameters, priors))
 
 
 _SPOT_LINES = (

@@ -36,18 +36,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.random import SeedSequence
 
+from reproduce.papers import declare
 from reproduce.papers.chen2023 import platform
-from reproduce.papers.declare import (
-    Blocked,
-    Prediction,
-    Reading,
-    Results,
-    draws,
-    reproduces,
-    seed_of,
-    studied,
-    words,
-)
 from reproduce.papers.sketch import thin
 from reproduce.physics.attitude import attitude_accuracy
 from reproduce.physics.images import (
@@ -65,7 +55,7 @@ from reproduce.printed.given import Given
 from reproduce.units import ARCSEC_PER_RADIAN, RADIANS_PER_ARCSEC
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
@@ -85,68 +75,48 @@ _REPLICATES = 2000
 _CHOSEN = 3.0
 
 
+_WORDS = declare.words(STUDY)
+
+
 @dataclass(frozen=True)
 class _Case:
-    """One reading of what the study takes as its spot and its noise.
+    """What one reading of the study takes as its spot and its noise.
 
-    Attributes
-    ----------
-    name : str
-        In a few words.
-    place : str
-        Where the text leaves room for it.
-    width : float
-        The printed radius over the standard deviation of the Gaussian.
-    read_share : float
-        Share of the variance of Table III that is read noise.
-    brighter : float
-        The light over that which gives the variance of Table III.
+    - `width`: the printed radius over the standard deviation of the Gaussian.
+    - `read_share`: share of the variance of Table III that is read noise.
+    - `brighter`: the light over that which gives the variance of Table III.
     """
 
-    name: str
-    place: str
     width: float = 1.0
     read_share: float = 0.0
     brighter: float = 1.0
 
-    @property
-    def choices(self) -> dict[str, str]:
-        """What the case chooses of what the text leaves open."""
-        return {
-            "radius": _RADII[self.width],
-            "noise": "read" if self.read_share else "photon",
-            "light": "brighter" if self.brighter > 1.0 else "table-3",
-        }
+    @classmethod
+    def of(cls, choices: Mapping[str, str]) -> _Case:
+        """Return the case that a reading chooses."""
+        return cls(*(numbers[choices[option]] for option, numbers in _CHOICES.items()))
 
 
-_ONE_OVER_E, _HALF_HEIGHT = float(np.sqrt(2.0)), float(np.sqrt(2.0 * np.log(2.0)))
-_RADIUS = "V-D does not say which radius of the Gaussian is meant"
-_NOISE = "V-D draws noise after EMVA 1288, which has read noise too, and prints no parameters"
-_CASES = (
-    _Case("radius: one standard deviation; photon noise", _RADIUS),
-    _Case("radius: light down to 1/e; photon noise", _RADIUS, _ONE_OVER_E),
-    _Case("radius: light down to one half; photon noise", _RADIUS, _HALF_HEIGHT),
-    _Case("radius: light down to 1/e²; photon noise", _RADIUS, 2.0),
-    _Case("radius: one standard deviation; 90 % read noise", _NOISE, read_share=0.9),
-    _Case("radius: light down to one half; 90 % read noise", _NOISE, _HALF_HEIGHT, 0.9),
-    _Case(
-        "radius: light down to one half; 90 % read noise; 1.1 times the light",
-        "V-D: parameters close to those measured, not equal",
-        _HALF_HEIGHT,
-        0.9,
-        1.1,
-    ),
-)
-_LITERAL = _CASES[0]
-_RADII = {1.0: "sigma", _ONE_OVER_E: "one-over-e", _HALF_HEIGHT: "half", 2.0: "one-over-e2"}
+_CHOICES: dict[str, dict[str, float]] = {
+    "radius": {
+        "sigma": 1.0,
+        "one-over-e": float(np.sqrt(2.0)),
+        "half": float(np.sqrt(2.0 * np.log(2.0))),
+        "one-over-e2": 2.0,
+    },
+    "noise": {"photon": 0.0, "read": 0.9},
+    "light": {"table-3": 1.0, "brighter": 1.1},
+}
+_CASES = {way.name: _Case.of(way.choices) for way in _WORDS.readings["spot"]}
+_LITERAL = _Case()
 
 
-@reproduces(
+@declare.reproduces(
     STUDY,
     cells=["spot-radius-pixels", "position-*", "optimum-radius"],
     given=[SPOT_RADIUS, f"{STUDY}#pixel-size", f"{STUDY}#optimum", platform.FOCAL_LENGTH],
 )
-def spot(given: Given) -> Results:
+def spot(given: Given) -> declare.Results:
     """Spot radius in pixels, here and at the optimum, and the ends of one pixel."""
     radius, pixel = given[SPOT_RADIUS], given[f"{STUDY}#pixel-size"]
     pixel_at_optimum = given[f"{STUDY}#optimum"] * given[platform.FOCAL_LENGTH]
@@ -158,59 +128,48 @@ def spot(given: Given) -> Results:
     }
 
 
-@reproduces(
+@declare.reproduces(
     STUDY,
     cells=["optimum", "optimum-accuracy", "saturation"],
     given=READS,
     equations=["11"],
     replicates=_REPLICATES,
-    options=words(STUDY).options,
+    options=_WORDS.options,
 )
-def optimum(given: Given, seed: SeedSequence, replicates: int) -> Results:
+def optimum(given: Given, seed: SeedSequence, replicates: int) -> declare.Results:
     """Where centroiding is best, how good it is there, and where refining stops to pay."""
-    angles = resolutions(given)
-    scatter = _replicated_scatter(given, seed, replicates)
-    monitoring = attitude_accuracy(scatter, given.count(f"{STUDY}#lasers"), angles)
-    relative = _relative_error(given)
-    by_threshold = [
-        Reading(
-            f"{text.removeprefix('a ')}; as the first below",
-            "V-D does not say which gain is significant",
-            Prediction(angles[_saturation(monitoring[0], relative, float(errors))]),
-            _LITERAL.choices | {"threshold": errors},
-            _added(_LITERAL, float(errors)),
-        )
-        for errors, text in words(STUDY).options["threshold"].items()
-    ]
+    angles, relative = resolutions(given), _relative_error(given)
+    scatter = dict(zip(_CASES.values(), _replicated_scatter(given, seed, replicates), strict=True))
+
+    def found(name: str, case: _Case, errors: float = _CHOSEN) -> FloatArray:
+        if name == "optimum":
+            return np.asarray(angles[scatter[case].argmin(axis=-1)])
+        if name == "optimum-accuracy":
+            return np.asarray(scatter[case].min(axis=-1))
+        monitoring = attitude_accuracy(scatter[case], given.count(f"{STUDY}#lasers"), angles)
+        return np.asarray(angles[_saturation(monitoring, relative, errors)])
+
     results = {}
-    for name, found in {
-        "optimum": angles[scatter.argmin(axis=-1)],
-        "optimum-accuracy": scatter.min(axis=-1),
-        "saturation": angles[_saturation(monitoring, relative)],
-    }.items():
-        more = {"threshold": f"{_CHOSEN:g}"} if name == "saturation" else {}
-        readings = [
-            Reading(
-                case.name, case.place, Prediction(replicated), case.choices | more, _added(case)
-            )
-            for case, replicated in zip(_CASES, found, strict=True)
-        ]
-        if more:
-            readings[:1] = by_threshold
-        results[name] = Blocked(_MISSING[name], float(np.median(found[0])), tuple(readings))
+    for name, missing in _WORDS.missing.items():
+        readings = []
+        for way in _ways(name):
+            errors = float(way.choices.get("threshold", _CHOSEN))
+            drawn = found(name, _Case.of(way.choices), errors)
+            readings.append(declare.read(way, declare.Prediction(drawn)))
+        results[name] = declare.Blocked(
+            missing, float(np.median(found(name, _LITERAL))), tuple(readings)
+        )
     return results
 
 
-def _added(case: _Case, errors: float = _CHOSEN) -> str:
-    """Return the day on which a case came into the history: the literal one came first."""
-    return "2026-11-21" if case == _LITERAL and errors == _CHOSEN else "2026-11-22"
-
-
-_MISSING = {
-    "optimum": "what the radius of the spot means, and on the light and the noise of the study",
-    "optimum-accuracy": "what the radius of the spot means, and on the light and the noise",
-    "saturation": "which gain counts as significant, and on the spot and the noise",
-}
+def _ways(name: str) -> Sequence[declare.Way]:
+    """Return the readings of a result; that of the saturation has a gain that counts as well."""
+    spots = _WORDS.readings["spot"]
+    if name != "saturation":
+        return spots
+    chosen = {"threshold": f"{_CHOSEN:g}"}
+    others = [replace(way, choices=way.choices | chosen) for way in spots[1:]]
+    return [*_WORDS.readings["threshold"], *others]
 
 
 def resolutions(given: Given) -> FloatArray:
@@ -264,7 +223,7 @@ def _replicated_scatter(given: Given, seed: SeedSequence, replicates: int) -> Fl
     trials, in px.
     """
     trials = given.count(f"{STUDY}#trials")
-    laws = [predicted_errors(*_setting(given, case)) for case in _CASES]
+    laws = [predicted_errors(*_setting(given, case)) for case in _CASES.values()]
     bias, variance = np.array([law.bias for law in laws]), np.array([law.variance for law in laws])
     deviation = np.sqrt(variance / trials)
     found, shape = [], bias.shape[1:]
@@ -291,7 +250,7 @@ def _saturation(monitoring: FloatArray, relative: float, errors: float = _CHOSEN
 def monte_carlo(given: Given) -> FloatArray:
     """Simulate the study as described: the error of all phases and trials at every resolution."""
     (phases, light, radius, size), trials = _setting(given), given.count(f"{STUDY}#trials")
-    streams = spawned_streams(seed_of("chen2023/fig-11a", given.root), len(radius))
+    streams = spawned_streams(declare.seed_of("chen2023/fig-11a", given.root), len(radius))
     pairs = zip(radius, streams, strict=True)
     errors = (simulated_errors(phases, light, wide, size, trials, own) for wide, own in pairs)
     return np.array([drawn.std() for drawn in errors])
@@ -316,7 +275,7 @@ def curves(door: Given) -> dict[str, FloatArray]:
     }
 
 
-@draws("chen2023/fig-11a", given=READS, marks=_OPTIMUM, random=True)
+@declare.draws("chen2023/fig-11a", given=READS, marks=_OPTIMUM, random=True)
 def _draw_centroids(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """Centroiding accuracy against the angular resolution of the tracker."""
     axes = _curves(figure, curves(door), 1.0)
@@ -327,7 +286,7 @@ def _draw_centroids(figure: Figure, printed: Mapping[str, float], door: Given) -
     figure.legend(loc="outside lower center", ncols=2 if thin(figure) else 3)
 
 
-@draws("chen2023/fig-11b", given=READS, marks=[_SATURATION], random=True)
+@declare.draws("chen2023/fig-11b", given=READS, marks=[_SATURATION], random=True)
 def _draw_monitoring(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """Monitoring accuracy against the angular resolution of the tracker."""
     content, lasers = curves(door), door.count(f"{STUDY}#lasers")
@@ -356,7 +315,7 @@ def _curves(figure: Figure, content: dict[str, FloatArray], scale: FloatArray | 
     return axes
 
 
-@studied(
+@declare.studied(
     "chen2023/readings",
     given=READS,
     caption="The optimum of Figure 11 under every reading of the text that was tried; below the "
@@ -366,14 +325,14 @@ def _curves(figure: Figure, content: dict[str, FloatArray], scale: FloatArray | 
 def _readings(given: Given) -> list[tuple[str, float, float, float]]:
     """Where the optimum lies under other readings of the text, from the closed form."""
     angles, relative = resolutions(given), _relative_error(given)
-    cases = {case.name: case for case in _CASES}
+    cases = dict(_CASES)
     for share in (0.25, 0.5, 0.75, 0.95):
         cases[f"read noise is {share:.0%} of variance"] = replace(_LITERAL, read_share=share)
     for factor in (0.5, 2.0):
         cases[f"{factor:g} times the light"] = replace(_LITERAL, brighter=factor)
     laws = {n: predicted_errors(*_setting(given, c)) for n, c in cases.items()}
     found = {name: law.total for name, law in laws.items()}
-    found["scatter without bias"] = laws[_LITERAL.name].within
+    found["scatter without bias"] = laws[next(iter(_CASES))].within
     rows = []
     for name, error in found.items():
         monitoring = attitude_accuracy(error, given.count(f"{STUDY}#lasers"), angles)

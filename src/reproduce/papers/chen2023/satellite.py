@@ -21,32 +21,8 @@ from numpy.typing import ArrayLike
 
 from reproduce.papers.chen2023 import platform
 from reproduce.papers.declare import Blocked, Results, draws, reproduces, studied
-from reproduce.papers.sketch import (
-    INK,
-    Look,
-    arc,
-    arrow,
-    beside,
-    box,
-    canvas,
-    diagram,
-    key,
-    label,
-    line,
-    path,
-    sized,
-    turned,
-)
-from reproduce.physics import ground
-from reproduce.physics.attitude import (
-    emitted_directions,
-    laser_transform,
-    misalignment,
-    misalignment_angles,
-    received_directions,
-    rotation_from_vector,
-    unit,
-)
+from reproduce.papers.sketch import Look, Sketch, beside, diagram, sized, turned
+from reproduce.physics import attitude, ground
 from reproduce.physics.light import (
     RETROREFLECTORS,
     LightPath,
@@ -63,7 +39,6 @@ from reproduce.units import RADIANS_PER_ARCSEC
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 SATELLITE = "chen2023/table-1"
@@ -109,25 +84,10 @@ STAR = Look("starlight", "#009E73", "-.", "o")
 SCENE = Look("landscape", "#0072B2", ":", "^")
 
 
-def mirror(axes: Axes, centre: ArrayLike, length: float, degrees: float, style: str = "-") -> None:
-    """Draw a mirror as a thick line."""
-    ends = turned([[-length / 2, 0], [length / 2, 0]], degrees) + np.asarray(centre)
-    axes.plot(*ends.T, color=INK, linewidth=3, linestyle=style, solid_capstyle="butt")
-
-
 def reflected(direction: ArrayLike, degrees: float) -> FloatArray:
     """Return where light in the plane of the paper goes after a mirror drawn at some degrees."""
     normal = turned([0.0, 1.0], degrees)
     return np.asarray(reflection([*normal, 0.0])[:2, :2] @ np.asarray(direction, dtype=np.float64))
-
-
-def lens(axes: Axes, centre: ArrayLike, height: float, degrees: float = 0.0) -> None:
-    """Draw a lens, its axis turned from the horizontal by some degrees."""
-    t = np.linspace(-1, 1, 30)
-    bulge = 0.12 * height * (1 - t**2)
-    for side in (-1, 1):
-        outline = np.stack([side * bulge, t * height / 2], axis=-1)
-        line(axes, turned(outline, degrees) + np.asarray(centre), 1.2)
 
 
 def altitude(given: Given) -> float:
@@ -179,14 +139,16 @@ def _believed(
     Shape (3,). Angles about X, Y and Z of the camera, in radians.
     """
     mirror = [1.0, -1.0 if _IMAGE[kind] == "mirrored" else 1.0]
-    camera = emitted_directions(points * mirror, rest.camera_focal_length)
+    camera = attitude.emitted_directions(points * mirror, rest.camera_focal_length)
     zero, now = (
-        received_directions(
+        attitude.received_directions(
             light.spots(where, _APERTURE).mean(axis=1), (0.0, 0.0), 1.0, light.tracker_focal_length
         )
         for light, where in ((rest, points), (replace(rest, **changes), points + shifts))
     )
-    return misalignment_angles(misalignment(camera, now, laser_transform(camera, zero)))
+    return attitude.misalignment_angles(
+        attitude.misalignment(camera, now, attitude.laser_transform(camera, zero))
+    )
 
 
 @studied(
@@ -235,7 +197,7 @@ def _dichroic_response(boresight_angle: float) -> FloatArray:
     """
     tilt = float(fold_mirror_tilt(boresight_angle))
     # The plane of the light is that of both boresights, across X.
-    normal = rotation_from_vector([boresight_angle - np.pi + tilt, 0.0, 0.0]) @ _OUT
+    normal = attitude.rotation_from_vector([boresight_angle - np.pi + tilt, 0.0, 0.0]) @ _OUT
     across = np.array([1.0, 0.0, 0.0])
     axes = np.stack([np.cross(across, normal), across, normal], axis=-1)
     result: FloatArray = turn_response(reflection(normal), -_OUT) @ axes
@@ -300,7 +262,7 @@ def _opened_angle(given: Given, kind: str) -> float:
     rest = _bench_path(given, kind)
     if not isinstance(rest.retroreflector, Mirrors):
         raise TypeError(f"kind: expected a retro-reflector of plane mirrors, got {kind!r}")
-    normals = unit("normals", rest.retroreflector.normals)
+    normals = attitude.unit("normals", rest.retroreflector.normals)
     # One mirror turns about its edge with the next one, away from it.
     normals[0] += _TURN * normals[1]
     opened = replace(rest.retroreflector, normals=normals)
@@ -310,27 +272,27 @@ def _opened_angle(given: Given, kind: str) -> float:
 
 @draws("chen2023/fig-1b")
 @diagram(12.0, 6.8)
-def _draw_system(axes: Axes) -> None:
+def _draw_system(sketch: Sketch) -> None:
     """The monitoring system: what the laser light couples, and what the stars add."""
-    box(axes, (2.4, 3.4), (4.4, 1.7), "camera with lasers\nin its focal plane")
-    box(axes, (6.2, 0.8), (3.4, 1.1), "retro-reflector")
-    box(axes, (9.9, 3.4), (3.4, 1.7), "star and laser\ntracker")
-    path(axes, [(3.5, 2.55), (3.5, 0.8), (4.5, 0.8)], LASER)
-    path(axes, [(7.9, 0.8), (9.8, 0.8), (9.8, 2.55)], LASER)
-    path(axes, [(10.5, 6.5), (10.5, 4.25)], STAR)
-    path(axes, [(1.6, 0.1), (1.6, 2.55)], SCENE)
-    arrow(axes, (4.6, 3.4), (8.2, 3.4), style="<|-|>")
-    label(axes, (6.4, 3.85), "installation,")
-    label(axes, (6.4, 2.95), "bent by heat")
-    key(axes, (LASER, STAR, SCENE), (0.0, 1.0))
+    sketch.box((2.4, 3.4), (4.4, 1.7), "camera with lasers\nin its focal plane")
+    sketch.box((6.2, 0.8), (3.4, 1.1), "retro-reflector")
+    sketch.box((9.9, 3.4), (3.4, 1.7), "star and laser\ntracker")
+    sketch.path([(3.5, 2.55), (3.5, 0.8), (4.5, 0.8)], LASER)
+    sketch.path([(7.9, 0.8), (9.8, 0.8), (9.8, 2.55)], LASER)
+    sketch.path([(10.5, 6.5), (10.5, 4.25)], STAR)
+    sketch.path([(1.6, 0.1), (1.6, 2.55)], SCENE)
+    sketch.arrow((4.6, 3.4), (8.2, 3.4), style="<|-|>")
+    sketch.label((6.4, 3.85), "installation,")
+    sketch.label((6.4, 2.95), "bent by heat")
+    sketch.key((LASER, STAR, SCENE))
 
 
 @draws("chen2023/fig-2a")
 @diagram(12.6, 10.8)
-def _draw_satellite(axes: Axes) -> None:
+def _draw_satellite(sketch: Sketch) -> None:
     """The system in the satellite: camera down, tracker up, retro-reflector between."""
-    box(axes, (3.4, 5.4), (3.8, 5.2))
-    box(axes, (3.4, 7.4), (3.2, 1.1), "focal plane,\nlasers")
+    sketch.box((3.4, 5.4), (3.8, 5.2))
+    sketch.box((3.4, 7.4), (3.2, 1.1), "focal plane,\nlasers")
     for x, y, degrees in (
         (2.2, 6.2, 0),
         (4.6, 6.2, 0),
@@ -338,79 +300,79 @@ def _draw_satellite(axes: Axes) -> None:
         (4.5, 1.2, -45),
         (9.4, 1.2, 45),
     ):
-        mirror(axes, (x, y), 1.2, degrees)
-    box(axes, (6.5, 5.4), (2.4, 0.8), "platform")
-    box(axes, (9.4, 5.6), (3.4, 2.0), "star and laser\ntracker")
-    path(axes, [(3.4, 6.8), (3.65, 3.65), (4.5, 6.1), (4.5, 1.2), (9.4, 1.2), (9.4, 4.6)], LASER)
-    path(axes, [(9.9, 10.4), (9.9, 6.7)], STAR)
-    path(axes, [(2.2, 0.6), (2.2, 6.1)], SCENE)
-    label(axes, (3.4, 8.45), "camera")
-    label(axes, (6.95, 1.95), "retro-reflector,\nin section")
-    key(axes, (LASER, STAR, SCENE), (0.0, 1.0))
+        sketch.mirror((x, y), 1.2, degrees)
+    sketch.box((6.5, 5.4), (2.4, 0.8), "platform")
+    sketch.box((9.4, 5.6), (3.4, 2.0), "star and laser\ntracker")
+    sketch.path([(3.4, 6.8), (3.65, 3.65), (4.5, 6.1), (4.5, 1.2), (9.4, 1.2), (9.4, 4.6)], LASER)
+    sketch.path([(9.9, 10.4), (9.9, 6.7)], STAR)
+    sketch.path([(2.2, 0.6), (2.2, 6.1)], SCENE)
+    sketch.label((3.4, 8.45), "camera")
+    sketch.label((6.95, 1.95), "retro-reflector,\nin section")
+    sketch.key((LASER, STAR, SCENE))
 
 
 @draws("chen2023/fig-2b", given=[_DETECTORS])
 @diagram(13.6, 5.8)
-def _draw_focal_plane(axes: Axes, door: Given) -> None:
+def _draw_focal_plane(sketch: Sketch, door: Given) -> None:
     """Focal plane of the camera: detectors in two planes, joined by reflectors, and the lasers."""
     count = door.count(_DETECTORS)
     for index in range(count):
         x, upright = 1.0 + 0.7 * index, index % 2 == 0
-        box(axes, (x, 3.9 if upright else 1.5), (0.6, 0.9), look=SCENE if upright else None)
+        sketch.box((x, 3.9 if upright else 1.5), (0.6, 0.9), look=SCENE if upright else None)
         if upright:
-            box(axes, (x, 2.7), (0.45, 0.45), width=0.8)
+            sketch.box((x, 2.7), (0.45, 0.45), width=0.8)
     for x in (0.2, 1.2 + 0.7 * count):
-        axes.plot(x, 1.5, LASER.marker, color=LASER.colour, markersize=8)
-    label(axes, (1.0 + 0.35 * count, 5.2), f"light from the telescope, on {count} detectors")
+        sketch.mark((x, 1.5), LASER, 8)
+    sketch.label((1.0 + 0.35 * count, 5.2), f"light from the telescope, on {count} detectors")
     for y, name in (
         (3.9, "upright plane"),
         (2.7, "reflectors"),
         (0.5, "flat plane; squares: lasers"),
     ):
-        label(axes, (13.5, y), name, ha="right")
+        sketch.label((13.5, y), name, ha="right")
 
 
-def _inside(figure: Figure, printed: Mapping[str, float]) -> tuple[Axes, float]:
-    """Draw what both lights meet in the tracker; return the axes and the mirror's tilt (°)."""
+def _inside(figure: Figure, printed: Mapping[str, float]) -> tuple[Sketch, float]:
+    """Draw what both lights meet in the tracker; return the sketch and the mirror's tilt (°)."""
     (tilt,) = np.degrees(list(printed.values())).tolist()
-    axes, came = canvas(figure, 11.6, 9.6), reflected(_INWARDS, tilt)
-    mirror(axes, _PLATE, 3.4, tilt)
-    lens(axes, _LENS, 2.6, 90)
-    mirror(
-        axes, _PLATE - 2.5 * came, 1.8, float(np.degrees(np.arctan2(came[1], came[0]))) + 90, ":"
+    sketch, came = Sketch.on(figure, 11.6, 9.6), reflected(_INWARDS, tilt)
+    sketch.mirror(_PLATE, 3.4, tilt)
+    sketch.lens(_LENS, 2.6, 90)
+    sketch.mirror(
+        _PLATE - 2.5 * came, 1.8, float(np.degrees(np.arctan2(came[1], came[0]))) + 90, ":"
     )
-    box(axes, (5.0, 1.95), (1.8, 0.3))
-    box(axes, (5.0, 0.8), (3.6, 1.0), "processor")
+    sketch.box((5.0, 1.95), (1.8, 0.3))
+    sketch.box((5.0, 0.8), (3.6, 1.0), "processor")
     for x, y, name in ((4.6, 7.2, "dichroic\nmirror"), (3.0, 3.6, "lens"), (6.9, 1.95, "detector")):
-        label(axes, (x, y), name)
-    label(axes, (8.2, 5.4), "narrow band-pass\nfilter (dots)", ha="left")
-    return axes, tilt
+        sketch.label((x, y), name)
+    sketch.label((8.2, 5.4), "narrow band-pass\nfilter (dots)", ha="left")
+    return sketch, tilt
 
 
 @draws("chen2023/fig-3a", marks=[f"{_TEXT}#dihedral-angle"])
 def _draw_tracker(figure: Figure, printed: Mapping[str, float]) -> None:
     """Structure of the star and laser tracker."""
-    axes, _ = _inside(figure, printed)
-    box(axes, (3.2, 6.3), (0.4, 2.2), style="--")
-    box(axes, (5.2, 4.7), (5.8, 6.2), style=":")
+    sketch, _ = _inside(figure, printed)
+    sketch.box((3.2, 6.3), (0.4, 2.2), style="--")
+    sketch.box((5.2, 4.7), (5.8, 6.2), style=":")
     for side in (-1, 1):
-        line(axes, [(5 + side * 1.6, 8.0), (5 + side * 2.4, 9.5)], 1.3)
-    label(axes, (0.1, 6.3), "invar\nsupport\n(dashed)", ha="left")
-    label(axes, (8.2, 7.4), "thermal control\n(dotted)", ha="left")
-    label(axes, (7.6, 8.8), "baffle, held by the\nsatellite alone", ha="left")
+        sketch.line([(5 + side * 1.6, 8.0), (5 + side * 2.4, 9.5)], 1.3)
+    sketch.label((0.1, 6.3), "invar\nsupport\n(dashed)", ha="left")
+    sketch.label((8.2, 7.4), "thermal control\n(dotted)", ha="left")
+    sketch.label((7.6, 8.8), "baffle, held by the\nsatellite alone", ha="left")
 
 
 @draws("chen2023/fig-3b", marks=[f"{_TEXT}#dihedral-angle"])
 def _draw_paths(figure: Figure, printed: Mapping[str, float]) -> None:
     """Paths of starlight and laser light into the tracker."""
-    axes, tilt = _inside(figure, printed)
+    sketch, tilt = _inside(figure, printed)
     star, normal = _INWARDS * [-1.0, 1.0], turned([0.0, 1.0], tilt)
     hit = _LENS - (_LENS - _PLATE) @ normal / (_INWARDS @ normal) * _INWARDS
-    path(axes, [_LENS - 5.4 * star, _LENS, _LENS + 1.5 * star], STAR)
-    path(axes, [hit - 4.0 * reflected(_INWARDS, tilt), hit, _LENS, _LENS + 1.5 * _INWARDS], LASER)
-    line(axes, [_PLATE, beside(_PLATE, 2.9, 0.0)], 0.7)
-    arc(axes, _PLATE, 2.5, (0, tilt), f"{tilt:g}°")
-    key(axes, (STAR, LASER), (0.0, 1.0))
+    sketch.path([_LENS - 5.4 * star, _LENS, _LENS + 1.5 * star], STAR)
+    sketch.path([hit - 4.0 * reflected(_INWARDS, tilt), hit, _LENS, _LENS + 1.5 * _INWARDS], LASER)
+    sketch.line([_PLATE, beside(_PLATE, 2.9, 0.0)], 0.7)
+    sketch.arc(_PLATE, 2.5, (0, tilt), f"{tilt:g}°")
+    sketch.key((STAR, LASER))
 
 
 @draws("chen2023/fig-3c", marks=[*_BANDS, _FILTER])

@@ -13,25 +13,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.special import chndtrix, gammaincinv
 
-from reproduce.inference import Normal
-from reproduce.inference.models import (
-    TRANSFORM,
-    GaussianRegistration,
-    distortion_model,
-    registration_model,
-    registration_posterior,
-)
+from reproduce.inference import Normal, models
 from reproduce.papers.declare import Fact, draws, studied
-from reproduce.papers.niu2024 import simulation
-from reproduce.papers.niu2024.posteriors import (
-    centroids,
-    pivot,
-    pixel_angle,
-    true_centroids,
-    truth,
-)
+from reproduce.papers.niu2024 import posteriors, simulation
 from reproduce.papers.niu2024.simulation import NOISE
-from reproduce.papers.sketch import again, sized
+from reproduce.papers.sketch import across, sized
 from reproduce.physics.ground import circular_error
 from reproduce.physics.registration import fit_registration
 from reproduce.physics.validate import FloatArray
@@ -79,20 +65,19 @@ class _Design:
         return np.asarray(self.edge @ self.covariance(count) @ self.edge.T)
 
 
-def _outermost(likelihood: GaussianRegistration) -> int:
-    return int(np.hypot(*(likelihood.source - likelihood.pivot).T).argmax())
-
-
 @cache
 def _designs(door: Given) -> dict[str, _Design]:
     """Return the printed design under both models of the transform."""
-    green, red, _ = true_centroids(door)
-    plain, true = registration_model(red, green, pivot(door, "red")), truth(door)
+    green, red, _ = posteriors.true_centroids(door)
+    middle, true = posteriors.pivot(door, "red"), posteriors.truth(door)
+    plain = models.registration_model(red, green, middle)
+    outermost = np.hypot(*(red - middle).T).argmax()
+    known = [true[name] for name in (*models.TRANSFORM, "noise")]
     found = {}
-    for name, model in zip(_MODELS, (plain, distortion_model(plain)), strict=True):
-        likelihood = model.likelihood_of(GaussianRegistration)
+    for name, model in zip(_MODELS, (plain, models.distortion_model(plain)), strict=True):
+        likelihood = model.likelihood_of(models.GaussianRegistration)
         extra = model.parameters[5:]
-        centre = np.array([*(true[one] for one in (*TRANSFORM, "noise")), *[0.0] * len(extra)])
+        centre = np.array([*known, *[0.0] * len(extra)])
         free = np.delete(np.arange(len(centre)), 4)
         steps = np.diag(np.insert(_STEPS, 4, 0.0)[: len(centre)])[free]
         ahead, behind = (likelihood.places(centre + sign * steps) for sign in (1, -1))
@@ -102,7 +87,7 @@ def _designs(door: Given) -> dict[str, _Design]:
         found[name] = _Design(
             flat.T @ flat / true["noise"] ** 2,
             np.diag(np.append(np.zeros(4), np.power(sigmas, -2.0))),
-            response[:, _outermost(likelihood)].T,
+            response[:, outermost].T,
             len(red),
         )
     return found
@@ -126,8 +111,8 @@ def _edge_errors(door: Given, counts: FloatArray) -> dict[str, FloatArray]:
 
 def _left_out(door: Given) -> FloatArray:
     """How a similarity misplaces the outermost star for the distortion that it leaves out, (2,)."""
-    green, red, _ = true_centroids(door)
-    middle = pivot(door, "red")
+    green, red, _ = posteriors.true_centroids(door)
+    middle = posteriors.pivot(door, "red")
     left = fit_registration(red, green, middle).residuals
     return np.asarray(left[np.hypot(*(red - middle).T).argmax()])
 
@@ -146,7 +131,7 @@ def _enough(door: Given, wanted: float) -> dict[str, float]:
 
 def _star_facts(door: Given) -> dict[str, Fact]:
     """Return errors at the edge for the printed number of stars, and how many suffice."""
-    count, angle = door.count(_COUNT), pixel_angle(door)
+    count, angle = door.count(_COUNT), posteriors.pixel_angle(door)
     numbers = {"all": count, "quarter": round(count / 4)}
     found = {name: Fact(n, "d") for name, n in numbers.items()}
     errors = _edge_errors(door, np.array(list(numbers.values())))
@@ -173,7 +158,7 @@ def _stars(door: Given, wanted: float = 0.0, stars: float = 0.0) -> pd.DataFrame
     """With how many stars to calibrate."""
     wanted = wanted or door[NOISE]
     counts = sorted({*_COUNTS, door.count(_COUNT), *([round(stars)] if stars else [])})
-    found, angle = _edge_errors(door, np.array(counts)), pixel_angle(door)
+    found, angle = _edge_errors(door, np.array(counts)), posteriors.pixel_angle(door)
     rows = np.concatenate([*(ends[1:] for ends in found.values()),
                            [ends[2] * angle for ends in found.values()]])  # fmt: skip
     plain, free = map(_as_words, _enough(door, wanted).values())
@@ -205,22 +190,23 @@ def _draw_stars(figure: Figure, printed: Mapping[str, float], door: Given) -> No
     axes.set_xticks((10, 30, 100, 300, 1000), ("10", "30", "100", "300", "1000"))
     axes.set_yticks((0.001, 0.01, 0.1), ("0.001", "0.01", "0.1"))
     axes.minorticks_off()
-    again(axes, "y", "as an angle (arcsec)", pixel_angle(door))
+    across(axes, "as an angle (arcsec)", posteriors.pixel_angle(door))
     figure.legend(loc="outside lower center", ncols=1 if narrow else 2)
 
 
 @studied("niu2024/instrument-errors", given=READS)
 def _errors(door: Given) -> pd.DataFrame:
     """Every error of a registered star, and how well it is known."""
-    green, red, _ = centroids(door)
-    middle = pivot(door, "red")
-    exact = registration_posterior(red, green, middle)
-    chi = 2 * gammaincinv(exact.freedom / 2, _ENDS[::-1])  # quantiles of chi-squared
-    noise = np.sqrt(exact.squares / chi)
+    green, red, _ = posteriors.centroids(door)
+    middle = posteriors.pivot(door, "red")
+    # The exact posterior of the noise is that of the residuals of least squares.
+    fit = fit_registration(red, green, middle)
+    chi = 2 * gammaincinv(fit.degrees_of_freedom / 2, _ENDS[::-1])  # quantiles of chi-squared
+    noise = np.sqrt(fit.chi_square / chi)
     design, free = _designs(door).values()
-    scale = float(np.hypot(*exact.mean[:2]))
+    scale = float(fit.parameters[0])
     # Errors of a calibration are in proportion to the noise.
-    relative, all_stars = noise / truth(door)["noise"], np.array([design.count])
+    relative, all_stars = noise / posteriors.truth(door)["noise"], np.array([design.count])
     radius = float(np.hypot(*(red - middle).T).max())
     spread, wide = (np.sqrt(np.diagonal(one.covariance(all_stars)[0])) for one in (design, free))
     together, apart = (
@@ -237,7 +223,7 @@ def _errors(door: Given) -> pd.DataFrame:
         ("Scale, distortions free, at the edge", "simulated"): wide[0] * radius * relative,
         ("All, distortions free, at the edge", "simulated"): apart * relative,
     }  # fmt: skip
-    angle = pixel_angle(door)
+    angle = posteriors.pixel_angle(door)
     return _errors.frame(
         ((*names, *ends[[1, 0, 2]].tolist(), float(ends[1] * angle))
          for names, ends in rows.items()), count=design.count,

@@ -8,15 +8,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from reproduce.papers.declare import draws
-from reproduce.papers.sketch import (
-    Block,
-    Look,
-    arrow,
-    blocks,
-    canvas,
-    label,
-    slim,
-)
+from reproduce.papers.sketch import Block, Look, Sketch
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -58,12 +50,12 @@ _STEPS = (
 @draws("niu2024/fig-1")
 def _draw_workflow(figure: Figure) -> None:
     """Workflow of a 3CMOS star sensor, from starlight to attitude."""
-    axes = canvas(figure, 17.0, 9.6, narrow=(10.0, 13.0))
-    blocks(axes, _WORKFLOW, _STEPS, LOOKS)
+    sketch = Sketch.on(figure, 17.0, 9.6, narrow=(10.0, 13.0))
+    sketch.blocks(_WORKFLOW, _STEPS, LOOKS)
     # All three images make the colour.
-    narrow = slim(axes)
-    arrow(axes, *(((2.3, 7.0), (2.3, 6.0)) if narrow else ((7.6, 3.05), (7.6, 1.85))))
-    label(axes, (9.1, 6.5) if narrow else (12.1, 7.6), "this paper", style="italic")
+    narrow = sketch.narrow
+    sketch.arrow(*(((2.3, 7.0), (2.3, 6.0)) if narrow else ((7.6, 3.05), (7.6, 1.85))))
+    sketch.label((9.1, 6.5) if narrow else (12.1, 7.6), "this paper", style="italic")
 
 
 _SETUP: dict[str, Block] = {
@@ -81,12 +73,12 @@ _SETUP: dict[str, Block] = {
 @draws("niu2024/fig-3")
 def _draw_calibration(figure: Figure) -> None:
     """Calibration set-up: a single-star simulator, a rotary table, the sensor on its frame."""
-    axes = canvas(figure, 17.4, 9.6, narrow=(10.0, 11.8))
-    blocks(axes, _SETUP, ["simulator sensor", "external computer"], LOOKS)
-    narrow = slim(axes)
-    label(axes, (7.2, 9.1) if narrow else (7.6, 5.4), "parallel light")
-    label(axes, (5.0, 2.6) if narrow else (13.0, 8.2), "external frame, turns by $φ_1$")
-    label(axes, (5.0, 3.6) if narrow else (13.0, 6.8), "middle frame, turns by $φ_2$")
+    sketch = Sketch.on(figure, 17.4, 9.6, narrow=(10.0, 11.8))
+    sketch.blocks(_SETUP, ["simulator sensor", "external computer"], LOOKS)
+    narrow = sketch.narrow
+    sketch.label((7.2, 9.1) if narrow else (7.6, 5.4), "parallel light")
+    sketch.label((5.0, 2.6) if narrow else (13.0, 8.2), "external frame, turns by $φ_1$")
+    sketch.label((5.0, 3.6) if narrow else (13.0, 6.8), "middle frame, turns by $φ_2$")
 
 
 _ACQUISITION: dict[str, Block] = {
@@ -113,8 +105,8 @@ _FLOWS = ("simulator table", "table red", "table green", "table blue", "course t
 @draws("niu2024/fig-5")
 def _draw_acquisition(figure: Figure) -> None:
     """Data acquisition: simulated starlight of a chosen band and magnitude, three images."""
-    axes = canvas(figure, 17.2, 10.0, narrow=(10.0, 12.4))
-    blocks(axes, _ACQUISITION, _FLOWS, LOOKS)
-    narrow = slim(axes)
-    label(axes, (0.4, 11.9) if narrow else (0.6, 9.2), "dark room", ha="left", style="italic")
-    label(axes, (5.0, 8.8) if narrow else (6.4, 6.75), "starlight")
+    sketch = Sketch.on(figure, 17.2, 10.0, narrow=(10.0, 12.4))
+    sketch.blocks(_ACQUISITION, _FLOWS, LOOKS)
+    narrow = sketch.narrow
+    sketch.label((0.4, 11.9) if narrow else (0.6, 9.2), "dark room", ha="left", style="italic")
+    sketch.label((5.0, 8.8) if narrow else (6.4, 6.75), "starlight")

@@ -33,18 +33,7 @@ from itertools import product
 import numpy as np
 from numpy.random import SeedSequence
 
-from reproduce.papers.declare import (
-    Blocked,
-    Fact,
-    Prediction,
-    Results,
-    blocked,
-    reproduces,
-    seed_of,
-    split_seed,
-    studied,
-    words,
-)
+from reproduce.papers import declare
 from reproduce.papers.niu2024 import registration, simulation
 from reproduce.papers.niu2024.simulation import (
     CHANNELS,
@@ -54,16 +43,7 @@ from reproduce.papers.niu2024.simulation import (
     cameras_of,
     zero_places,
 )
-from reproduce.physics.optics import (
-    Camera,
-    angle_from_pixels,
-    channel_centroids,
-    fit_camera,
-    noisy_centroids,
-    spawned_angles,
-    spawned_normals,
-    starlight,
-)
+from reproduce.physics import optics
 from reproduce.physics.registration import (
     Registration,
     RegistrationFit,
@@ -75,7 +55,7 @@ from reproduce.printed.given import Given
 
 _CALIBRATION = "niu2024/table-4"
 OUTCOME = "niu2024/text-experiment"
-_WORDS = words(OUTCOME)
+_WORDS = declare.words(OUTCOME)
 _REPLICATES = 10_000
 # The cameras of all channels, each by its own focal length and distortion.
 CAMERAS = (
@@ -89,32 +69,34 @@ CAMERAS = (
 INSTRUMENT = (*CAMERAS, f"{OPTICS}#field-of-view-*")
 
 
-@reproduces(
+@declare.reproduces(
     _CALIBRATION,
     cells=["scale.*"],
     given=[f"{_CALIBRATION}#focal-length.*"],
     equations=["6"],
 )
-def scale_factors(given: Given) -> Results:
+def scale_factors(given: Given) -> declare.Results:
     """Scale factors: fitted to unpublished centroids; the ratios of focal lengths stand in."""
     centroids = (
         "the star centroids measured on the three detectors, to which scale factors and focal "
         "lengths are fitted apart; our stand-in is the ratio of the focal lengths"
     )
     ratios = registration.scale_factors(given, _CALIBRATION)
-    return {f"scale.{channel}": Blocked(centroids, ratio) for channel, ratio in ratios.items()}
+    return {
+        f"scale.{channel}": declare.Blocked(centroids, ratio) for channel, ratio in ratios.items()
+    }
 
 
-@reproduces(_CALIBRATION, cells=["rotation.*", "translation-*", "radial-distortion.*"])
-def fitted_parameters(given: Given) -> Results:
+@declare.reproduces(_CALIBRATION, cells=["rotation.*", "translation-*", "radial-distortion.*"])
+def fitted_parameters(given: Given) -> declare.Results:
     """Rotation, translation and distortion: fitted to centroids that are not published."""
-    centroids = Blocked("the star centroids measured on the three detectors")
+    centroids = declare.Blocked("the star centroids measured on the three detectors")
     rows = ("rotation", "translation-x", "translation-y", "radial-distortion")
     fitted = [f"{row}.{channel}" for row in rows for channel in REGISTERED]
     return dict.fromkeys([*fitted, "radial-distortion.green"], centroids)
 
 
-def cameras(given: Given) -> list[Camera]:
+def cameras(given: Given) -> list[optics.Camera]:
     """Return the cameras of Table 4, image points counted from the green principal point."""
     return cameras_of(given, _CALIBRATION, {c: _shift(given, c) for c in CHANNELS})
 
@@ -162,7 +144,7 @@ def _registered_points(given: Given, angles: FloatArray) -> FloatArray:
 
     Shape (..., 3, n, 2). In px from the green principal point; channels green, red, blue.
     """
-    green = channel_centroids(cameras(given)[:1], [0.0], angles)[..., 0, :, :]
+    green = optics.channel_centroids(cameras(given)[:1], [0.0], angles)[..., 0, :, :]
     points = [green]
     for position, channel in enumerate(REGISTERED, start=1):
         # The source's principal point is the shift, as green's is the origin here.
@@ -175,10 +157,10 @@ def _registered_points(given: Given, angles: FloatArray) -> FloatArray:
 
 def _by_focal_lengths(given: Given, angles: FloatArray) -> FloatArray:
     """Return the points of the cameras of Table 4 in the same form, without its scale factors."""
-    return channel_centroids(cameras(given), rotations(given), angles)
+    return optics.channel_centroids(cameras(given), rotations(given), angles)
 
 
-@reproduces(
+@declare.reproduces(
     OUTCOME,
     cells=["rmse-before-*"],
     given=[
@@ -191,12 +173,12 @@ def _by_focal_lengths(given: Given, angles: FloatArray) -> FloatArray:
     replicates=_REPLICATES,
     options=_WORDS.options,
 )
-def rmse_before(given: Given, seed: SeedSequence, replicates: int) -> Results:
+def rmse_before(given: Given, seed: SeedSequence, replicates: int) -> declare.Results:
     """RMSE before registration, from the calibrated registration and the printed residuals."""
-    for_positions, for_errors = split_seed(seed, 2)
+    for_positions, for_errors = declare.split_seed(seed, 2)
     count = given.count(f"{OUTCOME}#test-points")
-    angles = spawned_angles(for_positions, replicates, count, half_field(given))
-    errors = _centroid_errors(given) * spawned_normals(for_errors, replicates, (3, count, 2))
+    angles = optics.spawned_angles(for_positions, replicates, count, half_field(given))
+    errors = _centroid_errors(given) * optics.spawned_normals(for_errors, replicates, (3, count, 2))
     apart = {
         name: rmse_per_axis(measured[:, 1:], measured[:, :1])
         for name, measured in (
@@ -211,34 +193,34 @@ def rmse_before(given: Given, seed: SeedSequence, replicates: int) -> Results:
         for way in ways:
             x_and_y = apart[way.choices["scale"]][:, position]
             one = way.choices["rmse"] == "one"
-            found.append(Prediction(x_and_y[:, place] if one else np.hypot(*x_and_y.T)))
-        results[f"{name}-{channel}-{axis}"] = blocked(_WORDS, name, found)
+            found.append(declare.Prediction(x_and_y[:, place] if one else np.hypot(*x_and_y.T)))
+        results[f"{name}-{channel}-{axis}"] = declare.blocked(_WORDS, name, found)
     return results
 
 
-@reproduces(
+@declare.reproduces(
     OUTCOME,
     cells=["rmse-after-*"],
     given=[*INSTRUMENT, f"{SETTINGS}#noise"],
     equations=["17", "18"],
 )
-def rmse_after(given: Given) -> Results:
+def rmse_after(given: Given) -> declare.Results:
     """RMSE after registration: it needs centroid errors that are not published."""
     missing = "the centroid errors of the laboratory; our stand-in has the simulation's noise"
     half_x, half_y = half_field(given)
     grid = np.meshgrid(np.linspace(-half_x, half_x, 33), np.linspace(-half_y, half_y, 25))
     true = _by_focal_lengths(given, np.stack(grid, -1).reshape(-1, 2))
-    results: dict[str, Blocked] = {}
+    results: dict[str, declare.Blocked] = {}
     for position, channel in enumerate(REGISTERED, start=1):
         fit = fit_registration(true[position], true[0], _shift(given, channel))
         misfit = np.square(fit.residuals).mean(axis=0)
         expected = np.sqrt(misfit + 2 * given[f"{SETTINGS}#noise"] ** 2)
         for axis, value in zip("xy", expected, strict=True):
-            results[f"rmse-after-{channel}-{axis}"] = Blocked(missing, float(value))
+            results[f"rmse-after-{channel}-{axis}"] = declare.Blocked(missing, float(value))
     return results
 
 
-@reproduces(
+@declare.reproduces(
     OUTCOME,
     cells=["pointing-error-*"],
     given=[
@@ -247,21 +229,21 @@ def rmse_after(given: Given) -> Results:
         f"{_CALIBRATION}#focal-length.green",
     ],
 )
-def pointing_errors(given: Given) -> Results:
+def pointing_errors(given: Given) -> declare.Results:
     """Residuals in pixels as angles: they lie in the green image, so its focal length applies."""
     pitches = given.array(f"{OPTICS}#pixel-pitch-?")
     focal_length = given[f"{_CALIBRATION}#focal-length.green"]
     results = {}
     for channel, (axis, pitch) in product(REGISTERED, zip("xy", pitches, strict=True)):
         residual = given[f"{OUTCOME}#rmse-after-{channel}-{axis}"]
-        angle = angle_from_pixels(residual, pitch, focal_length)
+        angle = optics.angle_from_pixels(residual, pitch, focal_length)
         results[f"pointing-error-{channel}-{axis}"] = float(angle)
     return results
 
 
 def twin_fits(
     given: Given, seed: SeedSequence, replicates: int, error: float
-) -> tuple[dict[str, Camera], dict[str, RegistrationFit]]:
+) -> tuple[dict[str, optics.Camera], dict[str, RegistrationFit]]:
     """Fit both parts of Table 4 to the twin at the angles of the simulation, with some noise in px.
 
     Each channel's own camera, as its last two rows; both channels registered with green, as its
@@ -269,11 +251,11 @@ def twin_fits(
     zero position for a pivot, as in section 3.2. By channel, batch shape (replicates,).
     """
     table = simulation.literal(given).angles
-    noisy = noisy_centroids(_by_focal_lengths(given, table), error, seed, replicates)
-    directions, pitch = starlight(table[:, 1], table[:, 0]), given[f"{OPTICS}#pixel-pitch-x"]
+    noisy = optics.noisy_centroids(_by_focal_lengths(given, table), error, seed, replicates)
+    directions, pitch = optics.starlight(table[:, 1], table[:, 0]), given[f"{OPTICS}#pixel-pitch-x"]
     spots, [zero] = dict(zip(CHANNELS, noisy.swapaxes(0, 1), strict=True)), zero_places(table)
     turns = dict(zip(CHANNELS, rotations(given), strict=True))
-    alone = {c: fit_camera(directions, spots[c], pitch, turns[c]) for c in CHANNELS}
+    alone = {c: optics.fit_camera(directions, spots[c], pitch, turns[c]) for c in CHANNELS}
     laid = {c: fit_registration(spots[c], spots["green"], spots[c][:, zero]) for c in REGISTERED}
     return alone, laid
 
@@ -285,17 +267,17 @@ _ROUNDING = 0.5e-4
 _SHARES = {"half of them green's": np.sqrt(0.5), "all of them in every channel": 1.0}
 
 
-def _scale_facts(given: Given) -> dict[str, Fact]:
+def _scale_facts(given: Given) -> dict[str, declare.Fact]:
     """What sentences say of the scale factors: how far each lies from the ratio, at both noises."""
     far = _scale_errors(given).groupby("Channel")["Distance (σ)"].agg(["min", "max"])
     return {
-        f"{channel}-{end}": Fact(value, ".1f")
+        f"{channel}-{end}": declare.Fact(value, ".1f")
         for channel, ends in far.iterrows()
         for end, value in zip(("least", "most"), ends, strict=True)
     }
 
 
-@studied(
+@declare.studied(
     "niu2024/scale-errors",
     given=(
         *CAMERAS,
@@ -308,7 +290,7 @@ def _scale_facts(given: Given) -> dict[str, Fact]:
 )
 def _scale_errors(given: Given) -> list[tuple[str, str, float, float, float]]:
     """How far scale factors and focal lengths fitted apart may differ."""
-    seed = seed_of("niu2024/scale-errors", given.root)
+    seed = declare.seed_of("niu2024/scale-errors", given.root)
     residual = float(np.sqrt(np.square(given.array(f"{OUTCOME}#rmse-after-*")).mean()))
     printed = registration.scale_factors(given, _CALIBRATION)
     rows = []

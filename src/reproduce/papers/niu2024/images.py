@@ -27,16 +27,7 @@ from reproduce.papers.niu2024 import experiment
 from reproduce.papers.niu2024.diagrams import LOOKS
 from reproduce.papers.niu2024.simulation import CHANNELS, OPTICS
 from reproduce.papers.sketch import Look, sized
-from reproduce.physics.images import (
-    Detector,
-    blackbody_band,
-    electrons,
-    expose,
-    fitted_centre,
-    spot_windows,
-    tabulated_star,
-    window_corners,
-)
+from reproduce.physics import images
 from reproduce.physics.optics import Camera, channel_centroids, detector_centre
 from reproduce.physics.registration import Registration, registered_image, similarity_between
 from reproduce.physics.validate import FloatArray
@@ -57,7 +48,7 @@ READS = (
 APERTURE, TRANSMISSION, RADIUS = 12.5e-3, 0.8, 0.8
 _WINDOW = 9
 # The detector of every channel: a 12-bit sensor of small pixels.
-SENSOR = Detector(
+SENSOR = images.Detector(
     quantum_efficiency=0.6,
     gain=4095 / 10_500,
     dark_signal=1.0,
@@ -111,9 +102,9 @@ def light_of(door: Given, star: str, magnitude: float) -> FloatArray:
     for channel in CHANNELS:
         band = [door[f"{OPTICS}#band-{channel}-{edge}"] for edge in ("low", "high")]
         if isinstance(spectrum, str):
-            light.append(tabulated_star(magnitude, *spectra()[spectrum], *band))
+            light.append(images.tabulated_star(magnitude, *spectra()[spectrum], *band))
         else:
-            light.append(blackbody_band(magnitude, spectrum, *band))
+            light.append(images.blackbody_band(magnitude, spectrum, *band))
     # Square metres and seconds that an exposure collects.
     collected = float(
         np.pi / 4 * APERTURE**2 * TRANSMISSION * door[f"{experiment.OUTCOME}#exposure"]
@@ -162,10 +153,10 @@ def _exposures(
     In electrons, shape (3, trials, size, size); and the first pixel of the windows.
     """
     size = _WINDOW + 2 * _MARGIN
-    corner = window_corners(spots[0], size).astype(np.float64)
-    clean = spot_windows(spots, photons, RADIUS, np.broadcast_to(corner, (3, 2)), size)
+    corner = images.window_corners(spots[0], size).astype(np.float64)
+    clean = images.spot_windows(spots, photons, RADIUS, np.broadcast_to(corner, (3, 2)), size)
     many = np.broadcast_to(clean[:, None], (3, trials, size, size))
-    return electrons(expose(many, SENSOR, generator), SENSOR), corner
+    return images.electrons(images.expose(many, SENSOR, generator), SENSOR), corner
 
 
 def _combinations(
@@ -195,7 +186,7 @@ def _centres(made: list[FloatArray], corner: FloatArray) -> FloatArray:
     noise = SENSOR.noise_electrons() * np.sqrt([1, 3, 3])
     pairs = zip(made, noise, strict=True)
     first = corner + _MARGIN
-    return np.array([fitted_centre(i, first, RADIUS, read_noise=n) for i, n in pairs])
+    return np.array([images.fitted_centre(i, first, RADIUS, read_noise=n) for i, n in pairs])
 
 
 def _stored() -> studies.Study:

@@ -17,22 +17,7 @@ from functools import partial
 import numpy as np
 from numpy.random import PCG64, Generator
 
-from reproduce.inference import Model, Normal, Uniform
-from reproduce.inference.models import (
-    TRANSFORM,
-    GaussianRegistration,
-    JointRegistration,
-    MixtureRegistration,
-    NewStars,
-    Together,
-    distortion_model,
-    free_priors,
-    joint_model,
-    mixture_model,
-    noise_growth,
-    registration_model,
-    with_priors,
-)
+from reproduce.inference import Model, Normal, Uniform, models
 from reproduce.papers.niu2024 import simulation
 from reproduce.papers.niu2024.simulation import IMAGING, NOISE, REGISTERED, SETTINGS
 from reproduce.papers.posteriors import Aside, Declaration, File, Pivot, data_stream
@@ -89,7 +74,7 @@ def truth(given: Given, channels: tuple[str, ...] = ("red",)) -> dict[str, float
     for channel in channels:
         prefix = f"{channel}-" if len(channels) > 1 else ""
         similarity = similarity_between(cameras[channel], turns[channel], cameras["green"])
-        pairs = zip(TRANSFORM, similarity.parameters.tolist(), strict=True)
+        pairs = zip(models.TRANSFORM, similarity.parameters.tolist(), strict=True)
         found.update({prefix + name: value for name, value in pairs})
     both = 1.0 if len(channels) > 1 else float(np.hypot(1, found["scale"]))
     return {**found, "noise": noise * both}
@@ -98,7 +83,7 @@ def truth(given: Given, channels: tuple[str, ...] = ("red",)) -> dict[str, float
 def _registration(given: Given) -> Model:
     """The red channel laid over green."""
     green, red, _ = centroids(given)
-    return _foretelling(given, registration_model(red, green, pivot(given, "red")))
+    return _foretelling(given, models.registration_model(red, green, pivot(given, "red")))
 
 
 def pivot(given: Given, channel: str) -> FloatArray:
@@ -108,7 +93,7 @@ def pivot(given: Given, channel: str) -> FloatArray:
 
 def _foretelling(given: Given, model: Model) -> Model:
     """The same model with what it foretells of the test points in red."""
-    likelihood = model.likelihood_of(GaussianRegistration)
+    likelihood = model.likelihood_of(models.GaussianRegistration)
     return replace(model, derived=_new_stars(given, likelihood, "red"))
 
 
@@ -116,18 +101,18 @@ def _joint(given: Given) -> Model:
     """Both channels laid over green at once."""
     green, red, blue = centroids(given)
     pivots = (pivot(given, "red"), pivot(given, "blue"))
-    model = joint_model((red, blue), green, pivots)
-    likelihood = model.likelihood_of(JointRegistration)
+    model = models.joint_model((red, blue), green, pivots)
+    likelihood = model.likelihood_of(models.JointRegistration)
     parts = [
         _new_stars(given, likelihood.single(i), channel, _JOINT_COLUMNS[i], f"{channel} ")
         for i, channel in enumerate(REGISTERED)
     ]
-    return replace(model, derived=Together(tuple(parts)))
+    return replace(model, derived=models.Together(tuple(parts)))
 
 
 def _distortion(given: Given) -> Model:
     """The red channel with both distortions free."""
-    return _foretelling(given, distortion_model(_registration(given)))
+    return _foretelling(given, models.distortion_model(_registration(given)))
 
 
 def _mixture(given: Given) -> Model:
@@ -136,8 +121,8 @@ def _mixture(given: Given) -> Model:
     order = Generator(PCG64(data_stream(given, 4))).permutation(len(red))
     false = order[: round(_FALSE * len(red))]
     green[false] = green[np.roll(false, 1)]
-    matched = registration_model(red, green, pivot(given, "red"))
-    return _foretelling(given, mixture_model(matched))
+    matched = models.registration_model(red, green, pivot(given, "red"))
+    return _foretelling(given, models.mixture_model(matched))
 
 
 def _mixture_truth(given: Given) -> dict[str, float]:
@@ -155,21 +140,23 @@ def _test_points(given: Given) -> FloatArray:
 
 def _new_stars(
     given: Given,
-    likelihood: GaussianRegistration,
+    likelihood: models.GaussianRegistration,
     channel: str,
     columns: tuple[int, ...] = (),
     prefix: str = "",
-) -> NewStars:
+) -> models.NewStars:
     """Return the consequences of one channel's registration at the test points.
 
     The transform in use is the least-squares one; where stars may be false, of those that agree.
     """
-    true = likelihood.agreeing if isinstance(likelihood, MixtureRegistration) else slice(None)
+    true = (
+        likelihood.agreeing if isinstance(likelihood, models.MixtureRegistration) else slice(None)
+    )
     fit = fit_registration(likelihood.source[true], likelihood.target[true], likelihood.pivot)
     source = _test_points(given)[simulation.CHANNELS.index(channel)]
     registered = fit.transform.apply(source)
     stars = likelihood.elsewhere(source)
-    return NewStars(stars, registered, pixel_angle(given), columns, prefix)
+    return models.NewStars(stars, registered, pixel_angle(given), columns, prefix)
 
 
 def pixel_angle(given: Given) -> float:
@@ -181,12 +168,12 @@ def pixel_angle(given: Given) -> float:
 
 def _beside_the_registration(given: Given, model: Model) -> dict[str, Aside]:
     """Whether the noise grows across the field, and what a principal point that is off does."""
-    plain = model.likelihood_of(GaussianRegistration)
+    plain = model.likelihood_of(models.GaussianRegistration)
     scale, rotation = fit_registration(plain.source, plain.target, plain.pivot).parameters[:2]
     # A principal point off by d moves the shift by (w - 1) d.
     moved = abs(scale * np.exp(1j * rotation) - 1) * _PRINCIPAL_POINT
     return {
-        "noise-growth": Aside(*noise_growth(plain.source, plain.target, plain.pivot)),
+        "noise-growth": Aside(*models.noise_growth(plain.source, plain.target, plain.pivot)),
         "principal-point": Aside(_PRINCIPAL_POINT, unit="px"),
         "shift-by-principal-point": Aside(float(moved), unit="px"),
     }
@@ -196,8 +183,8 @@ def _users_registration(table: Table, pivot: Pivot) -> Model:
     """Registration of one channel."""
     source, target = table.values[:, :2], table.values[:, 2:]
     centre = _pivots(table, pivot)[0]
-    priors = free_priors(source, target, centre)
-    return registration_model(source, target, centre, priors=priors)
+    priors = models.free_priors(source, target, centre)
+    return models.registration_model(source, target, centre, priors=priors)
 
 
 def _users_mixture(table: Table, pivot: Pivot) -> Model:
@@ -213,7 +200,7 @@ def _users_mixture(table: Table, pivot: Pivot) -> Model:
             f"{table.path}: expected coordinates with more digits, got {told}: this model would "
             "take these for free of noise; take registration, or add digits"
         )
-    return _turning(mixture_model(_users_registration(table, pivot)))
+    return _turning(models.mixture_model(_users_registration(table, pivot)))
 
 
 def _turning(model: Model) -> Model:
@@ -221,7 +208,7 @@ def _turning(model: Model) -> Model:
     theta = float(model.likelihood.start()[0][1])
     turn = Uniform(theta - np.pi, theta + np.pi, "any: the full turn, cut opposite to the fit of "
                    "those stars that agree")  # fmt: skip
-    return replace(model, parameters=with_priors(model.parameters, {"rotation": turn}))
+    return replace(model, parameters=models.with_priors(model.parameters, {"rotation": turn}))
 
 
 def _users_distortion(table: Table, pivot: Pivot) -> Model:
@@ -232,7 +219,7 @@ def _users_distortion(table: Table, pivot: Pivot) -> Model:
     reach = min(max(_SHARE * field, _RESIDUALS * residual), _MOST * field)
     prior = Normal(0.0, float(reach), "some thousandths of the field at its edge, or ten times the "
                    "residuals where these are larger")  # fmt: skip
-    model = distortion_model(base)
+    model = models.distortion_model(base)
     extra = tuple(replace(parameter, prior=prior) for parameter in model.parameters[5:])
     return replace(model, parameters=model.parameters[:5] + extra)
 
@@ -241,14 +228,14 @@ def _users_joint(table: Table, pivot: Pivot) -> Model:
     """Both channels at once."""
     red, blue, green = (table.values[:, i : i + 2] for i in (0, 2, 4))
     centres = _pivots(table, pivot)
-    model = joint_model((red, blue), green, (centres[0], centres[1]))
+    model = models.joint_model((red, blue), green, (centres[0], centres[1]))
     pairs = zip((red, blue), centres, strict=True)
-    own = [free_priors(source, green, centre) for source, centre in pairs]
+    own = [models.free_priors(source, green, centre) for source, centre in pairs]
     priors = {f"{channel}-{key}": prior for channel, one in zip(REGISTERED, own, strict=True)
               for key, prior in one.items() if key != "noise"}  # fmt: skip
     # Both channels share one noise, and its prior is that of the channel with more of it.
     priors["noise"] = max((one["noise"] for one in own), key=lambda prior: prior.high)
-    return replace(model, parameters=with_priors(model.parameters, priors))
+    return replace(model, parameters=models.with_priors(model.parameters, priors))
 
 
 def _pivots(table: Table, pivot: Pivot | FloatArray) -> list[FloatArray]:

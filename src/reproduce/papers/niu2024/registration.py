@@ -13,12 +13,11 @@ import numpy as np
 from reproduce.papers.declare import Results, draws, reproduces
 from reproduce.papers.niu2024.diagrams import BLUE, GREEN
 from reproduce.papers.niu2024.simulation import IMAGING, REGISTERED
-from reproduce.papers.sketch import Look, Point, arc, arrow, canvas, label, line, turned
+from reproduce.papers.sketch import Look, Point, Sketch, turned
 from reproduce.physics import optics
 from reproduce.printed.given import Given
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 
@@ -64,32 +63,32 @@ _PRINCIPAL_POINTS = {"green": (5.4, 5.0), "blue": (7.8, 6.4)}
 @draws("niu2024/fig-2")
 def _draw_planes(figure: Figure) -> None:
     """Rotation and translation of the blue image plane against the green one."""
-    axes = canvas(figure, 14.0, 11.6, 5.6)
+    sketch = Sketch.on(figure, 14.0, 11.6, 5.6)
     green, blue = _PRINCIPAL_POINTS["green"], _PRINCIPAL_POINTS["blue"]
     (left, low), (right, high) = green, blue
-    _plane(axes, green, 0.0, GREEN)
-    _plane(axes, blue, _PLANE_ANGLE, BLUE)
-    arc(axes, blue, 4.8, (0.0, _PLANE_ANGLE), head=True)
-    label(axes, (right + 5.2, high + 0.65), "θ")
+    _plane(sketch, green, 0.0, GREEN)
+    _plane(sketch, blue, _PLANE_ANGLE, BLUE)
+    sketch.arc(blue, 4.8, (0.0, _PLANE_ANGLE), head=True)
+    sketch.label((right + 5.2, high + 0.65), "θ")
     # The step from one principal point to the other, along each axis.
-    line(axes, [green, (left, low - 1.6)], 0.6)
-    line(axes, [(right, low - 1.6), blue, (right + 5.4, high)], 0.6)
-    line(axes, [(left + 3.8, low), (right + 2.3, low)], 0.6)
-    arrow(axes, (left, low - 1.4), (right, low - 1.4), style="<|-|>")
-    label(axes, ((left + right) / 2, low - 1.0), "Δx")
-    arrow(axes, (right + 2.1, low), (right + 2.1, high), style="<|-|>")
-    label(axes, (right + 2.6, (low + high) / 2), "Δy")
+    sketch.line([green, (left, low - 1.6)], 0.6)
+    sketch.line([(right, low - 1.6), blue, (right + 5.4, high)], 0.6)
+    sketch.line([(left + 3.8, low), (right + 2.3, low)], 0.6)
+    sketch.arrow((left, low - 1.4), (right, low - 1.4), style="<|-|>")
+    sketch.label(((left + right) / 2, low - 1.0), "Δx")
+    sketch.arrow((right + 2.1, low), (right + 2.1, high), style="<|-|>")
+    sketch.label((right + 2.6, (low + high) / 2), "Δy")
 
 
-def _plane(axes: Axes, origin: Point, turn: float, look: Look) -> None:
+def _plane(sketch: Sketch, origin: Point, turn: float, look: Look) -> None:
     """Draw a detector about its principal point, with its axes."""
     corners = turned([[-4, -3], [4, -3], [4, 3], [-4, 3], [-4, -3]], turn) + origin
-    axes.plot(*corners.T, color=look.colour, linestyle=look.line, label=look.name)
-    axes.plot(*origin, look.marker, color=look.colour, markersize=7)
+    sketch.axes.plot(*corners.T, color=look.colour, linestyle=look.line, label=look.name)
+    sketch.mark(origin, look, 7)
     letter = look.name[0]
     for tip, name in zip(turned([[3.0, 0.0], [0.0, 2.2]], turn), "XY", strict=True):
-        arrow(axes, origin, origin + tip, look)
-        label(axes, origin + tip + 0.38 * tip / np.hypot(*tip), f"${name}_{letter}$")
+        sketch.arrow(origin, origin + tip, look)
+        sketch.label(origin + tip + 0.38 * tip / np.hypot(*tip), f"${name}_{letter}$")
     below, corner = turned([[-0.55, -0.5], [2.1, -2.35]], turn) + origin
-    label(axes, below, f"$O_{letter}$")
-    label(axes, corner, look.name, ha="left", rotation=turn)
+    sketch.label(below, f"$O_{letter}$")
+    sketch.label(corner, look.name, ha="left", rotation=turn)

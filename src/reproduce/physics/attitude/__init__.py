@@ -34,4 +34,4 @@ from reproduce.physics.attitude.rotations import (
     unit,
     vector_from_rotation,
 )
-from reproduce.physics.attitude.wahba import attitude, by_quest, by_svd, mean_rotation, taste
+from reproduce.physics.attitude.wahba import attitude, by_quest, by_svd, mean_rotation

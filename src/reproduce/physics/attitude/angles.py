@@ -36,20 +36,14 @@ from reproduce.physics.validate import (
     Point,
     Positive,
     Rotation,
-    Weights,
     checked,
-    weights_for,
 )
 
 _Moves = Annotated[Any, ("n", 3, None)]
 
 
 @checked
-def laser_transform(
-    camera_directions: Directions,
-    tracker_directions: Directions,
-    weights: Weights = None,
-) -> FloatArray:
+def laser_transform(camera_directions: Directions, tracker_directions: Directions) -> FloatArray:
     """Return the rotation that carries laser light from the camera into the tracker, by QUEST.
 
     Implements: chen2023 (4), (5).
@@ -63,8 +57,6 @@ def laser_transform(
         Emitted directions v_i,cam in the camera frame, of any length but zero.
     tracker_directions : array_like, shape (..., n, 3)
         Received directions w_i^k in the tracker frame, in the same order.
-    weights : array_like, shape (..., n), optional
-        Relative weights of the spots.
 
     Returns
     -------
@@ -82,7 +74,7 @@ def laser_transform(
     >>> np.allclose(laser_transform(directions, directions), np.eye(3))
     True
     """
-    return _attitude(tracker_directions, camera_directions, weights)
+    return _attitude(tracker_directions, camera_directions)
 
 
 @checked
@@ -90,7 +82,6 @@ def misalignment(
     camera_directions: Directions,
     tracker_directions: Directions,
     tracker_from_camera_zero: Rotation,
-    weights: Weights = None,
 ) -> FloatArray:
     """Return the camera's misalignment directly from the laser spots, by QUEST.
 
@@ -116,7 +107,7 @@ def misalignment(
     True
     """
     # Rows times T are the columns T' w: what the camera would have to emit at the zero point.
-    return _attitude(camera_directions, tracker_directions @ tracker_from_camera_zero, weights)
+    return _attitude(camera_directions, tracker_directions @ tracker_from_camera_zero)
 
 
 @checked
@@ -155,13 +146,12 @@ def angle_jacobian(
     camera_directions: Directions,
     tracker_directions: Directions,
     direction_jacobian: _Moves,
-    weights: Weights = None,
 ) -> FloatArray:
     """Return how the misalignment angles respond to each spot: the exact derivative.
 
-    At the optimum sum w b × v vanishes, b a tracker direction carried into the camera.
-    Differentiating that gives theta = H^-1 sum w v × db, with the stiffness
-    H = trace(P) I - P and P = sum w v b^T. Errors are those of `laser_transform`.
+    At the optimum sum b × v vanishes, b a tracker direction carried into the camera.
+    Differentiating that gives theta = H^-1 sum v × db, with the stiffness
+    H = trace(P) I - P and P = sum v b^T. Errors are those of `laser_transform`.
 
     Parameters
     ----------
@@ -170,8 +160,6 @@ def angle_jacobian(
     direction_jacobian : array_like, shape (..., n, 3, k)
         Derivative of each tracker direction by k parameters of its own; for the spots in
         px see `received_jacobian`.
-    weights : array_like, shape (..., n), optional
-        The weights of the solution.
 
     Returns
     -------
@@ -188,17 +176,15 @@ def angle_jacobian(
     >>> np.round(angle_jacobian(np.eye(3)[:2], np.eye(3)[:2], moves)[:, 0, 0], 12)
     array([0. , 0. , 0.5])
     """
-    kept = weights_for(weights, camera_directions.shape[-2])
-    camera_from_tracker = _attitude(camera_directions, tracker_directions, kept)
+    camera_from_tracker = _attitude(camera_directions, tracker_directions)
     camera = _unit("camera_directions", camera_directions)
     carried = _unit("tracker_directions", tracker_directions) @ camera_from_tracker.mT
-    product = (kept[..., np.newaxis] * camera).mT @ carried
+    product = camera.mT @ carried
     trace = np.einsum("...ii->...", product)[..., np.newaxis, np.newaxis]
     stiffness = trace * np.eye(3) - 0.5 * (product + product.mT)
     moved = np.einsum("...ij,...njk->...nik", camera_from_tracker, direction_jacobian)
     torque = np.cross(camera[..., np.newaxis, :], moved.mT)
-    weighted = kept[..., np.newaxis, np.newaxis] * torque
-    return np.einsum("...ij,...nkj->...ink", np.linalg.inv(stiffness), weighted)
+    return np.einsum("...ij,...nkj->...ink", np.linalg.inv(stiffness), torque)
 
 
 @checked

@@ -12,19 +12,13 @@ that is lost is NaN.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from reproduce.physics.attitude.angles import (
-    angle_jacobian,
-    laser_transform,
-    misalignment,
-    misalignment_angles,
-)
-from reproduce.physics.attitude.platform import Platform, received_directions, received_jacobian
+from reproduce.physics.attitude.platform import Platform
 from reproduce.physics.validate import (
     FloatArray,
     NonNegative,
@@ -324,11 +318,8 @@ def _turned(
         if lights.sum() < 2:
             continue
         rows = np.flatnonzero(which.reshape(-1) == number)
-        camera, spots = platform.directions[lights], images[rows][:, lights]
-        still = laser_transform(camera, received_directions(zero[lights], *platform.tracker))
-        received = received_directions(spots, *platform.tracker)
-        angles[rows] = misalignment_angles(misalignment(camera, received, still))
-        moves = received_jacobian(spots, *platform.tracker)
-        found = angle_jacobian(np.broadcast_to(camera, received.shape), received, moves)
-        response[np.ix_(rows, np.arange(3), np.flatnonzero(lights))] = found
+        spots, places = images[rows][:, lights], np.ix_(rows, np.arange(3), np.flatnonzero(lights))
+        shows = replace(platform, lasers=platform.lasers[lights], spots=platform.spots[lights])
+        angles[rows] = shows.misalignment(spots, shows.transform(zero[lights]))
+        response[places] = shows.response(spots)
     return angles, response

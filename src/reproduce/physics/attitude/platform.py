@@ -23,7 +23,12 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from reproduce.physics.attitude.angles import laser_transform
+from reproduce.physics.attitude.angles import (
+    angle_jacobian,
+    laser_transform,
+    misalignment,
+    misalignment_angles,
+)
 from reproduce.physics.attitude.rotations import _rotation_from_vector, _unit
 from reproduce.physics.validate import (
     Directions,
@@ -316,7 +321,24 @@ class Platform:
     @cached_property
     def reference(self) -> FloatArray:
         """tracker_from_camera that lays the designed lasers over the rough spots best, (3, 3)."""
-        return laser_transform(self.directions, received_directions(self.spots, *self.tracker))
+        return self.transform(self.spots)
+
+    def seen(self, spots: ArrayLike) -> FloatArray:
+        """Return the directions from which spots (..., n, 2), in px, arrive at the tracker."""
+        return received_directions(spots, *self.tracker)
+
+    def transform(self, spots: ArrayLike) -> FloatArray:
+        """Return the laser transform that spots (..., n, 2) tell, tracker_from_camera."""
+        return laser_transform(self.directions, self.seen(spots))
+
+    def misalignment(self, spots: ArrayLike, zero: FloatArray) -> FloatArray:
+        """Return the misalignment angles, (..., 3), of spots against a laser transform."""
+        return misalignment_angles(misalignment(self.directions, self.seen(spots), zero))
+
+    def response(self, spots: ArrayLike) -> FloatArray:
+        """Return how the misalignment angles respond to each spot, (..., 3, n, 2), per px."""
+        seen, moves = self.seen(spots), received_jacobian(spots, *self.tracker)
+        return angle_jacobian(np.broadcast_to(self.directions, seen.shape), seen, moves)
 
     def predicted(
         self, mount: FloatArray, turn: FloatArray, lasers: FloatArray | None = None

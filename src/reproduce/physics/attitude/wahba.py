@@ -34,7 +34,6 @@ from reproduce.physics.attitude.rotations import (
     _cofactors,
     _rotation_from_quaternion,
     _unit,
-    unit,
 )
 from reproduce.physics.validate import (
     DegenerateGeometryError,
@@ -43,7 +42,6 @@ from reproduce.physics.validate import (
     Weights,
     checked,
     kernel,
-    positive,
     rotations,
     weights_for,
 )
@@ -136,58 +134,6 @@ def mean_rotation(matrices: ArrayLike) -> FloatArray:
     """
     array = rotations("matrices", matrices, shape=(None, 3, 3))
     return _fixed(*by_svd(array.mean(axis=-3)))
-
-
-def taste(
-    target_vectors: ArrayLike, source_vectors: ArrayLike, sigma: ArrayLike
-) -> tuple[FloatArray, FloatArray]:
-    """Return Shuster's TASTE test: whether errors explain what the best rotation leaves over.
-
-    In the measurement model of QUEST each direction errs by sigma about each axis across it, with a
-    normal law. Then the loss of the best rotation follows the chi-square law with 2n - 3 degrees of
-    freedom: two for each direction, less the three of the rotation. (Shuster's factor of two stands
-    in his definition of the loss, which halves it.)
-
-    Parameters
-    ----------
-    target_vectors, source_vectors : array_like, shape (..., n, 3)
-        As for `attitude`.
-    sigma : array_like, scalar or shape (..., n)
-        1 sigma error of each direction about each axis across it, in radians, above zero; errors
-        of target and source added in quadrature.
-
-    Returns
-    -------
-    statistic : ndarray, shape (...)
-        ``sum |target - rotation @ source|^2 / sigma^2``.
-    probability : ndarray, shape (...)
-        Of a statistic at least as large under the measurement model: uniform from 0 to 1 if the
-        model holds, near 0 if it does not.
-
-    Raises
-    ------
-    DegenerateGeometryError
-        As for `attitude`.
-
-    Examples
-    --------
-    Two directions that are one sigma too far apart share it; half of its square is left.
-
-    >>> excess = 1e-4
-    >>> found = [[1, 0, 0], [-np.sin(excess), np.cos(excess), 0]]
-    >>> statistic, probability = taste(found, np.eye(3)[:2], sigma=1e-4)
-    >>> round(float(statistic), 6), round(float(probability), 4)
-    (0.5, 0.4795)
-    """
-    from scipy.special import chdtrc  # only now: its import takes longer than most solutions
-
-    target, source = unit("target_vectors", target_vectors), unit("source_vectors", source_vectors)
-    count = target.shape[-2]
-    each = positive("sigma", sigma, shape=(count,) if np.ndim(sigma) else ())
-    weights = np.broadcast_to(each**-2.0, np.broadcast_shapes(each.shape, (count,)))
-    misses = target - source @ attitude(target, source, weights).mT
-    statistic = np.einsum("...n,...ni,...ni->...", weights, misses, misses)
-    return statistic, np.asarray(chdtrc(2.0 * count - 3.0, statistic))
 
 
 def _fixed(rotation: FloatArray, gap: FloatArray) -> FloatArray:

@@ -6,7 +6,6 @@ from reproduce.physics.images.centroids import (
     centre_of_gravity,
     centre_of_gravity_error,
     cramer_rao_variance,
-    detect_spots,
     least_variance,
     predicted_errors,
     simulated_errors,
@@ -14,7 +13,6 @@ from reproduce.physics.images.centroids import (
 from reproduce.physics.images.detector import (
     Detector,
     blackbody_band,
-    channel_ratio,
     electrons,
     expose,
     tabulated_star,

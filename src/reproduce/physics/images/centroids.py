@@ -18,9 +18,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.random import Generator
 from numpy.typing import ArrayLike
-from scipy.ndimage import center_of_mass, label, maximum_filter
 
-from reproduce.physics.images.spots import IntArray, _gradient, _shares, spot_windows
+from reproduce.physics.images.spots import _gradient, _shares, spot_windows
 from reproduce.physics.validate import (
     DegenerateGeometryError,
     FloatArray,
@@ -33,47 +32,6 @@ from reproduce.physics.validate import (
     positive,
     whole_number,
 )
-
-# Least distance between two spots along x or y, in px.
-_SEPARATION = 5
-
-
-def detect_spots(frame: ArrayLike, threshold: float) -> IntArray:
-    """Return the brightest pixel of every spot in a frame.
-
-    A spot is a pixel that no other one less than five pixels away along x or y outshines. Touching
-    pixels that are equally bright, as in a saturated star, are one spot together, however large:
-    the pixel in their middle stands for it.
-
-    Parameters
-    ----------
-    frame : array_like, shape (height, width)
-        Light or digital numbers.
-    threshold : float
-        What a pixel must exceed.
-
-    Returns
-    -------
-    ndarray of int, shape (n, 2)
-        x and y, the brightest first; no rows where nothing is bright enough.
-
-    Examples
-    --------
-    >>> frame = np.zeros((9, 9))
-    >>> frame[2, 7] = 5.0
-    >>> detect_spots(frame, 1.0)
-    array([[7, 2]])
-    """
-    image = finite_array("frame", frame, shape=(None, None))
-    if image.ndim != 2:
-        raise ValueError(f"frame: expected one image, got shape {image.shape}; pass them singly")
-    highest = maximum_filter(image, size=2 * _SEPARATION - 1, mode="nearest")
-    peaks = (image == highest) & (image > finite_array("threshold", threshold))
-    labels, count = label(peaks, structure=np.ones((3, 3)))
-    middles = center_of_mass(peaks, labels, range(1, count + 1))
-    found = np.ceil(np.reshape(middles, (-1, 2)) - 0.5).astype(np.int64)
-    order = np.argsort(-image[tuple(found.T)], kind="stable")
-    return found[order, ::-1]
 
 
 @checked

@@ -233,34 +233,6 @@ def tabulated_star(
     return np.asarray(_ZERO_MAGNITUDE * 10 ** (-0.4 * magnitude) * share)
 
 
-@checked
-def channel_ratio(
-    signal: Number, reference: Positive, variance: Number, reference_variance: Number
-) -> tuple[FloatArray, FloatArray]:
-    """The colour of a star: the ratio of two channels' signals, and its standard deviation.
-
-    Parameters
-    ----------
-    signal, reference : array_like, shape (...)
-        Light in two channels, in the same unit; the reference above zero.
-    variance, reference_variance : array_like, shape (...)
-        Their variances, in that unit squared.
-
-    Returns
-    -------
-    tuple of ndarray, each of shape (...)
-        Ratio signal / reference, and its standard deviation to first order.
-
-    Examples
-    --------
-    >>> ratio, sigma = channel_ratio(50.0, 100.0, 25.0, 100.0)
-    >>> float(ratio), float(sigma.round(4))
-    (0.5, 0.0707)
-    """
-    ratio = signal / reference
-    return ratio, np.asarray(np.sqrt(variance + ratio**2 * reference_variance) / reference)
-
-
 def _band(low: float, high: float) -> tuple[float, float]:
     first, last = float(positive("low", low)), float(positive("high", high))
     if not first < last:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from reproduce.physics.registration.transforms import (
     MODELS,
@@ -45,7 +45,7 @@ _MOVEMENT = 1e-11  # px, root mean square: far below what a centroid can mean
 _DEPENDENT = 1e-13
 
 
-def thinned(count: int, most: int) -> slice | np.ndarray[Any, np.dtype[np.intp]]:
+def thinned(count: int, most: int) -> slice | NDArray[np.intp]:
     """Return so many of `count` rows at most, spread evenly."""
     return slice(None) if count <= most else np.linspace(0, count - 1, most).astype(int)
 
@@ -82,6 +82,14 @@ class Problem:
     def counts(self) -> FloatArray:
         """How much each point counts, shape (..., n)."""
         return np.ones(self.source.shape[:-1]) if self.weights is None else self.weights
+
+    def of(self, rows: NDArray[np.intp]) -> Problem:
+        """Return the problem of some of the points."""
+        axes = {"source": -2, "target": -2, "weights": -1}
+        axes |= {"source_covariance": -3, "target_covariance": -3}
+        every = ((name, getattr(self, name), axis) for name, axis in axes.items())
+        some: Any = {name: np.take(a, rows, axis=axis) for name, a, axis in every if a is not None}
+        return replace(self, **some)
 
     def transformed(self, parameters: FloatArray, points: FloatArray) -> FloatArray:
         """Return points, shape (..., n, 2) in px, laid over the target with these parameters."""

@@ -337,11 +337,14 @@ def _units(source: FloatArray, target: FloatArray, fit: RegistrationFit) -> list
 
 def _repeated(source: FloatArray, target: FloatArray, named: _Named) -> list[Finding]:
     """Name rows that repeat an earlier one, or that share a star of one image with it."""
-    repeats = _again(np.hstack([source, target]))
+    alike = {"source": _again(source), "target": _again(target)}
+    # Who repeats a row repeats both of its stars.
+    doubtful = min(map(len, alike.values())) > 0
+    repeats = _again(np.hstack([source, target])) if doubtful else np.empty(0, dtype=np.intp)
     told = [("repeated", repeats, "repeat an earlier one")]
-    for name, image in (("source", source), ("target", target)):
+    for name, again in alike.items():
         text = f"share the star of the {name} with an earlier one"
-        told.append(("shared", np.setdiff1d(_again(image), repeats), text))
+        told.append(("shared", np.setdiff1d(again, repeats), text))
     found = []
     for kind, again, text in told:
         if len(again):
@@ -353,15 +356,12 @@ def _repeated(source: FloatArray, target: FloatArray, named: _Named) -> list[Fin
 
 def _again(stars: FloatArray) -> NDArray[np.intp]:
     """Return the rows, in order, that repeat an earlier one."""
-    # Rows that are equal have equal sums: without any, which is usual, nothing else is sorted.
-    sums = np.zeros(len(stars))
-    for root, column in zip(np.sqrt([2.0, 3.0, 5.0, 7.0]), stars.T, strict=False):
-        sums += root * column  # column by column: a product of matrices may round rows differently
-    sums.sort()
+    sums = np.sort(stars[:, 0] + np.pi * stars[:, -1])  # rows that are equal have equal sums
     if (sums[1:] > sums[:-1]).all():
-        return np.zeros(0, np.intp)
-    first = np.unique(stars, axis=0, return_index=True)[1]
-    return np.setdiff1d(np.arange(len(stars)), first)
+        return np.empty(0, dtype=np.intp)
+    order = np.lexsort(stars.T)  # keeps the order of equal rows
+    same = (stars[order[1:]] == stars[order[:-1]]).all(axis=1)
+    return np.sort(order[1:][same])
 
 
 def _line(source: FloatArray) -> list[Finding]:

@@ -55,6 +55,8 @@ _MEDIAN_LENGTH = float(np.sqrt(2 * np.log(2)))
 _ROUNDS = 30
 # The start takes all pairs of so many points, spread evenly over the rows.
 _PAIRED = 600
+# So many points at most, spread as evenly, decide what fits; each other one is tested against them.
+_SETTLED = 5_000
 # The chance that any point of a field of right matches is taken for wrong.
 _ALARM = 1e-3
 # What is left of a residual that the fit follows wholly: that point cannot be tested.
@@ -268,15 +270,35 @@ def _outlier_weights(problem: Problem) -> FloatArray:
     A residual counts in standard deviations: those of the points' covariances where they are
     known, and times the root of the point's own weight. Only their ratios matter.
     """
-    closed = _repeated_median(problem)
-    if problem.model != "affine":
-        _refuse_mirrored(problem, closed)
-    kept = _majority(problem, from_similarity(problem.model, closed))
+    n = problem.source.shape[-2]
+    some = problem if n <= _SETTLED else problem.of(np.linspace(0, n - 1, _SETTLED).astype(int))
+    closed = _repeated_median(some)
+    if some.model != "affine":
+        _refuse_mirrored(some, closed)
+    kept = _majority(some, from_similarity(some.model, closed))
     for _ in range(_ROUNDS):
-        before, kept = kept, _fitting(problem, kept)
+        before, kept = kept, _fitting(some, kept)
         if (kept == before).all():
             break
+    if some is not problem:
+        kept = _fits_others(problem, some, kept)
     return kept.astype(np.float64)
+
+
+def _fits_others(problem: Problem, some: Problem, kept: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return which points of a large problem fit those of a part of it that are kept, (..., n).
+
+    As `_fitting`, but for leverage, of which a point has next to none on so many others.
+    """
+    found = solve(some.with_weights(kept.astype(np.float64)))
+    own = np.where(kept[..., None], _whitened(some, found.parameters, found.points)[1], 0)
+    freedom = 2 * (kept & (some.counts > 0)).sum(axis=-1) - len(MODELS[some.model])
+    factor, residuals = _whitened(problem, found.parameters, problem.source)
+    rest = np.square(own).sum(axis=(-2, -1))[..., None] / freedom[..., None]
+    rest = np.maximum(np.maximum(rest, _rounding(problem, factor) ** 2), _TINY)
+    square = np.square(residuals).sum(axis=-1) / (freedom[..., None] * rest)
+    alarm = np.log(_ALARM / (problem.counts > 0).sum(axis=-1, keepdims=True))
+    return np.asarray(-0.5 * freedom[..., None] * np.log1p(square) > alarm)
 
 
 def _majority(problem: Problem, parameters: FloatArray) -> NDArray[np.bool_]:
@@ -381,7 +403,9 @@ def _whitened(
     """Return what makes residuals of variance one, (..., n, 2, 2), and the residuals so made."""
     carry = local_matrix(problem.model, parameters, points - problem.pivot[..., None, :])
     left = combined_residuals(problem, parameters, points, carry)
-    factor = np.asarray(np.linalg.cholesky(information(problem, carry)).mT, dtype=np.float64)
+    factor = information(problem, carry)
+    if problem.errors_known:
+        factor = np.asarray(np.linalg.cholesky(factor).mT, dtype=np.float64)
     factor = np.sqrt(problem.counts)[..., None, None] * factor
     return factor, (factor @ left[..., None])[..., 0]
 

@@ -1,0 +1,83 @@
+"""Sphinx extension: ``{moved}`` shows which verdicts moved since the last release, and why.
+
+The verdicts of that release, and what moved some of them since, stand in ``last-release.toml`` of
+the data, so that a book can be built without the history.
+"""
+
+import tomllib
+from collections import Counter
+from collections.abc import Mapping
+from typing import Any
+
+from docutils import nodes
+from markupsafe import Markup
+from sphinx.application import Sphinx
+from sphinx.util.docutils import SphinxDirective
+
+LINK = Markup('<a href="#{}"><code>{}</code></a>')
+Moved = dict[str, tuple[str, str]]
+
+
+def moved(release: Mapping[str, Any], now: Mapping[str, str]) -> Moved:
+    """Return the verdict then and now of every cell that has another one, by address.
+
+    Raises
+    ------
+    ValueError
+        If what moved is not what the entries of ``moved`` name.
+    """
+    then = {cell: verdict for verdict, cells in release["verdicts"].items() for cell in cells}
+    found = {cell: (then[cell], word) for cell, word in now.items() if then.get(cell, word) != word}
+    named = {cell for entry in release.get("moved", ()) for cell in entry["cells"]}
+    if unlike := sorted(named ^ set(found)):
+        raise ValueError(f"last-release.toml: [[moved]] names all that moved; look at {unlike}")
+    return found
+
+
+class MovedDirective(SphinxDirective):
+    """How many verdicts moved, and a table for each change that moved some."""
+
+    def run(self) -> list[nodes.Node]:
+        """Compare the verdicts, and write both sides of what moved."""
+        from reproduce.judge.ledger import frozen, reason
+        from reproduce.locate import data_folder
+        from reproduce.printed.cells import anchor
+        from reproduce.views.blocks import Block, Box, Grid, badge, html
+        from reproduce.views.computed import item_ledger
+
+        path = data_folder() / "last-release.toml"
+        self.env.note_dependency(str(path))
+        release = tomllib.loads(path.read_text(encoding="utf-8"))
+        found = moved(release, {cell: one.verdict for cell, one in frozen().items()})
+        kinds = Counter(f"{verdict} to {word}" for verdict, word in found.values()).items()
+        blocks: list[Block] = [
+            f"Since version {release['version']}, of {release['released']}, {len(found)} of "
+            f"{len(frozen())} verdicts have moved: "
+            + ", ".join(f"{count} from {kind}" for kind, count in kinds)
+            + "."
+        ]
+        for entry in release.get("moved", ()):
+            rows: dict[tuple[str, ...], list[Markup]] = {}
+            for cell in entry["cells"]:
+                key, _, name = cell.partition("#")
+                why = reason(cell) or item_ledger(key).cell(cell).why
+                rows.setdefault((key, *found[cell], why), []).append(
+                    LINK.format(anchor(cell), name)
+                )
+            lines = [
+                (
+                    Markup("{}: {}").format(key, Markup(", ").join(links)),
+                    Box(tuple(map(badge, words))),
+                    why,
+                )
+                for (key, *words, why), links in rows.items()
+            ]
+            caption = f"{entry['day']}, commit {entry['commit']}: {entry['because']}"
+            blocks.append(Grid(caption, ("cells", "was, is", "because"), lines))
+        return [nodes.raw("", html(blocks), format="html")]
+
+
+def setup(app: Sphinx) -> dict[str, bool]:
+    """Register the directive."""
+    app.add_directive("moved", MovedDirective)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

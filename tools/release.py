@@ -1,0 +1,232 @@
+"""Make the files of a release twice, and keep them if both are equal: ``make release``.
+
+They lie in ``dist/release``: sdist, wheel, the site as one archive, what of it is also offered by
+itself, a description of all as an RO-Crate, and checksums. The book is taken as it is built.
+``python tools/release.py describe`` writes what other programs read of the project, from one
+source; ``python tools/release.py keep`` the verdicts that the next release is compared with.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+import shutil
+import sys
+import tempfile
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import yaml
+from pybtex.database import Entry, parse_file
+from pybtex.richtext import Text
+
+from pack_book import build_wheel, write_zip
+from reproduce.judge.ledger import frozen
+from reproduce.judge.verdicts import VERDICTS
+from reproduce.locate import papers
+from reproduce.version import ADDRESS, DOI, RELEASED, __version__, commit
+
+ROOT = Path(__file__).resolve().parent.parent
+# What the files of a release are, by the end of their names; those that are whole names come from
+# the site.
+FILES = {
+    ".tar.gz": ("The sources of the package, with data and tests", "application/gzip"),
+    ".whl": ("The package to install, with its data", "application/zip"),
+    "-site.zip": ("The book as a site that opens from a disk", "application/zip"),
+    "reproduce-book.pdf": ("The book as a PDF", "application/pdf"),
+    "ledger.json": ("The ledger: one record per printed number", "application/json"),
+    "ledger.schema.json": ("The JSON Schema of the ledger", "application/schema+json"),
+    "verify_ledger.py": ("Derives every verdict of the ledger again", "text/x-python"),
+}
+TAKEN = [name for name in FILES if name[0].isalpha()]
+# What the Citation File Format calls otherwise.
+CFF = {"title": "name", "abstract": "description", "version": "version", "keywords": "keywords"}
+CFF |= {"date-released": "datePublished", "url": "url"}
+MESSAGE = (
+    "If you use this software or its reproduced tables, please cite it and the paper concerned."
+)
+# The columns of the tables among the data.
+COLUMNS = {
+    "printed/second-entry.csv": {"address": "string", "value": "string"},
+    "stars/spectra.csv": {"wavelength_nm": "integer", "vega": "number", "sun": "number"},
+}
+
+
+def reproduced() -> list[Entry]:
+    """Return the papers, as the bibliography has them."""
+    return [parse_file(str(data / "references.bib")).entries[key] for key, data in papers().items()]
+
+
+def field(paper: Entry, name: str) -> str:
+    """Return a field of an entry without the marks of BibTeX."""
+    return str(Text.from_latex(paper.fields[name]))
+
+
+def about() -> dict[str, Any]:
+    """Return what the project is, in the words of schema.org."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    found: dict[str, Any] = {"name": project["name"], "keywords": project["keywords"]}
+    found |= {"description": f"{project['description']}.", "version": __version__}
+    found["datePublished"] = RELEASED
+    found["author"] = _thing("#authors", "Organization", project["authors"][0]["name"])
+    found["license"] = [
+        _thing(f"https://spdx.org/licenses/{name}", "CreativeWork", name)
+        for name in project["license"].split(" AND ")
+    ]
+    found["citation"] = [
+        _thing(f"https://doi.org/{paper.fields['doi']}", "ScholarlyArticle", field(paper, "title"))
+        for paper in reproduced()
+    ]
+    found |= {"url": ADDRESS} if ADDRESS else {}
+    return found | ({"identifier": f"https://doi.org/{DOI}"} if DOI else {})
+
+
+def _thing(address: str, kind: str, name: str) -> dict[str, str]:
+    return {"@id": address, "@type": kind, "name": name}
+
+
+def citation() -> str:
+    """Return CITATION.cff."""
+    own = about()
+    found: dict[str, Any] = {"cff-version": "1.2.0", "message": MESSAGE, "type": "software"}
+    found |= {name: own[ours] for name, ours in CFF.items() if ours in own}
+    found |= {"doi": DOI} if DOI else {}
+    found["authors"] = [{"name": own["author"]["name"]}]
+    found["license"] = [licence["name"] for licence in own["license"]]
+    found["references"] = [_cited(paper) for paper in reproduced()]
+    return str(yaml.safe_dump(found, sort_keys=False, allow_unicode=True, width=100))
+
+
+def _cited(paper: Entry) -> dict[str, Any]:
+    names = {"journal": "journal", "volume": "volume", "start": "pages", "doi": "doi"}
+    known = {name: field(paper, told) for name, told in names.items() if told in paper.fields}
+    authors = [
+        {"family-names": " ".join(one.last_names), "given-names": " ".join(one.first_names)}
+        for one in paper.persons["author"]
+    ]
+    own = {"type": "article", "title": field(paper, "title"), "authors": authors}
+    return own | {"year": int(paper.fields["year"])} | known
+
+
+def codemeta() -> str:
+    """Return codemeta.json."""
+    # Types that its own context lacks.
+    more = {name: f"schema:{name}" for name in ("CreativeWork", "ScholarlyArticle")}
+    context = ["https://w3id.org/codemeta/3.0", more]
+    found = {"@context": context, "@type": "SoftwareSourceCode", "programmingLanguage": "Python"}
+    return _json(found | about())
+
+
+def datapackage() -> str:
+    """Return the Frictionless descriptor of the data; data/README.md says what each file is."""
+    own, data = about(), ROOT / "data"
+    rows = re.findall(r"^\| (`.*?) \| (.*) \|$", (data / "README.md").read_text("utf-8"), re.M)
+    told = {name: what for names, what in rows for name in re.findall(r"`([^`]+)`", names)}
+    found = {"name": own["name"], "title": own["description"], "version": own["version"]}
+    found["licenses"] = [{"name": "CC-BY-4.0", "path": own["license"][-1]["@id"]}]
+    found["sources"] = [{"title": one["name"], "path": one["@id"]} for one in own["citation"]]
+    files = [path.relative_to(data).as_posix() for path in data.rglob("*") if path.is_file()]
+    found["resources"] = [
+        _resource(name, told)
+        for name in sorted(files)
+        if not name.endswith(("README.md", "datapackage.json"))
+    ]
+    return _json(found)
+
+
+def _resource(name: str, told: dict[str, str]) -> dict[str, Any]:
+    what = told[max((start for start in told if name.startswith(start)), key=len)]
+    found = {"name": re.sub(r"\W+", "-", name.lower()), "path": name}
+    found |= {
+        "description": what.replace("`", ""),
+        "format": Path(name).name.partition(".")[2] or "text",
+    }
+    if not name.endswith(".csv"):
+        return found
+    fields = [{"name": column, "type": kind} for column, kind in COLUMNS[name].items()]
+    return found | {"type": "table", "encoding": "utf-8", "schema": {"fields": fields}}
+
+
+def _json(found: dict[str, Any]) -> str:
+    return json.dumps(found, indent=2, ensure_ascii=False) + "\n"
+
+
+def write_crate(folder: Path) -> None:
+    """Describe the files of a folder as an RO-Crate."""
+    from rocrate.model import ContextEntity
+    from rocrate.rocrate import ROCrate
+
+    crate = ROCrate(version="1.2")
+
+    for name, value in about().items():
+        listed = value if isinstance(value, list) else [value]
+        things = [one for one in listed if isinstance(one, dict)]
+        crate.add(*(ContextEntity(crate, one["@id"], one) for one in things))
+        crate.root_dataset[name] = [{"@id": one["@id"]} for one in things] or value
+    crate.root_dataset["publisher"] = crate.root_dataset["author"]
+    for path in sorted(folder.iterdir()):
+        ((what, form),) = (said for end, said in FILES.items() if path.name.endswith(end))
+        said = {"name": path.name, "description": what, "encodingFormat": form}
+        said |= {"contentSize": str(path.stat().st_size), "sha256": digest(path)}
+        crate.add_file(path, path.name, properties=said)
+    crate.metadata.write(folder)
+
+
+def digest(path: Path) -> str:
+    """Return the SHA-256 of a file."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def make(html: Path, folder: Path) -> str:
+    """Make a release with a built site, in a folder, and return its checksums."""
+    build_wheel(ROOT, folder, "--sdist")
+    name = f"reproduce-pointing-{__version__}-site"
+    pages = sorted(path.relative_to(html) for path in html.rglob("*") if path.is_file())
+    held = ((page.as_posix(), (html / page).read_bytes()) for page in pages)
+    write_zip(folder / f"{name}.zip", name, held)
+    for page in TAKEN:
+        if (html / page).is_file():
+            shutil.copyfile(html / page, folder / page)
+    write_crate(folder)
+    sums = "".join(f"{digest(path)}  {path.name}\n" for path in sorted(folder.iterdir()))
+    (folder / "SHA256SUMS").write_text(sums, encoding="utf-8")
+    return sums
+
+
+def release(html: Path, target: Path) -> None:
+    """Make a release twice, and keep it if both are equal, byte for byte."""
+    with tempfile.TemporaryDirectory() as place:
+        first, second = Path(place) / "first", Path(place) / "second"
+        if unlike := set(make(html, first).splitlines()) ^ set(make(html, second).splitlines()):
+            sys.exit("\n".join(["Made twice, these are not equal:", *sorted(unlike)]))
+        shutil.rmtree(target, ignore_errors=True)
+        shutil.copytree(first, target)
+
+
+def kept() -> str:
+    """Return today's verdicts as the state that the next release is compared with."""
+    lines = [f'version = "{__version__}"', f'released = "{RELEASED}"']
+    lines += [f'commit = "{commit(ROOT)}"', "", "[verdicts]"]
+    for word in VERDICTS:
+        cells = [cell for cell, one in frozen().items() if one.verdict == word]
+        lines.append(f"{word} = {json.dumps(cells, indent=4)}")
+    return "\n".join(lines) + "\n"
+
+
+DESCRIBE = {"CITATION.cff": citation, "codemeta.json": codemeta}
+DESCRIBE |= {"data/datapackage.json": datapackage}
+WRITTEN = {"describe": DESCRIBE, "keep": {"data/last-release.toml": kept}}
+
+if __name__ == "__main__":
+    if sys.argv[1:]:
+        for name, text in WRITTEN[sys.argv[1]].items():
+            (ROOT / name).write_text(text(), encoding="utf-8")
+        sys.exit()
+    target = ROOT / "dist" / "release"
+    release(ROOT / "book/_build/html", target)
+    print(f"Made twice, equal: {target}")
+    for name in TAKEN:
+        if not (target / name).is_file():
+            print(f"Missing: the site has no {name}")
