@@ -21,7 +21,8 @@ ARROWS = {
     "audit": {"audit", "printed", "physics"},
     "views": {
         *{"views", "judge", "audit", "inference", "store", "printed", "papers"},
-        *{"locate", "units", "version", "physics.registration", "physics.attitude"},
+        *{"locate", "units", "version"},
+        *{"physics.registration", "physics.attitude", "physics.images"},
     },
 }
 # The same inside physics: its rooms stand on each other, on the checks of input and on units.

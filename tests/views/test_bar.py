@@ -98,7 +98,7 @@ def test_a_build_draws_a_figure_once(tmp_path, monkeypatch):
     computed.kept.cache_clear()
     try:
         figures.write_figure("niu2024/fig-2", tmp_path)
-        monkeypatch.setattr(figures, "_drawn", lambda paint, **_: pytest.fail("drawn again"))
+        monkeypatch.setattr(figures, "painted", lambda paint, **_: pytest.fail("drawn again"))
         shown = figures._in_build("niu2024/fig-2")
         assert shown.narrow.startswith("<svg")
         file = tmp_path / "figures" / "niu2024-fig-2.svg"

@@ -294,26 +294,30 @@ class _File:
     def __init__(self, name: str, content: bytes, columns: Sequence[str]) -> None:
         self.name, self.content, self.columns = name, content, columns
         self.text = self._decoded()
-        comments: list[int] = []
-        plain: list[int] = []
-        for number, line in enumerate(BytesIO(self.text), start=1):
-            if line.strip():
-                (comments if line.startswith(b"#") else plain).append(number)
-        if plain and re.fullmatch(r"\"?sep=.\"?", self._line(plain[0])):
+        letters = np.frombuffer(self.text, np.uint8)
+        ends = np.flatnonzero(letters == ord("\n")) + 1
+        self._starts = np.concatenate([[0], ends, [len(letters) + 1]])
+        first = letters[self._starts[:-1][self._starts[:-1] < len(letters)]]
+        written = first > ord(" ")
+        for line in np.flatnonzero(~written).tolist():
+            written[line] = bool(self._line(line + 1).strip())
+        comment = first == ord("#")
+        comments, plain = (np.flatnonzero(written & one) + 1 for one in (comment, ~comment))
+        if len(plain) and re.fullmatch(r"\"?sep=.\"?", self._line(plain[0])):
             plain = plain[1:]
-        if not plain:
+        if not len(plain):
             raise TableFileError(f"{name}: expected a line of column names, got an empty file")
-        self.head, *numbers = plain
+        self.head, numbers = int(plain[0]), plain[1:]
         # `numpy.savetxt` writes the names as a comment.
-        for number in comments if not self._told(self.head) else ():
-            if number < plain[0] and self._told(number):
+        for number in [] if self._told(self.head) else comments[comments < plain[0]].tolist():
+            if self._told(number):
                 self.head, numbers = number, plain
         text = self._line(self.head).lstrip("#")[:100_000]
         ranks = {
             one: (self._known(text, one), one != " " and text.count(one)) for one in _SEPARATORS
         }
         self.separator = max(ranks, key=ranks.__getitem__)
-        self.lines = np.array(numbers, dtype=np.int64)
+        self.lines = np.asarray(numbers, dtype=np.int64)
         self.names = tuple(map(_plain, self._entries(self.head)))
 
     def _decoded(self) -> bytes:
@@ -333,13 +337,10 @@ class _File:
             data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
         return data.removeprefix(b"\xef\xbb\xbf")
 
-    @cached_property
-    def _every(self) -> list[bytes]:
-        return self.text.split(b"\n")
-
     def _line(self, number: int) -> str:
         """Return one line, counted from one."""
-        return self._every[number - 1].decode()
+        start, end = self._starts[number - 1 : number + 1]
+        return self.text[start : end - 1].decode()
 
     def _known(self, line: str, separator: str) -> int:
         """Count the columns that are named in a line by their separator."""

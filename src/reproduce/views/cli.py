@@ -115,6 +115,7 @@ _SETTINGS = {"help_option_names": ["-h", "--help"], "show_default": True}
 _FILE = click.Path(exists=True, dir_okay=False, path_type=Path)
 _DATA = click.Path(exists=True, dir_okay=False, allow_dash=True, path_type=Path)
 _OUT = click.Path(dir_okay=False, path_type=Path)
+_FOLDER = click.Path(file_okay=False, path_type=Path)
 _ADDRESS = click.argument("address", metavar="KEY[#CELL]")
 _JSON = click.option("--json", "as_json", is_flag=True, help="Print JSON for other programs.")
 _SEED = click.option("--seed", type=click.IntRange(min=0), help="Of the random numbers.")
@@ -237,12 +238,29 @@ def audit(paper: str | None, as_json: bool) -> None:
 
 
 @main.command()
-@click.argument("file", type=_DATA)
+@click.argument("files", type=_DATA, nargs=-1, required=True, metavar="FILE...")
 @_PIVOT
 @click.option("--model", type=click.Choice(list(MODELS)), default="similarity")
-@click.option("--robust", is_flag=True, help="Guard against wrong matches.")
+@click.option("--robust", is_flag=True, default=None, help="Guard against wrong matches.")
+@click.option("--reference", help="Picture to lay others on: its name, or its place from 1.")
+@click.option("--bayer", metavar="RGGB", help="Colours of a mosaic's first four pixels.")
+@click.option("--threshold", type=float, help="Of stars, in standard deviations of the noise.")
+@click.option("--saturation", type=float, help="Number from which a pixel is full.")
+@click.option("--gain", type=float, help="Electrons per digital number.")
+@click.option("--radius", type=float, help="How far apart stars of a pair may land, in px.")
+@click.option("--picture", type=_OUT, help="Draw the residuals before and after: .svg .pdf .png.")
+@click.option("--write", type=_FOLDER, help="Write the registered pictures, as FITS, there.")
+@click.option("--posterior", is_flag=True, help="Sample the same transform with emcee too.")
 @_JSON
-def register(file: Path, as_json: bool, **settings: Any) -> None:
+def register(
+    files: tuple[Path, ...],
+    as_json: bool,
+    picture: Path | None,
+    write: Path | None,
+    posterior: bool,
+    reference: str | None,
+    **settings: Any,
+) -> None:
     """Fit the transform that lays your own stars on the same stars of another image.
 
     FILE is a CSV, or - for standard input: one star per line, in px, with the columns x, y (the
@@ -250,9 +268,43 @@ def register(file: Path, as_json: bool, **settings: Any) -> None:
     one coordinate of the difference; or sigma_x, sigma_y), weight and mask (1 drops the line) are
     used where there are some, and others are passed over. The shift is where the pivot was minus
     where it lands; the pivot is the mean of the source stars unless --pivot says another.
+
+    Or pictures, FITS, TIFF, PNG or JPEG: two or more of one channel, or one with colours or of a
+    Bayer mosaic (--bayer), or a CSV of each with the columns x, y. Their stars are found and
+    paired; all are laid on the second of three, the last of two, or the --reference. Their pivot is
+    the middle of the picture, and they are fitted robustly.
     """
-    found = front.register(file, **settings)
-    _show(as_json, found.record, found.print)
+    given: dict[str, Any] = {name: one for name, one in settings.items() if one is not None}
+    given |= {} if reference is None else {"reference": _place(reference)}
+    with _bar("finding stars") as progress:
+        source: Any = files[0] if len(files) == 1 else files
+        found: Any = front.register(source, progress=progress, **given)
+    fits = getattr(found, "fits", {"": found})
+    if (picture or write or posterior) and not hasattr(found, "log") and fits == {"": found}:
+        raise click.UsageError("--picture, --write and --posterior belong to pictures")
+    sampled = {name: fit.posterior() for name, fit in fits.items()} if posterior else {}
+    for name, one in sampled.items():
+        with _bar(f"sampling {name}".strip()) as progress:
+            one.sample(progress=progress)
+    records = {name: one.record() for name, one in sampled.items()}
+
+    def shown() -> None:
+        for one in (found, *sampled.values()):
+            one.print()
+
+    _show(as_json, lambda: found.record() | ({"posteriors": records} if records else {}), shown)
+    for name, fit in fits.items():
+        stem = (name or "source").partition(".")[0]
+        if picture:
+            _save(fit.save, picture.with_stem(f"{picture.stem}-{stem}") if name else picture)
+        if write:
+            write.mkdir(parents=True, exist_ok=True)
+            _save(fit.write, write / f"{stem}-registered.fits")
+
+
+def _place(reference: str) -> str | int:
+    """Return a place as a number, a name as it is."""
+    return int(reference) if reference.isdecimal() else reference
 
 
 @main.command()

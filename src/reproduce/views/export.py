@@ -267,8 +267,8 @@ def _written(name: str, title: str, note: str, paper: str, form: str, address: s
     }
     ours = Entry("misc", fields={k: v for k, v in fields.items() if v},
                  persons={"author": [Person("{" + DEVELOPERS + "}")]})  # fmt: skip
-    beside = [paper] if paper else PAPERS
-    entries = {name: ours} | {one: _paper(one) for one in beside if one in papers()}
+    theirs = [paper] if paper else PAPERS
+    entries = {name: ours} | {one: _paper(one) for one in theirs if one in papers()}
     if form == "bibtex":
         return str(BibliographyData(entries).to_string("bibtex")).strip()
     if form == "csl":

@@ -77,8 +77,8 @@ def _declared_drawing(key: str) -> Drawing:
     return found
 
 
-def _drawn(paint: _Paint, *, narrow: bool = False) -> MatplotlibFigure:
-    """Draw in the project's style, for a wide page or for a narrow one."""
+def painted(paint: _Paint, *, narrow: bool = False) -> MatplotlibFigure:
+    """Return a figure in the project's style, for a wide page or for a narrow one."""
     from matplotlib import style
     from matplotlib.figure import Figure as MatplotlibFigure
 
@@ -100,7 +100,7 @@ def _picture(key: str, door: Given | None = None) -> Picture:
 
 def draw(key: str, door: Given | None = None, *, narrow: bool = False) -> MatplotlibFigure:
     """Draw an item, or one of our own drawings."""
-    return _drawn(_picture(key, door).paint, narrow=narrow)
+    return painted(_picture(key, door).paint, narrow=narrow)
 
 
 def _data(figure: MatplotlibFigure) -> pd.DataFrame:
@@ -156,11 +156,11 @@ def vector_of(figure: MatplotlibFigure, about: _About = None) -> str:
 
 def _vectors(picture: Picture, root: Path | None = None) -> Vectors:
     """Draw a picture for wide pages and narrow ones; write its files below the root of a book."""
-    figure = _drawn(picture.paint)
+    figure = painted(picture.paint)
     wide = vector_of(figure, picture.about)
     if root is not None:
         _write_files(figure, picture, root, wide)
-    return Vectors(wide, vector_of(_drawn(picture.paint, narrow=True)))
+    return Vectors(wide, vector_of(painted(picture.paint, narrow=True)))
 
 
 def _in_build(key: str) -> Vectors:

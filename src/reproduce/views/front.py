@@ -7,7 +7,7 @@ loads what it needs when it is called: a user's own stars need no paper.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from reproduce.views.contradictions import Contradictions
     from reproduce.views.figure import Figure, Panels
     from reproduce.views.measurements import Monitored, Registered
+    from reproduce.views.pictures import Channels, Match, Stars
     from reproduce.views.posterior import Posterior
     from reproduce.views.posteriors import Posteriors
     from reproduce.views.study import StudyTable
@@ -246,17 +247,28 @@ def contradictions(paper: str | None = None) -> Contradictions:
 
 
 def register(
-    source: str | Path | pd.DataFrame | ArrayLike,
-    target: ArrayLike | None = None,
+    source: str | Path | pd.DataFrame | ArrayLike | Stars | Sequence[Any],
+    target: str | Path | ArrayLike | Stars | None = None,
     pivot: ArrayLike | None = None,
     *,
     model: str = "similarity",
-    robust: bool = False,
+    robust: bool | None = None,
     weights: ArrayLike | None = None,
     source_covariance: ArrayLike | None = None,
     target_covariance: ArrayLike | None = None,
-) -> Registered:
+    reference: str | int | None = None,
+    start: Any = None,
+    radius: float | None = None,
+    bayer: str | None = None,
+    threshold: float | None = None,
+    saturation: float | None = None,
+    gain: float | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Registered | Channels:
     """Fit the transform that lays a user's own stars, the source, on the same stars of a target.
+
+    Or pictures: their stars are found and paired first (`stars`, `match`), which needs the extra
+    ``images``.
 
     Parameters
     ----------
@@ -267,23 +279,36 @@ def register(
         standard deviation in px of one coordinate of the difference, gives the covariance of the
         target; ``weight`` gives the weights, and ``mask`` drops a star where it is 1. A star that
         is masked in an array is left out; units other than px are refused. Remarks name lines of
-        a file from one, rows of arrays and DataFrames from zero.
+        a file from one, rows of arrays and DataFrames from zero. Or a picture, a path (FITS, TIFF,
+        PNG, JPEG) or an array of shape (height, width); one with colours or of a Bayer mosaic,
+        whose channels are registered; a list of several; `Stars`.
     target : array_like, shape (n, 2)
-        The same stars in the other image, in px, where `source` is an array.
+        The same stars in the other image, in px, where `source` is an array; else as `source`, or a
+        second CSV with the columns ``x`` and ``y`` of its own stars.
     pivot : array_like, shape (2,), optional
-        The point turned and scaled about, in px; the mean of the source stars by default.
+        The point turned and scaled about, in px; the mean of the source stars by default, of a
+        picture its middle.
     model : {"similarity", "shift", "rigid", "similarity+radial", "affine"}
         What the transform may do.
-    robust : bool
-        Whether to guard against wrong matches.
+    robust : bool, optional
+        Whether to guard against wrong matches; of pictures yes by default.
     weights : array_like, shape (n,), optional
         Relative weights of the stars, such as inverse variances; zero drops a star.
     source_covariance, target_covariance : array_like, shape (n, 2, 2) or (2, 2), optional
         Known covariances of the places, in px^2.
+    reference : str or int, optional
+        Name or place (from 1) of the picture on which others are laid: by default the second of
+        three, the last of two, green of a colour picture.
+    start, radius : optional
+        Of pictures, as for `match`.
+    bayer, threshold, saturation, gain : optional
+        Of pictures, as for `stars`.
+    progress : callable, optional
+        Is told how many pictures of all are read.
 
     Returns
     -------
-    Registered
+    Registered, or Channels of three pictures
         Scale, rotation in radians, positive from x towards y, and shift in px: where the pivot was
         minus where it lands. With covariance, residuals and the transform for other points.
 
@@ -300,18 +325,105 @@ def register(
     >>> moved.parameters.round(9) + 0.0
     array([ 1.,  0., -3.,  0.])
     """
+    known: dict[str, Any] = {"weights": weights, "source_covariance": source_covariance}
+    known |= {"target_covariance": target_covariance}
+    own: dict[str, Any] = {"start": start, "radius": radius}
+    cuts: dict[str, Any] = {"bayer": bayer, "threshold": threshold}
+    cuts |= {"saturation": saturation, "gain": gain}
+    if pictures := _pictures(source, target):
+        if given := [name for name, value in known.items() if value is not None]:
+            raise ValueError(f"{given[0]}: expected none beside pictures, whose stars have theirs")
+        from reproduce.views.pictures import registered
+
+        fit = {"model": model, "robust": robust is not False, **own}
+        return registered(pictures, pivot, reference=reference, progress=progress, fit=fit, **cuts)
+    for name, value in (own | cuts | {"reference": reference}).items():
+        if value is not None:
+            raise ValueError(f"{name}: expected pictures beside it, got stars that are paired")
     from reproduce.views.measurements import Registered
 
-    return Registered(
-        source,
-        target,
-        pivot,
-        model=model,
-        robust=robust,
-        weights=weights,
-        source_covariance=source_covariance,
-        target_covariance=target_covariance,
-    )
+    paired: tuple[Any, Any] = (source, target)
+    return Registered(*paired, pivot, model=model, robust=bool(robust), **known)
+
+
+def _pictures(source: Any, target: Any) -> list[Any]:
+    """Return the pictures, stars or tables that are to be paired; none of stars that are."""
+    from reproduce.store.pictures import is_picture
+
+    def one(value: Any) -> bool:
+        return is_picture(value) or hasattr(value, "dropped")
+
+    if target is not None:
+        both = isinstance(source, str | Path) and isinstance(target, str | Path)
+        return [source, target] if both or one(source) or one(target) else []
+    if isinstance(source, list | tuple) and source:
+        return [*source] if all(isinstance(v, str | Path) or one(v) for v in source) else []
+    return [source] if one(source) else []
+
+
+def stars(
+    source: str | Path | ArrayLike | pd.DataFrame,
+    channel: str | None = None,
+    *,
+    bayer: str | None = None,
+    threshold: float | None = None,
+    saturation: float | None = None,
+    gain: float | None = None,
+) -> Stars:
+    """Find the stars of a picture; needs the extra ``images``.
+
+    Parameters
+    ----------
+    source : path or array_like, shape (height, width) or (height, width, 3)
+        FITS, TIFF, PNG, JPEG, or light in any unit, NaN or masked where it is missing; also a CSV
+        of stars with the columns ``x`` and ``y``.
+    channel : {"red", "green", "blue"}, optional
+        Of a picture with colours.
+    bayer : str, optional
+        The colours of a mosaic's first two by two pixels, row by row, such as "RGGB".
+    threshold : float, optional
+        What a star must exceed, in standard deviations of the noise; 5 by default.
+    saturation : float, optional
+        Digital number from which a pixel is full; by default what the file and the picture say.
+    gain : float, optional
+        Electrons per digital number; by default as in the header, else from the residuals.
+
+    Returns
+    -------
+    Stars
+        Centres with covariance, and what was dropped and why.
+
+    Raises
+    ------
+    ValueError
+        If the picture cannot be read, or has no stars.
+    """
+    from reproduce.views.pictures import one_channel
+
+    cuts = {"threshold": threshold, "saturation": saturation, "gain": gain, "bayer": bayer}
+    return one_channel(source, channel, cuts)
+
+
+def match(source: Any, target: Any, start: Any = None, radius: float | None = None) -> Match:
+    """Pair the stars of two pictures.
+
+    Parameters
+    ----------
+    source, target : Stars, or what `stars` takes
+    start : Registration or Registered, optional
+        Stars that are neighbours under it are pairs; by default it is found from triangles.
+    radius : float, optional
+        How far from each other the stars of a pair may land, in px.
+
+    Returns
+    -------
+    Match
+        The pairs, and whether the pictures mirror each other.
+    """
+    from reproduce.views.pictures import Match
+
+    first, second = (one if hasattr(one, "dropped") else stars(one) for one in (source, target))
+    return Match(first, second, getattr(start, "transform", start), radius)
 
 
 def misalignment(

@@ -17,4 +17,11 @@ from reproduce.physics.images.detector import (
     expose,
     tabulated_star,
 )
-from reproduce.physics.images.spots import fitted_centre, render_frame, spot_windows, window_corners
+from reproduce.physics.images.spots import (
+    Spots,
+    fitted_centre,
+    fitted_spots,
+    render_frame,
+    spot_windows,
+    window_corners,
+)

@@ -212,6 +212,7 @@ _BEYOND = 1.0
 # Light below which a pixel's variance is not taken smaller, in electrons squared: a pixel that
 # should be dark must not count without limit.
 _DARKEST = 1e-3
+_TINY = float(np.finfo(float).tiny)
 
 
 def fitted_centre(
@@ -253,27 +254,112 @@ def fitted_centre(
     array([[ 4.,  7.],
            [nan, nan]])
     """
+    return fitted_spots(windows, corners, radius, read_noise).centre
+
+
+@dataclass(frozen=True, eq=False)
+class Spots:
+    """Spots fitted to windows; not a number where a fit did not come to rest.
+
+    Attributes
+    ----------
+    centre : ndarray, shape (..., 2), in px
+    light : ndarray, shape (...), in electrons
+    covariance : ndarray, shape (..., 2, 2)
+        Of the centre, in px squared: the inverse of the information, the light unknown too.
+    residuals : ndarray, shape (..., height, width)
+        Window less spot, in electrons; zero where nothing was seen.
+    """
+
+    centre: FloatArray
+    light: FloatArray
+    covariance: FloatArray
+    residuals: FloatArray
+
+
+def fitted_spots(
+    windows: ArrayLike,
+    corners: ArrayLike,
+    radius: ArrayLike,
+    read_noise: ArrayLike = 0.0,
+    seen: ArrayLike | None = None,
+) -> Spots:
+    """Return centre, light and covariance of the spot that fits each window best.
+
+    As `fitted_centre`, whose arguments these are, and further:
+
+    Parameters
+    ----------
+    windows, corners, radius
+        As there.
+    read_noise : array_like, shape (...)
+        Noise of a pixel without light, in electrons, of each window.
+    seen : array_like of bool, shape (..., height, width), optional
+        Pixels that count: not those that are saturated, or under a filter of another colour.
+
+    Returns
+    -------
+    Spots
+
+    Examples
+    --------
+    A spot whose right half is not seen is known less well along x.
+
+    >>> half = np.arange(9) < 5
+    >>> window = spot_windows([4.0, 4.0], 1000.0, 1.0, [0, 0], 9)
+    >>> found = fitted_spots(window, (0, 0), 1.0, 3.0, half & np.ones((9, 9), bool))
+    >>> found.centre.round(6), np.sqrt(np.diag(found.covariance)).round(3)
+    (array([4., 4.]), array([0.072, 0.048]))
+    """
     light = number_array("windows", windows, shape=(None, None))
     first = finite_array("corners", corners, shape=(2,))
-    width = positive("radius", radius)
-    batch = common_batch(windows=light.shape[:-2], corners=first.shape[:-1], radius=width.shape)
-    variance = float(non_negative("read_noise", read_noise)) ** 2
+    width, noise = positive("radius", radius), non_negative("read_noise", read_noise)
+    mask = np.ones(light.shape[-2:], bool) if seen is None else np.asarray(seen, dtype=bool)
+    shapes = {"windows": light.shape[:-2], "corners": first.shape[:-1], "radius": width.shape}
+    batch = common_batch(**shapes, read_noise=noise.shape, seen=mask.shape[:-2])
     shape = light.shape[-2:]
-    flat = np.broadcast_to(light, (*batch, *shape)).reshape(-1, *shape)
-    widths = np.broadcast_to(width, batch).reshape(-1)
-    state = np.full((len(flat), 3), np.nan)
-    usable = np.flatnonzero(np.isfinite(flat).all(axis=(-2, -1)))
-    state[usable] = _Fit(flat[usable], widths[usable], variance).optimum()
-    return state.reshape(*batch, 3)[..., :2] + first
+    flat, counts = (np.broadcast_to(one, (*batch, *shape)).reshape(-1, *shape)
+                    for one in (light, mask))  # fmt: skip
+    widths, noises = (np.broadcast_to(one, batch).reshape(-1) for one in (width, noise))
+    usable = np.flatnonzero((np.isfinite(flat) | ~counts).all(axis=(-2, -1)))
+    dark = np.where(counts, flat, 0.0)
+    fit = _Fit(dark[usable], widths[usable], noises[usable] ** 2, counts[usable].astype(float))
+    state, covariance = np.full((len(flat), 3), np.nan), np.full((len(flat), 2, 2), np.nan)
+    residuals = np.full(flat.shape, np.nan)
+    state[usable], covariance[usable], residuals[usable] = fit.spots()
+    return Spots(
+        state.reshape(*batch, 3)[..., :2] + first,
+        state.reshape(*batch, 3)[..., 2],
+        covariance.reshape(*batch, 2, 2),
+        residuals.reshape(*batch, *shape),
+    )
 
 
 @dataclass(frozen=True, eq=False)
 class _Fit:
-    """Windows (n, height, width), radii (n,), and the variance of a dark pixel."""
+    """Windows (n, height, width), radii and variances of a dark pixel (n,), and what counts."""
 
     light: FloatArray
     radius: FloatArray
-    variance: float
+    variance: FloatArray
+    counts: FloatArray
+
+    def spots(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return x, y and light, (n, 3), the covariance of x and y, and the residuals."""
+        state = self.optimum()
+        rest = np.flatnonzero(np.isfinite(state).all(axis=-1))
+        part = self.of(rest)
+        _, _, matrix = part.look(state[rest])
+        model, _ = _gradient(state[rest], part.radius, *self.light.shape[:0:-1])
+        covariance = np.full((len(state), 2, 2), np.nan)
+        covariance[rest] = np.linalg.inv(matrix)[:, :2, :2]
+        residuals = np.full(self.light.shape, np.nan)
+        residuals[rest] = (part.light - model) * part.counts
+        return state, covariance, residuals
+
+    def of(self, rows: IntArray) -> _Fit:
+        """Return some of the windows."""
+        return _Fit(self.light[rows], self.radius[rows], self.variance[rows], self.counts[rows])
 
     def optimum(self) -> FloatArray:
         """Return x, y and light of each spot, (n, 3); not a number where there is no optimum."""
@@ -291,7 +377,7 @@ class _Fit:
             score, matrix, damping = score[kept], matrix[kept], damping[kept]
             if not len(index):
                 break
-            part = _Fit(self.light[index], self.radius[index], self.variance)
+            part = self.of(index)
             trial = state + _step(matrix, score, damping)
             then, pulled, turned = part.look(trial)
             nearer = _movement(turned, pulled) < _movement(matrix, score)
@@ -307,7 +393,8 @@ class _Fit:
         y, x = np.divmod(self.light.reshape(len(self.light), -1).argmax(axis=-1), columns)
         state = np.stack([x, y, np.ones(len(x))], axis=-1)
         shape, _ = _gradient(state, self.radius, columns, rows)
-        state[:, 2] = (self.light * shape).sum(axis=(-2, -1)) / (shape**2).sum(axis=(-2, -1))
+        seen = (self.counts * shape**2).sum(axis=(-2, -1))
+        state[:, 2] = (self.light * shape).sum(axis=(-2, -1)) / np.maximum(seen, _TINY)
         return state
 
     def look(self, state: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -321,15 +408,17 @@ class _Fit:
         allowed = inside & (state[:, 2] > 0)
         safe = np.where(allowed[:, np.newaxis], state, 1.0)
         model, slopes = _gradient(safe, self.radius, columns, rows)
-        level, seen = model + self.variance, self.light + self.variance
+        dark = self.variance[:, np.newaxis, np.newaxis]
+        level, seen = model + dark, self.light + dark
         bright = np.maximum(level, _DARKEST)
         # Below the least variance, the parabola that goes on with the same slope.
         low = np.minimum(level - _DARKEST, 0.0)
         each = bright - seen * np.log(bright)
         each += low * (_DARKEST - seen) / _DARKEST + low**2 / (2 * _DARKEST)
-        score = np.einsum("nkyx,nyx->nk", slopes, (self.light - model) / bright)
-        flat = slopes.reshape(*slopes.shape[:2], -1)
-        matrix = (flat / bright.reshape(len(flat), 1, -1)) @ flat.mT
+        each, trust = each * self.counts, self.counts / bright
+        score = np.einsum("nkyx,nyx->nk", slopes, (self.light - model) * trust)
+        flat = slopes.reshape(len(slopes), 3, rows * columns)
+        matrix = (flat * trust.reshape(len(flat), 1, rows * columns)) @ flat.mT
         return np.where(allowed, each.sum(axis=(-2, -1)), np.inf), score, matrix
 
 

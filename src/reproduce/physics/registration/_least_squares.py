@@ -162,7 +162,7 @@ def solve(problem: Problem) -> Solution:
     limit = _MOVEMENT * (1 + np.abs(problem.target).max())
     flat = (*problem.source.shape[:-2], -1)
     for _ in range(_STEPS):
-        carry = local_matrix(problem, parameters, points)
+        carry = local_matrix(problem.model, parameters, points - problem.pivot[..., None, :])
         weight = information(problem, carry)
         left = combined_residuals(problem, parameters, points, carry)
         rows = model_jacobian(problem.model, parameters, points - problem.pivot[..., None, :])
@@ -182,7 +182,7 @@ def solve(problem: Problem) -> Solution:
             f"expected the fit to settle within {_STEPS} steps, got a last step of "
             f"{float(largest):g} px; check the matches, or fit a simpler model"
         )
-    carry = local_matrix(problem, parameters, points)
+    carry = local_matrix(problem.model, parameters, points - problem.pivot[..., None, :])
     left = combined_residuals(problem, parameters, points, carry)
     weighted = information(problem, carry) @ left[..., None]
     chi_square = (problem.counts * (left * weighted[..., 0]).sum(axis=-1)).sum(axis=-1)
@@ -395,15 +395,15 @@ def information(problem: Problem, carry: FloatArray) -> FloatArray:
     return np.linalg.inv(total)
 
 
-def local_matrix(problem: Problem, parameters: FloatArray, points: FloatArray) -> FloatArray:
-    """Return A, how transformed points move with the points, shape (..., n, 2, 2)."""
-    matrix = _linear_part(problem.model, parameters)[..., None, :, :]
-    if problem.model != "similarity+radial":
-        return np.broadcast_to(matrix, (*points.shape, 2))
-    q = points - problem.pivot[..., None, :]
+def local_matrix(model: str, parameters: FloatArray, offsets: FloatArray) -> FloatArray:
+    """Return A, how transformed points at offsets from the pivot move with them, (..., n, 2, 2)."""
+    matrix = _linear_part(model, parameters)[..., None, :, :]
+    if model != "similarity+radial":
+        return np.broadcast_to(matrix, (*offsets.shape, 2))
     c = parameters[..., -1][..., None, None, None]
-    squared = np.square(q).sum(axis=-1)[..., None, None]
-    return matrix @ ((1 + c * squared) * np.eye(2) + 2 * c * q[..., None] * q[..., None, :])
+    squared = np.square(offsets).sum(axis=-1)[..., None, None]
+    bent = 2 * c * offsets[..., None] * offsets[..., None, :]
+    return matrix @ ((1 + c * squared) * np.eye(2) + bent)
 
 
 def _length(movement: FloatArray) -> FloatArray:

@@ -19,7 +19,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from reproduce.physics.registration._least_squares import thinned
-from reproduce.physics.registration.fit import RegistrationFit, fit_registration
+from reproduce.physics.registration.fit import (
+    _ALARM,
+    _MEDIAN_LENGTH,
+    RegistrationFit,
+    fit_registration,
+)
 from reproduce.physics.registration.transforms import MODELS
 from reproduce.physics.validate import (
     DegenerateGeometryError,
@@ -196,6 +201,8 @@ def _misfits(
         found.append(Finding("model", better[1]))
     if settings["robust"] and not found:
         return _dropped(fit, settings, named)
+    if not found and _none_far(fit, settings):
+        return found
     off = _wrong_matches(source, target, pivot, **settings | {"model": model})
     suspects = np.flatnonzero(off)
     rows = tuple(suspects[np.argsort(-off[suspects])].tolist())
@@ -208,6 +215,16 @@ def _misfits(
         )
         found.append(Finding("mismatched", text, rows))
     return found
+
+
+def _none_far(fit: RegistrationFit, settings: dict[str, Any]) -> bool:
+    """Whether of very many stars none is far by the median of all: a robust fit would keep them."""
+    keys = ("weights", "source_covariance", "target_covariance")
+    if len(fit.residuals) < _COMPARED or any(settings.get(key) is not None for key in keys):
+        return False
+    lengths = np.hypot(*fit.residuals.T)
+    limit = np.sqrt(2 * np.log(len(lengths) / _ALARM))
+    return bool(lengths.max() < limit * np.median(lengths) / _MEDIAN_LENGTH)
 
 
 def _robustly(

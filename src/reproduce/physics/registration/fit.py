@@ -40,7 +40,12 @@ from reproduce.physics.registration.transforms import (
     as_complex,
     as_points,
 )
-from reproduce.physics.validate import DegenerateGeometryError, FloatArray, MirroredPointsError
+from reproduce.physics.validate import (
+    DegenerateGeometryError,
+    FloatArray,
+    MirroredPointsError,
+    finite_array,
+)
 
 # Tukey's biweight with this constant is 95 % efficient for Gaussian residuals in one dimension, and
 # 92.9 % for the length of a residual in two.
@@ -159,6 +164,29 @@ class RegistrationFit:
         factor = ndtri(upper) if self.errors_known else stdtrit(freedom, upper)[..., None]
         half = factor * self.standard_errors
         return np.stack([self.parameters - half, self.parameters + half], axis=-1)
+
+    def landed_covariance(
+        self, points: ArrayLike, covariance: ArrayLike | None = None
+    ) -> FloatArray:
+        """Return the covariance of where source points land, shape (..., n, 2, 2), in px^2.
+
+        Of the transform's own errors, and of the points' where these are given.
+
+        Parameters
+        ----------
+        points : array_like, shape (..., n, 2)
+            In the source, in px.
+        covariance : array_like, shape (..., n, 2, 2), optional
+            Of the points, in px^2; independent of the stars that were fitted.
+        """
+        places = finite_array("points", points, shape=(None, 2))
+        offsets = places - self.transform.pivot[..., None, :]
+        rows = model_jacobian(self.model, self.parameters, offsets)
+        landed = rows @ self.covariance[..., None, :, :] @ rows.mT
+        if covariance is None:
+            return landed
+        carry = local_matrix(self.model, self.parameters, offsets)
+        return landed + carry @ finite_array("covariance", covariance, shape=(2, 2)) @ carry.mT
 
 
 def fit_registration(
@@ -373,7 +401,7 @@ def _whitened(
     problem: Problem, parameters: FloatArray, points: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return what makes residuals of variance one, (..., n, 2, 2), and the residuals so made."""
-    carry = local_matrix(problem, parameters, points)
+    carry = local_matrix(problem.model, parameters, points - problem.pivot[..., None, :])
     left = combined_residuals(problem, parameters, points, carry)
     factor = information(problem, carry)
     if problem.errors_known:
