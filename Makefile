@@ -58,7 +58,7 @@ same: $(TESTS)  ## compute every number of the book under other arithmetic, and 
 mutants: $(TESTS)  ## change the code in many places and see whether the tests notice
 	@$(PY) tools/evidence/mutation.py
 
-release: $(TESTS) book  ## make the files of a release in dist/release, twice, and compare
+release: pdf  ## make the files of a release in dist/release, twice, and compare
 	@$(PY) tools/release.py
 
 COMPILE = $(PY) -m uv pip compile --universal --python-version 3.11 --fork-strategy fewest \

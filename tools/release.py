@@ -38,6 +38,10 @@ FILES = {
     "reproduce-book.pdf": ("The book as a PDF", "application/pdf"),
     "ledger.json": ("The ledger: one record per printed number", "application/json"),
     "ledger.schema.json": ("The JSON Schema of the ledger", "application/schema+json"),
+    "ledger.csv": ("The ledger as one table", "text/csv"),
+    "ledger.parquet": ("The ledger as one table", "application/vnd.apache.parquet"),
+    "errata.json": ("What does not hold in the papers, as records", "application/json"),
+    "errata.csv": ("What does not hold in the papers, as one table", "text/csv"),
     "verify_ledger.py": ("Derives every verdict of the ledger again", "text/x-python"),
 }
 TAKEN = [name for name in FILES if name[0].isalpha()]

@@ -1,5 +1,6 @@
-// A card on every link to a printed number, an equation, a figure, a symbol, an erratum or a reference: the link carries the sign
-// (book/_ext/cards.py), this shows the card on hover, focus and tap. Without it the link leads there.
+// A card on every link to a printed number, an equation, a figure, a symbol, an erratum or a
+// reference: the link carries the sign (book/_ext/cards.py), this shows the card on hover, focus
+// and tap. Without it the link leads there.
 (() => {
   const root = document.documentElement.dataset.content_root || "./";
   const DELAY = 350; // ms: a pointer that only passes by opens nothing

@@ -18,11 +18,11 @@ pytestmark = pytest.mark.browser
 BODY = 9.5  # points, as the style sheet says
 NUMBER = re.compile(r"\d+(?:\.\d+)?")
 TOC = make_pdf.ROOT / "book" / "_toc.yml"
-# What a page shows outside of folds, formulas and drawings; `code` of a cell is shown too.
+# What a page shows outside of folds, formulas, drawings and controls; code of a cell is shown too.
 SHOWN = """() => {
     const copy = document.querySelector('article').cloneNode(true);
-    copy.querySelectorAll('details, svg, script, style, .math, .rp-bar, .rp-dial, .viewcode-link')
-        .forEach(e => e.remove());
+    const not = 'details, svg, script, style, .math, .rp-bar, .rp-dial, .rp-filter, .viewcode-link';
+    copy.querySelectorAll(not).forEach(e => e.remove());
     const walk = document.createTreeWalker(copy, NodeFilter.SHOW_TEXT), texts = [];
     while (walk.nextNode()) texts.push(walk.currentNode.data);
     return texts.join('\\n');
