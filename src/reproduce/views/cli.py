@@ -245,8 +245,6 @@ def audit(paper: str | None, as_json: bool) -> None:
 @click.option("--reference", help="Picture to lay others on: its name, or its place from 1.")
 @click.option("--bayer", metavar="RGGB", help="Colours of a mosaic's first four pixels.")
 @click.option("--threshold", type=float, help="Of stars, in standard deviations of the noise.")
-@click.option("--saturation", type=float, help="Number from which a pixel is full.")
-@click.option("--gain", type=float, help="Electrons per digital number.")
 @click.option("--radius", type=float, help="How far apart stars of a pair may land, in px.")
 @click.option("--picture", type=_OUT, help="Draw the residuals before and after: .svg .pdf .png.")
 @click.option("--write", type=_FOLDER, help="Write the registered pictures, as FITS, there.")
