@@ -230,6 +230,12 @@ def test_the_registered_picture_lies_on_the_target(fit, tmp_path):
     assert header["register stars"] == int(fit.pairs["used"].sum())
     again = rp.register(rp.stars(path), rp.stars(GREEN), pivot=TRUTH.pivot)
     assert np.abs(again.parameters - (1, 0, 0, 0)).max() < 0.02
+    pixels = np.stack(np.meshgrid(*2 * [np.arange(evidence.SIDE)]), axis=-1).reshape(-1, 2)
+    came = fit.transform.inverse().apply(pixels).reshape(*RED.shape, 2)
+    within = np.minimum(came, evidence.SIDE - 1 - came).min(axis=-1)
+    lost = np.isnan(fits.getdata(path))
+    assert lost[within < -0.01].all()
+    assert not lost[within > 0.01].any()
     with pytest.raises(ValueError, match="already exists"):
         fit.write(path)
 
@@ -265,6 +271,7 @@ def test_three_pictures_with_one_command(folder, tmp_path):
     assert (tmp_path / "arrows-red.png").stat().st_size > 5000
     other = json.loads(run(*files, "--json", "--reference", "red.fits").stdout)
     assert list(other["pictures"]) == ["green.fits", "blue.fits"]
+    assert json.loads(run(*files, "--json", "--reference", "3").stdout)["reference"] == "blue.fits"
 
 
 def test_a_bad_picture_is_told_in_one_line(folder, tmp_path):
@@ -296,7 +303,7 @@ def test_a_bad_picture_is_told_in_one_line(folder, tmp_path):
 def test_numbers_that_cannot_be_are_refused():
     with pytest.raises(ValueError, match="threshold: expected"):
         rp.stars(RED, threshold=-3)
-    with pytest.raises(ValueError, match="row 1, column 3 .sigma.: expected a standard deviation"):
+    with pytest.raises(ValueError, match="row 1, column 3"):
         rp.stars(pd.DataFrame({"x": [1.0, 2], "y": [1.0, 2], "sigma": [0, -1]}))
 
 

@@ -398,8 +398,9 @@ def _refuse_other(shapes: Mapping[str, tuple[int, ...]], chosen: str) -> None:
 
 
 def _chosen(reference: str | int, names: Sequence[str]) -> str:
-    if isinstance(reference, int) and 1 <= reference <= len(names):
-        return names[reference - 1]
-    if Path(str(reference)).name in names:
-        return Path(str(reference)).name
+    name = Path(str(reference)).name
+    if name.isdecimal() and 1 <= int(name) <= len(names):
+        return names[int(name) - 1]
+    if name in names:
+        return name
     raise ValueError(f"reference: expected one of {', '.join(names)}, got {reference!r}")
