@@ -49,6 +49,7 @@ def test_the_light_of_stars_is_theirs():
     _, which = KDTree(FIELD.source).query(found.points)
     ratio = found.frame()["flux"] / FIELD.light[which]
     assert np.median(ratio) == pytest.approx(1, abs=0.01)
+    assert (np.diff(found.frame()["flux"]) <= 0).all()
 
 
 @pytest.mark.slow
@@ -105,6 +106,16 @@ def test_a_mirror_image_is_named():
 def test_a_picture_that_is_turned_and_larger_is_matched():
     turned = rp.register(np.rot90(RED).copy(), GREEN)
     assert abs(turned.transform.rotation) == pytest.approx(np.pi / 2, abs=0.01)
+
+
+def test_scatter_beyond_the_errors_is_found():
+    """A deviation of 2 n numbers is known to 1 / sqrt(4 n)."""
+    rng, count = np.random.default_rng(7), 400
+    source = pd.DataFrame(rng.uniform(0, 999, (count, 2)), columns=["x", "y"]).assign(sigma=0.02)
+    target = source + np.column_stack([rng.normal(0, 0.1, (count, 2)), np.zeros(count)])
+    found = rp.register(rp.stars(source), rp.stars(target))
+    expected = np.sqrt(0.1**2 - 2 * 0.02**2)
+    assert found.beyond == pytest.approx(expected, rel=4 / np.sqrt(4 * count))
 
 
 def test_a_start_gives_neighbours():
