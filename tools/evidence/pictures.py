@@ -64,9 +64,9 @@ def simulated(seed: int, wrong: float = 0.0, radius: float = RADIUS) -> Field:
     return Field(source, target, light, (first, second))
 
 
-def centre_pulls(field: Field, gain: float | None = None) -> FloatArray:
+def centre_pulls(field: Field) -> FloatArray:
     """Return errors of the centres of the source in their deviations, (n, 2)."""
-    found = rp.stars(field.pictures[0], gain=gain)
+    found = rp.stars(field.pictures[0])
     apart = np.hypot(*np.moveaxis(found.points[:, None] - field.source, -1, 0))
     error = found.points - field.source[apart.argmin(axis=1)]
     sigma = np.sqrt(np.diagonal(found.covariance, axis1=1, axis2=2))
@@ -123,9 +123,8 @@ def errors(seeds: Iterable[int], radius: float = RADIUS) -> dict[str, float]:
 
 if __name__ == "__main__":
     count = int(sys.argv[1]) if len(sys.argv) > 1 else 100
-    for name, gain in (("known", 1.0), ("estimated", None)):
-        pulls = np.concatenate([centre_pulls(simulated(seed), gain) for seed in range(count)])
-        print(f"centres, gain {name}: pull width {pulls.std():.3f} of {pulls.size}")
+    pulls = np.concatenate([centre_pulls(simulated(seed)) for seed in range(count)])
+    print(f"centres: pull width {pulls.std():.3f} of {pulls.size}")
     for wrong in (0.0, 0.05, 0.2):
         told = ", ".join(
             f"{key} {value:.3g}" for key, value in summary(range(count), wrong).items()

@@ -48,22 +48,19 @@ class Picture:
     """One channel of a picture.
 
     - `name`: the file or what else it comes from, and the channel of several.
-    - `light`: digital numbers, (height, width); not a number where one is missing.
-    - `seen`: pixels that have light of the channel, (height, width).
-    - `full`: those that are saturated.
-    - `cell`: places (y, x) of the channel in each two by two pixels of a mosaic; none otherwise.
-    - `gain`: electrons per digital number, where the file says it.
+    - `light`: digital numbers, (height, width); not a number where one is missing, or under
+      the filter of another colour.
+    - `full`: pixels that are saturated.
     - `step`: between two digital numbers; zero where they are not whole.
+    - `pitch`: from a pixel to the next of the channel: 2 in a mosaic.
     - `notes`: what a user should hear of the reading.
     """
 
     name: str
     light: FloatArray
-    seen: Mask
     full: Mask
-    cell: tuple[tuple[int, int], ...] = ()
-    gain: float | None = None
     step: float = 0.0
+    pitch: int = 1
     notes: tuple[str, ...] = ()
 
 
@@ -82,9 +79,7 @@ def is_picture(source: object) -> bool:
     return array and len(shape) in (2, 3) and sorted(shape)[-2] >= _LEAST
 
 
-def read_pictures(
-    source: Any, bayer: str | None = None, saturation: float | None = None
-) -> dict[str, Picture]:
+def read_pictures(source: Any, bayer: str | None = None) -> dict[str, Picture]:
     """Read a picture; return its channels by name, the only one of a grey picture under "".
 
     Parameters
@@ -92,9 +87,9 @@ def read_pictures(
     source : path or array_like, shape (height, width) or (height, width, 3)
     bayer : str, optional
         The colours of a mosaic's first two by two pixels, row by row, such as "RGGB".
-    saturation : float, optional
-        Digital number from which a pixel is full. By default what the file says, else the largest
-        number of its type, or one that touching pixels share as their highest.
+
+    A pixel is full from the number that the file says, else at the largest number of its type or at
+    one that touching pixels share as their highest.
     """
     if isinstance(source, str | Path):
         name, read = Path(source).name, _file(Path(source))
@@ -107,54 +102,40 @@ def read_pictures(
     pattern = bayer.upper() if bayer else str(header.get("BAYERPAT", "")).strip().upper()
     if bayer and len(planes) > 1:
         raise PictureError(f"{name}: expected a mosaic of one channel, got {len(planes)} channels")
-    level = saturation if saturation is not None else header.get("SATURATE")
-    gain = next((float(header[key]) for key in ("EGAIN", "GAIN") if _above(header, key)), None)
-    whole = 1.0 if content.dtype.kind in "iu" else 0.0
+    level = header.get("SATURATE")
+    whole = content.dtype.kind in "iu"
+    step, top = (1.0, float(np.iinfo(content.dtype).max)) if whole else (0.0, math.inf)
     found = {}
     for colour, plane in planes.items():
         light = np.ma.filled(plane.astype(np.float64), np.nan)
-        top = float(np.iinfo(content.dtype).max) if whole else math.inf
+        light[~np.isfinite(light)] = np.nan
         full = light >= (_highest(light, top) if level is None else float(level))
         label = f"{name}, {colour}" if colour else name
-        found[colour] = _usable(
-            Picture(label, light, ~np.isnan(light), full, (), gain, whole, notes)
-        )
+        _refuse_dark(label, light, full)
+        found[colour] = Picture(label, light, full, step, notes=notes)
     return _mosaic(found[""], pattern) if pattern and "" in found else found
 
 
-def _above(header: Mapping[str, Any], key: str) -> bool:
-    value = header.get(key)
-    return isinstance(value, int | float) and value > 0
-
-
-def _usable(picture: Picture) -> Picture:
-    """Return a picture in which there is something to see, or say what there is instead."""
-    light = np.where(np.isfinite(picture.light), picture.light, np.nan)
-    missing = np.isnan(light)
-    if missing.all():
-        raise PictureError(f"{picture.name}: expected light, got no number in any pixel")
+def _refuse_dark(name: str, light: FloatArray, full: Mask) -> None:
+    """Refuse a picture in which there is nothing to see; say what there is instead."""
+    if np.isnan(light).all():
+        raise PictureError(f"{name}: expected light, got no number in any pixel")
     if np.nanmin(light) == np.nanmax(light):
         raise PictureError(
-            f"{picture.name}: expected light and dark pixels, got {np.nanmax(light):g} in every "
+            f"{name}: expected light and dark pixels, got {np.nanmax(light):g} in every "
             "one: saturated or empty"
         )
-    if (picture.full | missing).all():
-        raise PictureError(f"{picture.name}: expected light, got every pixel saturated")
-    return replace(picture, light=light, seen=~missing & ~picture.full)
+    if (full | np.isnan(light)).all():
+        raise PictureError(f"{name}: expected light, got every pixel saturated")
 
 
 def _highest(light: FloatArray, top: float) -> float:
     """Return from where on pixels are full: infinity where none seems to be."""
     from scipy.ndimage import label
 
-    if not np.isfinite(light).any():
-        return math.inf
-    most = float(np.nanmax(light[np.isfinite(light)]))
-    groups = np.bincount(label(light == most, np.ones((3, 3)))[0].ravel())[1:]
-    bits = math.log2(most + 1) if most > 0 else 0.0
-    ends = most == top or (bits >= 8 and bits == round(bits))
-    cut = (groups >= _PLATEAU).sum()
-    return most if (ends and cut) or most == top or cut > 1 else math.inf
+    most = np.nanmax(light, initial=-math.inf)
+    touching = np.bincount(label(light == most, np.ones((3, 3)))[0].ravel())[1:]
+    return float(most) if most == top or touching.max(initial=0) >= _PLATEAU else math.inf
 
 
 def _planes(name: str, content: Any) -> dict[str, Any]:
@@ -179,12 +160,11 @@ def _mosaic(picture: Picture, pattern: str) -> dict[str, Picture]:
         raise PictureError(f"bayer: expected R, G, G and B in some order, got {pattern!r}")
     found = {}
     for colour in COLOURS:
-        cell = tuple(divmod(i, 2) for i, one in enumerate(pattern) if one == colour[0].upper())
-        under = np.zeros_like(picture.seen)
-        for y, x in cell:
-            under[y::2, x::2] = True
-        seen, name = picture.seen & under, f"{picture.name}, {colour}"
-        found[colour] = replace(picture, name=name, cell=cell, seen=seen)
+        light = np.full_like(picture.light, np.nan)
+        for y, x in (divmod(i, 2) for i, one in enumerate(pattern) if one == colour[0].upper()):
+            light[y::2, x::2] = picture.light[y::2, x::2]
+        name = f"{picture.name}, {colour}"
+        found[colour] = replace(picture, name=name, light=light, pitch=2)
     return found
 
 
@@ -250,6 +230,8 @@ def _from_pillow(path: Path) -> _Read:
         grey = opened.mode in ("L", "1") or opened.mode.startswith(("I", "F"))
         light = np.asarray(opened if grey else opened.convert("RGB"))
         light = light.astype(np.uint8) if light.dtype == bool else light
+        # Grey, though written as a palette or with transparency.
+        light = light[..., 0] if light.ndim == 3 and not np.ptp(light, axis=2).any() else light
         if opened.format != "JPEG":
             return _Read(np.ma.asarray(light), {}, notes)
     # A camera writes sRGB: undone, so that light adds up, with the full pixels still the highest.

@@ -115,6 +115,7 @@ _SETTINGS = {"help_option_names": ["-h", "--help"], "show_default": True}
 _FILE = click.Path(exists=True, dir_okay=False, path_type=Path)
 _DATA = click.Path(exists=True, dir_okay=False, allow_dash=True, path_type=Path)
 _OUT = click.Path(dir_okay=False, path_type=Path)
+_ABOVE = click.FloatRange(min=0, min_open=True)
 _FOLDER = click.Path(file_okay=False, path_type=Path)
 _ADDRESS = click.argument("address", metavar="KEY[#CELL]")
 _JSON = click.option("--json", "as_json", is_flag=True, help="Print JSON for other programs.")
@@ -244,10 +245,8 @@ def audit(paper: str | None, as_json: bool) -> None:
 @click.option("--robust", is_flag=True, default=None, help="Guard against wrong matches.")
 @click.option("--reference", help="Picture to lay others on: its name, or its place from 1.")
 @click.option("--bayer", metavar="RGGB", help="Colours of a mosaic's first four pixels.")
-@click.option("--threshold", type=float, help="Of stars, in standard deviations of the noise.")
-@click.option("--saturation", type=float, help="Number from which a pixel is full.")
-@click.option("--gain", type=float, help="Electrons per digital number.")
-@click.option("--radius", type=float, help="How far apart stars of a pair may land, in px.")
+@click.option("--threshold", type=_ABOVE, help="Of stars, in standard deviations of the noise.")
+@click.option("--radius", type=_ABOVE, help="How far apart stars of a pair may land, in px.")
 @click.option("--picture", type=_OUT, help="Draw the residuals before and after: .svg .pdf .png.")
 @click.option("--write", type=_FOLDER, help="Write the registered pictures, as FITS, there.")
 @click.option("--posterior", is_flag=True, help="Sample the same transform with emcee too.")
@@ -258,7 +257,6 @@ def register(
     picture: Path | None,
     write: Path | None,
     posterior: bool,
-    reference: str | None,
     **settings: Any,
 ) -> None:
     """Fit the transform that lays your own stars on the same stars of another image.
@@ -275,12 +273,11 @@ def register(
     the middle of the picture, and they are fitted robustly.
     """
     given: dict[str, Any] = {name: one for name, one in settings.items() if one is not None}
-    given |= {} if reference is None else {"reference": _place(reference)}
     with _bar("finding stars") as progress:
         source: Any = files[0] if len(files) == 1 else files
         found: Any = front.register(source, progress=progress, **given)
-    fits = getattr(found, "fits", {"": found})
-    if (picture or write or posterior) and not hasattr(found, "log") and fits == {"": found}:
+    fits = getattr(found, "fits", {"": found} if hasattr(found, "log") else {})
+    if (picture or write or posterior) and not fits:
         raise click.UsageError("--picture, --write and --posterior belong to pictures")
     sampled = {name: fit.posterior() for name, fit in fits.items()} if posterior else {}
     for name, one in sampled.items():
@@ -300,11 +297,6 @@ def register(
         if write:
             write.mkdir(parents=True, exist_ok=True)
             _save(fit.write, write / f"{stem}-registered.fits")
-
-
-def _place(reference: str) -> str | int:
-    """Return a place as a number, a name as it is."""
-    return int(reference) if reference.isdecimal() else reference
 
 
 @main.command()

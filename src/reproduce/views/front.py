@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from reproduce.views.contradictions import Contradictions
     from reproduce.views.figure import Figure, Panels
     from reproduce.views.measurements import Monitored, Registered
-    from reproduce.views.pictures import Channels, Match, Stars
+    from reproduce.views.pictures import Channels, Stars
     from reproduce.views.posterior import Posterior
     from reproduce.views.posteriors import Posteriors
     from reproduce.views.study import StudyTable
@@ -261,8 +261,6 @@ def register(
     radius: float | None = None,
     bayer: str | None = None,
     threshold: float | None = None,
-    saturation: float | None = None,
-    gain: float | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Registered | Channels:
     """Fit the transform that lays a user's own stars, the source, on the same stars of a target.
@@ -301,7 +299,7 @@ def register(
         three, the last of two, green of a colour picture.
     start, radius : optional
         Of pictures, as for `match`.
-    bayer, threshold, saturation, gain : optional
+    bayer, threshold : optional
         Of pictures, as for `stars`.
     progress : callable, optional
         Is told how many pictures of all are read.
@@ -325,21 +323,21 @@ def register(
     >>> moved.parameters.round(9) + 0.0
     array([ 1.,  0., -3.,  0.])
     """
-    known: dict[str, Any] = {"weights": weights, "source_covariance": source_covariance}
-    known |= {"target_covariance": target_covariance}
-    own: dict[str, Any] = {"start": start, "radius": radius}
-    cuts: dict[str, Any] = {"bayer": bayer, "threshold": threshold}
-    cuts |= {"saturation": saturation, "gain": gain}
-    if pictures := _pictures(source, target):
-        if given := [name for name, value in known.items() if value is not None]:
-            raise ValueError(f"{given[0]}: expected none beside pictures, whose stars have theirs")
+    known: dict[str, Any] = {"weights": weights, "source_covariance": source_covariance,
+                             "target_covariance": target_covariance}  # fmt: skip
+    own: dict[str, Any] = {"start": start, "radius": radius, "bayer": bayer,
+                           "threshold": threshold, "reference": reference}  # fmt: skip
+    pictures = _pictures(source, target)
+    given = [name for name, one in (known if pictures else own).items() if one is not None]
+    if given and pictures:
+        raise ValueError(f"{given[0]}: expected none beside pictures, whose stars have theirs")
+    if given:
+        raise ValueError(f"{given[0]}: expected pictures beside it, got stars that are paired")
+    if pictures:
         from reproduce.views.pictures import registered
 
-        fit = {"model": model, "robust": robust is not False, **own}
-        return registered(pictures, pivot, reference=reference, progress=progress, fit=fit, **cuts)
-    for name, value in (own | cuts | {"reference": reference}).items():
-        if value is not None:
-            raise ValueError(f"{name}: expected pictures beside it, got stars that are paired")
+        own |= {"model": model, "robust": robust is not False}
+        return registered(pictures, pivot, progress=progress, **own)
     from reproduce.views.measurements import Registered
 
     paired: tuple[Any, Any] = (source, target)
@@ -367,8 +365,6 @@ def stars(
     *,
     bayer: str | None = None,
     threshold: float | None = None,
-    saturation: float | None = None,
-    gain: float | None = None,
 ) -> Stars:
     """Find the stars of a picture; needs the extra ``images``.
 
@@ -383,10 +379,6 @@ def stars(
         The colours of a mosaic's first two by two pixels, row by row, such as "RGGB".
     threshold : float, optional
         What a star must exceed, in standard deviations of the noise; 5 by default.
-    saturation : float, optional
-        Digital number from which a pixel is full; by default what the file and the picture say.
-    gain : float, optional
-        Electrons per digital number; by default as in the header, else from the residuals.
 
     Returns
     -------
@@ -400,11 +392,10 @@ def stars(
     """
     from reproduce.views.pictures import one_channel
 
-    cuts = {"threshold": threshold, "saturation": saturation, "gain": gain, "bayer": bayer}
-    return one_channel(source, channel, cuts)
+    return one_channel(source, channel, bayer, threshold)
 
 
-def match(source: Any, target: Any, start: Any = None, radius: float | None = None) -> Match:
+def match(source: Any, target: Any, start: Any = None, radius: float | None = None) -> pd.DataFrame:
     """Pair the stars of two pictures.
 
     Parameters
@@ -417,13 +408,14 @@ def match(source: Any, target: Any, start: Any = None, radius: float | None = No
 
     Returns
     -------
-    Match
-        The pairs, and whether the pictures mirror each other.
+    DataFrame
+        A pair in each row, as `register` takes them, and which star of each picture it is;
+        ``attrs`` says whether the pictures are ``mirrored``.
     """
-    from reproduce.views.pictures import Match
+    from reproduce.views.pictures import paired
 
     first, second = (one if hasattr(one, "dropped") else stars(one) for one in (source, target))
-    return Match(first, second, getattr(start, "transform", start), radius)
+    return paired(first, second, start, radius)[0]
 
 
 def misalignment(

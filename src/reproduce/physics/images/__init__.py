@@ -18,7 +18,10 @@ from reproduce.physics.images.detector import (
     tabulated_star,
 )
 from reproduce.physics.images.spots import (
+    THRESHOLD,
+    Found,
     Spots,
+    find_spots,
     fitted_centre,
     fitted_spots,
     render_frame,
