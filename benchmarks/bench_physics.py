@@ -127,7 +127,7 @@ def bench_frames_of_the_bench(promise: Promise) -> None:
         spots = platform_twin.centroids(
             platform, platform.spots, platform.light[0], frames, default_rng(1)
         )
-        return platform.transform(spots)
+        return platform.design.transform(spots)
 
     def theirs() -> None:
         for _ in range(4 * frames):

@@ -56,7 +56,7 @@ def plain_chain(count: int, steps: int) -> Points:
     start = centre + spread * np.random.default_rng(2).normal(size=(WALKERS, 5))
     sampler = emcee.EnsembleSampler(WALKERS, 5, plain_log_posterior, args=(source, target))
     sampler.run_mcmc(start, steps)
-    return sampler.get_chain()
+    return np.asarray(sampler.get_chain())
 
 
 def our_chain(model: Model, steps: int) -> Points:
@@ -70,7 +70,7 @@ def stretched_chain(model: Model, steps: int, walkers: int = WALKERS) -> Points:
     sampler = emcee.EnsembleSampler(walkers, model.dimension, model.log_posterior, vectorize=True)
     start = model.start(np.random.default_rng(1), walkers)
     sampler.run_mcmc(start, steps, skip_initial_state_check=True)
-    return sampler.get_chain()
+    return np.asarray(sampler.get_chain())
 
 
 def effective(chain: Points) -> float:

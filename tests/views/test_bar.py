@@ -10,7 +10,7 @@ from markupsafe import escape
 import reproduce as rp
 from reproduce.papers.catalogue import catalogue
 from reproduce.printed.cells import anchor, library
-from reproduce.views import computed
+from reproduce.views import computed, export
 from reproduce.views import figure as figures
 from reproduce.views.base import text_of
 from reproduce.views.export import table_files
@@ -26,6 +26,15 @@ def test_a_table_can_be_cited_taken_away_and_followed_to_its_function():
     assert "10.3390/s24010259" in bar
     assert re.findall(r'href="#(tables/[^"]+)"', bar) == list(table_files(KEY))
     assert "def true_registrations" in bar or "@reproduces" in bar
+
+
+def test_a_terminal_is_not_kept_waiting_for_citations(monkeypatch):
+    written = []
+    monkeypatch.setattr(export, "citation", lambda *_: written.append(1) or "cited")
+    table = rp.table("niu2024/table-1")
+    assert "25.0601" in str(table)
+    assert not written
+    assert "cited" in table._repr_html_()
 
 
 def test_a_table_that_is_only_quoted_has_no_function_and_no_inputs():

@@ -18,13 +18,18 @@ Entry = str | Markup
 
 @dataclass(frozen=True)
 class Html:
-    """A piece of a page; a terminal shows `words` in its place."""
+    """A piece of a page, or what writes it; a terminal shows `words` in its place."""
 
-    text: str
+    text: str | Callable[[], str]
     words: str = ""
 
+    @property
+    def markup(self) -> Markup:
+        """The piece itself."""
+        return Markup(self.text if isinstance(self.text, str) else self.text())
+
     def _repr_html_(self) -> str:
-        return powers_in_html(self.text)
+        return powers_in_html(self.markup)
 
     def __repr__(self) -> str:
         """Return the words, where it has some: the HTML is what counts."""
@@ -127,7 +132,7 @@ def _joined(blocks: Iterable[Block]) -> Markup:
 
 def _block_html(block: Block) -> Markup:
     if isinstance(block, Html):
-        return Markup(block.text)
+        return block.markup
     if isinstance(block, Grid):
         return _table_html(block)
     if isinstance(block, Fold):

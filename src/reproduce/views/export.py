@@ -6,6 +6,7 @@ import csv
 import json
 import re
 from collections.abc import Iterable, Iterator, Mapping
+from functools import cache
 from hashlib import sha256
 from textwrap import indent
 from typing import TYPE_CHECKING, Any
@@ -241,6 +242,7 @@ def verify(text: str) -> str:
     return f"moved since {version}: now {now}, for {reason(record.cell) or record.why}"
 
 
+@cache
 def _paper(key: str) -> Entry:
     return parse_file(str(papers()[key] / "references.bib")).entries[key]
 

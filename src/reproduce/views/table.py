@@ -162,7 +162,6 @@ class Table(Item):
     def blocks(self) -> Iterator[Block]:
         """Yield the table with its notes, readings, reasons and where it comes from."""
         place, records = self._printed.place, self._ledger.of(self.key)
-        files, inputs = table_files(self.key), self._inputs()
         yield self._whole()
         yield from _noted(self._printed.cells)
         if joint := self._ledger.table(self.key):
@@ -175,8 +174,11 @@ class Table(Item):
         if results := [record for record in records if record.role == "result"]:
             made = catalogue()[self.key].computations
             yield Fold("How each cell was judged", tuple(_judged(place, results, made)))
-        below = bar(self.key, anchor(self.key), files, self.source, inputs=inputs)
-        yield Html(below, f"{self.key}: reproduce show {self.key}#CELL shows all about a cell")
+        yield Html(self._bar, f"{self.key}: reproduce show {self.key}#CELL shows all about a cell")
+
+    def _bar(self) -> Markup:
+        files, inputs = table_files(self.key), self._inputs()
+        return bar(self.key, anchor(self.key), files, self.source, inputs=inputs)
 
     def _whole(self) -> Grid:
         printed, records = self._printed, self._records
