@@ -327,7 +327,9 @@ def _units(source: FloatArray, target: FloatArray, fit: RegistrationFit) -> list
     found = []
     if far or span < _SMALL:
         found.append(f"the stars span {span:.4g}{far} (are these pixels?)")
-    middle = [np.median(np.hypot(*(one - np.median(one, axis=0)).T)) for one in (source, target)]
+    some = thinned(len(source), _COMPARED)
+    pair = (source[some], target[some])
+    middle = [np.median(np.hypot(*(one - np.median(one, axis=0)).T)) for one in pair]
     if min(middle) > 0 and max(middle) > _APART * min(middle):
         found.append(
             f"one image spans {max(middle) / min(middle):.3g} times the other (are both in pixels?)"

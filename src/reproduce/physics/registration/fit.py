@@ -14,7 +14,6 @@ its plain errors.
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -359,11 +358,8 @@ def _repeated_median(problem: Problem) -> FloatArray:
     across = target[..., :, None] - target[..., None, :]
     apart = (np.abs(between) > 0) & counts[..., None, :] & counts[..., :, None]
     ratio = np.where(apart, across / np.where(apart, between, 1), np.nan)
-    with warnings.catch_warnings():
-        # A point without partners has no median; it is left out of the next one.
-        warnings.simplefilter("ignore", RuntimeWarning)
-        each = [np.nanmedian(part, axis=-1) for part in (ratio.real, ratio.imag)]
-        real, imaginary = (np.nanmedian(part, axis=-1) for part in each)
+    # A point without partners has no median; it is left out of the next one.
+    real, imaginary = (_median(_median(part)) for part in (ratio.real, ratio.imag))
     factor = real + 1j * imaginary
     if not (np.isfinite(factor) & (np.abs(factor) > 0)).all():
         raise DegenerateGeometryError(
@@ -378,6 +374,14 @@ def _repeated_median(problem: Problem) -> FloatArray:
     shift = as_points(pivot - origin)
     columns = (np.abs(factor), np.angle(factor), shift[..., 0], shift[..., 1])
     return np.stack(columns, axis=-1)
+
+
+def _median(values: FloatArray) -> FloatArray:
+    """Return the medians along the last axis but for NaN; faster than NumPy's, row by row."""
+    ordered = np.sort(values, axis=-1)  # NaN come last
+    count = np.isfinite(ordered).sum(axis=-1, keepdims=True)
+    middle = np.concatenate([np.maximum(count - 1, 0), count], axis=-1) // 2
+    return np.asarray(np.take_along_axis(ordered, middle, axis=-1).mean(axis=-1))
 
 
 def _refuse_mirrored(problem: Problem, closed: FloatArray) -> None:
