@@ -27,6 +27,15 @@ def test_whole_numbers_come_back(tmp_path, ending):
     assert picture.step == 1
 
 
+@pytest.mark.parametrize("gap", [1, 64])
+def test_the_step_is_that_of_the_numbers_whatever_their_type(gap):
+    noise = np.random.default_rng(1).normal(500, 3, (200, 300))
+    (digital,) = read_pictures(gap * noise.round()).values()
+    assert digital.step == gap
+    (continuous,) = read_pictures(gap * noise).values()
+    assert continuous.step < 0.01 * gap
+
+
 def test_a_colour_tiff_keeps_sixteen_bits(tmp_path):
     """Pillow alone would give eight."""
     path, colours = tmp_path / "rgb.tif", np.stack([RAMP, RAMP + 1, RAMP + 2], axis=-1)

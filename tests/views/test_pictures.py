@@ -213,6 +213,21 @@ def test_a_jpeg_gives_the_transform(tmp_path):
     assert np.abs(fit.transform.apply(FIELD.source) - FIELD.target).max() < 0.1
 
 
+def test_a_smooth_dark_sky_of_a_jpeg_is_not_taken_for_stars(tmp_path):
+    """Compression takes the noise of the sky away; what is left are steps of one number."""
+    rng = np.random.default_rng(7)
+    for name, place in (("red", FIELD.source), ("green", FIELD.target)):
+        light = (evidence.exposed(place, FIELD.light, rng) - 100) / 20
+        path = tmp_path / f"{name}.jpg"
+        Image.fromarray(np.clip(light, 0, 255).astype(np.uint8)).save(path, quality=95)
+    found = rp.stars(tmp_path / "red.jpg")
+    apart, _ = KDTree(FIELD.source).query(found.points)
+    assert np.count_nonzero(apart < 0.3) > len(FIELD.source) - 2
+    assert np.count_nonzero(apart > 1) < 2
+    fit = rp.register(tmp_path / "red.jpg", tmp_path / "green.jpg")
+    assert np.abs(fit.transform.apply(FIELD.source) - FIELD.target).max() < 0.1
+
+
 def test_centroids_of_each_picture_as_tables(tmp_path):
     for name, stars in (("red", rp.stars(RED)), ("green", rp.stars(GREEN))):
         stars.frame().sample(frac=1, random_state=1).to_csv(tmp_path / f"{name}.csv", index=False)

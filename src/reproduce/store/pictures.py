@@ -27,6 +27,8 @@ _OTHERS = (".png", ".jpg", ".jpeg", ".bmp", ".gif", ".webp")
 COLOURS = ("red", "green", "blue")
 # An array whose sides are shorter is no picture.
 _LEAST = 16
+# So many pixels tell the gap between two numbers.
+_SOME = 100_000
 # So many touching pixels share the highest value where a spot is cut off.
 _PLATEAU = 4
 
@@ -51,7 +53,7 @@ class Picture:
     - `light`: digital numbers, (height, width); not a number where one is missing, or under
       the filter of another colour.
     - `full`: pixels that are saturated.
-    - `step`: between two digital numbers; zero where they are not whole.
+    - `step`: between two numbers of the background, next to nothing where they are not digital.
     - `pitch`: from a pixel to the next of the channel: 2 in a mosaic.
     - `notes`: what a user should hear of the reading.
     """
@@ -103,8 +105,7 @@ def read_pictures(source: Any, bayer: str | None = None) -> dict[str, Picture]:
     if bayer and len(planes) > 1:
         raise PictureError(f"{name}: expected a mosaic of one channel, got {len(planes)} channels")
     level = header.get("SATURATE")
-    whole = content.dtype.kind in "iu"
-    step, top = (1.0, float(np.iinfo(content.dtype).max)) if whole else (0.0, math.inf)
+    top = float(np.iinfo(content.dtype).max) if content.dtype.kind in "iu" else math.inf
     found = {}
     for colour, plane in planes.items():
         light = np.ma.filled(plane.astype(np.float64), np.nan)
@@ -112,8 +113,17 @@ def read_pictures(source: Any, bayer: str | None = None) -> dict[str, Picture]:
         full = light >= (_highest(light, top) if level is None else float(level))
         label = f"{name}, {colour}" if colour else name
         _refuse_dark(label, light, full)
-        found[colour] = Picture(label, light, full, step, notes=notes)
+        found[colour] = Picture(label, light, full, _step(light), notes=notes)
     return _mosaic(found[""], pattern) if pattern and "" in found else found
+
+
+def _step(light: FloatArray) -> float:
+    """Return the gap between two numbers of the background, by some of the pixels."""
+    known = light[np.isfinite(light)]
+    some = known[:: max(len(known) // _SOME, 1)]
+    numbers = np.unique(some)
+    at = np.searchsorted(numbers, np.median(some))
+    return float(np.diff(numbers[max(at - 1, 0) : at + 2]).min(initial=math.inf))
 
 
 def _refuse_dark(name: str, light: FloatArray, full: Mask) -> None:
