@@ -74,6 +74,8 @@ GOOD = {
     angles.stage_angles: {"shifts": [1e-5, 2e-5], "focal_length": 2.0},
     monitoring.moving_average: {"series": np.arange(9.0), "count": 2},
     monitoring.scatter_of_averages: {"series": np.arange(9.0), "counts": [1, 2]},
+    monitoring.allan_deviation: {"series": np.arange(9.0), "counts": [1, 2]},
+    monitoring.stability: {"times": np.arange(20.0), "series": np.arange(20.0)[:, None] % 3},
     monitoring.averaged_error: {"count": 4.0, "single": 1.0, "floor": 0.1},
     monitoring.attitude_accuracy: {"centroid_sigma": 0.1, "count": 4.0, "pixel_angle": 1e-4},
     imaging.ground_resolution: {"focal_length": 1.0, "pixel_pitch": 1e-5, "altitude": 5e5},
