@@ -196,7 +196,7 @@ BATCHED = [
     (function, name)
     for function, name in ARGUMENTS
     if len(GOOD[function].keys() - {"name"}) > 1
-    and name not in ("counts", "series")
+    and name not in ("counts", "series", "times")
     and (function, name) not in COUNTS
 ]
 
