@@ -295,6 +295,9 @@ def test_three_pictures_with_one_command(folder, tmp_path):
     assert {path.name for path in (tmp_path / "out").iterdir()} == {
         "red-registered.fits", "blue-registered.fits"}  # fmt: skip
     assert (tmp_path / "arrows-red.png").stat().st_size > 5000
+    told = run(*files[:2], "--write", tmp_path / "two").stdout
+    assert "red.fits on green.fits: similarity" in told
+    assert (tmp_path / "two" / "red-registered.fits").is_file()
     other = json.loads(run(*files, "--json", "--reference", "red.fits").stdout)
     assert list(other["pictures"]) == ["green.fits", "blue.fits"]
     assert json.loads(run(*files, "--json", "--reference", "3").stdout)["reference"] == "blue.fits"

@@ -291,7 +291,7 @@ def register(
 
     _show(as_json, lambda: found.record() | ({"posteriors": records} if records else {}), shown)
     for name, fit in fits.items():
-        stem = (name or "source").partition(".")[0]
+        stem = (name or fit.source_stars.name).partition(".")[0]
         if picture:
             _save(fit.save, picture.with_stem(f"{picture.stem}-{stem}") if name else picture)
         if write:

@@ -224,6 +224,8 @@ class RegisteredPictures(Registered):
         weights, self.beyond = pair_weights(*points, pivot, known, found, **settings)
         super().__init__(*points, pivot, weights=weights, **settings)
         self._given = given
+        if source.name != target.name:
+            self.title = f"{source.name} on {target.name}: {self.title}"
         self.pairs = self.pairs.assign(
             residual_x=self.residuals[:, 0], residual_y=self.residuals[:, 1],
             used=self.fit.weights > 0,
