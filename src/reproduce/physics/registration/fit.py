@@ -371,9 +371,12 @@ def _repeated_median(problem: Problem) -> FloatArray:
     landed = target - factor[..., None] * (source - pivot[..., None])
     landed = np.where(problem.counts > 0, landed, np.nan)
     origin = np.nanmedian(landed.real, axis=-1) + 1j * np.nanmedian(landed.imag, axis=-1)
-    shift = as_points(pivot - origin)
-    columns = (np.abs(factor), np.angle(factor), shift[..., 0], shift[..., 1])
-    return np.stack(columns, axis=-1)
+    return _similarity(factor, pivot - origin)
+
+
+def _similarity(factor: NDArray[np.complex128], shift: NDArray[np.complex128]) -> FloatArray:
+    """Return scale, rotation and shifts, shape (..., 4), of complex factors and shifts."""
+    return np.stack([np.abs(factor), np.angle(factor), shift.real, shift.imag], axis=-1)
 
 
 def _median(values: FloatArray) -> FloatArray:
@@ -537,7 +540,13 @@ def _consensus(
     if not len(alike):
         return mirror, 0
     ours, theirs = ours[alike["i"]], theirs[alike["j"]]
-    tried = fit_registration(source[ours], target[theirs], source[ours].mean(axis=1)).transform
+    # By least squares; a narrow triangle may fit its own mirror image better, and is none the less.
+    stars, places = as_complex(source)[ours], as_complex(target)[theirs]
+    pivot, landed = stars.mean(axis=1), places.mean(axis=1)
+    offsets = stars - pivot[:, None]
+    factor = (offsets.conj() * places).sum(axis=1) / np.square(np.abs(offsets)).sum(axis=1)
+    parameters = _similarity(factor, pivot - landed)
+    tried = Registration("similarity", parameters, as_points(pivot))
     apart, hit = KDTree(target).query(tried.apply(source))
     # Several stars in one place are one.
     hit = np.sort(np.where(apart < radius, hit, -1), axis=1)
