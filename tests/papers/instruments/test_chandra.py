@@ -1,5 +1,7 @@
 """Chandra's lights: SciPy and photutils agree, noise is as simulated, no year sees itself."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from astropy.table import Table
@@ -9,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from reproduce.papers.instruments import chandra
 from reproduce.physics.images import centre_of_gravity, spot_windows
-from reproduce.store.instruments import windows
+from reproduce.store.instruments import Windows, windows
 from reproduce.units import ARCSEC_PER_RADIAN
 
 
@@ -79,6 +81,7 @@ def test_gain_and_noise_of_simulated_windows_are_found(monkeypatch):
     generator, light = np.random.default_rng(2), np.geomspace(20, 7000, 64).reshape(8, 8)
 
     class Drawn:
+        times = np.arange(600)
         images = generator.poisson(light * 4.0, (600, 8, 8)) / 4.0 + generator.normal(
             0, 3.0, (600, 8, 8)
         )
@@ -88,6 +91,26 @@ def test_gain_and_noise_of_simulated_windows_are_found(monkeypatch):
     assert found.gain == pytest.approx(4.0, rel=0.05)
     assert found.noise == pytest.approx(3.0, rel=0.1)
     assert found.ends[0] < found.gain < found.ends[1]
+
+
+def test_pixels_without_noise_of_their_own_have_a_noise(monkeypatch):
+    """Where the line falls below zero in the dark, the root is not that of a negative number."""
+    generator, light = np.random.default_rng(3), np.geomspace(20, 7000, 64).reshape(8, 8)
+    scatter = np.sqrt(np.maximum(light / 4.0 - 4.0, 0.1))
+    images = light + scatter * generator.standard_normal((600, 8, 8))
+    seen = Windows(np.arange(600.0), np.zeros((600, 2)), images)
+    monkeypatch.setattr(chandra, "windows", lambda slot: seen)
+    assert chandra.transfer.__wrapped__().noise == 0
+
+
+def test_lights_of_other_frames_are_not_stacked(monkeypatch):
+    def late(slot):
+        seen = windows(slot)
+        return replace(seen, times=seen.times + 4.1) if slot == 2 else seen
+
+    monkeypatch.setattr(chandra, "windows", late)
+    with pytest.raises(ValueError, match="slot 2: expected the times of slot 0"):
+        _ = chandra.Lights(chandra.RADIUS).spots
 
 
 @pytest.mark.parametrize("count", [1, 16, 100])

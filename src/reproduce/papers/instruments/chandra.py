@@ -14,6 +14,7 @@ from functools import cache, cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.special import stdtrit
 from scipy.stats import theilslopes
 
 from reproduce.papers.chen2023 import accuracy
@@ -65,6 +66,8 @@ _TOGETHER = 16
 # Parts of the series that are left out in turn where an error is asked for.
 _PARTS = 10
 _SHARE = 0.95
+# The share of the time in which the star is as near as a sentence says.
+_OFTEN = 0.9
 _BLUE, _ORANGE, _GREEN = "#0072B2", "#D55E00", "#009E73"
 
 
@@ -91,15 +94,24 @@ class Transfer:
         return np.asarray(light / (gain or self.gain) + self.noise**2)
 
 
+def _windows() -> list[Windows]:
+    """Return the windows of the three lights, which show the same frames."""
+    found = [windows(slot) for slot in LIGHTS]
+    for slot, one in zip(LIGHTS, found, strict=True):
+        if not np.array_equal(one.times, found[0].times):
+            raise ValueError(f"slot {slot}: expected the times of slot {LIGHTS[0]}, got others")
+    return found
+
+
 @cache
 def transfer() -> Transfer:
     """Return how the variance of a pixel follows its light: a line that few pixels cannot bend."""
-    images = [windows(slot).images for slot in LIGHTS]
+    images = [one.images for one in _windows()]
     light = np.concatenate([one.mean(axis=0).ravel() for one in images])
     variance = np.concatenate([_scatter(one).ravel() ** 2 for one in images])
     found = theilslopes(variance, light, _SHARE)
     ends = (float(1 / found.high_slope), float(1 / found.low_slope))
-    return Transfer(float(1 / found.slope), ends, float(np.sqrt(found.intercept)))
+    return Transfer(float(1 / found.slope), ends, float(np.sqrt(max(found.intercept, 0.0))))
 
 
 def _fitted(seen: Windows, images: FloatArray, radius: float) -> FloatArray:
@@ -118,21 +130,25 @@ class Lights:
     @cached_property
     def hours(self) -> FloatArray:
         """Time of each frame since the first."""
-        times = windows(LIGHTS[0]).times
+        times = _windows()[0].times
         return np.asarray((times - times[0]) / _HOUR)
+
+    @property
+    def step(self) -> float:
+        """Time from a frame to the next, as a rule, in s."""
+        return float(np.median(np.diff(self.hours))) * _HOUR
 
     @cached_property
     def spots(self) -> FloatArray:
         """Fitted centres, (frames, 3, 2)."""
-        seen = map(windows, LIGHTS)
-        return np.stack([_fitted(one, one.images, self.radius) for one in seen], axis=1)
+        fitted = [_fitted(one, one.images, self.radius) for one in _windows()]
+        return np.stack(fitted, axis=1)
 
     @cached_property
     def moments(self) -> FloatArray:
         """Centres of gravity of the same windows, (frames, 3, 2)."""
-        seen = map(windows, LIGHTS)
         return np.stack([centre_of_gravity(one.images - _background(one.images), one.corners)
-                         for one in seen], axis=1)  # fmt: skip
+                         for one in _windows()], axis=1)  # fmt: skip
 
     @cached_property
     def platform(self) -> Platform:
@@ -166,7 +182,7 @@ class Lights:
     def answer(self) -> FloatArray:
         """How each centre answers to each pixel, (3, 2, height, width), in px per DN."""
         found = []
-        for one in map(windows, LIGHTS):
+        for one in _windows():
             mean = one.images.mean(axis=0)
             nudges = np.eye(mean.size).reshape(-1, *mean.shape) * _NUDGE / transfer().gain
             up, down = (_fitted(one, mean + sign * nudges, self.radius) for sign in (1, -1))
@@ -176,7 +192,7 @@ class Lights:
 
     def foretold(self, variance: Callable[[FloatArray], FloatArray]) -> FloatArray:
         """Return the variance of each place, (3, 2), if that of pixels follows from windows."""
-        pixels = np.stack([variance(windows(slot).images) for slot in LIGHTS])
+        pixels = np.stack([variance(one.images) for one in _windows()])
         return np.asarray(np.einsum("nxij,nij->nx", np.square(self.answer), pixels))
 
 
@@ -239,7 +255,7 @@ def _light_facts() -> Iterator[tuple[str, Fact]]:
     scatter = _scatter(seen.spots)
     yield "frames", Fact(len(seen.spots), ",d")
     yield "minutes", Fact(60 * float(seen.hours[-1]), ".0f", "min")
-    yield "frame-time", Fact(float(seen.hours[1]) * _HOUR, ".1f", "s")
+    yield "frame-time", Fact(seen.step, ".1f", "s")
     yield "gain", Fact(known.gain, ".1f")
     yield "gain-low", Fact(known.ends[0], ".1f")
     yield "gain-high", Fact(known.ends[1], ".1f")
@@ -282,6 +298,8 @@ def _turn_facts() -> Iterator[tuple[str, Fact]]:
     hours = float(seen.hours[-1])
     leak, error = leaks(steady.left, dither())
     pixel = ARCSEC_PER_RADIAN / seen.platform.pixels
+    limits = (np.abs(leak) + stdtrit(_PARTS - 1, 0.5 + _SHARE / 2) * error)[:, :2]
+    least_sure = np.unravel_index(limits.argmax(), limits.shape)
     yield "rate-x", Fact(steady.rate[0], ".3f", "arcsec")
     yield "rate-x-error", Fact(steady.rate_error[0], ".3f", "arcsec")
     yield "drift-y", Fact(abs(steady.rate[1]) * hours, ".2f", "arcsec")
@@ -291,11 +309,12 @@ def _turn_facts() -> Iterator[tuple[str, Fact]]:
         yield f"response-{axis}", Fact(response[at], ".3g", "arcsec")
         for end, one in (("", steady.floor), ("-low", floor[0]), ("-high", floor[1])):
             yield f"floor-{axis}{end}", Fact(one[at], ".4f", "arcsec")
-    low, high = np.quantile(dither(), (0.05, 0.95), axis=0)
+    low, high = np.quantile(dither(), (0.5 - _OFTEN / 2, 0.5 + _OFTEN / 2), axis=0)
+    yield "star-share", Fact(100 * _OFTEN, ".0f", "%")
     yield "star-column", Fact(high[0] - low[0], ".1f", "px")
     yield "star-row", Fact(high[1] - low[1], ".1f", "px")
-    yield "leak", Fact(1e6 * float(np.abs(leak[:, :2]).max()) / pixel, ".0f")
-    yield "leak-sigma", Fact(float(np.abs(leak / error)[:, :2].max()), ".1f")
+    for end, one in (("", leak), ("-error", error), ("-limit", limits)):
+        yield f"leak{end}", Fact(1e6 * float(one[least_sure]) / pixel, ".0f")
     yield "roll-leak", Fact(float(leak[1, 2]), ".2f", "arcsec")
     yield "roll-leak-error", Fact(float(error[1, 2]), ".2f", "arcsec")
     yield "together", Fact(_TOGETHER, "d")
@@ -312,6 +331,7 @@ def _rigid_facts(hours: float, pixel: float) -> Iterator[tuple[str, Fact]]:
     moved = float(np.abs(stability(seen.hours, seen.spots.reshape(-1, 6)).rate).max() * hours)
     yield "answer-low", Fact(low, ".2f")
     yield "answer-high", Fact(high, ".2f")
+    yield "answer-error", Fact(100 * max(1 - low, high - 1), ".0f", "%")
     yield "moved", Fact(moved, ".3f", "px")
     yield "bent-made", Fact((high - low) * moved, ".3f", "px")
     yield "bent-angle", Fact(abs(bent.rate[worst]) * hours * pixel, ".3f", "arcsec")
@@ -383,7 +403,7 @@ def _gain_facts(door: Given) -> Iterator[tuple[str, Fact]]:
         yield name, Fact(float(one[-1]), ".2f")
     yield "next-16", Fact(float(found["next"][list(counts).index(16)]), ".2f")
     seen = lights()
-    seconds = float(seen.hours[1]) * _HOUR
+    seconds = seen.step
     yield "most", Fact(int(counts[-1]), "d")
     yield "most-time", Fact(float(counts[-1] * seconds / 60), ".1f", "min")
     yield "span", Fact(door.count(accuracy.FRAMES) * seconds / 60, ".0f", "min")
@@ -474,6 +494,9 @@ def _strategy_facts() -> Iterator[tuple[str, Fact]]:
     yield "warmest", Fact(float(seen["temperature"].max()), ".0f", "°C")
     yield "worst", Fact(float(left.max()), ".1f", "arcsec")
     late = years > _JUMP
+    told = drift_model(years, seen["temperature"].to_numpy())
+    apart = np.abs(seen[["foretold y", "foretold z"]].to_numpy() - told)
+    yield "model-apart", Fact(float(apart[~late].max()), ".2f", "arcsec")
     yield "flown-before", Fact(float(np.sqrt(np.mean(left[~late] ** 2))), ".1f", "arcsec")
     yield "flown-after", Fact(float(np.sqrt(np.mean(left[late] ** 2))), ".1f", "arcsec")
     for name, off in zip(_SHORT, _missed().values(), strict=True):
