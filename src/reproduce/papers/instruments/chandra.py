@@ -339,7 +339,7 @@ def _rigid_facts(hours: float, pixel: float) -> Iterator[tuple[str, Fact]]:
 
 @studied("instruments/laser-metrology", named=lambda: dict(_turn_facts()))
 def _turns(radius: float = RADIUS) -> pd.DataFrame:
-    """What three lights say of the misalignment in an hour and a half."""
+    """What three lights say of the misalignment in one observation."""
     seen = lights(radius)
     steady, floor = seen.steady, seen.steady.floor_interval(_SHARE)
     known = np.sqrt(np.diag(seen.covariance(seen.foretold(_KINDS["measured"]))))
@@ -348,7 +348,7 @@ def _turns(radius: float = RADIUS) -> pd.DataFrame:
          steady.floor[at], *floor[:, at], int(steady.reached[at]))
         for at, axis in enumerate(_AXES)
     ]  # fmt: skip
-    return _turns.frame(rows)
+    return _turns.frame(rows, share=100 * _SHARE)
 
 
 _COUNTS = f"{accuracy.TABLE}#*.frames"
@@ -519,12 +519,12 @@ def _strategies() -> pd.DataFrame:
         by_year = np.sqrt(np.square(lengths).reshape(len(_TESTED), -1).mean(axis=1))
         both = np.sqrt(np.square(off).mean(axis=0))
         rows.append((name, *both, *by_year, np.sqrt(np.mean(lengths**2)), np.median(lengths)))
-    return _strategies.frame(rows, tested=len(lengths))
+    return _strategies.frame(rows, tested=len(lengths), years=len(_TESTED))
 
 
 @draws("instruments/drawing-lights", named=lambda: dict(_turn_facts()))
 def _draw_lights(figure: Figure) -> None:
-    """The misalignment in an hour and a half, and what averages of its frames err by."""
+    """The misalignment in one observation, and what averages of its frames err by."""
     narrow = sized(figure, 6.4, 3.2, 5.6)
     series, falls = figure.subplots(*((2, 1) if narrow else (1, 2)))
     seen = lights()
