@@ -10,7 +10,8 @@ from astropy.table import Table
 from astropy.time import Time
 
 from reproduce.locate import data_folder
-from reproduce.store.instruments import aimpoints, drift_model, lenses, mosaic, star_images, windows
+from reproduce.store.measured import aimpoints, drift_model, lenses, mosaic, star_images, windows
+from reproduce.store.pictures import PictureError
 
 FOLDER = data_folder() / "instruments"
 FILES = [("2mass", f"2MASS_{band}.fits") for band in "jhk"] + [("lensfun", "tca.csv")]
@@ -36,8 +37,10 @@ def test_a_mosaic_is_whole_and_cannot_be_changed(band):
 
 def test_a_missing_library_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "astropy.io", None)
-    with pytest.raises(ImportError, match=r"reproduce-pointing\[images\]"):
+    with pytest.raises(PictureError, match=r"reproduce-pointing\[images\]"):
         mosaic.__wrapped__("j")
+    with pytest.raises(PictureError, match=r"reproduce-pointing\[images\]"):
+        windows.__wrapped__(0)
 
 
 def test_lenses_have_scales_near_one():

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from reproduce.papers.instruments import chandra
 from reproduce.physics.images import centre_of_gravity, spot_windows
-from reproduce.store.instruments import Windows, windows
+from reproduce.store.measured import Windows, windows
 from reproduce.units import ARCSEC_PER_RADIAN
 
 

@@ -32,7 +32,7 @@ from reproduce.physics.ground import DAY, trend_and_fourier
 from reproduce.physics.images import centre_of_gravity, fitted_centre
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
-from reproduce.store.instruments import (
+from reproduce.store.measured import (
     Windows,
     aimpoints,
     drift_model,

@@ -23,7 +23,7 @@ from reproduce.physics.images import fitted_centre, window_corners
 from reproduce.physics.registration import MODELS, RegistrationFit, fit_registration
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
-from reproduce.store.instruments import lenses, mosaic
+from reproduce.store.measured import lenses, mosaic
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
