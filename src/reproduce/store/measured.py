@@ -177,8 +177,7 @@ def star_images() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 
 def tracker() -> dict[str, Any]:
     """Return the lights and the tracker of Chandra, as `Platform.of_spots` takes them."""
-    path = _file("chandra/platform.toml")
-    return tomllib.loads(path.read_text(encoding="utf-8"))
+    return tomllib.loads(_file("chandra/platform.toml").read_text(encoding="utf-8"))
 
 
 def _year(date: str) -> float:
@@ -189,14 +188,24 @@ def _year(date: str) -> float:
     return float(int(year) + days / length.days)
 
 
-@cache
-def aimpoints() -> pd.DataFrame:
-    """Return 28 observations of Chandra, by time: what was foretold and what was measured.
+@dataclass(frozen=True, eq=False)
+class Aimpoints:
+    """Observations of Chandra, by time; drifts are (y, z), in arcsec."""
 
-    ``year``; ``detector``; ``temperature`` of the tracker's detector, in degrees Celsius; and in
-    arcsec ``foretold y`` and ``z``, the drift that the pointing allowed for, with ``left y`` and
-    ``z``, what was measured less what was foretold.
-    """
+    years: NDArray[np.float64]  # (n,)
+    temperatures: NDArray[np.float64]  # (n,), of the tracker's detector, in degrees Celsius
+    foretold: NDArray[np.float64]  # (n, 2), what the pointing allowed for
+    left: NDArray[np.float64]  # (n, 2), what was measured less what was foretold
+
+    @property
+    def measured(self) -> NDArray[np.float64]:
+        """The drift as measured, (n, 2)."""
+        return self.foretold + self.left
+
+
+@cache
+def aimpoints() -> Aimpoints:
+    """Return 28 observations of Chandra: what was foretold and what was measured."""
     import pandas as pd
 
     known = tomllib.loads(_file("chandra/detectors.toml").read_text(encoding="utf-8"))
@@ -210,10 +219,9 @@ def aimpoints() -> pd.DataFrame:
         foretold = moved - [one["aca_offset_y"], one["aca_offset_z"]]
         turn = matrix / np.sqrt(abs(np.linalg.det(matrix)))
         left = -np.linalg.solve(turn, [one["dx"], one["dy"]])
-        when = _year(one["mean_date"])
-        rows.append((when, one["detector"], one["mean_t_ccd"], *foretold, *left))
-    names = ["year", "detector", "temperature", "foretold y", "foretold z", "left y", "left z"]
-    return pd.DataFrame(rows, columns=names).sort_values("year", ignore_index=True)
+        rows.append((_year(one["mean_date"]), one["mean_t_ccd"], *foretold, *left))
+    found = np.array(sorted(rows))
+    return Aimpoints(found[:, 0], found[:, 1], found[:, 2:4], found[:, 4:])
 
 
 def drift_model(
@@ -224,8 +232,7 @@ def drift_model(
     Temperatures of the tracker's detector are in degrees Celsius. The model knows jumps of the
     years 2015 to 2026, and is for years from 2012 on.
     """
-    path = _file("chandra/aca_drift_model.json")
-    told = json.loads(path.read_text(encoding="utf-8"))
+    told = json.loads(_file("chandra/aca_drift_model.json").read_text(encoding="utf-8"))
     axes = []
     for one in (told["dy"], told["dz"]):
         warmth = (1.8 * temperatures + 32 - one["offset"]) * one["scale"]
