@@ -255,12 +255,12 @@ def stability(times: ArrayLike, series: ArrayLike) -> Stability:
     if len(values) < FEWEST:
         raise ValueError(f"series: expected {FEWEST} frames or more, got {len(values)}")
     if (np.diff(when) <= 0).any():
-        raise ValueError("times: expected each later than the one before; sort the frames")
+        raise ValueError("times: expected each later than the one before; sort them")
     steps = np.diff(when) / np.median(np.diff(when))
     if steps.min() < 1 / 2:
         raise ValueError(
             f"times: expected evenly spaced frames, got one after {steps.min():.2g} of the usual "
-            "time; leave out frames in between, or the times"
+            "time; leave out frames in between"
         )
     when = when - when.mean()
     rate, level = np.polyfit(when, values, 1)
