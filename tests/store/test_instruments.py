@@ -10,7 +10,8 @@ from astropy.table import Table
 from astropy.time import Time
 
 from reproduce.locate import data_folder
-from reproduce.store.instruments import aimpoints, drift_model, lenses, mosaic, star_images, windows
+from reproduce.store.measured import aimpoints, drift_model, lenses, mosaic, star_images, windows
+from reproduce.store.pictures import PictureError
 
 FOLDER = data_folder() / "instruments"
 FILES = [("2mass", f"2MASS_{band}.fits") for band in "jhk"] + [("lensfun", "tca.csv")]
@@ -36,8 +37,10 @@ def test_a_mosaic_is_whole_and_cannot_be_changed(band):
 
 def test_a_missing_library_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "astropy.io", None)
-    with pytest.raises(ImportError, match=r"reproduce-pointing\[images\]"):
+    with pytest.raises(PictureError, match=r"reproduce-pointing\[images\]"):
         mosaic.__wrapped__("j")
+    with pytest.raises(PictureError, match=r"reproduce-pointing\[images\]"):
+        windows.__wrapped__(0)
 
 
 def test_lenses_have_scales_near_one():
@@ -61,24 +64,23 @@ def test_windows_track_and_cannot_be_changed(slot):
 
 def test_what_was_foretold_is_the_flight_model():
     """Two sources, one number: until the first jump that the pointing did not know yet."""
-    table = aimpoints()
-    early = table[table["year"] < 2022.8]
-    told = drift_model(early["year"].to_numpy(), early["temperature"].to_numpy())
-    assert len(table) == 28
-    assert len(early) == 16
-    np.testing.assert_allclose(early[["foretold y", "foretold z"]], told, atol=0.025)
+    seen = aimpoints()
+    early = seen.years < 2022.8
+    told = drift_model(seen.years[early], seen.temperatures[early])
+    assert len(early) == 28
+    assert early.sum() == 16
+    np.testing.assert_allclose(seen.foretold[early], told, atol=0.025)
 
 
 def test_the_measured_drift_has_the_sign_of_the_model():
     """With the other sign what is left would be larger: jumps were put into the model later."""
-    table = aimpoints()
-    told = drift_model(table["year"].to_numpy(), table["temperature"].to_numpy())
-    foretold, left = (table[[f"{name} y", f"{name} z"]] for name in ("foretold", "left"))
+    seen = aimpoints()
+    told = drift_model(seen.years, seen.temperatures)
     right, wrong = (
-        np.sqrt(np.square(foretold.to_numpy() + sign * left.to_numpy() - told).mean())
-        for sign in (1, -1)
+        np.sqrt(np.square(seen.foretold + sign * seen.left - told).mean()) for sign in (1, -1)
     )
     assert right < 0.6 * wrong
+    np.testing.assert_array_equal(seen.measured, seen.foretold + seen.left)
 
 
 def test_observations_are_those_that_astropy_reads():
@@ -86,9 +88,9 @@ def test_observations_are_those_that_astropy_reads():
     years = np.sort(Time(raw["mean_date"].tolist(), format="yday").decimalyear)
     found = aimpoints()
     # Leap seconds and the definition of the year: an hour.
-    np.testing.assert_allclose(found["year"], years, atol=1e-4)
-    assert sorted(found["temperature"]) == sorted(raw["mean_t_ccd"])
-    lengths = np.hypot(found["left y"], found["left z"])
+    np.testing.assert_allclose(found.years, years, atol=1e-4)
+    assert sorted(found.temperatures) == sorted(raw["mean_t_ccd"])
+    lengths = np.linalg.norm(found.left, axis=1)
     # All three lengths are rounded to 0.01.
     np.testing.assert_allclose(sorted(lengths), sorted(raw["dr"]), atol=0.0125)
 

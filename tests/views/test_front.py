@@ -715,9 +715,24 @@ def test_without_times_or_with_few_images_no_drift_is_told():
         assert found.record()["over_time"] == []
     with pytest.raises(ValueError, match="times: expected 15 finite numbers"):
         rp.misalignment(now, zero, design, times[:-1])
-    twice = np.concatenate([now, now]), zero, design, np.tile(times, 2)
-    with pytest.raises(ValueError, match="later than the one before"):
-        rp.misalignment(*twice)
+
+
+def test_times_that_tell_no_average_are_said():
+    """The angles are told all the same; where images are lost, so are the averages."""
+    design, zero, now, times = drifting_pair(64)
+    whole = rp.misalignment(now, zero, design, times)
+    for wrong, said in (
+        (np.repeat(times[::2], 2), "later than the one before"),
+        (np.sort(np.r_[times[:-1], times[20] + 0.01]), "evenly spaced"),
+    ):
+        found = rp.misalignment(now, zero, design, wrong)
+        assert found.over_time().empty
+        assert any(said in one for one in found.remarks)
+        np.testing.assert_array_equal(found.angles, whole.angles)
+    lost = np.r_[0:30, 40:64]
+    found = rp.misalignment(now[lost], zero, design, times[lost])
+    assert found.stability.averages[0] == len(lost) - 5
+    assert not any("told" in one for one in found.remarks)
 
 
 def test_angles_of_an_image_have_a_covariance():

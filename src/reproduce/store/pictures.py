@@ -178,13 +178,22 @@ def _mosaic(picture: Picture, pattern: str) -> dict[str, Picture]:
     return found
 
 
+def fits_table(path: Path) -> Any:
+    """Return the first table of a FITS file; what is wrong with it is told as of a picture."""
+    return _told(path, _table).content
+
+
 def _file(path: Path) -> _Read:
     """Return what a file holds, its header, and what to hear of it."""
+    name = str(path).lower()
+    others = _from_tiff if name.endswith(_TIFF) else _from_pillow
+    return _told(path, _from_fits if name.endswith(_FITS) else others)
+
+
+def _told(path: Path, read: Callable[[Path], _Read]) -> _Read:
+    """Read a file; say in a line what is wrong with it."""
     if not path.stat().st_size:
         raise PictureError(f"{path.name}: expected a picture, got an empty file")
-    name = str(path).lower()
-    read: Callable[[Path], _Read] = _from_pillow
-    read = _from_fits if name.endswith(_FITS) else _from_tiff if name.endswith(_TIFF) else read
     try:
         return read(path)
     except PictureError:
@@ -219,6 +228,12 @@ def _from_fits(path: Path) -> _Read:
                 notes = (f"picture of extension {number}",) if number else ()
                 return _Read(np.ma.asarray(native), header, notes)
     raise PictureError(f"{path.name}: expected a picture in the FITS file, got tables alone")
+
+
+def _table(path: Path) -> _Read:
+    from astropy.io import fits
+
+    return _Read(fits.getdata(path), {})
 
 
 def _from_tiff(path: Path) -> _Read:

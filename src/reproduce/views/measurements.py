@@ -302,7 +302,11 @@ class Monitored(_Measured):
                 f"{len(told)} images tell an angle: drift and averages need {FEWEST}"
             )
             return None
-        return stability(self.times[told], self.angles[told])
+        try:
+            return stability(self.times[told], self.angles[told])
+        except ValueError as error:
+            self.remarks.append(f"drift and averages are not told: {error}")
+            return None
 
     def over_time(self) -> pd.DataFrame:
         """Return the drift in a unit of time, and what averages of images err by at the least.

@@ -1,5 +1,7 @@
 """Chandra's lights: SciPy and photutils agree, noise is as simulated, no year sees itself."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from astropy.table import Table
@@ -9,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from reproduce.papers.instruments import chandra
 from reproduce.physics.images import centre_of_gravity, spot_windows
-from reproduce.store.instruments import windows
+from reproduce.store.measured import Windows, windows
 from reproduce.units import ARCSEC_PER_RADIAN
 
 
@@ -57,14 +59,14 @@ def test_noise_of_a_place_is_that_of_simulated_windows(slot):
     light = generator.poisson(mean * known.gain, (2000, *mean.shape)) / known.gain
     drawn = light + known.noise * generator.standard_normal(light.shape)
     places = chandra._fitted(windows(slot), drawn, chandra.RADIUS)
-    expected = np.sqrt(seen.foretold(chandra._KINDS["measured"])[slot])
+    expected = np.sqrt(seen.foretold()[slot])
     # The scatter of 2000 is known to 1.6 %, here at four standard errors.
     np.testing.assert_allclose(places.std(axis=0), expected, rtol=0.065)
 
 
 def test_covariance_of_the_angles_is_that_of_drawn_spots():
     seen = chandra.lights()
-    variance = seen.foretold(chandra._KINDS["measured"])
+    variance = seen.foretold()
     draws = np.random.default_rng(4).standard_normal((4000, 3, 2)) * np.sqrt(variance)
     spots = seen.platform.spots + draws
     angles = seen.platform.misalignment(spots, seen.platform.reference) * ARCSEC_PER_RADIAN
@@ -79,6 +81,7 @@ def test_gain_and_noise_of_simulated_windows_are_found(monkeypatch):
     generator, light = np.random.default_rng(2), np.geomspace(20, 7000, 64).reshape(8, 8)
 
     class Drawn:
+        times = np.arange(600)
         images = generator.poisson(light * 4.0, (600, 8, 8)) / 4.0 + generator.normal(
             0, 3.0, (600, 8, 8)
         )
@@ -88,6 +91,26 @@ def test_gain_and_noise_of_simulated_windows_are_found(monkeypatch):
     assert found.gain == pytest.approx(4.0, rel=0.05)
     assert found.noise == pytest.approx(3.0, rel=0.1)
     assert found.ends[0] < found.gain < found.ends[1]
+
+
+def test_pixels_without_noise_of_their_own_have_a_noise(monkeypatch):
+    """Where the line falls below zero in the dark, the root is not that of a negative number."""
+    generator, light = np.random.default_rng(3), np.geomspace(20, 7000, 64).reshape(8, 8)
+    scatter = np.sqrt(np.maximum(light / 4.0 - 4.0, 0.1))
+    images = light + scatter * generator.standard_normal((600, 8, 8))
+    seen = Windows(np.arange(600.0), np.zeros((600, 2)), images)
+    monkeypatch.setattr(chandra, "windows", lambda slot: seen)
+    assert chandra.transfer.__wrapped__().noise == 0
+
+
+def test_lights_of_other_frames_are_not_stacked(monkeypatch):
+    def late(slot):
+        seen = windows(slot)
+        return replace(seen, times=seen.times + 4.1) if slot == 2 else seen
+
+    monkeypatch.setattr(chandra, "windows", late)
+    with pytest.raises(ValueError, match="slot 2: expected the times of slot 0"):
+        _ = chandra.Lights(chandra.RADIUS).spots
 
 
 @pytest.mark.parametrize("count", [1, 16, 100])
@@ -129,28 +152,27 @@ def test_rows_and_columns_are_those_of_the_window():
 def test_no_year_foretells_itself(monkeypatch):
     """Other measurements of the last year change nothing that was foretold from those before."""
     true = chandra.aimpoints()
-    other = true.copy()
-    other.loc[other["year"] >= 2025, ["left y", "left z"]] += 100.0
+    last = true.years >= 2025
+    other = replace(true, left=true.left + 100.0 * last[:, None])
     before = chandra.strategies()
     monkeypatch.setattr(chandra, "aimpoints", lambda: other)
     after = chandra.strategies.__wrapped__()
     for name in before:
         same = np.allclose(before[name], after[name])
-        assert same != (name in {"measured", "the observation before"}), name
-    before_last = (true["year"] >= 2022).sum() - (true["year"] >= 2025).sum()
+        assert same != (name in {"measured", "before"}), name
+    before_last = (true.years >= 2022).sum() - last.sum()
     np.testing.assert_allclose(after["measured"][:before_last], before["measured"][:before_last])
 
 
 def test_a_trend_and_a_temperature_are_foretold(monkeypatch):
     """A made-up drift that both explain is foretold without error, and by the trend alone not."""
-    made = chandra.aimpoints().copy()
-    for axis, rate, warmth in (("y", -1.5, 4.0), ("z", 0.3, 2.0)):
-        made[f"foretold {axis}"] = 3.0 + rate * (made["year"] - 2019) + warmth * made["temperature"]
-        made[f"left {axis}"] = 0.0
+    true = chandra.aimpoints()
+    drift = 3 + np.outer(true.years - 2019, [-1.5, 0.3]) + np.outer(true.temperatures, [4, 2])
+    made = replace(true, foretold=drift, left=0 * drift)
     monkeypatch.setattr(chandra, "aimpoints", lambda: made)
     found = chandra.strategies.__wrapped__()
-    np.testing.assert_allclose(found["trend and temperature"], found["measured"], atol=1e-8)
-    assert np.abs(found["a straight trend"] - found["measured"]).max() > 1
+    np.testing.assert_allclose(found["temperature"], found["measured"], atol=1e-8)
+    assert np.abs(found["trend"] - found["measured"]).max() > 1
 
 
 @pytest.mark.parametrize("radius", [0.7, 0.9])

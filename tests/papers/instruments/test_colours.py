@@ -16,7 +16,7 @@ from reproduce.papers.instruments import colours
 from reproduce.physics.images import render_frame
 from reproduce.physics.registration import Registration, fit_registration
 from reproduce.printed.given import given
-from reproduce.store.instruments import lenses, mosaic
+from reproduce.store.measured import lenses, mosaic
 
 SHAPE = (721, 720)
 NULL = np.array([1.0, 0.0, 0.0, 0.0])

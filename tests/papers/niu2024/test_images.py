@@ -11,7 +11,7 @@ from reproduce.papers.niu2024 import experiment, images
 from reproduce.physics.images import cramer_rao_variance, window_corners
 from reproduce.physics.optics import channel_centroids
 from reproduce.printed.given import given
-from reproduce.store.stars import spectra
+from reproduce.store.measured import spectra
 
 DOOR = given(images.READS)
 DARK = images.SENSOR.noise_electrons()

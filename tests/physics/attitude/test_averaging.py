@@ -134,7 +134,7 @@ def test_the_floor_of_white_noise_has_an_honest_interval():
     series = generator.standard_normal((400, 2000))
     deviations = allan_deviation(series, [count], axis=0)
     nothing = np.zeros(2000)
-    found = Stability(nothing, nothing, series, np.array([count]), deviations)
+    found = Stability(nothing, nothing, series, np.array([count]), np.array([25]), deviations)
     low, high = found.floor_interval(0.95)
     inside = (low < 0.25) & (high > 0.25)
     assert inside.mean() == pytest.approx(0.95, abs=0.02)
@@ -151,9 +151,39 @@ def test_averages_stop_where_noise_has_a_floor():
     assert alone.reached[0] >= 256
 
 
+def test_no_average_bridges_a_gap():
+    """As if each piece were alone, with one lost frame between them."""
+    series = np.cumsum(np.random.default_rng(10).standard_normal((300, 2)), axis=0)
+    kept = np.r_[0:90, 91:200, 260:300]
+    found = stability(1.0 * kept, series[kept])
+    assert len(found.counts) > 3
+    for at, count in enumerate(found.counts):
+        squares, start = [], 0
+        for piece in np.split(found.left, [90, 199]):
+            starts = range(-start % count, len(piece) - count + 1, count)
+            means = np.array([piece[one : one + count].mean(axis=0) for one in starts])
+            squares.append(np.square(np.diff(means, axis=0)).reshape(-1, 2))
+            start += len(piece) + 1
+        expected = np.concatenate(squares)
+        assert found.averages[at] == len(expected) + 1
+        root = np.sqrt(expected.mean(axis=0) / 2)
+        np.testing.assert_allclose(found.deviations[at], root, rtol=1e-9)
+
+
+def test_without_a_gap_all_averages_count():
+    found = stability(np.arange(300.0), np.random.default_rng(11).standard_normal((300, 2)))
+    expected = allan_deviation(found.left, found.counts.tolist(), axis=0)
+    np.testing.assert_allclose(found.deviations, expected, rtol=1e-9)
+    assert found.averages.tolist() == (300 // found.counts).tolist()
+
+
 @pytest.mark.parametrize(
     ("times", "count", "message"),
-    [(np.arange(15.0), 15, "16 frames or more, got 15"), (np.zeros(20), 20, "later than the one")],
+    [
+        (np.arange(15.0), 15, "16 frames or more, got 15"),
+        (np.zeros(20), 20, "later than the one"),
+        (np.r_[np.arange(20.0), 19.3], 21, "got one after 0.3 of the usual time"),
+    ],
 )
 def test_series_that_tell_nothing_are_refused(times, count, message):
     with pytest.raises(ValueError, match=message):

@@ -34,7 +34,7 @@ from reproduce.papers.sketch import INK, Sketch, beside, sized, turned
 from reproduce.physics import attitude, images
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
-from reproduce.store.stars import bright_stars
+from reproduce.store.measured import bright_stars
 from reproduce.units import ARCSEC_PER_RADIAN
 
 if TYPE_CHECKING:

@@ -8,12 +8,12 @@ Light is in DN of the telemetry where nothing else is said.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache, cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.special import stdtrit
 from scipy.stats import theilslopes
 
 from reproduce.papers.chen2023 import accuracy
@@ -31,7 +31,7 @@ from reproduce.physics.ground import DAY, trend_and_fourier
 from reproduce.physics.images import centre_of_gravity, fitted_centre
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
-from reproduce.store.instruments import (
+from reproduce.store.measured import (
     Windows,
     aimpoints,
     drift_model,
@@ -65,12 +65,19 @@ _TOGETHER = 16
 # Parts of the series that are left out in turn where an error is asked for.
 _PARTS = 10
 _SHARE = 0.95
+# The share of the time in which the star is as near as a sentence says.
+_OFTEN = 0.9
 _BLUE, _ORANGE, _GREEN = "#0072B2", "#D55E00", "#009E73"
 
 
 def _background(images: FloatArray) -> float:
     """Return the light of the dimmest pixels of windows (n, height, width), in their mean."""
     return float(np.sort(images.mean(axis=0), axis=None)[:_DIM].mean())
+
+
+def _rms(values: FloatArray, axis: int | None = None) -> FloatArray:
+    """Return the root of the mean square."""
+    return np.asarray(np.sqrt(np.square(values).mean(axis=axis)))
 
 
 def _scatter(series: FloatArray) -> FloatArray:
@@ -91,15 +98,24 @@ class Transfer:
         return np.asarray(light / (gain or self.gain) + self.noise**2)
 
 
+def _windows() -> list[Windows]:
+    """Return the windows of the three lights, which show the same frames."""
+    found = [windows(slot) for slot in LIGHTS]
+    for slot, one in zip(LIGHTS, found, strict=True):
+        if not np.array_equal(one.times, found[0].times):
+            raise ValueError(f"slot {slot}: expected the times of slot {LIGHTS[0]}, got others")
+    return found
+
+
 @cache
 def transfer() -> Transfer:
     """Return how the variance of a pixel follows its light: a line that few pixels cannot bend."""
-    images = [windows(slot).images for slot in LIGHTS]
+    images = [one.images for one in _windows()]
     light = np.concatenate([one.mean(axis=0).ravel() for one in images])
     variance = np.concatenate([_scatter(one).ravel() ** 2 for one in images])
     found = theilslopes(variance, light, _SHARE)
     ends = (float(1 / found.high_slope), float(1 / found.low_slope))
-    return Transfer(float(1 / found.slope), ends, float(np.sqrt(found.intercept)))
+    return Transfer(float(1 / found.slope), ends, float(np.sqrt(max(found.intercept, 0.0))))
 
 
 def _fitted(seen: Windows, images: FloatArray, radius: float) -> FloatArray:
@@ -118,21 +134,25 @@ class Lights:
     @cached_property
     def hours(self) -> FloatArray:
         """Time of each frame since the first."""
-        times = windows(LIGHTS[0]).times
+        times = _windows()[0].times
         return np.asarray((times - times[0]) / _HOUR)
+
+    @property
+    def step(self) -> float:
+        """Time from a frame to the next, as a rule, in s."""
+        return float(np.median(np.diff(self.hours))) * _HOUR
 
     @cached_property
     def spots(self) -> FloatArray:
         """Fitted centres, (frames, 3, 2)."""
-        seen = map(windows, LIGHTS)
-        return np.stack([_fitted(one, one.images, self.radius) for one in seen], axis=1)
+        fitted = [_fitted(one, one.images, self.radius) for one in _windows()]
+        return np.stack(fitted, axis=1)
 
     @cached_property
     def moments(self) -> FloatArray:
         """Centres of gravity of the same windows, (frames, 3, 2)."""
-        seen = map(windows, LIGHTS)
         return np.stack([centre_of_gravity(one.images - _background(one.images), one.corners)
-                         for one in seen], axis=1)  # fmt: skip
+                         for one in _windows()], axis=1)  # fmt: skip
 
     @cached_property
     def platform(self) -> Platform:
@@ -166,7 +186,7 @@ class Lights:
     def answer(self) -> FloatArray:
         """How each centre answers to each pixel, (3, 2, height, width), in px per DN."""
         found = []
-        for one in map(windows, LIGHTS):
+        for one in _windows():
             mean = one.images.mean(axis=0)
             nudges = np.eye(mean.size).reshape(-1, *mean.shape) * _NUDGE / transfer().gain
             up, down = (_fitted(one, mean + sign * nudges, self.radius) for sign in (1, -1))
@@ -174,9 +194,10 @@ class Lights:
             found.append(slopes.T.reshape(2, *mean.shape))
         return np.stack(found)
 
-    def foretold(self, variance: Callable[[FloatArray], FloatArray]) -> FloatArray:
-        """Return the variance of each place, (3, 2), if that of pixels follows from windows."""
-        pixels = np.stack([variance(windows(slot).images) for slot in LIGHTS])
+    def foretold(self, gain: float | None = None) -> FloatArray:
+        """Return the variance of each place, (3, 2), if pixels are as noisy as with such a gain."""
+        light = np.stack([one.images.mean(axis=0) for one in _windows()])
+        pixels = transfer().variance(light, gain)
         return np.asarray(np.einsum("nxij,nij->nx", np.square(self.answer), pixels))
 
 
@@ -227,32 +248,24 @@ def leaks(angles: FloatArray, motion: FloatArray) -> tuple[FloatArray, FloatArra
     return found[0], np.sqrt((_PARTS - 1) * others.var(axis=0))
 
 
-_KINDS: dict[str, Callable[[FloatArray], FloatArray]] = {
-    "measured": lambda images: transfer().variance(images.mean(axis=0)),
-    "said": lambda images: transfer().variance(images.mean(axis=0), GAIN),
-    "pixels": lambda images: _scatter(images) ** 2,
-}
-
-
 def _light_facts() -> Iterator[tuple[str, Fact]]:
     seen, known = lights(), transfer()
     scatter = _scatter(seen.spots)
     yield "frames", Fact(len(seen.spots), ",d")
     yield "minutes", Fact(60 * float(seen.hours[-1]), ".0f", "min")
-    yield "frame-time", Fact(float(seen.hours[1]) * _HOUR, ".1f", "s")
+    yield "frame-time", Fact(seen.step, ".1f", "s")
     yield "gain", Fact(known.gain, ".1f")
     yield "gain-low", Fact(known.ends[0], ".1f")
     yield "gain-high", Fact(known.ends[1], ".1f")
     yield "gain-said", Fact(GAIN, "g")
     yield "share", Fact(100 * _SHARE, ".0f", "%")
     yield "noise", Fact(known.noise, ".1f")
-    for kind in ("measured", "said"):
-        ratio = scatter / np.sqrt(seen.foretold(_KINDS[kind]))
+    for kind, gain in (("measured", None), ("said", GAIN)):
+        ratio = scatter / np.sqrt(seen.foretold(gain))
         yield f"{kind}-low", Fact(float(ratio.min()), ".2f")
         yield f"{kind}-high", Fact(float(ratio.max()), ".2f")
-        if kind == "measured":
-            yield kind, Fact(float(np.sqrt((ratio**2).mean())), ".2f")
-    yield "gravity", Fact(float(np.sqrt((_scatter(seen.moments) ** 2 / scatter**2).mean())), ".1f")
+        yield kind, Fact(float(_rms(ratio)), ".2f")
+    yield "gravity", Fact(float(_rms(_scatter(seen.moments) / scatter)), ".1f")
     steps = np.diff(seen.spots, axis=0).reshape(len(seen.spots) - 1, -1)
     shared = np.abs(np.corrcoef(steps.T))
     apart = np.subtract.outer(np.arange(6) // 2, np.arange(6) // 2) != 0
@@ -263,11 +276,10 @@ def _light_facts() -> Iterator[tuple[str, Fact]]:
 def _of_lights(radius: float = RADIUS) -> pd.DataFrame:
     """The noise of one frame: scatter of each light against what its pixels foretell."""
     seen = lights(radius)
-    known = [np.sqrt(seen.foretold(variance)) for variance in _KINDS.values()]
+    known = [np.sqrt(seen.foretold(gain)) for gain in (None, GAIN)]
     columns = (_scatter(seen.spots), *known, _scatter(seen.moments))
     rows = []
-    for light in LIGHTS:
-        images = windows(light).images
+    for light, images in enumerate(one.images for one in _windows()):
         total = float((images - _background(images)).sum(axis=(1, 2)).mean() * transfer().gain)
         for axis, name in enumerate(("column", "row")):
             values = [1e3 * float(one[light, axis]) for one in columns]
@@ -282,6 +294,8 @@ def _turn_facts() -> Iterator[tuple[str, Fact]]:
     hours = float(seen.hours[-1])
     leak, error = leaks(steady.left, dither())
     pixel = ARCSEC_PER_RADIAN / seen.platform.pixels
+    limits = (np.abs(leak) + stdtrit(_PARTS - 1, 0.5 + _SHARE / 2) * error)[:, :2]
+    least_sure = np.unravel_index(limits.argmax(), limits.shape)
     yield "rate-x", Fact(steady.rate[0], ".3f", "arcsec")
     yield "rate-x-error", Fact(steady.rate_error[0], ".3f", "arcsec")
     yield "drift-y", Fact(abs(steady.rate[1]) * hours, ".2f", "arcsec")
@@ -291,11 +305,12 @@ def _turn_facts() -> Iterator[tuple[str, Fact]]:
         yield f"response-{axis}", Fact(response[at], ".3g", "arcsec")
         for end, one in (("", steady.floor), ("-low", floor[0]), ("-high", floor[1])):
             yield f"floor-{axis}{end}", Fact(one[at], ".4f", "arcsec")
-    low, high = np.quantile(dither(), (0.05, 0.95), axis=0)
+    low, high = np.quantile(dither(), (0.5 - _OFTEN / 2, 0.5 + _OFTEN / 2), axis=0)
+    yield "star-share", Fact(100 * _OFTEN, ".0f", "%")
     yield "star-column", Fact(high[0] - low[0], ".1f", "px")
     yield "star-row", Fact(high[1] - low[1], ".1f", "px")
-    yield "leak", Fact(1e6 * float(np.abs(leak[:, :2]).max()) / pixel, ".0f")
-    yield "leak-sigma", Fact(float(np.abs(leak / error)[:, :2].max()), ".1f")
+    for end, one in (("", leak), ("-error", error), ("-limit", limits)):
+        yield f"leak{end}", Fact(1e6 * float(one[least_sure]) / pixel, ".0f")
     yield "roll-leak", Fact(float(leak[1, 2]), ".2f", "arcsec")
     yield "roll-leak-error", Fact(float(error[1, 2]), ".2f", "arcsec")
     yield "together", Fact(_TOGETHER, "d")
@@ -312,6 +327,7 @@ def _rigid_facts(hours: float, pixel: float) -> Iterator[tuple[str, Fact]]:
     moved = float(np.abs(stability(seen.hours, seen.spots.reshape(-1, 6)).rate).max() * hours)
     yield "answer-low", Fact(low, ".2f")
     yield "answer-high", Fact(high, ".2f")
+    yield "answer-error", Fact(100 * max(1 - low, high - 1), ".0f", "%")
     yield "moved", Fact(moved, ".3f", "px")
     yield "bent-made", Fact((high - low) * moved, ".3f", "px")
     yield "bent-angle", Fact(abs(bent.rate[worst]) * hours * pixel, ".3f", "arcsec")
@@ -319,16 +335,16 @@ def _rigid_facts(hours: float, pixel: float) -> Iterator[tuple[str, Fact]]:
 
 @studied("instruments/laser-metrology", named=lambda: dict(_turn_facts()))
 def _turns(radius: float = RADIUS) -> pd.DataFrame:
-    """What three lights say of the misalignment in an hour and a half."""
+    """What three lights say of the misalignment in one observation."""
     seen = lights(radius)
     steady, floor = seen.steady, seen.steady.floor_interval(_SHARE)
-    known = np.sqrt(np.diag(seen.covariance(seen.foretold(_KINDS["measured"]))))
+    known = np.sqrt(np.diag(seen.covariance(seen.foretold())))
     rows = [
         (axis, _scatter(seen.angles)[at], known[at], steady.rate[at], steady.rate_error[at],
          steady.floor[at], *floor[:, at], int(steady.reached[at]))
         for at, axis in enumerate(_AXES)
     ]  # fmt: skip
-    return _turns.frame(rows)
+    return _turns.frame(rows, share=100 * _SHARE)
 
 
 _COUNTS = f"{accuracy.TABLE}#*.frames"
@@ -383,7 +399,7 @@ def _gain_facts(door: Given) -> Iterator[tuple[str, Fact]]:
         yield name, Fact(float(one[-1]), ".2f")
     yield "next-16", Fact(float(found["next"][list(counts).index(16)]), ".2f")
     seen = lights()
-    seconds = float(seen.hours[1]) * _HOUR
+    seconds = seen.step
     yield "most", Fact(int(counts[-1]), "d")
     yield "most-time", Fact(float(counts[-1] * seconds / 60), ".1f", "min")
     yield "span", Fact(door.count(accuracy.FRAMES) * seconds / 60, ".0f", "min")
@@ -409,99 +425,91 @@ _TESTED = (2022, 2023, 2024, 2025)
 _FIRST = 2019
 # The first jump that the pointing did not know yet, of October.
 _JUMP = 2022.8
-_ONCE, _TREND = "one calibration, in the first year", "a straight trend"
-_FLOWN = "the flight model as it was then"
+# Strategies, by their names in sentences.
+_STRATEGIES = {
+    "once": "one calibration, in the first year",
+    "yearly": "calibrated each year",
+    "trend": "a straight trend",
+    "periodic": "trend and a yearly Fourier series of degree 2",
+    "temperature": "trend and temperature",
+    "flown": "the flight model as it was then",
+    "before": "the observation before",
+    "today": "the flight model of today (knows these years)",
+}
 
 
 @cache
 def strategies() -> dict[str, FloatArray]:
     """Return what each strategy foretells for the observations of the tested years, (n, 2).
 
-    In arcsec. Each year is foretold from all years before it; first comes what was measured.
+    In arcsec. Each year is foretold from all years before it; also what was ``measured``.
     """
     seen = aimpoints()
-    years, warmth = seen["year"].to_numpy(), seen["temperature"].to_numpy()
-    then = seen[["foretold y", "foretold z"]].to_numpy()
-    measured = then + seen[["left y", "left z"]].to_numpy()
+    years, measured, year_of = seen.years, seen.measured, np.floor(seen.years)
     since = years - _FIRST
-    columns = np.stack([np.ones_like(since), since, warmth], axis=-1)
-    found: dict[str, list[FloatArray]] = {}
+    columns = np.stack([np.ones_like(since), since, seen.temperatures], axis=-1)
+    found = {name: np.empty_like(measured) for name in _STRATEGIES}
+    found["once"][:] = measured[year_of == _FIRST].mean(axis=0)
     for year in _TESTED:
-        rows = np.flatnonzero(np.floor(years) == year)
-        known = int(rows[0])
+        rows, known = year_of == year, int((year_of < year).sum())
+        line = trend_and_fourier(since, years, measured, known, degree=0)
+        series = trend_and_fourier(since, years, measured, known)
         fitted = np.linalg.lstsq(columns[:known], measured[:known], rcond=None)[0]
-        foretold = {
-            "measured": measured,
-            _ONCE: measured[np.floor(years) == _FIRST].mean(axis=0) + 0 * measured,
-            "calibrated each year": measured[np.floor(years) == year - 1].mean(axis=0)
-            + 0 * measured,
-            _TREND: trend_and_fourier(since, years, measured, known, degree=0),
-            "trend and a yearly Fourier series of degree 2": trend_and_fourier(
-                since, years, measured, known
-            ),
-            "trend and temperature": columns @ fitted,
-            _FLOWN: then,
-            "the observation before": np.roll(measured, 1, axis=0),
-            "the flight model of today (knows these years)": drift_model(years, warmth),
-        }
-        for name, values in foretold.items():
-            found.setdefault(name, []).append(values[rows])
-    return {name: np.concatenate(parts) for name, parts in found.items()}
+        found["yearly"][rows] = measured[year_of == year - 1].mean(axis=0)
+        found["trend"][rows], found["periodic"][rows] = line[rows], series[rows]
+        found["temperature"][rows] = columns[rows] @ fitted
+    found["flown"], found["before"] = seen.foretold, np.roll(measured, 1, axis=0)
+    found["today"] = drift_model(years, seen.temperatures)
+    tested = years >= _TESTED[0]
+    return {name: one[tested] for name, one in (found | {"measured": measured}).items()}
 
 
-def _missed() -> dict[str, FloatArray]:
-    """Return what was measured less what each strategy foretells, (n, 2)."""
+def _misses() -> dict[str, FloatArray]:
+    """Return how far what was measured lies from what each strategy foretells, (n,)."""
     found = strategies()
-    return {name: found["measured"] - one for name, one in found.items() if name != "measured"}
+    return {name: np.linalg.norm(found["measured"] - found[name], axis=1) for name in _STRATEGIES}
 
 
 def _strategy_facts() -> Iterator[tuple[str, Fact]]:
     seen = aimpoints()
-    left = np.hypot(seen["left y"].to_numpy(), seen["left z"].to_numpy())
-    years = seen["year"].to_numpy()
-    yield "observations", Fact(len(seen), "d")
+    left = np.linalg.norm(seen.left, axis=1)
+    yield "observations", Fact(len(seen.years), "d")
     yield "tested", Fact(len(strategies()["measured"]), "d")
-    yield "last-day", Fact(float((years % 1).max() * 365), ".0f")
+    yield "last-day", Fact(float((seen.years % 1).max() * 365), ".0f")
+    told = drift_model(np.array([2020.0, 2020.0, 2021.0, 2026.0]), np.array([-10, -9, -10, -10]))
+    kelvin, year, whole = told[1:] - told[0]
     for at, axis in enumerate("yz"):
-        change = drift_model(np.full(2, 2020.0), np.array([-10.0, -9.0]))
-        yield f"kelvin-{axis}", Fact(float(change[1, at] - change[0, at]), ".1f", "arcsec")
-        trend = drift_model(np.array([2020.0, 2021.0]), np.full(2, -10.0))[:, at]
-        jumps = drift_model(np.array([2020.0, 2026.0]), np.full(2, -10.0))[:, at]
-        year = float(np.diff(trend)[0])
-        yield f"trend-{axis}", Fact(year, ".2f", "arcsec")
-        yield f"jumps-{axis}", Fact(float(np.diff(jumps)[0]) - 6 * year, ".1f", "arcsec")
-    yield "coldest", Fact(float(seen["temperature"].min()), ".0f", "°C")
-    yield "warmest", Fact(float(seen["temperature"].max()), ".0f", "°C")
+        yield f"kelvin-{axis}", Fact(kelvin[at], ".1f", "arcsec")
+        yield f"trend-{axis}", Fact(year[at], ".2f", "arcsec")
+        yield f"jumps-{axis}", Fact(whole[at] - 6 * year[at], ".1f", "arcsec")
+    yield "coldest", Fact(float(seen.temperatures.min()), ".0f", "°C")
+    yield "warmest", Fact(float(seen.temperatures.max()), ".0f", "°C")
     yield "worst", Fact(float(left.max()), ".1f", "arcsec")
-    late = years > _JUMP
-    yield "flown-before", Fact(float(np.sqrt(np.mean(left[~late] ** 2))), ".1f", "arcsec")
-    yield "flown-after", Fact(float(np.sqrt(np.mean(left[late] ** 2))), ".1f", "arcsec")
-    for name, off in zip(_SHORT, _missed().values(), strict=True):
-        lengths = np.linalg.norm(off, axis=1)
-        yield name, Fact(float(np.sqrt(np.mean(lengths**2))), ".1f", "arcsec")
-        if name == "temperature":
-            yield f"{name}-median", Fact(float(np.median(lengths)), ".1f", "arcsec")
-
-
-# Names of the strategies in sentences, in their order.
-_SHORT = ("once", "yearly", "trend", "periodic", "temperature", "flown", "before", "today")
+    late = seen.years > _JUMP
+    apart = np.abs(seen.foretold - drift_model(seen.years, seen.temperatures))
+    yield "model-apart", Fact(float(apart[~late].max()), ".2f", "arcsec")
+    yield "flown-before", Fact(float(_rms(left[~late])), ".1f", "arcsec")
+    yield "flown-after", Fact(float(_rms(left[late])), ".1f", "arcsec")
+    for name, lengths in _misses().items():
+        yield name, Fact(float(_rms(lengths)), ".1f", "arcsec")
+        yield f"{name}-median", Fact(float(np.median(lengths)), ".1f", "arcsec")
 
 
 @studied("instruments/strategies", named=lambda: dict(_strategy_facts()))
 def _strategies() -> pd.DataFrame:
     """Seven years of drift: what each strategy foretells of years that it has not seen."""
-    rows = []
-    for name, off in _missed().items():
-        lengths = np.linalg.norm(off, axis=1)
-        by_year = np.sqrt(np.square(lengths).reshape(len(_TESTED), -1).mean(axis=1))
-        both = np.sqrt(np.square(off).mean(axis=0))
-        rows.append((name, *both, *by_year, np.sqrt(np.mean(lengths**2)), np.median(lengths)))
-    return _strategies.frame(rows, tested=len(lengths))
+    rows = [
+        (_STRATEGIES[name], *_rms(lengths.reshape(len(_TESTED), -1), axis=1),
+         _rms(lengths), np.median(lengths))
+        for name, lengths in _misses().items()
+    ]  # fmt: skip
+    observations = len(strategies()["measured"])
+    return _strategies.frame(rows, tested=observations, years=len(_TESTED))
 
 
 @draws("instruments/drawing-lights", named=lambda: dict(_turn_facts()))
 def _draw_lights(figure: Figure) -> None:
-    """The misalignment in an hour and a half, and what averages of its frames err by."""
+    """The misalignment in one observation, and what averages of its frames err by."""
     narrow = sized(figure, 6.4, 3.2, 5.6)
     series, falls = figure.subplots(*((2, 1) if narrow else (1, 2)))
     seen = lights()
@@ -525,21 +533,21 @@ def _draw_lights(figure: Figure) -> None:
     figure.legend(*series.get_legend_handles_labels(), loc="outside lower center", ncols=2)
 
 
+_MARKS = (("once", _GREEN, "+"), ("trend", _ORANGE, "x"), ("flown", _BLUE, "s"))
+
+
 @draws("instruments/drawing-strategies", named=lambda: dict(_strategy_facts()))
 def _draw_strategies(figure: Figure) -> None:
     """Seven years of drift as measured, and what strategies foretell."""
     narrow = sized(figure, 6.4, 3.2, 5.6)
     panels = figure.subplots(*((2, 1) if narrow else (1, 2)), sharex=True)
     seen, found = aimpoints(), strategies()
-    years = seen["year"].to_numpy()
-    tested = years[years >= _TESTED[0]]
+    tested = seen.years[seen.years >= _TESTED[0]]
     for at, (axes, name) in enumerate(zip(panels, "yz", strict=True)):
-        measured = (seen[f"foretold {name}"] + seen[f"left {name}"]).to_numpy()
-        axes.plot(years, measured, "o", color=INK, markersize=4, label="measured")
-        looks = ((_ONCE, _GREEN, "+"), (_TREND, _ORANGE, "x"), (_FLOWN, _BLUE, "s"))
-        for strategy, ink, mark in looks:
+        axes.plot(seen.years, seen.measured[:, at], "o", color=INK, markersize=4, label="measured")
+        for strategy, ink, mark in _MARKS:
             axes.plot(tested, found[strategy][:, at], mark, color=ink, markersize=5,
-                      fillstyle="none", label=strategy)  # fmt: skip
+                      fillstyle="none", label=_STRATEGIES[strategy])  # fmt: skip
         axes.set(xlabel="time (year)", ylabel=f"drift along {name} (arcsec)")
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center",
                   ncols=1 if narrow else 2)  # fmt: skip

@@ -23,7 +23,7 @@ from reproduce.physics.images import fitted_centre, window_corners
 from reproduce.physics.registration import MODELS, RegistrationFit, fit_registration
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
-from reproduce.store.instruments import lenses, mosaic
+from reproduce.store.measured import lenses, mosaic
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -272,7 +272,7 @@ def _of_models() -> pd.DataFrame:
     return _of_models.frame(_models())
 
 
-def _crowds() -> Iterator[tuple[str, str, int, float, float, float]]:
+def _crowds() -> Iterator[tuple[str, str, int, float, float]]:
     """Yield what the registration leaves of all pairs and of their extremes: a row of the table."""
     for name, label in PAIRS.items():
         found = pairs(name)
@@ -284,13 +284,12 @@ def _crowds() -> Iterator[tuple[str, str, int, float, float, float]]:
         for what, chosen in some.items():
             left = found.fit.residuals[found.kept & chosen]
             typical = float(np.median(np.abs(left)) / ndtri(0.75))
-            lost = float(100 * (1 - found.kept[chosen].mean()))
             rms = float(np.sqrt(np.mean(left**2)))
-            yield label, what, int(chosen.sum()), rms, typical, lost
+            yield label, what, int(chosen.sum()), rms, typical
 
 
 def _crowd_facts() -> Iterator[tuple[str, Fact]]:
-    for label, what, _, rms, typical, _ in _crowds():
+    for label, what, _, rms, typical in _crowds():
         if label == PAIRS["jh"]:
             key = what.removeprefix("the quarter ").replace(" ", "-")
             yield key, Fact(rms, ".3f", "px")
@@ -358,12 +357,11 @@ def _lens_facts(door: Given) -> Iterator[tuple[str, Fact]]:
         yield f"{colour}-{number}-lenses", Fact(count, "d")
     yield "blue-4-settings", Fact(settings["blue", 4], "d")
     for colour in ("red", "blue"):
-        left = found[f"{colour} left"]
-        bent = left > _STRAIGHT
         yield f"{colour}-typical", Fact(float(found[colour].abs().median()), ".1e")
-        yield f"{colour}-bent", Fact(int(bent.sum()), "d")
-        yield f"{colour}-left", Fact(float(left[bent].median()), ".3f", "px")
-        yield f"{colour}-left-tenth", Fact(float(left[bent].quantile(0.9)), ".2f", "px")
+    left = found["red left"][found["red left"] > _STRAIGHT]
+    yield "red-bent", Fact(len(left), "d")
+    yield "red-left", Fact(float(left.median()), ".3f", "px")
+    yield "red-left-tenth", Fact(float(left.quantile(0.9)), ".2f", "px")
     apart = found["red"] * found["blue"] < 0
     yield "opposite", Fact(float(100 * apart.mean()), ".0f", "%")
     away = door[_FOCAL[4]] * (1 - 1 / door[_PRINTED["blue", 4]])

@@ -33,7 +33,7 @@ from reproduce.physics.registration import Registration, registered_image, simil
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given, given
 from reproduce.store import studies
-from reproduce.store.stars import spectra
+from reproduce.store.measured import spectra
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

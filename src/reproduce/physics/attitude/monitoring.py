@@ -143,19 +143,21 @@ def allan_deviation(series: ArrayLike, counts: Sequence[int], axis: int = -1) ->
     >>> allan_deviation([0, 2, 0, 2, 0, 2], [1, 2]).round(3) + 0.0
     array([1.414, 0.   ])
     """
-    frames, sums = _sums(series, axis)
+    frames = np.moveaxis(finite_array("series", series, shape=(None,)), axis, -1)
     most = frames.shape[-1] // 2
     if not 0 < max((whole_number("counts", n) for n in counts), default=0) <= most:
         raise ValueError(
             f"counts: expected one number or more, each at most {most}, half of the frames, got "
             f"{counts}; average fewer frames or pass a longer series"
         )
-    deviations = []
-    for count in counts:
-        averages = np.diff(sums[..., ::count], axis=-1) / count
-        squares = np.square(np.diff(averages, axis=-1))
-        deviations.append(np.sqrt(squares.mean(axis=-1) / 2))
-    return np.stack(deviations, axis=axis)
+    squares = [np.square(_changes(frames, count)).mean(axis=-1) for count in counts]
+    return np.sqrt(np.stack(squares, axis=axis) / 2)
+
+
+def _changes(frames: FloatArray, count: int) -> FloatArray:
+    """Return how averages over n frames differ from the next ones, along the last axis."""
+    averages = np.add.reduceat(frames, np.arange(0, frames.shape[-1], count), axis=-1) / count
+    return np.diff(averages[..., : frames.shape[-1] // count], axis=-1)
 
 
 # Averages that a deviation is told by, at least; parts of a series whose means tell its drift.
@@ -175,6 +177,8 @@ class Stability:
         The series less the straight drift.
     counts : ndarray of int, shape (m,)
         How many frames are averaged: powers of two.
+    averages : ndarray of int, shape (m,)
+        How many averages tell each deviation; none lies across a gap.
     deviations : ndarray, shape (m, k)
         Allan deviation of what the drift leaves.
 
@@ -188,6 +192,7 @@ class Stability:
     rate_error: FloatArray
     left: FloatArray
     counts: NDArray[np.int64]
+    averages: NDArray[np.int64]
     deviations: FloatArray
 
     @property
@@ -206,26 +211,27 @@ class Stability:
         return np.asarray(self.deviations[:1] / np.sqrt(self.counts)[:, None])
 
     def floor_interval(self, share: float) -> FloatArray:
-        """Return the interval of the floor that holds the truth so often, shape (2, k).
+        """Return the interval of the deviation at the floor, of nominal share, shape (2, k).
 
-        By the law of squared differences of independent averages: chi-squared with
-        2 (M - 1)^2 / (3 M - 4) degrees of freedom for M averages.
+        Chi-squared with 2 (M - 1)^2 / (3 M - 4) degrees of freedom for M averages, the law for
+        white noise. It takes the number of frames for given; as the least of several deviations
+        chose it, the floor is a little low, and where averages are alike the interval too short.
         """
         from scipy.special import gammaincinv
 
-        averages = len(self.left) // self.reached
+        averages = self.averages[self.deviations.argmin(axis=0)]
         half = np.square(averages - 1) / (3 * averages - 4)
         ends = np.array([[0.5 + share / 2], [0.5 - share / 2]])
         return self.floor * np.sqrt(half / gammaincinv(half, ends))
 
 
 def stability(times: ArrayLike, series: ArrayLike) -> Stability:
-    """Return how a series of angles drifts, and where averaging its frames stops to pay.
+    """Return how a series of angles drifts, and where averaging its frames stops paying.
 
     Parameters
     ----------
     times : array_like, shape (frames,)
-        Increasing; in any unit. Averages take frames for evenly spaced.
+        Increasing, in any unit; evenly spaced to half a frame but for gaps. No average bridges one.
     series : array_like, shape (frames, k)
         16 frames or more.
 
@@ -236,7 +242,7 @@ def stability(times: ArrayLike, series: ArrayLike) -> Stability:
     Raises
     ------
     ValueError
-        If there are too few frames, or times do not increase.
+        If there are too few frames, or times do not increase or not evenly.
 
     Examples
     --------
@@ -249,23 +255,28 @@ def stability(times: ArrayLike, series: ArrayLike) -> Stability:
     if len(values) < FEWEST:
         raise ValueError(f"series: expected {FEWEST} frames or more, got {len(values)}")
     if (np.diff(when) <= 0).any():
-        raise ValueError("times: expected each later than the one before; sort the frames")
-    rate, left = _line(when, values)
-    parts = [(when[rows].mean(), values[rows].mean(axis=0))
-             for rows in np.array_split(np.arange(len(values)), _PARTS)]  # fmt: skip
-    middles, means = (np.array(one) for one in zip(*parts, strict=True))
-    _, off = _line(middles, means)
-    spread = np.square(middles - middles.mean()).sum()
-    error = np.sqrt(np.square(off).sum(axis=0) / (_PARTS - 2) / spread)
-    counts = 2 ** np.arange(int(np.log2(len(values) // _AVERAGES)) + 1, dtype=np.int64)
-    return Stability(rate, error, left, counts, allan_deviation(left, counts.tolist(), axis=0))
-
-
-def _line(times: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the slopes of straight lines, (k,), and what they leave, (n, k)."""
-    away = times - times.mean()
-    slopes = away @ values / np.square(away).sum()
-    return slopes, values - values.mean(axis=0) - away[:, None] * slopes
+        raise ValueError("times: expected each later than the one before; sort them")
+    steps = np.diff(when) / np.median(np.diff(when))
+    if steps.min() < 1 / 2:
+        raise ValueError(
+            f"times: expected evenly spaced frames, got one after {steps.min():.2g} of the usual "
+            "time; leave out frames in between"
+        )
+    when = when - when.mean()
+    rate, level = np.polyfit(when, values, 1)
+    left = values - level - when[:, None] * rate
+    parts = np.array_split(np.column_stack([when, values]), _PARTS)
+    means = np.array([part.mean(axis=0) for part in parts])
+    _, covariance = np.polyfit(means[:, 0], means[:, 1:], 1, cov=True)
+    error = np.sqrt(covariance[0, 0])
+    # A lost frame in a gap keeps averages of both sides apart.
+    broken = np.insert(left, np.flatnonzero(steps > 3 / 2) + 1, np.nan, axis=0).T
+    tried = 2 ** np.arange(int(np.log2(len(values) // _AVERAGES)) + 1, dtype=np.int64)
+    changes = [_changes(broken, int(count)) for count in tried]
+    averages = np.array([np.isfinite(one[0]).sum() + 1 for one in changes])
+    kept = np.flatnonzero(averages >= _AVERAGES)
+    deviations = np.sqrt([np.nanmean(np.square(changes[at]), axis=1) / 2 for at in kept])
+    return Stability(rate, error, left, tried[kept], averages[kept], deviations)
 
 
 @checked

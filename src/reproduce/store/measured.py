@@ -1,4 +1,4 @@
-"""Data of real instruments that come with the project; their origin stands beside them."""
+"""What others measured and comes with the project, its origin beside it: stars, instruments."""
 
 from __future__ import annotations
 
@@ -7,15 +7,95 @@ import json
 import tomllib
 from dataclasses import dataclass
 from functools import cache
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from reproduce.locate import data_folder
+from reproduce.store.pictures import fits_table, read_pictures
 
 if TYPE_CHECKING:
     import pandas as pd
-    from numpy.typing import NDArray
+
+_HEADER_BYTES = 28
+# One star: number, right ascension, declination, spectral type, 100 V, proper motions.
+_RECORD = np.dtype(
+    [
+        ("number", "<f4"),
+        ("right_ascension", "<f8"),
+        ("declination", "<f8"),
+        ("spectrum", "S2"),
+        ("magnitude", "<i2"),
+        ("motion", "<f4", (2,)),
+    ]
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Stars:
+    """Stars of a catalogue.
+
+    Attributes
+    ----------
+    number : ndarray of int, shape (n,)
+        In the catalogue.
+    directions : ndarray, shape (n, 3)
+        Unit vectors in the celestial frame, epoch J2000.
+    magnitude : ndarray, shape (n,)
+        Visual.
+    """
+
+    number: NDArray[np.int64]
+    directions: NDArray[np.float64]
+    magnitude: NDArray[np.float64]
+
+
+@cache
+def bright_stars() -> Stars:
+    """Return the Bright Star Catalogue, without the entries that are no stars.
+
+    Examples
+    --------
+    Sirius is number 2491.
+
+    >>> stars = bright_stars()
+    >>> float(stars.magnitude[stars.number == 2491][0])
+    -1.46
+    """
+    content = (data_folder() / "stars" / "bsc5.dat").read_bytes()
+    table = np.frombuffer(content, _RECORD, offset=_HEADER_BYTES)
+    # Fourteen numbers of the catalogue are novae and clusters, entered without a place.
+    table = table[(table["right_ascension"] != 0) | (table["declination"] != 0)]
+    alpha, delta = table["right_ascension"], table["declination"]
+    directions = np.stack(
+        [np.cos(delta) * np.cos(alpha), np.cos(delta) * np.sin(alpha), np.sin(delta)], axis=-1
+    )
+    return Stars(
+        table["number"].astype(np.int64), directions, table["magnitude"].astype(np.float64) / 100
+    )
+
+
+@cache
+def spectra() -> dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]]:
+    """Return the tabulated spectra of Vega and the Sun, as seen from the Earth.
+
+    ``vega`` and ``sun``, each to wavelengths, in metres, and photons per second, square metre and
+    metre of wavelength; both of shape (n,).
+    """
+    path = data_folder() / "stars" / "spectra.csv"
+    names = path.read_text(encoding="utf-8").partition("\n")[0].split(",")[1:]
+    table = np.loadtxt(path, delimiter=",", skiprows=1)
+    wavelength = table[:, 0] * 1e-9
+    return {
+        name: (wavelength, column * 1e9) for name, column in zip(names, table[:, 1:].T, strict=True)
+    }
+
+
+def _file(name: str) -> Path:
+    """Return where a file of a real instrument lies."""
+    return data_folder() / "instruments" / name
 
 
 @cache
@@ -26,23 +106,12 @@ def mosaic(band: str) -> NDArray[np.float64]:
 
     Raises
     ------
-    ImportError
+    PictureError
         Without astropy, which the extra ``images`` installs.
     """
-    image = np.asarray(_fits("2mass", f"2MASS_{band}.fits"), dtype=np.float64)
-    image.flags.writeable = False
-    return image
-
-
-def _fits(*place: str) -> Any:
-    """Return the first table or image of a file."""
-    try:
-        from astropy.io import fits
-    except ImportError as error:
-        raise ImportError(
-            "expected astropy, got none; install reproduce-pointing[images]"
-        ) from error
-    return fits.getdata(data_folder().joinpath("instruments", *place))
+    (picture,) = read_pictures(_file(f"2mass/2MASS_{band}.fits")).values()
+    picture.light.flags.writeable = False
+    return picture.light
 
 
 @cache
@@ -54,7 +123,7 @@ def lenses() -> pd.DataFrame:
     """
     import pandas as pd
 
-    return pd.read_csv(data_folder() / "instruments" / "lensfun" / "tca.csv")
+    return pd.read_csv(_file("lensfun/tca.csv"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,10 +147,10 @@ def windows(slot: int) -> Windows:
 
     Raises
     ------
-    ImportError
+    PictureError
         Without astropy, which the extra ``images`` installs.
     """
-    table = _fits("chandra", f"acaf686111014N001_{slot}_img0.fits.gz")
+    table = fits_table(_file(f"chandra/acaf686111014N001_{slot}_img0.fits.gz"))
     table = table[table["IMGFUNC1"] == _TRACKING][:-_LAST]
     corners = np.stack([table["IMGCOL0"], table["IMGROW0"]], axis=-1)
     columns = (table["TIME"], corners, table["IMGRAW"])
@@ -99,7 +168,7 @@ def star_images() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """
     import pandas as pd
 
-    table = pd.read_csv(data_folder() / "instruments" / "chandra" / "aca_psf_lib.dat", sep=" ")
+    table = pd.read_csv(_file("chandra/aca_psf_lib.dat"), sep=" ")
     table = table.sort_values(["row_bin_idx", "col_bin_idx"])
     images = table.iloc[:, 6:].to_numpy().reshape(12, 12, 8, 8)
     edges = table["row_bin_left_edge"].to_numpy() + table["row_bin_right_edge"].to_numpy()
@@ -108,8 +177,7 @@ def star_images() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 
 def tracker() -> dict[str, Any]:
     """Return the lights and the tracker of Chandra, as `Platform.of_spots` takes them."""
-    path = data_folder() / "instruments" / "chandra" / "platform.toml"
-    return tomllib.loads(path.read_text(encoding="utf-8"))
+    return tomllib.loads(_file("chandra/platform.toml").read_text(encoding="utf-8"))
 
 
 def _year(date: str) -> float:
@@ -120,19 +188,28 @@ def _year(date: str) -> float:
     return float(int(year) + days / length.days)
 
 
-@cache
-def aimpoints() -> pd.DataFrame:
-    """Return 28 observations of Chandra, by time: what was foretold and what was measured.
+@dataclass(frozen=True, eq=False)
+class Aimpoints:
+    """Observations of Chandra, by time; drifts are (y, z), in arcsec."""
 
-    ``year``; ``detector``; ``temperature`` of the tracker's detector, in degrees Celsius; and in
-    arcsec ``foretold y`` and ``z``, the drift that the pointing allowed for, with ``left y`` and
-    ``z``, what was measured less what was foretold.
-    """
+    years: NDArray[np.float64]  # (n,)
+    temperatures: NDArray[np.float64]  # (n,), of the tracker's detector, in degrees Celsius
+    foretold: NDArray[np.float64]  # (n, 2), what the pointing allowed for
+    left: NDArray[np.float64]  # (n, 2), what was measured less what was foretold
+
+    @property
+    def measured(self) -> NDArray[np.float64]:
+        """The drift as measured, (n, 2)."""
+        return self.foretold + self.left
+
+
+@cache
+def aimpoints() -> Aimpoints:
+    """Return 28 observations of Chandra: what was foretold and what was measured."""
     import pandas as pd
 
-    folder = data_folder() / "instruments" / "chandra"
-    known = tomllib.loads((folder / "detectors.toml").read_text(encoding="utf-8"))
-    table = pd.read_csv(folder / "aimpoint.ecsv", sep=" ", comment="#")
+    known = tomllib.loads(_file("chandra/detectors.toml").read_text(encoding="utf-8"))
+    table = pd.read_csv(_file("chandra/aimpoint.ecsv"), sep=" ", comment="#")
     rows = []
     for one in table.to_dict("records"):
         plate = known[one["detector"]]
@@ -142,10 +219,9 @@ def aimpoints() -> pd.DataFrame:
         foretold = moved - [one["aca_offset_y"], one["aca_offset_z"]]
         turn = matrix / np.sqrt(abs(np.linalg.det(matrix)))
         left = -np.linalg.solve(turn, [one["dx"], one["dy"]])
-        when = _year(one["mean_date"])
-        rows.append((when, one["detector"], one["mean_t_ccd"], *foretold, *left))
-    names = ["year", "detector", "temperature", "foretold y", "foretold z", "left y", "left z"]
-    return pd.DataFrame(rows, columns=names).sort_values("year", ignore_index=True)
+        rows.append((_year(one["mean_date"]), one["mean_t_ccd"], *foretold, *left))
+    found = np.array(sorted(rows))
+    return Aimpoints(found[:, 0], found[:, 1], found[:, 2:4], found[:, 4:])
 
 
 def drift_model(
@@ -156,8 +232,7 @@ def drift_model(
     Temperatures of the tracker's detector are in degrees Celsius. The model knows jumps of the
     years 2015 to 2026, and is for years from 2012 on.
     """
-    path = data_folder() / "instruments" / "chandra" / "aca_drift_model.json"
-    told = json.loads(path.read_text(encoding="utf-8"))
+    told = json.loads(_file("chandra/aca_drift_model.json").read_text(encoding="utf-8"))
     axes = []
     for one in (told["dy"], told["dz"]):
         warmth = (1.8 * temperatures + 32 - one["offset"]) * one["scale"]

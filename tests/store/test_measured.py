@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from reproduce.store import stars
+from reproduce.store import measured
 
 # Hipparcos places (J2000, degrees) of four bright stars by Bright Star number.
 KNOWN = {
@@ -16,7 +16,7 @@ KNOWN = {
 
 @pytest.mark.parametrize("number", KNOWN)
 def test_known_stars_stand_where_they_should(number):
-    found = stars.bright_stars()
+    found = measured.bright_stars()
     (row,) = np.flatnonzero(found.number == number)
     alpha, delta, magnitude = KNOWN[number]
     expected = [
@@ -29,7 +29,7 @@ def test_known_stars_stand_where_they_should(number):
 
 
 def test_the_catalogue_is_whole():
-    found = stars.bright_stars()
+    found = measured.bright_stars()
     assert len(found.number) == 9096
     np.testing.assert_allclose(np.linalg.norm(found.directions, axis=1), 1.0)
     assert -1.5 < found.magnitude.min() < found.magnitude.max() < 8.0
@@ -38,18 +38,18 @@ def test_the_catalogue_is_whole():
 def test_a_damaged_file_is_refused(tmp_path, monkeypatch):
     (tmp_path / "stars").mkdir()
     (tmp_path / "stars" / "bsc5.dat").write_bytes(b"\0" * 100)
-    monkeypatch.setattr(stars, "data_folder", lambda: tmp_path)
+    monkeypatch.setattr(measured, "data_folder", lambda: tmp_path)
     with pytest.raises(ValueError, match="multiple of element size"):
-        stars.bright_stars.__wrapped__()
+        measured.bright_stars.__wrapped__()
 
 
 def test_vega_is_as_bright_as_its_calibration_says():
     """3.47e-9 erg/(s cm^2 angstrom) at 555.6 nm (Megessier 1995), in photons; V of the Sun."""
-    wavelength, vega = stars.spectra()["vega"]
+    wavelength, vega = measured.spectra()["vega"]
     expected = 3.47e-2 / (6.62607015e-34 * 299792458 / 555.6e-9)
     at = np.interp(555.6e-9, wavelength, vega)
     assert at == pytest.approx(expected, rel=0.01)
-    _, sun = stars.spectra()["sun"]
+    _, sun = measured.spectra()["sun"]
     ratio = np.interp(550e-9, wavelength, sun) / np.interp(550e-9, wavelength, vega)
     assert -2.5 * np.log10(ratio) == pytest.approx(-26.75 - 0.03, abs=0.06)
 
@@ -57,7 +57,7 @@ def test_vega_is_as_bright_as_its_calibration_says():
 def test_the_spectra_have_the_lines_of_their_stars():
     """H-beta is deep in Vega at 486 nm, and shallow in the Sun."""
     for name, depth in (("vega", (0.3, 0.7)), ("sun", (0.0, 0.3))):
-        wavelength, table = stars.spectra()[name]
+        wavelength, table = measured.spectra()[name]
         line, near = np.interp([486.3e-9, 475e-9], wavelength, table)
         assert depth[0] < 1 - line / near < depth[1], name
 
@@ -65,6 +65,6 @@ def test_the_spectra_have_the_lines_of_their_stars():
 def test_a_spoiled_table_of_spectra_is_refused(tmp_path, monkeypatch):
     (tmp_path / "stars").mkdir()
     (tmp_path / "stars" / "spectra.csv").write_text("wavelength_nm,vega,sun\n390,1\n391,2\n")
-    monkeypatch.setattr(stars, "data_folder", lambda: tmp_path)
+    monkeypatch.setattr(measured, "data_folder", lambda: tmp_path)
     with pytest.raises(ValueError, match="shorter than"):
-        stars.spectra.__wrapped__()
+        measured.spectra.__wrapped__()
