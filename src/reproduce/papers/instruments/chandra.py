@@ -515,7 +515,7 @@ def _draw_lights(figure: Figure) -> None:
     seen = lights()
     counts = seen.steady.counts
     raw = allan_deviation(seen.angles[:, :2], counts.tolist(), axis=0)
-    for at, ink, mark in ((0, _BLUE, "o"), (1, _ORANGE, "s")):
+    for at, ink, mark, line in ((0, _BLUE, "o", "--"), (1, _ORANGE, "s", "-.")):
         means, hours = (
             moving_average(one, _TOGETHER)[::_TOGETHER] for one in (seen.angles[:, at], seen.hours)
         )
@@ -523,7 +523,7 @@ def _draw_lights(figure: Figure) -> None:
         falls.plot(counts, raw[:, at], mark, color=ink, markersize=4, fillstyle="none",
                    linestyle="-", linewidth=0.6)  # fmt: skip
         falls.plot(counts, seen.steady.deviations[:, at], mark, color=ink, markersize=4)
-        falls.plot(counts, seen.steady.white[:, at], "--", color=ink, linewidth=0.8)
+        falls.plot(counts, seen.steady.white[:, at], line, color=ink, linewidth=0.8)
     series.set(xlabel="time (min)", ylabel="misalignment (arcsec)")
     falls.set(xscale="log", yscale="log", xlabel="frames averaged (count)",
               ylabel="Allan deviation (arcsec)")  # fmt: skip

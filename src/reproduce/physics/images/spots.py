@@ -500,7 +500,7 @@ def find_spots(
     threshold : float
         What a spot must exceed, in standard deviations of the noise.
     step : float
-        Between two digital numbers; zero where they are not whole.
+        Between two digital numbers; next to nothing where they are not.
     pitch : int
         From a pixel to the next under the same filter.
 
@@ -512,6 +512,14 @@ def find_spots(
     ------
     ValueError
         If nothing exceeds the threshold.
+
+    Examples
+    --------
+    >>> y, x = np.indices((64, 64))
+    >>> light = 500 * np.exp(-((x - 30.2) ** 2 + (y - 20.7) ** 2) / 4)
+    >>> sky = np.random.default_rng(1).normal(100, 1, light.shape)
+    >>> find_spots(sky + light, np.zeros(light.shape, dtype=bool)).spots.centre.round(1)
+    array([[30.2, 20.7]])
     """
     positive("threshold", threshold)
     with warnings.catch_warnings():

@@ -477,6 +477,13 @@ def match_points(
     ------
     ValueError
         If no more points land on others than chance lays there.
+
+    Examples
+    --------
+    >>> stars = np.random.default_rng(1).uniform(0, 500, (40, 2))
+    >>> rows, found = match_points(stars, 1.01 * stars[::-1] + (3, 4), radius=1.0)
+    >>> bool((rows.sum(axis=1) == 39).all()), found.apply([[100.0, 0]]).round(6)
+    (True, array([[104.,   4.]]))
     """
     found = start or _asterism(source, target, radius)
     rows = _neighbours(found, source, target, radius)
@@ -594,6 +601,12 @@ def pair_weights(
         Under which they are neighbours.
     **settings
         Of `fit_registration`.
+
+    Returns
+    -------
+    weights : ndarray, shape (n,)
+        The largest is one.
+    beyond : float
 
     Examples
     --------
