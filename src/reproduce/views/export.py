@@ -279,14 +279,20 @@ def _written(name: str, title: str, note: str, paper: str, form: str, address: s
     if form == "ris":
         return "\n".join(map(_ris, entries.values()))
     from pybtex.backends.plaintext import Backend
-    from pybtex.plugin import find_plugin
 
-    style = find_plugin("pybtex.style.formatting", "unsrt")()
-    formatted = style.format_entries(BibliographyData(entries).entries.values())
+    formatted = _style().format_entries(BibliographyData(entries).entries.values())
     texts = [entry.text.render(Backend()).strip() for entry in formatted]
     if note.startswith("rp:"):  # a cell's own statement comes first: `verify` reads it
         texts[0] = " ".join(filter(None, (f"{title}. {software()}.", _permalink(address), note)))
     return "\n".join(texts)
+
+
+@cache
+def _style() -> Any:
+    """Return how texts of citations look; to find it takes longer than to write some."""
+    from pybtex.plugin import find_plugin
+
+    return find_plugin("pybtex.style.formatting", "unsrt")()
 
 
 def _permalink(address: str) -> str:
