@@ -500,7 +500,7 @@ def _strategies() -> pd.DataFrame:
     """Seven years of drift: what each strategy foretells of years that it has not seen."""
     rows = [
         (_STRATEGIES[name], *_rms(lengths.reshape(len(_TESTED), -1), axis=1),
-         _rms(lengths), np.median(lengths))
+         float(_rms(lengths)), float(np.median(lengths)))
         for name, lengths in _misses().items()
     ]  # fmt: skip
     observations = len(strategies()["measured"])
