@@ -74,7 +74,6 @@ def settings() -> dict[str, dict[str, str]]:
             "PYTHONHASHSEED": "1",
             "HOME": os.devnull,
             "XDG_CACHE_HOME": os.devnull,
-            "XDG_CONFIG_HOME": os.devnull,
         },
     }
     if (os.cpu_count() or 1) > 1:

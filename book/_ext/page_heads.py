@@ -69,6 +69,7 @@ def plain(part: nodes.Text) -> str:
 def linked(page: str, held: Mapping[str, str], said: str) -> Iterator[dict[str, Any]]:
     """Yield what a page holds in the words of schema.org; `held` is the page of each anchor."""
     from reproduce.judge.rerun import studies
+    from reproduce.locate import papers
     from reproduce.printed.cells import anchor, library
     from reproduce.views.export import table_files
     from reproduce.views.keys import place, title
@@ -83,7 +84,9 @@ def linked(page: str, held: Mapping[str, str], said: str) -> Iterator[dict[str, 
     for key in (*library(), *studies()):
         own = key in studies()
         if held.get(f"{'study-' * own}{anchor(key)}") == page:
-            where = f"{title(key)}: {place(key)}, {'beside' if own else 'of'} {key.split('/')[0]}."
+            paper = key.split("/")[0]
+            beside = f", {'beside' if own else 'of'} {paper}" if paper in papers() else ""
+            where = f"{title(key)}: {place(key)}{beside}."
             said = where if own else f"{where} {FAIR}"
             yield dataset(key, page, said, table_files(key), measured(key))
 
