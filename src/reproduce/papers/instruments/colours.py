@@ -390,7 +390,8 @@ def _draw_lenses(figure: Figure, printed: Mapping[str, float], door: Given) -> N
     axes = figure.subplots(*((2, 1) if narrow else (1, 2)), sharex=True, squeeze=False).flat
     for one, colour, ink in zip(axes, ("red", "blue"), ("#D55E00", "#0072B2"), strict=True):
         values = 1e3 * _on(door)[colour]
-        counts, edges = np.histogram(values, np.linspace(-3, 3, 61))
+        # Scales are told in round numbers: none may lie at an edge, where rounding decides.
+        counts, edges = np.histogram(values, np.linspace(-3, 3, 61) + 1 / 30)
         one.plot(edges[1:], counts, color=ink, drawstyle="steps-pre")
         for number, line in ((2, "--"), (4, "-.")):
             scale = 1e3 * (door[_PRINTED[colour, number]] - 1)
