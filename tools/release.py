@@ -40,8 +40,8 @@ FILES = {
     "ledger.schema.json": ("The JSON Schema of the ledger", "application/schema+json"),
     "ledger.csv": ("The ledger as one table", "text/csv"),
     "ledger.parquet": ("The ledger as one table", "application/vnd.apache.parquet"),
-    "errata.json": ("What does not hold in the papers, as records", "application/json"),
-    "errata.csv": ("What does not hold in the papers, as one table", "text/csv"),
+    "errata.json": ("The register of errata: differences found, as records", "application/json"),
+    "errata.csv": ("The register of errata: differences found, as one table", "text/csv"),
     "verify_ledger.py": ("Derives every verdict of the ledger again", "text/x-python"),
 }
 TAKEN = [name for name in FILES if name[0].isalpha()]

@@ -72,6 +72,7 @@ def settings() -> dict[str, dict[str, str]]:
             "PYTHONUTF8": "0",
             "TZ": "Pacific/Chatham",
             "PYTHONHASHSEED": "1",
+            # Not XDG_CONFIG_HOME: astropy warns of any that is no folder, and a warning fails.
             "HOME": os.devnull,
             "XDG_CACHE_HOME": os.devnull,
         },

@@ -17,11 +17,9 @@ from reproduce.physics.images.detector import (
     expose,
     tabulated_star,
 )
+from reproduce.physics.images.finding import THRESHOLD, Found, find_spots
 from reproduce.physics.images.spots import (
-    THRESHOLD,
-    Found,
     Spots,
-    find_spots,
     fitted_centre,
     fitted_spots,
     render_frame,

@@ -27,12 +27,8 @@ from reproduce.physics.registration.diagnosis import (
     robust_similarity,
     rounded,
 )
-from reproduce.physics.registration.fit import (
-    RegistrationFit,
-    fit_registration,
-    match_points,
-    pair_weights,
-)
+from reproduce.physics.registration.fit import RegistrationFit, fit_registration
+from reproduce.physics.registration.matching import match_points, pair_weights
 from reproduce.physics.registration.transforms import (
     MODELS,
     UNITS,
