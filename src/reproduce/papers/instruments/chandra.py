@@ -301,10 +301,10 @@ def _turn_facts() -> Iterator[tuple[str, Fact]]:
     yield "drift-y", Fact(abs(steady.rate[1]) * hours, ".2f", "arcsec")
     response = np.sqrt(np.diag(seen.covariance(np.ones((3, 2)))))
     for at, axis in enumerate("xyz"):
-        yield f"scatter-{axis}", Fact(_scatter(seen.angles)[at], ".4f", "arcsec")
+        yield f"scatter-{axis}", Fact(_scatter(seen.angles)[at], "#.2g", "arcsec")
         yield f"response-{axis}", Fact(response[at], ".3g", "arcsec")
         for end, one in (("", steady.floor), ("-low", floor[0]), ("-high", floor[1])):
-            yield f"floor-{axis}{end}", Fact(one[at], ".4f", "arcsec")
+            yield f"floor-{axis}{end}", Fact(one[at], "#.2g", "arcsec")
     low, high = np.quantile(dither(), (0.5 - _OFTEN / 2, 0.5 + _OFTEN / 2), axis=0)
     yield "star-share", Fact(100 * _OFTEN, ".0f", "%")
     yield "star-column", Fact(high[0] - low[0], ".1f", "px")
@@ -408,7 +408,7 @@ def _gain_facts(door: Given) -> Iterator[tuple[str, Fact]]:
         best = int(seen.steady.counts[values.argmin()])
         yield f"best-{axis}", Fact(best, "d")
         yield f"best-{axis}-time", Fact(best * seconds / 60, ".1f", "min")
-        yield f"least-{axis}", Fact(float(values.min()), ".4f", "arcsec")
+        yield f"least-{axis}", Fact(float(values.min()), "#.2g", "arcsec")
 
 
 @studied("instruments/averaging", given=_READS, named=lambda door: dict(_gain_facts(door)))
