@@ -137,7 +137,8 @@ def described_work(address: str, said: str, tie: str) -> dict[str, Any]:
         "creator": {"@type": "Organization", "name": DEVELOPERS},
         "datePublished": RELEASED,
         "version": ours["version"],
-        "license": LICENSE,
+        # What is made from others' measurements is under their licences, beside the data.
+        **({"license": LICENSE} if papers else {}),
         tie: [
             {
                 "@type": "ScholarlyArticle",
