@@ -194,7 +194,7 @@ def test_symbols_errata_figures_and_references_have_cards(
     one.hover()
     card = wide.locator(".rp-card")
     card.locator(shown).first.wait_for(state="visible")
-    assert card.bounding_box()["width"] <= DESKTOP["width"]  # type: ignore[index]
+    assert card.bounding_box()["width"] <= DESKTOP["width"]
     if shown == "img":
         assert card.locator("img").evaluate("image => image.naturalWidth") > 0
 
