@@ -24,7 +24,7 @@ from reproduce.physics.registration import registered_image
 from reproduce.printed.cells import library
 from reproduce.printed.given import given
 from reproduce.units import ARCSEC_PER_RADIAN
-from reproduce.views import display as terminal
+from reproduce.views import blocks as terminal
 from reproduce.views.cli import main
 from reproduce.views.measurements import platform_of
 

@@ -18,9 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 import fusion
+import laws
 from keep import write
 from parts import Store, processes, run_parts
-from reproduce.judge import laws
 from reproduce.judge import readings as judged
 from reproduce.judge.verdicts import judge_prediction
 from reproduce.papers.niu2024 import readings

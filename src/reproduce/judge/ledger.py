@@ -19,6 +19,7 @@ from reproduce.judge.verdicts import (
     VERDICTS,
     Judgement,
     Verdict,
+    joint_probability,
     judge_prediction,
     judge_value,
     plain_results,
@@ -448,10 +449,8 @@ def _together(predicted: Iterable[tuple[Cell, float | Prediction]]) -> dict[str,
     ]
     if not drawn:
         return {"joint_probability": None, "mcse": None, "replicates": 0}
-    from reproduce.judge.laws import joint_probability  # only now: SciPy's optimisers take long
-
     intervals, columns = zip(*drawn, strict=True)
-    probability, error = joint_probability(list(columns), np.array(intervals))
+    probability, error = joint_probability(np.stack(columns), np.array(intervals))
     return {"joint_probability": probability, "mcse": error, "replicates": columns[0].size}
 
 

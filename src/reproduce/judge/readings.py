@@ -4,7 +4,7 @@ Rows are the readings of `reproduce.papers.niu2024.readings`, each with every wa
 axes of (26), the ledger's first; columns are the printed cells of `ADDRESSES`.
 
 Draws can tell a probability down to about one over their number. Below that, the law that they
-follow is used, see `reproduce.judge.laws`.
+follow is used, see `tools/evidence/laws.py`.
 """
 
 from __future__ import annotations

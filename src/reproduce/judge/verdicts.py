@@ -20,6 +20,8 @@ VERDICTS: tuple[Verdict, ...] = ("exact", "consistent", "differs", "blocked", "i
 
 # The central share of the predicted distribution in which a printed value counts as consistent.
 CENTRAL = 0.99
+_DEPENDENT = 1e-9
+_POINT = 1e-9  # standard deviations: the width of an interval that has none, such as a count's
 
 
 @dataclass(frozen=True)
@@ -136,6 +138,45 @@ def central(draws: NDArray[np.float64]) -> tuple[float, float]:
     edge = (1.0 - CENTRAL) / 2
     low, high = np.quantile(draws, [edge, 1.0 - edge])
     return float(low), float(high)
+
+
+def joint_probability(
+    draws: NDArray[np.float64], intervals: NDArray[np.float64]
+) -> tuple[float, float]:
+    """Return how often cells that are drawn together lie as far out as the print, and its error.
+
+    Cells on the first axis: draws of shape (cells, n), printed intervals of shape (cells, 2).
+
+    Examples
+    --------
+    >>> draws = np.random.default_rng(1).normal(0.0, 1.0, (1, 2000))
+    >>> joint_probability(draws, np.array([[8.95, 9.05]]))[0] < 0.001
+    True
+    """
+    mean, sd = draws.mean(axis=1, keepdims=True), draws.std(axis=1, ddof=1, keepdims=True)
+    share, _ = farther_out((draws - mean) / sd, (intervals - mean) / sd)
+    size = draws.shape[1]
+    probability = (share * size + 1) / (size + 1)
+    return probability, math.sqrt(probability * (1 - probability) / size)
+
+
+def farther_out(draws: NDArray[np.float64], edges: NDArray[np.float64]) -> tuple[float, float]:
+    """Return which share of the draws lies as far out as the print, and how far that is, squared.
+
+    Both in standard deviations from the mean. The measure is the squared Mahalanobis distance,
+    which knows that cells move together. That of the print is the least one of all tables that
+    round to it, so rounding can make the share too large and never too small.
+    """
+    from scipy.optimize import lsq_linear  # only now: SciPy's optimisers take long
+
+    # Cells that noise moves alike are nearly dependent; lifting the smallest eigenvalues, again,
+    # can make a probability too large only.
+    values, vectors = np.linalg.eigh(np.atleast_2d(np.corrcoef(draws)))
+    whitening = (vectors / np.sqrt(np.maximum(values, _DEPENDENT))).T
+    low, high = edges[:, 0], np.maximum(edges[:, 1], edges[:, 0] + _POINT)
+    nearest = lsq_linear(whitening, np.zeros(len(edges)), (low, high), method="bvls")
+    squared = 2 * float(nearest.cost)
+    return float((np.square(whitening @ draws).sum(axis=0) >= squared).mean()), squared
 
 
 def result_intervals(computation: Computation, given: Given) -> dict[str, Interval]:

@@ -12,7 +12,7 @@ from reproduce.judge import rerun
 from reproduce.papers.catalogue import catalogue
 from reproduce.printed.cells import find
 from reproduce.views import keys
-from reproduce.views.display import Display
+from reproduce.views.blocks import Display
 from reproduce.views.export import citation, export_frame, provenance
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ import click
 from reproduce.physics.registration import MODELS
 from reproduce.version import __version__
 from reproduce.views import front
-from reproduce.views.display import PLAIN, Blocks
+from reproduce.views.blocks import PLAIN, Blocks
 
 
 class _Shell(click.Group):

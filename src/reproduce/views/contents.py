@@ -16,9 +16,8 @@ from reproduce.judge.verdicts import VERDICTS
 from reproduce.papers.catalogue import catalogue
 from reproduce.printed.cells import PAPERS, PrintedTable, anchor, library
 from reproduce.views import keys, verdicts
-from reproduce.views.blocks import Block, Box, Entry, Fold, Grid, Html, badge, grid
+from reproduce.views.blocks import Block, Blocks, Box, Display, Entry, Fold, Grid, Html, badge, grid
 from reproduce.views.computed import item_ledger
-from reproduce.views.display import Blocks, Display
 from reproduce.views.export import full_frame
 from reproduce.views.table import EVERY
 

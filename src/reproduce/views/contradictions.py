@@ -22,9 +22,8 @@ from reproduce.locate import data_folders
 from reproduce.printed.cells import PAPERS, anchor
 from reproduce.printed.number import si_factor, symbol
 from reproduce.version import __version__
-from reproduce.views.blocks import Block, Entry, Fold, Grid, badge, grid
+from reproduce.views.blocks import Block, Blocks, Display, Entry, Fold, Grid, badge, grid
 from reproduce.views.computed import item_ledger, paper_audit
-from reproduce.views.display import Blocks, Display
 from reproduce.views.keys import check_paper
 from reproduce.views.numbers import minus
 from reproduce.views.verdicts import quantity

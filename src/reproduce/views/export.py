@@ -21,8 +21,8 @@ from reproduce.papers.catalogue import drawings
 from reproduce.printed.cells import PAPERS, anchor, library
 from reproduce.version import ADDRESS, DOI, RELEASED, __version__, software
 from reproduce.views import keys, verdicts
+from reproduce.views.blocks import PLAIN
 from reproduce.views.computed import item_ledger
-from reproduce.views.display import PLAIN
 from reproduce.views.numbers import hyphen, minus, powers
 
 if TYPE_CHECKING:

@@ -33,8 +33,7 @@ from reproduce.store.points import (
     table_of,
 )
 from reproduce.units import ARCSEC_PER_RADIAN
-from reproduce.views.blocks import Block, Grid
-from reproduce.views.display import Display
+from reproduce.views.blocks import Block, Display, Grid
 from reproduce.views.numbers import between, moments
 
 if TYPE_CHECKING:

@@ -19,8 +19,7 @@ from reproduce.physics.registration import (
 )
 from reproduce.store.pictures import Picture, PictureError, is_picture, read_pictures
 from reproduce.store.points import STARS, is_table, read_table
-from reproduce.views.blocks import Block, Fold, Grid
-from reproduce.views.display import Display
+from reproduce.views.blocks import Block, Display, Fold, Grid
 from reproduce.views.measurements import Registered, Remade
 
 if TYPE_CHECKING:

@@ -40,8 +40,7 @@ from reproduce.store.points import is_table
 from reproduce.version import __version__
 from reproduce.views import computed
 from reproduce.views.base import by_row, text_of
-from reproduce.views.blocks import Block, Fold, Grid, Html
-from reproduce.views.display import Blocks
+from reproduce.views.blocks import Block, Blocks, Fold, Grid, Html
 from reproduce.views.export import beside, export_frame, provenance
 from reproduce.views.figure import Picture, pictured
 from reproduce.views.measurements import Remade, platform_of

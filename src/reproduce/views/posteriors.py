@@ -14,9 +14,8 @@ from reproduce.papers.posteriors import posteriors
 from reproduce.printed.cells import anchor, find
 from reproduce.printed.number import UNITS, symbol
 from reproduce.store import studies
-from reproduce.views.blocks import Block, Entry, Grid, badge
+from reproduce.views.blocks import Block, Blocks, Display, Entry, Grid, badge
 from reproduce.views.computed import item_ledger
-from reproduce.views.display import Blocks, Display
 from reproduce.views.numbers import digits, minus, percent
 from reproduce.views.posterior import Posterior, book_posterior, interval
 from reproduce.views.verdicts import quantity

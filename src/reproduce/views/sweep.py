@@ -16,8 +16,7 @@ from reproduce.printed.cells import find
 from reproduce.printed.number import Interval, symbol
 from reproduce.views import verdicts
 from reproduce.views.base import setting
-from reproduce.views.blocks import Block, Grid, Html, grid
-from reproduce.views.display import Display
+from reproduce.views.blocks import Block, Display, Grid, Html, grid
 from reproduce.views.numbers import between, entry, minus
 
 if TYPE_CHECKING:

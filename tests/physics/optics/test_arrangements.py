@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from reproduce.physics.optics import Arrangement, arrangements_with
-from reproduce.physics.optics.arrangements import _arrangements, _lattices
+from reproduce.physics.optics.simulate import _arrangements, _lattices
 
 HALF_X, HALF_Y, STEP = np.radians((8.0, 6.0, 0.9))
 FAMILY = list(_arrangements(HALF_X, HALF_Y, STEP))

@@ -14,7 +14,7 @@ verdicts were:
 * the RMSE is (26): one number for both axes.
 
 Of the angles the text gives a count, a range and a step; no full rectangle has that count, which is
-a prime. The count therefore selects among those of `physics.optics.arrangements`, and so it is an
+a prime. The count therefore selects among those of `physics.optics.simulate`, and so it is an
 input. The most literal of those that have it takes the step as the distance between neighbours of a
 square lattice and holds the zero position, which the starting values of section 3.2 need.
 

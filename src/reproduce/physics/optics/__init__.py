@@ -1,6 +1,5 @@
 """Cameras and channels: where a star falls on each detector, in ideal and distorted positions."""
 
-from reproduce.physics.optics.arrangements import Arrangement, arrangements_with
 from reproduce.physics.optics.camera import (
     Camera,
     angle_from_pixels,
@@ -16,6 +15,8 @@ from reproduce.physics.optics.camera import (
     turned_onto_detector,
 )
 from reproduce.physics.optics.simulate import (
+    Arrangement,
+    arrangements_with,
     channel_centroids,
     noisy_centroids,
     rotary_matrix,

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from reproduce.judge import laws
-from reproduce.judge.verdicts import judge_prediction
+import laws
+from reproduce.judge.verdicts import joint_probability, judge_prediction
 from reproduce.printed.number import PrintedNumber
 
 DRAWS = 20_000
@@ -117,7 +117,7 @@ def test_the_joint_probability_of_the_truth_is_uniform():
     for _ in range(300):
         table = rng.normal(size=2) @ mixing.T
         printed = [PrintedNumber(f"{value:.3f}") for value in table]
-        found.append(laws.joint_probability(list(draws.T), intervals(printed))[0])
+        found.append(joint_probability(draws.T, intervals(printed))[0])
     assert stats.kstest(found, "uniform").pvalue > 0.01
 
 
@@ -128,12 +128,12 @@ def test_the_joint_probability_sees_what_single_cells_do_not():
     printed = [PrintedNumber("2.000")] * 6
     for number, values in zip(printed, draws, strict=True):
         assert judge_prediction(number, values).verdict == "consistent"
-    assert laws.joint_probability(draws, intervals(printed))[0] < 0.01
+    assert joint_probability(np.stack(draws), intervals(printed))[0] < 0.01
 
 
 def test_simulated_tables_are_rounded_like_the_print():
     """A print of 1 to the unit is as surprising as every table that prints 1, -1 or beyond."""
     half = np.random.default_rng(7).normal(0.0, 0.6, DRAWS)
     draws = np.concatenate([half, -half])
-    found, mcse = laws.joint_probability([draws], intervals([PrintedNumber("1")]))
+    found, mcse = joint_probability(draws[None], intervals([PrintedNumber("1")]))
     assert found == pytest.approx(2 * stats.norm.sf(0.5 / 0.6), abs=5 * mcse)

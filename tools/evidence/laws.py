@@ -13,14 +13,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import lsq_linear
-from scipy.special import fdtrc, stdtr  # scipy.stats takes longer to import than a table to judge
+from scipy.special import fdtrc, stdtr
+
+from reproduce.judge.verdicts import farther_out
 
 Array = NDArray[np.float64]
 # Logarithms stop here: beyond, the numbers underflow, and mean nothing anyway.
 _FLOOR = -300.0
-_DEPENDENT = 1e-9
-_POINT = 1e-9  # standard deviations: the width of an interval that has none, such as a count's
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,7 +28,6 @@ class _Law:
 
     mean: Array
     sd: Array
-    correlation: Array
     draws: int  # how many it was estimated from
     power: Array  # what each number is raised to; one leaves it as it is
 
@@ -52,7 +50,7 @@ def fitted(columns: list[Array], squares: NDArray[np.bool_]) -> _Law:
     power = np.where(squares, 1 - flat, np.ones(len(columns)))
     raised = _raised(values, power[:, None])
     mean, sd = raised.mean(axis=1), raised.std(axis=1, ddof=1)
-    return _Law(mean, sd, np.atleast_2d(np.corrcoef(raised)), values.shape[1], power)
+    return _Law(mean, sd, values.shape[1], power)
 
 
 def _raised(values: Array, power: Array) -> Array:
@@ -84,29 +82,13 @@ def log_tails(law: _Law, intervals: Array) -> Array:
     return np.asarray(np.clip(smaller, _FLOOR, 0.0))
 
 
-def joint_probability(columns: list[Array], intervals: Array) -> tuple[float, float]:
-    """Return how often cells that are drawn together lie as far out as the print, and its error.
-
-    Examples
-    --------
-    >>> draws = np.random.default_rng(1).normal(0.0, 1.0, 2000)
-    >>> joint_probability([draws], np.array([[8.95, 9.05]]))[0] < 0.001
-    True
-    """
-    every, size = np.ones(len(columns), dtype=bool), columns[0].size
-    share = joint(fitted(columns, ~every), columns, intervals, every)[0]
-    probability = (share * size + 1) / (size + 1)
-    return probability, float(np.sqrt(probability * (1 - probability) / size))
-
-
 def joint(
     law: _Law, columns: list[Array], intervals: Array, wanted: NDArray[np.bool_]
 ) -> tuple[float, float, float]:
     """Return how far out several printed numbers lie together.
 
-    The measure is the squared Mahalanobis distance from the law's mean, which knows that cells move
-    together. That of the print is the least one of all tables that round to it, so rounding can
-    make the probability too large and never too small.
+    The share of draws that `farther_out` counts, its decimal logarithm by Hotelling's law, and the
+    Mahalanobis distance of the print.
 
     Examples
     --------
@@ -118,16 +100,8 @@ def joint(
     >>> found[0], round(found[1]), round(found[2], 1)
     (0.0, -9, 6.4)
     """
-    # Cells that noise moves alike are nearly dependent; lifting the smallest eigenvalues, again,
-    # can make a probability too large only.
-    values, vectors = np.linalg.eigh(law.correlation[np.ix_(wanted, wanted)])
-    whitening = (vectors / np.sqrt(np.maximum(values, _DEPENDENT))).T
-    edges = law.standardised(intervals)[wanted]
-    low, high = edges[:, 0], np.maximum(edges[:, 1], edges[:, 0] + _POINT)
-    nearest = lsq_linear(whitening, np.zeros(len(edges)), (low, high), method="bvls")
-    squared = 2 * nearest.cost
-    drawn = whitening @ law.standardised(np.stack(columns))[wanted]
-    counted = float((np.square(drawn).sum(axis=0) >= squared).mean())
+    drawn, edges = law.standardised(np.stack(columns))[wanted], law.standardised(intervals)[wanted]
+    counted, squared = farther_out(drawn, edges)
     n, p = law.draws, len(edges)
     hotelling = squared * (n - p) / (p * (n - 1) * (1 + 1 / n))
     with np.errstate(divide="ignore"):
