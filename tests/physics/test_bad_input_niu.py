@@ -16,7 +16,7 @@ from numpy.random import SeedSequence, default_rng
 from reproduce.physics import optics, registration
 from reproduce.physics.attitude import attitude
 from reproduce.physics.images import fitted_centre
-from reproduce.physics.optics import arrangements, camera, simulate
+from reproduce.physics.optics import camera, simulate
 from reproduce.physics.registration import (
     calibration,
     fit_registration,
@@ -128,7 +128,7 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any]]] = {
     "constraint": (calibration.constraint, {"rotation": 0.1}),
     "constraint_printed": (calibration.constraint_printed, {"rotation": 0.1}),
     "arrangements_with": (
-        arrangements.arrangements_with,
+        simulate.arrangements_with,
         {"count": 9, "half_x": 8.0, "half_y": 6.0, "step": 0.9},
     ),
     "channel_centroids": (
@@ -183,7 +183,6 @@ def refuses(name: str, argument: str, value: Any) -> str:
 
 def test_the_table_holds_every_public_function() -> None:
     modules = (
-        arrangements,
         calibration,
         camera,
         simulate,

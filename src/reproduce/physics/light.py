@@ -20,6 +20,7 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from reproduce.physics import validate
 from reproduce.physics.attitude import (
     emitted_directions,
     received_spots,
@@ -27,16 +28,7 @@ from reproduce.physics.attitude import (
     unit,
 )
 from reproduce.physics.attitude.rotations import _cross_matrix, _unit
-from reproduce.physics.validate import (
-    DegenerateGeometryError,
-    Direction,
-    Directions,
-    FloatArray,
-    Number,
-    checked,
-    finite_array,
-    kernel,
-)
+from reproduce.physics.validate import Direction, Directions, FloatArray, Number
 
 _Train = Annotated[Any, (3, 3)]
 # Three mutually perpendicular mirrors evenly around Z, and two with their edge along Y.
@@ -52,7 +44,7 @@ _POINT, _FOLD = np.array([0.5, 0.0, 1.0]), np.array([1.0, 0.0, 0.0])
 _FORM = np.array([1.0, 1.0, -1.0])
 
 
-@checked
+@validate.checked
 def reflection(normal: Direction) -> FloatArray:
     """Return the matrix of a plane mirror.
 
@@ -74,7 +66,7 @@ def reflection(normal: Direction) -> FloatArray:
     return np.eye(3) - 2.0 * across[..., :, np.newaxis] * across[..., np.newaxis, :]
 
 
-@checked
+@validate.checked
 def mirror_train(normals: Directions) -> FloatArray:
     """Return what several plane mirrors do to a direction, one after the other.
 
@@ -97,11 +89,11 @@ def mirror_train(normals: Directions) -> FloatArray:
     """
     result = np.broadcast_to(np.eye(3), (*normals.shape[:-2], 3, 3))
     for index in range(normals.shape[-2]):
-        result = kernel(reflection)(normals[..., index, :]) @ result
+        result = validate.kernel(reflection)(normals[..., index, :]) @ result
     return result
 
 
-@checked
+@validate.checked
 def turn_response(train: _Train, direction: Direction) -> FloatArray:
     """Return how outgoing light answers to small turns of a train of mirrors about three axes.
 
@@ -127,7 +119,7 @@ def turn_response(train: _Train, direction: Direction) -> FloatArray:
     return -_cross_matrix(going) + train @ _cross_matrix(coming)
 
 
-@checked
+@validate.checked
 def fold_mirror_tilt(boresight_angle: Number) -> FloatArray:
     """The tilt of a mirror that sends the retro-reflected light of one instrument into another.
 
@@ -248,7 +240,7 @@ def _to_cone(places: FloatArray, ways: FloatArray) -> FloatArray:
 
 def _refuse_misses(lengths: FloatArray) -> None:
     if not np.isfinite(lengths).all():
-        raise DegenerateGeometryError(
+        raise validate.DegenerateGeometryError(
             "rays: expected each to meet every mirror, a cone twice, got one that misses; move the "
             "mirrors into the beam, the tip of a cone beside it"
         )
@@ -320,7 +312,7 @@ class LightPath:
         """
         camera = rotation_from_vector(self.camera_turn)
         light = emitted_directions(lasers, self.camera_focal_length) @ camera.T
-        holes = finite_array("aperture", aperture, shape=(None, 2))
+        holes = validate.finite_array("aperture", aperture, shape=(None, 2))
         lens = np.column_stack([holes, np.zeros(len(holes))]) @ camera.T
         shape = (len(light), len(lens), 3)
         places = np.broadcast_to(lens, shape)

@@ -18,16 +18,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from reproduce.physics import validate
 from reproduce.physics.attitude.platform import Platform
-from reproduce.physics.validate import (
-    FloatArray,
-    NonNegative,
-    Positive,
-    checked,
-    finite_array,
-    number_array,
-    whole_number,
-)
+from reproduce.physics.validate import FloatArray, NonNegative, Positive
 
 
 def moving_average(series: ArrayLike, count: int, axis: int = -1) -> FloatArray:
@@ -52,7 +45,7 @@ def moving_average(series: ArrayLike, count: int, axis: int = -1) -> FloatArray:
     array([1.5, 4. , 8. ])
     """
     frames, sums = _sums(series, axis)
-    if whole_number("count", count) > frames.shape[-1]:
+    if validate.whole_number("count", count) > frames.shape[-1]:
         raise ValueError(
             f"count: expected at most {frames.shape[-1]}, the number of frames, got {count}; "
             "average fewer frames or pass a longer series"
@@ -63,7 +56,7 @@ def moving_average(series: ArrayLike, count: int, axis: int = -1) -> FloatArray:
 
 def _sums(series: ArrayLike, axis: int) -> tuple[FloatArray, FloatArray]:
     """Return frames along the last axis, and their sums less the first: it would cost digits."""
-    frames = np.moveaxis(finite_array("series", series, shape=(None,)), axis, -1)
+    frames = np.moveaxis(validate.finite_array("series", series, shape=(None,)), axis, -1)
     sums = np.zeros((*frames.shape[:-1], frames.shape[-1] + 1))
     np.cumsum(frames - frames[..., :1], axis=-1, out=sums[..., 1:])
     return frames, sums
@@ -102,7 +95,7 @@ def scatter_of_averages(series: ArrayLike, counts: Sequence[int], axis: int = -1
     """
     frames, sums = _sums(series, axis)
     most = frames.shape[-1]
-    if not 0 < max((whole_number("counts", n) for n in counts), default=0) < most:
+    if not 0 < max((validate.whole_number("counts", n) for n in counts), default=0) < most:
         raise ValueError(
             f"counts: expected one number or more, each below the {most} frames, got {counts}; "
             "average fewer frames or pass a longer series"
@@ -143,9 +136,9 @@ def allan_deviation(series: ArrayLike, counts: Sequence[int], axis: int = -1) ->
     >>> allan_deviation([0, 2, 0, 2, 0, 2], [1, 2]).round(3) + 0.0
     array([1.414, 0.   ])
     """
-    frames = np.moveaxis(finite_array("series", series, shape=(None,)), axis, -1)
+    frames = np.moveaxis(validate.finite_array("series", series, shape=(None,)), axis, -1)
     most = frames.shape[-1] // 2
-    if not 0 < max((whole_number("counts", n) for n in counts), default=0) <= most:
+    if not 0 < max((validate.whole_number("counts", n) for n in counts), default=0) <= most:
         raise ValueError(
             f"counts: expected one number or more, each at most {most}, half of the frames, got "
             f"{counts}; average fewer frames or pass a longer series"
@@ -250,8 +243,8 @@ def stability(times: ArrayLike, series: ArrayLike) -> Stability:
     >>> found.rate.round(9), found.floor.round(9) + 0.0
     (array([3.]), array([0.]))
     """
-    values = finite_array("series", series, shape=(None, None))
-    when = finite_array("times", times, shape=(len(values),))
+    values = validate.finite_array("series", series, shape=(None, None))
+    when = validate.finite_array("times", times, shape=(len(values),))
     if len(values) < FEWEST:
         raise ValueError(f"series: expected {FEWEST} frames or more, got {len(values)}")
     if (np.diff(when) <= 0).any():
@@ -279,7 +272,7 @@ def stability(times: ArrayLike, series: ArrayLike) -> Stability:
     return Stability(rate, error, left, tried[kept], averages[kept], deviations)
 
 
-@checked
+@validate.checked
 def averaged_error(count: Positive, single: NonNegative, floor: NonNegative = 0.0) -> FloatArray:
     """Return the error of an average in the model E^2 = a^2 / n + b^2.
 
@@ -303,7 +296,7 @@ def averaged_error(count: Positive, single: NonNegative, floor: NonNegative = 0.
     return np.asarray(np.hypot(single / np.sqrt(count), floor))
 
 
-@checked
+@validate.checked
 def attitude_accuracy(
     centroid_sigma: NonNegative, count: Positive, pixel_angle: Positive
 ) -> FloatArray:
@@ -467,8 +460,8 @@ def monitored(zero_spots: ArrayLike, spots: ArrayLike, platform: Platform) -> Mo
     array([0., 0., 0.])
     """
     shape = (None, len(platform.lasers), 2)
-    before = number_array("zero_spots", zero_spots, shape=shape)
-    now = number_array("spots", spots, shape=shape)
+    before = validate.number_array("zero_spots", zero_spots, shape=shape)
+    now = validate.number_array("spots", spots, shape=shape)
     counts = np.isfinite(before).all(axis=-1).sum(axis=0)
     zero = np.nanmean(before, axis=0)
     angles, groups = [], []

@@ -23,6 +23,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
+from reproduce.physics import validate
 from reproduce.physics.attitude.angles import (
     angle_jacobian,
     laser_transform,
@@ -30,19 +31,10 @@ from reproduce.physics.attitude.angles import (
     misalignment_angles,
 )
 from reproduce.physics.attitude.rotations import _rotation_from_vector, _unit
-from reproduce.physics.validate import (
-    Directions,
-    FloatArray,
-    Point,
-    Points,
-    Positive,
-    checked,
-    finite_array,
-    positive,
-)
+from reproduce.physics.validate import Directions, FloatArray, Point, Points, Positive
 
 
-@checked
+@validate.checked
 def emitted_directions(
     points: Points, focal_length: Positive, principal_point: Point = (0.0, 0.0)
 ) -> FloatArray:
@@ -73,7 +65,7 @@ def emitted_directions(
     return _unit("points", _outward(principal_point[..., np.newaxis, :] - points, focal_length))
 
 
-@checked
+@validate.checked
 def received_directions(
     spots: Points, principal_point: Point, pixel_pitch: Positive, focal_length: Positive
 ) -> FloatArray:
@@ -104,7 +96,7 @@ def received_directions(
     return _unit("spots", _received_rays(spots, principal_point, pixel_pitch, focal_length))
 
 
-@checked
+@validate.checked
 def received_spots(
     directions: Directions, principal_point: Point, pixel_pitch: Positive, focal_length: Positive
 ) -> FloatArray:
@@ -136,7 +128,7 @@ def received_spots(
     return principal_point[..., np.newaxis, :] - pixels * directions[..., :2] / directions[..., 2:]
 
 
-@checked
+@validate.checked
 def received_jacobian(
     spots: Points, principal_point: Point, pixel_pitch: Positive, focal_length: Positive
 ) -> FloatArray:
@@ -223,20 +215,20 @@ class Platform:
     spots: FloatArray = field(default_factory=lambda: np.empty((0, 2)))
 
     def __post_init__(self) -> None:
-        lasers = finite_array("lasers", self.lasers, shape=(None, 2))
+        lasers = validate.finite_array("lasers", self.lasers, shape=(None, 2))
         if lasers.ndim != 2 or len(lasers) < 2:
             raise ValueError(f"lasers: expected two lights or more, (n, 2), got {lasers.shape}")
         for name in ("camera_focal_length", "tracker_focal_length", "pixel_pitch"):
-            object.__setattr__(self, name, float(positive(name, getattr(self, name))))
+            object.__setattr__(self, name, float(validate.positive(name, getattr(self, name))))
         if self.pixel_pitch > _LARGEST_PITCH:
             raise ValueError(
                 f"pixel_pitch: expected metres, below {_LARGEST_PITCH:g}, "
                 f"got {self.pixel_pitch:g}; give 5.5e-6 for 5.5 micrometres"
             )
-        centre = finite_array("principal_point", self.principal_point, shape=(2,))
+        centre = validate.finite_array("principal_point", self.principal_point, shape=(2,))
         spots = centre + lasers / self.camera_focal_length * self.pixels
         if len(self.spots):
-            spots = finite_array("spots", self.spots, shape=(None, 2))
+            spots = validate.finite_array("spots", self.spots, shape=(None, 2))
         if len(spots) != len(lasers):
             raise ValueError(f"spots: expected {len(lasers)}, one for each light, got {len(spots)}")
         for name, array in (("lasers", lasers), ("principal_point", centre), ("spots", spots)):
@@ -266,7 +258,7 @@ class Platform:
         array([[0.  , 0.  ],
                [0.75, 0.  ]])
         """
-        rays = finite_array("directions", directions, shape=(None, 3))
+        rays = validate.finite_array("directions", directions, shape=(None, 3))
         if (rays[:, 2] <= 0).any():
             raise ValueError(
                 f"directions: expected a third component above zero, got {rays[:, 2].min():g}; the "
@@ -298,8 +290,8 @@ class Platform:
         array([[50.,  0.],
                [ 0., 50.]])
         """
-        places = finite_array("spots", spots, shape=(None, 2))
-        centre = finite_array("principal_point", principal_point, shape=(2,))
+        places = validate.finite_array("spots", spots, shape=(None, 2))
+        centre = validate.finite_array("principal_point", principal_point, shape=(2,))
         length = tracker_focal_length
         return cls((places - centre) * pixel_pitch, length, length, pixel_pitch, centre)
 

@@ -10,14 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from reproduce.physics.validate import (
-    Direction,
-    FloatArray,
-    Rotation,
-    checked,
-    finite_array,
-    kernel,
-)
+from reproduce.physics import validate
+from reproduce.physics.validate import Direction, FloatArray, Rotation
 
 
 def unit(name: str, vectors: ArrayLike) -> FloatArray:
@@ -39,10 +33,10 @@ def unit(name: str, vectors: ArrayLike) -> FloatArray:
     >>> unit("axis", [0, 0, 2])
     array([0., 0., 1.])
     """
-    return _unit(name, finite_array(name, vectors, shape=(3,)))
+    return _unit(name, validate.finite_array(name, vectors, shape=(3,)))
 
 
-@checked
+@validate.checked
 def cross_matrix(vectors: Direction) -> FloatArray:
     """Return the matrices [v×], shape (..., 3, 3), of vectors v (...): [v×] u = v × u.
 
@@ -58,10 +52,10 @@ def cross_matrix(vectors: Direction) -> FloatArray:
     return result
 
 
-_cross_matrix = kernel(cross_matrix)
+_cross_matrix = validate.kernel(cross_matrix)
 
 
-@checked
+@validate.checked
 def rotation_from_vector(rotation_vector: Direction) -> FloatArray:
     """Return the rotation matrix of a rotation vector.
 
@@ -92,10 +86,10 @@ def rotation_from_vector(rotation_vector: Direction) -> FloatArray:
     return np.eye(3) + first * generator + second * (generator @ generator)
 
 
-_rotation_from_vector = kernel(rotation_from_vector)
+_rotation_from_vector = validate.kernel(rotation_from_vector)
 
 
-@checked
+@validate.checked
 def vector_from_rotation(rotation: Rotation) -> FloatArray:
     """Return the rotation vector of a rotation by less than half a turn.
 
@@ -131,7 +125,7 @@ def vector_from_rotation(rotation: Rotation) -> FloatArray:
     return twist * (1.0 / np.sinc(angle / np.pi))[..., np.newaxis]
 
 
-_vector_from_rotation = kernel(vector_from_rotation)
+_vector_from_rotation = validate.kernel(vector_from_rotation)
 
 
 def _unit(name: str, vectors: FloatArray) -> FloatArray:

@@ -29,22 +29,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from reproduce.physics import validate
 from reproduce.physics.attitude.rotations import (
     _axial,
     _cofactors,
     _rotation_from_quaternion,
     _unit,
 )
-from reproduce.physics.validate import (
-    DegenerateGeometryError,
-    Directions,
-    FloatArray,
-    Weights,
-    checked,
-    kernel,
-    rotations,
-    weights_for,
-)
+from reproduce.physics.validate import Directions, FloatArray, Weights
 
 # Newton halves the distance to a double root at each step: enough for all 52 bits.
 _NEWTON_STEPS = 60
@@ -58,7 +50,7 @@ _SMALLEST_GAP = 1e-12
 _HALF_TURNS = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]], dtype=np.float64)
 
 
-@checked
+@validate.checked
 def attitude(
     target_vectors: Directions,
     source_vectors: Directions,
@@ -101,12 +93,12 @@ def attitude(
         raise ValueError(f"method: expected one of {sorted(solvers)}, got {method!r}; choose one")
     target = _unit("target_vectors", target_vectors)
     source = _unit("source_vectors", source_vectors)
-    kept = weights_for(weights, target.shape[-2])
+    kept = validate.weights_for(weights, target.shape[-2])
     share = (kept / kept.sum(axis=-1, keepdims=True))[..., np.newaxis]
     return _fixed(*solvers[method]((share * target).mT @ source))
 
 
-_attitude = kernel(attitude)
+_attitude = validate.kernel(attitude)
 
 
 def mean_rotation(matrices: ArrayLike) -> FloatArray:
@@ -132,7 +124,7 @@ def mean_rotation(matrices: ArrayLike) -> FloatArray:
     >>> mean_rotation([np.eye(3), np.eye(3)]).diagonal()
     array([1., 1., 1.])
     """
-    array = rotations("matrices", matrices, shape=(None, 3, 3))
+    array = validate.rotations("matrices", matrices, shape=(None, 3, 3))
     return _fixed(*by_svd(array.mean(axis=-3)))
 
 
@@ -142,7 +134,7 @@ def _fixed(rotation: FloatArray, gap: FloatArray) -> FloatArray:
     if free.any():
         first = tuple(int(i) for i in np.argwhere(free)[0])
         where = f"in {int(free.sum())} of {free.size} sets, the first at index {first}, "
-        raise DegenerateGeometryError(
+        raise validate.DegenerateGeometryError(
             "expected directions that fix all three axes, got a set that leaves a rotation free "
             f"({where if free.ndim else ''}relative eigenvalue gap {gap[free].min():.1e}); add "
             "a direction that is not parallel to the others, with a weight above zero"

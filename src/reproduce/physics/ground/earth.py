@@ -20,15 +20,9 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import ArrayLike
 
+from reproduce.physics import validate
 from reproduce.physics.attitude.rotations import _unit
-from reproduce.physics.validate import (
-    Direction,
-    FloatArray,
-    Positive,
-    Size,
-    checked,
-    whole_number,
-)
+from reproduce.physics.validate import Direction, FloatArray, Positive, Size
 
 # Beyond these, in seconds and radians, Earth orientation is in another unit: IERS prints UT1 - UTC
 # in seconds, below 0.9, and the pole in seconds of arc.
@@ -135,7 +129,7 @@ def _julian(utc: ArrayLike) -> tuple[FloatArray, FloatArray]:
     return first, second
 
 
-@checked
+@validate.checked
 def earth_fixed(coordinates: Direction, ellipsoid: Ellipsoid = WGS84) -> FloatArray:
     """Return Earth-fixed positions of longitude, latitude and height.
 
@@ -165,7 +159,7 @@ def earth_fixed(coordinates: Direction, ellipsoid: Ellipsoid = WGS84) -> FloatAr
     )
 
 
-@checked
+@validate.checked
 def local_axes(positions: Direction) -> FloatArray:
     """Return the rotation from Earth-fixed axes to east, north and up at given places.
 
@@ -195,7 +189,7 @@ def local_axes(positions: Direction) -> FloatArray:
     return np.stack([east, np.cross(up, east), up], axis=-2)
 
 
-@checked
+@validate.checked
 def satellite_from_inertial(position: Direction, velocity: Direction) -> FloatArray:
     """Return the rotation into the orbit's own axes: X along the flight, Z to the Earth's centre.
 
@@ -225,7 +219,7 @@ def satellite_from_inertial(position: Direction, velocity: Direction) -> FloatAr
     return np.stack([np.cross(side, down), side, down], axis=-2)
 
 
-@checked
+@validate.checked
 def orbital_period(altitude: Positive) -> FloatArray:
     """Return the period of a circular orbit.
 
@@ -249,7 +243,7 @@ def orbital_period(altitude: Positive) -> FloatArray:
     return np.asarray(2.0 * np.pi * np.sqrt(radius**3 / _EARTH_GM))
 
 
-@checked
+@validate.checked
 def thermal_series(
     period: Size, per_orbit: int, orbits: int, generator: Generator
 ) -> tuple[FloatArray, FloatArray]:
@@ -278,7 +272,7 @@ def thermal_series(
     >>> times.shape, angles.shape
     ((24,), (24, 2))
     """
-    steps = whole_number("per_orbit", per_orbit) * whole_number("orbits", orbits)
+    steps = validate.whole_number("per_orbit", per_orbit) * validate.whole_number("orbits", orbits)
     phase = np.arange(steps) / per_orbit
     times = phase * period / DAY
     year = 2.0 * np.pi * times / _YEAR_DAYS

@@ -19,22 +19,12 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import ArrayLike
 
+from reproduce.physics import validate
 from reproduce.physics.images.spots import _gradient, _shares, spot_windows
-from reproduce.physics.validate import (
-    DegenerateGeometryError,
-    FloatArray,
-    Image,
-    NonNegative,
-    Point,
-    Positive,
-    checked,
-    finite_array,
-    positive,
-    whole_number,
-)
+from reproduce.physics.validate import FloatArray, Image, NonNegative, Point, Positive
 
 
-@checked
+@validate.checked
 def centre_of_gravity(windows: Image, corners: Point) -> FloatArray:
     """Return the centre of gravity of all pixels of each window.
 
@@ -80,7 +70,7 @@ def _refuse_dark(total: FloatArray) -> None:
     if dark.any():
         places = [str(tuple(one) if len(one) > 1 else one[0]) for one in np.argwhere(dark).tolist()]
         named = f" ({', '.join(places[:5])}{', ...' * (len(places) > 5)})" if dark.ndim else ""
-        raise DegenerateGeometryError(
+        raise validate.DegenerateGeometryError(
             f"windows: expected light in every window, got {len(places)} of {dark.size} with none "
             f"in sum{named}; take less background away, or drop these windows"
         )
@@ -115,7 +105,7 @@ class CentroidError:
         return np.asarray(np.sqrt(self.variance.mean(axis=-1) + self.bias.var(axis=-1)))
 
 
-@checked
+@validate.checked
 def centre_of_gravity_error(
     positions: Point,
     light: NonNegative,
@@ -177,7 +167,7 @@ def centre_of_gravity_error(
     return CentroidError(centre + push - positions, variance, slope)
 
 
-@checked
+@validate.checked
 def cramer_rao_variance(
     positions: Point,
     light: Positive,
@@ -207,7 +197,7 @@ def cramer_rao_variance(
     >>> (cramer_rao_variance([0, 0], 1e4, 3.0, [-20, -20], 41) * 1e4).round(2)
     array([9.08, 9.08])
     """
-    size = whole_number("size", size)
+    size = validate.whole_number("size", size)
     model, slopes = _gradient(*_state(positions, light, radius, corners, read_noise), size, size)
     variance = model + read_noise[..., np.newaxis, np.newaxis] ** 2
     trust = 1.0 / np.maximum(variance, np.finfo(float).tiny)
@@ -283,11 +273,12 @@ def simulated_errors(
     >>> simulated_errors([0.0], Light(1e12), 0.5, 5, 2, np.random.default_rng(1)).round(4).shape
     (2, 1)
     """
-    offsets = finite_array("phases", phases, shape=(None,))
-    width, first = positive("radius", radius), np.array(-(whole_number("size", size) // 2))
+    offsets = validate.finite_array("phases", phases, shape=(None,))
+    width = validate.positive("radius", radius)
+    first = np.array(-(validate.whole_number("size", size) // 2))
     columns = light.signal * _shares(offsets, width, first, size)
     columns = columns * _shares(np.zeros(()), width, first, size).sum()
-    shape = (whole_number("trials", trials), *columns.shape)
+    shape = (validate.whole_number("trials", trials), *columns.shape)
     seen = generator.poisson(columns, size=shape).astype(np.float64)
     if light.read_noise:
         noise = generator.standard_normal(shape)
@@ -296,7 +287,7 @@ def simulated_errors(
     pixel = np.stack([np.ones(size), np.arange(size) + float(first)], axis=-1)
     moments = seen.reshape(-1, size) @ pixel
     if (moments[:, 0] <= 0).any():
-        raise DegenerateGeometryError(
+        raise validate.DegenerateGeometryError(
             "light: expected light in every window, got one with none; ask for more signal"
         )
     return (moments[:, 1] / moments[:, 0]).reshape(shape[:-1]) - offsets
@@ -346,8 +337,8 @@ def _laid_out(
     phases: ArrayLike, light: Light, radius: ArrayLike, size: int
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, int, FloatArray]:
     """Return positions, light, radii, corner, size and read noise, with the phases last."""
-    offsets = finite_array("phases", phases, shape=(None,))
+    offsets = validate.finite_array("phases", phases, shape=(None,))
     points = np.stack([offsets, np.zeros_like(offsets)], axis=-1)
-    width = positive("radius", radius)[..., np.newaxis]
-    corner = np.full(2, -float(whole_number("size", size) // 2))
+    width = validate.positive("radius", radius)[..., np.newaxis]
+    corner = np.full(2, -float(validate.whole_number("size", size) // 2))
     return points, np.asarray(light.signal), width, corner, size, np.asarray(light.read_noise)

@@ -18,16 +18,8 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import ArrayLike
 
-from reproduce.physics.validate import (
-    FloatArray,
-    NonNegative,
-    Number,
-    Positive,
-    checked,
-    finite_array,
-    non_negative,
-    positive,
-)
+from reproduce.physics import validate
+from reproduce.physics.validate import FloatArray, NonNegative, Number, Positive
 
 # What rounding to whole digital numbers adds: the variance of a number spread over one step.
 _ROUNDING_VARIANCE = 1.0 / 12.0
@@ -70,11 +62,11 @@ class Detector:
                 f"quantum_efficiency: expected above 0 and at most 1, got "
                 f"{self.quantum_efficiency}; pass a fraction, not a percentage"
             )
-        positive("gain", self.gain)
+        validate.positive("gain", self.gain)
         if not self.full_well > 0:
             raise ValueError(f"full_well: expected above zero, got {self.full_well}")
         for name in ("dark_signal", "read_noise", "offset"):
-            non_negative(name, getattr(self, name))
+            validate.non_negative(name, getattr(self, name))
         if self.bits is not None and not 1 <= self.bits <= 32:
             raise ValueError(f"bits: expected from 1 to 32, or None, got {self.bits}")
 
@@ -84,7 +76,7 @@ class Detector:
         return float(np.sqrt(self.dark_signal + self.read_noise**2 + rounding))
 
 
-@checked
+@validate.checked
 def expose(photons: NonNegative, detector: Detector, generator: Generator) -> FloatArray:
     """Return one exposure: digital numbers with shot noise, read noise, rounding, saturation.
 
@@ -125,7 +117,7 @@ def expose(photons: NonNegative, detector: Detector, generator: Generator) -> Fl
     return charge
 
 
-@checked
+@validate.checked
 def electrons(output: Number, detector: Detector) -> FloatArray:
     """Return the light's charge that an output stands for: the linear model turned round.
 
@@ -157,7 +149,7 @@ _V_WIDTH = 10e-9  # over which a tabulated spectrum is averaged there
 _NODES = 40
 
 
-@checked
+@validate.checked
 def blackbody_band(magnitude: Number, temperature: Positive, low: float, high: float) -> FloatArray:
     """Photons of a blackbody star in a band, above the atmosphere.
 
@@ -189,7 +181,7 @@ def blackbody_band(magnitude: Number, temperature: Positive, low: float, high: f
     return np.asarray(_ZERO_MAGNITUDE * 10 ** (-0.4 * magnitude) * half * (spectrum @ weights))
 
 
-@checked
+@validate.checked
 def tabulated_star(
     magnitude: Number, wavelength: ArrayLike, photons: ArrayLike, low: float, high: float
 ) -> FloatArray:
@@ -222,19 +214,19 @@ def tabulated_star(
     >>> float(tabulated_star(0.0, [400e-9, 700e-9], [1.0, 1.0], 600e-9, 601e-9).round(-6))
     101000000.0
     """
-    length = positive("wavelength", wavelength, shape=(None,))
-    table = finite_array("photons", photons, shape=(len(length),))
+    length = validate.positive("wavelength", wavelength, shape=(None,))
+    table = validate.finite_array("photons", photons, shape=(len(length),))
     if length.ndim != 1 or (np.diff(length) <= 0).any():
         raise ValueError("wavelength: expected one rising column, got another; sort the table")
     _band(low, high)
     edges = _V_WAVELENGTH - _V_WIDTH / 2, _V_WAVELENGTH + _V_WIDTH / 2
-    level = positive("photons", _tabulated_band(length, table, *edges) / _V_WIDTH)
+    level = validate.positive("photons", _tabulated_band(length, table, *edges) / _V_WIDTH)
     share = _tabulated_band(length, table, low, high) / level
     return np.asarray(_ZERO_MAGNITUDE * 10 ** (-0.4 * magnitude) * share)
 
 
 def _band(low: float, high: float) -> tuple[float, float]:
-    first, last = float(positive("low", low)), float(positive("high", high))
+    first, last = float(validate.positive("low", low)), float(validate.positive("high", high))
     if not first < last:
         raise ValueError(f"band: expected a lower edge below the upper one, got {low} and {high}")
     return (first + last) / 2, (last - first) / 2

@@ -17,20 +17,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import ndtr
 
-from reproduce.physics.validate import (
-    FloatArray,
-    NonNegative,
-    Point,
-    Positive,
-    checked,
-    common_batch,
-    finite_array,
-    kernel,
-    non_negative,
-    number_array,
-    positive,
-    whole_number,
-)
+from reproduce.physics import validate
+from reproduce.physics.validate import FloatArray, NonNegative, Point, Positive
 
 IntArray = NDArray[np.int64]
 Mask = NDArray[np.bool_]
@@ -38,7 +26,7 @@ Mask = NDArray[np.bool_]
 _REACH = 6.0
 
 
-@checked
+@validate.checked
 def window_corners(positions: Point, size: int) -> IntArray:
     """Return the first pixel of a window around each spot, centred on the pixel that holds it.
 
@@ -58,7 +46,7 @@ def window_corners(positions: Point, size: int) -> IntArray:
     >>> window_corners([10.4, 7.6], 5)
     array([8, 6])
     """
-    if whole_number("size", size) % 2 == 0:
+    if validate.whole_number("size", size) % 2 == 0:
         raise ValueError(f"size: expected odd, so that a window has a middle, got {size}")
     return _corners(positions, size)
 
@@ -68,7 +56,7 @@ def _corners(points: FloatArray, size: int) -> IntArray:
     return (np.floor(points + 0.5) - size // 2).astype(np.int64)
 
 
-@checked
+@validate.checked
 def spot_windows(
     positions: Point,
     photons: NonNegative,
@@ -103,7 +91,7 @@ def spot_windows(
            [107., 466., 107.],
            [ 25., 107.,  25.]])
     """
-    count = whole_number("size", size)
+    count = validate.whole_number("size", size)
     across = _shares(positions[..., 0], radius, corners[..., 0], count)
     down = _shares(positions[..., 1], radius, corners[..., 1], count)
     # A Gaussian is the product of its rows and columns, integrals included.
@@ -111,7 +99,7 @@ def spot_windows(
     return scaled[..., :, np.newaxis] * across[..., np.newaxis, :]
 
 
-_windows = kernel(spot_windows)
+_windows = validate.kernel(spot_windows)
 
 
 def render_frame(
@@ -140,12 +128,12 @@ def render_frame(
     >>> float(render_frame([[4.0, 3.0]], 100.0, 0.5, (9, 7)).sum().round(6))
     100.0
     """
-    points = finite_array("positions", positions, shape=(None, 2)).reshape(-1, 2)
+    points = validate.finite_array("positions", positions, shape=(None, 2)).reshape(-1, 2)
     count = len(points)
-    light = np.broadcast_to(non_negative("photons", photons), (count,))
-    widths = np.broadcast_to(positive("radius", radius), (count,))
+    light = np.broadcast_to(validate.non_negative("photons", photons), (count,))
+    widths = np.broadcast_to(validate.positive("radius", radius), (count,))
     half = int(np.ceil(_REACH * widths.max() + 0.5))
-    columns, rows = (whole_number("size", side) for side in size)
+    columns, rows = (validate.whole_number("size", side) for side in size)
     near = (points > -half - 0.5) & (points < np.array([columns, rows]) + half - 0.5)
     kept = near.all(axis=-1)
     padded = np.zeros((rows + 4 * half + 2, columns + 4 * half + 2))
@@ -312,12 +300,13 @@ def fitted_spots(
     >>> found.centre.round(6), np.sqrt(np.diag(found.covariance)).round(3)
     (array([4., 4.]), array([0.072, 0.048]))
     """
-    light = number_array("windows", windows, shape=(None, None))
-    first = finite_array("corners", corners, shape=(2,))
-    width, noise = positive("radius", radius), non_negative("read_noise", read_noise)
+    light = validate.number_array("windows", windows, shape=(None, None))
+    first = validate.finite_array("corners", corners, shape=(2,))
+    width = validate.positive("radius", radius)
+    noise = validate.non_negative("read_noise", read_noise)
     mask = np.ones(light.shape[-2:], bool) if seen is None else np.asarray(seen, dtype=bool)
     shapes = {"windows": light.shape[:-2], "corners": first.shape[:-1], "radius": width.shape}
-    batch = common_batch(**shapes, read_noise=noise.shape, seen=mask.shape[:-2])
+    batch = validate.common_batch(**shapes, read_noise=noise.shape, seen=mask.shape[:-2])
     shape = light.shape[-2:]
     flat, counts = (np.broadcast_to(one, (*batch, *shape)).reshape(-1, *shape)
                     for one in (light, mask))  # fmt: skip

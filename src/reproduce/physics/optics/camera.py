@@ -26,19 +26,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from reproduce.physics.validate import (
-    DegenerateGeometryError,
-    Directions,
-    FloatArray,
-    Number,
-    Point,
-    Points,
-    Positive,
-    Size,
-    checked,
-    kernel,
-    positive,
-)
+from reproduce.physics import validate
+from reproduce.physics.validate import Directions, FloatArray, Number, Point, Points, Positive, Size
 
 
 def detector_centre(pixels: ArrayLike) -> FloatArray:
@@ -58,7 +47,7 @@ def detector_centre(pixels: ArrayLike) -> FloatArray:
     >>> detector_centre((3, 4))
     array([1. , 1.5])
     """
-    return (positive("pixels", pixels, shape=(2,)) - 1) / 2
+    return (validate.positive("pixels", pixels, shape=(2,)) - 1) / 2
 
 
 @dataclass(frozen=True, eq=False, init=False)
@@ -81,7 +70,7 @@ class Camera:
     radial_distortion: FloatArray
     pixel_pitch: FloatArray
 
-    @checked
+    @validate.checked
     def __init__(
         self,
         focal_length: Positive,
@@ -104,7 +93,7 @@ class Camera:
         )
 
 
-@checked
+@validate.checked
 def ideal_positions(directions: Directions, focal_length: Positive) -> FloatArray:
     """Where an ideal pinhole camera images the given directions.
 
@@ -142,10 +131,10 @@ def ideal_positions(directions: Directions, focal_length: Positive) -> FloatArra
     return focal_length[..., None, None] * (across / along)
 
 
-_ideal = kernel(ideal_positions)
+_ideal = validate.kernel(ideal_positions)
 
 
-@checked
+@validate.checked
 def radial_displacements(ideal: Points, radial_distortion: Number) -> FloatArray:
     """How far the first radial term moves spots from their ideal positions.
 
@@ -172,10 +161,10 @@ def radial_displacements(ideal: Points, radial_distortion: Number) -> FloatArray
     return ideal * (radial_distortion[..., None, None] * squared_radius)
 
 
-_displacements = kernel(radial_displacements)
+_displacements = validate.kernel(radial_displacements)
 
 
-@checked
+@validate.checked
 def turned_onto_detector(positions: Points, rotation: Number) -> FloatArray:
     """The same spots in the axes of a detector that is turned about the boresight.
 
@@ -202,10 +191,10 @@ def turned_onto_detector(positions: Points, rotation: Number) -> FloatArray:
     return np.stack([cosine * x + sine * y, cosine * y - sine * x], axis=-1)
 
 
-_turned = kernel(turned_onto_detector)
+_turned = validate.kernel(turned_onto_detector)
 
 
-@checked
+@validate.checked
 def image_points(directions: Directions, camera: Camera, rotation: Number = 0.0) -> FloatArray:
     """Where a channel images the given directions: projection, distortion, rotated detector.
 
@@ -260,10 +249,10 @@ def field_of_view(pixels: ArrayLike, pixel_pitch: ArrayLike, focal_length: Array
     >>> float(np.degrees(field_of_view(2000, 1e-5, 10e-3)).round(9))
     90.0
     """
-    return 2 * angle_from_pixels(positive("pixels", pixels) / 2, pixel_pitch, focal_length)
+    return 2 * angle_from_pixels(validate.positive("pixels", pixels) / 2, pixel_pitch, focal_length)
 
 
-@checked
+@validate.checked
 def angle_from_pixels(pixels: Number, pixel_pitch: Positive, focal_length: Positive) -> FloatArray:
     """The angle between the boresight and a spot that many pixels from the principal point.
 
@@ -286,7 +275,7 @@ def angle_from_pixels(pixels: Number, pixel_pitch: Positive, focal_length: Posit
     return np.asarray(np.arctan(pixels * pixel_pitch / focal_length))
 
 
-@checked
+@validate.checked
 def scale_factor(reference_focal_length: Positive, focal_length: Positive) -> FloatArray:
     """The scale factor k that lays ideal positions of a channel over those of the reference.
 
@@ -310,7 +299,7 @@ def scale_factor(reference_focal_length: Positive, focal_length: Positive) -> Fl
     return np.asarray(reference_focal_length / focal_length)
 
 
-@checked
+@validate.checked
 def distortion_ratio(
     scale: Positive, reference_distortion: Number = 1.0, distortion: Number = 1.0
 ) -> FloatArray:
@@ -344,7 +333,7 @@ def distortion_ratio(
     return np.asarray(scale**3 * (reference_distortion / distortion))
 
 
-@checked
+@validate.checked
 def reference_points_scaled(points: Points, scale: Positive, principal_point: Point) -> FloatArray:
     """Image points of the reference channel where only focal length and distortion differ.
 
@@ -377,7 +366,7 @@ def reference_points_scaled(points: Points, scale: Positive, principal_point: Po
     return scale[..., None, None] * (points - principal_point) + principal_point
 
 
-@checked
+@validate.checked
 def fit_camera(
     directions: Directions, points: Points, pixel_pitch: Size, rotation: Number = 0.0
 ) -> Camera:
@@ -423,7 +412,7 @@ def fit_camera(
     pull = np.einsum("...nij,...ni->...j", centred, observed)
     (a, b), (_, d) = np.moveaxis(normal, (-2, -1), (0, 1))
     if not ((a > 0) & (a * d - b**2 > 1e-12 * a * d)).all():
-        raise DegenerateGeometryError(
+        raise validate.DegenerateGeometryError(
             "directions: expected slopes that fix focal length and distortion, got the same slope "
             "throughout or two points alone; turn the table to angles near and far from zero"
         )

@@ -36,17 +36,9 @@ from numpy.random import PCG64, Generator, SeedSequence
 from numpy.random.bit_generator import ISeedSequence
 from numpy.typing import ArrayLike, NDArray
 
+from reproduce.physics import validate
 from reproduce.physics.optics.camera import Camera, image_points
-from reproduce.physics.validate import (
-    FloatArray,
-    Number,
-    Size,
-    checked,
-    common_batch,
-    finite_array,
-    non_negative,
-    whole_number,
-)
+from reproduce.physics.validate import FloatArray, Number, Size
 
 _WORD = 2**32
 _EDGE = 1e-9
@@ -83,13 +75,13 @@ def channel_centroids(
     >>> channel_centroids([camera], [0.0], [[0.0, np.pi / 4]]).round(6)
     array([[[  50., 2060.]]])
     """
-    turns = finite_array("rotations", rotations, shape=(None,))
+    turns = validate.finite_array("rotations", rotations, shape=(None,))
     if turns.shape != (len(cameras),):
         raise ValueError(
             f"expected one rotation per camera, got {len(cameras)} cameras and rotations of shape "
             f"{turns.shape}; give zero for the reference channel"
         )
-    middle, external = np.moveaxis(finite_array("angles", angles, shape=(None, 2)), -1, 0)
+    middle, external = np.moveaxis(validate.finite_array("angles", angles, shape=(None, 2)), -1, 0)
     directions = starlight(external, middle)
     channels = zip(cameras, turns, strict=True)
     return np.stack([image_points(directions, *channel) for channel in channels], axis=-3)
@@ -126,11 +118,11 @@ def noisy_centroids(
     >>> noisy_centroids([[[7, 9]]], 0.0, SeedSequence(1), 2).shape
     (2, 1, 1, 2)
     """
-    centroids = finite_array("centroids", centroids, shape=(None, None, 2))
-    sigma = non_negative("sigma", sigma)
-    repeats = whole_number("repeats", repeats)
-    count = whole_number("replicates", replicates)
-    common_batch(centroids=centroids.shape[:-3], replicates=(count,))
+    centroids = validate.finite_array("centroids", centroids, shape=(None, None, 2))
+    sigma = validate.non_negative("sigma", sigma)
+    repeats = validate.whole_number("repeats", repeats)
+    count = validate.whole_number("replicates", replicates)
+    validate.common_batch(centroids=centroids.shape[:-3], replicates=(count,))
     shape = centroids.shape[-3:]
     if sigma.shape not in ((), shape[:1]):
         raise ValueError(
@@ -165,8 +157,8 @@ def spawned_normals(
     >>> bool((all_at_once[2:] == spawned_normals(SeedSequence(1), 1, (2,), first=2)).all())
     True
     """
-    shape = tuple(whole_number("shape", side) for side in shape)
-    normals = np.empty((whole_number("replicates", replicates), *shape))
+    shape = tuple(validate.whole_number("shape", side) for side in shape)
+    normals = np.empty((validate.whole_number("replicates", replicates), *shape))
     for row, stream in zip(normals, spawned_streams(seeds, replicates, first), strict=True):
         stream.standard_normal(out=row)
     return normals
@@ -201,10 +193,11 @@ def spawned_angles(
     >>> angles.shape, bool((abs(angles) <= (0.2, 0.1)).all())
     ((5, 52, 2), True)
     """
-    half = non_negative("half_range", half_range, shape=(2,))
+    half = validate.non_negative("half_range", half_range, shape=(2,))
     if half.shape != (2,):
         raise ValueError(f"half_range: expected shape (2,), got {half.shape}; one x and one y")
-    uniform = np.empty((whole_number("replicates", replicates), whole_number("count", count), 2))
+    sizes = {"replicates": replicates, "count": count}
+    uniform = np.empty((*(validate.whole_number(*one) for one in sizes.items()), 2))
     for row, stream in zip(uniform, spawned_streams(seeds, replicates, first), strict=True):
         stream.random(out=row)
     return -half + 2 * half * uniform
@@ -236,8 +229,9 @@ def spawned_streams(seeds: SeedSequence, replicates: int, first: int = 0) -> Ite
             f"seeds: expected a numpy.random.SeedSequence, got {type(seeds).__name__}; "
             "pass SeedSequence(your_number)"
         )
-    first = whole_number("first", first, least=0)
-    numbers = np.arange(first, first + whole_number("replicates", replicates), dtype=np.int64)
+    first = validate.whole_number("first", first, least=0)
+    last = first + validate.whole_number("replicates", replicates)
+    numbers = np.arange(first, last, dtype=np.int64)
     states = _child_states(seeds, numbers)
     # NumPy documents any ISeedSequence; its annotations name one of them.
     return (Generator(PCG64(_Seeded(state))) for state in states)  # type: ignore[arg-type]
@@ -294,7 +288,7 @@ def _words(entropy: Any) -> int:
     return sum(map(_words, entropy))
 
 
-@checked
+@validate.checked
 def rotary_matrix(external: Number, middle: Number) -> FloatArray:
     """The rotation of the table: the external frame's about x after the middle frame's about y.
 
@@ -323,7 +317,7 @@ def rotary_matrix(external: Number, middle: Number) -> FloatArray:
     return _rotary(external, middle, np.sin(middle))
 
 
-@checked
+@validate.checked
 def rotary_matrix_printed(external: Number, middle: Number) -> FloatArray:
     """The matrix with the sign of its bottom-left element as extracted from the print.
 
@@ -346,7 +340,7 @@ def rotary_matrix_printed(external: Number, middle: Number) -> FloatArray:
     return _rotary(external, middle, -np.sin(middle))
 
 
-@checked
+@validate.checked
 def starlight(external: Number, middle: Number) -> FloatArray:
     """The direction of the simulator's star in the sensor's frame.
 
@@ -441,7 +435,7 @@ def _lattices(half_x: float, half_y: float, step: float) -> list[_Lattice]:
     ]
 
 
-@checked
+@validate.checked
 def arrangements_with(count: int, half_x: Size, half_y: Size, step: Size) -> list[Arrangement]:
     """Every arrangement of the family that has exactly so many angles.
 
@@ -477,7 +471,7 @@ def arrangements_with(count: int, half_x: Size, half_y: Size, step: Size) -> lis
             f"step: expected at least 1/{_LARGEST_SIDE} of the half range, got {step:g} for "
             f"{max(half_x, half_y):g}; are all three in radians?"
         )
-    whole_number("count", count)
+    validate.whole_number("count", count)
     every = _arrangements(half_x, half_y, step)
     return [found for found in every if len(found.angles) == count]
 

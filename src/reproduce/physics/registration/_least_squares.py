@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from reproduce.physics import validate
 from reproduce.physics.registration.transforms import (
     MODELS,
     ComplexArray,
@@ -20,17 +21,7 @@ from reproduce.physics.registration.transforms import (
     as_complex,
     as_points,
 )
-from reproduce.physics.validate import (
-    DegenerateGeometryError,
-    FloatArray,
-    MirroredPointsError,
-    Point,
-    Points,
-    Weights,
-    checked,
-    finite_array,
-    weights_for,
-)
+from reproduce.physics.validate import FloatArray, Point, Points, Weights
 
 _ROUNDING = 64 * float(np.finfo(np.float64).eps)
 # How often noise alone may be taken for a mirror image.
@@ -100,7 +91,7 @@ class Problem:
         return replace(self, weights=self.counts * weights)
 
 
-@checked
+@validate.checked
 def prepare(
     source: Points,
     target: Points,
@@ -111,7 +102,7 @@ def prepare(
 ) -> Problem:
     """Check points, weights and covariances, and bring them to one batch shape."""
     n = source.shape[-2]
-    kept = None if weights is None else weights_for(weights, n)
+    kept = None if weights is None else validate.weights_for(weights, n)
     shapes = () if kept is None else kept.shape[:-1]
     batch = np.broadcast_shapes(source.shape[:-2], target.shape[:-2], pivot.shape[:-1], shapes)
     return Problem(
@@ -126,7 +117,7 @@ def prepare(
 
 def _covariance(name: str, value: ArrayLike, shape: tuple[int, ...]) -> FloatArray:
     """Check covariances of the points, and bring them to shape (..., n, 2, 2)."""
-    matrices = finite_array(name, value, shape=(2, 2))
+    matrices = validate.finite_array(name, value, shape=(2, 2))
     try:
         matrices = np.broadcast_to(matrices, (*shape, 2, 2))
     except ValueError as error:
@@ -178,7 +169,7 @@ def solve(problem: Problem) -> Solution:
         if largest < limit:
             break
     else:
-        raise DegenerateGeometryError(
+        raise validate.DegenerateGeometryError(
             f"expected the fit to settle within {_STEPS} steps, got a last step of "
             f"{float(largest):g} px; check the matches, or fit a simpler model"
         )
@@ -201,7 +192,7 @@ def gauss_newton(
     scaled = normal / np.where(outer > 0, outer, 1)
     # With columns of length one the smallest eigenvalue says how near to dependent they are.
     if not (size > 0).all() or (np.linalg.eigvalsh(scaled)[..., 0] < _DEPENDENT).any():
-        raise DegenerateGeometryError(
+        raise validate.DegenerateGeometryError(
             "expected points that fix every parameter of the model, got too few, coincident or "
             "aligned ones; add spots across the field, or fit a simpler model"
         )
@@ -257,7 +248,7 @@ def _refuse_vanished(
 ) -> None:
     # What rounding leaves of coincident points grows with their distance from the origin.
     if not (spread > total * _ROUNDING**2 * _squared(centroid)).all():
-        raise DegenerateGeometryError(
+        raise validate.DegenerateGeometryError(
             f"{name}: expected at least two different points of weight above zero whose pattern "
             "fixes scale and rotation, got one point or coincident points; add "
             "spots across the field of view and pair them row by row"
@@ -283,7 +274,7 @@ def _refuse_mirrored(offsets: ComplexArray, targets: ComplexArray, weights: Floa
     found = suspect & (freedom > 0) & (left > mirror_limit(freedom) * mirrored)
     if found.any():
         where = f"in {int(found.sum())} of {found.size} sets: " if found.ndim else ""
-        raise MirroredPointsError(where + _MIRRORED)
+        raise validate.MirroredPointsError(where + _MIRRORED)
 
 
 def mirror_limit(freedom: Any) -> FloatArray:

@@ -20,21 +20,11 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from reproduce.physics import validate
 from reproduce.physics.registration._least_squares import gauss_newton, model_jacobian
 from reproduce.physics.registration.fit import fit_registration
 from reproduce.physics.registration.transforms import Registration, as_complex
-from reproduce.physics.validate import (
-    DegenerateGeometryError,
-    FloatArray,
-    NonNegative,
-    Number,
-    Point,
-    Points,
-    checked,
-    kernel,
-    non_negative,
-    whole_number,
-)
+from reproduce.physics.validate import FloatArray, NonNegative, Number, Point, Points
 
 _PARAMETERS = 4
 _Vector = Annotated[Any, (_PARAMETERS,)]
@@ -44,7 +34,7 @@ _Others = Annotated[Any, ("m", 2)]
 _MOVEMENT, _STEPS = 1e-9, 50
 
 
-@checked
+@validate.checked
 def jacobian(parameters: _Vector, source: Points, pivot: Point) -> FloatArray:
     """Derivatives of the model by its four parameters: all rows of f_x, then all rows of f_y.
 
@@ -72,10 +62,10 @@ def jacobian(parameters: _Vector, source: Points, pivot: Point) -> FloatArray:
     return rows.swapaxes(-3, -2).reshape(*rows.shape[:-3], -1, _PARAMETERS)
 
 
-_jacobian = kernel(jacobian)
+_jacobian = validate.kernel(jacobian)
 
 
-@checked
+@validate.checked
 def deviations(parameters: _Vector, source: Points, target: Points, pivot: Point) -> FloatArray:
     """Observed target minus model, in the order of the rows of `jacobian`.
 
@@ -97,10 +87,10 @@ def deviations(parameters: _Vector, source: Points, target: Points, pivot: Point
     return np.concatenate([left[..., 0], left[..., 1]], axis=-1)
 
 
-_deviations = kernel(deviations)
+_deviations = validate.kernel(deviations)
 
 
-@checked
+@validate.checked
 def gauss_newton_step(
     parameters: _Vector, source: Points, target: Points, pivot: Point
 ) -> FloatArray:
@@ -132,7 +122,7 @@ def gauss_newton_step(
     return parameters + _correction(parameters, source, target, pivot)[0]
 
 
-@checked
+@validate.checked
 def gauss_newton_step_printed(
     parameters: _Vector, source: Points, target: Points, pivot: Point
 ) -> FloatArray:
@@ -172,7 +162,7 @@ def _correction(
     return step, np.sqrt(moved / source.shape[-2])
 
 
-@checked
+@validate.checked
 def starting_values(
     source_line: Points, target_line: _Others, source_zero: Point, target_zero: Point
 ) -> FloatArray:
@@ -211,7 +201,7 @@ def starting_values(
     return values
 
 
-@checked
+@validate.checked
 def random_starts(
     start: _Vector, half_widths: ArrayLike, count: int, generator: np.random.Generator
 ) -> FloatArray:
@@ -237,8 +227,9 @@ def random_starts(
     array([[1., 0., 0., 0.],
            [1., 0., 0., 0.]])
     """
-    box = non_negative("half_widths", half_widths, shape=(_PARAMETERS,))
-    return start + box * generator.uniform(-1, 1, (whole_number("count", count), *start.shape))
+    box = validate.non_negative("half_widths", half_widths, shape=(_PARAMETERS,))
+    count = validate.whole_number("count", count)
+    return start + box * generator.uniform(-1, 1, (count, *start.shape))
 
 
 @dataclass(frozen=True, eq=False)
@@ -271,7 +262,7 @@ class Calibration:
         )
 
 
-@checked
+@validate.checked
 def calibrate(source: Points, target: Points, pivot: Point, start: _Vector) -> Calibration:
     """Calibrate in two stages: scale and rotation first, then all four parameters.
 
@@ -328,7 +319,7 @@ def _iterated(
     return path[1:]
 
 
-@checked
+@validate.checked
 def constraint(rotation: Number) -> FloatArray:
     """The identity that ties cosine and sine: cos^2 + sin^2 - 1, zero at every angle.
 
@@ -349,7 +340,7 @@ def constraint(rotation: Number) -> FloatArray:
     return np.asarray(np.cos(rotation) ** 2 + np.sin(rotation) ** 2 - 1)
 
 
-@checked
+@validate.checked
 def constraint_printed(rotation: Number) -> FloatArray:
     """The constraint as extracted from section 3.2: cos^2 + cos^2 - 1, which is cos(2 theta).
 
@@ -368,7 +359,7 @@ def constraint_printed(rotation: Number) -> FloatArray:
     return np.asarray(np.cos(rotation) ** 2 + np.cos(rotation) ** 2 - 1)
 
 
-@checked
+@validate.checked
 def registration_bound(
     source: Points,
     similarity: Registration,
@@ -422,7 +413,7 @@ def _direction(name: str, points: FloatArray) -> FloatArray:
     spread = (np.abs(numbers) ** 2).sum(axis=-1)
     rounding = (1e-12 * np.abs(points).max(axis=(-2, -1))) ** 2 * points.shape[-2]
     if ((spread <= rounding) | (np.abs(doubled) <= 1e-12 * spread)).any():
-        raise DegenerateGeometryError(
+        raise validate.DegenerateGeometryError(
             f"{name}: expected spots along a line, got coincident points or points that spread "
             "alike in all directions; rotate the middle frame alone, over a wider range"
         )

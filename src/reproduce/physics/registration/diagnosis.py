@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from reproduce.physics import validate
 from reproduce.physics.registration._least_squares import thinned
 from reproduce.physics.registration.fit import (
     _ALARM,
@@ -26,12 +27,7 @@ from reproduce.physics.registration.fit import (
     fit_registration,
 )
 from reproduce.physics.registration.transforms import MODELS
-from reproduce.physics.validate import (
-    DegenerateGeometryError,
-    FloatArray,
-    MirroredPointsError,
-    number_array,
-)
+from reproduce.physics.validate import FloatArray
 
 # Residuals below this share of the coordinates are rounding.
 _ROUNDING = 1e-11
@@ -122,7 +118,7 @@ def checked_pivot(pivot: ArrayLike, points: FloatArray) -> FloatArray:
     >>> checked_pivot((1, 2), np.array([[0.0, 0], [9, 9]]))
     array([1., 2.])
     """
-    pivot = number_array("pivot", pivot, shape=(2,))
+    pivot = validate.number_array("pivot", pivot, shape=(2,))
     away = float(np.abs(points.mean(axis=0) - pivot).max())
     field = float(np.ptp(points, axis=0).max())
     # Of stars in one place their number is to be told, or that they coincide.
@@ -233,9 +229,9 @@ def _robustly(
     """Return the robust fit, or None where the stars are too few or too close for one."""
     try:
         return fit_registration(source, target, pivot, **settings | {"robust": True})
-    except MirroredPointsError:
+    except validate.MirroredPointsError:
         raise
-    except (DegenerateGeometryError, np.linalg.LinAlgError):
+    except (validate.DegenerateGeometryError, np.linalg.LinAlgError):
         return None
 
 

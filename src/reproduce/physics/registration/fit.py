@@ -19,6 +19,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from reproduce.physics import validate
 from reproduce.physics.registration._least_squares import (
     _MIRRORED,
     Problem,
@@ -38,12 +39,7 @@ from reproduce.physics.registration.transforms import (
     _parameter_names,
     as_complex,
 )
-from reproduce.physics.validate import (
-    DegenerateGeometryError,
-    FloatArray,
-    MirroredPointsError,
-    finite_array,
-)
+from reproduce.physics.validate import FloatArray
 
 # Tukey's biweight with this constant is 95 % efficient for Gaussian residuals in one dimension, and
 # 92.9 % for the length of a residual in two.
@@ -130,7 +126,7 @@ class RegistrationFit:
             If the scatter is needed and the points are too few to show it.
         """
         if np.isnan(self._variance).any():
-            raise DegenerateGeometryError(
+            raise validate.DegenerateGeometryError(
                 f"covariance: expected more coordinates than the {len(self.names)} parameters, "
                 "got none to spare; add points, or give their covariances"
             )
@@ -177,14 +173,15 @@ class RegistrationFit:
         covariance : array_like, shape (..., n, 2, 2), optional
             Of the points, in px^2; independent of the stars that were fitted.
         """
-        places = finite_array("points", points, shape=(None, 2))
+        places = validate.finite_array("points", points, shape=(None, 2))
         offsets = places - self.transform.pivot[..., None, :]
         rows = model_jacobian(self.model, self.parameters, offsets)
         landed = rows @ self.covariance[..., None, :, :] @ rows.mT
         if covariance is None:
             return landed
         carry = local_matrix(self.model, self.parameters, offsets)
-        return landed + carry @ finite_array("covariance", covariance, shape=(2, 2)) @ carry.mT
+        own = validate.finite_array("covariance", covariance, shape=(2, 2))
+        return landed + carry @ own @ carry.mT
 
 
 def fit_registration(
@@ -345,7 +342,7 @@ def _repeated_median(problem: Problem) -> FloatArray:
     """
     n = problem.source.shape[-2]
     if n < 4:
-        raise DegenerateGeometryError(
+        raise validate.DegenerateGeometryError(
             f"expected four or more points for a robust fit, got {n}: of so few none can be told "
             "to be wrong; add points, or fit without"
         )
@@ -360,7 +357,7 @@ def _repeated_median(problem: Problem) -> FloatArray:
     real, imaginary = (_median(_median(part)) for part in (ratio.real, ratio.imag))
     factor = real + 1j * imaginary
     if not (np.isfinite(factor) & (np.abs(factor) > 0)).all():
-        raise DegenerateGeometryError(
+        raise validate.DegenerateGeometryError(
             "expected points that are apart from each other, got half of them or more in one "
             "place; check the matches"
         )
@@ -394,7 +391,7 @@ def _refuse_mirrored(problem: Problem, closed: FloatArray) -> None:
     if (median <= mirrored).all():  # the limit is above one: most fits need no law for it
         return
     if (median > np.sqrt(mirror_limit(2 * problem.source.shape[-2] - 4)) * mirrored).any():
-        raise MirroredPointsError(_MIRRORED)
+        raise validate.MirroredPointsError(_MIRRORED)
 
 
 def _median_length(problem: Problem, closed: FloatArray) -> FloatArray:

@@ -23,18 +23,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from reproduce.physics import validate
 from reproduce.physics.optics import Camera
-from reproduce.physics.validate import (
-    FloatArray,
-    Number,
-    Point,
-    Points,
-    Positive,
-    checked,
-    common_batch,
-    finite_array,
-    kernel,
-)
+from reproduce.physics.validate import FloatArray, Number, Point, Points, Positive
 
 ComplexArray = NDArray[np.complex128]
 
@@ -101,14 +92,14 @@ class Registration:
 
     def __post_init__(self) -> None:
         shape = (len(_parameter_names(self.model)),)
-        parameters = finite_array("parameters", self.parameters, shape=shape)
-        pivot = finite_array("pivot", self.pivot, shape=(2,))
-        common_batch(parameters=parameters.shape[:-1], pivot=pivot.shape[:-1])
+        parameters = validate.finite_array("parameters", self.parameters, shape=shape)
+        pivot = validate.finite_array("pivot", self.pivot, shape=(2,))
+        validate.common_batch(parameters=parameters.shape[:-1], pivot=pivot.shape[:-1])
         object.__setattr__(self, "parameters", parameters)
         object.__setattr__(self, "pivot", pivot)
 
     @classmethod
-    @checked
+    @validate.checked
     def similarity(
         cls, scale: Positive, rotation: Number, shift: Point, pivot: Point
     ) -> Registration:
@@ -180,7 +171,7 @@ class Registration:
         start = MODELS[self.model].index("shift-x")
         return self.parameters[..., start : start + 2]
 
-    @checked
+    @validate.checked
     def apply(self, points: Points) -> FloatArray:
         """Lay source points over the target.
 
@@ -201,7 +192,7 @@ class Registration:
             offsets = offsets * (1 + self.parameters[..., -1:, None] * squared)
         return offsets @ self.matrix.mT + (self.pivot - self.shift)[..., None, :]
 
-    _apply = kernel(apply)
+    _apply = validate.kernel(apply)
 
     def affine(self) -> tuple[FloatArray, FloatArray]:
         """Write the transform as matrix and translation: matrix @ point + translation.
@@ -245,7 +236,7 @@ class Registration:
 
         Two similarities make a similarity, others an affine transform; a radial term is refused.
         """
-        common_batch(registration=self.batch, first=first.batch)
+        validate.common_batch(registration=self.batch, first=first.batch)
         landed = self._apply(first._apply(first.pivot[..., None, :]))[..., 0, :]
         shift = first.pivot - landed
         if self.model == first.model == "similarity":
@@ -259,7 +250,7 @@ class Registration:
         return self.parameters[..., names.index(name)]
 
 
-@checked
+@validate.checked
 def principal_point_shift(principal_point: Point, reference_principal_point: Point) -> FloatArray:
     """The shift of a channel against the reference: the difference of principal points.
 
@@ -282,7 +273,7 @@ def principal_point_shift(principal_point: Point, reference_principal_point: Poi
     return principal_point - reference_principal_point
 
 
-@checked
+@validate.checked
 def similarity_between(camera: Camera, rotation: Number, reference: Camera) -> Registration:
     """The similarity that the imaging parameters of two channels imply, distortion left aside.
 
@@ -333,7 +324,7 @@ def rmse(points: ArrayLike, reference: ArrayLike) -> FloatArray:
     return np.asarray(np.sqrt(np.square(rmse_per_axis(points, reference)).sum(axis=-1)))
 
 
-@checked
+@validate.checked
 def rmse_per_axis(points: Points, reference: Points) -> FloatArray:
     """Root mean square difference between two sets of points, in x and in y.
 
@@ -354,7 +345,7 @@ def rmse_per_axis(points: Points, reference: Points) -> FloatArray:
     return np.asarray(np.sqrt(np.square(points - reference).mean(axis=-2)))
 
 
-@checked
+@validate.checked
 def paired_points(source: Points, target: Points) -> tuple[FloatArray, FloatArray]:
     """Check two sets of points, (..., n, 2), that belong together row by row.
 
@@ -413,7 +404,7 @@ def registered_image(
     """
     from scipy.ndimage import affine_transform  # only now: registering stars needs no SciPy
 
-    light = finite_array("image", image, shape=(None, None))
+    light = validate.finite_array("image", image, shape=(None, None))
     if light.ndim != 2:
         raise ValueError(f"image: expected one image, got shape {light.shape}; pass them singly")
     # A fit holds its transform, and so does what the front door returns for a user's stars.
@@ -422,7 +413,7 @@ def registered_image(
         raise TypeError(f"transform: expected a Registration, got {type(transform).__name__}")
     if transform.batch:
         raise ValueError(f"transform: expected one, got a batch of shape {transform.batch}")
-    first = finite_array("corner", corner, shape=(2,))
+    first = validate.finite_array("corner", corner, shape=(2,))
     back, origin = transform.inverse().affine()
     # Source position of target pixel p: back (p + corner) + origin - corner; y before x below.
     offset = (back @ first + origin - first)[::-1]
