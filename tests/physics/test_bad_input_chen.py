@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from reproduce.physics import validate
-from reproduce.physics.attitude import angles, monitoring, platform, rotations, wahba
+from reproduce.physics.attitude import angles, monitoring, platform, rotations
 from reproduce.physics.ground import imaging
 from reproduce.physics.validate import DegenerateGeometryError
 
@@ -18,8 +18,8 @@ TRACKER = {"principal_point": (0.0, 0.0), "pixel_pitch": 1e-5, "focal_length": 0
 
 # A good call of every public function that takes arrays; the tests spoil one argument each.
 GOOD = {
-    wahba.attitude: {"target_vectors": EYE, "source_vectors": EYE, "weights": [1.0, 2, 3]},
-    wahba.mean_rotation: {"matrices": [EYE, EYE]},
+    rotations.attitude: {"target_vectors": EYE, "source_vectors": EYE, "weights": [1.0, 2, 3]},
+    rotations.mean_rotation: {"matrices": [EYE, EYE]},
     validate.rotations: {"name": "R", "matrices": EYE},
     rotations.unit: {"name": "v", "vectors": EYE},
     rotations.cross_matrix: {"vectors": EYE},
@@ -104,7 +104,7 @@ GOOD = {
     imaging.circular_error: {"covariance": [[2.0, 0.0], [0.0, 1.0]]},
 }
 # Solvers of profiles that are already checked, and what test_monitoring tries.
-INNER = {monitoring.monitored, wahba.by_quest, wahba.by_svd}
+INNER = {monitoring.monitored, rotations.by_quest, rotations.by_svd}
 ARGUMENTS = [(function, name) for function, good in GOOD.items() for name in good if name != "name"]
 # What may be zero or negative; all else is a length, a count or a set of directions.
 LENGTHS = {
@@ -131,7 +131,7 @@ def spoilt(function, name, value):
 
 
 def test_every_public_function_is_tried():
-    modules = [wahba, rotations, platform, angles, monitoring, imaging]
+    modules = [rotations, platform, angles, monitoring, imaging]
     public = {
         function
         for module in modules
@@ -213,7 +213,7 @@ def test_batches_that_do_not_fit_together_are_refused(function, name):
 
 
 DIRECTIONS = [
-    (wahba.attitude, "target_vectors"),
+    (rotations.attitude, "target_vectors"),
     (angles.laser_transform, "camera_directions"),
     (angles.misalignment, "tracker_directions"),
     (angles.angle_jacobian, "tracker_directions"),
@@ -241,9 +241,9 @@ def test_zero_vectors_and_unequal_rows_are_refused(function, name):
 
 
 def test_zero_weights_are_refused():
-    assert "weights" in spoilt(wahba.attitude, "weights", [0.0, 0, 0])
+    assert "weights" in spoilt(rotations.attitude, "weights", [0.0, 0, 0])
     with pytest.raises(DegenerateGeometryError):
-        wahba.attitude(**{**GOOD[wahba.attitude], "weights": [0.0, 1, 0]})
+        rotations.attitude(**{**GOOD[rotations.attitude], "weights": [0.0, 1, 0]})
 
 
 ROTATIONS = [

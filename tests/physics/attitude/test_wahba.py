@@ -17,7 +17,7 @@ from reproduce.physics.attitude import (
     by_svd,
     cross_matrix,
     mean_rotation,
-    wahba,
+    rotations,
 )
 from reproduce.physics.validate import DegenerateGeometryError
 
@@ -163,7 +163,7 @@ def test_quest_falls_back_on_svd_only_for_mirrored_data(monkeypatch):
     def refuse(profile):
         raise AssertionError(f"QUEST gave up on {len(profile)} sets")
 
-    monkeypatch.setattr(wahba, "by_svd", refuse)
+    monkeypatch.setattr(rotations, "by_svd", refuse)
     for name, profile in profiles.items():
         rotation, gap = by_quest(profile)[0], by_svd(profile)[1]
         assert (angle_between(rotation, expected[name]) < ROUNDINGS * EPSILON / gap).all()

@@ -33,9 +33,12 @@ from reproduce.physics.attitude.platform import (
     received_spots,
 )
 from reproduce.physics.attitude.rotations import (
+    attitude,
+    by_quest,
+    by_svd,
     cross_matrix,
+    mean_rotation,
     rotation_from_vector,
     unit,
     vector_from_rotation,
 )
-from reproduce.physics.attitude.wahba import attitude, by_quest, by_svd, mean_rotation

@@ -27,8 +27,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from reproduce.physics.attitude.rotations import _unit, _vector_from_rotation
-from reproduce.physics.attitude.wahba import _attitude
+from reproduce.physics.attitude.rotations import _attitude, _unit, _vector_from_rotation
 from reproduce.physics.validate import (
     Directions,
     FloatArray,
