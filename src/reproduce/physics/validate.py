@@ -9,6 +9,7 @@ from __future__ import annotations
 import functools
 import inspect
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Annotated, Any, ParamSpec, TypeVar, get_args, get_origin
 
 import numpy as np
@@ -44,6 +45,15 @@ class DegenerateGeometryError(ValueError):
 
 class MirroredPointsError(DegenerateGeometryError):
     """The target points are a mirror image of the source points."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What is to be said of measurements: its kind, the sentence, the rows (from 0) it is about."""
+
+    kind: str
+    text: str
+    rows: tuple[int, ...] = ()
 
 
 def finite_array(name: str, value: ArrayLike, *, shape: _Shape = ()) -> FloatArray:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.special import fdtrc
 
 from reproduce.physics.attitude.platform import Platform
-from reproduce.physics.validate import DegenerateGeometryError, FloatArray
+from reproduce.physics.validate import DegenerateGeometryError, Finding, FloatArray
 
 # Clean spots are found fault with one time in so many, over all that is asked.
 _ALARM = 1e-3
@@ -37,15 +37,6 @@ _NAMED = 5
 _MILLIMETRES = 1e3
 # Kinds of findings that leave no number of any use.
 _REFUSED = ("mirrored", "swapped")
-
-
-@dataclass(frozen=True)
-class Finding:
-    """What is wrong: of which kind, in words, and in which images of the group, from zero."""
-
-    kind: str
-    text: str
-    rows: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,6 @@ F law of both sums of squares, is the cure.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -27,7 +26,7 @@ from reproduce.physics.registration.fit import (
     fit_registration,
 )
 from reproduce.physics.registration.transforms import MODELS
-from reproduce.physics.validate import FloatArray
+from reproduce.physics.validate import Finding, FloatArray
 
 # Residuals below this share of the coordinates are rounding.
 _ROUNDING = 1e-11
@@ -61,15 +60,6 @@ _DECIMALS, _STILL, _TIED = 9, 0.5, 0.1
 _ALIKE = 10
 
 _Named = Callable[[Sequence[int]], str]
-
-
-@dataclass(frozen=True)
-class Finding:
-    """What is to be said of stars: its kind, the sentence, the rows it is about."""
-
-    kind: str
-    text: str
-    rows: tuple[int, ...] = ()
 
 
 def fits_exactly(fit: RegistrationFit, source: FloatArray, target: FloatArray) -> bool:
