@@ -414,14 +414,15 @@ class _File:
         if not len(self.lines) or len(self._entries(int(self.lines[0]))) != len(self.names):
             return None
         last = len(self.names) - 1
-        passed = np.setdiff1d(np.arange(1, self.lines[-1]), self.lines, assume_unique=True) - 1
+        passed = np.ones(self.lines[-1], bool)
+        passed[self.lines - 1] = False
         # Exact by default from pandas 3.1 on, which no longer takes the word.
         old = tuple(map(int, pd.__version__.split(".")[:2])) < (3, 1)
         exact: dict[str, Any] = {"float_precision": "round_trip"} if old else {}
         types = dict.fromkeys(range(last + 1), str) | dict.fromkeys(places.values(), np.float64)
         try:
             frame = pd.read_csv(
-                BytesIO(self.text), header=None, dtype=types, skiprows=passed.tolist(),
+                BytesIO(self.text), header=None, dtype=types, skiprows=np.flatnonzero(passed).tolist(),
                 sep=r"\s+" if self.separator == " " else self.separator, decimal=decimal,
                 skipinitialspace=True, engine="c", **exact,
             )  # fmt: skip

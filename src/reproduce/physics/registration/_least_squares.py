@@ -212,12 +212,12 @@ def _closed_similarity(problem: Problem) -> Solution:
     # Sums of squares about the centroids lose no digits, wherever the pivot lies.
     offsets, centroid = _centred(problem.source, weights)
     targets, target_centroid = _centred(problem.target, weights)
-    row = (weights * offsets).conj()[..., None, :]
-    spread = (row @ offsets[..., None])[..., 0, 0].real
+    weighted = weights * offsets
+    spread = np.vecdot(offsets, weighted).real
     _refuse_vanished("source", spread, total, centroid)
     # What each point is moved is small where two images are alike: its sums keep their digits.
     moved, drift = _centred(problem.target - problem.source, weights)
-    change = (row @ moved[..., None])[..., 0, 0] / spread
+    change = np.vecdot(weighted, moved) / spread
     factor = 1.0 + change
     _refuse_mirrored(offsets, targets, weights)
     _refuse_vanished("target", _squared(factor) * spread, total, target_centroid)
@@ -263,7 +263,7 @@ def _refuse_mirrored(offsets: ComplexArray, targets: ComplexArray, weights: Floa
     image, the ratio of what the two leave follows the F law. Two points never tell.
     """
     weighted = weights * targets
-    along, across = (np.abs((side * weighted).sum(axis=-1)) for side in (offsets.conj(), offsets))
+    along, across = (np.abs(np.vecdot(side, weighted)) for side in (offsets, offsets.conj()))
     suspect = across > along
     if not suspect.any():
         return

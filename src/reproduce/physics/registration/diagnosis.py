@@ -356,7 +356,8 @@ def _line(source: FloatArray) -> list[Finding]:
     """Say that stars lie in a line, which a mirror image fits as well."""
     if len(source) < 3:
         return []
-    length, width = np.linalg.svd(source - source.mean(axis=0), compute_uv=False)
+    some = source[thinned(len(source), _COMPARED)]
+    length, width = np.linalg.svd(some - some.mean(axis=0), compute_uv=False)
     if width > _THIN * length:
         return []
     return [Finding("line", "the stars lie in a line: their mirror image would fit as well")]
