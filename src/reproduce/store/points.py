@@ -416,13 +416,14 @@ class _File:
         last = len(self.names) - 1
         passed = np.ones(self.lines[-1], bool)
         passed[self.lines - 1] = False
+        others = np.flatnonzero(passed).tolist()
         # Exact by default from pandas 3.1 on, which no longer takes the word.
         old = tuple(map(int, pd.__version__.split(".")[:2])) < (3, 1)
         exact: dict[str, Any] = {"float_precision": "round_trip"} if old else {}
         types = dict.fromkeys(range(last + 1), str) | dict.fromkeys(places.values(), np.float64)
         try:
             frame = pd.read_csv(
-                BytesIO(self.text), header=None, dtype=types, skiprows=np.flatnonzero(passed).tolist(),
+                BytesIO(self.text), header=None, dtype=types, skiprows=others,
                 sep=r"\s+" if self.separator == " " else self.separator, decimal=decimal,
                 skipinitialspace=True, engine="c", **exact,
             )  # fmt: skip
