@@ -7,10 +7,9 @@ import pytest
 from made_up import audited_table, declared, printed_cell
 
 from reproduce.audit.corrections import COSTS, _interchanges
-from reproduce.audit.equations import STEPS
 from reproduce.audit.examine import reprinted
 from reproduce.audit.intervals import printed_intervals, propagate
-from reproduce.audit.report import audit_paper
+from reproduce.audit.report import STEPS, audit_paper
 
 TEXT = """
 [[relations.all]]

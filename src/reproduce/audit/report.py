@@ -1,21 +1,231 @@
-"""The whole audit of a paper in one call, and the register of errata."""
+"""The whole audit of a paper in one call, its equations run, and the register of errata.
+
+Equations are cross-examined with themselves: each is run as extracted, on printed numbers. A matrix
+that should be a rotation, an identity, a dimension, an iteration that should converge, a chain of
+frames that should close. Where our text of it fails, the right form runs beside it.
+"""
 
 from __future__ import annotations
 
 import fnmatch
 import functools
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from reproduce.audit import examine
 from reproduce.audit.corrections import Correction, corrections
-from reproduce.audit.equations import Demonstration, demonstrations
-from reproduce.audit.relation import Finder, Relation, Sheet, relations_of
+from reproduce.audit.relation import Finder, Relation, Sheet, declarations, relations_of
+from reproduce.physics import attitude, light, optics, registration
+from reproduce.physics.attitude import rotation_from_vector
+from reproduce.physics.registration import constraint, constraint_printed
+from reproduce.physics.validate import FloatArray
 from reproduce.printed.cells import Cell, library
+from reproduce.printed.number import si_factor
+
+# Far above the noise of double precision, far below any digit of print.
+_ZERO = 1e-9
+STEPS = 5
+# What the form as extracted gives, what that of the library gives, and what it should be.
+_Values = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Demonstration:
+    """An equation run as printed: what it was asked, what it gives, and what it should give.
+
+    `right` is what the form that the library uses gives, `meaning` what the numbers are, and
+    `supposition` what the run supposes that the paper does not say; empty where it supposes
+    nothing.
+    """
+
+    name: str
+    printed: float
+    right: float
+    wanted: float
+    place: str
+    asked: str
+    meaning: str
+    supposition: str = ""
+
+    @property
+    def holds(self) -> bool:
+        """Whether the printed form does what it must."""
+        return abs(self.printed - self.wanted) <= _ZERO * max(1.0, abs(self.wanted))
+
+
+def _distortion_ratio(cells: Sheet) -> _Values:
+    k = cells["niu2024/table-2#scale.red"].si
+    ours, theirs = (cells[f"niu2024/table-1#radial-distortion.{c}"].si for c in ("green", "red"))
+    right = float(optics.distortion_ratio(k, ours, theirs))
+    # The second line of (7) sets y'_g where the first line sets x'_b: one factor k is lost.
+    printed = k**2 * ours / theirs
+    return printed, right, right
+
+
+def _turned_back(cells: Sheet) -> _Values:
+    angle = cells["niu2024/table-2#rotation.red"].si
+    start = np.array([[3.0, 4.0]])
+    cosine, sine = np.cos(angle), np.sin(angle)
+    back = optics.turned_onto_detector(start, angle) @ np.array([[cosine, -sine], [sine, cosine]]).T
+    left = float(np.abs(back - start).max())
+    return left, left, 0.0
+
+
+def _rotary(cells: Sheet) -> _Values:
+    turn = cells["niu2024/text-simulation#range-x-high"].si
+    printed, right = (
+        float(np.linalg.det(form(0.0, turn)))
+        for form in (optics.rotary_matrix_printed, optics.rotary_matrix)
+    )
+    return printed, right, 1.0
+
+
+def _constraint(cells: Sheet) -> _Values:
+    turn = cells["niu2024/table-2#rotation.red"].si
+    return float(constraint_printed(turn)), float(constraint(turn)), 0.0
+
+
+def _corners(cells: Sheet) -> tuple[FloatArray, FloatArray]:
+    """Return the corners of the detector, and its middle."""
+    size = np.array([cells[f"niu2024/text-optics#pixels-{a}"].si for a in "xy"])
+    corners = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]]) * (size - 1)
+    return corners, optics.detector_centre(size)
+
+
+def _iteration(cells: Sheet) -> _Values:
+    rows = ("scale", "rotation", "translation-x", "translation-y")
+    truth = np.array([cells[f"niu2024/table-2#{row}.red"].si for row in rows])
+    source, middle = _corners(cells)
+    target = registration.Registration("similarity", truth, middle).apply(source)
+    errors = []
+    for step in (registration.gauss_newton_step_printed, registration.gauss_newton_step):
+        found = np.array([1.0, 0.0, 0.0, 0.0])
+        for _ in range(STEPS):
+            found = step(found, source, target, middle)
+        errors.append(float(np.linalg.norm((found - truth)[2:])))
+    return errors[0], errors[1], 0.0
+
+
+def _laser_geometry(cells: Sheet) -> tuple[FloatArray, float]:
+    half = cells["chen2023/text-hardware#laser-diagonal"].si / 2
+    places = np.array([[0.0, -half], [-half, 0.0], [half, 0.0], [0.0, half]])
+    return places, cells["chen2023/table-2#telescope-focal-length.value"].si
+
+
+def _unit_vectors(cells: Sheet) -> _Values:
+    length = float(np.linalg.norm(attitude.emitted_directions(*_laser_geometry(cells)), axis=-1)[0])
+    return length, length, 1.0
+
+
+def _chain(cells: Sheet) -> _Values:
+    """Close the chain (4), (6), (7): the misalignment put in must come out."""
+    camera = attitude.emitted_directions(*_laser_geometry(cells))
+    zero = rotation_from_vector(np.array([0.3, -1.2, 0.5]))
+    turned = rotation_from_vector(np.array([1e-5, -2e-5, 3e-5]))
+    moved = attitude.moved_laser_transform(zero, turned)
+    seen = camera @ moved.T  # w = T v, one row for each laser
+    left = float(np.abs(camera - seen @ (turned @ zero.T).T).max())
+    return left, left, 0.0
+
+
+def _retroreflector(cells: Sheet) -> _Values:
+    """Turn the reflector of the satellite, read as a corner cube, about three axes."""
+    beam, turn = np.array([0.0, 0.0, -1.0]), si_factor("arcsec")
+    straight = light.mirror_train(light.CORNER) @ beam
+    turns = [rotation_from_vector(turn * axis) for axis in np.eye(3)]
+    returned = [light.mirror_train(light.CORNER @ turned.T) @ beam for turned in turns]
+    moved = max(float(np.linalg.norm(one - straight)) / turn for one in returned)
+    return moved, moved, 0.0
+
+
+def _roll_leak(cells: Sheet) -> _Values:
+    """Roll the camera about its boresight, and take the error of (5) in the two orders."""
+    t = "chen2023/table-2#tracker-"
+    spots = np.array(
+        [[cells[f"chen2023/text-platform#spot-{i}-{a}"].si for a in "xy"] for i in "1234"]
+    )
+    middle = optics.detector_centre([cells[f"{t}pixels-{a}.value"].si for a in "xy"])
+    scale = cells[f"{t}pixel-size.value"].si / cells[f"{t}focal-length.value"].si
+    across, along = (spots.mean(axis=0) - middle) * scale
+    reference = rotation_from_vector(np.array([-along, across, 0.0]))
+    rolled = reference @ rotation_from_vector(np.array([0.0, 0.0, 60 * si_factor("arcsec")]))
+    errors = [
+        float(np.hypot(*attitude.misalignment_angles(form(rolled, reference))[:2]))
+        / si_factor("arcsec")
+        for form in (attitude.transform_error_printed, attitude.misalignment_between)
+    ]
+    return errors[0], errors[1], 0.0
+
+
+def _stage_angle(cells: Sheet) -> _Values:
+    travel = cells["chen2023/text-effectiveness#maximum-travel"].si
+    focal = cells["chen2023/text-effectiveness#focal-length"].si
+    arcsec = si_factor("arcsec")
+    printed, right = (
+        float(form(travel, focal)) / arcsec
+        for form in (attitude.stage_angle_printed, attitude.stage_angle)
+    )
+    return printed, right, -float(np.arctan(travel / focal)) / arcsec
+
+
+def _stage_signs(cells: Sheet) -> _Values:
+    """Move the lasers along Y and let (5) and (7) measure which way the camera seems to turn."""
+    places, focal = _laser_geometry(cells)
+    shift = cells["chen2023/text-effectiveness#step"].si
+    before, after = (
+        attitude.emitted_directions(places + np.array([0.0, moved]), focal)
+        for moved in (0.0, shift)
+    )
+    found = attitude.misalignment(before, after, np.eye(3))
+    angles = (
+        attitude.stage_angle(shift, focal),
+        attitude.stage_angles([0.0, shift], focal)[0],
+        attitude.misalignment_angles(found)[0],
+    )
+    printed, right, wanted = (float(np.sign(float(angle))) for angle in angles)
+    return printed, right, wanted
+
+
+def _misalignment_side(cells: Sheet) -> _Values:
+    """Set the inverse of the matrix of (8) in the place of R_U, and compare the lines of sight."""
+    turn = cells["chen2023/text-effectiveness#simulated-angle"].si
+    boresights = cells["chen2023/text-satellite#boresight-angle"].si
+    installed = rotation_from_vector(np.array([boresights, 0.0, 0.0]))
+    gaps = []
+    for axis in np.eye(2, 3):
+        moved = rotation_from_vector(turn * axis)
+        corrected = installed @ moved.T  # (8), inverted
+        forms = moved.T, attitude.misalignment_in_tracker(moved, installed)
+        gaps.append([np.linalg.norm((form @ installed - corrected)[:, 2]) for form in forms])
+    printed, right = (float(gap) for gap in np.max(gaps, axis=0) / si_factor("arcsec"))
+    return printed, right, 0.0
+
+
+_RUNS: dict[str, Callable[[Sheet], _Values]] = {
+    "distortion-ratio": _distortion_ratio,
+    "turned-back": _turned_back,
+    "rotary-matrix": _rotary,
+    "unit-circle": _constraint,
+    "iteration": _iteration,
+    "unit-vectors": _unit_vectors,
+    "chain": _chain,
+    "misalignment-side": _misalignment_side,
+    "stage-angle": _stage_angle,
+    "stage-signs": _stage_signs,
+    "retroreflector": _retroreflector,
+    "roll-leak": _roll_leak,
+}
+
+
+def _demonstrations(paper: str, cells: Sheet) -> list[Demonstration]:
+    """Run the equations of a paper as printed, in the order of its file; none without one."""
+    texts = declarations(paper).get("equations", {})
+    return [Demonstration(name, *_RUNS[name](cells), **text) for name, text in texts.items()]
 
 
 @dataclass(frozen=True)
@@ -118,7 +328,7 @@ def audit(name: str, cells: Sheet, relations: Sequence[Relation]) -> Audit:
             part for group in examine.groups(cells, read) for part in _parts(cells, read, group)
         ),
         unknowns=examine.agreements(cells, relations),
-        equations=tuple(demonstrations(name, cells)),
+        equations=tuple(_demonstrations(name, cells)),
     )
 
 
