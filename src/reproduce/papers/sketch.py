@@ -272,13 +272,33 @@ def diagram(
     return declare
 
 
-def across(axes: Axes, label: str, factor: float) -> None:
-    """Give axes with a logarithmic scale the same upward scale in another unit, on the right."""
-    there, back = (functools.partial(np.multiply, by) for by in (factor, 1 / factor))
-    axis = axes.secondary_yaxis("right", functions=(there, back)).yaxis
-    axis.set_major_formatter("{x:g}")
-    axis.set_minor_formatter("")
-    axis.set_label_text(label)
+def pair(figure: Figure, height: float, narrow: float, quantity: str) -> tuple[list[Axes], bool]:
+    """Return two panels that share the quantity shown, one below the other on a narrow page.
+
+    And whether the page is one.
+    """
+    narrowed = sized(figure, 6.4, height, narrow)
+    panels = list(figure.subplots(*((2, 1) if narrowed else (1, 2)), sharey=True))
+    for axes in panels if narrowed else panels[:1]:
+        axes.set_ylabel(quantity)
+    return panels, narrowed
+
+
+def banded(
+    axes: Axes, x: ArrayLike, ends: FloatArray, colour: str, line: str = "-", label: str = ""
+) -> None:
+    """Draw a median within the band of its low and high ends, of shape (3, n)."""
+    band = axes.fill_between(x, ends[0], ends[2], facecolor=(colour, 0.2), edgecolor=colour)
+    band.set(linewidth=0.6, linestyle=line)
+    axes.plot(x, ends[1], line, color=colour, label=label)
+
+
+def logarithmic(axes: Axes, x: Sequence[float], y: Sequence[float]) -> None:
+    """Make both axes logarithmic, with these ticks alone, written as they are."""
+    axes.set(xscale="log", yscale="log")
+    axes.set_xticks(x, [f"{tick:g}" for tick in x])
+    axes.set_yticks(y, [f"{tick:g}" for tick in y])
+    axes.minorticks_off()
 
 
 @dataclass(frozen=True, eq=False)

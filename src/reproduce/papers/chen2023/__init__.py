@@ -37,14 +37,13 @@ STUDIES = _made(
     ("satellite", "retro-reflectors dichroic heat thermal"),
     ("positioning", "budget strategies suffices"),
     ("attitude", "orders"),
-    ("platform_twin", "misfit"),
     ("effectiveness", "focal-lengths differences"),
     ("resolution", "readings"),
-    ("decisions", "instrument-errors frames drift"),
+    ("decisions", "frames drift"),
 )
 
 # The modules of our own drawings.
 DRAWINGS = _made(
     ("attitude", "drawing-misalignment"),
-    ("decisions", "drawing-frames drawing-drift"),
+    ("decisions", "drawing-frames"),
 )

@@ -23,7 +23,6 @@ STUDIES = {
     "niu2024/approximations": "approximations",
     "niu2024/scale-errors": "experiment",
     "niu2024/fusion": "images",
-    "niu2024/instrument-errors": "decisions",
     "niu2024/stars": "decisions",
 }
 
