@@ -11,8 +11,7 @@ side by side. Where one focal length stands for the whole table, the largest ref
 gives it. The columns as printed with the nominal length came first, 14 minutes before the first
 verdicts in the history; all other readings were added when that result was known.
 
-The focal lengths that the rows imply are compared row by row, and fitted together to the monitored
-angles of an axis, which share the noise of the zero state.
+The focal lengths that the rows imply are compared row by row.
 """
 
 from __future__ import annotations
@@ -34,7 +33,7 @@ from reproduce.printed.given import Given
 from reproduce.units import RADIANS_PER_ARCSEC
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping
 
     from matplotlib.figure import Figure
 
@@ -247,30 +246,13 @@ def _implied(motions: FloatArray, angles: FloatArray) -> FloatArray:
     return np.asarray(-motions / np.tan(angles) * 1e3)
 
 
-def _fitted_length(
-    motions: FloatArray, angles: FloatArray, sigma: float
-) -> tuple[float, float, float]:
-    """Fit one focal length to angles that each carry the noise of the same zero state.
-
-    Length and its standard deviation, in metres, and chi-square of the rows about it.
-    """
-    inverse = np.linalg.inv(sigma**2 * (np.eye(len(angles)) + 1.0))
-    information = float(motions @ inverse @ motions)
-    slope = -float(motions @ inverse @ angles) / information
-    away = angles + slope * motions
-    error = float(np.sqrt(1.0 / information)) / slope**2
-    return 1.0 / slope, error, float(away @ inverse @ away)
-
-
 def _implied_facts(given: Given) -> dict[str, declare.Fact]:
     """What sentences say of the implied focal lengths: their ends, and where all rows meet.
 
     Of the readings with interchanged columns, also the largest difference between a monitored and a
     reference angle if the reference columns were the interchanged ones.
     """
-    frame = _focal_lengths(given)
-    frame = frame[frame["Angle"].str.startswith("reference")]
-    own, other, half = (frame.iloc[:, column].to_numpy(np.float64) for column in (1, 4, 5))
+    own, half, other, _ = _focal_lengths(given).iloc[:, 1:].to_numpy(np.float64).T
     away = [
         np.abs(_column(given, f"monitoring-{turn}") - _column(given, f"reference-{axis}")).max()
         for axis, turn in _TURNS.items()
@@ -288,19 +270,9 @@ def _implied_facts(given: Given) -> dict[str, declare.Fact]:
     return facts | {"largest-difference": declare.Fact(largest, ".3f", "arcsec")}
 
 
-@declare.studied(
-    "chen2023/focal-lengths",
-    given=(f"{TABLE}#*", *platform.INSTRUMENT, platform.SCATTER, FRAMES),
-    caption="Focal length implied by Table V: by reference angles (± rounding of the print) and by "
-    "all monitored angles of an axis together (± noise, the shared zero point included; χ² of "
-    f"{len(_MOVED) - 1}). Motions are differences of the printed positions, which mends the one "
-    "digit.",
-    named=_implied_facts,
-)
-def _focal_lengths(given: Given) -> list[tuple[str | float, ...]]:
+@declare.studied("chen2023/focal-lengths", given=[f"{TABLE}#*"], named=_implied_facts)
+def _focal_lengths(given: Given) -> Iterator[tuple[str | float, ...]]:
     """Focal lengths that the rows of Table V imply, as printed and with the columns exchanged."""
-    sigma = platform.angle_sigma(given, 2, given.count(FRAMES))
-    rows: list[tuple[str | float, ...]] = []
     for axis, turn in _TURNS.items():
         motions = [np.array([_moved(given, s, moving) for s in _MOVED]) for moving in (axis, turn)]
         angles = _column(given, f"reference-{turn}")
@@ -310,13 +282,7 @@ def _focal_lengths(given: Given) -> list[tuple[str | float, ...]]:
         half_motion, half_angle = 1e-8, 0.0005 * RADIANS_PER_ARCSEC
         error = np.abs(own) * (half_motion / np.abs(motions[0]) + half_angle / np.abs(angles))
         for state, *one in zip(_MOVED, own, error, other, strict=True):
-            label = f"reference about {turn.upper()}, state {state}"
-            rows.append((label, one[0], one[1], np.nan, one[2], one[1], np.nan))
-        monitored, noise = _column(given, f"monitoring-{turn}"), sigma["xy".index(turn)]
-        fits = (_fitted_length(motion, monitored, noise) for motion in motions)
-        numbers = [n for length, error, away in fits for n in (length * 1e3, error * 1e3, away)]
-        rows.append((f"all monitored about {turn.upper()}", *numbers))
-    return rows
+            yield (f"reference about {turn.upper()}, state {state}", *one, one[1])
 
 
 def _shared_zero_chi_square(differences: FloatArray, sigma: float) -> float:
