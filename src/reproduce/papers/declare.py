@@ -475,7 +475,7 @@ class Drawing(Own):
         self, figure: Figure, printed: Mapping[str, float] = _NOTHING, door: Given | None = None
     ) -> None:
         """Draw on an empty figure, from the print or from what another door holds."""
-        taken = inspect.signature(self.function, follow_wrapped=False).parameters
+        taken = inspect.signature(self.function).parameters
         self.function(*[figure, printed, *self._doors(door)][: len(taken)])
 
 

@@ -5,8 +5,7 @@ Everything that carries no look of its own is drawn in `INK`, which follows the 
 
 from __future__ import annotations
 
-import functools
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING
@@ -21,10 +20,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from reproduce.printed.given import Given
 
 Point = tuple[float, float]
-_Draw = Callable[..., None]
 INK = "#000000"
 # Points: on a wide page, and the least that a narrow one may have.
 SIZE, LEAST = 9.0, 8.0
@@ -181,23 +178,14 @@ class Sketch:
             look = looks.get(start) or looks.get(end) or _INKED
             self._join(places[start], places[end], look)
 
-    def arc(
-        self,
-        centre: ArrayLike,
-        radius: float,
-        angles: Point,
-        text: str = "",
-        *,
-        head: bool = False,
-    ) -> None:
-        """Draw an arc between two angles in degrees, its label outside, a head at its end."""
+    def arc(self, centre: ArrayLike, radius: float, angles: Point, text: str) -> None:
+        """Draw a turn from one angle to another, in degrees, its label outside."""
         sweep = np.radians(np.linspace(*angles, 60))
-        points = np.asarray(centre) + radius * np.stack([np.cos(sweep), np.sin(sweep)], axis=-1)
-        (self._turning if head else self.line)(points)
-        if text:
-            middle = np.radians(sum(angles) / 2)
-            beyond = (radius + 0.45) * np.array([np.cos(middle), np.sin(middle)])
-            self.label(np.asarray(centre) + beyond, text)
+        around = np.stack([np.cos(sweep), np.sin(sweep)], axis=-1)
+        self._turning(np.asarray(centre) + radius * around)
+        middle = np.radians(sum(angles) / 2)
+        beyond = (radius + 0.45) * np.array([np.cos(middle), np.sin(middle)])
+        self.label(np.asarray(centre) + beyond, text)
 
     def _turning(self, points: FloatArray) -> None:
         """Draw a curve of shape (n, 2) with a head at its end: the sense of a turn."""
@@ -255,21 +243,6 @@ class Sketch:
         steps = np.linspace(0.0, angle, 60)[:, np.newaxis] * unit("axis", axis)
         moved = rotation_from_vector(steps) @ np.asarray(start)
         self._turning(view.point(np.asarray(origin) + moved))
-
-
-def diagram(
-    width: float, height: float, inches: float = 6.4, narrow: Point | None = None
-) -> Callable[[Callable[..., None]], _Draw]:
-    """Turn a painter of a sketch into a drawing of an item without printed values."""
-
-    def declare(paint: Callable[..., None]) -> _Draw:
-        @functools.wraps(paint)
-        def draw(figure: Figure, printed: Mapping[str, float], *door: Given) -> None:
-            paint(Sketch.on(figure, width, height, inches, narrow), *door)
-
-        return draw
-
-    return declare
 
 
 def pair(figure: Figure, height: float, narrow: float, quantity: str) -> tuple[list[Axes], bool]:

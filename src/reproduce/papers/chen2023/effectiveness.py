@@ -66,19 +66,19 @@ def _moved(printed: Given | Mapping[str, float], state: int, axis: str) -> float
     return printed[f"{TABLE}#{state}.position-{axis}"] - printed[f"{TABLE}#1.position-{axis}"]
 
 
-def common_length(given: Given, axis: str) -> float:
+def _common_length(given: Given, axis: str) -> float:
     """Return the focal length for which (10) joins the last angle about Y with a motion."""
     return float(-_moved(given, STATES[-1], axis) / np.tan(given[LAST]))
 
 
 def _expected_angles(given: Given, state: int, turn: str) -> dict[tuple[str, str], float]:
     """Return the angle of the stage in a state, in radians, by columns and telescope."""
-    axis, exchanged = _TURNS[turn], common_length(given, "y")
+    axis, exchanged = _TURNS[turn], _common_length(given, "y")
     printed = given[f"{TABLE}#{state}.motion-{axis}"]
     sides = {
         ("printed", "quoted"): (printed, given[_QUOTED]),
         ("printed", "nominal"): (printed, given[platform.TELESCOPE]),
-        ("printed", "common"): (printed, common_length(given, "x")),
+        ("printed", "common"): (printed, _common_length(given, "x")),
         ("motions", "common"): (_moved(given, state, turn), exchanged),
         ("references", "common"): (_moved(given, state, axis), exchanged),
     }

@@ -22,7 +22,7 @@ from numpy.random import default_rng
 from reproduce.papers.chen2023 import accuracy, platform, satellite
 from reproduce.papers.chen2023.satellite import SCENE, STAR
 from reproduce.papers.declare import Column, Results, draws, reproduces, seed_of, studied
-from reproduce.papers.sketch import INK, Look, Sketch, beside, diagram, seen_from
+from reproduce.papers.sketch import INK, Look, Sketch, beside, seen_from
 from reproduce.physics import ground
 from reproduce.physics.attitude import rotation_from_vector, unit
 from reproduce.physics.validate import FloatArray
@@ -30,7 +30,10 @@ from reproduce.printed.given import Given
 from reproduce.units import RADIANS_PER_ARCSEC
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     import pandas as pd
+    from matplotlib.figure import Figure
 
 
 _POINTING = f"{satellite.SATELLITE}#tracker-pointing-accuracy.value"
@@ -244,9 +247,9 @@ def _scene(door: Given) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]]:
 
 
 @draws("chen2023/fig-1a", given=[satellite.BORESIGHT])
-@diagram(14.0, 9.6, 6.6)
-def _draw_scene(sketch: Sketch, door: Given) -> None:
+def _draw_scene(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """Frames of the imaging model, from a point of the image to a place on the Earth."""
+    sketch = Sketch.on(figure, 14.0, 9.6, 6.6)
     (above, imaged, frames), origin = _scene(door), np.zeros(3)
     around = np.linspace(0.0, 2.0 * np.pi, 240)
     circle = _EARTH * np.stack([np.cos(around), np.sin(around), 0 * around], axis=-1)

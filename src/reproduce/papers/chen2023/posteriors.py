@@ -87,7 +87,7 @@ def _truth(given: Given, drift: bool = False) -> dict[str, float]:
             for axis, angle in zip("xyz", angles, strict=True)}  # fmt: skip
 
 
-def misalignment(given: Given, drift: FloatArray | None = None) -> Model:
+def _misalignment(given: Given, drift: FloatArray | None = None) -> Model:
     """A misalignment after a calibration group, constant or drifting through its own group."""
     zero, half = np.zeros(3), np.zeros(3) if drift is None else drift / 2
     drifts = drift is not None
@@ -98,7 +98,7 @@ def misalignment(given: Given, drift: FloatArray | None = None) -> Model:
 
 def drift(given: Given) -> Model:
     """A misalignment that drifts through the monitoring group."""
-    return misalignment(given, _DRIFT)
+    return _misalignment(given, _DRIFT)
 
 
 def _users_model(
@@ -183,7 +183,7 @@ def _file(drifts: bool) -> File:
 
 POSTERIORS = (
     Declaration(
-        "misalignment", "Constant misalignment from laser spots", "chen2023", READS, misalignment,
+        "misalignment", "Constant misalignment from laser spots", "chen2023", READS, _misalignment,
         _file(drifts=False), _truth,
     ),
     Declaration(

@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 
 from reproduce.papers.chen2023 import platform
 from reproduce.papers.declare import Blocked, Results, draws, reproduces, studied
-from reproduce.papers.sketch import Look, Sketch, beside, diagram, sized, turned
+from reproduce.papers.sketch import Look, Sketch, beside, sized, turned
 from reproduce.physics import attitude, ground
 from reproduce.physics.light import (
     RETROREFLECTORS,
@@ -214,9 +214,9 @@ def _heat(given: Given) -> list[tuple[str | float, ...]]:
 
 
 @draws("chen2023/fig-1b")
-@diagram(12.0, 6.8)
-def _draw_system(sketch: Sketch) -> None:
+def _draw_system(figure: Figure) -> None:
     """The monitoring system: what the laser light couples, and what the stars add."""
+    sketch = Sketch.on(figure, 12.0, 6.8)
     sketch.box((2.4, 3.4), (4.4, 1.7), "camera with lasers\nin its focal plane")
     sketch.box((6.2, 0.8), (3.4, 1.1), "retro-reflector")
     sketch.box((9.9, 3.4), (3.4, 1.7), "star and laser\ntracker")
@@ -231,9 +231,9 @@ def _draw_system(sketch: Sketch) -> None:
 
 
 @draws("chen2023/fig-2a")
-@diagram(12.6, 10.8)
-def _draw_satellite(sketch: Sketch) -> None:
+def _draw_satellite(figure: Figure) -> None:
     """The system in the satellite: camera down, tracker up, retro-reflector between."""
+    sketch = Sketch.on(figure, 12.6, 10.8)
     sketch.box((3.4, 5.4), (3.8, 5.2))
     sketch.box((3.4, 7.4), (3.2, 1.1), "focal plane,\nlasers")
     for x, y, degrees in (
@@ -255,9 +255,9 @@ def _draw_satellite(sketch: Sketch) -> None:
 
 
 @draws("chen2023/fig-2b", given=[_DETECTORS])
-@diagram(13.6, 5.8)
-def _draw_focal_plane(sketch: Sketch, door: Given) -> None:
+def _draw_focal_plane(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """Focal plane of the camera: detectors in two planes, joined by reflectors, and the lasers."""
+    sketch = Sketch.on(figure, 13.6, 5.8)
     count = door.count(_DETECTORS)
     for index in range(count):
         x, upright = 1.0 + 0.7 * index, index % 2 == 0

@@ -24,7 +24,7 @@ from numpy.random import Generator, SeedSequence
 
 from reproduce.papers.declare import Fact, draws, studied
 from reproduce.papers.niu2024 import experiment
-from reproduce.papers.niu2024.diagrams import LOOKS
+from reproduce.papers.niu2024.registration import LOOKS
 from reproduce.papers.niu2024.simulation import CHANNELS, OPTICS
 from reproduce.papers.sketch import Look, sized
 from reproduce.physics import images

@@ -45,7 +45,7 @@ _JOINT_COLUMNS = ((0, 1, 2, 3, 8), (4, 5, 6, 7, 8))
 _FEW = 10
 
 
-def centroids(given: Given) -> FloatArray:
+def _centroids(given: Given) -> FloatArray:
     """Simulated centroids of green, red and blue, shape (3, n, 2), in px."""
     noise = given[NOISE]
     return np.asarray(noisy_centroids(true_centroids(given), noise, data_stream(given, 1), 1)[0])
@@ -75,7 +75,7 @@ def truth(given: Given, channels: tuple[str, ...] = ("red",)) -> dict[str, float
 
 def _registration(given: Given) -> Model:
     """The red channel laid over green."""
-    green, red, _ = centroids(given)
+    green, red, _ = _centroids(given)
     return _foretelling(given, models.registration_model(red, green, pivot(given, "red")))
 
 
@@ -92,7 +92,7 @@ def _foretelling(given: Given, model: Model) -> Model:
 
 def _joint(given: Given) -> Model:
     """Both channels laid over green at once."""
-    green, red, blue = centroids(given)
+    green, red, blue = _centroids(given)
     pivots = (pivot(given, "red"), pivot(given, "blue"))
     model = models.joint_model((red, blue), green, pivots)
     likelihood = model.likelihood_of(models.JointRegistration)
@@ -110,7 +110,7 @@ def _distortion(given: Given) -> Model:
 
 def _mixture(given: Given) -> Model:
     """The red channel, three stars of ten matched with the wrong green one."""
-    green, red, _ = centroids(given)
+    green, red, _ = _centroids(given)
     order = Generator(PCG64(data_stream(given, 4))).permutation(len(red))
     false = order[: round(_FALSE * len(red))]
     green[false] = green[np.roll(false, 1)]
@@ -149,10 +149,10 @@ def _new_stars(
     source = _test_points(given)[simulation.CHANNELS.index(channel)]
     registered = fit.transform.apply(source)
     stars = likelihood.elsewhere(source)
-    return models.NewStars(stars, registered, pixel_angle(given), columns, prefix)
+    return models.NewStars(stars, registered, _pixel_angle(given), columns, prefix)
 
 
-def pixel_angle(given: Given) -> float:
+def _pixel_angle(given: Given) -> float:
     """Return the angle that a pixel of the green channel spans, in arcsec."""
     pitch = given["niu2024/text-optics#pixel-pitch-x"]
     focal_length = given[f"{IMAGING}#focal-length.green"]
