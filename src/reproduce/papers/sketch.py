@@ -245,16 +245,20 @@ class Sketch:
         self._turning(view.point(np.asarray(origin) + moved))
 
 
-def pair(figure: Figure, height: float, narrow: float, quantity: str) -> tuple[list[Axes], bool]:
-    """Return two panels that share the quantity shown, one below the other on a narrow page.
-
-    And whether the page is one.
-    """
+def pair(figure: Figure, height: float, narrow: float, quantity: str) -> list[Axes]:
+    """Return two panels that share the quantity shown, one below the other on a narrow page."""
     narrowed = sized(figure, 6.4, height, narrow)
     panels = list(figure.subplots(*((2, 1) if narrowed else (1, 2)), sharey=True))
     for axes in panels if narrowed else panels[:1]:
         axes.set_ylabel(quantity)
-    return panels, narrowed
+    return panels
+
+
+def named_below(figure: Figure, columns: int) -> None:
+    """Put the legend of the first panel below all, in half as many columns on a narrow page."""
+    handles = figure.axes[0].get_legend_handles_labels()
+    columns = (columns + 1) // 2 if thin(figure) else columns
+    figure.legend(*handles, loc="outside lower center", ncols=columns)
 
 
 def banded(

@@ -16,7 +16,7 @@ from numpy.random import SeedSequence
 
 from reproduce.papers.chen2023 import platform
 from reproduce.papers.declare import Prediction, Results, draws, reproduces
-from reproduce.papers.sketch import banded, logarithmic, pair
+from reproduce.papers.sketch import banded, logarithmic, named_below, pair
 from reproduce.physics.attitude import scatter_of_averages
 from reproduce.physics.optics import spawned_normals
 from reproduce.physics.validate import FloatArray
@@ -127,7 +127,7 @@ def _counts(given: Given) -> list[int]:
 def _draw(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """Accuracy of the matrices against the number of averaged frames."""
     counts, predicted = _counts(door), frame_averaging(door)
-    panels, narrow = pair(figure, 4.0, 5.6, "accuracy (3σ, arcsec)")
+    panels = pair(figure, 4.0, 5.6, "accuracy (3σ, arcsec)")
     looks = {"x": ("#0072B2", "-", "o"), "y": ("#D55E00", "--", "s")}
     for (matrix, axis), axes in zip(_COLUMNS, (p for p in panels for _ in "xy"), strict=True):
         names = [f"{count}.{matrix}-{axis}" for count in counts]
@@ -141,5 +141,4 @@ def _draw(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     for axes, title in zip(panels, _MATRICES.values(), strict=True):
         axes.set(xlabel="frames averaged", title=title)
         logarithmic(axes, counts, (0.1, 0.2, 0.5, 1.0))
-    handles, across = panels[0].get_legend_handles_labels(), 2 if narrow else 4
-    figure.legend(*handles, loc="outside lower center", ncols=across)
+    named_below(figure, 4)

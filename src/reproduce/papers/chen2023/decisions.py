@@ -17,7 +17,7 @@ from reproduce.inference.models import small_angle_posterior
 from reproduce.papers.chen2023 import accuracy, effectiveness, platform, satellite
 from reproduce.papers.chen2023.posteriors import READS, drift
 from reproduce.papers.declare import Fact, draws, studied
-from reproduce.papers.sketch import INK, banded, logarithmic, pair
+from reproduce.papers.sketch import INK, banded, logarithmic, named_below, pair
 from reproduce.physics.attitude import averaged_error
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
@@ -198,7 +198,7 @@ def _frames(door: Given) -> pd.DataFrame:
 def _draw_frames(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """Error of the misalignment against frames averaged, and the scatter of Table V."""
     counts, noise = np.geomspace(1, 1000, 40), _states(door) * ARCSEC_PER_RADIAN
-    panels, narrow = pair(figure, 3.9, 6.0, "error, one sigma (arcsec)")
+    panels = pair(figure, 3.9, 6.0, "error, one sigma (arcsec)")
     for axes, (axis, column) in zip(panels, _AXES.items(), strict=True):
         ends = _averages(door, axis, counts) * ARCSEC_PER_RADIAN
         banded(axes, counts, ends, "#0072B2", label="median, with 95 %")
@@ -211,8 +211,7 @@ def _draw_frames(figure: Figure, printed: Mapping[str, float], door: Given) -> N
         banded(axes, counts, belt, "#D55E00", "-.", label="one state of Table V")
         axes.set(title=f"about {axis}", xlabel="frames averaged (count)", ylim=(0.008, 0.6))
         logarithmic(axes, (1, 10, 100, 1000), (0.01, 0.02, 0.05, 0.1, 0.2, 0.5))
-    handles = panels[0].get_legend_handles_labels()
-    figure.legend(*handles, loc="outside lower center", ncols=2 if narrow else 3)
+    named_below(figure, 3)
 
 
 @cache

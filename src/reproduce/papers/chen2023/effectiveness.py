@@ -25,7 +25,7 @@ from numpy.random import SeedSequence
 
 from reproduce.papers import declare
 from reproduce.papers.chen2023 import accuracy, platform
-from reproduce.papers.sketch import thin
+from reproduce.papers.sketch import named_below, pair
 from reproduce.physics.attitude import stage_angle
 from reproduce.physics.optics import spawned_normals
 from reproduce.physics.validate import FloatArray
@@ -212,7 +212,7 @@ def bound(given: Given) -> declare.Results:
 @declare.draws("chen2023/table-5", given=monitored_angle.given)
 def _draw(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """Focal length that each printed angle implies for its printed motion."""
-    panels = figure.subplots(1, 2, sharey=True)
+    panels = pair(figure, 3.6, 5.6, "focal length (mm)")
     sigma = platform.angle_sigma(door, 2, door.count(FRAMES))
     for axes, (axis, turn) in zip(panels, _TURNS.items(), strict=True):
         motions = _column(printed, f"motion-{axis}")
@@ -232,9 +232,7 @@ def _draw(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
         nominal = door[platform.TELESCOPE] * 1e3
         axes.axhline(nominal, color="#000000", ls="--", lw=1, label="nominal")
         axes.set(xlabel="state", title=f"stage along {axis.upper()}", xticks=_MOVED)
-    panels[0].set_ylabel("focal length (mm)")
-    columns = 2 if thin(figure) else 4
-    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=columns)
+    named_below(figure, 4)
 
 
 def _column(printed: Given | Mapping[str, float], name: str) -> FloatArray:

@@ -30,7 +30,7 @@ from reproduce.papers.chen2023 import accuracy, effectiveness, platform, resolut
 from reproduce.papers.chen2023.attitude import towards
 from reproduce.papers.chen2023.satellite import LASER, STAR, reflected
 from reproduce.papers.declare import draws, seed_of
-from reproduce.papers.sketch import INK, Sketch, beside, pair, sized, turned
+from reproduce.papers.sketch import INK, Sketch, beside, named_below, pair, sized, turned
 from reproduce.physics import attitude, images
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
@@ -300,7 +300,7 @@ def _series(
     figure: Figure, door: Given, angles: FloatArray, printed: Mapping[str, float], quantity: str
 ) -> None:
     count, frames = door.count(accuracy.SMOOTHED), np.arange(1, len(angles) + 1)
-    panels, narrow = pair(figure, 3.4, 5.4, quantity)
+    panels = pair(figure, 3.4, 5.4, quantity)
     columns = zip(panels, "XY", angles.T[:2] * ARCSEC_PER_RADIAN, printed.values(), strict=True)
     for panel, axis, series, limit in columns:
         panel.plot(frames, series, ".", markersize=2.5, label="single frame")
@@ -310,8 +310,7 @@ def _series(
             edge = series.mean() + side * limit * ARCSEC_PER_RADIAN
             panel.axhline(edge, color=INK, linestyle="--", linewidth=1, label=limits)
         panel.set(xlabel="frame", title=f"about {axis}")
-    handles, across = panels[0].get_legend_handles_labels(), 2 if narrow else 3
-    figure.legend(*handles, loc="outside lower center", ncols=across)
+    named_below(figure, 3)
 
 
 @draws("chen2023/fig-10a", marks=["chen2023/table-5#*.position-?"])

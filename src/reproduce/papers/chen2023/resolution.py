@@ -36,7 +36,7 @@ from numpy.random import SeedSequence
 
 from reproduce.papers import declare
 from reproduce.papers.chen2023 import platform
-from reproduce.papers.sketch import thin
+from reproduce.papers.sketch import named_below
 from reproduce.physics.attitude import attitude_accuracy
 from reproduce.physics.images import (
     CentroidError,
@@ -281,7 +281,7 @@ def _draw_centroids(figure: Figure, printed: Mapping[str, float], door: Given) -
     place = optimum * ARCSEC_PER_RADIAN
     axes.plot(place, accuracy, "*", markersize=13, color="#000000", label="printed best")
     axes.set(ylabel="centroid error (1σ, px)")
-    figure.legend(loc="outside lower center", ncols=2 if thin(figure) else 3)
+    named_below(figure, 3)
 
 
 @declare.draws("chen2023/fig-11b", given=READS, marks=[_SATURATION], random=True)
@@ -293,7 +293,7 @@ def _draw_monitoring(figure: Figure, printed: Mapping[str, float], door: Given) 
     limit = printed[_SATURATION] * ARCSEC_PER_RADIAN
     axes.axvline(limit, color="#000000", linewidth=1, label="printed limit of gain")
     axes.set(ylabel="monitoring error (1σ, arcsec)")
-    figure.legend(loc="outside lower center", ncols=2 if thin(figure) else 3)
+    named_below(figure, 3)
 
 
 def _curves(figure: Figure, content: dict[str, FloatArray], scale: FloatArray | float) -> Axes:

@@ -17,7 +17,7 @@ from reproduce.inference import Normal, models
 from reproduce.papers.declare import Fact, draws, studied
 from reproduce.papers.niu2024 import posteriors, simulation
 from reproduce.papers.niu2024.simulation import NOISE
-from reproduce.papers.sketch import banded, logarithmic, sized
+from reproduce.papers.sketch import banded, logarithmic, named_below, sized
 from reproduce.physics.ground import circular_error
 from reproduce.physics.registration import fit_registration
 from reproduce.physics.validate import FloatArray
@@ -158,7 +158,7 @@ def _stars(door: Given) -> Iterator[tuple[float, ...]]:
 def _draw_stars(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """Error at the edge of the field against the stars of a calibration."""
     counts = np.geomspace(10, 1000, 30)
-    narrow = sized(figure, 6.0, 3.6, 4.2)
+    sized(figure, 6.0, 3.6, 4.2)
     axes = figure.subplots()
     looks = (("#0072B2", "-"), ("#D55E00", "--"))
     for (name, ends), look in zip(_edge_errors(door, counts).items(), looks, strict=True):
@@ -166,4 +166,4 @@ def _draw_stars(figure: Figure, printed: Mapping[str, float], door: Given) -> No
     axes.axvline(door.count(_COUNT), color="#777777", linestyle=":", label="stars of the paper")
     axes.set(xlabel="stars of the calibration (count)", ylabel="error at the edge (px)")
     logarithmic(axes, (10, 30, 100, 300, 1000), (0.001, 0.01, 0.1))
-    figure.legend(loc="outside lower center", ncols=1 if narrow else 2)
+    named_below(figure, 2)
