@@ -6,9 +6,9 @@ turn of the camera, or its roll, that the system would believe. Where a third re
 image, the designed pattern is mirrored too; nothing could be solved otherwise. What the paper does
 not print: the beam is a fifth of a metre wide, and returns a metre beside the camera.
 
-What heat and stray light may do is taken term by term as II-B lists them. The paper gives most of
-these terms in words. What its numbers allow is how large each may grow until it mimics as much as
-the monitoring errs by: the three-sigma accuracy of the averaged misalignment.
+II-B gives what heat may do in words. What its numbers allow is how far the lasers may move and the
+dichroic mirror may turn until they mimic as much as the monitoring errs by: the three-sigma
+accuracy of the averaged misalignment.
 """
 
 from __future__ import annotations
