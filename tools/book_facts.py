@@ -17,10 +17,8 @@ import sys
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import duckdb
-import numpy as np
 import pandas as pd
 from markupsafe import Markup
 from pydantic import BaseModel, Field
@@ -48,9 +46,6 @@ from reproduce.views.export import (
 from reproduce.views.study import StudyTable
 from reproduce.views.table import Cell
 from reproduce.views.verdicts import facts_of
-
-if TYPE_CHECKING:
-    from reproduce.papers.posteriors import Aside
 
 
 def facts(*papers: str) -> dict[str, str]:
@@ -130,10 +125,9 @@ def _of_evidence() -> dict[str, str]:
 def _of_posterior(name: str) -> dict[str, str]:
     """Return the numbers of a posterior that sentences may say, by name.
 
-    ``shift-x-mean`` (-sd, -low, -high) of each parameter and consequence, the asides of the
-    declaration, and ``sbc-...`` of the stored calibration.
+    ``shift-x-mean`` (-sd, -low, -high) of each parameter and consequence, and ``sbc-...`` of the
+    stored calibration.
     """
-    from reproduce.papers.posteriors import posteriors
     from reproduce.views.posterior import Posterior, book_posterior, spread
 
     found, texts = book_posterior(name), {}
@@ -144,8 +138,6 @@ def _of_posterior(name: str) -> dict[str, str]:
     for label, value in Posterior(name).truth.items():
         row = next(row for row in found.rows() if row.name == label)
         texts[f"{label}-off"] = f"{abs(row.mean - value) / row.deviation:.1f}"
-    for key, aside in posteriors()[name].beside().items():
-        texts |= _of_aside(key, aside)
     return texts | dict(_of_calibration(name))
 
 
@@ -155,16 +147,6 @@ def _label(name: str) -> str:
 
 def _gap(unit: str) -> str:
     return "" if unit == "1" else f"\u202f{unit}"
-
-
-def _of_aside(key: str, aside: Aside) -> dict[str, str]:
-    value, gap = f"{aside.value:.2g}", _gap(aside.unit)
-    errors = {}
-    if aside.error:
-        decimals = max(0, 1 - int(np.floor(np.log10(aside.error))))
-        value = f"{aside.value:z.{decimals}f}"
-        errors = {f"{key}-error": f"{aside.error:.{decimals}f}{gap}"}
-    return {key: f"{value.replace('-', '−')}{gap}"} | errors
 
 
 def _of_calibration(name: str) -> Iterator[tuple[str, str]]:

@@ -90,7 +90,7 @@ def check_oldest(uv: tuple[str, ...], wheel: Path, folder: Path) -> None:
     run(*install, "--no-deps", wheel, folder=folder)
     reproduce = python.with_name("reproduce")
     run(reproduce, "check", folder=folder)
-    run(reproduce, "show", "niu2024/instrument-errors", folder=folder)
+    run(reproduce, "show", "niu2024/stars", folder=folder)
     run(reproduce, "posterior", "registration", folder=folder)
 
 

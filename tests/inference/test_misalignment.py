@@ -10,7 +10,6 @@ from reproduce.inference import LogUniform
 from reproduce.inference.diagnostics import mcse_quantile
 from reproduce.inference.models import (
     SpotStatistics,
-    errors_with_free_lasers,
     misalignment_model,
     small_angle_posterior,
 )
@@ -194,32 +193,6 @@ def test_drift_posterior_is_that_of_the_raw_images(platform):
         spread = np.sqrt(weights @ left**2)
         error = np.sqrt(np.square(weights) @ np.square(left**2 - spread**2)) / (2 * spread)
         assert abs(chain.std() - spread) < 4 * np.hypot(error, mcse_deviation(chain)), name
-
-
-def test_free_lasers_leave_what_their_motion_tells(platform):
-    """Independent: two groups of spots laser by laser, the turn fitted to their motion alone."""
-    askew = np.array([[3.0, -4.0], [0.0, 6.0], [-5.0, 0.0], [2.0, 2.0]]) / ARCSEC_PER_RADIAN
-    lasers = np.broadcast_to(platform.lasers - 2.0 * askew, (1, 4, 2))
-    mount, step, counts = np.zeros((1, 3)), 1e-5, (100, 400)
-
-    def spots(turn):
-        return platform.predicted(mount, turn[None, None], lasers)[0, 0]
-
-    response = [(spots(TURN + one) - spots(TURN - one)).ravel() / (2 * step)
-                for one in step * np.eye(3)]  # fmt: skip
-    generator = np.random.default_rng(2)
-    motion = (spots(TURN) - spots(np.zeros(3))).ravel()
-    noise = NOISE * np.hypot(*(1 / np.sqrt(counts)))
-    moved = motion + noise * generator.normal(size=(4000, 8))
-    fitted = (moved - motion) @ np.linalg.pinv(response)
-    groups = [
-        spots(turn) + NOISE * generator.normal(size=(count, 4, 2))
-        for count, turn in zip(counts, (np.zeros(3), TURN), strict=True)
-    ]
-    model = misalignment_model(platform, SpotStatistics.of(groups, (False, False)))
-    np.testing.assert_allclose(
-        errors_with_free_lasers(model.likelihood), fitted.std(axis=0), rtol=0.05
-    )
 
 
 def test_error_of_the_calibration_group_is_included(platform, posterior, spots):

@@ -5,8 +5,7 @@ import pytest
 from scipy import stats
 
 import reproduce as rp
-from reproduce.inference.models import small_angle_posterior
-from reproduce.judge.rerun import CannotChangeError, studies
+from reproduce.judge.rerun import studies
 from reproduce.papers.chen2023 import decisions as camera
 from reproduce.papers.niu2024 import decisions as sensor
 from reproduce.papers.niu2024.posteriors import true_centroids
@@ -88,7 +87,7 @@ def test_the_average_of_frames(white_and_floor):
 
 def test_the_age_of_a_calibration_is_that_of_least_squares():
     """A line through the angles frame by frame: its middle, its slope and their errors."""
-    door = given(camera._AGE_READS)
+    door = given(camera.READS)
     error, moved, spread = camera._drifting(door)
     frames = door.count("chen2023/text-accuracy#frames")
     # Over a group a slope errs by the root of twelve times its middle, and the angle about X holds
@@ -96,30 +95,15 @@ def test_the_age_of_a_calibration_is_that_of_least_squares():
     assert spread == pytest.approx(np.sqrt(12 / 2) * error, rel=0.01)
     truth = posteriors()["misalignment-drift"].true_values()["drift-x"]
     assert abs(moved - truth) < 3 * spread
-    images = fact("chen2023/drift", "images")
-    assert images == pytest.approx(frames * error / moved)
-    constant, followed = camera._age(door, np.array([images]))
-    assert constant[1, 0] == pytest.approx(np.sqrt(2) * error)
-    assert followed[0] == pytest.approx(np.hypot(error, spread * images / frames))
-    # Whatever noise and drift are: at the end of its group, half of it after the middle.
-    half = fact("chen2023/drift", "half")
-    end = camera._age(door, np.array([half]))[1][0] / error
-    assert half == frames / 2
-    assert fact("chen2023/drift", "end-times") == pytest.approx(end)
-    assert end == pytest.approx(np.sqrt(1 + 6 / 4), rel=0.01)
-
-
-def test_a_drift_of_a_readers_own():
-    table = rp.table("chen2023/drift")
-    slow, slower = (table.rerun(drift=rate).frame() for rate in (2, 1))
-    error = slow["Taken as constant (arcsec)"][0]
-    bias = [np.sqrt(one["Taken as constant (arcsec)"] ** 2 - error**2) for one in (slow, slower)]
-    np.testing.assert_allclose(bias[0], 2 * bias[1], atol=1e-9)
-    np.testing.assert_allclose(bias[1], slower["Time (s)"] / 3600, atol=1e-9)
-    with pytest.raises(CannotChangeError, match=r"drift \(in arcsec an hour"):
-        table.rerun(speed=1)
-    with pytest.raises(ValueError, match="above zero"):
-        table.rerun(drift="much")
+    assert fact("chen2023/drift", "images") == pytest.approx(frames * error / moved)
+    assert fact("chen2023/drift", "followed") == pytest.approx(frames * error / spread)
+    shown = studies()["chen2023/drift"]().set_index("Images") / ARCSEC_PER_RADIAN
+    # Whatever the noise: at the end of its group, half of it after the middle, a drift that is
+    # followed makes the error larger by the root of 1 + 6 / 4.
+    followed = shown.loc[frames // 2, "Drift followed (arcsec)"]
+    assert followed == pytest.approx(np.sqrt(1 + 6 / 4) * error, rel=0.01)
+    constant = shown.loc[100, "Taken as constant (arcsec)"]
+    assert constant == pytest.approx(np.hypot(error, moved * 100 / frames))
 
 
 @pytest.mark.parametrize("stars", [34, 137])
@@ -146,25 +130,18 @@ def test_the_edge_by_hand_and_by_monte_carlo(stars):
 
 def test_how_many_stars_are_enough():
     """Whatever the noise: it is measured by itself. The wanted error counts by its square."""
-    table = rp.table("niu2024/stars")
     by_hand = 3 * (1 + 0.9976**2) * 0.05**2  # over n: the variance of one axis at the edge
     left = np.hypot(*sensor._left_out(STARS))
-    needed = fact("niu2024/stars", "similarity-enough")
-    within = stats.rice.cdf(0.05, left / np.sqrt(by_hand / needed), scale=np.sqrt(by_hand / needed))
+    needed = sensor._enough(STARS)
+    count = needed["similarity"]
+    within = stats.rice.cdf(0.05, left / np.sqrt(by_hand / count), scale=np.sqrt(by_hand / count))
     assert within == pytest.approx(0.975, abs=0.003)
-    own = table.rerun({"niu2024/text-simulation#noise": "0.02 px"}, wanted=0.02, stars=52)
-    told = [one.frame().attrs["caption"] for one in (table, own)]
-    assert all("66 stars are with the distortions free" in one for one in told)
-    assert f"{needed:.0f} stars are enough for a similarity" in told[0]
-    assert 52 in own.frame()["Stars"].to_numpy()
-    free = "distortions free"
-    assert 4 * 65 < sensor._enough(STARS, 0.025)[free] <= 4 * 66
-    # No number of stars helps against what is left out, and the largest tried is no answer.
-    assert np.isinf(sensor._enough(STARS, 0.9 * left)["similarity"])
-    by_square = 66 * (0.05 / (0.9 * left)) ** 2
-    assert sensor._enough(STARS, 0.9 * left)[free] == pytest.approx(by_square, rel=0.03)
-    assert np.isinf(sensor._enough(STARS, 1e-4)[free])
-    assert "not even 100,000 stars" in table.rerun(wanted=0.01).frame().attrs["caption"]
+    assert needed["distortions free"] == 66
+    assert fact("niu2024/stars", "distortions-enough") == 66
+    quiet = STARS.changed({sensor.NOISE: 0.02})
+    assert sensor._enough(quiet)["distortions free"] == pytest.approx(66, abs=1)
+    # No number of stars helps against what is left out.
+    assert np.isinf(sensor._enough(STARS.changed({sensor.NOISE: 0.9 * left}))["similarity"])
 
 
 def test_free_distortions_pay_from_their_number_of_stars_on():
@@ -177,28 +154,16 @@ def test_free_distortions_pay_from_their_number_of_stars_on():
         assert min(squares, key=squares.get) == better
 
 
-def test_errors_of_the_camera_by_hand():
-    """The simulated ones on the ground."""
-    frame = studies()["chen2023/instrument-errors"]().set_index("Error")
-    model = posteriors()["misalignment"].model()
-    draws = small_angle_posterior(model).draw(np.random.default_rng(6), 40_000)
-    ground = fact("chen2023/instrument-errors", "calibrated-ground")
-    # The page of the misalignment shows the mean distance, both axes together.
-    both = model.derived(draws)["position error"].values.mean()
-    assert both == pytest.approx(ground * np.sqrt(np.pi / 2), rel=0.01)
-    roll = draws[:, model.names.index("angle-z")].std() * 5e3
-    shown = frame.loc["Roll, 800 images, 5 km off centre", "on the ground (m)"]
-    assert shown == pytest.approx(roll, rel=0.02)
-
-
 def test_emcee_finds_the_same_at_the_edge():
     """At the printed number of stars, for both models: median and upper end."""
     from reproduce.views.posterior import book_posterior
 
     designs = sensor._designs(STARS)
     # The noise that our simulation shows stands in place of the stated one.
-    shown = studies()["niu2024/instrument-errors"]().set_index("Error")["median (px)"]
-    ratio = shown["Centroid noise, one image"] / 0.05
+    data = posteriors()["registration"].model().likelihood
+    fit = fit_registration(data.source, data.target, data.pivot)
+    shown = np.sqrt(fit.chi_square / stats.chi2(fit.degrees_of_freedom).median())
+    ratio = shown / (0.05 * np.hypot(1, fit.parameters[0]))
     for name, key in sensor._MODELS.items():
         found = book_posterior(key)
         likelihood = found.model.likelihood

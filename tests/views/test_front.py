@@ -176,7 +176,7 @@ def test_a_study_is_computed_again_under_a_change():
     assert changed.replaced == {"chen2023/text-satellite#focal-ratio": pytest.approx(7.0 / 0.06)}
     assert (heat.changes, heat.replaced) == ({}, {})
     for shown in (repr(changed), changed._repr_html_()):
-        assert "= 7 m" in shown
+        assert "= 7 m" in " ".join(shown.split())
         assert "focal-ratio" in shown
     both = changed.rerun({"chen2023/table-4#100.misalignment-x": 3})
     assert list(both.changes) == [FOCAL, "chen2023/table-4#100.misalignment-x"]
@@ -184,10 +184,9 @@ def test_a_study_is_computed_again_under_a_change():
 
 def test_a_study_shows_its_numbers_as_its_columns_say():
     rows = {row[0]: row[1:] for row in rp.table("chen2023/focal-lengths").grids[""].rows}
-    assert rows["reference about Y, state 2"] == ["2084.2 ± 1.5", "", "2055.5 ± 1.5", ""]
-    assert rows["all monitored about Y"] == ["2043.9 ± 5.9", "25.7", "2048.1 ± 5.9", "35.3"]
-    thermal = {row[0]: row[1:] for row in rp.table("chen2023/thermal").grids[""].rows}
-    assert thermal["the pattern grows evenly"] == ["µm", "0", "any", "any"]
+    assert rows["reference about Y, state 2"] == ["2084.2 ± 1.5", "2055.5 ± 1.5"]
+    mirror = {row[0]: row[1:] for row in rp.table("chen2023/dichroic").grids[""].rows}
+    assert mirror["its normal"] == ["0", "any", "any"]
 
 
 @pytest.mark.parametrize("key", ["niu2024/fig-4", "chen2023/fig-11a"])

@@ -203,19 +203,6 @@ def test_any_rotation_and_scale_is_sampled_and_given_as_it_is(tmp_path, scale, r
     }  # fmt: skip
 
 
-def test_a_joint_registration_takes_any_rotation(tmp_path):
-    red, green = stars(rotation=3.0)
-    blue = stars(noise=0.0)[0] + 0.05 * np.random.default_rng(8).normal(size=red.shape)
-    head = "x_red,y_red,x_blue,y_blue,x_green,y_green"
-    path = written(tmp_path, red, blue, green, head=head)
-    model = from_file("registration-joint", path)
-    start = model.start(np.random.default_rng(1), 50)
-    assert np.isfinite(model.log_posterior(start)).all()
-    assert abs(np.median(start[:, 1]) - 3.0) < 1e-3
-    ends = [model.parameters[i].prior for i in (1, 5)]
-    np.testing.assert_allclose([one.high - one.low for one in ends], 2 * np.pi)
-
-
 def test_the_turn_is_cut_opposite_to_the_stars_that_agree(tmp_path):
     """Wrong matches that all turn another way carry least squares along."""
     source, target = stars()

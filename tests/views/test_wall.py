@@ -8,6 +8,7 @@ import pytest
 
 import reproduce as rp
 from reproduce.judge.ledger import build
+from reproduce.judge.rerun import CannotChangeError
 from reproduce.papers.catalogue import catalogue
 from reproduce.printed.cells import anchor, library
 from reproduce.views import contents as wall
@@ -212,11 +213,16 @@ def test_a_sweep_over_a_table_of_our_own_holds_what_each_rerun_gives():
 
 
 def test_a_setting_of_a_table_of_our_own_can_be_moved():
-    at = {"rows": {"Images": 400}, "columns": ["Taken as constant (arcsec)"]}
-    swept = rp.table("chen2023/drift").sweep("drift", [1, 8], **at)
-    alone = rp.table("chen2023/drift").rerun(drift=8).frame().set_index("Images")
-    assert swept.frame()["computed"].iloc[1] == alone.loc[400, "Taken as constant (arcsec)"]
+    lights = rp.table("instruments/lights")
+    at = {"rows": {"Light": 1, "Along": "row"}, "columns": ["Measured (0.001 px)"]}
+    swept = lights.sweep("radius", [0.6, 0.9], **at)
+    alone = lights.rerun(radius=0.9).frame()["Measured (0.001 px)"][1]
+    assert swept.frame()["computed"].iloc[1] == alone != lights.frame()["Measured (0.001 px)"][1]
     assert "(printed)" not in repr(swept)
+    with pytest.raises(CannotChangeError, match=r"radius \(the standard deviation"):
+        lights.rerun(speed=1)
+    with pytest.raises(ValueError, match="radius: expected a number above zero"):
+        lights.rerun(radius="much")
 
 
 def test_rows_of_a_sweep_are_told_apart_by_as_few_words_as_it_takes():
@@ -236,7 +242,6 @@ def test_rows_of_a_sweep_are_told_apart_by_as_few_words_as_it_takes():
         (NOISE, ["0.1 px"], {"columns": ["similarity"]}, "no column 'similarity'; it has Stars"),
         (NOISE, ["0.1 px"], {"rows": {"Star": 50}}, "no column 'Star'"),
         (NOISE, ["0.1 px"], {"rows": {"Stars": 51}}, "same rows"),
-        ("wanted", ["wide"], {}, "wanted: expected a number above zero"),
         ("wants", [1], {}, "does not read wants"),
         (NOISE, [], {}, "at least one value"),
     ],

@@ -45,8 +45,6 @@ class Column:
     zero : float
         Numbers smaller than this are what rounding leaves of zero, and are shown as 0;
         probabilities smaller than this are shown as a bound.
-    infinite : str
-        The word for a number without limit.
     error : str
         The name of the column that holds its standard error, shown behind ± in that column's form
         or with one digit; that column is not shown on its own.
@@ -61,7 +59,6 @@ class Column:
     name: str
     form: str = ""
     zero: float = 0.0
-    infinite: str = "any"
     error: str = ""
     missing: str = ""
     draws: int = 0
@@ -478,7 +475,7 @@ class Drawing(Own):
         self, figure: Figure, printed: Mapping[str, float] = _NOTHING, door: Given | None = None
     ) -> None:
         """Draw on an empty figure, from the print or from what another door holds."""
-        taken = inspect.signature(self.function, follow_wrapped=False).parameters
+        taken = inspect.signature(self.function).parameters
         self.function(*[figure, printed, *self._doors(door)][: len(taken)])
 
 

@@ -91,20 +91,6 @@ class _Supplied:
 
 
 @dataclass(frozen=True)
-class Aside:
-    """A number that a simple sum over the data of a model gives beside its posterior.
-
-    - `value`: in the unit shown.
-    - `error`: its standard error; zero where there is none.
-    - `unit`: that unit.
-    """
-
-    value: float
-    error: float = 0.0
-    unit: str = "1"
-
-
-@dataclass(frozen=True)
 class Declaration:
     """A posterior of the book.
 
@@ -116,8 +102,6 @@ class Declaration:
     - `file`: the format of a user's own data, or why there is none.
     - `truth`, optional: the parameters with which the data were simulated, by name, of the door; SI
       units or px. None where the data are as printed.
-    - `asides`, optional: what simple sums over the data give beside it, by name, of the door and
-      the model.
     - `steps`, `walkers`: how it is sampled: kept steps and walkers of an ensemble, zero for the
       usual number.
     """
@@ -129,7 +113,6 @@ class Declaration:
     build: Callable[[Given], Model]
     file: File | str
     truth: Callable[[Given], dict[str, float]] | None = None
-    asides: Callable[[Given, Model], dict[str, Aside]] | None = None
     steps: int = _STEPS
     walkers: int = 0
 
@@ -145,11 +128,6 @@ class Declaration:
     def true_values(self) -> dict[str, float]:
         """Return the parameters with which the data were simulated; none where they were not."""
         return {} if self.truth is None else self.truth(given(self.given))
-
-    def beside(self) -> dict[str, Aside]:
-        """Return what simple sums over the data give beside the posterior, by name."""
-        door = given(self.given)
-        return {} if self.asides is None else self.asides(door, self.build(door))
 
     def sha256(self) -> str:
         """Return the hash of the printed cells that reach the model; data follow from them."""

@@ -5,8 +5,7 @@ Everything that carries no look of its own is drawn in `INK`, which follows the 
 
 from __future__ import annotations
 
-import functools
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING
@@ -21,10 +20,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from reproduce.printed.given import Given
 
 Point = tuple[float, float]
-_Draw = Callable[..., None]
 INK = "#000000"
 # Points: on a wide page, and the least that a narrow one may have.
 SIZE, LEAST = 9.0, 8.0
@@ -181,23 +178,14 @@ class Sketch:
             look = looks.get(start) or looks.get(end) or _INKED
             self._join(places[start], places[end], look)
 
-    def arc(
-        self,
-        centre: ArrayLike,
-        radius: float,
-        angles: Point,
-        text: str = "",
-        *,
-        head: bool = False,
-    ) -> None:
-        """Draw an arc between two angles in degrees, its label outside, a head at its end."""
+    def arc(self, centre: ArrayLike, radius: float, angles: Point, text: str) -> None:
+        """Draw a turn from one angle to another, in degrees, its label outside."""
         sweep = np.radians(np.linspace(*angles, 60))
-        points = np.asarray(centre) + radius * np.stack([np.cos(sweep), np.sin(sweep)], axis=-1)
-        (self._turning if head else self.line)(points)
-        if text:
-            middle = np.radians(sum(angles) / 2)
-            beyond = (radius + 0.45) * np.array([np.cos(middle), np.sin(middle)])
-            self.label(np.asarray(centre) + beyond, text)
+        around = np.stack([np.cos(sweep), np.sin(sweep)], axis=-1)
+        self._turning(np.asarray(centre) + radius * around)
+        middle = np.radians(sum(angles) / 2)
+        beyond = (radius + 0.45) * np.array([np.cos(middle), np.sin(middle)])
+        self.label(np.asarray(centre) + beyond, text)
 
     def _turning(self, points: FloatArray) -> None:
         """Draw a curve of shape (n, 2) with a head at its end: the sense of a turn."""
@@ -257,28 +245,37 @@ class Sketch:
         self._turning(view.point(np.asarray(origin) + moved))
 
 
-def diagram(
-    width: float, height: float, inches: float = 6.4, narrow: Point | None = None
-) -> Callable[[Callable[..., None]], _Draw]:
-    """Turn a painter of a sketch into a drawing of an item without printed values."""
-
-    def declare(paint: Callable[..., None]) -> _Draw:
-        @functools.wraps(paint)
-        def draw(figure: Figure, printed: Mapping[str, float], *door: Given) -> None:
-            paint(Sketch.on(figure, width, height, inches, narrow), *door)
-
-        return draw
-
-    return declare
+def pair(figure: Figure, height: float, narrow: float, quantity: str) -> list[Axes]:
+    """Return two panels that share the quantity shown, one below the other on a narrow page."""
+    narrowed = sized(figure, 6.4, height, narrow)
+    panels = list(figure.subplots(*((2, 1) if narrowed else (1, 2)), sharey=True))
+    for axes in panels if narrowed else panels[:1]:
+        axes.set_ylabel(quantity)
+    return panels
 
 
-def across(axes: Axes, label: str, factor: float) -> None:
-    """Give axes with a logarithmic scale the same upward scale in another unit, on the right."""
-    there, back = (functools.partial(np.multiply, by) for by in (factor, 1 / factor))
-    axis = axes.secondary_yaxis("right", functions=(there, back)).yaxis
-    axis.set_major_formatter("{x:g}")
-    axis.set_minor_formatter("")
-    axis.set_label_text(label)
+def named_below(figure: Figure, columns: int) -> None:
+    """Put the legend of the first panel below all, in half as many columns on a narrow page."""
+    handles = figure.axes[0].get_legend_handles_labels()
+    columns = (columns + 1) // 2 if thin(figure) else columns
+    figure.legend(*handles, loc="outside lower center", ncols=columns)
+
+
+def banded(
+    axes: Axes, x: ArrayLike, ends: FloatArray, colour: str, line: str = "-", label: str = ""
+) -> None:
+    """Draw a median within the band of its low and high ends, of shape (3, n)."""
+    band = axes.fill_between(x, ends[0], ends[2], facecolor=(colour, 0.2), edgecolor=colour)
+    band.set(linewidth=0.6, linestyle=line)
+    axes.plot(x, ends[1], line, color=colour, label=label)
+
+
+def logarithmic(axes: Axes, x: Sequence[float], y: Sequence[float]) -> None:
+    """Make both axes logarithmic, with these ticks alone, written as they are."""
+    axes.set(xscale="log", yscale="log")
+    axes.set_xticks(x, [f"{tick:g}" for tick in x])
+    axes.set_yticks(y, [f"{tick:g}" for tick in y])
+    axes.minorticks_off()
 
 
 @dataclass(frozen=True, eq=False)

@@ -99,16 +99,6 @@ class Given:
         declared = {address: value for address, value in values.items() if address in self.cells}
         return replace(self, values={**self.values, **declared})
 
-    def narrowed(self, patterns: Iterable[str]) -> Given:
-        """Return the door for those of its cells that match `patterns`, all of them declared."""
-        addresses = [cell.address for pattern in patterns for cell in find(pattern)]
-        return Given(
-            {address: self._cell(address) for address in addresses},
-            {address: self.shifts[address] for address in addresses if address in self.shifts},
-            {address: self.values[address] for address in addresses if address in self.values},
-            self.root,
-        )
-
     def _cell(self, address: str) -> Cell:
         if address not in self.cells:
             raise UndeclaredInputError(

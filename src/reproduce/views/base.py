@@ -198,7 +198,8 @@ class Changeable(Shown):
         seed : int, optional
             Of the random numbers, where it draws some.
         **settings : float, optional
-            What a table of our own leaves to a reader, such as ``wanted`` of ``niu2024/stars``.
+            What a table of our own leaves to a reader, such as ``radius`` of
+            ``instruments/lights``.
 
         Returns
         -------

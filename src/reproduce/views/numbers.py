@@ -38,7 +38,7 @@ def hyphen(text: str) -> str:
     return text.replace("−", "-")
 
 
-def _number(value: float, form: str, *, zero: float = 0.0, infinite: str = "any") -> str:
+def _number(value: float, form: str, *, zero: float = 0.0) -> str:
     """Write a number by a format specification, with a true minus sign.
 
     What is smaller than `zero` is the rounding of nothing; what has no limit is named.
@@ -49,7 +49,7 @@ def _number(value: float, form: str, *, zero: float = 0.0, infinite: str = "any"
     ('−0.2', '0', 'any')
     """
     if math.isinf(value):
-        return infinite
+        return "any"
     if abs(value) < zero:
         return "0"
     return minus(f"{value:{form}}")
@@ -73,7 +73,7 @@ def entry(value: float | str, column: Column, error: tuple[float, str] | None = 
     if column.form == "±" and error:
         form = f".{max(0, 1 - math.floor(math.log10(error[0])))}f"
         return f"{_number(value, form)} ± {_number(error[0], form)}"
-    text = _number(value, column.form, zero=column.zero, infinite=column.infinite)
+    text = _number(value, column.form, zero=column.zero)
     return f"{text} ± {_number(error[0], error[1] or '.1g')}" if error else text
 
 

@@ -37,7 +37,7 @@ class StudyTable(Changeable):
     seed : int, optional
         Of its random numbers, in place of the project's own.
     **settings : float
-        What the table leaves to a reader, such as ``wanted`` of ``niu2024/stars``.
+        What the table leaves to a reader, such as ``radius`` of ``instruments/lights``.
     """
 
     kind = "a table of our own"

@@ -81,24 +81,6 @@ def test_the_roll_moves_the_ground_by_its_arm():
     assert found == pytest.approx(5e3 * roll.sigma[2], rel=1e-3)
 
 
-def test_the_limits_of_the_corrections_are_where_their_error_crosses():
-    study = positioning._suffices().set_index(["Correction", "limit"])
-    # The fitted trend, the tracker's own error, the first day.
-    name = positioning.CORRECTIONS[1]
-    row = study.loc[name, "error of the tracker itself"]
-    height, span = satellite.altitude(DOOR), positioning._spans(DOOR)["first day"]
-    left = positioning._residuals(DOOR, row["first day (arcsec)"] * ARCSEC)[name][span]
-    found = np.quantile(np.linalg.norm(left, axis=1), 0.9) * height
-    assert found == pytest.approx(row["limit (m)"], rel=1e-6)
-
-
-def test_a_correction_whose_noise_alone_is_too_large_bears_no_amplitude():
-    noise = np.full((10, 2), 3.0)
-    assert np.isnan(positioning._largest_amplitude(np.ones((10, 2)), noise, 4.0))
-    found = positioning._largest_amplitude(np.ones((10, 2)), 0.0 * noise, np.sqrt(2.0) * 5.0)
-    assert found == pytest.approx(5.0)
-
-
 def test_monitoring_leaves_its_own_noise_when_nothing_bends():
     errors = positioning._residuals(DOOR, 1e-6 * ARCSEC)[positioning.CORRECTIONS[-1]]
     expected = platform.angle_sigma(DOOR, 2, 100)[:2]
@@ -127,3 +109,10 @@ def test_the_strategies_keep_their_order():
     assert (laser < recent).all()
     assert (recent < trend).all()
     assert (trend < single).all()
+    # What the page says: a pixel, and what the tracker itself contributes.
+    tracker = positioning._budget().set_index("Term").loc["attitude of the tracker, at its limit"]
+    limit = tracker["nadir, centre (m)"]
+    assert laser.iloc[1] < 0.25 < recent.iloc[0]
+    assert recent.iloc[0] < limit < min(recent.iloc[1], trend.iloc[0])
+    assert laser.iloc[2] < limit
+    assert laser.iloc[3] == pytest.approx(limit, rel=0.1), "about as much as the paper speaks of"

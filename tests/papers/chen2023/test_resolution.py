@@ -102,14 +102,22 @@ def test_replicated_studies_scatter_as_their_size_says():
     assert relative[unbiased].mean() == pytest.approx(resolution._relative_error(DOOR), rel=0.1)
 
 
+def best(case):
+    """The optimum in arc seconds and the error there in px, by the closed form."""
+    error = predicted_errors(*resolution._setting(DOOR, case)).total
+    return resolution.resolutions(DOOR)[error.argmin()] / ARCSEC, error.min()
+
+
 def test_what_the_radius_means_moves_the_optimum_past_the_printed_one():
     """The optimum and its error, by every definition of a Gaussian's radius and photon noise."""
-    rows = resolution._readings().set_index("Reading")
-    best = rows["optimum (arcsec)"]
-    assert [best[name] for name in NAMES[:4]] == pytest.approx([57, 42, 49, 31])
-    assert best["scatter without bias"] == pytest.approx(80), "no optimum inside without bias"
-    optimum, error, _ = rows.loc[NAMES[6]]
+    assert [best(case)[0] for case in CASES[:4]] == pytest.approx([57, 42, 49, 31])
+    optimum, error = best(CASES[6])
     assert (optimum, error) == (pytest.approx(43), pytest.approx(0.016, abs=0.0005)), "as printed"
+
+
+def test_read_noise_and_light_move_the_optimum_to_finer_pixels():
+    changes = ({"read_share": 0.5}, {"read_share": 0.95}, {"brighter": 2.0}, {"width": 1.2})
+    assert all(best(replace(CASES[0], **one))[0] < best(CASES[0])[0] for one in changes)
 
 
 def test_a_spot_that_always_travels_one_pixel_of_the_tracker_has_the_same_optimum():
@@ -121,10 +129,9 @@ def test_a_spot_that_always_travels_one_pixel_of_the_tracker_has_the_same_optimu
         travel = phases * 13 * radius / 7.5
         law = predicted_errors(travel - np.floor(travel + 0.5), light, radius, 5)
         found.append(law.total)
-    best = int(np.argmin(found))
-    row = resolution._readings().set_index("Reading").loc[NAMES[0]]
-    assert angles[best] / ARCSEC == pytest.approx(row["optimum (arcsec)"])
-    assert found[best] == pytest.approx(row["error there (px)"], rel=1e-3)
+    optimum, error = best(CASES[0])
+    assert angles[int(np.argmin(found))] / ARCSEC == pytest.approx(optimum)
+    assert min(found) == pytest.approx(error, rel=1e-3)
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,6 @@ from reproduce.inference.models.misalignment import (
     MOUNT,
     SpotLikelihood,
     SpotStatistics,
-    errors_with_free_lasers,
     misalignment_model,
     small_angle_posterior,
 )
@@ -29,7 +28,6 @@ from reproduce.inference.models.registration import (
     Together,
     free_priors,
     joint_model,
-    noise_growth,
     registration_model,
     with_priors,
 )

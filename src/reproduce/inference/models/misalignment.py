@@ -367,17 +367,3 @@ def small_angle_posterior(model: Model) -> _SmallAnglePosterior:
         centre[:-1] + means * scale,
         roots * scale[:, None],
     )
-
-
-def errors_with_free_lasers(likelihood: SpotLikelihood) -> FloatArray:
-    """Standard errors of the misalignment if the direction of every laser were free, (3,), radians.
-
-    The first group then measures where each laser points, and only the motion of its spot from
-    group to group tells of the misalignment: the noise of both groups is in it, and no prior.
-    """
-    centre, spread = likelihood.start()
-    first, second = likelihood.statistics.counts
-    # Of the weighted means of the second group; the first does not answer to the misalignment.
-    response = likelihood.linearised(centre, spread[:-1])[0][:, 3:6]
-    covariance = np.linalg.inv(response.T @ response) * centre[-1] ** 2 * (1 + second / first)
-    return np.asarray(np.sqrt(np.diagonal(covariance)))

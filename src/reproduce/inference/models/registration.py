@@ -23,7 +23,6 @@ from typing import Self
 import numpy as np
 from numpy.random import PCG64, Generator
 from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar
 
 from reproduce.inference import Consequence, LogUniform, Model, Parameter, Prior, Uniform
 from reproduce.physics.registration import (
@@ -72,24 +71,6 @@ def fit_checks(source: FloatArray, target: FloatArray, pivot: FloatArray) -> dic
             (unit[:, 0] * left[:, 1] - unit[:, 1] * left[:, 0]).mean()
         ),
     }
-
-
-def noise_growth(source: FloatArray, target: FloatArray, pivot: FloatArray) -> tuple[float, float]:
-    """Return how the logarithm of the noise grows from centre to edge, and its standard error.
-
-    The likeliest growth h of a noise sigma exp(h rho^2), rho being the distance from the pivot over
-    the largest one, in the residuals of the least-squares similarity.
-    """
-    squares = np.square(fit_registration(source, target, pivot).residuals).sum(axis=1)
-    rho = np.square(source - pivot).sum(axis=1)
-    rho = rho / rho.max()
-    off = rho - rho.mean()
-
-    def surprise(growth: float) -> float:
-        # Less the log likelihood over the count, sigma at its likeliest.
-        return float(np.log((squares * np.exp(-2 * growth * off)).mean()))
-
-    return float(minimize_scalar(surprise).x), float(0.5 / np.sqrt(off @ off))
 
 
 def _triangular(columns: ComplexArray) -> ComplexArray:

@@ -16,7 +16,7 @@ from numpy.random import SeedSequence
 
 from reproduce.papers.chen2023 import platform
 from reproduce.papers.declare import Prediction, Results, draws, reproduces
-from reproduce.papers.sketch import sized
+from reproduce.papers.sketch import banded, logarithmic, named_below, pair
 from reproduce.physics.attitude import scatter_of_averages
 from reproduce.physics.optics import spawned_normals
 from reproduce.physics.validate import FloatArray
@@ -127,27 +127,18 @@ def _counts(given: Given) -> list[int]:
 def _draw(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """Accuracy of the matrices against the number of averaged frames."""
     counts, predicted = _counts(door), frame_averaging(door)
-    narrow = sized(figure, 6.4, 4.0, 5.6)
-    panels = figure.subplots(*((2, 1) if narrow else (1, 2)), sharey=True)
-    looks = {"x": ("o", "-"), "y": ("s", "--")}
-    for (matrix, axis), axes in zip(_COLUMNS, np.repeat(panels, 2), strict=True):
+    panels = pair(figure, 4.0, 5.6, "accuracy (3σ, arcsec)")
+    looks = {"x": ("#0072B2", "-", "o"), "y": ("#D55E00", "--", "s")}
+    for (matrix, axis), axes in zip(_COLUMNS, (p for p in panels for _ in "xy"), strict=True):
         names = [f"{count}.{matrix}-{axis}" for count in counts]
         cells = (predicted[name] for name in names)
         tables = [cell.draws for cell in cells if isinstance(cell, Prediction)]
-        low, middle, high = np.quantile(tables, [0.005, 0.5, 0.995], axis=1) * ARCSEC_PER_RADIAN
-        marker, line = looks[axis]
-        (drawn,) = axes.loglog(counts, middle, line, label=f"predicted, {axis.upper()}")
-        colour = drawn.get_color()
-        face = (colour, 0.15)
-        axes.fill_between(counts, low, high, facecolor=face, edgecolor=colour, linestyle=line)
+        ends = np.quantile(tables, [0.005, 0.5, 0.995], axis=1) * ARCSEC_PER_RADIAN
+        colour, line, marker = looks[axis]
+        banded(axes, counts, ends, colour, line, label=f"predicted, {axis.upper()}")
         values = np.array([printed[f"{TABLE}#{name}"] for name in names]) * ARCSEC_PER_RADIAN
         axes.plot(counts, values, marker, color=colour, label=f"printed, {axis.upper()}")
     for axes, title in zip(panels, _MATRICES.values(), strict=True):
         axes.set(xlabel="frames averaged", title=title)
-        axes.set_xticks(counts, [str(count) for count in counts], minor=False)
-        axes.set_yticks([0.1, 0.2, 0.5, 1.0], ["0.1", "0.2", "0.5", "1"], minor=False)
-        axes.minorticks_off()
-    for axes in panels if narrow else panels[:1]:
-        axes.set_ylabel("accuracy (3σ, arcsec)")
-    handles, across = panels[0].get_legend_handles_labels(), 2 if narrow else 4
-    figure.legend(*handles, loc="outside lower center", ncols=across)
+        logarithmic(axes, counts, (0.1, 0.2, 0.5, 1.0))
+    named_below(figure, 4)

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from reproduce.papers.chen2023 import platform
 from reproduce.papers.chen2023.satellite import LASER
 from reproduce.papers.declare import draws, studied
-from reproduce.papers.sketch import INK, Look, Sketch, beside, diagram, seen_from
+from reproduce.papers.sketch import INK, Look, Sketch, beside, seen_from
 from reproduce.physics.attitude import emitted_directions, rotation_from_vector
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
@@ -36,9 +36,9 @@ _ROUTE = {
 
 
 @draws("chen2023/fig-4")
-@diagram(15.0, 12.4)
-def _draw_route(sketch: Sketch) -> None:
+def _draw_route(figure: Figure) -> None:
     """Technical route: calibration, monitoring, correction."""
+    sketch = Sketch.on(figure, 15.0, 12.4)
     heights = (9.6, 5.6, 1.6)
     for x, (name, texts) in zip((2.5, 7.5, 12.5), _ROUTE.items(), strict=True):
         sketch.label((x, 11.8), name, size=11)
@@ -51,9 +51,9 @@ def _draw_route(sketch: Sketch) -> None:
 
 
 @draws("chen2023/fig-5")
-@diagram(14.0, 8.4)
-def _draw_transform(sketch: Sketch) -> None:
+def _draw_transform(figure: Figure) -> None:
     """Laser directions in the camera and in the tracker, joined by the laser transform."""
+    sketch = Sketch.on(figure, 14.0, 8.4)
     for x, vector, name, what in ((3.0, "v", "c", "lasers"), (11.0, "w", "s", "spots")):
         sketch.line([(x - 2.2, 1.2), (x + 2.2, 1.2)], 2.5)
         sketch.lens((x, 4.4), 3.0, 90)

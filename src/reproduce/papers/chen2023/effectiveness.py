@@ -11,8 +11,7 @@ side by side. Where one focal length stands for the whole table, the largest ref
 gives it. The columns as printed with the nominal length came first, 14 minutes before the first
 verdicts in the history; all other readings were added when that result was known.
 
-The focal lengths that the rows imply are compared row by row, and fitted together to the monitored
-angles of an axis, which share the noise of the zero state.
+The focal lengths that the rows imply are compared row by row.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ from numpy.random import SeedSequence
 
 from reproduce.papers import declare
 from reproduce.papers.chen2023 import accuracy, platform
-from reproduce.papers.sketch import thin
+from reproduce.papers.sketch import named_below, pair
 from reproduce.physics.attitude import stage_angle
 from reproduce.physics.optics import spawned_normals
 from reproduce.physics.validate import FloatArray
@@ -34,7 +33,7 @@ from reproduce.printed.given import Given
 from reproduce.units import RADIANS_PER_ARCSEC
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping
 
     from matplotlib.figure import Figure
 
@@ -67,19 +66,19 @@ def _moved(printed: Given | Mapping[str, float], state: int, axis: str) -> float
     return printed[f"{TABLE}#{state}.position-{axis}"] - printed[f"{TABLE}#1.position-{axis}"]
 
 
-def common_length(given: Given, axis: str) -> float:
+def _common_length(given: Given, axis: str) -> float:
     """Return the focal length for which (10) joins the last angle about Y with a motion."""
     return float(-_moved(given, STATES[-1], axis) / np.tan(given[LAST]))
 
 
 def _expected_angles(given: Given, state: int, turn: str) -> dict[tuple[str, str], float]:
     """Return the angle of the stage in a state, in radians, by columns and telescope."""
-    axis, exchanged = _TURNS[turn], common_length(given, "y")
+    axis, exchanged = _TURNS[turn], _common_length(given, "y")
     printed = given[f"{TABLE}#{state}.motion-{axis}"]
     sides = {
         ("printed", "quoted"): (printed, given[_QUOTED]),
         ("printed", "nominal"): (printed, given[platform.TELESCOPE]),
-        ("printed", "common"): (printed, common_length(given, "x")),
+        ("printed", "common"): (printed, _common_length(given, "x")),
         ("motions", "common"): (_moved(given, state, turn), exchanged),
         ("references", "common"): (_moved(given, state, axis), exchanged),
     }
@@ -213,7 +212,7 @@ def bound(given: Given) -> declare.Results:
 @declare.draws("chen2023/table-5", given=monitored_angle.given)
 def _draw(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """Focal length that each printed angle implies for its printed motion."""
-    panels = figure.subplots(1, 2, sharey=True)
+    panels = pair(figure, 3.6, 5.6, "focal length (mm)")
     sigma = platform.angle_sigma(door, 2, door.count(FRAMES))
     for axes, (axis, turn) in zip(panels, _TURNS.items(), strict=True):
         motions = _column(printed, f"motion-{axis}")
@@ -233,9 +232,7 @@ def _draw(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
         nominal = door[platform.TELESCOPE] * 1e3
         axes.axhline(nominal, color="#000000", ls="--", lw=1, label="nominal")
         axes.set(xlabel="state", title=f"stage along {axis.upper()}", xticks=_MOVED)
-    panels[0].set_ylabel("focal length (mm)")
-    columns = 2 if thin(figure) else 4
-    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=columns)
+    named_below(figure, 4)
 
 
 def _column(printed: Given | Mapping[str, float], name: str) -> FloatArray:
@@ -247,30 +244,13 @@ def _implied(motions: FloatArray, angles: FloatArray) -> FloatArray:
     return np.asarray(-motions / np.tan(angles) * 1e3)
 
 
-def _fitted_length(
-    motions: FloatArray, angles: FloatArray, sigma: float
-) -> tuple[float, float, float]:
-    """Fit one focal length to angles that each carry the noise of the same zero state.
-
-    Length and its standard deviation, in metres, and chi-square of the rows about it.
-    """
-    inverse = np.linalg.inv(sigma**2 * (np.eye(len(angles)) + 1.0))
-    information = float(motions @ inverse @ motions)
-    slope = -float(motions @ inverse @ angles) / information
-    away = angles + slope * motions
-    error = float(np.sqrt(1.0 / information)) / slope**2
-    return 1.0 / slope, error, float(away @ inverse @ away)
-
-
 def _implied_facts(given: Given) -> dict[str, declare.Fact]:
     """What sentences say of the implied focal lengths: their ends, and where all rows meet.
 
     Of the readings with interchanged columns, also the largest difference between a monitored and a
     reference angle if the reference columns were the interchanged ones.
     """
-    frame = _focal_lengths(given)
-    frame = frame[frame["Angle"].str.startswith("reference")]
-    own, other, half = (frame.iloc[:, column].to_numpy(np.float64) for column in (1, 4, 5))
+    own, half, other, _ = _focal_lengths(given).iloc[:, 1:].to_numpy(np.float64).T
     away = [
         np.abs(_column(given, f"monitoring-{turn}") - _column(given, f"reference-{axis}")).max()
         for axis, turn in _TURNS.items()
@@ -288,19 +268,9 @@ def _implied_facts(given: Given) -> dict[str, declare.Fact]:
     return facts | {"largest-difference": declare.Fact(largest, ".3f", "arcsec")}
 
 
-@declare.studied(
-    "chen2023/focal-lengths",
-    given=(f"{TABLE}#*", *platform.INSTRUMENT, platform.SCATTER, FRAMES),
-    caption="Focal length implied by Table V: by reference angles (± rounding of the print) and by "
-    "all monitored angles of an axis together (± noise, the shared zero point included; χ² of "
-    f"{len(_MOVED) - 1}). Motions are differences of the printed positions, which mends the one "
-    "digit.",
-    named=_implied_facts,
-)
-def _focal_lengths(given: Given) -> list[tuple[str | float, ...]]:
+@declare.studied("chen2023/focal-lengths", given=[f"{TABLE}#*"], named=_implied_facts)
+def _focal_lengths(given: Given) -> Iterator[tuple[str | float, ...]]:
     """Focal lengths that the rows of Table V imply, as printed and with the columns exchanged."""
-    sigma = platform.angle_sigma(given, 2, given.count(FRAMES))
-    rows: list[tuple[str | float, ...]] = []
     for axis, turn in _TURNS.items():
         motions = [np.array([_moved(given, s, moving) for s in _MOVED]) for moving in (axis, turn)]
         angles = _column(given, f"reference-{turn}")
@@ -310,13 +280,7 @@ def _focal_lengths(given: Given) -> list[tuple[str | float, ...]]:
         half_motion, half_angle = 1e-8, 0.0005 * RADIANS_PER_ARCSEC
         error = np.abs(own) * (half_motion / np.abs(motions[0]) + half_angle / np.abs(angles))
         for state, *one in zip(_MOVED, own, error, other, strict=True):
-            label = f"reference about {turn.upper()}, state {state}"
-            rows.append((label, one[0], one[1], np.nan, one[2], one[1], np.nan))
-        monitored, noise = _column(given, f"monitoring-{turn}"), sigma["xy".index(turn)]
-        fits = (_fitted_length(motion, monitored, noise) for motion in motions)
-        numbers = [n for length, error, away in fits for n in (length * 1e3, error * 1e3, away)]
-        rows.append((f"all monitored about {turn.upper()}", *numbers))
-    return rows
+            yield (f"reference about {turn.upper()}, state {state}", *one, one[1])
 
 
 def _shared_zero_chi_square(differences: FloatArray, sigma: float) -> float:

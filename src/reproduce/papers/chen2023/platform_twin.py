@@ -12,7 +12,7 @@ open, and how the twin reads it (a choice that came into the history together wi
   within a group, and are the same in both groups: the paper does not print how they differ;
 * laser directions are the designed ones, as the calibration takes them, with the nominal focal
   length and the printed diagonal as they stand. Within the rounding of the diagonal and a few per
-  cent of the focal length they fit the printed spots (see `_misfit`); what is left is the same in
+  cent of the focal length they fit the printed spots (a test has it); what is left is the same in
   all frames and goes into the zero point.
 """
 
@@ -29,8 +29,8 @@ from numpy.typing import ArrayLike
 from reproduce.papers.chen2023 import accuracy, effectiveness, platform, resolution
 from reproduce.papers.chen2023.attitude import towards
 from reproduce.papers.chen2023.satellite import LASER, STAR, reflected
-from reproduce.papers.declare import draws, seed_of, studied
-from reproduce.papers.sketch import INK, Sketch, beside, sized, turned
+from reproduce.papers.declare import draws, seed_of
+from reproduce.papers.sketch import INK, Sketch, beside, named_below, pair, sized, turned
 from reproduce.physics import attitude, images
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
@@ -40,8 +40,6 @@ from reproduce.units import ARCSEC_PER_RADIAN
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    import pandas as pd
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 _WINDOW = f"{platform.TEXT}#window-x"
@@ -131,30 +129,6 @@ def _two_groups(twin: _Bench, frames: int, generator: Generator) -> _Series:
     zero = attitude.mean_rotation(single)
     errors = attitude.misalignment_angles(single.mT @ zero)
     return _Series(found, errors, twin.design.misalignment(found[1], zero))
-
-
-@studied(
-    "chen2023/misfit",
-    given=(*_BENCH, f"{effectiveness.TABLE}#[15].position-y", effectiveness.LAST),
-)
-def _misfit(given: Given) -> pd.DataFrame:
-    """How far the printed spots lie from the designed lasers, within what the print leaves open."""
-    twin, diagonal = bench(given), given[platform.DIAGONAL]
-    common, least = effectiveness.common_length(given, "y"), given.half_unit(platform.DIAGONAL)
-    seen, rows = twin.design.seen(twin.spots), []
-    for length, across in (
-        (given[platform.TELESCOPE], diagonal),
-        (common, diagonal),
-        (common, diagonal - least),
-    ):
-        lasers = platform.designed_positions(twin.design.spots, across)
-        designed = attitude.emitted_directions(lasers, length)
-        misses = seen - designed @ attitude.attitude(seen, designed).T
-        distance = float(np.linalg.norm(misses) / np.sqrt(len(seen)))
-        sizes = [np.linalg.norm(some - some.mean(axis=0)) for some in (seen, designed)]
-        pixels, stage = distance * twin.design.pixels, distance * length * 1e3
-        rows.append((length * 1e3, across * 1e3, sizes[0] / sizes[1], pixels, stage))
-    return _misfit.frame(rows, diagonal=diagonal * 1e3)
 
 
 _DESIGN = "chen2023/text-satellite"
@@ -326,8 +300,7 @@ def _series(
     figure: Figure, door: Given, angles: FloatArray, printed: Mapping[str, float], quantity: str
 ) -> None:
     count, frames = door.count(accuracy.SMOOTHED), np.arange(1, len(angles) + 1)
-    narrow = sized(figure, 6.4, 3.4, 5.4)
-    panels: list[Axes] = list(figure.subplots(*((2, 1) if narrow else (1, 2)), sharey=True))
+    panels = pair(figure, 3.4, 5.4, quantity)
     columns = zip(panels, "XY", angles.T[:2] * ARCSEC_PER_RADIAN, printed.values(), strict=True)
     for panel, axis, series, limit in columns:
         panel.plot(frames, series, ".", markersize=2.5, label="single frame")
@@ -337,10 +310,7 @@ def _series(
             edge = series.mean() + side * limit * ARCSEC_PER_RADIAN
             panel.axhline(edge, color=INK, linestyle="--", linewidth=1, label=limits)
         panel.set(xlabel="frame", title=f"about {axis}")
-    for panel in panels if narrow else panels[:1]:
-        panel.set_ylabel(quantity)
-    handles, across = panels[0].get_legend_handles_labels(), 2 if narrow else 3
-    figure.legend(*handles, loc="outside lower center", ncols=across)
+    named_below(figure, 3)
 
 
 @draws("chen2023/fig-10a", marks=["chen2023/table-5#*.position-?"])

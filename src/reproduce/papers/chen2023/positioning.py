@@ -22,7 +22,7 @@ from numpy.random import default_rng
 from reproduce.papers.chen2023 import accuracy, platform, satellite
 from reproduce.papers.chen2023.satellite import SCENE, STAR
 from reproduce.papers.declare import Column, Results, draws, reproduces, seed_of, studied
-from reproduce.papers.sketch import INK, Look, Sketch, beside, diagram, seen_from
+from reproduce.papers.sketch import INK, Look, Sketch, beside, seen_from
 from reproduce.physics import ground
 from reproduce.physics.attitude import rotation_from_vector, unit
 from reproduce.physics.validate import FloatArray
@@ -30,7 +30,10 @@ from reproduce.printed.given import Given
 from reproduce.units import RADIANS_PER_ARCSEC
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     import pandas as pd
+    from matplotlib.figure import Figure
 
 
 _POINTING = f"{satellite.SATELLITE}#tracker-pointing-accuracy.value"
@@ -53,18 +56,6 @@ _PER_ORBIT = 64
 _CAMPAIGN_DAYS = 60.0
 _YEAR_DAYS = 365.0
 _AMPLITUDES = (0.5, 2.0, 10.0, 50.0)
-# Days from the end of the campaign.
-_AGES = {
-    "first day": (0.0, 1.0),
-    "after a week": (6.0, 7.0),
-    "after a month": (30.0, 31.0),
-    "after a year": (364.0, 365.0),
-}
-_WHOLE = "over the year"
-# The year is looked at every so many samples where only a quantile of all of it is asked for.
-_STRIDE = 7
-# Where the search for the amplitude that a correction still tolerates begins, and its steps.
-_LARGEST, _HALVINGS = 4096.0, 40
 UNCORRECTED, *CORRECTIONS = (
     "no correction",
     "one calibration",
@@ -207,11 +198,6 @@ def _residuals(given: Given, amplitude: float) -> dict[str, FloatArray]:
     return {name: (true - found)[known:] for name, found in zip(names, estimates, strict=True)}
 
 
-def _quantile(errors: FloatArray) -> float:
-    """Return the length that nine tenths of errors of shape (n, 2) stay within."""
-    return float(np.quantile(np.linalg.norm(errors, axis=1), 0.9))
-
-
 @studied(
     "chen2023/strategies",
     random=True,
@@ -227,64 +213,8 @@ def _strategies(given: Given) -> list[tuple[str | float, ...]]:
     """Positioning error over a year, for four corrections and four thermal amplitudes."""
     height = satellite.altitude(given)
     left = [_residuals(given, amplitude * RADIANS_PER_ARCSEC) for amplitude in _AMPLITUDES]
-    return [
-        (name, *(_quantile(errors[name]) * height for errors in left))
-        for name in (UNCORRECTED, *CORRECTIONS)
-    ]
-
-
-def _spans(given: Given) -> dict[str, slice]:
-    """Return the samples of each age, from the end of the campaign on; last, the whole year."""
-    times = _year(satellite.altitude(given), given.root)[0]
-    times = times[np.searchsorted(times, 0.0) :]
-    ages = {name: slice(*np.searchsorted(times, days)) for name, days in _AGES.items()}
-    return {**ages, _WHOLE: slice(0, None, _STRIDE)}
-
-
-@studied(
-    "chen2023/suffices",
-    random=True,
-    given=(*READS, accuracy.RATE),
-    columns=(
-        Column("Correction"),
-        Column("limit"),
-        Column("limit (m)", ".2f"),
-        *(Column(f"{name} (arcsec)", ".2g", missing="none") for name in (*_AGES, _WHOLE)),
-    ),
-)
-def _suffices(given: Given) -> list[tuple[str | float, ...]]:
-    """Up to which thermal amplitude each correction suffices, by age of the calibration."""
-    height, samples = satellite.altitude(given), _spans(given).values()
-    # Every correction is linear in what is true and in the noise: two runs tell all amplitudes.
-    noise, whole = _residuals(given, 0.0), _residuals(given, RADIANS_PER_ARCSEC)
-    # Errors on the ground that a correction may be asked to keep below, in metres.
-    attitude = _analytic(ground.ground_jacobian(*_look(given, 0.0, 0.0)), _terms(given)[0])
-    limits = {
-        "panchromatic pixel": given[satellite.CAMERA[2]],
-        "error of the tracker itself": float(ground.circular_error(attitude)),
-    }
-    rows: list[tuple[str | float, ...]] = []
-    for name in CORRECTIONS:
-        pairs = [(whole[name][s] - noise[name][s], noise[name][s]) for s in samples]
-        for what, limit in limits.items():
-            amplitudes = (_largest_amplitude(*pair, limit / height) for pair in pairs)
-            rows.append((name, what, limit, *amplitudes))
-    return rows
-
-
-def _largest_amplitude(slope: FloatArray, noise: FloatArray, limit: float) -> float:
-    """Return the amplitude at which nine tenths of the errors just stay within a limit.
-
-    In the unit of the slope, from 0 to `_LARGEST`; not a number if noise alone goes beyond.
-    """
-    if _quantile(noise) > limit:
-        return float("nan")
-    low, high = 0.0, _LARGEST
-    for _ in range(_HALVINGS):
-        middle = 0.5 * (low + high)
-        within = _quantile(middle * slope + noise) <= limit
-        low, high = (middle, high) if within else (low, middle)
-    return low
+    lengths = {name: [np.hypot(*errors[name].T) for errors in left] for name in left[0]}
+    return [(name, *(np.quantile(lengths[name], 0.9, axis=1) * height)) for name in lengths]
 
 
 # The drawn satellite, its target, and the side they are seen from.
@@ -317,9 +247,9 @@ def _scene(door: Given) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]]:
 
 
 @draws("chen2023/fig-1a", given=[satellite.BORESIGHT])
-@diagram(14.0, 9.6, 6.6)
-def _draw_scene(sketch: Sketch, door: Given) -> None:
+def _draw_scene(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """Frames of the imaging model, from a point of the image to a place on the Earth."""
+    sketch = Sketch.on(figure, 14.0, 9.6, 6.6)
     (above, imaged, frames), origin = _scene(door), np.zeros(3)
     around = np.linspace(0.0, 2.0 * np.pi, 240)
     circle = _EARTH * np.stack([np.cos(around), np.sin(around), 0 * around], axis=-1)

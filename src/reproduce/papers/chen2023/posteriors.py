@@ -13,12 +13,11 @@ from functools import partial
 
 import numpy as np
 from numpy.random import PCG64, Generator
-from scipy.special import gammainc
 
 from reproduce.inference import Consequence, LogUniform, Model, Normal, Prior, models
 from reproduce.papers.chen2023 import satellite
 from reproduce.papers.chen2023.platform import INSTRUMENT, SCATTER, SIGMAS, as_designed
-from reproduce.papers.posteriors import Aside, Declaration, File, Pivot, data_stream
+from reproduce.papers.posteriors import Declaration, File, Pivot, data_stream
 from reproduce.physics.attitude import Platform
 from reproduce.physics.attitude.diagnosis import diagnose, refuse, seen
 from reproduce.physics.validate import FloatArray
@@ -88,7 +87,7 @@ def _truth(given: Given, drift: bool = False) -> dict[str, float]:
             for axis, angle in zip("xyz", angles, strict=True)}  # fmt: skip
 
 
-def misalignment(given: Given, drift: FloatArray | None = None) -> Model:
+def _misalignment(given: Given, drift: FloatArray | None = None) -> Model:
     """A misalignment after a calibration group, constant or drifting through its own group."""
     zero, half = np.zeros(3), np.zeros(3) if drift is None else drift / 2
     drifts = drift is not None
@@ -99,25 +98,7 @@ def misalignment(given: Given, drift: FloatArray | None = None) -> Model:
 
 def drift(given: Given) -> Model:
     """A misalignment that drifts through the monitoring group."""
-    return misalignment(given, _DRIFT)
-
-
-def _beside(given: Given, model: Model) -> dict[str, Aside]:
-    """The misalignment with the direction of every laser free, and Table III under one noise.
-
-    How many of its numbers lie further out than the furthest of as many does in 95 % of repeats.
-    """
-    likelihood = model.likelihood_of(models.SpotLikelihood)
-    errors = models.errors_with_free_lasers(likelihood) * ARCSEC_PER_RADIAN
-    found = {
-        f"angle-{axis}-sd-lasers-free": Aside(float(error), unit="arcsec")
-        for axis, error in zip(models.AXES, errors, strict=True)
-    }
-    printed, freedom = given.array(SCATTER) / SIGMAS, given.count(_FRAMES) - 1
-    noise = likelihood.start()[0][-1]
-    below = gammainc(freedom / 2, freedom / 2 * (printed / noise) ** 2)  # of chi-squared
-    outside = 2 * np.minimum(below, 1 - below) < 0.05 / len(printed)
-    return found | {"outside": Aside(int(outside.sum())), "printed-count": Aside(len(printed))}
+    return _misalignment(given, _DRIFT)
 
 
 def _users_model(
@@ -193,25 +174,20 @@ _SPOT_LINES = (
     "order of the platform; the images of a group in the order of time, with a column frame where "
     "spots are lost"
 )
-_CONSTANT_FILE, _DRIFT_FILE = (
-    File(
-        SPOTS,
-        _SPOT_LINES,
-        partial(_users_model, drifts=drifts),
-        optional=IMAGES,
-        platform=True,
-    )
-    for drifts in (False, True)
-)
+
+
+def _file(drifts: bool) -> File:
+    read = partial(_users_model, drifts=drifts)
+    return File(SPOTS, _SPOT_LINES, read, optional=IMAGES, platform=True)
 
 
 POSTERIORS = (
     Declaration(
-        "misalignment", "Constant misalignment from laser spots", "chen2023", READS, misalignment,
-        _CONSTANT_FILE, _truth, _beside,
+        "misalignment", "Constant misalignment from laser spots", "chen2023", READS, _misalignment,
+        _file(drifts=False), _truth,
     ),
     Declaration(
         "misalignment-drift", "Drifting misalignment from laser spots", "chen2023", READS, drift,
-        _DRIFT_FILE, partial(_truth, drift=True), steps=330,
+        _file(drifts=True), partial(_truth, drift=True), steps=330,
     ),
 )  # fmt: skip

@@ -23,8 +23,6 @@ were known. All of them are judged side by side.
 
 A study of the printed size is itself random. Its distribution follows from the closed-form bias
 and variance: the Monte Carlo beside it agrees within its error.
-
-Our own table says what the optimum depends on.
 """
 
 from __future__ import annotations
@@ -38,7 +36,7 @@ from numpy.random import SeedSequence
 
 from reproduce.papers import declare
 from reproduce.papers.chen2023 import platform
-from reproduce.papers.sketch import thin
+from reproduce.papers.sketch import named_below
 from reproduce.physics.attitude import attitude_accuracy
 from reproduce.physics.images import (
     CentroidError,
@@ -283,7 +281,7 @@ def _draw_centroids(figure: Figure, printed: Mapping[str, float], door: Given) -
     place = optimum * ARCSEC_PER_RADIAN
     axes.plot(place, accuracy, "*", markersize=13, color="#000000", label="printed best")
     axes.set(ylabel="centroid error (1σ, px)")
-    figure.legend(loc="outside lower center", ncols=2 if thin(figure) else 3)
+    named_below(figure, 3)
 
 
 @declare.draws("chen2023/fig-11b", given=READS, marks=[_SATURATION], random=True)
@@ -295,7 +293,7 @@ def _draw_monitoring(figure: Figure, printed: Mapping[str, float], door: Given) 
     limit = printed[_SATURATION] * ARCSEC_PER_RADIAN
     axes.axvline(limit, color="#000000", linewidth=1, label="printed limit of gain")
     axes.set(ylabel="monitoring error (1σ, arcsec)")
-    figure.legend(loc="outside lower center", ncols=2 if thin(figure) else 3)
+    named_below(figure, 3)
 
 
 def _curves(figure: Figure, content: dict[str, FloatArray], scale: FloatArray | float) -> Axes:
@@ -313,29 +311,3 @@ def _curves(figure: Figure, content: dict[str, FloatArray], scale: FloatArray | 
     axes.set(xlabel="angular resolution (arcsec per px)", yscale="log")
     axes.set_ylim(bottom=float((content["bound"] * scale).min()) / 4)
     return axes
-
-
-@declare.studied(
-    "chen2023/readings",
-    given=READS,
-    caption="The optimum of Figure 11 under every reading of the text that was tried; below the "
-    f"first {len(_CASES)}, the first with one thing changed. The limit of gain is that of "
-    f"{_CHOSEN:g} standard errors.",
-)
-def _readings(given: Given) -> list[tuple[str, float, float, float]]:
-    """Where the optimum lies under other readings of the text, from the closed form."""
-    angles, relative = resolutions(given), _relative_error(given)
-    cases = dict(_CASES)
-    for share in (0.25, 0.5, 0.75, 0.95):
-        cases[f"read noise is {share:.0%} of variance"] = replace(_LITERAL, read_share=share)
-    for factor in (0.5, 2.0):
-        cases[f"{factor:g} times the light"] = replace(_LITERAL, brighter=factor)
-    laws = {n: predicted_errors(*_setting(given, c)) for n, c in cases.items()}
-    found = {name: law.total for name, law in laws.items()}
-    found["scatter without bias"] = laws[next(iter(_CASES))].within
-    rows = []
-    for name, error in found.items():
-        monitoring = attitude_accuracy(error, given.count(f"{STUDY}#lasers"), angles)
-        limit = angles[_saturation(monitoring, relative)] * ARCSEC_PER_RADIAN
-        rows.append((name, angles[error.argmin()] * ARCSEC_PER_RADIAN, error.min(), float(limit)))
-    return rows

@@ -6,9 +6,9 @@ turn of the camera, or its roll, that the system would believe. Where a third re
 image, the designed pattern is mirrored too; nothing could be solved otherwise. What the paper does
 not print: the beam is a fifth of a metre wide, and returns a metre beside the camera.
 
-What heat and stray light may do is taken term by term as II-B lists them. The paper gives most of
-these terms in words. What its numbers allow is how large each may grow until it mimics as much as
-the monitoring errs by: the three-sigma accuracy of the averaged misalignment.
+II-B gives what heat may do in words. What its numbers allow is how far the lasers may move and the
+dichroic mirror may turn until they mimic as much as the monitoring errs by: the three-sigma
+accuracy of the averaged misalignment.
 """
 
 from __future__ import annotations
@@ -21,12 +21,11 @@ from numpy.typing import ArrayLike
 
 from reproduce.papers.chen2023 import platform
 from reproduce.papers.declare import Blocked, Results, draws, reproduces, studied
-from reproduce.papers.sketch import Look, Sketch, beside, diagram, sized, turned
+from reproduce.papers.sketch import Look, Sketch, beside, sized, turned
 from reproduce.physics import attitude, ground
 from reproduce.physics.light import (
     RETROREFLECTORS,
     LightPath,
-    Mirrors,
     fold_mirror_tilt,
     reflection,
     turn_response,
@@ -64,9 +63,6 @@ _PAIR = "two mirrors at a right angle"
 _IMAGE = {"corner cube": "mirrored", _PAIR: "upright", "conical mirror": "mirrored"}
 # Shares of a turn below this are rounding noise.
 _NOISE = 1e-9
-# A motion of the lasers that is small enough to be a derivative: a micrometre. What it mimics, as a
-# share of the accuracy, is rounding noise below the other number.
-_STEP, _NEGLIGIBLE = 1e-6, 1e-6
 _PIXELS = f"{platform.PLATFORM}#tracker-pixels-x.value"
 # Where the dichroic mirror and the lens of the drawn tracker stand.
 _PLATE, _LENS = np.array([5.0, 6.2]), np.array([5.0, 3.6])
@@ -121,20 +117,8 @@ def dichroic_tilt(given: Given) -> Results:
     return {"dihedral-angle": float(fold_mirror_tilt(given[BORESIGHT]))}
 
 
-def _accuracy(given: Given) -> float:
-    return float(given.array(_ACCURACY).max())
-
-
-def _bench_path(given: Given, kind: str) -> LightPath:
-    """Return the light path of the ground platform with one kind of retro-reflector."""
-    lengths = given[platform.TELESCOPE], given[platform.FOCAL_LENGTH]
-    return LightPath(*lengths, given[BORESIGHT], RETROREFLECTORS[kind])
-
-
-def _believed(
-    rest: LightPath, kind: str, points: FloatArray, shifts: FloatArray | float = 0.0, **changes: Any
-) -> FloatArray:
-    """Return the turn of the camera that the system reports when lasers or light path change.
+def _believed(rest: LightPath, kind: str, points: FloatArray, **changes: Any) -> FloatArray:
+    """Return the turn of the camera that the system reports when the light path changes.
 
     Shape (3,). Angles about X, Y and Z of the camera, in radians.
     """
@@ -142,9 +126,9 @@ def _believed(
     camera = attitude.emitted_directions(points * mirror, rest.camera_focal_length)
     zero, now = (
         attitude.received_directions(
-            light.spots(where, _APERTURE).mean(axis=1), (0.0, 0.0), 1.0, light.tracker_focal_length
+            light.spots(points, _APERTURE).mean(axis=1), (0.0, 0.0), 1.0, light.tracker_focal_length
         )
-        for light, where in ((rest, points), (replace(rest, **changes), points + shifts))
+        for light in (rest, replace(rest, **changes))
     )
     return attitude.misalignment_angles(
         attitude.misalignment(camera, now, attitude.laser_transform(camera, zero))
@@ -160,7 +144,8 @@ def _retro_reflectors(given: Given) -> list[tuple[str | float, ...]]:
     points = platform.lasers(given)
     rows: list[tuple[str | float, ...]] = []
     for kind, image in _IMAGE.items():
-        rest = _bench_path(given, kind)
+        lengths = given[platform.TELESCOPE], given[platform.FOCAL_LENGTH]
+        rest = LightPath(*lengths, given[BORESIGHT], RETROREFLECTORS[kind])
         shares: list[float] = []
         for turn in _TURN * np.eye(3):
             turned = replace(rest.retroreflector, turn=turn)
@@ -179,7 +164,7 @@ def _retro_reflectors(given: Given) -> list[tuple[str | float, ...]]:
 )
 def _dichroic(given: Given) -> list[tuple[str, float, float, float]]:
     """How much a tilt of the dichroic mirror mimics, and the tolerance that follows."""
-    accuracy = _accuracy(given)
+    accuracy = float(given.array(_ACCURACY).max())
     axes = ("in the plane of the light", "across it", "its normal")
     rows = []
     factors = np.linalg.norm(_dichroic_response(given[BORESIGHT]), axis=0)
@@ -206,74 +191,32 @@ def _dichroic_response(boresight_angle: float) -> FloatArray:
 
 @studied(
     "chen2023/heat",
-    given=(CAMERA[0], *platform.TRACKER, platform.TELESCOPE, _RATIO, _PIXELS, _ACCURACY),
+    given=(
+        *(CAMERA[0], *platform.TRACKER, platform.TELESCOPE, platform.DIAGONAL),
+        *(_RATIO, _PIXELS, _ACCURACY, _EXPANSION),
+    ),
 )
-def _heat(given: Given) -> list[tuple[str, float, float, float, float, float]]:
+def _heat(given: Given) -> list[tuple[str | float, ...]]:
     """What thermal motion of the lasers does, in flight and on the bench."""
     flight, short = given[CAMERA[0]], given[platform.FOCAL_LENGTH]
-    rows = []
+    rows: list[tuple[str | float, ...]] = []
     for name, camera, tracker in (
         ("flight, as printed", flight, flight / given[_RATIO]),
         ("flight camera with the tracker of Table II", flight, short),
         ("ground platform", given[platform.TELESCOPE], short),
     ):
         view = np.degrees(float(field_of_view(given[_PIXELS], given[platform.PIXEL], tracker)))
-        angle = _STEP / camera / RADIANS_PER_ARCSEC
-        motion = _accuracy(given) * camera * 1e6
-        rows.append((name, camera / tracker, tracker * 1e3, view, angle, motion))
+        angle = 1e-6 / camera / RADIANS_PER_ARCSEC
+        motion = float(given.array(_ACCURACY).max()) * camera
+        kelvin = motion / (given[_EXPANSION] * given[platform.DIAGONAL])
+        rows.append((name, camera / tracker, tracker * 1e3, view, angle, motion * 1e6, kelvin))
     return rows
-
-
-@studied(
-    "chen2023/thermal",
-    given=(*_LIGHT_PATH, _EXPANSION, _ACCURACY, CAMERA[0]),
-)
-def _thermal(given: Given) -> list[tuple[str, str, float, float, float]]:
-    """Thermal terms: what each mimics, and how large it may be."""
-    accuracy, points, expansion = _accuracy(given), platform.lasers(given), given[_EXPANSION]
-    # In angle only the camera's own focal length counts, so the flight camera is set in.
-    rest = replace(_bench_path(given, _PAIR), camera_focal_length=given[CAMERA[0]])
-    outward = points / np.linalg.norm(points, axis=1, keepdims=True)
-    rows = []
-    for name, moves in {
-        "all lasers move together": [1.0, 0.0],
-        "one laser of four moves": np.eye(len(points), 2) * [1.0, 0.0],
-        "the pattern grows evenly": outward,
-    }.items():
-        angles = _believed(rest, _PAIR, points, _STEP * np.asarray(moves))
-        tilt = np.hypot(*angles[:2])
-        length = accuracy / tilt * _STEP if tilt > _NEGLIGIBLE * accuracy else np.inf
-        kelvin = length / (expansion * given[platform.DIAGONAL])
-        rows.append((name, "µm", tilt / RADIANS_PER_ARCSEC, length * 1e6, kelvin))
-    for name, factor in {
-        "the angle of the two mirrors opens": _opened_angle(given, _PAIR),
-        "one angle of a corner cube opens": _opened_angle(given, "corner cube"),
-    }.items():
-        turn = accuracy / factor
-        rows.append((name, "arcsec", factor, turn / RADIANS_PER_ARCSEC, turn / expansion))
-    return rows
-
-
-def _opened_angle(given: Given, kind: str) -> float:
-    """Return the tilt that is believed when one right angle of a retro-reflector opens.
-
-    In radians per radian.
-    """
-    rest = _bench_path(given, kind)
-    if not isinstance(rest.retroreflector, Mirrors):
-        raise TypeError(f"kind: expected a retro-reflector of plane mirrors, got {kind!r}")
-    normals = attitude.unit("normals", rest.retroreflector.normals)
-    # One mirror turns about its edge with the next one, away from it.
-    normals[0] += _TURN * normals[1]
-    opened = replace(rest.retroreflector, normals=normals)
-    angles = _believed(rest, kind, platform.lasers(given), retroreflector=opened)
-    return float(np.hypot(*angles[:2])) / _TURN
 
 
 @draws("chen2023/fig-1b")
-@diagram(12.0, 6.8)
-def _draw_system(sketch: Sketch) -> None:
+def _draw_system(figure: Figure) -> None:
     """The monitoring system: what the laser light couples, and what the stars add."""
+    sketch = Sketch.on(figure, 12.0, 6.8)
     sketch.box((2.4, 3.4), (4.4, 1.7), "camera with lasers\nin its focal plane")
     sketch.box((6.2, 0.8), (3.4, 1.1), "retro-reflector")
     sketch.box((9.9, 3.4), (3.4, 1.7), "star and laser\ntracker")
@@ -288,9 +231,9 @@ def _draw_system(sketch: Sketch) -> None:
 
 
 @draws("chen2023/fig-2a")
-@diagram(12.6, 10.8)
-def _draw_satellite(sketch: Sketch) -> None:
+def _draw_satellite(figure: Figure) -> None:
     """The system in the satellite: camera down, tracker up, retro-reflector between."""
+    sketch = Sketch.on(figure, 12.6, 10.8)
     sketch.box((3.4, 5.4), (3.8, 5.2))
     sketch.box((3.4, 7.4), (3.2, 1.1), "focal plane,\nlasers")
     for x, y, degrees in (
@@ -312,9 +255,9 @@ def _draw_satellite(sketch: Sketch) -> None:
 
 
 @draws("chen2023/fig-2b", given=[_DETECTORS])
-@diagram(13.6, 5.8)
-def _draw_focal_plane(sketch: Sketch, door: Given) -> None:
+def _draw_focal_plane(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """Focal plane of the camera: detectors in two planes, joined by reflectors, and the lasers."""
+    sketch = Sketch.on(figure, 13.6, 5.8)
     count = door.count(_DETECTORS)
     for index in range(count):
         x, upright = 1.0 + 0.7 * index, index % 2 == 0

@@ -3,10 +3,10 @@
 # The module that makes and draws each item, in order of print; none for one that is only quoted.
 ITEMS = {
     "niu2024/text-context": "",
-    "niu2024/fig-1": "diagrams",
+    "niu2024/fig-1": "registration",
     "niu2024/text-approximations": "approximations",
     "niu2024/fig-2": "registration",
-    "niu2024/fig-3": "diagrams",
+    "niu2024/fig-3": "registration",
     "niu2024/text-optics": "optics",
     "niu2024/table-1": "",
     "niu2024/table-2": "registration",
@@ -14,7 +14,7 @@ ITEMS = {
     "niu2024/fig-4": "simulation",
     "niu2024/table-3": "simulation",
     "niu2024/text-experiment": "experiment",
-    "niu2024/fig-5": "diagrams",
+    "niu2024/fig-5": "registration",
     "niu2024/table-4": "experiment",
 }
 
@@ -23,7 +23,6 @@ STUDIES = {
     "niu2024/approximations": "approximations",
     "niu2024/scale-errors": "experiment",
     "niu2024/fusion": "images",
-    "niu2024/instrument-errors": "decisions",
     "niu2024/stars": "decisions",
 }
 

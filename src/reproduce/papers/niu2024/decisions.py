@@ -1,4 +1,4 @@
-"""What the posteriors of niu2024 decide: its errors, and with how many stars to calibrate.
+"""What the posteriors of niu2024 decide: with how many stars to calibrate.
 
 No sampler is needed: the registration has a closed form, and the distortions are small enough for
 a linear one. The stars are those of the printed design; other numbers of stars lie as they do.
@@ -11,22 +11,21 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.special import chndtrix, gammaincinv
+from scipy.special import chndtrix
 
 from reproduce.inference import Normal, models
 from reproduce.papers.declare import Fact, draws, studied
 from reproduce.papers.niu2024 import posteriors, simulation
 from reproduce.papers.niu2024.simulation import NOISE
-from reproduce.papers.sketch import across, sized
+from reproduce.papers.sketch import banded, logarithmic, named_below, sized
 from reproduce.physics.ground import circular_error
 from reproduce.physics.registration import fit_registration
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping
 
-    import pandas as pd
     from matplotlib.figure import Figure
 
 _ENDS = (0.025, 0.5, 0.975)
@@ -55,14 +54,14 @@ class _Design:
     edge: FloatArray
     count: int
 
-    def covariance(self, count: FloatArray) -> FloatArray:
-        """Of the parameters, for so many stars that lie as those of the design, (n, p, p)."""
-        more = np.asarray(count, dtype=float)[:, None, None] / self.count
-        return np.asarray(np.linalg.inv(self.information * more + self.held))
-
     def at_edge(self, count: FloatArray) -> FloatArray:
-        """Of the outermost star's registered place, (n, 2, 2), in px^2."""
-        return np.asarray(self.edge @ self.covariance(count) @ self.edge.T)
+        """Covariance of the outermost star's registered place, (n, 2, 2), in px^2.
+
+        For so many stars that lie as those of the design.
+        """
+        more = np.asarray(count, dtype=float)[:, None, None] / self.count
+        covariance = np.linalg.inv(self.information * more + self.held)
+        return np.asarray(self.edge @ covariance @ self.edge.T)
 
 
 @cache
@@ -117,34 +116,27 @@ def _left_out(door: Given) -> FloatArray:
     return np.asarray(left[np.hypot(*(red - middle).T).argmax()])
 
 
-def _enough(door: Given, wanted: float) -> dict[str, float]:
-    """Stars with which 97.5 % of calibrations misplace the outermost one less, by model.
+def _enough(door: Given) -> dict[str, float]:
+    """Stars with which 97.5 % of calibrations misplace the outermost one less than the noise.
 
-    Infinite where as many as `_MOST` are not enough.
+    By model; infinite where as many as `_MOST` are not enough.
     """
-    places, target = np.log(_TRIED), -np.log(wanted)
+    places, wanted = np.log(_TRIED), -np.log(door[NOISE])
     return {
-        name: float(np.ceil(np.exp(np.interp(target, -np.log(ends[2]), places, right=np.inf))))
+        name: float(np.ceil(np.exp(np.interp(wanted, -np.log(ends[2]), places, right=np.inf))))
         for name, ends in _edge_errors(door, _TRIED).items()
     }
 
 
 def _star_facts(door: Given) -> dict[str, Fact]:
     """Return errors at the edge for the printed number of stars, and how many suffice."""
-    count, angle = door.count(_COUNT), posteriors.pixel_angle(door)
-    numbers = {"all": count, "quarter": round(count / 4)}
-    found = {name: Fact(n, "d") for name, n in numbers.items()}
-    errors = _edge_errors(door, np.array(list(numbers.values())))
-    needed = _enough(door, door[NOISE])
-    for name, ends in errors.items():
-        kind = name.split()[0]
+    count = door.count(_COUNT)
+    found, needed = {"all": Fact(count, "d")}, _enough(door)
+    for name, ends in _edge_errors(door, np.array([count])).items():
+        kind, (_, middle, high) = name.split()[0], ends[:, 0].tolist()
         found[f"{kind}-enough"] = Fact(needed[name], ".0f")
-        for which, (_, middle, high) in zip(numbers, ends.T.tolist(), strict=True):
-            found |= {
-                f"{kind}-{which}": Fact(middle, ".3f", "px"),
-                f"{kind}-{which}-high": Fact(high, ".3f", "px"),
-                f"{kind}-{which}-angle": Fact(high * angle, ".2g", "arcsec"),
-            }
+        found[f"{kind}-all"] = Fact(middle, ".3f", "px")
+        found[f"{kind}-all-high"] = Fact(high, ".3f", "px")
     left = float(np.hypot(*_left_out(door)))
     found["left-out"] = Fact(left, ".2g", "px")
     # Where the mean squares are equal: that of the similarity has what it leaves out as well.
@@ -154,77 +146,24 @@ def _star_facts(door: Given) -> dict[str, Fact]:
 
 
 @studied("niu2024/stars", given=READS, named=_star_facts)
-def _stars(door: Given, wanted: float = 0.0, stars: float = 0.0) -> pd.DataFrame:
+def _stars(door: Given) -> Iterator[tuple[float, ...]]:
     """With how many stars to calibrate."""
-    wanted = wanted or door[NOISE]
-    counts = sorted({*_COUNTS, door.count(_COUNT), *([round(stars)] if stars else [])})
-    found, angle = _edge_errors(door, np.array(counts)), posteriors.pixel_angle(door)
-    rows = np.concatenate([*(ends[1:] for ends in found.values()),
-                           [ends[2] * angle for ends in found.values()]])  # fmt: skip
-    plain, free = map(_as_words, _enough(door, wanted).values())
-    left = float(np.hypot(*_left_out(door)))
-    return _stars.frame(
-        ((n, *row) for n, row in zip(counts, rows.T.tolist(), strict=True)),
-        wanted=wanted, plain=plain, free=free, left=left,
-    )  # fmt: skip
-
-
-def _as_words(count: float) -> str:
-    return f"not even {_MOST:,.0f} stars are" if np.isinf(count) else f"{count:.0f} stars are"
+    counts = sorted({*_COUNTS, door.count(_COUNT)})
+    found = np.concatenate([ends[1:] for ends in _edge_errors(door, np.array(counts)).values()])
+    for count, row in zip(counts, found.T.tolist(), strict=True):
+        yield (count, *row)
 
 
 @draws("niu2024/drawing-stars", given=READS)
 def _draw_stars(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """Error at the edge of the field against the stars of a calibration."""
     counts = np.geomspace(10, 1000, 30)
-    narrow = sized(figure, 6.0, 3.6, 4.2)
+    sized(figure, 6.0, 3.6, 4.2)
     axes = figure.subplots()
     looks = (("#0072B2", "-"), ("#D55E00", "--"))
-    for (name, ends), (colour, line) in zip(_edge_errors(door, counts).items(), looks, strict=True):
-        axes.fill_between(counts, ends[0], ends[2], facecolor=(colour, 0.12), edgecolor=colour,
-                          linestyle=line, linewidth=0.7)  # fmt: skip
-        axes.plot(counts, ends[1], line, color=colour, label=f"{name}, with 95 %")
+    for (name, ends), look in zip(_edge_errors(door, counts).items(), looks, strict=True):
+        banded(axes, counts, ends, *look, label=f"{name}, with 95 %")
     axes.axvline(door.count(_COUNT), color="#777777", linestyle=":", label="stars of the paper")
-    axes.set(xscale="log", yscale="log", xlabel="stars of the calibration (count)",
-             ylabel="error at the edge (px)")  # fmt: skip
-    axes.set_xticks((10, 30, 100, 300, 1000), ("10", "30", "100", "300", "1000"))
-    axes.set_yticks((0.001, 0.01, 0.1), ("0.001", "0.01", "0.1"))
-    axes.minorticks_off()
-    across(axes, "as an angle (arcsec)", posteriors.pixel_angle(door))
-    figure.legend(loc="outside lower center", ncols=1 if narrow else 2)
-
-
-@studied("niu2024/instrument-errors", given=READS)
-def _errors(door: Given) -> pd.DataFrame:
-    """Every error of a registered star, and how well it is known."""
-    green, red, _ = posteriors.centroids(door)
-    middle = posteriors.pivot(door, "red")
-    # The exact posterior of the noise is that of the residuals of least squares.
-    fit = fit_registration(red, green, middle)
-    chi = 2 * gammaincinv(fit.degrees_of_freedom / 2, _ENDS[::-1])  # quantiles of chi-squared
-    noise = np.sqrt(fit.chi_square / chi)
-    design, free = _designs(door).values()
-    scale = float(fit.parameters[0])
-    # Errors of a calibration are in proportion to the noise.
-    relative, all_stars = noise / posteriors.truth(door)["noise"], np.array([design.count])
-    radius = float(np.hypot(*(red - middle).T).max())
-    spread, wide = (np.sqrt(np.diagonal(one.covariance(all_stars)[0])) for one in (design, free))
-    together, apart = (
-        float(np.sqrt(np.trace(one.at_edge(all_stars)[0]) / 2)) for one in (design, free)
-    )
-    left = float(np.sqrt(np.mean(_left_out(door) ** 2)))
-    rows = {
-        ("Centroid noise, one image", "simulated"): noise / np.hypot(1, scale),
-        ("Scale, at the edge", "simulated"): spread[0] * radius * relative,
-        ("Rotation, at the edge", "simulated"): scale * spread[1] * radius * relative,
-        ("Translation", "simulated"): spread[2] * relative,
-        ("All together, at the edge", "simulated"): together * relative,
-        ("Distortions that a similarity leaves out, at the edge", "simulated"): np.full(3, left),
-        ("Scale, distortions free, at the edge", "simulated"): wide[0] * radius * relative,
-        ("All, distortions free, at the edge", "simulated"): apart * relative,
-    }  # fmt: skip
-    angle = posteriors.pixel_angle(door)
-    return _errors.frame(
-        ((*names, *ends[[1, 0, 2]].tolist(), float(ends[1] * angle))
-         for names, ends in rows.items()), count=design.count,
-    )  # fmt: skip
+    axes.set(xlabel="stars of the calibration (count)", ylabel="error at the edge (px)")
+    logarithmic(axes, (10, 30, 100, 300, 1000), (0.001, 0.01, 0.1))
+    named_below(figure, 2)

@@ -24,7 +24,7 @@ from numpy.random import Generator, SeedSequence
 
 from reproduce.papers.declare import Fact, draws, studied
 from reproduce.papers.niu2024 import experiment
-from reproduce.papers.niu2024.diagrams import LOOKS
+from reproduce.papers.niu2024.registration import LOOKS
 from reproduce.papers.niu2024.simulation import CHANNELS, OPTICS
 from reproduce.papers.sketch import Look, sized
 from reproduce.physics import images
@@ -199,7 +199,7 @@ def _facts() -> dict[str, Fact]:
     arrays, replicates = _stored().arrays, int(_stored().note["replicates"])
     at_corner = arrays["error"][:, -1, MAGNITUDES.index(4.0)]
     green, plain, registered = at_corner[list(STARS).index("solar")]
-    alone, raw, fused = np.moveaxis(arrays["signal_to_noise"], -1, 0)
+    alone, _, fused = np.moveaxis(arrays["signal_to_noise"], -1, 0)
     by_star = np.median(fused / alone, axis=(1, 2))
     return {
         "green": Fact(green, ".3f", "px"),
@@ -207,12 +207,9 @@ def _facts() -> dict[str, Fact]:
         "registered": Fact(registered, ".3f", "px"),
         "plain-least": Fact(at_corner[:, 1].min(), ".2f", "px"),
         "plain-most": Fact(at_corner[:, 1].max(), ".2f", "px"),
-        "plain-least-star": Fact(list(STARS)[int(at_corner[:, 1].argmin())]),
-        "plain-most-star": Fact(list(STARS)[int(at_corner[:, 1].argmax())]),
         "registered-bias": Fact(arrays["bias"][..., 2].max(), ".3f", "px"),
         "gain-least": Fact(by_star.min(), ".2f"),
         "gain-most": Fact(by_star.max(), ".2f"),
-        "loss": Fact(100 * (1 - float(np.median(raw / fused))), ".0f", "%"),
         "trials": Fact(replicates, ","),
     }
 

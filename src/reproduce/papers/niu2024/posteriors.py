@@ -5,7 +5,7 @@ the same instrument, with the printed settings and a seed of our own. Their test
 directions at random, uniform over the printed range, as for the printed RMSE.
 
 A user's stars are one per line, in px: the place in the channel (``x``, ``y``) and in the reference
-channel (``x_reference``, ``y_reference``); for both channels at once ``x_red`` to ``y_green``.
+channel (``x_reference``, ``y_reference``).
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ from functools import partial
 import numpy as np
 from numpy.random import PCG64, Generator
 
-from reproduce.inference import Model, Normal, Uniform, models
+from reproduce.inference import Model, Uniform, models
 from reproduce.papers.niu2024 import simulation
 from reproduce.papers.niu2024.simulation import IMAGING, NOISE, REGISTERED, SETTINGS
-from reproduce.papers.posteriors import Aside, Declaration, File, Pivot, data_stream
+from reproduce.papers.posteriors import Declaration, File, Pivot, data_stream
 from reproduce.physics.attitude import Platform
 from reproduce.physics.optics import angle_from_pixels, noisy_centroids, spawned_angles
 from reproduce.physics.registration import (
@@ -37,22 +37,15 @@ from reproduce.units import ARCSEC_PER_RADIAN
 
 # Share of stars that are matched wrongly on purpose.
 _FALSE = 0.3
-# How well a laboratory may know a principal point, in px.
-_PRINCIPAL_POINT = 2.0
 _TEST_POINTS = f"{SETTINGS}#test-points"
 READS = (*simulation.READS, "niu2024/text-optics#pixel-pitch-*", _TEST_POINTS)
 # Columns of the joint model that one channel's model takes: its transform, and the noise.
 _JOINT_COLUMNS = ((0, 1, 2, 3, 8), (4, 5, 6, 7, 8))
-
-_JOINT_FILE = ("x_red", "y_red", "x_blue", "y_blue", "x_green", "y_green")
-# Of the field: how far a distortion may move a star beforehand, or so many times the residuals, but
-# never so far that it cannot be undone.
-_SHARE, _RESIDUALS, _MOST = 1e-3, 10.0, 0.03
 # Fewer stars do not tell a wrong match from noise.
 _FEW = 10
 
 
-def centroids(given: Given) -> FloatArray:
+def _centroids(given: Given) -> FloatArray:
     """Simulated centroids of green, red and blue, shape (3, n, 2), in px."""
     noise = given[NOISE]
     return np.asarray(noisy_centroids(true_centroids(given), noise, data_stream(given, 1), 1)[0])
@@ -82,7 +75,7 @@ def truth(given: Given, channels: tuple[str, ...] = ("red",)) -> dict[str, float
 
 def _registration(given: Given) -> Model:
     """The red channel laid over green."""
-    green, red, _ = centroids(given)
+    green, red, _ = _centroids(given)
     return _foretelling(given, models.registration_model(red, green, pivot(given, "red")))
 
 
@@ -99,7 +92,7 @@ def _foretelling(given: Given, model: Model) -> Model:
 
 def _joint(given: Given) -> Model:
     """Both channels laid over green at once."""
-    green, red, blue = centroids(given)
+    green, red, blue = _centroids(given)
     pivots = (pivot(given, "red"), pivot(given, "blue"))
     model = models.joint_model((red, blue), green, pivots)
     likelihood = model.likelihood_of(models.JointRegistration)
@@ -117,7 +110,7 @@ def _distortion(given: Given) -> Model:
 
 def _mixture(given: Given) -> Model:
     """The red channel, three stars of ten matched with the wrong green one."""
-    green, red, _ = centroids(given)
+    green, red, _ = _centroids(given)
     order = Generator(PCG64(data_stream(given, 4))).permutation(len(red))
     false = order[: round(_FALSE * len(red))]
     green[false] = green[np.roll(false, 1)]
@@ -156,33 +149,20 @@ def _new_stars(
     source = _test_points(given)[simulation.CHANNELS.index(channel)]
     registered = fit.transform.apply(source)
     stars = likelihood.elsewhere(source)
-    return models.NewStars(stars, registered, pixel_angle(given), columns, prefix)
+    return models.NewStars(stars, registered, _pixel_angle(given), columns, prefix)
 
 
-def pixel_angle(given: Given) -> float:
+def _pixel_angle(given: Given) -> float:
     """Return the angle that a pixel of the green channel spans, in arcsec."""
     pitch = given["niu2024/text-optics#pixel-pitch-x"]
     focal_length = given[f"{IMAGING}#focal-length.green"]
     return float(angle_from_pixels(1.0, pitch, focal_length)) * ARCSEC_PER_RADIAN
 
 
-def _beside_the_registration(given: Given, model: Model) -> dict[str, Aside]:
-    """Whether the noise grows across the field, and what a principal point that is off does."""
-    plain = model.likelihood_of(models.GaussianRegistration)
-    scale, rotation = fit_registration(plain.source, plain.target, plain.pivot).parameters[:2]
-    # A principal point off by d moves the shift by (w - 1) d.
-    moved = abs(scale * np.exp(1j * rotation) - 1) * _PRINCIPAL_POINT
-    return {
-        "noise-growth": Aside(*models.noise_growth(plain.source, plain.target, plain.pivot)),
-        "principal-point": Aside(_PRINCIPAL_POINT, unit="px"),
-        "shift-by-principal-point": Aside(float(moved), unit="px"),
-    }
-
-
 def _users_registration(table: Table, pivot: Pivot) -> Model:
     """Registration of one channel."""
     source, target = table.values[:, :2], table.values[:, 2:]
-    centre = _pivots(table, pivot)[0]
+    centre = _centre(table, pivot)
     priors = models.free_priors(source, target, centre)
     return models.registration_model(source, target, centre, priors=priors)
 
@@ -211,73 +191,40 @@ def _turning(model: Model) -> Model:
     return replace(model, parameters=models.with_priors(model.parameters, {"rotation": turn}))
 
 
-def _users_distortion(table: Table, pivot: Pivot) -> Model:
-    """The same with both distortions free, up to some thousandths of the field."""
-    base = _users_registration(table, pivot)
-    residual = base.likelihood.start()[0][4]
-    field = float(np.ptp(table.values[:, :2], axis=0).max())
-    reach = min(max(_SHARE * field, _RESIDUALS * residual), _MOST * field)
-    prior = Normal(0.0, float(reach), "some thousandths of the field at its edge, or ten times the "
-                   "residuals where these are larger")  # fmt: skip
-    model = models.distortion_model(base)
-    extra = tuple(replace(parameter, prior=prior) for parameter in model.parameters[5:])
-    return replace(model, parameters=model.parameters[:5] + extra)
-
-
-def _users_joint(table: Table, pivot: Pivot) -> Model:
-    """Both channels at once."""
-    red, blue, green = (table.values[:, i : i + 2] for i in (0, 2, 4))
-    centres = _pivots(table, pivot)
-    model = models.joint_model((red, blue), green, (centres[0], centres[1]))
-    pairs = zip((red, blue), centres, strict=True)
-    own = [models.free_priors(source, green, centre) for source, centre in pairs]
-    priors = {f"{channel}-{key}": prior for channel, one in zip(REGISTERED, own, strict=True)
-              for key, prior in one.items() if key != "noise"}  # fmt: skip
-    # Both channels share one noise, and its prior is that of the channel with more of it.
-    priors["noise"] = max((one["noise"] for one in own), key=lambda prior: prior.high)
-    return replace(model, parameters=models.with_priors(model.parameters, priors))
-
-
-def _pivots(table: Table, pivot: Pivot | FloatArray) -> list[FloatArray]:
-    """The principal point of each channel: as given, or the mean of its stars."""
-    channels = [table.values[:, i : i + 2] for i in range(0, len(table.columns) - 2, 2)]
-    if pivot is None:
-        return [points.mean(axis=0) for points in channels]
-    return [checked_pivot(pivot, points) for points in channels]
+def _centre(table: Table, pivot: Pivot) -> FloatArray:
+    """The principal point of the channel: as given, or the mean of its stars."""
+    points = table.values[:, :2]
+    return points.mean(axis=0) if pivot is None else checked_pivot(pivot, points)
 
 
 def _read(
     table: Table, pivot: Pivot, design: Platform | None, make: Callable[[Table, Pivot], Model]
 ) -> tuple[Model, list[str]]:
     """Return a model of a user's stars, and what to hear of them in the words of `register`."""
-    model, found = make(table, pivot), dict[str, None]()
-    for i, centre in enumerate(_pivots(table, pivot)):
-        source = table.values[:, 2 * i : 2 * i + 2]
-        told = diagnose(source, table.values[:, -2:], centre, table.named, model="similarity")
-        found |= dict.fromkeys(one.text for one in told)
+    model, (source, target) = make(table, pivot), np.split(table.values, 2, axis=1)
+    found = diagnose(source, target, _centre(table, pivot), table.named, model="similarity")
     # The mixture names mismatches itself.
     named = make is _users_mixture
-    return model, [text for text in found if not (named and "do not fit the others" in text)]
-
-
-_PLACES = "one star per line, in px: its place in the channel and in the reference channel"
-_TOGETHER = "one star per line, in px: its places in the three channels"
+    texts = dict.fromkeys(one.text for one in found)
+    return model, [text for text in texts if not (named and "do not fit the others" in text)]
 
 
 def _file(make: Callable[[Table, Pivot], Model]) -> File:
-    columns, meaning = (_JOINT_FILE, _TOGETHER) if make is _users_joint else (STARS, _PLACES)
-    return File(columns, meaning, partial(_read, make=make), pivot=True)
+    meaning = "one star per line, in px: its place in the channel and in the reference channel"
+    return File(STARS, meaning, partial(_read, make=make), pivot=True)
+
+
+_NO_FILE = "it is for the data of the book; registration and registration-mixture take stars"
 
 
 POSTERIORS = (
     Declaration(
         "registration", "Registration of one channel: similarity and Gaussian noise", "niu2024",
-        READS, _registration, _file(_users_registration), truth,
-        asides=_beside_the_registration, walkers=240,
+        READS, _registration, _file(_users_registration), truth, walkers=240,
     ),
     Declaration(
         "registration-joint", "Registration of both channels: they share the green noise",
-        "niu2024", READS, _joint, _file(_users_joint), partial(truth, channels=REGISTERED),
+        "niu2024", READS, _joint, _NO_FILE, partial(truth, channels=REGISTERED),
     ),
     Declaration(
         "registration-mixture", "Registration with wrong matches: a good/bad mixture", "niu2024",
@@ -285,6 +232,6 @@ POSTERIORS = (
     ),
     Declaration(
         "registration-distortion", "Registration with both distortions free", "niu2024",
-        READS, _distortion, _file(_users_distortion), truth,
+        READS, _distortion, _NO_FILE, truth,
     ),
 )  # fmt: skip
