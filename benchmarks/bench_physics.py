@@ -14,6 +14,7 @@ from photutils.centroids import centroid_com
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
+import every_reading
 from reproduce.papers.chen2023 import platform_twin, resolution
 from reproduce.papers.niu2024 import readings
 from reproduce.physics.attitude import attitude
@@ -164,8 +165,8 @@ def bench_simulation_study(promise: Promise) -> None:
     door, few = given(readings.READS), 500
 
     def ours() -> int:
-        drawn = readings.numbers(door, readings.CHUNK, 0)
-        return len(np.stack(list(readings.simulate_channel(door, drawn, "red"))))
+        drawn = every_reading.numbers(door, every_reading.CHUNK, 0)
+        return len(np.stack(list(every_reading.simulate_channel(door, drawn, "red"))))
 
     count = ours()
 
@@ -176,5 +177,5 @@ def bench_simulation_study(promise: Promise) -> None:
             rows = np.vstack([np.c_[x, -y, one, none], np.c_[y, x, none, one]])
             np.linalg.lstsq(rows, TARGET[:52].T.ravel(), rcond=None)
 
-    fits = count * readings.CHUNK
+    fits = count * every_reading.CHUNK
     promise(f"simulation study, {count} readings", ours, loop, 1 / 3, rounds=3, work=fits / few)

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import every_reading
 from reproduce.judge import ledger, rerun
 from reproduce.judge.ledger import build
 from reproduce.judge.rerun import CannotChangeError
@@ -203,7 +204,7 @@ def test_all_options_together_leave_nothing_open():
 @pytest.mark.parametrize("angles", ["hexagonal-from-corner", "rectangle"])
 def test_an_arrangement_gives_what_the_study_of_all_readings_gives(angles):
     """Two seeds: medians within a few of their errors; the first arrangement has no zero."""
-    drawn = readings.simulate(DOOR, 400)
+    drawn = every_reading.simulate(DOOR, 400)
     names = [one.name for one in simulation.candidates(DOOR)]
     literal = readings.literal(DOOR)
     place = readings.readings(DOOR).index(

@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+import every_reading
 import fusion
 import laws
 from keep import write
@@ -39,7 +40,7 @@ COMPARED = ("tails", "law_tails", "joint", "law_joint", "distance")
 
 def _simulated(span: tuple[int, int]) -> tuple[Array]:
     first, count = span
-    return (readings.simulate(given(readings.READS), count, first),)
+    return (every_reading.simulate(given(readings.READS), count, first),)
 
 
 def all_draws(
@@ -47,10 +48,10 @@ def all_draws(
     executor: Executor | None = None,
     store: Store | None = None,
 ) -> Array:
-    """Simulate every reading on any executor: the same result as from `readings.simulate`."""
+    """Simulate every reading on any executor: the same result as from `every_reading.simulate`."""
     spans = [
-        (begin, min(readings.CHUNK, replicates - begin))
-        for begin in range(0, replicates, readings.CHUNK)
+        (begin, min(every_reading.CHUNK, replicates - begin))
+        for begin in range(0, replicates, every_reading.CHUNK)
     ]
     parts = run_parts(_simulated, spans, executor, store)
     return np.concatenate([part for (part,) in parts], axis=1)
@@ -66,7 +67,7 @@ def _readings(
     note = {**note, "replicates": str(readings.REPLICATES)}
     draws = all_draws(readings.REPLICATES, executor, Store(folder / "draws", note))
     rows = run_parts(compare, list(draws), executor, Store(folder / "compared", note))
-    return {"first": draws[:, : readings.KEPT], **stacked(rows)}, readings.REPLICATES
+    return {"first": draws[:, : every_reading.KEPT], **stacked(rows)}, readings.REPLICATES
 
 
 def stacked(rows: Iterable[tuple[Array, ...]]) -> dict[str, Array]:
@@ -92,13 +93,13 @@ def compare(draws: Array) -> tuple[Array, ...]:
 
 def _columns_in_print(draws: Array, cells: list[Cell], axes: str) -> list[Array]:
     """Return the draws of one reading cell by cell, shape (replicates,), in the unit of print."""
-    flat = readings.counted(draws, axes).reshape(len(draws), -1)
+    flat = every_reading.counted(draws, axes).reshape(len(draws), -1)
     return [flat[:, i] / si_factor(cell.unit) for i, cell in enumerate(cells)]
 
 
 # What redoes a slow study, and the seed of it, by the name of its files.
 SLOW = {
-    "niu2024-readings": (_readings, readings.SEED),
+    "niu2024-readings": (_readings, every_reading.SEED),
     "niu2024-fusion": (fusion.recomputed, fusion.SEED),
 }
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import ks_2samp
 
+import every_reading
 import recompute
 from parts import Store
 from reproduce.judge import readings as judged
@@ -29,7 +30,7 @@ def stored():
 
 @pytest.fixture(scope="module")
 def drawn():
-    return readings.simulate(DOOR, 400)
+    return every_reading.simulate(DOOR, 400)
 
 
 def printed_values():
@@ -74,7 +75,7 @@ def test_the_ledgers_readings_are_those_of_the_study(drawn):
             literal = [Reading("principal points of Table 1", "", result)]
             for reading in getattr(result, "readings", literal):
                 changed, axes = choices[reading.name]
-                ours = readings.counted(drawn[place(**changed)], axes)
+                ours = every_reading.counted(drawn[place(**changed)], axes)
                 found = ks_2samp(ours[:, channel_place, cell_place], reading.result.draws)
                 assert found.pvalue > 1e-3, (name, reading.name)
 
@@ -91,8 +92,8 @@ def test_a_verdict_of_the_simulation_holds_under_every_reading_or_the_cell_is_bl
 
 def test_the_closed_form_is_the_end_of_the_papers_iteration():
     """Also where the zero position is not among the angles."""
-    few = readings.numbers(DOOR, 2)
-    every = readings.simulate(DOOR, 2)
+    few = every_reading.numbers(DOOR, 2)
+    every = every_reading.simulate(DOOR, 2)
     names = [found.offset for found in simulation.candidates(DOOR)]
     for arrangement in (names.index("centred"), names.index("half a spacing along both")):
         table = simulation.candidates(DOOR)[arrangement].angles
@@ -111,7 +112,7 @@ def test_the_closed_form_is_the_end_of_the_papers_iteration():
 
 
 def test_replicates_depend_neither_on_how_many_nor_on_where_they_begin(drawn):
-    np.testing.assert_array_equal(readings.simulate(DOOR, 2, first=7), drawn[:, 7:9])
+    np.testing.assert_array_equal(every_reading.simulate(DOOR, 2, first=7), drawn[:, 7:9])
 
 
 def test_averages_of_ten_scatter_by_the_root_of_ten_less(drawn):
@@ -137,7 +138,9 @@ def test_noise_in_green_alone_moves_both_channels_alike_and_noise_in_the_others_
 
 def test_what_green_alone_leaves_of_the_table_by_hand():
     """It is the noise of green, averaged: red and blue get the same shift, printed ones differ."""
-    red, blue = readings.simulate(DOOR, 5)[place(noisy="green", shifts="Table 2")].swapaxes(0, 1)
+    red, blue = every_reading.simulate(DOOR, 5)[place(noisy="green", shifts="Table 2")].swapaxes(
+        0, 1
+    )
     moved = [c[:, 2:4] - t for c, t in ((red, (0.3, 0.5)), (blue, (-0.4, -0.6)))]
     np.testing.assert_allclose(moved[0], moved[1], atol=5e-5)
     printed = np.array([[0.3012, 0.5024], [-0.4032, -0.5986]]) - [[0.3, 0.5], [-0.4, -0.6]]
@@ -154,7 +157,7 @@ def test_every_way_of_counting_the_axes():
     }
     assert set(expected) == set(readings.COUNTED)
     for axes, residuals in expected.items():
-        found = readings.counted(measured, axes)
+        found = every_reading.counted(measured, axes)
         np.testing.assert_allclose(found[0], [1, 2, 3, 4, *residuals])
 
 
@@ -165,7 +168,7 @@ def test_the_translations_of_table_2_come_out_where_they_go_in(drawn):
 
 
 def test_test_points_among_the_angles_are_never_drawn_twice():
-    chosen = readings.numbers(DOOR, 30).chosen
+    chosen = every_reading.numbers(DOOR, 30).chosen
     assert chosen.shape == (30, 52)
     assert all(len(set(row)) == 52 for row in chosen.tolist())
     assert chosen.min() >= 0
@@ -174,7 +177,9 @@ def test_test_points_among_the_angles_are_never_drawn_twice():
 
 
 def test_the_stored_replicates_are_recomputed(stored):
-    np.testing.assert_allclose(readings.simulate(DOOR, 3), stored.arrays["first"][:, :3], atol=1e-9)
+    np.testing.assert_allclose(
+        every_reading.simulate(DOOR, 3), stored.arrays["first"][:, :3], atol=1e-9
+    )
 
 
 def test_the_stored_tails_are_those_of_a_small_run(stored, drawn):
@@ -235,7 +240,7 @@ def test_what_the_book_says_of_the_closest_readings(stored):
 
 def test_red_residuals_exceed_blue_ones_before_registration_and_do_not_in_print(stored, drawn):
     """On the same stars, in all readings with the translations of Table 2 and the RMSE of y."""
-    for kind in readings._TESTS:
+    for kind in readings.TESTS:
         before = drawn[place(shifts="Table 2", tests=kind)][..., 5]
         assert (before[:, 0] > before[:, 1]).mean() > 0.99
     printed = [find(f"niu2024/text-simulation#rmse-before-{c}")[0] for c in ("red", "blue")]
@@ -281,11 +286,11 @@ def test_the_closest_readings_stand_with_their_distance(stored):
 
 
 def test_draws_are_the_same_on_any_executor_and_go_on_after_a_stop(tmp_path, monkeypatch):
-    monkeypatch.setattr(readings, "CHUNK", 1)
+    monkeypatch.setattr(every_reading, "CHUNK", 1)
     store = Store(tmp_path, {"replicates": 4})
     with ThreadPoolExecutor(2) as pool:
         drawn = recompute.all_draws(4, pool, store)
-    np.testing.assert_array_equal(drawn, readings.simulate(DOOR, 4))
+    np.testing.assert_array_equal(drawn, every_reading.simulate(DOOR, 4))
     assert len(list(tmp_path.glob("part-*.npz"))) == 4
     (tmp_path / "part-2.npz").unlink()
     np.testing.assert_array_equal(recompute.all_draws(4, None, store), drawn)
