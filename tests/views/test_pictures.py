@@ -118,11 +118,11 @@ def test_scatter_beyond_the_errors_is_found():
     assert found.beyond == pytest.approx(expected, rel=4 / np.sqrt(4 * count))
 
 
-def test_a_start_gives_neighbours():
-    found = rp.match(rp.stars(RED), rp.stars(GREEN), start=TRUTH, radius=2)
+def test_pairs_are_a_table_that_register_takes():
+    found = rp.match(rp.stars(RED), rp.stars(GREEN), radius=2)
     assert len(found) == len(FIELD.source)
-    assert "start" in found.attrs["log"]
-    assert list(found.columns[:4]) == ["x", "y", "x_reference", "y_reference"]
+    assert "triangles" in found.attrs["log"]
+    assert list(found.columns[:4]) == list(STARS)
 
 
 def test_fields_without_common_stars_are_told():

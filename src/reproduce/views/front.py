@@ -257,7 +257,6 @@ def register(
     source_covariance: ArrayLike | None = None,
     target_covariance: ArrayLike | None = None,
     reference: str | int | None = None,
-    start: Any = None,
     radius: float | None = None,
     bayer: str | None = None,
     threshold: float | None = None,
@@ -297,7 +296,7 @@ def register(
     reference : str or int, optional
         Name or place (from 1) of the picture on which others are laid: by default the second of
         three, the last of two, green of a colour picture.
-    start, radius : optional
+    radius : float, optional
         Of pictures, as for `match`.
     bayer, threshold : optional
         Of pictures, as for `stars`.
@@ -325,8 +324,8 @@ def register(
     """
     known: dict[str, Any] = {"weights": weights, "source_covariance": source_covariance,
                              "target_covariance": target_covariance}  # fmt: skip
-    own: dict[str, Any] = {"start": start, "radius": radius, "bayer": bayer,
-                           "threshold": threshold, "reference": reference}  # fmt: skip
+    own: dict[str, Any] = {"radius": radius, "bayer": bayer, "threshold": threshold,
+                           "reference": reference}  # fmt: skip
     pictures = _pictures(source, target)
     given = [name for name, one in (known if pictures else own).items() if one is not None]
     if given and pictures:
@@ -395,14 +394,12 @@ def stars(
     return one_channel(source, channel, bayer, threshold)
 
 
-def match(source: Any, target: Any, start: Any = None, radius: float | None = None) -> pd.DataFrame:
+def match(source: Any, target: Any, radius: float | None = None) -> pd.DataFrame:
     """Pair the stars of two pictures.
 
     Parameters
     ----------
     source, target : Stars, or what `stars` takes
-    start : Registration or Registered, optional
-        Stars that are neighbours under it are pairs; by default it is found from triangles.
     radius : float, optional
         How far from each other the stars of a pair may land, in px.
 
@@ -415,7 +412,7 @@ def match(source: Any, target: Any, start: Any = None, radius: float | None = No
     from reproduce.views.pictures import paired
 
     first, second = (one if hasattr(one, "dropped") else stars(one) for one in (source, target))
-    return paired(first, second, start, radius)[0]
+    return paired(first, second, radius)[0]
 
 
 def misalignment(

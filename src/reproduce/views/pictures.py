@@ -166,24 +166,22 @@ def _found(picture: Picture, threshold: float | None) -> Stars:
 
 
 def paired(
-    source: Stars, target: Stars, start: Any = None, radius: float | None = None
+    source: Stars, target: Stars, radius: float | None = None
 ) -> tuple[pd.DataFrame, Registration]:
     """Return the pairs of `reproduce.match`, and the transform under which they are neighbours."""
     import pandas as pd
 
     field = max(float(np.ptp(one.points, axis=0).max()) for one in (source, target))
     near = radius or max(_NEAR, source.facts.get("radius", 0.0)) + _SHARE * field
-    start = getattr(start, "transform", start)
     try:
-        rows, found = match_points(source.points, target.points, near, start)
+        rows, found = match_points(source.points, target.points, near)
     except ValueError as error:
         raise ValueError(f"{source.name} and {target.name}: {error}") from error
     a, b = rows.T
     places = np.column_stack([source.points[a], target.points[b]])
     pairs = pd.DataFrame(places, columns=STARS).assign(row=a, row_reference=b)
     counts = f"{len(pairs)} pairs of {len(source)} and {len(target)} stars"
-    how = "triangles of neighbours" if start is None else "neighbours of a start"
-    pairs.attrs["log"] = f"{counts}, by {how}, less than {near:.3g} px apart"
+    pairs.attrs["log"] = f"{counts}, by triangles of neighbours, less than {near:.3g} px apart"
     pairs.attrs["mirrored"] = bool(np.linalg.det(found.matrix) < 0)
     return pairs, found
 
@@ -204,12 +202,11 @@ class RegisteredPictures(Registered):
         *,
         model: str = "similarity",
         robust: bool = True,
-        start: Any = None,
         radius: float | None = None,
     ) -> None:
         given = {"source": source, "target": target, "pivot": pivot, "model": model,
-                 "robust": robust, "start": start, "radius": radius}  # fmt: skip
-        self.pairs, found = paired(source, target, start, radius)
+                 "robust": robust, "radius": radius}  # fmt: skip
+        self.pairs, found = paired(source, target, radius)
         if self.pairs.attrs["mirrored"] and model != "affine":
             raise ValueError(
                 f"{source.name} and {target.name} mirror each other: flip one, image[:, ::-1], "
