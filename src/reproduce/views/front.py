@@ -256,11 +256,10 @@ def register(
     weights: ArrayLike | None = None,
     source_covariance: ArrayLike | None = None,
     target_covariance: ArrayLike | None = None,
-    reference: str | int | None = None,
+    reference: str | None = None,
     radius: float | None = None,
     bayer: str | None = None,
     threshold: float | None = None,
-    progress: Callable[[int, int], None] | None = None,
 ) -> Registered | Channels:
     """Fit the transform that lays a user's own stars, the source, on the same stars of a target.
 
@@ -293,15 +292,13 @@ def register(
         Relative weights of the stars, such as inverse variances; zero drops a star.
     source_covariance, target_covariance : array_like, shape (n, 2, 2) or (2, 2), optional
         Known covariances of the places, in px^2.
-    reference : str or int, optional
-        Name or place (from 1) of the picture on which others are laid: by default the second of
-        three, the last of two, green of a colour picture.
+    reference : str, optional
+        Name of the picture on which others are laid, of arrays such as "picture 1": by default the
+        second of three, the last of two, green of a colour picture.
     radius : float, optional
         Of pictures, as for `match`.
     bayer, threshold : optional
         Of pictures, as for `stars`.
-    progress : callable, optional
-        Is told how many pictures of all are read.
 
     Returns
     -------
@@ -336,7 +333,7 @@ def register(
         from reproduce.views.pictures import registered
 
         own |= {"model": model, "robust": robust is not False}
-        return registered(pictures, pivot, progress=progress, **own)
+        return registered(pictures, pivot, **own)
     from reproduce.views.measurements import Registered
 
     paired: tuple[Any, Any] = (source, target)
@@ -389,9 +386,9 @@ def stars(
     ValueError
         If the picture cannot be read, or has no stars.
     """
-    from reproduce.views.pictures import one_channel
+    from reproduce.views.pictures import stars_of
 
-    return one_channel(source, channel, bayer, threshold)
+    return stars_of(source, channel, bayer, threshold)
 
 
 def match(source: Any, target: Any, radius: float | None = None) -> pd.DataFrame:
