@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reproduce.physics.registration.fit import _similarity, fit_registration
+from reproduce.physics.registration.fit import fit_registration
 from reproduce.physics.registration.transforms import Registration, as_complex, as_points
 from reproduce.physics.validate import FloatArray
 
@@ -110,9 +110,8 @@ def _asterism(source: FloatArray, target: FloatArray, radius: float) -> Registra
         if landed >= 3 and _TRIED * pdtrc(landed - 3, mean) < _CHANCE:
             return best
     raise ValueError(
-        "expected the same stars in both pictures, got none that can be told: the likeliest "
-        f"transform lays {landed} of {len(some[0])} stars on others, no more than chance does; "
-        "give pairs instead"
+        f"expected the same stars in both pictures, got {landed} of {len(some[0])} on others, no "
+        "more than chance lays there; give pairs instead"
     )
 
 
@@ -130,13 +129,9 @@ def _consensus(
     if not len(alike):
         return mirror, 0
     ours, theirs = ours[alike["i"]], theirs[alike["j"]]
-    # By least squares; a narrow triangle may fit its own mirror image better, and is none the less.
-    stars, places = as_complex(source)[ours], as_complex(target)[theirs]
-    pivot, landed = stars.mean(axis=1), places.mean(axis=1)
-    offsets = stars - pivot[:, None]
-    factor = (offsets.conj() * places).sum(axis=1) / np.square(np.abs(offsets)).sum(axis=1)
-    parameters = _similarity(factor, pivot - landed)
-    tried = Registration("similarity", parameters, as_points(pivot))
+    # By their longest sides: a narrow triangle may fit its own mirror image better.
+    sides = source[ours[:, :2]]
+    tried = fit_registration(sides, target[theirs[:, :2]], sides.mean(axis=1)).transform
     apart, hit = KDTree(target).query(tried.apply(source))
     # Several stars in one place are one.
     hit = np.sort(np.where(apart < radius, hit, -1), axis=1)
