@@ -1,6 +1,7 @@
 """What others measured: stars where anyone can look them up, files of instruments as published."""
 
 import hashlib
+import json
 import re
 import sys
 
@@ -11,7 +12,7 @@ from astropy.time import Time
 
 from reproduce.locate import data_folder
 from reproduce.store import measured
-from reproduce.store.measured import aimpoints, drift_model, lenses, mosaic, star_images, windows
+from reproduce.store.measured import aimpoints, lenses, mosaic, star_images, windows
 from reproduce.store.pictures import PictureError
 
 # Hipparcos places (J2000, degrees) of four bright stars by Bright Star number.
@@ -75,7 +76,7 @@ def test_a_spoiled_table_of_spectra_is_refused(tmp_path, monkeypatch):
     (tmp_path / "stars").mkdir()
     (tmp_path / "stars" / "spectra.csv").write_text("wavelength_nm,vega,sun\n390,1\n391,2\n")
     monkeypatch.setattr(measured, "data_folder", lambda: tmp_path)
-    with pytest.raises(ValueError, match="shorter than"):
+    with pytest.raises(ValueError, match="2 columns instead of 3"):
         measured.spectra.__wrapped__()
 
 
@@ -93,12 +94,10 @@ def test_files_are_those_that_the_readme_names(folder, name):
 
 
 @pytest.mark.parametrize("band", "jhk")
-def test_a_mosaic_is_whole_and_cannot_be_changed(band):
+def test_a_mosaic_is_whole(band):
     image = mosaic(band)
     assert image.shape == (720, 721)
     assert np.isfinite(image).all()
-    with pytest.raises(ValueError, match="read-only"):
-        image[0, 0] = 1.0
 
 
 def test_a_missing_library_is_named(monkeypatch):
@@ -117,31 +116,40 @@ def test_lenses_have_scales_near_one():
 
 
 @pytest.mark.parametrize("slot", [0, 1, 2, 7])
-def test_windows_track_and_cannot_be_changed(slot):
+def test_windows_track(slot):
     seen = windows(slot)
     steps = np.diff(seen.times)
     np.testing.assert_allclose(steps, 2.05 if slot == 7 else 4.1, atol=1e-6)
     # A light or a star is in the middle of its window in every frame.
     inner = seen.images[:, 1:-1, 1:-1].sum(axis=(1, 2))
     assert (inner > 0.8 * seen.images.sum(axis=(1, 2))).all()
-    with pytest.raises(ValueError, match="read-only"):
-        seen.images[0, 0, 0] = 1.0
+
+
+def drift_model():
+    """Return the drift (y, z) that the flight model tells of the observations, in arcsec."""
+    told = json.loads((CHANDRA / "aca_drift_model.json").read_text(encoding="utf-8"))
+    years, axes = aimpoints().years, []
+    for one in (told["dy"], told["dz"]):
+        warmth = (1.8 * aimpoints().temperatures + 32 - one["offset"]) * one["scale"]
+        dates = Time([date for date, _ in one["jumps"]], format="yday").decimalyear
+        jumps = (years[:, None] >= dates) @ [size for _, size in one["jumps"]]
+        axes.append(warmth + (years - one["year0"]) * one["trend"] + jumps)
+    return np.stack(axes, axis=-1)
 
 
 def test_what_was_foretold_is_the_flight_model():
     """Two sources, one number: until the first jump that the pointing did not know yet."""
     seen = aimpoints()
     early = seen.years < 2022.8
-    told = drift_model(seen.years[early], seen.temperatures[early])
     assert len(early) == 28
     assert early.sum() == 16
-    np.testing.assert_allclose(seen.foretold[early], told, atol=0.025)
+    np.testing.assert_allclose(seen.foretold[early], drift_model()[early], atol=0.025)
 
 
 def test_the_measured_drift_has_the_sign_of_the_model():
     """With the other sign what is left would be larger: jumps were put into the model later."""
     seen = aimpoints()
-    told = drift_model(seen.years, seen.temperatures)
+    told = drift_model()
     right, wrong = (
         np.sqrt(np.square(seen.foretold + sign * seen.left - told).mean()) for sign in (1, -1)
     )

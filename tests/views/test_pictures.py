@@ -118,11 +118,11 @@ def test_scatter_beyond_the_errors_is_found():
     assert found.beyond == pytest.approx(expected, rel=4 / np.sqrt(4 * count))
 
 
-def test_a_start_gives_neighbours():
-    found = rp.match(rp.stars(RED), rp.stars(GREEN), start=TRUTH, radius=2)
+def test_pairs_are_a_table_that_register_takes():
+    found = rp.match(rp.stars(RED), rp.stars(GREEN), radius=2)
     assert len(found) == len(FIELD.source)
-    assert "start" in found.attrs["log"]
-    assert list(found.columns[:4]) == ["x", "y", "x_reference", "y_reference"]
+    assert "triangles" in found.attrs["log"]
+    assert list(found.columns[:4]) == list(STARS)
 
 
 def test_fields_without_common_stars_are_told():
@@ -262,7 +262,7 @@ def test_the_registered_picture_lies_on_the_target(fit, tmp_path):
     lost = np.isnan(fits.getdata(path))
     assert lost[within < -0.01].all()
     assert not lost[within > 0.01].any()
-    with pytest.raises(ValueError, match="already exists"):
+    with pytest.raises(OSError, match="already exists"):
         fit.write(path)
 
 
@@ -300,7 +300,7 @@ def test_three_pictures_with_one_command(folder, tmp_path):
     assert (tmp_path / "two" / "red-registered.fits").is_file()
     other = json.loads(run(*files, "--json", "--reference", "red.fits").stdout)
     assert list(other["pictures"]) == ["green.fits", "blue.fits"]
-    assert json.loads(run(*files, "--json", "--reference", "3").stdout)["reference"] == "blue.fits"
+    assert "expected one of red.fits" in run(*files, "--reference", "cyan.fits").stderr
 
 
 def test_a_bad_picture_is_told_in_one_line(folder, tmp_path):
@@ -313,11 +313,11 @@ def test_a_bad_picture_is_told_in_one_line(folder, tmp_path):
     (tmp_path / "empty.fits").write_bytes(b"")
     cases = {
         "dark.fits": "expected stars, got nothing above 5",
-        "small.fits": "expected 240 by 240 px as green.fits, got 240 by 200",
+        "small.fits": "expected shape (240, 240) as green.fits, got (200, 240)",
         "cat.jpg": "expected one channel beside other pictures",
         "cat.png": "expected",
-        "nan.fits": "no number in any pixel",
-        "empty.fits": "an empty file",
+        "nan.fits": "got 57600 missing and 0 at the highest number of 57600",
+        "empty.fits": "empty.fits: cannot be read",
     }
     for name, message in cases.items():
         done = run(tmp_path / name, folder / "green.fits")
@@ -332,8 +332,6 @@ def test_a_bad_picture_is_told_in_one_line(folder, tmp_path):
 def test_numbers_that_cannot_be_are_refused():
     with pytest.raises(ValueError, match="threshold: expected"):
         rp.stars(RED, threshold=-3)
-    with pytest.raises(ValueError, match="row 1, column 3"):
-        rp.stars(pd.DataFrame({"x": [1.0, 2], "y": [1.0, 2], "sigma": [0, -1]}))
 
 
 def test_settings_of_pictures_are_refused_beside_pairs():

@@ -1,9 +1,10 @@
-"""What others measured and comes with the project, its origin beside it: stars, instruments."""
+"""What others measured and comes with the project, its origin beside it: stars, instruments.
+
+Files are read once: what comes of them is not to be written to.
+"""
 
 from __future__ import annotations
 
-import datetime
-import json
 import tomllib
 from dataclasses import dataclass
 from functools import cache
@@ -84,13 +85,9 @@ def spectra() -> dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]]:
     ``vega`` and ``sun``, each to wavelengths, in metres, and photons per second, square metre and
     metre of wavelength; both of shape (n,).
     """
-    path = data_folder() / "stars" / "spectra.csv"
-    names = path.read_text(encoding="utf-8").partition("\n")[0].split(",")[1:]
-    table = np.loadtxt(path, delimiter=",", skiprows=1)
-    wavelength = table[:, 0] * 1e-9
-    return {
-        name: (wavelength, column * 1e9) for name, column in zip(names, table[:, 1:].T, strict=True)
-    }
+    table = np.genfromtxt(data_folder() / "stars" / "spectra.csv", delimiter=",", names=True)
+    wavelength = table["wavelength_nm"] * 1e-9
+    return {name: (wavelength, table[name] * 1e9) for name in ("vega", "sun")}
 
 
 def _file(name: str) -> Path:
@@ -102,7 +99,7 @@ def _file(name: str) -> Path:
 def mosaic(band: str) -> NDArray[np.float64]:
     """Return the image of 2MASS in one of its bands, ``j``, ``h`` or ``k``.
 
-    Shape (720, 721), rows from the south, in the units of the file; not to be written to.
+    Shape (720, 721), rows from the south, in the units of the file.
 
     Raises
     ------
@@ -110,13 +107,12 @@ def mosaic(band: str) -> NDArray[np.float64]:
         Without astropy, which the extra ``images`` installs.
     """
     (picture,) = read_pictures(_file(f"2mass/2MASS_{band}.fits")).values()
-    picture.light.flags.writeable = False
     return picture.light
 
 
 @cache
 def lenses() -> pd.DataFrame:
-    """Return measured lateral colour, one row per lens and focal length; not to be written to.
+    """Return measured lateral colour, one row per lens and focal length.
 
     A point of the green image at r, in half heights of the image, lies in the red one at
     r (br r^2 + cr r + vr), in the blue one with bb, cb and vb.
@@ -128,7 +124,7 @@ def lenses() -> pd.DataFrame:
 
 @dataclass(frozen=True, eq=False)
 class Windows:
-    """What Chandra's star tracker saw of one light or star; not to be written to."""
+    """What Chandra's star tracker saw of one light or star."""
 
     times: NDArray[np.float64]  # (n,), in s
     corners: NDArray[np.float64]  # (n, 2), column and row of the first pixel
@@ -154,10 +150,7 @@ def windows(slot: int) -> Windows:
     table = table[table["IMGFUNC1"] == _TRACKING][:-_LAST]
     corners = np.stack([table["IMGCOL0"], table["IMGROW0"]], axis=-1)
     columns = (table["TIME"], corners, table["IMGRAW"])
-    found = Windows(*(np.array(one, dtype=np.float64) for one in columns))
-    for one in vars(found).values():
-        one.flags.writeable = False
-    return found
+    return Windows(*(np.array(one, dtype=np.float64) for one in columns))
 
 
 def star_images() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -169,7 +162,6 @@ def star_images() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     import pandas as pd
 
     table = pd.read_csv(_file("chandra/aca_psf_lib.dat"), sep=" ")
-    table = table.sort_values(["row_bin_idx", "col_bin_idx"])
     images = table.iloc[:, 6:].to_numpy().reshape(12, 12, 8, 8)
     edges = table["row_bin_left_edge"].to_numpy() + table["row_bin_right_edge"].to_numpy()
     return images, edges[::12] / 2
@@ -178,14 +170,6 @@ def star_images() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 def tracker() -> dict[str, Any]:
     """Return the lights and the tracker of Chandra, as `Platform.of_spots` takes them."""
     return tomllib.loads(_file("chandra/platform.toml").read_text(encoding="utf-8"))
-
-
-def _year(date: str) -> float:
-    """Return the year of a date such as 2019:001:02:27:50.816, whose day counts from one."""
-    year, day, *clock = date.split(":")
-    days: float = int(day) - 1 + sum(float(one) / 24 / 60**n for n, one in enumerate(clock))
-    length = datetime.date(int(year) + 1, 1, 1) - datetime.date(int(year), 1, 1)
-    return float(int(year) + days / length.days)
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,8 +194,11 @@ def aimpoints() -> Aimpoints:
 
     known = tomllib.loads(_file("chandra/detectors.toml").read_text(encoding="utf-8"))
     table = pd.read_csv(_file("chandra/aimpoint.ecsv"), sep=" ", comment="#")
+    date = pd.DatetimeIndex(pd.to_datetime(table["mean_date"], format="%Y:%j:%H:%M:%S.%f"))
+    start, end = (pd.to_datetime((date.year + n).astype(str), format="%Y") for n in (0, 1))
+    years = date.year + (date - start) / (end - start)
     rows = []
-    for one in table.to_dict("records"):
+    for year, one in zip(years, table.to_dict("records"), strict=True):
         plate = known[one["detector"]]
         matrix = np.array(plate["matrix"])
         place = np.array([one["chipx"], one["chipy"]]) - plate["origin"]
@@ -219,23 +206,6 @@ def aimpoints() -> Aimpoints:
         foretold = moved - [one["aca_offset_y"], one["aca_offset_z"]]
         turn = matrix / np.sqrt(abs(np.linalg.det(matrix)))
         left = -np.linalg.solve(turn, [one["dx"], one["dy"]])
-        rows.append((_year(one["mean_date"]), one["mean_t_ccd"], *foretold, *left))
+        rows.append((year, one["mean_t_ccd"], *foretold, *left))
     found = np.array(sorted(rows))
     return Aimpoints(found[:, 0], found[:, 1], found[:, 2:4], found[:, 4:])
-
-
-def drift_model(
-    years: NDArray[np.float64], temperatures: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Return the drift (y, z) that Chandra's flight model tells, shape (n, 2), in arcsec.
-
-    Temperatures of the tracker's detector are in degrees Celsius. The model knows jumps of the
-    years 2015 to 2026, and is for years from 2012 on.
-    """
-    told = json.loads(_file("chandra/aca_drift_model.json").read_text(encoding="utf-8"))
-    axes = []
-    for one in (told["dy"], told["dz"]):
-        warmth = (1.8 * temperatures + 32 - one["offset"]) * one["scale"]
-        jumps = sum(size * (years >= _year(date)) for date, size in one["jumps"])
-        axes.append(warmth + (years - one["year0"]) * one["trend"] + jumps)
-    return np.stack(axes, axis=-1)

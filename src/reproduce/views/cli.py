@@ -107,7 +107,7 @@ def _save(save: Callable[[Path], Any], out: Path) -> None:
     try:
         save(out)
     except OSError as error:
-        raise click.ClickException(f"cannot write {out}: {error.strerror}") from error
+        raise click.ClickException(f"cannot write {out}: {error.strerror or error}") from error
 
 
 _CHANGE, _CHOICE, _ENDS = "CELL=VALUE", "NAME=ALTERNATIVE", "NAME=LOW,HIGH"
@@ -243,7 +243,7 @@ def audit(paper: str | None, as_json: bool) -> None:
 @_PIVOT
 @click.option("--model", type=click.Choice(list(MODELS)), default="similarity")
 @click.option("--robust", is_flag=True, default=None, help="Guard against wrong matches.")
-@click.option("--reference", help="Picture to lay others on: its name, or its place from 1.")
+@click.option("--reference", help="Name of the picture to lay others on.")
 @click.option("--bayer", metavar="RGGB", help="Colours of a mosaic's first four pixels.")
 @click.option("--threshold", type=_ABOVE, help="Of stars, in standard deviations of the noise.")
 @click.option("--radius", type=_ABOVE, help="How far apart stars of a pair may land, in px.")
@@ -273,9 +273,8 @@ def register(
     the middle of the picture, and they are fitted robustly.
     """
     given: dict[str, Any] = {name: one for name, one in settings.items() if one is not None}
-    with _bar("finding stars") as progress:
-        source: Any = files[0] if len(files) == 1 else files
-        found: Any = front.register(source, progress=progress, **given)
+    source: Any = files[0] if len(files) == 1 else files
+    found: Any = front.register(source, **given)
     fits = getattr(found, "fits", {"": found} if hasattr(found, "log") else {})
     if (picture or write or posterior) and not fits:
         raise click.UsageError("--picture, --write and --posterior belong to pictures")

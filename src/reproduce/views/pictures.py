@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,13 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reproduce.physics.images import THRESHOLD, find_spots
-from reproduce.physics.registration import (
-    Registration,
-    match_points,
-    pair_weights,
-    registered_image,
-)
-from reproduce.store.pictures import Picture, PictureError, is_picture, read_pictures
+from reproduce.physics.registration import match_points, pair_weights, registered_image
+from reproduce.store.pictures import Picture, PictureError, is_picture, read_pictures, telling
 from reproduce.store.points import STARS, is_table, read_table
 from reproduce.views.blocks import Block, Display, Fold, Grid
 from reproduce.views.measurements import Registered, Remade
@@ -26,6 +20,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
+    from reproduce.physics.registration import Registration
     from reproduce.views.posterior import Posterior
 
 FloatArray = NDArray[np.float64]
@@ -54,18 +49,13 @@ class Stars(Display):
     """
 
     def __init__(
-        self,
-        name: str,
-        table: pd.DataFrame,
-        covariance: FloatArray,
-        log: Sequence[str] = (),
-        facts: Mapping[str, float] | None = None,
-        picture: Picture | None = None,
-    ) -> None:
+        self, name: str, table: pd.DataFrame, covariance: FloatArray, log: Sequence[str],
+        picture: Picture | None = None, **facts: float,
+    ) -> None:  # fmt: skip
         order = np.argsort(-table["flux"].to_numpy(), kind="stable")
         table, covariance = table.iloc[order], covariance[order]
         used = (table["dropped"] == "").to_numpy()
-        self.name, self.facts, self.picture = name, dict(facts or {}), picture
+        self.name, self.facts, self.picture = name, facts, picture
         self.covariance = covariance[used]
         self._kept = table[used].drop(columns="dropped").reset_index(drop=True)
         self.dropped = table[~used].reset_index(drop=True)
@@ -97,19 +87,15 @@ class Stars(Display):
         yield from self.log
 
 
-def one_channel(
-    source: Any, channel: str | None, bayer: str | None, threshold: float | None
-) -> Stars:
+def stars_of(source: Any, channel: str | None, bayer: str | None, threshold: float | None) -> Stars:
     """Return the stars of a picture, of one of its channels, or of a table of centroids."""
     if not is_picture(source):
         return _listed(source)
     found = read_pictures(source, bayer)
-    if channel is None and len(found) == 1:
-        channel = next(iter(found))
-    if channel not in found:
-        known = ", ".join(filter(None, found)) or "none, of a grey picture"
+    if (channel or "") not in found:
+        known = ", ".join(found) or "none, of a grey picture"
         raise PictureError(f"channel: expected one of {known}, got {channel!r}")
-    return _found(found[channel], threshold)
+    return _found(found[channel or ""], threshold)
 
 
 def _listed(source: Any) -> Stars:
@@ -121,9 +107,6 @@ def _listed(source: Any) -> Stars:
     table = read_table(source, ("x", "y"), ("sigma", "sigma_x", "sigma_y", "flux"))
     given, none = table.optional, np.zeros(len(table.values))
     wide = np.column_stack([given.get(f"sigma_{a}", given.get("sigma", none)) for a in "xy"])
-    for name in given.keys() - {"flux"}:
-        for row in np.flatnonzero(given[name] < 0)[:1].tolist():
-            raise table.wrong(row, name, "expected a standard deviation, not below zero")
     frame = pd.DataFrame(np.column_stack([table.values, wide]), columns=_CENTRE)
     frame = frame.assign(flux=given.get("flux", none), dropped="")
     return Stars(table.path, frame, wide[:, :, None] ** 2 * np.eye(2), table.notes)
@@ -134,55 +117,46 @@ def _found(picture: Picture, threshold: float | None) -> Stars:
     import pandas as pd
 
     cut = THRESHOLD if threshold is None else threshold
-    name, light = picture.name, picture.light
-    try:
-        found = find_spots(light, picture.full, cut, picture.step, picture.pitch)
-    except ImportError as error:
-        raise PictureError(
-            f'finding stars needs {error.name}: pip install "reproduce-pointing[images]"'
-        ) from error
-    except ValueError as error:
-        raise PictureError(f"{name}: {error}") from error
-    sigma = np.sqrt(np.diagonal(found.spots.covariance, axis1=1, axis2=2))
-    table = pd.DataFrame(np.column_stack([found.spots.centre, sigma]), columns=_CENTRE).assign(
-        flux=found.light, background=found.level, noise=found.noise, dropped=found.reasons
-    )
-    unseen = "missing" if picture.pitch == 1 else "missing or under other filters"
-    pixels = {unseen: np.isnan(light).sum(), "saturated": picture.full.sum(), "hot": found.hot}
+    with telling(picture.name):
+        found = find_spots(picture.light, picture.full, cut, picture.step, picture.pitch)
+    centres = np.column_stack([found.spots.centre, _sigma(found.spots.covariance)])
+    table = pd.DataFrame(centres, columns=_CENTRE)
     log = [
         *picture.notes,
-        *(f"{count} pixels are {kind}" for kind, count in pixels.items() if count),
+        f"{np.isnan(picture.light).sum()} pixels are missing or under other filters, "
+        f"{picture.full.sum()} are saturated, {found.hot} are hot",
         "background {background:.5g}, noise {noise:.3g}, gain {gain:.3g} electrons per number, "
         "spots of radius {radius:.3g} px".format(**found.facts),
-        f"{len(table)} things above {cut:g} standard deviations, each fitted in {found.size} by "
-        f"{found.size} px",
+        f"{len(table)} things above {cut:g} standard deviations",
     ]
-    result = Stars(name, table, found.spots.covariance, log, found.facts, picture)
+    table = table.assign(flux=found.spots.light / found.facts["gain"], dropped=found.reasons)
+    result = Stars(picture.name, table, found.spots.covariance, log, picture, **found.facts)
     if not len(result):
-        causes = "; ".join(result.log[len(log) :])
-        raise PictureError(f"{name}: expected stars, got {len(table)} other things: {causes}")
+        causes = "; ".join(result.log[len(log) - 1 :])
+        raise PictureError(f"{picture.name}: expected stars, got {causes}")
     return result
 
 
+def _sigma(covariance: FloatArray) -> FloatArray:
+    """Return the standard deviations of x and y, (n, 2)."""
+    return np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+
+
 def paired(
-    source: Stars, target: Stars, start: Any = None, radius: float | None = None
+    source: Stars, target: Stars, radius: float | None = None
 ) -> tuple[pd.DataFrame, Registration]:
     """Return the pairs of `reproduce.match`, and the transform under which they are neighbours."""
     import pandas as pd
 
     field = max(float(np.ptp(one.points, axis=0).max()) for one in (source, target))
     near = radius or max(_NEAR, source.facts.get("radius", 0.0)) + _SHARE * field
-    start = getattr(start, "transform", start)
-    try:
-        rows, found = match_points(source.points, target.points, near, start)
-    except ValueError as error:
-        raise ValueError(f"{source.name} and {target.name}: {error}") from error
+    with telling(f"{source.name} and {target.name}"):
+        rows, found = match_points(source.points, target.points, near)
     a, b = rows.T
     places = np.column_stack([source.points[a], target.points[b]])
     pairs = pd.DataFrame(places, columns=STARS).assign(row=a, row_reference=b)
     counts = f"{len(pairs)} pairs of {len(source)} and {len(target)} stars"
-    how = "triangles of neighbours" if start is None else "neighbours of a start"
-    pairs.attrs["log"] = f"{counts}, by {how}, less than {near:.3g} px apart"
+    pairs.attrs["log"] = f"{counts}, by triangles of neighbours, less than {near:.3g} px apart"
     pairs.attrs["mirrored"] = bool(np.linalg.det(found.matrix) < 0)
     return pairs, found
 
@@ -195,41 +169,25 @@ class RegisteredPictures(Registered):
     ``log`` of how they were found and of what was dropped and why.
     """
 
-    def __init__(
-        self,
-        source: Stars,
-        target: Stars,
-        pivot: Any = None,
-        *,
-        model: str = "similarity",
-        robust: bool = True,
-        start: Any = None,
-        radius: float | None = None,
-    ) -> None:
-        given = {"source": source, "target": target, "pivot": pivot, "model": model,
-                 "robust": robust, "start": start, "radius": radius}  # fmt: skip
-        self.pairs, found = paired(source, target, start, radius)
-        if self.pairs.attrs["mirrored"] and model != "affine":
-            raise ValueError(
-                f"{source.name} and {target.name} mirror each other: flip one, image[:, ::-1], "
-                'or take model="affine"'
-            )
+    def __init__(self, source: Stars, target: Stars, pivot: Any = None, **settings: Any) -> None:
+        given = {"source": source, "target": target, "pivot": pivot, **settings}
+        self.pairs, found = paired(source, target, settings.pop("radius", None))
+        if self.pairs.attrs["mirrored"] and settings.get("model") != "affine":
+            both = f"{source.name} and {target.name}"
+            raise ValueError(f"{both} mirror each other: flip one, or take the model affine")
         pivot = source.middle if pivot is None else pivot
         self.source_stars, self.target_stars = source, target
         a, b = self.pairs[["row", "row_reference"]].to_numpy().T
         points = source.points[a], target.points[b]
-        settings: dict[str, Any] = {"model": model, "robust": robust and len(a) >= _FEWEST}
+        settings["robust"] = settings.get("robust", True) and len(a) >= _FEWEST
         known = np.stack([source.covariance[a], target.covariance[b]])
         weights, self.beyond = pair_weights(*points, pivot, known, found, **settings)
         super().__init__(*points, pivot, weights=weights, **settings)
         self._given = given
-        if source.name != target.name:
-            self.title = f"{source.name} on {target.name}: {self.title}"
-        self.pairs = self.pairs.assign(
-            residual_x=self.residuals[:, 0], residual_y=self.residuals[:, 1],
-            used=self.fit.weights > 0,
-        )  # fmt: skip
-        out = int((~self.pairs["used"]).sum())
+        self.title = f"{source.name} on {target.name}: {self.title}"
+        used, (x, y) = self.fit.weights > 0, self.residuals.T
+        self.pairs = self.pairs.assign(residual_x=x, residual_y=y, used=used)
+        out = np.count_nonzero(~used)
         self.log = [
             *(f"{one.name}: {line}" for one in (source, target) for line in one.log),
             self.pairs.attrs["log"],
@@ -250,8 +208,8 @@ class RegisteredPictures(Registered):
 
         stars = self.source_stars
         spread = self.fit.landed_covariance(stars.points, stars.covariance)
-        sigma = np.sqrt(np.diagonal(spread, axis1=1, axis2=2))
-        columns = np.column_stack([self.transform.apply(stars.points), sigma, spread[:, 0, 1]])
+        landed = self.transform.apply(stars.points)
+        columns = np.column_stack([landed, _sigma(spread), spread[:, 0, 1]])
         return pd.DataFrame(columns, columns=[*_CENTRE, "covariance_xy"])
 
     def posterior(self, **plan: Any) -> Posterior:
@@ -286,8 +244,8 @@ class RegisteredPictures(Registered):
             length = float(np.median(np.hypot(*arrows[used].T))) or 1.0
             axes.quiver(*source.T, *arrows.T, color=colours, angles="xy", scale_units="xy",
                         scale=20 * length / span)  # fmt: skip
-            axes.set(title=f"{title}: median {length:.2g} px", aspect="equal", xlabel="x (px)")
-        both[0].set_ylabel("y (px)")
+            axes.set(title=f"{title}: median {length:.2g} px", aspect="equal")
+            axes.set(xlabel="x (px)", ylabel="y (px)")
         both[0].invert_yaxis()
 
     def write(self, path: str | Path) -> Path:
@@ -305,17 +263,15 @@ class RegisteredPictures(Registered):
         inside = registered_image(1.0 * np.isfinite(light), self.transform, order=1)
         image[inside < inside.max() * (1 - 1e-9)] = np.nan
         unit = fits.PrimaryHDU(image.astype(np.float32))
-        entries: dict[str, Any] = {"source": self.source_stars.name, "model": self.model}
-        entries |= {"target": self.target_stars.name, "stars": int(self.pairs["used"].sum())}
-        entries |= dict(zip(("pivot-x", "pivot-y"), self.transform.pivot.tolist(), strict=True))
+        x, y = self.transform.pivot.tolist()
+        entries = {"source": self.source_stars.name, "target": self.target_stars.name,
+                   "model": self.model, "stars": int(self.pairs["used"].sum()),
+                   "pivot-x": x, "pivot-y": y}  # fmt: skip
         for name, _, value, deviation, *_ in self.frame().itertuples():
             entries |= {name: value, f"{name}-sd": np.nan_to_num(deviation)}
         for key, entry in entries.items():
             unit.header[f"HIERARCH register {key}"] = entry
-        try:
-            unit.writeto(path)
-        except OSError as error:
-            raise ValueError(f"{path}: {error}") from error
+        unit.writeto(path)
         return Path(path)
 
 
@@ -350,8 +306,7 @@ class Channels(Remade):
 def registered(
     sources: Sequence[Any],
     pivot: Any,
-    reference: str | int | None,
-    progress: Callable[[int, int], None] | None,
+    reference: str | None,
     bayer: str | None,
     threshold: float | None,
     **settings: Any,
@@ -363,45 +318,30 @@ def registered(
     found: dict[str, Stars] = {}
     shapes: dict[str, tuple[int, ...]] = {}
     for number, source in enumerate(sources, start=1):
-        channels = read_pictures(source, bayer) if is_picture(source) else {}
         own = Path(source).name if isinstance(source, str | Path) else getattr(source, "name", "")
         name = own if own and own not in found else f"picture {number}"
+        if not is_picture(source):
+            found[name] = source if isinstance(source, Stars) else _listed(source)
+            continue
+        channels = read_pictures(source, bayer, name)
         if len(channels) > 1 and len(sources) > 1:
             raise PictureError(
-                f"{name}: expected one channel beside other pictures, got {', '.join(channels)}; "
-                "register it alone, or rp.stars of one channel of each"
+                f"{name}: expected one channel beside other pictures, got {', '.join(channels)}"
             )
-        for colour, one in channels.items():
-            picture = one if own or colour else replace(one, name=name)
+        for colour, picture in channels.items():
             found[colour or name] = _found(picture, threshold)
             shapes[colour or name] = picture.light.shape
-        if not channels:
-            found[name] = source if isinstance(source, Stars) else _listed(source)
-        if progress:
-            progress(number, len(sources))
     if len(found) < 2:
         raise ValueError("target: expected a second picture, or one of several channels")
-    chosen = _chosen(2 if reference is None else reference, list(found))
-    _refuse_other(shapes, chosen)
+    chosen = Path(reference or list(found)[1]).name
+    if chosen not in found:
+        raise ValueError(f"reference: expected one of {', '.join(found)}, got {reference!r}")
+    for name, shape in shapes.items():
+        if shape != shapes.get(chosen, shape):
+            raise PictureError(
+                f"{name}: expected shape {shapes[chosen]} as {chosen}, got {shape}; pictures that "
+                "differ are registered by rp.register(rp.stars(a), rp.stars(b))"
+            )
     fits = {name: RegisteredPictures(one, found[chosen], pivot, **settings)
             for name, one in found.items() if name != chosen}  # fmt: skip
     return next(iter(fits.values())) if len(fits) == 1 else Channels(fits, chosen)
-
-
-def _refuse_other(shapes: Mapping[str, tuple[int, ...]], chosen: str) -> None:
-    for name, (high, wide) in shapes.items():
-        h, w = shapes.get(chosen, (high, wide))
-        if (high, wide) != (h, w):
-            raise PictureError(
-                f"{name}: expected {w} by {h} px as {chosen}, got {wide} by {high}; stars of "
-                "pictures that differ are registered by rp.register(rp.stars(a), rp.stars(b))"
-            )
-
-
-def _chosen(reference: str | int, names: Sequence[str]) -> str:
-    name = Path(str(reference)).name
-    if name.isdecimal() and 1 <= int(name) <= len(names):
-        return names[int(name) - 1]
-    if name in names:
-        return name
-    raise ValueError(f"reference: expected one of {', '.join(names)}, got {reference!r}")

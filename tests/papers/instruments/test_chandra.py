@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from astropy.table import Table
 from photutils.psf import GaussianPRF, PSFPhotometry
-from scipy.ndimage import center_of_mass
 from scipy.spatial.transform import Rotation
 
 from reproduce.papers.instruments import chandra
@@ -45,28 +44,20 @@ def test_lights_move_as_photutils_sees_them(slot):
 
 
 @pytest.mark.parametrize("slot", chandra.LIGHTS)
-def test_centres_of_gravity_are_those_of_scipy(slot):
-    seen = windows(slot)
-    light = seen.images[::200] - np.sort(seen.images.mean(axis=0), axis=None)[:16].mean()
-    expected = np.array([center_of_mass(one)[::-1] for one in light]) + seen.corners[0]
-    np.testing.assert_allclose(chandra.lights().moments[::200, slot], expected, atol=1e-9)
-
-
-@pytest.mark.parametrize("slot", chandra.LIGHTS)
 def test_noise_of_a_place_is_that_of_simulated_windows(slot):
     known, seen = chandra.transfer(), chandra.lights()
     mean, generator = windows(slot).images.mean(axis=0), np.random.default_rng(slot)
     light = generator.poisson(mean * known.gain, (2000, *mean.shape)) / known.gain
     drawn = light + known.noise * generator.standard_normal(light.shape)
     places = chandra._fitted(windows(slot), drawn, chandra.RADIUS)
-    expected = np.sqrt(seen.foretold()[slot])
+    expected = np.sqrt(seen.foretold[slot])
     # The scatter of 2000 is known to 1.6 %, here at four standard errors.
     np.testing.assert_allclose(places.std(axis=0), expected, rtol=0.065)
 
 
 def test_covariance_of_the_angles_is_that_of_drawn_spots():
     seen = chandra.lights()
-    variance = seen.foretold()
+    variance = seen.foretold
     draws = np.random.default_rng(4).standard_normal((4000, 3, 2)) * np.sqrt(variance)
     spots = seen.platform.spots + draws
     angles = seen.platform.misalignment(spots, seen.platform.reference) * ARCSEC_PER_RADIAN
@@ -103,16 +94,6 @@ def test_pixels_without_noise_of_their_own_have_a_noise(monkeypatch):
     assert chandra.transfer.__wrapped__().noise == 0
 
 
-def test_lights_of_other_frames_are_not_stacked(monkeypatch):
-    def late(slot):
-        seen = windows(slot)
-        return replace(seen, times=seen.times + 4.1) if slot == 2 else seen
-
-    monkeypatch.setattr(chandra, "windows", late)
-    with pytest.raises(ValueError, match="slot 2: expected the times of slot 0"):
-        _ = chandra.Lights(chandra.RADIUS).spots
-
-
 @pytest.mark.parametrize("count", [1, 16, 100])
 def test_white_noise_scatters_as_foretold(count):
     series = np.random.default_rng(count).standard_normal((3000, 800))
@@ -124,27 +105,13 @@ def test_white_noise_scatters_as_foretold(count):
     assert found == pytest.approx(1, abs=4 * error)
 
 
-def test_a_leak_of_the_dither_would_be_found():
-    left, motion = chandra.lights().steady.left, chandra.dither()
-    put = np.array([[0.002, 0.0, 0.0], [0.0, -0.003, 0.5]])
-    before, errors = chandra.leaks(left, motion)
-    found, _ = chandra.leaks(left + motion @ put, motion)
-    np.testing.assert_allclose(found - before, put, atol=1e-9)
-    assert np.abs(found - before)[0, 0] > 3 * errors[0, 0]
-    # Ten parts, six leaks: one that is none passes this once in a hundred times.
-    assert np.abs(before / errors)[:, :2].max() < 4
-
-
 def test_rows_and_columns_are_those_of_the_window():
     """Where the window of the star jumps, the star goes on smoothly."""
-    star, lights = windows(chandra.STAR), windows(chandra.LIGHTS[0])
+    star, lights = windows(7), windows(chandra.LIGHTS[0])
     steady = star.times <= lights.times[-1]
     jumped = np.abs(np.diff(star.corners[steady], axis=0)) == 1
     places = np.diff(centre_of_gravity(star.images, star.corners)[steady], axis=0)
     assert jumped.any(axis=0).all()
-    # The window follows to a pixel.
-    corners = np.ptp(star.corners[steady], axis=0)
-    assert (np.abs(np.ptp(chandra.dither(), axis=0) - corners) < 1).all()
     # Background pulls a centre towards the middle, by less than half of a jump.
     assert (np.abs(places[jumped]) < 0.5).mean() > 0.95
 
@@ -159,7 +126,7 @@ def test_no_year_foretells_itself(monkeypatch):
     after = chandra.strategies.__wrapped__()
     for name in before:
         same = np.allclose(before[name], after[name])
-        assert same != (name in {"measured", "before"}), name
+        assert same != (name == "measured"), name
     before_last = (true.years >= 2022).sum() - last.sum()
     np.testing.assert_allclose(after["measured"][:before_last], before["measured"][:before_last])
 

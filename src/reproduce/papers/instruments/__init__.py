@@ -4,7 +4,6 @@
 STUDIES = {
     "instruments/three-detectors": "colours",
     "instruments/models": "colours",
-    "instruments/confusion": "colours",
     "instruments/lenses": "colours",
     "instruments/lights": "chandra",
     "instruments/laser-metrology": "chandra",

@@ -13,7 +13,6 @@ from functools import cache, cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.special import stdtrit
 from scipy.stats import theilslopes
 
 from reproduce.papers.chen2023 import accuracy
@@ -28,17 +27,10 @@ from reproduce.physics.attitude import (
     stability,
 )
 from reproduce.physics.ground import DAY, trend_and_fourier
-from reproduce.physics.images import centre_of_gravity, fitted_centre
+from reproduce.physics.images import fitted_centre
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
-from reproduce.store.measured import (
-    Windows,
-    aimpoints,
-    drift_model,
-    star_images,
-    tracker,
-    windows,
-)
+from reproduce.store.measured import Windows, aimpoints, star_images, tracker, windows
 from reproduce.units import ARCSEC_PER_RADIAN
 
 if TYPE_CHECKING:
@@ -47,7 +39,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-LIGHTS, STAR = (0, 1, 2), 7
+LIGHTS = (0, 1, 2)
 # Standard deviation of the Gaussian that is fitted to a light, in px.
 RADIUS = 0.7
 # Electrons per DN as the flight software has it; its README names the place.
@@ -62,11 +54,7 @@ _HOUR = DAY / 24
 _AXES = "XYZ"
 # Frames that are shown as one.
 _TOGETHER = 16
-# Parts of the series that are left out in turn where an error is asked for.
-_PARTS = 10
 _SHARE = 0.95
-# The share of the time in which the star is as near as a sentence says.
-_OFTEN = 0.9
 _BLUE, _ORANGE, _GREEN = "#0072B2", "#D55E00", "#009E73"
 
 
@@ -93,18 +81,10 @@ class Transfer:
     ends: tuple[float, float]
     noise: float
 
-    def variance(self, light: FloatArray, gain: float | None = None) -> FloatArray:
-        """Return the variance of pixels, in DN squared."""
-        return np.asarray(light / (gain or self.gain) + self.noise**2)
-
 
 def _windows() -> list[Windows]:
     """Return the windows of the three lights, which show the same frames."""
-    found = [windows(slot) for slot in LIGHTS]
-    for slot, one in zip(LIGHTS, found, strict=True):
-        if not np.array_equal(one.times, found[0].times):
-            raise ValueError(f"slot {slot}: expected the times of slot {LIGHTS[0]}, got others")
-    return found
+    return [windows(slot) for slot in LIGHTS]
 
 
 @cache
@@ -149,12 +129,6 @@ class Lights:
         return np.stack(fitted, axis=1)
 
     @cached_property
-    def moments(self) -> FloatArray:
-        """Centres of gravity of the same windows, (frames, 3, 2)."""
-        return np.stack([centre_of_gravity(one.images - _background(one.images), one.corners)
-                         for one in _windows()], axis=1)  # fmt: skip
-
-    @cached_property
     def platform(self) -> Platform:
         """The tracker, with the lights where they are on average."""
         return Platform.of_spots(**{**tracker(), "spots": self.spots.mean(axis=0)})
@@ -176,6 +150,11 @@ class Lights:
         return stability(self.hours, self.angles)
 
     @cached_property
+    def raw(self) -> FloatArray:
+        """Allan deviations of averages as of `steady`, with the drift in them."""
+        return allan_deviation(self.angles, self.steady.counts.tolist(), axis=0)
+
+    @cached_property
     def bent(self) -> Stability:
         """The same of what no turn explains: places of the lights less turned ones, (…, 6)."""
         turns = self.angles[None] / ARCSEC_PER_RADIAN
@@ -194,10 +173,11 @@ class Lights:
             found.append(slopes.T.reshape(2, *mean.shape))
         return np.stack(found)
 
-    def foretold(self, gain: float | None = None) -> FloatArray:
-        """Return the variance of each place, (3, 2), if pixels are as noisy as with such a gain."""
+    @cached_property
+    def foretold(self) -> FloatArray:
+        """The variance of each place, (3, 2), by the noise of the pixels."""
         light = np.stack([one.images.mean(axis=0) for one in _windows()])
-        pixels = transfer().variance(light, gain)
+        pixels = light / transfer().gain + transfer().noise ** 2
         return np.asarray(np.einsum("nxij,nij->nx", np.square(self.answer), pixels))
 
 
@@ -224,33 +204,8 @@ def answers(radius: float = RADIUS) -> tuple[float, float]:
     return float(both.min()), float(both.max())
 
 
-@cache
-def dither() -> FloatArray:
-    """Return where the star is at the time of each frame of the lights, (frames, 2), in px."""
-    star, times = windows(STAR), windows(LIGHTS[0]).times
-    dim = np.sort(star.images.reshape(len(star.images), -1), axis=1)[:, : _DIM // 2].mean(axis=1)
-    places = centre_of_gravity(star.images - dim[:, None, None], star.corners)
-    return np.stack([np.interp(times, star.times, axis) for axis in places.T], axis=-1)
-
-
-def leaks(angles: FloatArray, motion: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return how angles (n, k) follow a motion (n, 2), and the errors, (2, k).
-
-    Errors come from leaving out each of ten parts of the series.
-    """
-    part = np.arange(len(angles)) * _PARTS // len(angles)
-    kept = [np.flatnonzero(part != one) for one in (-1, *range(_PARTS))]
-    found = []
-    for rows in kept:
-        moved = motion[rows] - motion[rows].mean(axis=0)
-        found.append(np.linalg.lstsq(moved, angles[rows], rcond=None)[0])
-    others = np.stack(found[1:])
-    return found[0], np.sqrt((_PARTS - 1) * others.var(axis=0))
-
-
 def _light_facts() -> Iterator[tuple[str, Fact]]:
     seen, known = lights(), transfer()
-    scatter = _scatter(seen.spots)
     yield "frames", Fact(len(seen.spots), ",d")
     yield "minutes", Fact(60 * float(seen.hours[-1]), ".0f", "min")
     yield "frame-time", Fact(seen.step, ".1f", "s")
@@ -260,85 +215,51 @@ def _light_facts() -> Iterator[tuple[str, Fact]]:
     yield "gain-said", Fact(GAIN, "g")
     yield "share", Fact(100 * _SHARE, ".0f", "%")
     yield "noise", Fact(known.noise, ".1f")
-    for kind, gain in (("measured", None), ("said", GAIN)):
-        ratio = scatter / np.sqrt(seen.foretold(gain))
-        yield f"{kind}-low", Fact(float(ratio.min()), ".2f")
-        yield f"{kind}-high", Fact(float(ratio.max()), ".2f")
-        yield kind, Fact(float(_rms(ratio)), ".2f")
-    yield "gravity", Fact(float(_rms(_scatter(seen.moments) / scatter)), ".1f")
-    steps = np.diff(seen.spots, axis=0).reshape(len(seen.spots) - 1, -1)
-    shared = np.abs(np.corrcoef(steps.T))
-    apart = np.subtract.outer(np.arange(6) // 2, np.arange(6) // 2) != 0
-    yield "shared", Fact(float(shared[apart].max()), ".2f")
+    ratio = _scatter(seen.spots) / np.sqrt(seen.foretold)
+    yield "measured", Fact(float(_rms(ratio)), ".2f")
 
 
 @studied("instruments/lights", named=lambda: dict(_light_facts()))
 def _of_lights(radius: float = RADIUS) -> pd.DataFrame:
     """The noise of one frame: scatter of each light against what its pixels foretell."""
     seen = lights(radius)
-    known = [np.sqrt(seen.foretold(gain)) for gain in (None, GAIN)]
-    columns = (_scatter(seen.spots), *known, _scatter(seen.moments))
+    columns = _scatter(seen.spots), np.sqrt(seen.foretold)
     rows = []
     for light, images in enumerate(one.images for one in _windows()):
         total = float((images - _background(images)).sum(axis=(1, 2)).mean() * transfer().gain)
         for axis, name in enumerate(("column", "row")):
             values = [1e3 * float(one[light, axis]) for one in columns]
             rows.append((light + 1, name, total / 1e3, *values))
-    return _of_lights.frame(rows, radius=radius, said=GAIN)
+    return _of_lights.frame(rows, radius=radius)
 
 
 def _turn_facts() -> Iterator[tuple[str, Fact]]:
     seen = lights()
-    steady = seen.steady
-    floor = steady.floor_interval(_SHARE)
-    hours = float(seen.hours[-1])
-    leak, error = leaks(steady.left, dither())
-    pixel = ARCSEC_PER_RADIAN / seen.platform.pixels
-    limits = (np.abs(leak) + stdtrit(_PARTS - 1, 0.5 + _SHARE / 2) * error)[:, :2]
-    least_sure = np.unravel_index(limits.argmax(), limits.shape)
+    steady, bent, hours = seen.steady, seen.bent, float(seen.hours[-1])
     yield "rate-x", Fact(steady.rate[0], ".3f", "arcsec")
     yield "rate-x-error", Fact(steady.rate_error[0], ".3f", "arcsec")
     yield "drift-y", Fact(abs(steady.rate[1]) * hours, ".2f", "arcsec")
-    response = np.sqrt(np.diag(seen.covariance(np.ones((3, 2)))))
     for at, axis in enumerate("xyz"):
         yield f"scatter-{axis}", Fact(_scatter(seen.angles)[at], "#.2g", "arcsec")
-        yield f"response-{axis}", Fact(response[at], ".3g", "arcsec")
-        for end, one in (("", steady.floor), ("-low", floor[0]), ("-high", floor[1])):
-            yield f"floor-{axis}{end}", Fact(one[at], "#.2g", "arcsec")
-    low, high = np.quantile(dither(), (0.5 - _OFTEN / 2, 0.5 + _OFTEN / 2), axis=0)
-    yield "star-share", Fact(100 * _OFTEN, ".0f", "%")
-    yield "star-column", Fact(high[0] - low[0], ".1f", "px")
-    yield "star-row", Fact(high[1] - low[1], ".1f", "px")
-    for end, one in (("", leak), ("-error", error), ("-limit", limits)):
-        yield f"leak{end}", Fact(1e6 * float(one[least_sure]) / pixel, ".0f")
-    yield "roll-leak", Fact(float(leak[1, 2]), ".2f", "arcsec")
-    yield "roll-leak-error", Fact(float(error[1, 2]), ".2f", "arcsec")
-    yield "together", Fact(_TOGETHER, "d")
+    for at, axis in enumerate("xy"):
+        yield f"floor-{axis}", Fact(steady.floor[at], "#.2g", "arcsec")
+    pixel, worst = ARCSEC_PER_RADIAN / seen.platform.pixels, int(np.abs(bent.rate).argmax())
     yield "pixel", Fact(pixel, ".3f", "arcsec")
-    yield from _rigid_facts(hours, pixel)
-
-
-def _rigid_facts(hours: float, pixel: float) -> Iterator[tuple[str, Fact]]:
-    seen, bent = lights(), lights().bent
-    worst = int(np.abs(bent.rate).argmax())
     yield "bent", Fact(abs(bent.rate[worst]) * hours, ".4f", "px")
     yield "bent-error", Fact(bent.rate_error[worst] * hours, ".4f", "px")
-    low, high = answers()
-    moved = float(np.abs(stability(seen.hours, seen.spots.reshape(-1, 6)).rate).max() * hours)
-    yield "answer-low", Fact(low, ".2f")
-    yield "answer-high", Fact(high, ".2f")
-    yield "answer-error", Fact(100 * max(1 - low, high - 1), ".0f", "%")
-    yield "moved", Fact(moved, ".3f", "px")
-    yield "bent-made", Fact((high - low) * moved, ".3f", "px")
     yield "bent-angle", Fact(abs(bent.rate[worst]) * hours * pixel, ".3f", "arcsec")
+    low, high = answers()
+    moved = np.abs(stability(seen.hours, seen.spots.reshape(-1, 6)).rate).max() * hours
+    yield "answer-error", Fact(100 * max(1 - low, high - 1), ".0f", "%")
+    yield "bent-made", Fact(float((high - low) * moved), ".3f", "px")
 
 
 @studied("instruments/laser-metrology", named=lambda: dict(_turn_facts()))
-def _turns(radius: float = RADIUS) -> pd.DataFrame:
+def _turns() -> pd.DataFrame:
     """What three lights say of the misalignment in one observation."""
-    seen = lights(radius)
+    seen = lights()
     steady, floor = seen.steady, seen.steady.floor_interval(_SHARE)
-    known = np.sqrt(np.diag(seen.covariance(seen.foretold())))
+    known = np.sqrt(np.diag(seen.covariance(seen.foretold)))
     rows = [
         (axis, _scatter(seen.angles)[at], known[at], steady.rate[at], steady.rate_error[at],
          steady.floor[at], *floor[:, at], int(steady.reached[at]))
@@ -398,17 +319,13 @@ def _gain_facts(door: Given) -> Iterator[tuple[str, Fact]]:
     for name, one in found.items():
         yield name, Fact(float(one[-1]), ".2f")
     yield "next-16", Fact(float(found["next"][list(counts).index(16)]), ".2f")
-    seen = lights()
-    seconds = seen.step
     yield "most", Fact(int(counts[-1]), "d")
-    yield "most-time", Fact(float(counts[-1] * seconds / 60), ".1f", "min")
-    yield "span", Fact(door.count(accuracy.FRAMES) * seconds / 60, ".0f", "min")
-    deviations = allan_deviation(seen.angles[:, :2], seen.steady.counts.tolist(), axis=0)
-    for axis, values in zip("xy", deviations.T, strict=True):
-        best = int(seen.steady.counts[values.argmin()])
-        yield f"best-{axis}", Fact(best, "d")
-        yield f"best-{axis}-time", Fact(best * seconds / 60, ".1f", "min")
-        yield f"least-{axis}", Fact(float(values.min()), "#.2g", "arcsec")
+    seen = lights()
+    best = seen.steady.counts[seen.raw.argmin(axis=0)]
+    for at, axis in enumerate("xy"):
+        yield f"best-{axis}", Fact(int(best[at]), "d")
+        yield f"least-{axis}", Fact(float(seen.raw[:, at].min()), "#.2g", "arcsec")
+    yield "best-x-time", Fact(float(best[0]) * seen.step / 60, ".1f", "min")
 
 
 @studied("instruments/averaging", given=_READS, named=lambda door: dict(_gain_facts(door)))
@@ -423,18 +340,13 @@ def _averaging(door: Given) -> pd.DataFrame:
 # The years that are foretold, each from all before it.
 _TESTED = (2022, 2023, 2024, 2025)
 _FIRST = 2019
-# The first jump that the pointing did not know yet, of October.
-_JUMP = 2022.8
 # Strategies, by their names in sentences.
 _STRATEGIES = {
     "once": "one calibration, in the first year",
-    "yearly": "calibrated each year",
     "trend": "a straight trend",
     "periodic": "trend and a yearly Fourier series of degree 2",
     "temperature": "trend and temperature",
     "flown": "the flight model as it was then",
-    "before": "the observation before",
-    "today": "the flight model of today (knows these years)",
 }
 
 
@@ -455,13 +367,11 @@ def strategies() -> dict[str, FloatArray]:
         line = trend_and_fourier(since, years, measured, known, degree=0)
         series = trend_and_fourier(since, years, measured, known)
         fitted = np.linalg.lstsq(columns[:known], measured[:known], rcond=None)[0]
-        found["yearly"][rows] = measured[year_of == year - 1].mean(axis=0)
         found["trend"][rows], found["periodic"][rows] = line[rows], series[rows]
         found["temperature"][rows] = columns[rows] @ fitted
-    found["flown"], found["before"] = seen.foretold, np.roll(measured, 1, axis=0)
-    found["today"] = drift_model(years, seen.temperatures)
+    found |= {"flown": seen.foretold, "measured": measured}
     tested = years >= _TESTED[0]
-    return {name: one[tested] for name, one in (found | {"measured": measured}).items()}
+    return {name: one[tested] for name, one in found.items()}
 
 
 def _misses() -> dict[str, FloatArray]:
@@ -472,24 +382,10 @@ def _misses() -> dict[str, FloatArray]:
 
 def _strategy_facts() -> Iterator[tuple[str, Fact]]:
     seen = aimpoints()
-    left = np.linalg.norm(seen.left, axis=1)
     yield "observations", Fact(len(seen.years), "d")
     yield "tested", Fact(len(strategies()["measured"]), "d")
     yield "last-day", Fact(float((seen.years % 1).max() * 365), ".0f")
-    told = drift_model(np.array([2020.0, 2020.0, 2021.0, 2026.0]), np.array([-10, -9, -10, -10]))
-    kelvin, year, whole = told[1:] - told[0]
-    for at, axis in enumerate("yz"):
-        yield f"kelvin-{axis}", Fact(kelvin[at], ".1f", "arcsec")
-        yield f"trend-{axis}", Fact(year[at], ".2f", "arcsec")
-        yield f"jumps-{axis}", Fact(whole[at] - 6 * year[at], ".1f", "arcsec")
-    yield "coldest", Fact(float(seen.temperatures.min()), ".0f", "°C")
-    yield "warmest", Fact(float(seen.temperatures.max()), ".0f", "°C")
-    yield "worst", Fact(float(left.max()), ".1f", "arcsec")
-    late = seen.years > _JUMP
-    apart = np.abs(seen.foretold - drift_model(seen.years, seen.temperatures))
-    yield "model-apart", Fact(float(apart[~late].max()), ".2f", "arcsec")
-    yield "flown-before", Fact(float(_rms(left[~late])), ".1f", "arcsec")
-    yield "flown-after", Fact(float(_rms(left[late])), ".1f", "arcsec")
+    yield "worst", Fact(float(np.linalg.norm(seen.left, axis=1).max()), ".1f", "arcsec")
     for name, lengths in _misses().items():
         yield name, Fact(float(_rms(lengths)), ".1f", "arcsec")
         yield f"{name}-median", Fact(float(np.median(lengths)), ".1f", "arcsec")
@@ -507,20 +403,19 @@ def _strategies() -> pd.DataFrame:
     return _strategies.frame(rows, tested=observations, years=len(_TESTED))
 
 
-@draws("instruments/drawing-lights", named=lambda: dict(_turn_facts()))
+@draws("instruments/drawing-lights")
 def _draw_lights(figure: Figure) -> None:
     """The misalignment in one observation, and what averages of its frames err by."""
     narrow = sized(figure, 6.4, 3.2, 5.6)
     series, falls = figure.subplots(*((2, 1) if narrow else (1, 2)))
     seen = lights()
     counts = seen.steady.counts
-    raw = allan_deviation(seen.angles[:, :2], counts.tolist(), axis=0)
     for at, ink, mark, line in ((0, _BLUE, "o", "--"), (1, _ORANGE, "s", "-.")):
         means, hours = (
             moving_average(one, _TOGETHER)[::_TOGETHER] for one in (seen.angles[:, at], seen.hours)
         )
         series.plot(60 * hours, means, mark, color=ink, markersize=2, label=f"about {_AXES[at]}")
-        falls.plot(counts, raw[:, at], mark, color=ink, markersize=4, fillstyle="none",
+        falls.plot(counts, seen.raw[:, at], mark, color=ink, markersize=4, fillstyle="none",
                    linestyle="-", linewidth=0.6)  # fmt: skip
         falls.plot(counts, seen.steady.deviations[:, at], mark, color=ink, markersize=4)
         falls.plot(counts, seen.steady.white[:, at], line, color=ink, linewidth=0.8)
@@ -536,7 +431,7 @@ def _draw_lights(figure: Figure) -> None:
 _MARKS = (("once", _GREEN, "+"), ("trend", _ORANGE, "x"), ("flown", _BLUE, "s"))
 
 
-@draws("instruments/drawing-strategies", named=lambda: dict(_strategy_facts()))
+@draws("instruments/drawing-strategies")
 def _draw_strategies(figure: Figure) -> None:
     """Seven years of drift as measured, and what strategies foretell."""
     narrow = sized(figure, 6.4, 3.2, 5.6)

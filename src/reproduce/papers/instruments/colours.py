@@ -14,13 +14,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import KDTree
-from scipy.special import chdtrc, fdtrc, ndtri
+from scipy.special import chdtrc, fdtrc
 
 from reproduce.papers.declare import Fact, draws, studied
 from reproduce.papers.sketch import INK, sized
 from reproduce.physics.images import fitted_centre, window_corners
-from reproduce.physics.registration import MODELS, RegistrationFit, fit_registration
+from reproduce.physics.registration import (
+    MODELS,
+    RegistrationFit,
+    fit_registration,
+    neighbours,
+)
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 from reproduce.store.measured import lenses, mosaic
@@ -32,7 +36,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 BoolArray = NDArray[np.bool_]
-IntArray = NDArray[np.intp]
 
 PAIRS = {"jh": "J to H", "hk": "H to K", "jk": "J to K"}
 PIXEL = 5.0
@@ -61,18 +64,9 @@ _SIMPLER = (0, 0, 1, 2, 2, 2)
 _LOOKS = (("x", "#0072B2", "o", "-"), ("y", "#D55E00", "s", "--"))
 
 
-@dataclass(frozen=True, eq=False)
-class Stars:
-    """Stars of one mosaic: places (n, 2), brightness over the sky's noise, distance to the next."""
-
-    places: FloatArray
-    brightness: FloatArray
-    apart: FloatArray
-
-
 @cache
-def stars(band: str, least: float = LEAST, radius: float = RADIUS) -> Stars:
-    """Find the stars of a mosaic: the library's peaks and background, our fitted centres."""
+def stars(band: str, least: float = LEAST, radius: float = RADIUS) -> FloatArray:
+    """Return the stars of a mosaic, (n, 2): the library's peaks and background, our centres."""
     image = mosaic(band)  # which says what to install
     from photutils.background import Background2D
     from photutils.detection import find_peaks
@@ -86,15 +80,7 @@ def stars(band: str, least: float = LEAST, radius: float = RADIUS) -> Stars:
     across, down = (corners[:, axis, None] + np.arange(_WINDOW) for axis in (0, 1))
     windows = light[down[:, :, None], across[:, None, :]]
     places = fitted_centre(windows, corners, radius, noise)
-    found = np.isfinite(places).all(axis=-1)
-    apart, _ = _nearest(places[found], places[found], 2)
-    return Stars(places[found], light[y, x][kept][found] / noise, apart)
-
-
-def _nearest(points: FloatArray, others: FloatArray, which: int = 1) -> tuple[FloatArray, IntArray]:
-    """Return how far the nearest of the others is from each point, or the next, and its row."""
-    distances, rows = KDTree(others).query(points, [which])
-    return np.asarray(distances)[:, 0], np.asarray(rows)[:, 0]
+    return places[np.isfinite(places).all(axis=-1)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,8 +89,6 @@ class Pairs:
 
     source: FloatArray  # (n, 2), in px
     target: FloatArray
-    brightness: FloatArray  # (n,), of the source
-    apart: FloatArray  # (n,), of the star with the nearer neighbour, in px
     fit: RegistrationFit
 
     @property
@@ -121,13 +105,9 @@ class Pairs:
 def pairs(name: str, least: float = LEAST, radius: float = RADIUS) -> Pairs:
     """Match the stars of two mosaics, each the other's nearest, and register them."""
     one, other = (stars(band, least, radius) for band in name)
-    distance, there = _nearest(one.places, other.places)
-    _, back = _nearest(other.places, one.places)
-    own = np.flatnonzero((distance < REACH) & (back[there] == np.arange(len(there))))
-    source, target = one.places[own], other.places[there[own]]
-    apart = np.minimum(one.apart[own], other.apart[there[own]])
-    fit = fit_registration(source, target, PIVOT, robust=True)
-    return Pairs(source, target, one.brightness[own], apart, fit)
+    here, there = neighbours(one, other, REACH).T
+    source, target = one[here], other[there]
+    return Pairs(source, target, fit_registration(source, target, PIVOT, robust=True))
 
 
 def _blocks(found: Pairs) -> FloatArray:
@@ -148,7 +128,6 @@ class Pattern:
     period: float  # in px
     waves: FloatArray  # (2, 2): cosine and sine of the residual along x, then of that along y
     power: float  # of both; of noise alone it exceeds p with the chance (1 + p) exp(-p)
-    tried: int  # periods
 
     @property
     def amplitude(self) -> FloatArray:
@@ -158,24 +137,23 @@ class Pattern:
     @property
     def chance(self) -> float:
         """How often noise alone has such waves, at any of the periods tried: at most so."""
-        return float(min(1.0, self.tried * (1 + self.power) * np.exp(-self.power)))
+        return float(min(1.0, len(_PERIODS) * (1 + self.power) * np.exp(-self.power)))
 
 
-def wave(places: FloatArray, residuals: FloatArray, periods: FloatArray = _PERIODS) -> Pattern:
+def wave(places: FloatArray, residuals: FloatArray) -> Pattern:
     """Look for a wave in residuals, (n, 2), of stars at places (n,)."""
-    turns = np.exp(2j * np.pi * places / periods[:, None]) @ residuals / len(places)
+    turns = np.exp(2j * np.pi * places / _PERIODS[:, None]) @ residuals / len(places)
     powers = len(places) * (np.abs(turns) ** 2 / residuals.var(axis=0)).sum(axis=1)
     best = int(powers.argmax())
     waves = 2 * np.stack([turns[best].real, turns[best].imag], axis=-1)
-    return Pattern(float(periods[best]), waves, float(powers[best]), len(periods))
+    return Pattern(float(_PERIODS[best]), waves, float(powers[best]))
 
 
 @cache
-def _pattern(name: str, axis: int = 0, period: float = 0.0) -> Pattern:
-    """Return the wave of a pair along an axis of the field, at a period where it is given."""
+def _pattern(name: str, axis: int = 0) -> Pattern:
+    """Return the wave of a pair along an axis of the field."""
     found = pairs(name)
-    places, residuals = found.source[found.kept, axis], found.again().residuals[found.kept]
-    return wave(places, residuals, np.array([period]) if period else _PERIODS)
+    return wave(found.source[found.kept, axis], found.again().residuals[found.kept])
 
 
 def _compared(found: Pairs) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -184,32 +162,18 @@ def _compared(found: Pairs) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 
 def _detector_facts() -> Iterator[tuple[str, Fact]]:
-    for band in "jhk":
-        yield f"stars-{band}", Fact(len(stars(band).places), ",d")
-    yield "threshold", Fact(LEAST, ".0f")
-    yield "reach", Fact(REACH, "g", "px")
-    yield "by-chance", Fact(100 * len(stars("k").places) * np.pi * REACH**2 / _FIELD**2, ".0f", "%")
     yield "pairs", Fact(len(pairs("hk").source), ",d")
     yield "kept", Fact(int(pairs("hk").kept.sum()), ",d")
     yield "lost", Fact(float(100 * (1 - pairs("hk").kept.mean())), ".1f", "%")
-    ratios = []
     for name in PAIRS:
-        off, errors, blocks = _compared(pairs(name))
-        ratios += (blocks / errors).tolist()
+        off, _, _ = _compared(pairs(name))
         chance = chdtrc(4, off @ np.linalg.solve(pairs(name).fit.covariance, off))
         yield f"{name}-chance", Fact(float(chance), "chance" if chance < 1e-3 else ".2f")
-    yield "ratio-low", Fact(min(ratios), ".1f")
-    yield "ratio-high", Fact(max(ratios), ".1f")
     off, errors, blocks = _compared(pairs("hk"))
     for end, values in (("", off), ("-error", errors)):
         yield f"scale{end}", Fact(1e6 * values[0], ".1f")
         yield f"x{end}", Fact(PIXEL * values[2], ".3f", "arcsec")
     yield "x-sigma", Fact(abs(off[2]) / max(errors[2], blocks[2]), ".1f")
-    yield "others-sigma", Fact(float(np.abs(off / errors)[[0, 1, 3]].max()), ".1f")
-    for times in (1, 2, 4):
-        fit = pairs("hk", times * LEAST).fit
-        yield f"x-{times}", Fact(fit.parameters[2], ".4f", "px")
-        yield f"x-{times}-error", Fact(fit.standard_errors[2], ".4f", "px")
 
 
 @studied("instruments/three-detectors", named=lambda: dict(_detector_facts()))
@@ -247,23 +211,16 @@ def _models() -> Iterator[tuple[str, str, int, float, float, float]]:
 
 def _model_facts() -> Iterator[tuple[str, Fact]]:
     found, ripple = pairs("hk"), _pattern("hk")
-    radial = found.again("similarity+radial")
-    for end, value in (("", radial.parameters[4]), ("-error", radial.standard_errors[4])):
-        yield f"radial{end}", Fact(value * float(np.hypot(*PIVOT)) ** 3, ".3f", "px")
     spread = found.again().residuals[found.kept].std(axis=0)
     for axis, size in zip("xy", ripple.amplitude, strict=True):
         yield f"amplitude-{axis}", Fact(size, ".4f", "px")
     error = float(spread.mean()) * np.sqrt(2 / found.kept.sum())
     yield "amplitude-error", Fact(error, ".4f", "px")
-    yield "share", Fact(float(100 * np.mean(ripple.amplitude**2 / 2 / spread**2)), ".1f", "%")
     yield "period", Fact(ripple.period, ".0f", "px")
     yield "period-angle", Fact(ripple.period * PIXEL / 60, ".1f", "arcmin")
     yield "strip", Fact(_STRIP, ".1f", "arcmin")
-    yield "local-scale", Fact(float(ripple.amplitude[0]) * 2 * np.pi / ripple.period, ".1e")
     yield "chance", Fact(ripple.chance, "chance")
     yield "control-chance", Fact(_pattern("hk", 1).chance, ".2f")
-    for name in ("jh", "jk"):
-        yield f"{name}-chance", Fact(_pattern(name, 0, ripple.period).chance, ".2f")
 
 
 @studied("instruments/models", named=lambda: dict(_model_facts()))
@@ -272,41 +229,8 @@ def _of_models() -> pd.DataFrame:
     return _of_models.frame(_models())
 
 
-def _crowds() -> Iterator[tuple[str, str, int, float, float]]:
-    """Yield what the registration leaves of all pairs and of their extremes: a row of the table."""
-    for name, label in PAIRS.items():
-        found = pairs(name)
-        some = {"all": found.source[:, 0] > 0}
-        for values, low, high in ((found.brightness, "faintest", "brightest"),
-                                  (found.apart, "most crowded", "most alone")):  # fmt: skip
-            first, last = np.quantile(values, (0.25, 0.75))
-            some |= {f"the quarter {low}": values <= first, f"the quarter {high}": values >= last}
-        for what, chosen in some.items():
-            left = found.fit.residuals[found.kept & chosen]
-            typical = float(np.median(np.abs(left)) / ndtri(0.75))
-            rms = float(np.sqrt(np.mean(left**2)))
-            yield label, what, int(chosen.sum()), rms, typical
-
-
-def _crowd_facts() -> Iterator[tuple[str, Fact]]:
-    for label, what, _, rms, typical in _crowds():
-        if label == PAIRS["jh"]:
-            key = what.removeprefix("the quarter ").replace(" ", "-")
-            yield key, Fact(rms, ".3f", "px")
-            yield f"{key}-typical", Fact(typical, ".3f", "px")
-    yield "apart", Fact(float(np.median(pairs("jh").apart)), ".1f", "px")
-
-
-@studied("instruments/confusion", named=lambda: dict(_crowd_facts()))
-def _confusion() -> pd.DataFrame:
-    """What a star's place is uncertain by, from what the registrations leave."""
-    return _confusion.frame(_crowds())
-
-
 # Printed scales, by colour and table.
 _PRINTED = {(c, n): f"niu2024/table-{n}#scale.{c}" for n in (2, 4) for c in ("red", "blue")}
-# What a measurement of the scale alone leaves, in px: nothing but rounding.
-_STRAIGHT = 1e-9
 _PIXELS = ("niu2024/text-optics#pixels-x", "niu2024/text-optics#pixels-y")
 
 
@@ -315,7 +239,7 @@ def _scales(width: float, height: float) -> pd.DataFrame:
     """Return what lays each lens's red or blue over green on such a detector, in px.
 
     By least squares over all of it, for every setting of every lens: ``red`` and ``blue``, scale
-    less one; ``red left`` and ``blue left``, RMS of what the scale leaves, in px.
+    less one.
     """
     table, half = lenses(), height / 2
     x, y = np.meshgrid(*(np.linspace(-side, side, 25) / half for side in (width / 2, half)))
@@ -324,66 +248,46 @@ def _scales(width: float, height: float) -> pd.DataFrame:
     for colour in ("red", "blue"):
         one, two, three = (table[[term + colour[0]]].to_numpy() for term in "vcb")
         seen = green * (one + two * green + three * green**2)
-        scale = (seen @ green) / np.square(seen).sum(axis=1)
-        left = green - scale[:, None] * seen
-        found[colour] = scale - 1
-        found[f"{colour} left"] = half * np.sqrt(np.square(left).mean(axis=1))
+        found[colour] = (seen @ green) / np.square(seen).sum(axis=1) - 1
     return found
 
 
-# Green's focal length, by the table whose scales belong to it.
-_FOCAL = {2: "niu2024/table-1#focal-length.green", 4: "niu2024/table-4#focal-length.green"}
-_READS = (*_PRINTED.values(), *_PIXELS, *_FOCAL.values())
+_READS = (*_PRINTED.values(), *_PIXELS)
 
 
-def _on(door: Given, whole: bool = True) -> pd.DataFrame:
-    """Return the scales on the detector of niu2024: of whole lenses, or of every setting."""
-    found = _scales(*(door[address] for address in _PIXELS))
-    return found.groupby(level=[0, 1]).median() if whole else found
+def _on(door: Given) -> pd.DataFrame:
+    """Return the scales on the detector of niu2024, of each lens the median over its settings."""
+    return _scales(*(door[address] for address in _PIXELS)).groupby(level=[0, 1]).median()
 
 
-def _farther(door: Given, whole: bool = True) -> dict[tuple[str, int], int]:
-    """Count the lenses, or settings, whose scale is farther from one than each printed one."""
-    found = _on(door, whole)
-    return {one: int((found[one[0]].abs() > abs(door[address] - 1)).sum())
+def _farther(door: Given) -> dict[tuple[str, int], int]:
+    """Count the lenses whose scale is farther from one than each printed one."""
+    return {one: int((_on(door)[one[0]].abs() > abs(door[address] - 1)).sum())
             for one, address in _PRINTED.items()}  # fmt: skip
 
 
 def _lens_facts(door: Given) -> Iterator[tuple[str, Fact]]:
-    found, settings = _on(door), _farther(door, whole=False)
+    found = _on(door)
     yield "lenses", Fact(len(found), "d")
-    yield "settings", Fact(len(lenses()), ",d")
     for (colour, number), count in _farther(door).items():
         yield f"{colour}-{number}-lenses", Fact(count, "d")
-    yield "blue-4-settings", Fact(settings["blue", 4], "d")
     for colour in ("red", "blue"):
         yield f"{colour}-typical", Fact(float(found[colour].abs().median()), ".1e")
-    left = found["red left"][found["red left"] > _STRAIGHT]
-    yield "red-bent", Fact(len(left), "d")
-    yield "red-left", Fact(float(left.median()), ".3f", "px")
-    yield "red-left-tenth", Fact(float(left.quantile(0.9)), ".2f", "px")
-    apart = found["red"] * found["blue"] < 0
-    yield "opposite", Fact(float(100 * apart.mean()), ".0f", "%")
-    away = door[_FOCAL[4]] * (1 - 1 / door[_PRINTED["blue", 4]])
-    yield "blue-4-nearer", Fact(1e6 * away, ".0f", "µm")
 
 
 @studied("instruments/lenses", given=_READS, named=lambda door: dict(_lens_facts(door)))
 def _lenses(door: Given) -> pd.DataFrame:
     """The scale between colours: two tables of niu2024 among measured lenses."""
-    found, farther, settings = _on(door), _farther(door), _farther(door, whole=False)
+    found, farther = _on(door), _farther(door)
     rows = []
     for (colour, number), address in _PRINTED.items():
         ends = (1e3 * found[colour].quantile((0.025, 0.5, 0.975))).tolist()
-        scale = door[address]
-        away = 1e6 * door[_FOCAL[number]] * (1 / scale - 1)
-        rows.append((colour, f"Table {number}", 1e3 * (scale - 1), *ends,
-                     farther[colour, number], settings[colour, number], away))  # fmt: skip
-    return _lenses.frame(rows, count=len(found), settings=len(lenses()))
+        less = 1e3 * (door[address] - 1)
+        rows.append((colour, f"Table {number}", less, *ends, farther[colour, number]))
+    return _lenses.frame(rows, count=len(found))
 
 
-@draws("instruments/drawing-lenses", given=_READS,
-       named=lambda: {"count": Fact(len(lenses().groupby(["maker", "lens"])), "d")})  # fmt: skip
+@draws("instruments/drawing-lenses", given=_READS)
 def _draw_lenses(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """The scale between colours of measured lenses, with those of niu2024."""
     narrow = sized(figure, 6.4, 3.0, 5.0)
@@ -400,7 +304,7 @@ def _draw_lenses(figure: Figure, printed: Mapping[str, float], door: Given) -> N
     figure.legend(*one.get_legend_handles_labels(), loc="outside lower center", ncols=2)
 
 
-@draws("instruments/drawing-strips", named=lambda: dict(_model_facts()))
+@draws("instruments/drawing-strips")
 def _draw_strips(figure: Figure) -> None:
     """What a similarity leaves between H and K, folded at the period that fits best."""
     import pandas as pd
@@ -421,6 +325,4 @@ def _draw_strips(figure: Figure) -> None:
             if not axis:
                 one.plot(turns, 1e3 * basis @ ripple.waves[at], line, color=ink)
         one.set(xlabel=f"phase along {'xy'[axis]} (period)", ylabel="mean residual (0.001 px)")
-    if not narrow:
-        axes[1].set_ylabel("")
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)

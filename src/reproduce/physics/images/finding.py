@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtri
 
-from reproduce.physics.images.spots import IntArray, Mask, Spots, _corners, fitted_spots
+from reproduce.physics.images.spots import IntArray, Mask, Spots, fitted_spots
 from reproduce.physics.validate import FloatArray, positive
 
 # A spot has so many touching pixels above the threshold, in standard deviations of the noise.
@@ -38,29 +38,25 @@ _FITS, _GAINS = 4, 1e6
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """What stands out of an image, the brightest first, in digital numbers.
+    """What stands out of an image, the brightest first.
 
     Attributes
     ----------
     spots : Spots
-    light, level, noise : ndarray, shape (n,)
-        Of the spot, and of the background under it.
+        Light and residuals in electrons.
     reasons : ndarray of str, shape (n,)
         Why one is no star that can be measured; empty where it is.
     facts : dict of str to float
-        Radius of all spots, in px, median background and noise, and gain, in electrons per digital
-        number: with it half of the spots fit better than the median of chi-square.
-    size, hot : int
-        Side of the windows, in px, and how many pixels shine alone.
+        Radius of all spots, in px, median background and noise, in digital numbers, and gain, in
+        electrons per digital number: with it half of the spots fit better than the median of
+        chi-square.
+    hot : int
+        How many pixels shine alone.
     """
 
     spots: Spots
-    light: FloatArray
-    level: FloatArray
-    noise: FloatArray
     reasons: NDArray[np.str_]
     facts: dict[str, float]
-    size: int
     hot: int
 
 
@@ -99,6 +95,8 @@ def find_spots(
     >>> find_spots(sky + light, np.zeros(light.shape, dtype=bool)).spots.centre.round(1)
     array([[30.2, 20.7]])
     """
+    from scipy.spatial import KDTree
+
     positive("threshold", threshold)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # boxes without pixels, and segments without light
@@ -106,31 +104,31 @@ def find_spots(
         light = image - level
         hot = _hot(light, noise, pitch)
         light[hot] = np.nan
-        places, guess = _segments(light, threshold * noise)
-        if not len(places):
-            raise ValueError(
-                f"expected stars, got nothing above {threshold:g} standard deviations of the noise "
-                f"in {_TOUCHING} touching pixels"
-            )
-    view = _View.of(light, full, noise, places, guess)
+        places, guess = _segments(light, noise, threshold)
     # Not the very brightest: what is no star is among them.
-    some = np.arange(max(_MEASURED, len(places) // 2))[: len(places)]
-    radius = view.part(some[:: max(1, len(some) // _MEASURED)]).radius(guess)
-    view = _View.of(light, full, noise, places, radius)
-    spots, gain = view.fitted(radius)
-    size, under = view.light.shape[-1], _pixels(places)
+    some = places[: max(_MEASURED, len(places) // 2)]
+    some = some[:: max(1, len(some) // _MEASURED)]
+    radius = _View(light, full, noise, some, guess).radius(guess)
+    view = _View(light, full, noise, places, radius)
+    # Without photon noise first: what scatters more under more light tells how much there is.
+    better = view.dark_gain
+    for _ in range(_FITS):
+        gain, spots = better, view.spots(radius, better)
+        better = view.gain(spots.residuals / gain)
+    size, last = view.light.shape[-1], np.array(image.shape[::-1]) - 1 - radius
+    reach = size // 2 + _TAIL * radius
+    close: Any = KDTree(places).query_pairs(reach, np.inf, output_type="ndarray")
     reasons = {
         "saturated": view.full,
-        "at the edge": ~_inside(places, image.shape, radius),
-        "another close by": _crowded(places, size // 2 + _TAIL * radius),
+        "at the edge": ((places < radius) | (places > last)).any(axis=1),
+        "another close by": np.isin(np.arange(len(places)), close),
         "not the shape of a spot": view.odd(spots.residuals / gain, gain),
         "no centre found": ~(np.abs(spots.centre - places).max(axis=1) < size / 2),
     }
     first = np.select(list(reasons.values()), list(reasons), default="")
-    facts = {"radius": radius, "background": float(np.median(level[under])),
-             "noise": float(np.median(noise[under])), "gain": gain}  # fmt: skip
-    light = spots.light / gain
-    return Found(spots, light, level[under], noise[under], first, facts, size, int(hot.sum()))
+    sky, noise = np.median(level[*places.T[::-1]]), np.median(view.noise)
+    facts = {"radius": radius, "background": float(sky), "noise": float(noise), "gain": gain}
+    return Found(spots, first, facts, int(hot.sum()))
 
 
 def _background(image: FloatArray, step: float) -> tuple[FloatArray, FloatArray]:
@@ -162,78 +160,45 @@ def _hot(light: FloatArray, noise: FloatArray, pitch: int) -> Mask:
     return np.asarray(alone & (light > _GLARING * noise))
 
 
-def _segments(light: FloatArray, limit: FloatArray) -> tuple[FloatArray, float]:
-    """Return the brightest pixels of what exceeds a limit, the most light first, and a radius."""
+def _segments(light: FloatArray, noise: FloatArray, threshold: float) -> tuple[IntArray, float]:
+    """Return the brightest pixels of what exceeds the noise, the most light first, and a radius."""
     from astropy.convolution import interpolate_replace_nans
     from photutils.segmentation import SourceCatalog, detect_sources
 
     if np.isnan(light).any():
         near = np.outer([1.0, 2.0, 1.0], [1.0, 2.0, 1.0])
         light = np.nan_to_num(interpolate_replace_nans(light, near))
-    segments = detect_sources(light, limit, _TOUCHING)
+    segments = detect_sources(light, threshold * noise, _TOUCHING)
     if segments is None:
-        return np.zeros((0, 2)), 1.0
+        raise ValueError(f"expected stars, got nothing above {threshold:g} standard deviations")
     found = SourceCatalog(light, segments)
     order = np.argsort(-np.asarray(found.segment_flux), kind="stable")[:_MOST]
     places = np.stack([found.maxval_xindex, found.maxval_yindex], axis=-1)[order]
     radius = float(np.nanmedian(np.asarray(found.semimajor_axis)))
-    return places.astype(float), radius if radius > 0 else 1.0
+    return places, radius if radius > 0 else 1.0
 
 
-def _pixels(places: FloatArray) -> tuple[IntArray, IntArray]:
-    """Return the rows and columns of places."""
-    return places[:, 1].astype(int), places[:, 0].astype(int)
-
-
-def _inside(places: FloatArray, shape: tuple[int, ...], margin: float) -> Mask:
-    last = np.array(shape[::-1]) - 1 - margin
-    return np.asarray(((places >= margin) & (places <= last)).all(axis=1))
-
-
-def _crowded(places: FloatArray, reach: float) -> Mask:
-    """Say which places have another one close by."""
-    from scipy.spatial import KDTree
-
-    near: Any = KDTree(places).query_pairs(reach, output_type="ndarray", p=np.inf)
-    return np.isin(np.arange(len(places)), near)
-
-
-@dataclass(frozen=True, eq=False)
 class _View:
     """Windows in digital numbers, the pixels that count, noise, and which have a full pixel."""
 
-    light: FloatArray
-    seen: Mask
-    noise: FloatArray
-    full: Mask
-    corners: IntArray
-
-    @classmethod
-    def of(
-        cls, light: FloatArray, full: Mask, noise: FloatArray, places: FloatArray, radius: float
-    ) -> _View:
-        """Return the windows about places that hold a spot of a radius."""
+    def __init__(
+        self, light: FloatArray, full: Mask, noise: FloatArray, places: IntArray, radius: float
+    ) -> None:
+        """Look about places at what holds a spot of a radius."""
         size = 2 * int(np.clip(np.ceil(_HALF * radius), 2, 60)) + 1
         size = min(size, *(side - 1 + side % 2 for side in light.shape))
-        corners = np.clip(_corners(places, size), 0, np.array(light.shape[::-1]) - size)
-        columns, rows = (corners[:, i, None] + np.arange(size) for i in (0, 1))
+        self.corners = np.clip(places - size // 2, 0, np.array(light.shape[::-1]) - size)
+        columns, rows = (self.corners[:, i, None] + np.arange(size) for i in (0, 1))
         at = rows[:, :, None], columns[:, None]
-        seen, cut = np.isfinite(light[at]) & ~full[at], np.asarray(full[at].any(axis=(1, 2)))
-        return cls(np.where(seen, light[at], 0.0), seen, noise[_pixels(places)], cut, corners)
-
-    def part(self, rows: IntArray) -> _View:
-        """Return some of the windows."""
-        return _View(self.light[rows], self.seen[rows], self.noise[rows], self.full[rows],
-                     self.corners[rows])  # fmt: skip
+        self.seen = np.isfinite(light[at]) & ~full[at]
+        self.light, self.full = np.where(self.seen, light[at], 0.0), full[at].any(axis=(1, 2))
+        self.noise = noise[*places.T[::-1]]
+        # With it photons make next to no noise.
+        self.dark_gain = _GAINS / float(self.noise.min()) ** 2
 
     def spots(self, radius: float, gain: float) -> Spots:
         """Return the spots of a radius that fit best."""
         return fitted_spots(gain * self.light, self.corners, radius, gain * self.noise, self.seen)
-
-    @property
-    def dark_gain(self) -> float:
-        """A gain with which photons make next to no noise."""
-        return _GAINS / float(self.noise.min()) ** 2
 
     def radius(self, guess: float) -> float:
         """Return the radius that fits half of the spots best."""
@@ -246,15 +211,6 @@ class _View:
 
         bounds = (0.2, 3 * guess)
         return float(minimize_scalar(misfit, bounds=bounds, options={"xatol": 1e-3}).x)
-
-    def fitted(self, radius: float) -> tuple[Spots, float]:
-        """Return the spots and the gain with which they fit."""
-        # Without photon noise first: what scatters more under more light tells how much there is.
-        gain = self.dark_gain
-        for _ in range(_FITS):
-            spots = self.spots(radius, gain)
-            used, gain = gain, self.gain(spots.residuals / gain)
-        return spots, used
 
     def model(self, left: FloatArray) -> FloatArray:
         """Return the light of the spots, from what they leave."""

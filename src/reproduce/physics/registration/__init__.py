@@ -28,7 +28,7 @@ from reproduce.physics.registration.diagnosis import (
     rounded,
 )
 from reproduce.physics.registration.fit import RegistrationFit, fit_registration
-from reproduce.physics.registration.matching import match_points, pair_weights
+from reproduce.physics.registration.matching import match_points, neighbours, pair_weights
 from reproduce.physics.registration.transforms import (
     MODELS,
     UNITS,

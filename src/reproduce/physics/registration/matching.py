@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reproduce.physics.registration.fit import _similarity, fit_registration
+from reproduce.physics.registration.fit import fit_registration
 from reproduce.physics.registration.transforms import Registration, as_complex, as_points
 from reproduce.physics.validate import FloatArray
 
@@ -28,9 +28,9 @@ _CHANCE = 1e-6
 
 
 def match_points(
-    source: FloatArray, target: FloatArray, radius: float, start: Registration | None = None
+    source: FloatArray, target: FloatArray, radius: float
 ) -> tuple[NDArray[np.int64], Registration]:
-    """Pair two lists of points: neighbours under a start, or under what their triangles say.
+    """Pair two lists of points: neighbours under what their triangles say.
 
     Shapes of triangles are changed by no shift, turn or scale. A mirror image is recognised.
 
@@ -39,13 +39,12 @@ def match_points(
     source, target : ndarray, shapes (n, 2) and (m, 2), in px, the brightest first
     radius : float
         How far from each other two points of a pair may land, in px.
-    start : Registration, optional
 
     Returns
     -------
     rows : ndarray of int, shape (p, 2)
         Of each pair the row of the source and that of the target.
-    start : Registration
+    found : Registration
         Under which they are neighbours; its determinant is negative of a mirror image.
 
     Raises
@@ -60,25 +59,39 @@ def match_points(
     >>> bool((rows.sum(axis=1) == 39).all()), found.apply([[100.0, 0]]).round(6)
     (True, array([[104.,   4.]]))
     """
-    found = start or _asterism(source, target, radius)
-    rows = _neighbours(found, source, target, radius)
+    found = _asterism(source, target, radius)
+    rows = neighbours(found.apply(source), target, radius)
     for _ in range(2 if len(rows) > _FEW else 0):
         # What was found from a few bright stars is sharpened by all.
         pairs, middle = (source[rows[:, 0]], target[rows[:, 1]]), source.mean(axis=0)
         found = fit_registration(*pairs, middle, model="affine", robust=True).transform
-        rows = _neighbours(found, source, target, radius)
+        rows = neighbours(found.apply(source), target, radius)
     return rows, found
 
 
-def _neighbours(
-    start: Registration, source: FloatArray, target: FloatArray, radius: float
-) -> NDArray[np.int64]:
-    """Return rows of points that are each other's nearest under a transform, shape (n, 2)."""
+def neighbours(source: FloatArray, target: FloatArray, radius: float) -> NDArray[np.int64]:
+    """Return the rows of points that are each other's nearest and closer than a radius.
+
+    Parameters
+    ----------
+    source, target : ndarray, shapes (n, 2) and (m, 2)
+    radius : float
+
+    Returns
+    -------
+    ndarray of int, shape (p, 2)
+        Of each pair the row of the source and that of the target.
+
+    Examples
+    --------
+    >>> neighbours(np.array([[0.0, 0], [9, 9]]), np.array([[9.0, 8], [0, 5], [0, 1]]), radius=2.0)
+    array([[0, 2],
+           [1, 0]])
+    """
     from scipy.spatial import KDTree
 
-    landed = start.apply(source)
-    apart, there = KDTree(target).query(landed)
-    back = np.asarray(KDTree(landed).query(target)[1])
+    apart, there = KDTree(target).query(source)
+    back = np.asarray(KDTree(source).query(target)[1])
     rows = np.arange(len(source))
     return np.stack([rows, there], axis=-1)[(apart < radius) & (back[there] == rows)]
 
@@ -87,11 +100,6 @@ def _asterism(source: FloatArray, target: FloatArray, radius: float) -> Registra
     """Return the similarity, perhaps of a mirror image, under which most stars are neighbours."""
     from scipy.special import pdtrc
 
-    if min(len(source), len(target)) < 3:
-        raise ValueError(
-            f"expected three stars or more in both pictures, got {len(source)} and {len(target)}; "
-            "lower the threshold, or give a start"
-        )
     for count in _BRIGHTEST:
         some = source[:count], target[:count]
         best, landed = max((_consensus(*some, radius, flip) for flip in (1, -1)),
@@ -102,9 +110,8 @@ def _asterism(source: FloatArray, target: FloatArray, radius: float) -> Registra
         if landed >= 3 and _TRIED * pdtrc(landed - 3, mean) < _CHANCE:
             return best
     raise ValueError(
-        "expected the same stars in both pictures, got none that can be told: the likeliest "
-        f"transform lays {landed} of {len(some[0])} stars on others, no more than chance does; "
-        "give a start"
+        f"expected the same stars in both pictures, got {landed} of {len(some[0])} on others, no "
+        "more than chance lays there; give pairs instead"
     )
 
 
@@ -122,13 +129,9 @@ def _consensus(
     if not len(alike):
         return mirror, 0
     ours, theirs = ours[alike["i"]], theirs[alike["j"]]
-    # By least squares; a narrow triangle may fit its own mirror image better, and is none the less.
-    stars, places = as_complex(source)[ours], as_complex(target)[theirs]
-    pivot, landed = stars.mean(axis=1), places.mean(axis=1)
-    offsets = stars - pivot[:, None]
-    factor = (offsets.conj() * places).sum(axis=1) / np.square(np.abs(offsets)).sum(axis=1)
-    parameters = _similarity(factor, pivot - landed)
-    tried = Registration("similarity", parameters, as_points(pivot))
+    # By their longest sides: a narrow triangle may fit its own mirror image better.
+    sides = source[ours[:, :2]]
+    tried = fit_registration(sides, target[theirs[:, :2]], sides.mean(axis=1)).transform
     apart, hit = KDTree(target).query(tried.apply(source))
     # Several stars in one place are one.
     hit = np.sort(np.where(apart < radius, hit, -1), axis=1)
@@ -146,7 +149,8 @@ def _triangles(points: FloatArray) -> tuple[NDArray[np.int64], FloatArray]:
     """
     from scipy.spatial import KDTree
 
-    near = np.asarray(KDTree(points).query(points, min(len(points), _NEIGHBOURS + 1))[1])
+    wanted = np.arange(min(len(points), _NEIGHBOURS + 1)) + 1
+    near = np.asarray(KDTree(points).query(points, wanted)[1])
     first, second = np.triu_indices(near.shape[1] - 1, 1)
     corners = np.stack([near[:, [0] * len(first)], near[:, 1 + first], near[:, 1 + second]], -1)
     corners = np.unique(np.sort(corners.reshape(-1, 3), axis=1), axis=0)
