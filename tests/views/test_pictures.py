@@ -118,6 +118,12 @@ def test_scatter_beyond_the_errors_is_found():
     assert found.beyond == pytest.approx(expected, rel=4 / np.sqrt(4 * count))
 
 
+def test_a_start_gives_neighbours():
+    found = rp.match(rp.stars(RED), rp.stars(GREEN), start=TRUTH, radius=2)
+    assert len(found) == len(FIELD.source)
+    assert "the start" in found.attrs["log"]
+
+
 def test_pairs_are_a_table_that_register_takes():
     found = rp.match(rp.stars(RED), rp.stars(GREEN), radius=2)
     assert len(found) == len(FIELD.source)
@@ -332,6 +338,21 @@ def test_a_bad_picture_is_told_in_one_line(folder, tmp_path):
 def test_numbers_that_cannot_be_are_refused():
     with pytest.raises(ValueError, match="threshold: expected"):
         rp.stars(RED, threshold=-3)
+    with pytest.raises(ValueError, match=r"row 1, column 3 .*above zero"):
+        rp.stars(pd.DataFrame({"x": [1.0, 2], "y": [1.0, 2], "sigma": [1, -1]}))
+
+
+def test_weights_of_a_list_beside_a_picture_count():
+    """A star of weight zero is dropped; the others keep the weights of their errors."""
+    listed = rp.stars(RED).frame().drop(columns="flux")
+    plain, same, less = (
+        rp.register(rp.stars(one), rp.stars(GREEN), robust=False)
+        for one in (listed, listed.assign(weight=3.0), listed.assign(weight=1.0 * (listed.x > 60)))
+    )
+    np.testing.assert_allclose(same.parameters, plain.parameters, rtol=1e-12)
+    out = (less.pairs["x"] <= 60).to_numpy()
+    assert 0 < out.sum() < len(out)
+    np.testing.assert_array_equal(less.fit.weights == 0, out)
 
 
 def test_settings_of_pictures_are_refused_beside_pairs():

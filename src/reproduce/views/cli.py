@@ -273,8 +273,9 @@ def register(
     the middle of the picture, and they are fitted robustly.
     """
     given: dict[str, Any] = {name: one for name, one in settings.items() if one is not None}
-    source: Any = files[0] if len(files) == 1 else files
-    found: Any = front.register(source, **given)
+    with _bar("finding stars") as progress:
+        source: Any = files[0] if len(files) == 1 else files
+        found: Any = front.register(source, progress=progress, **given)
     fits = getattr(found, "fits", {"": found} if hasattr(found, "log") else {})
     if (picture or write or posterior) and not fits:
         raise click.UsageError("--picture, --write and --posterior belong to pictures")

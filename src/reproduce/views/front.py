@@ -257,9 +257,11 @@ def register(
     source_covariance: ArrayLike | None = None,
     target_covariance: ArrayLike | None = None,
     reference: str | None = None,
+    start: Any = None,
     radius: float | None = None,
     bayer: str | None = None,
     threshold: float | None = None,
+    progress: Callable[[int, int], None] | None = None,
 ) -> Registered | Channels:
     """Fit the transform that lays a user's own stars, the source, on the same stars of a target.
 
@@ -295,10 +297,12 @@ def register(
     reference : str, optional
         Name of the picture on which others are laid, of arrays such as "picture 1": by default the
         second of three, the last of two, green of a colour picture.
-    radius : float, optional
+    start, radius : optional
         Of pictures, as for `match`.
     bayer, threshold : optional
         Of pictures, as for `stars`.
+    progress : callable, optional
+        Is told how many pictures of all are read.
 
     Returns
     -------
@@ -321,8 +325,8 @@ def register(
     """
     known: dict[str, Any] = {"weights": weights, "source_covariance": source_covariance,
                              "target_covariance": target_covariance}  # fmt: skip
-    own: dict[str, Any] = {"radius": radius, "bayer": bayer, "threshold": threshold,
-                           "reference": reference}  # fmt: skip
+    own: dict[str, Any] = {"start": start, "radius": radius, "bayer": bayer,
+                           "threshold": threshold, "reference": reference}  # fmt: skip
     pictures = _pictures(source, target)
     given = [name for name, one in (known if pictures else own).items() if one is not None]
     if given and pictures:
@@ -333,7 +337,7 @@ def register(
         from reproduce.views.pictures import registered
 
         own |= {"model": model, "robust": robust is not False}
-        return registered(pictures, pivot, **own)
+        return registered(pictures, pivot, progress=progress, **own)
     from reproduce.views.measurements import Registered
 
     paired: tuple[Any, Any] = (source, target)
@@ -391,12 +395,14 @@ def stars(
     return stars_of(source, channel, bayer, threshold)
 
 
-def match(source: Any, target: Any, radius: float | None = None) -> pd.DataFrame:
+def match(source: Any, target: Any, start: Any = None, radius: float | None = None) -> pd.DataFrame:
     """Pair the stars of two pictures.
 
     Parameters
     ----------
     source, target : Stars, or what `stars` takes
+    start : Registration or Registered, optional
+        Stars that are neighbours under it are pairs; by default it is found from triangles.
     radius : float, optional
         How far from each other the stars of a pair may land, in px.
 
@@ -409,7 +415,7 @@ def match(source: Any, target: Any, radius: float | None = None) -> pd.DataFrame
     from reproduce.views.pictures import paired
 
     first, second = (one if hasattr(one, "dropped") else stars(one) for one in (source, target))
-    return paired(first, second, radius)[0]
+    return paired(first, second, start, radius)[0]
 
 
 def misalignment(

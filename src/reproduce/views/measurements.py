@@ -43,6 +43,7 @@ if TYPE_CHECKING:
 
 FloatArray = NDArray[np.float64]
 _LEVEL = 0.95
+SIGMAS = ("sigma", "sigma_x", "sigma_y")
 _ENDS = ("low (95 %)", "high (95 %)")
 
 
@@ -205,7 +206,7 @@ def _stars(
 ) -> tuple[Table, dict[str, Any]]:
     """Read both images, and turn columns of sigma and weight into settings of the fit."""
     if is_table(source) and target is None:
-        table = read_table(source, STARS, ("sigma", "sigma_x", "sigma_y", "weight"))
+        table = read_table(source, STARS, (*SIGMAS, "weight"))
         return table, settings | _known(table, settings)
     if isinstance(source, str | Path):
         raise ValueError("target: expected nothing beside a file, which holds both images")
@@ -232,20 +233,24 @@ def _known(table: Table, settings: Mapping[str, Any]) -> dict[str, Any]:
     given = table.optional
     if "weight" in given:
         found["weights"] = given["weight"]
-    axes = [next((one for one in (f"sigma_{axis}", "sigma") if one in given), "") for axis in "xy"]
-    if any(axes):
-        if not all(axes):
-            raise TableFileError(f"{table.path}: expected sigma, or both sigma_x and sigma_y")
-        for name in axes:
-            for row in np.flatnonzero(given[name] <= 0)[:1].tolist():
-                raise table.wrong(row, name, "expected a standard deviation above zero")
-        found["target_covariance"] = np.stack([given[name] for name in axes], axis=-1)[
-            ..., None
-        ] ** 2 * np.eye(2)
+    if {*SIGMAS} & {*given}:
+        found["target_covariance"] = deviations(table)[..., None] ** 2 * np.eye(2)
     for name in found:
         if settings.get(name) is not None:
             raise ValueError(f"{name}: expected none beside a column of the table; leave one out")
     return found
+
+
+def deviations(table: Table) -> FloatArray:
+    """Return the standard deviations along x and y that the columns of a table give, (n, 2)."""
+    given = table.optional
+    axes = [next((one for one in (f"sigma_{axis}", "sigma") if one in given), "") for axis in "xy"]
+    if not all(axes):
+        raise TableFileError(f"{table.path}: expected sigma, or both sigma_x and sigma_y")
+    for name in axes:
+        for row in np.flatnonzero(given[name] <= 0)[:1].tolist():
+            raise table.wrong(row, name, "expected a standard deviation above zero")
+    return np.stack([given[name] for name in axes], axis=-1)
 
 
 class Monitored(_Measured):

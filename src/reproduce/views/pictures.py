@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +14,7 @@ from reproduce.physics.registration import match_points, pair_weights, registere
 from reproduce.store.pictures import Picture, PictureError, is_picture, read_pictures, telling
 from reproduce.store.points import STARS, is_table, read_table
 from reproduce.views.blocks import Block, Display, Fold, Grid
-from reproduce.views.measurements import Registered, Remade
+from reproduce.views.measurements import SIGMAS, Registered, Remade, deviations
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -104,11 +104,12 @@ def _listed(source: Any) -> Stars:
 
     if not is_table(source):
         source = pd.DataFrame(np.asarray(source, dtype=float), columns=["x", "y"])
-    table = read_table(source, ("x", "y"), ("sigma", "sigma_x", "sigma_y", "flux"))
-    given, none = table.optional, np.zeros(len(table.values))
-    wide = np.column_stack([given.get(f"sigma_{a}", given.get("sigma", none)) for a in "xy"])
+    table = read_table(source, ("x", "y"), (*SIGMAS, "flux", "weight"))
+    none = np.zeros(len(table.values))
+    wide = deviations(table) if {*SIGMAS} & {*table.optional} else np.column_stack([none, none])
     frame = pd.DataFrame(np.column_stack([table.values, wide]), columns=_CENTRE)
-    frame = frame.assign(flux=given.get("flux", none), dropped="")
+    own = {name: one for name, one in table.optional.items() if name not in SIGMAS}
+    frame = frame.assign(**{"flux": none, **own}, dropped="")
     return Stars(table.path, frame, wide[:, :, None] ** 2 * np.eye(2), table.notes)
 
 
@@ -143,7 +144,7 @@ def _sigma(covariance: FloatArray) -> FloatArray:
 
 
 def paired(
-    source: Stars, target: Stars, radius: float | None = None
+    source: Stars, target: Stars, start: Any = None, radius: float | None = None
 ) -> tuple[pd.DataFrame, Registration]:
     """Return the pairs of `reproduce.match`, and the transform under which they are neighbours."""
     import pandas as pd
@@ -151,12 +152,14 @@ def paired(
     field = max(float(np.ptp(one.points, axis=0).max()) for one in (source, target))
     near = radius or max(_NEAR, source.facts.get("radius", 0.0)) + _SHARE * field
     with telling(f"{source.name} and {target.name}"):
-        rows, found = match_points(source.points, target.points, near)
+        start = getattr(start, "transform", start)
+        rows, found = match_points(source.points, target.points, near, start)
     a, b = rows.T
     places = np.column_stack([source.points[a], target.points[b]])
     pairs = pd.DataFrame(places, columns=STARS).assign(row=a, row_reference=b)
     counts = f"{len(pairs)} pairs of {len(source)} and {len(target)} stars"
-    pairs.attrs["log"] = f"{counts}, by triangles of neighbours, less than {near:.3g} px apart"
+    how = "triangles of neighbours" if start is None else "the start"
+    pairs.attrs["log"] = f"{counts}, by {how}, less than {near:.3g} px apart"
     pairs.attrs["mirrored"] = bool(np.linalg.det(found.matrix) < 0)
     return pairs, found
 
@@ -171,7 +174,8 @@ class RegisteredPictures(Registered):
 
     def __init__(self, source: Stars, target: Stars, pivot: Any = None, **settings: Any) -> None:
         given = {"source": source, "target": target, "pivot": pivot, **settings}
-        self.pairs, found = paired(source, target, settings.pop("radius", None))
+        places = (settings.pop(name, None) for name in ("start", "radius"))
+        self.pairs, found = paired(source, target, *places)
         if self.pairs.attrs["mirrored"] and settings.get("model") != "affine":
             both = f"{source.name} and {target.name}"
             raise ValueError(f"{both} mirror each other: flip one, or take the model affine")
@@ -182,6 +186,8 @@ class RegisteredPictures(Registered):
         settings["robust"] = settings.get("robust", True) and len(a) >= _FEWEST
         known = np.stack([source.covariance[a], target.covariance[b]])
         weights, self.beyond = pair_weights(*points, pivot, known, found, **settings)
+        for stars, rows in ((source, a), (target, b)):  # a user's own weights
+            weights = weights * np.asarray(stars.frame().get("weight", np.ones(len(stars))))[rows]
         super().__init__(*points, pivot, weights=weights, **settings)
         self._given = given
         self.title = f"{source.name} on {target.name}: {self.title}"
@@ -309,6 +315,7 @@ def registered(
     reference: str | None,
     bayer: str | None,
     threshold: float | None,
+    progress: Callable[[int, int], None] | None = None,
     **settings: Any,
 ) -> RegisteredPictures | Channels:
     """Register pictures, or the channels of one, on one of them: the second of three, last of two.
@@ -320,17 +327,18 @@ def registered(
     for number, source in enumerate(sources, start=1):
         own = Path(source).name if isinstance(source, str | Path) else getattr(source, "name", "")
         name = own if own and own not in found else f"picture {number}"
-        if not is_picture(source):
-            found[name] = source if isinstance(source, Stars) else _listed(source)
-            continue
-        channels = read_pictures(source, bayer, name)
+        channels = read_pictures(source, bayer, name) if is_picture(source) else {}
         if len(channels) > 1 and len(sources) > 1:
             raise PictureError(
                 f"{name}: expected one channel beside other pictures, got {', '.join(channels)}"
             )
+        if not channels:
+            found[name] = source if isinstance(source, Stars) else _listed(source)
         for colour, picture in channels.items():
             found[colour or name] = _found(picture, threshold)
             shapes[colour or name] = picture.light.shape
+        if progress is not None:
+            progress(number, len(sources))
     if len(found) < 2:
         raise ValueError("target: expected a second picture, or one of several channels")
     chosen = Path(reference or list(found)[1]).name

@@ -28,9 +28,9 @@ _CHANCE = 1e-6
 
 
 def match_points(
-    source: FloatArray, target: FloatArray, radius: float
+    source: FloatArray, target: FloatArray, radius: float, start: Registration | None = None
 ) -> tuple[NDArray[np.int64], Registration]:
-    """Pair two lists of points: neighbours under what their triangles say.
+    """Pair two lists of points: neighbours under a start, or under what their triangles say.
 
     Shapes of triangles are changed by no shift, turn or scale. A mirror image is recognised.
 
@@ -39,6 +39,7 @@ def match_points(
     source, target : ndarray, shapes (n, 2) and (m, 2), in px, the brightest first
     radius : float
         How far from each other two points of a pair may land, in px.
+    start : Registration, optional
 
     Returns
     -------
@@ -59,7 +60,7 @@ def match_points(
     >>> bool((rows.sum(axis=1) == 39).all()), found.apply([[100.0, 0]]).round(6)
     (True, array([[104.,   4.]]))
     """
-    found = _asterism(source, target, radius)
+    found = start or _asterism(source, target, radius)
     rows = neighbours(found.apply(source), target, radius)
     for _ in range(2 if len(rows) > _FEW else 0):
         # What was found from a few bright stars is sharpened by all.
@@ -111,7 +112,7 @@ def _asterism(source: FloatArray, target: FloatArray, radius: float) -> Registra
             return best
     raise ValueError(
         f"expected the same stars in both pictures, got {landed} of {len(some[0])} on others, no "
-        "more than chance lays there; give pairs instead"
+        "more than chance lays there; give a start"
     )
 
 
