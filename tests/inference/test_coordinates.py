@@ -16,7 +16,8 @@ def fitted(seed):
     """Return a model with simulated data, and parameters about its start."""
     generator = np.random.default_rng(seed)
     model = posteriors()[MIXTURE].model()
-    model = model.given(model.simulate(model.draw_prior(generator, 1)[0], generator))
+    data = model.likelihood.simulate(model.draw_prior(generator, 1)[0], generator)
+    model = model.given(data)
     return model, model.start(generator, 6)
 
 

@@ -254,10 +254,6 @@ class Model:
             total += parameter.prior.log_density(column)
         return total
 
-    def log_likelihood(self, parameters: FloatArray) -> FloatArray:
-        """Log likelihood, shape (n,), of vectors of shape (n, d)."""
-        return self.likelihood(parameters)
-
     def log_posterior(self, parameters: FloatArray) -> FloatArray:
         """Log prior plus log likelihood, shape (n,); the likelihood sees supported values only."""
         total = self.log_prior(parameters)
@@ -272,10 +268,6 @@ class Model:
         """Independent draws from the prior, shape (count, d)."""
         columns = [p.prior.draw(generator, count) for p in self.parameters]
         return np.stack(columns, axis=-1)
-
-    def simulate(self, parameters: FloatArray, generator: Generator) -> Any:
-        """Data that one parameter vector, shape (d,), would have given."""
-        return self.likelihood.simulate(parameters, generator)
 
     def repeat(self, parameters: FloatArray, generator: Generator) -> Any:
         """Data of a repeat of this experiment, for one parameter vector of the posterior."""

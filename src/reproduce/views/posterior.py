@@ -284,7 +284,7 @@ class Posterior(Remade):
                 f"expected up to {_MOST} different parameters of {', '.join(known)}; got "
                 f"{', '.join(chosen)}; all draws are in `draws`"
             )
-        rows = {row.name: row for row in self.sampled.rows()}
+        rows = {row.name: row for row in self.sampled.rows}
         marks = {
             name: value
             for name, value in (self.truth or self._shown(self.model.estimate)).items()
@@ -369,9 +369,9 @@ class Posterior(Remade):
             "steps": found.chain.shape[1],
             "walkers": found.chain.shape[2],
             "acceptance": list(found.acceptance),
-            "at_prior_end": [asdict(one) for one in leanings(found)],
-            "parameters": [asdict(row) for row in found.rows()],
-            "consequences": [asdict(row) for row, _ in found.consequences()],
+            "at_prior_end": leanings(found),
+            "parameters": [asdict(row) for row in found.rows],
+            "consequences": [asdict(row) for row in found.consequences],
             "data": self.provenance,
             "priors": self.priors.rename_axis("name").reset_index().to_dict("records"),
             "checks": [asdict(one) for one in self.checks],
@@ -395,7 +395,7 @@ class Posterior(Remade):
         if false := self.false_stars:
             yield f"{false}."
         if not self._in_book:
-            doubts = (*map(str, leanings(self.sampled)), misfit(self.checks), *self.remarks)
+            doubts = (*leanings(self.sampled), misfit(self.checks), *self.remarks)
             yield from (f"Warning: {text}." for text in doubts if text)
 
     @property

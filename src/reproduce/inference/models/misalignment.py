@@ -163,12 +163,8 @@ class SpotLikelihood:
     def paths(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Predicted spots at the start and at the end of each group, in px."""
         first, last = self.turns(parameters)
-        if first is last:
-            start = self.landed(parameters, first)
-            return start, start
-        both = self.landed(parameters, np.concatenate([first, last], axis=1))
-        count = first.shape[1]
-        return both[:, :count], both[:, count:]
+        start = self.landed(parameters, first)
+        return start, self.landed(parameters, last) if self.drifts else start
 
     def __call__(self, parameters: FloatArray) -> FloatArray:
         """Log likelihood, shape (n,)."""
@@ -187,17 +183,14 @@ class SpotLikelihood:
         """Least squares about the rough values, with its standard errors."""
         return self.fitted
 
-    def rough(self) -> tuple[FloatArray, FloatArray]:
-        """Rough values and scales of all parameters but the noise: some arc minutes, a tenth."""
-        angles = 9 if self.drifts else 6
-        return np.append(np.zeros(angles), 1.0), np.append(np.full(angles, 1e-2), 0.3)
-
     @cached_property
     def fitted(self) -> tuple[FloatArray, FloatArray]:
         """Three Gauss-Newton steps from the rough values, ridged by their scales; and errors."""
         noise = np.sqrt(self.statistics.squares / self.statistics.freedom)
-        rough, scale = self.rough()
-        centre = rough.copy()
+        # Rough values and scales of all but the noise: some arc minutes, a tenth.
+        angles = 9 if self.drifts else 6
+        rough, scale = np.append(np.zeros(angles), 1.0), np.append(np.full(angles, 1e-2), 0.3)
+        centre = rough
         for _ in range(3):
             response, left = self.linearised(np.append(centre, noise), scale)
             normal = response.T @ response / noise**2 + np.diag(1 / scale**2)
@@ -215,14 +208,11 @@ class SpotLikelihood:
         """
         steps = np.zeros((2 * len(scale), len(centre)))
         steps[::2, :-1], steps[1::2, :-1] = np.diag(_STEP * scale), -np.diag(_STEP * scale)
-        found = self._weighted(np.concatenate([centre[None], centre + steps]))
+        start, end = self.paths(np.concatenate([centre[None], centre + steps]))
+        found = self._weigh(0.5 * (start + end), 0.5 * (end - start))
         response = (found[1::2] - found[2::2]) / (2 * _STEP * scale)[:, None]
         measured = self._weigh(self.statistics.means[None], self.statistics.slopes[None])[0]
         return response.T, measured - found[0]
-
-    def _weighted(self, parameters: FloatArray) -> FloatArray:
-        start, end = self.paths(parameters)
-        return self._weigh(0.5 * (start + end), 0.5 * (end - start))
 
     def _weigh(self, means: FloatArray, slopes: FloatArray) -> FloatArray:
         roots = (np.sqrt(self.statistics.counts), np.sqrt(self.statistics.levers))
@@ -324,13 +314,6 @@ class _SmallAnglePosterior:
         inner = np.einsum("m,mik,mjk->ij", self.weight, self.roots, self.roots)
         total[:-1, :-1] += inner
         return np.asarray(total)
-
-    def draw(self, generator: Generator, count: int) -> FloatArray:
-        """Independent draws, shape (count, d)."""
-        chosen = generator.choice(len(self.noise), count, p=self.weight)
-        normal = generator.normal(size=(count, self.means.shape[1]))
-        others = self.means[chosen] + np.einsum("nij,nj->ni", self.roots[chosen], normal)
-        return np.column_stack([others, self.noise[chosen]])
 
 
 def small_angle_posterior(model: Model) -> _SmallAnglePosterior:

@@ -432,15 +432,11 @@ class JointRegistration:
         """Those of each channel, and the correlation of the two channels' residuals."""
         blue, green = (self.sources[1], self.target) if data is None else data
         found = {}
-        for name, source, pivot in zip(
-            _CHANNELS, (self.sources[0], blue), self.pivots, strict=True
-        ):
+        sources, left = (self.sources[0], blue), []
+        for name, source, pivot in zip(_CHANNELS, sources, self.pivots, strict=True):
             checks = fit_checks(source, green, pivot)
             found.update({f"{name}: {key}": value for key, value in checks.items()})
-        left = [
-            fit_registration(source, green, pivot).residuals.ravel()
-            for source, pivot in zip((self.sources[0], blue), self.pivots, strict=True)
-        ]
+            left.append(fit_registration(source, green, pivot).residuals.ravel())
         found["correlation of both residuals"] = float(np.asarray(np.corrcoef(left))[0, 1])
         return found
 

@@ -22,7 +22,7 @@ from reproduce.physics.attitude import Platform
 from reproduce.physics.attitude.diagnosis import diagnose, refuse, seen
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given, given
-from reproduce.store.points import IMAGES, SPOTS, Table, TableFileError, images_of
+from reproduce.store.points import IMAGES, SPOTS, Table, TableFileError, images_of, lost_spots
 from reproduce.units import ARCSEC_PER_RADIAN
 
 _FRAMES = "chen2023/text-accuracy#frames"
@@ -122,7 +122,8 @@ def _measured(
 ) -> tuple[Platform, list[FloatArray], list[str]]:
     """Return the platform, whole images of every group, and what is to be said of them."""
     instrument = as_designed(given(INSTRUMENT)) if design is None else design
-    pair, notes = images_of(table, len(instrument.lasers))
+    pair = images_of(table, len(instrument.lasers))
+    notes = lost_spots(pair)
     instrument, pair, lights = seen(instrument, pair)
     found = diagnose(instrument, pair, drifts, lights)
     refuse(found, table.path)
