@@ -101,7 +101,7 @@ def test_the_two_entries_give_one_value_wherever_the_inputs_lie(name):
     moved = [cell.address for cell in door.numbers()]
     for size in (0.0, *[1.0] * 10):
         shifted = door.shifted({address: size * rng.uniform(-1, 1) for address in moved})
-        inputs = {a: shifted[a] for a in relation.addresses if a in door}
+        inputs = {a: shifted[a] for a in relation.addresses if a in door.cells}
         assert set(relation.addresses) - set(inputs) <= {relation.result}
         right = relation.sides({relation.result: 0.0, **inputs})[1]
         value = numbers(computation, shifted)[name.partition("#")[2]]

@@ -219,8 +219,3 @@ def test_statistics_simulated_as_drawn_from_images(constant, platform):
     means = np.stack([one.means for one in drawn])
     expected = truth[-1] / np.sqrt(400)
     np.testing.assert_allclose(means.std(axis=0), expected, rtol=0.2)
-
-
-def test_short_group_is_refused():
-    with pytest.raises(ValueError, match="group 1: expected three or more"):
-        SpotStatistics.of([np.zeros((2, 4, 2))], (False,))

@@ -126,7 +126,7 @@ def test_flat_in_scale_and_rotation_is_another_prior():
         "rotation": Uniform(-3.1, 3.1, "a test"),
         "noise": LogUniform(1e-3, 9.0, "a test"),
     }
-    model = registration_model(source, target, (0, 0), priors=priors)
+    model = registration_model(source, target, (0, 0)).with_priors(priors)
     draws = registration_posterior(source, target, (0, 0)).draw(generator, 400_000)
     found = sample(model, Plan(3, steps=1000, warmup=300))
     inside = np.isfinite(model.log_prior(draws))
@@ -203,9 +203,8 @@ def test_too_few_points_are_refused():
 
 
 def test_unknown_prior_is_refused(registration):
-    data = registration.likelihood
     with pytest.raises(ValueError, match="names among scale"):
-        registration_model(data.source, data.target, data.pivot, priors={"sale": None})
+        registration.with_priors({"sale": None})
 
 
 @pytest.mark.parametrize("angle", [0.0, 1.0, 2.5])

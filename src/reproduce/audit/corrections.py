@@ -239,7 +239,6 @@ def corrections(
     relations: Sequence[Relation],
     targets: frozenset[str],
     depth: int = _DEPTH,
-    breadth: int = _BREADTH,
 ) -> list[Correction]:
     """Return corrections that lift a group of contradictions, given by name.
 
@@ -252,7 +251,7 @@ def corrections(
         return bool(broken), found.cost, broken, -len(found.lifted)
 
     search = _Search(cells, relations, targets)
-    found = [_correction(state, search) for state in search.run(depth, breadth)]
+    found = [_correction(state, search) for state in search.run(depth)]
     return sorted(_worth_showing(found), key=rank)
 
 
@@ -276,13 +275,13 @@ class _Search:
         self.start = _State((), cells, self.already)
         self._touched: dict[frozenset[str], list[list[Relation]]] = {}
 
-    def run(self, depth: int, breadth: int) -> list[_State]:
+    def run(self, depth: int) -> list[_State]:
         """Return the states without a contradiction of the group."""
         done: dict[frozenset[Cell], _State] = {}
         limit = math.inf  # the size of the smallest correction that restores everything
         level = [self.start]
         for taken in range(depth):
-            level = self._further(level, taken, breadth) if taken else level
+            level = self._further(level, taken) if taken else level
             for state in level:
                 for child in self._finished(state, limit):
                     done.setdefault(child.changed(self.cells), child)
@@ -318,7 +317,7 @@ class _Search:
                 found.append(frozenset(itertools.chain.from_iterable(r.addresses for r in family)))
         return list(dict.fromkeys(found))
 
-    def _further(self, level: Sequence[_State], taken: int, breadth: int) -> list[_State]:
+    def _further(self, level: Sequence[_State], taken: int) -> list[_State]:
         """Return the states one slip on: all of them as long as the search is complete."""
 
         def promise(state: _State) -> float:
@@ -328,10 +327,10 @@ class _Search:
             grown = itertools.chain(*(self._grown(state) for state in level))
             return sorted(grown, key=lambda state: (state.cost, len(state.wrong - self.already)))
         found: dict[frozenset[Cell], _State] = {}
-        for state in sorted(level, key=promise)[:breadth]:
+        for state in sorted(level, key=promise)[:_BREADTH]:
             for child in self._grown(state, self._ill(state.wrong)):
                 found.setdefault(child.changed(self.cells), child)
-        return sorted(found.values(), key=promise)[:breadth]
+        return sorted(found.values(), key=promise)[:_BREADTH]
 
     def _ill(self, wrong: frozenset[str]) -> float:
         left, broken = wrong & self.targets, wrong - self.already

@@ -177,10 +177,10 @@ class Ledger(_Frozen):
 
     def cell(self, address: str) -> Record:
         """Return the record of one cell."""
-        found = [record for record in self.records if record.cell == address]
-        if not found:
-            raise KeyError(f"no record of {address!r}; `reproduce list` shows the keys")
-        return found[0]
+        for record in self.records:
+            if record.cell == address:
+                return record
+        raise KeyError(f"no record of {address!r}; `reproduce list` shows the keys")
 
     def whole_readings(self, key: str) -> tuple[WholeReading, ...]:
         """Return how each reading of an item fares on all its cells at once; none without."""
@@ -468,7 +468,8 @@ class Expectation:
 def frozen() -> dict[str, Expectation]:
     """Return the frozen verdicts by address."""
     expectations: dict[str, Expectation] = {}
-    for entry in _entries():
+    texts = [(one / "verdicts.toml").read_text(encoding="utf-8") for one in data_folders()]
+    for entry in (entry for text in texts for entry in tomllib.loads(text)["expect"]):
         one = Expectation(**{name: text for name, text in entry.items() if name != "cells"})
         if one.verdict not in VERDICTS:
             raise ValueError(f"verdicts.toml: unknown verdict {one.verdict!r}; one of {VERDICTS}")
@@ -479,13 +480,6 @@ def frozen() -> dict[str, Expectation]:
                 raise ValueError(f"verdicts.toml: {address} stands twice; keep one")
             expectations[address] = one
     return expectations
-
-
-@cache
-def _entries() -> list[dict[str, Any]]:
-    """Return the entries of the frozen verdicts of all papers."""
-    texts = [(one / "verdicts.toml").read_text(encoding="utf-8") for one in data_folders()]
-    return [entry for text in texts for entry in tomllib.loads(text)["expect"]]
 
 
 @dataclass(frozen=True)

@@ -94,11 +94,8 @@ def _facts() -> dict[str, Fact]:
     def count(number: int) -> Fact:
         return Fact(int(number), ",")
 
-    def largest(values: Array) -> Fact:
-        return Fact(float(values.max()), "chance", zero=_LEAST)
-
-    def largest_corrected(values: Array) -> Fact:
-        return Fact(float(_corrected(values, counts.size).max()), "chance", zero=_LEAST_CORRECTED)
+    def largest(values: Array, zero: float = _LEAST) -> Fact:
+        return Fact(float(values.max()), "chance", zero=zero)
 
     def common(values: Iterable[str]) -> Fact:
         return Fact(" or ".join(sorted(set(values))))
@@ -119,9 +116,9 @@ def _facts() -> dict[str, Fact]:
         "closest-before-far": Fact(min(distance[r, c, residuals] for r, c in least), ".0f"),
         "closest-before": largest(np.array([joint[r, c, residuals] for r, c in least])),
         "best-joint": largest(whole),
-        "best-corrected": largest_corrected(whole),
+        "best-corrected": largest(_corrected(whole, counts.size), _LEAST_CORRECTED),
         "best-but-scales": largest(but_scales),
-        "best-but-scales-corrected": largest_corrected(but_scales),
+        "best-but-scales-corrected": largest(_corrected(but_scales, counts.size), _LEAST_CORRECTED),
         "best-green": largest(but_scales[green]),
         "best-scale": largest(tails[..., _SCALE]),
         "least-counted": count(LEAST_DRAWS),

@@ -56,10 +56,6 @@ class Given:
         moved = number.value + self.shifts.get(address, 0.0) * number.reach
         return moved * si_factor(cell.unit)
 
-    def __contains__(self, address: str) -> bool:
-        """Tell whether `address` was declared."""
-        return address in self.cells
-
     def half_unit(self, address: str) -> float:
         """Return half a unit of the last digit of the number at `address`, in SI units."""
         cell = self._cell(address)
@@ -96,8 +92,7 @@ class Given:
 
     def changed(self, values: Mapping[str, float]) -> Given:
         """Return the same inputs with other values in place of some printed ones."""
-        declared = {address: value for address, value in values.items() if address in self.cells}
-        return replace(self, values={**self.values, **declared})
+        return replace(self, values={**self.values, **values})
 
     def _cell(self, address: str) -> Cell:
         if address not in self.cells:

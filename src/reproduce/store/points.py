@@ -369,24 +369,15 @@ class _File:
             ) from error
 
     def _decimal(self) -> str:
-        """Return the sign before decimals; a comma may separate thousands, which is to be told."""
+        """Return the sign before decimals; what could be a comma between thousands is none."""
         if self.separator == "," or b"," not in self.text:
             return "."
         places = [self.names.index(name) for name in self.columns]
-        doubtful: tuple[int, str] | None = None
         for number in self.lines.tolist():
             entries = self._entries(number)
             for entry in (entries[place] for place in places if place < len(entries)):
-                if _THOUSANDS.fullmatch(entry):
-                    doubtful = doubtful or (number, entry)
-                elif "," in entry or "." in entry:
+                if {",", "."} & {*entry} and not _THOUSANDS.fullmatch(entry):
                     return "," if "," in entry else "."
-        if doubtful:
-            number, entry = doubtful
-            raise TableFileError(
-                f"{self.name}, line {number}: expected decimals that can be told from thousands, "
-                f"got {entry!r}; write {entry.replace(',', '.')!r} or {entry.replace(',', '')!r}"
-            )
         return "."
 
     def table(self, optional: Sequence[str]) -> Table:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from functools import cache, cached_property
 from importlib.metadata import version
 from importlib.util import find_spec
@@ -32,7 +32,7 @@ from reproduce.inference import (
     posterior_checks,
     sampling,
 )
-from reproduce.inference.models import MixtureRegistration, probability_false, with_priors
+from reproduce.inference.models import MixtureRegistration, probability_false
 from reproduce.judge.rerun import check_randomness
 from reproduce.papers.posteriors import posteriors
 from reproduce.papers.sketch import sized, thin
@@ -103,7 +103,7 @@ class Posterior(Remade):
         model = self._own.model if self._own else self.declared.model(data_seed)
         own: dict[str, Any] = dict(self._priors)
         own |= {p.name: _prior(p, own[p.name]) for p in model.parameters if p.name in own}
-        self.model = replace(model, parameters=with_priors(model.parameters, own))
+        self.model = model.with_priors(own)
         # Printed cells that reach the model, and what to hear of the data of a file.
         self.reads = () if self._own else self.declared.given
         self.remarks = self._own.remarks if self._own else ()

@@ -21,9 +21,7 @@ angles in radians; frames and signs are those of `physics.attitude`.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Self
 
 import numpy as np
@@ -31,7 +29,6 @@ from numpy.random import Generator
 from scipy.special import logsumexp
 
 from reproduce.inference import Derived, LogUniform, Model, Normal, Parameter, Prior
-from reproduce.inference.models.registration import with_priors
 from reproduce.physics.attitude import Platform
 from reproduce.physics.validate import FloatArray, finite_array
 from reproduce.units import ARCSEC_PER_RADIAN
@@ -74,11 +71,6 @@ class SpotStatistics:
         means, slopes, levers, squares = [], [], [], 0.0
         for group, (spots, drift) in enumerate(zip(images, drifts, strict=True)):
             spots = finite_array(f"images of group {group + 1}", spots, shape=(None, None, 2))
-            if len(spots) < 3:
-                raise ValueError(
-                    f"images of group {group + 1}: expected three or more, got {len(spots)}; the "
-                    "scatter needs them"
-                )
             times = np.linspace(-1, 1, len(spots))
             lever = float(times @ times) if drift else 0.0
             mean = spots.mean(axis=0)
@@ -106,17 +98,6 @@ class SpotStatistics:
             - squares / (2 * noise**2)
             - 0.5 * self.size * np.log(2 * np.pi)
         )
-
-    def simulate(
-        self, start: FloatArray, end: FloatArray, noise: float, generator: Generator
-    ) -> SpotStatistics:
-        """Draw as many images about other paths, (groups, lasers, 2), and reduce them."""
-        images = []
-        for first, last, count in zip(start, end, self.counts.astype(int), strict=True):
-            share = np.linspace(0, 1, count)[:, None, None]
-            path = first + share * (last - first)
-            images.append(path + noise * generator.standard_normal(path.shape))
-        return SpotStatistics.of(images, tuple(self.levers > 0))
 
 
 AXES = "xyz"
@@ -172,20 +153,19 @@ class SpotLikelihood:
 
     def simulate(self, parameters: FloatArray, generator: Generator) -> SpotStatistics:
         """Statistics of as many images for one parameter vector."""
-        start, end = self.paths(parameters[None])
-        return self.statistics.simulate(start[0], end[0], float(parameters[-1]), generator)
+        (start,), (end,) = self.paths(parameters[None])
+        images, counts = [], self.statistics.counts.astype(int)
+        for first, last, count in zip(start, end, counts, strict=True):
+            path = first + np.linspace(0, 1, count)[:, None, None] * (last - first)
+            images.append(path + float(parameters[-1]) * generator.standard_normal(path.shape))
+        return SpotStatistics.of(images, tuple(self.statistics.levers > 0))
 
     def given(self, data: SpotStatistics) -> Self:
         """The same instrument with other spots."""
         return replace(self, statistics=data)
 
     def start(self) -> tuple[FloatArray, FloatArray]:
-        """Least squares about the rough values, with its standard errors."""
-        return self.fitted
-
-    @cached_property
-    def fitted(self) -> tuple[FloatArray, FloatArray]:
-        """Three Gauss-Newton steps from the rough values, ridged by their scales; and errors."""
+        """Three Gauss-Newton steps from rough values, ridged by their scales; and errors."""
         noise = np.sqrt(self.statistics.squares / self.statistics.freedom)
         # Rough values and scales of all but the noise: some arc minutes, a tenth.
         angles = 9 if self.drifts else 6
@@ -258,7 +238,6 @@ def misalignment_model(
     statistics: SpotStatistics,
     *,
     drifts: bool = False,
-    priors: Mapping[str, Prior] | None = None,
     derived: Derived | None = None,
 ) -> Model:
     """A misalignment from two groups of images, the first at the zero point.
@@ -279,7 +258,7 @@ def misalignment_model(
     parameters = (*_angles("mount", r"\alpha", mount), *angles, scale, noise)
     likelihood = SpotLikelihood(platform, statistics, drifts)
     name = "misalignment-drift" if drifts else "misalignment"
-    return Model(name, with_priors(parameters, dict(priors or {})), likelihood, {}, derived)
+    return Model(name, parameters, likelihood, {}, derived)
 
 
 # Points over the noise, and how many of its own errors they reach.

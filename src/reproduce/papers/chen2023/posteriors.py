@@ -113,8 +113,8 @@ def _users_model(
     if drifts:
         priors |= {key.replace("angle", "drift"): prior for key, prior in priors.items()}
     statistics = models.SpotStatistics.of(images, (False, drifts))
-    model = models.misalignment_model(instrument, statistics, drifts=drifts, priors=priors)
-    return _noisy(model), remarks
+    model = models.misalignment_model(instrument, statistics, drifts=drifts)
+    return _noisy(model.with_priors(priors)), remarks
 
 
 def _measured(
@@ -167,7 +167,7 @@ def _noisy(model: Model) -> Model:
                    "begin with: a quarter of a degree, or twenty times what their noise turns "
                    "it")  # fmt: skip
     priors: dict[str, Prior] = {"noise": noise, **{f"mount-{axis}": mount for axis in models.AXES}}
-    return replace(model, parameters=models.with_priors(model.parameters, priors))
+    return model.with_priors(priors)
 
 
 _SPOT_LINES = (
