@@ -180,7 +180,7 @@ def _of_audits() -> dict[str, str]:
             found = dict(zip(("agreeing", "rounding", "contradicting"), own.values(), strict=True))
             found |= {
                 "relations": sum(own.values()),
-                "restating": len(audit.restating),
+                "restating": sum(again.values()),
                 "restating-contradicting": again["contradicts"],
                 "examined": len(audit.examined),
                 "numbers": len(audit.cells),

@@ -163,36 +163,28 @@ def _interchanges(cells: Sheet, keys: Iterable[str]) -> list[_Interchange]:
     """
     found: list[_Interchange] = []
     for key in keys:
-        table = [cell for cell in cells.values() if cell.key == key]
-        found += [*_two_cells(table), *_two_lines(table, "columns"), *_two_lines(table, "rows")]
+        # By row, which is empty in a group, and column.
+        table = {c.name.rpartition(".")[::2]: a for a, c in cells.items() if c.key == key}
+        for ((row, column), one), (other, two) in itertools.combinations(table.items(), 2):
+            if not row or row == other[0] or column == other[1]:
+                found.append(_Interchange("cells", f"{one} ↔ {two}", ((one, two),)))
+        columns: dict[str, dict[str, str]] = {}
+        rows: dict[str, dict[str, str]] = {}
+        for (row, column), address in table.items():
+            if row:
+                columns.setdefault(column, {})[row] = address
+                rows.setdefault(row, {})[column] = address
+        found += [*_two_lines(key, "columns", columns), *_two_lines(key, "rows", rows)]
     return found
 
 
-def _place(cell: Cell) -> tuple[str, str]:
-    """Return the row, empty in a group, and the column of a cell."""
-    row, _, column = cell.name.rpartition(".")
-    return row, column
-
-
-def _two_cells(table: list[Cell]) -> Iterator[_Interchange]:
-    for one, two in itertools.combinations(table, 2):
-        (row, column), (other_row, other_column) = _place(one), _place(two)
-        if not row or row == other_row or column == other_column:
-            label = f"{one.address} ↔ {two.address}"
-            yield _Interchange("cells", label, ((one.address, two.address),))
-
-
-def _two_lines(table: list[Cell], kind: _SlipKind) -> Iterator[_Interchange]:
-    lines: dict[str, dict[str, str]] = {}
-    for cell in table:
-        row, column = _place(cell)
-        if row:
-            line, along = (column, row) if kind == "columns" else (row, column)
-            lines.setdefault(line, {})[along] = cell.address
+def _two_lines(
+    key: str, kind: _SlipKind, lines: Mapping[str, Mapping[str, str]]
+) -> Iterator[_Interchange]:
     for (name, one), (other, two) in itertools.combinations(lines.items(), 2):
         pairs = tuple((one[at], two[at]) for at in one if at in two)
         if len(pairs) > 1:
-            yield _Interchange(kind, f"{table[0].key}: {kind} {name} ↔ {other}", pairs)
+            yield _Interchange(kind, f"{key}: {kind} {name} ↔ {other}", pairs)
 
 
 @dataclass(frozen=True)

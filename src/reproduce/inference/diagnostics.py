@@ -187,10 +187,11 @@ class Summary:
 class UnconvergedError(ArithmeticError):
     """Chains that miss the gates.
 
-    `taken` says how many steps were kept, `steps` how many would do, by the autocorrelation found;
-    none where more steps do not help.
+    `missed` has every gate that was missed, the worst first. `taken` says how many steps were
+    kept, `steps` how many would do, by the autocorrelation found; none where more do not help.
     """
 
+    missed: list[str]
     taken: int
     steps: int | None
 
@@ -249,14 +250,15 @@ def require(
         words = f"acceptance {min(acceptance):.3f}, at least {Gates.acceptance:g} required"
         missed.append((np.inf, words))
     if missed:
-        factor, worst = max(missed, key=lambda miss: miss[0])
+        missed.sort(key=lambda miss: -miss[0])
+        factor, worst = missed[0]
         more = f" (and {len(missed) - 1} more)" if len(missed) > 1 else ""
         needed, advice = None, "find out what keeps the ensembles from mixing"
         if np.isfinite(factor):
             needed = int(np.ceil(MARGIN * factor * steps / 100)) * 100
             advice = f"take about {needed} steps"
         error = UnconvergedError(f"the chains are refused: {worst}{more}; {advice}")
-        error.steps, error.taken = needed, steps
+        error.steps, error.taken, error.missed = needed, steps, [words for _, words in missed]
         raise error
 
 

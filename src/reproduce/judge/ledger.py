@@ -53,6 +53,10 @@ Flag = Literal[
 ]
 
 
+_INTERVAL = "results that rounded inputs allow, or the central 99 % of the prediction"
+_TOGETHER = "how often the cells, simulated together, lie as far out as the print"
+
+
 class _Frozen(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -64,9 +68,7 @@ class ReadingRecord(_Frozen):
     place: str = Field(description="where the text leaves room for it")
     added: str = Field(description="the day on which it came into the history of this project")
     computed: float = Field(description="the value, or the median of the prediction")
-    interval: tuple[float, float] = Field(
-        description="results that rounded inputs allow, or the central 99 % of the prediction"
-    )
+    interval: tuple[float, float] = Field(description=_INTERVAL)
     verdict: Verdict = Field(description="what the cell would be judged as")
     flags: tuple[Flag, ...] = Field(description="what qualifies that verdict")
     probability: float | None = Field(description="two-sided mid-p over the printed interval")
@@ -93,9 +95,7 @@ class Record(_Frozen):
     computed: float | None = Field(
         description="the value, the median of the prediction, or our stand-in"
     )
-    interval: tuple[float, float] | None = Field(
-        description="results that rounded inputs allow, or the central 99 % of the prediction"
-    )
+    interval: tuple[float, float] | None = Field(description=_INTERVAL)
     verdict: Verdict = Field(description="what became of the cell; see the book's page on verdicts")
     flags: tuple[Flag, ...] = Field(description="what qualifies the verdict")
     tolerance: float | None = Field(
@@ -127,9 +127,7 @@ class TableRecord(_Frozen):
     cells: int = Field(description="cells with a predicted distribution")
     outside: int = Field(description="of these, cells that differ")
     expected_outside: float = Field(description="cells expected to differ by chance alone")
-    joint_probability: float = Field(
-        description="how often the cells, simulated together, lie as far out as the print"
-    )
+    joint_probability: float = Field(description=_TOGETHER)
     mcse: float
     replicates: int
 
@@ -146,9 +144,7 @@ class WholeReading(_Frozen):
         description="of these, cells that agree through rounding only, which may ask for other "
         "values of an input that they share"
     )
-    joint_probability: float | None = Field(
-        description="how often the cells, simulated together, lie as far out as the print"
-    )
+    joint_probability: float | None = Field(description=_TOGETHER)
     mcse: float | None
     replicates: int = Field(description="of the joint probability; zero without one")
 
@@ -384,14 +380,10 @@ def _joint(
     together = _together((cell, _literal(result)) for cell, result in own)
     if not together["replicates"]:
         return ()
-    record = TableRecord(
-        key=table.key,
-        cells=len(own),
-        outside=sum(records[cell.name].verdict == "differs" for cell, _ in own),
-        expected_outside=len(own) * (1 - CENTRAL),
-        **together,
-    )
-    return (record,)
+    outside = sum(records[cell.name].verdict == "differs" for cell, _ in own)
+    chance = len(own) * (1 - CENTRAL)
+    record = {"key": table.key, "cells": len(own), "outside": outside, "expected_outside": chance}
+    return (TableRecord.model_validate(record | together),)
 
 
 def _whole_readings(

@@ -10,6 +10,7 @@ follow is used, see `tools/evidence/laws.py`.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -125,6 +126,7 @@ def _facts() -> dict[str, Fact]:
     }
 
 
+_chance = partial(Column, form="chance", zero=_LEAST, draws=readings.REPLICATES)
 _AXES = Column("RMSE of")
 _OUTSIDE = Column("Cells outside", "d")
 _CORRECTED = Column("p, all, corrected", "chance", _LEAST_CORRECTED)
@@ -136,13 +138,11 @@ _CORRECTED = Column("p, all, corrected", "chance", _LEAST_CORRECTED)
         *readings.CHOICES,
         _AXES,
         *(
-            Column(
-                f"{name}, {channel}", "chance", _LEAST, draws=readings.REPLICATES, bold=1 - CENTRAL
-            )
+            _chance(f"{name}, {channel}", bold=1 - CENTRAL)
             for channel in simulation.REGISTERED
             for name in ("k", "θ", "Δx", "Δy", "before", "after")
         ),
-        *(Column(f"p, {name}", "chance", _LEAST, draws=readings.REPLICATES) for name in GROUPS),
+        *(_chance(f"p, {name}") for name in GROUPS),
         _CORRECTED,
         _OUTSIDE,
     ),
@@ -173,7 +173,7 @@ def _probabilities() -> Iterator[tuple[object, ...]]:
             column
             for name in GROUPS
             for column in (
-                Column(f"p, {name}", "chance", _LEAST, draws=readings.REPLICATES),
+                _chance(f"p, {name}"),
                 Column(f"Distance, {name} (σ)", ".0f"),
             )
         ),

@@ -186,10 +186,8 @@ def in_si(cell: Cell, value: str | float) -> float:
         wanted = f"{symbol(cell.unit) or 'no unit'} as in the print ({cell.shown})"
     elif not math.isfinite(number):
         wanted = "a finite number"
-    elif cell.unit == "count" and number != round(number):
-        wanted = "a whole number"
-    elif cell.unit == "count" and not 0 <= number <= most:
-        wanted = f"a count up to {LARGEST} times the printed one, {most:.0f}"
+    elif cell.unit == "count" and not (number == round(number) and 0 <= number <= most):
+        wanted = f"a whole number up to {LARGEST} times the printed one, {most:.0f}"
     if wanted:
         raise CannotChangeError(f"{cell.address}: expected {wanted}, got {value!r}")
     return number * si_factor(unit)
@@ -245,15 +243,15 @@ def check_randomness(
     key: str, random: bool, changes: Iterable[str], seed: int | None, replicates: int | None = None
 ) -> None:
     """Refuse a seed and replicates out of range, or where nothing draws random numbers."""
-    for name, number in (("replicates", replicates), ("seed", seed)):
-        if number is not None and not isinstance(number, int | np.integer):
-            raise CannotChangeError(f"{name}: expected a whole number, got {number!r}")
-    if replicates is not None and not 2 <= replicates <= MOST_REPLICATES:
-        raise CannotChangeError(
-            f"replicates: expected from 2 to {MOST_REPLICATES:,}, got {replicates}"
-        )
-    if seed is not None and seed < 0:
-        raise CannotChangeError(f"seed: expected zero or more, got {seed}")
+    for name, number, least, most in (
+        ("replicates", replicates, 2, MOST_REPLICATES),
+        ("seed", seed, 0, math.inf),
+    ):
+        whole = isinstance(number, int | np.integer)
+        if number is not None and not (whole and least <= number <= most):
+            raise CannotChangeError(
+                f"{name}: expected a whole number from {least} to {most:,}, got {number!r}"
+            )
     asked = " and no ".join(by_name({}, seed, replicates))
     if asked and not random and not _drawn_above(key, set(changes)):
         raise CannotChangeError(

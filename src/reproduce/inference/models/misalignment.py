@@ -265,40 +265,26 @@ def misalignment_model(
 POINTS, REACH = 401, 9.0
 
 
-@dataclass(frozen=True, eq=False)
-class _SmallAnglePosterior:
-    """The posterior, as a mixture of Gaussians over the noise.
-
-    - `noise`, `weight`, (m,): values of the noise, in px, and their probabilities.
-    - `means`, (m, d - 1): means of all other parameters, given the noise; SI.
-    - `roots`, (m, d - 1, d - 1): roots of their covariances: any matrix whose product with its
-      transpose is the covariance.
-    """
-
-    noise: FloatArray
-    weight: FloatArray
-    means: FloatArray
-    roots: FloatArray
-
-    @property
-    def mean(self) -> FloatArray:
-        """Mean of all parameters, the noise last, shape (d,)."""
-        return np.append(self.weight @ self.means, self.weight @ self.noise)
-
-    @property
-    def covariance(self) -> FloatArray:
-        """Covariance of all parameters, shape (d, d)."""
-        rows = np.column_stack([self.means, self.noise]) - self.mean
-        total = np.einsum("m,mi,mj->ij", self.weight, rows, rows)
-        inner = np.einsum("m,mik,mjk->ij", self.weight, self.roots, self.roots)
-        total[:-1, :-1] += inner
-        return np.asarray(total)
-
-
-def small_angle_posterior(model: Model) -> _SmallAnglePosterior:
+def small_angle_posterior(model: Model) -> tuple[FloatArray, FloatArray]:
     """Return the posterior of a misalignment whose prediction is replaced by its tangent.
 
-    Exact in the limit of small angles; every prior but that of the noise has to be a `Normal`.
+    Mean, (d,), and covariance, (d, d), of all parameters, the noise last. Exact in the limit of
+    small angles; every prior but that of the noise has to be a `Normal`.
+    """
+    noise, weight, means, roots = _given_noise(model)
+    mean = np.append(weight @ means, weight @ noise)
+    rows = np.column_stack([means, noise]) - mean
+    covariance = np.einsum("m,mi,mj->ij", weight, rows, rows)
+    covariance[:-1, :-1] += np.einsum("m,mik,mjk->ij", weight, roots, roots)
+    return mean, np.asarray(covariance)
+
+
+def _given_noise(model: Model) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return the same posterior as a mixture of Gaussians over the noise.
+
+    Values of the noise, in px, and their probabilities, (m,); means of all other parameters given
+    the noise, (m, d - 1), in SI; and roots of their covariances, (m, d - 1, d - 1): any matrix
+    whose product with its transpose is the covariance.
     """
     likelihood = model.likelihood_of(SpotLikelihood)
     priors = [parameter.prior for parameter in model.parameters[:-1]]
@@ -323,9 +309,5 @@ def small_angle_posterior(model: Model) -> _SmallAnglePosterior:
     logs -= 0.5 * (statistics.squares + left @ left) / noise**2
     logs += 0.5 * np.einsum("mi,mi->m", means, pull)
     logs += np.log(np.diagonal(roots, axis1=1, axis2=2)).sum(axis=1)
-    return _SmallAnglePosterior(
-        noise,
-        np.exp(logs - logsumexp(logs)),
-        centre[:-1] + means * scale,
-        roots * scale[:, None],
-    )
+    weight = np.exp(logs - logsumexp(logs))
+    return noise, weight, centre[:-1] + means * scale, roots * scale[:, None]

@@ -336,19 +336,17 @@ class JointRegistration:
     pivots: tuple[FloatArray, FloatArray]
 
     @cached_property
-    def columns(self) -> ComplexArray:
-        """The columns (red, blue, one, green), red and blue about their pivots, shape (n, 4)."""
+    def root(self) -> ComplexArray:
+        """Triangular factor of the columns (red, blue, one, green), shape (4, 4).
+
+        Red and blue are about their pivots, green about that of red.
+        """
         origin = as_complex(self.pivots[0])
         offsets = [
             as_complex(s) - as_complex(p) for s, p in zip(self.sources, self.pivots, strict=True)
         ]
         one = np.ones(len(self.target), dtype=np.complex128)
-        return np.stack([*offsets, one, as_complex(self.target) - origin], axis=-1)
-
-    @cached_property
-    def root(self) -> ComplexArray:
-        """Triangular factor of the columns, shape (4, 4)."""
-        return _triangular(self.columns)
+        return _triangular(np.stack([*offsets, one, as_complex(self.target) - origin], axis=-1))
 
     def weights(self, parameters: FloatArray) -> tuple[ComplexArray, ComplexArray]:
         """Coefficients of the columns in the two residuals, each of shape (n, 4)."""
