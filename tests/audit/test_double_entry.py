@@ -14,8 +14,7 @@ import pytest
 from made_up import declared
 
 from reproduce.audit.intervals import EVERYTHING, _narrowed, printed_intervals
-from reproduce.audit.relation import relations_of
-from reproduce.audit.report import _paper_sheet, audit_paper
+from reproduce.audit.report import audit_paper
 from reproduce.judge.ledger import build
 from reproduce.judge.verdicts import numbers, result_intervals
 from reproduce.papers.catalogue import catalogue
@@ -24,8 +23,8 @@ from reproduce.printed.cells import PAPERS
 from reproduce.printed.given import given
 from reproduce.printed.number import PrintedNumber, si_factor
 
-SHEET = {address: cell for paper in PAPERS for address, cell in _paper_sheet(paper).items()}
-RELATIONS = [r for paper in PAPERS for r in relations_of(paper, _paper_sheet(paper))]
+SHEET = {address: cell for paper in PAPERS for address, cell in audit_paper(paper).cells.items()}
+RELATIONS = [f.relation for paper in PAPERS for f in audit_paper(paper).findings]
 OTHERS = declared((Path(__file__).parent / "second_entries.toml").read_text(), SHEET)
 ENTRIES = {r.restates: r for r in (*RELATIONS, *OTHERS) if r.restates}
 

@@ -13,8 +13,8 @@ from made_up import PINT, audited_table, declared, finding, printed_cell
 
 from reproduce.audit.examine import by_value, contradicted, reprinted
 from reproduce.audit.intervals import printed_intervals, propagate
-from reproduce.audit.relation import functions, relations_of
-from reproduce.audit.report import _paper_sheet, audit_paper, register
+from reproduce.audit.relation import functions
+from reproduce.audit.report import audit_paper, register
 from reproduce.printed.number import UNITS
 
 DATA = Path(__file__).parent.parent.parent / "data"
@@ -154,7 +154,7 @@ def test_a_table_without_its_slips_is_left_in_peace():
     cells = audit.cells
     for slip in table_v_corrections()[0].slips:
         cells = slip.undone(cells)
-    relations = relations_of("chen2023", cells)
+    relations = [found.relation for found in audit.findings]
     again = audited_table("mended", cells, relations)
     assert not [
         g for g in again.groups if any("reference" in n or "motion" in n for n in g.relations)
@@ -332,8 +332,8 @@ def dimensions(relation, units):
 
 @pytest.mark.parametrize("paper", PAPERS)
 def test_the_papers_relations_have_their_dimensions(paper):
-    cells = _paper_sheet(paper)
-    for relation in relations_of(paper, cells):
+    cells = audit_paper(paper).cells
+    for relation in (found.relation for found in audit_paper(paper).findings):
         left, right = dimensions(relation, {a: cells[a].unit for a in relation.addresses})
         assert left == right, relation.name
 

@@ -119,8 +119,13 @@ class Ranks:
 def simulated(model: Model, seed: int, index: int) -> tuple[FloatArray, Model]:
     """Draw the truth of one replicate, (d,), and the model with data simulated from it."""
     generator = Generator(PCG64(_stream(model, seed, index, 0)))
-    truth = model.draw_prior(generator, 1)[0]
+    truth = drawn_prior(model, generator, 1)[0]
     return truth, model.given(model.likelihood.simulate(truth, generator))
+
+
+def drawn_prior(model: Model, generator: Generator, count: int) -> FloatArray:
+    """Return independent draws from the prior, (count, d)."""
+    return np.stack([p.prior.draw(generator, count) for p in model.parameters], axis=-1)
 
 
 def _stream(model: Model, seed: int, index: int, part: int) -> SeedSequence:
@@ -163,7 +168,7 @@ def quantities(model: Model, parameters: FloatArray) -> FloatArray:
 
 def named(model: Model) -> tuple[str, ...]:
     """Names of what is ranked, in the order of `quantities`."""
-    derived = model.derived(model.draw_prior(Generator(PCG64(0)), 2)) if model.derived else {}
+    derived = model.derived(drawn_prior(model, Generator(PCG64(0)), 2)) if model.derived else {}
     return (*model.names, *derived, QUANTITY)
 
 

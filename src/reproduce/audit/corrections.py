@@ -13,7 +13,7 @@ from __future__ import annotations
 import functools
 import itertools
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -45,7 +45,6 @@ _BREADTH = 30
 _BROKEN = 0.5
 # The search follows everything up to this many slips.
 _COMPLETE = 2
-_SMALLEST = min(COSTS.values())
 
 
 @dataclass(frozen=True)
@@ -336,33 +335,28 @@ class _Search:
         cover = min(self.covers(state), key=len)
         slips = (self._slips(state, address, lifting=False) for address in sorted(cover))
         for slip in itertools.chain(*slips, self._interchanged(state, [cover])):
-            child = self._after(state, slip, lambda wrong: self._ill(wrong) < below)
-            if child is not None and child.wrong & self.targets:
+            child = self._after(state, slip)
+            if child and child.wrong & self.targets and self._ill(child.wrong) < below:
                 yield child
 
     def _finished(self, state: _State, limit: float) -> Iterator[_State]:
         """Yield every state one slip on in which nothing of the group contradicts."""
         room = limit - state.cost
-        if room < _SMALLEST:
+        if room < min(COSTS.values()):
             return
         covers = self.covers(state)
         common = frozenset.intersection(*covers)
         slips = (self._slips(state, address) for address in sorted(common))
-        for slip in itertools.chain(*slips, self._interchanged(state, covers, room)):
-            whole = slip.cost == room  # as large as what restores everything: so must this
-
-            def lifts(wrong: frozenset[str], whole: bool = whole) -> bool:
-                return not (wrong & self.targets or (whole and wrong - self.already))
-
-            if slip.cost <= room and (child := self._after(state, slip, lifts)):
+        for slip in itertools.chain(*slips, self._interchanged(state, covers)):
+            child = self._after(state, slip, lifting=True) if slip.cost <= room else None
+            # One as large as what restores everything must do so too.
+            if child and (slip.cost < room or not child.wrong - self.already):
                 yield child
 
-    def _interchanged(
-        self, state: _State, covers: Sequence[frozenset[str]], room: float = math.inf
-    ) -> Iterator[_Slip]:
-        """Yield the interchanges, no larger than some room, that touch all covers."""
+    def _interchanged(self, state: _State, covers: Sequence[frozenset[str]]) -> Iterator[_Slip]:
+        """Yield the interchanges that touch all covers."""
         for one in self.interchanges:
-            if COSTS[one.kind] <= room and not any(map(one.addresses.isdisjoint, covers)):
+            if not any(map(one.addresses.isdisjoint, covers)):
                 slip = one.slip(state.cells)
                 if slip is not None:
                     yield slip
@@ -387,13 +381,10 @@ class _Search:
         free = [intervals.contract(relation, boxes, value) for value in values or [None]]
         return [found[address] for found in free if found is not None]
 
-    def _after(
-        self, state: _State, slip: _Slip, worth: Callable[[frozenset[str]], bool]
-    ) -> _State | None:
+    def _after(self, state: _State, slip: _Slip, lifting: bool = False) -> _State | None:
         """Undo a slip, and judge again what it touches and what shares an unknown with that.
 
-        None if what is wrong is not worth going on, which more that is wrong never makes it: the
-        group's own relations tell first.
+        If the group is to be lifted, None where it is not: its own relations tell first.
         """
         batches = self._touched.get(slip.addresses) or self._batches(slip.addresses)
         self._touched[slip.addresses] = batches
@@ -401,7 +392,7 @@ class _Search:
         wrong = state.wrong - {r.name for r in itertools.chain(*batches)}
         for batch in batches:
             wrong |= contradicted(cells, batch)
-            if not worth(wrong):
+            if lifting and wrong & self.targets:
                 return None
         return _State((*state.slips, slip), cells, wrong)
 

@@ -232,11 +232,6 @@ def declarations(paper: str) -> dict[str, Any]:
     return tomllib.loads(file.read_text(encoding="utf-8")) if file.is_file() else {}
 
 
-def relations_of(paper: str, cells: Sheet) -> list[Relation]:
-    """Return the relations that the printed numbers of a paper should keep, as declared."""
-    return declared(declarations(paper), cells, f"{paper}/")
-
-
 def declared(content: Mapping[str, Any], cells: Sheet, prefix: str = "") -> list[Relation]:
     """Return relations in order of declaration."""
     named: dict[str | None, Any] = {

@@ -19,12 +19,12 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from reproduce.audit import examine
 from reproduce.audit.corrections import Correction, corrections
-from reproduce.audit.relation import Finder, Relation, Sheet, declarations, relations_of
+from reproduce.audit.relation import Finder, Relation, Sheet, declarations, declared
 from reproduce.physics import attitude, light, optics, registration
 from reproduce.physics.attitude import rotation_from_vector
 from reproduce.physics.registration import constraint, constraint_printed
 from reproduce.physics.validate import FloatArray
-from reproduce.printed.cells import Cell, library
+from reproduce.printed.cells import library
 from reproduce.printed.number import si_factor
 
 # Far above the noise of double precision, far below any digit of print.
@@ -280,17 +280,12 @@ class Audit:
         return {o: sum(f.outcome == o for f in found) for o in examine.OUTCOMES}
 
 
-def _paper_sheet(paper: str) -> dict[str, Cell]:
-    """Return the printed numbers of a paper by address."""
-    tables = (table for key, table in library().items() if key.startswith(f"{paper}/"))
-    return {cell.address: cell for table in tables for cell in table.cells if cell.is_number}
-
-
 @functools.cache
 def audit_paper(paper: str) -> Audit:
     """Audit the printed numbers and equations of a paper."""
-    cells = _paper_sheet(paper)
-    return audit(paper, cells, relations_of(paper, cells))
+    tables = (table for key, table in library().items() if key.startswith(f"{paper}/"))
+    cells = {cell.address: cell for table in tables for cell in table.cells if cell.is_number}
+    return audit(paper, cells, declared(declarations(paper), cells, f"{paper}/"))
 
 
 def audit(name: str, cells: Sheet, relations: Sequence[Relation]) -> Audit:

@@ -264,11 +264,6 @@ class Model:
             total[inside] += self.likelihood(parameters[inside])
         return np.where(np.isnan(total), -np.inf, total)
 
-    def draw_prior(self, generator: Generator, count: int) -> FloatArray:
-        """Independent draws from the prior, shape (count, d)."""
-        columns = [p.prior.draw(generator, count) for p in self.parameters]
-        return np.stack(columns, axis=-1)
-
     def repeat(self, parameters: FloatArray, generator: Generator) -> Any:
         """Data of a repeat of this experiment, for one parameter vector of the posterior."""
         # Something hidden that is summed out is drawn given the present data, not from its prior.

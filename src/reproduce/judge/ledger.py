@@ -92,15 +92,11 @@ class Record(_Frozen):
         description="the interval of values that print so, null where it is open; null for words"
     )
     role: Literal["result", "given"] = Field(description="result if a computation makes the cell")
-    computed: float | None = Field(
-        description="the value, the median of the prediction, or our stand-in"
-    )
+    computed: float | None = Field(description="value, median of the prediction, or our stand-in")
     interval: tuple[float, float] | None = Field(description=_INTERVAL)
     verdict: Verdict = Field(description="what became of the cell; see the book's page on verdicts")
     flags: tuple[Flag, ...] = Field(description="what qualifies the verdict")
-    tolerance: float | None = Field(
-        description="half the printed interval, or half the width of the predicted one"
-    )
+    tolerance: float | None = Field(description="half the interval of print, or of prediction")
     share: float | None = Field(
         description="|computed - printed| over half the printed interval (exact), "
         "(1 - probability)/0.99 (consistent)"
@@ -114,9 +110,7 @@ class Record(_Frozen):
     reads: tuple[str, ...] = Field(description="the printed cells that it was given")
     equations: tuple[str, ...] = Field(description="the paper's equations it rests on")
     seed: tuple[int, ...] | None = Field(description="root and key of the random stream")
-    readings: tuple[ReadingRecord, ...] = Field(
-        description="for a cell that the text lets be read in several ways: each way tried"
-    )
+    readings: tuple[ReadingRecord, ...] = Field(description="each way tried to read the text")
     reason: str = Field(default="", description="why, as written down with the frozen verdict")
 
 
@@ -133,17 +127,17 @@ class TableRecord(_Frozen):
 
 
 class WholeReading(_Frozen):
-    """How one reading of the text fares on all cells of an item that depend on a reading."""
+    """How one reading of the text fares on all cells of an item that depend on a reading.
+
+    Cells that agree through rounding only may ask for other values of an input that they share.
+    """
 
     key: str
     name: str = Field(description="the reading in a few words")
     added: str = Field(description="the day on which the last part of it came into the history")
     cells: int = Field(description="cells that it says something of")
     agreeing: int = Field(description="of these, cells that agree one by one")
-    apart: int = Field(
-        description="of these, cells that agree through rounding only, which may ask for other "
-        "values of an input that they share"
-    )
+    apart: int = Field(description="of these, cells that agree through rounding only")
     joint_probability: float | None = Field(description=_TOGETHER)
     mcse: float | None
     replicates: int = Field(description="of the joint probability; zero without one")
@@ -161,9 +155,7 @@ class Ledger(_Frozen):
     records: tuple[Record, ...]
     tables: tuple[TableRecord, ...]
     readings: tuple[WholeReading, ...] = ()
-    altered: tuple[str, ...] = Field(
-        default=(), description="files of printed numbers that are not those of their checksums"
-    )
+    altered: tuple[str, ...] = Field(default=(), description="printed files that miss their sums")
     software: str = Field(default="", description="what made an export: name, version, day, commit")
     citation: str = Field(default="", description="how to cite an export, and the paper")
 

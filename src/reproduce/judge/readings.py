@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from reproduce.judge.verdicts import CENTRAL
 from reproduce.papers.declare import LEAST_DRAWS, Column, Fact, studied
 from reproduce.papers.niu2024 import readings, simulation
-from reproduce.printed.cells import Cell, find
 from reproduce.printed.given import given
 
 Array = NDArray[np.float64]
@@ -34,11 +33,6 @@ GROUPS = {
 # Smaller probabilities are not told apart: the law is an extrapolation so far out.
 _LEAST = 1e-12
 _LEAST_CORRECTED = 1e3 * _LEAST  # a correction multiplies by nearly a thousand readings
-
-
-def cells() -> list[Cell]:
-    """Return the printed cells, in the order of `ADDRESSES`."""
-    return [find(address)[0] for address in readings.ADDRESSES]
 
 
 def _corrected(joint: Array, readings: int) -> Array:

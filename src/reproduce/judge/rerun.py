@@ -22,7 +22,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from reproduce.judge.ledger import TableRecord, reread
+from reproduce.judge.ledger import ReadingRecord, TableRecord, reread
 from reproduce.judge.verdicts import central
 from reproduce.papers import catalogue as registry
 from reproduce.papers.catalogue import catalogue, drawings
@@ -142,10 +142,9 @@ def changeable(key: str) -> tuple[str, ...]:
     >>> "niu2024/text-simulation#noise" in changeable("niu2024/table-3")
     True
     """
-    if key in studies():
-        return _upstream(studies()[key].given)
-    if key in drawings():
-        return _upstream(drawings()[key].given)
+    for declared in (studies(), drawings()):
+        if key in declared:
+            return _upstream(declared[key].given)
     if "#" in key:
         made_by = maker(key)
         return () if made_by is None else _upstream(made_by.given)
@@ -333,16 +332,13 @@ def _reading(key: str, chosen: dict[str, str]) -> Rerun:
     """Judge an item under options alone."""
     found, before = reread(key, chosen), reread(key, {})
     cells = []
-    for record in found.of(key):
+    for record in (record for record in found.of(key) if record.role == "result"):
         cell, unchanged = find(record.cell)[0], before.cell(record.cell).computed
-        if record.role == "result" and not record.readings:
+        for one in record.readings or (record,):
+            name = one.name if isinstance(one, ReadingRecord) else ""
             cells.append(
-                ChangedCell(cell, unchanged, record.computed, record.interval, "", record.verdict)
+                ChangedCell(cell, unchanged, one.computed, one.interval, name, one.verdict)
             )
-        cells += [
-            ChangedCell(cell, unchanged, one.computed, one.interval, one.name, one.verdict)
-            for one in record.readings
-        ]
     return Rerun(key, {}, tuple(cells), {}, chosen, found.table(key))
 
 

@@ -191,8 +191,6 @@ def result_intervals(computation: Computation, given: Given) -> dict[str, Interv
     Cell name to the smallest and largest result, in SI; for a reading of a blocked cell, the name
     that `reading_name` gives.
     """
-    if computation.replicates:
-        raise ValueError(f"{computation.name}: expected a deterministic computation")
     centre = numbers(computation, given)
     slopes: dict[str, dict[str, float]] = {name: {} for name in centre}
     for cell in given.numbers():

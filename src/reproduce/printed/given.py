@@ -63,9 +63,6 @@ class Given:
 
     def count(self, address: str) -> int:
         """Return the whole number at `address`."""
-        cell = self._cell(address)
-        if cell.unit != "count":
-            raise TypeError(f"{address}: expected a count, the cell has the unit {cell.unit!r}")
         return round(self[address])
 
     def array(self, pattern: str) -> NDArray[np.float64]:
@@ -77,14 +74,8 @@ class Given:
 
     def numbers(self) -> list[Cell]:
         """Return the declared cells that hold a rounded number."""
-        return [
-            cell
-            for cell in self.cells.values()
-            if cell.is_number
-            and not cell.number.exact
-            and not cell.number.is_bound
-            and cell.address not in self.values
-        ]
+        cells = (c for c in self.cells.values() if c.is_number and c.address not in self.values)
+        return [cell for cell in cells if not (cell.number.exact or cell.number.is_bound)]
 
     def shifted(self, shifts: Mapping[str, float]) -> Given:
         """Return the same inputs with some moved within their rounding intervals."""

@@ -233,16 +233,13 @@ def _kept(table: Table, count: int, gone: NDArray[np.bool_]) -> Table:
         verb, which = "are" if lost > 1 else "is", table.named(np.flatnonzero(gone))
         notes = (f"{lost} of {len(gone)} {kind}s {verb} masked ({which}) and left out",)
     values = table.values[~gone] if lost else table.values
+    optional = {n: values[:, i] for i, n in enumerate(table.columns) if i >= count and n != _MASK}
     return replace(
         table,
         columns=table.columns[:count],
         values=values[:, :count],
         lines=table.lines[~gone],
-        optional={
-            name: values[:, place]
-            for place, name in enumerate(table.columns)
-            if place >= count and name != _MASK
-        },
+        optional=optional,
         notes=notes,
     )
 

@@ -38,15 +38,12 @@ class Study:
 
     Attributes
     ----------
-    name : str
-        What its files are called.
     arrays : dict
         Arrays by name.
     note : dict
         How they came about.
     """
 
-    name: str
     arrays: dict[str, NDArray[Any]]
     note: Note
 
@@ -66,7 +63,7 @@ def read(name: str, where: Path | None = None) -> Study:
             f"run again: {note.get('command')}"
         )
     with np.load(io.BytesIO(content), allow_pickle=False) as packed:
-        return Study(name, {key: packed[key] for key in packed.files}, note)
+        return Study({key: packed[key] for key in packed.files}, note)
 
 
 def table(name: str, where: Path | None = None) -> pd.DataFrame:

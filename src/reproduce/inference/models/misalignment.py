@@ -130,10 +130,7 @@ class SpotLikelihood:
         """Misalignment at the start and at the end of each group, (n, groups, 3)."""
         angle = parameters[:, 3:6]
         zero = np.zeros_like(angle)
-        if not self.drifts:
-            turn = np.stack([zero, angle], axis=1)
-            return turn, turn
-        half = 0.5 * parameters[:, 6:9]
+        half = 0.5 * parameters[:, 6:9] if self.drifts else zero
         return np.stack([zero, angle - half], axis=1), np.stack([zero, angle + half], axis=1)
 
     def landed(self, parameters: FloatArray, turn: FloatArray) -> FloatArray:
