@@ -206,7 +206,7 @@ def thinned(chains: FloatArray, time: float) -> FloatArray:
 
 
 def summarised(name: str, unit: str, draws: FloatArray, shown: float = 1.0) -> Summary:
-    """Summarise draws of one quantity, (ensembles, steps, walkers), each `shown` times its unit."""
+    """Summarise draws of one quantity, (ensembles, steps, walkers), times `shown` in its unit."""
     time, values = autocorrelation_time(draws), draws * shown
     low, median, high = np.quantile(values, (ENDS[0], 0.5, ENDS[1])).tolist()
     return Summary(

@@ -242,15 +242,13 @@ def check_randomness(
     key: str, random: bool, changes: Iterable[str], seed: int | None, replicates: int | None = None
 ) -> None:
     """Refuse a seed and replicates out of range, or where nothing draws random numbers."""
-    for name, number, least, most in (
-        ("replicates", replicates, 2, MOST_REPLICATES),
-        ("seed", seed, 0, math.inf),
+    for name, number, least, most, span in (
+        ("replicates", replicates, 2, MOST_REPLICATES, f"from 2 to {MOST_REPLICATES:,}"),
+        ("seed", seed, 0, math.inf, "from zero up"),
     ):
         whole = isinstance(number, int | np.integer)
         if number is not None and not (whole and least <= number <= most):
-            raise CannotChangeError(
-                f"{name}: expected a whole number from {least} to {most:,}, got {number!r}"
-            )
+            raise CannotChangeError(f"{name}: expected a whole number {span}, got {number!r}")
     asked = " and no ".join(by_name({}, seed, replicates))
     if asked and not random and not _drawn_above(key, set(changes)):
         raise CannotChangeError(
@@ -366,7 +364,7 @@ def _changed(cell: Cell, before: Result, after: Result) -> list[ChangedCell]:
     return cells
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Run:
     """Values of cells under one set of changes, every computation run at most once."""
 

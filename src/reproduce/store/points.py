@@ -9,7 +9,7 @@ zero as Python does.
 Spots of lights are images in which a lost spot is NaN. In a table a row is a spot, in px: ``group``
 (0 at the zero point, 1 at the present), ``laser`` (from 1), ``x``, ``y``, and ``frame`` (or
 ``image``, or ``time``), any number that the spots of an image share. Without it every image must be
-whole.
+whole, and one come after the other.
 """
 
 from __future__ import annotations
