@@ -335,18 +335,18 @@ class JointRegistration:
     target: FloatArray
     pivots: tuple[FloatArray, FloatArray]
 
+    @property
+    def columns(self) -> ComplexArray:
+        """The columns (red, blue, one, green), red and blue about their pivots, shape (n, 4)."""
+        pivots = [as_complex(pivot) for pivot in self.pivots]
+        offsets = [as_complex(s) - p for s, p in zip(self.sources, pivots, strict=True)]
+        one = np.ones(len(self.target), dtype=np.complex128)
+        return np.stack([*offsets, one, as_complex(self.target) - pivots[0]], axis=-1)
+
     @cached_property
     def root(self) -> ComplexArray:
-        """Triangular factor of the columns (red, blue, one, green), shape (4, 4).
-
-        Red and blue are about their pivots, green about that of red.
-        """
-        origin = as_complex(self.pivots[0])
-        offsets = [
-            as_complex(s) - as_complex(p) for s, p in zip(self.sources, self.pivots, strict=True)
-        ]
-        one = np.ones(len(self.target), dtype=np.complex128)
-        return _triangular(np.stack([*offsets, one, as_complex(self.target) - origin], axis=-1))
+        """Triangular factor of the columns, shape (4, 4)."""
+        return _triangular(self.columns)
 
     def weights(self, parameters: FloatArray) -> tuple[ComplexArray, ComplexArray]:
         """Coefficients of the columns in the two residuals, each of shape (n, 4)."""
