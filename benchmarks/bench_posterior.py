@@ -16,9 +16,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from reproduce.inference import Model, diagnose
+from reproduce.inference import Model, summarised
 from reproduce.inference.models import registration_model
-from reproduce.inference.sampling import Job, Plan, run_ensemble, sample
+from reproduce.inference.sampling import Plan, run_ensemble, sample
 from reproduce.papers.posteriors import posteriors
 from reproduce.physics.registration import Registration
 
@@ -62,7 +62,7 @@ def plain_chain(count: int, steps: int) -> Points:
 def our_chain(model: Model, steps: int) -> Points:
     walkers = posteriors()["registration"].plan().walkers
     plan = Plan(1, walkers=walkers, steps=steps, warmup=200)
-    return run_ensemble(Job(model, plan, 0))[0]
+    return run_ensemble(model, plan, 0)[0]
 
 
 def stretched_chain(model: Model, steps: int, walkers: int = WALKERS) -> Points:
@@ -75,8 +75,9 @@ def stretched_chain(model: Model, steps: int, walkers: int = WALKERS) -> Points:
 
 def effective(chain: Points) -> float:
     """Effective draws of the slowest parameter, once a quarter is left out as the way there."""
-    names = tuple(str(i) for i in range(chain.shape[-1]))
-    return min(min(one.bulk, one.tail) for one in diagnose(names, chain[None, len(chain) // 4 :]))
+    columns = np.moveaxis(chain[None, len(chain) // 4 :], -1, 0)
+    found = [summarised("", "", column) for column in columns]
+    return min(min(one.bulk, one.tail) for one in found)
 
 
 def peak() -> int:

@@ -136,7 +136,7 @@ def _of_posterior(name: str) -> dict[str, str]:
         for what, text in zip(("mean", "sd", "low", "high"), spread(row), strict=True):
             texts[f"{label}-{what}"] = f"{text.replace('-', '−')}{_gap(row.unit)}"
     for label, value in Posterior(name).truth.items():
-        row = next(row for row in found.rows() if row.name == label)
+        row = next(row for row in found.rows if row.name == label)
         texts[f"{label}-off"] = f"{abs(row.mean - value) / row.deviation:.1f}"
     return texts | dict(_of_calibration(name))
 
@@ -180,7 +180,7 @@ def _of_audits() -> dict[str, str]:
             found = dict(zip(("agreeing", "rounding", "contradicting"), own.values(), strict=True))
             found |= {
                 "relations": sum(own.values()),
-                "restating": len(audit.restating),
+                "restating": sum(again.values()),
                 "restating-contradicting": again["contradicts"],
                 "examined": len(audit.examined),
                 "numbers": len(audit.cells),

@@ -24,6 +24,11 @@ PINT = {
 PINT |= {"px": "pixel", "deg": "degree", "arcsec": "arcsecond", "1/K": "kelvin**-1"}
 
 
+def finding(audit, name):
+    """The finding on one relation."""
+    return next(one for one in audit.findings if one.relation.name == name)
+
+
 def printed_cell(address, text, unit="1", qualifier=None):
     """Make a cell from what stands on paper."""
     key, _, name = address.partition("#")

@@ -3,6 +3,7 @@
 import math
 
 import pytest
+from made_up import finding
 
 from reproduce.audit.report import audit_paper
 
@@ -47,4 +48,4 @@ def test_the_laser_lies_in_one_band_of_the_camera_alone():
     names = ["panchromatic-band", *(f"multispectral-band-{i}" for i in "1234")]
     edges = {n: [number(f"table-1#{n}-{e}.value") for e in ("low", "high")] for n in names}
     assert [n for n, (low, high) in edges.items() if low <= laser <= high] == [names[-1]]
-    assert AUDIT.finding("band-4-below-laser").outcome == "contradicts"
+    assert finding(AUDIT, "band-4-below-laser").outcome == "contradicts"

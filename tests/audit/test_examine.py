@@ -4,7 +4,7 @@ import itertools
 import math
 
 import pytest
-from made_up import audited_table, declared, printed_cell
+from made_up import audited_table, declared, finding, printed_cell
 
 from reproduce.audit.corrections import COSTS, _interchanges
 from reproduce.audit.examine import reprinted
@@ -105,16 +105,16 @@ def test_only_numbers_of_one_unit_are_interchanged():
     ],
 )
 def test_right_sides_are_those_computed_by_hand(paper, relation, right, unit):
-    found = audit_paper(paper).finding(relation).right / unit
+    found = finding(audit_paper(paper), relation).right / unit
     assert found == pytest.approx(right, rel=1e-9)
 
 
 def test_left_sides_of_inequalities_by_hand():
     audit = audit_paper("niu2024")
     radius = math.sqrt((math.tan(math.radians(8)) ** 2 + math.tan(math.radians(6)) ** 2) / 3)
-    assert audit.finding("before-scale-red").left == pytest.approx(0.0601 / 3.45e-3 * radius)
-    assert audit.finding("before-shift-red").left == pytest.approx(math.hypot(1.9, 2.3))
-    assert audit.finding("left-over-red").left == pytest.approx(3e-4 * 25 / 3.45e-3 * radius)
+    assert finding(audit, "before-scale-red").left == pytest.approx(0.0601 / 3.45e-3 * radius)
+    assert finding(audit, "before-shift-red").left == pytest.approx(math.hypot(1.9, 2.3))
+    assert finding(audit, "left-over-red").left == pytest.approx(3e-4 * 25 / 3.45e-3 * radius)
 
 
 def test_printed_equations_give_the_numbers_of_pencil_and_paper():

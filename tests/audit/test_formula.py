@@ -6,7 +6,7 @@ import pickle
 import pytest
 from made_up import declared, printed_cell
 
-from reproduce.audit.relation import read
+from reproduce.audit.relation import Formula
 
 CELLS = {
     a: printed_cell(a, text, unit)
@@ -19,7 +19,7 @@ CELLS = {
 
 
 def right(text, **values):
-    return list(read(text).values(values))[1]
+    return list(Formula(text).values(values))[1]
 
 
 def test_functions_take_lists_and_units():

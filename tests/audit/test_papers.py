@@ -9,12 +9,12 @@ from types import SimpleNamespace
 import numpy as np
 import pint
 import pytest
-from made_up import PINT, audited_table, declared, printed_cell
+from made_up import PINT, audited_table, declared, finding, printed_cell
 
 from reproduce.audit.examine import by_value, contradicted, reprinted
 from reproduce.audit.intervals import printed_intervals, propagate
-from reproduce.audit.relation import functions, relations_of
-from reproduce.audit.report import _paper_sheet, audit_paper, register
+from reproduce.audit.relation import functions
+from reproduce.audit.report import audit_paper, register
 from reproduce.printed.number import UNITS
 
 DATA = Path(__file__).parent.parent.parent / "data"
@@ -30,9 +30,9 @@ def test_every_agreement_has_a_witness(paper):
     The contractors prove contradictions; this proves the agreements, by plain floats.
     """
     audit = audit_paper(paper)
-    for finding in audit.findings:
-        relation = finding.relation
-        if finding.outcome == "contradicts" or relation.unknown is not None:
+    for found in audit.findings:
+        relation = found.relation
+        if found.outcome == "contradicts" or relation.unknown is not None:
             continue
         if relation.kind == "print":  # of digits, not values: no box
             decimals = {audit.cells[a].number.exponent for a in relation.addresses}
@@ -77,7 +77,7 @@ def test_every_common_value_of_an_unknown_is_kept_by_its_members(paper):
             least, most = fixed.by_relation[name]
             assert least <= high
             assert low <= most
-            assert audit.finding(name).relation.unknown.domain[0] <= low
+            assert finding(audit, name).relation.unknown.domain[0] <= low
 
 
 def test_table_v_as_printed_has_no_common_focal_length():
@@ -85,7 +85,7 @@ def test_table_v_as_printed_has_no_common_focal_length():
     names = [n for n in audit.unknowns["f"].by_relation if n.startswith("reference")]
     middles = [sum(audit.unknowns["f"].by_relation[n]) / 2 for n in names]
     assert len(names) == 8
-    assert all(audit.finding(n).outcome == "contradicts" for n in names)
+    assert all(finding(audit, n).outcome == "contradicts" for n in names)
     by_hand = [
         -audit.cells[f"{TABLE_V}{s}.motion-{a}"].si
         / math.tan(audit.cells[f"{TABLE_V}{s}.reference-{b}"].si)
@@ -154,7 +154,7 @@ def test_a_table_without_its_slips_is_left_in_peace():
     cells = audit.cells
     for slip in table_v_corrections()[0].slips:
         cells = slip.undone(cells)
-    relations = relations_of("chen2023", cells)
+    relations = [found.relation for found in audit.findings]
     again = audited_table("mended", cells, relations)
     assert not [
         g for g in again.groups if any("reference" in n or "motion" in n for n in g.relations)
@@ -178,10 +178,10 @@ def test_every_contradiction_and_every_failing_equation_has_one_erratum():
     for paper in PAPERS:
         audit = audit_paper(paper)
         ours = [entry for entry in ERRATA if entry.paper == paper]
-        for finding in audit.findings:
-            holders = [entry.id for entry in ours if entry.names(finding.relation.name)]
-            wanted = 1 if finding.outcome == "contradicts" else 0
-            assert len(holders) == wanted, (finding.relation.name, holders)
+        for found in audit.findings:
+            holders = [entry.id for entry in ours if found in entry.findings(audit)]
+            wanted = 1 if found.outcome == "contradicts" else 0
+            assert len(holders) == wanted, (found.relation.name, holders)
         for shown in audit.equations:
             holders = [entry.id for entry in ours if shown.name in entry.equations]
             assert len(holders) == (0 if shown.holds else 1), shown.name
@@ -332,8 +332,8 @@ def dimensions(relation, units):
 
 @pytest.mark.parametrize("paper", PAPERS)
 def test_the_papers_relations_have_their_dimensions(paper):
-    cells = _paper_sheet(paper)
-    for relation in relations_of(paper, cells):
+    cells = audit_paper(paper).cells
+    for relation in (found.relation for found in audit_paper(paper).findings):
         left, right = dimensions(relation, {a: cells[a].unit for a in relation.addresses})
         assert left == right, relation.name
 

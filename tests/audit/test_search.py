@@ -96,7 +96,7 @@ def test_the_search_finds_what_brute_force_finds(name):
     cells, relations = sheet_of(name)
     for group in groups(cells, relations):
         targets = frozenset(relation.name for relation in group)
-        states = _Search(cells, relations, targets).run(2, 1)
+        states = _Search(cells, relations, targets).run(2)
         wanted = by_force(cells, relations, targets)
         assert bool(wanted) == (name != "far")  # that one takes more than two slips
         assert {printed(state.cells) for state in states} == set(wanted)
@@ -109,7 +109,7 @@ def test_every_completion_touches_every_cover():
     search = _Search(cells, relations, targets)
     covers = search.covers(search.start)
     assert covers
-    for state in search.run(2, 1):
+    for state in search.run(2):
         moved = frozenset().union(*(slip.addresses for slip in state.slips))
         assert all(moved & cover for cover in covers)
 

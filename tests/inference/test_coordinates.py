@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from errors import mcse_mean
 
+from calibrations import drawn_prior
 from reproduce.inference import Coordinates, autocorrelation_time
 from reproduce.inference.sampling import mixture
 from reproduce.papers.posteriors import posteriors
@@ -16,7 +17,8 @@ def fitted(seed):
     """Return a model with simulated data, and parameters about its start."""
     generator = np.random.default_rng(seed)
     model = posteriors()[MIXTURE].model()
-    model = model.given(model.simulate(model.draw_prior(generator, 1)[0], generator))
+    data = model.likelihood.simulate(drawn_prior(model, generator, 1)[0], generator)
+    model = model.given(data)
     return model, model.start(generator, 6)
 
 

@@ -1,12 +1,14 @@
 """Diagnostics against ArviZ and emcee, and against chains whose truth is known."""
 
+import pickle
+
 import emcee
 import numpy as np
 import pytest
 from arviz_stats.base import array_stats
 from errors import mcse_mean
 
-from reproduce.inference import Gates, UnconvergedError, diagnose, diagnostics, thinned
+from reproduce.inference import UnconvergedError, diagnostics, summarised, thinned
 from reproduce.inference.diagnostics import require
 from reproduce.inference.sampling import mixture
 from reproduce.views.numbers import digits
@@ -63,24 +65,24 @@ def test_standard_errors_are_honest():
 
 @pytest.mark.parametrize("fault", ["apart", "slow", "stuck"])
 def test_bad_chains_are_refused_with_their_numbers(fault):
-    chain = autoregressive(0.3, (4, 1000, 16))[..., None]
+    chain = autoregressive(0.3, (4, 1000, 16))
     acceptance = (0.4,) * 4
     if fault == "apart":
-        chain = chain + np.arange(4)[:, None, None, None]
+        chain = chain + np.arange(4)[:, None, None]
     elif fault == "slow":
-        chain = autoregressive(0.98, (4, 1000, 16))[..., None]
+        chain = autoregressive(0.98, (4, 1000, 16))
     else:
         acceptance = (0.4, 0.4, 0.4, 0.01)
-    with pytest.raises(UnconvergedError, match="refused") as caught:
-        require(diagnose(("a",), chain), acceptance, Gates())
-    assert caught.value.missed
-    assert caught.value.diagnoses[0].name == "a"
-    assert caught.value.acceptance == acceptance
+    words = "acceptance 0.010, at least 0.05" if fault == "stuck" else "refused: a: "
+    with pytest.raises(UnconvergedError, match=words) as caught:
+        require([summarised("a", "", chain)], 1000, acceptance)
+    assert pickle.loads(pickle.dumps(caught.value)).steps == caught.value.steps
+    assert (caught.value.steps is None) == (fault == "stuck")
 
 
 def test_good_chains_pass():
-    chain = autoregressive(0.3, (4, 1000, 16))[..., None]
-    require(diagnose(("a",), chain), (0.4,) * 4, Gates())
+    chain = autoregressive(0.3, (4, 1000, 16))
+    require([summarised("a", "", chain)], 1000, (0.4,) * 4)
 
 
 def test_thinning_keeps_time_order():

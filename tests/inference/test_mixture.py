@@ -42,7 +42,7 @@ def sampled():
 @pytest.mark.parametrize("wrong", [0, 18])
 def test_three_wrong_matches_in_ten_are_named_and_move_nothing(sampled, wrong):
     found = sampled[wrong]
-    for row, parameter in zip(found.rows(), found.model.parameters, strict=True):
+    for row, parameter in zip(found.rows, found.model.parameters, strict=True):
         if parameter.name in TRUTH:
             assert abs(row.mean - TRUTH[parameter.name] * parameter.shown) < 4 * row.deviation
     false = probability_false(found)

@@ -10,7 +10,7 @@ from click.testing import CliRunner
 
 import reproduce as rp
 from book_facts import of_posteriors
-from reproduce.inference import posterior, sampling
+from reproduce.inference import diagnostics, sampling
 from reproduce.papers.posteriors import posteriors
 from reproduce.printed.cells import find
 from reproduce.printed.given import given
@@ -241,7 +241,7 @@ def test_a_build_samples_once(tmp_path, monkeypatch):
         again = book_posterior("registration")
         book_posterior.cache_clear()
         monkeypatch.setattr(sampling, "run_ensemble", None)
-        monkeypatch.setattr(posterior, "_summarised", None)
+        monkeypatch.setattr(diagnostics, "summarised", None)
         read = book_posterior("registration")
         assert read.summaries() == alone.summaries()
     finally:
@@ -250,7 +250,7 @@ def test_a_build_samples_once(tmp_path, monkeypatch):
     assert [path.name for path in tmp_path.iterdir()] == [computed.fingerprint()]
     for found in (again, read):
         np.testing.assert_array_equal(found.chain, alone.chain)
-        assert found.rows() == alone.rows()
+        assert found.rows == alone.rows
 
 
 def test_simulated_data_are_drawn_again_with_a_seed_of_their_own():

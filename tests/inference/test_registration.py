@@ -82,10 +82,10 @@ def test_cost_does_not_grow_with_the_points(registration):
 
 def test_sampler_agrees_with_the_closed_form(posterior, exact):
     """Mean, standard deviation, correlation and quantiles, within Monte Carlo errors."""
-    draws = exact.draw(np.random.default_rng(3), 400_000)
-    for i, one in enumerate(posterior.diagnoses):
+    draws, parameters = exact.draw(np.random.default_rng(3), 400_000), posterior.model.parameters
+    for i, (one, parameter) in enumerate(zip(posterior.rows, parameters, strict=True)):
         chain, direct = posterior.chain[..., i], draws[:, i]
-        error = np.hypot(one.mcse, direct.std() / np.sqrt(len(direct)))
+        error = np.hypot(one.mcse / parameter.shown, direct.std() / np.sqrt(len(direct)))
         assert abs(chain.mean() - direct.mean()) < 4 * error
         assert abs(chain.std() - direct.std()) < 5 * mcse_deviation(chain)
         for probability in (0.025, 0.5, 0.975):
@@ -126,7 +126,7 @@ def test_flat_in_scale_and_rotation_is_another_prior():
         "rotation": Uniform(-3.1, 3.1, "a test"),
         "noise": LogUniform(1e-3, 9.0, "a test"),
     }
-    model = registration_model(source, target, (0, 0), priors=priors)
+    model = registration_model(source, target, (0, 0)).with_priors(priors)
     draws = registration_posterior(source, target, (0, 0)).draw(generator, 400_000)
     found = sample(model, Plan(3, steps=1000, warmup=300))
     inside = np.isfinite(model.log_prior(draws))
@@ -145,7 +145,7 @@ def test_residuals_of_both_channels_have_the_stated_covariance(joint):
     truth = np.array([0.9, 0.002, 0.3, 0.5, 1.1, -0.001, -0.4, -0.6, 0.05])
     pairs = []
     for seed in range(60):
-        data = joint.likelihood.given(joint.simulate(truth, np.random.default_rng(seed)))
+        data = joint.likelihood.given(joint.likelihood.simulate(truth, np.random.default_rng(seed)))
         left, right = (w @ data.columns.T for w in data.weights(truth[None]))
         pairs.append(np.stack([left[0].real, right[0].real], axis=-1))
     found = np.cov(np.concatenate(pairs), rowvar=False)
@@ -157,7 +157,7 @@ def test_residuals_of_both_channels_have_the_stated_covariance(joint):
 def test_correlation_of_both_channels_is_checked(joint):
     """Half, from the green noise in both; none where green has no noise."""
     truth = np.array([1.0, 0.002, 0.3, 0.5, 1.0, -0.001, -0.4, -0.6, 0.05])
-    drawn = [joint.simulate(truth, np.random.default_rng(seed)) for seed in range(40)]
+    drawn = [joint.likelihood.simulate(truth, np.random.default_rng(seed)) for seed in range(40)]
     name = "correlation of both residuals"
     shared = [joint.likelihood.checks(data)[name] for data in drawn]
     assert abs(np.mean(shared) - 0.5) < 0.03
@@ -203,9 +203,8 @@ def test_too_few_points_are_refused():
 
 
 def test_unknown_prior_is_refused(registration):
-    data = registration.likelihood
     with pytest.raises(ValueError, match="names among scale"):
-        registration_model(data.source, data.target, data.pivot, priors={"sale": None})
+        registration.with_priors({"sale": None})
 
 
 @pytest.mark.parametrize("angle", [0.0, 1.0, 2.5])

@@ -55,7 +55,6 @@ def test_short_chains_are_run_again_as_long_as_they_need(registration):
     with pytest.raises(UnconvergedError) as refused:
         sample(registration, short)
     needed = refused.value.steps
-    assert refused.value.taken == 60
     found = sample(registration, short, longer=True)
     assert found.chain.shape[1] == needed > 60
     whole = sample(registration, replace(short, steps=needed, warmup=needed // 4))
@@ -76,7 +75,7 @@ def test_what_arviz_reads_back_is_the_posterior(alone, tmp_path):
     assert list(tree["posterior"].data_vars) == list(alone.model.names)
     assert tree.attrs["seed"] == PLAN.seed
     np.testing.assert_allclose(tree["sample_stats"].attrs["acceptance"], alone.acceptance)
-    for parameter, row in zip(alone.model.parameters, alone.rows(), strict=True):
+    for parameter, row in zip(alone.model.parameters, alone.rows, strict=True):
         found = tree["posterior"][parameter.name]
         assert found.attrs["prior"] == str(parameter.prior.in_unit(parameter.shown))
         assert found.attrs["units"] == parameter.unit

@@ -176,7 +176,6 @@ def test_functions_named_in_the_ledger_exist(whole):
 )
 def test_faults_in_the_frozen_verdicts_are_told(tmp_path, monkeypatch, entry, message):
     (tmp_path / "verdicts.toml").write_text(f"[[expect]]\n{entry}\n")
-    monkeypatch.setattr(ledger, "_entries", ledger._entries.__wrapped__)
     monkeypatch.setattr(ledger, "data_folders", lambda: (tmp_path,))
     with pytest.raises(ValueError, match=message):
         ledger.frozen.__wrapped__()

@@ -62,12 +62,3 @@ def test_copies_and_differences_are_told_from_computations():
         "difference": "difference",
         "nothing": "difference",
     }
-
-
-def test_stochastic_computations_are_refused():
-    @reproduces("niu2024/table-3", replicates=10)
-    def drawn(door, seed, replicates):
-        return {}
-
-    with pytest.raises(ValueError, match="expected a deterministic computation"):
-        result_intervals(drawn, given(drawn.given))

@@ -301,7 +301,7 @@ def test_a_changed_value_is_exact():
     )
     assert door["niu2024/table-1#focal-length.red"] == 0.03
     assert door.numbers() == []
-    assert "niu2024/table-1#focal-length.blue" not in door
+    assert "niu2024/table-1#focal-length.blue" not in door.cells
     assert door.shifted({"niu2024/table-1#focal-length.red": 1.0})[
         "niu2024/table-1#focal-length.red"
     ] == 0.03  # fmt: skip

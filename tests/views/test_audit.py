@@ -76,7 +76,7 @@ def test_the_score_counts_what_the_audit_found():
         counts = [int(n) for n in re.findall(r"<td>(\d+)</td>", row)]
         assert counts[:3] == [len(found.cells), len(found.examined), len(found.bounded)]
         assert counts[3:7] == [sum(own.values()), *own.values()]
-        assert counts[7:9] == [len(found.restating), again["contradicts"]]
+        assert counts[7:9] == [sum(again.values()), again["contradicts"]]
         assert counts[3] + counts[7] == len(found.read)
         supposing = [shown for shown in found.equations if shown.supposition]
         assert counts[-1] == len(found.supposed) + len(supposing)

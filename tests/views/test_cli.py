@@ -246,10 +246,6 @@ def test_show_reruns_under_a_change():
         (["show", "niu2024/table-3#scale.green"], "has no cell 'scale.green'"),
         (["show", "niu2024/table-3", "--set", "noise"], "--set noise: expected CELL=VALUE"),
         (["show", "niu2024/table-3", "--option", "noise"], "expected NAME=ALTERNATIVE"),
-        (
-            ["show", "niu2024/table-3", "--option", "noise=0.2"],
-            "is a cell to change: niu2024/text-simulation#noise",
-        ),
         (["show", "niu2024/table-3", "--set", "noise=1"], "does not read noise"),
         (["show", "niu2024/fig-4", "--seed", "1"], "fig-4 draws no random numbers"),
         (["show", "niu2024/table-2", "--seed", "1"], "table-2 draws no random numbers"),

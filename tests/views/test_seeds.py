@@ -79,5 +79,5 @@ def test_panels_that_draw_take_a_seed_and_the_others_stay():
 
 @pytest.mark.parametrize("key", ["chen2023/fig-8", "chen2023/strategies"])
 def test_a_seed_is_zero_or_more(key):
-    with pytest.raises(CannotChangeError, match="seed: expected zero or more, got -1"):
+    with pytest.raises(CannotChangeError, match="whole number from zero up, got -1"):
         front.item(key).rerun(seed=-1)

@@ -31,7 +31,7 @@ from scipy.stats import binom, norm
 from estimators import estimate
 from keep import write, write_table
 from reproduce.inference import Model, autocorrelation_time, thinned
-from reproduce.inference.sampling import Job, Plan, run_ensemble
+from reproduce.inference.sampling import Plan, run_ensemble
 from reproduce.papers.posteriors import posteriors
 from reproduce.physics.validate import FloatArray
 from reproduce.store import studies
@@ -119,8 +119,13 @@ class Ranks:
 def simulated(model: Model, seed: int, index: int) -> tuple[FloatArray, Model]:
     """Draw the truth of one replicate, (d,), and the model with data simulated from it."""
     generator = Generator(PCG64(_stream(model, seed, index, 0)))
-    truth = model.draw_prior(generator, 1)[0]
-    return truth, model.given(model.simulate(truth, generator))
+    truth = drawn_prior(model, generator, 1)[0]
+    return truth, model.given(model.likelihood.simulate(truth, generator))
+
+
+def drawn_prior(model: Model, generator: Generator, count: int) -> FloatArray:
+    """Return independent draws from the prior, (count, d)."""
+    return np.stack([p.prior.draw(generator, count) for p in model.parameters], axis=-1)
 
 
 def _stream(model: Model, seed: int, index: int, part: int) -> SeedSequence:
@@ -137,7 +142,7 @@ def replicate(model: Model, seed: int, index: int) -> tuple[Counts, bool, Covere
     entropy = int(_stream(model, seed, index, 1).generate_state(1, np.uint64)[0])
     for warmup in WARMUPS:
         plan = Plan(entropy, ensembles=1, steps=STEPS, warmup=warmup)
-        chain, _, _ = run_ensemble(Job(fitted, plan, 0), _lacking)
+        chain, _, _ = run_ensemble(fitted, plan, 0, _lacking)
         time = _time(chain)
         if not (failed := len(chain) / time < TIMES):
             break
@@ -158,12 +163,12 @@ def quantities(model: Model, parameters: FloatArray) -> FloatArray:
     """
     derived = model.derived(parameters) if model.derived else {}
     columns = [*parameters.T, *(one.values for one in derived.values())]
-    return np.stack([*columns, model.log_likelihood(parameters)], axis=-1)
+    return np.stack([*columns, model.likelihood(parameters)], axis=-1)
 
 
 def named(model: Model) -> tuple[str, ...]:
     """Names of what is ranked, in the order of `quantities`."""
-    derived = model.derived(model.draw_prior(Generator(PCG64(0)), 2)) if model.derived else {}
+    derived = model.derived(drawn_prior(model, Generator(PCG64(0)), 2)) if model.derived else {}
     return (*model.names, *derived, QUANTITY)
 
 

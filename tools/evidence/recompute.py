@@ -25,7 +25,7 @@ from parts import Store, processes, run_parts
 from reproduce.judge import readings as judged
 from reproduce.judge.verdicts import judge_prediction
 from reproduce.papers.niu2024 import readings
-from reproduce.printed.cells import Cell
+from reproduce.printed.cells import Cell, find
 from reproduce.printed.given import given
 from reproduce.printed.number import si_factor
 from reproduce.version import __version__
@@ -78,7 +78,7 @@ def stacked(rows: Iterable[tuple[Array, ...]]) -> dict[str, Array]:
 
 def compare(draws: Array) -> tuple[Array, ...]:
     """Compare the print with the prediction of one reading: a row of each array of `COMPARED`."""
-    cells = judged.cells()
+    cells = [find(address)[0] for address in readings.ADDRESSES]
     intervals = np.array([cell.number.interval() for cell in cells])
     rows: list[tuple[Array, ...]] = []
     for axes in readings.COUNTED:

@@ -13,7 +13,7 @@ from __future__ import annotations
 import functools
 import itertools
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -45,7 +45,6 @@ _BREADTH = 30
 _BROKEN = 0.5
 # The search follows everything up to this many slips.
 _COMPLETE = 2
-_SMALLEST = min(COSTS.values())
 
 
 @dataclass(frozen=True)
@@ -163,36 +162,28 @@ def _interchanges(cells: Sheet, keys: Iterable[str]) -> list[_Interchange]:
     """
     found: list[_Interchange] = []
     for key in keys:
-        table = [cell for cell in cells.values() if cell.key == key]
-        found += [*_two_cells(table), *_two_lines(table, "columns"), *_two_lines(table, "rows")]
+        # By row, which is empty in a group, and column.
+        table = {c.name.rpartition(".")[::2]: a for a, c in cells.items() if c.key == key}
+        for ((row, column), one), (other, two) in itertools.combinations(table.items(), 2):
+            if not row or row == other[0] or column == other[1]:
+                found.append(_Interchange("cells", f"{one} ↔ {two}", ((one, two),)))
+        columns: dict[str, dict[str, str]] = {}
+        rows: dict[str, dict[str, str]] = {}
+        for (row, column), address in table.items():
+            if row:
+                columns.setdefault(column, {})[row] = address
+                rows.setdefault(row, {})[column] = address
+        found += [*_two_lines(key, "columns", columns), *_two_lines(key, "rows", rows)]
     return found
 
 
-def _place(cell: Cell) -> tuple[str, str]:
-    """Return the row, empty in a group, and the column of a cell."""
-    row, _, column = cell.name.rpartition(".")
-    return row, column
-
-
-def _two_cells(table: list[Cell]) -> Iterator[_Interchange]:
-    for one, two in itertools.combinations(table, 2):
-        (row, column), (other_row, other_column) = _place(one), _place(two)
-        if not row or row == other_row or column == other_column:
-            label = f"{one.address} ↔ {two.address}"
-            yield _Interchange("cells", label, ((one.address, two.address),))
-
-
-def _two_lines(table: list[Cell], kind: _SlipKind) -> Iterator[_Interchange]:
-    lines: dict[str, dict[str, str]] = {}
-    for cell in table:
-        row, column = _place(cell)
-        if row:
-            line, along = (column, row) if kind == "columns" else (row, column)
-            lines.setdefault(line, {})[along] = cell.address
+def _two_lines(
+    key: str, kind: _SlipKind, lines: Mapping[str, Mapping[str, str]]
+) -> Iterator[_Interchange]:
     for (name, one), (other, two) in itertools.combinations(lines.items(), 2):
         pairs = tuple((one[at], two[at]) for at in one if at in two)
         if len(pairs) > 1:
-            yield _Interchange(kind, f"{table[0].key}: {kind} {name} ↔ {other}", pairs)
+            yield _Interchange(kind, f"{key}: {kind} {name} ↔ {other}", pairs)
 
 
 @dataclass(frozen=True)
@@ -239,7 +230,6 @@ def corrections(
     relations: Sequence[Relation],
     targets: frozenset[str],
     depth: int = _DEPTH,
-    breadth: int = _BREADTH,
 ) -> list[Correction]:
     """Return corrections that lift a group of contradictions, given by name.
 
@@ -252,7 +242,7 @@ def corrections(
         return bool(broken), found.cost, broken, -len(found.lifted)
 
     search = _Search(cells, relations, targets)
-    found = [_correction(state, search) for state in search.run(depth, breadth)]
+    found = [_correction(state, search) for state in search.run(depth)]
     return sorted(_worth_showing(found), key=rank)
 
 
@@ -276,13 +266,13 @@ class _Search:
         self.start = _State((), cells, self.already)
         self._touched: dict[frozenset[str], list[list[Relation]]] = {}
 
-    def run(self, depth: int, breadth: int) -> list[_State]:
+    def run(self, depth: int) -> list[_State]:
         """Return the states without a contradiction of the group."""
         done: dict[frozenset[Cell], _State] = {}
         limit = math.inf  # the size of the smallest correction that restores everything
         level = [self.start]
         for taken in range(depth):
-            level = self._further(level, taken, breadth) if taken else level
+            level = self._further(level, taken) if taken else level
             for state in level:
                 for child in self._finished(state, limit):
                     done.setdefault(child.changed(self.cells), child)
@@ -318,7 +308,7 @@ class _Search:
                 found.append(frozenset(itertools.chain.from_iterable(r.addresses for r in family)))
         return list(dict.fromkeys(found))
 
-    def _further(self, level: Sequence[_State], taken: int, breadth: int) -> list[_State]:
+    def _further(self, level: Sequence[_State], taken: int) -> list[_State]:
         """Return the states one slip on: all of them as long as the search is complete."""
 
         def promise(state: _State) -> float:
@@ -328,10 +318,10 @@ class _Search:
             grown = itertools.chain(*(self._grown(state) for state in level))
             return sorted(grown, key=lambda state: (state.cost, len(state.wrong - self.already)))
         found: dict[frozenset[Cell], _State] = {}
-        for state in sorted(level, key=promise)[:breadth]:
+        for state in sorted(level, key=promise)[:_BREADTH]:
             for child in self._grown(state, self._ill(state.wrong)):
                 found.setdefault(child.changed(self.cells), child)
-        return sorted(found.values(), key=promise)[:breadth]
+        return sorted(found.values(), key=promise)[:_BREADTH]
 
     def _ill(self, wrong: frozenset[str]) -> float:
         left, broken = wrong & self.targets, wrong - self.already
@@ -345,33 +335,28 @@ class _Search:
         cover = min(self.covers(state), key=len)
         slips = (self._slips(state, address, lifting=False) for address in sorted(cover))
         for slip in itertools.chain(*slips, self._interchanged(state, [cover])):
-            child = self._after(state, slip, lambda wrong: self._ill(wrong) < below)
-            if child is not None and child.wrong & self.targets:
+            child = self._after(state, slip)
+            if child and child.wrong & self.targets and self._ill(child.wrong) < below:
                 yield child
 
     def _finished(self, state: _State, limit: float) -> Iterator[_State]:
         """Yield every state one slip on in which nothing of the group contradicts."""
         room = limit - state.cost
-        if room < _SMALLEST:
+        if room < min(COSTS.values()):
             return
         covers = self.covers(state)
         common = frozenset.intersection(*covers)
         slips = (self._slips(state, address) for address in sorted(common))
-        for slip in itertools.chain(*slips, self._interchanged(state, covers, room)):
-            whole = slip.cost == room  # as large as what restores everything: so must this
-
-            def lifts(wrong: frozenset[str], whole: bool = whole) -> bool:
-                return not (wrong & self.targets or (whole and wrong - self.already))
-
-            if slip.cost <= room and (child := self._after(state, slip, lifts)):
+        for slip in itertools.chain(*slips, self._interchanged(state, covers)):
+            child = self._after(state, slip, lifting=True) if slip.cost <= room else None
+            # One as large as what restores everything must do so too.
+            if child and (slip.cost < room or not child.wrong - self.already):
                 yield child
 
-    def _interchanged(
-        self, state: _State, covers: Sequence[frozenset[str]], room: float = math.inf
-    ) -> Iterator[_Slip]:
-        """Yield the interchanges, no larger than some room, that touch all covers."""
+    def _interchanged(self, state: _State, covers: Sequence[frozenset[str]]) -> Iterator[_Slip]:
+        """Yield the interchanges that touch all covers."""
         for one in self.interchanges:
-            if COSTS[one.kind] <= room and not any(map(one.addresses.isdisjoint, covers)):
+            if not any(map(one.addresses.isdisjoint, covers)):
                 slip = one.slip(state.cells)
                 if slip is not None:
                     yield slip
@@ -396,13 +381,10 @@ class _Search:
         free = [intervals.contract(relation, boxes, value) for value in values or [None]]
         return [found[address] for found in free if found is not None]
 
-    def _after(
-        self, state: _State, slip: _Slip, worth: Callable[[frozenset[str]], bool]
-    ) -> _State | None:
+    def _after(self, state: _State, slip: _Slip, lifting: bool = False) -> _State | None:
         """Undo a slip, and judge again what it touches and what shares an unknown with that.
 
-        None if what is wrong is not worth going on, which more that is wrong never makes it: the
-        group's own relations tell first.
+        If the group is to be lifted, None where it is not: its own relations tell first.
         """
         batches = self._touched.get(slip.addresses) or self._batches(slip.addresses)
         self._touched[slip.addresses] = batches
@@ -410,7 +392,7 @@ class _Search:
         wrong = state.wrong - {r.name for r in itertools.chain(*batches)}
         for batch in batches:
             wrong |= contradicted(cells, batch)
-            if not worth(wrong):
+            if lifting and wrong & self.targets:
                 return None
         return _State((*state.slips, slip), cells, wrong)
 

@@ -9,7 +9,7 @@ import functools
 import itertools
 import math
 from bisect import bisect_left
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -24,32 +24,26 @@ RelationOutcome = Literal["agrees", "agrees only through rounding", "contradicts
 OUTCOMES: tuple[RelationOutcome, ...] = ("agrees", "agrees only through rounding", "contradicts")
 
 
-class _CutOff(PrintedNumber):
-    """A number as if its further digits had been cut off."""
+@dataclass(frozen=True)
+class _ByAnotherRule(PrintedNumber):
+    """A number as if it had been rounded by another rule, which says to which sides it reaches."""
+
+    sides: Callable[[float], tuple[bool, bool]] = lambda _: (True, True)
 
     @property
     def low(self) -> float:
-        return self.value - 2 * self.half_unit * (self.value <= 0)
+        return self.value - 2 * self.half_unit * self.sides(self.value)[0]
 
     @property
     def high(self) -> float:
-        return self.value + 2 * self.half_unit * (self.value >= 0)
-
-
-class _RoundedUp(PrintedNumber):
-    """A number as if it had been rounded upwards."""
-
-    @property
-    def low(self) -> float:
-        return self.value - 2 * self.half_unit
-
-    @property
-    def high(self) -> float:
-        return self.value
+        return self.value + 2 * self.half_unit * self.sides(self.value)[1]
 
 
 # What else a plain number may have been rounded by. Half up and half to even differ on a tie alone.
-_OTHER_RULES: dict[str, type[PrintedNumber]] = {"truncation": _CutOff, "ceiling": _RoundedUp}
+_OTHER_RULES: dict[str, Callable[[float], tuple[bool, bool]]] = {
+    "truncation": lambda value: (value <= 0, value >= 0),
+    "ceiling": lambda _: (True, False),
+}
 
 
 def reprinted(cell: Cell, text: str) -> Cell:
@@ -173,11 +167,12 @@ def examine(cells: Sheet, relations: Sequence[Relation]) -> list[Examined]:
 
 def _printed_by(rule: str, cells: Sheet) -> Sheet:
     """Return the sheet as if all plain numbers had been rounded by another rule."""
-    kind = _OTHER_RULES[rule]
-    return {
-        a: c if c.number.qualifier else replace(c, content=kind(c.text, c.number.exact))
-        for a, c in cells.items()
-    }
+    sides, anew = _OTHER_RULES[rule], dict(cells)
+    for address, cell in cells.items():
+        if not cell.number.qualifier:
+            number = _ByAnotherRule(cell.text, cell.number.exact, sides=sides)
+            anew[address] = replace(cell, content=number)
+    return anew
 
 
 def _sides(relation: Relation, cells: Sheet, shared: dict[str, Agreement]) -> tuple[float, float]:

@@ -23,7 +23,7 @@ import tomllib
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from types import CodeType, SimpleNamespace
+from types import SimpleNamespace
 from typing import Any, Literal, get_args
 
 from reproduce.printed.cells import Cell
@@ -66,54 +66,42 @@ _PLAIN |= {name: getattr(math, name) for name in ("sqrt", "sin", "tan", "atan")}
 _FLOATS = functions(_PLAIN)
 
 
-@dataclass(frozen=True)
-class _Formula:
-    """A comparison between two expressions.
+class Formula:
+    """A comparison between two expressions, of the form ``left = right``, ``<=`` or ``>=``.
 
     `result` is the name that stands alone on the left of an equation, empty if none does; `bare`
     tells whether both sides are nothing but a name.
+
+    Examples
+    --------
+    >>> formula = Formula("motion = 2 * position - first")
+    >>> formula.result, list(formula.values({"motion": 9.0, "position": 5.0, "first": 1.0}))
+    ('motion', [9.0, 9.0])
     """
 
-    text: str
-    sign: str
-    left: CodeType
-    right: CodeType
-    result: str
-    bare: bool
+    def __init__(self, text: str) -> None:
+        left, self.sign, right = re.split(r"\s*([<>]?=)\s*", text)
+        self.text = text
+        self._sides = [compile(side, "<formula>", "eval") for side in (left, right)]
+        self.result = left if left.isidentifier() and self.sign == "=" else ""
+        self.bare = left.isidentifier() and right.isidentifier()
 
-    def __reduce__(self) -> tuple[Callable[[str], _Formula], tuple[str]]:
+    def __reduce__(self) -> tuple[type[Formula], tuple[str]]:
         """Keep the text alone, from which it can be read again."""
-        return read, (self.text,)
+        return Formula, (self.text,)
 
     @property
     def names(self) -> set[str]:
         """The names of its cells, of its functions and of its units."""
-        return {*self.left.co_names, *self.right.co_names}
+        return {name for side in self._sides for name in side.co_names}
 
     def values(
         self, values: Mapping[str, Any], known: Mapping[str, Any] = _FLOATS, units: Any = _SI
     ) -> Iterator[Any]:
         """Yield both sides for what the names stand for, in some arithmetic."""
         scope = {"u": units, **known, **values}
-        for side in (self.left, self.right):
+        for side in self._sides:
             yield eval(side, {"__builtins__": {}}, scope)
-
-
-@functools.cache
-def read(text: str) -> _Formula:
-    """Read a formula.
-
-    Examples
-    --------
-    >>> formula = read("motion = 2 * position - first")
-    >>> formula.result, list(formula.values({"motion": 9.0, "position": 5.0, "first": 1.0}))
-    ('motion', [9.0, 9.0])
-    """
-    left, sign, right = re.split(r"\s*([<>]?=)\s*", text)
-    codes = [compile(side, "<formula>", "eval") for side in (left, right)]
-    named = left.isidentifier()
-    result = left if named and sign == "=" else ""
-    return _Formula(text, sign, codes[0], codes[1], result, named and right.isidentifier())
 
 
 @dataclass(frozen=True)
@@ -165,7 +153,7 @@ class Relation:
     name: str
     # The name of its declaration, with the placeholders.
     declared: str
-    formula: _Formula
+    formula: Formula
     # The address (or, for a list, the addresses) behind each name of the formula.
     binding: Mapping[str, str | tuple[str, ...]]
     # Where the paper says so: an equation, a definition, geometry.
@@ -244,11 +232,6 @@ def declarations(paper: str) -> dict[str, Any]:
     return tomllib.loads(file.read_text(encoding="utf-8")) if file.is_file() else {}
 
 
-def relations_of(paper: str, cells: Sheet) -> list[Relation]:
-    """Return the relations that the printed numbers of a paper should keep, as declared."""
-    return declared(declarations(paper), cells, f"{paper}/")
-
-
 def declared(content: Mapping[str, Any], cells: Sheet, prefix: str = "") -> list[Relation]:
     """Return relations in order of declaration."""
     named: dict[str | None, Any] = {
@@ -275,7 +258,7 @@ def _relation(
 ) -> Relation:
     own = {name: text for name, text in line.items() if name not in {"cells", "each"}}
     marks = {key: re.sub(r"[^a-zA-Z0-9]", "-", value).strip("-") for key, value in place.items()}
-    formula, restates = read(own["formula"].format(**place)), own.get("restates", "")
+    formula, restates = Formula(own["formula"].format(**place)), own.get("restates", "")
     pairs = (pair.split("=", 1) for pair in line["cells"].format(**place).split())
     bound = {name: _bound(prefix + where, cells) for name, where in pairs}
     restates = restates and prefix + restates.format(**place)

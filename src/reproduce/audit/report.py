@@ -19,12 +19,12 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from reproduce.audit import examine
 from reproduce.audit.corrections import Correction, corrections
-from reproduce.audit.relation import Finder, Relation, Sheet, declarations, relations_of
+from reproduce.audit.relation import Finder, Relation, Sheet, declarations, declared
 from reproduce.physics import attitude, light, optics, registration
 from reproduce.physics.attitude import rotation_from_vector
 from reproduce.physics.registration import constraint, constraint_printed
 from reproduce.physics.validate import FloatArray
-from reproduce.printed.cells import Cell, library
+from reproduce.printed.cells import library
 from reproduce.printed.number import si_factor
 
 # Far above the noise of double precision, far below any digit of print.
@@ -90,17 +90,12 @@ def _constraint(cells: Sheet) -> _Values:
     return float(constraint_printed(turn)), float(constraint(turn)), 0.0
 
 
-def _corners(cells: Sheet) -> tuple[FloatArray, FloatArray]:
-    """Return the corners of the detector, and its middle."""
-    size = np.array([cells[f"niu2024/text-optics#pixels-{a}"].si for a in "xy"])
-    corners = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]]) * (size - 1)
-    return corners, optics.detector_centre(size)
-
-
 def _iteration(cells: Sheet) -> _Values:
     rows = ("scale", "rotation", "translation-x", "translation-y")
     truth = np.array([cells[f"niu2024/table-2#{row}.red"].si for row in rows])
-    source, middle = _corners(cells)
+    size = np.array([cells[f"niu2024/text-optics#pixels-{a}"].si for a in "xy"])
+    source = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]]) * (size - 1)
+    middle = optics.detector_centre(size)
     target = registration.Registration("similarity", truth, middle).apply(source)
     errors = []
     for step in (registration.gauss_newton_step_printed, registration.gauss_newton_step):
@@ -222,12 +217,6 @@ _RUNS: dict[str, Callable[[Sheet], _Values]] = {
 }
 
 
-def _demonstrations(paper: str, cells: Sheet) -> list[Demonstration]:
-    """Run the equations of a paper as printed, in the order of its file; none without one."""
-    texts = declarations(paper).get("equations", {})
-    return [Demonstration(name, *_RUNS[name](cells), **text) for name, text in texts.items()]
-
-
 @dataclass(frozen=True)
 class Group:
     """Names of contradictions that hang together, and what would lift them.
@@ -278,11 +267,6 @@ class Audit:
         return tuple(f for f in self.findings if f.relation.supposition)
 
     @property
-    def restating(self) -> tuple[examine.Examined, ...]:
-        """The findings on what the paper says that restate a number the library computes."""
-        return tuple(f for f in self.read if f.relation.restates)
-
-    @property
     def failing(self) -> tuple[Demonstration, ...]:
         """The equations that fail as extracted, without those that rest on a supposition."""
         return tuple(e for e in self.equations if not (e.holds or e.supposition))
@@ -295,30 +279,19 @@ class Audit:
         found = [f for f in self.read if restating in {None, bool(f.relation.restates)}]
         return {o: sum(f.outcome == o for f in found) for o in examine.OUTCOMES}
 
-    def finding(self, name: str) -> examine.Examined:
-        """Return the finding on one relation, or raise KeyError."""
-        for finding in self.findings:
-            if finding.relation.name == name:
-                return finding
-        raise KeyError(f"{self.name} has no relation {name!r}")
-
-
-def _paper_sheet(paper: str) -> dict[str, Cell]:
-    """Return the printed numbers of a paper by address."""
-    tables = (table for key, table in library().items() if key.startswith(f"{paper}/"))
-    return {cell.address: cell for table in tables for cell in table.cells if cell.is_number}
-
 
 @functools.cache
 def audit_paper(paper: str) -> Audit:
     """Audit the printed numbers and equations of a paper."""
-    cells = _paper_sheet(paper)
-    return audit(paper, cells, relations_of(paper, cells))
+    tables = (table for key, table in library().items() if key.startswith(f"{paper}/"))
+    cells = {cell.address: cell for table in tables for cell in table.cells if cell.is_number}
+    return audit(paper, cells, declared(declarations(paper), cells, f"{paper}/"))
 
 
 def audit(name: str, cells: Sheet, relations: Sequence[Relation]) -> Audit:
     """Audit some cells: which agree among themselves, and what may be wrong."""
     read = [relation for relation in relations if not relation.supposition]
+    texts = declarations(name).get("equations", {})
     return Audit(
         name=name,
         cells=cells,
@@ -328,7 +301,7 @@ def audit(name: str, cells: Sheet, relations: Sequence[Relation]) -> Audit:
             part for group in examine.groups(cells, read) for part in _parts(cells, read, group)
         ),
         unknowns=examine.agreements(cells, relations),
-        equations=tuple(_demonstrations(name, cells)),
+        equations=tuple(Demonstration(n, *_RUNS[n](cells), **t) for n, t in texts.items()),
     )
 
 
@@ -384,11 +357,11 @@ class Erratum(BaseModel):
 
     def findings(self, audit: Audit) -> list[examine.Examined]:
         """Return the findings of the relations that the entry names."""
-        return [f for f in audit.findings if self.names(f.relation.name)]
-
-    def names(self, relation: str) -> bool:
-        """Tell whether the entry rests on a relation."""
-        return any(fnmatch.fnmatchcase(relation, pattern) for pattern in self.relations)
+        return [
+            finding
+            for finding in audit.findings
+            if any(fnmatch.fnmatchcase(finding.relation.name, one) for one in self.relations)
+        ]
 
     def demonstrations(self, audit: Audit) -> list[Demonstration]:
         """Return the equations, run as printed, that the entry names."""

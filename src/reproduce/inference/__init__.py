@@ -5,9 +5,10 @@
 
 from reproduce.inference.diagnostics import (
     Gates,
+    Summary,
     UnconvergedError,
     autocorrelation_time,
-    diagnose,
+    summarised,
     thinned,
 )
 from reproduce.inference.model import (
@@ -25,7 +26,6 @@ from reproduce.inference.model import (
 from reproduce.inference.posterior import (
     PredictiveCheck,
     Sampled,
-    Summary,
     leanings,
     misfit,
     posterior_checks,

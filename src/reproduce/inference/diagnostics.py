@@ -8,6 +8,7 @@ misses a gate is refused, with its numbers.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +19,8 @@ from reproduce.physics.validate import FloatArray
 # Sokal's window: the sum stops at this many times the autocorrelation time found so far.
 _WINDOW = 5.0
 _TAILS = (0.05, 0.95)
+# Of the central 95 %.
+ENDS = (0.025, 0.975)
 
 
 def _autocorrelation(series: FloatArray) -> FloatArray:
@@ -138,7 +141,6 @@ def mcse_quantile(chains: FloatArray, probability: float) -> float:
 MARGIN, MIXING = 1.5, 2.0
 
 
-@dataclass(frozen=True)
 class Gates:
     """What a set of ensembles must reach.
 
@@ -148,64 +150,50 @@ class Gates:
     - `acceptance`: smallest share of accepted moves: below it an ensemble may be stuck.
     """
 
-    rhat: float = 1.01
-    times: float = 50.0
-    size: float = 400.0
-    acceptance: float = 0.05
+    rhat = 1.01
+    times = 50.0
+    size = 400.0
+    acceptance = 0.05
 
 
 @dataclass(frozen=True)
-class Diagnosis:
-    """The numbers of one parameter.
+class Summary:
+    """The summary of one parameter or consequence, in the unit shown.
 
-    - `name`: the parameter.
-    - `rhat`, `time`, `times`: split R-hat; autocorrelation time in steps; steps over that time.
-    - `bulk`, `tail`: effective sample sizes.
-    - `mcse`: Monte Carlo standard error of the mean, in SI units or px.
+    - `name`, `unit`: which, and its unit.
+    - `mean`, `deviation`, `low`, `median`, `high`: mean, standard deviation, and the median between
+      the ends of the central 95 %.
+    - `mcse`, `mcse_end`: Monte Carlo standard error of the mean, and the larger one of the two
+      ends.
+    - `rhat`, `bulk`, `tail`, `time`: split R-hat, effective sample sizes, autocorrelation time in
+      steps.
     """
 
     name: str
+    unit: str
+    mean: float
+    deviation: float
+    low: float
+    median: float
+    high: float
+    mcse: float
+    mcse_end: float
     rhat: float
-    time: float
-    times: float
     bulk: float
     tail: float
-    mcse: float
+    time: float
 
 
 class UnconvergedError(ArithmeticError):
-    """Chains that miss the gates; the message is short, the attributes carry all numbers.
+    """Chains that miss the gates.
 
-    - `missed`: every gate that was missed, the worst first.
-    - `diagnoses`: of each parameter.
-    - `acceptance`: of each ensemble.
-    - `steps`, optional: how many kept steps would do, by the autocorrelation found; none where more
-      steps do not help.
+    `missed` has every gate that was missed, the worst first. `taken` says how many steps were
+    kept, `steps` how many would do, by the autocorrelation found; none where more do not help.
     """
 
-    def __init__(
-        self,
-        missed: list[str],
-        diagnoses: tuple[Diagnosis, ...],
-        acceptance: tuple[float, ...],
-        steps: int | None = None,
-    ) -> None:
-        self.missed, self.diagnoses, self.acceptance = missed, diagnoses, acceptance
-        self.steps = steps
-        more = f" (and {len(missed) - 1} more)" if len(missed) > 1 else ""
-        advice = "find out what keeps the ensembles from mixing"
-        if steps is not None:
-            advice = f"take about {steps} steps"
-        super().__init__(f"the chains are refused: {missed[0]}{more}; {advice}")
-
-    @property
-    def taken(self) -> int:
-        """Kept steps of the chains."""
-        return round(self.diagnoses[0].time * self.diagnoses[0].times)
-
-    def __reduce__(self) -> tuple[object, ...]:
-        """Survive the way back from a worker process."""
-        return (type(self), (self.missed, self.diagnoses, self.acceptance, self.steps))
+    missed: list[str]
+    taken: int
+    steps: int | None
 
 
 def thinned(chains: FloatArray, time: float) -> FloatArray:
@@ -217,56 +205,61 @@ def thinned(chains: FloatArray, time: float) -> FloatArray:
     return kept.reshape(len(kept), -1, *kept.shape[3:])
 
 
-def diagnose(names: tuple[str, ...], chain: FloatArray) -> tuple[Diagnosis, ...]:
-    """Return the numbers of every parameter of a chain (ensembles, steps, walkers, parameters)."""
-    return tuple(diagnosed(name, chain[..., i]) for i, name in enumerate(names))
-
-
-def diagnosed(name: str, draws: FloatArray) -> Diagnosis:
-    """Return the numbers of one quantity; its standard error is in the unit of the draws."""
-    time = autocorrelation_time(draws)
-    return Diagnosis(
+def summarised(name: str, unit: str, draws: FloatArray, shown: float = 1.0) -> Summary:
+    """Summarise draws of one quantity, (ensembles, steps, walkers), times `shown` in its unit."""
+    time, values = autocorrelation_time(draws), draws * shown
+    low, median, high = np.quantile(values, (ENDS[0], 0.5, ENDS[1])).tolist()
+    return Summary(
         name,
-        _split_rhat(thinned(draws, time)),
-        time,
-        draws.shape[1] / time,
-        _effective_size(_rank_normalised(draws)),
-        _tail_size(draws),
-        float(draws.std() / np.sqrt(draws.size / time)),
+        unit,
+        float(values.mean()),
+        float(values.std()),
+        low,
+        median,
+        high,
+        mcse=float(draws.std() / np.sqrt(draws.size / time)) * shown,
+        mcse_end=max(mcse_quantile(values, end) for end in ENDS),
+        rhat=_split_rhat(thinned(draws, time)),
+        bulk=_effective_size(_rank_normalised(draws)),
+        tail=_tail_size(draws),
+        time=time,
     )
 
 
 def require(
-    diagnoses: tuple[Diagnosis, ...], acceptance: tuple[float, ...], gates: Gates | None = None
+    rows: Sequence[Summary], steps: int, acceptance: Sequence[float], times: float = Gates.times
 ) -> None:
     """Raise `UnconvergedError` where a gate is missed, or a number is not finite."""
-    gates = gates or Gates()
     # How many times more steps each gate needs, and which it is; NaN misses and comes first.
     missed: list[tuple[float, str]] = []
-    for one in diagnoses:
-        if not one.rhat <= gates.rhat:
-            words = f"{one.name}: R-hat {one.rhat:.4f}, at most {gates.rhat:g} allowed"
+    for one in rows:
+        if not one.rhat <= Gates.rhat:
+            words = f"{one.name}: R-hat {one.rhat:.4f}, at most {Gates.rhat:g} allowed"
             missed.append((MIXING if np.isfinite(one.rhat) else np.inf, words))
-        if not one.times >= gates.times:
+        if not (found := steps / one.time) >= times:
             words = (
-                f"{one.name}: {one.times:.1f} autocorrelation times (one is {one.time:.1f} steps), "
-                f"at least {gates.times:g} required"
+                f"{one.name}: {found:.1f} autocorrelation times (one is {one.time:.1f} steps), "
+                f"at least {times:g} required"
             )
-            missed.append((_short(gates.times, one.times), words))
+            missed.append((_short(times, found), words))
         for kind, size in (("bulk", one.bulk), ("tail", one.tail)):
-            if not size >= gates.size:
-                words = f"{one.name}: {kind} ESS {size:.0f}, at least {gates.size:g} needed"
-                missed.append((_short(gates.size, size), words))
-    if not min(acceptance) >= gates.acceptance:
-        words = f"acceptance {min(acceptance):.3f}, at least {gates.acceptance:g} required"
+            if not size >= Gates.size:
+                words = f"{one.name}: {kind} ESS {size:.0f}, at least {Gates.size:g} needed"
+                missed.append((_short(Gates.size, size), words))
+    if not min(acceptance) >= Gates.acceptance:
+        words = f"acceptance {min(acceptance):.3f}, at least {Gates.acceptance:g} required"
         missed.append((np.inf, words))
     if missed:
         missed.sort(key=lambda miss: -miss[0])
-        factor, steps = missed[0][0], None
+        factor, worst = missed[0]
+        more = f" (and {len(missed) - 1} more)" if len(missed) > 1 else ""
+        needed, advice = None, "find out what keeps the ensembles from mixing"
         if np.isfinite(factor):
-            kept = diagnoses[0].time * diagnoses[0].times
-            steps = int(np.ceil(MARGIN * factor * kept / 100)) * 100
-        raise UnconvergedError([words for _, words in missed], diagnoses, acceptance, steps)
+            needed = int(np.ceil(MARGIN * factor * steps / 100)) * 100
+            advice = f"take about {needed} steps"
+        error = UnconvergedError(f"the chains are refused: {worst}{more}; {advice}")
+        error.steps, error.taken, error.missed = needed, steps, [words for _, words in missed]
+        raise error
 
 
 def _short(needed: float, found: float) -> float:

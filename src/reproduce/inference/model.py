@@ -254,10 +254,6 @@ class Model:
             total += parameter.prior.log_density(column)
         return total
 
-    def log_likelihood(self, parameters: FloatArray) -> FloatArray:
-        """Log likelihood, shape (n,), of vectors of shape (n, d)."""
-        return self.likelihood(parameters)
-
     def log_posterior(self, parameters: FloatArray) -> FloatArray:
         """Log prior plus log likelihood, shape (n,); the likelihood sees supported values only."""
         total = self.log_prior(parameters)
@@ -267,15 +263,6 @@ class Model:
         elif inside.any():
             total[inside] += self.likelihood(parameters[inside])
         return np.where(np.isnan(total), -np.inf, total)
-
-    def draw_prior(self, generator: Generator, count: int) -> FloatArray:
-        """Independent draws from the prior, shape (count, d)."""
-        columns = [p.prior.draw(generator, count) for p in self.parameters]
-        return np.stack(columns, axis=-1)
-
-    def simulate(self, parameters: FloatArray, generator: Generator) -> Any:
-        """Data that one parameter vector, shape (d,), would have given."""
-        return self.likelihood.simulate(parameters, generator)
 
     def repeat(self, parameters: FloatArray, generator: Generator) -> Any:
         """Data of a repeat of this experiment, for one parameter vector of the posterior."""
@@ -287,11 +274,21 @@ class Model:
         """The same model with other data; point estimates do not carry over."""
         return replace(self, likelihood=self.likelihood.given(data), estimate={})
 
+    def with_priors(self, priors: Mapping[str, Prior]) -> Model:
+        """The same model with some priors replaced, by name; an unknown name is a ValueError."""
+        if unknown := priors.keys() - set(self.names):
+            raise ValueError(
+                f"priors: expected names among {', '.join(self.names)}, got "
+                f"{', '.join(sorted(unknown))}; check the spelling"
+            )
+        parameters = (replace(p, prior=priors.get(p.name, p.prior)) for p in self.parameters)
+        return replace(self, parameters=tuple(parameters))
+
     def start(self, generator: Generator, walkers: int) -> FloatArray:
         """Over-dispersed starting points about a displaced centre, shape (walkers, d).
 
         The displacement belongs to the ensemble, so that ensembles start apart from each other.
-        Where hardly any point has a finite posterior, a ValueError says which prior excludes them.
+        Where hardly any point has a finite posterior, a ValueError says what was tried.
         """
         rough, spread = self.likelihood.start()
         centre = rough + _OVERDISPERSION * spread * generator.normal(size=self.dimension)
@@ -303,18 +300,10 @@ class Model:
             points = np.concatenate([points, tried[np.isfinite(self.log_posterior(tried))]])
             if len(points) >= walkers:
                 return points[:walkers]
-        raise ValueError(f"{self.name}: nowhere to start from: {self._excluded(rough)}")
-
-    def _excluded(self, rough: FloatArray) -> str:
-        """Why a rough estimate, shape (d,), has no finite posterior, and what to do."""
-        for value, one in zip(rough.tolist(), self.parameters, strict=True):
-            if not np.isfinite(one.prior.log_density(np.array([value]))[0]):
-                prior = one.prior.in_unit(one.shown)
-                return (
-                    f"the rough estimate of {one.name} is {value * one.shown:.6g} "
-                    f"{one.unit}, its prior {prior}; check the data, or widen the prior"
-                )
-        return (
-            "hardly any point near the rough estimate has a finite posterior; check the data for "
-            "values that are alike, far off or without noise"
+        pairs = zip(self.parameters, rough.tolist(), strict=True)
+        named = ", ".join(f"{one.name} {value * one.shown:.6g} {one.unit}" for one, value in pairs)
+        raise ValueError(
+            f"{self.name}: hardly any point near the rough estimate ({named}) has a finite "
+            "posterior; widen the priors, or check the data for values that are alike, far off or "
+            "without noise"
         )

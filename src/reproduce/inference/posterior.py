@@ -16,10 +16,10 @@ import numpy as np
 from numpy.random import PCG64, Generator, SeedSequence
 
 from reproduce.inference import diagnostics
-from reproduce.inference.model import Consequence, LogUniform, Model, Normal, Prior
+from reproduce.inference.diagnostics import Summary
+from reproduce.inference.model import LogUniform, Model, Normal, Prior
 from reproduce.physics.validate import FloatArray
 
-_ENDS = (0.025, 0.975)
 # Simulated data sets of a predictive check; a misfit is told that is so improbable, shared among
 # all numbers, by chance.
 REPORTED, MISSED = 1000, 0.01
@@ -28,34 +28,6 @@ REPORTED, MISSED = 1000, 0.01
 BESIDE, LEANING = 0.1, 0.005
 # Further out than so many standard deviations a Gaussian prior contradicts the data.
 _CONTRADICTED = 3.0
-
-
-@dataclass(frozen=True)
-class Summary:
-    """The summary of one parameter or consequence, in the unit shown.
-
-    - `name`, `unit`: which, and its unit.
-    - `mean`, `deviation`, `low`, `median`, `high`: mean, standard deviation, and the median between
-      the ends of the central 95 %.
-    - `mcse`, `mcse_end`: Monte Carlo standard error of the mean, and the larger one of the two
-      ends.
-    - `rhat`, `bulk`, `tail`, `time`: split R-hat, effective sample sizes, autocorrelation time in
-      steps.
-    """
-
-    name: str
-    unit: str
-    mean: float
-    deviation: float
-    low: float
-    median: float
-    high: float
-    mcse: float
-    mcse_end: float
-    rhat: float
-    bulk: float
-    tail: float
-    time: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,9 +39,6 @@ class Sampled:
     - `chain`, (ensembles, steps, walkers, d): all draws after warm-up.
     - `log_posterior`, (ensembles, steps, walkers): unnormalised.
     - `acceptance`: of each ensemble.
-    - `diagnoses`: of each parameter.
-    - `gates`, optional: what consequences must reach too, but for the number of autocorrelation
-      times, which is that of the parameters.
     """
 
     model: Model
@@ -77,65 +46,46 @@ class Sampled:
     chain: FloatArray
     log_posterior: FloatArray
     acceptance: tuple[float, ...]
-    diagnoses: tuple[diagnostics.Diagnosis, ...]
-    gates: diagnostics.Gates | None = None
 
     @property
     def time(self) -> float:
         """The largest autocorrelation time of all parameters, in steps."""
-        return max(one.time for one in self.diagnoses)
+        return max(row.time for row in self.rows)
 
     @cached_property
     def draws(self) -> FloatArray:
         """Nearly independent draws, shape (n, d): thinned by the autocorrelation time."""
         return np.concatenate(diagnostics.thinned(self.chain, self.time))
 
-    def rows(self) -> list[Summary]:
-        """Return the summary of every parameter, in the unit shown."""
-        return self._rows
-
     @cached_property
-    def _rows(self) -> list[Summary]:
-        known = self.diagnoses or diagnostics.diagnose(self.model.names, self.chain)
+    def rows(self) -> list[Summary]:
+        """The summary of every parameter, in the unit shown."""
+        parameters, columns = self.model.parameters, np.moveaxis(self.chain, -1, 0)
         return [
-            _summarised(
-                parameter.name,
-                parameter.unit,
-                self.chain[..., column] * parameter.shown,
-                replace(one, mcse=one.mcse * parameter.shown),
-            )
-            for column, (parameter, one) in enumerate(
-                zip(self.model.parameters, known, strict=True)
-            )
+            diagnostics.summarised(one.name, one.unit, column, one.shown)
+            for one, column in zip(parameters, columns, strict=True)
         ]
 
     def summaries(self) -> list[Summary]:
         """Return the summaries of parameters, then of consequences."""
-        return [*self.rows(), *(row for row, _ in self.consequences())]
-
-    def consequences(self) -> list[tuple[Summary, Consequence]]:
-        """Return the summary of every derived quantity, of draws thinned as `draws` are.
-
-        One that misses a gate is an `UnconvergedError`.
-        """
-        if self.gates is not None:
-            gates = replace(self.gates, times=0.0)
-            diagnoses = tuple(_diagnosis(row, self.chain.shape[1]) for row, _ in self._consequences)
-            diagnostics.require(diagnoses, self.acceptance, gates)
-        return self._consequences
+        return [*self.rows, *self.consequences]
 
     @cached_property
-    def _consequences(self) -> list[tuple[Summary, Consequence]]:
+    def consequences(self) -> list[Summary]:
+        """The summary of every derived quantity, of draws thinned as `draws` are.
+
+        One that misses a gate, but for the number of autocorrelation times, which is that of the
+        parameters, is an `UnconvergedError`.
+        """
         if self.model.derived is None:
             return []
-        stride = max(1, int(np.ceil(self.time)))
+        stride, rows = max(1, int(np.ceil(self.time))), []
         chain = self.chain[:, ::stride]
-        found = self.model.derived(chain.reshape(-1, self.model.dimension))
-        rows = []
-        for name, quantity in found.items():
+        for name, quantity in self.model.derived(chain.reshape(-1, self.model.dimension)).items():
             values = quantity.values.reshape(chain.shape[:3])
-            row = _summarised(name, quantity.unit, values, diagnostics.diagnosed(name, values))
-            rows.append((replace(row, time=stride * row.time), quantity))
+            row = diagnostics.summarised(name, quantity.unit, values)
+            rows.append(replace(row, time=stride * row.time))
+        diagnostics.require(rows, self.chain.shape[1], self.acceptance, times=0.0)
         return rows
 
     def to_datatree(self) -> Any:
@@ -144,12 +94,8 @@ class Sampled:
         Its groups are ``posterior`` (a variable per parameter, in the unit shown, with that unit
         and its prior as attributes) and ``sample_stats`` (log posterior; acceptance of each chain).
         """
-        try:
-            import arviz_base
-        except ModuleNotFoundError as error:
-            raise ModuleNotFoundError(
-                "expected arviz-base, got none; install reproduce-pointing[netcdf]"
-            ) from error
+        import arviz_base
+
         draws = diagnostics.thinned(self.chain, self.time)
         parameters = self.model.parameters
         posterior = {one.name: draws[..., i] * one.shown for i, one in enumerate(parameters)}
@@ -163,32 +109,6 @@ class Sampled:
         tree["sample_stats"].attrs["acceptance"] = list(self.acceptance)
         tree.attrs |= {"model": self.model.name, "seed": self.seed}
         return tree
-
-
-def _diagnosis(row: Summary, steps: int) -> diagnostics.Diagnosis:
-    return diagnostics.Diagnosis(
-        row.name, row.rhat, row.time, steps / row.time, row.bulk, row.tail, row.mcse
-    )
-
-
-def _summarised(name: str, unit: str, values: FloatArray, known: diagnostics.Diagnosis) -> Summary:
-    """Summarise a quantity in the unit of its values, with its numbers from `diagnosed`."""
-    low, median, high = np.quantile(values, (_ENDS[0], 0.5, _ENDS[1]))
-    return Summary(
-        name,
-        unit,
-        float(values.mean()),
-        float(values.std()),
-        float(low),
-        float(median),
-        float(high),
-        known.mcse,
-        max(diagnostics.mcse_quantile(values, end) for end in _ENDS),
-        known.rhat,
-        known.bulk,
-        known.tail,
-        known.time,
-    )
 
 
 @dataclass(frozen=True)
@@ -217,7 +137,7 @@ def posterior_checks(posterior: Sampled, replicates: int = REPORTED) -> list[Pre
     rows = []
     for name, observed in model.likelihood.checks().items():
         values = np.array([one[name] for one in found])
-        low, high = np.quantile(values, _ENDS).tolist()
+        low, high = np.quantile(values, diagnostics.ENDS).tolist()
         rows.append(PredictiveCheck(name, observed, low, high, _two_sided(values, observed)))
     return rows
 
@@ -250,54 +170,29 @@ def _two_sided(values: FloatArray, observed: float) -> float:
     return float(min(1.0, 2 * min(below, 1 - below)))
 
 
-@dataclass(frozen=True)
-class _Leaning:
-    """A parameter whose posterior leans on its prior.
-
-    - `parameter`: which.
-    - `end`: the end of the prior on which it leans, in the unit shown; none for a Gaussian prior,
-      in whose tail it lies.
-    - `unit`, `prior`: the unit shown, and the prior in words.
-    - `share`: share of draws beside the end; for a Gaussian prior how many of its standard
-      deviations the posterior's mean lies out.
-    """
-
-    parameter: str
-    end: float | None
-    unit: str
-    prior: str
-    share: float
-
-    def __str__(self) -> str:
-        """What leans where, in one line."""
-        unit = "" if self.unit == "1" else f" {self.unit}"
-        if self.end is None:
-            return (
-                f"{self.parameter} lies {self.share:.1f} standard deviations out in its prior "
-                f"({self.prior}{unit}), which pulls it"
-            )
-        return (
-            f"{self.parameter} leans on the end {self.end:.4g}{unit} of its prior ({self.prior}"
-            f"{unit}): what is printed of it is a limit, not an estimate"
-        )
-
-
-def leanings(posterior: Sampled) -> list[_Leaning]:
-    """Return the parameters whose posterior leans on an end of a prior, or lies in its tail."""
-    found = []
+def leanings(posterior: Sampled) -> list[str]:
+    """Say in a line each which parameters lean on an end of their prior, or lie in its tail."""
+    told = []
     for parameter, column in zip(
         posterior.model.parameters, np.moveaxis(posterior.chain, -1, 0), strict=True
     ):
-        shown = parameter.prior.in_unit(parameter.shown)
+        name, unit = parameter.name, "" if parameter.unit == "1" else f" {parameter.unit}"
+        prior = f"its prior ({parameter.prior.in_unit(parameter.shown)}{unit})"
         for end, share in _leaning(parameter.prior, column.ravel()):
-            if end in parameter.natural:
-                continue
-            place = None if end is None else end * parameter.shown
-            found.append(_Leaning(parameter.name, place, parameter.unit, str(shown), share))
-    return found
+            if end is None:
+                told.append(
+                    f"{name} lies {share:.1f} standard deviations out in {prior}, which pulls it"
+                )
+            elif end not in parameter.natural:
+                told.append(
+                    f"{name} leans on the end {end * parameter.shown:.4g}{unit} of {prior}: what "
+                    "is printed of it is a limit, not an estimate"
+                )
+    return told
 
 
 def _leaning(prior: Prior, draws: FloatArray) -> list[tuple[float | None, float]]:
+    """Return ends of a prior with the share of draws beside them, or how far out the mean lies."""
     if isinstance(prior, Normal):
         out = float(abs(draws.mean() - prior.mean) / prior.sigma)
         return [(None, out)] if out > _CONTRADICTED else []

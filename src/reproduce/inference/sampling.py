@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import emcee
@@ -23,7 +24,7 @@ from emcee.state import State
 from numpy.random import MT19937, PCG64, Generator, RandomState, SeedSequence
 from scipy.special import gammaln
 
-from reproduce.inference.diagnostics import Gates, UnconvergedError, diagnose, require
+from reproduce.inference.diagnostics import UnconvergedError, require
 from reproduce.inference.model import Coordinates, Model, Progress
 from reproduce.inference.posterior import Sampled
 from reproduce.physics.validate import FloatArray, whole_number
@@ -55,28 +56,20 @@ class _AtOnce(moves.RedBlueMove):  # type: ignore[misc]
             moved, rest = halves == half, halves != half
             straight = self.coordinates.straight(coords)
             new, factors = self.get_proposal(straight[moved], [straight[rest]], model.random)
-            proposed = self._back(new)
+            with np.errstate(over="ignore"):  # far outside: infinite, and rejected
+                proposed = self.coordinates.parameters(new)
             values = model.log_prob_fn(proposed)
+            inside, density = np.isfinite(values), np.full(len(values), -np.inf)
+            volume = self.coordinates.log_volume(proposed[inside])
+            density[inside] = values[inside] + volume
             # Minus infinity less minus infinity cannot occur: a walker never stands on it.
             before = log_prob[moved] + self.coordinates.log_volume(coords[moved])
-            gain = factors + self._density(proposed, values) - before
+            gain = factors + density - before
             taken = np.log(model.random.rand(len(gain))) < gain
             index = np.flatnonzero(moved)[taken]
             coords[index], log_prob[index] = proposed[taken], values[taken]
             accepted[index] = True
         return State(coords, log_prob=log_prob, random_state=state.random_state), accepted
-
-    def _back(self, straight: FloatArray) -> FloatArray:
-        with np.errstate(over="ignore"):  # far outside: infinite, and rejected
-            return self.coordinates.parameters(straight)
-
-    def _density(self, proposed: FloatArray, values: FloatArray) -> FloatArray:
-        inside = np.isfinite(values)
-        if inside.all():
-            return np.asarray(values + self.coordinates.log_volume(proposed))
-        density = np.full(len(values), -np.inf)
-        density[inside] = values[inside] + self.coordinates.log_volume(proposed[inside])
-        return density
 
 
 class _Stretch(_AtOnce, moves.StretchMove):  # type: ignore[misc]
@@ -185,15 +178,6 @@ class Plan:
         return walkers
 
 
-@dataclass(frozen=True)
-class Job:
-    """One ensemble to run; small enough to send to any worker."""
-
-    model: Model
-    plan: Plan
-    ensemble: int
-
-
 def sample(
     model: Model,
     plan: Plan,
@@ -207,20 +191,17 @@ def sample(
     Chains that are too short may be run again, `longer`: with as many steps as they are found to
     need, up to `_MOST`. Without an executor the ensembles run here, one after the other.
     """
-    jobs = [Job(model, plan, ensemble) for ensemble in range(plan.ensembles)]
-    results = []
-    for result in (map if executor is None else executor.map)(run_ensemble, jobs):
+    run, results = partial(run_ensemble, model, plan), []
+    for result in (map if executor is None else executor.map)(run, range(plan.ensembles)):
         results.append(result)
         if progress is not None:
-            progress(len(results), len(jobs))
+            progress(len(results), plan.ensembles)
     chain, log_posterior, accepted = (np.stack(column) for column in zip(*results, strict=True))
-    acceptance = tuple(accepted.tolist())
-    diagnoses = diagnose(model.names, chain)
-    found = Sampled(model, plan.seed, chain, log_posterior, acceptance, diagnoses, Gates())
+    found = Sampled(model, plan.seed, chain, log_posterior, tuple(accepted.tolist()))
     try:
-        require(diagnoses, acceptance)
+        require(found.rows, plan.steps, found.acceptance)
         if longer:
-            found.consequences()
+            found.summaries()
     except UnconvergedError as error:
         if not longer or error.steps is None or error.steps > _MOST:
             raise
@@ -230,7 +211,7 @@ def sample(
 
 
 def run_ensemble(
-    job: Job, lacking: Callable[[FloatArray], int] | None = None
+    model: Model, plan: Plan, ensemble: int, lacking: Callable[[FloatArray], int] | None = None
 ) -> tuple[FloatArray, FloatArray, float]:
     """Run one ensemble.
 
@@ -238,26 +219,20 @@ def run_ensemble(
     that were accepted, all after the warm-up. `lacking`, if given, says of the chain how many
     steps more it needs; it goes on until that is none.
     """
-    plan, dimension = job.plan, job.model.dimension
-    walkers = plan.walkers_for(dimension)
+    walkers = plan.walkers_for(model.dimension)
     warming, sampler = (
         emcee.EnsembleSampler(
-            walkers, dimension, job.model.log_posterior, vectorize=True,
-            moves=mixture(job.model.coordinates, shares),
+            walkers, model.dimension, model.log_posterior, vectorize=True,
+            moves=mixture(model.coordinates, shares),
         )
         for shares in (INWARD, STEADY)
     )  # fmt: skip
-    generator, random_state = _streams(plan.seed, job.ensemble)
-    state = State(job.model.start(generator, walkers), random_state=random_state)
+    here, there = (SeedSequence(plan.seed, spawn_key=(ensemble, i)) for i in (0, 1))
+    random_state = RandomState(MT19937(there)).get_state(legacy=True)
+    state = State(model.start(Generator(PCG64(here)), walkers), random_state=random_state)
     if plan.warmup:
         state = warming.run_mcmc(state, plan.warmup, skip_initial_state_check=True, store=False)
     sampler.run_mcmc(state, plan.steps, skip_initial_state_check=True)
     while lacking and (more := lacking(sampler.get_chain())) > 0:
         sampler.run_mcmc(None, more)
     return sampler.get_chain(), sampler.get_log_prob(), float(sampler.acceptance_fraction.mean())
-
-
-def _streams(seed: int, ensemble: int) -> tuple[Generator, Any]:
-    """Return the generator of the start and emcee's random state, for one ensemble."""
-    child = [SeedSequence(seed, spawn_key=(ensemble, i)) for i in (0, 1)]
-    return Generator(PCG64(child[0])), RandomState(MT19937(child[1])).get_state(legacy=True)

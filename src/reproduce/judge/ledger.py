@@ -53,6 +53,10 @@ Flag = Literal[
 ]
 
 
+_INTERVAL = "results that rounded inputs allow, or the central 99 % of the prediction"
+_TOGETHER = "how often the cells, simulated together, lie as far out as the print"
+
+
 class _Frozen(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -64,9 +68,7 @@ class ReadingRecord(_Frozen):
     place: str = Field(description="where the text leaves room for it")
     added: str = Field(description="the day on which it came into the history of this project")
     computed: float = Field(description="the value, or the median of the prediction")
-    interval: tuple[float, float] = Field(
-        description="results that rounded inputs allow, or the central 99 % of the prediction"
-    )
+    interval: tuple[float, float] = Field(description=_INTERVAL)
     verdict: Verdict = Field(description="what the cell would be judged as")
     flags: tuple[Flag, ...] = Field(description="what qualifies that verdict")
     probability: float | None = Field(description="two-sided mid-p over the printed interval")
@@ -90,17 +92,11 @@ class Record(_Frozen):
         description="the interval of values that print so, null where it is open; null for words"
     )
     role: Literal["result", "given"] = Field(description="result if a computation makes the cell")
-    computed: float | None = Field(
-        description="the value, the median of the prediction, or our stand-in"
-    )
-    interval: tuple[float, float] | None = Field(
-        description="results that rounded inputs allow, or the central 99 % of the prediction"
-    )
+    computed: float | None = Field(description="value, median of the prediction, or our stand-in")
+    interval: tuple[float, float] | None = Field(description=_INTERVAL)
     verdict: Verdict = Field(description="what became of the cell; see the book's page on verdicts")
     flags: tuple[Flag, ...] = Field(description="what qualifies the verdict")
-    tolerance: float | None = Field(
-        description="half the printed interval, or half the width of the predicted one"
-    )
+    tolerance: float | None = Field(description="half the interval of print, or of prediction")
     share: float | None = Field(
         description="|computed - printed| over half the printed interval (exact), "
         "(1 - probability)/0.99 (consistent)"
@@ -114,9 +110,7 @@ class Record(_Frozen):
     reads: tuple[str, ...] = Field(description="the printed cells that it was given")
     equations: tuple[str, ...] = Field(description="the paper's equations it rests on")
     seed: tuple[int, ...] | None = Field(description="root and key of the random stream")
-    readings: tuple[ReadingRecord, ...] = Field(
-        description="for a cell that the text lets be read in several ways: each way tried"
-    )
+    readings: tuple[ReadingRecord, ...] = Field(description="each way tried to read the text")
     reason: str = Field(default="", description="why, as written down with the frozen verdict")
 
 
@@ -127,28 +121,24 @@ class TableRecord(_Frozen):
     cells: int = Field(description="cells with a predicted distribution")
     outside: int = Field(description="of these, cells that differ")
     expected_outside: float = Field(description="cells expected to differ by chance alone")
-    joint_probability: float = Field(
-        description="how often the cells, simulated together, lie as far out as the print"
-    )
+    joint_probability: float = Field(description=_TOGETHER)
     mcse: float
     replicates: int
 
 
 class WholeReading(_Frozen):
-    """How one reading of the text fares on all cells of an item that depend on a reading."""
+    """How one reading of the text fares on all cells of an item that depend on a reading.
+
+    Cells that agree through rounding only may ask for other values of an input that they share.
+    """
 
     key: str
     name: str = Field(description="the reading in a few words")
     added: str = Field(description="the day on which the last part of it came into the history")
     cells: int = Field(description="cells that it says something of")
     agreeing: int = Field(description="of these, cells that agree one by one")
-    apart: int = Field(
-        description="of these, cells that agree through rounding only, which may ask for other "
-        "values of an input that they share"
-    )
-    joint_probability: float | None = Field(
-        description="how often the cells, simulated together, lie as far out as the print"
-    )
+    apart: int = Field(description="of these, cells that agree through rounding only")
+    joint_probability: float | None = Field(description=_TOGETHER)
     mcse: float | None
     replicates: int = Field(description="of the joint probability; zero without one")
 
@@ -165,9 +155,7 @@ class Ledger(_Frozen):
     records: tuple[Record, ...]
     tables: tuple[TableRecord, ...]
     readings: tuple[WholeReading, ...] = ()
-    altered: tuple[str, ...] = Field(
-        default=(), description="files of printed numbers that are not those of their checksums"
-    )
+    altered: tuple[str, ...] = Field(default=(), description="printed files that miss their sums")
     software: str = Field(default="", description="what made an export: name, version, day, commit")
     citation: str = Field(default="", description="how to cite an export, and the paper")
 
@@ -177,10 +165,10 @@ class Ledger(_Frozen):
 
     def cell(self, address: str) -> Record:
         """Return the record of one cell."""
-        found = [record for record in self.records if record.cell == address]
-        if not found:
-            raise KeyError(f"no record of {address!r}; `reproduce list` shows the keys")
-        return found[0]
+        for record in self.records:
+            if record.cell == address:
+                return record
+        raise KeyError(f"no record of {address!r}; `reproduce list` shows the keys")
 
     def whole_readings(self, key: str) -> tuple[WholeReading, ...]:
         """Return how each reading of an item fares on all its cells at once; none without."""
@@ -384,14 +372,10 @@ def _joint(
     together = _together((cell, _literal(result)) for cell, result in own)
     if not together["replicates"]:
         return ()
-    record = TableRecord(
-        key=table.key,
-        cells=len(own),
-        outside=sum(records[cell.name].verdict == "differs" for cell, _ in own),
-        expected_outside=len(own) * (1 - CENTRAL),
-        **together,
-    )
-    return (record,)
+    outside = sum(records[cell.name].verdict == "differs" for cell, _ in own)
+    chance = len(own) * (1 - CENTRAL)
+    record = {"key": table.key, "cells": len(own), "outside": outside, "expected_outside": chance}
+    return (TableRecord.model_validate(record | together),)
 
 
 def _whole_readings(
@@ -468,7 +452,8 @@ class Expectation:
 def frozen() -> dict[str, Expectation]:
     """Return the frozen verdicts by address."""
     expectations: dict[str, Expectation] = {}
-    for entry in _entries():
+    texts = [(one / "verdicts.toml").read_text(encoding="utf-8") for one in data_folders()]
+    for entry in (entry for text in texts for entry in tomllib.loads(text)["expect"]):
         one = Expectation(**{name: text for name, text in entry.items() if name != "cells"})
         if one.verdict not in VERDICTS:
             raise ValueError(f"verdicts.toml: unknown verdict {one.verdict!r}; one of {VERDICTS}")
@@ -479,13 +464,6 @@ def frozen() -> dict[str, Expectation]:
                 raise ValueError(f"verdicts.toml: {address} stands twice; keep one")
             expectations[address] = one
     return expectations
-
-
-@cache
-def _entries() -> list[dict[str, Any]]:
-    """Return the entries of the frozen verdicts of all papers."""
-    texts = [(one / "verdicts.toml").read_text(encoding="utf-8") for one in data_folders()]
-    return [entry for text in texts for entry in tomllib.loads(text)["expect"]]
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ follow is used, see `tools/evidence/laws.py`.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,6 @@ from numpy.typing import NDArray
 from reproduce.judge.verdicts import CENTRAL
 from reproduce.papers.declare import LEAST_DRAWS, Column, Fact, studied
 from reproduce.papers.niu2024 import readings, simulation
-from reproduce.printed.cells import Cell, find
 from reproduce.printed.given import given
 
 Array = NDArray[np.float64]
@@ -33,11 +33,6 @@ GROUPS = {
 # Smaller probabilities are not told apart: the law is an extrapolation so far out.
 _LEAST = 1e-12
 _LEAST_CORRECTED = 1e3 * _LEAST  # a correction multiplies by nearly a thousand readings
-
-
-def cells() -> list[Cell]:
-    """Return the printed cells, in the order of `ADDRESSES`."""
-    return [find(address)[0] for address in readings.ADDRESSES]
 
 
 def _corrected(joint: Array, readings: int) -> Array:
@@ -94,11 +89,8 @@ def _facts() -> dict[str, Fact]:
     def count(number: int) -> Fact:
         return Fact(int(number), ",")
 
-    def largest(values: Array) -> Fact:
-        return Fact(float(values.max()), "chance", zero=_LEAST)
-
-    def largest_corrected(values: Array) -> Fact:
-        return Fact(float(_corrected(values, counts.size).max()), "chance", zero=_LEAST_CORRECTED)
+    def largest(values: Array, zero: float = _LEAST) -> Fact:
+        return Fact(float(values.max()), "chance", zero=zero)
 
     def common(values: Iterable[str]) -> Fact:
         return Fact(" or ".join(sorted(set(values))))
@@ -119,15 +111,16 @@ def _facts() -> dict[str, Fact]:
         "closest-before-far": Fact(min(distance[r, c, residuals] for r, c in least), ".0f"),
         "closest-before": largest(np.array([joint[r, c, residuals] for r, c in least])),
         "best-joint": largest(whole),
-        "best-corrected": largest_corrected(whole),
+        "best-corrected": largest(_corrected(whole, counts.size), _LEAST_CORRECTED),
         "best-but-scales": largest(but_scales),
-        "best-but-scales-corrected": largest_corrected(but_scales),
+        "best-but-scales-corrected": largest(_corrected(but_scales, counts.size), _LEAST_CORRECTED),
         "best-green": largest(but_scales[green]),
         "best-scale": largest(tails[..., _SCALE]),
         "least-counted": count(LEAST_DRAWS),
     }
 
 
+_chance = partial(Column, form="chance", zero=_LEAST, draws=readings.REPLICATES)
 _AXES = Column("RMSE of")
 _OUTSIDE = Column("Cells outside", "d")
 _CORRECTED = Column("p, all, corrected", "chance", _LEAST_CORRECTED)
@@ -139,13 +132,11 @@ _CORRECTED = Column("p, all, corrected", "chance", _LEAST_CORRECTED)
         *readings.CHOICES,
         _AXES,
         *(
-            Column(
-                f"{name}, {channel}", "chance", _LEAST, draws=readings.REPLICATES, bold=1 - CENTRAL
-            )
+            _chance(f"{name}, {channel}", bold=1 - CENTRAL)
             for channel in simulation.REGISTERED
             for name in ("k", "θ", "Δx", "Δy", "before", "after")
         ),
-        *(Column(f"p, {name}", "chance", _LEAST, draws=readings.REPLICATES) for name in GROUPS),
+        *(_chance(f"p, {name}") for name in GROUPS),
         _CORRECTED,
         _OUTSIDE,
     ),
@@ -176,7 +167,7 @@ def _probabilities() -> Iterator[tuple[object, ...]]:
             column
             for name in GROUPS
             for column in (
-                Column(f"p, {name}", "chance", _LEAST, draws=readings.REPLICATES),
+                _chance(f"p, {name}"),
                 Column(f"Distance, {name} (σ)", ".0f"),
             )
         ),

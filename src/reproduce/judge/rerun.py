@@ -16,14 +16,13 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from functools import cache, cached_property, lru_cache
+from functools import cache, lru_cache
 from itertools import chain
-from types import MappingProxyType
 from typing import TypeVar
 
 import numpy as np
 
-from reproduce.judge.ledger import Record, TableRecord, reread
+from reproduce.judge.ledger import ReadingRecord, TableRecord, reread
 from reproduce.judge.verdicts import central
 from reproduce.papers import catalogue as registry
 from reproduce.papers.catalogue import catalogue, drawings
@@ -39,7 +38,6 @@ _VALUE = re.compile(
 )
 # Relative: far above rounding noise, far below what any printed digit shows.
 _NOISE = 1e-9
-_NOTHING: Mapping[str, str] = MappingProxyType({})
 # More than so many times a printed count, or so many replicates, would only fill the memory.
 LARGEST, MOST_REPLICATES = 20, 100_000
 # Cells that a message names of those that could be meant.
@@ -144,10 +142,9 @@ def changeable(key: str) -> tuple[str, ...]:
     >>> "niu2024/text-simulation#noise" in changeable("niu2024/table-3")
     True
     """
-    if key in studies():
-        return _upstream(studies()[key].given)
-    if key in drawings():
-        return _upstream(drawings()[key].given)
+    for declared in (studies(), drawings()):
+        if key in declared:
+            return _upstream(declared[key].given)
     if "#" in key:
         made_by = maker(key)
         return () if made_by is None else _upstream(made_by.given)
@@ -188,10 +185,8 @@ def in_si(cell: Cell, value: str | float) -> float:
         wanted = f"{symbol(cell.unit) or 'no unit'} as in the print ({cell.shown})"
     elif not math.isfinite(number):
         wanted = "a finite number"
-    elif cell.unit == "count" and number != round(number):
-        wanted = "a whole number"
-    elif cell.unit == "count" and not 0 <= number <= most:
-        wanted = f"a count up to {LARGEST} times the printed one, {most:.0f}"
+    elif cell.unit == "count" and not (number == round(number) and 0 <= number <= most):
+        wanted = f"a whole number up to {LARGEST} times the printed one, {most:.0f}"
     if wanted:
         raise CannotChangeError(f"{cell.address}: expected {wanted}, got {value!r}")
     return number * si_factor(unit)
@@ -247,15 +242,13 @@ def check_randomness(
     key: str, random: bool, changes: Iterable[str], seed: int | None, replicates: int | None = None
 ) -> None:
     """Refuse a seed and replicates out of range, or where nothing draws random numbers."""
-    for name, number in (("replicates", replicates), ("seed", seed)):
-        if number is not None and not isinstance(number, int | np.integer):
-            raise CannotChangeError(f"{name}: expected a whole number, got {number!r}")
-    if replicates is not None and not 2 <= replicates <= MOST_REPLICATES:
-        raise CannotChangeError(
-            f"replicates: expected from 2 to {MOST_REPLICATES:,}, got {replicates}"
-        )
-    if seed is not None and seed < 0:
-        raise CannotChangeError(f"seed: expected zero or more, got {seed}")
+    for name, number, least, most, span in (
+        ("replicates", replicates, 2, MOST_REPLICATES, f"from 2 to {MOST_REPLICATES:,}"),
+        ("seed", seed, 0, math.inf, "from zero up"),
+    ):
+        whole = isinstance(number, int | np.integer)
+        if number is not None and not (whole and least <= number <= most):
+            raise CannotChangeError(f"{name}: expected a whole number {span}, got {number!r}")
     asked = " and no ".join(by_name({}, seed, replicates))
     if asked and not random and not _drawn_above(key, set(changes)):
         raise CannotChangeError(
@@ -326,43 +319,25 @@ def _check_options(key: str, chosen: Mapping[str, str]) -> None:
             listed = "; ".join(f"{n} ({', '.join(ways)})" for n, ways in known.items())
             raise CannotChangeError(
                 f"{key} has no option {name!r}; it leaves open: {listed or 'nothing'}"
-                f"{_as_change(key, name)}"
             )
         if way not in known[name]:
             raise CannotChangeError(
                 f"{key}: {name} is one of {', '.join(known[name])}, got {way!r}"
-                f"{_as_change(key, name)}"
             )
-
-
-def _as_change(key: str, name: str) -> str:
-    """Say how to change a printed cell that is called like an option, if one is."""
-    cells = [find(address)[0] for address in changeable(key) if address.endswith(f"#{name}")]
-    return "".join(
-        f"; what is printed, {one.shown}, is a cell to change: {one.address}" for one in cells
-    )
 
 
 def _reading(key: str, chosen: dict[str, str]) -> Rerun:
     """Judge an item under options alone."""
     found, before = reread(key, chosen), reread(key, {})
-    cells = [
-        one
-        for record in found.of(key)
-        if record.role == "result"
-        for one in _as_read(record, before.cell(record.cell).computed)
-    ]
+    cells = []
+    for record in (record for record in found.of(key) if record.role == "result"):
+        cell, unchanged = find(record.cell)[0], before.cell(record.cell).computed
+        for one in record.readings or (record,):
+            name = one.name if isinstance(one, ReadingRecord) else ""
+            cells.append(
+                ChangedCell(cell, unchanged, one.computed, one.interval, name, one.verdict)
+            )
     return Rerun(key, {}, tuple(cells), {}, chosen, found.table(key))
-
-
-def _as_read(record: Record, unchanged: float | None) -> list[ChangedCell]:
-    cell = find(record.cell)[0]
-    if record.readings:
-        return [
-            ChangedCell(cell, unchanged, one.computed, one.interval, one.name, one.verdict)
-            for one in record.readings
-        ]
-    return [ChangedCell(cell, unchanged, record.computed, record.interval, would_be=record.verdict)]
 
 
 @lru_cache(maxsize=8)
@@ -382,33 +357,23 @@ def _changed(cell: Cell, before: Result, after: Result) -> list[ChangedCell]:
             for one, other in zip(before.readings, after.readings, strict=True)
         ]
     unit = si_factor(cell.unit)
-    return [
-        ChangedCell(cell, _middle(one, unit), _middle(other, unit), _central(cell, other), reading)
-        for reading, one, other in pairs
-    ]
+    cells = []
+    for reading, one, other in pairs:
+        ends = central(other.draws / unit) if isinstance(other, Prediction) else None
+        cells.append(ChangedCell(cell, _middle(one, unit), _middle(other, unit), ends, reading))
+    return cells
 
 
-def _same(cell: Cell, found: float, unchanged: float) -> bool:
-    """Tell whether two results differ by no more than rounding noise, which processors do."""
-    low, high = cell.number.interval()
-    print_width = (high - low) * si_factor(cell.unit)
-    return math.isclose(found, unchanged, rel_tol=_NOISE, abs_tol=_NOISE * print_width)
-
-
+@dataclass(frozen=True, eq=False)
 class _Run:
     """Values of cells under one set of changes, every computation run at most once."""
 
-    def __init__(
-        self,
-        values: Mapping[str, float],
-        seed: int | None = None,
-        replicates: int | None = None,
-        chosen: Mapping[str, str] = _NOTHING,
-    ) -> None:
-        self.values, self.seed, self.replicates = dict(values), seed, replicates
-        self.chosen = chosen
-        self.replaced: _Replaced = {}
-        self._results: dict[str, Mapping[str, Result]] = {}
+    values: Mapping[str, float]
+    seed: int | None = None
+    replicates: int | None = None
+    chosen: Mapping[str, str] = field(default_factory=dict)
+    replaced: _Replaced = field(default_factory=dict)
+    _results: dict[str, Mapping[str, Result]] = field(default_factory=dict)
 
     def results(self, computation: Computation) -> Mapping[str, Result]:
         """Return the results of a computation whose inputs follow the changes."""
@@ -430,15 +395,17 @@ class _Run:
         if above is None or not self.values.keys() & set(_upstream(above.given)):
             return None
         cell = find(address)[0]
-        found, unchanged = self._made(above, cell), self._unchanged._made(above, cell)
-        if found is None or (unchanged is not None and _same(cell, found, unchanged)):
-            return None  # nothing is computed, or no change reaches this cell
+        plain = _from_print(self.seed, self.replicates, tuple(self.chosen.items()))
+        found, unchanged = self._made(above, cell), plain._made(above, cell)
+        if found is None:
+            return None
+        low, high = (end * si_factor(cell.unit) for end in cell.number.interval())
+        # No more than rounding noise, which processors differ by: no change reaches this cell.
+        noise = {"rel_tol": _NOISE, "abs_tol": _NOISE * (high - low)}
+        if unchanged is not None and math.isclose(found, unchanged, **noise):
+            return None
         self.replaced[address] = found / si_factor(cell.unit)
         return found
-
-    @cached_property
-    def _unchanged(self) -> _Run:
-        return _from_print(self.seed, self.replicates, tuple(self.chosen.items()))
 
     def _made(self, computation: Computation, cell: Cell) -> float | None:
         result = self.results(computation).get(cell.name)
@@ -452,12 +419,6 @@ def _middle(result: Result, unit: float = 1.0) -> float | None:
     if isinstance(result, Blocked):
         return None if result.stand_in is None else result.stand_in / unit
     return float(result) / unit
-
-
-def _central(cell: Cell, result: Result) -> Interval | None:
-    if not isinstance(result, Prediction):
-        return None
-    return central(result.draws / si_factor(cell.unit))
 
 
 # The modules of the tables that see printed answers, which no module of a paper may.

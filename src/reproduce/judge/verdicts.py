@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reproduce.papers.declare import Blocked, Computation
-from reproduce.printed.cells import Cell
 from reproduce.printed.given import Given
 from reproduce.printed.number import Interval, PrintedNumber
 
@@ -76,9 +75,9 @@ def judge_value(printed: PrintedNumber, value: float, interval: tuple[float, flo
     if agrees and not rounds:
         flags += ("through_rounding",)
     half = printed.reach
-    share = abs(value - printed.value) / half if agrees and half and not printed.is_bound else None
-    if agrees and not half and not printed.is_bound:
-        share = 0.0  # a count is met or missed; there is no digit to round
+    share = None
+    if agrees and not printed.is_bound:  # a count is met or missed: there is no digit to round
+        share = abs(value - printed.value) / half if half else 0.0
     return Judgement("exact" if agrees else "differs", value, interval, flags, half, share)
 
 
@@ -192,8 +191,6 @@ def result_intervals(computation: Computation, given: Given) -> dict[str, Interv
     Cell name to the smallest and largest result, in SI; for a reading of a blocked cell, the name
     that `reading_name` gives.
     """
-    if computation.replicates:
-        raise ValueError(f"{computation.name}: expected a deterministic computation")
     centre = numbers(computation, given)
     slopes: dict[str, dict[str, float]] = {name: {} for name in centre}
     for cell in given.numbers():
@@ -222,11 +219,12 @@ def plain_results(computation: Computation, given: Given) -> dict[str, str]:
     """
     centre = numbers(computation, given)
     follows: dict[str, dict[str, set[float]]] = {name: {} for name in centre}
-    for cell in given.cells.values():
-        if not cell.is_number:
-            continue
+    for cell in (cell for cell in given.cells.values() if cell.is_number):
         for steps in (1, -1):
-            moved = Given({**given.cells, cell.address: _moved(cell, steps)})
+            number, last = cell.number, Decimal(1).scaleb(cell.number.exponent)
+            text = str(Decimal(number.text) + steps * last)
+            other = replace(cell, content=replace(number, text=text))
+            moved = Given({**given.cells, cell.address: other})
             step = moved[cell.address] - given[cell.address]
             for name, value in numbers(computation, moved).items():
                 follows[name].setdefault(cell.address, set()).add(
@@ -244,12 +242,6 @@ def plain_results(computation: Computation, given: Given) -> dict[str, str]:
         elif given.cells and not slopes and value == 0:
             found[name] = "difference"
     return found
-
-
-def _moved(cell: Cell, steps: int) -> Cell:
-    number = cell.number
-    text = Decimal(number.text) + steps * Decimal(1).scaleb(number.exponent)
-    return replace(cell, content=replace(number, text=str(text)))
 
 
 def reading_name(cell: str, reading: str) -> str:

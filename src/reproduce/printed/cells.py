@@ -339,10 +339,10 @@ def _altered(folder: Path) -> list[str]:
     try:
         lines = sums.read_text(encoding="utf-8").splitlines()
         recorded = {name: digest for digest, name in (line.split("  ", 1) for line in lines)}
-    except FileNotFoundError as error:
-        raise PrintedFileError(f"{sums} is missing: restore it, or run `make checksums`") from error
-    except ValueError as error:
-        raise PrintedFileError(f"{sums}: a line is no checksum and name; restore it") from error
+    except (FileNotFoundError, ValueError) as error:
+        raise PrintedFileError(
+            f"{sums} is missing or no list of checksums: restore it, or run `make checksums`"
+        ) from error
     found = {
         path.relative_to(folder).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest()
         for path in folder.rglob("*")

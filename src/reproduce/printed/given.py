@@ -56,10 +56,6 @@ class Given:
         moved = number.value + self.shifts.get(address, 0.0) * number.reach
         return moved * si_factor(cell.unit)
 
-    def __contains__(self, address: str) -> bool:
-        """Tell whether `address` was declared."""
-        return address in self.cells
-
     def half_unit(self, address: str) -> float:
         """Return half a unit of the last digit of the number at `address`, in SI units."""
         cell = self._cell(address)
@@ -67,9 +63,6 @@ class Given:
 
     def count(self, address: str) -> int:
         """Return the whole number at `address`."""
-        cell = self._cell(address)
-        if cell.unit != "count":
-            raise TypeError(f"{address}: expected a count, the cell has the unit {cell.unit!r}")
         return round(self[address])
 
     def array(self, pattern: str) -> NDArray[np.float64]:
@@ -81,14 +74,8 @@ class Given:
 
     def numbers(self) -> list[Cell]:
         """Return the declared cells that hold a rounded number."""
-        return [
-            cell
-            for cell in self.cells.values()
-            if cell.is_number
-            and not cell.number.exact
-            and not cell.number.is_bound
-            and cell.address not in self.values
-        ]
+        cells = (c for c in self.cells.values() if c.is_number and c.address not in self.values)
+        return [cell for cell in cells if not (cell.number.exact or cell.number.is_bound)]
 
     def shifted(self, shifts: Mapping[str, float]) -> Given:
         """Return the same inputs with some moved within their rounding intervals."""
@@ -96,8 +83,7 @@ class Given:
 
     def changed(self, values: Mapping[str, float]) -> Given:
         """Return the same inputs with other values in place of some printed ones."""
-        declared = {address: value for address, value in values.items() if address in self.cells}
-        return replace(self, values={**self.values, **declared})
+        return replace(self, values={**self.values, **values})
 
     def _cell(self, address: str) -> Cell:
         if address not in self.cells:

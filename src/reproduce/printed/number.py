@@ -14,8 +14,9 @@ What a print may mean is said here alone, for the ledger and the audit alike:
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
-from decimal import ROUND_HALF_EVEN, Decimal, InvalidOperation
+from decimal import ROUND_HALF_EVEN, Decimal
 from functools import cached_property
 from math import pi
 
@@ -26,6 +27,7 @@ from reproduce.units import RADIANS_PER_ARCSEC
 _FLOAT_SLACK = 1e-9
 # More digits than these, and a decimal of the usual precision cannot be rounded.
 _MOST_DIGITS = 25
+_DIGITS = re.compile(r"[-+]?\d+(\.\d*)?([eE][-+]?\d+)?")
 
 Interval = tuple[float, float]
 _BOUNDS = ("less", "greater", "at-least", "within")
@@ -60,11 +62,7 @@ class PrintedNumber:
 
     def __post_init__(self) -> None:
         """Refuse text that is not a number."""
-        try:
-            finite = Decimal(self.text).is_finite()
-        except InvalidOperation:
-            finite = False
-        if not finite:
+        if not _DIGITS.fullmatch(self.text):
             raise ValueError(
                 f"expected the digits of a number, got {self.text!r}; "
                 "write words and dashes as text = ..."

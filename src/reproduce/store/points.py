@@ -9,7 +9,7 @@ zero as Python does.
 Spots of lights are images in which a lost spot is NaN. In a table a row is a spot, in px: ``group``
 (0 at the zero point, 1 at the present), ``laser`` (from 1), ``x``, ``y``, and ``frame`` (or
 ``image``, or ``time``), any number that the spots of an image share. Without it every image must be
-whole.
+whole, and one come after the other.
 """
 
 from __future__ import annotations
@@ -157,6 +157,10 @@ def read_table(
         table = _File("standard input", sys.stdin.buffer.read(), columns).table(optional)
     else:
         table = _File(str(source), Path(source).read_bytes(), columns).table(optional)
+    if not len(table.values):
+        raise TableFileError(
+            f"{table.path}: expected {table.kind}s of numbers below the names, got none"
+        )
     gone = np.zeros(len(table.values), bool)
     if _MASK in table.columns:
         flags = table.column(_MASK)
@@ -229,16 +233,13 @@ def _kept(table: Table, count: int, gone: NDArray[np.bool_]) -> Table:
         verb, which = "are" if lost > 1 else "is", table.named(np.flatnonzero(gone))
         notes = (f"{lost} of {len(gone)} {kind}s {verb} masked ({which}) and left out",)
     values = table.values[~gone] if lost else table.values
+    optional = {n: values[:, i] for i, n in enumerate(table.columns) if i >= count and n != _MASK}
     return replace(
         table,
         columns=table.columns[:count],
         values=values[:, :count],
         lines=table.lines[~gone],
-        optional={
-            name: values[:, place]
-            for place, name in enumerate(table.columns)
-            if place >= count and name != _MASK
-        },
+        optional=optional,
         notes=notes,
     )
 
@@ -275,8 +276,6 @@ def _framed(frame: pd.DataFrame, columns: Sequence[str], optional: Sequence[str]
 
     names = tuple(map(_plain, frame.columns))
     there = _wanted("the DataFrame", names, columns, optional)
-    if not len(frame):
-        raise TableFileError("the DataFrame: expected rows of numbers, got none")
     values = np.column_stack(
         [pd.to_numeric(frame.iloc[:, names.index(one)], errors="coerce").to_numpy(
             float, na_value=np.nan) for one in there]
@@ -367,26 +366,15 @@ class _File:
             ) from error
 
     def _decimal(self) -> str:
-        """Return the sign before decimals; a comma may separate thousands, which is to be told."""
+        """Return the sign before decimals; what could be a comma between thousands is none."""
         if self.separator == "," or b"," not in self.text:
             return "."
         places = [self.names.index(name) for name in self.columns]
-        doubtful = ""
         for number in self.lines.tolist():
             entries = self._entries(number)
             for entry in (entries[place] for place in places if place < len(entries)):
-                if "." in entry and "," not in entry:
-                    return "."
-                if "," in entry and not _THOUSANDS.fullmatch(entry):
-                    return ","
-                if "," in entry and not doubtful:
-                    doubtful = (
-                        f"{self.name}, line {number}: expected decimals that can be told from "
-                        f"thousands, got {entry!r}; write {entry.replace(',', '.')!r} or "
-                        f"{entry.replace(',', '')!r}"
-                    )
-        if doubtful:
-            raise TableFileError(doubtful)
+                if {",", "."} & {*entry} and not _THOUSANDS.fullmatch(entry):
+                    return "," if "," in entry else "."
         return "."
 
     def table(self, optional: Sequence[str]) -> Table:
@@ -397,9 +385,6 @@ class _File:
         values, lines = self._at_once(places, decimal), self.lines
         if values is None:
             lines, values = self._one_by_one(places, decimal)
-        if not len(values):
-            raise TableFileError(f"{self.name}: expected lines of numbers below the names, "
-                                 "got none")  # fmt: skip
 
         def entry(number: int, column: str) -> str:
             return self._entries(number)[self.names.index(column)]
@@ -484,8 +469,8 @@ def read_images(
         if times is not None:
             raise ValueError(f"times: expected none beside a table; give it a column {TIME}")
         table = read_table(spots, SPOTS, IMAGES)
-        pair, notes = images_of(table, count)
-        return pair, _times(table, len(pair[1])), [*table.notes, *notes]
+        pair = images_of(table, count)
+        return pair, _times(table, len(pair[1])), [*table.notes, *lost_spots(pair)]
     if isinstance(spots, str | Path):
         raise ValueError("zero: expected nothing beside a file, which holds both groups")
     if zero is None:
@@ -498,7 +483,7 @@ def read_images(
     when = None if times is None else np.asarray(times, dtype=np.float64)
     if when is not None and (when.shape != (len(now),) or not np.isfinite(when).all()):
         raise ValueError(f"times: expected {len(now)} finite numbers, one for each image")
-    return (before, now), when, _notes((before, now))
+    return (before, now), when, lost_spots((before, now))
 
 
 def _times(table: Table, count: int) -> FloatArray | None:
@@ -525,14 +510,13 @@ def _lost(name: str, images: FloatArray, count: int) -> FloatArray:
     return np.where(lost, np.nan, images)
 
 
-def images_of(table: Table, count: int) -> tuple[Images, list[str]]:
-    """Return the images of a table, and what a user should hear of them."""
+def images_of(table: Table, count: int) -> Images:
+    """Return the images of a table, of both groups."""
     for name, least, most in (("group", 0, 1), ("laser", 1, count)):
         values = table.column(name)
         wrong = (values != np.round(values)) | (values < least) | (values > most)
         for row in np.flatnonzero(wrong)[:1].tolist():
             raise table.wrong(row, name, f"expected a whole number from {least} to {most}")
-    notes: list[str] = []
     named = next((one for one in IMAGES if one in table.optional), None)
     images = []
     for group in range(2):
@@ -542,7 +526,7 @@ def images_of(table: Table, count: int) -> tuple[Images, list[str]]:
                                  f"and 1 (the present), got none of group {group}")  # fmt: skip
         light = table.column("laser")[rows].astype(int) - 1
         if named is None:
-            frame = _in_order(table, rows, light, count, notes.append)
+            frame = _in_order(table, rows, light)
         else:
             frame = np.unique(table.optional[named][rows], return_inverse=True)[1].reshape(-1)
         place = frame * count + light
@@ -552,27 +536,16 @@ def images_of(table: Table, count: int) -> tuple[Images, list[str]]:
         spots = np.full((int(frame.max()) + 1, count, 2), np.nan)
         spots[frame, light] = table.values[rows, 2:4]
         images.append(spots)
-    pair = (images[0], images[1])
-    return pair, [*dict.fromkeys(notes), *_notes(pair)]
+    return images[0], images[1]
 
 
-def _in_order(
-    table: Table, rows: NDArray[np.int64], light: NDArray[np.int64], count: int,
-    note: Callable[[str], None],
-) -> NDArray[np.int64]:  # fmt: skip
-    """Return the image of each spot of a group, from the order of the rows."""
-    lengths = np.bincount(light, minlength=count)
-    shown = np.flatnonzero(lengths)
+def _in_order(table: Table, rows: NDArray[np.int64], light: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the image of each spot of a group, which come image after image."""
+    shown = np.unique(light)
     images = light[: len(light) // len(shown) * len(shown)].reshape(-1, len(shown))
     whole = (np.sort(images, axis=1) == shown).all(axis=1)
     if images.size == light.size and whole.all():
         return np.arange(len(rows)) // len(shown)
-    if len(set(lengths[shown].tolist())) == 1 and (np.diff(light) >= 0).all():
-        note(
-            f"no column {IMAGES[0]} says which {table.kind}s are of one image: spots of each light "
-            "are paired in their order, so none may be lost"
-        )
-        return np.arange(len(rows)) - np.searchsorted(light, light)
     first = int(np.append(whole, False).argmin()) * len(shown)
     raise TableFileError(
         f"{table.at(int(rows[min(first, len(rows) - 1)]), 'laser')}: expected a spot of each light "
@@ -581,8 +554,8 @@ def _in_order(
     )
 
 
-def _notes(pair: Images) -> list[str]:
-    """Say how many spots are lost, of which light, and which images cannot tell an attitude."""
+def lost_spots(pair: Images) -> list[str]:
+    """Say how many spots are lost, and of which light."""
     gone = [np.isnan(one[..., 0]) for one in pair]
     of_light = sum(one.sum(axis=0) for one in gone)
     if not np.any(of_light):
@@ -590,12 +563,6 @@ def _notes(pair: Images) -> list[str]:
     named = ", ".join(
         f"{lost} of light {number}" for number, lost in enumerate(of_light, start=1) if lost
     )
-    dark = [f"image {image + 1} of group {group}" for group, one in enumerate(gone)
-            for image in np.flatnonzero((~one).sum(axis=1) < 2)]  # fmt: skip
     size = sum(one.size for one in gone)
-    notes = [f"{sum(of_light)} of {size} spots are lost ({named}): an image counts the less the "
-             "fewer it shows"]  # fmt: skip
-    if dark:
-        more = ", ..." * (len(dark) > NAMED)
-        notes.append(f"fewer than two lights are seen in {', '.join(dark[:NAMED])}{more}: no angle")
-    return notes
+    return [f"{sum(of_light)} of {size} spots are lost ({named}): an image counts the less the "
+            "fewer it shows"]  # fmt: skip

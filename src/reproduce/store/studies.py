@@ -38,15 +38,12 @@ class Study:
 
     Attributes
     ----------
-    name : str
-        What its files are called.
     arrays : dict
         Arrays by name.
     note : dict
         How they came about.
     """
 
-    name: str
     arrays: dict[str, NDArray[Any]]
     note: Note
 
@@ -58,12 +55,7 @@ def folder() -> Path:
 
 def read(name: str, where: Path | None = None) -> Study:
     """Return a stored study after checking that its arrays are those of its note."""
-    source = where or folder()
-    try:
-        content = (source / f"{name}.npz").read_bytes()
-        note = tomllib.loads((source / f"{name}.toml").read_text(encoding="utf-8"))
-    except FileNotFoundError as error:
-        raise StudyError(f"{name}: no such study in {source} ({error.filename})") from error
+    note, content = tomllib.loads(_file(name, "toml", where).decode()), _file(name, "npz", where)
     found = hashlib.sha256(content).hexdigest()
     if found != note.get("sha256"):
         raise StudyError(
@@ -71,18 +63,14 @@ def read(name: str, where: Path | None = None) -> Study:
             f"run again: {note.get('command')}"
         )
     with np.load(io.BytesIO(content), allow_pickle=False) as packed:
-        return Study(name, {key: packed[key] for key in packed.files}, note)
+        return Study({key: packed[key] for key in packed.files}, note)
 
 
 def table(name: str, where: Path | None = None) -> pd.DataFrame:
     """Return a stored table after checking that it is the one of its note."""
     import pandas as pd
 
-    path = (where or folder()) / f"{name}.toml"
-    try:
-        text = path.read_text(encoding="utf-8")
-    except FileNotFoundError as error:
-        raise StudyError(f"{name}: no such study in {path.parent}") from error
+    text = _file(name, "toml", where).decode()
     note = tomllib.loads(text)
     body = re.search(r"^rows = \[\n(.*?)^\]$", text, flags=re.DOTALL | re.MULTILINE)
     if body is None or digest(body.group(1)) != note.get("sha256"):
@@ -90,6 +78,13 @@ def table(name: str, where: Path | None = None) -> pd.DataFrame:
     frame = pd.DataFrame(note.pop("rows"), columns=note.pop("columns"))
     frame.attrs.update(note)
     return frame
+
+
+def _file(name: str, ending: str, where: Path | None) -> bytes:
+    try:
+        return ((where or folder()) / f"{name}.{ending}").read_bytes()
+    except FileNotFoundError as error:
+        raise StudyError(f"{name}: no such study ({error.filename})") from error
 
 
 def digest(rows: str) -> str:

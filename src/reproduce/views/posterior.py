@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from functools import cache, cached_property
 from importlib.metadata import version
 from importlib.util import find_spec
@@ -32,7 +32,7 @@ from reproduce.inference import (
     posterior_checks,
     sampling,
 )
-from reproduce.inference.models import MixtureRegistration, probability_false, with_priors
+from reproduce.inference.models import MixtureRegistration, probability_false
 from reproduce.judge.rerun import check_randomness
 from reproduce.papers.posteriors import posteriors
 from reproduce.papers.sketch import sized, thin
@@ -103,7 +103,7 @@ class Posterior(Remade):
         model = self._own.model if self._own else self.declared.model(data_seed)
         own: dict[str, Any] = dict(self._priors)
         own |= {p.name: _prior(p, own[p.name]) for p in model.parameters if p.name in own}
-        self.model = replace(model, parameters=with_priors(model.parameters, own))
+        self.model = model.with_priors(own)
         # Printed cells that reach the model, and what to hear of the data of a file.
         self.reads = () if self._own else self.declared.given
         self.remarks = self._own.remarks if self._own else ()
@@ -284,7 +284,7 @@ class Posterior(Remade):
                 f"expected up to {_MOST} different parameters of {', '.join(known)}; got "
                 f"{', '.join(chosen)}; all draws are in `draws`"
             )
-        rows = {row.name: row for row in self.sampled.rows()}
+        rows = {row.name: row for row in self.sampled.rows}
         marks = {
             name: value
             for name, value in (self.truth or self._shown(self.model.estimate)).items()
@@ -369,9 +369,9 @@ class Posterior(Remade):
             "steps": found.chain.shape[1],
             "walkers": found.chain.shape[2],
             "acceptance": list(found.acceptance),
-            "at_prior_end": [asdict(one) for one in leanings(found)],
-            "parameters": [asdict(row) for row in found.rows()],
-            "consequences": [asdict(row) for row, _ in found.consequences()],
+            "at_prior_end": leanings(found),
+            "parameters": [asdict(row) for row in found.rows],
+            "consequences": [asdict(row) for row in found.consequences],
             "data": self.provenance,
             "priors": self.priors.rename_axis("name").reset_index().to_dict("records"),
             "checks": [asdict(one) for one in self.checks],
@@ -395,7 +395,7 @@ class Posterior(Remade):
         if false := self.false_stars:
             yield f"{false}."
         if not self._in_book:
-            doubts = (*map(str, leanings(self.sampled)), misfit(self.checks), *self.remarks)
+            doubts = (*leanings(self.sampled), misfit(self.checks), *self.remarks)
             yield from (f"Warning: {text}." for text in doubts if text)
 
     @property

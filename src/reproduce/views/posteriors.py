@@ -126,9 +126,9 @@ def _trusted(name: str, stored: pd.DataFrame, trials: int) -> tuple[str, ...]:
     found = book_posterior(name)
     least, wide = stored.sort_values("even").iloc[0], 100 * stored["covers_95"]
     return (
-        name, f"{max(one.rhat for one in found.diagnoses):.4f}",
-        f"{min(one.times for one in found.diagnoses):.0f}",
-        f"{min(min(one.bulk, one.tail) for one in found.diagnoses):,.0f}",
+        name, f"{max(one.rhat for one in found.rows):.4f}",
+        f"{found.chain.shape[1] / found.time:.0f}",
+        f"{min(min(one.bulk, one.tail) for one in found.rows):,.0f}",
         f"{min(found.acceptance):.2f} to {max(found.acceptance):.2f}",
         f"{least['replicates']:,}", str(least["failed"]), str(len(stored)),
         digits(least["even"], least["even_error"]), f"{wide.min():.1f} to {wide.max():.1f} %",

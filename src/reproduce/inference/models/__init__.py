@@ -29,5 +29,4 @@ from reproduce.inference.models.registration import (
     free_priors,
     joint_model,
     registration_model,
-    with_priors,
 )

@@ -21,9 +21,7 @@ angles in radians; frames and signs are those of `physics.attitude`.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Self
 
 import numpy as np
@@ -31,7 +29,6 @@ from numpy.random import Generator
 from scipy.special import logsumexp
 
 from reproduce.inference import Derived, LogUniform, Model, Normal, Parameter, Prior
-from reproduce.inference.models.registration import with_priors
 from reproduce.physics.attitude import Platform
 from reproduce.physics.validate import FloatArray, finite_array
 from reproduce.units import ARCSEC_PER_RADIAN
@@ -74,11 +71,6 @@ class SpotStatistics:
         means, slopes, levers, squares = [], [], [], 0.0
         for group, (spots, drift) in enumerate(zip(images, drifts, strict=True)):
             spots = finite_array(f"images of group {group + 1}", spots, shape=(None, None, 2))
-            if len(spots) < 3:
-                raise ValueError(
-                    f"images of group {group + 1}: expected three or more, got {len(spots)}; the "
-                    "scatter needs them"
-                )
             times = np.linspace(-1, 1, len(spots))
             lever = float(times @ times) if drift else 0.0
             mean = spots.mean(axis=0)
@@ -106,17 +98,6 @@ class SpotStatistics:
             - squares / (2 * noise**2)
             - 0.5 * self.size * np.log(2 * np.pi)
         )
-
-    def simulate(
-        self, start: FloatArray, end: FloatArray, noise: float, generator: Generator
-    ) -> SpotStatistics:
-        """Draw as many images about other paths, (groups, lasers, 2), and reduce them."""
-        images = []
-        for first, last, count in zip(start, end, self.counts.astype(int), strict=True):
-            share = np.linspace(0, 1, count)[:, None, None]
-            path = first + share * (last - first)
-            images.append(path + noise * generator.standard_normal(path.shape))
-        return SpotStatistics.of(images, tuple(self.levers > 0))
 
 
 AXES = "xyz"
@@ -149,10 +130,7 @@ class SpotLikelihood:
         """Misalignment at the start and at the end of each group, (n, groups, 3)."""
         angle = parameters[:, 3:6]
         zero = np.zeros_like(angle)
-        if not self.drifts:
-            turn = np.stack([zero, angle], axis=1)
-            return turn, turn
-        half = 0.5 * parameters[:, 6:9]
+        half = 0.5 * parameters[:, 6:9] if self.drifts else zero
         return np.stack([zero, angle - half], axis=1), np.stack([zero, angle + half], axis=1)
 
     def landed(self, parameters: FloatArray, turn: FloatArray) -> FloatArray:
@@ -163,12 +141,8 @@ class SpotLikelihood:
     def paths(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Predicted spots at the start and at the end of each group, in px."""
         first, last = self.turns(parameters)
-        if first is last:
-            start = self.landed(parameters, first)
-            return start, start
-        both = self.landed(parameters, np.concatenate([first, last], axis=1))
-        count = first.shape[1]
-        return both[:, :count], both[:, count:]
+        start = self.landed(parameters, first)
+        return start, self.landed(parameters, last) if self.drifts else start
 
     def __call__(self, parameters: FloatArray) -> FloatArray:
         """Log likelihood, shape (n,)."""
@@ -176,28 +150,24 @@ class SpotLikelihood:
 
     def simulate(self, parameters: FloatArray, generator: Generator) -> SpotStatistics:
         """Statistics of as many images for one parameter vector."""
-        start, end = self.paths(parameters[None])
-        return self.statistics.simulate(start[0], end[0], float(parameters[-1]), generator)
+        (start,), (end,) = self.paths(parameters[None])
+        images, counts = [], self.statistics.counts.astype(int)
+        for first, last, count in zip(start, end, counts, strict=True):
+            path = first + np.linspace(0, 1, count)[:, None, None] * (last - first)
+            images.append(path + float(parameters[-1]) * generator.standard_normal(path.shape))
+        return SpotStatistics.of(images, tuple(self.statistics.levers > 0))
 
     def given(self, data: SpotStatistics) -> Self:
         """The same instrument with other spots."""
         return replace(self, statistics=data)
 
     def start(self) -> tuple[FloatArray, FloatArray]:
-        """Least squares about the rough values, with its standard errors."""
-        return self.fitted
-
-    def rough(self) -> tuple[FloatArray, FloatArray]:
-        """Rough values and scales of all parameters but the noise: some arc minutes, a tenth."""
-        angles = 9 if self.drifts else 6
-        return np.append(np.zeros(angles), 1.0), np.append(np.full(angles, 1e-2), 0.3)
-
-    @cached_property
-    def fitted(self) -> tuple[FloatArray, FloatArray]:
-        """Three Gauss-Newton steps from the rough values, ridged by their scales; and errors."""
+        """Three Gauss-Newton steps from rough values, ridged by their scales; and errors."""
         noise = np.sqrt(self.statistics.squares / self.statistics.freedom)
-        rough, scale = self.rough()
-        centre = rough.copy()
+        # Rough values and scales of all but the noise: some arc minutes, a tenth.
+        angles = 9 if self.drifts else 6
+        rough, scale = np.append(np.zeros(angles), 1.0), np.append(np.full(angles, 1e-2), 0.3)
+        centre = rough
         for _ in range(3):
             response, left = self.linearised(np.append(centre, noise), scale)
             normal = response.T @ response / noise**2 + np.diag(1 / scale**2)
@@ -215,14 +185,11 @@ class SpotLikelihood:
         """
         steps = np.zeros((2 * len(scale), len(centre)))
         steps[::2, :-1], steps[1::2, :-1] = np.diag(_STEP * scale), -np.diag(_STEP * scale)
-        found = self._weighted(np.concatenate([centre[None], centre + steps]))
+        start, end = self.paths(np.concatenate([centre[None], centre + steps]))
+        found = self._weigh(0.5 * (start + end), 0.5 * (end - start))
         response = (found[1::2] - found[2::2]) / (2 * _STEP * scale)[:, None]
         measured = self._weigh(self.statistics.means[None], self.statistics.slopes[None])[0]
         return response.T, measured - found[0]
-
-    def _weighted(self, parameters: FloatArray) -> FloatArray:
-        start, end = self.paths(parameters)
-        return self._weigh(0.5 * (start + end), 0.5 * (end - start))
 
     def _weigh(self, means: FloatArray, slopes: FloatArray) -> FloatArray:
         roots = (np.sqrt(self.statistics.counts), np.sqrt(self.statistics.levers))
@@ -268,7 +235,6 @@ def misalignment_model(
     statistics: SpotStatistics,
     *,
     drifts: bool = False,
-    priors: Mapping[str, Prior] | None = None,
     derived: Derived | None = None,
 ) -> Model:
     """A misalignment from two groups of images, the first at the zero point.
@@ -289,54 +255,33 @@ def misalignment_model(
     parameters = (*_angles("mount", r"\alpha", mount), *angles, scale, noise)
     likelihood = SpotLikelihood(platform, statistics, drifts)
     name = "misalignment-drift" if drifts else "misalignment"
-    return Model(name, with_priors(parameters, dict(priors or {})), likelihood, {}, derived)
+    return Model(name, parameters, likelihood, {}, derived)
 
 
 # Points over the noise, and how many of its own errors they reach.
 POINTS, REACH = 401, 9.0
 
 
-@dataclass(frozen=True, eq=False)
-class _SmallAnglePosterior:
-    """The posterior, as a mixture of Gaussians over the noise.
-
-    - `noise`, `weight`, (m,): values of the noise, in px, and their probabilities.
-    - `means`, (m, d - 1): means of all other parameters, given the noise; SI.
-    - `roots`, (m, d - 1, d - 1): roots of their covariances: any matrix whose product with its
-      transpose is the covariance.
-    """
-
-    noise: FloatArray
-    weight: FloatArray
-    means: FloatArray
-    roots: FloatArray
-
-    @property
-    def mean(self) -> FloatArray:
-        """Mean of all parameters, the noise last, shape (d,)."""
-        return np.append(self.weight @ self.means, self.weight @ self.noise)
-
-    @property
-    def covariance(self) -> FloatArray:
-        """Covariance of all parameters, shape (d, d)."""
-        rows = np.column_stack([self.means, self.noise]) - self.mean
-        total = np.einsum("m,mi,mj->ij", self.weight, rows, rows)
-        inner = np.einsum("m,mik,mjk->ij", self.weight, self.roots, self.roots)
-        total[:-1, :-1] += inner
-        return np.asarray(total)
-
-    def draw(self, generator: Generator, count: int) -> FloatArray:
-        """Independent draws, shape (count, d)."""
-        chosen = generator.choice(len(self.noise), count, p=self.weight)
-        normal = generator.normal(size=(count, self.means.shape[1]))
-        others = self.means[chosen] + np.einsum("nij,nj->ni", self.roots[chosen], normal)
-        return np.column_stack([others, self.noise[chosen]])
-
-
-def small_angle_posterior(model: Model) -> _SmallAnglePosterior:
+def small_angle_posterior(model: Model) -> tuple[FloatArray, FloatArray]:
     """Return the posterior of a misalignment whose prediction is replaced by its tangent.
 
-    Exact in the limit of small angles; every prior but that of the noise has to be a `Normal`.
+    Mean, (d,), and covariance, (d, d), of all parameters, the noise last. Exact in the limit of
+    small angles; every prior but that of the noise has to be a `Normal`.
+    """
+    noise, weight, means, roots = _given_noise(model)
+    mean = np.append(weight @ means, weight @ noise)
+    rows = np.column_stack([means, noise]) - mean
+    covariance = np.einsum("m,mi,mj->ij", weight, rows, rows)
+    covariance[:-1, :-1] += np.einsum("m,mik,mjk->ij", weight, roots, roots)
+    return mean, np.asarray(covariance)
+
+
+def _given_noise(model: Model) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return the same posterior as a mixture of Gaussians over the noise.
+
+    Values of the noise, in px, and their probabilities, (m,); means of all other parameters given
+    the noise, (m, d - 1), in SI; and roots of their covariances, (m, d - 1, d - 1): any matrix
+    whose product with its transpose is the covariance.
     """
     likelihood = model.likelihood_of(SpotLikelihood)
     priors = [parameter.prior for parameter in model.parameters[:-1]]
@@ -361,9 +306,5 @@ def small_angle_posterior(model: Model) -> _SmallAnglePosterior:
     logs -= 0.5 * (statistics.squares + left @ left) / noise**2
     logs += 0.5 * np.einsum("mi,mi->m", means, pull)
     logs += np.log(np.diagonal(roots, axis1=1, axis2=2)).sum(axis=1)
-    return _SmallAnglePosterior(
-        noise,
-        np.exp(logs - logsumexp(logs)),
-        centre[:-1] + means * scale,
-        roots * scale[:, None],
-    )
+    weight = np.exp(logs - logsumexp(logs))
+    return noise, weight, centre[:-1] + means * scale, roots * scale[:, None]

@@ -148,15 +148,14 @@ class MixtureRegistration(registration.GaussianRegistration):
 
     def simulate(self, parameters: FloatArray, generator: Generator) -> FloatArray:
         """Target points for one parameter vector, shape (points, 2), in px."""
-        false = generator.uniform(size=len(self.source)) < parameters[5]
-        return self._drawn(parameters, false, generator)
+        return self._drawn(parameters, parameters[5], generator)
 
     def repeat(self, parameters: FloatArray, generator: Generator) -> FloatArray:
         """The same of a repeat, in which the stars that the data tell to be false are so again."""
-        false = generator.uniform(size=len(self.source)) < self.false(parameters[None])[0]
-        return self._drawn(parameters, false, generator)
+        return self._drawn(parameters, self.false(parameters[None])[0], generator)
 
-    def _drawn(self, parameters: FloatArray, false: FloatArray, generator: Generator) -> FloatArray:
+    def _drawn(self, parameters: FloatArray, share: FloatArray, generator: Generator) -> FloatArray:
+        false = generator.uniform(size=len(self.source)) < share
         right = super().simulate(parameters, generator)
         anywhere = self.corner + self.side * generator.uniform(size=right.shape)
         return np.where(false[:, None], anywhere, right)
@@ -203,10 +202,8 @@ class MixtureRegistration(registration.GaussianRegistration):
 
     def checks(self, data: FloatArray | None = None) -> dict[str, float]:
         """As for the plain registration, of those stars alone that agree in the data at hand."""
-        target = self.target if data is None else data
-        return registration.fit_checks(
-            self.source[self.agreeing], target[self.agreeing], self.pivot
-        )
+        target, fits = self.target if data is None else data, self.agreeing
+        return registration.fit_checks(self.source[fits], target[fits], self.pivot)
 
 
 def mixture_model(base: Model) -> Model:

@@ -15,7 +15,6 @@ least-squares one; the true one and the noise are those of the model.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Self
@@ -198,13 +197,7 @@ def _registration_parameters(source: FloatArray, target: FloatArray) -> tuple[Pa
     )  # fmt: skip
 
 
-def registration_model(
-    source: FloatArray,
-    target: FloatArray,
-    pivot: FloatArray,
-    *,
-    priors: Mapping[str, Prior] | None = None,
-) -> Model:
+def registration_model(source: FloatArray, target: FloatArray, pivot: FloatArray) -> Model:
     """Registration of one channel with Gaussian noise, from the same stars in both channels.
 
     Parameters scale, rotation (rad), shift-x, shift-y, noise (px). Errors are those of
@@ -227,31 +220,16 @@ def registration_model(
     fit = fit_registration(source, target, pivot)
     return Model(
         "registration",
-        with_priors(_registration_parameters(source, target), priors),
+        _registration_parameters(source, target),
         GaussianRegistration(source, target, pivot),
         dict(zip(TRANSFORM, fit.parameters.tolist(), strict=True)),
     )
 
 
-def with_priors(
-    parameters: tuple[Parameter, ...], priors: Mapping[str, Prior] | None
-) -> tuple[Parameter, ...]:
-    """Return parameters with some priors replaced, by name; an unknown name is a ValueError."""
-    unknown = set(priors or ()) - {p.name for p in parameters}
-    if unknown:
-        raise ValueError(
-            f"priors: expected names among {', '.join(p.name for p in parameters)}, got "
-            f"{', '.join(sorted(unknown))}; check the spelling"
-        )
-    return tuple(replace(p, prior=(priors or {}).get(p.name, p.prior)) for p in parameters)
-
-
-def free_priors(
-    source: FloatArray, target: FloatArray, pivot: FloatArray
-) -> dict[str, Uniform | LogUniform]:
+def free_priors(source: FloatArray, target: FloatArray, pivot: FloatArray) -> dict[str, Prior]:
     """Return flat priors whose ends are as far from the fit as the data's own scale allows.
 
-    By parameter. Few or mirrored points, or points that fit without any error, are refused.
+    By parameter. Mirrored points, or points that fit without any error, are refused.
 
     Examples
     --------
@@ -260,8 +238,6 @@ def free_priors(
     >>> print(free_priors(points, moved, np.zeros(2))["rotation"])
     uniform from -3.14159 to 3.14159
     """
-    if len(source) < 4:
-        raise ValueError(f"expected four or more stars, got {len(source)}; add some")
     robust = robust_similarity(source, target, pivot)
     fit = fit_registration(source, target, pivot)
     residual = float(np.sqrt(fit.chi_square / max(float(fit.degrees_of_freedom), 1.0)))
@@ -359,15 +335,13 @@ class JointRegistration:
     target: FloatArray
     pivots: tuple[FloatArray, FloatArray]
 
-    @cached_property
+    @property
     def columns(self) -> ComplexArray:
         """The columns (red, blue, one, green), red and blue about their pivots, shape (n, 4)."""
-        origin = as_complex(self.pivots[0])
-        offsets = [
-            as_complex(s) - as_complex(p) for s, p in zip(self.sources, self.pivots, strict=True)
-        ]
+        pivots = [as_complex(pivot) for pivot in self.pivots]
+        offsets = [as_complex(s) - p for s, p in zip(self.sources, pivots, strict=True)]
         one = np.ones(len(self.target), dtype=np.complex128)
-        return np.stack([*offsets, one, as_complex(self.target) - origin], axis=-1)
+        return np.stack([*offsets, one, as_complex(self.target) - pivots[0]], axis=-1)
 
     @cached_property
     def root(self) -> ComplexArray:
@@ -432,15 +406,11 @@ class JointRegistration:
         """Those of each channel, and the correlation of the two channels' residuals."""
         blue, green = (self.sources[1], self.target) if data is None else data
         found = {}
-        for name, source, pivot in zip(
-            _CHANNELS, (self.sources[0], blue), self.pivots, strict=True
-        ):
+        sources, left = (self.sources[0], blue), []
+        for name, source, pivot in zip(_CHANNELS, sources, self.pivots, strict=True):
             checks = fit_checks(source, green, pivot)
             found.update({f"{name}: {key}": value for key, value in checks.items()})
-        left = [
-            fit_registration(source, green, pivot).residuals.ravel()
-            for source, pivot in zip((self.sources[0], blue), self.pivots, strict=True)
-        ]
+            left.append(fit_registration(source, green, pivot).residuals.ravel())
         found["correlation of both residuals"] = float(np.asarray(np.corrcoef(left))[0, 1])
         return found
 

@@ -218,10 +218,10 @@ def _draw_frames(figure: Figure, printed: Mapping[str, float], door: Given) -> N
 def _drifting(door: Given) -> tuple[float, float, float]:
     """Of the drifting group: the error about X, the drift about X and its error, in radians."""
     model = drift(door)
-    found = small_angle_posterior(model)
+    mean, covariance = small_angle_posterior(model)
     angle, moved = (model.names.index(f"{name}-x") for name in ("angle", "drift"))
-    errors = np.sqrt(np.diagonal(found.covariance))
-    return float(errors[angle]), float(found.mean[moved]), float(errors[moved])
+    errors = np.sqrt(np.diagonal(covariance))
+    return float(errors[angle]), float(mean[moved]), float(errors[moved])
 
 
 def _age_facts(door: Given) -> dict[str, Fact]:

@@ -22,7 +22,7 @@ from reproduce.physics.attitude import Platform
 from reproduce.physics.attitude.diagnosis import diagnose, refuse, seen
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given, given
-from reproduce.store.points import IMAGES, SPOTS, Table, TableFileError, images_of
+from reproduce.store.points import IMAGES, SPOTS, Table, TableFileError, images_of, lost_spots
 from reproduce.units import ARCSEC_PER_RADIAN
 
 _FRAMES = "chen2023/text-accuracy#frames"
@@ -113,8 +113,8 @@ def _users_model(
     if drifts:
         priors |= {key.replace("angle", "drift"): prior for key, prior in priors.items()}
     statistics = models.SpotStatistics.of(images, (False, drifts))
-    model = models.misalignment_model(instrument, statistics, drifts=drifts, priors=priors)
-    return _noisy(model), remarks
+    model = models.misalignment_model(instrument, statistics, drifts=drifts)
+    return _noisy(model.with_priors(priors)), remarks
 
 
 def _measured(
@@ -122,7 +122,8 @@ def _measured(
 ) -> tuple[Platform, list[FloatArray], list[str]]:
     """Return the platform, whole images of every group, and what is to be said of them."""
     instrument = as_designed(given(INSTRUMENT)) if design is None else design
-    pair, notes = images_of(table, len(instrument.lasers))
+    pair = images_of(table, len(instrument.lasers))
+    notes = lost_spots(pair)
     instrument, pair, lights = seen(instrument, pair)
     found = diagnose(instrument, pair, drifts, lights)
     refuse(found, table.path)
@@ -166,7 +167,7 @@ def _noisy(model: Model) -> Model:
                    "begin with: a quarter of a degree, or twenty times what their noise turns "
                    "it")  # fmt: skip
     priors: dict[str, Prior] = {"noise": noise, **{f"mount-{axis}": mount for axis in models.AXES}}
-    return replace(model, parameters=models.with_priors(model.parameters, priors))
+    return model.with_priors(priors)
 
 
 _SPOT_LINES = (

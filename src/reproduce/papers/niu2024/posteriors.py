@@ -163,8 +163,8 @@ def _users_registration(table: Table, pivot: Pivot) -> Model:
     """Registration of one channel."""
     source, target = table.values[:, :2], table.values[:, 2:]
     centre = _centre(table, pivot)
-    priors = models.free_priors(source, target, centre)
-    return models.registration_model(source, target, centre, priors=priors)
+    model = models.registration_model(source, target, centre)
+    return model.with_priors(models.free_priors(source, target, centre))
 
 
 def _users_mixture(table: Table, pivot: Pivot) -> Model:
@@ -188,7 +188,7 @@ def _turning(model: Model) -> Model:
     theta = float(model.likelihood.start()[0][1])
     turn = Uniform(theta - np.pi, theta + np.pi, "any: the full turn, cut opposite to the fit of "
                    "those stars that agree")  # fmt: skip
-    return replace(model, parameters=models.with_priors(model.parameters, {"rotation": turn}))
+    return model.with_priors({"rotation": turn})
 
 
 def _centre(table: Table, pivot: Pivot) -> FloatArray:
