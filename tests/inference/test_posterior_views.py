@@ -67,7 +67,7 @@ def test_models_are_listed():
 def test_summary_fits_a_narrow_terminal():
     result = run("posterior", "registration", "--steps", "600")
     assert result.exit_code == 0, result.output
-    for word in ("shift-x", "MCSE", "R-hat", "bulk"):
+    for word in ("shift-x", "R-hat up to", "sizes from", "acceptance"):
         assert word in result.output
     assert max(len(line) for line in result.output.splitlines()) <= 80
 

@@ -47,15 +47,12 @@ from reproduce.views.measurements import Remade, platform_of
 from reproduce.views.numbers import digits, minus, moments
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 # In standard deviations: a mark further out would leave no room for the posterior.
 _FAR = 8.0
-# Likely false stars that a line names, and from where on their probability is not told apart.
-_SHOWN, _CERTAIN = 5, 0.99
-# How precise a summary is: numbers of it, and how they are written.
-_PRECISION = {"mcse": ".1g", "rhat": ".3f", "bulk": ".0f", "tail": ".0f"}
+# Likely false stars that a line names.
+_SHOWN = 5
 
 
 @cache
@@ -207,19 +204,12 @@ class Posterior(Remade):
         if self._stars is None:
             return ""
         found = self._stars.sort_values("probability_false", ascending=False, kind="stable")
-        likely = found[found["probability_false"] > 0.5]
-        if likely.empty:
+        likely = [str(line) for line in found.loc[found["probability_false"] > 0.5].iloc[:, 0]]
+        if not likely:
             return f"None of {len(found)} stars is probably matched wrongly"
-        shown = ", ".join(
-            f"{found.columns[0]} {line:.0f} "
-            + (f"({value:.2f})" if value < _CERTAIN else f"(> {_CERTAIN})")
-            for line, _, _, value in likely.head(_SHOWN).itertuples(index=False)
-        )
         rest = f" and {len(likely) - _SHOWN} more" if len(likely) > _SHOWN else ""
-        return (
-            f"{len(likely)} of {len(found)} stars are probably matched wrongly, with probability: "
-            f"{shown}{rest}"
-        )
+        shown = f"{found.columns[0]} {', '.join(likely[:_SHOWN])}{rest}"
+        return f"{len(likely)} of {len(found)} stars are probably matched wrongly: {shown}"
 
     @property
     def source(self) -> str:
@@ -255,12 +245,9 @@ class Posterior(Remade):
     @property
     def draws(self) -> pd.DataFrame:
         """All draws, one column per parameter, in the unit shown."""
-        found = self.sampled
-        shown = {
-            f"{one.name} ({one.unit})": column * one.shown
-            for one, column in zip(found.model.parameters, found.draws.T, strict=True)
-        }
-        return pd.DataFrame(shown)
+        shown = self.sampled.draws * [one.shown for one in self.model.parameters]
+        heads = [f"{one.name} ({one.unit})" for one in self.model.parameters]
+        return pd.DataFrame(shown, columns=heads)
 
     @property
     def truth(self) -> dict[str, float]:
@@ -292,13 +279,9 @@ class Posterior(Remade):
         }
         mark = "truth of the simulation" if self.truth else "least-squares or nominal estimate"
         caption = f"Posterior of {self.name}, data {self.told}." + f" Orange: {mark}." * bool(marks)
-        alternative = f"Histograms of {', '.join(chosen)} in the posterior of {self.name}"
-        if len(chosen) > 1:
-            caption += (
-                " Contours hold 50 % and 95 % of the draws; a narrow page has histograms alone."
-            )
-            alternative += ", with contours of each pair"
-        return self._pictured(_corner_plot, f"{alternative}.", caption, chosen, marks)
+        caption += " Contours hold 50 % and 95 % of the draws." * (len(chosen) > 1)
+        alternative = f"Histograms and contours of {', '.join(chosen)} in the posterior."
+        return self._pictured(_corner_plot, alternative, caption, chosen, marks)
 
     def traces(self) -> Html:
         """Return the chains: the median of the walkers, a line for each ensemble."""
@@ -386,12 +369,15 @@ class Posterior(Remade):
         head = ("Quantity", *(["truth"] if true else []), "mean ± sd", "95 % interval")
         marks = {name: (minus(f"{value:.6g}"),) for name, value in true.items()}
         none = ("",) if true else ()
-        rows = [(_titled(row), *marks.get(row.name, none), *interval(row)) for row in found]
+        rows = [
+            (_titled(row.name, row.unit), *marks.get(row.name, none), *interval(row))
+            for row in found
+        ]
         changed = f" Changed: {self.changes}." if self.changes else ""
         identifier = f"posterior-{self.name}" if self._in_book else ""
         caption = f"Posterior {self.name}, data {self.told}.{changed}"
         yield Grid(caption, head, rows, identifier, whole=range(1, len(head)))
-        yield Fold("Precision", (self._precision,))
+        yield self._precision
         if false := self.false_stars:
             yield f"{false}."
         if not self._in_book:
@@ -399,19 +385,15 @@ class Posterior(Remade):
             yield from (f"Warning: {text}." for text in doubts if text)
 
     @property
-    def _precision(self) -> Grid:
-        found = self.sampled
-        rows = [
-            (_titled(one), *(f"{getattr(one, key):{form}}" for key, form in _PRECISION.items()))
-            for one in found.summaries()
-        ]
-        caption = (
-            f"{found.chain.shape[0]} ensembles of {found.chain.shape[2]} walkers, "
-            f"{found.chain.shape[1]} steps each; acceptance {min(found.acceptance):.2f} to "
-            f"{max(found.acceptance):.2f}; seed {found.seed}. Monte Carlo standard error of the "
-            "mean, R-hat over the ensembles, effective sizes of the middle (bulk) and of the tails."
+    def _precision(self) -> str:
+        found, frame = self.sampled, self.frame()
+        ensembles, steps, walkers = found.chain.shape[:3]
+        return (
+            f"{ensembles} ensembles of {walkers} walkers, {steps} steps each, seed {found.seed}; "
+            f"acceptance {min(found.acceptance):.2f} to {max(found.acceptance):.2f}, R-hat up to "
+            f"{frame['rhat'].max():.3f}, effective sample sizes from "
+            f"{frame[['bulk', 'tail']].to_numpy().min():.0f}; frame() has them of each quantity."
         )
-        return Grid(caption, ("Quantity", "MCSE", "R-hat", "bulk", "tail"), rows, whole=range(1, 5))
 
 
 def _versions() -> dict[str, str]:
@@ -420,9 +402,9 @@ def _versions() -> dict[str, str]:
     return {"reproduce-pointing": __version__, **found}
 
 
-def _titled(row: Any) -> str:
+def _titled(name: str, unit: str) -> str:
     """Write a name with its unit, if it has one."""
-    return str(row.name) if row.unit == "1" else f"{row.name} ({row.unit})"
+    return name if unit == "1" else f"{name} ({unit})"
 
 
 def spread(row: Summary) -> tuple[str, str, str, str]:
@@ -467,36 +449,24 @@ _SMALL = 8.0  # points
 _BLUE, _ORANGE = "#0072B2", "#D55E00"
 
 
-def _label(parameter: Parameter) -> str:
-    return f"${parameter.label}$" + ("" if parameter.unit == "1" else f" ({parameter.unit})")
-
-
 def _traces(posterior: Sampled) -> Picture:
     """Draw the median of the walkers of every ensemble against its steps."""
     model = posterior.model
     stride = max(1, posterior.chain.shape[1] // _TRACE_POINTS)
     medians = np.median(posterior.chain[:, ::stride], axis=2)
     steps = np.arange(medians.shape[1]) * stride
+    shown = medians * [one.shown for one in model.parameters]
 
     def paint(figure: Figure) -> None:
-        columns = 1 if thin(figure) else 2
-        rows = -(-model.dimension // columns)
-        sized(figure, 6.8, 1.1 * rows + 0.6, 0.9 * rows + 0.6)
-        panels = figure.subplots(rows, columns, sharex=True, squeeze=False).ravel()
-        for i, (axes, parameter) in enumerate(zip(panels, model.parameters, strict=False)):
-            for ensemble in medians[..., i] * parameter.shown:
-                axes.plot(steps, ensemble, linewidth=0.7)
-            axes.set_ylabel(_label(parameter), fontsize=_SMALL)
+        sized(figure, 6.8, 0.9 * model.dimension + 0.6)
+        panels = figure.subplots(model.dimension, sharex=True, squeeze=False).ravel()
+        for i, (axes, parameter) in enumerate(zip(panels, model.parameters, strict=True)):
+            axes.plot(steps, shown[..., i].T, linewidth=0.7)
+            axes.set_ylabel(_titled(f"${parameter.label}$", parameter.unit), fontsize=_SMALL)
             axes.tick_params(labelsize=_SMALL)
-            axes.ticklabel_format(axis="y", useOffset=False)
-            axes.locator_params(nbins=2)
-            axes.grid(visible=False)
-        for axes in panels[model.dimension :]:
-            axes.set_axis_off()
-        for axes in panels[max(0, model.dimension - columns) : model.dimension]:
-            axes.set_xlabel("step", fontsize=_SMALL)
+            axes.locator_params(axis="y", nbins=2)
+        panels[-1].set_xlabel("step", fontsize=_SMALL)
 
-    shown = medians * [one.shown for one in model.parameters]
     numbers = pd.DataFrame(shown.reshape(-1, model.dimension), columns=list(model.names))
     numbers.insert(0, "step", np.tile(steps, len(shown)))
     numbers.insert(0, "ensemble", np.repeat(np.arange(1, len(shown) + 1), len(steps)))
@@ -518,7 +488,7 @@ def _corner_plot(posterior: Sampled, names: Sequence[str], marks: Mapping[str, f
 
     def paint(figure: Figure) -> None:
         draw = _histograms if len(chosen) == 1 or thin(figure) else _corner
-        draw(figure, values, [_label(one) for one in chosen], marked)
+        draw(figure, values, [_titled(f"${one.label}$", one.unit) for one in chosen], marked)
 
     numbers = pd.DataFrame(values, columns=list(names))
     return Picture(f"posterior-{model.name}-corner", paint, numbers)
@@ -538,7 +508,8 @@ def _corner(figure: Figure, values: _Values, labels: list[str], marked: _Marks) 
         plot_datapoints=False, plot_density=False, no_fill_contours=True,
     )  # fmt: skip
     for axes in figure.axes:
-        _ticked(axes)
+        axes.tick_params(labelsize=_SMALL)
+        axes.grid(visible=False)
         axes.xaxis.set_label_coords(0.5, _BELOW)
         axes.yaxis.set_label_coords(_BELOW, 0.5)
     figure.subplots_adjust(left=_EDGES / side, bottom=_EDGES / side, right=0.99, top=0.99)
@@ -554,8 +525,8 @@ def _histograms(figure: Figure, values: _Values, labels: list[str], marked: _Mar
             axes.axvline(mark, color=_ORANGE, linewidth=1)
         axes.set_xlabel(label, fontsize=_SMALL)
         axes.set(yticks=[], xlim=span)
-        axes.grid(visible=False)
-        _ticked(axes)
+        axes.tick_params(labelsize=_SMALL)
+        axes.locator_params(axis="x", nbins=3, prune="both")
 
 
 def _span(values: _Values, mark: float | None) -> tuple[float, float]:
@@ -563,20 +534,3 @@ def _span(values: _Values, mark: float | None) -> tuple[float, float]:
     low, high = np.quantile(values, _TAILS).tolist()
     beside = 0.05 * (high - low)
     return (low, high) if mark is None else (min(low, mark - beside), max(high, mark + beside))
-
-
-def _ticked(axes: Axes, count: int = 3) -> None:
-    """Give a panel few ticks, none near its ends, and numbers as they are."""
-    from matplotlib.ticker import FixedLocator, MaxNLocator, ScalarFormatter
-
-    axes.tick_params(labelsize=_SMALL)
-    for axis in (axes.xaxis, axes.yaxis):
-        if not isinstance(axis.get_major_locator(), MaxNLocator):
-            continue
-        low, high = axis.get_view_interval()
-        ticks = np.asarray(MaxNLocator(count).tick_values(low, high))
-        inside = np.abs(ticks - 0.5 * (low + high)) < 0.4 * (high - low)
-        axis.set_major_locator(FixedLocator(ticks[inside].tolist()))
-        if isinstance(formatter := axis.get_major_formatter(), ScalarFormatter):
-            formatter.set_useOffset(False)
-            formatter.set_scientific(False)
