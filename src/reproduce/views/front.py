@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, overload
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -162,25 +162,6 @@ def verify(citation: str) -> str:
     from reproduce.views.export import verify
 
     return verify(citation)
-
-
-@overload
-def posterior(name: None = None) -> Posteriors: ...
-
-
-@overload
-def posterior(
-    name: str,
-    data: str | Path | None = None,
-    pivot: tuple[float, float] | None = None,
-    priors: Mapping[str, Prior | tuple[float, float]] | None = None,
-    *,
-    platform: Platform | str | Path | None = None,
-    data_seed: int | None = None,
-    steps: int | None = None,
-    walkers: int | None = None,
-    seed: int | None = None,
-) -> Posterior: ...
 
 
 def posterior(

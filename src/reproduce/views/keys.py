@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
 
 from reproduce.judge.rerun import studies
 from reproduce.papers.catalogue import catalogue, drawings
@@ -62,22 +61,6 @@ def check_address(address: str) -> str:
     if address in studies():
         return address
     return library()[check_key(key)][name].address if mark else check_key(key)
-
-
-def alike(addresses: Iterable[str]) -> dict[str, list[str]]:
-    """Return the ends of addresses by what these begin with: a row, or a name to its last hyphen.
-
-    Examples
-    --------
-    >>> alike(["a/table-1#focal.red", "a/table-1#focal.blue", "a/text-b#range-low", "a/text-b#n"])
-    {'a/table-1#focal.': ['red', 'blue'], 'a/text-b#range-': ['low'], 'a/text-b#': ['n']}
-    """
-    found: dict[str, list[str]] = {}
-    for address in addresses:
-        key, mark, name = address.partition("#")
-        cut = name.rfind("." if "." in name else "-") + 1
-        found.setdefault(f"{key}{mark}{name[:cut]}", []).append(name[cut:])
-    return found
 
 
 def check_paper(paper: str) -> str:

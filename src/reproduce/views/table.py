@@ -72,14 +72,12 @@ class Table(Item):
             name: (one.printed, verdicts.computed(one), one.verdict, verdicts.unit(one))
             for name, one in self._records.items()
         }
+        cells = by_row(entries, [*wanted, "unit"])
         if len(table.columns) <= 1:
-            return by_row(entries, [*wanted, "unit"])
-        shaped = {
-            (column.id, what): [entries[f"{row.id}.{column.id}"][i] for row in table.rows]
-            for column in table.columns
-            for i, what in enumerate(wanted)
-        }
-        return pd.DataFrame(shaped, index=[row.id for row in table.rows])
+            return cells
+        rows = [row.id for row in table.rows]
+        parts = {c.id: cells.loc[[f"{row}.{c.id}" for row in rows], wanted] for c in table.columns}
+        return pd.concat([one.set_axis(rows) for one in parts.values()], axis=1, keys=parts)
 
     def cells(self) -> pd.DataFrame:
         """Return one row per cell, with every field of the ledger."""
@@ -205,11 +203,10 @@ class Table(Item):
         """Say what the table is computed from, each printed cell a link; nothing if it is not."""
         if not self.reads:
             return Markup("")
-        items = Markup("").join(map(Markup("<li>{}</li>").format, _reads(self.reads)))
         return Markup(
             "<p>Printed in {}. Again: <code>{}</code></p>"
-            "<p>Reads, directly or through other items:</p><ul>{}</ul>"
-        ).format(self.place, self.again, items)
+            "<p>Reads, directly or through other items: {}</p>"
+        ).format(self.place, self.again, _linked(self.reads))
 
 
 def _stacked(record: Record) -> Box:
@@ -293,7 +290,7 @@ def _link(record: Record) -> Markup:
 _SHARE = "share of the tolerance"
 _NUMBERS: dict[str, Callable[[Record], Entry]] = {
     "printed": lambda one: verdicts.cell_of(one).shown,
-    "stands for": verdicts.stands_for,
+    "stands for": lambda one: verdicts.between(one, one.stands_for),
     "computed": lambda one: verdicts.quantity(verdicts.computed(one, extra=1), verdicts.unit(one)),
     "Monte Carlo error": verdicts.error,
     "allowed by rounded inputs": lambda one: verdicts.interval(one) * (one.probability is None),
@@ -361,14 +358,8 @@ def _to(place: str, text: str) -> Markup:
     return Markup('<a href="#{}">{}</a>').format(place, text)
 
 
-def _reads(addresses: Iterable[str]) -> Iterator[Markup]:
-    """Write addresses, each a link; what several begin with is said once."""
-    for lead, ends in keys.alike(addresses).items():
-        if len(ends) == 1:
-            yield _to(anchor(lead + ends[0]), lead + ends[0])
-        else:
-            links = Markup(",").join(_to(anchor(lead + end), end) for end in ends)
-            yield Markup("{}{{{}}}").format(lead, links)
+def _linked(addresses: Iterable[str]) -> Markup:
+    return Markup(", ").join(_to(anchor(one), one) for one in addresses)
 
 
 class Cell(Shown):
@@ -440,7 +431,7 @@ class Cell(Shown):
             "verdict": verdicts.in_words(record),
             "why": minus(reason(self.address) or record.why),
             **made,
-            "reads": Markup(", ").join(_reads(self.reads)),
+            "reads": _linked(self.reads),
             "erratum": _to(known, known) if known else "",
             "the authors' reply": _replied(known) if known else "",
             **{f"if {one.name}": verdicts.read(record, one) for one in record.readings},

@@ -47,17 +47,13 @@ def error(record: Record) -> str:
     return quantity(minus(f"{record.error:.1g}") if record.error else "", unit(record))
 
 
-def stands_for(record: Record) -> str:
-    """Write the interval of values that print so; empty for words, counts and limits."""
-    return _between(record, record.stands_for)
-
-
 def interval(record: Record) -> str:
     """Write the interval of a computed value, empty where there is none."""
-    return _between(record, record.interval)
+    return between(record, record.interval)
 
 
-def _between(record: Record, ends: Sequence[float | None] | None) -> str:
+def between(record: Record, ends: Sequence[float | None] | None) -> str:
+    """Write an interval of a record, empty where there is none."""
     if ends is None or None in ends or ends[0] == ends[1]:
         return ""
     number = cell_of(record).number
