@@ -9,7 +9,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, Self
 
 from reproduce.judge import rerun
-from reproduce.papers.catalogue import catalogue
+from reproduce.papers.catalogue import catalogue, drawings
 from reproduce.printed.cells import find
 from reproduce.views import keys
 from reproduce.views.blocks import Display
@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 
     from reproduce.papers.declare import Drawing, Study
     from reproduce.printed.given import Given
+
+
+Change = Mapping[str, str | float]  # address of a printed cell to a value as in the print
 
 
 class Shown(Display):
@@ -101,9 +104,10 @@ class Item(Shown):
     @property
     def source(self) -> str:
         """The text of the functions that compute and draw it."""
-        item = catalogue()[self.key]
-        drawn = [] if item.draw is None else [item.draw.function]
-        return "\n\n\n".join(map(text_of, [*(one.function for one in item.computations), *drawn]))
+        item = catalogue().get(self.key)
+        computations = item.computations if item else ()
+        draw = item.draw if item else drawings()[self.key]
+        return "\n\n\n".join(text_of(one.function) for one in (*computations, draw) if one)
 
 
 class Changeable(Shown):
@@ -126,7 +130,7 @@ class Changeable(Shown):
     def __init__(
         self,
         key: str,
-        changes: Mapping[str, str | float] | None = None,
+        changes: Change | None = None,
         seed: int | None = None,
         **settings: Any,
     ) -> None:
@@ -182,11 +186,7 @@ class Changeable(Shown):
         return self._made[1]
 
     def rerun(
-        self,
-        changes: Mapping[str, str | float] | None = None,
-        *,
-        seed: int | None = None,
-        **settings: Any,
+        self, changes: Change | None = None, *, seed: int | None = None, **settings: Any
     ) -> Self:
         """Return the same computed again with other values for cells that it reads, or a seed.
 

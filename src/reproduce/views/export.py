@@ -341,8 +341,6 @@ def bar(
     anchor: str,
     files: Iterable[str],
     source: str,
-    *,
-    cited: bool = True,
     inputs: Markup = NOTHING,
 ) -> Markup:
     """Return the bar below a table or a figure of a page.
@@ -359,20 +357,15 @@ def bar(
         Paths of its data and pictures below the root of the book.
     source : str
         The text of the functions that make it, empty where there is none.
-    cited : bool
-        Whether it can be cited on its own.
     inputs : Markup
         What it is computed from, empty where it is not.
     """
     named = Markup('<a href="#{0}" aria-label="Permalink: {1}"><code>{1}</code></a>')
-    parts = [named.format(anchor, key)]
-    if cited:
-        cells = [one.address for one in library()[key].cells] if key in library() else []
-        texts = [citation(key, form) for form in ("bibtex", "text")]
-        texts += ["\n".join(citation(one, "text").partition("\n")[0] for one in cells)] * bool(
-            cells
-        )
-        parts.append(_fold("Cite", Markup("").join(map(_block, texts))))
+    texts = [citation(key, form) for form in ("bibtex", "text")]
+    if key in library():
+        cells = (citation(one.address, "text").partition("\n")[0] for one in library()[key].cells)
+        texts.append("\n".join(cells))
+    parts = [named.format(anchor, key), _fold("Cite", Markup("").join(map(_block, texts)))]
     link = Markup('<a href="#{}" download>{}</a>')
     kinds = [(path, path.rpartition(".")[2]) for path in files]
     links = [link.format(path, NAMES.get(kind, kind.upper())) for path, kind in kinds]

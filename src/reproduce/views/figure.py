@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import os
 import re
 import textwrap
 import zlib
@@ -21,7 +20,7 @@ from reproduce.papers.declare import Drawing, words
 from reproduce.papers.sketch import NARROW
 from reproduce.printed.cells import anchor, find, library
 from reproduce.views import computed, keys, numbers
-from reproduce.views.base import Changeable, Item, Shown, text_of
+from reproduce.views.base import Change, Changeable, Item, Shown, text_of
 from reproduce.views.blocks import Block, Html
 from reproduce.views.computed import once
 from reproduce.views.export import bar, citation, export_frame, provenance
@@ -43,15 +42,6 @@ _LINK = re.compile(r'(xlink:href="#|url\(#)([\w-]+)')
 _NAMED = re.compile(r' id="([^"]+)"')
 _Paint = Callable[["MatplotlibFigure"], None]
 _About = Mapping[str, str] | None  # what a file says of itself
-
-
-class Picture(NamedTuple):
-    """What is drawn: its key, what paints it, and the numbers behind it, else what is drawn."""
-
-    key: str
-    paint: _Paint
-    numbers: pd.DataFrame | None = None
-    about: _About = None
 
 
 class Vectors(NamedTuple):
@@ -88,19 +78,13 @@ def painted(paint: _Paint, *, narrow: bool = False) -> MatplotlibFigure:
     return figure
 
 
-def _picture(key: str, door: Given | None = None) -> Picture:
-    """Return an item that draws, or one of our own drawings, with what it marks as printed."""
+def draw(key: str, door: Given | None = None, *, narrow: bool = False) -> MatplotlibFigure:
+    """Draw an item, or one of our own drawings, with what it marks as printed."""
     drawing, table = _declared_drawing(key), library().get(key)
     marked = [*(table.cells if table else ()), *(c for mark in drawing.marks for c in find(mark))]
     numbers = [cell for cell in marked if cell.is_number]
     printed = {cell.address: cell.si for cell in numbers}
-    about = provenance(citation(key, "text"))
-    return Picture(anchor(key), lambda figure: drawing(figure, printed, door), about=about)
-
-
-def draw(key: str, door: Given | None = None, *, narrow: bool = False) -> MatplotlibFigure:
-    """Draw an item, or one of our own drawings."""
-    return painted(_picture(key, door).paint, narrow=narrow)
+    return painted(lambda figure: drawing(figure, printed, door), narrow=narrow)
 
 
 def _data(figure: MatplotlibFigure) -> pd.DataFrame:
@@ -154,38 +138,30 @@ def vector_of(figure: MatplotlibFigure, about: _About = None) -> str:
     return _FONTS.sub(r"\1, sans-serif", svg[svg.index("<svg") :])
 
 
-def _vectors(picture: Picture, root: Path | None = None) -> Vectors:
-    """Draw a picture for wide pages and narrow ones; write its files below the root of a book."""
-    figure = painted(picture.paint)
-    wide = vector_of(figure, picture.about)
-    if root is not None:
-        _write_files(figure, picture, root, wide)
-    return Vectors(wide, vector_of(painted(picture.paint, narrow=True)))
-
-
 def _in_build(key: str) -> Vectors:
     """Draw an item or one of our own drawings for a page; once in a build."""
-    return once(f"figure-{anchor(key)}", Vectors, lambda: _vectors(_picture(key)))
+
+    def drawn() -> Vectors:
+        return Vectors(vector_of(draw(key)), vector_of(draw(key, narrow=True)))
+
+    return once(f"figure-{anchor(key)}", Vectors, drawn)
 
 
 def write_figure(key: str, root: Path) -> None:
     """Write the pictures and the data of a figure below the root of the book, and keep its SVG."""
-    shown = _vectors(_picture(key), root)
-    once(f"figure-{anchor(key)}", Vectors, lambda: shown)
-
-
-def _write_files(figure: MatplotlibFigure, picture: Picture, root: Path, svg: str) -> None:
+    figure, about = draw(key), provenance(citation(key, "text"))
+    shown = Vectors(vector_of(figure, about), vector_of(draw(key, narrow=True)))
     (root / "figures").mkdir(parents=True, exist_ok=True)
-    numbers = _data(figure) if picture.numbers is None else picture.numbers
-    for path in _figure_files(picture.key):
+    for path in _figure_files(key):
         if path.endswith(".csv"):
-            text = export_frame(numbers, "csv", picture.about)
+            text = export_frame(_data(figure), "csv", about)
             (root / path).write_text(text, encoding="utf-8")
         elif path.endswith(".svg"):
-            (root / path).write_text(f"{_XML}{svg}", encoding="utf-8")
+            (root / path).write_text(f"{_XML}{shown.wide}", encoding="utf-8")
         else:
-            save(figure, root / path, picture.about)
+            save(figure, root / path, about)
             figure.set_layout_engine("none")  # what is laid out keeps its places
+    once(f"figure-{anchor(key)}", Vectors, lambda: shown)
 
 
 def inline(shown: Vectors, name: str, alternative: str, below: str = "") -> str:
@@ -224,21 +200,10 @@ def _captioned(caption: str) -> Markup:
     return Markup('<figcaption><span class="rp-number"></span>{}</figcaption>').format(caption)
 
 
-def pictured(picture: Picture, alternative: str, caption: str, source: str) -> Html:
-    """Show a picture of the book, and, in a build of it, write the files that its bar offers.
-
-    One without a source is a reader's own: no file of the book holds it.
-    """
-    root = None
-    if (build := os.environ.get(computed.FOLDER)) and source:
-        downloads = Path(build).parent.parent / "_extra"
-        # A book's, and not a folder of somebody else's.
-        root = downloads if (downloads / ".nojekyll").is_file() else None
-    shown, name = _vectors(picture, root), f"figure-{picture.key}"
-    if not source:
-        return Html(inline(shown, f"{name}-own", alternative, _captioned(caption)))
-    offered = bar(picture.key, name, _figure_files(picture.key), source, cited=False)
-    return Html(inline(shown, name, alternative, _captioned(caption) + offered))
+def pictured(name: str, paint: _Paint, alternative: str, caption: str) -> Html:
+    """Show a picture that no file of the book holds."""
+    shown = Vectors(vector_of(painted(paint)), vector_of(painted(paint, narrow=True)))
+    return Html(inline(shown, name, alternative, _captioned(caption)))
 
 
 class Figure(Changeable, Item):
@@ -277,11 +242,6 @@ class Figure(Changeable, Item):
     def frame(self) -> pd.DataFrame:
         """Return `data`."""
         return self.data
-
-    @property
-    def source(self) -> str:
-        """The text of the functions that compute and draw it."""
-        return text_of(self._declared.function) if self.key in drawings() else super().source
 
     def save(self, path: str | Path) -> Path:
         """Write the figure; the ending chooses svg, pdf or png."""
@@ -326,11 +286,8 @@ class Figure(Changeable, Item):
             source = text_of(self._declared.function)
             below += bar(self.key, name, _figure_files(self.key), source)
         # A page of the book has a narrow drawing beside the wide one; a reader's notebook has one.
-        shown = (
-            _in_build(self.key)
-            if computed.kept() and not self.changes
-            else Vectors(vector_of(self.drawn))
-        )
+        in_book = computed.kept() and not self.changes
+        shown = _in_build(self.key) if in_book else Vectors(vector_of(self.drawn))
         yield Html(inline(shown, name, self.alternative, below), text)
 
 
@@ -372,25 +329,15 @@ class Panels(Shown):
         """Return `data`."""
         return self.data
 
-    def rerun(
-        self,
-        changes: Mapping[str, str | float] | None = None,
-        *,
-        seed: int | None = None,
-        **settings: Any,
-    ) -> Panels:
+    def rerun(self, changes: Change | None = None, **settings: Any) -> Panels:
         """Return the panels drawn again; each takes what it reads, and a seed where it draws."""
-        told = dict(changes or {})
+        told, seed = dict(changes or {}), settings.pop("seed", None)
         refuse_strays(self.key, told, self.reads)
         random = [one for one in self.panels if one.random] or self.panels
-        again = (
-            one.rerun(
-                {a: value for a, value in told.items() if a in one.reads},
-                seed=seed if one in random else None,
-                **settings,
-            )
-            for one in self.panels
-        )
+        again = []
+        for one in self.panels:
+            own = {address: value for address, value in told.items() if address in one.reads}
+            again.append(one.rerun(own, seed=seed if one in random else None, **settings))
         return Panels(self.key, tuple(again))
 
     def cite(self, form: str = "bibtex") -> str:

@@ -42,7 +42,7 @@ from reproduce.views import computed
 from reproduce.views.base import by_row, text_of
 from reproduce.views.blocks import Block, Blocks, Fold, Grid, Html
 from reproduce.views.export import beside, export_frame, provenance
-from reproduce.views.figure import Picture, pictured
+from reproduce.views.figure import pictured
 from reproduce.views.measurements import Remade, platform_of
 from reproduce.views.numbers import digits, minus, moments
 
@@ -281,21 +281,26 @@ class Posterior(Remade):
         caption = f"Posterior of {self.name}, data {self.told}." + f" Orange: {mark}." * bool(marks)
         caption += " Contours hold 50 % and 95 % of the draws." * (len(chosen) > 1)
         alternative = f"Histograms and contours of {', '.join(chosen)} in the posterior."
-        return self._pictured(_corner_plot, alternative, caption, chosen, marks)
+        return self._pictured(
+            "corner",
+            lambda figure: _corner_plot(figure, self.sampled, chosen, marks),
+            alternative,
+            caption,
+        )
 
     def traces(self) -> Html:
         """Return the chains: the median of the walkers, a line for each ensemble."""
         alternative = f"One panel for each parameter of {self.name}: lines against the step."
         caption = f"Traces of {self.name}: the median of the walkers, a line for each ensemble."
-        return self._pictured(_traces, alternative, caption)
+        return self._pictured(
+            "traces", lambda figure: _traces(figure, self.sampled), alternative, caption
+        )
 
     def _pictured(
-        self, draw: Callable[..., Picture], alternative: str, caption: str, *more: Any
+        self, kind: str, paint: Callable[[Figure], None], alternative: str, caption: str
     ) -> Html:
-        """Return a picture; one of the book has its downloads."""
-        source = text_of(draw) if self._in_book else ""
-        picture = draw(self.sampled, *more)._replace(about=self.about)
-        return pictured(picture, alternative, caption, source)
+        name = f"figure-posterior-{self.model.name}-{kind}" + "-own" * (not self._in_book)
+        return pictured(name, paint, alternative, caption)
 
     def save(self, path: str | Path) -> Path:
         """Write the draws, in the units shown: ``.csv``, or ``.nc`` for ArviZ.
@@ -449,49 +454,36 @@ _SMALL = 8.0  # points
 _BLUE, _ORANGE = "#0072B2", "#D55E00"
 
 
-def _traces(posterior: Sampled) -> Picture:
+def _traces(figure: Figure, posterior: Sampled) -> None:
     """Draw the median of the walkers of every ensemble against its steps."""
-    model = posterior.model
+    parameters = posterior.model.parameters
     stride = max(1, posterior.chain.shape[1] // _TRACE_POINTS)
     medians = np.median(posterior.chain[:, ::stride], axis=2)
     steps = np.arange(medians.shape[1]) * stride
-    shown = medians * [one.shown for one in model.parameters]
-
-    def paint(figure: Figure) -> None:
-        sized(figure, 6.8, 0.9 * model.dimension + 0.6)
-        panels = figure.subplots(model.dimension, sharex=True, squeeze=False).ravel()
-        for i, (axes, parameter) in enumerate(zip(panels, model.parameters, strict=True)):
-            axes.plot(steps, shown[..., i].T, linewidth=0.7)
-            axes.set_ylabel(_titled(f"${parameter.label}$", parameter.unit), fontsize=_SMALL)
-            axes.tick_params(labelsize=_SMALL)
-            axes.locator_params(axis="y", nbins=2)
-        panels[-1].set_xlabel("step", fontsize=_SMALL)
-
-    numbers = pd.DataFrame(shown.reshape(-1, model.dimension), columns=list(model.names))
-    numbers.insert(0, "step", np.tile(steps, len(shown)))
-    numbers.insert(0, "ensemble", np.repeat(np.arange(1, len(shown) + 1), len(steps)))
-    return Picture(f"posterior-{model.name}-traces", paint, numbers)
+    sized(figure, 6.8, 0.9 * len(parameters) + 0.6)
+    panels = figure.subplots(len(parameters), sharex=True, squeeze=False).ravel()
+    for i, (axes, parameter) in enumerate(zip(panels, parameters, strict=True)):
+        axes.plot(steps, parameter.shown * medians[..., i].T, linewidth=0.7)
+        axes.set_ylabel(_titled(f"${parameter.label}$", parameter.unit), fontsize=_SMALL)
+        axes.tick_params(labelsize=_SMALL)
+        axes.locator_params(axis="y", nbins=2)
+    panels[-1].set_xlabel("step", fontsize=_SMALL)
 
 
-def _corner_plot(posterior: Sampled, names: Sequence[str], marks: Mapping[str, float]) -> Picture:
+def _corner_plot(
+    figure: Figure, posterior: Sampled, names: Sequence[str], marks: Mapping[str, float]
+) -> None:
     """Draw the corner plot of some parameters, with marks in the unit shown where there are any.
 
     One parameter, and a narrow page, have histograms alone.
     """
-    model = posterior.model
-    columns = [model.names.index(name) for name in names]
-    chosen = [model.parameters[i] for i in columns]
+    columns = [posterior.model.names.index(name) for name in names]
+    chosen = [posterior.model.parameters[i] for i in columns]
     rows = posterior.draws[:, columns]
     rows = rows[np.linspace(0, len(rows) - 1, min(_POINTS, len(rows))).astype(int)]
-    values = rows * [one.shown for one in chosen]
-    marked = [marks.get(name) for name in names]
-
-    def paint(figure: Figure) -> None:
-        draw = _histograms if len(chosen) == 1 or thin(figure) else _corner
-        draw(figure, values, [_titled(f"${one.label}$", one.unit) for one in chosen], marked)
-
-    numbers = pd.DataFrame(values, columns=list(names))
-    return Picture(f"posterior-{model.name}-corner", paint, numbers)
+    labels = [_titled(f"${one.label}$", one.unit) for one in chosen]
+    draw = _histograms if len(chosen) == 1 or thin(figure) else _corner
+    draw(figure, rows * [one.shown for one in chosen], labels, [marks.get(one) for one in names])
 
 
 def _corner(figure: Figure, values: _Values, labels: list[str], marked: _Marks) -> None:

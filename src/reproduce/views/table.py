@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +15,7 @@ from reproduce.papers.declare import Computation
 from reproduce.printed.cells import Cell as PrintedCell
 from reproduce.printed.cells import anchor, library
 from reproduce.views import keys, verdicts
-from reproduce.views.base import Item, Shown, by_row, text_of
+from reproduce.views.base import Change, Item, Shown, by_row, text_of
 from reproduce.views.blocks import Block, Box, Entry, Fold, Grid, Html, badge, grid
 from reproduce.views.computed import item_ledger
 from reproduce.views.export import bar, export, full_frame, table_files
@@ -85,7 +85,7 @@ class Table(Item):
 
     def rerun(
         self,
-        changes: Mapping[str, str | float] | None = None,
+        changes: Change | None = None,
         *,
         seed: int | None = None,
         replicates: int | None = None,
@@ -148,7 +148,7 @@ class Table(Item):
         for name in cells:
             self[name]
 
-        def compute(step: Mapping[str, str | float]) -> Iterator[Point]:
+        def compute(step: Change) -> Iterator[Point]:
             return of_cells(rerunning.rerun(self.key, step, replicates=replicates), cells)
 
         return swept(self.key, address, values, compute)
@@ -414,7 +414,7 @@ class Cell(Shown):
 
         return pd.DataFrame({self.address: self.record.model_dump()})
 
-    def rerun(self, changes: Mapping[str, str | float] | None = None, **settings: Any) -> Changed:
+    def rerun(self, changes: Change | None = None, **settings: Any) -> Changed:
         """Compute the cell again with something that it reads changed, as `Table.rerun` does."""
         rerunning.checked_values(self.address, changes or {})
         return Changed(self.table.rerun(changes, **settings).result, self._cell.name)
