@@ -15,7 +15,7 @@ import click
 from reproduce.physics.registration import MODELS
 from reproduce.version import __version__
 from reproduce.views import front
-from reproduce.views.blocks import PLAIN, Blocks
+from reproduce.views.blocks import PLAIN
 
 
 class _Shell(click.Group):
@@ -139,7 +139,7 @@ def main() -> None:
 def list_items(as_json: bool) -> None:
     """List all items, in order of print, and our own tables."""
     contents = front.contents()
-    _show(as_json, contents.entries, lambda: Blocks(tuple(contents.listed())).print())
+    _show(as_json, contents.entries, contents.listed.print)
 
 
 @main.command()

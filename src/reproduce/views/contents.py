@@ -91,13 +91,11 @@ class Contents(Display):
         what, kind = f"The {len(self._ledger.records)} printed numbers", "rp-small rp-sortable"
         return Blocks((grid(what, EVERY, self._ledger.records, kind=kind, words=len(EVERY)),))
 
-    def listed(self) -> Iterator[Grid]:
-        """Yield the items and the tables of our own, without the score."""
-        rows = [(key, keys.place(key), keys.title(key)) for key in self.keys]
-        yield Grid("", ("key", "in the paper", "what"), rows, words=3, whole=(0,))
-        if self.own:
-            own = [(key, keys.title(key)) for key in self.own]
-            yield Grid("", ("our own tables", "what"), own, words=2, whole=(0,))
+    @property
+    def listed(self) -> Blocks:
+        """The items and the tables of our own, without the score."""
+        rows = [(one["key"], one["place"], one["title"]) for one in self.entries()]
+        return Blocks((Grid("", ("key", "in the paper", "what"), rows, words=3, whole=(0,)),))
 
     @property
     def index(self) -> Blocks:
@@ -110,7 +108,7 @@ class Contents(Display):
         papers = groupby(records, key=lambda record: record.key.partition("/")[0])
         walls = Markup("\n").join(part.format(paper, wall(own)) for paper, own in papers)
         yield Html(Markup('<div class="rp-walls">\n{}\n</div>\n{}').format(walls, legend(records)))
-        yield Fold("The same in words", (*self.listed(), *self.index.shown))
+        yield Fold("The same in words", (*self.listed.shown, *self.index.shown))
 
 
 class Check(Display):
