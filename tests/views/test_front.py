@@ -183,10 +183,10 @@ def test_a_study_is_computed_again_under_a_change():
 
 
 def test_a_study_shows_its_numbers_as_its_columns_say():
-    rows = {row[0]: row[1:] for row in rp.table("chen2023/focal-lengths").grids[""].rows}
+    rows = {row[0]: row[1:] for row in rp.table("chen2023/focal-lengths").grid.rows}
     assert rows["reference about Y, state 2"] == ["2084.2 ± 1.5", "", "2055.5 ± 1.5", ""]
     assert rows["all monitored about Y"] == ["2043.9 ± 5.9", "25.7", "2048.1 ± 5.9", "35.3"]
-    thermal = {row[0]: row[1:] for row in rp.table("chen2023/thermal").grids[""].rows}
+    thermal = {row[0]: row[1:] for row in rp.table("chen2023/thermal").grid.rows}
     assert thermal["the pattern grows evenly"] == ["µm", "0", "any", "any"]
 
 
@@ -475,9 +475,12 @@ def test_lights_of_ones_own_are_measured_rightly(tmp_path):
     toml, (zero, now) = measured_lights(tmp_path, [0, 0])
     found = rp.misalignment(now, zero, platform=toml)
     assert found.findings == []
-    interval = found.interval(0.999)
-    assert (interval["low (arcsec)"] < [15, -25, 40]).all()
-    assert (interval["high (arcsec)"] > [15, -25, 40]).all()
+    low, high = found.found.interval(0.999) * ARCSEC_PER_RADIAN
+    assert (low < [15, -25, 40]).all()
+    assert (high > [15, -25, 40]).all()
+    frame = found.frame()
+    assert (frame["95% low (arcsec)"] > low).all()
+    assert (frame["95% high (arcsec)"] < high).all()
     path = written_spots(tmp_path / "spots.csv", (zero, now), frames=True)
     model = rp.posterior("misalignment", data=path, platform=toml).model
     centre, error = (one[3:6] * ARCSEC_PER_RADIAN for one in model.likelihood.start())
@@ -500,7 +503,7 @@ def test_spots_without_frames_must_be_whole(tmp_path):
         ("lasers = [", "expected TOML"),
         ("lasers = [[0, 0], [1, 1]]", "expected lasers, camera_focal_length, tracker_focal"),
         (TOML + "colour = 'red'", "expected directions, tracker_focal_length"),
-        (TOML.replace("5e-6", "5.0"), "platform.toml: pixel_pitch: expected metres"),
+        (TOML.replace("5e-6", "5.0"), "(pixel_pitch: expected metres"),
     ],
 )
 def test_a_wrong_platform_is_refused_in_one_line(tmp_path, text, message):
@@ -711,7 +714,7 @@ def test_without_times_or_with_few_images_no_drift_is_told():
         (rp.misalignment(now, zero, design, times), True),
     ):
         assert found.over_time().empty
-        assert any("13 images tell an angle" in one for one in found.remarks) == said
+        assert any("frames or more, got 13" in one for one in found.remarks) == said
         assert found.record()["over_time"] == []
     with pytest.raises(ValueError, match="times: expected 15 finite numbers"):
         rp.misalignment(now, zero, design, times[:-1])

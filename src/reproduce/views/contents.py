@@ -16,6 +16,7 @@ from reproduce.judge.verdicts import VERDICTS
 from reproduce.papers.catalogue import catalogue
 from reproduce.printed.cells import PAPERS, PrintedTable, anchor, library
 from reproduce.views import keys, verdicts
+from reproduce.views.base import by_row
 from reproduce.views.blocks import Block, Blocks, Box, Display, Entry, Fold, Grid, Html, badge, grid
 from reproduce.views.computed import item_ledger
 from reproduce.views.export import full_frame
@@ -72,14 +73,9 @@ class Contents(Display):
 
     def frame(self) -> pd.DataFrame:
         """Return one row per item: place, title and the number of cells by verdict."""
-        import pandas as pd
-
-        rows = [
-            {"place": keys.place(key), "title": keys.title(key)}
-            | verdicts.tally(self._ledger.of(key))
-            for key in self.keys
-        ]
-        return pd.DataFrame(rows, index=self.keys)
+        named = {key: {"place": keys.place(key), "title": keys.title(key)} for key in self.keys}
+        tallies = {key: verdicts.tally(self._ledger.of(key)) for key in self.keys}
+        return by_row(named).join(by_row(tallies))
 
     def cells(self) -> pd.DataFrame:
         """Return one row per cell, with every field of the ledger."""

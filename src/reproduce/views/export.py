@@ -23,7 +23,7 @@ from reproduce.version import ADDRESS, DOI, RELEASED, __version__, software
 from reproduce.views import keys, verdicts
 from reproduce.views.blocks import PLAIN
 from reproduce.views.computed import item_ledger
-from reproduce.views.numbers import hyphen, minus, powers
+from reproduce.views.numbers import minus, powers
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -163,7 +163,8 @@ def _shaped_frame(records: tuple[Record, ...], *, whole: bool) -> pd.DataFrame:
 def _shaped(record: Record) -> str:
     if record.role != "result":
         return record.printed
-    told = (hyphen(verdicts.computed(record)), record.verdict, verdicts.flags(record.flags))
+    value = verdicts.computed(record).replace("−", "-")
+    told = (value, record.verdict, verdicts.flags(record.flags))
     return f"{record.printed} ({', '.join(filter(None, told))})"
 
 

@@ -18,24 +18,12 @@ import pandas as pd
 from markupsafe import Markup
 from numpy.typing import NDArray
 
-from reproduce.inference import (
-    LogUniform,
-    Parameter,
-    PredictiveCheck,
-    Prior,
-    Progress,
-    Sampled,
-    Summary,
-    Uniform,
-    leanings,
-    misfit,
-    posterior_checks,
-    sampling,
-)
+from reproduce import inference
+from reproduce.inference import Sampled, Summary, leanings, misfit, sampling
 from reproduce.inference.models import MixtureRegistration, probability_false, with_priors
 from reproduce.judge.rerun import check_randomness
 from reproduce.papers.posteriors import posteriors
-from reproduce.papers.sketch import sized, thin
+from reproduce.papers.sketch import NARROW, sized, thin
 from reproduce.store.points import is_table
 from reproduce.version import __version__
 from reproduce.views import computed
@@ -129,7 +117,9 @@ class Posterior(Remade):
         """The sampled posterior itself, for what this object does not offer."""
         return book_posterior(self.name) if self._in_book else self.sample()
 
-    def sample(self, executor: Executor | None = None, progress: Progress | None = None) -> Sampled:
+    def sample(
+        self, executor: Executor | None = None, progress: inference.Progress | None = None
+    ) -> Sampled:
         """Sample now, on an executor if wanted; `progress` is told the ensembles done and all.
 
         Where no number of steps was asked for, chains that are too short are run again, longer.
@@ -170,9 +160,9 @@ class Posterior(Remade):
         return line
 
     @cached_property
-    def checks(self) -> list[PredictiveCheck]:
+    def checks(self) -> list[inference.PredictiveCheck]:
         """Numbers of the data beside those of data simulated from the posterior."""
-        return posterior_checks(self.sampled)
+        return inference.posterior_checks(self.sampled)
 
     def stars(self) -> pd.DataFrame:
         """Return each star's posterior probability of being false, the mean over the draws.
@@ -386,7 +376,11 @@ class Posterior(Remade):
         if false := self.false_stars:
             yield f"{false}."
         if not self._in_book:
-            doubts = (*map(str, leanings(self.sampled)), misfit(self.checks), *self.remarks)
+            doubts = (
+                *map(str, leanings(self.sampled)),
+                misfit(self.checks),
+                *self.remarks,
+            )
             yield from (f"Warning: {text}." for text in doubts if text)
 
     @property
@@ -424,32 +418,32 @@ def interval(row: Summary) -> tuple[str, str]:
     return moments(row.mean, row.deviation), minus(f"{low} to {high}")
 
 
-def _prior(parameter: Parameter, prior: Prior | tuple[float, float]) -> Prior:
+def _prior(
+    parameter: inference.Parameter, prior: inference.Prior | tuple[float, float]
+) -> inference.Prior:
     """Return a reader's prior; two ends are in the unit shown."""
-    if isinstance(prior, Prior):
+    if isinstance(prior, inference.Prior):
         return prior
     low, high = prior
-    if low < 0 and isinstance(parameter.prior, LogUniform):
+    if low < 0 and isinstance(parameter.prior, inference.LogUniform):
         raise ValueError(f"prior of {parameter.name}: expected zero or more, got {low:g}")
     if not low < high:
         raise ValueError(
             f"prior of {parameter.name}: expected low below high, got {low:g} and {high:g}"
         )
-    return Uniform(low / parameter.shown, high / parameter.shown, "a reader's own")
+    return inference.Uniform(low / parameter.shown, high / parameter.shown, "a reader's own")
 
 
 _Values = NDArray[np.float64]
-_Marks = list[float | None]
 # More draws than this do not change the contours, nor more points a trace.
 _POINTS, _TRACE_POINTS = 10_000, 45
 # Parameters of a corner plot: with more its labels could not be read.
 _MOST = 5
 # What of the draws an axis leaves out on either side.
 _TAILS = (0.002, 0.998)
-# In panels of a corner plot: so far below, a label clears ticks of seven digits, as of a scale.
-_BELOW = -0.6
-# Room for ticks and labels of a corner plot, in inches.
-_EDGES = 1.1
+# Of a corner plot, in inches: the room for ticks and labels, and how far out a label clears ticks
+# of seven digits, as of a scale.
+_EDGES, _BELOW = 1.1, 0.68
 _SMALL = 8.0  # points
 _BLUE, _ORANGE = "#0072B2", "#D55E00"
 
@@ -473,52 +467,38 @@ def _traces(figure: Figure, posterior: Sampled) -> None:
 def _corner_plot(
     figure: Figure, posterior: Sampled, names: Sequence[str], marks: Mapping[str, float]
 ) -> None:
-    """Draw the corner plot of some parameters, with marks in the unit shown where there are any.
+    """Draw the corner plot of some parameters, with marks in the unit shown where there are any."""
+    import corner
 
-    One parameter, and a narrow page, have histograms alone.
-    """
     columns = [posterior.model.names.index(name) for name in names]
     chosen = [posterior.model.parameters[i] for i in columns]
     rows = posterior.draws[:, columns]
     rows = rows[np.linspace(0, len(rows) - 1, min(_POINTS, len(rows))).astype(int)]
-    labels = [_titled(f"${one.label}$", one.unit) for one in chosen]
-    draw = _histograms if len(chosen) == 1 or thin(figure) else _corner
-    draw(figure, rows * [one.shown for one in chosen], labels, [marks.get(one) for one in names])
-
-
-def _corner(figure: Figure, values: _Values, labels: list[str], marked: _Marks) -> None:
-    import corner as package
-
-    side = min(6.8, 1.3 * len(labels) + 1.2)
+    values = rows * [one.shown for one in chosen]
+    marked = [marks.get(one) for one in names]
+    side = NARROW if thin(figure) else min(6.8, 1.3 * len(chosen) + 1.2)
     figure.set_layout_engine(None)
     figure.set_size_inches(side, side)
-    package.corner(
-        values, range=[_span(*pair) for pair in zip(values.T, marked, strict=True)],
-        labels=labels, label_kwargs={"fontsize": _SMALL}, max_n_ticks=3, fig=figure,
+    corner.corner(
+        values, range=[_span(*pair) for pair in zip(values.T, marked, strict=True)], fig=figure,
+        labels=[_titled(f"${one.label}$", one.unit) for one in chosen],
+        label_kwargs={"fontsize": _SMALL}, max_n_ticks=3,
         truths=marked, truth_color=_ORANGE, quiet=True,
         color=_BLUE, bins=20, smooth=1.0, levels=(0.5, 0.95),
         plot_datapoints=False, plot_density=False, no_fill_contours=True,
     )  # fmt: skip
+    below = -_BELOW * len(chosen) / (side - _EDGES)
     for axes in figure.axes:
         axes.tick_params(labelsize=_SMALL)
         axes.grid(visible=False)
-        axes.xaxis.set_label_coords(0.5, _BELOW)
-        axes.yaxis.set_label_coords(_BELOW, 0.5)
-    figure.subplots_adjust(left=_EDGES / side, bottom=_EDGES / side, right=0.99, top=0.99)
-
-
-def _histograms(figure: Figure, values: _Values, labels: list[str], marked: _Marks) -> None:
-    sized(figure, 4.5, 2.6, 1.5 * len(labels))
-    panels = figure.subplots(len(labels), squeeze=False).ravel()
-    for axes, column, label, mark in zip(panels, values.T, labels, marked, strict=True):
-        span = _span(column, mark)
-        axes.hist(column, bins=40, range=span, histtype="step", color=_BLUE)
-        if mark is not None:
-            axes.axvline(mark, color=_ORANGE, linewidth=1)
-        axes.set_xlabel(label, fontsize=_SMALL)
-        axes.set(yticks=[], xlim=span)
-        axes.tick_params(labelsize=_SMALL)
-        axes.locator_params(axis="x", nbins=3, prune="both")
+        axes.xaxis.set_label_coords(0.5, below)
+        axes.yaxis.set_label_coords(below, 0.5)
+        for axis in (axes.xaxis, axes.yaxis):  # numbers near the ends would meet their neighbours
+            ticks, (low, high) = np.asarray(axis.get_majorticklocs()), axis.get_view_interval()
+            axis.set_ticks(ticks[np.abs(ticks - (low + high) / 2) < 0.4 * (high - low)])
+    figure.subplots_adjust(
+        left=_EDGES / side, bottom=_EDGES / side, right=1 - 0.15 / side, top=0.99
+    )
 
 
 def _span(values: _Values, mark: float | None) -> tuple[float, float]:

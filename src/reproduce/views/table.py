@@ -295,7 +295,6 @@ _NUMBERS: dict[str, Callable[[Record], Entry]] = {
     "Monte Carlo error": verdicts.error,
     "allowed by rounded inputs": lambda one: verdicts.interval(one) * (one.probability is None),
     "predicted, central 99 %": lambda one: verdicts.interval(one) * (one.probability is not None),
-    "difference": verdicts.difference,
     _SHARE: lambda one: "" if one.share is None else f"{one.share:.2f}",
     "probability": verdicts.probability,
     "verdict": lambda one: one.verdict,

@@ -61,14 +61,6 @@ def between(record: Record, ends: Sequence[float | None] | None) -> str:
     return quantity(minus(text), unit(record))
 
 
-def difference(record: Record) -> str:
-    """Write how far our result lies from the print, of a cell that has a verdict of its own."""
-    if record.computed is None or record.role != "result" or record.verdict == "blocked":
-        return ""
-    number = cell_of(record).number
-    return quantity(minus(number.format(record.computed - number.value, extra=1)), unit(record))
-
-
 def probability(record: Record) -> str:
     """Write a record's probability with no more digits than its Monte Carlo error allows."""
     if record.probability is None or record.mcse is None:
@@ -101,15 +93,18 @@ def _counted(probability: float, mcse: float, replicates: int, before: str = "")
 def fitting(readings: tuple[WholeReading, ...]) -> str:
     """Say whether one reading of the text fits all cells of a table that depend on one."""
     count = sum(one.fits for one in readings)
-    closest = max(
-        readings,
-        key=lambda one: (one.fits, one.agreeing - one.apart, one.joint_probability or 0.0),
-    )
     what = "fits" if count == 1 else "fit"
     return (
         f"One reading for all cells that depend on a reading: {count or 'none'} of "
-        f"{len(readings)} {what}. Closest: {closest.name}, {whole(closest)}."
+        f"{len(readings)} {what}. Closest: {closest(readings)}."
     )
+
+
+def closest(readings: tuple[WholeReading, ...]) -> str:
+    """Say which reading comes closest to all cells, and how it fares."""
+    ranks = [(r.fits, r.agreeing - r.apart, r.joint_probability or 0.0) for r in readings]
+    best = readings[ranks.index(max(ranks))]
+    return f"{best.name}, {whole(best)}"
 
 
 def whole(reading: WholeReading) -> str:
@@ -235,7 +230,7 @@ def _of_item(key: str) -> dict[str, str]:
         said["fitting"] = str(sum(one.fits for one in fits) or "none")
         said["whole-readings"] = str(len(fits))
         said["replicates"] = f"{max(one.replicates for one in fits):,}"
-        said["closest"] = fitting(fits).partition("Closest: ")[2].removesuffix(".")
+        said["closest"] = closest(fits)
     if joint := found.table(key):
         said |= {"joint": joint_chance(joint), "replicates": f"{joint.replicates:,}"}
     return said
