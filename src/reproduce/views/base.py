@@ -46,6 +46,11 @@ class Shown(Display):
     def frame(self) -> pd.DataFrame:
         """Return the numbers."""
 
+    @property
+    def data(self) -> pd.DataFrame:
+        """The numbers, as of `frame`."""
+        return self.frame()
+
     def export(self, form: str) -> str:
         """Return the numbers as csv, json, latex or markdown."""
         return export_frame(self.frame(), form, self.about)
@@ -64,7 +69,7 @@ class Shown(Display):
 
 
 class Item(Shown):
-    """What tables and figures share: where they come from."""
+    """What tables and figures share, ours too: where they come from."""
 
     @property
     def options(self) -> pd.DataFrame:
@@ -128,18 +133,13 @@ class Changeable(Shown):
     kind = ""
 
     def __init__(
-        self,
-        key: str,
-        changes: Change | None = None,
-        seed: int | None = None,
-        **settings: Any,
+        self, key: str, changes: Change | None = None, seed: int | None = None, **settings: Any
     ) -> None:
         self.key, self.seed = key, seed
         self._changes, self._settings = dict(changes or {}), settings
         left = getattr(self._declared, "settings", {})
         if unknown := sorted(set(settings) - set(left)):
-            others = ["cells that it reads"] + ["a seed"] * self.random
-            others += [f"{name} ({what})" for name, what in left.items()]
+            others = ["cells that it reads", *["a seed"] * self.random, *left]
             raise rerun.CannotChangeError(
                 f"{key} is {self.kind}: expected {', '.join(others)}; got {', '.join(unknown)}"
             )

@@ -142,8 +142,12 @@ def grid(
 
 def badge(word: str, text: str = "") -> Markup:
     """Return a verdict, or a text in its look, as a badge."""
-    mark = Markup('<span class="rp-badge rp-badge-{}">{}</span>')
-    return mark.format(word, text or word)
+    return Markup('<span class="rp-badge rp-badge-{}">{}</span>').format(word, text or word)
+
+
+def link(place: str, text: Entry) -> Markup:
+    """Return a text that leads to an anchor, on whatever page it is."""
+    return Markup('<a href="#{}">{}</a>').format(place, text)
 
 
 def html(blocks: Iterable[Block]) -> str:
@@ -196,10 +200,7 @@ def _td(entry: Entry | Box) -> str:
 def _write(blocks: Iterable[Block], console: Console) -> None:
     """Write blocks on a terminal."""
     for part in _terminal(blocks, console.width):
-        if isinstance(part, str):
-            console.print(part, markup=False, highlight=False)
-        else:
-            console.print(part)
+        console.print(Text(part) if isinstance(part, str) else part)
 
 
 def _terminal(blocks: Iterable[Block], width: int) -> Iterator[RenderableType]:

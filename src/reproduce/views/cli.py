@@ -188,9 +188,7 @@ def show(
 
 @main.command("export")
 @_ADDRESS
-@click.option(
-    "--format", "form", type=click.Choice(["csv", "json", "latex", "markdown"]), required=True
-)
+@click.option("--format", "form", required=True, help="csv, json, latex or markdown.")
 def export_item(address: str, form: str) -> None:
     """Write the records of an item or a cell to standard output; csv and json carry every field."""
     click.echo(front.item(address).export(form))
@@ -209,9 +207,7 @@ def figure(key: str, out: Path, changes: tuple[str, ...], seed: int | None) -> N
 
 @main.command()
 @_ADDRESS
-@click.option(
-    "--format", "form", type=click.Choice(["bibtex", "ris", "csl", "text"]), default="bibtex"
-)
+@click.option("--format", "form", default="bibtex", help="bibtex, ris, csl or text.")
 def cite(address: str, form: str) -> None:
     """Print how to cite a reproduced item or cell and its paper."""
     click.echo(front.cite(address, form))

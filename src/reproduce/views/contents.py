@@ -186,21 +186,18 @@ def wall(records: Iterable[Record]) -> Markup:
 
 def legend(records: Sequence[Record]) -> Markup:
     """Say what each mark means, and how many there are."""
+    entry = Markup(
+        '<li tabindex="0"><svg viewBox="-7 -7 14 14" width="14" height="14" aria-hidden="true">'
+        '<path class="rp-mark-{}" d="{}"/></svg> <strong>{}</strong>: {}</li>'
+    ).format
     entries = [
-        _entry("", verdict, f"{count} {verdict}", verdicts.MEANINGS[verdict])
+        entry(verdict, SHAPES[verdict], f"{count} {verdict}", verdicts.MEANINGS[verdict])
         for verdict, count in verdicts.tally(records).items()
     ]
     hollow = f"{verdicts.weak(records)} of these weak"
     weak = "agrees, but in a way that says little: a copy, a difference, a wide interval"
-    entries.insert(2, _entry(" rp-mark-weak", "exact", hollow, weak))
+    entries.insert(2, entry("exact rp-mark-weak", SHAPES["exact"], hollow, weak))
     return Markup('<ul class="rp-wall-legend">\n{}\n</ul>').format(Markup("\n").join(entries))
-
-
-def _entry(kind: str, verdict: str, count: str, meaning: str) -> Markup:
-    return Markup(
-        '<li tabindex="0"><svg viewBox="-7 -7 14 14" width="14" height="14" aria-hidden="true">'
-        '<path class="rp-mark-{0}{1}" d="{2}"/></svg> <strong>{3}</strong>: {4}</li>'
-    ).format(verdict, kind, SHAPES[verdict], count, meaning)
 
 
 def _block(table: PrintedTable, records: Sequence[Record]) -> Markup:

@@ -10,8 +10,9 @@ from dataclasses import dataclass
 from functools import cache
 from itertools import product
 from operator import itemgetter
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import pandas as pd
 from markupsafe import Markup
 
 from reproduce.audit.corrections import Correction
@@ -22,15 +23,12 @@ from reproduce.locate import data_folders
 from reproduce.printed.cells import PAPERS, anchor
 from reproduce.printed.number import si_factor, symbol
 from reproduce.version import __version__
-from reproduce.views.blocks import Block, Blocks, Display, Entry, Fold, Grid, badge, grid
+from reproduce.views.blocks import Block, Blocks, Display, Entry, Fold, Grid, badge, grid, link
 from reproduce.views.computed import item_ledger, paper_audit
 from reproduce.views.export import statement
 from reproduce.views.keys import check_paper
 from reproduce.views.numbers import minus
 from reproduce.views.verdicts import quantity
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 _Row = dict[str, Any]
 _Columns = Mapping[str, Callable[[_Row], Entry]]
@@ -60,8 +58,6 @@ class _Part(Blocks):
 
     def frame(self) -> pd.DataFrame:
         """Return one row for each relation, set, correction, equation or entry."""
-        import pandas as pd
-
         frame = pd.DataFrame(self.rows)
         return frame.set_index("name") if "name" in frame else frame
 
@@ -92,8 +88,6 @@ class Contradictions(Display):
 
     def frame(self) -> pd.DataFrame:
         """Return the register: one row per entry, with what is printed and why it is there."""
-        import pandas as pd
-
         return pd.concat([self[name].frame() for name in ("errata", "suppositions")])
 
     def as_json(self) -> dict[str, list[_Row]]:
@@ -116,8 +110,7 @@ def errata_register() -> tuple[Erratum, ...]:
 def replied(name: str) -> Entry:
     """Return what the authors say to an entry of the register, or how they can answer."""
     entry = next(one for one in errata_register() if one.id == name)
-    none_yet = Markup('none yet; <a href="#letter-{}">how to answer</a>')
-    return entry.reply or none_yet.format(entry.paper)
+    return entry.reply or Markup("none yet; ") + link(f"letter-{entry.paper}", "how to answer")
 
 
 def _grid(caption: str, columns: _Columns, rows: Sequence[_Row], **looks: Any) -> Grid:
@@ -391,11 +384,10 @@ def _erratum(entry: Erratum, audit: Audit) -> Fold:
 def _evidence(entry: Erratum, audit: Audit) -> Markup:
     """Write what the relations and equations behind an entry give, computed now."""
     pieces = [Markup("{}").format(entry.evidence)] if entry.evidence else []
-    link = Markup('<a href="#{}"><code>{}</code></a>: {}')
     for finding in entry.findings(audit):
         name = finding.relation.name
-        where = f"relation-{entry.paper}-{name}"
-        pieces.append(link.format(where, name, _sides(finding, audit)))
+        where = link(f"relation-{entry.paper}-{name}", _code(name))
+        pieces.append(Markup("{}: {}").format(where, _sides(finding, audit)))
     for run in entry.demonstrations(audit):
         values = f"{_digits(run.printed)} as extracted, {_digits(run.wanted)} wanted"
         pieces.append(Markup("{}: {}: {}").format(run.place, run.meaning, values))
@@ -453,8 +445,7 @@ def _within_paper(address: str) -> str:
 def _cell_link(number: str) -> Markup:
     """Link a computed number, a cell or a reading of it, to the cell."""
     address, _, reading = number.partition(" ")
-    link = Markup('<a href="#{}">{}</a>').format(anchor(address), _code(_within_paper(address)))
-    return link + (f" {reading}" if reading else "")
+    return link(anchor(address), _code(_within_paper(address))) + f" {reading}" * bool(reading)
 
 
 def _digits(value: float) -> str:

@@ -49,8 +49,7 @@ def export(ledger: Ledger, address: str, form: str) -> str:
     frame = _shaped_frame(records, whole=not name)
     caption = f"{keys.title(key)} ({keys.place(key)} of {key.split('/')[0]})"
     looks = {"caption": f"{caption}; printed (computed, verdict)", "label": f"tab:{anchor(key)}"}
-    looks["column_format"] = "l" + "r" * (frame.shape[1] - 1)
-    frame.attrs["latex"] = looks
+    frame.attrs["latex"] = looks | {"column_format": "l" + "r" * (frame.shape[1] - 1)}
     return export_frame(frame, form, about)
 
 
@@ -191,9 +190,10 @@ def citation(address: str, form: str) -> str:
     if key in studies() or key in drawings():
         kind = "Study" if key in studies() else "Drawing"
         return beside(kind, key, paper, keys.title(key), form)
-    named = f"reproduce-{anchor(keys.check_address(address))}"
+    keys.check_key(key)
+    named = f"reproduce-{anchor(address)}"
     if name:
-        said = statement(item_ledger(key).cell(address))
+        said = statement(item_ledger(key).cell(library()[key][name].address))
         return _written(named, said, mark(said), paper, form, address)
     place = keys.place(key).partition(",")[0]
     what = place if place != "Text" else f"the numbers quoted in the text ({key.split('/')[1]})"
@@ -333,17 +333,10 @@ def _ris(entry: Entry) -> str:
     return "".join(f"{tag}  - {value}\n" for tag, value in (*lines, ("ER", "")))
 
 
-NOTHING = Markup("")
 NAMES = {"tex": "LaTeX", "md": "Markdown"}
 
 
-def bar(
-    key: str,
-    anchor: str,
-    files: Iterable[str],
-    source: str,
-    inputs: Markup = NOTHING,
-) -> Markup:
+def bar(key: str, anchor: str, files: Iterable[str], source: str, inputs: str = "") -> Markup:
     """Return the bar below a table or a figure of a page.
 
     Its links lead to files below the root of the built book, ``#tables/KEY.csv``.
@@ -358,8 +351,8 @@ def bar(
         Paths of its data and pictures below the root of the book.
     source : str
         The text of the functions that make it, empty where there is none.
-    inputs : Markup
-        What it is computed from, empty where it is not.
+    inputs : str
+        What it is computed from, as HTML; empty where it is not.
     """
     named = Markup('<a href="#{0}" aria-label="Permalink: {1}"><code>{1}</code></a>')
     texts = [citation(key, form) for form in ("bibtex", "text")]
@@ -378,7 +371,7 @@ def bar(
     return Markup('<div class="rp-bar">{}</div>').format(Markup("\n").join(parts))
 
 
-def _fold(summary: str, content: Markup) -> Markup:
+def _fold(summary: str, content: str) -> Markup:
     return Markup("<details><summary>{}</summary>{}</details>").format(summary, content)
 
 

@@ -12,6 +12,8 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import numpy as np
+import pandas as pd
 from markupsafe import Markup
 
 from reproduce.judge.rerun import refuse_strays
@@ -27,7 +29,6 @@ from reproduce.views.export import bar, citation, export_frame, provenance
 from reproduce.views.verdicts import filled
 
 if TYPE_CHECKING:
-    import pandas as pd
     from matplotlib.figure import Figure as MatplotlibFigure
 
     from reproduce.printed.given import Given
@@ -40,7 +41,7 @@ _SMALL = {"font.size": 8.5, "axes.titlesize": 9.0}
 _FONTS = re.compile(r"(font-family: 'DejaVu Sans')[^;\"]*")
 _LINK = re.compile(r'(xlink:href="#|url\(#)([\w-]+)')
 _NAMED = re.compile(r' id="([^"]+)"')
-_Paint = Callable[["MatplotlibFigure"], None]
+Paint = Callable[["MatplotlibFigure"], None]
 _About = Mapping[str, str] | None  # what a file says of itself
 
 
@@ -67,7 +68,7 @@ def _declared_drawing(key: str) -> Drawing:
     return found
 
 
-def painted(paint: _Paint, *, narrow: bool = False) -> MatplotlibFigure:
+def painted(paint: Paint, *, narrow: bool = False) -> MatplotlibFigure:
     """Return a figure in the project's style, for a wide page or for a narrow one."""
     from matplotlib import style
     from matplotlib.figure import Figure as MatplotlibFigure
@@ -89,9 +90,6 @@ def draw(key: str, door: Given | None = None, *, narrow: bool = False) -> Matplo
 
 def _data(figure: MatplotlibFigure) -> pd.DataFrame:
     """Return the lines, points and labels of a figure."""
-    import numpy as np
-    import pandas as pd
-
     parts = []
     for panel, axes in enumerate(figure.axes, start=1):
         drawn = [(line.get_label(), line.get_xydata()) for line in axes.lines]
@@ -106,18 +104,13 @@ def _data(figure: MatplotlibFigure) -> pd.DataFrame:
     return pd.concat(parts, ignore_index=True) if parts else empty
 
 
-def _ending_of(out: Path) -> str:
-    """Return the ending of a file to write, or raise ValueError if no figure has it."""
-    if out.suffix.lower() not in _ENDINGS:
-        raise ValueError(f"unknown ending {out.suffix!r}: expected one of {', '.join(_ENDINGS)}")
-    return out.suffix.lower()
-
-
 def save(figure: MatplotlibFigure, out: Path | io.StringIO, about: _About = None) -> None:
     """Write a drawn figure, and into the file what it says of itself; a stream takes SVG."""
     from matplotlib import style
 
-    ending = _ending_of(out) if isinstance(out, Path) else ".svg"
+    ending = out.suffix.lower() if isinstance(out, Path) else ".svg"
+    if ending not in _ENDINGS:
+        raise ValueError(f"unknown ending {ending!r}: expected one of {', '.join(_ENDINGS)}")
     # Dates and random ids would make every build differ from the last one.
     undated = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}.get(ending, {})
     told = {"Subject" if ending == ".pdf" else "Description": "\n".join((about or {}).values())}
@@ -154,8 +147,7 @@ def write_figure(key: str, root: Path) -> None:
     (root / "figures").mkdir(parents=True, exist_ok=True)
     for path in _figure_files(key):
         if path.endswith(".csv"):
-            text = export_frame(_data(figure), "csv", about)
-            (root / path).write_text(text, encoding="utf-8")
+            (root / path).write_text(export_frame(_data(figure), "csv", about), encoding="utf-8")
         elif path.endswith(".svg"):
             (root / path).write_text(f"{_XML}{shown.wide}", encoding="utf-8")
         else:
@@ -185,10 +177,8 @@ def _followed(svg: str, name: str, alternative: str) -> str:
     svg = re.sub(r"#000000\b", "currentColor", svg)
     # Short names, of what is named at all, and each its own in a page: points repeat them.
     mark = f"v{zlib.crc32(name.encode()):x}-"
-    short = {
-        old: f"{mark}{n}"
-        for n, old in enumerate(dict.fromkeys(old for _, old in _LINK.findall(svg)))
-    }
+    named = dict.fromkeys(old for _, old in _LINK.findall(svg))
+    short = {old: f"{mark}{n}" for n, old in enumerate(named)}
     svg = _NAMED.sub(lambda own: f' id="{short[own[1]]}"' if own[1] in short else "", svg)
     svg = _LINK.sub(lambda link: link[1] + short[link[2]], svg)
     label = escape(alternative, quote=True)
@@ -200,7 +190,7 @@ def _captioned(caption: str) -> Markup:
     return Markup('<figcaption><span class="rp-number"></span>{}</figcaption>').format(caption)
 
 
-def pictured(name: str, paint: _Paint, alternative: str, caption: str) -> Html:
+def pictured(name: str, paint: Paint, alternative: str, caption: str) -> Html:
     """Show a picture that no file of the book holds."""
     shown = Vectors(vector_of(painted(paint)), vector_of(painted(paint, narrow=True)))
     return Html(inline(shown, name, alternative, _captioned(caption)))
@@ -234,18 +224,12 @@ class Figure(Changeable, Item):
         figure: MatplotlibFigure = self._made[0]
         return figure
 
-    @cached_property
-    def data(self) -> pd.DataFrame:
-        """The lines and points that are drawn, in the units of the axes."""
-        return _data(self.drawn)
-
     def frame(self) -> pd.DataFrame:
-        """Return `data`."""
-        return self.data
+        """Return the lines and points that are drawn, in the units of the axes."""
+        return _data(self.drawn)
 
     def save(self, path: str | Path) -> Path:
         """Write the figure; the ending chooses svg, pdf or png."""
-        _ending_of(Path(path))  # before anything is drawn
         save(self.drawn, Path(path), self.about)
         return Path(path)
 
@@ -318,16 +302,9 @@ class Panels(Shown):
     def _setting(self) -> str:
         return " ".join(one._setting() for one in self.panels).strip()
 
-    @cached_property
-    def data(self) -> pd.DataFrame:
-        """The lines and points of all panels, with the key of each."""
-        import pandas as pd
-
-        return pd.concat([one.data.assign(figure=one.key) for one in self.panels])
-
     def frame(self) -> pd.DataFrame:
-        """Return `data`."""
-        return self.data
+        """Return the lines and points of all panels, with the key of each."""
+        return pd.concat([one.frame().assign(figure=one.key) for one in self.panels])
 
     def rerun(self, changes: Change | None = None, **settings: Any) -> Panels:
         """Return the panels drawn again; each takes what it reads, and a seed where it draws."""

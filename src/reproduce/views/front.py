@@ -70,13 +70,12 @@ def table(address: str) -> Table | Cell | StudyTable:
     'exact'
     """
     from reproduce.judge.rerun import studies
-    from reproduce.views.keys import check_text
     from reproduce.views.study import StudyTable
     from reproduce.views.table import Cell, Table
 
-    if check_text(address) in studies():
+    if address in studies():
         return StudyTable(address)
-    return Cell(address) if "#" in address else Table(address)
+    return Cell(address) if "#" in str(address) else Table(address)
 
 
 def figure(key: str) -> Figure | Panels:
@@ -94,9 +93,7 @@ def figure(key: str) -> Figure | Panels:
     """
     from reproduce.papers.catalogue import catalogue
     from reproduce.views.figure import Figure, Panels
-    from reproduce.views.keys import check_text
 
-    key = check_text(key)
     panels = [one for one in catalogue() if one[:-1] == key and one[-1].isalpha()]
     return Panels(key, tuple(map(Figure, panels))) if panels else Figure(key)
 

@@ -269,9 +269,8 @@ class Monitored(_Measured):
         )
         chosen, images, lights = diagnosis.seen(self.platform, images)
         self.findings = diagnosis.diagnose(chosen, images, numbers=lights)
-        diagnosis.refuse(
-            self.findings, str(spots) if isinstance(spots, str | Path) else "the spots"
-        )
+        name = str(spots) if isinstance(spots, str | Path) else "the spots"
+        diagnosis.refuse(self.findings, name)
         self.found = monitored(*images, chosen)
         self.angles = self.found.angles
         self.remarks = [*(one.text for one in self.findings), *notes]

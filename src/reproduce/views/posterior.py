@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import asdict, replace
-from functools import cache, cached_property
+from functools import cache, cached_property, partial
 from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
@@ -30,7 +30,7 @@ from reproduce.views import computed
 from reproduce.views.base import by_row, text_of
 from reproduce.views.blocks import Block, Blocks, Fold, Grid, Html
 from reproduce.views.export import beside, export_frame, provenance
-from reproduce.views.figure import pictured
+from reproduce.views.figure import Paint, pictured
 from reproduce.views.measurements import Remade, platform_of
 from reproduce.views.numbers import digits, minus, moments
 
@@ -271,24 +271,17 @@ class Posterior(Remade):
         caption = f"Posterior of {self.name}, data {self.told}." + f" Orange: {mark}." * bool(marks)
         caption += " Contours hold 50 % and 95 % of the draws." * (len(chosen) > 1)
         alternative = f"Histograms and contours of {', '.join(chosen)} in the posterior."
-        return self._pictured(
-            "corner",
-            lambda figure: _corner_plot(figure, self.sampled, chosen, marks),
-            alternative,
-            caption,
-        )
+        paint = partial(_corner_plot, posterior=self.sampled, names=chosen, marks=marks)
+        return self._pictured("corner", paint, alternative, caption)
 
     def traces(self) -> Html:
         """Return the chains: the median of the walkers, a line for each ensemble."""
         alternative = f"One panel for each parameter of {self.name}: lines against the step."
         caption = f"Traces of {self.name}: the median of the walkers, a line for each ensemble."
-        return self._pictured(
-            "traces", lambda figure: _traces(figure, self.sampled), alternative, caption
-        )
+        paint = partial(_traces, posterior=self.sampled)
+        return self._pictured("traces", paint, alternative, caption)
 
-    def _pictured(
-        self, kind: str, paint: Callable[[Figure], None], alternative: str, caption: str
-    ) -> Html:
+    def _pictured(self, kind: str, paint: Paint, alternative: str, caption: str) -> Html:
         name = f"figure-posterior-{self.model.name}-{kind}" + "-own" * (not self._in_book)
         return pictured(name, paint, alternative, caption)
 
@@ -343,9 +336,7 @@ class Posterior(Remade):
         return {
             "model": found.model.name,
             "seed": found.seed,
-            "ensembles": found.chain.shape[0],
-            "steps": found.chain.shape[1],
-            "walkers": found.chain.shape[2],
+            **dict(zip(("ensembles", "steps", "walkers"), found.chain.shape[:3], strict=True)),
             "acceptance": list(found.acceptance),
             "at_prior_end": [asdict(one) for one in leanings(found)],
             "parameters": [asdict(row) for row in found.rows()],

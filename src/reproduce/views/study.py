@@ -11,7 +11,7 @@ from reproduce.judge.rerun import studies
 from reproduce.papers.declare import Column, Study
 from reproduce.printed.cells import anchor
 from reproduce.views import numbers
-from reproduce.views.base import Changeable, text_of
+from reproduce.views.base import Changeable, Item, text_of
 from reproduce.views.blocks import Block, Entry, Fold, Grid, Html
 from reproduce.views.computed import once
 from reproduce.views.export import bar, table_files
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from reproduce.printed.given import Given
 
 
-class StudyTable(Changeable):
+class StudyTable(Changeable, Item):
     """A table that stands beside a paper, judged against nothing.
 
     Parameters
@@ -43,11 +43,6 @@ class StudyTable(Changeable):
     @property
     def _declared(self) -> Study:
         return studies()[self.key]
-
-    @property
-    def title(self) -> str:
-        """What it shows, in one sentence."""
-        return self._declared.title
 
     @property
     def source(self) -> str:
@@ -103,13 +98,11 @@ class StudyTable(Changeable):
         frame: pd.DataFrame = self._made[0]
         return frame.copy()
 
-    def _caption(self) -> str:
-        return f"{self.frame().attrs['caption']} {self._setting()}".rstrip()
-
     @property
     def grid(self) -> Grid:
         """The table as a reader sees it; of one that is folded, its first part."""
         study, frame = self._declared, self.frame()
+        caption = f"{frame.attrs['caption']} {self._setting()}".rstrip()
         if study.folded:
             frame = frame[frame[study.folded] == frame[study.folded].iloc[0]]
         forms = {column.name: column.form for column in study.columns}
@@ -117,7 +110,7 @@ class StudyTable(Changeable):
         shown = [column for column in study.columns if column.name not in behind]
         rows = [[_entry(row, c, forms) for c in shown] for row in frame.to_dict(orient="records")]
         where = f"study-{anchor(self.key)}" + ("-changed" if self.changes else "")
-        return Grid(self._caption(), [column.name for column in shown], rows, where, "rp-study")
+        return Grid(caption, [column.name for column in shown], rows, where, "rp-study")
 
     def blocks(self) -> Iterator[Block]:
         """Yield the table; a reader sees the first part of a long one, and takes the whole away."""

@@ -91,7 +91,7 @@ class Changed(Display):
 
     def _caption(self) -> str:
         remark = _READING if self.result.is_reading else _OWN
-        changed = {**self.changes, **self.options}
+        changed = self.changes | self.options
         told = setting(f"{self.result.key} with", changed, self.replaced, remark)
         if any(one.interval for one in self._cells):
             told += " From and to: the central 99 % of the prediction."

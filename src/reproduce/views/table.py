@@ -16,7 +16,7 @@ from reproduce.printed.cells import Cell as PrintedCell
 from reproduce.printed.cells import anchor, library
 from reproduce.views import keys, verdicts
 from reproduce.views.base import Change, Item, Shown, by_row, text_of
-from reproduce.views.blocks import Block, Box, Entry, Fold, Grid, Html, badge, grid
+from reproduce.views.blocks import Block, Box, Entry, Fold, Grid, Html, badge, grid, link
 from reproduce.views.computed import item_ledger
 from reproduce.views.export import bar, export, full_frame, table_files
 from reproduce.views.numbers import minus
@@ -175,8 +175,12 @@ class Table(Item):
         yield Html(self._bar, f"{self.key}: reproduce show {self.key}#CELL shows all about a cell")
 
     def _bar(self) -> Markup:
-        files, inputs = table_files(self.key), self._inputs()
-        return bar(self.key, anchor(self.key), files, self.source, inputs=inputs)
+        inputs = Markup(
+            "<p>Printed in {}. Again: <code>{}</code></p>"
+            "<p>Reads, directly or through other items: {}</p>"
+        ).format(self.place, self.again, _linked(self.reads))
+        files, where = table_files(self.key), anchor(self.key)
+        return bar(self.key, where, files, self.source, inputs if self.reads else "")
 
     def _whole(self) -> Grid:
         printed, records = self._printed, self._records
@@ -198,15 +202,6 @@ class Table(Item):
             rows.append([row.label, *map(_stacked, own)])
         head = ["", *(column.label for column in printed.columns)]
         return Grid(caption, head, rows, anchor(self.key), stacked=[*map(str.lower, _PARTS)])
-
-    def _inputs(self) -> Markup:
-        """Say what the table is computed from, each printed cell a link; nothing if it is not."""
-        if not self.reads:
-            return Markup("")
-        return Markup(
-            "<p>Printed in {}. Again: <code>{}</code></p>"
-            "<p>Reads, directly or through other items: {}</p>"
-        ).format(self.place, self.again, _linked(self.reads))
 
 
 def _stacked(record: Record) -> Box:
@@ -249,7 +244,7 @@ def _computed(record: Record) -> Entry:
 def _verdict(record: Record) -> Markup:
     marks = verdicts.flags(record.flags, {*verdicts.WEAK, "stand_in"})
     flag = Markup(' <span class="rp-flag">{}</span>').format(marks) if marks else ""
-    return _to(anchor(record.cell), badge(record.verdict)) + flag
+    return link(anchor(record.cell), badge(record.verdict)) + flag
 
 
 _PARTS = {"Printed": _printed, "Computed": _computed, "Verdict": _verdict}
@@ -273,7 +268,7 @@ def _reason(record: Record) -> Entry:
     why = minus(reason(record.cell) or record.why)
     if known := erratum(record.cell):
         told = "{} {}<br>The authors' reply: {}"
-        return Markup(told).format(why, _to(known, f"Erratum {known}"), _replied(known))
+        return Markup(told).format(why, link(known, f"Erratum {known}"), _replied(known))
     return why
 
 
@@ -284,7 +279,7 @@ def _replied(known: str) -> Entry:
 
 
 def _link(record: Record) -> Markup:
-    return _to(anchor(record.cell), Markup("<code>{}</code>").format(verdicts.name_of(record)))
+    return link(anchor(record.cell), Markup("<code>{}</code>").format(verdicts.name_of(record)))
 
 
 _SHARE = "share of the tolerance"
@@ -302,10 +297,10 @@ _NUMBERS: dict[str, Callable[[Record], Entry]] = {
 _SEED = "{} of the project, {} of this function; {:,} replicates"
 _MADE: dict[str, Callable[[Computation], Entry]] = {
     "function": lambda one: Markup("{} ({})").format(
-        _to(f"function-{anchor(one.key)}-{one.function.__name__}", one.name), one.line
+        link(f"function-{anchor(one.key)}-{one.function.__name__}", one.name), one.line
     ),
     "equations": lambda one: Markup(", ").join(
-        _to(f"equation-{one.key.partition('/')[0]}-{number}", f"({number})")
+        link(f"equation-{one.key.partition('/')[0]}-{number}", f"({number})")
         for number in one.equations
     ),
     "seed": lambda one: _SEED.format(*one.entropy, one.replicates) if one.replicates else "",
@@ -335,8 +330,7 @@ def _readings(place: str, records: tuple[Record, ...]) -> list[Grid]:
     grids = []
     for number, (names, group) in enumerate(groups.items(), start=1):
         head = [Markup("{}<br><small>{}</small>").format(name, place) for name, place in names]
-        shown = ((_link(record), verdicts.cell_of(record).shown) for record in group)
-        cells = [Markup("{} {}").format(*pair) for pair in shown]
+        cells = [_link(one) + Markup(" {}").format(verdicts.cell_of(one).shown) for one in group]
         body = [[verdicts.read(record, one) for one in record.readings] for record in group]
         if len(group) <= len(names):
             head, cells, body = cells, head, [list(row) for row in zip(*body, strict=True)]
@@ -349,16 +343,12 @@ _WHOLE: dict[str, Callable[[WholeReading], Entry]] = {
     "Reading of all open cells at once": lambda one: one.name,
     "Added": lambda one: one.added,
     "Cells that agree": lambda one: verdicts.whole(one).partition(";")[0],
-    "Together": verdicts.chance_of,
+    "Together": lambda one: verdicts.joint_chance(one, "p = "),
 }
 
 
-def _to(place: str, text: str) -> Markup:
-    return Markup('<a href="#{}">{}</a>').format(place, text)
-
-
 def _linked(addresses: Iterable[str]) -> Markup:
-    return Markup(", ").join(_to(anchor(one), one) for one in addresses)
+    return Markup(", ").join(link(anchor(one), one) for one in addresses)
 
 
 class Cell(Shown):
@@ -422,21 +412,19 @@ class Cell(Shown):
         """Return its record as csv, json, latex or markdown."""
         return export(item_ledger(self.table.key), self.address, form)
 
-    def _lines(self) -> dict[str, Entry]:
+    def blocks(self) -> Iterator[Block]:
+        """Yield all that is known of the cell, a line each."""
         record, maker, known = self.record, self._maker, erratum(self.address)
         made = {head: write(maker) for head, write in _MADE.items()} if maker else {}
-        return {
+        told: dict[str, Entry] = {
             **{head: write(record) for head, write in _NUMBERS.items()},
-            "verdict": verdicts.in_words(record),
+            "verdict": f"{verdicts.qualified(record)}: {verdicts.MEANINGS[record.verdict]}",
             "why": minus(reason(self.address) or record.why),
             **made,
             "reads": _linked(self.reads),
-            "erratum": _to(known, known) if known else "",
+            "erratum": link(known, known) if known else "",
             "the authors' reply": _replied(known) if known else "",
             **{f"if {one.name}": verdicts.read(record, one) for one in record.readings},
         }
-
-    def blocks(self) -> Iterator[Block]:
-        """Yield all that is known of the cell, a line each."""
-        lines = [line for line in self._lines().items() if line[1]]
+        lines = [line for line in told.items() if line[1]]
         yield Grid(self._cell.label, ("Cell", self.address), lines, kind="rp-one", words=2)

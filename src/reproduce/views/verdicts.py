@@ -78,16 +78,13 @@ def joint_sentence(joint: TableRecord) -> str:
     )
 
 
-def joint_chance(joint: TableRecord) -> str:
-    """Write the joint probability of a table."""
-    return _counted(joint.joint_probability, joint.mcse, joint.replicates)
-
-
-def _counted(probability: float, mcse: float, replicates: int, before: str = "") -> str:
-    """Write a probability counted among replicates: a bound where next to none lie so far out."""
-    if probability * (replicates + 1) < 1.5:
-        return f"below 1 in {replicates:,}"
-    return before + chance(probability, mcse)
+def joint_chance(joint: TableRecord | WholeReading, before: str = "") -> str:
+    """Write a joint probability, empty without one: a bound where next to none lie so far out."""
+    if joint.joint_probability is None or joint.mcse is None:
+        return ""
+    if joint.joint_probability * (joint.replicates + 1) < 1.5:
+        return f"below 1 in {joint.replicates:,}"
+    return before + chance(joint.joint_probability, joint.mcse)
 
 
 def fitting(readings: tuple[WholeReading, ...]) -> str:
@@ -112,14 +109,7 @@ def whole(reading: WholeReading) -> str:
     told = f"{reading.agreeing} of {reading.cells} cells one by one"
     if reading.apart:
         told += f", {reading.apart} of them through rounding"
-    return told + (f"; together {chance_of(reading)}" if reading.replicates else "")
-
-
-def chance_of(reading: WholeReading) -> str:
-    """Write the joint probability of a reading, empty without one."""
-    if reading.joint_probability is None or reading.mcse is None:
-        return ""
-    return _counted(reading.joint_probability, reading.mcse, reading.replicates, "p = ")
+    return told + (f"; together {joint_chance(reading, 'p = ')}" if reading.replicates else "")
 
 
 def read(record: Record, reading: ReadingRecord) -> str:
@@ -163,14 +153,8 @@ def flags(names: Iterable[str], shown: Collection[str] = WEAK) -> str:
 
 def qualified(record: Record) -> str:
     """Write a verdict with what makes it weak."""
-    marks = flags(record.flags)
+    marks = flags(record.flags, {*WEAK, "stand_in"})
     return f"{record.verdict} ({marks})" if marks else record.verdict
-
-
-def in_words(record: Record) -> str:
-    """Write a verdict with its flags, and what it means."""
-    named = ", ".join((record.verdict, *filter(None, [flags(record.flags, record.flags)])))
-    return f"{named}: {MEANINGS[record.verdict]}"
 
 
 def facts_of(name: str) -> dict[str, str]:
@@ -207,10 +191,9 @@ def filled(text: str, known: Mapping[str, str]) -> str:
 
 
 def _of_cell(record: Record) -> dict[str, str]:
-    value = computed(record)
     said = {
         "printed": cell_of(record).shown,
-        "computed": quantity(value, unit(record)) or "nothing",
+        "computed": quantity(computed(record), unit(record)) or "nothing",
         "verdict": record.verdict,
         "probability": probability(record) or "none",
     }
