@@ -252,7 +252,7 @@ def test_simulated_data_are_drawn_again_with_a_seed_of_their_own():
 
 def test_all_posteriors_show_themselves_and_name_their_files():
     everything = rp.posterior()
-    assert "Centroid noise" in repr(everything)
+    assert "centroid noise" in repr(everything)
     assert "group, laser, x, y" in repr(everything.models)
     with pytest.raises(TypeError, match="expected a model beside data"):
         rp.posterior(data="stars.csv")

@@ -139,7 +139,8 @@ class Changeable(Shown):
         self._changes, self._settings = dict(changes or {}), settings
         left = getattr(self._declared, "settings", {})
         if unknown := sorted(set(settings) - set(left)):
-            others = ["cells that it reads", *["a seed"] * self.random, *left]
+            others = ["cells that it reads"] + ["a seed"] * self.random
+            others += [f"{name} ({what})" for name, what in left.items()]
             raise rerun.CannotChangeError(
                 f"{key} is {self.kind}: expected {', '.join(others)}; got {', '.join(unknown)}"
             )

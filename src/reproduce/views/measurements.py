@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from reproduce.physics import registration
 from reproduce.physics.registration import Finding, RegistrationFit, fit_registration, fits_exactly
 from reproduce.store import points
-from reproduce.store.points import STARS, Table, TableFileError, is_table, table_of
+from reproduce.store.points import STARS, Table, TableFileError, is_table, read_images, table_of
 from reproduce.units import ARCSEC_PER_RADIAN
 from reproduce.views.blocks import Block, Display, Grid
 from reproduce.views.numbers import between, moments
@@ -264,9 +264,7 @@ class Monitored(_Measured):
         self.platform = (
             as_designed(given(INSTRUMENT)) if platform is None else platform_of(platform)
         )
-        images, self.times, notes = points.read_images(
-            spots, zero, len(self.platform.lasers), times
-        )
+        images, self.times, notes = read_images(spots, zero, len(self.platform.lasers), times)
         chosen, images, lights = diagnosis.seen(self.platform, images)
         self.findings = diagnosis.diagnose(chosen, images, numbers=lights)
         name = str(spots) if isinstance(spots, str | Path) else "the spots"

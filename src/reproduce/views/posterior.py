@@ -367,11 +367,7 @@ class Posterior(Remade):
         if false := self.false_stars:
             yield f"{false}."
         if not self._in_book:
-            doubts = (
-                *map(str, leanings(self.sampled)),
-                misfit(self.checks),
-                *self.remarks,
-            )
+            doubts = (*map(str, leanings(self.sampled)), misfit(self.checks), *self.remarks)
             yield from (f"Warning: {text}." for text in doubts if text)
 
     @property
@@ -452,6 +448,7 @@ def _traces(figure: Figure, posterior: Sampled) -> None:
         axes.set_ylabel(_titled(f"${parameter.label}$", parameter.unit), fontsize=_SMALL)
         axes.tick_params(labelsize=_SMALL)
         axes.locator_params(axis="y", nbins=2)
+        axes.grid(visible=False)
     panels[-1].set_xlabel("step", fontsize=_SMALL)
 
 

@@ -93,11 +93,11 @@ def fitting(readings: tuple[WholeReading, ...]) -> str:
     what = "fits" if count == 1 else "fit"
     return (
         f"One reading for all cells that depend on a reading: {count or 'none'} of "
-        f"{len(readings)} {what}. Closest: {closest(readings)}."
+        f"{len(readings)} {what}. Closest: {_closest(readings)}."
     )
 
 
-def closest(readings: tuple[WholeReading, ...]) -> str:
+def _closest(readings: tuple[WholeReading, ...]) -> str:
     """Say which reading comes closest to all cells, and how it fares."""
     ranks = [(r.fits, r.agreeing - r.apart, r.joint_probability or 0.0) for r in readings]
     best = readings[ranks.index(max(ranks))]
@@ -213,7 +213,7 @@ def _of_item(key: str) -> dict[str, str]:
         said["fitting"] = str(sum(one.fits for one in fits) or "none")
         said["whole-readings"] = str(len(fits))
         said["replicates"] = f"{max(one.replicates for one in fits):,}"
-        said["closest"] = closest(fits)
+        said["closest"] = _closest(fits)
     if joint := found.table(key):
         said |= {"joint": joint_chance(joint), "replicates": f"{joint.replicates:,}"}
     return said
