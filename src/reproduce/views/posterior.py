@@ -469,7 +469,7 @@ def _corner_plot(
     figure.set_size_inches(side, side)
     corner.corner(
         values, range=[_span(*pair) for pair in zip(values.T, marked, strict=True)], fig=figure,
-        labels=[_titled(f"${one.label}$", one.unit) for one in chosen],
+        labels=[_titled(f"${one.label}$", one.unit).replace(" (", "\n(") for one in chosen],
         label_kwargs={"fontsize": _SMALL}, max_n_ticks=3,
         truths=marked, truth_color=_ORANGE, quiet=True,
         color=_BLUE, bins=20, smooth=1.0, levels=(0.5, 0.95),
