@@ -9,7 +9,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, Self
 
 from reproduce.judge import rerun
-from reproduce.papers.catalogue import catalogue
+from reproduce.papers.catalogue import catalogue, drawings
 from reproduce.printed.cells import find
 from reproduce.views import keys
 from reproduce.views.blocks import Display
@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 
     from reproduce.papers.declare import Drawing, Study
     from reproduce.printed.given import Given
+
+
+Change = Mapping[str, str | float]  # address of a printed cell to a value as in the print
 
 
 class Shown(Display):
@@ -43,6 +46,11 @@ class Shown(Display):
     def frame(self) -> pd.DataFrame:
         """Return the numbers."""
 
+    @property
+    def data(self) -> pd.DataFrame:
+        """The numbers, as of `frame`."""
+        return self.frame()
+
     def export(self, form: str) -> str:
         """Return the numbers as csv, json, latex or markdown."""
         return export_frame(self.frame(), form, self.about)
@@ -61,7 +69,7 @@ class Shown(Display):
 
 
 class Item(Shown):
-    """What tables and figures share: where they come from."""
+    """What tables and figures share, ours too: where they come from."""
 
     @property
     def options(self) -> pd.DataFrame:
@@ -101,9 +109,10 @@ class Item(Shown):
     @property
     def source(self) -> str:
         """The text of the functions that compute and draw it."""
-        item = catalogue()[self.key]
-        drawn = [] if item.draw is None else [item.draw.function]
-        return "\n\n\n".join(map(text_of, [*(one.function for one in item.computations), *drawn]))
+        item = catalogue().get(self.key)
+        computations = item.computations if item else ()
+        draw = item.draw if item else drawings()[self.key]
+        return "\n\n\n".join(text_of(one.function) for one in (*computations, draw) if one)
 
 
 class Changeable(Shown):
@@ -124,11 +133,7 @@ class Changeable(Shown):
     kind = ""
 
     def __init__(
-        self,
-        key: str,
-        changes: Mapping[str, str | float] | None = None,
-        seed: int | None = None,
-        **settings: Any,
+        self, key: str, changes: Change | None = None, seed: int | None = None, **settings: Any
     ) -> None:
         self.key, self.seed = key, seed
         self._changes, self._settings = dict(changes or {}), settings
@@ -182,11 +187,7 @@ class Changeable(Shown):
         return self._made[1]
 
     def rerun(
-        self,
-        changes: Mapping[str, str | float] | None = None,
-        *,
-        seed: int | None = None,
-        **settings: Any,
+        self, changes: Change | None = None, *, seed: int | None = None, **settings: Any
     ) -> Self:
         """Return the same computed again with other values for cells that it reads, or a seed.
 

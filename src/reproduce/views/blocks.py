@@ -38,8 +38,7 @@ PLAIN = "reproduce-plain"  # how streams write what they cannot encode
 _SIGNS = {"−": "-", "×": "x", "″": '"', "′": "'", "°": " deg", "±": "+/-", "µ": "u", "μ": "u"}
 _SIGNS |= {"→": "->", "↔": "<->", "≈": "~", "∞": "inf", "√": "sqrt", "∆": "Delta"}
 _SIGNS |= {"≤": "<=", "≥": ">=", "·": ".", "–": "-", "—": "-", "…": "...", "’": "'", "─": "-"}
-_SIGNS |= {"σ": "sigma", "τ": "tau", "χ": "chi", "κ": "kappa", "θ": "theta", "Δ": "Delta"}
-_RAISED = "⁰¹²³⁴⁵⁶⁷⁸⁹⁻"
+_SIGNS |= {"⁻": "-", "σ": "sigma", "τ": "tau", "χ": "chi", "κ": "kappa", "θ": "theta", "Δ": "Delta"}
 
 
 @dataclass(frozen=True)
@@ -143,8 +142,12 @@ def grid(
 
 def badge(word: str, text: str = "") -> Markup:
     """Return a verdict, or a text in its look, as a badge."""
-    mark = Markup('<span class="rp-badge rp-badge-{}">{}</span>')
-    return mark.format(word, text or word)
+    return Markup('<span class="rp-badge rp-badge-{}">{}</span>').format(word, text or word)
+
+
+def link(place: str, text: Entry) -> Markup:
+    """Return a text that leads to an anchor, on whatever page it is."""
+    return Markup('<a href="#{}">{}</a>').format(place, text)
 
 
 def html(blocks: Iterable[Block]) -> str:
@@ -194,21 +197,10 @@ def _td(entry: Entry | Box) -> str:
     return f"<td{marks}>{Markup('<br>').join(line for line in lines if line)}</td>"
 
 
-def _as_text(blocks: Iterable[Block]) -> str:
-    """Return blocks as text, without colour."""
-    shown = io.StringIO()
-    _write(blocks, Console(file=shown, width=_WIDTH, no_color=True, force_jupyter=False))
-    return "\n".join(line.rstrip() for line in shown.getvalue().splitlines())
-
-
-def _write(blocks: Iterable[Block], console: Console | None = None) -> None:
-    """Write blocks on a terminal, by default this one."""
-    console = console or Console()
+def _write(blocks: Iterable[Block], console: Console) -> None:
+    """Write blocks on a terminal."""
     for part in _terminal(blocks, console.width):
-        if isinstance(part, str):
-            console.print(part, markup=False, highlight=False)
-        else:
-            console.print(part)
+        console.print(Text(part) if isinstance(part, str) else part)
 
 
 def _terminal(blocks: Iterable[Block], width: int) -> Iterator[RenderableType]:
@@ -237,7 +229,8 @@ def _grid_lines(grid: Grid, width: int) -> Iterator[RenderableType]:
     texts = [list(map(_text, row)) for row in rows]
     table = _columns(map(_plain, head), texts, whole=whole, words=grid.words)
     lined = [[_plain(name) for name in head], *([one.plain for one in row] for row in texts)]
-    wide = sum(_least(i in whole, column) + 1 for i, column in enumerate(_turned(lined))) > width
+    columns = enumerate(zip_longest(*lined, fillvalue=""))
+    wide = sum(_least(i in whole, column) + 1 for i, column in columns) > width
     if wide and grid.spare:
         return
     yield from [f"\n{_plain(grid.caption)}"] * bool(grid.caption)
@@ -283,10 +276,6 @@ def _columns(
     return table
 
 
-def _turned(rows: Sequence[Sequence[str]]) -> Iterator[tuple[str, ...]]:
-    yield from zip_longest(*rows, fillvalue="")
-
-
 def _least(whole: bool, texts: Sequence[str]) -> int:
     """Return how narrow a column may be: no word is broken, and no sentence is a tower."""
     longest = max(map(cell_len, texts))
@@ -322,11 +311,14 @@ class Display(ABC):
 
     def print(self) -> None:
         """Write the blocks on the terminal."""
-        _write(self.blocks())
+        _write(self.blocks(), Console())
 
     def __repr__(self) -> str:
         """Return the blocks as text, without colour."""
-        return _as_text(self.blocks())
+        shown = io.StringIO()
+        console = Console(file=shown, width=_WIDTH, no_color=True, force_jupyter=False)
+        _write(self.blocks(), console)
+        return "\n".join(line.rstrip() for line in shown.getvalue().splitlines())
 
 
 @dataclass(frozen=True, repr=False)
@@ -348,10 +340,8 @@ def _encodable(error: UnicodeError) -> tuple[str, int]:
 
 
 def _plain_sign(sign: str) -> str:
-    if sign in _RAISED:
-        return "0123456789-"[_RAISED.index(sign)]
-    letters = unicodedata.normalize("NFKD", sign)
-    return _SIGNS.get(sign) or letters.encode("ascii", "ignore").decode() or "?"
+    letters = unicodedata.normalize("NFKD", sign).encode("ascii", "ignore").decode()
+    return _SIGNS.get(sign) or letters or "?"
 
 
 codecs.register_error(PLAIN, _encodable)

@@ -15,7 +15,7 @@ import click
 from reproduce.physics.registration import MODELS
 from reproduce.version import __version__
 from reproduce.views import front
-from reproduce.views.blocks import PLAIN, Blocks
+from reproduce.views.blocks import PLAIN
 
 
 class _Shell(click.Group):
@@ -29,36 +29,32 @@ class _Shell(click.Group):
         """Run a command."""
         as_json = "--json" in ctx.args
         try:
-            return self._invoked(ctx)
-        except click.ClickException as error:
-            if as_json:
-                cause = error.__cause__
-                told: dict[str, Any] = {"error": error.format_message()}
-                if missed := getattr(cause, "missed", ()):  # by chains that have not converged
-                    told |= {"steps_needed": getattr(cause, "steps", None), "missed": missed}
-                click.echo(json.dumps(told, indent=2))
-            raise
-
-    def _invoked(self, ctx: click.Context) -> Any:
-        """Say in the words of the command line what the front door refuses."""
-        try:
             return super().invoke(ctx)
-        except KeyError as error:
-            raise click.UsageError(str(error.args[0]), ctx) from error
-        except ValueError as error:
-            raise click.UsageError(str(error), ctx) from error
-        except ArithmeticError as error:
-            from reproduce.inference import UnconvergedError  # only now: it loads SciPy
+        except Exception as error:
+            refused = self._refused(error, ctx)
+            if refused is None:
+                raise
+            if as_json:
+                told: dict[str, Any] = {"error": refused.format_message()}
+                if missed := getattr(error, "missed", ()):  # by chains that have not converged
+                    told |= {"steps_needed": getattr(error, "steps", None), "missed": missed}
+                click.echo(json.dumps(told, indent=2))
+            raise refused from error
 
-            if not isinstance(error, UnconvergedError):
-                raise
+    def _refused(self, error: Any, ctx: click.Context) -> click.ClickException | None:
+        """Say in the words of the command line what the front door refuses."""
+        if isinstance(error, click.ClickException):
+            return error
+        if isinstance(error, ValueError | KeyError):
+            return click.UsageError(
+                str(error.args[0] if isinstance(error, KeyError) else error), ctx
+            )
+        if hasattr(error, "missed"):
             advice = f" (--steps; there were {error.taken})" if error.steps else ""
-            raise click.ClickException(f"{error}{advice}") from error
-        except OSError as error:
-            if not error.filename:  # of a stream: `main` says it
-                raise
-            told = f"cannot read {error.filename}: {error.strerror}"
-            raise click.UsageError(told, ctx) from error
+            return click.ClickException(f"{error}{advice}")
+        if isinstance(error, OSError) and error.filename:  # that of a stream is said by `main`
+            return click.UsageError(f"cannot read {error.filename}: {error.strerror}", ctx)
+        return None
 
     def main(self, *arguments: Any, **settings: Any) -> Any:
         """Run; what the stream cannot encode is written in plain signs."""
@@ -143,7 +139,7 @@ def main() -> None:
 def list_items(as_json: bool) -> None:
     """List all items, in order of print, and our own tables."""
     contents = front.contents()
-    _show(as_json, contents.entries, lambda: Blocks(tuple(contents.listed())).print())
+    _show(as_json, contents.entries, contents.listed.print)
 
 
 @main.command()
@@ -192,9 +188,7 @@ def show(
 
 @main.command("export")
 @_ADDRESS
-@click.option(
-    "--format", "form", type=click.Choice(["csv", "json", "latex", "markdown"]), required=True
-)
+@click.option("--format", "form", required=True, help="csv, json, latex or markdown.")
 def export_item(address: str, form: str) -> None:
     """Write the records of an item or a cell to standard output; csv and json carry every field."""
     click.echo(front.item(address).export(form))
@@ -213,9 +207,7 @@ def figure(key: str, out: Path, changes: tuple[str, ...], seed: int | None) -> N
 
 @main.command()
 @_ADDRESS
-@click.option(
-    "--format", "form", type=click.Choice(["bibtex", "ris", "csl", "text"]), default="bibtex"
-)
+@click.option("--format", "form", default="bibtex", help="bibtex, ris, csl or text.")
 def cite(address: str, form: str) -> None:
     """Print how to cite a reproduced item or cell and its paper."""
     click.echo(front.cite(address, form))
@@ -346,13 +338,13 @@ def posterior(
     prior, a line says so; in JSON it is "at_prior_end".
     """
     if listed:
-        found = front.posterior()
+        found: Any = front.posterior()
         _show(as_json, found.titles, found.models.print)
         return
     if model is None:
         raise click.UsageError("name a model, or use --list to see them all")
     ends = {name: _ends(name, text) for name, text in _pairs("--prior", _ENDS, priors).items()}
-    wanted = front.posterior(model, priors=ends, **asked)
+    wanted: Any = front.posterior(model, priors=ends, **asked)
     if out:
         wanted.check_file(out)
     with _bar("sampling") as progress:

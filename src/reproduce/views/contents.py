@@ -16,6 +16,7 @@ from reproduce.judge.verdicts import VERDICTS
 from reproduce.papers.catalogue import catalogue
 from reproduce.printed.cells import PAPERS, PrintedTable, anchor, library
 from reproduce.views import keys, verdicts
+from reproduce.views.base import by_row
 from reproduce.views.blocks import Block, Blocks, Box, Display, Entry, Fold, Grid, Html, badge, grid
 from reproduce.views.computed import item_ledger
 from reproduce.views.export import full_frame
@@ -72,14 +73,9 @@ class Contents(Display):
 
     def frame(self) -> pd.DataFrame:
         """Return one row per item: place, title and the number of cells by verdict."""
-        import pandas as pd
-
-        rows = [
-            {"place": keys.place(key), "title": keys.title(key)}
-            | verdicts.tally(self._ledger.of(key))
-            for key in self.keys
-        ]
-        return pd.DataFrame(rows, index=self.keys)
+        named = {key: {"place": keys.place(key), "title": keys.title(key)} for key in self.keys}
+        tallies = {key: verdicts.tally(self._ledger.of(key)) for key in self.keys}
+        return by_row(named).join(by_row(tallies))
 
     def cells(self) -> pd.DataFrame:
         """Return one row per cell, with every field of the ledger."""
@@ -91,13 +87,11 @@ class Contents(Display):
         what, kind = f"The {len(self._ledger.records)} printed numbers", "rp-small rp-sortable"
         return Blocks((grid(what, EVERY, self._ledger.records, kind=kind, words=len(EVERY)),))
 
-    def listed(self) -> Iterator[Grid]:
-        """Yield the items and the tables of our own, without the score."""
-        rows = [(key, keys.place(key), keys.title(key)) for key in self.keys]
-        yield Grid("", ("key", "in the paper", "what"), rows, words=3, whole=(0,))
-        if self.own:
-            own = [(key, keys.title(key)) for key in self.own]
-            yield Grid("", ("our own tables", "what"), own, words=2, whole=(0,))
+    @property
+    def listed(self) -> Blocks:
+        """The items and the tables of our own, without the score."""
+        rows = [(one["key"], one["place"], one["title"]) for one in self.entries()]
+        return Blocks((Grid("", ("key", "in the paper", "what"), rows, words=3, whole=(0,)),))
 
     @property
     def index(self) -> Blocks:
@@ -110,7 +104,7 @@ class Contents(Display):
         papers = groupby(records, key=lambda record: record.key.partition("/")[0])
         walls = Markup("\n").join(part.format(paper, wall(own)) for paper, own in papers)
         yield Html(Markup('<div class="rp-walls">\n{}\n</div>\n{}').format(walls, legend(records)))
-        yield Fold("The same in words", (*self.listed(), *self.index.shown))
+        yield Fold("The same in words", (*self.listed.shown, *self.index.shown))
 
 
 class Check(Display):
@@ -192,21 +186,18 @@ def wall(records: Iterable[Record]) -> Markup:
 
 def legend(records: Sequence[Record]) -> Markup:
     """Say what each mark means, and how many there are."""
+    entry = Markup(
+        '<li tabindex="0"><svg viewBox="-7 -7 14 14" width="14" height="14" aria-hidden="true">'
+        '<path class="rp-mark-{}" d="{}"/></svg> <strong>{}</strong>: {}</li>'
+    ).format
     entries = [
-        _entry("", verdict, f"{count} {verdict}", verdicts.MEANINGS[verdict])
+        entry(verdict, SHAPES[verdict], f"{count} {verdict}", verdicts.MEANINGS[verdict])
         for verdict, count in verdicts.tally(records).items()
     ]
     hollow = f"{verdicts.weak(records)} of these weak"
     weak = "agrees, but in a way that says little: a copy, a difference, a wide interval"
-    entries.insert(2, _entry(" rp-mark-weak", "exact", hollow, weak))
+    entries.insert(2, entry("exact rp-mark-weak", SHAPES["exact"], hollow, weak))
     return Markup('<ul class="rp-wall-legend">\n{}\n</ul>').format(Markup("\n").join(entries))
-
-
-def _entry(kind: str, verdict: str, count: str, meaning: str) -> Markup:
-    return Markup(
-        '<li tabindex="0"><svg viewBox="-7 -7 14 14" width="14" height="14" aria-hidden="true">'
-        '<path class="rp-mark-{0}{1}" d="{2}"/></svg> <strong>{3}</strong>: {4}</li>'
-    ).format(verdict, kind, SHAPES[verdict], count, meaning)
 
 
 def _block(table: PrintedTable, records: Sequence[Record]) -> Markup:

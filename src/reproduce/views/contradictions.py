@@ -8,28 +8,27 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from itertools import groupby
+from itertools import product
 from operator import itemgetter
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import pandas as pd
 from markupsafe import Markup
 
 from reproduce.audit.corrections import Correction
 from reproduce.audit.examine import Agreement, Examined
 from reproduce.audit.report import Audit, Erratum, Group, register
-from reproduce.judge.ledger import Record, frozen
+from reproduce.judge.ledger import frozen
 from reproduce.locate import data_folders
 from reproduce.printed.cells import PAPERS, anchor
 from reproduce.printed.number import si_factor, symbol
 from reproduce.version import __version__
-from reproduce.views.blocks import Block, Blocks, Display, Entry, Fold, Grid, badge, grid
+from reproduce.views.blocks import Block, Blocks, Display, Entry, Fold, Grid, badge, grid, link
 from reproduce.views.computed import item_ledger, paper_audit
+from reproduce.views.export import statement
 from reproduce.views.keys import check_paper
 from reproduce.views.numbers import minus
 from reproduce.views.verdicts import quantity
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 _Row = dict[str, Any]
 _Columns = Mapping[str, Callable[[_Row], Entry]]
@@ -59,8 +58,6 @@ class _Part(Blocks):
 
     def frame(self) -> pd.DataFrame:
         """Return one row for each relation, set, correction, equation or entry."""
-        import pandas as pd
-
         frame = pd.DataFrame(self.rows)
         return frame.set_index("name") if "name" in frame else frame
 
@@ -91,8 +88,6 @@ class Contradictions(Display):
 
     def frame(self) -> pd.DataFrame:
         """Return the register: one row per entry, with what is printed and why it is there."""
-        import pandas as pd
-
         return pd.concat([self[name].frame() for name in ("errata", "suppositions")])
 
     def as_json(self) -> dict[str, list[_Row]]:
@@ -115,12 +110,15 @@ def errata_register() -> tuple[Erratum, ...]:
 def replied(name: str) -> Entry:
     """Return what the authors say to an entry of the register, or how they can answer."""
     entry = next(one for one in errata_register() if one.id == name)
-    none_yet = Markup('none yet; <a href="#letter-{}">how to answer</a>')
-    return entry.reply or none_yet.format(entry.paper)
+    return entry.reply or Markup("none yet; ") + link(f"letter-{entry.paper}", "how to answer")
 
 
 def _grid(caption: str, columns: _Columns, rows: Sequence[_Row], **looks: Any) -> Grid:
     return grid(caption, columns, rows, kind="rp-small rp-audit", words=len(columns), **looks)
+
+
+def _folded(what: str, columns: _Columns, rows: Sequence[_Row], **looks: Any) -> Fold:
+    return Fold(what, (_grid(what, columns, rows, **looks),), page=True)
 
 
 def _score(audits: Sequence[Audit]) -> _Part:
@@ -156,15 +154,12 @@ def _relations(audits: Sequence[Audit]) -> _Part:
     """List all relations: first those that do not simply agree, then the others, folded."""
     rows = [_relation(finding, audit) for audit in audits for finding in audit.findings]
     shown: list[Block] = []
-    for paper, own in groupby(rows, key=itemgetter("paper")):
-        by_kind: dict[str, list[_Row]] = {kind: [] for kind in _KINDS}
-        for row in own:
-            by_kind[_kind(row)].append(row)
-        for kind, some in by_kind.items():
-            anchors = [_relation_anchor(paper, row["name"]) for row in some]
-            table = _grid(f"Relations of {paper} that {kind}", _RELATION, some, anchors=anchors)
-            folded = Fold(f"The {len(some)} relations that {kind}", (table,), page=True)
-            shown.append(table if kind == _KINDS[0] else folded)
+    for audit, kind in product(audits, _KINDS):
+        some = [row for row in rows if (row["paper"], _kind(row)) == (audit.name, kind)]
+        anchors = ["relation-{paper}-{name}".format_map(row) for row in some]
+        what = f"The {len(some)} relations of {audit.name} that {kind}"
+        folded = _folded(what, _RELATION, some, anchors=anchors)
+        shown += folded.blocks if kind == _KINDS[0] else [folded]
     return _Part(tuple(shown), rows)
 
 
@@ -201,11 +196,6 @@ def _kind(row: _Row) -> str:
     return _KINDS[2] if row["restates"] else _KINDS[1]
 
 
-def _named(row: _Row) -> Markup:
-    small = Markup("<br><small>{declared}</small>").format_map(row)
-    return _code(row["name"]) + (small if row["declared"] != row["name"] else "")
-
-
 def _outcome(row: _Row) -> Markup:
     rescue = _RESCUES.get(row["rescued_by"])
     flag = Markup(' <span class="rp-flag">not if {}</span>').format(rescue) if rescue else ""
@@ -219,8 +209,11 @@ def _source(row: _Row) -> Markup:
     return Markup("; ").join([row["source"], *parts])
 
 
+_DECLARED = Markup("<br><small>{declared}</small>")
 _RELATION: _Columns = {
-    "Relation": _named,
+    "Relation": lambda row: (
+        _code(row["name"]) + _DECLARED.format_map(row) * (row["declared"] != row["name"])
+    ),
     "What should hold": lambda row: _code(row["formula"]),
     "With the printed values": itemgetter("sides"),
     "Outcome": _outcome,
@@ -242,9 +235,8 @@ def _sets(audits: Sequence[Audit]) -> _Part:
             }
             for conflict in audit.conflicts
         ]
-        table = _grid("Smallest sets of numbers that cannot all be right", _SET, own)
         what = f"All {len(own)} smallest sets of {audit.name} that cannot all be right"
-        shown.append(Fold(what, (table,), page=True))
+        shown.append(_folded(what, _SET, own))
         rows += own
     return _Part(tuple(shown), rows)
 
@@ -263,18 +255,19 @@ _SET: _Columns = {
 
 def _corrections(audits: Sequence[Audit]) -> _Part:
     """List the contradictions with the slips of the pen that would lift them."""
-    shown, rows = [], []
+    shown: list[Block] = []
+    rows: list[_Row] = []
     for audit in audits:
         tried: list[_Row] = []
         for group in audit.groups:
             own = [_correction(group, found, audit.name) for found in group.corrections]
             rows += own
-            if remark := _too_many(group) or ("" if own else "no slips within the search"):
-                own = [{"contradiction": group.relations, "remark": remark}]
-            tried += own[:1] + [row | {"contradiction": ()} for row in own[1:_SHOWN]]
-        if tried:
-            caption = f"Corrections of {audit.name}, by size of the slip"
-            shown.append(_grid(caption, _CORRECTION, tried, whole=(1,)))
+            if untold := _untold(group):
+                shown.append(f"{audit.name}, {', '.join(group.relations)}: {untold}.")
+            else:
+                tried += own[:1] + [row | {"contradiction": ()} for row in own[1:_SHOWN]]
+        caption = f"Corrections of {audit.name}, by size of the slip"
+        shown += [_grid(caption, _CORRECTION, tried, whole=(1,))] * bool(tried)
     return _Part(tuple(shown), rows)
 
 
@@ -293,30 +286,24 @@ def _correction(group: Group, found: Correction, paper: str) -> _Row:
     }
 
 
-def _too_many(group: Group) -> str:
-    """Say so where so many slips would lift a contradiction that none of them is told apart."""
+def _untold(group: Group) -> str:
+    """Say so where no slip lifts a contradiction, or so many that none is told apart."""
     whole = [c for c in group.corrections if c.restores_everything]
-    least = [c for c in whole if c.cost == whole[0].cost]
-    if len(least) <= _MANY:
-        return ""
-    return (
-        f"{len(least)} different slips of the smallest size would lift this, "
+    least = sum(c.cost == whole[0].cost for c in whole)
+    told = (
+        f"{least} different slips of the smallest size would lift this, "
         "so it does not tell which number is wrong"
     )
-
-
-def _tried(write: Callable[[_Row], Entry]) -> Callable[[_Row], Entry]:
-    """Write a column that stays empty where a remark stands in place of a correction."""
-    return lambda row: "" if "remark" in row else write(row)
+    return told * (least > _MANY) if group.corrections else "no slips within the search"
 
 
 _CORRECTION: _Columns = {
     "Contradiction": lambda row: _codes(row["contradiction"]),
-    "Supposed slips": lambda row: row.get("remark") or _codes(row["slips"]),
-    "Size": _tried(lambda row: f"{row['size']:g}"),
-    "Breaks": _tried(lambda row: str(len(row["breaks"]) or "nothing")),
-    "The paper's conclusion": _tried(itemgetter("conclusion")),
-    "Then": _tried(lambda row: "; ".join(row["unknowns"])),
+    "Supposed slips": lambda row: _codes(row["slips"]),
+    "Size": lambda row: f"{row['size']:g}",
+    "Breaks": lambda row: str(len(row["breaks"]) or "nothing"),
+    "The paper's conclusion": itemgetter("conclusion"),
+    "Then": lambda row: "; ".join(row["unknowns"]),
 }
 
 
@@ -328,14 +315,11 @@ def _equations(audits: Sequence[Audit]) -> _Part:
     return _Part((_grid("Equations run as extracted", _EQUATION, rows),), rows)
 
 
-def _asked(row: _Row) -> str:
-    supposing = f" (supposing that {row['supposition']})" if row["supposition"] else ""
-    return f"{row['asked']}{supposing}"
-
-
 _EQUATION: _Columns = {
     "Equation": itemgetter("place"),
-    "What must hold": _asked,
+    "What must hold": lambda row: (
+        row["asked"] + f" (supposing that {row['supposition']})" * bool(row["supposition"])
+    ),
     "What is shown": itemgetter("meaning"),
     "As extracted": lambda row: _digits(row["printed"]),
     "In the library": lambda row: _digits(row["right"]),
@@ -356,14 +340,12 @@ def _errata(audits: Sequence[Audit], *, supposed: bool) -> _Part:
     return _Part((table, *(_erratum(e, by_paper[e.paper]) for e in chosen)), rows)
 
 
-_LINK = Markup('<a href="#{name}">{paper}: {place}</a>')
-_FAULT = "; our text may be at fault"
 _ERRATUM: _Columns = {
-    "Where": _LINK.format_map,
+    "Where": Markup('<a href="#{name}">{paper}: {place}</a>').format_map,
     "Printed": itemgetter("printed"),
     "Results that rest on it": lambda row: str(len(row["results"]) or "none"),
     "The paper's conclusion": itemgetter("conclusion"),
-    "Status": lambda row: row["status"] + _FAULT * row["extraction"],
+    "Status": lambda row: row["status"] + "; our text may be at fault" * row["extraction"],
 }
 
 
@@ -402,11 +384,10 @@ def _erratum(entry: Erratum, audit: Audit) -> Fold:
 def _evidence(entry: Erratum, audit: Audit) -> Markup:
     """Write what the relations and equations behind an entry give, computed now."""
     pieces = [Markup("{}").format(entry.evidence)] if entry.evidence else []
-    link = Markup('<a href="#{}"><code>{}</code></a>: {}')
     for finding in entry.findings(audit):
         name = finding.relation.name
-        where = _relation_anchor(entry.paper, name)
-        pieces.append(link.format(where, name, _sides(finding, audit)))
+        where = link(f"relation-{entry.paper}-{name}", _code(name))
+        pieces.append(Markup("{}: {}").format(where, _sides(finding, audit)))
     for run in entry.demonstrations(audit):
         values = f"{_digits(run.printed)} as extracted, {_digits(run.wanted)} wanted"
         pieces.append(Markup("{}: {}: {}").format(run.place, run.meaning, values))
@@ -418,16 +399,9 @@ def _verdicts(entry: Erratum) -> Markup:
     lines = []
     for address in _resting(entry):
         record = item_ledger(address.partition("#")[0]).cell(address)
-        told = f"{minus(record.printed)} printed, {_judged(record)}"
+        told = minus(statement(record).partition(": ")[2])
         lines.append(Markup("{}: {}").format(_cell_link(address), told))
     return Markup("<br>").join(lines)
-
-
-def _judged(record: Record) -> str:
-    if record.readings:
-        agreeing = sum(reading.agrees for reading in record.readings)
-        return f"blocked: agrees with {agreeing} of {len(record.readings)} readings"
-    return f"{_digits(record.computed or 0.0)} computed"
 
 
 def _sides(finding: Examined, audit: Audit) -> str:
@@ -457,30 +431,21 @@ def _common(agreement: Agreement) -> str:
     middles = [(low + high) / 2 / factor for low, high in agreement.by_relation.values()]
     if not middles:
         return f"{label}: no value fits"
-    spread = f"{100 * agreement.spread:.2g}\u202f%"
     if len(agreement.members) == len(agreement.by_relation):
         low, high = (end / factor for end in agreement.common)
-        middle, half = (low + high) / 2, (high - low) / 2
-        return (
-            f"{label}: {middle:.6g} ± {half:.2g} {mark} fits all {len(agreement.members)}; their "
-            f"middles spread over {spread}"
-        )
-    return f"{label}: from {min(middles):.6g} to {max(middles):.6g} {mark}, a spread of {spread}"
+        return f"{label}: {low:.6g} to {high:.6g} {mark} fits all {len(agreement.members)}"
+    spread = f"a spread of {100 * agreement.spread:.2g}\u202f%"
+    return f"{label}: from {min(middles):.6g} to {max(middles):.6g} {mark}, {spread}"
 
 
 def _within_paper(address: str) -> str:
     return address.partition("/")[2] or address
 
 
-def _relation_anchor(paper: str, name: str) -> str:
-    return f"relation-{paper}-{name}"
-
-
 def _cell_link(number: str) -> Markup:
     """Link a computed number, a cell or a reading of it, to the cell."""
     address, _, reading = number.partition(" ")
-    link = Markup('<a href="#{}">{}</a>').format(anchor(address), _code(_within_paper(address)))
-    return link + (f" {reading}" if reading else "")
+    return link(anchor(address), _code(_within_paper(address))) + f" {reading}" * bool(reading)
 
 
 def _digits(value: float) -> str:

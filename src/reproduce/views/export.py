@@ -23,7 +23,7 @@ from reproduce.version import ADDRESS, DOI, RELEASED, __version__, software
 from reproduce.views import keys, verdicts
 from reproduce.views.blocks import PLAIN
 from reproduce.views.computed import item_ledger
-from reproduce.views.numbers import hyphen, minus, powers
+from reproduce.views.numbers import minus, powers
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -49,8 +49,7 @@ def export(ledger: Ledger, address: str, form: str) -> str:
     frame = _shaped_frame(records, whole=not name)
     caption = f"{keys.title(key)} ({keys.place(key)} of {key.split('/')[0]})"
     looks = {"caption": f"{caption}; printed (computed, verdict)", "label": f"tab:{anchor(key)}"}
-    looks["column_format"] = "l" + "r" * (frame.shape[1] - 1)
-    frame.attrs["latex"] = looks
+    frame.attrs["latex"] = looks | {"column_format": "l" + "r" * (frame.shape[1] - 1)}
     return export_frame(frame, form, about)
 
 
@@ -163,7 +162,8 @@ def _shaped_frame(records: tuple[Record, ...], *, whole: bool) -> pd.DataFrame:
 def _shaped(record: Record) -> str:
     if record.role != "result":
         return record.printed
-    told = (hyphen(verdicts.computed(record)), record.verdict, verdicts.flags(record.flags))
+    value = verdicts.computed(record).replace("−", "-")
+    told = (value, record.verdict, verdicts.flags(record.flags))
     return f"{record.printed} ({', '.join(filter(None, told))})"
 
 
@@ -190,9 +190,10 @@ def citation(address: str, form: str) -> str:
     if key in studies() or key in drawings():
         kind = "Study" if key in studies() else "Drawing"
         return beside(kind, key, paper, keys.title(key), form)
-    named = f"reproduce-{anchor(keys.check_address(address))}"
+    keys.check_key(key)
+    named = f"reproduce-{anchor(address)}"
     if name:
-        said = statement(item_ledger(key).cell(address))
+        said = statement(item_ledger(key).cell(library()[key][name].address))
         return _written(named, said, mark(said), paper, form, address)
     place = keys.place(key).partition(",")[0]
     what = place if place != "Text" else f"the numbers quoted in the text ({key.split('/')[1]})"
@@ -332,19 +333,10 @@ def _ris(entry: Entry) -> str:
     return "".join(f"{tag}  - {value}\n" for tag, value in (*lines, ("ER", "")))
 
 
-NOTHING = Markup("")
 NAMES = {"tex": "LaTeX", "md": "Markdown"}
 
 
-def bar(
-    key: str,
-    anchor: str,
-    files: Iterable[str],
-    source: str,
-    *,
-    cited: bool = True,
-    inputs: Markup = NOTHING,
-) -> Markup:
+def bar(key: str, anchor: str, files: Iterable[str], source: str, inputs: str = "") -> Markup:
     """Return the bar below a table or a figure of a page.
 
     Its links lead to files below the root of the built book, ``#tables/KEY.csv``.
@@ -359,20 +351,15 @@ def bar(
         Paths of its data and pictures below the root of the book.
     source : str
         The text of the functions that make it, empty where there is none.
-    cited : bool
-        Whether it can be cited on its own.
-    inputs : Markup
-        What it is computed from, empty where it is not.
+    inputs : str
+        What it is computed from, as HTML; empty where it is not.
     """
     named = Markup('<a href="#{0}" aria-label="Permalink: {1}"><code>{1}</code></a>')
-    parts = [named.format(anchor, key)]
-    if cited:
-        cells = [one.address for one in library()[key].cells] if key in library() else []
-        texts = [citation(key, form) for form in ("bibtex", "text")]
-        texts += ["\n".join(citation(one, "text").partition("\n")[0] for one in cells)] * bool(
-            cells
-        )
-        parts.append(_fold("Cite", Markup("").join(map(_block, texts))))
+    texts = [citation(key, form) for form in ("bibtex", "text")]
+    if key in library():
+        cells = (citation(one.address, "text").partition("\n")[0] for one in library()[key].cells)
+        texts.append("\n".join(cells))
+    parts = [named.format(anchor, key), _fold("Cite", Markup("").join(map(_block, texts)))]
     link = Markup('<a href="#{}" download>{}</a>')
     kinds = [(path, path.rpartition(".")[2]) for path in files]
     links = [link.format(path, NAMES.get(kind, kind.upper())) for path, kind in kinds]
@@ -384,7 +371,7 @@ def bar(
     return Markup('<div class="rp-bar">{}</div>').format(Markup("\n").join(parts))
 
 
-def _fold(summary: str, content: Markup) -> Markup:
+def _fold(summary: str, content: str) -> Markup:
     return Markup("<details><summary>{}</summary>{}</details>").format(summary, content)
 
 

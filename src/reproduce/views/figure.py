@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import os
 import re
 import textwrap
 import zlib
@@ -13,6 +12,8 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import numpy as np
+import pandas as pd
 from markupsafe import Markup
 
 from reproduce.judge.rerun import refuse_strays
@@ -21,14 +22,13 @@ from reproduce.papers.declare import Drawing, words
 from reproduce.papers.sketch import NARROW
 from reproduce.printed.cells import anchor, find, library
 from reproduce.views import computed, keys, numbers
-from reproduce.views.base import Changeable, Item, Shown, text_of
+from reproduce.views.base import Change, Changeable, Item, Shown, text_of
 from reproduce.views.blocks import Block, Html
 from reproduce.views.computed import once
 from reproduce.views.export import bar, citation, export_frame, provenance
 from reproduce.views.verdicts import filled
 
 if TYPE_CHECKING:
-    import pandas as pd
     from matplotlib.figure import Figure as MatplotlibFigure
 
     from reproduce.printed.given import Given
@@ -41,17 +41,8 @@ _SMALL = {"font.size": 8.5, "axes.titlesize": 9.0}
 _FONTS = re.compile(r"(font-family: 'DejaVu Sans')[^;\"]*")
 _LINK = re.compile(r'(xlink:href="#|url\(#)([\w-]+)')
 _NAMED = re.compile(r' id="([^"]+)"')
-_Paint = Callable[["MatplotlibFigure"], None]
+Paint = Callable[["MatplotlibFigure"], None]
 _About = Mapping[str, str] | None  # what a file says of itself
-
-
-class Picture(NamedTuple):
-    """What is drawn: its key, what paints it, and the numbers behind it, else what is drawn."""
-
-    key: str
-    paint: _Paint
-    numbers: pd.DataFrame | None = None
-    about: _About = None
 
 
 class Vectors(NamedTuple):
@@ -77,7 +68,7 @@ def _declared_drawing(key: str) -> Drawing:
     return found
 
 
-def painted(paint: _Paint, *, narrow: bool = False) -> MatplotlibFigure:
+def painted(paint: Paint, *, narrow: bool = False) -> MatplotlibFigure:
     """Return a figure in the project's style, for a wide page or for a narrow one."""
     from matplotlib import style
     from matplotlib.figure import Figure as MatplotlibFigure
@@ -88,26 +79,17 @@ def painted(paint: _Paint, *, narrow: bool = False) -> MatplotlibFigure:
     return figure
 
 
-def _picture(key: str, door: Given | None = None) -> Picture:
-    """Return an item that draws, or one of our own drawings, with what it marks as printed."""
+def draw(key: str, door: Given | None = None, *, narrow: bool = False) -> MatplotlibFigure:
+    """Draw an item, or one of our own drawings, with what it marks as printed."""
     drawing, table = _declared_drawing(key), library().get(key)
     marked = [*(table.cells if table else ()), *(c for mark in drawing.marks for c in find(mark))]
     numbers = [cell for cell in marked if cell.is_number]
     printed = {cell.address: cell.si for cell in numbers}
-    about = provenance(citation(key, "text"))
-    return Picture(anchor(key), lambda figure: drawing(figure, printed, door), about=about)
-
-
-def draw(key: str, door: Given | None = None, *, narrow: bool = False) -> MatplotlibFigure:
-    """Draw an item, or one of our own drawings."""
-    return painted(_picture(key, door).paint, narrow=narrow)
+    return painted(lambda figure: drawing(figure, printed, door), narrow=narrow)
 
 
 def _data(figure: MatplotlibFigure) -> pd.DataFrame:
     """Return the lines, points and labels of a figure."""
-    import numpy as np
-    import pandas as pd
-
     parts = []
     for panel, axes in enumerate(figure.axes, start=1):
         drawn = [(line.get_label(), line.get_xydata()) for line in axes.lines]
@@ -122,18 +104,13 @@ def _data(figure: MatplotlibFigure) -> pd.DataFrame:
     return pd.concat(parts, ignore_index=True) if parts else empty
 
 
-def _ending_of(out: Path) -> str:
-    """Return the ending of a file to write, or raise ValueError if no figure has it."""
-    if out.suffix.lower() not in _ENDINGS:
-        raise ValueError(f"unknown ending {out.suffix!r}: expected one of {', '.join(_ENDINGS)}")
-    return out.suffix.lower()
-
-
 def save(figure: MatplotlibFigure, out: Path | io.StringIO, about: _About = None) -> None:
     """Write a drawn figure, and into the file what it says of itself; a stream takes SVG."""
     from matplotlib import style
 
-    ending = _ending_of(out) if isinstance(out, Path) else ".svg"
+    ending = out.suffix.lower() if isinstance(out, Path) else ".svg"
+    if ending not in _ENDINGS:
+        raise ValueError(f"unknown ending {ending!r}: expected one of {', '.join(_ENDINGS)}")
     # Dates and random ids would make every build differ from the last one.
     undated = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}.get(ending, {})
     told = {"Subject" if ending == ".pdf" else "Description": "\n".join((about or {}).values())}
@@ -154,38 +131,29 @@ def vector_of(figure: MatplotlibFigure, about: _About = None) -> str:
     return _FONTS.sub(r"\1, sans-serif", svg[svg.index("<svg") :])
 
 
-def _vectors(picture: Picture, root: Path | None = None) -> Vectors:
-    """Draw a picture for wide pages and narrow ones; write its files below the root of a book."""
-    figure = painted(picture.paint)
-    wide = vector_of(figure, picture.about)
-    if root is not None:
-        _write_files(figure, picture, root, wide)
-    return Vectors(wide, vector_of(painted(picture.paint, narrow=True)))
-
-
 def _in_build(key: str) -> Vectors:
     """Draw an item or one of our own drawings for a page; once in a build."""
-    return once(f"figure-{anchor(key)}", Vectors, lambda: _vectors(_picture(key)))
+
+    def drawn() -> Vectors:
+        return Vectors(vector_of(draw(key)), vector_of(draw(key, narrow=True)))
+
+    return once(f"figure-{anchor(key)}", Vectors, drawn)
 
 
 def write_figure(key: str, root: Path) -> None:
     """Write the pictures and the data of a figure below the root of the book, and keep its SVG."""
-    shown = _vectors(_picture(key), root)
-    once(f"figure-{anchor(key)}", Vectors, lambda: shown)
-
-
-def _write_files(figure: MatplotlibFigure, picture: Picture, root: Path, svg: str) -> None:
+    figure, about = draw(key), provenance(citation(key, "text"))
+    shown = Vectors(vector_of(figure, about), vector_of(draw(key, narrow=True)))
     (root / "figures").mkdir(parents=True, exist_ok=True)
-    numbers = _data(figure) if picture.numbers is None else picture.numbers
-    for path in _figure_files(picture.key):
+    for path in _figure_files(key):
         if path.endswith(".csv"):
-            text = export_frame(numbers, "csv", picture.about)
-            (root / path).write_text(text, encoding="utf-8")
+            (root / path).write_text(export_frame(_data(figure), "csv", about), encoding="utf-8")
         elif path.endswith(".svg"):
-            (root / path).write_text(f"{_XML}{svg}", encoding="utf-8")
+            (root / path).write_text(f"{_XML}{shown.wide}", encoding="utf-8")
         else:
-            save(figure, root / path, picture.about)
+            save(figure, root / path, about)
             figure.set_layout_engine("none")  # what is laid out keeps its places
+    once(f"figure-{anchor(key)}", Vectors, lambda: shown)
 
 
 def inline(shown: Vectors, name: str, alternative: str, below: str = "") -> str:
@@ -209,10 +177,8 @@ def _followed(svg: str, name: str, alternative: str) -> str:
     svg = re.sub(r"#000000\b", "currentColor", svg)
     # Short names, of what is named at all, and each its own in a page: points repeat them.
     mark = f"v{zlib.crc32(name.encode()):x}-"
-    short = {
-        old: f"{mark}{n}"
-        for n, old in enumerate(dict.fromkeys(old for _, old in _LINK.findall(svg)))
-    }
+    named = dict.fromkeys(old for _, old in _LINK.findall(svg))
+    short = {old: f"{mark}{n}" for n, old in enumerate(named)}
     svg = _NAMED.sub(lambda own: f' id="{short[own[1]]}"' if own[1] in short else "", svg)
     svg = _LINK.sub(lambda link: link[1] + short[link[2]], svg)
     label = escape(alternative, quote=True)
@@ -224,21 +190,10 @@ def _captioned(caption: str) -> Markup:
     return Markup('<figcaption><span class="rp-number"></span>{}</figcaption>').format(caption)
 
 
-def pictured(picture: Picture, alternative: str, caption: str, source: str) -> Html:
-    """Show a picture of the book, and, in a build of it, write the files that its bar offers.
-
-    One without a source is a reader's own: no file of the book holds it.
-    """
-    root = None
-    if (build := os.environ.get(computed.FOLDER)) and source:
-        downloads = Path(build).parent.parent / "_extra"
-        # A book's, and not a folder of somebody else's.
-        root = downloads if (downloads / ".nojekyll").is_file() else None
-    shown, name = _vectors(picture, root), f"figure-{picture.key}"
-    if not source:
-        return Html(inline(shown, f"{name}-own", alternative, _captioned(caption)))
-    offered = bar(picture.key, name, _figure_files(picture.key), source, cited=False)
-    return Html(inline(shown, name, alternative, _captioned(caption) + offered))
+def pictured(name: str, paint: Paint, alternative: str, caption: str) -> Html:
+    """Show a picture that no file of the book holds."""
+    shown = Vectors(vector_of(painted(paint)), vector_of(painted(paint, narrow=True)))
+    return Html(inline(shown, name, alternative, _captioned(caption)))
 
 
 class Figure(Changeable, Item):
@@ -269,23 +224,12 @@ class Figure(Changeable, Item):
         figure: MatplotlibFigure = self._made[0]
         return figure
 
-    @cached_property
-    def data(self) -> pd.DataFrame:
-        """The lines and points that are drawn, in the units of the axes."""
-        return _data(self.drawn)
-
     def frame(self) -> pd.DataFrame:
-        """Return `data`."""
-        return self.data
-
-    @property
-    def source(self) -> str:
-        """The text of the functions that compute and draw it."""
-        return text_of(self._declared.function) if self.key in drawings() else super().source
+        """Return the lines and points that are drawn, in the units of the axes."""
+        return _data(self.drawn)
 
     def save(self, path: str | Path) -> Path:
         """Write the figure; the ending chooses svg, pdf or png."""
-        _ending_of(Path(path))  # before anything is drawn
         save(self.drawn, Path(path), self.about)
         return Path(path)
 
@@ -326,11 +270,8 @@ class Figure(Changeable, Item):
             source = text_of(self._declared.function)
             below += bar(self.key, name, _figure_files(self.key), source)
         # A page of the book has a narrow drawing beside the wide one; a reader's notebook has one.
-        shown = (
-            _in_build(self.key)
-            if computed.kept() and not self.changes
-            else Vectors(vector_of(self.drawn))
-        )
+        in_book = computed.kept() and not self.changes
+        shown = _in_build(self.key) if in_book else Vectors(vector_of(self.drawn))
         yield Html(inline(shown, name, self.alternative, below), text)
 
 
@@ -361,36 +302,19 @@ class Panels(Shown):
     def _setting(self) -> str:
         return " ".join(one._setting() for one in self.panels).strip()
 
-    @cached_property
-    def data(self) -> pd.DataFrame:
-        """The lines and points of all panels, with the key of each."""
-        import pandas as pd
-
-        return pd.concat([one.data.assign(figure=one.key) for one in self.panels])
-
     def frame(self) -> pd.DataFrame:
-        """Return `data`."""
-        return self.data
+        """Return the lines and points of all panels, with the key of each."""
+        return pd.concat([one.frame().assign(figure=one.key) for one in self.panels])
 
-    def rerun(
-        self,
-        changes: Mapping[str, str | float] | None = None,
-        *,
-        seed: int | None = None,
-        **settings: Any,
-    ) -> Panels:
+    def rerun(self, changes: Change | None = None, **settings: Any) -> Panels:
         """Return the panels drawn again; each takes what it reads, and a seed where it draws."""
-        told = dict(changes or {})
+        told, seed = dict(changes or {}), settings.pop("seed", None)
         refuse_strays(self.key, told, self.reads)
         random = [one for one in self.panels if one.random] or self.panels
-        again = (
-            one.rerun(
-                {a: value for a, value in told.items() if a in one.reads},
-                seed=seed if one in random else None,
-                **settings,
-            )
-            for one in self.panels
-        )
+        again = []
+        for one in self.panels:
+            own = {address: value for address, value in told.items() if address in one.reads}
+            again.append(one.rerun(own, seed=seed if one in random else None, **settings))
         return Panels(self.key, tuple(again))
 
     def cite(self, form: str = "bibtex") -> str:

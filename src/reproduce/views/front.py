@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, overload
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -70,13 +70,12 @@ def table(address: str) -> Table | Cell | StudyTable:
     'exact'
     """
     from reproduce.judge.rerun import studies
-    from reproduce.views.keys import check_text
     from reproduce.views.study import StudyTable
     from reproduce.views.table import Cell, Table
 
-    if check_text(address) in studies():
+    if address in studies():
         return StudyTable(address)
-    return Cell(address) if "#" in address else Table(address)
+    return Cell(address) if "#" in str(address) else Table(address)
 
 
 def figure(key: str) -> Figure | Panels:
@@ -94,9 +93,7 @@ def figure(key: str) -> Figure | Panels:
     """
     from reproduce.papers.catalogue import catalogue
     from reproduce.views.figure import Figure, Panels
-    from reproduce.views.keys import check_text
 
-    key = check_text(key)
     panels = [one for one in catalogue() if one[:-1] == key and one[-1].isalpha()]
     return Panels(key, tuple(map(Figure, panels))) if panels else Figure(key)
 
@@ -162,25 +159,6 @@ def verify(citation: str) -> str:
     from reproduce.views.export import verify
 
     return verify(citation)
-
-
-@overload
-def posterior(name: None = None) -> Posteriors: ...
-
-
-@overload
-def posterior(
-    name: str,
-    data: str | Path | None = None,
-    pivot: tuple[float, float] | None = None,
-    priors: Mapping[str, Prior | tuple[float, float]] | None = None,
-    *,
-    platform: Platform | str | Path | None = None,
-    data_seed: int | None = None,
-    steps: int | None = None,
-    walkers: int | None = None,
-    seed: int | None = None,
-) -> Posterior: ...
 
 
 def posterior(

@@ -3,26 +3,10 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
 
 from reproduce.judge.rerun import studies
 from reproduce.papers.catalogue import catalogue, drawings
 from reproduce.printed.cells import PAPERS, anchor, library
-
-
-def check_text(address: str) -> str:
-    """Return an address that is text."""
-    if not isinstance(address, str):
-        raise TypeError(f"expected a key such as 'niu2024/table-3', got {address!r}")
-    return address
-
-
-class UnknownKeyError(KeyError):
-    """No item has this key; the message suggests the nearest ones."""
-
-    def __str__(self) -> str:
-        """Return the message without KeyError's quotes."""
-        return str(self.args[0])
 
 
 def check_key(key: str) -> str:
@@ -33,14 +17,16 @@ def check_key(key: str) -> str:
     >>> check_key("niu2024/table-3")
     'niu2024/table-3'
     """
+    if not isinstance(key, str):
+        raise TypeError(f"expected a key such as 'niu2024/table-3', got {key!r}")
     known = list(catalogue())
     if key in known:
         return key
     if key in studies():
-        raise UnknownKeyError(f"{key} is a table of our own: it holds no printed number to judge")
+        raise KeyError(f"{key} is a table of our own: it holds no printed number to judge")
     near = difflib.get_close_matches(key, [*known, *studies(), *drawings()], n=3, cutoff=0.5)
     hint = f"; did you mean {', '.join(near)}?" if near else ""
-    raise UnknownKeyError(f"unknown key {key!r}{hint} (`reproduce list` shows all keys)")
+    raise KeyError(f"unknown key {key!r}{hint} (`reproduce list` shows all keys)")
 
 
 def resolved(text: str) -> str:
@@ -54,30 +40,6 @@ def resolved(text: str) -> str:
     address = text.strip().partition(": printed ")[0]
     names = [*library(), *(cell.address for table in library().values() for cell in table.cells)]
     return {anchor(name): name for name in names}.get(address.rpartition("#")[2], address)
-
-
-def check_address(address: str) -> str:
-    """Return `address` if it names an item, a cell of one, or a table of our own."""
-    key, mark, name = address.partition("#")
-    if address in studies():
-        return address
-    return library()[check_key(key)][name].address if mark else check_key(key)
-
-
-def alike(addresses: Iterable[str]) -> dict[str, list[str]]:
-    """Return the ends of addresses by what these begin with: a row, or a name to its last hyphen.
-
-    Examples
-    --------
-    >>> alike(["a/table-1#focal.red", "a/table-1#focal.blue", "a/text-b#range-low", "a/text-b#n"])
-    {'a/table-1#focal.': ['red', 'blue'], 'a/text-b#range-': ['low'], 'a/text-b#': ['n']}
-    """
-    found: dict[str, list[str]] = {}
-    for address in addresses:
-        key, mark, name = address.partition("#")
-        cut = name.rfind("." if "." in name else "-") + 1
-        found.setdefault(f"{key}{mark}{name[:cut]}", []).append(name[cut:])
-    return found
 
 
 def check_paper(paper: str) -> str:

@@ -13,25 +13,10 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reproduce.physics.registration import (
-    UNITS,
-    Finding,
-    RegistrationFit,
-    checked_pivot,
-    diagnose,
-    fit_registration,
-    fits_exactly,
-)
-from reproduce.store.points import (
-    STARS,
-    Table,
-    TableFileError,
-    computing,
-    is_table,
-    read_images,
-    read_table,
-    table_of,
-)
+from reproduce.physics import registration
+from reproduce.physics.registration import Finding, RegistrationFit, fit_registration, fits_exactly
+from reproduce.store import points
+from reproduce.store.points import STARS, Table, TableFileError, is_table, read_images, table_of
 from reproduce.units import ARCSEC_PER_RADIAN
 from reproduce.views.blocks import Block, Display, Grid
 from reproduce.views.numbers import between, moments
@@ -90,9 +75,7 @@ class _Measured(Remade):
     @property
     def grid(self) -> Grid:
         """The numbers as a reader sees them."""
-        frame = self.frame()
-        rows = [(name, *(f"{value:.6g}" for value in row)) for name, *row in frame.itertuples()]
-        return Grid(self.title, (str(frame.index.name), *frame.columns), rows)
+        return _grid(self.title, self.frame())
 
     def blocks(self) -> Iterator[Block]:
         """Yield the numbers, the title and the remarks."""
@@ -108,6 +91,11 @@ class _Measured(Remade):
             "findings": [asdict(one) for one in self.findings],
             "remarks": self.remarks,
         }
+
+
+def _grid(title: str, frame: pd.DataFrame) -> Grid:
+    rows = [(name, *(f"{value:.6g}" for value in row)) for name, *row in frame.itertuples()]
+    return Grid(title, (str(frame.index.name), *frame.columns), rows)
 
 
 class Registered(_Measured):
@@ -138,10 +126,12 @@ class Registered(_Measured):
         table, settings = _stars(source, target, settings)
         # Arrays are C-contiguous for the quick path of the fit.
         source, target = (table.values[:, i : i + 2].copy() for i in (0, 2))
-        middle = source.mean(axis=-2) if pivot is None else checked_pivot(pivot, source)
-        with computing(table.path):
+        middle = source.mean(axis=-2)
+        if pivot is not None:
+            middle = registration.checked_pivot(pivot, source)
+        with points.computing(table.path):
             self.fit: RegistrationFit = fit_registration(source, target, middle, **settings)
-            self.findings: list[Finding] = diagnose(
+            self.findings: list[Finding] = registration.diagnose(
                 source, target, middle, table.named, self.fit, **settings
             )
             exact = not self.fit.errors_known and fits_exactly(self.fit, source, target)
@@ -180,7 +170,7 @@ class Registered(_Measured):
         import pandas as pd
 
         columns = {
-            "unit": [UNITS.get(name, "1") for name in self.fit.names],
+            "unit": [registration.UNITS.get(name, "1") for name in self.fit.names],
             "value": self.parameters,
             "standard deviation": self._errors,
             **dict(zip(_ENDS, self.interval().T, strict=True)),
@@ -206,18 +196,18 @@ def _stars(
 ) -> tuple[Table, dict[str, Any]]:
     """Read both images, and turn columns of sigma and weight into settings of the fit."""
     if is_table(source) and target is None:
-        table = read_table(source, STARS, (*SIGMAS, "weight"))
+        table = points.read_table(source, STARS, (*SIGMAS, "weight"))
         return table, settings | _known(table, settings)
     if isinstance(source, str | Path):
         raise ValueError("target: expected nothing beside a file, which holds both images")
     if target is None:
         raise ValueError("target: expected the stars of the other image, or a file of both")
-    points = {"source": source, "target": target}
-    for name, one in points.items():
+    both = {"source": source, "target": target}
+    for name, one in both.items():
         if is_table(one) and len(one.columns) != 2:
             raise ValueError(f"{name}: expected the columns x and y, got {len(one.columns)}; "
                              "choose two, x before y")  # fmt: skip
-    table = table_of(STARS, *points.items())
+    table = table_of(STARS, *both.items())
     if table.notes:  # what is given of each star goes with it
         sizes = {"weights": 1, "source_covariance": 3, "target_covariance": 3}
         for name, axes in sizes.items():
@@ -283,9 +273,8 @@ class Monitored(_Measured):
         images, self.times, notes = read_images(spots, zero, len(self.platform.lasers), times)
         chosen, images, lights = diagnosis.seen(self.platform, images)
         self.findings = diagnosis.diagnose(chosen, images, numbers=lights)
-        diagnosis.refuse(
-            self.findings, str(spots) if isinstance(spots, str | Path) else "the spots"
-        )
+        name = str(spots) if isinstance(spots, str | Path) else "the spots"
+        diagnosis.refuse(self.findings, name)
         self.found = monitored(*images, chosen)
         self.angles = self.found.angles
         self.remarks = [*(one.text for one in self.findings), *notes]
@@ -295,17 +284,12 @@ class Monitored(_Measured):
 
     def _over_time(self) -> Stability | None:
         """Return drift and averages of the images in the order of their times, where there are."""
-        from reproduce.physics.attitude import FEWEST, stability
+        from reproduce.physics.attitude import stability
 
         if self.times is None:
             return None
         order = np.argsort(self.times, kind="stable")
         told = order[np.isfinite(self.angles[order]).all(axis=1)]
-        if len(told) < FEWEST:
-            self.remarks.append(
-                f"{len(told)} images tell an angle: drift and averages need {FEWEST}"
-            )
-            return None
         try:
             return stability(self.times[told], self.angles[told])
         except ValueError as error:
@@ -318,27 +302,21 @@ class Monitored(_Measured):
         In arcsec, without rows where no times are known. The drift is a straight line; the least
         is the lowest Allan deviation without it, with its 95 % interval and the images averaged.
         """
-        import pandas as pd
-
-        found, index = self.stability, pd.Index(list("XYZ"), name="about")
+        found = self.stability
         if found is None:
-            return pd.DataFrame(index=index[:0])
+            return _by_axis({})[:0]
         ends = found.floor_interval(_LEVEL)
         columns = {"drift": found.rate, "its error": found.rate_error, "least": found.floor,
                    _ENDS[0]: ends[0], _ENDS[1]: ends[1]}  # fmt: skip
-        shown = {f"{name} (arcsec)": one * ARCSEC_PER_RADIAN for name, one in columns.items()}
-        return pd.DataFrame(shown | {"images averaged": found.reached}, index)
+        return _by_axis(columns).assign(**{"images averaged": found.reached})
 
     def blocks(self) -> Iterator[Block]:
         """Yield the numbers, those of a series where times are known, and the remarks."""
         mean, *others = super().blocks()
         yield mean
         if self.stability is not None:
-            frame = self.over_time()
-            rows = [(str(name), *(f"{value:.6g}" for value in row))
-                    for name, *row in frame.itertuples()]  # fmt: skip
             title = "drift in a unit of time, and the least error of an average beside it"
-            yield Grid(title, (str(frame.index.name), *frame.columns), rows)
+            yield _grid(title, self.over_time())
         yield from others
 
     def record(self) -> dict[str, Any]:
@@ -365,29 +343,24 @@ class Monitored(_Measured):
         """
         return self.found.covariance() * ARCSEC_PER_RADIAN**2
 
-    def interval(self, level: float = _LEVEL) -> pd.DataFrame:
-        """Return the interval of the mean that holds the truth so often, in arcsec.
-
-        By Student's law: the scatter of the images is estimated.
-        """
-        import pandas as pd
-
-        low, high = self.found.interval(level) * ARCSEC_PER_RADIAN
-        index = pd.Index(list("XYZ"), name="about")
-        return pd.DataFrame({"low (arcsec)": low, "high (arcsec)": high}, index)
-
     def frame(self) -> pd.DataFrame:
         """Return mean, scatter of one image, error and interval of the mean, in arcsec.
 
-        The error counts both groups: the zero point is itself a mean over images.
+        The error counts both groups: the zero point is itself a mean over images. The interval is
+        by Student's law: the scatter of the images is estimated.
         """
-        import pandas as pd
-
         found = self.found
         columns = {"mean": found.mean, "scatter": found.scatter, "error of the mean": found.error}
-        shown = {f"{name} (arcsec)": one * ARCSEC_PER_RADIAN for name, one in columns.items()}
-        interval = self.interval().add_prefix(f"{_LEVEL:.0%} ")
-        return pd.DataFrame(shown, interval.index).join(interval)
+        low, high = found.interval(_LEVEL)
+        return _by_axis(columns | {f"{_LEVEL:.0%} low": low, f"{_LEVEL:.0%} high": high})
+
+
+def _by_axis(columns: Mapping[str, FloatArray]) -> pd.DataFrame:
+    """Return columns in arcsec, a row for each axis of the camera."""
+    import pandas as pd
+
+    shown = {f"{name} (arcsec)": one * ARCSEC_PER_RADIAN for name, one in columns.items()}
+    return pd.DataFrame(shown, pd.Index(list("XYZ"), name="about"))
 
 
 def platform_of(source: Platform | str | Path) -> Platform:
@@ -408,9 +381,7 @@ def platform_of(source: Platform | str | Path) -> Platform:
     make = Platform.of_directions if "directions" in table else make
     try:
         platform: Platform = make(**table)
-    except TypeError as error:
+    except (TypeError, ValueError) as error:
         known = ", ".join(inspect.signature(make).parameters)
         raise TableFileError(f"{source}: expected {known} ({error})") from error
-    except ValueError as error:
-        raise TableFileError(f"{source}: {error}") from error
     return platform

@@ -27,17 +27,6 @@ def minus(text: str) -> str:
     return _HYPHEN.sub("−", text)
 
 
-def hyphen(text: str) -> str:
-    """Write a hyphen for each minus sign, as other programs read numbers.
-
-    Examples
-    --------
-    >>> hyphen("−2e−11")
-    '-2e-11'
-    """
-    return text.replace("−", "-")
-
-
 def _number(value: float, form: str, *, zero: float = 0.0) -> str:
     """Write a number by a format specification, with a true minus sign.
 
@@ -71,8 +60,7 @@ def entry(value: float | str, column: Column, error: tuple[float, str] | None = 
     if column.form == "chance":
         return _counted(value, column.draws, column.zero)
     if column.form == "±" and error:
-        form = f".{max(0, 1 - math.floor(math.log10(error[0])))}f"
-        return f"{_number(value, form)} ± {_number(error[0], form)}"
+        return moments(value, error[0])
     text = _number(value, column.form, zero=column.zero)
     return f"{text} ± {_number(error[0], error[1] or '.1g')}" if error else text
 
@@ -200,8 +188,7 @@ def moments(mean: float, deviation: float) -> str:
     >>> moments(-0.99756643, 1.1e-5)
     '−0.997566 ± 0.000011'
     """
-    decimals = max(0, 1 - math.floor(math.log10(deviation)))
-    return minus(f"{mean:z.{decimals}f} ± {deviation:.{decimals}f}")
+    return f"{between(mean, deviation)} ± {between(deviation, deviation)}"
 
 
 def between(end: float, deviation: float) -> str:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import asdict
-from functools import cache, cached_property
+from functools import cache, cached_property, partial
 from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
@@ -18,44 +18,29 @@ import pandas as pd
 from markupsafe import Markup
 from numpy.typing import NDArray
 
-from reproduce.inference import (
-    LogUniform,
-    Parameter,
-    PredictiveCheck,
-    Prior,
-    Progress,
-    Sampled,
-    Summary,
-    Uniform,
-    leanings,
-    misfit,
-    posterior_checks,
-    sampling,
-)
+from reproduce import inference
+from reproduce.inference import Sampled, Summary, leanings, misfit, sampling
 from reproduce.inference.models import MixtureRegistration, probability_false
 from reproduce.judge.rerun import check_randomness
 from reproduce.papers.posteriors import posteriors
-from reproduce.papers.sketch import sized, thin
+from reproduce.papers.sketch import NARROW, sized, thin
 from reproduce.store.points import is_table
 from reproduce.version import __version__
 from reproduce.views import computed
 from reproduce.views.base import by_row, text_of
 from reproduce.views.blocks import Block, Blocks, Fold, Grid, Html
 from reproduce.views.export import beside, export_frame, provenance
-from reproduce.views.figure import Picture, pictured
+from reproduce.views.figure import Paint, pictured
 from reproduce.views.measurements import Remade, platform_of
 from reproduce.views.numbers import digits, minus, moments
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 # In standard deviations: a mark further out would leave no room for the posterior.
 _FAR = 8.0
-# Likely false stars that a line names, and from where on their probability is not told apart.
-_SHOWN, _CERTAIN = 5, 0.99
-# How precise a summary is: numbers of it, and how they are written.
-_PRECISION = {"mcse": ".1g", "rhat": ".3f", "bulk": ".0f", "tail": ".0f"}
+# Likely false stars that a line names.
+_SHOWN = 5
 
 
 @cache
@@ -132,7 +117,9 @@ class Posterior(Remade):
         """The sampled posterior itself, for what this object does not offer."""
         return book_posterior(self.name) if self._in_book else self.sample()
 
-    def sample(self, executor: Executor | None = None, progress: Progress | None = None) -> Sampled:
+    def sample(
+        self, executor: Executor | None = None, progress: inference.Progress | None = None
+    ) -> Sampled:
         """Sample now, on an executor if wanted; `progress` is told the ensembles done and all.
 
         Where no number of steps was asked for, chains that are too short are run again, longer.
@@ -173,9 +160,9 @@ class Posterior(Remade):
         return line
 
     @cached_property
-    def checks(self) -> list[PredictiveCheck]:
+    def checks(self) -> list[inference.PredictiveCheck]:
         """Numbers of the data beside those of data simulated from the posterior."""
-        return posterior_checks(self.sampled)
+        return inference.posterior_checks(self.sampled)
 
     def stars(self) -> pd.DataFrame:
         """Return each star's posterior probability of being false, the mean over the draws.
@@ -207,19 +194,12 @@ class Posterior(Remade):
         if self._stars is None:
             return ""
         found = self._stars.sort_values("probability_false", ascending=False, kind="stable")
-        likely = found[found["probability_false"] > 0.5]
-        if likely.empty:
+        likely = [str(line) for line in found.loc[found["probability_false"] > 0.5].iloc[:, 0]]
+        if not likely:
             return f"None of {len(found)} stars is probably matched wrongly"
-        shown = ", ".join(
-            f"{found.columns[0]} {line:.0f} "
-            + (f"({value:.2f})" if value < _CERTAIN else f"(> {_CERTAIN})")
-            for line, _, _, value in likely.head(_SHOWN).itertuples(index=False)
-        )
         rest = f" and {len(likely) - _SHOWN} more" if len(likely) > _SHOWN else ""
-        return (
-            f"{len(likely)} of {len(found)} stars are probably matched wrongly, with probability: "
-            f"{shown}{rest}"
-        )
+        shown = f"{found.columns[0]} {', '.join(likely[:_SHOWN])}{rest}"
+        return f"{len(likely)} of {len(found)} stars are probably matched wrongly: {shown}"
 
     @property
     def source(self) -> str:
@@ -255,12 +235,9 @@ class Posterior(Remade):
     @property
     def draws(self) -> pd.DataFrame:
         """All draws, one column per parameter, in the unit shown."""
-        found = self.sampled
-        shown = {
-            f"{one.name} ({one.unit})": column * one.shown
-            for one, column in zip(found.model.parameters, found.draws.T, strict=True)
-        }
-        return pd.DataFrame(shown)
+        shown = self.sampled.draws * [one.shown for one in self.model.parameters]
+        heads = [f"{one.name} ({one.unit})" for one in self.model.parameters]
+        return pd.DataFrame(shown, columns=heads)
 
     @property
     def truth(self) -> dict[str, float]:
@@ -292,27 +269,21 @@ class Posterior(Remade):
         }
         mark = "truth of the simulation" if self.truth else "least-squares or nominal estimate"
         caption = f"Posterior of {self.name}, data {self.told}." + f" Orange: {mark}." * bool(marks)
-        alternative = f"Histograms of {', '.join(chosen)} in the posterior of {self.name}"
-        if len(chosen) > 1:
-            caption += (
-                " Contours hold 50 % and 95 % of the draws; a narrow page has histograms alone."
-            )
-            alternative += ", with contours of each pair"
-        return self._pictured(_corner_plot, f"{alternative}.", caption, chosen, marks)
+        caption += " Contours hold 50 % and 95 % of the draws." * (len(chosen) > 1)
+        alternative = f"Histograms and contours of {', '.join(chosen)} in the posterior."
+        paint = partial(_corner_plot, posterior=self.sampled, names=chosen, marks=marks)
+        return self._pictured("corner", paint, alternative, caption)
 
     def traces(self) -> Html:
         """Return the chains: the median of the walkers, a line for each ensemble."""
         alternative = f"One panel for each parameter of {self.name}: lines against the step."
         caption = f"Traces of {self.name}: the median of the walkers, a line for each ensemble."
-        return self._pictured(_traces, alternative, caption)
+        paint = partial(_traces, posterior=self.sampled)
+        return self._pictured("traces", paint, alternative, caption)
 
-    def _pictured(
-        self, draw: Callable[..., Picture], alternative: str, caption: str, *more: Any
-    ) -> Html:
-        """Return a picture; one of the book has its downloads."""
-        source = text_of(draw) if self._in_book else ""
-        picture = draw(self.sampled, *more)._replace(about=self.about)
-        return pictured(picture, alternative, caption, source)
+    def _pictured(self, kind: str, paint: Paint, alternative: str, caption: str) -> Html:
+        name = f"figure-posterior-{self.model.name}-{kind}" + "-own" * (not self._in_book)
+        return pictured(name, paint, alternative, caption)
 
     def save(self, path: str | Path) -> Path:
         """Write the draws, in the units shown: ``.csv``, or ``.nc`` for ArviZ.
@@ -365,9 +336,7 @@ class Posterior(Remade):
         return {
             "model": found.model.name,
             "seed": found.seed,
-            "ensembles": found.chain.shape[0],
-            "steps": found.chain.shape[1],
-            "walkers": found.chain.shape[2],
+            **dict(zip(("ensembles", "steps", "walkers"), found.chain.shape[:3], strict=True)),
             "acceptance": list(found.acceptance),
             "at_prior_end": leanings(found),
             "parameters": [asdict(row) for row in found.rows],
@@ -386,12 +355,15 @@ class Posterior(Remade):
         head = ("Quantity", *(["truth"] if true else []), "mean ± sd", "95 % interval")
         marks = {name: (minus(f"{value:.6g}"),) for name, value in true.items()}
         none = ("",) if true else ()
-        rows = [(_titled(row), *marks.get(row.name, none), *interval(row)) for row in found]
+        rows = [
+            (_titled(row.name, row.unit), *marks.get(row.name, none), *interval(row))
+            for row in found
+        ]
         changed = f" Changed: {self.changes}." if self.changes else ""
         identifier = f"posterior-{self.name}" if self._in_book else ""
         caption = f"Posterior {self.name}, data {self.told}.{changed}"
         yield Grid(caption, head, rows, identifier, whole=range(1, len(head)))
-        yield Fold("Precision", (self._precision,))
+        yield self._precision
         if false := self.false_stars:
             yield f"{false}."
         if not self._in_book:
@@ -399,19 +371,15 @@ class Posterior(Remade):
             yield from (f"Warning: {text}." for text in doubts if text)
 
     @property
-    def _precision(self) -> Grid:
-        found = self.sampled
-        rows = [
-            (_titled(one), *(f"{getattr(one, key):{form}}" for key, form in _PRECISION.items()))
-            for one in found.summaries()
-        ]
-        caption = (
-            f"{found.chain.shape[0]} ensembles of {found.chain.shape[2]} walkers, "
-            f"{found.chain.shape[1]} steps each; acceptance {min(found.acceptance):.2f} to "
-            f"{max(found.acceptance):.2f}; seed {found.seed}. Monte Carlo standard error of the "
-            "mean, R-hat over the ensembles, effective sizes of the middle (bulk) and of the tails."
+    def _precision(self) -> str:
+        found, frame = self.sampled, self.frame()
+        ensembles, steps, walkers = found.chain.shape[:3]
+        return (
+            f"{ensembles} ensembles of {walkers} walkers, {steps} steps each, seed {found.seed}; "
+            f"acceptance {min(found.acceptance):.2f} to {max(found.acceptance):.2f}, R-hat up to "
+            f"{frame['rhat'].max():.3f}, effective sample sizes from "
+            f"{frame[['bulk', 'tail']].to_numpy().min():.0f}; frame() has them of each quantity."
         )
-        return Grid(caption, ("Quantity", "MCSE", "R-hat", "bulk", "tail"), rows, whole=range(1, 5))
 
 
 def _versions() -> dict[str, str]:
@@ -420,9 +388,9 @@ def _versions() -> dict[str, str]:
     return {"reproduce-pointing": __version__, **found}
 
 
-def _titled(row: Any) -> str:
+def _titled(name: str, unit: str) -> str:
     """Write a name with its unit, if it has one."""
-    return str(row.name) if row.unit == "1" else f"{row.name} ({row.unit})"
+    return name if unit == "1" else f"{name} ({unit})"
 
 
 def spread(row: Summary) -> tuple[str, str, str, str]:
@@ -437,125 +405,88 @@ def interval(row: Summary) -> tuple[str, str]:
     return moments(row.mean, row.deviation), minus(f"{low} to {high}")
 
 
-def _prior(parameter: Parameter, prior: Prior | tuple[float, float]) -> Prior:
+def _prior(
+    parameter: inference.Parameter, prior: inference.Prior | tuple[float, float]
+) -> inference.Prior:
     """Return a reader's prior; two ends are in the unit shown."""
-    if isinstance(prior, Prior):
+    if isinstance(prior, inference.Prior):
         return prior
     low, high = prior
-    if low < 0 and isinstance(parameter.prior, LogUniform):
+    if low < 0 and isinstance(parameter.prior, inference.LogUniform):
         raise ValueError(f"prior of {parameter.name}: expected zero or more, got {low:g}")
     if not low < high:
         raise ValueError(
             f"prior of {parameter.name}: expected low below high, got {low:g} and {high:g}"
         )
-    return Uniform(low / parameter.shown, high / parameter.shown, "a reader's own")
+    return inference.Uniform(low / parameter.shown, high / parameter.shown, "a reader's own")
 
 
 _Values = NDArray[np.float64]
-_Marks = list[float | None]
 # More draws than this do not change the contours, nor more points a trace.
 _POINTS, _TRACE_POINTS = 10_000, 45
 # Parameters of a corner plot: with more its labels could not be read.
 _MOST = 5
 # What of the draws an axis leaves out on either side.
 _TAILS = (0.002, 0.998)
-# In panels of a corner plot: so far below, a label clears ticks of seven digits, as of a scale.
-_BELOW = -0.6
-# Room for ticks and labels of a corner plot, in inches.
-_EDGES = 1.1
+# Of a corner plot, in inches: the room for ticks and labels, and how far out a label clears ticks
+# of seven digits, as of a scale.
+_EDGES, _BELOW = 1.1, 0.68
 _SMALL = 8.0  # points
 _BLUE, _ORANGE = "#0072B2", "#D55E00"
 
 
-def _label(parameter: Parameter) -> str:
-    return f"${parameter.label}$" + ("" if parameter.unit == "1" else f" ({parameter.unit})")
-
-
-def _traces(posterior: Sampled) -> Picture:
+def _traces(figure: Figure, posterior: Sampled) -> None:
     """Draw the median of the walkers of every ensemble against its steps."""
-    model = posterior.model
+    parameters = posterior.model.parameters
     stride = max(1, posterior.chain.shape[1] // _TRACE_POINTS)
     medians = np.median(posterior.chain[:, ::stride], axis=2)
     steps = np.arange(medians.shape[1]) * stride
-
-    def paint(figure: Figure) -> None:
-        columns = 1 if thin(figure) else 2
-        rows = -(-model.dimension // columns)
-        sized(figure, 6.8, 1.1 * rows + 0.6, 0.9 * rows + 0.6)
-        panels = figure.subplots(rows, columns, sharex=True, squeeze=False).ravel()
-        for i, (axes, parameter) in enumerate(zip(panels, model.parameters, strict=False)):
-            for ensemble in medians[..., i] * parameter.shown:
-                axes.plot(steps, ensemble, linewidth=0.7)
-            axes.set_ylabel(_label(parameter), fontsize=_SMALL)
-            axes.tick_params(labelsize=_SMALL)
-            axes.ticklabel_format(axis="y", useOffset=False)
-            axes.locator_params(nbins=2)
-            axes.grid(visible=False)
-        for axes in panels[model.dimension :]:
-            axes.set_axis_off()
-        for axes in panels[max(0, model.dimension - columns) : model.dimension]:
-            axes.set_xlabel("step", fontsize=_SMALL)
-
-    shown = medians * [one.shown for one in model.parameters]
-    numbers = pd.DataFrame(shown.reshape(-1, model.dimension), columns=list(model.names))
-    numbers.insert(0, "step", np.tile(steps, len(shown)))
-    numbers.insert(0, "ensemble", np.repeat(np.arange(1, len(shown) + 1), len(steps)))
-    return Picture(f"posterior-{model.name}-traces", paint, numbers)
+    sized(figure, 6.8, 0.9 * len(parameters) + 0.6)
+    panels = figure.subplots(len(parameters), sharex=True, squeeze=False).ravel()
+    for i, (axes, parameter) in enumerate(zip(panels, parameters, strict=True)):
+        axes.plot(steps, parameter.shown * medians[..., i].T, linewidth=0.7)
+        axes.set_ylabel(_titled(f"${parameter.label}$", parameter.unit), fontsize=_SMALL)
+        axes.tick_params(labelsize=_SMALL)
+        axes.locator_params(axis="y", nbins=2)
+        axes.grid(visible=False)
+    panels[-1].set_xlabel("step", fontsize=_SMALL)
 
 
-def _corner_plot(posterior: Sampled, names: Sequence[str], marks: Mapping[str, float]) -> Picture:
-    """Draw the corner plot of some parameters, with marks in the unit shown where there are any.
+def _corner_plot(
+    figure: Figure, posterior: Sampled, names: Sequence[str], marks: Mapping[str, float]
+) -> None:
+    """Draw the corner plot of some parameters, with marks in the unit shown where there are any."""
+    import corner
 
-    One parameter, and a narrow page, have histograms alone.
-    """
-    model = posterior.model
-    columns = [model.names.index(name) for name in names]
-    chosen = [model.parameters[i] for i in columns]
+    columns = [posterior.model.names.index(name) for name in names]
+    chosen = [posterior.model.parameters[i] for i in columns]
     rows = posterior.draws[:, columns]
     rows = rows[np.linspace(0, len(rows) - 1, min(_POINTS, len(rows))).astype(int)]
     values = rows * [one.shown for one in chosen]
-    marked = [marks.get(name) for name in names]
-
-    def paint(figure: Figure) -> None:
-        draw = _histograms if len(chosen) == 1 or thin(figure) else _corner
-        draw(figure, values, [_label(one) for one in chosen], marked)
-
-    numbers = pd.DataFrame(values, columns=list(names))
-    return Picture(f"posterior-{model.name}-corner", paint, numbers)
-
-
-def _corner(figure: Figure, values: _Values, labels: list[str], marked: _Marks) -> None:
-    import corner as package
-
-    side = min(6.8, 1.3 * len(labels) + 1.2)
+    marked = [marks.get(one) for one in names]
+    side = NARROW if thin(figure) else min(6.8, 1.3 * len(chosen) + 1.2)
     figure.set_layout_engine(None)
     figure.set_size_inches(side, side)
-    package.corner(
-        values, range=[_span(*pair) for pair in zip(values.T, marked, strict=True)],
-        labels=labels, label_kwargs={"fontsize": _SMALL}, max_n_ticks=3, fig=figure,
+    corner.corner(
+        values, range=[_span(*pair) for pair in zip(values.T, marked, strict=True)], fig=figure,
+        labels=[_titled(f"${one.label}$", one.unit).replace(" (", "\n(") for one in chosen],
+        label_kwargs={"fontsize": _SMALL}, max_n_ticks=3,
         truths=marked, truth_color=_ORANGE, quiet=True,
         color=_BLUE, bins=20, smooth=1.0, levels=(0.5, 0.95),
         plot_datapoints=False, plot_density=False, no_fill_contours=True,
     )  # fmt: skip
+    below = -_BELOW * len(chosen) / (side - _EDGES)
     for axes in figure.axes:
-        _ticked(axes)
-        axes.xaxis.set_label_coords(0.5, _BELOW)
-        axes.yaxis.set_label_coords(_BELOW, 0.5)
-    figure.subplots_adjust(left=_EDGES / side, bottom=_EDGES / side, right=0.99, top=0.99)
-
-
-def _histograms(figure: Figure, values: _Values, labels: list[str], marked: _Marks) -> None:
-    sized(figure, 4.5, 2.6, 1.5 * len(labels))
-    panels = figure.subplots(len(labels), squeeze=False).ravel()
-    for axes, column, label, mark in zip(panels, values.T, labels, marked, strict=True):
-        span = _span(column, mark)
-        axes.hist(column, bins=40, range=span, histtype="step", color=_BLUE)
-        if mark is not None:
-            axes.axvline(mark, color=_ORANGE, linewidth=1)
-        axes.set_xlabel(label, fontsize=_SMALL)
-        axes.set(yticks=[], xlim=span)
+        axes.tick_params(labelsize=_SMALL)
         axes.grid(visible=False)
-        _ticked(axes)
+        axes.xaxis.set_label_coords(0.5, below)
+        axes.yaxis.set_label_coords(below, 0.5)
+        for axis in (axes.xaxis, axes.yaxis):  # numbers near the ends would meet their neighbours
+            ticks, (low, high) = np.asarray(axis.get_majorticklocs()), axis.get_view_interval()
+            axis.set_ticks(ticks[np.abs(ticks - (low + high) / 2) < 0.4 * (high - low)])
+    figure.subplots_adjust(
+        left=_EDGES / side, bottom=_EDGES / side, right=1 - 0.15 / side, top=0.99
+    )
 
 
 def _span(values: _Values, mark: float | None) -> tuple[float, float]:
@@ -563,20 +494,3 @@ def _span(values: _Values, mark: float | None) -> tuple[float, float]:
     low, high = np.quantile(values, _TAILS).tolist()
     beside = 0.05 * (high - low)
     return (low, high) if mark is None else (min(low, mark - beside), max(high, mark + beside))
-
-
-def _ticked(axes: Axes, count: int = 3) -> None:
-    """Give a panel few ticks, none near its ends, and numbers as they are."""
-    from matplotlib.ticker import FixedLocator, MaxNLocator, ScalarFormatter
-
-    axes.tick_params(labelsize=_SMALL)
-    for axis in (axes.xaxis, axes.yaxis):
-        if not isinstance(axis.get_major_locator(), MaxNLocator):
-            continue
-        low, high = axis.get_view_interval()
-        ticks = np.asarray(MaxNLocator(count).tick_values(low, high))
-        inside = np.abs(ticks - 0.5 * (low + high)) < 0.4 * (high - low)
-        axis.set_major_locator(FixedLocator(ticks[inside].tolist()))
-        if isinstance(formatter := axis.get_major_formatter(), ScalarFormatter):
-            formatter.set_useOffset(False)
-            formatter.set_scientific(False)

@@ -11,10 +11,10 @@ from markupsafe import Markup
 from reproduce.inference import Gates
 from reproduce.papers.declare import words
 from reproduce.papers.posteriors import posteriors
-from reproduce.printed.cells import anchor, find
+from reproduce.printed.cells import find
 from reproduce.printed.number import UNITS, symbol
 from reproduce.store import studies
-from reproduce.views.blocks import Block, Blocks, Display, Entry, Grid, badge
+from reproduce.views.blocks import Block, Blocks, Display, Entry, Grid, badge, link
 from reproduce.views.computed import item_ledger
 from reproduce.views.numbers import digits, minus, percent
 from reproduce.views.posterior import Posterior, book_posterior, interval
@@ -27,7 +27,10 @@ _OUTSIDE = 0.05
 
 
 class _Said(NamedTuple):
-    """A quantity of `_SAID`: a label, a posterior, its name there, the cell that prints it."""
+    """A quantity of `_SAID`: a label, a posterior, its name there, the cell that prints it.
+
+    What a cell prints has the label of the cell.
+    """
 
     label: str
     posterior: str
@@ -37,17 +40,12 @@ class _Said(NamedTuple):
 
 _SAID = (
     *(
-        _Said(f"{label}, {channel}", "registration-joint", f"{channel}-{name}",
-             f"niu2024/table-3#{row}.{channel}")
+        _Said("", "registration-joint", f"{channel}-{row.replace('translation', 'shift')}",
+              f"niu2024/table-3#{row}.{channel}")
         for channel in ("red", "blue")
-        for label, name, row in (
-            ("Scale factor", "scale", "scale"),
-            ("Rotation", "rotation", "rotation"),
-            ("Translation x", "shift-x", "translation-x"),
-            ("Translation y", "shift-y", "translation-y"),
-        )
+        for row in ("scale", "rotation", "translation-x", "translation-y")
     ),
-    _Said("Centroid noise", "registration-joint", "noise", "niu2024/text-simulation#noise"),
+    _Said("", "registration-joint", "noise", "niu2024/text-simulation#noise"),
     *(_Said(f"Misalignment about {axis.upper()}", "misalignment", f"angle-{axis}")
       for axis in "xyz"),
     *(_Said(f"Drift about {axis.upper()}", "misalignment-drift", f"drift-{axis}")
@@ -87,10 +85,8 @@ class Posteriors(Display):
         trials = stored.attrs["trials"]
         names = [name for name, one in posteriors().items() if one.paper == paper]
         stored = stored[stored["posterior"].isin(names)]
-        rows = [
-            _trusted(str(name), one, trials)
-            for name, one in stored.groupby("posterior", sort=False)
-        ]
+        models = stored.groupby("posterior", sort=False)
+        rows = [_trusted(str(name), one, trials) for name, one in models]
         least, count, gates = stored["even"].min(), len(stored), Gates()
         found_out = (f"sd {share} % too small leaves its band" for share in _NARROW)
         head = ("Model", "R-hat, largest", "steps / τ, fewest", "ESS, smallest", "acceptance",
@@ -109,16 +105,15 @@ def _summarised(one: _Said) -> tuple[Entry, ...]:
     """Return the row of a quantity: label, print, mean ± sd, interval, truth, verdict."""
     row = next(row for row in book_posterior(one.posterior).summaries() if row.name == one.name)
     mark = symbol(row.unit) if row.unit in UNITS else row.unit
-    label = Markup('<a href="#posterior-{}">{}</a>').format(one.posterior, one.label)
     mean, ends = (quantity(text, mark) for text in interval(row))
     truth = Posterior(one.posterior).truth.get(one.name)
     known = "" if truth is None else minus(quantity(f"{truth:.6g}", mark))
-    if not one.cell:
-        return label, "", mean, ends, known, ""
-    (cell,) = find(one.cell)
-    record = item_ledger(one.cell.partition("#")[0]).cell(one.cell)
-    printed = Markup('<a href="#{}">{}</a>').format(anchor(one.cell), cell.shown)
-    return label, printed, mean, ends, known, badge(record.verdict)
+    label, printed, verdict = one.label, Markup(""), Markup("")
+    if one.cell:
+        (cell,) = find(one.cell)
+        label, printed = cell.label, link(cell.anchor, cell.shown)
+        verdict = badge(item_ledger(one.cell.partition("#")[0]).cell(one.cell).verdict)
+    return link(f"posterior-{one.posterior}", label), printed, mean, ends, known, verdict
 
 
 def _trusted(name: str, stored: pd.DataFrame, trials: int) -> tuple[str, ...]:

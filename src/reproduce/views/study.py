@@ -11,7 +11,7 @@ from reproduce.judge.rerun import studies
 from reproduce.papers.declare import Column, Study
 from reproduce.printed.cells import anchor
 from reproduce.views import numbers
-from reproduce.views.base import Changeable, text_of
+from reproduce.views.base import Changeable, Item, text_of
 from reproduce.views.blocks import Block, Entry, Fold, Grid, Html
 from reproduce.views.computed import once
 from reproduce.views.export import bar, table_files
@@ -22,10 +22,8 @@ if TYPE_CHECKING:
 
     from reproduce.printed.given import Given
 
-_LONG = 150  # rows that a page shows whole
 
-
-class StudyTable(Changeable):
+class StudyTable(Changeable, Item):
     """A table that stands beside a paper, judged against nothing.
 
     Parameters
@@ -45,11 +43,6 @@ class StudyTable(Changeable):
     @property
     def _declared(self) -> Study:
         return studies()[self.key]
-
-    @property
-    def title(self) -> str:
-        """What it shows, in one sentence."""
-        return self._declared.title
 
     @property
     def source(self) -> str:
@@ -105,38 +98,26 @@ class StudyTable(Changeable):
         frame: pd.DataFrame = self._made[0]
         return frame.copy()
 
-    def _caption(self) -> str:
-        return f"{self.frame().attrs['caption']} {self._setting()}".rstrip()
-
     @property
-    def grids(self) -> dict[str, Grid]:
-        """The table as a reader sees it: whole, or in the parts that it is folded into, by name."""
-        frame, folded = self.frame(), self._declared.folded
-        forms = {column.name: column.form for column in self._declared.columns}
-        behind = {column.error for column in self._declared.columns} | {folded}
-        shown = [column for column in self._declared.columns if column.name not in behind]
+    def grid(self) -> Grid:
+        """The table as a reader sees it; of one that is folded, its first part."""
+        study, frame = self._declared, self.frame()
+        caption = f"{frame.attrs['caption']} {self._setting()}".rstrip()
+        if study.folded:
+            frame = frame[frame[study.folded] == frame[study.folded].iloc[0]]
+        forms = {column.name: column.form for column in study.columns}
+        behind = {*(column.error for column in study.columns), study.folded}
+        shown = [column for column in study.columns if column.name not in behind]
+        rows = [[_entry(row, c, forms) for c in shown] for row in frame.to_dict(orient="records")]
         where = f"study-{anchor(self.key)}" + ("-changed" if self.changes else "")
-        parts = [("", frame)] if not folded else frame.groupby(folded, sort=False)
-        return {
-            str(name): Grid(
-                self._caption(),
-                [column.name for column in shown],
-                [[_entry(row, c, forms) for c in shown] for row in part.to_dict(orient="records")],
-                f"{where}-{place}" if place else where,
-                "rp-study",
-            )
-            for place, (name, part) in enumerate(parts)
-        }
+        return Grid(caption, [column.name for column in shown], rows, where, "rp-study")
 
     def blocks(self) -> Iterator[Block]:
-        """Yield the table part by part; of a long one the first part."""
-        grids = list(self.grids.items())
-        # A reader sees the first part of a long table, and takes the whole away.
-        shown = grids if len(self.frame()) <= _LONG else grids[:1]
-        for place, (name, grid) in enumerate(shown):
-            yield Fold(name, (grid,), opened=not place) if name else grid
-        if rest := sum(len(grid.rows) for _, grid in grids[len(shown) :]):
-            yield f"{rest:,} more rows, by {self._declared.folded}, are in its files."
+        """Yield the table; a reader sees the first part of a long one, and takes the whole away."""
+        frame, grid, folded = self.frame(), self.grid, self._declared.folded
+        yield Fold(str(frame[folded].iloc[0]), (grid,), opened=True) if folded else grid
+        if rest := len(frame) - len(grid.rows):
+            yield f"{rest:,} more rows, by {folded}, are in its files."
         if not self.changes:
             where = f"study-{anchor(self.key)}"
             yield Html(bar(self.key, where, table_files(self.key), self.source), self.key)

@@ -15,18 +15,21 @@ from reproduce.papers.declare import Study
 from reproduce.printed.cells import find
 from reproduce.printed.number import Interval, symbol
 from reproduce.views import verdicts
-from reproduce.views.base import setting
+from reproduce.views.base import Change, setting
 from reproduce.views.blocks import Block, Display, Grid, Html, grid
 from reproduce.views.numbers import between, entry, minus
 
 if TYPE_CHECKING:
     import pandas as pd
 
-_Change = Mapping[str, str | float]
 WIDE, HIGH, MARGIN = 220, 110, 8  # of one picture, in CSS pixels
 LEFT, FOOT = 56, 16  # of that, for the values on its axes
 # A number of our own that moves by a smaller share than this does not fill the height of a picture.
 _NOTICED = 0.05
+
+
+_OWN = "a reader's own setting, without a verdict"
+_READING = "one reading of the text; the verdict of a cell takes every reading into account"
 
 
 class Point(NamedTuple):
@@ -87,13 +90,8 @@ class Changed(Display):
         return frame.drop(columns=[n for n in ("reading", "would be") if not frame[n].any()])
 
     def _caption(self) -> str:
-        remark = "a reader's own setting, without a verdict"
-        if self.result.is_reading:
-            remark = (
-                "one reading of the text, with what each cell "
-                "would be judged as. The verdict of a cell takes every reading into account"
-            )
-        changed = {**self.changes, **self.options}
+        remark = _READING if self.result.is_reading else _OWN
+        changed = self.changes | self.options
         told = setting(f"{self.result.key} with", changed, self.replaced, remark)
         if any(one.interval for one in self._cells):
             told += " From and to: the central 99 % of the prediction."
@@ -104,21 +102,19 @@ class Changed(Display):
     @property
     def grid(self) -> Grid:
         """The cells and what was changed, as a reader sees them; without empty columns."""
-        rows, columns = [one for one in self._cells if one.cell.is_number], self._columns()
-        return grid(self._caption(), columns, rows, whole=range(1, len(columns)))
-
-    def _columns(self) -> dict[str, Callable[[ChangedCell], str]]:
         reading = self.result.is_reading
-        return {
+        columns: dict[str, Callable[[ChangedCell], str]] = {
             "cell": lambda one: one.cell.name + f" if {one.reading}" * bool(one.reading),
             "printed": lambda one: minus(one.cell.text),
             "from the print": lambda one: "" if reading else _digits(one, one.unchanged),
             "so read" if reading else "changed": lambda one: _digits(one, one.value),
-            "from": lambda one: _digits(one, (one.interval or (None, None))[0]),
-            "to": lambda one: _digits(one, (one.interval or (None, None))[1]),
+            "from": lambda one: _digits(one, one.interval and one.interval[0]),
+            "to": lambda one: _digits(one, one.interval and one.interval[1]),
             "would be": lambda one: one.would_be,
             "unit": lambda one: symbol(one.cell.unit),
         }
+        rows = [one for one in self._cells if one.cell.is_number]
+        return grid(self._caption(), columns, rows, whole=range(1, len(columns)))
 
     def blocks(self) -> Iterator[Block]:
         """Yield the cells and what was changed."""
@@ -159,7 +155,7 @@ class Sweep(Display):
     key: str
     names: tuple[str, ...]
     label: str
-    steps: Sequence[_Change]
+    steps: Sequence[Change]
     quantities: list[tuple[Point, ...]]
     dashed: str
 
@@ -189,10 +185,8 @@ class Sweep(Display):
     def grid(self) -> Grid:
         """The table of values and what becomes of each number."""
         head = [self.label, *(points[0].name for points in self.quantities)]
-        settings = [
-            value + " (printed)" * printed
-            for value, printed in zip(self.values, self._printed, strict=True)
-        ]
+        pairs = zip(self.values, self._printed, strict=True)
+        settings = (value + " (printed)" * printed for value, printed in pairs)
         texts = [[one.text for one in points] for points in self.quantities]
         rows = list(zip(settings, *texts, strict=True))
         caption = f"{self.key} for {len(rows)} values of {' and '.join(self.names)}, all computed"
@@ -239,13 +233,11 @@ class Sweep(Display):
             told += f"; dashed: {self.dashed}"
             dashed = Markup('<path class="rp-dashed" d="M{} {}H{}"/>')
             line = dashed.format(LEFT, y(one.mark), WIDE - MARGIN)
-        ends_of = [(LEFT - 4, y(end), "end", between(end, high - low or 1)) for end in (low, high)]
-        ends_of += [
-            (LEFT, HIGH - 3, "start", self.values[0]),
-            (WIDE, HIGH - 3, "end", self.values[-1]),
-        ]
-        text = '<text x="{}" y="{}" text-anchor="{}">{}</text>'
-        axes = Markup("").join(Markup(text).format(*end) for end in ends_of)
+        text = Markup('<text x="{}" y="{}" text-anchor="{}">{}</text>').format
+        ends_of = ((LEFT - 4, y(end), "end", between(end, high - low or 1)) for end in (low, high))
+        axes = Markup("").join(text(*end) for end in ends_of)
+        axes += text(LEFT, HIGH - 3, "start", self.values[0])
+        axes += text(WIDE, HIGH - 3, "end", self.values[-1])
         return Markup(
             '<figure><svg viewBox="0 0 {} {}" role="img" aria-label="{}">{}{}{}</svg>'
             "<figcaption>{}</figcaption></figure>"
@@ -256,7 +248,7 @@ def swept(
     key: str,
     moved: str | Sequence[str],
     values: Sequence[str | float | Sequence[str | float]],
-    compute: Callable[[_Change], Iterable[Point]],
+    compute: Callable[[Change], Iterable[Point]],
     settings: Mapping[str, str] | None = None,
     dashed: str = "printed",
 ) -> Sweep:
@@ -268,10 +260,7 @@ def swept(
         If there is no value, or not one for each input.
     """
     if isinstance(values, str) or not values:
-        got = f"{values!r} alone" if values else "none"
-        raise ValueError(
-            f"expected a list of values to move the cell to, at least one value; got {got}"
-        )
+        raise ValueError(f"expected a list of values, at least one value; got {values!r}")
     names = (moved,) if isinstance(moved, str) else tuple(moved)
     steps = []
     for one in values:
@@ -281,12 +270,9 @@ def swept(
             raise ValueError(f"expected {len(names)} values for {', '.join(names)}, got {got}")
         steps.append(dict(zip(names, step, strict=True)))
     columns = list(zip(*map(compute, steps), strict=True))
-    label = ", ".join(_label(name, settings or {}) for name in names)
+    known = {name: f"{name} ({what})" for name, what in (settings or {}).items()}
+    label = ", ".join(known.get(name) or find(name)[0].label for name in names)
     return Sweep(key, names, label, steps, columns, dashed)
-
-
-def _label(name: str, settings: Mapping[str, str]) -> str:
-    return f"{name} ({settings[name]})" if name in settings else find(name)[0].label
 
 
 def _as_printed(address: str, value: str | float) -> bool:
@@ -298,17 +284,12 @@ def of_cells(rerun: Rerun, names: Sequence[str]) -> Iterator[Point]:
     for one in rerun.cells:
         if one.cell.is_number and (not names or one.cell.name in names):
             number, unit = one.cell.number, symbol(one.cell.unit)
+            text = _digits(one, one.value) or "none"
+            if one.interval:
+                text += f" ({' to '.join(_digits(one, end) for end in one.interval)})"
+            text = verdicts.quantity(text, unit if one.value is not None else "")
             place = (one.cell.name, one.reading, unit, one.value, one.interval)
-            yield Point(*place, _written(one), float(number.value), number.interval())
-
-
-def _written(one: ChangedCell) -> str:
-    if one.value is None:
-        return "none"
-    text = _digits(one, one.value)
-    if one.interval is not None:
-        text += f" ({' to '.join(_digits(one, end) for end in one.interval)})"
-    return verdicts.quantity(text, symbol(one.cell.unit))
+            yield Point(*place, text, float(number.value), number.interval())
 
 
 def of_study(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -15,8 +15,8 @@ from reproduce.papers.declare import Computation
 from reproduce.printed.cells import Cell as PrintedCell
 from reproduce.printed.cells import anchor, library
 from reproduce.views import keys, verdicts
-from reproduce.views.base import Item, Shown, by_row, text_of
-from reproduce.views.blocks import Block, Box, Entry, Fold, Grid, Html, badge, grid
+from reproduce.views.base import Change, Item, Shown, by_row, text_of
+from reproduce.views.blocks import Block, Box, Entry, Fold, Grid, Html, badge, grid, link
 from reproduce.views.computed import item_ledger
 from reproduce.views.export import bar, export, full_frame, table_files
 from reproduce.views.numbers import minus
@@ -72,14 +72,12 @@ class Table(Item):
             name: (one.printed, verdicts.computed(one), one.verdict, verdicts.unit(one))
             for name, one in self._records.items()
         }
+        cells = by_row(entries, [*wanted, "unit"])
         if len(table.columns) <= 1:
-            return by_row(entries, [*wanted, "unit"])
-        shaped = {
-            (column.id, what): [entries[f"{row.id}.{column.id}"][i] for row in table.rows]
-            for column in table.columns
-            for i, what in enumerate(wanted)
-        }
-        return pd.DataFrame(shaped, index=[row.id for row in table.rows])
+            return cells
+        rows = [row.id for row in table.rows]
+        parts = {c.id: cells.loc[[f"{row}.{c.id}" for row in rows], wanted] for c in table.columns}
+        return pd.concat([one.set_axis(rows) for one in parts.values()], axis=1, keys=parts)
 
     def cells(self) -> pd.DataFrame:
         """Return one row per cell, with every field of the ledger."""
@@ -87,7 +85,7 @@ class Table(Item):
 
     def rerun(
         self,
-        changes: Mapping[str, str | float] | None = None,
+        changes: Change | None = None,
         *,
         seed: int | None = None,
         replicates: int | None = None,
@@ -150,7 +148,7 @@ class Table(Item):
         for name in cells:
             self[name]
 
-        def compute(step: Mapping[str, str | float]) -> Iterator[Point]:
+        def compute(step: Change) -> Iterator[Point]:
             return of_cells(rerunning.rerun(self.key, step, replicates=replicates), cells)
 
         return swept(self.key, address, values, compute)
@@ -177,8 +175,12 @@ class Table(Item):
         yield Html(self._bar, f"{self.key}: reproduce show {self.key}#CELL shows all about a cell")
 
     def _bar(self) -> Markup:
-        files, inputs = table_files(self.key), self._inputs()
-        return bar(self.key, anchor(self.key), files, self.source, inputs=inputs)
+        inputs = Markup(
+            "<p>Printed in {}. Again: <code>{}</code></p>"
+            "<p>Reads, directly or through other items: {}</p>"
+        ).format(self.place, self.again, _linked(self.reads))
+        files, where = table_files(self.key), anchor(self.key)
+        return bar(self.key, where, files, self.source, inputs if self.reads else "")
 
     def _whole(self) -> Grid:
         printed, records = self._printed, self._records
@@ -200,16 +202,6 @@ class Table(Item):
             rows.append([row.label, *map(_stacked, own)])
         head = ["", *(column.label for column in printed.columns)]
         return Grid(caption, head, rows, anchor(self.key), stacked=[*map(str.lower, _PARTS)])
-
-    def _inputs(self) -> Markup:
-        """Say what the table is computed from, each printed cell a link; nothing if it is not."""
-        if not self.reads:
-            return Markup("")
-        items = Markup("").join(map(Markup("<li>{}</li>").format, _reads(self.reads)))
-        return Markup(
-            "<p>Printed in {}. Again: <code>{}</code></p>"
-            "<p>Reads, directly or through other items:</p><ul>{}</ul>"
-        ).format(self.place, self.again, items)
 
 
 def _stacked(record: Record) -> Box:
@@ -252,7 +244,7 @@ def _computed(record: Record) -> Entry:
 def _verdict(record: Record) -> Markup:
     marks = verdicts.flags(record.flags, {*verdicts.WEAK, "stand_in"})
     flag = Markup(' <span class="rp-flag">{}</span>').format(marks) if marks else ""
-    return _to(anchor(record.cell), badge(record.verdict)) + flag
+    return link(anchor(record.cell), badge(record.verdict)) + flag
 
 
 _PARTS = {"Printed": _printed, "Computed": _computed, "Verdict": _verdict}
@@ -276,7 +268,7 @@ def _reason(record: Record) -> Entry:
     why = minus(reason(record.cell) or record.why)
     if known := erratum(record.cell):
         told = "{} {}<br>The authors' reply: {}"
-        return Markup(told).format(why, _to(known, f"Erratum {known}"), _replied(known))
+        return Markup(told).format(why, link(known, f"Erratum {known}"), _replied(known))
     return why
 
 
@@ -287,18 +279,17 @@ def _replied(known: str) -> Entry:
 
 
 def _link(record: Record) -> Markup:
-    return _to(anchor(record.cell), Markup("<code>{}</code>").format(verdicts.name_of(record)))
+    return link(anchor(record.cell), Markup("<code>{}</code>").format(verdicts.name_of(record)))
 
 
 _SHARE = "share of the tolerance"
 _NUMBERS: dict[str, Callable[[Record], Entry]] = {
     "printed": lambda one: verdicts.cell_of(one).shown,
-    "stands for": verdicts.stands_for,
+    "stands for": lambda one: verdicts.between(one, one.stands_for),
     "computed": lambda one: verdicts.quantity(verdicts.computed(one, extra=1), verdicts.unit(one)),
     "Monte Carlo error": verdicts.error,
     "allowed by rounded inputs": lambda one: verdicts.interval(one) * (one.probability is None),
     "predicted, central 99 %": lambda one: verdicts.interval(one) * (one.probability is not None),
-    "difference": verdicts.difference,
     _SHARE: lambda one: "" if one.share is None else f"{one.share:.2f}",
     "probability": verdicts.probability,
     "verdict": lambda one: one.verdict,
@@ -306,10 +297,10 @@ _NUMBERS: dict[str, Callable[[Record], Entry]] = {
 _SEED = "{} of the project, {} of this function; {:,} replicates"
 _MADE: dict[str, Callable[[Computation], Entry]] = {
     "function": lambda one: Markup("{} ({})").format(
-        _to(f"function-{anchor(one.key)}-{one.function.__name__}", one.name), one.line
+        link(f"function-{anchor(one.key)}-{one.function.__name__}", one.name), one.line
     ),
     "equations": lambda one: Markup(", ").join(
-        _to(f"equation-{one.key.partition('/')[0]}-{number}", f"({number})")
+        link(f"equation-{one.key.partition('/')[0]}-{number}", f"({number})")
         for number in one.equations
     ),
     "seed": lambda one: _SEED.format(*one.entropy, one.replicates) if one.replicates else "",
@@ -339,8 +330,7 @@ def _readings(place: str, records: tuple[Record, ...]) -> list[Grid]:
     grids = []
     for number, (names, group) in enumerate(groups.items(), start=1):
         head = [Markup("{}<br><small>{}</small>").format(name, place) for name, place in names]
-        shown = ((_link(record), verdicts.cell_of(record).shown) for record in group)
-        cells = [Markup("{} {}").format(*pair) for pair in shown]
+        cells = [_link(one) + Markup(" {}").format(verdicts.cell_of(one).shown) for one in group]
         body = [[verdicts.read(record, one) for one in record.readings] for record in group]
         if len(group) <= len(names):
             head, cells, body = cells, head, [list(row) for row in zip(*body, strict=True)]
@@ -353,22 +343,12 @@ _WHOLE: dict[str, Callable[[WholeReading], Entry]] = {
     "Reading of all open cells at once": lambda one: one.name,
     "Added": lambda one: one.added,
     "Cells that agree": lambda one: verdicts.whole(one).partition(";")[0],
-    "Together": verdicts.chance_of,
+    "Together": lambda one: verdicts.joint_chance(one, "p = "),
 }
 
 
-def _to(place: str, text: str) -> Markup:
-    return Markup('<a href="#{}">{}</a>').format(place, text)
-
-
-def _reads(addresses: Iterable[str]) -> Iterator[Markup]:
-    """Write addresses, each a link; what several begin with is said once."""
-    for lead, ends in keys.alike(addresses).items():
-        if len(ends) == 1:
-            yield _to(anchor(lead + ends[0]), lead + ends[0])
-        else:
-            links = Markup(",").join(_to(anchor(lead + end), end) for end in ends)
-            yield Markup("{}{{{}}}").format(lead, links)
+def _linked(addresses: Iterable[str]) -> Markup:
+    return Markup(", ").join(link(anchor(one), one) for one in addresses)
 
 
 class Cell(Shown):
@@ -423,7 +403,7 @@ class Cell(Shown):
 
         return pd.DataFrame({self.address: self.record.model_dump()})
 
-    def rerun(self, changes: Mapping[str, str | float] | None = None, **settings: Any) -> Changed:
+    def rerun(self, changes: Change | None = None, **settings: Any) -> Changed:
         """Compute the cell again with something that it reads changed, as `Table.rerun` does."""
         rerunning.checked_values(self.address, changes or {})
         return Changed(self.table.rerun(changes, **settings).result, self._cell.name)
@@ -432,21 +412,19 @@ class Cell(Shown):
         """Return its record as csv, json, latex or markdown."""
         return export(item_ledger(self.table.key), self.address, form)
 
-    def _lines(self) -> dict[str, Entry]:
+    def blocks(self) -> Iterator[Block]:
+        """Yield all that is known of the cell, a line each."""
         record, maker, known = self.record, self._maker, erratum(self.address)
         made = {head: write(maker) for head, write in _MADE.items()} if maker else {}
-        return {
+        told: dict[str, Entry] = {
             **{head: write(record) for head, write in _NUMBERS.items()},
-            "verdict": verdicts.in_words(record),
+            "verdict": f"{verdicts.qualified(record)}: {verdicts.MEANINGS[record.verdict]}",
             "why": minus(reason(self.address) or record.why),
             **made,
-            "reads": Markup(", ").join(_reads(self.reads)),
-            "erratum": _to(known, known) if known else "",
+            "reads": _linked(self.reads),
+            "erratum": link(known, known) if known else "",
             "the authors' reply": _replied(known) if known else "",
             **{f"if {one.name}": verdicts.read(record, one) for one in record.readings},
         }
-
-    def blocks(self) -> Iterator[Block]:
-        """Yield all that is known of the cell, a line each."""
-        lines = [line for line in self._lines().items() if line[1]]
+        lines = [line for line in told.items() if line[1]]
         yield Grid(self._cell.label, ("Cell", self.address), lines, kind="rp-one", words=2)

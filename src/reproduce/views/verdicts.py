@@ -47,30 +47,18 @@ def error(record: Record) -> str:
     return quantity(minus(f"{record.error:.1g}") if record.error else "", unit(record))
 
 
-def stands_for(record: Record) -> str:
-    """Write the interval of values that print so; empty for words, counts and limits."""
-    return _between(record, record.stands_for)
-
-
 def interval(record: Record) -> str:
     """Write the interval of a computed value, empty where there is none."""
-    return _between(record, record.interval)
+    return between(record, record.interval)
 
 
-def _between(record: Record, ends: Sequence[float | None] | None) -> str:
+def between(record: Record, ends: Sequence[float | None] | None) -> str:
+    """Write an interval of a record, empty where there is none."""
     if ends is None or None in ends or ends[0] == ends[1]:
         return ""
     number = cell_of(record).number
     text = " to ".join(number.format(end, extra=1) for end in ends if end is not None)
     return quantity(minus(text), unit(record))
-
-
-def difference(record: Record) -> str:
-    """Write how far our result lies from the print, of a cell that has a verdict of its own."""
-    if record.computed is None or record.role != "result" or record.verdict == "blocked":
-        return ""
-    number = cell_of(record).number
-    return quantity(minus(number.format(record.computed - number.value, extra=1)), unit(record))
 
 
 def probability(record: Record) -> str:
@@ -90,30 +78,30 @@ def joint_sentence(joint: TableRecord) -> str:
     )
 
 
-def joint_chance(joint: TableRecord) -> str:
-    """Write the joint probability of a table."""
-    return _counted(joint.joint_probability, joint.mcse, joint.replicates)
-
-
-def _counted(probability: float, mcse: float, replicates: int, before: str = "") -> str:
-    """Write a probability counted among replicates: a bound where next to none lie so far out."""
-    if probability * (replicates + 1) < 1.5:
-        return f"below 1 in {replicates:,}"
-    return before + chance(probability, mcse)
+def joint_chance(joint: TableRecord | WholeReading, before: str = "") -> str:
+    """Write a joint probability, empty without one: a bound where next to none lie so far out."""
+    if joint.joint_probability is None or joint.mcse is None:
+        return ""
+    if joint.joint_probability * (joint.replicates + 1) < 1.5:
+        return f"below 1 in {joint.replicates:,}"
+    return before + chance(joint.joint_probability, joint.mcse)
 
 
 def fitting(readings: tuple[WholeReading, ...]) -> str:
     """Say whether one reading of the text fits all cells of a table that depend on one."""
     count = sum(one.fits for one in readings)
-    closest = max(
-        readings,
-        key=lambda one: (one.fits, one.agreeing - one.apart, one.joint_probability or 0.0),
-    )
     what = "fits" if count == 1 else "fit"
     return (
         f"One reading for all cells that depend on a reading: {count or 'none'} of "
-        f"{len(readings)} {what}. Closest: {closest.name}, {whole(closest)}."
+        f"{len(readings)} {what}. Closest: {_closest(readings)}."
     )
+
+
+def _closest(readings: tuple[WholeReading, ...]) -> str:
+    """Say which reading comes closest to all cells, and how it fares."""
+    ranks = [(r.fits, r.agreeing - r.apart, r.joint_probability or 0.0) for r in readings]
+    best = readings[ranks.index(max(ranks))]
+    return f"{best.name}, {whole(best)}"
 
 
 def whole(reading: WholeReading) -> str:
@@ -121,14 +109,7 @@ def whole(reading: WholeReading) -> str:
     told = f"{reading.agreeing} of {reading.cells} cells one by one"
     if reading.apart:
         told += f", {reading.apart} of them through rounding"
-    return told + (f"; together {chance_of(reading)}" if reading.replicates else "")
-
-
-def chance_of(reading: WholeReading) -> str:
-    """Write the joint probability of a reading, empty without one."""
-    if reading.joint_probability is None or reading.mcse is None:
-        return ""
-    return _counted(reading.joint_probability, reading.mcse, reading.replicates, "p = ")
+    return told + (f"; together {joint_chance(reading, 'p = ')}" if reading.replicates else "")
 
 
 def read(record: Record, reading: ReadingRecord) -> str:
@@ -172,14 +153,8 @@ def flags(names: Iterable[str], shown: Collection[str] = WEAK) -> str:
 
 def qualified(record: Record) -> str:
     """Write a verdict with what makes it weak."""
-    marks = flags(record.flags)
+    marks = flags(record.flags, {*WEAK, "stand_in"})
     return f"{record.verdict} ({marks})" if marks else record.verdict
-
-
-def in_words(record: Record) -> str:
-    """Write a verdict with its flags, and what it means."""
-    named = ", ".join((record.verdict, *filter(None, [flags(record.flags, record.flags)])))
-    return f"{named}: {MEANINGS[record.verdict]}"
 
 
 def facts_of(name: str) -> dict[str, str]:
@@ -216,10 +191,9 @@ def filled(text: str, known: Mapping[str, str]) -> str:
 
 
 def _of_cell(record: Record) -> dict[str, str]:
-    value = computed(record)
     said = {
         "printed": cell_of(record).shown,
-        "computed": quantity(value, unit(record)) or "nothing",
+        "computed": quantity(computed(record), unit(record)) or "nothing",
         "verdict": record.verdict,
         "probability": probability(record) or "none",
     }
@@ -239,7 +213,7 @@ def _of_item(key: str) -> dict[str, str]:
         said["fitting"] = str(sum(one.fits for one in fits) or "none")
         said["whole-readings"] = str(len(fits))
         said["replicates"] = f"{max(one.replicates for one in fits):,}"
-        said["closest"] = fitting(fits).partition("Closest: ")[2].removesuffix(".")
+        said["closest"] = _closest(fits)
     if joint := found.table(key):
         said |= {"joint": joint_chance(joint), "replicates": f"{joint.replicates:,}"}
     return said

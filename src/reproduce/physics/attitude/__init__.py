@@ -15,7 +15,6 @@ from reproduce.physics.attitude.angles import (
     transform_error_printed,
 )
 from reproduce.physics.attitude.monitoring import (
-    FEWEST,
     Stability,
     allan_deviation,
     attitude_accuracy,

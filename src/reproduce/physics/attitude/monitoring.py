@@ -155,7 +155,7 @@ def _changes(frames: FloatArray, count: int) -> FloatArray:
 
 # Averages that a deviation is told by, at least; parts of a series whose means tell its drift.
 _AVERAGES, _PARTS = 8, 10
-FEWEST = 2 * _AVERAGES
+_FEWEST = 2 * _AVERAGES
 
 
 @dataclass(frozen=True, eq=False)
@@ -245,8 +245,8 @@ def stability(times: ArrayLike, series: ArrayLike) -> Stability:
     """
     values = validate.finite_array("series", series, shape=(None, None))
     when = validate.finite_array("times", times, shape=(len(values),))
-    if len(values) < FEWEST:
-        raise ValueError(f"series: expected {FEWEST} frames or more, got {len(values)}")
+    if len(values) < _FEWEST:
+        raise ValueError(f"series: expected {_FEWEST} frames or more, got {len(values)}")
     if (np.diff(when) <= 0).any():
         raise ValueError("times: expected each later than the one before; sort them")
     steps = np.diff(when) / np.median(np.diff(when))
