@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from reproduce.views.contradictions import Contradictions
     from reproduce.views.figure import Figure, Panels
     from reproduce.views.measurements import Monitored, Registered
-    from reproduce.views.pictures import Channels, Stars
+    from reproduce.views.pictures import RegisteredChannels, Stars
     from reproduce.views.posterior import Posterior
     from reproduce.views.posteriors import Posteriors
     from reproduce.views.study import StudyTable
@@ -240,7 +240,7 @@ def register(
     bayer: str | None = None,
     threshold: float | None = None,
     progress: Callable[[int, int], None] | None = None,
-) -> Registered | Channels:
+) -> Registered | RegisteredChannels:
     """Fit the transform that lays a user's own stars, the source, on the same stars of a target.
 
     Or pictures: their stars are found and paired first (`stars`, `match`), which needs the extra
@@ -284,7 +284,7 @@ def register(
 
     Returns
     -------
-    Registered, or Channels of three pictures
+    Registered, or RegisteredChannels of three pictures
         Scale, rotation in radians, positive from x towards y, and shift in px: where the pivot was
         minus where it lands. With covariance, residuals and the transform for other points.
 

@@ -281,7 +281,7 @@ class RegisteredPictures(Registered):
         return Path(path)
 
 
-class Channels(Remade):
+class RegisteredChannels(Remade):
     """Several pictures of one field, each laid on the reference: a `Registered` by name."""
 
     def __init__(self, fits: Mapping[str, RegisteredPictures], reference: str) -> None:
@@ -317,7 +317,7 @@ def registered(
     threshold: float | None,
     progress: Callable[[int, int], None] | None = None,
     **settings: Any,
-) -> RegisteredPictures | Channels:
+) -> RegisteredPictures | RegisteredChannels:
     """Register pictures, or the channels of one, on one of them: the second of three, last of two.
 
     The arguments are those of `reproduce.register`; `settings` are of `RegisteredPictures`.
@@ -352,4 +352,4 @@ def registered(
             )
     fits = {name: RegisteredPictures(one, found[chosen], pivot, **settings)
             for name, one in found.items() if name != chosen}  # fmt: skip
-    return next(iter(fits.values())) if len(fits) == 1 else Channels(fits, chosen)
+    return next(iter(fits.values())) if len(fits) == 1 else RegisteredChannels(fits, chosen)

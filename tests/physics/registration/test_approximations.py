@@ -12,7 +12,7 @@ from reproduce.physics.registration import (
     fit_registration,
     similarity_between,
 )
-from reproduce.physics.registration.approximations import _imaged, _turned
+from reproduce.physics.registration.transforms import _imaged, _turned
 
 PITCH = 3.45e-6
 HALF = np.array([2064, 1544]) * PITCH / 2

@@ -1,11 +1,5 @@
 """Registration: the transform between two channels, fitted, bounded and diagnosed."""
 
-from reproduce.physics.registration.approximations import (
-    EFFECTS,
-    Channels,
-    error_field,
-    even_positions,
-)
 from reproduce.physics.registration.calibration import (
     Calibration,
     calibrate,
@@ -30,11 +24,15 @@ from reproduce.physics.registration.diagnosis import (
 from reproduce.physics.registration.fit import RegistrationFit, fit_registration
 from reproduce.physics.registration.matching import match_points, neighbours, pair_weights
 from reproduce.physics.registration.transforms import (
+    EFFECTS,
     MODELS,
     UNITS,
+    Channels,
     Registration,
     as_complex,
     as_points,
+    error_field,
+    even_positions,
     paired_points,
     principal_point_shift,
     registered_image,
