@@ -131,6 +131,11 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any]]] = {
         simulate.arrangements_with,
         {"count": 9, "half_x": 8.0, "half_y": 6.0, "step": 0.9},
     ),
+    "error_field": (
+        transforms.error_field,
+        {"channels": transforms.Channels(CAMERA, CAMERA), "positions": SOURCE * 1e-6},
+    ),
+    "even_positions": (transforms.even_positions, {"half_size": np.array([4e-3, 3e-3])}),
     "channel_centroids": (
         simulate.channel_centroids,
         {"cameras": [CAMERA], "rotations": np.zeros(1), "angles": SOURCE * 1e-4},
