@@ -108,7 +108,7 @@ def test_a_cell_tells_all_that_is_known_of_it():
         table["scale.red"].rerun({other: "1 px"})
     assert "def true_scale" in cell.source
     shown = " ".join(repr(cell).split())
-    assert "niu2024/table-1#focal-length.red, niu2024/table-1#focal-length.green" in shown
+    assert "reads niu2024/table-1#focal-length.{red,green,blue}" in shown
     drawn = " ".join(repr(rp.table("niu2024/table-3#scale.red")).split())
     assert re.search(r"seed \d+ of the project, \d+ of this function; [\d,]+ replicates", drawn)
     assert "<table" in cell._repr_html_()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import cached_property
+from itertools import groupby
 from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
@@ -348,7 +349,19 @@ _WHOLE: dict[str, Callable[[WholeReading], Entry]] = {
 
 
 def _linked(addresses: Iterable[str]) -> Markup:
-    return Markup(", ").join(link(anchor(one), one) for one in addresses)
+    """Write addresses, each a link; what several in a row begin with is said once."""
+
+    def lead(address: str) -> str:
+        name = address.partition("#")[2]
+        return address.removesuffix(name.rpartition("." if "." in name else "-")[2])
+
+    parts = []
+    for start, some in groupby(addresses, lead):
+        links = {one: link(anchor(one), one.removeprefix(start)) for one in some}
+        alone = [link(anchor(one), one) for one in links if len(links) == 1]
+        together = Markup("{}{{{}}}").format(start, Markup(",").join(links.values()))
+        parts += alone or [together]
+    return Markup(", ").join(parts)
 
 
 class Cell(Shown):
