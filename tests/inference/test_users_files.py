@@ -3,13 +3,16 @@
 import re
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import reproduce as rp
 from reproduce.papers.chen2023.platform import INSTRUMENT, as_designed
 from reproduce.papers.posteriors import posteriors
 from reproduce.physics.attitude import stage_angles
+from reproduce.physics.registration import fit_registration
 from reproduce.printed.given import given
+from reproduce.store.points import STARS as COLUMNS
 from reproduce.store.points import TableFileError
 
 READERS = {key: one.file for key, one in posteriors().items() if not isinstance(one.file, str)}
@@ -139,3 +142,27 @@ def test_priors_follow_the_data_and_not_the_paper(tmp_path):
 def test_a_model_without_files_says_why(tmp_path, name):
     with pytest.raises(TableFileError, match=f"{name} takes no file: .* registration and"):
         posteriors()[name].from_file(tmp_path / "none.csv")
+
+
+def test_weights_count_in_the_registration_alone():
+    """A star of no weight is left out; the mixture says that it takes no weights."""
+    generator = np.random.default_rng(5)
+    source = generator.uniform(0, 500, (30, 2))
+    target = 1.01 * source + generator.normal(0, 0.1, source.shape)
+    weight = generator.uniform(0.1, 10, 30) * (np.arange(30) > 2)
+    frame = pd.DataFrame(np.hstack([source, target]), columns=list(COLUMNS)).assign(weight=weight)
+    found = rp.posterior("registration", data=frame, pivot=(0.0, 0.0))
+    fit = fit_registration(source, target, (0.0, 0.0), weight)
+    centre, spread = found.model.likelihood.start()
+    np.testing.assert_allclose(centre[:4], fit.parameters, rtol=1e-9)
+    np.testing.assert_allclose(spread[:4], fit.standard_errors, rtol=1e-9)
+    assert not any("takes no column" in one for one in found.remarks)
+    # The likelihood is that of the stars one by one.
+    likelihood, own = found.model.likelihood, weight[3:] / weight[3:].mean()
+    left = target[3:] - likelihood.places(centre[None])[0]
+    variance = (centre[4] ** 2 / own)[:, None]
+    each = -0.5 * left**2 / variance - 0.5 * np.log(2 * np.pi * variance)
+    assert likelihood(centre[None])[0] == pytest.approx(each.sum(), rel=1e-9)
+    mixture = rp.posterior("registration-mixture", data=frame, pivot=(0.0, 0.0))
+    assert "this model takes no column weight" in mixture.remarks
+    assert len(mixture.model.likelihood.source) == 30

@@ -272,11 +272,20 @@ def test_the_registered_picture_lies_on_the_target(fit, tmp_path):
         fit.write(path)
 
 
-def test_the_posterior_is_that_of_the_pairs(fit):
-    posterior = fit.posterior(steps=400, seed=1)
-    row, pairs = posterior.frame().loc["shift-x"], fit.pairs[fit.pairs["used"]]
-    plain = rp.register(pairs[list(STARS)], pivot=fit.transform.pivot)
-    assert row["mean"] == pytest.approx(plain.parameters[2], abs=0.3 * row["deviation"])
+def test_the_posterior_is_that_of_the_fit(fit):
+    """With its weights: without them both mean and deviation would be others."""
+    found = fit.posterior(steps=400, seed=1).frame()
+    used = fit.pairs[fit.pairs["used"]]
+    plain = rp.register(used[list(STARS)], pivot=fit.transform.pivot)
+    for name, mean, error, other in zip(
+        fit.fit.names, fit.parameters, fit.fit.standard_errors, plain.fit.standard_errors,
+        strict=True,
+    ):  # fmt: skip
+        scale = np.degrees(1) if name == "rotation" else 1.0
+        row = found.loc[name, ["mean", "deviation"]].astype(float) / scale
+        assert row["mean"] == pytest.approx(mean, abs=0.1 * error)
+        assert row["deviation"] == pytest.approx(error, rel=0.1)
+        assert other > 1.1 * error
     with pytest.raises(ValueError, match="expected the model similarity"):
         fit.rerun(model="affine").posterior()
 

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 Pivot = tuple[float, float] | None
 # Kept steps of an ensemble: fifty autocorrelation times with room.
 _STEPS = 270
-# Columns of which a fit makes use, but no posterior.
+# Columns of which a fit makes use, but a posterior does not, unless its file says so.
 _UNUSED = ("sigma", "sigma_x", "sigma_y", "weight")
 
 
@@ -175,7 +175,8 @@ class Declaration:
                 raise
             except ValueError as error:
                 raise TableFileError(f"{table.path}: {error}") from error
-        unused = (f"this model takes no column {one}" for one in table.optional if one in _UNUSED)
+        strays = {*table.optional} & {*_UNUSED} - {*file.optional}
+        unused = (f"this model takes no column {one}" for one in table.optional if one in strays)
         said = (*remarks, *table.notes, *unused)
         return _Supplied(model, table.lines, table.path, table.sha256, said)
 

@@ -221,15 +221,16 @@ class RegisteredPictures(Registered):
     def posterior(self, **plan: Any) -> Posterior:
         """Return the posterior of the same transform over the pairs that are used, by emcee.
 
-        It is that of a similarity; `plan` holds steps, walkers, seed and priors.
+        It is that of a similarity, with the weights of the fit and the noise of a pair of mean
+        weight; `plan` holds steps, walkers, seed and priors.
         """
         from reproduce.views.posterior import Posterior
 
         if self.model != "similarity":
             raise ValueError(f"posterior: expected the model similarity, got {self.model}")
-        used = self.pairs[self.pairs["used"]].reset_index(drop=True)
+        used = self.pairs.assign(weight=self.fit.weights)[self.pairs["used"]]
         pivot = tuple(self.transform.pivot.tolist())
-        return Posterior("registration", data=used, pivot=pivot, **plan)
+        return Posterior("registration", data=used.reset_index(drop=True), pivot=pivot, **plan)
 
     def save(self, path: str | Path) -> Path:
         """Write the picture of the residual vectors before and after: .svg, .pdf or .png."""

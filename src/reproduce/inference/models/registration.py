@@ -87,6 +87,7 @@ class GaussianRegistration:
       included in it. True: it is that of a coordinate in either channel, and a residual has 1 + k^2
       times its variance.
     - `edge`, optional: radius of the field, in px; by default that of the outermost star.
+    - `weights`, optional, (n,): above zero; of a star the variance is that of the noise over its.
     """
 
     source: FloatArray
@@ -94,6 +95,7 @@ class GaussianRegistration:
     pivot: FloatArray
     source_noise: bool = False
     edge: float | None = None
+    weights: FloatArray | None = None
 
     @property
     def pivots(self) -> tuple[FloatArray, ...]:
@@ -111,10 +113,16 @@ class GaussianRegistration:
         return float(np.abs(self.offsets).max()) if self.edge is None else self.edge
 
     @cached_property
+    def precision(self) -> FloatArray:
+        """Roots of the weights, (n,)."""
+        return np.ones(len(self.source)) if self.weights is None else np.sqrt(self.weights)
+
+    @cached_property
     def root(self) -> ComplexArray:
         """Triangular factor of the columns (source, one, target) about the pivot, shape (3, 3)."""
         target = as_complex(self.target) - as_complex(self.pivot)
-        return _triangular(np.stack([self.offsets, np.ones(len(target)), target], axis=-1))
+        columns = (self.precision * one for one in (self.offsets, np.ones(len(target)), target))
+        return _triangular(np.stack([*columns], axis=-1))
 
     def __call__(self, parameters: FloatArray) -> FloatArray:
         """Log likelihood, shape (n,)."""
@@ -124,9 +132,9 @@ class GaussianRegistration:
         squares = (residual.real**2 + residual.imag**2).sum(axis=-1)
         wider = 1 + parameters[:, 0] ** 2 if self.source_noise else 1.0
         variance = parameters[:, 4] ** 2 * wider
-        return np.asarray(
-            -len(self.source) * np.log(2 * np.pi * variance) - squares / (2 * variance)
-        )
+        constant = 2 * np.log(self.precision).sum()
+        constant = constant - len(self.source) * np.log(2 * np.pi * variance)
+        return np.asarray(constant - squares / (2 * variance))
 
     def predicted(self, parameters: FloatArray) -> ComplexArray:
         """Where the target points should lie, about the pivot, shape (n, points)."""
@@ -145,11 +153,13 @@ class GaussianRegistration:
         """Noise of residuals, shape (n, points, 2), in px."""
         wider = np.hypot(1, parameters[:, 0]) if self.source_noise else 1.0
         normal = generator.normal(size=(len(parameters), *self.source.shape))
-        return np.asarray((parameters[:, 4] * wider)[:, None, None] * normal)
+        size = (parameters[:, 4] * wider)[:, None] / self.precision
+        return np.asarray(size[..., None] * normal)
 
     def elsewhere(self, source: FloatArray) -> Self:
         """The same model of other stars, whose targets are not known yet."""
-        return replace(self, source=source, target=np.zeros_like(source), edge=self.field)
+        target = np.zeros_like(source)
+        return replace(self, source=source, target=target, edge=self.field, weights=None)
 
     def simulate(self, parameters: FloatArray, generator: Generator) -> FloatArray:
         """Target points for one parameter vector, shape (points, 2), in px."""
@@ -162,7 +172,7 @@ class GaussianRegistration:
 
     def start(self) -> tuple[FloatArray, FloatArray]:
         """The least-squares fit and its standard errors."""
-        fit = fit_registration(self.source, self.target, self.pivot)
+        fit = fit_registration(self.source, self.target, self.pivot, self.weights)
         freedom = 2 * len(self.source) - 4
         variance = fit.chi_square / freedom / (1 + fit.parameters[0] ** 2 * self.source_noise)
         noise = max(float(np.sqrt(variance)), 1e-12)
@@ -197,7 +207,9 @@ def _registration_parameters(source: FloatArray, target: FloatArray) -> tuple[Pa
     )  # fmt: skip
 
 
-def registration_model(source: FloatArray, target: FloatArray, pivot: FloatArray) -> Model:
+def registration_model(
+    source: FloatArray, target: FloatArray, pivot: FloatArray, weights: FloatArray | None = None
+) -> Model:
     """Registration of one channel with Gaussian noise, from the same stars in both channels.
 
     Parameters scale, rotation (rad), shift-x, shift-y, noise (px). Errors are those of
@@ -217,11 +229,11 @@ def registration_model(source: FloatArray, target: FloatArray, pivot: FloatArray
             "needs are the least that say anything of the noise"
         )
     pivot = finite_array("pivot", pivot, shape=(2,))
-    fit = fit_registration(source, target, pivot)
+    fit = fit_registration(source, target, pivot, weights)
     return Model(
         "registration",
         _registration_parameters(source, target),
-        GaussianRegistration(source, target, pivot),
+        GaussianRegistration(source, target, pivot, weights=weights),
         dict(zip(TRANSFORM, fit.parameters.tolist(), strict=True)),
     )
 

@@ -159,12 +159,19 @@ def _pixel_angle(given: Given) -> float:
     return float(angle_from_pixels(1.0, pitch, focal_length)) * ARCSEC_PER_RADIAN
 
 
+def _free(table: Table, pivot: Pivot, weights: FloatArray | None = None) -> Model:
+    """A registration of a user's stars, with priors on their own scale."""
+    (source, target), centre = np.split(table.values, 2, axis=1), _centre(table, pivot)
+    if weights is not None:  # a star of no weight is none, and the noise is that of a mean weight
+        used = weights > 0
+        source, target, weights = source[used], target[used], weights[used] / weights[used].mean()
+    model = models.registration_model(source, target, centre, weights)
+    return model.with_priors(models.free_priors(source, target, centre))
+
+
 def _users_registration(table: Table, pivot: Pivot) -> Model:
     """Registration of one channel."""
-    source, target = table.values[:, :2], table.values[:, 2:]
-    centre = _centre(table, pivot)
-    model = models.registration_model(source, target, centre)
-    return model.with_priors(models.free_priors(source, target, centre))
+    return _free(table, pivot, table.optional.get("weight"))
 
 
 def _users_mixture(table: Table, pivot: Pivot) -> Model:
@@ -180,7 +187,7 @@ def _users_mixture(table: Table, pivot: Pivot) -> Model:
             f"{table.path}: expected coordinates with more digits, got {told}: this model would "
             "take these for free of noise; take registration, or add digits"
         )
-    return _turning(models.mixture_model(_users_registration(table, pivot)))
+    return _turning(models.mixture_model(_free(table, pivot)))
 
 
 def _turning(model: Model) -> Model:
@@ -202,16 +209,17 @@ def _read(
 ) -> tuple[Model, list[str]]:
     """Return a model of a user's stars, and what to hear of them in the words of `register`."""
     model, (source, target) = make(table, pivot), np.split(table.values, 2, axis=1)
-    found = diagnose(source, target, _centre(table, pivot), table.named, model="similarity")
-    # The mixture names mismatches itself.
+    # The mixture names mismatches itself, and takes no weights.
     named = make is _users_mixture
+    weights, centre = None if named else table.optional.get("weight"), _centre(table, pivot)
+    found = diagnose(source, target, centre, table.named, model="similarity", weights=weights)
     texts = dict.fromkeys(one.text for one in found)
     return model, [text for text in texts if not (named and "do not fit the others" in text)]
 
 
-def _file(make: Callable[[Table, Pivot], Model]) -> File:
+def _file(make: Callable[[Table, Pivot], Model], *optional: str) -> File:
     meaning = "one star per line, in px: its place in the channel and in the reference channel"
-    return File(STARS, meaning, partial(_read, make=make), pivot=True)
+    return File(STARS, meaning, partial(_read, make=make), pivot=True, optional=optional)
 
 
 _NO_FILE = "it is for the data of the book; registration and registration-mixture take stars"
@@ -220,7 +228,7 @@ _NO_FILE = "it is for the data of the book; registration and registration-mixtur
 POSTERIORS = (
     Declaration(
         "registration", "Registration of one channel: similarity and Gaussian noise", "niu2024",
-        READS, _registration, _file(_users_registration), truth, walkers=240,
+        READS, _registration, _file(_users_registration, "weight"), truth, walkers=240,
     ),
     Declaration(
         "registration-joint", "Registration of both channels: they share the green noise",
