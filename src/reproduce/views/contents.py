@@ -91,7 +91,8 @@ class Contents(Display):
     def listed(self) -> Blocks:
         """The items and the tables of our own, without the score."""
         rows = [(one["key"], one["place"], one["title"]) for one in self.entries()]
-        return Blocks((Grid("", ("key", "in the paper", "what"), rows, words=3, whole=(0,)),))
+        caption, head = "Items in order of print, then our own tables.", ("key", "place", "what")
+        return Blocks((Grid(caption, head, rows, words=3, whole=(0,)),))
 
     @property
     def index(self) -> Blocks:
