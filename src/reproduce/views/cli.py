@@ -30,7 +30,7 @@ class _Shell(click.Group):
         as_json = "--json" in ctx.args
         try:
             return super().invoke(ctx)
-        except Exception as error:
+        except Exception as error:  # what is no refusal is raised again
             refused = self._refused(error, ctx)
             if refused is None:
                 raise

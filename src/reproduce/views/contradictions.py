@@ -18,14 +18,14 @@ from markupsafe import Markup
 from reproduce.audit.corrections import Correction
 from reproduce.audit.examine import Agreement, Examined
 from reproduce.audit.report import Audit, Erratum, Group, register
-from reproduce.judge.ledger import frozen
+from reproduce.judge.ledger import Record, frozen
 from reproduce.locate import data_folders
 from reproduce.printed.cells import PAPERS, anchor
 from reproduce.printed.number import si_factor, symbol
 from reproduce.version import __version__
+from reproduce.views import verdicts
 from reproduce.views.blocks import Block, Blocks, Display, Entry, Fold, Grid, badge, grid, link
 from reproduce.views.computed import item_ledger, paper_audit
-from reproduce.views.export import statement
 from reproduce.views.keys import check_paper
 from reproduce.views.numbers import minus
 from reproduce.views.verdicts import quantity
@@ -399,9 +399,17 @@ def _verdicts(entry: Erratum) -> Markup:
     lines = []
     for address in _resting(entry):
         record = item_ledger(address.partition("#")[0]).cell(address)
-        told = minus(statement(record).partition(": ")[2])
+        told = f"{verdicts.cell_of(record).shown} printed, {_judged(record)}"
         lines.append(Markup("{}: {}").format(_cell_link(address), told))
     return Markup("<br>").join(lines)
+
+
+def _judged(record: Record) -> str:
+    if record.readings:
+        agreeing = sum(reading.agrees for reading in record.readings)
+        return f"blocked: agrees with {agreeing} of {len(record.readings)} readings"
+    value = verdicts.computed(record, extra=1)
+    return f"{quantity(value, verdicts.unit(record))} computed"
 
 
 def _sides(finding: Examined, audit: Audit) -> str:

@@ -157,10 +157,11 @@ def test_the_spots_fit_the_lasers_within_what_the_print_leaves_open(telescope, d
     lasers = designed_positions(design.spots, diagonal * 1e-3)
     seen, designed = design.seen(design.spots), emitted_directions(lasers, telescope)
     sizes = [np.linalg.norm(some - some.mean(axis=0)) for some in (seen, designed)]
-    assert sizes[0] / sizes[1] == pytest.approx(scale, abs=2e-3)
+    ratio = sizes[0] / sizes[1]
+    assert ratio == pytest.approx(scale, abs=2e-3)
     misses = (seen - designed @ attitude(seen, designed).mT) * 60e-3 / 13e-6
     distance = np.sqrt(np.square(misses).sum() / 4)
-    assert distance == pytest.approx(np.hypot(24.12 * (1 / scale - 1), 0.10), abs=0.05)
+    assert distance == pytest.approx(np.hypot(24.12 * (1 / ratio - 1), 0.10), abs=0.02)
     assert (distance < 0.12) == (scale == 1)
 
 
