@@ -13,6 +13,7 @@ from hypothesis import assume, given, settings, strategies
 
 import reproduce as rp
 from reproduce.papers.catalogue import catalogue
+from reproduce.views.blocks import PLAIN
 from reproduce.views.cli import main
 
 COMMANDS = ["check", "show", "cite"]
@@ -71,6 +72,12 @@ def test_a_terminal_sees_the_progress():
     os.close(ours)
     assert process.returncode == 0
     assert b"recomputing" in shown or b"done " in shown
+
+
+def test_a_power_stays_a_power_in_plain_signs():
+    """Without the caret 10⁻⁵ would be read as 10-5."""
+    text = "1.0\u202f×\u202f10⁻⁵, m², χ"
+    assert text.encode("ascii", PLAIN).decode() == "1.0 x 10^-5, m^2, chi"
 
 
 @pytest.mark.parametrize("encoding", ["ascii", "cp1252"])

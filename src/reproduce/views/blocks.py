@@ -336,7 +336,9 @@ def _encodable(error: UnicodeError) -> tuple[str, int]:
     """Write what a stream cannot encode in plain signs."""
     if not isinstance(error, UnicodeEncodeError):
         raise error
-    return "".join(map(_plain_sign, error.object[error.start : error.end])), error.end
+    signs = error.object[error.start : error.end]
+    raised = unicodedata.decomposition(signs[0]).startswith("<super>")
+    return "^" * raised + "".join(map(_plain_sign, signs)), error.end
 
 
 def _plain_sign(sign: str) -> str:
