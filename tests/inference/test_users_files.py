@@ -163,6 +163,9 @@ def test_weights_count_in_the_registration_alone():
     variance = (centre[4] ** 2 / own)[:, None]
     each = -0.5 * left**2 / variance - 0.5 * np.log(2 * np.pi * variance)
     assert likelihood(centre[None])[0] == pytest.approx(each.sum(), rel=1e-9)
+    for bad, said in ((0.0, "at least one above zero"), (-weight, "expected zero or more")):
+        with pytest.raises(TableFileError, match=said):
+            rp.posterior("registration", data=frame.assign(weight=bad))
     mixture = rp.posterior("registration-mixture", data=frame, pivot=(0.0, 0.0))
     assert "this model takes no column weight" in mixture.remarks
     assert len(mixture.model.likelihood.source) == 30

@@ -30,7 +30,7 @@ from reproduce.physics.registration import (
     rounded,
     similarity_between,
 )
-from reproduce.physics.validate import FloatArray
+from reproduce.physics.validate import FloatArray, weights_for
 from reproduce.printed.given import Given
 from reproduce.store.points import STARS, Table, TableFileError
 from reproduce.units import ARCSEC_PER_RADIAN
@@ -162,9 +162,9 @@ def _pixel_angle(given: Given) -> float:
 def _free(table: Table, pivot: Pivot, weights: FloatArray | None = None) -> Model:
     """A registration of a user's stars, with priors on their own scale."""
     (source, target), centre = np.split(table.values, 2, axis=1), _centre(table, pivot)
-    if weights is not None:  # a star of no weight is none, and the noise is that of a mean weight
-        used = weights > 0
-        source, target, weights = source[used], target[used], weights[used] / weights[used].mean()
+    weights = weights_for(weights, len(source))
+    used = weights > 0  # a star of no weight is none, and the noise is that of a mean weight
+    source, target, weights = source[used], target[used], weights[used] / weights[used].mean()
     model = models.registration_model(source, target, centre, weights)
     return model.with_priors(models.free_priors(source, target, centre))
 
