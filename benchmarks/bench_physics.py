@@ -14,9 +14,7 @@ from photutils.centroids import centroid_com
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-import every_reading
 from reproduce.papers.chen2023 import platform_twin, resolution
-from reproduce.papers.niu2024 import readings
 from reproduce.physics.attitude import attitude
 from reproduce.physics.ground import (
     earth_fixed,
@@ -158,24 +156,3 @@ def bench_lines_of_sight(promise: Promise) -> None:
     places = satellite + 1e5 * vectors
     ours = partial(imaged_position, vectors, satellite, down)
     promise("100,000 lines of sight", ours, partial(erfa.gc2gd, 1, places), 4)
-
-
-def bench_simulation_study(promise: Promise) -> None:
-    """All readings of one channel, against linear least squares in a plain loop, one for each."""
-    door, few = given(readings.READS), 500
-
-    def ours() -> int:
-        drawn = every_reading.numbers(door, every_reading.CHUNK, 0)
-        return len(np.stack(list(every_reading.simulate_channel(door, drawn, "red"))))
-
-    count = ours()
-
-    def loop() -> None:
-        for seed in range(few):
-            x, y = (SOURCE[:52] + 0.05 * default_rng(seed).normal(size=(52, 2))).T
-            one, none = np.ones(52), np.zeros(52)
-            rows = np.vstack([np.c_[x, -y, one, none], np.c_[y, x, none, one]])
-            np.linalg.lstsq(rows, TARGET[:52].T.ravel(), rcond=None)
-
-    fits = count * every_reading.CHUNK
-    promise(f"simulation study, {count} readings", ours, loop, 1 / 3, rounds=3, work=fits / few)

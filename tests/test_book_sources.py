@@ -6,8 +6,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from reproduce.judge.rerun import studies
-from reproduce.papers.catalogue import catalogue, drawings
+from reproduce.papers.catalogue import catalogue, drawings, studies
 from reproduce.papers.declare import words
 from reproduce.printed.cells import library
 from reproduce.views.figure import drawable

@@ -25,9 +25,9 @@ from pydantic import BaseModel, Field
 
 from reproduce.audit.report import Erratum
 from reproduce.judge.ledger import erratum
-from reproduce.judge.rerun import studies
+from reproduce.judge.readings import all_readings
 from reproduce.locate import data_folder
-from reproduce.papers.catalogue import catalogue
+from reproduce.papers.catalogue import catalogue, studies
 from reproduce.printed.cells import PAPERS, library
 from reproduce.store import studies as stored
 from reproduce.views import computed, numbers, verdicts
@@ -78,7 +78,9 @@ def unsampled(*papers: str) -> dict[str, str]:
         if not papers or key.partition("/")[0] in papers:
             quoted = study.facts().items()
             found |= {f"{key}#{name}": numbers.fact(one) for name, one in quoted}
-    causes = Counter(erratum(r.cell) for r in records if r.verdict in {"differs", "blocked"})
+    causes = Counter(
+        erratum(r.cell) for r in records if r.verdict in {"differs", "ambiguous", "unpublished"}
+    )
     found |= {f"erratum/{name} cells": str(count) for name, count in causes.items() if name}
     found |= {f"verdict/{word}": meaning for word, meaning in verdicts.MEANINGS.items()}
     if not papers:
@@ -252,15 +254,32 @@ def register() -> Register:
 
 
 def write_whole(folder: Path) -> None:
-    """Write all printed cells, and all errata, as CSV and Parquet."""
+    """Write all printed cells, all readings and all errata as CSV and Parquet."""
     about = provenance(citation("all", "text"))
     errata = pd.DataFrame([one.model_dump() for one in register().errata])
     for name in ("relations", "equations", "results"):
         errata[name] = errata[name].map(" ".join)
-    for name, frame in {"ledger": Contents().cells(), "errata": errata}.items():
+    frames = {"ledger": Contents().cells(), "errata": errata, "readings": readings_frame()}
+    for name, frame in frames.items():
         text = export_frame(frame, "csv", about)
         (folder / f"{name}.csv").write_text(text, encoding="utf-8")
         write_parquet(frame, folder / f"{name}.parquet", about)
+
+
+def readings_frame() -> pd.DataFrame:
+    """Return every reading of every cell that has several."""
+    return pd.DataFrame(
+        {
+            "cell": address,
+            "choices": verdicts.choices_text(one.choices),
+            "verdict": one.verdict,
+            "computed": one.computed,
+            "low": one.interval[0],
+            "high": one.interval[1],
+            "probability": one.probability,
+        }
+        for address, one in all_readings()
+    )
 
 
 def write_parquet(frame: pd.DataFrame, path: Path, about: Mapping[str, str]) -> None:

@@ -1,15 +1,15 @@
-"""Derive every verdict of the ledger again, from what each record holds and nothing else.
+"""Derive every verdict of the ledger again, from the ledger and the list of readings only.
 
-    python verify_ledger.py [ledger.json]
+    python verify_ledger.py [ledger.json [readings.csv]]
 
-Needs Python alone. A print stands for the interval `stands_for` (an open end is null). A number
-that was computed agrees where it, or the interval that its rounded inputs allow, meets that
-interval. A number that was predicted agrees where its probability, two-sided and over that
-interval, leaves it in the central 99 %. Where the text can be read in several ways, the cell has a
-verdict if all readings agree or all disagree, and is blocked otherwise, as is a cell of which
-something is not published.
+Needs only Python. A printed number stands for the interval `stands_for` (an open end is null). A
+computed number agrees if it, or the interval that its rounded inputs allow, meets that interval. A
+predicted number agrees if its probability, two-sided and over that interval, leaves it in the
+central 99 %. If the text has several readings, the cell is ambiguous if some of them agree and
+others do not. A cell that needs unpublished data has no comparison.
 """
 
+import csv
 import json
 import math
 import sys
@@ -35,27 +35,41 @@ def judged(found: Record, stands_for: Ends) -> str:
     return "exact" if met else "differs"
 
 
-def verdict(record: Record) -> str:
-    """Return the verdict that follows from a record."""
+def verdict(record: Record, readings: list[Record]) -> str:
+    """Return the verdict that follows from a record and its readings."""
     if record["role"] == "given":
         return "input"
-    readings = {judged(one, record["stands_for"]) for one in record["readings"]}
-    agree = {one != "differs" for one in readings}
-    if len(agree) == 2 or (not readings and record["interval"] is None):
-        return "blocked"
-    return judged(record, record["stands_for"])
+    if record["interval"] is None:
+        return "unpublished"
+    agree = {judged(one, record["stands_for"]) != "differs" for one in readings}
+    return "ambiguous" if len(agree) == 2 else judged(record, record["stands_for"])
 
 
-def follows(record: Record) -> bool:
-    """Tell whether the verdict of a record, and that of each of its readings, follows from it."""
-    ways = ((way["verdict"], judged(way, record["stands_for"])) for way in record["readings"])
-    return record["verdict"] == verdict(record) and all(told == found for told, found in ways)
+def follows(record: Record, readings: list[Record]) -> bool:
+    """Return whether the verdict of a record and the counts of its readings follow."""
+    counted = record["readings"] or {"count": 0, "agreeing": 0}
+    agreeing = sum(judged(one, record["stands_for"]) != "differs" for one in readings)
+    counts = (len(readings), agreeing) == (counted["count"], counted["agreeing"])
+    return counts and record["verdict"] == verdict(record, readings)
 
 
-def main(path: str | Path) -> int:
-    """Print every verdict that does not follow, and how many do."""
-    records = json.loads(Path(path).read_text(encoding="utf-8"))["records"]
-    wrong = [one for one in records if not follows(one)]
+def listed(path: Path) -> dict[str, list[Record]]:
+    """Return the readings of each cell."""
+    found: dict[str, list[Record]] = {}
+    lines = path.read_text(encoding="utf-8").splitlines()
+    for row in csv.DictReader(line for line in lines if not line.startswith("#")):
+        numbers = {n: float(row[n]) for n in ("computed", "low", "high")}
+        probability = float(row["probability"]) if row["probability"] else None
+        one = {"interval": (numbers["low"], numbers["high"]), "probability": probability}
+        found.setdefault(row["cell"], []).append({"computed": numbers["computed"], **one})
+    return found
+
+
+def main(ledger: str | Path, readings: str | Path) -> int:
+    """Print every verdict that does not follow, and the number of those that do."""
+    records = json.loads(Path(ledger).read_text(encoding="utf-8"))["records"]
+    every = listed(Path(readings))
+    wrong = [one for one in records if not follows(one, every.get(one["cell"], []))]
     for one in wrong:
         print(f"{one['cell']}: {one['verdict']} does not follow from its record")
     print(f"{len(records) - len(wrong)} of {len(records)} verdicts follow from their records")
@@ -63,4 +77,6 @@ def main(path: str | Path) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1] if len(sys.argv) > 1 else Path(__file__).with_name("ledger.json")))
+    given = [Path(__file__).with_name(name) for name in ("ledger.json", "readings.csv")]
+    given[: len(sys.argv) - 1] = map(Path, sys.argv[1:])
+    sys.exit(main(*given))

@@ -101,7 +101,7 @@ def of_equations(app: Sphinx) -> Iterator[Entry]:
 
 def of_studies(anchors: Mapping[str, Mapping[str, str]]) -> Iterator[Entry]:
     """Yield the tables of our own."""
-    from reproduce.judge.rerun import studies
+    from reproduce.papers.catalogue import studies
     from reproduce.printed.cells import anchor
 
     for key, study in studies().items():

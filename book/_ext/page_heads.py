@@ -68,8 +68,8 @@ def plain(part: nodes.Text) -> str:
 
 def linked(page: str, held: Mapping[str, str], said: str) -> Iterator[dict[str, Any]]:
     """Yield what a page holds in the words of schema.org; `held` is the page of each anchor."""
-    from reproduce.judge.rerun import studies
     from reproduce.locate import papers
+    from reproduce.papers.catalogue import studies
     from reproduce.printed.cells import anchor, library
     from reproduce.views.export import table_files
     from reproduce.views.keys import place, title
@@ -108,7 +108,7 @@ def dataset(
 
 def measured(key: str) -> Iterator[dict[str, str]]:
     """Yield the rows and columns of a table, with the unit that the numbers of each share."""
-    from reproduce.judge.rerun import studies
+    from reproduce.papers.catalogue import studies
     from reproduce.printed.cells import library
     from reproduce.printed.number import symbol
 

@@ -16,7 +16,7 @@ from reading import HTML
 
 from page_heads import LONGEST, MEDIA, described, linked
 from reproduce import version
-from reproduce.judge.rerun import studies
+from reproduce.papers.catalogue import studies
 from reproduce.printed.cells import PAPERS, anchor, library
 from reproduce.views import export
 

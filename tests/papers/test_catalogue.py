@@ -5,8 +5,7 @@ import fnmatch
 import numpy as np
 import pytest
 
-from reproduce.judge.rerun import studies
-from reproduce.papers.catalogue import catalogue
+from reproduce.papers.catalogue import catalogue, studies
 from reproduce.papers.declare import Blocked, Prediction, reproduces
 from reproduce.printed.cells import find, library
 from reproduce.printed.given import UndeclaredInputError, given

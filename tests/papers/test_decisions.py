@@ -5,7 +5,7 @@ import pytest
 from scipy import stats
 
 import reproduce as rp
-from reproduce.judge.rerun import studies
+from reproduce.papers.catalogue import studies
 from reproduce.papers.chen2023 import decisions as camera
 from reproduce.papers.niu2024 import decisions as sensor
 from reproduce.papers.niu2024.posteriors import true_centroids

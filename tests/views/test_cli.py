@@ -11,9 +11,8 @@ from click.testing import CliRunner
 
 import reproduce as rp
 from reproduce.judge import ledger
-from reproduce.judge.rerun import studies
 from reproduce.locate import data_folder
-from reproduce.papers.catalogue import catalogue
+from reproduce.papers.catalogue import catalogue, studies
 from reproduce.printed import cells
 from reproduce.printed.cells import library
 from reproduce.views import front, verdicts

@@ -17,8 +17,7 @@ from pybtex.database import Entry, Person, parse_string
 import reproduce as rp
 from reproduce import version
 from reproduce.judge import ledger
-from reproduce.judge.rerun import studies
-from reproduce.papers.catalogue import catalogue
+from reproduce.papers.catalogue import catalogue, studies
 from reproduce.printed.cells import PAPERS, library
 from reproduce.version import RELEASED, __version__
 from reproduce.views import export as exporting

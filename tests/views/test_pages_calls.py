@@ -14,7 +14,7 @@ import pytest
 import reproduce as rp
 from book_facts import Register, register, write_tables, write_whole
 from reproduce.judge.ledger import erratum
-from reproduce.judge.rerun import studies
+from reproduce.papers.catalogue import studies
 from reproduce.papers.declare import Column, Fact
 from reproduce.printed.cells import PAPERS, library
 from reproduce.views import numbers, verdicts

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 import reproduce as rp
-from reproduce.judge.rerun import CannotChangeError, studies
+from reproduce.judge.rerun import CannotChangeError
 from reproduce.locate import papers
 from reproduce.papers import declare
+from reproduce.papers.catalogue import studies
 from reproduce.papers.chen2023.platform import PIXEL
 from reproduce.views import front
 from reproduce.views.figure import Figure, drawable

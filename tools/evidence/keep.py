@@ -27,7 +27,10 @@ def write(
     if missing := {"command", "seed", "versions"} - set(note):
         raise StudyError(f"{name}: the note lacks {', '.join(sorted(missing))}; add it")
     content = _packed(arrays)
-    lines = [f"{key} = {json.dumps(value, ensure_ascii=False)}" for key, value in note.items()]
+    lines = [
+        f"{json.dumps(key) if '.' in key else key} = {json.dumps(value, ensure_ascii=False)}"
+        for key, value in note.items()
+    ]
     lines.append(f'sha256 = "{hashlib.sha256(content).hexdigest()}"')
     target = where or folder()
     target.mkdir(parents=True, exist_ok=True)

@@ -26,8 +26,8 @@ from reproduce.audit.corrections import of_digits, readable
 from reproduce.audit.examine import contradicted, reprinted
 from reproduce.audit.relation import Relation, Sheet
 from reproduce.audit.report import audit_paper
-from reproduce.judge.ledger import frozen, judge_result
-from reproduce.judge.verdicts import result_intervals
+from reproduce.judge.ledger import frozen
+from reproduce.judge.verdicts import AGREES, Propagated, judge, result_intervals
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import Computation, Results
 from reproduce.printed.cells import PAPERS, Cell, library
@@ -50,7 +50,6 @@ ABOUT = (
 COLUMNS = ("cell", "kind", "printed instead", "compared", "relation", "verdict", "refused")
 Kind = Literal["digit", "swap", "drop", "sign"]
 KINDS: tuple[Kind, ...] = ("digit", "swap", "drop", "sign")
-_AGREES = ("exact", "consistent")
 
 
 @dataclass(frozen=True)
@@ -120,7 +119,7 @@ class Sight:
 @functools.cache
 def agreeing() -> frozenset[str]:
     """Return the cells whose frozen verdict is an agreement."""
-    return frozenset(a for a, expected in frozen().items() if expected.verdict in _AGREES)
+    return frozenset(a for a, expected in frozen().items() if expected.verdict in AGREES)
 
 
 def seen_by_verdicts(address: str, text: str) -> Sight:
@@ -160,16 +159,14 @@ def _door(computation: Computation) -> Given:
 
 
 @functools.cache
-def _as_printed(computation: Computation) -> tuple[Results, Mapping[str, tuple[float, float]]]:
+def _as_printed(computation: Computation) -> tuple[Results, Mapping[str, Propagated]]:
     return _run(computation, _door(computation))
 
 
-def _run(
-    computation: Computation, door: Given
-) -> tuple[Results, Mapping[str, tuple[float, float]]]:
+def _run(computation: Computation, door: Given) -> tuple[Results, Mapping[str, Propagated]]:
     if computation.replicates:
         results = computation(door, min(REPLICATES, computation.replicates))
-        intervals: Mapping[str, tuple[float, float]] = {}
+        intervals: Mapping[str, Propagated] = {}
     else:
         results, intervals = computation(door), result_intervals(computation, door)
     if strays := set(results) - set(library()[computation.key].by_name):
@@ -180,7 +177,7 @@ def _run(
 def _differs(
     computation: Computation,
     results: Results,
-    intervals: Mapping[str, tuple[float, float]],
+    intervals: Mapping[str, Propagated],
     changed: Mapping[str, Cell],
 ) -> bool:
     table = library()[computation.key]
@@ -188,7 +185,7 @@ def _differs(
         cell = changed.get(table[name].address, table[name])
         if cell.address not in agreeing():
             continue
-        if judge_result(computation, cell, result, intervals).verdict not in _AGREES:
+        if not judge(cell, result, {}, intervals.get(name)).agrees:
             return True
     return False
 

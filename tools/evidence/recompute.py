@@ -1,7 +1,4 @@
-"""Running a slow study again: `python tools/evidence/recompute.py NAME`.
-
-A run that was killed goes on where it was: finished parts are kept until the study is stored.
-"""
+"""Compute a slow study again: `python tools/evidence/recompute.py NAME`."""
 
 from __future__ import annotations
 
@@ -10,97 +7,79 @@ import platform
 import shutil
 import sys
 import tempfile
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-import every_reading
 import fusion
-import laws
 from keep import write
-from parts import Store, processes, run_parts
-from reproduce.judge import readings as judged
-from reproduce.judge.verdicts import judge_prediction
-from reproduce.papers.niu2024 import readings
-from reproduce.printed.cells import Cell, find
-from reproduce.printed.given import given
-from reproduce.printed.number import si_factor
+from parts import processes
+from reproduce.judge import readings
+from reproduce.papers.catalogue import catalogue
+from reproduce.papers.declare import ROOT_SEED, Computation
 from reproduce.version import __version__
 from reproduce.views.computed import fingerprint
 
 Array = NDArray[np.float64]
-# What a comparison holds: the two-sided mid-p of each cell by counting draws, its decimal logarithm
-# by the law of the draws; the same of each group; the Mahalanobis distance of each group. The first
-# axes are the readings, and how (26) counts the axes.
-COMPARED = ("tails", "law_tails", "joint", "law_joint", "distance")
+_Arrays = dict[str, Array]
+_TOGETHER = 32  # readings of a part
 
 
-def _simulated(span: tuple[int, int]) -> tuple[Array]:
-    first, count = span
-    return (every_reading.simulate(given(readings.READS), count, first),)
+class _Span(NamedTuple):
+    """Readings of one computation."""
+
+    computation: str
+    first: int
+    last: int
 
 
-def all_draws(
-    replicates: int = readings.REPLICATES,
-    executor: Executor | None = None,
-    store: Store | None = None,
-) -> Array:
-    """Simulate every reading on any executor: the same result as from `every_reading.simulate`."""
-    spans = [
-        (begin, min(every_reading.CHUNK, replicates - begin))
-        for begin in range(0, replicates, every_reading.CHUNK)
-    ]
-    parts = run_parts(_simulated, spans, executor, store)
-    return np.concatenate([part for (part,) in parts], axis=1)
+def stored_computations() -> dict[str, Computation]:
+    """Return the computations whose readings are stored, by name."""
+    every = (one for item in catalogue().values() for one in item.computations)
+    return {one.name: one for one in every if one.replicates and one.options}
+
+
+def _evaluated(span: _Span) -> _Arrays:
+    computation = stored_computations()[span.computation]
+    part = computation.readings[span.first : span.last]
+    return readings.packed(readings.evaluate_readings(computation, part))
 
 
 def _readings(
     executor: Executor, folder: Path, note: Mapping[str, str]
-) -> tuple[dict[str, Array], int]:
-    """Simulate the paper under every reading, compare each with the print, and count replicates.
-
-    The first replicates, shape (readings, 20, 2, 8), and arrays as in `COMPARED`.
-    """
-    note = {**note, "replicates": str(readings.REPLICATES)}
-    draws = all_draws(readings.REPLICATES, executor, Store(folder / "draws", note))
-    rows = run_parts(compare, list(draws), executor, Store(folder / "compared", note))
-    return {"first": draws[:, : every_reading.KEPT], **stacked(rows)}, readings.REPLICATES
-
-
-def stacked(rows: Iterable[tuple[Array, ...]]) -> dict[str, Array]:
-    """Put the comparisons of all readings together, by the names of `COMPARED`."""
-    arrays = (np.stack(parts) for parts in zip(*rows, strict=True))
-    return dict(zip(COMPARED, arrays, strict=True))
-
-
-def compare(draws: Array) -> tuple[Array, ...]:
-    """Compare the print with the prediction of one reading: a row of each array of `COMPARED`."""
-    cells = [find(address)[0] for address in readings.ADDRESSES]
-    intervals = np.array([cell.number.interval() for cell in cells])
-    rows: list[tuple[Array, ...]] = []
-    for axes in readings.COUNTED:
-        columns = _columns_in_print(draws, cells, axes)
-        law = laws.fitted(columns, judged.RESIDUAL)
-        found = [judge_prediction(c.number, d) for c, d in zip(cells, columns, strict=True)]
-        joint = [laws.joint(law, columns, intervals, wanted) for wanted in judged.GROUPS.values()]
-        tails = np.array([judgement.probability for judgement in found])
-        rows.append((tails, laws.log_tails(law, intervals), *np.array(joint).T))
-    return tuple(np.stack(arrays) for arrays in zip(*rows, strict=True))
+) -> tuple[_Arrays, dict[str, str | int]]:
+    """Evaluate every reading of the stored computations."""
+    spans = [
+        _Span(name, first, first + _TOGETHER)
+        for name, one in stored_computations().items()
+        for first in range(0, len(one.readings), _TOGETHER)
+    ]
+    found: dict[str, list[Array]] = {}
+    for part in executor.map(_evaluated, spans):
+        for name, array in part.items():
+            found.setdefault(name, []).append(array)
+    digests: dict[str, str | int] = {
+        n: readings.fingerprint(one) for n, one in stored_computations().items()
+    }
+    return {name: np.concatenate(some) for name, some in found.items()}, digests
 
 
-def _columns_in_print(draws: Array, cells: list[Cell], axes: str) -> list[Array]:
-    """Return the draws of one reading cell by cell, shape (replicates,), in the unit of print."""
-    flat = every_reading.counted(draws, axes).reshape(len(draws), -1)
-    return [flat[:, i] / si_factor(cell.unit) for i, cell in enumerate(cells)]
+def _fusion(
+    executor: Executor, folder: Path, note: Mapping[str, str]
+) -> tuple[_Arrays, dict[str, str | int]]:
+    arrays, replicates = fusion.recomputed(executor, folder, note)
+    return arrays, {"replicates": replicates}
 
 
-# What redoes a slow study, and the seed of it, by the name of its files.
-SLOW = {
-    "niu2024-readings": (_readings, every_reading.SEED),
-    "niu2024-fusion": (fusion.recomputed, fusion.SEED),
+_Recomputed = Callable[[Executor, Path, Mapping[str, str]], tuple[_Arrays, dict[str, str | int]]]
+# Function that computes a slow study, and its seed, by the name of its files.
+SLOW: dict[str, tuple[_Recomputed, int]] = {
+    "readings": (_readings, ROOT_SEED),
+    "niu2024-fusion": (_fusion, fusion.SEED),
 }
 
 
@@ -118,16 +97,15 @@ def run(name: str, where: Path | None = None, executor: Executor | None = None) 
     folder = Path(tempfile.gettempdir()) / f"reproduce-{name}-{fingerprint()[:12]}"
     begin = _processor_seconds()
     with executor or processes() as pool:
-        arrays, replicates = recomputed(pool, folder, {"sources": fingerprint()})
+        arrays, own = recomputed(pool, folder, {"sources": fingerprint()})
     note: dict[str, str | int | float] = {
         "command": f"python tools/evidence/recompute.py {name}",
         "seed": seed,
-        "replicates": replicates,
         "versions": f"Python {platform.python_version()}, NumPy {np.__version__}, {__version__}",
         "processor_seconds": round(_processor_seconds() - begin, 1),
     }
-    write(name, arrays, note, where)
-    shutil.rmtree(folder)
+    write(name, arrays, {**note, **own}, where)
+    shutil.rmtree(folder, ignore_errors=True)
 
 
 if __name__ == "__main__":

@@ -1,193 +1,295 @@
-"""The printed simulation of niu2024 held against every reading of its text.
+"""All readings of a printed cell: every combination of the options of its computation.
 
-Rows are the readings of `reproduce.papers.niu2024.readings`, each with every way of counting the
-axes of (26), the ledger's first; columns are the printed cells of `ADDRESSES`.
-
-Draws can tell a probability down to about one over their number. Below that, the law that they
-follow is used, see `tools/evidence/laws.py`.
+Computations with random numbers and options are slow to evaluate under every reading. Their results
+are stored (`STUDY`); the literal reading is always computed and must be the stored one. A test
+recomputes a part of the others.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from functools import partial
+import hashlib
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
-from reproduce.judge.verdicts import CENTRAL
-from reproduce.papers.declare import LEAST_DRAWS, Column, Fact, studied
-from reproduce.papers.niu2024 import readings, simulation
+from reproduce.judge.verdicts import (
+    Frozen,
+    Propagated,
+    Reading,
+    joint_probability,
+    judge,
+    predicted,
+    result_intervals,
+)
+from reproduce.papers.catalogue import catalogue
+from reproduce.papers.declare import Computation, Prediction, Results, unpublished
+from reproduce.printed.cells import Cell, PrintedTable, library
 from reproduce.printed.given import given
+from reproduce.printed.number import si_factor
+from reproduce.store import studies
 
 Array = NDArray[np.float64]
-RESIDUAL = np.array(["rmse" in address for address in readings.ADDRESSES])
-_SCALE = np.array(["#scale" in address for address in readings.ADDRESSES])
-# Groups of cells that get a joint probability, and which cells are in each.
-GROUPS = {
-    "Table 3": ~RESIDUAL,
-    "residuals": RESIDUAL,
-    "all but the scales": ~_SCALE,
-    "all": np.ones(len(readings.ADDRESSES), dtype=bool),
-}
-# Smaller probabilities are not told apart: the law is an extrapolation so far out.
-_LEAST = 1e-12
-_LEAST_CORRECTED = 1e3 * _LEAST  # a correction multiplies by nearly a thousand readings
+STUDY = "readings"
 
 
-def _corrected(joint: Array, readings: int) -> Array:
-    """Return joint probabilities corrected for having tried so many readings.
+class ReadingSummary(Frozen):
+    """All readings of a cell in short."""
 
-    Examples
-    --------
-    >>> _corrected(np.array([0.001, 0.5]), 20)
-    array([0.02, 1.  ])
+    count: int = Field(description="number of readings that give different results")
+    agreeing: int = Field(description="number of readings with which the printed number agrees")
+    decided_by: tuple[str, ...] = Field(
+        description="smallest set of options whose choice decides whether a reading agrees"
+    )
+    agrees_if: tuple[dict[str, str], ...] = Field(
+        description="choices of these options with which the printed number agrees"
+    )
+    never: dict[str, tuple[str, ...]] = Field(
+        description="alternatives of each option with which no reading agrees"
+    )
+    closest: Reading = Field(description="the reading that comes closest to the printed number")
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluation:
+    """A computation under all readings, in the order of `Computation.readings`.
+
+    Parameters
+    ----------
+    computation : Computation
+    cells : mapping of str to list of Reading
+        Name of each cell to its comparison under every reading.
+    joint : ndarray, shape (readings, 2)
+        Joint probability of all predicted cells and its Monte Carlo error; NaN if none is
+        predicted.
     """
-    return np.minimum(1.0, joint * readings)
+
+    computation: Computation
+    cells: Mapping[str, Sequence[Reading]]
+    joint: Array
+
+    def distinct(self, name: str) -> list[Reading]:
+        """Return the readings of a cell that give different results.
+
+        Each has the choices that affect its result.
+        """
+        groups = self.groups(name)
+        affects = [
+            np.broadcast_to(
+                (groups != groups.take([0], axis)).any(axis, keepdims=True), groups.shape
+            )
+            for axis in range(groups.ndim)
+        ]
+        _, places = np.unique(groups, return_index=True)
+        found = []
+        for place in sorted(places.tolist()):
+            pairs = zip(self.computation.readings[place].items(), affects, strict=True)
+            choices = dict(choice for choice, affecting in pairs if affecting.flat[place])
+            found.append(self.cells[name][place].model_copy(update={"choices": choices}))
+        return found
+
+    def summary(self, name: str) -> ReadingSummary:
+        """Return how the readings of a cell fare."""
+        found = self.distinct(name)
+        options, agrees = (
+            self.computation.options,
+            self._shaped([one.agrees for one in self.cells[name]]),
+        )
+        decisive = next(
+            axes
+            for size in range(len(options) + 1)
+            for axes in combinations(range(len(options)), size)
+            if _decides(agrees, axes)
+        )
+        names = [list(options)[axis] for axis in decisive]
+        others = tuple(axis for axis in range(len(options)) if axis not in decisive)
+        chosen = np.argwhere(agrees.any(axis=others))
+        ways = [[*options[option]] for option in names]
+        return ReadingSummary(
+            count=len(found),
+            agreeing=sum(one.agrees for one in found),
+            decided_by=tuple(names),
+            agrees_if=tuple(
+                {option: way[i] for option, way, i in zip(names, ways, row, strict=True)}
+                for row in chosen.tolist()
+            ),
+            never=self._never(agrees),
+            closest=max(found, key=lambda one: self._closeness(name, one)),
+        )
+
+    def _closeness(self, name: str, one: Reading) -> tuple[bool, bool, float]:
+        """Return a key that is larger for readings closer to the printed number."""
+        printed = library()[self.computation.key][name].number.value
+        near = -abs(one.computed - printed) if one.probability is None else one.probability
+        return one.agrees, not one.flags, near
+
+    def _never(self, agrees: NDArray[np.generic]) -> dict[str, tuple[str, ...]]:
+        """Return the alternatives with which no reading agrees, by option."""
+        found = {}
+        for axis, (option, ways) in enumerate(self.computation.options.items()):
+            some = np.moveaxis(agrees, axis, 0).reshape(len(ways), -1).any(axis=1)
+            found[option] = tuple(w for w, one in zip(ways, some, strict=True) if not one)
+        return {option: ways for option, ways in found.items() if ways}
+
+    def _shaped(self, values: Sequence[object]) -> NDArray[np.generic]:
+        """Return one value per reading as an array with an axis for each option."""
+        return np.array(values).reshape([len(ways) for ways in self.computation.options.values()])
+
+    def groups(self, name: str) -> NDArray[np.int64]:
+        """Return the number of the result of each reading, equal for equal results."""
+        numbers: dict[tuple[str, ...], int] = {}
+        found = [
+            numbers.setdefault(
+                tuple(f"{v:.9e}" for v in (one.computed, *one.interval, one.probability or 0.0)),
+                len(numbers),
+            )
+            for one in self.cells[name]
+        ]
+        return np.asarray(self._shaped(found), dtype=np.int64)
 
 
-def _resolved(counted: Array, law: Array, replicates: int = readings.REPLICATES) -> Array:
-    """Return probabilities by count where the draws can tell, else by their law.
-
-    Examples
-    --------
-    >>> _resolved(np.array([0.3, 0.0]), np.array([-0.5, -9.0]), 10_000)
-    array([3.e-01, 1.e-09])
-    """
-    return np.asarray(np.where(counted * replicates >= LEAST_DRAWS, counted, 10.0**law))
+def _decides(agrees: NDArray[np.generic], axes: tuple[int, ...]) -> bool:
+    """Return whether agreement depends on the options of some axes only."""
+    others = tuple(axis for axis in range(agrees.ndim) if axis not in axes)
+    return bool((agrees.all(axis=others) == agrees.any(axis=others)).all())
 
 
-def _stored() -> tuple[Array, Array, Array]:
-    """Return tails (readings, 4, 12), joint probabilities and distances (readings, 4, 4)."""
-    arrays = readings.stored().arrays
-    tails, joint = (_resolved(arrays[name], arrays[f"law_{name}"]) for name in ("tails", "joint"))
-    return tails, joint, arrays["distance"]
+@cache
+def evaluate(computation: Computation) -> Evaluation:
+    """Compare the results of a computation with the printed cells under all its readings."""
+    table = library()[computation.key]
+    several = computation.replicates and len(computation.readings) > 1
+    stored = _stored(computation) if several else None
+    if stored is None:
+        return evaluate_readings(computation, computation.readings)
+    literal = evaluate_readings(computation, computation.readings[:1])
+    every = {
+        name: [
+            *(literal.cells[name]),
+            *(
+                _restored(table[name], choices, row, computation.replicates)
+                for choices, row in zip(
+                    computation.readings[1:], stored[name][1:].tolist(), strict=True
+                )
+            ),
+        ]
+        for name in literal.cells
+    }
+    for name, (first, *_) in every.items():
+        live = [first.computed, *first.interval, first.probability or 0.0, first.error or 0.0]
+        if not np.allclose(live, stored[name][0], rtol=1e-6, atol=0):
+            raise _stale(f"{computation.key}#{name} is {live}, stored {stored[name][0]}")
+    return Evaluation(computation, every, stored["joint"])
 
 
-def _outside() -> NDArray[np.int64]:
-    """Return how many cells lie outside the central part of their prediction, (readings, 4)."""
-    return np.asarray((_stored()[0] < 1 - CENTRAL).sum(axis=-1))
+def evaluate_readings(
+    computation: Computation, readings: Sequence[Mapping[str, str]]
+) -> Evaluation:
+    """Compute some readings, each on its own."""
+    table, inputs = library()[computation.key], given(computation.given)
+    found: dict[str, list[Reading]] = {}
+    joint = []
+    for choices in readings:
+        one_reading = computation.under(choices)
+        results = one_reading(inputs)
+        ends: dict[str, Propagated] = {}
+        if strays := [name for name in results if not computation.makes(name)]:
+            raise ValueError(f"{computation.name} makes cells it does not declare: {strays}")
+        if not computation.replicates:
+            ends = result_intervals(one_reading, inputs)
+        for name, result in results.items():
+            one = judge(table[name], result, choices, ends.get(name))
+            found.setdefault(name, []).append(one)
+        joint.append(_joint(table, results))
+    return Evaluation(computation, found, np.array(joint))
 
 
-def _fewest() -> list[tuple[int, int]]:
-    """Return the readings that leave the fewest cells outside, the likeliest as a whole first."""
-    counts = _outside()
-    places = [(int(r), int(c)) for r, c in np.argwhere(counts == counts.min())]
-    law = readings.stored().arrays["law_joint"][..., -1]
-    return sorted(places, key=lambda place: -float(law[place]))
+def _joint(table: PrintedTable, results: Results) -> tuple[float, float]:
+    """Return the joint probability of all predicted cells; NaN if none is predicted."""
+    drawn = [
+        (table[name].number.interval(), result.draws / si_factor(table[name].unit))
+        for name, result in results.items()
+        if isinstance(result, Prediction)
+        and np.ptp(result.draws) > 0
+        and not unpublished(table.key, name)
+    ]
+    if not drawn:
+        return np.nan, np.nan
+    intervals, columns = zip(*drawn, strict=True)
+    return joint_probability(np.stack(columns), np.array(intervals))
 
 
-def _facts() -> dict[str, Fact]:
-    """Return how the print fares under the readings that come closest, and under the best ones."""
-    note, door = readings.stored().note, given(readings.READS)
-    (tails, joint, distance), every, counts = _stored(), readings.readings(door), _outside()
-    least, groups = _fewest(), {name: place for place, name in enumerate(GROUPS)}
-    green = [place for place, reading in enumerate(every) if reading.noisy == "green"]
-    whole, but_scales = joint[..., groups["all"]], joint[..., groups["all but the scales"]]
-    residuals = groups["residuals"]
+def _restored(
+    cell: Cell, choices: dict[str, str], row: Sequence[float], replicates: int
+) -> Reading:
+    computed, low, high, probability, error = row
+    return predicted(
+        cell.number,
+        choices,
+        computed=computed,
+        interval=(low, high),
+        probability=probability,
+        error=error,
+        replicates=replicates,
+    )
 
-    def count(number: int) -> Fact:
-        return Fact(int(number), ",")
 
-    def largest(values: Array, zero: float = _LEAST) -> Fact:
-        return Fact(float(values.max()), "chance", zero=zero)
+def all_readings() -> Iterator[tuple[str, Reading]]:
+    """Yield the address and every reading of each cell that has several."""
+    for item in catalogue().values():
+        for computation in item.computations:
+            if computation.options:
+                found = evaluate(computation)
+                for name in found.cells:
+                    if len(own := found.distinct(name)) > 1:
+                        yield from ((f"{computation.key}#{name}", one) for one in own)
 
-    def common(values: Iterable[str]) -> Fact:
-        return Fact(" or ".join(sorted(set(values))))
 
+def packed(evaluation: Evaluation) -> dict[str, Array]:
+    """Return an evaluation as arrays, by the names under which the study stores them."""
+    arrays = {
+        name: np.array([[r.computed, *r.interval, r.probability, r.error] for r in found])
+        for name, found in evaluation.cells.items()
+    }
+    arrays["joint"] = evaluation.joint
+    return {f"{evaluation.computation.name}:{name}": array for name, array in arrays.items()}
+
+
+def fingerprint(computation: Computation) -> str:
+    """Return a digest of everything that the stored readings depend on, except the code."""
+    inputs = {a: cell.text for a, cell in given(computation.given).cells.items()}
+    table = library()[computation.key]
+    printed = {c.address: c.shown for c in table.cells if computation.makes(c.name)}
+    options = [list(map(list, one.items())) for one in computation.readings]
+    content = [options, inputs, printed, computation.replicates, computation.entropy]
+    return hashlib.sha256(json.dumps(content).encode()).hexdigest()
+
+
+def _stored(computation: Computation) -> dict[str, Array] | None:
+    """Return the stored results by cell, or None if the computation is not in the study."""
+    study = _study()
+    if (recorded := study.note.get(computation.name)) is None:
+        return None
+    if recorded != fingerprint(computation):
+        raise _stale(f"{computation.name} has other inputs or options")
+    lead = f"{computation.name}:"
     return {
-        "readings": count(counts.size),
-        "cells": count(tails.shape[-1]),
-        "replicates": count(int(note["replicates"])),
-        "seconds": Fact(float(note["processor_seconds"]), ".0f", "s"),
-        "fewest-outside": count(counts.min()),
-        "ledger-outside": count(counts[every.index(readings.literal(door)), 0]),
-        "closest": count(len(least)),
-        "closest-shifts": common(every[r].shifts for r, _ in least),
-        "closest-noise": common(every[r].noisy for r, _ in least),
-        "closest-draws": common(str(every[r].repeats) for r, _ in least),
-        "closest-tests": common(every[r].tests for r, _ in least),
-        "closest-axes": common(readings.COUNTED[c] for _, c in least),
-        "closest-before-far": Fact(min(distance[r, c, residuals] for r, c in least), ".0f"),
-        "closest-before": largest(np.array([joint[r, c, residuals] for r, c in least])),
-        "best-joint": largest(whole),
-        "best-corrected": largest(_corrected(whole, counts.size), _LEAST_CORRECTED),
-        "best-but-scales": largest(but_scales),
-        "best-but-scales-corrected": largest(_corrected(but_scales, counts.size), _LEAST_CORRECTED),
-        "best-green": largest(but_scales[green]),
-        "best-scale": largest(tails[..., _SCALE]),
-        "least-counted": count(LEAST_DRAWS),
+        name.removeprefix(lead): array
+        for name, array in study.arrays.items()
+        if name.startswith(lead)
     }
 
 
-_chance = partial(Column, form="chance", zero=_LEAST, draws=readings.REPLICATES)
-_AXES = Column("RMSE of")
-_OUTSIDE = Column("Cells outside", "d")
-_CORRECTED = Column("p, all, corrected", "chance", _LEAST_CORRECTED)
+@cache
+def _study() -> studies.Study:
+    return studies.read(STUDY)
 
 
-@studied(
-    "niu2024/readings",
-    columns=(
-        *readings.CHOICES,
-        _AXES,
-        *(
-            _chance(f"{name}, {channel}", bold=1 - CENTRAL)
-            for channel in simulation.REGISTERED
-            for name in ("k", "θ", "Δx", "Δy", "before", "after")
-        ),
-        *(_chance(f"p, {name}") for name in GROUPS),
-        _CORRECTED,
-        _OUTSIDE,
-    ),
-    caption="Probability of the print under every reading: of each number, and of several at once.",
-    folded=readings.ARRANGEMENT,
-    named=_facts,
-)
-def _probabilities() -> Iterator[tuple[object, ...]]:
-    """How likely the printed numbers of the simulation are under every reading."""
-    (tails, joint, _), counts = _stored(), _outside()
-    for row, labels in enumerate(readings.choices()):
-        for column, axes in enumerate(readings.COUNTED):
-            whole = _corrected(joint[row, column, -1:], counts.size)
-            yield (
-                *(*labels, axes),
-                *(*tails[row, column], *joint[row, column], *whole, counts[row, column]),
-            )
-
-
-@studied(
-    "niu2024/closest-readings",
-    columns=(
-        Column("Reading"),
-        *readings.CHOICES,
-        _AXES,
-        _OUTSIDE,
-        *(
-            column
-            for name in GROUPS
-            for column in (
-                _chance(f"p, {name}"),
-                Column(f"Distance, {name} (σ)", ".0f"),
-            )
-        ),
-        _CORRECTED,
-    ),
-    caption="Readings that come closest to the print; distances are Mahalanobis distances.",
-)
-def _closest() -> Iterator[tuple[object, ...]]:
-    """The literal reading beside those that come closest to the print."""
-    (_, joint, distance), counts = _stored(), _outside()
-    door, labels = given(readings.READS), list(readings.choices())
-    law = readings.stored().arrays["law_joint"]
-    picked = {
-        "the literal one": (readings.readings(door).index(readings.literal(door)), 0),
-        "fewest cells outside": _fewest()[0],
-    }
-    for place, group in enumerate(GROUPS):
-        picked[f"best for: {group}"] = divmod(int(law[..., place].argmax()), law.shape[1])
-    for name, (row, column) in picked.items():
-        pairs = np.stack([joint[row, column], distance[row, column]], axis=-1).ravel()
-        whole = _corrected(joint[row, column, -1:], counts.size)
-        axes = readings.COUNTED[column]
-        yield name, *labels[row], axes, counts[row, column], *pairs, *whole
+def _stale(reason: str) -> studies.StudyError:
+    command = _study().note["command"]
+    return studies.StudyError(f"{STUDY}: {reason}; run again: {command}")

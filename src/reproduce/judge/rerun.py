@@ -4,8 +4,8 @@ Only what the paper prints can be changed, and only what the item reads, directl
 items: everything else could not change it. Between a changed cell and the item, recomputed values
 take the place of printed ones. Such a result carries no verdict: it is no longer the paper's.
 
-What the text leaves open is an option of the item. With options alone the result is one reading of
-the paper, and says what each cell would be judged as.
+Options of the text select one reading; an option without a choice takes its literal alternative.
+With options only, the result contains the verdict of each cell under this reading.
 """
 
 from __future__ import annotations
@@ -22,11 +22,10 @@ from typing import TypeVar
 
 import numpy as np
 
-from reproduce.judge.ledger import ReadingRecord, TableRecord, reread
+from reproduce.judge.ledger import TableRecord, reread
 from reproduce.judge.verdicts import central
-from reproduce.papers import catalogue as registry
-from reproduce.papers.catalogue import catalogue, drawings
-from reproduce.papers.declare import Blocked, Computation, Prediction, Result, Study
+from reproduce.papers.catalogue import catalogue, drawings, studies
+from reproduce.papers.declare import Alternative, Computation, Prediction, Result
 from reproduce.printed.cells import Cell, find, library
 from reproduce.printed.given import Given, given
 from reproduce.printed.number import ALIKE, UNITS, Interval, si_factor, symbol
@@ -61,18 +60,15 @@ class ChangedCell:
         nothing is computed.
     interval : tuple of float, optional
         Central 99 % of a prediction.
-    reading : str
-        For a cell that depends on how the text is read: which reading this is.
-    would_be : str
-        What the cell would be judged as, where nothing but options is changed.
+    verdict : str
+        Verdict under the chosen reading, if only options are changed.
     """
 
     cell: Cell
     unchanged: float | None
     value: float | None
     interval: Interval | None = None
-    reading: str = ""
-    would_be: str = ""
+    verdict: str = ""
 
 
 @dataclass(frozen=True)
@@ -115,17 +111,17 @@ def maker(address: str) -> Computation | None:
     return next((one for one in catalogue()[key].computations if one.makes(name)), None)
 
 
-def options(key: str) -> dict[str, dict[str, str]]:
+def options(key: str) -> dict[str, dict[str, Alternative]]:
     """Return what the text leaves open of an item.
 
-    Option to its alternatives, each with what it stands for.
+    Option to its alternatives, the literal one first.
 
     Examples
     --------
     >>> list(options("niu2024/table-3")["translations"])
     ['table-1', 'table-2']
     """
-    found: dict[str, dict[str, str]] = {}
+    found: dict[str, dict[str, Alternative]] = {}
     for computation in catalogue()[key].computations:
         for name, ways in computation.options.items():
             found[name] = found.get(name, {}) | dict(ways)
@@ -217,11 +213,11 @@ def rerun(
             return _reading(key, chosen)
         run = _Run(values, seed, replicates, chosen)
         plain = _from_print(None, None, tuple(chosen.items()))
-        cells: list[ChangedCell] = []
-        for computation in catalogue()[key].computations:
-            after, before = run.results(computation), plain.results(computation)
-            for name, result in after.items():
-                cells += _changed(library()[key][name], before[name], result)
+        cells = [
+            _changed(library()[key][name], plain.results(computation)[name], result)
+            for computation in catalogue()[key].computations
+            for name, result in run.results(computation).items()
+        ]
         ends = {c.cell.address: [c.value or 0.0, *(c.interval or ())] for c in cells}
         if strays := [address for address, found in ends.items() if not np.isfinite(found).all()]:
             raise ArithmeticError(f"no finite number comes out for {', '.join(strays)}")
@@ -327,17 +323,20 @@ def _check_options(key: str, chosen: Mapping[str, str]) -> None:
 
 
 def _reading(key: str, chosen: dict[str, str]) -> Rerun:
-    """Judge an item under options alone."""
+    """Judge an item under one reading of the text."""
     found, before = reread(key, chosen), reread(key, {})
-    cells = []
-    for record in (record for record in found.of(key) if record.role == "result"):
-        cell, unchanged = find(record.cell)[0], before.cell(record.cell).computed
-        for one in record.readings or (record,):
-            name = one.name if isinstance(one, ReadingRecord) else ""
-            cells.append(
-                ChangedCell(cell, unchanged, one.computed, one.interval, name, one.verdict)
-            )
-    return Rerun(key, {}, tuple(cells), {}, chosen, found.table(key))
+    cells = tuple(
+        ChangedCell(
+            find(record.cell)[0],
+            before.cell(record.cell).computed,
+            record.computed,
+            record.interval,
+            record.verdict,
+        )
+        for record in found.of(key)
+        if record.function
+    )
+    return Rerun(key, {}, cells, {}, chosen, found.table(key))
 
 
 @lru_cache(maxsize=8)
@@ -348,20 +347,11 @@ def _from_print(
     return _Run({}, seed, replicates, dict(chosen))
 
 
-def _changed(cell: Cell, before: Result, after: Result) -> list[ChangedCell]:
-    """Return a cell once, or once for every reading of the text that it depends on."""
-    pairs = [("", before, after)]
-    if isinstance(before, Blocked) and isinstance(after, Blocked) and after.readings:
-        pairs = [
-            (one.name, one.result, other.result)
-            for one, other in zip(before.readings, after.readings, strict=True)
-        ]
+def _changed(cell: Cell, before: Result, after: Result) -> ChangedCell:
+    """Return a cell before and after a change."""
     unit = si_factor(cell.unit)
-    cells = []
-    for reading, one, other in pairs:
-        ends = central(other.draws / unit) if isinstance(other, Prediction) else None
-        cells.append(ChangedCell(cell, _middle(one, unit), _middle(other, unit), ends, reading))
-    return cells
+    ends = central(after.draws / unit) if isinstance(after, Prediction) else None
+    return ChangedCell(cell, _middle(before, unit), _middle(after, unit), ends)
 
 
 @dataclass(frozen=True, eq=False)
@@ -412,28 +402,8 @@ class _Run:
         return None if result is None else _middle(result)
 
 
-def _middle(result: Result, unit: float = 1.0) -> float | None:
+def _middle(result: Result, unit: float = 1.0) -> float:
     """Return the middle of a result in a unit, which is applied first, as the ledger does."""
     if isinstance(result, Prediction):
         return float(np.median(result.draws / unit))
-    if isinstance(result, Blocked):
-        return None if result.stand_in is None else result.stand_in / unit
     return float(result) / unit
-
-
-# The modules of the tables that see printed answers, which no module of a paper may.
-_JUDGED = dict.fromkeys(
-    ("niu2024/readings", "niu2024/closest-readings"), "reproduce.judge.readings"
-)
-
-
-@cache
-def studies() -> registry.Declared[Study]:
-    """Return every table of our own by its key; its module is imported when it is used.
-
-    Examples
-    --------
-    >>> "niu2024/readings" in studies()
-    True
-    """
-    return registry.Declared({**registry.studies().modules, **_JUDGED}, registry.own)

@@ -1,66 +1,104 @@
-"""The verdict on one printed number, and how far rounded inputs let a result go."""
+"""The comparison of a recomputed number with a printed one, under one reading of the text."""
 
 from __future__ import annotations
 
+import dataclasses
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
 from decimal import Decimal
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field
 
-from reproduce.papers.declare import Blocked, Computation
+from reproduce.papers.declare import Computation, Prediction, Result
+from reproduce.printed.cells import Cell
 from reproduce.printed.given import Given
-from reproduce.printed.number import Interval, PrintedNumber
+from reproduce.printed.number import PrintedNumber, si_factor
 
-Verdict = Literal["input", "exact", "consistent", "differs", "blocked"]
-VERDICTS: tuple[Verdict, ...] = ("exact", "consistent", "differs", "blocked", "input")
+Verdict = Literal["input", "exact", "consistent", "differs", "ambiguous", "unpublished"]
+VERDICTS: tuple[Verdict, ...] = (
+    "exact",
+    "consistent",
+    "differs",
+    "ambiguous",
+    "unpublished",
+    "input",
+)
+AGREES = ("exact", "consistent")
+Flag = Literal["rounding", "copy", "difference", "tolerance", "wide", "bound", "stand_in"]
 
-# The central share of the predicted distribution in which a printed value counts as consistent.
+# The central fraction of the predicted distribution in which a printed value is consistent.
 CENTRAL = 0.99
+# A tolerance above this fraction of the printed value is wide.
+_WIDE_TOLERANCE = 0.1
+_WIDE = ("about", "nominal")
 _DEPENDENT = 1e-9
 _POINT = 1e-9  # standard deviations: the width of an interval that has none, such as a count's
 
 
-@dataclass(frozen=True)
-class Judgement:
-    """What a comparison found, in the unit of print.
+class Frozen(BaseModel):
+    """Base of the records of the ledger."""
 
-    Parameters
-    ----------
-    verdict : str
-        exact, consistent or differs.
-    computed : float
-        The value, or the median of the prediction.
-    interval : tuple of float
-        The results that rounded inputs allow, or the central 99 % of the prediction.
-    flags : tuple of str
-        ``through_rounding``, ``uninformative``, ``bound``.
-    tolerance : float
-        Half the printed interval, or half the width of the predicted one.
-    share : float, optional
-        The part of the tolerance that is used up; none for differs and for bounds.
-    probability, mcse : float, optional
-        Two-sided mid-p of the printed value under the prediction, and its Monte Carlo error.
-    error : float, optional
-        Monte Carlo standard error of the median: half of what lies between the quantiles that are
-        one standard error of a share of one half apart from it.
-    """
-
-    verdict: Verdict
-    computed: float
-    interval: tuple[float, float]
-    flags: tuple[str, ...]
-    tolerance: float
-    share: float | None = None
-    probability: float | None = None
-    mcse: float | None = None
-    error: float | None = None
+    model_config = ConfigDict(extra="forbid", frozen=True)
 
 
-def judge_value(printed: PrintedNumber, value: float, interval: tuple[float, float]) -> Judgement:
-    """Judge a deterministic recomputation against the printed digits.
+class Reading(Frozen):
+    """Comparison of a cell under one reading of the text; numbers are in the printed unit."""
+
+    choices: dict[str, str] = Field(description="alternative of each option that affects the cell")
+    verdict: Verdict = Field(description="exact, consistent or differs")
+    computed: float = Field(description="value, or median of the prediction")
+    interval: tuple[float, float] = Field(
+        description="results that rounded inputs allow, or the central 99 % of the prediction"
+    )
+    flags: tuple[Flag, ...] = Field(description="qualifications of the verdict")
+    tolerance: float = Field(description="half the printed interval, or half the predicted one")
+    share: float | None = Field(
+        description="|computed - printed| over half the printed interval (exact), "
+        "(1 - probability)/0.99 (consistent)"
+    )
+    probability: float | None = Field(description="two-sided mid-p over the printed interval")
+    mcse: float | None = Field(description="Monte Carlo standard error of the probability")
+    error: float | None = Field(description="Monte Carlo standard error of a predicted median")
+
+    @property
+    def agrees(self) -> bool:
+        """Whether the printed number agrees with this reading."""
+        return self.verdict in AGREES
+
+
+class Propagated(NamedTuple):
+    """Results that rounded inputs allow, in SI; whether one of the inputs has a wide tolerance."""
+
+    low: float
+    high: float
+    wide: bool
+
+
+def judge(
+    cell: Cell, result: Result, choices: Mapping[str, str], allowed: Propagated | None = None
+) -> Reading:
+    """Compare the result of one reading with the printed number of a cell."""
+    unit = si_factor(cell.unit)
+    if isinstance(result, Prediction):
+        return judge_prediction(cell.number, result.draws / unit, choices)
+    low, high, wide = allowed or (result, result, False)
+    return judge_value(cell.number, result / unit, (low / unit, high / unit), choices, wide=wide)
+
+
+def judge_value(
+    printed: PrintedNumber,
+    value: float,
+    interval: tuple[float, float],
+    choices: Mapping[str, str] | None = None,
+    *,
+    wide: bool = False,
+) -> Reading:
+    """Compare a deterministic result with the printed digits.
+
+    `wide` states that the result depends on an input printed as about or nominal.
 
     Examples
     --------
@@ -68,21 +106,55 @@ def judge_value(printed: PrintedNumber, value: float, interval: tuple[float, flo
     'exact'
     """
     if not math.isfinite(value):
-        raise ValueError(f"expected a finite recomputed value, got {value}; mend the computation")
+        raise ValueError(f"computed value: expected a finite number, got {value}")
     rounds = printed.meets(value, value)
     agrees = rounds or printed.meets(*interval)
-    flags: tuple[str, ...] = ("bound",) if printed.is_bound else ()
-    if agrees and not rounds:
-        flags += ("through_rounding",)
+    flags: tuple[Flag, ...] = ("bound",) if printed.is_bound else ()
+    if agrees and (wide or has_wide_tolerance(printed, value)):
+        flags += ("tolerance",)
+    elif agrees and not rounds:
+        flags += ("rounding",)
     half = printed.reach
     share = None
-    if agrees and not printed.is_bound:  # a count is met or missed: there is no digit to round
+    if agrees and not printed.is_bound:  # a count has no digit to round
         share = abs(value - printed.value) / half if half else 0.0
-    return Judgement("exact" if agrees else "differs", value, interval, flags, half, share)
+    return Reading(
+        choices=dict(choices or {}),
+        verdict="exact" if agrees else "differs",
+        computed=value,
+        interval=interval,
+        flags=flags,
+        tolerance=half,
+        share=share,
+        probability=None,
+        mcse=None,
+        error=None,
+    )
 
 
-def judge_prediction(printed: PrintedNumber, draws: NDArray[np.float64]) -> Judgement:
-    """Judge a printed random or measured number against what the reproduction predicts.
+def has_wide_tolerance(printed: PrintedNumber, value: float) -> bool:
+    """Return whether agreement with a value rests on the word *about* or *nominal*.
+
+    The value does not round to the printed digits, or the tolerance of the qualifier is more than
+    a tenth of the printed value.
+
+    Examples
+    --------
+    >>> has_wide_tolerance(PrintedNumber("44.6", qualifier="about"), 44.69)
+    True
+    """
+    if printed.qualifier not in _WIDE:
+        return False
+    wide = printed.reach > _WIDE_TOLERANCE * abs(printed.value)
+    return wide or not dataclasses.replace(printed, qualifier=None).meets(value, value)
+
+
+def judge_prediction(
+    printed: PrintedNumber,
+    draws: NDArray[np.float64],
+    choices: Mapping[str, str] | None = None,
+) -> Reading:
+    """Compare a predicted distribution with a printed random or measured number.
 
     Examples
     --------
@@ -91,25 +163,46 @@ def judge_prediction(printed: PrintedNumber, draws: NDArray[np.float64]) -> Judg
     'consistent'
     """
     if draws.size == 0 or not np.isfinite(draws).all():
-        raise ValueError(f"expected finite draws, got {draws.size} with NaN or infinity among them")
-    tail = tail_mid_p(np.sort(draws), *printed.interval())
-    probability = min(1.0, 2.0 * float(tail))
-    low, high = central(draws)
-    consistent = probability >= 1.0 - CENTRAL
-    flags = ("uninformative",) if high - low > abs(printed.value) else ()
-    # (k + 1/2)/(n + 1) in place of k/n, so that a count of zero does not claim a zero error.
-    smoothed = (float(tail) * draws.size + 0.5) / (draws.size + 1)
+        raise ValueError(f"draws: expected finite numbers, got {draws.size} with NaN or infinity")
+    probability = min(1.0, 2.0 * float(tail_mid_p(np.sort(draws), *printed.interval())))
     near = np.quantile(draws, np.array([0.5, 0.5]) + np.array([-0.5, 0.5]) / math.sqrt(draws.size))
-    return Judgement(
-        verdict="consistent" if consistent else "differs",
+    return predicted(
+        printed,
+        dict(choices or {}),
         computed=float(np.median(draws)),
-        interval=(low, high),
-        flags=flags,
+        interval=central(draws),
+        probability=probability,
+        error=float(np.ptp(near)) / 2,
+        replicates=draws.size,
+    )
+
+
+def predicted(
+    printed: PrintedNumber,
+    choices: dict[str, str],
+    *,
+    computed: float,
+    interval: tuple[float, float],
+    probability: float,
+    error: float,
+    replicates: int,
+) -> Reading:
+    """Return the comparison that follows from the summary of a predicted distribution."""
+    low, high = interval
+    consistent = probability >= 1.0 - CENTRAL
+    # (k + 1/2)/(n + 1) in place of k/n, so that a count of zero does not claim a zero error.
+    smoothed = (probability / 2 * replicates + 0.5) / (replicates + 1)
+    return Reading(
+        choices=choices,
+        verdict="consistent" if consistent else "differs",
+        computed=computed,
+        interval=interval,
+        flags=("wide",) if high - low > abs(printed.value) else (),
         tolerance=(high - low) / 2,
         share=(1.0 - probability) / CENTRAL if consistent else None,
         probability=probability,
-        mcse=2.0 * math.sqrt(smoothed * (1.0 - smoothed) / draws.size),
-        error=float(np.ptp(near)) / 2,
+        mcse=2.0 * math.sqrt(smoothed * (1.0 - smoothed) / replicates),
+        error=error,
     )
 
 
@@ -142,9 +235,12 @@ def central(draws: NDArray[np.float64]) -> tuple[float, float]:
 def joint_probability(
     draws: NDArray[np.float64], intervals: NDArray[np.float64]
 ) -> tuple[float, float]:
-    """Return how often cells that are drawn together lie as far out as the print, and its error.
+    """Return the probability of cells as far out as the printed ones, and its error.
 
-    Cells on the first axis: draws of shape (cells, n), printed intervals of shape (cells, 2).
+    Cells on the first axis: draws of shape (cells, n), printed intervals of shape (cells, 2). The
+    measure is the squared Mahalanobis distance from the mean, which accounts for correlation. The
+    distance of the printed cells is the smallest one of all values that round to them, so rounding
+    can make the probability too large and never too small.
 
     Examples
     --------
@@ -152,113 +248,103 @@ def joint_probability(
     >>> joint_probability(draws, np.array([[8.95, 9.05]]))[0] < 0.001
     True
     """
-    mean, sd = draws.mean(axis=1, keepdims=True), draws.std(axis=1, ddof=1, keepdims=True)
-    share, _ = farther_out((draws - mean) / sd, (intervals - mean) / sd)
-    size = draws.shape[1]
-    probability = (share * size + 1) / (size + 1)
-    return probability, math.sqrt(probability * (1 - probability) / size)
-
-
-def farther_out(draws: NDArray[np.float64], edges: NDArray[np.float64]) -> tuple[float, float]:
-    """Return which share of the draws lies as far out as the print, and how far that is, squared.
-
-    Both in standard deviations from the mean. The measure is the squared Mahalanobis distance,
-    which knows that cells move together. That of the print is the least one of all tables that
-    round to it, so rounding can make the share too large and never too small.
-    """
     from scipy.optimize import lsq_linear  # only now: SciPy's optimisers take long
 
+    mean, sd = draws.mean(axis=1, keepdims=True), draws.std(axis=1, ddof=1, keepdims=True)
+    draws, edges = (draws - mean) / sd, (intervals - mean) / sd
     # Cells that noise moves alike are nearly dependent; lifting the smallest eigenvalues, again,
     # can make a probability too large only.
     values, vectors = np.linalg.eigh(np.atleast_2d(np.corrcoef(draws)))
     whitening = (vectors / np.sqrt(np.maximum(values, _DEPENDENT))).T
     low, high = edges[:, 0], np.maximum(edges[:, 1], edges[:, 0] + _POINT)
     nearest = lsq_linear(whitening, np.zeros(len(edges)), (low, high), method="bvls")
-    squared = 2 * float(nearest.cost)
-    return float((np.square(whitening @ draws).sum(axis=0) >= squared).mean()), squared
+    farther = np.square(whitening @ draws).sum(axis=0) >= 2 * float(nearest.cost)
+    size = draws.shape[1]
+    probability = (float(farther.mean()) * size + 1) / (size + 1)
+    return probability, math.sqrt(probability * (1 - probability) / size)
 
 
-def result_intervals(computation: Computation, given: Given) -> dict[str, Interval]:
+def result_intervals(computation: Computation, given: Given) -> dict[str, Propagated]:
     """Propagate the rounding of the printed inputs through a deterministic computation.
 
     Each input is moved to both ends of its rounding interval on its own to see which way every
-    result goes (both, because a smallest or largest value may answer to one side alone); then all
+    result goes (both, because a smallest or largest value may respond to one side only); then all
     inputs are moved together to the corner that makes the result smallest and to the one that
     makes it largest. These corners are the exact ends of a result that is monotone in each input.
-    That every one here is, is proven: an enclosure of its formula (`reproduce.audit`) gives the
-    same interval.
+    An enclosure of each formula (`reproduce.audit`) gives the same interval, so every result here
+    is monotone.
 
-    Cell name to the smallest and largest result, in SI; for a reading of a blocked cell, the name
-    that `reading_name` gives.
+    By cell name.
     """
-    centre = numbers(computation, given)
+
+    def numbers(moved: Given) -> dict[str, float]:
+        return {n: float(v) for n, v in computation(moved).items()}  # type: ignore[arg-type]
+
+    centre = numbers(given)
     slopes: dict[str, dict[str, float]] = {name: {} for name in centre}
     for cell in given.numbers():
         for side in (1.0, -1.0):
-            moved = numbers(computation, given.shifted({cell.address: side}))
-            for name, value in moved.items():
+            for name, value in numbers(given.shifted({cell.address: side})).items():
                 if value != centre[name]:
                     slopes[name][cell.address] = side if value > centre[name] else -side
-    found = {name: (value, value) for name, value in centre.items()}
+    found = {}
     for name, signs in slopes.items():
-        if signs:
-            moves = ({a: side * sign for a, sign in signs.items()} for side in (-1.0, 1.0))
-            ends = [numbers(computation, given.shifted(one))[name] for one in moves]
-            found[name] = min(ends), max(ends)
+        moves = ({a: side * sign for a, sign in signs.items()} for side in (-1.0, 1.0))
+        ends = [numbers(given.shifted(one))[name] for one in moves] if signs else [centre[name]]
+        wide = any(given.cells[address].number.qualifier in _WIDE for address in signs)
+        found[name] = Propagated(min(ends), max(ends), wide)
     return found
 
 
-def plain_results(computation: Computation, given: Given) -> dict[str, str]:
-    """Find the results that hardly compute anything: copies and differences of two cells.
+def plain_results(computation: Computation, given: Given) -> dict[str, Flag]:
+    """Find the results that hardly compute anything.
 
     Every input is moved by one unit of its last digit, up and down, to see which results follow
     it and by how much.
 
-    Cell name to ``repeated`` (the result is one input, moves one to one with it and with no other)
-    or ``difference`` (one input less another, or less itself); no other names.
+    Cell name to ``copy`` (one input, also through a sign, an absolute value, a minimum or a
+    maximum, ties included) or ``difference`` (one input minus another, or minus itself); no other
+    names.
     """
-    centre = numbers(computation, given)
+    centre = computation(given)
     follows: dict[str, dict[str, set[float]]] = {name: {} for name in centre}
     for cell in (cell for cell in given.cells.values() if cell.is_number):
         for steps in (1, -1):
             number, last = cell.number, Decimal(1).scaleb(cell.number.exponent)
             text = str(Decimal(number.text) + steps * last)
-            other = replace(cell, content=replace(number, text=text))
+            other = cell_with(cell, text)
             moved = Given({**given.cells, cell.address: other})
             step = moved[cell.address] - given[cell.address]
-            for name, value in numbers(computation, moved).items():
+            for name, value in computation(moved).items():
                 follows[name].setdefault(cell.address, set()).add(
-                    round((value - centre[name]) / step, 9)
+                    round((value - centre[name]) / step, 9)  # type: ignore[operator]
                 )
-    found = {}
+    found: dict[str, Flag] = {}
     for name, value in centre.items():
-        slopes = {address: seen for address, seen in follows[name].items() if seen != {0.0}}
-        rising, falling = ([a for a, s in slopes.items() if s == {side}] for side in (1.0, -1.0))
-        if len(slopes) == len(rising) == 1 and given[rising[0]] == value:
-            found[name] = "repeated"
-        elif (len(slopes), len(rising), len(falling)) == (2, 1, 1):
-            if math.isclose(value, given[rising[0]] - given[falling[0]], rel_tol=1e-9):
-                found[name] = "difference"
-        elif given.cells and not slopes and value == 0:
-            found[name] = "difference"
+        slopes = {address: seen - {0.0} for address, seen in follows[name].items()}
+        slopes = {address: seen for address, seen in slopes.items() if seen}
+        kind = _plain(float(value), slopes, given)  # type: ignore[arg-type]
+        if kind:
+            found[name] = kind
     return found
 
 
-def reading_name(cell: str, reading: str) -> str:
-    """Return the name of one reading of a blocked cell among the results of its computation."""
-    return f"{cell} ({reading})"
+def cell_with(cell: Cell, text: str) -> Cell:
+    """Return a cell with other printed digits."""
+    return dataclasses.replace(cell, content=dataclasses.replace(cell.number, text=text))
 
 
-def numbers(computation: Computation, given: Given) -> dict[str, float]:
-    """Return the numbers that a computation makes, those of every reading under their own name."""
-    found: dict[str, float] = {}
-    for name, result in computation(given).items():
-        if isinstance(result, int | float):
-            found[name] = float(result)
-        elif isinstance(result, Blocked):
-            found |= {
-                reading_name(name, reading.name): float(reading.result)
-                for reading in result.readings
-                if isinstance(reading.result, int | float)
-            }
-    return found
+def _plain(value: float, slopes: Mapping[str, set[float]], given: Given) -> Flag | None:
+    """Return the kind of a result from its slopes by the inputs that it responds to."""
+    steep = [address for address, seen in slopes.items() if seen <= {1.0, -1.0}]
+    if len(steep) == len(slopes) and slopes:
+        if all(math.isclose(abs(given[a]), abs(value), rel_tol=1e-9) for a in steep):
+            return "copy"
+        if len(slopes) == 2:
+            one, other = (given[a] for a in steep)
+            ends = (one - other, other - one)
+            if any(math.isclose(value, end, rel_tol=1e-9) for end in ends):
+                return "difference"
+    if given.cells and not slopes and value == 0:
+        return "difference"
+    return None

@@ -12,7 +12,8 @@ import tomllib
 import zlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cache, lru_cache
+from functools import cache, cached_property, lru_cache
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -41,7 +42,7 @@ class Column:
         Its head, with the unit in brackets.
     form : str
         A format specification for numbers, such as ``.2f``; empty for words; ``±`` for two digits
-        of the error; ``chance`` for a probability, with the digits that its draws can tell.
+        of the error; ``chance`` for a probability, small ones as a power of ten.
     zero : float
         Numbers smaller than this are what rounding leaves of zero, and are shown as 0;
         probabilities smaller than this are shown as a bound.
@@ -50,10 +51,6 @@ class Column:
         or with one digit; that column is not shown on its own.
     missing : str
         What stands where there is no number.
-    draws : int
-        How many draws a probability is counted from; without them it is a power of ten.
-    bold : float
-        Numbers below this are bold.
     """
 
     name: str
@@ -61,18 +58,17 @@ class Column:
     zero: float = 0.0
     error: str = ""
     missing: str = ""
-    draws: int = 0
-    bold: float = 0.0
 
 
 @checked.dataclass(frozen=True, config=_EXACT)
-class Way:
-    """One way to read what a text leaves open, as `Reading` has it."""
+class Alternative:
+    """One value of an option: what it means, and the passage of the paper that allows it."""
 
-    name: str
+    text: str
     place: str
-    added: str
-    choices: dict[str, str]
+
+
+Options = Mapping[str, Mapping[str, Alternative]]
 
 
 @checked.dataclass(frozen=True, config=_EXACT)
@@ -88,10 +84,9 @@ class Words:
     """The texts of one key.
 
     - `caption`, `columns`, `folded`, `settings`: of a study, as `Study` has them.
-    - `options`: what the text of a paper leaves open: option to its alternatives, each with what
-      it stands for.
-    - `readings`: every way tried to read it, the literal one first, by what they give.
-    - `missing`: what the text would have to say, by the same names.
+    - `options`: what the text of a paper leaves open: option to its alternatives, the literal one
+      first.
+    - `unpublished`: patterns of cell names to the data that the paper does not publish.
     - `figure`: of what is drawn; ``{name}`` stands for a fact that the drawing names, and
       ``{ADDRESS printed}`` or another side for a printed cell.
     """
@@ -100,13 +95,18 @@ class Words:
     columns: tuple[Column, ...] = ()
     folded: str = ""
     settings: dict[str, str] = field(default_factory=dict)
-    options: dict[str, dict[str, str]] = field(default_factory=dict)
-    readings: dict[str, tuple[Way, ...]] = field(default_factory=dict)
-    missing: dict[str, str] = field(default_factory=dict)
+    options: dict[str, dict[str, Alternative]] = field(default_factory=dict)
+    unpublished: dict[str, str] = field(default_factory=dict)
     figure: _Pictured = _Pictured("", "")
 
 
 _FILE = TypeAdapter(dict[str, Words])
+
+
+def unpublished(key: str, name: str) -> str:
+    """Return the unpublished data that a cell needs; empty if the paper publishes them."""
+    missing = words(key).unpublished.items()
+    return next((data for pattern, data in missing if fnmatch.fnmatchcase(name, pattern)), "")
 
 
 def words(key: str) -> Words:
@@ -133,8 +133,6 @@ def parsed(text: str, path: Path) -> dict[str, Words]:
 
 # One root for the whole project; every computation adds its own name to it (see seed_of).
 ROOT_SEED = 20_240_102
-# Draws that must lie beyond a value before their count says how likely it is.
-LEAST_DRAWS = 20
 _NOTHING: Mapping[str, float] = {}
 
 
@@ -152,76 +150,8 @@ class Prediction:
     draws: NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class Reading:
-    """What a number would be under one way to read what the paper leaves open.
-
-    Parameters
-    ----------
-    name : str
-        The reading in a few words, the same for every cell that it belongs to.
-    place : str
-        Where the text leaves room for it.
-    result : float or Prediction
-        The number in SI units, or its prediction.
-    choices : mapping of str to str
-        What it chooses of the options of its computation.
-    added : str
-        The day on which it came into the history of this project, such as ``2026-11-22``.
-    """
-
-    name: str
-    place: str
-    result: float | Prediction
-    choices: Mapping[str, str] = field(default_factory=dict)
-    added: str = ""
-
-
-def read(way: Way, result: float | Prediction) -> Reading:
-    """Return what a number would be under one way to read the text."""
-    return Reading(way.name, way.place, result, way.choices, way.added)
-
-
-@dataclass(frozen=True)
-class Blocked:
-    """A number that needs something unpublished, or that may depend on how the text is read.
-
-    Parameters
-    ----------
-    missing : str
-        What would be needed.
-    stand_in : float, optional
-        Our value in its place, in SI units, shown without a verdict.
-    readings : tuple of Reading
-        Every way tried to read the text, the literal one first. Where all of them agree with the
-        print, or none does, the number is not blocked: the literal one judges it.
-    """
-
-    missing: str
-    stand_in: float | None = None
-    readings: tuple[Reading, ...] = ()
-
-
-def blocked(
-    text: Words, name: str, results: Iterable[float | Prediction], stand_in: float | None = None
-) -> Blocked:
-    """Return a number that depends on how the text is read, from what every way gives."""
-    return Blocked(text.missing[name], stand_in, tuple(map(read, text.readings[name], results)))
-
-
-def options_of(text: Words, name: str) -> dict[str, dict[str, str]]:
-    """Return what the readings of a number choose among: option to alternatives, as in `Words`."""
-    chosen = {choice for way in text.readings[name] for choice in way.choices.items()}
-    taken = {
-        option: {way: told for way, told in ways.items() if (option, way) in chosen}
-        for option, ways in text.options.items()
-    }
-    return {option: ways for option, ways in taken.items() if ways}
-
-
-Result = float | Prediction | Blocked
+Result = float | Prediction
 Results = Mapping[str, Result]
-_Options = Mapping[str, Mapping[str, str]]
 
 
 @dataclass(frozen=True)
@@ -243,11 +173,8 @@ class Computation:
     replicates : int
         How many replicates a stochastic computation draws; 0 for a deterministic one.
     options : mapping of str to mapping
-        What the text leaves open: option to its alternatives, each with what it stands for. An
-        option that the function takes is handed to it by name; any other chooses among the
-        readings that the function returns.
-    chosen : mapping of str to str
-        Option to the alternative that is chosen; empty where all stay open.
+        What the text leaves open: option to its alternatives, the literal one first. Each option
+        is a keyword argument of the function.
     """
 
     key: str
@@ -256,8 +183,19 @@ class Computation:
     given: tuple[str, ...]
     equations: tuple[str, ...]
     replicates: int
-    options: _Options = field(default_factory=dict, hash=False)
-    chosen: Mapping[str, str] = field(default_factory=dict, hash=False)
+    options: Options = field(default_factory=dict, hash=False)
+
+    @property
+    def literal(self) -> dict[str, str]:
+        """The literal reading: the first alternative of each option."""
+        return {name: next(iter(ways)) for name, ways in self.options.items()}
+
+    @cached_property
+    def readings(self) -> list[dict[str, str]]:
+        """All readings, the literal one first: every combination of the alternatives."""
+        return [
+            dict(zip(self.options, one, strict=True)) for one in product(*self.options.values())
+        ]
 
     @property
     def name(self) -> str:
@@ -286,58 +224,41 @@ class Computation:
         """Tell whether the cell called `name` is one that this computation makes."""
         return any(fnmatch.fnmatchcase(name, pattern) for pattern in self.cells)
 
-    def __call__(self, given: Given, replicates: int | None = None) -> Results:
-        """Run the function through the door, with its own seed if it draws random numbers.
+    def under(self, choices: Mapping[str, str]) -> Computation:
+        """Return the computation with one alternative of each option.
 
-        What follows from the print as it stands is kept: the ledger, our own tables and a rerun,
-        which compares with it, ask for the same.
+        Options without a choice keep their literal alternative.
         """
-        if given.values or given.shifts:
-            return self._run(given, replicates)
-        return dict(_kept(self, given, replicates))
+        chosen = {n: w for n, w in choices.items() if w in self.options.get(n, ())}
+        reading = self.literal | chosen
+        return replace(self, options={n: {w: self.options[n][w]} for n, w in reading.items()})
 
-    def _run(self, given: Given, replicates: int | None) -> Results:
-        taken = inspect.signature(self.function).parameters
-        every = any(one.kind is one.VAR_KEYWORD for one in taken.values())
-        handed = {name: way for name, way in self.chosen.items() if every or name in taken}
-        if not self.replicates:
-            results = self.function(given, **handed)
-        else:
-            seed = seed_of(self._stream, given.root)
-            results = self.function(given, seed, replicates or self.replicates, **handed)
-        return {name: self._left(name, one) for name, one in results.items()}
+    def __call__(self, given: Given, replicates: int | None = None) -> Results:
+        """Return the numbers of the literal reading, with the seed of the computation.
 
-    def under(self, chosen: Mapping[str, str]) -> Computation:
-        """Return the same computation with some of its options chosen; it leaves out others."""
-        own = {n: way for n, way in chosen.items() if way in self.options.get(n, ())}
-        return replace(self, chosen=own)
-
-    def _left(self, name: str, result: Result) -> Result:
-        """Return a result with the readings that what is chosen leaves open; one alone decides."""
-        if not self.chosen or not isinstance(result, Blocked) or not result.readings:
-            return result
-        left = tuple(reading for reading in result.readings if agree(reading.choices, self.chosen))
-        if not left:
-            ways = (", ".join(f"{n}={w}" for n, w in r.choices.items()) for r in result.readings)
-            raise ValueError(
-                f"{self.key}#{name}: no reading has all that is chosen; these are computed: "
-                f"{'; '.join(dict.fromkeys(ways))}"
-            )
-        return left[0].result if len(left) == 1 else replace(result, readings=left)
+        Results from unchanged printed numbers are cached: the ledger, supplementary tables and
+        reruns share them.
+        """
+        changed = bool(given.values or given.shifts)
+        return dict((_run if changed else _cached)(self, given, replicates))
 
 
-@lru_cache(maxsize=64)
-def _kept(computation: Computation, given: Given, replicates: int | None) -> Results:
-    return computation._run(given, replicates)
+def _run(computation: Computation, given: Given, replicates: int | None) -> Results:
+    if not computation.replicates:
+        return computation.function(given, **computation.literal)
+    seed = seed_of(computation._stream, given.root)
+    count = replicates or computation.replicates
+    return computation.function(given, seed, count, **computation.literal)
 
 
-def agree(choices: Mapping[str, str], chosen: Mapping[str, str]) -> bool:
-    """Tell whether a reading has all that is chosen, as far as it decides it."""
-    return all(chosen.get(name, way) == way for name, way in choices.items())
+_cached = lru_cache(maxsize=64)(_run)
 
 
+@cache
 def seed_of(name: str, root: int | None) -> np.random.SeedSequence:
     """Return the random seed of something that draws random numbers.
+
+    The same object for the same arguments, so that results can be cached by it.
 
     Parameters
     ----------
@@ -374,7 +295,7 @@ def reproduces(
     cells: Sequence[str] = ("*",),
     equations: Sequence[str] = (),
     replicates: int = 0,
-    options: _Options | None = None,
+    options: Options | None = None,
 ) -> Callable[[Callable[..., Results]], Computation]:
     """Declare that a function makes printed cells of `key`.
 
@@ -391,7 +312,8 @@ def reproduces(
     replicates : int
         How many replicates to draw; the function then takes ``(given, seed, replicates)``.
     options : mapping, optional
-        What the text leaves open, as in `Computation`.
+        Options of the text, of which the function takes those that are its keyword-only
+        parameters. Default: the options in the data of `key`.
 
     Returns
     -------
@@ -407,8 +329,16 @@ def reproduces(
     'niu2024/text-context'
     """
 
-    declared = (tuple(cells), tuple(given), tuple(equations), replicates, options or {})
-    return lambda function: Computation(key, function, *declared)
+    known = words(key).options if options is None else options
+
+    def declared(function: Callable[..., Results]) -> Computation:
+        taken = inspect.signature(function).parameters.values()
+        own = {p.name: known[p.name] for p in taken if p.kind is p.KEYWORD_ONLY}
+        return Computation(
+            key, function, tuple(cells), tuple(given), tuple(equations), replicates, own
+        )
+
+    return declared
 
 
 @dataclass(frozen=True)

@@ -61,6 +61,11 @@ class Given:
         cell = self._cell(address)
         return cell.number.half_unit * si_factor(cell.unit)
 
+    def upper(self, address: str) -> float:
+        """Return the largest value that the number at `address` stands for, in SI units."""
+        cell = self._cell(address)
+        return self[address] + cell.number.reach * si_factor(cell.unit)
+
     def count(self, address: str) -> int:
         """Return the whole number at `address`."""
         return round(self[address])

@@ -73,13 +73,13 @@ class Item(Shown):
 
     @property
     def options(self) -> pd.DataFrame:
-        """What the text leaves open: one row for each alternative, the literal one first."""
+        """Options of the text: one row for each alternative, the literal one first."""
         import pandas as pd
 
         rows = [
-            (name, way, words_of)
+            (name, way, alternative.text, alternative.place)
             for name, ways in rerun.options(self.key).items()
-            for way, words_of in ways.items()
+            for way, alternative in ways.items()
         ]
 
         class Words(pd.DataFrame):
@@ -93,7 +93,7 @@ class Item(Shown):
                 with pd.option_context("display.max_colwidth", None):
                     return self.to_html(notebook=True)
 
-        frame = pd.DataFrame(rows, columns=["option", "alternative", "what it stands for"])
+        frame = pd.DataFrame(rows, columns=["option", "alternative", "meaning", "passage"])
         return Words(frame.set_index(["option", "alternative"]))
 
     @property

@@ -30,8 +30,8 @@ Entry = str | Markup
 _WIDTH = 80
 _TOWER = 14  # columns that a wrapped sentence takes at least
 # How a terminal shows the badge of a verdict.
-_COLOURS = {"exact": "green", "consistent": "green", "differs": "bold red", "blocked": "yellow"}
-_COLOURS |= {"input": "dim"}
+_COLOURS = {"exact": "green", "consistent": "green", "differs": "bold red"}
+_COLOURS |= {"ambiguous": "yellow", "unpublished": "cyan", "input": "dim"}
 _SMALL = re.compile("<br><small>(.*?)</small>")
 PLAIN = "reproduce-plain"  # how streams write what they cannot encode
 # What stands in for a sign that a stream cannot encode.

@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING, Any
 from markupsafe import Markup
 
 from reproduce.judge.ledger import Ledger, Record, build, surprises
-from reproduce.judge.rerun import studies
 from reproduce.judge.verdicts import VERDICTS
-from reproduce.papers.catalogue import catalogue
+from reproduce.papers.catalogue import catalogue, studies
 from reproduce.printed.cells import PAPERS, PrintedTable, anchor, library
 from reproduce.views import keys, verdicts
 from reproduce.views.base import by_row
@@ -32,7 +31,8 @@ SHAPES = {
     "exact": "M-4.5-4.5h9v9h-9z",
     "consistent": "M-4.9 0a4.9 4.9 0 1 0 9.8 0a4.9 4.9 0 1 0-9.8 0z",
     "differs": "M0-6.5 6.5 0 0 6.5-6.5 0z",
-    "blocked": "M0-5 5.5 4.5h-11z",
+    "ambiguous": "M0-5 5.5 4.5h-11z",
+    "unpublished": "M-4.5-4.5 4.5 4.5M-4.5 4.5 4.5-4.5",
     "input": "M-2.1 0a2.1 2.1 0 1 0 4.2 0a2.1 2.1 0 1 0-4.2 0z",
 }
 

@@ -405,9 +405,8 @@ def _verdicts(entry: Erratum) -> Markup:
 
 
 def _judged(record: Record) -> str:
-    if record.readings:
-        agreeing = sum(reading.agrees for reading in record.readings)
-        return f"blocked: agrees with {agreeing} of {len(record.readings)} readings"
+    if record.verdict == "ambiguous" and record.readings:
+        return f"agrees with {record.readings.agreeing} of {record.readings.count} readings"
     value = verdicts.computed(record, extra=1)
     return f"{quantity(value, verdicts.unit(record))} computed"
 

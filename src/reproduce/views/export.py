@@ -15,9 +15,8 @@ from markupsafe import Markup
 from pybtex.database import BibliographyData, Entry, Person, parse_file
 
 from reproduce.judge.ledger import Ledger, Record, reason
-from reproduce.judge.rerun import studies
 from reproduce.locate import papers
-from reproduce.papers.catalogue import drawings
+from reproduce.papers.catalogue import drawings, studies
 from reproduce.printed.cells import PAPERS, anchor, library
 from reproduce.version import ADDRESS, DOI, RELEASED, __version__, software
 from reproduce.views import keys, verdicts
@@ -122,15 +121,27 @@ def full_frame(records: Iterable[Record]) -> pd.DataFrame:
     rows = []
     for record in records:
         row = record.model_dump() | {"reason": reason(record.cell)}
-        row["readings"] = "; ".join(
-            f"{reading.name}: {reading.computed!r} {reading.verdict}" for reading in record.readings
-        )
+        row |= _read(record)
         for name in ("stands_for", "interval"):
             row[f"{name}_low"], row[f"{name}_high"] = row.pop(name) or (None, None)
         for name in ("flags", "equations", "seed", "reads"):
             row[name] = " ".join(map(str, row[name] or ()))
         rows.append(row)
     return pd.DataFrame(rows)
+
+
+def _read(record: Record) -> dict[str, Any]:
+    """Return the columns on the readings of a cell."""
+    found = record.readings
+    closest = found and found.closest
+    return {
+        "readings": found and found.count,
+        "agreeing": found and found.agreeing,
+        "agrees_if": found and verdicts.deciding(found),
+        "closest": closest and verdicts.choices_text(closest.choices),
+        "closest_computed": closest and closest.computed,
+        "closest_probability": closest and closest.probability,
+    }
 
 
 def _shaped_frame(records: tuple[Record, ...], *, whole: bool) -> pd.DataFrame:
@@ -214,12 +225,11 @@ def statement(record: Record) -> str:
     unit = "" if record.unit in {"", "1"} else f" {record.unit}"
     said = [f"{record.cell}: printed {record.printed}{unit}"]
     if record.computed is not None and record.role == "result":
-        what = "our stand-in" if "stand_in" in record.flags else "recomputed"
+        what = "assumed" if "stand_in" in record.flags else "recomputed"
         ends = ", ".join(f"{end:.6g}" for end in record.interval or ())
         said.append(f"{what} {record.computed:.6g}{ends and f' [{ends}]'}{unit}")
-    if record.verdict == "blocked" and record.readings:
-        agreeing = sum(one.agrees for one in record.readings)
-        said.append(f"agrees with {agreeing} of {len(record.readings)} readings")
+    if record.verdict == "ambiguous" and record.readings:
+        said.append(f"agrees with {record.readings.agreeing} of {record.readings.count} readings")
     return ", ".join((*said, record.verdict))
 
 

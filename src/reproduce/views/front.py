@@ -69,7 +69,7 @@ def table(address: str) -> Table | Cell | StudyTable:
     >>> table("niu2024/table-2")["scale.red"].verdict
     'exact'
     """
-    from reproduce.judge.rerun import studies
+    from reproduce.papers.catalogue import studies
     from reproduce.views.study import StudyTable
     from reproduce.views.table import Cell, Table
 
@@ -100,7 +100,7 @@ def figure(key: str) -> Figure | Panels:
 
 def item(address: str) -> Table | Cell | StudyTable | Figure | Panels:
     """Return what an address of the command line names: `table` or `figure`."""
-    from reproduce.judge.rerun import studies
+    from reproduce.papers.catalogue import studies
     from reproduce.printed.cells import library
     from reproduce.views.keys import resolved
 

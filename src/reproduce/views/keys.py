@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import difflib
 
-from reproduce.judge.rerun import studies
-from reproduce.papers.catalogue import catalogue, drawings
+from reproduce.papers.catalogue import catalogue, drawings, studies
 from reproduce.printed.cells import PAPERS, anchor, library
 
 

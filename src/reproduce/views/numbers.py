@@ -58,7 +58,7 @@ def entry(value: float | str, column: Column, error: tuple[float, str] | None = 
     if not column.form or isinstance(value, str):
         return str(value)
     if column.form == "chance":
-        return _counted(value, column.draws, column.zero)
+        return _power(value, column.zero)
     if column.form == "±" and error:
         return moments(value, error[0])
     text = _number(value, column.form, zero=column.zero)
@@ -130,12 +130,8 @@ def chance(value: float, mcse: float) -> str:
     return f"{value:.{decimals}f}"
 
 
-def _counted(probability: float, draws: int, least: float) -> str:
-    """Write a probability by its count where the draws can tell, else as a power of ten."""
-    from reproduce.papers.declare import LEAST_DRAWS  # only now: a user's own stars need no paper
-
-    if probability * draws >= LEAST_DRAWS:
-        return chance(probability, math.sqrt(probability * max(2 - probability, 0) / draws))
+def _power(probability: float, least: float) -> str:
+    """Write a probability, a small one as a power of ten."""
     if probability >= 1e-3:
         return f"{probability:.1g}"
     bound = round(math.log10(least or 1e-300))

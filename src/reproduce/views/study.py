@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from markupsafe import Markup
-
-from reproduce.judge.rerun import studies
+from reproduce.papers.catalogue import studies
 from reproduce.papers.declare import Column, Study
 from reproduce.printed.cells import anchor
 from reproduce.views import numbers
@@ -125,7 +123,4 @@ class StudyTable(Changeable, Item):
 
 def _entry(row: Mapping[Any, Any], column: Column, forms: Mapping[str, str]) -> Entry:
     error = (row[column.error], forms[column.error]) if column.error else None
-    text = numbers.entry(row[column.name], column, error)
-    if column.bold and row[column.name] < column.bold:
-        return Markup("<strong>{}</strong>").format(text)
-    return text
+    return numbers.entry(row[column.name], column, error)

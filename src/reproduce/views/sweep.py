@@ -29,7 +29,7 @@ _NOTICED = 0.05
 
 
 _OWN = "a reader's own setting, without a verdict"
-_READING = "one reading of the text; the verdict of a cell takes every reading into account"
+_READING = "one reading of the text; the verdict of a cell takes all readings into account"
 
 
 class Point(NamedTuple):
@@ -40,7 +40,6 @@ class Point(NamedTuple):
     """
 
     cell: str
-    reading: str
     unit: str
     value: float | None
     interval: Interval | None
@@ -48,16 +47,11 @@ class Point(NamedTuple):
     mark: float
     span: Interval
 
-    @property
-    def name(self) -> str:
-        """What a head calls it."""
-        return f"{self.cell} if {self.reading}" if self.reading else self.cell
-
 
 class Changed(Display):
     """A table or cell computed again under a reader's own change, which has no verdict.
 
-    With nothing but options it is a reading of the text: each cell says what it would be judged as.
+    With options only it is one reading of the text, with the verdict of each cell.
 
     Parameters
     ----------
@@ -80,14 +74,14 @@ class Changed(Display):
         -------
         pandas.DataFrame
             One row per computed cell, in the unit of print, with the central 99 % where it is a
-            prediction; a reading of the text has the verdict that it ``would be``.
+            prediction; a reading of the text has the ``verdict`` of each cell.
         """
         import pandas as pd
 
-        heads = ("cell", "reading", "printed", "unchanged", "changed", "changed - printed",
-                 "low", "high", "unit", "would be")  # fmt: skip
+        heads = ("cell", "printed", "unchanged", "changed", "changed - printed", "low", "high",
+                 "unit", "verdict")  # fmt: skip
         frame = pd.DataFrame(map(_row, self._cells), columns=heads).set_index("cell")
-        return frame.drop(columns=[n for n in ("reading", "would be") if not frame[n].any()])
+        return frame if frame["verdict"].any() else frame.drop(columns="verdict")
 
     def _caption(self) -> str:
         remark = _READING if self.result.is_reading else _OWN
@@ -104,13 +98,13 @@ class Changed(Display):
         """The cells and what was changed, as a reader sees them; without empty columns."""
         reading = self.result.is_reading
         columns: dict[str, Callable[[ChangedCell], str]] = {
-            "cell": lambda one: one.cell.name + f" if {one.reading}" * bool(one.reading),
+            "cell": lambda one: one.cell.name,
             "printed": lambda one: minus(one.cell.text),
             "from the print": lambda one: "" if reading else _digits(one, one.unchanged),
-            "so read" if reading else "changed": lambda one: _digits(one, one.value),
+            "computed" if reading else "changed": lambda one: _digits(one, one.value),
             "from": lambda one: _digits(one, one.interval and one.interval[0]),
             "to": lambda one: _digits(one, one.interval and one.interval[1]),
-            "would be": lambda one: one.would_be,
+            "verdict": lambda one: one.verdict,
             "unit": lambda one: symbol(one.cell.unit),
         }
         rows = [one for one in self._cells if one.cell.is_number]
@@ -128,8 +122,8 @@ def _digits(one: ChangedCell, value: float | None) -> str:
 def _row(one: ChangedCell) -> tuple[Any, ...]:
     value, cell = one.value, one.cell
     apart = value - cell.number.value if value is not None and cell.is_number else None
-    told = (cell.name, one.reading, cell.text, one.unchanged, value, apart)
-    return *told, *(one.interval or (None, None)), cell.unit and symbol(cell.unit), one.would_be
+    told = (cell.name, cell.text, one.unchanged, value, apart)
+    return *told, *(one.interval or (None, None)), cell.unit and symbol(cell.unit), one.verdict
 
 
 @dataclass(frozen=True, repr=False)
@@ -173,18 +167,17 @@ class Sweep(Display):
         import pandas as pd
 
         rows = [
-            (value, one.cell, one.reading, one.value, *(one.interval or (None, None)), one.unit)
+            (value, one.cell, one.value, *(one.interval or (None, None)), one.unit)
             for points in self.quantities
             for value, one in zip(self.values, points, strict=True)
         ]
-        heads = ["setting", "cell", "reading", "computed", "low", "high", "unit"]
-        frame = pd.DataFrame(rows, columns=heads).set_index(["setting", "cell"])
-        return frame if frame["reading"].any() else frame.drop(columns="reading")
+        heads = ["setting", "cell", "computed", "low", "high", "unit"]
+        return pd.DataFrame(rows, columns=heads).set_index(["setting", "cell"])
 
     @property
     def grid(self) -> Grid:
         """The table of values and what becomes of each number."""
-        head = [self.label, *(points[0].name for points in self.quantities)]
+        head = [self.label, *(points[0].cell for points in self.quantities)]
         pairs = zip(self.values, self._printed, strict=True)
         settings = (value + " (printed)" * printed for value, printed in pairs)
         texts = [[one.text for one in points] for points in self.quantities]
@@ -228,7 +221,7 @@ class Sweep(Display):
             for at, value, end in zip(x, middle, ends, strict=True)
             if np.isfinite(value)
         )
-        told, line = f"{one.name} from {self.values[0]} to {self.values[-1]}", Markup("")
+        told, line = f"{one.cell} from {self.values[0]} to {self.values[-1]}", Markup("")
         if np.isfinite(one.mark):
             told += f"; dashed: {self.dashed}"
             dashed = Markup('<path class="rp-dashed" d="M{} {}H{}"/>')
@@ -241,7 +234,7 @@ class Sweep(Display):
         return Markup(
             '<figure><svg viewBox="0 0 {} {}" role="img" aria-label="{}">{}{}{}</svg>'
             "<figcaption>{}</figcaption></figure>"
-        ).format(WIDE, HIGH, told, line, marks, axes, one.name + f" ({one.unit})" * bool(one.unit))
+        ).format(WIDE, HIGH, told, line, marks, axes, one.cell + f" ({one.unit})" * bool(one.unit))
 
 
 def swept(
@@ -288,7 +281,7 @@ def of_cells(rerun: Rerun, names: Sequence[str]) -> Iterator[Point]:
             if one.interval:
                 text += f" ({' to '.join(_digits(one, end) for end in one.interval)})"
             text = verdicts.quantity(text, unit if one.value is not None else "")
-            place = (one.cell.name, one.reading, unit, one.value, one.interval)
+            place = (one.cell.name, unit, one.value, one.interval)
             yield Point(*place, text, float(number.value), number.interval())
 
 
@@ -323,7 +316,7 @@ def of_study(
             value, mark = float(new[name]), float(old[name])
             span = (mark - _NOTICED * abs(mark), mark + _NOTICED * abs(mark))
             text = entry(new[name], known[name])
-            yield Point(_called(study, name, old, before), "", "", value, None, text, mark, span)
+            yield Point(_called(study, name, old, before), "", value, None, text, mark, span)
 
 
 def _chosen(frame: pd.DataFrame, wanted: Mapping[str, Any]) -> list[dict[Any, Any]]:

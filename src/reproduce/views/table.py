@@ -10,17 +10,18 @@ from typing import TYPE_CHECKING, Any
 from markupsafe import Markup
 
 from reproduce.judge import rerun as rerunning
-from reproduce.judge.ledger import Ledger, Record, WholeReading, erratum, reason
+from reproduce.judge.ledger import Ledger, Record, erratum, reason
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import Computation
 from reproduce.printed.cells import Cell as PrintedCell
 from reproduce.printed.cells import anchor, library
-from reproduce.views import keys, verdicts
+from reproduce.views import keys, readings, verdicts
 from reproduce.views.base import Change, Item, Shown, by_row, text_of
-from reproduce.views.blocks import Block, Box, Entry, Fold, Grid, Html, badge, grid, link
+from reproduce.views.blocks import Block, Box, Entry, Fold, Grid, Html, badge, grid, html, link
 from reproduce.views.computed import item_ledger
 from reproduce.views.export import bar, export, full_frame, table_files
 from reproduce.views.numbers import minus
+from reproduce.views.readings import Readings
 from reproduce.views.sweep import Changed, Point, Sweep, of_cells, swept
 
 if TYPE_CHECKING:
@@ -83,6 +84,11 @@ class Table(Item):
     def cells(self) -> pd.DataFrame:
         """Return one row per cell, with every field of the ledger."""
         return full_frame(self._ledger.of(self.key))
+
+    @property
+    def readings(self) -> Readings:
+        """All readings of the text: every combination of `options`."""
+        return Readings(self.key)
 
     def rerun(
         self,
@@ -165,11 +171,12 @@ class Table(Item):
         yield from _noted(self._printed.cells)
         if joint := self._ledger.table(self.key):
             yield verdicts.joint_sentence(joint)
-        if readings := _readings(place, records):
-            fits = self._ledger.whole_readings(self.key)
-            whole = grid(f"Readings of {place}, at once", _WHOLE, fits, kind="rp-small")
-            yield verdicts.fitting(fits)
-            yield Fold("Readings of the text, side by side", (*readings, whole))
+        if any(record.readings for record in records):
+            if joint and joint.readings > 1:
+                yield verdicts.fitting(joint)
+            yield readings.summary(place, records)
+            whole = Html(lambda: html(self.readings.blocks()), "")
+            yield Fold("All readings of the text", (whole,))
         if results := [record for record in records if record.role == "result"]:
             made = catalogue()[self.key].computations
             yield Fold("How each cell was judged", tuple(_judged(place, results, made)))
@@ -243,7 +250,7 @@ def _computed(record: Record) -> Entry:
 
 
 def _verdict(record: Record) -> Markup:
-    marks = verdicts.flags(record.flags, {*verdicts.WEAK, "stand_in"})
+    marks = verdicts.flags(record.flags)
     flag = Markup(' <span class="rp-flag">{}</span>').format(marks) if marks else ""
     return link(anchor(record.cell), badge(record.verdict)) + flag
 
@@ -257,7 +264,7 @@ def _judged(place: str, records: Sequence[Record], made: Sequence[Computation]) 
     yield grid(f"Details of {place}", {"cell": _link, **_NUMBERS}, records, **looks)
     reasons: dict[Entry, list[Record]] = {}
     for one in records:
-        if one.verdict in {"differs", "blocked"}:
+        if one.verdict in {"differs", "ambiguous", "unpublished"}:
             reasons.setdefault(_reason(one), []).append(one)
     if reasons:
         yield grid(f"Reasons, {place}", _REASONS, reasons.values(), kind="rp-small", words=3)
@@ -321,33 +328,6 @@ _REASONS: dict[str, Callable[[Sequence[Record]], Entry]] = {
 }
 
 
-def _readings(place: str, records: tuple[Record, ...]) -> list[Grid]:
-    """Lay out the readings of blocked cells, one table for cells that share their readings."""
-    groups: dict[tuple[tuple[str, str], ...], list[Record]] = {}
-    for record in records:
-        if record.readings:
-            names = tuple((one.name, f"{one.place}; added {one.added}") for one in record.readings)
-            groups.setdefault(names, []).append(record)
-    grids = []
-    for number, (names, group) in enumerate(groups.items(), start=1):
-        head = [Markup("{}<br><small>{}</small>").format(name, place) for name, place in names]
-        cells = [_link(one) + Markup(" {}").format(verdicts.cell_of(one).shown) for one in group]
-        body = [[verdicts.read(record, one) for one in record.readings] for record in group]
-        if len(group) <= len(names):
-            head, cells, body = cells, head, [list(row) for row in zip(*body, strict=True)]
-        rows = [[label, *row] for label, row in zip(cells, body, strict=True)]
-        grids.append(Grid(f"Readings of {place}, {number}", ["", *head], rows, kind="rp-small"))
-    return grids
-
-
-_WHOLE: dict[str, Callable[[WholeReading], Entry]] = {
-    "Reading of all open cells at once": lambda one: one.name,
-    "Added": lambda one: one.added,
-    "Cells that agree": lambda one: verdicts.whole(one).partition(";")[0],
-    "Together": lambda one: verdicts.joint_chance(one, "p = "),
-}
-
-
 def _linked(addresses: Iterable[str]) -> Markup:
     """Write addresses, each a link; what several in a row begin with is said once."""
 
@@ -362,6 +342,19 @@ def _linked(addresses: Iterable[str]) -> Markup:
         together = Markup("{}{{{}}}").format(start, Markup(",").join(links.values()))
         parts += alone or [together]
     return Markup(", ").join(parts)
+
+
+def _read(record: Record) -> dict[str, Entry]:
+    """Return the lines on the readings of a cell."""
+    if record.readings is None:
+        return {}
+    found = record.readings
+    closest = f"{verdicts.choices_text(found.closest.choices)}: "
+    return {
+        "readings": f"{found.agreeing} of {found.count} agree",
+        "agrees with": verdicts.deciding(found),
+        "closest reading": closest + verdicts.read(record, found.closest),
+    }
 
 
 class Cell(Shown):
@@ -437,7 +430,7 @@ class Cell(Shown):
             "reads": _linked(self.reads),
             "erratum": link(known, known) if known else "",
             "the authors' reply": _replied(known) if known else "",
-            **{f"if {one.name}": verdicts.read(record, one) for one in record.readings},
+            **_read(record),
         }
         lines = [line for line in told.items() if line[1]]
         yield Grid(self._cell.label, ("Cell", self.address), lines, kind="rp-one", words=2)

@@ -5,8 +5,10 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
 
-from reproduce.judge.ledger import ReadingRecord, Record, TableRecord, WholeReading
-from reproduce.judge.verdicts import VERDICTS
+from reproduce.judge.ledger import Record, TableRecord
+from reproduce.judge.readings import ReadingSummary, evaluate
+from reproduce.judge.verdicts import AGREES, VERDICTS, Flag, Reading
+from reproduce.papers.catalogue import catalogue
 from reproduce.printed.cells import PAPERS, Cell, library
 from reproduce.printed.number import symbol
 from reproduce.views.computed import item_ledger, whole_ledger
@@ -16,11 +18,19 @@ MEANINGS: dict[str, str] = {
     "exact": "recomputed and rounds to the printed digits",
     "consistent": "inside the central 99 % of what the reproduction predicts",
     "differs": "recomputed and does not agree",
-    "blocked": "needs something the paper does not publish, or depends on how the text is read",
+    "ambiguous": "agrees with some readings of the text and not with others",
+    "unpublished": "needs data that the paper does not publish",
     "input": "taken from the paper, nothing to compute",
 }
 
-WEAK = ("repeated", "difference", "through_rounding", "uninformative")
+# Kinds of weak agreement, and their names for readers.
+WEAK: dict[Flag, str] = {
+    "copy": "copy",
+    "difference": "difference",
+    "rounding": "through rounding",
+    "tolerance": "wide tolerance",
+    "wide": "wide prediction",
+}
 
 
 def name_of(record: Record) -> str:
@@ -38,7 +48,7 @@ def computed(record: Record, extra: int = 0) -> str:
     if record.computed is None:
         return ""
     # One more digit where the printed ones alone could not show the difference.
-    hidden = record.verdict == "differs" or "through_rounding" in record.flags
+    hidden = record.verdict not in AGREES or not {"rounding", "tolerance"}.isdisjoint(record.flags)
     return minus(cell_of(record).number.format(record.computed, extra=extra + hidden))
 
 
@@ -61,61 +71,75 @@ def between(record: Record, ends: Sequence[float | None] | None) -> str:
     return quantity(minus(text), unit(record))
 
 
-def probability(record: Record) -> str:
-    """Write a record's probability with no more digits than its Monte Carlo error allows."""
+def probability(record: Record | Reading) -> str:
+    """Write a probability with no more digits than its Monte Carlo error allows."""
     if record.probability is None or record.mcse is None:
         return ""
     return chance(record.probability, record.mcse)
 
 
 def joint_sentence(joint: TableRecord) -> str:
-    """Say how the cells of a table fare together."""
+    """Return a sentence on all cells of a table together."""
     return (
         f"Outside the central 99 % of the prediction lie {joint.outside} of {joint.cells} "
-        f"predicted cells; chance alone would put {joint.expected_outside:.2g} there. The "
-        "probability of a table as surprising as the printed one, or more, is "
-        f"{joint_chance(joint)} ({joint.replicates:,} tables simulated)."
+        f"predicted cells; {joint.expected_outside:.2g} are expected by chance. The "
+        "probability of a table as far from the prediction as the printed one, or farther, is "
+        f"{joint_chance(joint.joint_probability, joint)} ({joint.replicates:,} simulated tables)."
     )
 
 
-def joint_chance(joint: TableRecord | WholeReading, before: str = "") -> str:
-    """Write a joint probability, empty without one: a bound where next to none lie so far out."""
-    if joint.joint_probability is None or joint.mcse is None:
-        return ""
-    if joint.joint_probability * (joint.replicates + 1) < 1.5:
-        return f"below 1 in {joint.replicates:,}"
-    return before + chance(joint.joint_probability, joint.mcse)
+def joint_chance(probability: float, joint: TableRecord) -> str:
+    """Write a joint probability; a bound if next to no replicates are as far out."""
+    if probability * (joint.replicates + 1) < 1.5:
+        return f"below 1/{joint.replicates:,}"
+    error = (probability * (1 - probability) / joint.replicates) ** 0.5
+    return chance(probability, error)
 
 
-def fitting(readings: tuple[WholeReading, ...]) -> str:
-    """Say whether one reading of the text fits all cells of a table that depend on one."""
-    count = sum(one.fits for one in readings)
-    what = "fits" if count == 1 else "fit"
+def fitting(joint: TableRecord) -> str:
+    """Return a sentence on the readings of a table, all cells at once."""
     return (
-        f"One reading for all cells that depend on a reading: {count or 'none'} of "
-        f"{len(readings)} {what}. Closest: {_closest(readings)}."
+        f"{joint.fitting or 'None'} of {joint.readings} readings of the text fits all "
+        f"{joint.cells} predicted cells together. Closest: {choices_text(joint.closest)}, with "
+        f"{joint.closest_agreeing} cells and a joint probability "
+        f"{_of_chance(joint_chance(joint.closest_probability, joint))}."
     )
 
 
-def _closest(readings: tuple[WholeReading, ...]) -> str:
-    """Say which reading comes closest to all cells, and how it fares."""
-    ranks = [(r.fits, r.agreeing - r.apart, r.joint_probability or 0.0) for r in readings]
-    best = readings[ranks.index(max(ranks))]
-    return f"{best.name}, {whole(best)}"
+def _of_chance(text: str) -> str:
+    return text if text.startswith("below") else f"of {text}"
 
 
-def whole(reading: WholeReading) -> str:
-    """Write how a reading fares on all cells at once."""
-    told = f"{reading.agreeing} of {reading.cells} cells one by one"
-    if reading.apart:
-        told += f", {reading.apart} of them through rounding"
-    return told + (f"; together {joint_chance(reading, 'p = ')}" if reading.replicates else "")
+def choices_text(choices: Mapping[str, str]) -> str:
+    """Write the choices of a reading as on the command line.
+
+    Examples
+    --------
+    >>> choices_text({"noise": "green", "repeats": "one"})
+    'noise=green, repeats=one'
+    """
+    return ", ".join(f"{name}={way}" for name, way in choices.items()) or "every reading"
 
 
-def read(record: Record, reading: ReadingRecord) -> str:
-    """Write what a blocked cell is under one reading of the text."""
-    marks = flags(reading.flags, {"through_rounding", "uninformative"})
-    hidden = not reading.agrees or "through_rounding" in reading.flags
+# A list of choices with which a number agrees is shown up to this length.
+_LISTED = 4
+
+
+def deciding(summary: ReadingSummary) -> str:
+    """Write with which choices a printed number agrees."""
+    if summary.agreeing in {0, summary.count}:
+        return ""
+    if len(summary.agrees_if) <= _LISTED:
+        return "; ".join(map(choices_text, summary.agrees_if))
+    some = f"{len(summary.agrees_if)} combinations of {', '.join(summary.decided_by)}"
+    never = (f"{name}={way}" for name, ways in summary.never.items() for way in ways)
+    return f"{some}; never {', '.join(never)}" if summary.never else some
+
+
+def read(record: Record, reading: Reading) -> str:
+    """Write the computed value and the verdict of a cell under one reading."""
+    marks = flags(reading.flags)
+    hidden = not reading.agrees or bool(marks)
     value = minus(cell_of(record).number.format(reading.computed, extra=int(hidden)))
     return f"{quantity(value, unit(record))}, {reading.verdict}{f' ({marks})' * bool(marks)}"
 
@@ -138,7 +162,7 @@ def tally(records: Collection[Record]) -> dict[str, int]:
 
 def weak_agreement(record: Record) -> bool:
     """Tell whether a record agrees in a way that says little."""
-    return record.verdict in {"exact", "consistent"} and not {*WEAK}.isdisjoint(record.flags)
+    return record.verdict in AGREES and not {*WEAK}.isdisjoint(record.flags)
 
 
 def weak(records: Iterable[Record]) -> int:
@@ -146,14 +170,15 @@ def weak(records: Iterable[Record]) -> int:
     return sum(map(weak_agreement, records))
 
 
-def flags(names: Iterable[str], shown: Collection[str] = WEAK) -> str:
-    """Write flags as words."""
-    return ", ".join(name.replace("_", " ") for name in names if name in shown)
+def flags(names: Iterable[Flag]) -> str:
+    """Write the flags of a verdict in words."""
+    shown = {**WEAK, "stand_in": "assumed value"}
+    return ", ".join(shown[name] for name in names if name in shown)
 
 
 def qualified(record: Record) -> str:
     """Write a verdict with what makes it weak."""
-    marks = flags(record.flags, {*WEAK, "stand_in"})
+    marks = flags(record.flags)
     return f"{record.verdict} ({marks})" if marks else record.verdict
 
 
@@ -197,11 +222,23 @@ def _of_cell(record: Record) -> dict[str, str]:
         "verdict": record.verdict,
         "probability": probability(record) or "none",
     }
-    if record.readings:
-        said["readings"] = str(len(record.readings))
-        said["agreeing"] = str(sum(reading.agrees for reading in record.readings))
-    for number, reading in enumerate(record.readings, start=1):
-        said[f"reading-{number}"] = read(record, reading).partition(",")[0]
+    if (summary := record.readings) is not None:
+        said |= {
+            "readings": str(summary.count),
+            "agreeing": str(summary.agreeing),
+            "agrees-if": deciding(summary) or "no reading decides",
+            "closest": choices_text(summary.closest.choices),
+            "closest-computed": read(record, summary.closest).partition(",")[0],
+            "closest-probability": probability(summary.closest) or "none",
+        }
+        computation = next(one for one in catalogue()[record.key].computations
+                           if one.makes(name_of(record)))  # fmt: skip
+        found = evaluate(computation)
+        for place, choices in enumerate(computation.readings):
+            if len(changed := dict(choices.items() - computation.literal.items())) == 1:
+                [(option, way)] = changed.items()
+                one = found.cells[name_of(record)][place]
+                said[f"if-{option}-{way}"] = read(record, one).partition(",")[0]
     return said
 
 
@@ -209,13 +246,17 @@ def _of_item(key: str) -> dict[str, str]:
     found = item_ledger(key)
     said = _agreement(found.of(key))
     said["results"] = str(sum(record.role == "result" for record in found.of(key)))
-    if fits := found.whole_readings(key):
-        said["fitting"] = str(sum(one.fits for one in fits) or "none")
-        said["whole-readings"] = str(len(fits))
-        said["replicates"] = f"{max(one.replicates for one in fits):,}"
-        said["closest"] = _closest(fits)
     if joint := found.table(key):
-        said |= {"joint": joint_chance(joint), "replicates": f"{joint.replicates:,}"}
+        said |= {
+            "joint": joint_chance(joint.joint_probability, joint),
+            "replicates": f"{joint.replicates:,}",
+            "readings": f"{joint.readings:,}",
+            "fitting": str(joint.fitting or "none"),
+            "closest": choices_text(joint.closest),
+            "closest-agreeing": str(joint.closest_agreeing),
+            "closest-joint": joint_chance(joint.closest_probability, joint),
+            "predicted": str(joint.cells),
+        }
     return said
 
 
@@ -224,9 +265,9 @@ def _of_paper(name: str) -> dict[str, str]:
     by_verdict = tally(chosen)
     counts = {
         "cells": len(chosen),
-        "unsettled": by_verdict["differs"] + by_verdict["blocked"],
-        "open": sum(bool(r.readings) for r in chosen if r.verdict == "blocked"),
-        "unpublished": sum(not r.readings for r in chosen if r.verdict == "blocked"),
+        "numbers": sum(cell_of(record).is_number for record in chosen),
+        "results": sum(record.role == "result" for record in chosen),
+        "unsettled": sum(by_verdict[one] for one in ("differs", "ambiguous", "unpublished")),
         "judged": sum(by_verdict[verdict] for verdict in ("exact", "consistent", "differs")),
     }
     return _agreement(chosen) | {what: str(count) for what, count in counts.items()}

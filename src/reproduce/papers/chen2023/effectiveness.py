@@ -6,17 +6,15 @@ of the zero state, which all states share.
 
 Table II gives the nominal focal length; the one that the angles were computed with is not printed.
 As the columns are printed, no one focal length joins all motions and reference angles; with columns
-of the two axes interchanged one does. So an angle has several readings, and the ledger shows them
-side by side. Where one focal length stands for the whole table, the largest reference angle about Y
-gives it. The columns as printed with the nominal length came first, 14 minutes before the first
-verdicts in the history; all other readings were added when that result was known.
+of the two axes interchanged one does. These choices, and the images that an angle averages, are
+options; the ledger evaluates all combinations. If one focal length stands for the whole table, the
+largest reference angle about Y gives it.
 
 The focal lengths that the rows imply are compared row by row.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
 from itertools import product
 from typing import TYPE_CHECKING
 
@@ -71,26 +69,18 @@ def _common_length(given: Given, axis: str) -> float:
     return float(-_moved(given, STATES[-1], axis) / np.tan(given[LAST]))
 
 
-def _expected_angles(given: Given, state: int, turn: str) -> dict[tuple[str, str], float]:
-    """Return the angle of the stage in a state, in radians, by columns and telescope."""
-    axis, exchanged = _TURNS[turn], _common_length(given, "y")
-    printed = given[f"{TABLE}#{state}.motion-{axis}"]
-    sides = {
-        ("printed", "quoted"): (printed, given[_QUOTED]),
-        ("printed", "nominal"): (printed, given[platform.TELESCOPE]),
-        ("printed", "common"): (printed, _common_length(given, "x")),
-        ("motions", "common"): (_moved(given, state, turn), exchanged),
-        ("references", "common"): (_moved(given, state, axis), exchanged),
-    }
-    angles = stage_angle(*np.transpose(list(sides.values())))
-    return dict(zip(sides, angles.tolist(), strict=True))
+def _length(given: Given, columns: str, telescope: str) -> float:
+    """Return the focal length of the telescope in metres."""
+    if telescope == "common":
+        return _common_length(given, "x" if columns == "printed" else "y")
+    return given[{"quoted": _QUOTED, "nominal": platform.TELESCOPE}[telescope]]
 
 
-def _angles_read(name: str, angles: Mapping[tuple[str, str], float]) -> declare.Blocked:
-    """Return an angle under all its readings; the nominal focal length stands in."""
-    chosen = (way.choices for way in _WORDS.readings[name])
-    found = [angles[one["columns"], one["telescope"]] for one in chosen]
-    return declare.blocked(_WORDS, name, found, angles["printed", "nominal"])
+def _motion(given: Given, state: int, axis: str, columns: str) -> float:
+    """Return the motion of the stage along an axis; as printed, one of them has another digit."""
+    if columns == "printed":
+        return given[f"{TABLE}#{state}.motion-{axis}"]
+    return _moved(given, state, axis)
 
 
 @declare.reproduces(
@@ -98,33 +88,34 @@ def _angles_read(name: str, angles: Mapping[tuple[str, str], float]) -> declare.
     cells=["[2-4].reference-?", "5.reference-x"],
     given=_MEASURED,
     equations=["10"],
-    options=declare.options_of(_WORDS, "reference"),
 )
-def reference_angle(given: Given) -> declare.Results:
-    """Reference angles from the motions and each focal length that the text leaves open."""
+def reference_angle(given: Given, *, columns: str, telescope: str) -> declare.Results:
+    """Reference angles from the motions of the stage and the focal length of the telescope."""
+    length = _length(given, columns, telescope)
     results = {}
-    for turn, state in product(_TURNS, _MOVED):
+    for (turn, axis), state in product(_TURNS.items(), _MOVED):
         if f"{TABLE}#{state}.reference-{turn}" != LAST:
-            angles = _expected_angles(given, state, turn)
-            # An angle under the other heading is one of the other motion.
-            angles["references", "common"] = angles["motions", "common"]
-            results[f"{state}.reference-{turn}"] = _angles_read("reference", angles)
+            # Either interchange pairs an angle with the motion of the other axis.
+            moving = axis if columns == "printed" else turn
+            motion = _motion(given, state, moving, columns)
+            results[f"{state}.reference-{turn}"] = float(stage_angle(motion, length))
     return results
+
+
+_LENGTHS = {n: w for n, w in _WORDS.options["telescope"].items() if n != "common"}
 
 
 @declare.reproduces(
     TABLE,
     cells=["5.reference-y"],
-    given=[f"{TABLE}#5.motion-x", platform.TELESCOPE, _QUOTED],
+    given=[f"{TABLE}#*.position-y", f"{TABLE}#5.motion-x", platform.TELESCOPE, _QUOTED],
     equations=["10"],
-    options={"telescope": declare.options_of(_WORDS, "last-reference")["telescope"]},
+    options={**_WORDS.options, "telescope": _LENGTHS},
 )
-def last_reference_angle(given: Given) -> declare.Results:
-    """The reference angle that the others take their focal length from, by the nominal one."""
-    lengths = {"quoted": given[_QUOTED], "nominal": given[platform.TELESCOPE]}
-    motion = given[f"{TABLE}#5.motion-x"]
-    angles = {("printed", n): float(stage_angle(motion, one)) for n, one in lengths.items()}
-    return {"5.reference-y": _angles_read("last-reference", angles)}
+def last_reference_angle(given: Given, *, columns: str, telescope: str) -> declare.Results:
+    """The reference angle that gives the common focal length, by the other two lengths."""
+    motion = _motion(given, STATES[-1], "x" if columns == "printed" else "y", columns)
+    return {"5.reference-y": float(stage_angle(motion, _length(given, columns, telescope)))}
 
 
 @declare.reproduces(
@@ -133,23 +124,52 @@ def last_reference_angle(given: Given) -> declare.Results:
     given=[*_MEASURED, *platform.INSTRUMENT, f"{platform.SCATTER}#2-*", FRAMES, accuracy.SMOOTHED],
     equations=["7", "10"],
     replicates=_REPLICATES,
-    options=declare.options_of(_WORDS, "monitoring"),
 )
-def monitored_angle(given: Given, seed: SeedSequence, replicates: int) -> declare.Results:
+def monitored_angle(
+    given: Given,
+    seed: SeedSequence,
+    replicates: int,
+    *,
+    columns: str,
+    telescope: str,
+    images: str,
+) -> declare.Results:
     """Monitored angles: the angle of the stage, the noise of its state and of the zero state."""
-    errors, count = _monitoring_errors(given, seed, replicates), given.count(accuracy.SMOOTHED)
-    shares = {"state": 1.0, "ramp": np.sqrt(given.count(FRAMES) / count)}
+    errors = _monitoring_errors(given, seed, replicates)
+    lag, noise = _averaging(given, images)
+    length = np.full(replicates, _length(given, columns, telescope))
+    if telescope == "nominal":
+        # One telescope for all angles of a replicate, anywhere in the range of a nominal length.
+        spread = np.random.default_rng(declare.split_seed(seed, 1)[0]).uniform(-1, 1, replicates)
+        length += spread * (given.upper(platform.TELESCOPE) - length)
     results: dict[str, declare.Result] = {}
-    for turn, state in product(_TURNS, _MOVED):
-        noise, angles = errors[:, state - 2, "xy".index(turn)], _expected_angles(given, state, turn)
-        readings = []
-        for way in _WORDS.readings["monitoring"]:
-            columns, telescope, images = way.choices.values()
-            drawn = declare.Prediction(angles[columns, telescope] + shares[images] * noise)
-            readings.append(declare.read(replace(way, name=way.name.format(count=count)), drawn))
-        missing = _WORDS.missing["monitoring"]
-        results[f"{state}.monitoring-{turn}"] = declare.Blocked(missing, readings=tuple(readings))
+    for turn, axis in _TURNS.items():
+        moving = turn if columns == "motions" else axis
+        motions = [0.0, *(_motion(given, state, moving, columns) for state in _MOVED)]
+        angles = stage_angle(np.array(motions)[:, None], length)
+        # A mean that includes the ramp contains a part of the step from the state before.
+        means = angles[1:] - lag * np.diff(angles, axis=0)
+        for place, state in enumerate(_MOVED):
+            drawn = means[place] + noise * errors[:, place, "xy".index(turn)]
+            results[f"{state}.monitoring-{turn}"] = declare.Prediction(drawn)
     return results
+
+
+def _averaging(given: Given, images: str) -> tuple[float, float]:
+    """Return the fraction of a step that a mean lacks, and its noise over that of a state's mean.
+
+    A smoothed angle is the mean of the last images, those of the state before included. Their
+    noise is taken as independent of the mean of that state.
+    """
+    frames, smoothed = given.count(FRAMES), given.count(accuracy.SMOOTHED)
+    if images == "state":
+        return 0.0, 1.0
+    if images == "smoothed":
+        return 0.0, float(np.sqrt(frames / smoothed))
+    # Weight of each image in the mean of `frames` smoothed angles.
+    weights = np.convolve(np.full(frames, 1.0 / frames), np.full(smoothed, 1.0 / smoothed))
+    lag = weights[: smoothed - 1].sum()
+    return float(lag), float(np.sqrt(frames * np.square(weights).sum()))
 
 
 def _monitoring_errors(given: Given, seed: SeedSequence, replicates: int) -> FloatArray:

@@ -14,12 +14,10 @@ What all readings share:
   phases and trials together; the optimum is where it is least, at steps of one arc second;
 * the monitoring accuracy is (11) with that accuracy.
 
-What the text leaves open, and the results depend on, are the `_CASES`: what the radius of a
-Gaussian is, and how much of the noise of EMVA 1288 is read noise. How large a gain is significant
-is open too: refining stops to pay below the coarsest resolution that no finer one beats by more
-than some standard errors of the study. The first case and three standard errors were chosen first
-and came into the history together with their verdicts; the others were added when their results
-were known. All of them are judged side by side.
+Options are the meaning of the radius of a Gaussian, the fraction of read noise in the noise of
+EMVA 1288, the flux, and the gain that counts as significant: refining stops to pay below the
+coarsest resolution that no finer one beats by more than some standard errors of the study. The
+ledger evaluates all combinations.
 
 A study of the printed size is itself random. Its distribution follows from the closed-form bias
 and variance: the Monte Carlo beside it agrees within its error.
@@ -27,8 +25,8 @@ and variance: the Monte Carlo beside it agrees within its error.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from functools import cache
+from dataclasses import dataclass
+from functools import cache, lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -53,7 +51,7 @@ from reproduce.printed.given import Given
 from reproduce.units import ARCSEC_PER_RADIAN, RADIANS_PER_ARCSEC
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Mapping
 
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
@@ -69,11 +67,6 @@ READS = (*_SPOT_READS, PHASES, *(f"{STUDY}#{name}" for name in _STUDIED))
 _OPTIMUM = (f"{STUDY}#optimum", f"{STUDY}#optimum-accuracy")
 _SATURATION = f"{STUDY}#saturation"
 _REPLICATES = 2000
-# What counts as significant in the first reading, in standard errors of a difference.
-_CHOSEN = 3.0
-
-
-_WORDS = declare.words(STUDY)
 
 
 @dataclass(frozen=True)
@@ -89,23 +82,15 @@ class _Case:
     read_share: float = 0.0
     brighter: float = 1.0
 
-    @classmethod
-    def of(cls, choices: Mapping[str, str]) -> _Case:
-        """Return the case that a reading chooses."""
-        return cls(*(numbers[choices[option]] for option, numbers in _CHOICES.items()))
 
-
-_CHOICES: dict[str, dict[str, float]] = {
-    "radius": {
-        "sigma": 1.0,
-        "one-over-e": float(np.sqrt(2.0)),
-        "half": float(np.sqrt(2.0 * np.log(2.0))),
-        "one-over-e2": 2.0,
-    },
-    "noise": {"photon": 0.0, "read": 0.9},
-    "light": {"table-3": 1.0, "brighter": 1.1},
+_WIDTHS = {
+    "sigma": 1.0,
+    "one-over-e": float(np.sqrt(2.0)),
+    "half": float(np.sqrt(2.0 * np.log(2.0))),
+    "one-over-e2": 2.0,
 }
-_CASES = {way.name: _Case.of(way.choices) for way in _WORDS.readings["spot"]}
+_READ_SHARES = {"photon": 0.0, "read": 0.9}
+_BRIGHTNESS = {"table-3": 1.0, "brighter": 1.1}
 _LITERAL = _Case()
 
 
@@ -132,42 +117,30 @@ def spot(given: Given) -> declare.Results:
     given=READS,
     equations=["11"],
     replicates=_REPLICATES,
-    options=_WORDS.options,
 )
-def optimum(given: Given, seed: SeedSequence, replicates: int) -> declare.Results:
-    """Where centroiding is best, how good it is there, and where refining stops to pay."""
-    angles, relative = resolutions(given), _relative_error(given)
-    scatter = dict(zip(_CASES.values(), _replicated_scatter(given, seed, replicates), strict=True))
-
-    def found(name: str, case: _Case, errors: float = _CHOSEN) -> FloatArray:
-        if name == "optimum":
-            return np.asarray(angles[scatter[case].argmin(axis=-1)])
-        if name == "optimum-accuracy":
-            return np.asarray(scatter[case].min(axis=-1))
-        monitoring = attitude_accuracy(scatter[case], given.count(f"{STUDY}#lasers"), angles)
-        return np.asarray(angles[_saturation(monitoring, relative, errors)])
-
-    results = {}
-    for name, missing in _WORDS.missing.items():
-        readings = []
-        for way in _ways(name):
-            errors = float(way.choices.get("threshold", _CHOSEN))
-            drawn = found(name, _Case.of(way.choices), errors)
-            readings.append(declare.read(way, declare.Prediction(drawn)))
-        results[name] = declare.Blocked(
-            missing, float(np.median(found(name, _LITERAL))), tuple(readings)
-        )
-    return results
-
-
-def _ways(name: str) -> Sequence[declare.Way]:
-    """Return the readings of a result; that of the saturation has a gain that counts as well."""
-    spots = _WORDS.readings["spot"]
-    if name != "saturation":
-        return spots
-    chosen = {"threshold": f"{_CHOSEN:g}"}
-    others = [replace(way, choices=way.choices | chosen) for way in spots[1:]]
-    return [*_WORDS.readings["threshold"], *others]
+def optimum(
+    given: Given,
+    seed: SeedSequence,
+    replicates: int,
+    *,
+    radius: str,
+    noise: str,
+    light: str,
+    threshold: str,
+) -> declare.Results:
+    """Best resolution, its centroid error, and the resolution where refining stops to pay."""
+    angles, case = (
+        resolutions(given),
+        _Case(_WIDTHS[radius], _READ_SHARES[noise], _BRIGHTNESS[light]),
+    )
+    scatter = _replicated_scatter(given, seed, replicates, case)
+    monitoring = attitude_accuracy(scatter, given.count(f"{STUDY}#lasers"), angles)
+    saturation = _saturation(monitoring, _relative_error(given), float(threshold))
+    return {
+        "optimum": declare.Prediction(np.asarray(angles[scatter.argmin(axis=-1)])),
+        "optimum-accuracy": declare.Prediction(np.asarray(scatter.min(axis=-1))),
+        "saturation": declare.Prediction(np.asarray(angles[saturation])),
+    }
 
 
 def resolutions(given: Given) -> FloatArray:
@@ -214,27 +187,30 @@ def _relative_error(given: Given) -> float:
     return float(1.0 / np.sqrt(2.0 * given.count(PHASES) * given.count(f"{STUDY}#trials")))
 
 
-def _replicated_scatter(given: Given, seed: SeedSequence, replicates: int) -> FloatArray:
-    """Return what studies of the printed size would find, from the closed form.
+@lru_cache(maxsize=1)
+def _replicated_scatter(
+    given: Given, seed: SeedSequence, replicates: int, case: _Case
+) -> FloatArray:
+    """Return the results of studies of the printed size, from the closed form.
 
-    Shape (cases, replicates, resolutions). Standard deviation of the errors of all phases and
-    trials, in px.
+    Shape (replicates, resolutions). Standard deviation of the errors of all phases and trials, in
+    px.
     """
     trials = given.count(f"{STUDY}#trials")
-    laws = [predicted_errors(*_setting(given, case)) for case in _CASES.values()]
-    bias, variance = np.array([law.bias for law in laws]), np.array([law.variance for law in laws])
-    deviation = np.sqrt(variance / trials)
-    found, shape = [], bias.shape[1:]
+    law = predicted_errors(*_setting(given, case))
+    deviation = np.sqrt(law.variance / trials)
+    found = []
     for stream in spawned_streams(seed, replicates):
         # Mean and variance of normal errors within a phase are independent.
-        noise, spread = stream.standard_normal(shape), stream.chisquare(trials - 1, shape)
-        means = bias + deviation * noise
-        inside = variance * spread / trials
+        noise = stream.standard_normal(law.bias.shape)
+        spread = stream.chisquare(trials - 1, law.bias.shape)
+        means = law.bias + deviation * noise
+        inside = law.variance * spread / trials
         found.append(np.sqrt(inside.mean(axis=-1) + means.var(axis=-1)))
-    return np.stack(found, axis=1)
+    return np.stack(found)
 
 
-def _saturation(monitoring: FloatArray, relative: float, errors: float = _CHOSEN) -> FloatArray:
+def _saturation(monitoring: FloatArray, relative: float, errors: float) -> FloatArray:
     """Return the index of the coarsest resolution that no finer one beats significantly.
 
     Index along the last axis.

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from reproduce.papers.chen2023 import platform
-from reproduce.papers.declare import Blocked, Results, draws, reproduces, studied
+from reproduce.papers.declare import Results, draws, reproduces, studied
 from reproduce.papers.sketch import Look, Sketch, beside, sized, turned
 from reproduce.physics import attitude, ground
 from reproduce.physics.light import (
@@ -64,6 +64,7 @@ _IMAGE = {"corner cube": "mirrored", _PAIR: "upright", "conical mirror": "mirror
 # Shares of a turn below this are rounding noise.
 _NOISE = 1e-9
 _PIXELS = f"{platform.PLATFORM}#tracker-pixels-x.value"
+_FIELD = f"{SATELLITE}#tracker-field-of-view-x.value"
 # Where the dichroic mirror and the lens of the drawn tracker stand.
 _PLATE, _LENS = np.array([5.0, 6.2]), np.array([5.0, 3.6])
 # Laser light comes in a few degrees beside the boresight.
@@ -104,11 +105,17 @@ def ground_resolution(given: Given) -> Results:
     return {"multispectral-ground-resolution.value": float(resolution)}
 
 
-@reproduces(_TEXT, cells=["focal-ratio"], given=[CAMERA[0], platform.FOCAL_LENGTH])
-def focal_ratio(given: Given) -> Results:
-    """Camera's focal length over the tracker's, with the ground tracker standing in."""
-    missing = "the focal length of the flight tracker; the ground tracker's stands in"
-    return {"focal-ratio": Blocked(missing, given[CAMERA[0]] / given[platform.FOCAL_LENGTH])}
+@reproduces(
+    _TEXT,
+    cells=["focal-ratio"],
+    given=[CAMERA[0], platform.FOCAL_LENGTH, platform.PIXEL, _PIXELS, _FIELD],
+)
+def focal_ratio(given: Given, *, tracker: str) -> Results:
+    """Focal length of the camera over that of the tracker, whose own is not printed."""
+    focal = given[platform.FOCAL_LENGTH]
+    if tracker == "table-1-field":
+        focal = given[_PIXELS] * given[platform.PIXEL] / 2 / np.tan(given[_FIELD] / 2)
+    return {"focal-ratio": float(given[CAMERA[0]] / focal)}
 
 
 @reproduces(_TEXT, cells=["dihedral-angle"], given=[BORESIGHT])

@@ -14,12 +14,12 @@ settings. What it takes from the paper:
 
 So the RMSE before registration is predicted, with the RMSE after it as an input. The RMSE after it
 is little more than the centroid errors of the laboratory, which no other printed number states; it
-stays blocked. As a stand-in it is computed with the noise of the simulation, which the paper calls
-close to the real conditions.
+stays without a verdict. As a stand-in it is computed with the noise of the simulation, which the
+paper calls close to the real conditions.
 
 The scale factors of Table 4 are not the ratios of the focal lengths beside them. The twin first had
 the ratios; the printed factors came in when that result was known, because the paper registers
-with them. Both are readings, and so are both ways to count the axes: all are judged.
+with them. Both are alternatives of one option, and both ways to count the axes of another.
 
 The paper also fits a focal length and a distortion to every channel alone, whose closeness it takes
 as support for its approximations. The twin does both fits many times, to show how well they can do;
@@ -55,7 +55,6 @@ from reproduce.printed.given import Given
 
 _CALIBRATION = "niu2024/table-4"
 OUTCOME = "niu2024/text-experiment"
-_WORDS = declare.words(OUTCOME)
 _REPLICATES = 10_000
 # The cameras of all channels, each by its own focal length and distortion.
 CAMERAS = (
@@ -76,24 +75,9 @@ INSTRUMENT = (*CAMERAS, f"{OPTICS}#field-of-view-*")
     equations=["6"],
 )
 def scale_factors(given: Given) -> declare.Results:
-    """Scale factors: fitted to unpublished centroids; the ratios of focal lengths stand in."""
-    centroids = (
-        "the star centroids measured on the three detectors, to which scale factors and focal "
-        "lengths are fitted apart; our stand-in is the ratio of the focal lengths"
-    )
+    """Ratios of the focal lengths, which stand in for the fitted scale factors."""
     ratios = registration.scale_factors(given, _CALIBRATION)
-    return {
-        f"scale.{channel}": declare.Blocked(centroids, ratio) for channel, ratio in ratios.items()
-    }
-
-
-@declare.reproduces(_CALIBRATION, cells=["rotation.*", "translation-*", "radial-distortion.*"])
-def fitted_parameters(given: Given) -> declare.Results:
-    """Rotation, translation and distortion: fitted to centroids that are not published."""
-    centroids = declare.Blocked("the star centroids measured on the three detectors")
-    rows = ("rotation", "translation-x", "translation-y", "radial-distortion")
-    fitted = [f"{row}.{channel}" for row in rows for channel in REGISTERED]
-    return dict.fromkeys([*fitted, "radial-distortion.green"], centroids)
+    return {f"scale.{channel}": ratio for channel, ratio in ratios.items()}
 
 
 def cameras(given: Given) -> list[optics.Camera]:
@@ -171,30 +155,23 @@ def _by_focal_lengths(given: Given, angles: FloatArray) -> FloatArray:
     ],
     equations=["17", "18", "21"],
     replicates=_REPLICATES,
-    options=_WORDS.options,
 )
-def rmse_before(given: Given, seed: SeedSequence, replicates: int) -> declare.Results:
+def rmse_before(
+    given: Given, seed: SeedSequence, replicates: int, *, scale: str, rmse: str
+) -> declare.Results:
     """RMSE before registration, from the calibrated registration and the printed residuals."""
     for_positions, for_errors = declare.split_seed(seed, 2)
     count = given.count(f"{OUTCOME}#test-points")
     angles = optics.spawned_angles(for_positions, replicates, count, half_field(given))
     errors = _centroid_errors(given) * optics.spawned_normals(for_errors, replicates, (3, count, 2))
-    apart = {
-        name: rmse_per_axis(measured[:, 1:], measured[:, :1])
-        for name, measured in (
-            ("factors", _registered_points(given, angles) + errors),
-            ("focal-lengths", _by_focal_lengths(given, angles) + errors),
-        )
-    }
-    [(name, ways)] = _WORDS.readings.items()
+    points = _registered_points if scale == "factors" else _by_focal_lengths
+    measured = points(given, angles) + errors
+    apart = rmse_per_axis(measured[:, 1:], measured[:, :1])
     results = {}
     for (position, channel), (place, axis) in product(enumerate(REGISTERED), enumerate("xy")):
-        found = []
-        for way in ways:
-            x_and_y = apart[way.choices["scale"]][:, position]
-            one = way.choices["rmse"] == "one"
-            found.append(declare.Prediction(x_and_y[:, place] if one else np.hypot(*x_and_y.T)))
-        results[f"{name}-{channel}-{axis}"] = declare.blocked(_WORDS, name, found)
+        x_and_y = apart[:, position]
+        drawn = x_and_y[:, place] if rmse == "one" else np.hypot(*x_and_y.T)
+        results[f"rmse-before-{channel}-{axis}"] = declare.Prediction(drawn)
     return results
 
 
@@ -205,18 +182,17 @@ def rmse_before(given: Given, seed: SeedSequence, replicates: int) -> declare.Re
     equations=["17", "18"],
 )
 def rmse_after(given: Given) -> declare.Results:
-    """RMSE after registration: it needs centroid errors that are not published."""
-    missing = "the centroid errors of the laboratory; our stand-in has the simulation's noise"
+    """RMSE after registration with the noise of the simulation, which stands in for the errors."""
     half_x, half_y = half_field(given)
     grid = np.meshgrid(np.linspace(-half_x, half_x, 33), np.linspace(-half_y, half_y, 25))
     true = _by_focal_lengths(given, np.stack(grid, -1).reshape(-1, 2))
-    results: dict[str, declare.Blocked] = {}
+    results = {}
     for position, channel in enumerate(REGISTERED, start=1):
         fit = fit_registration(true[position], true[0], _shift(given, channel))
         misfit = np.square(fit.residuals).mean(axis=0)
         expected = np.sqrt(misfit + 2 * given[f"{SETTINGS}#noise"] ** 2)
         for axis, value in zip("xy", expected, strict=True):
-            results[f"rmse-after-{channel}-{axis}"] = declare.Blocked(missing, float(value))
+            results[f"rmse-after-{channel}-{axis}"] = float(value)
     return results
 
 

@@ -18,17 +18,14 @@ a prime. The count therefore selects among those of `physics.optics.simulate`, a
 input. The most literal of those that have it takes the step as the distance between neighbours of a
 square lattice and holds the zero position, which the starting values of section 3.2 need.
 
-Scales and rotations get one verdict under every reading of `reproduce.papers.niu2024.readings`, so
-the literal one judges them. The verdict on translations and residuals depends on the reading. These
-cells are blocked, with the readings that decide side by side; they were chosen after all of them
-had been computed.
+Each choice is an option of the computations below; the ledger evaluates all combinations.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from functools import cache
-from itertools import product
+from dataclasses import dataclass
+from functools import cache, lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -36,14 +33,9 @@ from numpy.random import SeedSequence
 from numpy.typing import NDArray
 
 from reproduce.papers.declare import (
-    Blocked,
     Prediction,
     Results,
-    Way,
-    agree,
-    blocked,
     draws,
-    read,
     reproduces,
     split_seed,
     words,
@@ -87,14 +79,9 @@ _NOISY = {
     "green": (1.0, 0.0, 0.0),
 }
 _DRAWS = {"one": 1, "ten": 10}
-# What the text leaves open, as options of a rerun; of each the literal reading first.
-_WORDS = words(SETTINGS)
-_OPTIONS = _WORDS.options
-_CALIBRATION = {name: _OPTIONS[name] for name in ("angles", "noise", "repeats")}
-_TRANSLATIONS = {"translations": _OPTIONS["translations"]}
-_LITERAL = {name: next(iter(ways)) for name, ways in _OPTIONS.items()}
-# Every arrangement that has the printed count, by the name under which a reader asks for it.
-_ARRANGEMENTS = _OPTIONS["angles"]
+_OPTIONS = words(SETTINGS).options
+# Every arrangement that has the printed count, by the name of its alternative.
+_ARRANGEMENTS = {name: way.text for name, way in _OPTIONS["angles"].items()}
 ANGLES = (
     f"{SETTINGS}#angle-count",
     f"{SETTINGS}#range-x-*",
@@ -102,6 +89,16 @@ ANGLES = (
     f"{SETTINGS}#step",
 )
 READS = (*ANGLES, IMAGING, f"{TRUTH}#rotation.*", f"{OPTICS}#pixel-pitch-x", NOISE)
+
+
+@dataclass(frozen=True)
+class _Setting:
+    """The options of a simulated run, by their alternatives."""
+
+    angles: str
+    noise: str
+    repeats: str
+    translations: str
 
 
 def half_ranges(door: Given) -> tuple[float, float]:
@@ -180,27 +177,26 @@ def _measured(
     replicates: int,
     first: int,
     angles: FloatArray,
-    setting: Mapping[str, str],
+    setting: _Setting,
 ) -> FloatArray:
     """Return the centroids of some replicates, shape (replicates, 3, n, 2)."""
-    true = imaged(given, angles, setting["translations"])
-    sigma = given[NOISE] * np.asarray(_NOISY[setting["noise"]])
-    repeats = _DRAWS[setting["repeats"]]
+    true = imaged(given, angles, setting.translations)
+    sigma = given[NOISE] * np.asarray(_NOISY[setting.noise])
+    repeats = _DRAWS[setting.repeats]
     return noisy_centroids(true, sigma, seed, replicates, repeats=repeats, first=first)
 
 
 def _calibrations(
-    given: Given, seed: SeedSequence, replicates: int, first: int = 0, **chosen: str
+    given: Given, seed: SeedSequence, replicates: int, first: int, setting: _Setting
 ) -> dict[str, Registration]:
     """Simulate and calibrate both channels in every replicate.
 
     The fit is the closed form: that is where the iteration of section 3.2 ends. A zero position
-    that is not in an arrangement is measured beside the calibration points.
+    that is not in an arrangement is measured in addition to the calibration points.
 
     Channel to its calibrated transforms, shape (replicates,).
     """
-    setting = _LITERAL | chosen
-    table = _arrangement(given, setting["angles"]).angles
+    table = _arrangement(given, setting.angles).angles
     at_zero = zero_places(table)
     measured_at = table if at_zero.size else np.concatenate([table, np.zeros((1, 2))])
     zero = at_zero.item() if at_zero.size else len(table)
@@ -224,137 +220,134 @@ def _in_batches(
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
 
-def _parameters(
-    given: Given, seed: SeedSequence, replicates: int, **chosen: str
-) -> dict[str, FloatArray]:
-    """Calibrate both channels in every replicate: channel to (scale, rotation, shifts)."""
-
-    def part(first: int, count: int) -> dict[str, FloatArray]:
-        found = _calibrations(given, seed, count, first, **chosen)
-        return {channel: transform.parameters for channel, transform in found.items()}
-
-    return _in_batches(part, replicates)
-
-
 @reproduces(
     _RESULTS,
-    cells=["scale.*", "rotation.*"],
-    given=READS,
-    equations=["17", "18", "19", "20", "21", "22", "23", "24", "25"],
-    replicates=_REPLICATES,
-    options=_CALIBRATION,
-)
-def calibrated_parameters(
-    given: Given, seed: SeedSequence, replicates: int, **chosen: str
-) -> Results:
-    """Scale and rotation calibrated from noisy simulated centroids."""
-    return {
-        f"{row}.{channel}": Prediction(draws)
-        for channel, parameters in _parameters(given, seed, replicates, **chosen).items()
-        for row, draws in zip(("scale", "rotation"), parameters.T[:2], strict=True)
-    }
-
-
-@reproduces(
-    _RESULTS,
-    cells=["translation-*"],
+    cells=["scale.*", "rotation.*", "translation-*"],
     given=[*READS, f"{TRUTH}#translation-*"],
     equations=["14", "17", "18", "19", "20", "21", "22", "23", "24", "25"],
     replicates=_REPLICATES,
-    options=_CALIBRATION | _TRANSLATIONS,
+    options=_OPTIONS,
 )
-def calibrated_translations(
-    given: Given, seed: SeedSequence, replicates: int, **chosen: str
+def calibrated_parameters(
+    given: Given,
+    seed: SeedSequence,
+    replicates: int,
+    *,
+    angles: str,
+    noise: str,
+    repeats: str,
+    translations: str,
 ) -> Results:
-    """Translations calibrated from centroids simulated with the shifts of Table 1 or of Table 2."""
-    found = _parameters(given, seed, replicates, **chosen | {"translations": "table-1"})
-    text = words(_RESULTS)
-    [(name, ways)] = text.readings.items()
-    tables = (cameras(given, way.choices["translations"]) for way in ways)
-    points = np.array([[camera.principal_point for camera in table] for table in tables])
-    # A channel's principal point carries its spots, its pivot and so its translation along.
-    moved = points - points[0]
-    results = {}
-    for (position, channel), (place, axis) in product(enumerate(REGISTERED, 1), enumerate("xy")):
-        draws = found[channel][:, 2 + place] + moved[:, position, place, None]
-        results[f"{name}-{axis}.{channel}"] = blocked(text, name, map(Prediction, draws))
-    return results
+    """Registration parameters calibrated from noisy simulated centroids."""
+    setting = _Setting(angles, noise, repeats, translations)
+
+    def part(first: int, count: int) -> dict[str, FloatArray]:
+        found = _calibrations(given, seed, count, first, setting)
+        return {channel: transform.parameters for channel, transform in found.items()}
+
+    return {
+        f"{row}.{channel}": Prediction(draws)
+        for channel, parameters in _in_batches(part, replicates).items()
+        for row, draws in zip(ROWS, parameters.T, strict=True)
+    }
 
 
 def _tested(
-    given: Given, seed: SeedSequence, replicates: int, first: int, setting: Mapping[str, str]
+    given: Given,
+    seed: SeedSequence,
+    replicates: int,
+    first: int,
+    tests: str,
+    setting: _Setting,
 ) -> FloatArray:
     """Simulate the test points, shape (replicates, channels, points, 2)."""
     _, for_angles, for_noise = split_seed(seed, 3)
     count = given.count(f"{SETTINGS}#test-points")
-    if setting["tests"] == "range":
+    if tests == "range":
         half = half_ranges(given)
         points = spawned_angles(for_angles, replicates, count, half, first=first)
     else:
-        table = _arrangement(given, setting["angles"]).angles
+        table = _arrangement(given, setting.angles).angles
         # The order of independent numbers is a random order.
         order = spawned_normals(for_angles, replicates, (len(table),), first=first).argsort()
         points = table[order[:, :count]]
     return _measured(given, for_noise, replicates, first, points, setting)
 
 
-def _residuals(
-    given: Given, seed: SeedSequence, replicates: int, when: str, setting: Mapping[str, str]
-) -> dict[str, FloatArray]:
-    """Return the RMSE per axis at test points, before or after registration, for one setting.
+def _printed_transforms(given: Given, translations: str) -> dict[str, Registration]:
+    """Return the transforms of Table 3 as printed, about the principal points of the channels."""
+    points = dict(zip(CHANNELS, cameras(given, translations), strict=True))
+    found = {}
+    for channel in REGISTERED:
+        scale, rotation, *shift = (given[f"{_RESULTS}#{row}.{channel}"] for row in ROWS)
+        pivot = points[channel].principal_point
+        found[channel] = Registration.similarity(scale, rotation, shift, pivot)
+    return found
 
-    Channel to its RMSE, shape (replicates, 2). `_calibrations` is only asked for those after.
+
+@lru_cache(maxsize=2)
+def _residuals(
+    given: Given,
+    seed: SeedSequence,
+    replicates: int,
+    tests: str,
+    parameters: str,
+    setting: _Setting,
+) -> dict[str, FloatArray]:
+    """Return the RMSE per axis at test points, before and after registration, for one setting.
+
+    Name of the printed number to its RMSE, shape (replicates, 2).
     """
     for_noise = split_seed(seed, 3)[0]
 
     def part(first: int, count: int) -> dict[str, FloatArray]:
-        measured = _tested(given, seed, count, first, setting)
+        measured = _tested(given, seed, count, first, tests, setting)
         points = {channel: measured[:, place] for place, channel in enumerate(CHANNELS)}
         green = points.pop(CHANNELS[0])
-        if when == "after":
-            found = _calibrations(given, for_noise, count, first, **setting)
-            points = {channel: found[channel].apply(points[channel]) for channel in REGISTERED}
-        return {channel: rmse_per_axis(laid, green) for channel, laid in points.items()}
+        if parameters == "table-3":
+            transforms = _printed_transforms(given, setting.translations)
+        else:
+            transforms = _calibrations(given, for_noise, count, first, setting)
+        laid = {channel: transforms[channel].apply(points[channel]) for channel in REGISTERED}
+        return {f"rmse-before-{c}": rmse_per_axis(points[c], green) for c in REGISTERED} | {
+            f"rmse-after-{c}": rmse_per_axis(laid[c], green) for c in REGISTERED
+        }
 
     return _in_batches(part, replicates)
 
 
-def counted(x: FloatArray, y: FloatArray, axes: str) -> FloatArray:
-    """Return residuals of both axes as one of the options has it."""
-    both = np.hypot(x, y)
-    found: FloatArray = {"both": both, "one": both / np.sqrt(2), "x": x, "y": y}[axes]
-    return found
+def _counted(residuals: FloatArray, axes: str) -> FloatArray:
+    """Return residuals of both axes, shape (replicates, 2), as one alternative counts them."""
+    if axes in {"x", "y"}:
+        return residuals[:, "xy".index(axes)]
+    both = np.hypot(*residuals.T)
+    return np.asarray(both if axes == "both" else both / np.sqrt(2))
 
 
 @reproduces(
     SETTINGS,
     cells=["rmse-*"],
-    given=[*READS, f"{TRUTH}#translation-*", f"{SETTINGS}#test-points"],
+    given=[*READS, f"{TRUTH}#translation-*", f"{SETTINGS}#test-points", f"{_RESULTS}#*"],
     equations=["17", "18", "26"],
     replicates=_REPLICATES,
-    options=_OPTIONS,
 )
-def registration_rmse(given: Given, seed: SeedSequence, replicates: int, **chosen: str) -> Results:
-    """RMSE at test points before and after registration, under each reading that decides."""
-
-    @cache
-    def residuals(when: str, *setting: tuple[str, str]) -> dict[str, FloatArray]:
-        return _residuals(given, seed, replicates, when, dict(setting))
-
-    chosen_alone = Way("as chosen", "", "", {})
-    results = {}
-    for when, channel in product(("before", "after"), REGISTERED):
-        name = f"rmse-{when}"
-        left = [way for way in _WORDS.readings[name] if agree(way.choices, chosen)]
-        readings = []
-        # Without a reading that has all that is chosen, what is chosen is the only one.
-        for way in left or [chosen_alone]:
-            setting = _LITERAL | way.choices | chosen
-            axes = setting.pop("rmse")
-            x, y = residuals(when, *setting.items())[channel].T
-            readings.append(read(way, Prediction(counted(x, y, axes))))
-        results[f"{name}-{channel}"] = Blocked(_WORDS.missing[name], readings=tuple(readings))
-    return results
+def registration_rmse(
+    given: Given,
+    seed: SeedSequence,
+    replicates: int,
+    *,
+    angles: str,
+    noise: str,
+    repeats: str,
+    translations: str,
+    tests: str,
+    parameters: str,
+    rmse: str,
+) -> Results:
+    """RMSE at test points before and after registration."""
+    setting = _Setting(angles, noise, repeats, translations)
+    found = _residuals(given, seed, replicates, tests, parameters, setting)
+    return {name: Prediction(_counted(axes, rmse)) for name, axes in found.items()}
 
 
 @draws("niu2024/fig-4", given=ANGLES)
