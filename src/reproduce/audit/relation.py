@@ -34,9 +34,9 @@ Sheet = Mapping[str, Cell]
 _RelationKind = Literal[
     "equation", "definition", "arithmetic", "statistics", "geometry", "repeat", "order", "print"
 ]
-# Which of two independent readings of a paper found a relation; "merging" if neither did, and it
-# was seen when their lists were laid side by side; "third" if a later one, which knew neither list,
-# was the first to find it; empty where nobody counts.
+# Which of two independent readings of a paper found a relation; "merging" if neither did, and the
+# comparison of their lists or a later reader who knew them found it; "third" if a later reader, who
+# knew neither list, was the first to find it; empty where nobody counts.
 Finder = Literal["", "first", "second", "both", "merging", "third"]
 _SI = SimpleNamespace(**{unit: si_factor(unit) for unit in UNITS})
 

@@ -320,7 +320,8 @@ def _parts(cells: Sheet, every: Sequence[Relation], group: Sequence[Relation]) -
     ]
 
 
-_Conclusion = Literal["stands", "moves", "open"]
+# "not supported as printed" if a statement of the paper contradicts the numbers that it refers to.
+_Conclusion = Literal["stands", "moves", "not supported as printed", "open"]
 
 
 class Erratum(BaseModel):
@@ -343,7 +344,7 @@ class Erratum(BaseModel):
     printed: str = Field(description="what is printed there, in short")
     problem: str = Field(description="what does not fit, under the most charitable reading")
     library: str = Field(description="what the library does about it")
-    conclusion: _Conclusion = Field(description="whether the paper's conclusion stands or moves")
+    conclusion: _Conclusion = Field(description="whether the paper's conclusion stands")
     because: str = Field(description="why it does")
     status: Literal["open", "one reading of several", "reported", "confirmed"]
     reading: Finder = Field(description="which of two independent readings of the paper found it")

@@ -210,7 +210,8 @@ def _record(found: Evaluation, cell: Cell, plain: Flag | None) -> Record:
 
 
 def _without_result(cell: Cell) -> Record:
-    if missing := unpublished(cell.key, cell.name):
+    missing = unpublished(cell.key, cell.name) if cell.is_number else ""
+    if missing:
         fields = {"role": "result", "verdict": "unpublished"}
         return _make(cell, f"needs {missing}", fields)
     why = f"taken from the paper ({cell.role})" if cell.is_number else "words or a dash"

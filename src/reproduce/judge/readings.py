@@ -108,7 +108,7 @@ class Evaluation:
         )
         names = [list(options)[axis] for axis in decisive]
         others = tuple(axis for axis in range(len(options)) if axis not in decisive)
-        chosen = np.argwhere(agrees.any(axis=others))
+        chosen = np.argwhere(np.asarray(agrees.any(axis=others)))
         ways = [[*options[option]] for option in names]
         return ReadingSummary(
             count=len(found),
@@ -132,8 +132,8 @@ class Evaluation:
         """Return the alternatives with which no reading agrees, by option."""
         found = {}
         for axis, (option, ways) in enumerate(self.computation.options.items()):
-            some = np.moveaxis(agrees, axis, 0).reshape(len(ways), -1).any(axis=1)
-            found[option] = tuple(w for w, one in zip(ways, some, strict=True) if not one)
+            some = np.asarray(np.moveaxis(agrees, axis, 0).reshape(len(ways), -1).any(axis=1))
+            found[option] = tuple(w for w, one in zip(ways, some.tolist(), strict=True) if not one)
         return {option: ways for option, ways in found.items() if ways}
 
     def _shaped(self, values: Sequence[object]) -> NDArray[np.generic]:

@@ -161,16 +161,23 @@ class Check(Display):
 def _score(listed: Sequence[str], ledger: Ledger) -> Grid:
     """Return the number of cells by verdict, item by item; each item leads to its place."""
     rows: list[list[Entry | Box]] = []
+    names: list[str] = []
     entry = Markup('<a href="#{}">{}</a><br><small>{}</small><br><code>{}</code>')
     for key in listed:
+        paper, _, name = key.partition("/")
+        if not names or paper not in names:
+            rows.append([paper, *_counts([r for r in ledger.records if r.key.startswith(paper)])])
+            names.append(paper)
+        names.append(f" {name}")
         place, what = keys.place(key).partition(",")[0], keys.title(key)
         target = anchor(key) if key in library() else f"figure-{anchor(key)}"
         counts = _counts(ledger.of(key)) if key in library() else []
         rows.append([entry.format(target, place, what, key), *counts])
     rows.append(["all", *_counts(ledger.records)])
-    head = ["", *map(badge, VERDICTS), "(weak)"]
-    caption, names = "Cells by verdict, in order of print.", [*listed, "all"]
-    return Grid(caption, head, rows, kind="rp-score rp-index", names=names, whole=range(len(head)))
+    head = ["", *map(badge, VERDICTS), "weak"]
+    caption = "Cells by verdict, in the order of the papers."
+    return Grid(caption, head, rows, kind="rp-score rp-index", names=[*names, "all"],
+                whole=range(len(head)))  # fmt: skip
 
 
 def _counts(records: Sequence[Record]) -> list[Box]:

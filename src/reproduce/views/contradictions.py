@@ -47,7 +47,7 @@ _RESCUES = {
     "ceiling": "all numbers were rounded upwards",
 }
 # From the gravest consequence to none.
-_CONCLUSIONS = ("moves", "open", "stands")
+_CONCLUSIONS = ("moves", "not supported as printed", "open", "stands")
 
 
 @dataclass(frozen=True, repr=False)

@@ -81,7 +81,7 @@ class Readings(Display):
     def _texts(self, row: pd.Series[Any], options: list[str], cells: list[str]) -> list[Entry]:
         texts: list[Entry] = [row[name] for name in options]
         for name in cells:
-            if not row[name] == row[name]:  # an alternative that the computation of a cell lacks
+            if row[name] != row[name]:  # an alternative that the computation of a cell lacks
                 texts.append("")
                 continue
             number = library()[self.key][name].number
