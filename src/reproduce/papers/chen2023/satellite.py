@@ -53,6 +53,8 @@ _EXPANSION = "chen2023/text-hardware#expansion-coefficient"
 _ACCURACY = "chen2023/table-4#100.misalignment-?"
 _LASERS = (platform.SPOTS, platform.DIAGONAL, platform.TELESCOPE)
 _LIGHT_PATH = (*_LASERS, platform.FOCAL_LENGTH, BORESIGHT)
+# Roll of the tracker about the camera's boresight on the bench: assumed, the paper prints none.
+_ROLL = np.pi / 4
 _OUT = np.array([0.0, 0.0, 1.0])
 _TURN = 10 * RADIANS_PER_ARCSEC
 # Points around the edge of the beam in the camera's lens, in metres.
@@ -115,6 +117,20 @@ def focal_ratio(given: Given) -> Results:
 def dichroic_tilt(given: Given) -> Results:
     """Tilt of the dichroic mirror that folds the retro-reflected laser into the tracker."""
     return {"dihedral-angle": float(fold_mirror_tilt(given[BORESIGHT]))}
+
+
+@reproduces(_TEXT, cells=["table-angle"], given=[BORESIGHT])
+def table_angle(given: Given) -> Results:
+    """Angle of the tracker's boresight above the optical table, rolled by an assumed 45 degrees.
+
+    The camera is assumed level. The tracker's boresight makes the supplement of the printed
+    boresight angle with the camera's axis. It is rolled about that axis out of the table, which
+    multiplies the sine of its elevation by the sine of the roll. The paper prints neither the
+    roll nor the level of the camera.
+    """
+    missing = "the roll of the tracker about the camera's boresight; an assumed 45° stands in"
+    sine = np.sin(np.pi - given[BORESIGHT]) * np.sin(_ROLL)
+    return {"table-angle": Blocked(missing, float(np.arcsin(sine)))}
 
 
 def _believed(rest: LightPath, kind: str, points: FloatArray, **changes: Any) -> FloatArray:
