@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from reproduce.papers.chen2023 import platform
-from reproduce.papers.declare import Blocked, Results, draws, reproduces, studied
+from reproduce.papers.declare import Blocked, Fact, Results, draws, reproduces, studied
 from reproduce.papers.sketch import Look, Sketch, beside, sized, turned
 from reproduce.physics import attitude, ground
 from reproduce.physics.light import (
@@ -174,9 +174,15 @@ def _retro_reflectors(given: Given) -> list[tuple[str | float, ...]]:
     return rows
 
 
+def _bench_facts(given: Given) -> dict[str, Fact]:
+    """Return the number that sentences quote of the layout of the bench, which is assumed."""
+    return {"assumed-roll": Fact(f"{np.degrees(_ROLL):.0f}°")}
+
+
 @studied(
     "chen2023/dichroic",
     given=(BORESIGHT, _ACCURACY, _EXPANSION),
+    named=_bench_facts,
 )
 def _dichroic(given: Given) -> list[tuple[str, float, float, float]]:
     """How much a tilt of the dichroic mirror mimics, and the tolerance that follows."""
