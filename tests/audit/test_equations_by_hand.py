@@ -2,10 +2,12 @@
 
 import math
 
+import numpy as np
 import pytest
 from made_up import finding
 
 from reproduce.audit.report import audit_paper
+from reproduce.physics import light
 
 AUDIT = audit_paper("chen2023")
 SHOWN = {shown.name: shown for shown in AUDIT.equations}
@@ -41,6 +43,24 @@ def test_a_misalignment_on_the_wrong_side_turns_about_another_axis():
     off = turn * (1 - math.cos(angle)) / ARCSEC
     assert SHOWN["misalignment-side"].printed == pytest.approx(off, rel=1e-6)
     assert SHOWN["misalignment-side"].supposition
+
+
+def test_the_bracket_of_the_imaging_model_is_the_negative_of_an_emitted_direction():
+    """Difference of coordinates and −f against its negative and +f, multiplied out by hand."""
+    shown, y = SHOWN["line-of-sight"], -number("text-hardware#laser-diagonal") / 2
+    focal = number("table-2#telescope-focal-length.value")
+    cosine = (y * -y - focal * focal) / (y**2 + focal**2)
+    assert shown.printed == pytest.approx(cosine)
+    assert shown.supposition
+
+
+def test_three_mirrors_of_a_corner_and_one_more_are_no_rotation_and_two_and_one_are():
+    """A rotation keeps right-handed triples; reflections and the reversal of light swap them."""
+    reversal, dichroic = -1, -1
+    assert SHOWN["mirrored-pattern"].printed == pytest.approx(reversal * dichroic * (-1) ** 3)
+    assert reversal * dichroic * (-1) ** 2 == SHOWN["mirrored-pattern"].wanted
+    bench = light.mirror_train(light.ROOF)
+    assert np.linalg.det(bench) == pytest.approx((-1) ** 2)
 
 
 def test_the_laser_lies_in_one_band_of_the_camera_alone():

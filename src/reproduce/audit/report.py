@@ -20,7 +20,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from reproduce.audit import examine
 from reproduce.audit.corrections import Correction, corrections
 from reproduce.audit.relation import Finder, Relation, Sheet, declarations, declared
-from reproduce.physics import attitude, light, optics, registration
+from reproduce.physics import attitude, ground, light, optics, registration
 from reproduce.physics.attitude import rotation_from_vector
 from reproduce.physics.registration import constraint, constraint_printed
 from reproduce.physics.validate import FloatArray
@@ -201,6 +201,25 @@ def _misalignment_side(cells: Sheet) -> _Values:
     return printed, right, 0.0
 
 
+def _line_of_sight(cells: Sheet) -> _Values:
+    """Compare the bracket of (1) with the direction (2) of one point of the focal plane."""
+    places, focal = _laser_geometry(cells)
+    bracket = ground.image_vectors(places[:1], focal)[0]
+    emitted = attitude.emitted_directions(places[:1], focal)[0]
+    cosine = float(bracket @ emitted / np.linalg.norm(bracket))
+    return cosine, -cosine, 1.0  # with a negative scaling factor the bracket changes its sign
+
+
+def _mirrored_pattern(cells: Sheet) -> _Values:
+    """Follow a direction of (2) to the one of (3), by a corner cube and the dichroic mirror."""
+    tilt = cells["chen2023/text-satellite#dihedral-angle"].si
+    fold = light.reflection([0.0, np.sin(tilt), np.cos(tilt)])
+    # A received direction points back along the light.
+    satellite = -fold @ light.mirror_train(light.CORNER)
+    handed = satellite @ np.diag([1.0, -1.0, 1.0])  # the lasers of a mirrored pattern
+    return float(np.linalg.det(satellite)), float(np.linalg.det(handed)), 1.0
+
+
 _RUNS: dict[str, Callable[[Sheet], _Values]] = {
     "distortion-ratio": _distortion_ratio,
     "turned-back": _turned_back,
@@ -214,6 +233,8 @@ _RUNS: dict[str, Callable[[Sheet], _Values]] = {
     "stage-signs": _stage_signs,
     "retroreflector": _retroreflector,
     "roll-leak": _roll_leak,
+    "line-of-sight": _line_of_sight,
+    "mirrored-pattern": _mirrored_pattern,
 }
 
 

@@ -227,10 +227,12 @@ def _grid_lines(grid: Grid, width: int) -> Iterator[RenderableType]:
     elif grid.names:
         rows = [[name, *row[1:]] for name, row in zip(grid.names, rows, strict=True)]
     texts = [list(map(_text, row)) for row in rows]
-    table = _columns(map(_plain, head), texts, whole=whole, words=grid.words)
     lined = [[_plain(name) for name in head], *([one.plain for one in row] for row in texts)]
     columns = enumerate(zip_longest(*lined, fillvalue=""))
-    wide = sum(_least(i in whole, column) + 1 for i, column in columns) > width
+    least = sum(_least(i in whole, column) + 1 for i, column in columns) - 1
+    wide = least > width
+    gap = int(least + len(head) - 1 <= width)  # a second blank between columns, if there is room
+    table = _columns(map(_plain, head), texts, whole=whole, words=grid.words, gap=gap)
     if wide and grid.spare:
         return
     yield from [f"\n{_plain(grid.caption)}"] * bool(grid.caption)
@@ -259,13 +261,14 @@ def _columns(
     words: int = 1,
     whole: Collection[int] = (),
     show_header: bool = True,
+    gap: int = 1,
 ) -> Table:
     """Return a table for a terminal: numbers to the right, after so many columns of words.
 
     Columns that are to stay `whole` are not wrapped.
     """
     table = Table(
-        pad_edge=False, box=box.SIMPLE_HEAD if show_header else None, padding=(0, 1, 0, 0),
+        pad_edge=False, box=box.SIMPLE_HEAD if show_header else None, padding=(0, gap, 0, 0),
         show_header=show_header, show_edge=False,
     )  # fmt: skip
     for i, name in enumerate(heads):

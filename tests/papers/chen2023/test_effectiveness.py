@@ -129,6 +129,18 @@ def test_the_differences_of_table_v_are_no_white_noise_of_means_over_a_state():
     assert frame["Probability"].tolist() == pytest.approx([3.2e-15, 0.0060, 0.0319], rel=0.02)
 
 
+def test_a_mean_over_smoothed_angles_with_the_ramp_would_lag_by_more_than_any_difference():
+    """A stage in steps, smoothed and averaged image by image."""
+    stage = np.repeat(np.array([0.0, -2.006, -4.046, -6.053, -8.0155]), 400)
+    smoothed = np.convolve(stage, np.full(100, 0.01))[: stage.size]
+    lags = smoothed.reshape(5, 400).mean(axis=1) - stage[::400]
+    facts = {name: fact.value for name, fact in effectiveness._differences.facts().items()}
+    assert facts["ramp-lag"] == pytest.approx(lags[1:].mean(), rel=1e-6)
+    assert facts["mean"] == pytest.approx(0.003 / 8)
+    assert facts["largest"] == pytest.approx(0.091)
+    assert facts["largest"] < facts["ramp-lag"]
+
+
 def test_interchanged_columns_and_one_focal_length_give_every_reference_angle_to_its_last_digit():
     """And no focal length does so for the columns as printed, whatever the nominal one."""
     records = [

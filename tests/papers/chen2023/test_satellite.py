@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from reproduce.papers.chen2023 import satellite
 from reproduce.papers.chen2023.platform import lasers
@@ -83,3 +84,12 @@ def test_an_angle_of_the_reflector_that_opens_mimics_a_tilt(kind, factor):
     moved = replace(rest.retroreflector, normals=normals)
     angles = satellite._believed(rest, kind, lasers(door), retroreflector=moved)
     assert np.hypot(*angles[:2]) / opened == pytest.approx(factor, rel=1e-3)
+
+
+def test_the_table_angle_is_the_height_of_a_boresight_that_is_rolled_out_of_the_table():
+    """By rotations: 120° from a level camera, then an eighth of a circle about the camera."""
+    away = Rotation.from_euler("z", 120, degrees=True).apply([1.0, 0.0, 0.0])
+    height = Rotation.from_euler("x", 45, degrees=True).apply(away)[2]
+    found = satellite.table_angle(given([satellite.BORESIGHT]))["table-angle"]
+    assert found.stand_in == pytest.approx(np.arcsin(height))
+    assert not found.readings

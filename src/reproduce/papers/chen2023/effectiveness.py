@@ -310,12 +310,25 @@ def _shared_zero_chi_square(differences: FloatArray, sigma: float) -> float:
 
 
 def _test_facts(given: Given) -> dict[str, declare.Fact]:
-    """What sentences say of the test: the probability under each noise, chi-square of the first."""
+    """What sentences say of the test: the probability under each noise, chi-square of the first.
+
+    Also the lag of a mean over the smoothed angles of a whole state, with its ramp, and the mean
+    and the largest of the differences, which have no such lag.
+    """
     rows = [tuple(row) for row in _differences(given).itertuples(index=False)]
     # Smaller probabilities say "never", not how rarely.
     chances = [declare.Fact(row[3], "chance", zero=1e-12) for row in rows]
     facts = dict(zip(("state-chance", "ramp-chance", "printed-chance"), chances, strict=True))
+    few, frames = given.count(accuracy.SMOOTHED), given.count(FRAMES)
+    # After a step the mean of the last n images is short of it by (n - 1)/n, ..., 1/n, 0.
+    short = (few - 1) / (2 * frames)
+    step = np.abs([given[f"{TABLE}#{STATES[-1]}.reference-{a}"] for a in _TURNS]).mean()
+    differences = given.array(f"{TABLE}#[2-5].difference-?") / RADIANS_PER_ARCSEC
+    lag = step / len(_MOVED) * short / RADIANS_PER_ARCSEC
     return facts | {
+        "ramp-lag": declare.Fact(float(lag), ".2f", "arcsec"),
+        "mean": declare.Fact(float(differences.mean()), ".4f", "arcsec"),
+        "largest": declare.Fact(float(np.abs(differences).max()), ".3f", "arcsec"),
         "state-chi-square": declare.Fact(rows[0][1], ".1f"),
         "freedom": declare.Fact(rows[0][2], "d"),
     }
@@ -325,6 +338,7 @@ def _test_facts(given: Given) -> dict[str, declare.Fact]:
     "chen2023/differences",
     given=(
         f"{TABLE}#[2-5].difference-?",
+        f"{TABLE}#{STATES[-1]}.reference-?",
         f"{accuracy.TABLE}#*.misalignment-?",
         FRAMES,
         accuracy.SMOOTHED,

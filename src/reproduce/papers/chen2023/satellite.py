@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from reproduce.papers.chen2023 import platform
-from reproduce.papers.declare import Results, draws, reproduces, studied
+from reproduce.papers.declare import Fact, Results, draws, reproduces, studied
 from reproduce.papers.sketch import Look, Sketch, beside, sized, turned
 from reproduce.physics import attitude, ground
 from reproduce.physics.light import (
@@ -53,6 +53,8 @@ _EXPANSION = "chen2023/text-hardware#expansion-coefficient"
 _ACCURACY = "chen2023/table-4#100.misalignment-?"
 _LASERS = (platform.SPOTS, platform.DIAGONAL, platform.TELESCOPE)
 _LIGHT_PATH = (*_LASERS, platform.FOCAL_LENGTH, BORESIGHT)
+# Roll of the tracker about the camera's boresight on the bench: assumed, the paper prints none.
+_ROLL = np.pi / 4
 _OUT = np.array([0.0, 0.0, 1.0])
 _TURN = 10 * RADIANS_PER_ARCSEC
 # Points around the edge of the beam in the camera's lens, in metres.
@@ -124,6 +126,19 @@ def dichroic_tilt(given: Given) -> Results:
     return {"dihedral-angle": float(fold_mirror_tilt(given[BORESIGHT]))}
 
 
+@reproduces(_TEXT, cells=["table-angle"], given=[BORESIGHT])
+def table_angle(given: Given) -> Results:
+    """Angle of the tracker's boresight above the optical table, rolled by an assumed 45 degrees.
+
+    The camera is assumed level. The tracker's boresight makes the supplement of the printed
+    boresight angle with the camera's axis. It is rolled about that axis out of the table, which
+    multiplies the sine of its elevation by the sine of the roll. The paper prints neither the
+    roll nor the level of the camera.
+    """
+    sine = np.sin(np.pi - given[BORESIGHT]) * np.sin(_ROLL)
+    return {"table-angle": float(np.arcsin(sine))}
+
+
 def _believed(rest: LightPath, kind: str, points: FloatArray, **changes: Any) -> FloatArray:
     """Return the turn of the camera that the system reports when the light path changes.
 
@@ -165,9 +180,15 @@ def _retro_reflectors(given: Given) -> list[tuple[str | float, ...]]:
     return rows
 
 
+def _bench_facts(given: Given) -> dict[str, Fact]:
+    """Return the number that sentences quote of the layout of the bench, which is assumed."""
+    return {"assumed-roll": Fact(f"{np.degrees(_ROLL):.0f}°")}
+
+
 @studied(
     "chen2023/dichroic",
     given=(BORESIGHT, _ACCURACY, _EXPANSION),
+    named=_bench_facts,
 )
 def _dichroic(given: Given) -> list[tuple[str, float, float, float]]:
     """How much a tilt of the dichroic mirror mimics, and the tolerance that follows."""
