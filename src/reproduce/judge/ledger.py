@@ -342,3 +342,11 @@ def reason(address: str) -> str:
 def erratum(address: str) -> str:
     """Return the id of the erratum behind a `differs`, empty where the register has none."""
     return frozen()[address].erratum if address in frozen() else ""
+
+
+@cache
+def replies() -> dict[str, str]:
+    """Return the reply of the authors to each erratum, by its id; empty without a reply."""
+    texts = [(one / "errata.toml").read_text(encoding="utf-8") for one in data_folders()]
+    entries = (entry for text in texts for entry in tomllib.loads(text)["erratum"])
+    return {entry["id"]: entry.get("reply", "") for entry in entries}

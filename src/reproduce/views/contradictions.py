@@ -107,12 +107,6 @@ def errata_register() -> tuple[Erratum, ...]:
     return tuple(one for text in texts for one in register(text))
 
 
-def replied(name: str) -> Entry:
-    """Return what the authors say to an entry of the register, or how they can answer."""
-    entry = next(one for one in errata_register() if one.id == name)
-    return entry.reply or Markup("none yet; ") + link(f"letter-{entry.paper}", "how to answer")
-
-
 def _grid(caption: str, columns: _Columns, rows: Sequence[_Row], **looks: Any) -> Grid:
     return grid(caption, columns, rows, kind="rp-small rp-audit", words=len(columns), **looks)
 
@@ -368,7 +362,7 @@ def _erratum(entry: Erratum, audit: Audit) -> Fold:
         "What the library does": entry.library,
         "The paper's conclusion": f"{entry.conclusion}: {entry.because}",
         "Status": entry.status,
-        "The authors' reply": replied(entry.id),
+        "The authors' reply": verdicts.replied(entry.id),
         "Supposing that": entry.supposition,
         "Caution": fault if entry.extraction else "",
         "Cite as": f"Erratum {entry.id}, Pointing, reproduced, version {__version__}",

@@ -276,14 +276,8 @@ def _reason(record: Record) -> Entry:
     why = minus(reason(record.cell) or record.why)
     if known := erratum(record.cell):
         told = "{} {}<br>The authors' reply: {}"
-        return Markup(told).format(why, link(known, f"Erratum {known}"), _replied(known))
+        return Markup(told).format(why, link(known, f"Erratum {known}"), verdicts.replied(known))
     return why
-
-
-def _replied(known: str) -> Entry:
-    from reproduce.views.contradictions import replied  # only now: it loads the audit
-
-    return replied(known)
 
 
 def _link(record: Record) -> Markup:
@@ -429,7 +423,7 @@ class Cell(Shown):
             **made,
             "reads": _linked(self.reads),
             "erratum": link(known, known) if known else "",
-            "the authors' reply": _replied(known) if known else "",
+            "the authors' reply": verdicts.replied(known) if known else "",
             **_read(record),
         }
         lines = [line for line in told.items() if line[1]]

@@ -5,7 +5,9 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
 
-from reproduce.judge.ledger import Record, TableRecord
+from markupsafe import Markup, escape
+
+from reproduce.judge.ledger import Record, TableRecord, replies
 from reproduce.judge.readings import ReadingSummary, evaluate
 from reproduce.judge.verdicts import AGREES, VERDICTS, Flag, Reading
 from reproduce.papers.catalogue import catalogue
@@ -180,6 +182,13 @@ def qualified(record: Record) -> str:
     """Write a verdict with what makes it weak."""
     marks = flags(record.flags)
     return f"{record.verdict} ({marks})" if marks else record.verdict
+
+
+def replied(erratum: str) -> Markup:
+    """Write the reply of the authors to an erratum, or where they can reply."""
+    paper = erratum.partition("-")[0]
+    place = Markup('none yet; <a href="#letter-{}">how to answer</a>').format(paper)
+    return escape(replies()[erratum]) or place
 
 
 def facts_of(name: str) -> dict[str, str]:
