@@ -166,7 +166,7 @@ def _of_calibration(name: str) -> Iterator[tuple[str, str]]:
 def _of_audits() -> dict[str, str]:
     """Return what sentences may say of the audit: label to text.
 
-    ``PAPER-relations``, ``-agreeing``, ``-rounding``, ``-contradicting`` (without those that
+    ``PAPER-relations``, ``-agreeing``, ``-rounding``, ``-tolerance``, ``-contradicting`` (without those that
     restate computed cells), ``-restating`` and ``-restating-contradicting`` (those alone),
     ``-examined``, ``-numbers``, ``-groups`` (contradictions that belong together), ``-supposed``
     (relations that rest on a supposition of ours, in none of the other counts); the same of both
@@ -179,7 +179,8 @@ def _of_audits() -> dict[str, str]:
     for start, group in [*((f"{a.name}-", [a]) for a in audits), ("", audits)]:
         for audit in group:
             own, again = audit.tally(restating=False), audit.tally(restating=True)
-            found = dict(zip(("agreeing", "rounding", "contradicting"), own.values(), strict=True))
+            kinds = ("agreeing", "rounding", "tolerance", "contradicting")
+            found = dict(zip(kinds, own.values(), strict=True))
             found |= {
                 "relations": sum(own.values()),
                 "restating": sum(again.values()),

@@ -1,4 +1,4 @@
-"""Examine the relations of a paper: which agree, which only through rounding, which contradict.
+"""Examine the relations of a paper: which agree, which contradict, and on what agreement rests.
 
 And how contradictions hang together: in groups, and as smallest sets that cannot all be right.
 """
@@ -20,8 +20,15 @@ from reproduce.printed.number import Interval, PrintedNumber, si_factor
 
 # Floating-point noise between the two sides of a relation, as a share of them.
 _NOISE = 1e-9
-RelationOutcome = Literal["agrees", "agrees only through rounding", "contradicts"]
-OUTCOMES: tuple[RelationOutcome, ...] = ("agrees", "agrees only through rounding", "contradicts")
+RelationOutcome = Literal[
+    "agrees", "agrees only through rounding", "agrees only within a tolerance", "contradicts"
+]
+OUTCOMES: tuple[RelationOutcome, ...] = (
+    "agrees",
+    "agrees only through rounding",
+    "agrees only within a tolerance",
+    "contradicts",
+)
 
 
 @dataclass(frozen=True)
@@ -147,22 +154,42 @@ def by_value(relations: Iterable[Relation]) -> list[Relation]:
 
 
 def examine(cells: Sheet, relations: Sequence[Relation]) -> list[Examined]:
-    """Say of every relation, in order, whether it agrees, only through rounding, or contradicts."""
+    """Return the outcome of every relation, in order.
+
+    A relation agrees only within a tolerance if it contradicts without its tolerance and if
+    *about* and *nominal* stand for no more than the rounding of a number.
+    """
     wrong = contradicted(cells, relations)
+    narrow = _without_qualifiers(cells)
+    strict = [replace(relation, tolerance=None) for relation in relations]
+    beyond_rounding = contradicted(narrow, strict)
     lifted = {
         rule: wrong - contradicted(_printed_by(rule, cells), relations) for rule in _OTHER_RULES
     }
     shared = agreements(cells, relations)
     findings = []
-    for relation in relations:
+    for relation, without in zip(relations, strict, strict=True):
         left, right = _sides(relation, cells, shared)
         outcome: RelationOutcome = "contradicts"
         if relation.name not in wrong:
-            plain = _agrees(relation, cells, left, right)
-            outcome = "agrees" if plain else "agrees only through rounding"
+            outcome = "agrees only through rounding"
+            if _agrees(without, narrow, left, right):
+                outcome = "agrees"
+            elif relation.name in beyond_rounding:
+                outcome = "agrees only within a tolerance"
         rescue = next((rule for rule, names in lifted.items() if relation.name in names), "")
         findings.append(Examined(relation, outcome, left, right, rescue))
     return findings
+
+
+def _without_qualifiers(cells: Sheet) -> Sheet:
+    """Return the sheet as if no number were qualified by about or nominal."""
+    return {
+        address: replace(cell, content=replace(cell.number, qualifier=None))
+        if cell.number.qualifier in {"about", "nominal"}
+        else cell
+        for address, cell in cells.items()
+    }
 
 
 def _printed_by(rule: str, cells: Sheet) -> Sheet:

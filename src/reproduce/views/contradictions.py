@@ -40,6 +40,7 @@ _MANY = 12
 _BADGES = {
     "agrees": "exact",
     "agrees only through rounding": "input",
+    "agrees only within a tolerance": "input",
     "contradicts": "differs",
 }
 _RESCUES = {
@@ -126,7 +127,7 @@ def _score(audits: Sequence[Audit]) -> _Part:
 def _counts(audit: Audit) -> _Row:
     own, again = (list(audit.tally(restating=x).values()) for x in (False, True))
     supposing = sum(bool(shown.supposition) for shown in audit.equations)
-    agree, rounding, contradict = own
+    agree, rounding, tolerance, contradict = own
     return {
         "name": audit.name,
         "Numbers": len(audit.cells),
@@ -135,6 +136,7 @@ def _counts(audit: Audit) -> _Row:
         "Relations": sum(own),
         "Agree": agree,
         "Only through rounding": rounding,
+        "Only within a tolerance": tolerance,
         "Contradict": contradict,
         "Restate computed cells": sum(again),
         "Contradict among these": again[-1],
