@@ -173,10 +173,12 @@ def _score(listed: Sequence[str], ledger: Ledger) -> Grid:
         target = anchor(key) if key in library() else f"figure-{anchor(key)}"
         counts = _counts(ledger.of(key)) if key in library() else []
         rows.append([entry.format(target, place, what, key), *counts])
-    rows.append(["all", *_counts(ledger.records)])
+    if len({key.partition("/")[0] for key in listed}) > 1:
+        rows.append(["all", *_counts(ledger.records)])
+        names.append("all")
     head = ["", *map(badge, VERDICTS), "weak"]
     caption = "Cells by verdict, in the order of the papers."
-    return Grid(caption, head, rows, kind="rp-score rp-index", names=[*names, "all"],
+    return Grid(caption, head, rows, kind="rp-score rp-index", names=names,
                 whole=range(len(head)))  # fmt: skip
 
 
