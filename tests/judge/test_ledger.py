@@ -77,7 +77,11 @@ def test_numbers_fit_their_verdicts(whole):
         if consistent:
             assert 0.01 <= record.probability <= 1.0
             assert record.share == pytest.approx((1 - record.probability) / 0.99)
-        if exact and record.share is not None and {"rounding", "tolerance"}.isdisjoint(record.flags):
+        if (
+            exact
+            and record.share is not None
+            and {"rounding", "tolerance"}.isdisjoint(record.flags)
+        ):
             assert record.share <= 1 + 1e-9, record.cell
         if record.verdict == "input":
             assert record.computed is None
@@ -116,7 +120,9 @@ def test_what_repeats_another_cell_is_flagged(whole):
     for record in flagged:
         assert record.verdict == "exact", record.cell
         others = [c for t in library().values() for c in t.cells if c.is_number]
-        values = {abs(c.number.value * si_factor(c.unit)) for c in others if c.address in record.reads}
+        values = {
+            abs(c.number.value * si_factor(c.unit)) for c in others if c.address in record.reads
+        }
         size = abs(record.computed * si_factor(record.unit))
         assert any(size == pytest.approx(value) for value in values), record.cell
 

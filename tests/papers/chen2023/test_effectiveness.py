@@ -86,7 +86,10 @@ def test_every_monitored_angle_depends_on_the_reading():
     assert len(found) == 8
     assert {record.verdict for record in found.values()} == {"ambiguous"}
     # A mean that includes the ramp lags by 0.25 arcsec, more than the columns change this angle.
-    assert found["2.monitoring-y"].readings.agrees_if == ({"images": "state"}, {"images": "smoothed"})
+    assert found["2.monitoring-y"].readings.agrees_if == (
+        {"images": "state"},
+        {"images": "smoothed"},
+    )
 
 
 def test_a_rerun_takes_its_reading_in_every_cell():
