@@ -19,7 +19,7 @@ ARROWS = {
         *{"papers", "inference", "physics", "store", "printed.given", "units"},
         *{"locate.papers", "locate.search_path", "locate.words_files"},
     },
-    "judge": {"judge", "papers", "printed", "locate"},
+    "judge": {"judge", "papers", "printed", "locate", "store.studies"},
     "audit": {"audit", "printed", "physics"},
     "views": {
         *{"views", "judge", "audit", "inference", "store", "printed", "papers"},
