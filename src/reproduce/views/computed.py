@@ -79,7 +79,7 @@ def item_ledger(*keys: str) -> Ledger:
     whole = whole_ledger()
     parts = {
         name: tuple(one for one in getattr(whole, name) if one.key in keys)
-        for name in ("records", "tables", "readings")
+        for name in ("records", "tables")
     }
     return whole.model_copy(update=parts)
 
