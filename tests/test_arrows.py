@@ -1,6 +1,8 @@
 """The arrows of the design: which folder may import which."""
 
 import ast
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -17,7 +19,7 @@ ARROWS = {
         *{"papers", "inference", "physics", "store", "printed.given", "units"},
         *{"locate.papers", "locate.search_path", "locate.words_files"},
     },
-    "judge": {"judge", "papers", "printed", "locate"},
+    "judge": {"judge", "papers", "printed", "locate", "store.studies"},
     "audit": {"audit", "printed", "physics"},
     "views": {
         *{"views", "judge", "audit", "inference", "store", "printed", "papers"},
@@ -148,6 +150,16 @@ def circle(graph):
         for path in bottom:
             del left[path]
     return sorted(path.name for path in left)
+
+
+def test_one_cell_is_judged_without_the_audit():
+    """In a fresh process: reading a verdict starts no search for contradictions."""
+    code = (
+        "import sys, reproduce as rp; print(rp.table('niu2024/table-3')['scale.red'].verdict); "
+        "print([name for name in sys.modules if name.startswith('reproduce.audit')])"
+    )
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert run.stdout.split("\n")[:2] == ["differs", "[]"]
 
 
 def test_no_files_import_each_other_in_a_circle():

@@ -16,12 +16,15 @@ from made_up import declared
 from reproduce.audit.intervals import EVERYTHING, _narrowed, printed_intervals
 from reproduce.audit.report import audit_paper
 from reproduce.judge.ledger import build
-from reproduce.judge.verdicts import numbers, result_intervals
+from reproduce.judge.readings import evaluate
+from reproduce.judge.rerun import maker
+from reproduce.judge.verdicts import result_intervals
 from reproduce.papers.catalogue import catalogue
-from reproduce.papers.declare import reproduces
-from reproduce.printed.cells import PAPERS
+from reproduce.papers.declare import reproduces, unpublished
+from reproduce.printed.cells import PAPERS, find
 from reproduce.printed.given import given
 from reproduce.printed.number import PrintedNumber, si_factor
+from reproduce.views.verdicts import choices_text
 
 SHEET = {address: cell for paper in PAPERS for address, cell in audit_paper(paper).cells.items()}
 RELATIONS = [f.relation for paper in PAPERS for f in audit_paper(paper).findings]
@@ -37,16 +40,28 @@ def enclosure(relation, cells):
 
 @functools.cache
 def computed():
-    """Every deterministic number by name: its computation, its value and its interval."""
+    """Every deterministic number by name and reading: its computation, and its interval."""
     found = {}
-    for item in catalogue().values():
-        for computation in item.computations:
-            if not computation.replicates:
-                door = given(computation.given)
-                intervals = result_intervals(computation, door)
-                for name, value in numbers(computation, door).items():
-                    found[f"{item.key}#{name}"] = (computation, value, intervals[name])
+    for computation in (one for item in catalogue().values() for one in item.computations):
+        for choices in () if computation.replicates else distinct(computation):
+            one = computation.under(choices)
+            mark = f" ({choices_text(choices)})" if choices else ""
+            for name, interval in result_intervals(one, given(one.given)).items():
+                if not unpublished(computation.key, name):
+                    found[f"{computation.key}#{name}{mark}"] = (one, interval[:2])
     return found
+
+
+def distinct(computation):
+    """Return the readings of a computation, of those with equal results the first."""
+    found = evaluate(computation)
+    groups = np.stack([found.groups(name).ravel() for name in found.cells])
+    return [computation.readings[i] for i in np.unique(groups, axis=1, return_index=True)[1]]
+
+
+def value_of(computation, door, name):
+    """Return the value of a number by its name, without the reading."""
+    return computation(door)[name.partition("#")[2].partition(" (")[0]]
 
 
 def enclosed(relation):
@@ -86,14 +101,14 @@ def test_every_deterministic_number_has_one_second_entry():
 
 @pytest.mark.parametrize("name", sorted(computed()))
 def test_the_two_entries_give_one_interval(name):
-    _, _, interval = computed()[name]
+    _, interval = computed()[name]
     assert disagreement(ENTRIES[name], enclosed(ENTRIES[name]), interval) == ""
 
 
 @pytest.mark.parametrize("name", sorted(computed()))
 def test_the_two_entries_give_one_value_wherever_the_inputs_lie(name):
     """As printed, and at random points of the box of all inputs."""
-    computation, _, _ = computed()[name]
+    computation, _ = computed()[name]
     relation = ENTRIES[name]
     rng = np.random.default_rng(3)
     door = given(computation.given)
@@ -103,7 +118,7 @@ def test_the_two_entries_give_one_value_wherever_the_inputs_lie(name):
         inputs = {a: shifted[a] for a in relation.addresses if a in door.cells}
         assert set(relation.addresses) - set(inputs) <= {relation.result}
         right = relation.sides({relation.result: 0.0, **inputs})[1]
-        value = numbers(computation, shifted)[name.partition("#")[2]]
+        value = value_of(computation, shifted, name)
         assert right == pytest.approx(value, rel=1e-11, abs=1e-18)
 
 
@@ -112,10 +127,10 @@ def test_every_relation_that_restates_a_computed_number_says_so():
     for relation in RELATIONS:
         ours = [name for name in computed() if name.partition(" (")[0] == relation.result]
         for name in ours if relation.kind != "print" and relation.unknown is None else ():
-            computation, value, _ = computed()[name]
-            read = set(relation.addresses) - {relation.result} <= set(
-                given(computation.given).cells
-            )
+            computation, _ = computed()[name]
+            door = given(computation.given)
+            value = value_of(computation, door, name)
+            read = set(relation.addresses) - {relation.result} <= set(door.cells)
             right = relation.sides({a: SHEET[a].si for a in relation.addresses})[1]
             if read and right == pytest.approx(value, rel=1e-9):
                 assert relation.restates in ours, relation.name
@@ -128,15 +143,20 @@ def test_outcome_and_verdict_are_the_same():
     outcomes = {f.relation.restates: f.outcome for p in PAPERS for f in audit_paper(p).findings}
     seen = set()
     for name, outcome in outcomes.items():
-        address, _, reading = name.partition(" (")
+        address, _, choices = name.partition(" (")
         if not name or address not in records:
             continue
         found = records[address]
-        if reading:
-            (found,) = (one for one in found.readings if f"{one.name})" == reading)
+        if choices:
+            evaluation = evaluate(maker(address))
+            texts = [f"{choices_text(one)})" for one in evaluation.computation.readings]
+            found = evaluation.cells[address.partition("#")[2]][texts.index(choices)]
         verdict = "differs" if found.verdict == "differs" else "exact"
         assert (outcome == "contradicts") == (verdict == "differs"), name
-        rounding = "through_rounding" in found.flags
+        # The audit has one word for agreement that the computed value itself does not have.
+        off = found.computed, found.computed
+        (cell,) = find(address)
+        rounding = verdict == "exact" and not cell.number.meets(*off)
         assert (outcome == "agrees only through rounding") == rounding, name
         seen.add((outcome, verdict))
     assert len(seen) == 3
@@ -162,7 +182,7 @@ def test_a_computation_that_is_not_monotone_is_seen():
     source = "made up"
     """
     (relation,) = declared(text, SHEET)
-    corners = result_intervals(turning, given(turning.given))["scale.red"]
+    corners = result_intervals(turning, given(turning.given))["scale.red"][:2]
     found = disagreement(relation, enclosure(relation, SHEET), corners)
     assert found.startswith("turning (scale = ")
     assert "the computation of niu2024/table-2#scale.red" in found

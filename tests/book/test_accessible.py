@@ -103,7 +103,8 @@ SHOWN = {
     "consistent": {"rp-mark-consistent"},
     "weak": {"rp-mark-exact rp-mark-weak", "rp-mark-consistent rp-mark-weak"},
     "differs": {"rp-mark-differs"},
-    "blocked": {"rp-mark-blocked"},
+    "ambiguous": {"rp-mark-ambiguous"},
+    "unpublished": {"rp-mark-unpublished"},
     "input": {"rp-mark-input"},
 }
 

@@ -135,7 +135,7 @@ def test_a_verdict_is_looked_for_among_verdicts_and_other_words_everywhere(
     table: Page, records: tuple[Record, ...]
 ) -> None:
     box = table.get_by_label("Filter")
-    for word in ("differs", "blocked", "input", "exact", "consistent"):
+    for word in ("differs", "ambiguous", "unpublished", "input", "exact", "consistent"):
         box.fill(word)
         assert shown(table) == [anchor(one.cell) for one in records if one.verdict == word] != []
     box.fill("NIU2024/table-1")

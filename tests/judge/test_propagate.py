@@ -16,13 +16,26 @@ def ratio(door):
 
 
 def test_the_corners_of_a_ratio():
-    low, high = result_intervals(ratio, given(ratio.given))["scale.red"]
+    low, high, wide = result_intervals(ratio, given(ratio.given))["scale.red"]
     assert low == pytest.approx(24.99995 / 25.06015, rel=1e-14)
     assert high == pytest.approx(25.00005 / 25.06005, rel=1e-14)
+    assert not wide
 
 
 def test_a_result_without_inputs_is_a_point():
-    assert result_intervals(ratio, given(ratio.given))["scale.blue"] == (1.0, 1.0)
+    assert result_intervals(ratio, given(ratio.given))["scale.blue"] == (1.0, 1.0, False)
+
+
+NOMINAL = "chen2023/table-2#telescope-focal-length.value"
+
+
+def test_an_input_printed_as_nominal_makes_the_results_that_follow_it_wide():
+    @reproduces("niu2024/table-2", given=[GREEN, NOMINAL])
+    def mixed(door):
+        return {"scale.red": door[GREEN] / door[NOMINAL], "scale.blue": door[GREEN]}
+
+    found = result_intervals(mixed, given(mixed.given))
+    assert (found["scale.red"].wide, found["scale.blue"].wide) == (True, False)
 
 
 BLUE, PER_CHANNEL = (
@@ -38,6 +51,8 @@ def plain(door):
     return {
         "copy": green,
         "largest": max(red, green, blue),
+        "smallest": min(red, green, blue),
+        "size": abs(-green),
         "count": float(door.count(PER_CHANNEL)),
         "difference": red - blue,
         "nothing": green - green,
@@ -49,16 +64,21 @@ def plain(door):
         "equal, but moved by another": green + (blue - 0.02495),
         "a tie": max(green, 0.025),
         "ratio": green / red,
+        "sum": red + green,
     }
 
 
 def test_copies_and_differences_are_told_from_computations():
     """By how a result moves with its inputs, whatever the function looks like."""
     assert plain_results(plain, given(plain.given)) == {
-        "copy": "repeated",
-        "largest": "repeated",
-        "written in another way": "repeated",
-        "count": "repeated",
+        "copy": "copy",
+        "negative": "copy",
+        "size": "copy",
+        "largest": "copy",
+        "smallest": "copy",
+        "a tie": "copy",
+        "written in another way": "copy",
+        "count": "copy",
         "difference": "difference",
         "nothing": "difference",
     }

@@ -1,28 +1,24 @@
 """An item computed again under a reader's change."""
 
-import functools
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
-import every_reading
-from reproduce.judge import ledger, rerun
+from reproduce.judge import rerun
 from reproduce.judge.ledger import build
+from reproduce.judge.readings import evaluate
 from reproduce.judge.rerun import CannotChangeError
 from reproduce.papers.catalogue import catalogue
-from reproduce.papers.niu2024 import readings, simulation
+from reproduce.papers.niu2024 import simulation
 from reproduce.printed.cells import find
 from reproduce.printed.given import given
 
 NOISE = "niu2024/text-simulation#noise"
 TABLE = "chen2023/table-5"
-DOOR = given(readings.READS)
 
 
 def cells(found):
-    """Return the cells by name; of a cell with several readings the first."""
-    return {one.cell.name: one for one in reversed(found.cells)}
+    """Return the cells by name."""
+    return {one.cell.name: one for one in found.cells}
 
 
 def test_four_times_the_noise_widens_table_3_fourfold():
@@ -39,17 +35,7 @@ def test_the_print_itself_changes_nothing():
     found = cells(rerun.rerun("niu2024/table-3", {NOISE: "0.05 px"}))
     judged = build(["niu2024/table-3"])
     for name, one in found.items():
-        record = judged.cell(f"niu2024/table-3#{name}")
-        computed = record.readings[0].computed if record.readings else record.computed
-        assert one.value == one.unchanged == computed
-
-
-def test_a_cell_that_depends_on_its_reading_is_shown_under_each():
-    found = rerun.rerun("niu2024/table-3", {NOISE: "0.2 px"}, replicates=20).cells
-    record = build(["niu2024/table-3"]).cell("niu2024/table-3#translation-x.red")
-    assert [one.reading for one in found if one.cell.name == "translation-x.red"] == [
-        reading.name for reading in record.readings
-    ]
+        assert one.value == one.unchanged == judged.cell(f"niu2024/table-3#{name}").computed
 
 
 def test_recomputed_values_take_the_place_of_printed_ones():
@@ -109,11 +95,9 @@ def test_a_stray_change_is_told_the_nearest_cells_and_where_all_are(stray, first
 
 
 def test_a_cell_reads_what_its_own_computation_reads_directly_or_through_others():
-    whole, cell = (
-        rerun.changeable(name) for name in ("niu2024/table-3", "niu2024/table-3#scale.red")
-    )
+    whole, cell = (rerun.changeable(name) for name in (TABLE, f"{TABLE}#2.motion-x"))
     assert set(cell) < set(whole)
-    assert not [address for address in cell if address.endswith("translation-x.red")]
+    assert {address.partition(".")[2] for address in cell} == {"position-x", "position-y"}
     monitored = rerun.changeable(f"{TABLE}#2.monitoring-y")
     assert len(monitored) == len(set(monitored))
     assert rerun.changeable("niu2024/table-1#focal-length.red") == (), "an input reads nothing"
@@ -149,92 +133,35 @@ def test_a_seed_counts_where_random_numbers_are_drawn_between_a_change_and_an_it
 OPEN = [key for key in catalogue() if rerun.options(key)]
 
 
-@pytest.fixture
-def few(monkeypatch):
-    """Judge stochastic tables from few replicates."""
-    items = {
-        key: replace(
-            item,
-            computations=tuple(
-                replace(c, replicates=c.replicates and 150) for c in item.computations
-            ),
-        )
-        for key, item in catalogue().items()
-    }
-    monkeypatch.setattr(ledger, "catalogue", lambda: items)
-    monkeypatch.setattr(ledger, "_judged", functools.cache(ledger._judged.__wrapped__))
-
-
-@pytest.mark.usefixtures("few")
 @pytest.mark.parametrize("key", OPEN)
-def test_every_alternative_is_a_reading_with_a_verdict(key):
-    """Each one alone; cells whose verdict it leaves open are judged under what is left."""
-    blocked = {r.cell for r in ledger.reread(key, {}).records if r.readings}
-    assert blocked
-    for name, ways in rerun.options(key).items():
-        assert name.isidentifier(), "it is a keyword of Table.rerun"
-        for way in ways:
-            found = rerun.rerun(key, chosen={name: way})
-            assert found.is_reading
-            assert {one.cell.address for one in found.cells} >= blocked
-            assert all(
-                one.would_be in {"exact", "consistent", "differs"}
-                for one in found.cells
-                if one.cell.address in blocked
-            ), (name, way)
-
-
-def test_all_options_together_leave_nothing_open():
-    """A reading that the ledger has side by side is judged alone as it is judged there."""
-    chosen = {"translations": "table-2", "rmse": "one", "tests": "angles"}
-    found = cells(rerun.rerun("niu2024/text-simulation", chosen=chosen))
-    for channel in ("red", "blue"):
-        record = build(["niu2024/text-simulation"]).cell(
-            f"niu2024/text-simulation#rmse-before-{channel}"
-        )
-        (stored,) = [r for r in record.readings if "one axis, tests among" in r.name]
-        one = found[f"rmse-before-{channel}"]
-        assert (one.value, one.interval, one.would_be) == (
-            stored.computed,
-            stored.interval,
-            stored.verdict,
-        )
-
-
-@pytest.mark.parametrize("angles", ["hexagonal-from-corner", "rectangle"])
-def test_an_arrangement_gives_what_the_study_of_all_readings_gives(angles):
-    """Two seeds: medians within a few of their errors; the first arrangement has no zero."""
-    drawn = every_reading.simulate(DOOR, 400)
-    names = [one.name for one in simulation.candidates(DOOR)]
-    literal = readings.literal(DOOR)
-    place = readings.readings(DOOR).index(
-        replace(literal, arrangement=names.index(simulation._ARRANGEMENTS[angles]))
-    )
-    found = cells(rerun.rerun("niu2024/table-3", chosen={"angles": angles}))
-    for channel, row in (("red", 0), ("blue", 1)):
-        scale = drawn[place, :, row, 0]
-        error = 1.25 * scale.std() * np.sqrt(1 / 400 + 1 / 2000)
-        one = found[f"scale.{channel}"]
-        assert abs(one.value - np.median(scale)) < 4 * error
-        width = np.diff(np.quantile(scale, [0.25, 0.75])) / 1.349
-        assert np.diff(one.interval) / 5.152 == pytest.approx(width, rel=0.15)
+def test_a_rerun_with_options_is_judged_as_the_reading_of_the_ledger(key):
+    """The last alternative of every option, computed and as it is stored."""
+    options = rerun.options(key)
+    assert all(name.isidentifier() for name in options), "keywords of Table.rerun"
+    found = rerun.rerun(key, chosen={name: list(ways)[-1] for name, ways in options.items()})
+    assert found.is_reading
+    for computation in catalogue()[key].computations:
+        wanted = computation.under(found.options).literal
+        place = computation.readings.index(wanted)
+        stored = evaluate(computation)
+        for name, readings in stored.cells.items():
+            one, reading = cells(found)[name], readings[place]
+            if one.verdict != "unpublished":
+                assert one.verdict == reading.verdict, name
+                assert one.value == pytest.approx(reading.computed, rel=1e-9), name
+                assert one.interval == pytest.approx(reading.interval, rel=1e-9), name
 
 
 def test_the_names_of_the_arrangements_are_those_that_have_the_printed_count():
     assert list(simulation._ARRANGEMENTS.values()) == [
-        one.name for one in simulation.candidates(DOOR)
+        one.name for one in simulation.candidates(given(simulation.ANGLES))
     ]
 
 
 def test_options_beside_a_change_carry_no_verdict():
     found = rerun.rerun("niu2024/table-3", seed=7, replicates=50, chosen={"noise": "green"})
     assert not found.is_reading
-    assert not any(one.would_be for one in found.cells)
-
-
-def test_readings_that_are_not_computed_are_refused_with_those_that_are():
-    with pytest.raises(CannotChangeError, match=r"no reading has .* columns=printed, telescope=qu"):
-        rerun.rerun(TABLE, chosen={"columns": "motions", "telescope": "nominal"})
+    assert not any(one.verdict for one in found.cells)
 
 
 def test_rounding_noise_of_a_processor_replaces_nothing(monkeypatch):

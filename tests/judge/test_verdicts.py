@@ -5,6 +5,7 @@ import pytest
 from scipy import stats
 
 from reproduce.judge.verdicts import (
+    joint_probability,
     judge_prediction,
     judge_value,
     tail_mid_p,
@@ -25,8 +26,31 @@ def test_a_value_that_rounds_to_the_print_is_exact():
 
 def test_agreement_through_rounding_alone_is_flagged():
     found = judge_value(PrintedNumber("44.6"), 44.69, (43.1, 46.3))
-    assert (found.verdict, found.flags) == ("exact", ("through_rounding",))
+    assert (found.verdict, found.flags) == ("exact", ("rounding",))
     assert found.share == pytest.approx(1.8)
+
+
+@pytest.mark.parametrize(
+    ("qualifier", "printed", "value", "flags"),
+    [
+        ("about", "44.6", 44.62, ()),  # rounds to the digits within a narrow tolerance
+        ("nominal", "44.6", 44.62, ()),
+        ("about", "44.6", 44.69, ("tolerance",)),  # meets the tolerance only
+        ("nominal", "44.6", 44.69, ("tolerance",)),
+        ("about", "1", 1.2, ("tolerance",)),  # rounds to a digit whose tolerance is its value
+    ],
+)
+def test_agreement_through_about_or_nominal_is_a_wide_tolerance(qualifier, printed, value, flags):
+    found = judge_value(PrintedNumber(printed, qualifier=qualifier), value, (value, value))
+    assert (found.verdict, found.flags) == ("exact", flags)
+
+
+def test_agreement_through_an_input_printed_as_about_is_a_wide_tolerance():
+    for value in (44.62, 44.69):
+        found = judge_value(PrintedNumber("44.6"), value, (43.1, 46.3), wide=True)
+        assert (found.verdict, found.flags) == ("exact", ("tolerance",)), "never rounding"
+    missed = judge_value(PrintedNumber("44.6"), 49.0, (47.0, 51.0), wide=True)
+    assert (missed.verdict, missed.flags) == ("differs", ())
 
 
 def test_an_interval_that_misses_the_print_differs():
@@ -48,7 +72,7 @@ def test_a_count_is_met_or_missed():
 
 @pytest.mark.parametrize("value", [float("nan"), float("inf")])
 def test_a_recomputation_must_be_finite(value):
-    with pytest.raises(ValueError, match="finite recomputed value"):
+    with pytest.raises(ValueError, match="computed value: expected a finite number"):
         judge_value(PrintedNumber("1"), value, (value, value))
 
 
@@ -74,14 +98,14 @@ def test_share_of_a_consistent_value():
     assert found.share == pytest.approx((1 - found.probability) / 0.99)
 
 
-def test_a_prediction_wider_than_the_number_is_uninformative():
-    assert judge_prediction(PrintedNumber("1.0"), normal(1.0, 0.3)).flags == ("uninformative",)
+def test_a_prediction_wider_than_the_number_is_wide():
+    assert judge_prediction(PrintedNumber("1.0"), normal(1.0, 0.3)).flags == ("wide",)
     assert judge_prediction(PrintedNumber("1.0"), normal(1.0, 0.1)).flags == ()
 
 
 @pytest.mark.parametrize("draws", [np.array([]), np.array([1.0, np.nan])])
 def test_draws_must_be_finite(draws):
-    with pytest.raises(ValueError, match="expected finite draws"):
+    with pytest.raises(ValueError, match="draws: expected finite numbers"):
         judge_prediction(PrintedNumber("1.0"), draws)
 
 
@@ -109,3 +133,13 @@ def test_the_error_of_a_median_is_the_spread_of_many():
     assert np.std([f.computed for f in found]) == pytest.approx(
         np.mean([f.error for f in found]), rel=0.15
     )
+
+
+def test_cells_are_tested_together_and_not_one_by_one():
+    """Two numbers that move as one, printed apart: each is likely, both together are not."""
+    moved = np.random.default_rng(2).normal(40, 1, 4000)
+    noise = np.random.default_rng(3).normal(0, 0.05, (2, 4000))
+    half = np.array([-0.05, 0.05])
+    for printed, least, most in (((40.5, 40.5), 0.3, 1.0), ((41.0, 39.0), 0.0, 0.01)):
+        probability, _ = joint_probability(moved + noise, np.array(printed)[:, None] + half)
+        assert least < probability < most

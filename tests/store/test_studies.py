@@ -92,7 +92,7 @@ def test_a_run_that_was_stopped_goes_on_and_stores_the_same(tmp_path, monkeypatc
 
     def recomputed(executor, folder, note):
         parts = run_parts(part, range(3), None, Store(folder, note))
-        return {"numbers": np.stack([array for (array,) in parts])}, 3
+        return {"numbers": np.stack([array for (array,) in parts])}, {"replicates": 3}
 
     monkeypatch.setattr(slow, "SLOW", {"small": (recomputed, 7)})
     monkeypatch.setattr(slow.tempfile, "gettempdir", lambda: str(tmp_path))

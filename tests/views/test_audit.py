@@ -178,7 +178,7 @@ def test_an_erratum_shows_the_verdicts_that_rest_on_it():
     link = '<a href="#chen2023-table-5-4-motion-y">'
     assert f"{link}<code>table-5#4.motion-y</code></a>: 60.66\u202fµm printed, 60.36" in section
     section = entry("chen2023-table-5-columns")
-    assert "2.reference-y</code></a>: −2.006″ printed, blocked: agrees with 3 of 5" in section
+    assert "2.reference-y</code></a>: −2.006″ printed, agrees with 3 of 6" in section
 
 
 def test_the_evidence_on_a_shared_number_says_what_each_pair_asks_for():

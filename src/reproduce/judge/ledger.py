@@ -172,7 +172,7 @@ def _records(found: Evaluation, table: PrintedTable) -> dict[str, Record]:
     return {name: _record(found, table[name], plain.get(name)) for name in found.cells}
 
 
-def source(computation: Computation) -> dict[str, Any]:
+def _source(computation: Computation) -> dict[str, Any]:
     """Return the fields of a record that name the function of a cell and its inputs."""
     return {
         "role": "result",
@@ -186,7 +186,7 @@ def source(computation: Computation) -> dict[str, Any]:
 
 def _record(found: Evaluation, cell: Cell, plain: Flag | None) -> Record:
     literal = found.cells[cell.name][0]
-    made = source(found.computation)
+    made = _source(found.computation)
     if missing := unpublished(cell.key, cell.name):
         stand_in = {"verdict": "unpublished", "computed": literal.computed, "flags": ("stand_in",)}
         return _make(cell, f"needs {missing}", {**made, **stand_in})

@@ -183,7 +183,7 @@ def evaluate(computation: Computation) -> Evaluation:
     for name, (first, *_) in every.items():
         live = [first.computed, *first.interval, first.probability or 0.0, first.error or 0.0]
         if not np.allclose(live, stored[name][0], rtol=1e-6, atol=0):
-            raise _stale(f"{computation.key}#{name} is {live}, stored {stored[name][0]}")
+            raise _stale(f"{computation.key}#{name} is {live}, stored {stored[name][0].tolist()}")
     return Evaluation(computation, every, stored["joint"])
 
 

@@ -110,7 +110,7 @@ def judge_value(
     rounds = printed.meets(value, value)
     agrees = rounds or printed.meets(*interval)
     flags: tuple[Flag, ...] = ("bound",) if printed.is_bound else ()
-    if agrees and (wide or has_wide_tolerance(printed, value)):
+    if agrees and (wide or _has_wide_tolerance(printed, value)):
         flags += ("tolerance",)
     elif agrees and not rounds:
         flags += ("rounding",)
@@ -132,7 +132,7 @@ def judge_value(
     )
 
 
-def has_wide_tolerance(printed: PrintedNumber, value: float) -> bool:
+def _has_wide_tolerance(printed: PrintedNumber, value: float) -> bool:
     """Return whether agreement with a value rests on the word *about* or *nominal*.
 
     The value does not round to the printed digits, or the tolerance of the qualifier is more than
@@ -140,7 +140,7 @@ def has_wide_tolerance(printed: PrintedNumber, value: float) -> bool:
 
     Examples
     --------
-    >>> has_wide_tolerance(PrintedNumber("44.6", qualifier="about"), 44.69)
+    >>> _has_wide_tolerance(PrintedNumber("44.6", qualifier="about"), 44.69)
     True
     """
     if printed.qualifier not in _WIDE:

@@ -55,7 +55,7 @@ def studies() -> Declared[Study]:
     >>> "chen2023/heat" in studies()
     True
     """
-    return Declared(_modules("STUDIES"), own)
+    return Declared(_modules("STUDIES"), _own)
 
 
 @cache
@@ -67,7 +67,7 @@ def drawings() -> Declared[Drawing]:
     >>> "niu2024/drawing-fusion-star" in drawings()
     True
     """
-    return Declared(_modules("DRAWINGS"), own)
+    return Declared(_modules("DRAWINGS"), _own)
 
 
 def _modules(kind: str) -> dict[str, str]:
@@ -85,7 +85,7 @@ def _item(key: str, name: str) -> Item:
     return Item(key, computations, *(one for one in found if isinstance(one, Drawing)))
 
 
-def own(key: str, name: str) -> Any:
+def _own(key: str, name: str) -> Any:
     """Return the study or the drawing that a module, by its full name, declares under a key."""
     return _declared(key, name)[0]
 

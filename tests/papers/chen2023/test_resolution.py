@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from reproduce.judge.ledger import build
+from reproduce.judge.readings import evaluate
 from reproduce.papers.chen2023 import resolution
 from reproduce.papers.declare import words
 from reproduce.physics.images import (
@@ -20,7 +20,11 @@ from reproduce.physics.images import (
 from reproduce.printed.given import given
 
 DOOR = given(resolution.READS)
-NAMES, CASES = list(resolution._CASES), list(resolution._CASES.values())
+CASES = [
+    *(resolution._Case(width) for width in resolution._WIDTHS.values()),
+    resolution._Case(resolution._WIDTHS["half"], 0.9),
+    resolution._Case(resolution._WIDTHS["half"], 0.9, 1.1),
+]
 ARCSEC = np.pi / 180 / 3600
 PHASES = np.linspace(-0.49, 0.49, 50)
 
@@ -81,9 +85,9 @@ def test_the_light_gives_back_the_variance_of_table_3(share):
 
 
 def test_saturation_is_the_coarsest_resolution_that_none_finer_beats():
-    assert resolution._saturation(np.array([1.0, 1.0, 1.0, 1.2, 1.3]), 0.01) == 2
-    assert resolution._saturation(np.array([3.0, 1.0, 1.02, 1.3]), 0.01) == 2
-    assert resolution._saturation(np.array([3.0, 2.0, 1.0]), 0.01) == 2
+    assert resolution._saturation(np.array([1.0, 1.0, 1.0, 1.2, 1.3]), 0.01, 3) == 2
+    assert resolution._saturation(np.array([3.0, 1.0, 1.02, 1.3]), 0.01, 3) == 2
+    assert resolution._saturation(np.array([3.0, 2.0, 1.0]), 0.01, 3) == 2
 
 
 def test_the_optimum_stands_between_window_and_pixel(content):
@@ -95,7 +99,9 @@ def test_the_optimum_stands_between_window_and_pixel(content):
 
 
 def test_replicated_studies_scatter_as_their_size_says():
-    found = resolution._replicated_scatter(DOOR, np.random.SeedSequence(3), 400)[0]
+    found = resolution._replicated_scatter(
+        DOOR, np.random.SeedSequence(3), 400, resolution._LITERAL
+    )
     relative = found.std(axis=0) / found.mean(axis=0)
     middle = resolution.resolutions(DOOR) / ARCSEC
     unbiased = (middle > 40) & (middle < 50)
@@ -111,7 +117,7 @@ def best(case):
 def test_what_the_radius_means_moves_the_optimum_past_the_printed_one():
     """The optimum and its error, by every definition of a Gaussian's radius and photon noise."""
     assert [best(case)[0] for case in CASES[:4]] == pytest.approx([57, 42, 49, 31])
-    optimum, error = best(CASES[6])
+    optimum, error = best(CASES[5])
     assert (optimum, error) == (pytest.approx(43), pytest.approx(0.016, abs=0.0005)), "as printed"
 
 
@@ -145,38 +151,37 @@ def test_a_radius_is_where_the_light_has_fallen_as_far_as_its_case_says(case, si
 
 
 def test_the_case_with_more_light_has_it_and_the_same_read_noise():
-    plain, more = (resolution._light_for_table(DOOR, case) for case in CASES[5:7])
+    plain, more = (resolution._light_for_table(DOOR, case) for case in CASES[4:6])
     assert more.signal == pytest.approx(1.1 * plain.signal)
     assert more.read_noise == plain.read_noise > 0
 
 
-def test_the_three_results_are_judged_under_every_case():
-    records = {r.cell.partition("#")[2]: r for r in build([resolution.STUDY]).records}
+def reading(name, **choices):
+    """Return the comparison of a cell under one reading."""
+    found = evaluate(resolution.optimum)
+    wanted = found.computation.literal | choices
+    return found.cells[name][found.computation.readings.index(wanted)]
+
+
+def test_no_option_gives_all_three_results():
+    bright = {"radius": "half", "noise": "read", "light": "brighter"}
     for name in ("optimum", "optimum-accuracy"):
-        assert [r.name for r in records[name].readings] == NAMES
-    verdicts = [reading.verdict for reading in records["optimum"].readings]
-    assert verdicts[:2] == ["differs", "consistent"]
-    assert [records[n].readings[6].verdict for n in ("optimum", "optimum-accuracy")] == [
-        "consistent",
-        "consistent",
-    ]
+        assert reading(name).verdict == "differs"
+        assert reading(name, **bright).verdict == "consistent"
+    assert reading("optimum", radius="one-over-e").verdict == "consistent"
+    assert reading("saturation", **bright).verdict == "differs"
 
 
 def test_the_limit_of_gain_depends_on_what_counts_as_a_gain():
     """A verdict that a constant of ours makes: the central 99 %, to the step of one arc second."""
-    records = {r.cell.partition("#")[2]: r for r in build([resolution.STUDY]).records}
-    wanted = {1.0: (35, 41), 2.0: (36, 42), 3.0: (39, 44), 5.0: (41, 46)}
-    options = words(resolution.STUDY).options
-    assert [f"{errors:g}" for errors in wanted] == list(options["threshold"])
-    found = records["saturation"].readings[: len(wanted)]
-    for (errors, interval), reading in zip(wanted.items(), found, strict=True):
-        assert f"beyond {errors:g} standard error" in reading.name
-        assert reading.interval == pytest.approx(interval, abs=1.01)
-        assert reading.verdict == ("consistent" if errors < 5 else "differs")
-    medians = [reading.computed for reading in found]
-    assert medians == pytest.approx([38, 40, 41, 44], abs=0.01)
-    assert records["saturation"].computed == records["saturation"].readings[2].computed
-    assert "3 standard errors" in records["saturation"].readings[2].name
+    wanted = {"1": (35, 38, 41), "2": (36, 40, 42), "3": (39, 41, 44), "5": (41, 44, 46)}
+    assert sorted(words(resolution.STUDY).options["threshold"]) == list(wanted)
+    for errors, (low, median, high) in wanted.items():
+        found = reading("saturation", threshold=errors)
+        assert found.interval == pytest.approx((low, high), abs=1.01)
+        assert found.computed == pytest.approx(median, abs=0.01)
+        assert found.verdict == ("consistent" if errors != "5" else "differs")
+    assert reading("saturation").computed == pytest.approx(41, abs=0.01), "3 is the literal one"
 
 
 def test_even_a_readout_that_makes_all_noise_stops_short():

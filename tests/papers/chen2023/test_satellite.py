@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from reproduce.judge.ledger import build
+from reproduce.judge.readings import evaluate
 from reproduce.papers.chen2023 import satellite
 from reproduce.papers.chen2023.platform import lasers
 from reproduce.physics.light import RETROREFLECTORS, LightPath
@@ -91,5 +93,16 @@ def test_the_table_angle_is_the_height_of_a_boresight_that_is_rolled_out_of_the_
     away = Rotation.from_euler("z", 120, degrees=True).apply([1.0, 0.0, 0.0])
     height = Rotation.from_euler("x", 45, degrees=True).apply(away)[2]
     found = satellite.table_angle(given([satellite.BORESIGHT]))["table-angle"]
-    assert found.stand_in == pytest.approx(np.arcsin(height))
-    assert not found.readings
+    assert found == pytest.approx(np.arcsin(height))
+
+
+def test_the_focal_ratio_agrees_for_the_field_of_table_1_only():
+    """A detector of 1024 px of 13 um behind 15 degrees: 50.6 mm; the tracker of Table II: 60 mm."""
+    lengths = {"table-2": 60e-3, "table-1-field": 512 * 13e-6 / np.tan(np.radians(7.5))}
+    found = evaluate(satellite.focal_ratio)
+    pairs = zip(found.computation.readings, found.cells["focal-ratio"], strict=True)
+    for choices, reading in pairs:
+        assert reading.computed == pytest.approx(14 / lengths[choices["tracker"]], rel=1e-9)
+        assert reading.agrees == (choices["tracker"] == "table-1-field")
+    record = build(["chen2023/text-satellite"]).cell("chen2023/text-satellite#focal-ratio")
+    assert record.verdict == "ambiguous"

@@ -39,7 +39,8 @@ def twin(channel):
 def test_the_scheme_reaches_the_cramer_rao_bound():
     """Within what the replicates can tell, for both channels and all parameters."""
     count = 4000
-    found = simulation._calibrations(DOOR, np.random.SeedSequence(8), count)
+    setting = simulation._Setting("square", "every-channel", "one", "table-1")
+    found = simulation._calibrations(DOOR, np.random.SeedSequence(8), count, 0, setting)
     for channel in simulation.REGISTERED:
         _, true, _, truth = twin(channel)
         bound = registration_bound(true, truth, 0.05, 0.05).diagonal()

@@ -1,5 +1,7 @@
 """The simulation of niu2024 against answers that do not come from it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
@@ -16,14 +18,18 @@ SEED = np.random.SeedSequence(99)
 ROWS = ("scale", "rotation", "translation-x", "translation-y")
 
 
+LITERAL = simulation._Setting("square", "every-channel", "one", "table-1")
+
+
+def run(computation, replicates, **choices):
+    """Return the results of one reading."""
+    return computation.under(choices)(given(computation.given), replicates)
+
+
 @pytest.fixture(scope="module")
 def prediction():
     """The parameters under the literal reading."""
-    fixed = simulation.calibrated_parameters(DOOR, 1000)
-    shifts = simulation.calibrated_translations(
-        given(simulation.calibrated_translations.given), 1000
-    )
-    return fixed | {name: blocked.readings[0].result for name, blocked in shifts.items()}
+    return run(simulation.calibrated_parameters, 1000)
 
 
 def noiseless():
@@ -48,7 +54,7 @@ def test_figure_4_shows_the_set_that_the_simulation_uses(monkeypatch):
         return channel_centroids(cameras, rotations, table)
 
     monkeypatch.setattr(simulation, "channel_centroids", seen)
-    simulation._calibrations(DOOR, SEED, 1)
+    simulation._calibrations(DOOR, SEED, 1, 0, LITERAL)
     figure = Figure()
     draw = catalogue()["niu2024/fig-4"].draw
     draw(figure)
@@ -59,13 +65,13 @@ def test_figure_4_shows_the_set_that_the_simulation_uses(monkeypatch):
 
 def test_the_translations_of_table_2_carry_the_whole_calibration_along():
     """Both readings calibrate alike; the translations differ by the principal points' shift."""
-    door = given(simulation.calibrated_translations.given)
     first, second = (
-        simulation._calibrations(door, SEED, 3, translations=way) for way in ("table-1", "table-2")
+        simulation._calibrations(DOOR, SEED, 3, 0, replace(LITERAL, translations=way))
+        for way in ("table-1", "table-2")
     )
     for position, channel in enumerate(simulation.REGISTERED, start=1):
         before, after = (
-            simulation.cameras(door, way)[position].principal_point
+            simulation.cameras(DOOR, way)[position].principal_point
             for way in ("table-1", "table-2")
         )
         expected = first[channel].parameters + np.concatenate([[0, 0], after - before])
@@ -97,7 +103,7 @@ def test_the_iteration_ends_at_the_closed_form():
     zero = np.flatnonzero(np.isclose(table, 0).all(axis=1)).item()
     still = np.isclose(table[:, 1], 0)
     noisy = noisy_centroids(noiseless(), 0.05, SEED, 20)
-    found = simulation._calibrations(DOOR, SEED, 20)
+    found = simulation._calibrations(DOOR, SEED, 20, 0, LITERAL)
     for position, channel in enumerate(("red", "blue"), start=1):
         source, green = noisy[:, position], noisy[:, 0]
         start = starting_values(source[:, still], green[:, still], source[:, zero], green[:, zero])
@@ -137,31 +143,20 @@ def test_both_channels_share_the_noise_of_green(prediction):
     assert np.corrcoef(red, blue)[0, 1] == pytest.approx(0.5, abs=0.08)
 
 
-@pytest.fixture(scope="module")
-def residuals():
-    """Median RMSE under every reading, by cell and reading."""
-    found = simulation.registration_rmse(given(simulation.registration_rmse.given), 400)
-    return {
-        (name, reading.name): np.median(reading.result.draws)
-        for name, blocked in found.items()
-        for reading in blocked.readings
-    }
+def median_rmse(name, **choices):
+    """Return the median of an RMSE under one reading."""
+    return np.median(run(simulation.registration_rmse, 400, **choices)[name].draws)
 
 
 @pytest.mark.parametrize("channel", ["red", "blue"])
 @pytest.mark.parametrize(
-    ("reading", "variances"),
-    [
-        ("noise in all channels, (26)", 4),
-        ("green without noise, (26)", 2),
-        ("noise in all channels, one axis", 2),
-        ("ten draws averaged, (26)", 0.4),
-    ],
+    ("choices", "variances"),
+    [({}, 4), ({"noise": "red-and-blue"}, 2), ({"rmse": "one"}, 2), ({"repeats": "ten"}, 0.4)],
 )
-def test_the_residual_after_registration_adds_up(residuals, channel, reading, variances):
+def test_the_residual_after_registration_adds_up(channel, choices, variances):
     """Noisy channels times axes, in variances of a coordinate; distortion adds its part."""
-    left = (0.07 if "both" in reading or "(26)" in reading else 0.05) ** 2
-    median = residuals[f"rmse-after-{channel}", reading]
+    left = (0.05 if "rmse" in choices else 0.07) ** 2
+    median = median_rmse(f"rmse-after-{channel}", **choices)
     assert variances * 0.05**2 < median**2 < variances * 0.05**2 + left
 
 
@@ -173,27 +168,24 @@ def test_the_residual_after_registration_adds_up(residuals, channel, reading, va
     ],
 )
 def test_the_residual_before_registration_is_that_of_pencil_and_paper(
-    residuals, channel, table_1, table_2, slope
+    channel, table_1, table_2, slope
 ):
     """Shift, and scale and rotation over the mean squared radius; noise and distortion add less."""
     wide, high = np.radians([8, 6])
     over = (np.tan(wide) / wide - 1) + (np.tan(high) / high - 1)
     among = np.square(np.tan(simulation.literal(DOOR).angles)).sum(axis=1).mean()
     per_radius = (slope[0] ** 2 + np.radians(slope[1]) ** 2) * (25e-3 / 3.45e-6) ** 2
-    expected = {
-        "shifts of Table 1, (26)": np.hypot(np.hypot(*table_1), np.sqrt(per_radius * over)),
-        "shifts of Table 2, (26)": np.hypot(np.hypot(*table_2), np.sqrt(per_radius * over)),
-        "shifts of Table 2, (26), tests among the angles": np.hypot(
-            np.hypot(*table_2), np.sqrt(per_radius * among)
-        ),
-    }
-    for reading, value in expected.items():
-        assert residuals[f"rmse-before-{channel}", reading] == pytest.approx(value, rel=0.05)
-        if "Table 2" in reading:
-            one = reading.replace("(26)", "one axis")
-            assert residuals[f"rmse-before-{channel}", one] == pytest.approx(
-                value / np.sqrt(2), rel=0.05
-            )
+    name = f"rmse-before-{channel}"
+    for translations, tests, shift, field in (
+        ("table-1", "range", table_1, over),
+        ("table-2", "range", table_2, over),
+        ("table-2", "angles", table_2, among),
+    ):
+        value = np.hypot(np.hypot(*shift), np.sqrt(per_radius * field))
+        choices = {"translations": translations, "tests": tests}
+        assert median_rmse(name, **choices) == pytest.approx(value, rel=0.05)
+        one = median_rmse(name, **choices, rmse="one")
+        assert one == pytest.approx(value / np.sqrt(2), rel=0.05)
 
 
 def test_no_green_point_reconciles_tables_1_and_2():

@@ -1,0 +1,215 @@
+"""Readings: every combination of the options, the short summary of them, and the stored ones."""
+
+from dataclasses import replace
+from itertools import product
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import recompute
+from reproduce.judge import ledger, readings
+from reproduce.judge.verdicts import cell_with
+from reproduce.papers.catalogue import catalogue
+from reproduce.papers.declare import Alternative, reproduces, words
+from reproduce.papers.niu2024 import simulation
+from reproduce.printed.cells import library
+from reproduce.printed.given import Given, given
+from reproduce.store.studies import StudyError
+
+TABLE, CELL = "niu2024/table-2", "scale.red"  # prints 0.9976
+OPTIONS = {
+    name: {way: Alternative(way, "nowhere") for way in ways}
+    for name, ways in {"a": ("one", "two"), "b": ("x", "y", "z"), "c": ("p", "q")}.items()
+}
+STALE = "run again: python tools/evidence/recompute.py readings"
+
+
+def made_up(value):
+    """Return a computation with three options whose result is a function of the first two."""
+
+    @reproduces(TABLE, cells=[CELL], options=OPTIONS)
+    def computation(given, *, a, b, c):
+        return {CELL: value(a, b)}
+
+    return computation
+
+
+def judged(computation):
+    """Return the summary and the record of the made-up cell."""
+    found = readings.evaluate(computation)
+    return found.summary(CELL), ledger._records(found, library()[TABLE])[CELL]
+
+
+def conditional(a, b):
+    """The second option counts under one alternative of the first; the third never does."""
+    return 0.99761 if a == "one" else {"x": 0.99762, "y": 0.5, "z": 0.6}[b]
+
+
+def test_every_combination_is_evaluated():
+    seen = []
+    computation = made_up(lambda a, b: seen.append((a, b)) or 0.5)
+    found = readings.evaluate(computation).cells[CELL]
+    every = list(product("one two".split(), "xyz", "pq"))
+    assert [tuple(one.choices.values()) for one in found] == every
+    assert set(seen) == {(a, b) for a, b, _ in every}
+
+
+@pytest.mark.parametrize("key", [key for key in catalogue() if words(key).options])
+def test_the_readings_of_an_item_are_the_product_of_the_options_in_its_data(key):
+    for computation in catalogue()[key].computations:
+        counts = [len(words(key).options[name]) for name in computation.options]
+        if computation.function.__name__ != "last_reference_angle":  # lacks the length it gives
+            assert len(computation.readings) == np.prod(counts)
+        names = {tuple(one.items()) for one in computation.readings}
+        assert len(names) == len(computation.readings)
+        assert computation.readings[0] == computation.literal
+
+
+def test_readings_with_one_result_are_one_reading_with_the_choices_that_count():
+    found = readings.evaluate(made_up(conditional)).distinct(CELL)
+    assert [(one.choices, one.computed) for one in found] == [
+        ({"a": "one"}, 0.99761),
+        ({"a": "two", "b": "x"}, 0.99762),
+        ({"a": "two", "b": "y"}, 0.5),
+        ({"a": "two", "b": "z"}, 0.6),
+    ]
+
+
+def test_a_cell_that_agrees_with_some_readings_is_ambiguous():
+    summary, record = judged(made_up(conditional))
+    assert (summary.count, summary.agreeing) == (4, 2)
+    assert summary.decided_by == ("a", "b")
+    pairs = [("one", "x"), ("one", "y"), ("one", "z"), ("two", "x")]
+    assert summary.agrees_if == tuple({"a": a, "b": b} for a, b in pairs)
+    assert summary.never == {}
+    assert summary.closest.choices == {"a": "one"}
+    assert (record.verdict, record.flags, record.share) == ("ambiguous", (), None)
+    assert record.readings == summary
+    assert record.why == "depends on a, b: the printed number agrees with 2 of 4 readings"
+
+
+def test_the_smallest_set_of_options_that_decides_is_named():
+    """The first option moves the result and decides nothing."""
+    summary, _ = judged(made_up(lambda a, b: (0.9976 if b == "y" else 0.5) + 1e-5 * (a == "two")))
+    assert (summary.count, summary.agreeing) == (4, 2)
+    assert summary.decided_by == ("b",)
+    assert summary.agrees_if == ({"b": "y"},)
+    assert summary.never == {"b": ("x", "z")}
+
+
+@pytest.mark.parametrize(("middle", "verdict"), [(0.9976, "exact"), (0.5, "differs")])
+def test_readings_that_fare_alike_leave_the_verdict_of_each(middle, verdict):
+    summary, record = judged(made_up(lambda a, b: middle + 1e-5 * (a == "two")))
+    agrees = verdict == "exact"
+    assert record.verdict == verdict
+    assert (summary.count, summary.agreeing) == (2, 2 * agrees)
+    assert summary.decided_by == ()
+    assert summary.agrees_if == (({},) if agrees else ())
+    every = {name: tuple(ways) for name, ways in OPTIONS.items()}
+    assert summary.never == ({} if agrees else every)
+
+
+def test_a_result_that_no_option_moves_has_one_reading():
+    summary, record = judged(made_up(lambda a, b: 0.9976))
+    assert summary.count == 1
+    assert (record.verdict, record.readings) == ("exact", None)
+
+
+STORED = recompute.stored_computations()
+
+
+@pytest.mark.parametrize("name", STORED)
+def test_three_readings_of_a_stored_computation_are_computed_again(name):
+    computation = STORED[name]
+    every = computation.readings
+    places = np.random.default_rng(len(every)).choice(range(1, len(every)), 3, replace=False)
+    again = readings.packed(readings.evaluate_readings(computation, [every[i] for i in places]))
+    stored = readings._stored(computation)
+    assert set(again) == {f"{name}:{cell}" for cell in stored}
+    for cell, array in stored.items():
+        rows = array[places]
+        # A processor may count one replicate more among those as far out as the printed table.
+        count = 2 / computation.replicates if cell == "joint" else 0.0
+        np.testing.assert_allclose(again[f"{name}:{cell}"], rows, rtol=1e-9, atol=count)
+
+
+CAMERA = simulation.calibrated_parameters
+
+
+def test_a_changed_option_makes_the_stored_readings_stale():
+    fewer = {**CAMERA.options, "repeats": {"one": CAMERA.options["repeats"]["one"]}}
+    changed = replace(CAMERA, options=fewer)
+    assert readings.fingerprint(changed) != readings.fingerprint(CAMERA)
+    with pytest.raises(StudyError, match=f"other inputs or options; {STALE}"):
+        readings.evaluate.__wrapped__(changed)
+
+
+def test_a_changed_input_makes_the_stored_readings_stale(monkeypatch):
+    cells, before = given(CAMERA.given).cells, readings.fingerprint(CAMERA)
+    moved = Given({**cells, simulation.NOISE: cell_with(cells[simulation.NOISE], "0.06")})
+    monkeypatch.setattr(readings, "given", lambda _: moved)
+    assert readings.fingerprint(CAMERA) != before
+    with pytest.raises(StudyError, match=STALE):
+        readings.evaluate.__wrapped__(CAMERA)
+
+
+def test_a_changed_result_makes_the_stored_readings_stale(monkeypatch):
+    """The literal reading is computed anew and compared."""
+    study = readings._study()
+    name = f"{CAMERA.name}:scale.red"
+    moved = {**study.arrays, name: study.arrays[name] * (1 + 1e-5)}
+    monkeypatch.setattr(readings, "_study", lambda: SimpleNamespace(note=study.note, arrays=moved))
+    with pytest.raises(StudyError, match=rf"table-3#scale\.red is .*{STALE}$"):
+        readings.evaluate.__wrapped__(CAMERA)
+
+
+@pytest.fixture(scope="module")
+def simulated():
+    return readings.evaluate(simulation.registration_rmse)
+
+
+def among(found, name, **choices):
+    """Return the readings of a cell that have some choices."""
+    pairs = zip(found.computation.readings, found.cells[name], strict=True)
+    return [reading for every, reading in pairs if choices.items() <= every.items()]
+
+
+def test_with_green_without_noise_and_tests_among_the_angles_both_residuals_agree(simulated):
+    """Against a referee's own computation: 0.0712 (0.059 to 0.084) and 0.0719 (0.060 to 0.085)."""
+    choices = {"tests": "angles", "noise": "red-and-blue", "translations": "table-2"}
+    literal = simulated.computation.literal | choices
+    for channel, median, ends in (
+        ("red", 0.0712, (0.059, 0.084)),
+        ("blue", 0.0719, (0.060, 0.085)),
+    ):
+        (reading,) = among(simulated, f"rmse-after-{channel}", **literal)
+        assert reading.verdict == "consistent"
+        assert reading.computed == pytest.approx(median, abs=0.001)
+        assert reading.interval == pytest.approx(ends, abs=0.002)
+
+
+def test_with_the_parameters_of_table_3_no_residual_over_the_range_agrees(simulated):
+    """Against a referee's own computation: 0.195 (0.169 to 0.221) and 0.261 (0.220 to 0.312)."""
+    choices = {"tests": "range", "parameters": "table-3"}
+    shifted = simulated.computation.literal | choices | {"translations": "table-2"}
+    for channel, median, ends in (
+        ("red", 0.195, (0.169, 0.221)),
+        ("blue", 0.261, (0.220, 0.312)),
+    ):
+        name = f"rmse-after-{channel}"
+        found = among(simulated, name, **choices)
+        assert len(found) == 9 * 3 * 2 * 2 * 4
+        assert not any(reading.agrees for reading in found)
+        (reading,) = among(simulated, name, **shifted)
+        assert reading.computed == pytest.approx(median, abs=0.003)
+        assert reading.interval == pytest.approx(ends, abs=0.006)
+
+
+def test_with_angles_over_the_whole_range_the_residual_of_red_before_never_agrees(simulated):
+    found = among(simulated, "rmse-before-red", angles="rectangle")
+    assert len(found) == 3 * 2 * 2 * 2 * 2 * 4
+    assert not any(reading.agrees for reading in found)
+    others = [one for one in simulated.computation.options["angles"] if one != "rectangle"]
+    for angles in others:
+        assert any(one.agrees for one in among(simulated, "rmse-before-red", angles=angles))
