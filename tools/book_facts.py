@@ -166,7 +166,8 @@ def _of_calibration(name: str) -> Iterator[tuple[str, str]]:
 def _of_audits() -> dict[str, str]:
     """Return what sentences may say of the audit: label to text.
 
-    ``PAPER-relations``, ``-agreeing``, ``-rounding``, ``-tolerance``, ``-contradicting`` (without those that
+    ``PAPER-relations``, ``-agreeing``, ``-rounding``, ``-tolerance``,
+    ``-contradicting`` (without those that
     restate computed cells), ``-restating`` and ``-restating-contradicting`` (those alone),
     ``-examined``, ``-numbers``, ``-groups`` (contradictions that belong together), ``-supposed``
     (relations that rest on a supposition of ours, in none of the other counts); the same of both
