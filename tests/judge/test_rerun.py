@@ -193,11 +193,11 @@ def test_what_cannot_be_computed_is_told(changes, message):
 @pytest.mark.parametrize(
     ("value", "message"),
     [
-        ("0.2", "expected px as in the print"),
-        ("0.2 mm", "expected px as in the print"),
-        ("0.2 parsec", "expected px as in the print"),
-        ("much", "expected a number as in the print"),
-        ("", "expected a number as in the print"),
+        ("0.2", "expected px as printed"),
+        ("0.2 mm", "expected px as printed"),
+        ("0.2 parsec", "expected px as printed"),
+        ("much", "expected a number in the printed format"),
+        ("", "expected a number in the printed format"),
         ("1e999 px", "expected a finite number"),
     ],
 )
@@ -217,7 +217,7 @@ def test_values_are_read_in_any_unit_of_their_kind():
         rerun.in_si(count, "12.5")
     (angle,) = find("niu2024/table-2#rotation.red")
     assert rerun.in_si(angle, "−0.07°") == pytest.approx(np.radians(-0.07))
-    with pytest.raises(CannotChangeError, match="expected ° as in the print"):
+    with pytest.raises(CannotChangeError, match="expected ° as printed"):
         rerun.in_si(angle, "7 %")
 
 

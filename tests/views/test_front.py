@@ -216,7 +216,7 @@ def test_the_data_of_a_figure_are_what_is_drawn():
         (lambda: rp.table("niu2024/fig-4"), r"try figure\('niu2024/fig-4'\)"),
         (lambda: rp.figure("niu2024/table-3"), "has no figure"),
         (lambda: rp.table("chen2023/heat").rerun({STRANGER: "1 px"}), "does not read"),
-        (lambda: rp.table("chen2023/heat").rerun({FOCAL: "1 px"}), "expected m as in the print"),
+        (lambda: rp.table("chen2023/heat").rerun({FOCAL: "1 px"}), "expected m as printed"),
         (lambda: rp.posterior("nothing"), "unknown posterior"),
         (lambda: rp.posterior("registration", thin=2), "posterior.. got an unexpected keyword"),
         (

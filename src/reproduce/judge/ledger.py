@@ -41,19 +41,23 @@ class Record(Frozen):
     key: str = Field(description="table, figure or group of quoted numbers")
     cell: str = Field(description="address of the cell: key#row.column or key#name")
     printed: str = Field(description="the digits or words as printed")
-    unit: str = Field(description="unit of print; empty for words")
-    place: str = Field(description="where in the paper it stands")
+    unit: str = Field(description="printed unit; empty for words")
+    place: str = Field(description="table or section of the paper")
     stands_for: tuple[float | None, float | None] | None = Field(
-        description="the interval of values that print so, null where it is open; null for words"
+        description="interval of values that agree with the printed number; null if open or words"
     )
     role: Literal["result", "given"] = Field(description="result if a computation makes the cell")
-    computed: float | None = Field(description="value, median of the prediction, or our stand-in")
+    computed: float | None = Field(description="value, median of the prediction, or assumed value")
     interval: tuple[float, float] | None = Field(
         description="results that rounded inputs allow, or the central 99 % of the prediction"
     )
-    verdict: Verdict = Field(description="what became of the cell; see the book's page on verdicts")
-    flags: tuple[Flag, ...] = Field(description="what qualifies the verdict")
-    tolerance: float | None = Field(description="half the interval of print, or of prediction")
+    verdict: Verdict = Field(
+        description="verdict; the page on verdicts of the book defines each word"
+    )
+    flags: tuple[Flag, ...] = Field(description="qualifications of the verdict")
+    tolerance: float | None = Field(
+        description="half the printed interval, or half the predicted one"
+    )
     share: float | None = Field(
         description="|computed - printed| over half the printed interval (exact), "
         "(1 - probability)/0.99 (consistent)"
@@ -94,16 +98,18 @@ class TableRecord(Frozen):
 
 
 class Ledger(Frozen):
-    """All records, in the order of print."""
+    """All records, in the order of the papers."""
 
     records: tuple[Record, ...]
     tables: tuple[TableRecord, ...]
-    altered: tuple[str, ...] = Field(default=(), description="printed files that miss their sums")
-    software: str = Field(default="", description="what made an export: name, version, day, commit")
+    altered: tuple[str, ...] = Field(
+        default=(), description="files of printed numbers with another checksum"
+    )
+    software: str = Field(default="", description="name, version, date and commit of the software")
     citation: str = Field(default="", description="how to cite an export, and the paper")
 
     def of(self, key: str) -> tuple[Record, ...]:
-        """Return the records of one item, in the order of print."""
+        """Return the records of one item, in printed order."""
         return tuple(record for record in self.records if record.key == key)
 
     def cell(self, address: str) -> Record:

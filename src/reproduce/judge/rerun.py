@@ -1,8 +1,8 @@
-"""The computation of an item again, under a change of one's own or a reading of the text.
+"""Computation of an item with changed inputs, or under a reading of the text.
 
-Only what the paper prints can be changed, and only what the item reads, directly or through other
-items: everything else could not change it. Between a changed cell and the item, recomputed values
-take the place of printed ones. Such a result carries no verdict: it is no longer the paper's.
+A change replaces a printed cell that is an input of the item, directly or through other items.
+Recomputed values replace the printed values between the changed cell and the item. Such a result
+has no verdict.
 
 Options of the text select one reading; an option without a choice takes its literal alternative.
 With options only, the result contains the verdict of each cell under this reading.
@@ -49,15 +49,14 @@ class CannotChangeError(ValueError):
 
 @dataclass(frozen=True)
 class ChangedCell:
-    """One cell of an item under a change, in the unit of print.
+    """One cell of an item under a change, in the printed unit.
 
     Parameters
     ----------
     cell : Cell
-        What the paper prints.
+        Printed cell.
     unchanged, value : float, optional
-        Computed from the print, and under the change; the median of a prediction; none where
-        nothing is computed.
+        Computed value, or median of the prediction, without and with the change.
     interval : tuple of float, optional
         Central 99 % of a prediction.
     verdict : str
@@ -84,12 +83,12 @@ class Rerun:
     cells : tuple of ChangedCell
         Every cell that the item computes.
     replaced : dict
-        Address of each printed input whose place a recomputed value took, to that value in the
-        unit of print.
+        Address of each printed input that a recomputed value replaces, to that value in the
+        printed unit.
     options : dict
         Option to the alternative chosen.
     joint : TableRecord, optional
-        The joint probability of a stochastic table, where nothing but options is changed.
+        Joint probability of a stochastic table, if only options are changed.
     """
 
     key: str
@@ -112,7 +111,7 @@ def maker(address: str) -> Computation | None:
 
 
 def options(key: str) -> dict[str, dict[str, Alternative]]:
-    """Return what the text leaves open of an item.
+    """Return the options of an item.
 
     Option to its alternatives, the literal one first.
 
@@ -165,7 +164,7 @@ def _upstream(patterns: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def in_si(cell: Cell, value: str | float) -> float:
-    """Return a value written as in the print, such as ``"0.2 px"``, in SI units."""
+    """Return a value in SI units from text in the printed format, such as ``"0.2 px"``."""
     bare = isinstance(value, int | float)
     matched = _VALUE.fullmatch(f"{value:.17g}" if bare else str(value))
     number = float(matched[1].replace("−", "-")) if matched else math.nan
@@ -176,9 +175,9 @@ def in_si(cell: Cell, value: str | float) -> float:
     most = LARGEST * cell.number.value
     wanted = ""
     if matched is None:
-        wanted = f"a number as in the print ({cell.shown})"
+        wanted = f"a number in the printed format ({cell.shown})"
     elif not _same_kind(unit, cell.unit):
-        wanted = f"{symbol(cell.unit) or 'no unit'} as in the print ({cell.shown})"
+        wanted = f"{symbol(cell.unit) or 'no unit'} as printed ({cell.shown})"
     elif not math.isfinite(number):
         wanted = "a finite number"
     elif cell.unit == "count" and not (number == round(number) and 0 <= number <= most):
@@ -259,7 +258,7 @@ def _drawn_above(key: str, changes: set[str]) -> bool:
 
 
 def checked_values(key: str, changes: Mapping[str, str | float]) -> dict[str, float]:
-    """Return a reader's values in SI units, or refuse what the item does not read."""
+    """Return the values of a user in SI units; raise an error for a cell that is not an input."""
     refuse_strays(key, changes, changeable(key))
     return {address: in_si(find(address)[0], text) for address, text in changes.items()}
 
@@ -291,7 +290,7 @@ def under(
     seed: int | None,
     compute: Callable[[Given], Made],
 ) -> tuple[Made, _Replaced]:
-    """Return what a function computes through its door under a change, and what was replaced."""
+    """Return the result of `compute` with changed inputs, and the printed inputs replaced."""
     run = _Run(checked_values(key, changes), seed)
     with _told_why(key, by_name(changes, seed)):
         return compute(run.door(patterns)), run.replaced
@@ -343,7 +342,7 @@ def _reading(key: str, chosen: dict[str, str]) -> Rerun:
 def _from_print(
     seed: int | None, replicates: int | None, chosen: tuple[tuple[str, str], ...]
 ) -> _Run:
-    """Return what is computed from the print, which one change after the other is held against."""
+    """Return the run without changes, for comparison."""
     return _Run({}, seed, replicates, dict(chosen))
 
 
@@ -373,7 +372,7 @@ class _Run:
         return self._results[computation.name]
 
     def door(self, patterns: tuple[str, ...]) -> Given:
-        """Return the door for some cells, with what takes the place of printed ones."""
+        """Return the inputs that match patterns, with the changes and recomputed values."""
         door = given(patterns, self.seed)
         return door.changed({a: v for a in door.cells if (v := self._input(a)) is not None})
 

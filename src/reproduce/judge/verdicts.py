@@ -226,7 +226,7 @@ def tail_mid_p(
 
 
 def central(draws: NDArray[np.float64]) -> tuple[float, float]:
-    """Return the ends of the central share of some draws in which a print counts as consistent."""
+    """Return the ends of the central fraction of draws in which a printed number is consistent."""
     edge = (1.0 - CENTRAL) / 2
     low, high = np.quantile(draws, [edge, 1.0 - edge])
     return float(low), float(high)
