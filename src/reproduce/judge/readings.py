@@ -12,7 +12,7 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from itertools import combinations
+from itertools import chain, combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +36,8 @@ from reproduce.store import studies
 
 Array = NDArray[np.float64]
 STUDY = "readings"
+# Conditions of agreement that a summary lists.
+_CONDITIONS = 4
 
 
 class ReadingSummary(Frozen):
@@ -47,7 +49,8 @@ class ReadingSummary(Frozen):
         description="smallest set of options whose choice decides whether a reading agrees"
     )
     agrees_if: tuple[dict[str, str], ...] = Field(
-        description="choices of these options with which the printed number agrees"
+        description="smallest choices with which every reading agrees; at most four, those of most "
+        "readings first"
     )
     never: dict[str, tuple[str, ...]] = Field(
         description="alternatives of each option with which no reading agrees"
@@ -96,28 +99,13 @@ class Evaluation:
     def summary(self, name: str) -> ReadingSummary:
         """Return how the readings of a cell fare."""
         found = self.distinct(name)
-        options, agrees = (
-            self.computation.options,
-            self._shaped([one.agrees for one in self.cells[name]]),
-        )
-        decisive = next(
-            axes
-            for size in range(len(options) + 1)
-            for axes in combinations(range(len(options)), size)
-            if _decides(agrees, axes)
-        )
-        names = [list(options)[axis] for axis in decisive]
-        others = tuple(axis for axis in range(len(options)) if axis not in decisive)
-        chosen = np.argwhere(np.asarray(agrees.any(axis=others)))
-        ways = [[*options[option]] for option in names]
+        agrees = self._shaped([one.agrees for one in self.cells[name]])
+        decisive = next(axes for axes in _subsets(agrees.ndim) if _decides(agrees, axes))
         return ReadingSummary(
             count=len(found),
             agreeing=sum(one.agrees for one in found),
-            decided_by=tuple(names),
-            agrees_if=tuple(
-                {option: way[i] for option, way, i in zip(names, ways, row, strict=True)}
-                for row in chosen.tolist()
-            ),
+            decided_by=tuple(list(self.computation.options)[axis] for axis in decisive),
+            agrees_if=tuple(self._conditions(agrees)),
             never=self._never(agrees),
             closest=max(found, key=lambda one: self._closeness(name, one)),
         )
@@ -127,6 +115,24 @@ class Evaluation:
         printed = library()[self.computation.key][name].number.value
         near = -abs(one.computed - printed) if one.probability is None else one.probability
         return one.agrees, not one.flags, near
+
+    def _conditions(self, agrees: NDArray[np.generic]) -> list[dict[str, str]]:
+        """Return the smallest choices with which every reading agrees."""
+        options = [(name, [*ways]) for name, ways in self.computation.options.items()]
+        found: list[dict[str, str]] = []
+        sizes: list[int] = []
+        for axes in _subsets(agrees.ndim):
+            if len(found) >= _CONDITIONS and len(axes) > len(found[-1]):
+                break
+            sure = np.asarray(agrees.all(axis=_without(agrees.ndim, axes)))
+            for index in np.argwhere(sure).tolist():
+                pairs = ((options[a], i) for a, i in zip(axes, index, strict=True))
+                one = {name: ways[i] for (name, ways), i in pairs}
+                if not any(known.items() <= one.items() for known in found):
+                    found.append(one)
+                    sizes.append(agrees.size // max(1, sure.size))
+        order = sorted(range(len(found)), key=lambda i: (len(found[i]), -sizes[i]))
+        return [found[i] for i in order[:_CONDITIONS]]
 
     def _never(self, agrees: NDArray[np.generic]) -> dict[str, tuple[str, ...]]:
         """Return the alternatives with which no reading agrees, by option."""
@@ -153,9 +159,18 @@ class Evaluation:
         return np.asarray(self._shaped(found), dtype=np.int64)
 
 
+def _subsets(count: int) -> Iterator[tuple[int, ...]]:
+    """Yield the subsets of so many axes, the smallest first."""
+    return chain.from_iterable(combinations(range(count), size) for size in range(count + 1))
+
+
+def _without(count: int, axes: tuple[int, ...]) -> tuple[int, ...]:
+    return tuple(axis for axis in range(count) if axis not in axes)
+
+
 def _decides(agrees: NDArray[np.generic], axes: tuple[int, ...]) -> bool:
     """Return whether agreement depends on the options of some axes only."""
-    others = tuple(axis for axis in range(agrees.ndim) if axis not in axes)
+    others = _without(agrees.ndim, axes)
     return bool((agrees.all(axis=others) == agrees.any(axis=others)).all())
 
 

@@ -123,19 +123,14 @@ def choices_text(choices: Mapping[str, str]) -> str:
     return ", ".join(f"{name}={way}" for name, way in choices.items()) or "every reading"
 
 
-# A list of choices with which a number agrees is shown up to this length.
-_LISTED = 4
-
-
 def deciding(summary: ReadingSummary) -> str:
-    """Write with which choices a printed number agrees."""
+    """Write the options that decide, and choices with which a number agrees or never does."""
     if summary.agreeing in {0, summary.count}:
         return ""
-    if len(summary.agrees_if) <= _LISTED:
-        return "; ".join(map(choices_text, summary.agrees_if))
-    some = f"{len(summary.agrees_if)} combinations of {', '.join(summary.decided_by)}"
-    never = (f"{name}={way}" for name, ways in summary.never.items() for way in ways)
-    return f"{some}; never {', '.join(never)}" if summary.never else some
+    always = "; or ".join(map(choices_text, summary.agrees_if))
+    never = ", ".join(f"{name}={way}" for name, ways in summary.never.items() for way in ways)
+    decided = f"decided by {', '.join(summary.decided_by)}. Always with {always}"
+    return f"{decided}. Never with {never}" if never else decided
 
 
 def read(record: Record, reading: Reading) -> str:
