@@ -1,4 +1,4 @@
-"""Made-up tables, right as they are, into which the tests plant slips of the pen.
+"""Made-up tables without a contradiction, for tests that change a digit.
 
 Three shapes, none of them that of a table in the papers: an invoice with sums along rows and down
 columns, distances and times of cars that share one speed, and readings with their mean and spread.

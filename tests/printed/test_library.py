@@ -19,7 +19,7 @@ from reproduce.printed.cells import (
     library,
 )
 from reproduce.printed.given import UndeclaredInputError, given
-from reproduce.printed.number import UNITS, si_factor
+from reproduce.printed.number import ALIKE, UNITS, si_factor
 
 PRINTED = data_folder() / "printed"
 CELLS = {cell.address: cell for table in library().values() for cell in table.cells}
@@ -123,6 +123,17 @@ def test_every_unit_has_the_value_that_pint_gives(unit):
     kept = {"px": "pixel", "percent": "dimensionless"}
     value = quantity.to(kept[unit]) if unit in kept else quantity.to_base_units()
     assert si_factor(unit) == pytest.approx(value.magnitude, rel=1e-15)
+
+
+def test_units_of_one_dimension_are_alike():
+    """Except pixels, angles and pure numbers."""
+    found = {}
+    for unit in UNITS:
+        quantity = pint.application_registry.Quantity(1.0, PINT.get(unit, unit))
+        found.setdefault(quantity.dimensionality, set()).add(unit)
+    for dimension, units in found.items():
+        if dimension and len(units) > 1 and "px" not in units:
+            assert units in map(set, ALIKE)
 
 
 def test_unknown_units_are_refused():

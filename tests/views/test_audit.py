@@ -42,7 +42,6 @@ def test_the_audit_of_a_paper_fits_the_terminal():
     assert max(map(len, result.stdout.splitlines())) <= 80
     found = " ".join(result.stdout.split())
     assert "motion-4-y" in found
-    assert "columns position-x ↔ position-y; table-5#4.motion-x: 60.66 → 60.36" in found
     assert "Equations run as extracted" in found
     assert "relations of chen2023 that rest on a supposition of ours" in found
     assert "niu2024" not in found
@@ -57,9 +56,6 @@ def test_the_audit_as_json():
     assert len(told["relations"]) == sum(len(a.findings) for a in found)
     outcomes = Counter(r["outcome"] for r in told["relations"] if not r["supposition"])
     assert outcomes == Counter(f.outcome for a in found for f in a.read)
-    best = next(c for c in told["corrections"] if "motion-4-y" in c["contradiction"])
-    assert best["conclusion"] == "stands"
-    assert best["breaks"] == []
     assert len(told["errata"]) + len(told["suppositions"]) == len(errata_register())
 
 
@@ -162,9 +158,8 @@ def test_a_differs_links_to_its_erratum():
 
 
 @pytest.mark.parametrize("paper", ["niu2024", "chen2023"])
-def test_pages_show_corrections_equations_and_sets(paper):
+def test_pages_show_equations_and_sets(paper):
     shown = rp.contradictions(paper)
-    assert "→" in shown["corrections"]._repr_html_()
     assert shown["equations"]._repr_html_().count("<tr>") == 1 + len(audit_paper(paper).equations)
     sets = shown["sets"]._repr_html_()
     assert sets.count("<tr>") == 1 + len(audit_paper(paper).conflicts)

@@ -9,7 +9,9 @@ from __future__ import annotations
 
 import argparse
 import functools
+import itertools
 import random
+import string
 import sys
 import time
 import zlib
@@ -22,8 +24,7 @@ import pandas as pd
 
 import reproduce
 from keep import write_table
-from reproduce.audit.corrections import of_digits, readable
-from reproduce.audit.examine import contradicted, reprinted
+from reproduce.audit.examine import contradicted
 from reproduce.audit.relation import Relation, Sheet
 from reproduce.audit.report import audit_paper
 from reproduce.judge.ledger import frozen
@@ -69,21 +70,38 @@ def plants(cells: Sheet, seed: int) -> Iterator[Plant]:
     for address, printed in cells.items():
         rng = np.random.default_rng([seed, zlib.crc32(address.encode())])
         for kind in KINDS:
-            ways = sorted(_ways(printed, kind))
+            ways = sorted(_ways(printed.number.text, kind))
             if ways:
                 yield Plant(address, kind, ways[rng.integers(len(ways))])
 
 
-def _ways(printed: Cell, kind: Kind) -> set[str]:
-    text = printed.number.text
-    if kind == "drop":
-        mantissa, mark, power = text.partition("e")
-        digits = [i for i, character in enumerate(mantissa) if character.isdigit()]
-        places = digits if len(digits) > 1 else []
-        found = {mantissa[:i] + mantissa[i + 1 :] + mark + power for i in places}
-    else:
-        found = {before for way, before in of_digits(text) if way == kind}
-    return {way for way in found - {text} if readable(way)}
+def _ways(text: str, kind: Kind) -> set[str]:
+    """Return the numbers that one slip can make of a printed number."""
+    mantissa, mark, power = text.partition("e")
+    body = mantissa.removeprefix("-")
+    sign = mantissa.removesuffix(body)
+    places = [i for i, character in enumerate(body) if character.isdigit()]
+    found: list[str] = []
+    if kind == "digit":
+        found = [body[:i] + digit + body[i + 1 :] for i in places for digit in string.digits]
+    elif kind == "swap":
+        pairs = itertools.pairwise(places)
+        found = [body[:i] + body[j] + body[i + 1 : j] + body[i] + body[j + 1 :] for i, j in pairs]
+    elif kind == "drop":
+        found = [body[:i] + body[i + 1 :] for i in places if len(places) > 1]
+    elif body.strip("0."):
+        sign, found = "" if sign else "-", [body]
+    return {sign + way + mark + power for way in found if _is_printable(way)} - {text}
+
+
+def _is_printable(body: str) -> bool:
+    """Tell whether digits can be printed: they start with a digit, without idle zeros."""
+    return body[0].isdigit() and not (len(body) > 1 and body[0] == "0" and body[1] != ".")
+
+
+def _reprinted(cell: Cell, text: str) -> Cell:
+    """Return the same cell with other digits."""
+    return replace(cell, content=replace(cell.number, text=text))
 
 
 def seen_by_relations(
@@ -94,7 +112,7 @@ def seen_by_relations(
     seen = []
     for plant in planted:
         touched = _touched(plant.address, relations)
-        changed = {**cells, plant.address: reprinted(cells[plant.address], plant.text)}
+        changed = {**cells, plant.address: _reprinted(cells[plant.address], plant.text)}
         seen.append(bool(contradicted(changed, touched) - before))
     return seen
 
@@ -126,7 +144,7 @@ def seen_by_verdicts(address: str, text: str) -> Sight:
     """Tell whether a verdict would notice that a cell prints something else."""
     key, _, name = address.partition("#")
     cell = library()[key][name]
-    changed = replace(cell, content=replace(cell.number, text=text))
+    changed = _reprinted(cell, text)
     refused = False
     for computation in _computations():
         makes = computation.key == key and computation.makes(name) and address in agreeing()

@@ -53,11 +53,6 @@ _OTHER_RULES: dict[str, Callable[[float], tuple[bool, bool]]] = {
 }
 
 
-def reprinted(cell: Cell, text: str) -> Cell:
-    """Return the same cell with other digits."""
-    return replace(cell, content=replace(cell.number, text=text))
-
-
 def _last_digit(cell: Cell) -> float:
     """Return one unit of the last printed digit, in SI units; one for a count."""
     return 10.0**cell.number.exponent * si_factor(cell.unit)
@@ -92,12 +87,6 @@ class Agreement:
     by_relation: dict[str, Interval]
     common: Interval
     members: tuple[str, ...]
-
-    @property
-    def spread(self) -> float:
-        """Largest less smallest central value of the relations, over their mean."""
-        middles = [(low + high) / 2 for low, high in self.by_relation.values()]
-        return (max(middles) - min(middles)) / (sum(middles) / len(middles))
 
 
 def agreements(cells: Sheet, relations: Iterable[Relation]) -> dict[str, Agreement]:
@@ -146,11 +135,6 @@ def contradicted(cells: Sheet, relations: Sequence[Relation]) -> frozenset[str]:
         return relation.name in shared[relation.unknown.name].members
 
     return frozenset(relation.name for relation in relations if not holds(relation))
-
-
-def by_value(relations: Iterable[Relation]) -> list[Relation]:
-    """Return the relations between values, without those between last printed digits."""
-    return [relation for relation in relations if relation.kind != "print"]
 
 
 def examine(cells: Sheet, relations: Sequence[Relation]) -> list[Examined]:
@@ -271,7 +255,7 @@ def conflicts(cells: Sheet, relations: Sequence[Relation]) -> list[Conflict]:
         for a, b in itertools.combinations(r.addresses, 2)
         if _last_digit(cells[a]) != _last_digit(cells[b])
     ]
-    kept = by_value(relations)
+    kept = [relation for relation in relations if relation.kind != "print"]
     boxes = intervals.printed_intervals(cells, kept)
 
     def apart(together: Sequence[Relation]) -> bool:

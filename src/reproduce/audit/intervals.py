@@ -47,7 +47,7 @@ def meet(one: Interval, two: Interval) -> _Found:
     return (low, high) if low <= high else None
 
 
-def widened(interval: Interval, share: float = _SLACK) -> Interval:
+def _widened(interval: Interval, share: float = _SLACK) -> Interval:
     """Widen an interval by the noise of binary arithmetic."""
     low, high = interval
     return low - share * abs(low), high + share * abs(high)
@@ -135,7 +135,7 @@ def _rising(
 
     def forwards(x: Interval, _: Interval) -> _Found:
         inside = meet(x, domain)
-        ends = inside and widened((function(inside[0]), function(inside[1])), _ROOM)
+        ends = inside and _widened((function(inside[0]), function(inside[1])), _ROOM)
         return ends and meet(ends, values)
 
     def backwards(z: Interval, x: Interval, _: Interval) -> _Pair:
@@ -144,7 +144,7 @@ def _rising(
             return None
         low = domain[0] if left[0] <= values[0] else inverse(left[0])
         high = domain[1] if left[1] >= values[1] else inverse(left[1])
-        narrowed = meet(inside, widened((low, high), _ROOM))
+        narrowed = meet(inside, _widened((low, high), _ROOM))
         return _both(narrowed, narrowed)
 
     return forwards, backwards
@@ -288,16 +288,14 @@ def printed_intervals(cells: Sheet, relations: Iterable[Relation]) -> dict[str, 
     return {a: cells[a].allowed for r in relations for a in r.addresses}
 
 
-def contract(
-    relation: Relation, intervals: Mapping[str, Interval], unknown: Interval | None = None
-) -> dict[str, Interval] | None:
+def contract(relation: Relation, intervals: Mapping[str, Interval]) -> dict[str, Interval] | None:
     """Narrow the intervals of a relation's cells to the values that can keep it.
 
     Address to narrowed interval, the unknown under its name; None if nothing is left.
     """
     box = [_met(intervals[a], relation.repeats) for a in relation.addresses]
     if relation.unknown is not None:
-        box.append(unknown or relation.unknown.domain)
+        box.append(relation.unknown.domain)
     found = _narrowed(relation, tuple(box))
     return None if found is None else dict(zip(relation.variables, found, strict=False))
 
@@ -313,7 +311,7 @@ def _met(interval: Interval, repeated: bool) -> Interval:
     low, high = interval
     if repeated and math.isfinite(high - low):
         interval = low + _END * (high - low), high - _END * (high - low)
-    return widened(interval)
+    return _widened(interval)
 
 
 def propagate(

@@ -18,7 +18,6 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from reproduce.audit import examine
-from reproduce.audit.corrections import Correction, corrections
 from reproduce.audit.relation import Finder, Relation, Sheet, declarations, declared
 from reproduce.physics import attitude, ground, light, optics, registration
 from reproduce.physics.attitude import rotation_from_vector
@@ -239,29 +238,18 @@ _RUNS: dict[str, Callable[[Sheet], _Values]] = {
 
 
 @dataclass(frozen=True)
-class Group:
-    """Names of contradictions that hang together, and what would lift them.
-
-    Corrections that restore everything stand first, then by size; none if no slips of the pen
-    within the search lift them.
-    """
-
-    relations: tuple[str, ...]
-    corrections: tuple[Correction, ...]
-
-
-@dataclass(frozen=True)
 class Audit:
     """What the relations say of a paper, and its equations run as printed.
 
     There is a finding for each relation, those that rest on a supposition of ours included.
+    `groups` has the names of contradictions that share cells or unknowns.
     """
 
     name: str
     cells: Sheet
     findings: tuple[examine.Examined, ...]
     conflicts: tuple[examine.Conflict, ...]
-    groups: tuple[Group, ...]
+    groups: tuple[tuple[str, ...], ...]
     unknowns: dict[str, examine.Agreement]
     equations: tuple[Demonstration, ...]
 
@@ -310,7 +298,7 @@ def audit_paper(paper: str) -> Audit:
 
 
 def audit(name: str, cells: Sheet, relations: Sequence[Relation]) -> Audit:
-    """Audit some cells: which agree among themselves, and what may be wrong."""
+    """Audit some cells by relations between them."""
     read = [relation for relation in relations if not relation.supposition]
     texts = declarations(name).get("equations", {})
     return Audit(
@@ -318,27 +306,10 @@ def audit(name: str, cells: Sheet, relations: Sequence[Relation]) -> Audit:
         cells=cells,
         findings=tuple(examine.examine(cells, relations)),
         conflicts=tuple(examine.conflicts(cells, read)),
-        groups=tuple(
-            part for group in examine.groups(cells, read) for part in _parts(cells, read, group)
-        ),
+        groups=tuple(tuple(r.name for r in group) for group in examine.groups(cells, read)),
         unknowns=examine.agreements(cells, relations),
         equations=tuple(Demonstration(n, *_RUNS[n](cells), **t) for n, t in texts.items()),
     )
-
-
-def _parts(cells: Sheet, every: Sequence[Relation], group: Sequence[Relation]) -> list[Group]:
-    """Explain contradictions that hang together as one, or else by shared unknowns, one by one."""
-    parts: dict[object, list[str]] = {}
-    for relation in group:
-        parts.setdefault(relation.unknown or relation.name, []).append(relation.name)
-    names = [relation.name for relation in group]
-    whole = corrections(cells, every, frozenset(names))
-    if whole or len(parts) == 1:
-        return [Group(tuple(names), tuple(whole))]
-    return [
-        Group(tuple(part), tuple(corrections(cells, every, frozenset(part))))
-        for part in parts.values()
-    ]
 
 
 # "not supported as printed" if a statement of the paper contradicts the numbers that it refers to.

@@ -194,8 +194,7 @@ UNITS: dict[str, tuple[str, float]] = {
     # A magnitude is a logarithm; nothing here computes with it, so it is carried as a bare number.
     "mag": ("mag", 1.0),
 }
-# Units of one kind, which a reader may give for each other, and a pen confuse. To a computer an
-# angle is a pure number, but to neither of these.
+# Units of one kind, which a user may give for each other. An angle is no pure number here.
 ALIKE = (("nm", "um", "mm", "m", "km"), ("deg", "arcsec"), ("ms", "s", "min"))
 
 

@@ -15,9 +15,8 @@ from typing import Any
 import pandas as pd
 from markupsafe import Markup
 
-from reproduce.audit.corrections import Correction
-from reproduce.audit.examine import Agreement, Examined
-from reproduce.audit.report import Audit, Erratum, Group, register
+from reproduce.audit.examine import Examined
+from reproduce.audit.report import Audit, Erratum, register
 from reproduce.judge.ledger import Record, frozen
 from reproduce.locate import data_folders
 from reproduce.printed.cells import PAPERS, anchor
@@ -34,9 +33,6 @@ _Row = dict[str, Any]
 _Columns = Mapping[str, Callable[[_Row], Entry]]
 
 JOINT = "hold one by one, but not together"
-_SHOWN = 6  # corrections of a contradiction
-# With more equal corrections than this, a list of them says nothing.
-_MANY = 12
 _BADGES = {
     "agrees": "exact",
     "agrees only through rounding": "input",
@@ -58,7 +54,7 @@ class _Part(Blocks):
     rows: list[_Row]
 
     def frame(self) -> pd.DataFrame:
-        """Return one row for each relation, set, correction, equation or entry."""
+        """Return one row for each relation, set, equation or entry."""
         frame = pd.DataFrame(self.rows)
         return frame.set_index("name") if "name" in frame else frame
 
@@ -67,10 +63,9 @@ class Contradictions(Display):
     """What the printed numbers of papers say of each other, and the errata.
 
     Its parts are ``score``, ``relations``, ``sets`` (the smallest sets of numbers that cannot all
-    be right), ``corrections`` (the slips of the pen that would lift a contradiction),
-    ``equations`` (run as extracted), ``errata`` and ``suppositions`` (entries that suppose
-    something):
-    ``contradictions("chen2023")["relations"]``. Each shows itself and has a ``frame()``.
+    be right), ``equations`` (run as extracted), ``errata`` and ``suppositions`` (entries that
+    suppose something): ``contradictions("chen2023")["relations"]``. Each shows itself and has a
+    ``frame()``.
 
     Parameters
     ----------
@@ -249,60 +244,6 @@ _SET: _Columns = {
 }
 
 
-def _corrections(audits: Sequence[Audit]) -> _Part:
-    """List the contradictions with the slips of the pen that would lift them."""
-    shown: list[Block] = []
-    rows: list[_Row] = []
-    for audit in audits:
-        tried: list[_Row] = []
-        for group in audit.groups:
-            own = [_correction(group, found, audit.name) for found in group.corrections]
-            rows += own
-            if untold := _untold(group):
-                shown.append(f"{audit.name}, {', '.join(group.relations)}: {untold}.")
-            else:
-                tried += own[:1] + [row | {"contradiction": ()} for row in own[1:_SHOWN]]
-        caption = f"Corrections of {audit.name}, by size of the slip"
-        shown += [_grid(caption, _CORRECTION, tried, whole=(1,))] * bool(tried)
-    return _Part(tuple(shown), rows)
-
-
-def _correction(group: Group, found: Correction, paper: str) -> _Row:
-    """Return one correction in words; addresses are without the paper."""
-    moved = "; ".join(found.moved)
-    return {
-        "contradiction": list(group.relations),
-        "slips": [slip.label.replace(f"{paper}/", "") for slip in found.slips],
-        "kinds": [slip.kind for slip in found.slips],
-        "size": found.cost,
-        "lifts": list(found.lifted),
-        "breaks": list(found.broken),
-        "unknowns": [_common(agreement) for agreement in found.unknowns.values()],
-        "conclusion": f"moves: no longer holds that {moved}" if moved else "stands",
-    }
-
-
-def _untold(group: Group) -> str:
-    """Say so where no slip lifts a contradiction, or so many that none is told apart."""
-    whole = [c for c in group.corrections if c.restores_everything]
-    least = sum(c.cost == whole[0].cost for c in whole)
-    told = (
-        f"{least} different slips of the smallest size would lift this, "
-        "so it does not tell which number is wrong"
-    )
-    return told * (least > _MANY) if group.corrections else "no slips within the search"
-
-
-_CORRECTION: _Columns = {
-    "Contradiction": lambda row: _codes(row["contradiction"]),
-    "Supposed slips": lambda row: _codes(row["slips"]),
-    "Size": lambda row: f"{row['size']:g}",
-    "Breaks": lambda row: str(len(row["breaks"]) or "nothing"),
-    "The paper's conclusion": itemgetter("conclusion"),
-    "Then": lambda row: "; ".join(row["unknowns"]),
-}
-
-
 def _equations(audits: Sequence[Audit]) -> _Part:
     """List the equations, run as extracted."""
     fields = ("name", "place", "asked", "printed", "right", "wanted", "meaning", "holds")
@@ -427,20 +368,6 @@ def _sides(finding: Examined, audit: Audit) -> str:
     return " against ".join(quantity(minus(f"{value:.6g}"), symbol(unit)) for value in values)
 
 
-def _common(agreement: Agreement) -> str:
-    """Write what the relations say of a number that is not printed."""
-    label, mark = agreement.unknown.label, symbol(agreement.unknown.unit)
-    factor = si_factor(agreement.unknown.unit)
-    middles = [(low + high) / 2 / factor for low, high in agreement.by_relation.values()]
-    if not middles:
-        return f"{label}: no value fits"
-    if len(agreement.members) == len(agreement.by_relation):
-        low, high = (end / factor for end in agreement.common)
-        return f"{label}: {low:.6g} to {high:.6g} {mark} fits all {len(agreement.members)}"
-    spread = f"a spread of {100 * agreement.spread:.2g}\u202f%"
-    return f"{label}: from {min(middles):.6g} to {max(middles):.6g} {mark}, {spread}"
-
-
 def _within_paper(address: str) -> str:
     return address.partition("/")[2] or address
 
@@ -467,7 +394,6 @@ _PARTS: dict[str, Callable[[Sequence[Audit]], _Part]] = {
     "score": _score,
     "relations": _relations,
     "sets": _sets,
-    "corrections": _corrections,
     "equations": _equations,
     "errata": lambda audits: _errata(audits, supposed=False),
     "suppositions": lambda audits: _errata(audits, supposed=True),
