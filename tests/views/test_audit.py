@@ -71,9 +71,9 @@ def test_the_score_counts_what_the_audit_found():
         row = re.search(rf"<code>{paper}</code></th>(.*?)</tr>", text).group(1)
         counts = [int(n) for n in re.findall(r"<td>(\d+)</td>", row)]
         assert counts[:3] == [len(found.cells), len(found.examined), len(found.bounded)]
-        assert counts[3:7] == [sum(own.values()), *own.values()]
-        assert counts[7:9] == [sum(again.values()), again["contradicts"]]
-        assert counts[3] + counts[7] == len(found.read)
+        assert counts[3:8] == [sum(own.values()), *own.values()]
+        assert counts[8:10] == [sum(again.values()), again["contradicts"]]
+        assert counts[3] + counts[8] == len(found.read)
         supposing = [shown for shown in found.equations if shown.supposition]
         assert counts[-1] == len(found.supposed) + len(supposing)
 
