@@ -9,6 +9,7 @@ from markupsafe import Markup
 
 from reproduce.judge.ledger import Record
 from reproduce.judge.readings import Evaluation, evaluate
+from reproduce.judge.verdicts import Reading
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import unpublished
 from reproduce.printed.cells import anchor, library
@@ -116,7 +117,14 @@ def _frame(found: Evaluation, names: Iterable[str]) -> pd.DataFrame:
 def summary(place: str, records: Iterable[Record]) -> Grid:
     """Return the readings of each cell in short."""
     return grid(f"Readings of {place}, cell by cell", _SHORT, [r for r in records if r.readings],
-                kind="rp-small", words=1)  # fmt: skip
+                kind="rp-small rp-readings", words=5)  # fmt: skip
+
+
+def _closest(record: Record, closest: Reading) -> str:
+    """Write the closest reading with its computed value, verdict and probability."""
+    chance = verdicts.probability(closest)
+    found = f"{verdicts.choices_text(closest.choices)}: {verdicts.read(record, closest)}"
+    return f"{found}, p = {chance}".replace("= <", "<") if chance else found
 
 
 def _short(write: Callable[[Record, Any], Entry]) -> Callable[[Record], Entry]:
@@ -128,10 +136,7 @@ _SHORT: dict[str, Callable[[Record], Entry]] = {
         anchor(one.cell), Markup("<code>{}</code>").format(verdicts.name_of(one))
     ),
     "printed": lambda one: verdicts.cell_of(one).shown,
-    "readings": _short(lambda one, found: str(found.count)),
-    "agree": _short(lambda one, found: str(found.agreeing)),
+    "readings that agree": _short(lambda one, found: f"{found.agreeing} of {found.count}"),
     "agrees with": _short(lambda one, found: verdicts.deciding(found)),
-    "closest reading": _short(lambda one, found: verdicts.choices_text(found.closest.choices)),
-    "computed there": _short(lambda one, found: verdicts.read(one, found.closest)),
-    "probability": _short(lambda one, found: verdicts.probability(found.closest)),
+    "closest reading": _short(lambda one, found: _closest(one, found.closest)),
 }

@@ -175,7 +175,8 @@ class Table(Item):
             if joint and joint.readings > 1:
                 yield verdicts.fitting(joint)
             yield readings.summary(place, records)
-            whole = Html(lambda: html(self.readings.blocks()), "")
+            listed = f'rp.table("{self.key}").readings lists them'
+            whole = Html(lambda: html(self.readings.blocks()), listed)
             yield Fold("All readings of the text", (whole,))
         if results := [record for record in records if record.role == "result"]:
             made = catalogue()[self.key].computations

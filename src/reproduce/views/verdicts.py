@@ -129,7 +129,7 @@ def deciding(summary: ReadingSummary) -> str:
         return ""
     always = "; or ".join(map(choices_text, summary.agrees_if))
     never = ", ".join(f"{name}={way}" for name, ways in summary.never.items() for way in ways)
-    decided = f"decided by {', '.join(summary.decided_by)}. Always with {always}"
+    decided = f"Decided by {', '.join(summary.decided_by)}. Always with {always}"
     return f"{decided}. Never with {never}" if never else decided
 
 
