@@ -110,6 +110,8 @@ _CHANGE, _CHOICE, _ENDS = "CELL=VALUE", "NAME=ALTERNATIVE", "NAME=LOW,HIGH"
 _SETTINGS = {"help_option_names": ["-h", "--help"], "show_default": True}
 _FILE = click.Path(exists=True, dir_okay=False, path_type=Path)
 _DATA = click.Path(exists=True, dir_okay=False, allow_dash=True, path_type=Path)
+# A FITS file may have the name of an extension in brackets behind it.
+_IMAGES = click.Path(allow_dash=True, path_type=Path)
 _OUT = click.Path(dir_okay=False, path_type=Path)
 _ABOVE = click.FloatRange(min=0, min_open=True)
 _FOLDER = click.Path(file_okay=False, path_type=Path)
@@ -122,6 +124,7 @@ _SET = click.option(
 _PIVOT = click.option(
     "--pivot", type=float, nargs=2, metavar="X Y", help="Principal point of your stars, in px."
 )
+_SEP = click.option("--sep", help="Separator of columns in a text file.  [default: a comma]")
 _PLATFORM = click.option("--platform", type=_FILE, help="Lights and tracker of your own, in TOML.")
 
 
@@ -231,12 +234,12 @@ def audit(paper: str | None, as_json: bool) -> None:
 
 
 @main.command()
-@click.argument("files", type=_DATA, nargs=-1, required=True, metavar="FILE...")
+@click.argument("files", type=_IMAGES, nargs=-1, required=True, metavar="FILE...")
 @_PIVOT
 @click.option("--model", type=click.Choice(list(MODELS)), default="similarity")
 @click.option("--robust", is_flag=True, default=None, help="Guard against wrong matches.")
-@click.option("--reference", help="Name of the picture to lay others on.")
-@click.option("--bayer", metavar="RGGB", help="Colours of a mosaic's first four pixels.")
+@_SEP
+@click.option("--reference", help="Reference image, as given.  [default: the second one]")
 @click.option("--threshold", type=_ABOVE, help="Of stars, in standard deviations of the noise.")
 @click.option("--radius", type=_ABOVE, help="How far apart stars of a pair may land, in px.")
 @click.option("--picture", type=_OUT, help="Draw the residuals before and after: .svg .pdf .png.")
@@ -294,8 +297,9 @@ def register(
 @main.command()
 @click.argument("file", type=_DATA)
 @_PLATFORM
+@_SEP
 @_JSON
-def misalignment(file: Path, platform: Path | None, as_json: bool) -> None:
+def misalignment(file: Path, platform: Path | None, sep: str | None, as_json: bool) -> None:
     """Measure how far your own camera has turned since the zero point, from spots of its lights.
 
     FILE is a CSV, or - for standard input: one spot per line, in px, with the columns group (0 at
@@ -304,7 +308,7 @@ def misalignment(file: Path, platform: Path | None, as_json: bool) -> None:
     are lost; with a column time there are drift and averages; mask drops a line where it is 1. A
     platform is a TOML of the arguments of Platform.
     """
-    found = front.misalignment(file, platform=platform)
+    found = front.misalignment(file, platform=platform, sep=sep)
     _show(as_json, found.record, found.print)
 
 
@@ -314,6 +318,7 @@ def misalignment(file: Path, platform: Path | None, as_json: bool) -> None:
 @click.option("--data", type=_DATA, help="Your own CSV; its columns stand in --list.")
 @_PIVOT
 @_PLATFORM
+@_SEP
 @click.option(
     "--prior", "priors", multiple=True, metavar=_ENDS, help="An even prior, in the unit shown."
 )
