@@ -183,11 +183,16 @@ def _loaded(source: Any, sep: str | None) -> tuple[str, pd.DataFrame, bytes | No
         except ImportError as error:
             raise TableFileError(f"{name}: this format needs Astropy, which is not installed") \
                 from error  # fmt: skip
+        except TableFileError:
+            raise
+        except UnicodeDecodeError as error:
+            raise TableFileError(
+                f"{name}: expected a table or a FITS image, got another format. Read the file with "
+                "another library, such as Pillow or pandas, and pass an array or a DataFrame"
+            ) from error
         except (ValueError, OSError, EOFError, KeyError, TypeError) as error:
             told = " ".join(str(error).split())[:200]
-            raise TableFileError(f"{name}: expected columns of numbers, got an error: {told}. "
-                                 "Read the file with another library and pass a DataFrame") \
-                from error  # fmt: skip
+            raise TableFileError(f"{name}: expected columns of numbers ({told})") from error
         return name, frame, content
     if hasattr(source, "colnames"):
         return "the table", _from_astropy("the table", source), None
