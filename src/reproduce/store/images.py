@@ -24,7 +24,7 @@ Mask = NDArray[np.bool_]
 
 # The end of a FITS file name, and the extension in brackets behind it.
 _FITS = re.compile(
-    r"(?P<file>.*\.(?:fits|fit|fts)(?:\.gz|\.fz)?|.*\.fz)(?:\[(?P<extension>[^\]]+)\])?", re.I
+    r"(?P<file>.*\.(?:fits|fit|fts)(?:\.gz|\.bz2|\.fz)?|.*\.fz)(?:\[(?P<extension>[^\]]+)\])?", re.I
 )
 # Shortest side of an image, in px.
 _SHORTEST = 16
@@ -65,7 +65,7 @@ class Image:
     sigma: FloatArray | None = None
 
 
-def is_image(source: object) -> bool:
+def is_image(source: Any) -> bool:
     """Return whether `source` is an array, a `CCDData` or a FITS file with an image.
 
     Examples
@@ -76,10 +76,15 @@ def is_image(source: object) -> bool:
     if isinstance(source, str | Path):
         found = _FITS.fullmatch(str(source))
         return found is not None and (bool(found["extension"]) or bool(_image_names(found["file"])))
-    shape = getattr(source, "shape", ())
+    shape = np.shape(source.data) if _is_nddata(source) else getattr(source, "shape", ())
     return (
         not hasattr(source, "columns") and len(shape) in (2, 3) and sorted(shape)[-2] >= _SHORTEST
     )
+
+
+def _is_nddata(source: Any) -> bool:
+    """Return whether `source` is an Astropy `NDData`, such as `CCDData`."""
+    return hasattr(source, "meta") and hasattr(source, "uncertainty")
 
 
 def read_image(source: Any, name: str = "array") -> Image:
@@ -101,7 +106,7 @@ def read_image(source: Any, name: str = "array") -> Image:
     if isinstance(source, str | Path):
         name = Path(source).name
         source = _from_fits(str(source))
-    content = np.ma.asarray(getattr(source, "data", source) if hasattr(source, "meta") else source)
+    content = np.ma.asarray(source.data if _is_nddata(source) else source)
     if content.ndim != 2 or min(content.shape) < _SHORTEST:
         raise ImageError(
             f"{name}: expected an image of shape (height, width) with {_SHORTEST} px or more on "
@@ -109,26 +114,31 @@ def read_image(source: Any, name: str = "array") -> Image:
         )
     if content.dtype.kind not in "iufb":
         raise ImageError(f"{name}: expected real numbers, got {content.dtype}. Convert the image")
+    if content.size > _MOST_PIXELS:
+        raise _too_large(name, content.size)
     mask = np.ma.getmaskarray(content)
-    if hasattr(source, "meta") and getattr(source, "mask", None) is not None:
-        mask = mask | np.asarray(source.mask, dtype=bool)
+    if _is_nddata(source) and source.mask is not None:
+        with reading(f"{name}: mask"):
+            mask = mask | np.asarray(source.mask, dtype=bool)
     light = np.asarray(content.data, dtype=np.float64)
     light = np.where(mask | ~np.isfinite(light), np.nan, light)
     top = float(np.iinfo(content.dtype).max) if content.dtype.kind in "iu" else math.inf
     full = light >= _highest(light, top)
     _check_contrast(name, light, full)
-    return Image(name, light, full, _step(light), _sigma(name, source))
+    return Image(name, light, full, _step(light), _sigma(name, source, light))
 
 
-def _sigma(name: str, source: Any) -> FloatArray | None:
+def _sigma(name: str, source: Any, light: FloatArray) -> FloatArray | None:
     """Return the standard deviations of a `CCDData` with an uncertainty."""
-    uncertainty = getattr(source, "uncertainty", None)
-    if uncertainty is None or not hasattr(source, "meta"):
+    if not _is_nddata(source) or source.uncertainty is None:
         return None
     from astropy.nddata import StdDevUncertainty
 
-    found = np.asarray(uncertainty.represent_as(StdDevUncertainty).array, dtype=np.float64)
-    if not (found > 0).all():
+    # Astropy squares in the type of the array, and small integers overflow.
+    with reading(f"{name}: uncertainty"):
+        values = type(source.uncertainty)(np.asarray(source.uncertainty.array, dtype=np.float64))
+        found = np.broadcast_to(values.represent_as(StdDevUncertainty).array, light.shape)
+    if not (found[np.isfinite(light)] > 0).all():
         raise ImageError(f"{name}: uncertainty: expected values above zero. Mask such pixels")
     return found
 
@@ -167,9 +177,11 @@ def reading(name: str) -> Iterator[None]:
     """Raise `ImageError` with the name of the file for an error of another library."""
     try:
         yield
+    except ImageError:
+        raise
     except ImportError as error:
         raise ImageError(
-            f"{name}: this needs {error.name}. Install the extra images of this package"
+            f"{name}: this needs {error.name}. Install reproduce-pointing[images]"
         ) from error
     except MemoryError as error:
         raise ImageError(f"{name}: the image does not fit into memory. Use a part of it") from error
@@ -179,11 +191,16 @@ def reading(name: str) -> Iterator[None]:
         raise ImageError(f"{name}: {' '.join(str(error).split())}") from error
 
 
-def _units(file: str) -> Any:
-    """Return the opened FITS file."""
+@contextmanager
+def _units(file: str) -> Iterator[Any]:
+    """Open a FITS file, and close it also if Astropy raises an error."""
     from astropy.io import fits
 
-    return fits.open(file, memmap=False, lazy_load_hdus=False)
+    with (
+        Path(file).open("rb") as stream,
+        fits.open(stream, memmap=False, lazy_load_hdus=False) as units,
+    ):
+        yield units
 
 
 def _image_names(file: str) -> list[str]:
@@ -191,8 +208,9 @@ def _image_names(file: str) -> list[str]:
     with reading(Path(file).name), warnings.catch_warnings():
         warnings.simplefilter("ignore")
         with _units(file) as units:
+            names = [unit.name for unit in units]
             return [
-                unit.name if unit.name not in ("", "PRIMARY") else str(place)
+                unit.name if unit.name != "PRIMARY" and names.count(unit.name) == 1 else str(place)
                 for place, unit in enumerate(units)
                 if unit.is_image and unit.header.get("NAXIS", 0) >= 2
             ]
@@ -216,12 +234,17 @@ def _from_fits(path: str) -> Any:
         warnings.filterwarnings("error", message=".*truncated")
         with _units(found["file"]) as units:
             unit = units[int(wanted) if wanted.isdecimal() else wanted]
-            size = math.prod(unit.shape) if unit.is_image else 0
-            if not 0 < size <= _MOST_PIXELS:
-                raise ImageError(
-                    f"{name}: expected an image of up to {_MOST_PIXELS:,} px, got {size:,}"
-                )
+            if not unit.is_image or not unit.shape:
+                raise ImageError(f"{name}: expected an extension with an image, got {wanted}")
+            if math.prod(unit.shape) > _MOST_PIXELS:
+                raise _too_large(name, math.prod(unit.shape))
             return np.squeeze(unit.data)
+
+
+def _too_large(name: str, size: int) -> ImageError:
+    return ImageError(
+        f"{name}: expected an image of up to {_MOST_PIXELS:,} px, got {size:,} px. Use a part of it"
+    )
 
 
 def fits_table(path: Path) -> Any:

@@ -14,6 +14,7 @@ from __future__ import annotations
 import difflib
 import re
 import sys
+import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -128,7 +129,7 @@ def is_table(source: object) -> bool:
     >>> is_table("stars.csv"), is_table([[1, 2]])
     (True, False)
     """
-    named = hasattr(source, "iloc") or hasattr(source, "colnames")
+    named = hasattr(source, "columns")
     return isinstance(source, str | Path) or named or _fields(source) is not None
 
 
@@ -137,22 +138,23 @@ def _fields(source: object) -> Any:
 
 
 def read_table(
-    source: Any, columns: Sequence[str], optional: Sequence[str] = (), sep: str | None = None
+    source: Any,
+    columns: Sequence[str],
+    optional: Sequence[str] = (),
+    sep: str | None = None,
+    name: str | None = None,
 ) -> Table:
     """Return named columns of numbers from a file, standard input ("-"), or a table.
 
     Rows with 1 in a column ``mask`` are left out. `sep` separates the columns of a text file, as
-    in `pandas.read_csv`. Default: a comma.
+    in `pandas.read_csv`. Default: a comma. Errors use `name` for a source that is not a file.
     """
-    name, frame, content = _loaded(source, sep)
+    label, frame, content = _loaded(source, sep)
+    name = label if name is None or isinstance(source, str | Path) else name
     names = [_plain(one) for one in frame.columns]
-    found = _wanted(name, names, columns, (*optional, _MASK))
-    import pandas as pd
-
-    values = np.column_stack(
-        [pd.to_numeric(frame.iloc[:, names.index(one)], errors="coerce").to_numpy(
-            float, na_value=np.nan) for one in found]
-    )  # fmt: skip
+    remedy = "" if content is None else " Write them in the first line, and give sep if not a comma"
+    found = _wanted(name, names, columns, (*optional, _MASK), remedy)
+    values = np.column_stack([_numbers(frame.iloc[:, names.index(one)]) for one in found])
     if not len(values):
         raise TableFileError(f"{name}: expected rows of numbers below the names, got none")
     table = Table(name, found, values, np.arange(len(values)), _content=content)
@@ -165,6 +167,16 @@ def read_table(
     return _kept(table, len(columns), gone)
 
 
+def _numbers(column: pd.Series) -> FloatArray:
+    """Return a column as numbers, with NaN for other entries."""
+    import pandas as pd
+
+    if column.dtype.kind in "cmM":  # complex numbers, times
+        return np.full(len(column), np.nan)
+    plain = column.astype(object) if isinstance(column.dtype, pd.CategoricalDtype) else column
+    return pd.to_numeric(plain, errors="coerce").to_numpy(float, na_value=np.nan)
+
+
 def _loaded(source: Any, sep: str | None) -> tuple[str, pd.DataFrame, bytes | None]:
     """Return the name, the columns and the content of a source."""
     import pandas as pd
@@ -174,31 +186,44 @@ def _loaded(source: Any, sep: str | None) -> tuple[str, pd.DataFrame, bytes | No
         content = sys.stdin.buffer.read() if str(source) == "-" else Path(source).read_bytes()
         form = next((f for end, f in _ASTROPY.items() if name.lower().endswith(end)), "")
         form = "fits" if content.startswith(_FITS_START) else form
+        zipped = name.lower().endswith(".gz")
+        if not form and not zipped and b"\0" in content:
+            raise _other_format(name)
         try:
             if form:
                 return name, _from_astropy(name, _astropy_file(BytesIO(content), form)), content
-            compressed: Any = "gzip" if name.lower().endswith(".gz") else None
-            frame = pd.read_csv(BytesIO(content), sep=sep or ",", comment="#", engine="c",
-                                skipinitialspace=True, compression=compressed)  # fmt: skip
+            with warnings.catch_warnings():
+                # pandas drops columns without a name with this warning.
+                warnings.simplefilter("error", pd.errors.ParserWarning)
+                frame = pd.read_csv(BytesIO(content), sep=sep or ",", comment="#", engine="c",
+                                    skipinitialspace=True, index_col=False,
+                                    compression="gzip" if zipped else None)  # fmt: skip
         except ImportError as error:
             raise TableFileError(f"{name}: this format needs Astropy, which is not installed") \
                 from error  # fmt: skip
         except TableFileError:
             raise
         except UnicodeDecodeError as error:
-            raise TableFileError(
-                f"{name}: expected a table or a FITS image, got another format. Read the file with "
-                "another library, such as Pillow or pandas, and pass an array or a DataFrame"
-            ) from error
-        except (ValueError, OSError, EOFError, KeyError, TypeError) as error:
+            raise _other_format(name) from error
+        except Exception as error:  # pandas, Astropy and XML parsers raise many types
             told = " ".join(str(error).split())[:200]
-            raise TableFileError(f"{name}: expected columns of numbers ({told})") from error
+            raise TableFileError(
+                f"{name}: expected columns of numbers ({told}). "
+                "Separate them with a comma, or give sep"
+            ) from error
         return name, frame, content
     if hasattr(source, "colnames"):
         return "the table", _from_astropy("the table", source), None
     if hasattr(source, "iloc"):
         return "the DataFrame", source, None
-    return "the array", pd.DataFrame({n: source[n] for n in _fields(source)}), None
+    return "the array", _frame({n: source[n] for n in _fields(source)}), None
+
+
+def _other_format(name: str) -> TableFileError:
+    return TableFileError(
+        f"{name}: expected a table or a FITS image, got another format. Read the file with "
+        "another library, such as Pillow or pandas, and pass an array or a DataFrame"
+    )
 
 
 def _astropy_file(content: BytesIO, form: str) -> Any:
@@ -208,21 +233,33 @@ def _astropy_file(content: BytesIO, form: str) -> Any:
 
 
 def _from_astropy(name: str, table: Any) -> pd.DataFrame:
-    """Return the one-dimensional columns of an Astropy table; lengths must be in px."""
-    import pandas as pd
-
+    """Return the columns of an Astropy table; lengths must be in px."""
     found = {}
     for column in table.colnames:
         unit = getattr(table[column], "unit", None)
-        if unit is not None and str(unit) not in _PIXELS and _LENGTHS.fullmatch(_plain(column)):
-            raise TableFileError(
-                f"{name}, column {column}: expected px, got {unit}. Convert the column to px"
-            )
+        if (
+            unit is not None
+            and str(unit).lower() not in _PIXELS
+            and _LENGTHS.fullmatch(_plain(column))
+        ):
+            raise _other_unit(name, column, unit)
         values = np.ma.asarray(getattr(table[column], "value", table[column]))
-        if values.ndim == 1:
-            number = values.dtype.kind in "iufb"
-            found[column] = np.ma.filled(values.astype(float), np.nan) if number else values
-    return pd.DataFrame(found)
+        number = values.dtype.kind in "iufb"
+        found[column] = np.ma.filled(values.astype(float), np.nan) if number else values
+    return _frame(found)
+
+
+def _frame(columns: Mapping[str, Any]) -> pd.DataFrame:
+    """Return the one-dimensional columns as a DataFrame."""
+    import pandas as pd
+
+    return pd.DataFrame({name: one for name, one in columns.items() if np.ndim(one) == 1})
+
+
+def _other_unit(name: str, column: str, unit: object) -> TableFileError:
+    return TableFileError(
+        f"{name}, column {column}: expected px, got {unit}. Convert the column to px"
+    )
 
 
 def table_of(columns: Sequence[str], *blocks: tuple[str, Any]) -> Table:
@@ -303,19 +340,27 @@ def _plain(name: object) -> str:
 
 
 def _wanted(
-    where: str, names: Sequence[str], columns: Sequence[str], optional: Sequence[str]
+    where: str,
+    names: Sequence[str],
+    columns: Sequence[str],
+    optional: Sequence[str],
+    remedy: str = "",
 ) -> tuple[str, ...]:
     """Return the columns and the optional columns that a source contains."""
     wanted = (*columns, *(one for one in optional if one in names))
-    if twice := [name for name in wanted if names.count(name) > 1]:
+    # pandas calls the second column with the name x in a file x.1.
+    if twice := [name for name in wanted if names.count(name) > 1 or f"{name}.1" in names]:
         raise TableFileError(f"{where}: column {twice[0]!r} appears twice. Remove one")
     if missing := [name for name in columns if name not in names]:
+        unit = re.compile(re.escape(missing[0]) + r"_?[\[(](.*)[\])]")
+        if found := next(filter(None, map(unit.fullmatch, names)), None):
+            raise _other_unit(where, missing[0], found[1])
         near = difflib.get_close_matches(missing[0], names[: 10 * LISTED], 1)
         hint = f" Did you mean {near[0]!r} by {missing[0]!r}?" if near else ""
         came = ", ".join(repr(name[:40]) for name in names[:LISTED])
         raise TableFileError(
-            f"{where}: expected the columns {', '.join(columns)} in the first line, got {came}"
-            f"{', ...' * (len(names) > LISTED)}.{hint} Separate them with a comma, or give sep"
+            f"{where}: expected the columns {', '.join(columns)}, got {came}"
+            f"{', ...' * (len(names) > LISTED)}.{hint}{remedy}"
         )
     return wanted
 
@@ -420,8 +465,8 @@ def _in_order(table: Table, rows: NDArray[np.int64], light: NDArray[np.int64]) -
     first = int(np.append(whole, False).argmin()) * len(shown)
     raise TableFileError(
         f"{table.path}, row {table.rows[rows[min(first, len(rows) - 1)]]}: expected a spot of each "
-        "light in every image, image after image, got none of one in the image that begins here; add a "
-        f"column {IMAGES[0]}, a number for each image, where spots are lost or in another order"
+        "light in every image, image after image, got an image without a light. If spots are lost "
+        f"or in another order, add a column {IMAGES[0]}, a number for each image"
     )
 
 

@@ -163,7 +163,7 @@ def verify(citation: str) -> str:
 
 def posterior(
     name: str | None = None,
-    data: str | Path | None = None,
+    data: str | Path | pd.DataFrame | None = None,
     pivot: tuple[float, float] | None = None,
     priors: Mapping[str, Prior | tuple[float, float]] | None = None,
     *,
@@ -180,8 +180,8 @@ def posterior(
     ----------
     name : str, optional
         Such as ``registration``; ``rp.posterior().models`` names all.
-    data : str or Path, optional
-        A reader's CSV; ``rp.posterior().models`` names its columns.
+    data : path or table, optional
+        Your data, as in `register`. ``rp.posterior().models`` contains the columns.
     pivot : tuple of float, optional
         Principal point of stars of a reader's own, in px; their mean by default.
     priors : mapping, optional
@@ -294,7 +294,7 @@ def register(
     Raises
     ------
     ValueError
-        If the stars do not fix the model, a setting is wrong, or a line of the file.
+        If the stars do not fix the model, or a parameter or a row of the table is wrong.
 
     Examples
     --------

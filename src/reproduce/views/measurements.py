@@ -203,10 +203,7 @@ def _stars(
         raise ValueError("target: expected nothing beside a file, which holds both images")
     if target is None:
         raise ValueError("target: expected the stars of the other image, or a file of both")
-    both = {
-        name: points.read_table(one, ("x", "y")).values if is_table(one) else one
-        for name, one in (("source", source), ("target", target))
-    }
+    both = {name: _places(name, one, sep) for name, one in (("source", source), ("target", target))}
     table = table_of(STARS, *both.items())
     if table.notes:  # what is given of each star goes with it
         sizes = {"weights": 1, "source_covariance": 3, "target_covariance": 3}
@@ -215,6 +212,19 @@ def _stars(
             if value is not None and np.ndim(value) == axes:
                 settings = settings | {name: np.asarray(value)[table.rows]}
     return table, settings
+
+
+def _places(name: str, source: Any, sep: str | None) -> Any:
+    """Return an array, or the columns x and y of a table without a mask."""
+    if not is_table(source):
+        return source
+    table = points.read_table(source, ("x", "y"), sep=sep, name=name)
+    if table.notes:
+        raise TableFileError(
+            f"{table.path}, column mask: expected no masked rows in two tables. Put the stars of "
+            f"both into one table with the columns {', '.join(STARS)}"
+        )
+    return table.values
 
 
 def _known(table: Table, settings: Mapping[str, Any]) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from reproduce.physics.images import THRESHOLD, find_spots
 from reproduce.physics.registration import match_points, pair_weights, registered_image
 from reproduce.store.images import Image, ImageError, is_image, read_image, reading
-from reproduce.store.points import STARS, is_table, read_table
+from reproduce.store.points import STARS, is_table, read_table, table_of
 from reproduce.views.blocks import Block, Display, Fold, Grid
 from reproduce.views.measurements import SIGMAS, Registered, Remade, deviations
 
@@ -96,9 +96,13 @@ def _listed(source: Any, sep: str | None = None) -> Stars:
     """Return the stars of a table with the columns x and y, or of an array."""
     import pandas as pd
 
-    if not is_table(source):
-        source = pd.DataFrame(np.asarray(source, dtype=float), columns=["x", "y"])
-    table = read_table(source, ("x", "y"), (*SIGMAS, "flux", "weight"), sep)
+    table = (
+        read_table(source, _CENTRE[:2], (*SIGMAS, "flux", "weight"), sep)
+        if is_table(source)
+        else table_of(_CENTRE[:2], ("source", source))
+    )
+    if not len(table.values):
+        raise ValueError("source: expected an image or stars, got no star")
     none = np.zeros(len(table.values))
     wide = deviations(table) if {*SIGMAS} & {*table.optional} else np.column_stack([none, none])
     frame = pd.DataFrame(np.column_stack([table.values, wide]), columns=_CENTRE)
@@ -332,8 +336,9 @@ def registered(
             progress(number, len(sources))
     if len(found) < 2:
         raise ValueError("target: expected a second image")
-    chosen = str(reference or list(found)[1])
-    if chosen not in found:
+    wanted = Path(str(reference or list(found)[1]))
+    chosen = next((name for name in found if Path(name) == wanted), None)
+    if chosen is None:
         raise ValueError(f"reference: expected one of {', '.join(found)}, got {reference!r}")
     for name, shape in shapes.items():
         if shape != shapes.get(chosen, shape):

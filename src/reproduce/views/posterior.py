@@ -411,7 +411,12 @@ def _prior(
     """Return a user's prior in SI units; its numbers are in the displayed unit."""
     if isinstance(prior, inference.Prior):
         return prior.in_unit(1 / parameter.shown)
-    low, high = prior
+    try:
+        low, high = (float(one) for one in prior)
+    except (TypeError, ValueError) as error:
+        raise ValueError(
+            f"prior of {parameter.name}: expected two bounds or a prior, got {prior!r}"
+        ) from error
     if low < 0 and isinstance(parameter.prior, inference.LogUniform):
         raise ValueError(f"prior of {parameter.name}: expected zero or more, got {low:g}")
     if not low < high:
