@@ -13,7 +13,7 @@ misalignment seen by a star tracker). This module is the front door::
     rp.posterior("registration")         # sampled when it is looked at
     rp.contradictions("chen2023")        # what contradicts what, and the register of errata
     rp.register(source, target)          # a user's own stars
-    rp.register("red.fits", "green.fits")    # or pictures: rp.stars, then rp.match, in one
+    rp.register("red.fits", "green.fits")    # or images: rp.stars, then rp.match, in one
     rp.misalignment("spots.csv", platform=rp.Platform(...))  # a user's own lasers
     rp.check()                           # all verdicts against the frozen ones
     rp.cite("chen2023/table-5")          # or one cell of it; rp.verify(citation)

@@ -12,8 +12,8 @@ from astropy.time import Time
 
 from reproduce.locate import data_folder
 from reproduce.store import measured
+from reproduce.store.images import ImageError
 from reproduce.store.measured import aimpoints, lenses, mosaic, star_images, windows
-from reproduce.store.pictures import PictureError
 
 # Hipparcos places (J2000, degrees) of four bright stars by Bright Star number.
 KNOWN = {
@@ -102,9 +102,9 @@ def test_a_mosaic_is_whole(band):
 
 def test_a_missing_library_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "astropy.io", None)
-    with pytest.raises(PictureError, match=r"reproduce-pointing\[images\]"):
+    with pytest.raises(ImageError, match=r"reproduce-pointing\[images\]"):
         mosaic.__wrapped__("j")
-    with pytest.raises(PictureError, match=r"reproduce-pointing\[images\]"):
+    with pytest.raises(ImageError, match=r"reproduce-pointing\[images\]"):
         windows.__wrapped__(0)
 
 

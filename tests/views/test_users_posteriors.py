@@ -247,12 +247,12 @@ def test_noise_that_is_lost_in_the_rounding_is_told(tmp_path, digits, scale, tol
             assert supplied(name, path).remarks == ()
 
 
-def test_honest_stars_are_not_suspected_and_repeated_lines_are_named(tmp_path):
+def test_honest_stars_are_not_suspected_and_repeated_rows_are_named(tmp_path):
     source, target = stars(count=40)
     assert supplied("registration", written(tmp_path, source, target)).remarks == ()
     twice = [np.vstack([one, one[:2]]) for one in (source, target)]
     (remark,) = supplied("registration", written(tmp_path, *twice)).remarks
-    assert remark.startswith("2 of 42 stars repeat an earlier one (lines 42, 43)")
+    assert remark.startswith("2 of 42 stars repeat an earlier one (rows 40, 41)")
 
 
 @pytest.mark.parametrize(
@@ -306,7 +306,6 @@ def with_stars(*more, name="registration"):
     return lambda tmp_path: [name, "--data", written(tmp_path, *stars()), *more]
 
 
-HUGE = [f"{i * i},{i % 5},{i * i}e200,{i % 3}" for i in range(9)]
 REFUSED = {
     "mirrored": (mirrored, "a mirror image of the source points"),
     "exchanged": (exchanged, "a mirror image of the source points"),
@@ -318,12 +317,6 @@ REFUSED = {
         lambda tmp_path: ["misalignment", "--data", spots(tmp_path, 0.0)],
         "expected spots that scatter",
     ),
-    "negative group": (
-        text("misalignment", ["group,laser,x,y", "-1,1,2,3"]),
-        r"column 1 (group): expected a whole number",
-    ),
-    "long field": (text("registration", [STAR_COLUMNS, "1" * 200_000 + ",1,2,3"]), "data.csv"),
-    "huge numbers": (text("registration", [STAR_COLUMNS, *HUGE]), "expected a number below 1e+30"),
     "one place": (text("registration", [STAR_COLUMNS, *["1,2,3,4"] * 9]), "coincident points"),
     "few stars": (text("registration", [STAR_COLUMNS, "1,2,3,4"]), "at least four points"),
     "one star and a pivot": (
@@ -335,7 +328,6 @@ REFUSED = {
         "coincident points",
     ),
     "huge pivot": (with_stars("--pivot", "1e9", "1e9"), "within 100 fields of the stars"),
-    "endless pivot": (with_stars("--pivot", "inf", "0"), "within 100 fields of the stars"),
     "no number": (with_stars("--pivot", "nan", "0"), "within 100 fields of the stars"),
     "pivot alone": (
         lambda tmp_path: ["registration", "--pivot", "1", "1"],
@@ -437,7 +429,7 @@ def test_a_mismatch_among_a_dozen_stars_is_a_misfit_and_the_mixture_names_it(tmp
     assert record["misfit"] == ""
     assert record["remarks"] == []
     assert rows["noise"]["mean"] == pytest.approx(0.05, rel=0.5)
-    assert [one["line"] for one in record["stars"]] == list(range(2, 14))
+    assert [one["row"] for one in record["stars"]] == list(range(12))
     assert [one["probability_false"] > 0.9 for one in record["stars"]] == [True] + [False] * 11
     tree = xarray.open_datatree(out)
     assert tree.attrs["kind_of_data"] == "file"
@@ -456,15 +448,15 @@ def test_a_mismatch_among_a_dozen_stars_is_a_misfit_and_the_mixture_names_it(tmp
 
 
 def test_false_stars_are_named_the_worst_first_and_the_rest_counted(tmp_path):
-    """By their lines in the file, whose first holds the names."""
+    """By their rows, from zero."""
     own = rp.posterior("registration-mixture", written(tmp_path, *stars(wrong=8, count=40)))
-    line = "8 of 40 stars are probably matched wrongly: line 2, 3, 4, 5, 6 and 3 more."
+    line = "8 of 40 stars are probably matched wrongly: row 0, 1, 2, 3, 4 and 3 more."
     assert line in " ".join(repr(own).split())
     assert line in own._repr_html_()
     assert line.removesuffix(".") == own.false_stars
     frame = own.stars()
-    assert frame.columns.tolist() == ["line", "x", "y", "probability_false"]
-    assert frame["line"].tolist() == list(range(2, 42))
+    assert frame.columns.tolist() == ["row", "x", "y", "probability_false"]
+    assert frame["row"].tolist() == list(range(40))
     file = own.save(tmp_path / "p.csv")
     draws = pd.read_csv(file, comment="#")
     head = [line for line in file.read_text(encoding="utf-8").splitlines() if line.startswith("# ")]
@@ -481,10 +473,10 @@ def test_false_stars_are_named_the_worst_first_and_the_rest_counted(tmp_path):
 
 def test_the_worst_star_comes_first():
     own = rp.posterior("registration-mixture")
-    columns = ["line", "x", "y", "probability_false"]
+    columns = ["row", "x", "y", "probability_false"]
     rows = [(2, 0, 0, 0.61), (3, 0, 0, 0.2), (4, 0, 0, 0.989), (5, 0, 0, 0.991)]
     own.__dict__["_stars"] = pd.DataFrame(rows, columns=columns)
-    assert own.false_stars == "3 of 4 stars are probably matched wrongly: line 5, 4, 2"
+    assert own.false_stars == "3 of 4 stars are probably matched wrongly: row 5, 4, 2"
 
 
 def test_honest_stars_fit_and_none_is_named(tmp_path):

@@ -77,14 +77,14 @@ class _Supplied:
     """A user's file as a model, and what to say of it.
 
     - `model`: with priors on the scale of the data.
-    - `lines`: the line of each row of data in the file.
+    - `rows`: number of each row of data in the source.
     - `source`: what the data come from.
     - `sha256`: of the file.
     - `remarks`: what a user should hear of the data.
     """
 
     model: Model
-    lines: NDArray[np.int64]
+    rows: NDArray[np.int64]
     source: str
     sha256: str
     remarks: tuple[str, ...]
@@ -153,7 +153,11 @@ class Declaration:
         )
 
     def from_file(
-        self, path: str | Path | pd.DataFrame, pivot: Pivot = None, design: Platform | None = None
+        self,
+        path: str | Path | pd.DataFrame,
+        pivot: Pivot = None,
+        design: Platform | None = None,
+        sep: str | None = None,
     ) -> _Supplied:
         """Return the model with a user's data; raises `TableFileError` for a file it cannot take.
 
@@ -167,8 +171,8 @@ class Declaration:
             raise TableFileError(f"{self.key} takes no --pivot: only registrations turn about one")
         if design is not None and not file.platform:
             raise TableFileError(f"{self.key} takes no platform: only misalignments have one")
-        with computing("the DataFrame" if hasattr(path, "iloc") else path):
-            table = read_table(path, file.columns, (*_UNUSED, *file.optional))
+        with computing(path if isinstance(path, str | Path) else "the table"):
+            table = read_table(path, file.columns, (*_UNUSED, *file.optional), sep)
             try:
                 model, remarks = file.read(table, pivot, design)
             except TableFileError:
@@ -178,7 +182,7 @@ class Declaration:
         strays = {*table.optional} & {*_UNUSED} - {*file.optional}
         unused = (f"this model takes no column {one}" for one in table.optional if one in strays)
         said = (*remarks, *table.notes, *unused)
-        return _Supplied(model, table.lines, table.path, table.sha256, said)
+        return _Supplied(model, table.rows, table.path, table.sha256, said)
 
 
 def data_stream(given: Given, *key: int) -> SeedSequence:

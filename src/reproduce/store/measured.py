@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reproduce.locate import data_folder
-from reproduce.store.pictures import fits_table, read_pictures
+from reproduce.store.images import fits_table, read_image
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -103,10 +103,10 @@ def mosaic(band: str) -> NDArray[np.float64]:
 
     Raises
     ------
-    PictureError
+    ImageError
         Without astropy, which the extra ``images`` installs.
     """
-    (picture,) = read_pictures(_file(f"2mass/2MASS_{band}.fits")).values()
+    picture = read_image(_file(f"2mass/2MASS_{band}.fits"))
     return picture.light
 
 
@@ -143,7 +143,7 @@ def windows(slot: int) -> Windows:
 
     Raises
     ------
-    PictureError
+    ImageError
         Without astropy, which the extra ``images`` installs.
     """
     table = fits_table(_file(f"chandra/acaf686111014N001_{slot}_img0.fits.gz"))

@@ -1,25 +1,21 @@
-"""A user's own measurements, from a file, a DataFrame or arrays: one table, one way to name rows.
+"""Measurements of a user as a table of numbers, from a file, a DataFrame, a table or arrays.
 
-The first line of a file names the columns; every further line holds a value for each. Columns may
-stand in any order and in any case, between commas, semicolons, tabs or blanks; further ones are
-kept. Lines that are empty or begin with ``#`` are passed over. Rows of a file are named by their
-line, counted from one as an editor does; rows of arrays and DataFrames by their place, counted from
-zero as Python does.
+pandas reads text files with named columns, and Astropy reads ECSV, FITS tables, VOTable and
+SExtractor catalogues. Rows are counted from zero, below the names of a file.
 
-Spots of lights are images in which a lost spot is NaN. In a table a row is a spot, in px: ``group``
-(0 at the zero point, 1 at the present), ``laser`` (from 1), ``x``, ``y``, and ``frame`` (or
-``image``, or ``time``), any number that the spots of an image share. Without it every image must be
-whole, and one come after the other.
+Spots of fiducial lights are images in which a lost spot is NaN. In a table a row is a spot, in px:
+``group`` (0 at the zero point, 1 at the present), ``laser`` (from 1), ``x``, ``y``, and ``frame``
+(or ``image``, or ``time``), a number that the spots of an image share. Without it every image must
+be whole, and the images follow each other.
 """
 
 from __future__ import annotations
 
-import csv
 import difflib
-import math
 import re
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -36,138 +32,234 @@ if TYPE_CHECKING:
 
 # Beyond this, squares of squares overflow; no length in px or angle in arcsec comes near.
 _LARGEST = 1e30
-# What may stand between values, the likelier first, with its name in the plural.
-_SEPARATORS = {",": "commas", ";": "semicolons", "\t": "tabs", " ": "blanks"}
 # Stars of one channel: their places there and in the reference channel, in px.
 STARS = ("x", "y", "x_reference", "y_reference")
 _MASK = "mask"
-_MASKED = {"": 0.0, "false": 0.0, "true": 1.0}
-_PIXELS = ("px", "pix", "pixel", "pixels", "css_pixel")  # the last is what Pint calls px
-# So many rows are named in one remark, and so many columns in one error.
+_PIXELS = ("px", "pix", "pixel", "pixels", "css_pixel")  # the last is the name in Pint
+# Columns that are lengths on the detector.
+_LENGTHS = re.compile(r"(x|y)(_reference)?|sigma(_[xy])?")
+# Formats that Astropy reads, by the end of a file name.
+_ASTROPY = {
+    ".ecsv": "ascii.ecsv",
+    ".fits": "fits",
+    ".fit": "fits",
+    ".fits.gz": "fits",
+    ".vot": "votable",
+    ".xml": "votable",
+    ".cat": "ascii.sextractor",
+}
+_FITS_START = b"SIMPLE  ="
+# Rows that a remark names at most, and columns that an error names.
 NAMED, LISTED = 5, 12
-_THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")
 
 FloatArray = NDArray[np.float64]
 
 
 class TableFileError(ValueError):
-    """Measurements are wrong; the message names the file, line and column."""
+    """Measurements are wrong; the message names the file, row and column."""
 
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """Named columns of numbers, and where each stands.
+    """Named columns of numbers.
 
     Parameters
     ----------
     path : str
-        The file, or what else the numbers come from.
-    names : tuple of str
-        All columns, in their order.
+        Name of the file or other source.
     columns : tuple of str
-        Those asked for, in the order asked for.
+        Names of the columns, in the requested order.
     values : ndarray, shape (rows, columns)
-        The numbers; rows that a mask drops are left out.
-    lines : ndarray of int, shape (rows,)
-        The line of each row, from one; or its place in arrays, from zero.
-    kind : {"line", "row"}
-        What a row is called.
+        Numbers without masked rows.
+    rows : ndarray of int, shape (rows,)
+        Number of each row in the source, from zero.
     optional : mapping
-        The numbers of those optional columns that there are.
+        Optional columns that the source contains.
     notes : tuple of str
-        What a user should hear of the reading.
+        Remarks on the input.
     """
 
     path: str
-    names: tuple[str, ...]
     columns: tuple[str, ...]
     values: FloatArray
-    lines: NDArray[np.int64]
-    kind: str = "row"
+    rows: NDArray[np.int64]
     optional: Mapping[str, FloatArray] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
-    _entry: Callable[[int, str], str] | None = None
     _content: bytes | None = None
 
     def column(self, name: str) -> FloatArray:
         """Return one column, shape (rows,)."""
         return np.asarray(self.values[:, self.columns.index(name)])
 
-    def text(self, row: int, name: str) -> str:
-        """Return one entry as it is written, also of a column that nobody asked for."""
-        if self._entry is None:
-            return f"{self.column(name)[row]:g}"
-        return self._entry(int(self.lines[row]), name)
-
     @cached_property
     def sha256(self) -> str:
-        """Hash of the file, or of the numbers where there is none."""
+        """SHA-256 of the file, or of the numbers of another source."""
         return sha256(self.values.tobytes() if self._content is None else self._content).hexdigest()
 
     def named(self, rows: Sequence[int] | NDArray[np.int64]) -> str:
-        """Name rows for a reader: "lines 3, 4"."""
-        labels = self.lines[np.asarray(rows, dtype=int)]
+        """Return the numbers of rows as text: "rows 3, 4"."""
+        labels = self.rows[np.asarray(rows, dtype=int)]
         shown = ", ".join(map(str, labels[:NAMED].tolist()))
-        return f"{self.kind}{'s' * (len(labels) > 1)} {shown}{', ...' * (len(labels) > NAMED)}"
-
-    def at(self, row: int, name: str) -> str:
-        """Return where one number stands: file, line and column."""
-        place = self.names.index(name) + 1
-        return f"{self.path}, {self.kind} {self.lines[row]}, column {place} ({name})"
+        return f"row{'s' * (len(labels) > 1)} {shown}{', ...' * (len(labels) > NAMED)}"
 
     def wrong(self, row: int, name: str, problem: str) -> TableFileError:
-        """Return the error that names file, line and column of one number."""
-        text = self.text(row, name)[:40]
-        return TableFileError(f"{self.at(row, name)}: {problem}, got {text!r}")
+        """Return the error that names the source, row and column of one number."""
+        column = self.optional[name] if name in self.optional else self.column(name)
+        place = f"{self.path}, row {self.rows[row]}, column {name}"
+        return TableFileError(f"{place}: {problem}, got {column[row]:g}")
 
 
 @contextmanager
 def computing(path: str | Path) -> Iterator[None]:
-    """Turn a number that overflows or divides by nothing into an error of the file."""
+    """Raise an error of the file if its numbers overflow or divide by zero."""
     try:
         with np.errstate(over="raise", divide="raise", invalid="raise"):
             yield
     except FloatingPointError as error:
         raise TableFileError(
-            f"{path}: the numbers lead to an {error}; look for values that are huge, zero or alike"
+            f"{path}: the numbers lead to an {error}; look for values that are huge, zero or equal"
         ) from error
 
 
 def is_table(source: object) -> bool:
-    """Say whether something is a path, "-" or a DataFrame, and not an array.
+    """Return whether `source` is a path, a DataFrame, an Astropy table or a structured array.
 
     Examples
     --------
     >>> is_table("stars.csv"), is_table([[1, 2]])
     (True, False)
     """
-    return isinstance(source, str | Path) or hasattr(source, "iloc")
+    named = hasattr(source, "columns")
+    return isinstance(source, str | Path) or named or _fields(source) is not None
+
+
+def _fields(source: object) -> Any:
+    return getattr(getattr(source, "dtype", None), "names", None)
 
 
 def read_table(
-    source: str | Path | pd.DataFrame, columns: Sequence[str], optional: Sequence[str] = ()
+    source: Any,
+    columns: Sequence[str],
+    optional: Sequence[str] = (),
+    sep: str | None = None,
+    name: str | None = None,
 ) -> Table:
-    """Read named columns of numbers from a file, from "-" (standard input) or from a DataFrame.
+    """Return named columns of numbers from a file, standard input ("-"), or a table.
 
-    A column ``mask`` drops the rows where it is 1.
+    Rows with 1 in a column ``mask`` are left out. `sep` separates the columns of a text file, as
+    in `pandas.read_csv`. Default: a comma. Errors use `name` for a source that is not a file.
     """
-    if not isinstance(source, str | Path):
-        table = _framed(source, columns, optional)
-    elif str(source) == "-":
-        table = _File("standard input", sys.stdin.buffer.read(), columns).table(optional)
-    else:
-        table = _File(str(source), Path(source).read_bytes(), columns).table(optional)
-    if not len(table.values):
-        raise TableFileError(
-            f"{table.path}: expected {table.kind}s of numbers below the names, got none"
-        )
-    gone = np.zeros(len(table.values), bool)
-    if _MASK in table.columns:
+    label, frame, content = _loaded(source, sep)
+    name = label if name is None or isinstance(source, str | Path) else name
+    names = [_plain(one) for one in frame.columns]
+    remedy = "" if content is None else " Write them in the first line, and give sep if not a comma"
+    found = _wanted(name, names, columns, (*optional, _MASK), remedy)
+    values = np.column_stack([_numbers(frame.iloc[:, names.index(one)]) for one in found])
+    if not len(values):
+        raise TableFileError(f"{name}: expected rows of numbers below the names, got none")
+    table = Table(name, found, values, np.arange(len(values)), _content=content)
+    gone = np.zeros(len(values), bool)
+    if _MASK in found:
         flags = table.column(_MASK)
         if len(odd := np.flatnonzero((flags != 0) & (flags != 1))):
             raise table.wrong(int(odd[0]), _MASK, "expected 0, or 1 to drop the row")
         gone = flags == 1
     return _kept(table, len(columns), gone)
+
+
+def _numbers(column: pd.Series) -> FloatArray:
+    """Return a column as numbers, with NaN for other entries."""
+    import pandas as pd
+
+    if column.dtype.kind in "cmM":  # complex numbers, times
+        return np.full(len(column), np.nan)
+    plain = column.astype(object) if isinstance(column.dtype, pd.CategoricalDtype) else column
+    return pd.to_numeric(plain, errors="coerce").to_numpy(float, na_value=np.nan)
+
+
+def _loaded(source: Any, sep: str | None) -> tuple[str, pd.DataFrame, bytes | None]:
+    """Return the name, the columns and the content of a source."""
+    import pandas as pd
+
+    if isinstance(source, str | Path):
+        name = "standard input" if str(source) == "-" else str(source)
+        content = sys.stdin.buffer.read() if str(source) == "-" else Path(source).read_bytes()
+        form = next((f for end, f in _ASTROPY.items() if name.lower().endswith(end)), "")
+        form = "fits" if content.startswith(_FITS_START) else form
+        zipped = name.lower().endswith(".gz")
+        if not form and not zipped and b"\0" in content:
+            raise _other_format(name)
+        try:
+            if form:
+                return name, _from_astropy(name, _astropy_file(BytesIO(content), form)), content
+            with warnings.catch_warnings():
+                # pandas drops columns without a name with this warning.
+                warnings.simplefilter("error", pd.errors.ParserWarning)
+                frame = pd.read_csv(BytesIO(content), sep=sep or ",", comment="#", engine="c",
+                                    skipinitialspace=True, index_col=False,
+                                    compression="gzip" if zipped else None)  # fmt: skip
+        except ImportError as error:
+            raise TableFileError(f"{name}: this format needs Astropy, which is not installed") \
+                from error  # fmt: skip
+        except TableFileError:
+            raise
+        except UnicodeDecodeError as error:
+            raise _other_format(name) from error
+        except Exception as error:  # pandas, Astropy and XML parsers raise many types
+            told = " ".join(str(error).split())[:200]
+            raise TableFileError(
+                f"{name}: expected columns of numbers ({told}). "
+                "Separate them with a comma, or give sep"
+            ) from error
+        return name, frame, content
+    if hasattr(source, "colnames"):
+        return "the table", _from_astropy("the table", source), None
+    if hasattr(source, "iloc"):
+        return "the DataFrame", source, None
+    return "the array", _frame({n: source[n] for n in _fields(source)}), None
+
+
+def _other_format(name: str) -> TableFileError:
+    return TableFileError(
+        f"{name}: expected a table or a FITS image, got another format. Read the file with "
+        "another library, such as Pillow or pandas, and pass an array or a DataFrame"
+    )
+
+
+def _astropy_file(content: BytesIO, form: str) -> Any:
+    from astropy.table import Table as AstropyTable
+
+    return AstropyTable.read(content, format=form)
+
+
+def _from_astropy(name: str, table: Any) -> pd.DataFrame:
+    """Return the columns of an Astropy table; lengths must be in px."""
+    found = {}
+    for column in table.colnames:
+        unit = getattr(table[column], "unit", None)
+        if (
+            unit is not None
+            and str(unit).lower() not in _PIXELS
+            and _LENGTHS.fullmatch(_plain(column))
+        ):
+            raise _other_unit(name, column, unit)
+        values = np.ma.asarray(getattr(table[column], "value", table[column]))
+        number = values.dtype.kind in "iufb"
+        found[column] = np.ma.filled(values.astype(float), np.nan) if number else values
+    return _frame(found)
+
+
+def _frame(columns: Mapping[str, Any]) -> pd.DataFrame:
+    """Return the one-dimensional columns as a DataFrame."""
+    import pandas as pd
+
+    return pd.DataFrame({name: one for name, one in columns.items() if np.ndim(one) == 1})
+
+
+def _other_unit(name: str, column: str, unit: object) -> TableFileError:
+    return TableFileError(
+        f"{name}, column {column}: expected px, got {unit}. Convert the column to px"
+    )
 
 
 def table_of(columns: Sequence[str], *blocks: tuple[str, Any]) -> Table:
@@ -189,9 +281,8 @@ def table_of(columns: Sequence[str], *blocks: tuple[str, Any]) -> Table:
             "observation"
         )
     gone = np.logical_or.reduce([one.any(axis=1) for one in dropped])
-    names = tuple(columns)
-    table = Table("the arrays", names, names, np.hstack(arrays), np.arange(len(gone)))
-    return _kept(table, len(names), gone)
+    table = Table("the arrays", tuple(columns), np.hstack(arrays), np.arange(len(gone)))
+    return _kept(table, len(columns), gone)
 
 
 def _measured(*named: tuple[str, Any]) -> list[tuple[FloatArray, NDArray[np.bool_]]]:
@@ -216,29 +307,27 @@ def _measured(*named: tuple[str, Any]) -> list[tuple[FloatArray, NDArray[np.bool
 
 def _kept(table: Table, count: int, gone: NDArray[np.bool_]) -> Table:
     """Return a table without some rows, the columns after so many being optional ones."""
-    kind, lost = table.kind, int(gone.sum())
+    lost = int(gone.sum())
     if lost and lost == len(gone):
-        raise TableFileError(
-            f"{table.path}: expected {kind}s that are not masked, got all {lost} masked"
-        )
+        raise TableFileError(f"{table.path}: expected rows that are not masked, got none")
     bad = ~(np.abs(table.values) < _LARGEST) & ~gone[:, None]
     if bad.any():
         row, place = (int(i) for i in np.argwhere(bad)[0])
-        finite = math.isfinite(table.values[row, place])
+        finite = np.isfinite(table.values[row, place])
         wanted = f"a number below {_LARGEST:g}" if finite else "a finite number"
         error = table.wrong(row, table.columns[place], f"expected {wanted}")
-        raise TableFileError(f"{error}; correct, remove or mask the {kind}")
+        raise TableFileError(f"{error}. Correct, remove or mask the row")
     notes: tuple[str, ...] = ()
     if lost:
         verb, which = "are" if lost > 1 else "is", table.named(np.flatnonzero(gone))
-        notes = (f"{lost} of {len(gone)} {kind}s {verb} masked ({which}) and left out",)
+        notes = (f"{lost} of {len(gone)} rows {verb} masked ({which}) and left out",)
     values = table.values[~gone] if lost else table.values
     optional = {n: values[:, i] for i, n in enumerate(table.columns) if i >= count and n != _MASK}
     return replace(
         table,
         columns=table.columns[:count],
         values=values[:, :count],
-        lines=table.lines[~gone],
+        rows=table.rows[~gone],
         optional=optional,
         notes=notes,
     )
@@ -250,203 +339,30 @@ def _plain(name: object) -> str:
     return re.sub(r"[\s-]+", "_", bare)
 
 
-def _wanted(where: str, names: Sequence[str], columns: Sequence[str], optional: Sequence[str]
-            ) -> tuple[str, ...]:  # fmt: skip
-    """Return the columns and those optional ones that there are; refuse missing or double ones."""
-    for place, name in enumerate(names):
-        if name and name in names[:place]:
-            raise TableFileError(
-                f"{where}, column {place + 1}: {name!r} is named twice; remove one"
-            )
+def _wanted(
+    where: str,
+    names: Sequence[str],
+    columns: Sequence[str],
+    optional: Sequence[str],
+    remedy: str = "",
+) -> tuple[str, ...]:
+    """Return the columns and the optional columns that a source contains."""
+    wanted = (*columns, *(one for one in optional if one in names))
+    # pandas calls the second column with the name x in a file x.1.
+    if twice := [name for name in wanted if names.count(name) > 1 or f"{name}.1" in names]:
+        raise TableFileError(f"{where}: column {twice[0]!r} appears twice. Remove one")
     if missing := [name for name in columns if name not in names]:
-        others = [name for name in names[: 10 * LISTED] if name not in columns]
-        near = {one: difflib.get_close_matches(one, others, 1) for one in missing}
-        hint = "".join(f"; did you mean column {names.index(found[0]) + 1}, {found[0]!r}, by {one}?"
-                       for one, found in near.items() if found)  # fmt: skip
+        unit = re.compile(re.escape(missing[0]) + r"_?[\[(](.*)[\])]")
+        if found := next(filter(None, map(unit.fullmatch, names)), None):
+            raise _other_unit(where, missing[0], found[1])
+        near = difflib.get_close_matches(missing[0], names[: 10 * LISTED], 1)
+        hint = f" Did you mean {near[0]!r} by {missing[0]!r}?" if near else ""
         came = ", ".join(repr(name[:40]) for name in names[:LISTED])
         raise TableFileError(
-            f"{where}: missing column {', '.join(missing)}{hint}; expected {', '.join(columns)}, "
-            f"got {came}{', ...' * (len(names) > LISTED)}"
+            f"{where}: expected the columns {', '.join(columns)}, got {came}"
+            f"{', ...' * (len(names) > LISTED)}.{hint}{remedy}"
         )
-    return (*columns, *(one for one in (*optional, _MASK) if one in names))
-
-
-def _framed(frame: pd.DataFrame, columns: Sequence[str], optional: Sequence[str]) -> Table:
-    import pandas as pd
-
-    names = tuple(map(_plain, frame.columns))
-    there = _wanted("the DataFrame", names, columns, optional)
-    values = np.column_stack(
-        [pd.to_numeric(frame.iloc[:, names.index(one)], errors="coerce").to_numpy(
-            float, na_value=np.nan) for one in there]
-    )  # fmt: skip
-
-    def entry(row: int, column: str) -> str:
-        return str(frame.iloc[row, names.index(column)])
-
-    return Table("the DataFrame", names, there, values, np.arange(len(values)), _entry=entry)
-
-
-class _File:
-    """A file of columns: where its lines are, and how they are written."""
-
-    def __init__(self, name: str, content: bytes, columns: Sequence[str]) -> None:
-        self.name, self.content, self.columns = name, content, columns
-        self.text = self._decoded()
-        letters = np.frombuffer(self.text, np.uint8)
-        ends = np.flatnonzero(letters == ord("\n")) + 1
-        self._starts = np.concatenate([[0], ends, [len(letters) + 1]])
-        first = letters[self._starts[:-1][self._starts[:-1] < len(letters)]]
-        written = first > ord(" ")
-        for line in np.flatnonzero(~written).tolist():
-            written[line] = bool(self._line(line + 1).strip())
-        comment = first == ord("#")
-        comments, plain = (np.flatnonzero(written & one) + 1 for one in (comment, ~comment))
-        if len(plain) and re.fullmatch(r"\"?sep=.\"?", self._line(plain[0])):
-            plain = plain[1:]
-        if not len(plain):
-            raise TableFileError(f"{name}: expected a line of column names, got an empty file")
-        self.head, numbers = int(plain[0]), plain[1:]
-        # `numpy.savetxt` writes the names as a comment.
-        for number in [] if self._told(self.head) else comments[comments < plain[0]].tolist():
-            if self._told(number):
-                self.head, numbers = number, plain
-        text = self._line(self.head).lstrip("#")[:100_000]
-        ranks = {
-            one: (self._known(text, one), one != " " and text.count(one)) for one in _SEPARATORS
-        }
-        self.separator = max(ranks, key=ranks.__getitem__)
-        self.lines = np.asarray(numbers, dtype=np.int64)
-        self.names = tuple(map(_plain, self._entries(self.head)))
-
-    def _decoded(self) -> bytes:
-        """Return the file in UTF-8, each line ended by a line feed."""
-        data = self.content
-        try:
-            if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
-                data = data.decode("utf-16").encode()
-            data.decode()
-            if b"\0" in data:
-                raise UnicodeError("binary data")
-        except UnicodeError as error:
-            raise TableFileError(
-                f"{self.name}: expected text in UTF-8, got {error}; save it as CSV in UTF-8"
-            ) from error
-        if b"\r" in data:
-            data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
-        return data.removeprefix(b"\xef\xbb\xbf")
-
-    def _line(self, number: int) -> str:
-        """Return one line, counted from one."""
-        start, end = self._starts[number - 1 : number + 1]
-        return self.text[start : end - 1].decode()
-
-    def _known(self, line: str, separator: str) -> int:
-        """Count the columns that are named in a line by their separator."""
-        parts = line.split(separator if separator.strip() or separator == "\t" else None)
-        return len({*self.columns} & {*map(_plain, parts)})
-
-    def _told(self, number: int) -> bool:
-        """Tell whether a line names all columns."""
-        line = self._line(number).lstrip("#")[:100_000]
-        return any(self._known(line, one) == len({*self.columns}) for one in _SEPARATORS)
-
-    def _entries(self, number: int) -> list[str]:
-        line = self._line(number)
-        line = line.lstrip("#") if number == self.head else line
-        line = " ".join(line.split()) if self.separator == " " else line
-        try:
-            rows = csv.reader([line], delimiter=self.separator, skipinitialspace=True)
-            return [entry.strip() for entry in next(rows)]
-        except csv.Error as error:
-            raise TableFileError(
-                f"{self.name}, line {number}: expected values separated by "
-                f"{_SEPARATORS[self.separator]}, got what is none ({error}); check the line for a "
-                "missing separator or quote"
-            ) from error
-
-    def _decimal(self) -> str:
-        """Return the sign before decimals; what could be a comma between thousands is none."""
-        if self.separator == "," or b"," not in self.text:
-            return "."
-        places = [self.names.index(name) for name in self.columns]
-        for number in self.lines.tolist():
-            entries = self._entries(number)
-            for entry in (entries[place] for place in places if place < len(entries)):
-                if {",", "."} & {*entry} and not _THOUSANDS.fullmatch(entry):
-                    return "," if "," in entry else "."
-        return "."
-
-    def table(self, optional: Sequence[str]) -> Table:
-        """Return the columns, and those optional ones that there are, before any row is dropped."""
-        there = _wanted(f"{self.name}, line {self.head}", self.names, self.columns, optional)
-        places = {name: self.names.index(name) for name in there}
-        decimal = self._decimal()
-        values, lines = self._at_once(places, decimal), self.lines
-        if values is None:
-            lines, values = self._one_by_one(places, decimal)
-
-        def entry(number: int, column: str) -> str:
-            return self._entries(number)[self.names.index(column)]
-
-        return Table(self.name, self.names, there, values, lines, "line",
-                     _entry=entry, _content=self.content)  # fmt: skip
-
-    def _at_once(self, places: Mapping[str, int], decimal: str) -> FloatArray | None:
-        """Return all numbers at once; None where one of them, or a line, is in doubt."""
-        import pandas as pd
-
-        if not len(self.lines) or len(self._entries(int(self.lines[0]))) != len(self.names):
-            return None
-        last = len(self.names) - 1
-        passed = np.ones(self.lines[-1], bool)
-        passed[self.lines - 1] = False
-        others = np.flatnonzero(passed).tolist()
-        # Exact by default from pandas 3.1 on, which no longer takes the word.
-        old = tuple(map(int, pd.__version__.split(".")[:2])) < (3, 1)
-        exact: dict[str, Any] = {"float_precision": "round_trip"} if old else {}
-        types = dict.fromkeys(range(last + 1), str) | dict.fromkeys(places.values(), np.float64)
-        try:
-            frame = pd.read_csv(
-                BytesIO(self.text), header=None, dtype=types, skiprows=others,
-                sep=r"\s+" if self.separator == " " else self.separator, decimal=decimal,
-                skipinitialspace=True, engine="c", **exact,
-            )  # fmt: skip
-        except (ValueError, OverflowError):  # pandas' own errors of parsing are ValueErrors
-            return None
-        # A line that ends early lacks its last value.
-        if len(frame) != len(self.lines) or frame[last].isna().any():
-            return None
-        return np.asarray(frame[list(places.values())], dtype=np.float64)
-
-    def _one_by_one(
-        self, places: Mapping[str, int], decimal: str
-    ) -> tuple[NDArray[np.int64], FloatArray]:
-        """Return the lines, and the same line by line, with NaN for what is no number."""
-        rows: dict[int, list[float]] = {}
-        for number in self.lines.tolist():
-            entries = self._entries(number)
-            if not any(entries):  # a spreadsheet writes so what was cleared
-                continue
-            if len(entries) != len(self.names):
-                raise TableFileError(
-                    f"{self.name}, line {number}: expected {len(self.names)} values, got "
-                    f"{len(entries)}; separate them with {_SEPARATORS[self.separator]} as line "
-                    f"{self.head} does, and write decimals with a point"
-                )
-            rows[number] = [_number(n, entries[at], decimal) for n, at in places.items()]
-        return np.array(list(rows), dtype=np.int64), np.array(list(rows.values()))
-
-
-def _number(column: str, entry: str, decimal: str) -> float:
-    if column == _MASK and entry.lower() in _MASKED:
-        return _MASKED[entry.lower()]
-    if decimal == ",":
-        entry = "" if "." in entry else entry.replace(",", ".")
-    try:
-        return float(entry)
-    except ValueError:
-        return math.nan
+    return wanted
 
 
 SPOTS = ("group", "laser", "x", "y")
@@ -459,7 +375,7 @@ Images = tuple[FloatArray, FloatArray]
 
 
 def read_images(
-    spots: Any, zero: Any, count: int, times: Any = None
+    spots: Any, zero: Any, count: int, times: Any = None, sep: str | None = None
 ) -> tuple[Images, FloatArray | None, list[str]]:
     """Return the images of both groups, times of those at the present, and what to say of it.
 
@@ -468,7 +384,7 @@ def read_images(
     if is_table(spots) and zero is None:
         if times is not None:
             raise ValueError(f"times: expected none beside a table; give it a column {TIME}")
-        table = read_table(spots, SPOTS, IMAGES)
+        table = read_table(spots, SPOTS, IMAGES, sep)
         pair = images_of(table, count)
         return pair, _times(table, len(pair[1])), [*table.notes, *lost_spots(pair)]
     if isinstance(spots, str | Path):
@@ -548,9 +464,9 @@ def _in_order(table: Table, rows: NDArray[np.int64], light: NDArray[np.int64]) -
         return np.arange(len(rows)) // len(shown)
     first = int(np.append(whole, False).argmin()) * len(shown)
     raise TableFileError(
-        f"{table.at(int(rows[min(first, len(rows) - 1)]), 'laser')}: expected a spot of each light "
-        "in every image, image after image, got none of one in the image that begins here; add a "
-        f"column {IMAGES[0]}, a number for each image, where spots are lost or in another order"
+        f"{table.path}, row {table.rows[rows[min(first, len(rows) - 1)]]}: expected a spot of each "
+        "light in every image, image after image, got an image without a light. If spots are lost "
+        f"or in another order, add a column {IMAGES[0]}, a number for each image"
     )
 
 

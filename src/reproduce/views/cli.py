@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import re
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -110,6 +111,10 @@ _CHANGE, _CHOICE, _ENDS = "CELL=VALUE", "NAME=ALTERNATIVE", "NAME=LOW,HIGH"
 _SETTINGS = {"help_option_names": ["-h", "--help"], "show_default": True}
 _FILE = click.Path(exists=True, dir_okay=False, path_type=Path)
 _DATA = click.Path(exists=True, dir_okay=False, allow_dash=True, path_type=Path)
+# A FITS file may have the name of an extension in brackets behind it.
+_IMAGES = click.Path(allow_dash=True, path_type=Path)
+# The end of a FITS file name, in front of the extension.
+_ENDING = re.compile(r"\.(?:fits|fit|fts)(?:\.\w+)?((?:\[.*\])?)$|\.\w+$", re.I)
 _OUT = click.Path(dir_okay=False, path_type=Path)
 _ABOVE = click.FloatRange(min=0, min_open=True)
 _FOLDER = click.Path(file_okay=False, path_type=Path)
@@ -122,6 +127,7 @@ _SET = click.option(
 _PIVOT = click.option(
     "--pivot", type=float, nargs=2, metavar="X Y", help="Principal point of your stars, in px."
 )
+_SEP = click.option("--sep", help="Separator of columns in a text file.  [default: a comma]")
 _PLATFORM = click.option("--platform", type=_FILE, help="Lights and tracker of your own, in TOML.")
 
 
@@ -231,16 +237,16 @@ def audit(paper: str | None, as_json: bool) -> None:
 
 
 @main.command()
-@click.argument("files", type=_DATA, nargs=-1, required=True, metavar="FILE...")
+@click.argument("files", type=_IMAGES, nargs=-1, required=True, metavar="FILE...")
 @_PIVOT
 @click.option("--model", type=click.Choice(list(MODELS)), default="similarity")
 @click.option("--robust", is_flag=True, default=None, help="Guard against wrong matches.")
-@click.option("--reference", help="Name of the picture to lay others on.")
-@click.option("--bayer", metavar="RGGB", help="Colours of a mosaic's first four pixels.")
+@_SEP
+@click.option("--reference", help="Reference image, as given.  [default: the second one]")
 @click.option("--threshold", type=_ABOVE, help="Of stars, in standard deviations of the noise.")
 @click.option("--radius", type=_ABOVE, help="How far apart stars of a pair may land, in px.")
 @click.option("--picture", type=_OUT, help="Draw the residuals before and after: .svg .pdf .png.")
-@click.option("--write", type=_FOLDER, help="Write the registered pictures, as FITS, there.")
+@click.option("--write", type=_FOLDER, help="Folder for the registered images, as FITS.")
 @click.option("--posterior", is_flag=True, help="Sample the same transform with emcee too.")
 @_JSON
 def register(
@@ -253,16 +259,15 @@ def register(
 ) -> None:
     """Fit the transform that lays your own stars on the same stars of another image.
 
-    FILE is a CSV, or - for standard input: one star per line, in px, with the columns x, y (the
-    source) and x_reference, y_reference (the target), in any order and case. The columns sigma (px,
-    one coordinate of the difference; or sigma_x, sigma_y), weight and mask (1 drops the line) are
-    used where there are some, and others are passed over. The shift is where the pivot was minus
-    where it lands; the pivot is the mean of the source stars unless --pivot says another.
+    One FILE is a table of matched stars: a text file with the names in its first line, - for
+    standard input, or an ECSV, FITS, VOTable or SExtractor file. A row is a star, in px, with the
+    columns x, y (source) and x_reference, y_reference (target), in any order and case. Optional
+    columns are sigma (px, one coordinate of the difference; or sigma_x, sigma_y), weight and mask
+    (1 drops the row). The default pivot is the mean of the source stars.
 
-    Or pictures, FITS, TIFF, PNG or JPEG: two or more of one channel, or one with colours or of a
-    Bayer mosaic (--bayer), or a CSV of each with the columns x, y. Their stars are found and
-    paired; all are laid on the second of three, the last of two, or the --reference. Their pivot is
-    the middle of the picture, and they are fitted robustly.
+    Two or more FILEs are FITS images, such as field.fits or field.fits[SCI], or tables with the
+    columns x, y. Their stars are found and matched, and the fit is robust. The default reference is
+    the second image, and the default pivot is the middle of the image.
     """
     given: dict[str, Any] = {name: one for name, one in settings.items() if one is not None}
     with _bar("finding stars") as progress:
@@ -282,8 +287,7 @@ def register(
             one.print()
 
     _show(as_json, lambda: found.record() | ({"posteriors": records} if records else {}), shown)
-    for name, fit in fits.items():
-        stem = (name or fit.source_stars.name).partition(".")[0]
+    for stem, (name, fit) in zip(_stems(fits), fits.items(), strict=True):
         if picture:
             _save(fit.save, picture.with_stem(f"{picture.stem}-{stem}") if name else picture)
         if write:
@@ -291,29 +295,41 @@ def register(
             _save(fit.write, write / f"{stem}-registered.fits")
 
 
+def _stems(fits: dict[str, Any]) -> list[str]:
+    """Return a different name for the files of each registration."""
+    files = [Path(name or fit.source_stars.name).name for name, fit in fits.items()]
+    stems = [re.sub(r"[^\w.-]+", "-", re.sub(_ENDING, r"\1", one)).strip("-.") for one in files]
+    return [
+        stem if stem and stems.count(stem) == 1 else f"{stem}-{place}".lstrip("-")
+        for place, stem in enumerate(stems)
+    ]
+
+
 @main.command()
 @click.argument("file", type=_DATA)
 @_PLATFORM
+@_SEP
 @_JSON
-def misalignment(file: Path, platform: Path | None, as_json: bool) -> None:
+def misalignment(file: Path, platform: Path | None, sep: str | None, as_json: bool) -> None:
     """Measure how far your own camera has turned since the zero point, from spots of its lights.
 
-    FILE is a CSV, or - for standard input: one spot per line, in px, with the columns group (0 at
+    FILE is a table, as for register: one spot per row, in px, with the columns group (0 at
     the zero point, 1 at the present), laser (from 1, in the order of the platform), x, y, in any
     order and case. A column frame, a number that the spots of an image share, is needed where some
-    are lost; with a column time there are drift and averages; mask drops a line where it is 1. A
+    are lost; with a column time there are drift and averages; mask drops a row where it is 1. A
     platform is a TOML of the arguments of Platform.
     """
-    found = front.misalignment(file, platform=platform)
+    found = front.misalignment(file, platform=platform, sep=sep)
     _show(as_json, found.record, found.print)
 
 
 @main.command()
 @click.argument("model", required=False)
 @click.option("--list", "listed", is_flag=True, help="Name all models, and columns for --data.")
-@click.option("--data", type=_DATA, help="Your own CSV; its columns stand in --list.")
+@click.option("--data", type=_DATA, help="Your table; --list shows its columns.")
 @_PIVOT
 @_PLATFORM
+@_SEP
 @click.option(
     "--prior", "priors", multiple=True, metavar=_ENDS, help="An even prior, in the unit shown."
 )
@@ -332,7 +348,7 @@ def posterior(
 ) -> None:
     """Sample the posterior of MODEL and print its summary.
 
-    With --data the same model takes your own CSV (- is standard input) in place of ours.
+    With --data the same model takes your table (- is standard input) in place of ours.
     A chain that misses a gate (R-hat, autocorrelation times, effective sample sizes) is refused:
     the exit status is 1, and the steps needed are told. Where the posterior leans on an end of a
     prior, a line says so; in JSON it is "at_prior_end".

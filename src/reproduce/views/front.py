@@ -163,11 +163,12 @@ def verify(citation: str) -> str:
 
 def posterior(
     name: str | None = None,
-    data: str | Path | None = None,
+    data: str | Path | pd.DataFrame | None = None,
     pivot: tuple[float, float] | None = None,
     priors: Mapping[str, Prior | tuple[float, float]] | None = None,
     *,
     platform: Platform | str | Path | None = None,
+    sep: str | None = None,
     data_seed: int | None = None,
     steps: int | None = None,
     walkers: int | None = None,
@@ -179,15 +180,17 @@ def posterior(
     ----------
     name : str, optional
         Such as ``registration``; ``rp.posterior().models`` names all.
-    data : str or Path, optional
-        A reader's CSV; ``rp.posterior().models`` names its columns.
+    data : path or table, optional
+        Your data, as in `register`. ``rp.posterior().models`` contains the columns.
     pivot : tuple of float, optional
         Principal point of stars of a reader's own, in px; their mean by default.
     priors : mapping, optional
-        Name of a parameter to its lowest and highest value in the unit shown, between which the
-        prior is even, or to a prior of `reproduce.inference`.
+        Name of a parameter to the bounds of a uniform prior, or to a prior of
+        `reproduce.inference`. All numbers are in the displayed unit of the parameter.
     platform : Platform or path, optional
-        Lights and tracker of laser spots of a reader's own, as for `misalignment`.
+        Fiducial lights and tracker of your laser spots, as for `misalignment`.
+    sep : str, optional
+        Separator of the columns of a text file. Default: a comma.
     data_seed : int, optional
         Of the data, where they are simulated by us: another draw of them.
     steps, walkers, seed : int, optional
@@ -203,7 +206,7 @@ def posterior(
 
     own = {"data": data, "pivot": pivot, "priors": priors, "data_seed": data_seed}
     plan = {"steps": steps, "walkers": walkers, "seed": seed}
-    return Posterior(name, **own, platform=platform, **plan)
+    return Posterior(name, **own, platform=platform, sep=sep, **plan)
 
 
 def contradictions(paper: str | None = None) -> Contradictions:
@@ -237,50 +240,50 @@ def register(
     reference: str | None = None,
     start: Any = None,
     radius: float | None = None,
-    bayer: str | None = None,
     threshold: float | None = None,
+    sep: str | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Registered | RegisteredChannels:
-    """Fit the transform that lays a user's own stars, the source, on the same stars of a target.
+    """Fit the transform that maps source stars onto the same stars of a target.
 
-    Or pictures: their stars are found and paired first (`stars`, `match`), which needs the extra
+    For images, the stars are found and matched first (`stars`, `match`), which needs the extra
     ``images``.
 
     Parameters
     ----------
-    source : path or array_like, shape (n, 2)
-        Stars in px, x before y; or both images at once, one star per row, as a DataFrame or a CSV
-        file ("-" is standard input) with the columns ``x``, ``y`` (source), ``x_reference``,
-        ``y_reference`` (target). Of further columns ``sigma`` (or ``sigma_x``, ``sigma_y``), the
-        standard deviation in px of one coordinate of the difference, gives the covariance of the
-        target; ``weight`` gives the weights, and ``mask`` drops a star where it is 1. A star that
-        is masked in an array is left out; units other than px are refused. Remarks name lines of
-        a file from one, rows of arrays and DataFrames from zero. Or a picture, a path (FITS, TIFF,
-        PNG, JPEG) or an array of shape (height, width); one with colours or of a Bayer mosaic,
-        whose channels are registered; a list of several; `Stars`.
+    source : path, table or array_like, shape (n, 2)
+        Source stars, in px, x before y. A table contains matched stars, one per row, with the
+        columns ``x``, ``y`` (source), ``x_reference``, ``y_reference`` (target), in px. Optional
+        columns: ``sigma`` (or ``sigma_x``, ``sigma_y``), the standard deviation of one coordinate
+        of the difference, in px; ``weight``; ``mask``, 1 to leave out a star. A table is a
+        DataFrame, an Astropy table, a text file with the names in its first line ("-" is standard
+        input), or an ECSV, FITS, VOTable or SExtractor file. An image is an array of shape
+        (height, width), a `CCDData`, or a FITS file (``field.fits[SCI]`` if it contains several
+        images). Also a list of images, or `Stars`. Rows are counted from zero.
     target : array_like, shape (n, 2)
-        The same stars in the other image, in px, where `source` is an array; else as `source`, or a
-        second CSV with the columns ``x`` and ``y`` of its own stars.
+        The same stars in the other image, in px, if `source` is an array of stars. Otherwise an
+        image, `Stars`, or a table with the columns ``x`` and ``y``.
     pivot : array_like, shape (2,), optional
-        The point turned and scaled about, in px; the mean of the source stars by default, of a
-        picture its middle.
+        Pivot of rotation and scale, in px. Default: mean of the source stars, or the middle of an
+        image.
     model : {"similarity", "shift", "rigid", "similarity+radial", "affine"}
         What the transform may do.
     robust : bool, optional
-        Whether to guard against wrong matches; of pictures yes by default.
+        Whether to guard against wrong matches. Default: true for images.
     weights : array_like, shape (n,), optional
         Relative weights of the stars, such as inverse variances; zero drops a star.
     source_covariance, target_covariance : array_like, shape (n, 2, 2) or (2, 2), optional
         Known covariances of the places, in px^2.
     reference : str, optional
-        Name of the picture on which others are laid, of arrays such as "picture 1": by default the
-        second of three, the last of two, green of a colour picture.
+        Reference image: the path as given, or "image 1" for an array. Default: the second image.
     start, radius : optional
-        Of pictures, as for `match`.
-    bayer, threshold : optional
-        Of pictures, as for `stars`.
+        Parameters of `match`, for images.
+    threshold : float, optional
+        Parameter of `stars`, for images.
+    sep : str, optional
+        Separator of the columns of a text file, as in `pandas.read_csv`. Default: a comma.
     progress : callable, optional
-        Is told how many pictures of all are read.
+        Function of the number of images read and of all images.
 
     Returns
     -------
@@ -291,7 +294,7 @@ def register(
     Raises
     ------
     ValueError
-        If the stars do not fix the model, a setting is wrong, or a line of the file.
+        If the stars do not fix the model, or a parameter or a row of the table is wrong.
 
     Examples
     --------
@@ -303,7 +306,7 @@ def register(
     """
     known: dict[str, Any] = {"weights": weights, "source_covariance": source_covariance,
                              "target_covariance": target_covariance}  # fmt: skip
-    own: dict[str, Any] = {"start": start, "radius": radius, "bayer": bayer,
+    own: dict[str, Any] = {"start": start, "radius": radius,
                            "threshold": threshold, "reference": reference}  # fmt: skip
     pictures = _pictures(source, target)
     given = [name for name, one in (known if pictures else own).items() if one is not None]
@@ -314,20 +317,20 @@ def register(
     if pictures:
         from reproduce.views.pictures import registered
 
-        own |= {"model": model, "robust": robust is not False}
+        own |= {"model": model, "robust": robust is not False, "sep": sep}
         return registered(pictures, pivot, progress=progress, **own)
     from reproduce.views.measurements import Registered
 
     paired: tuple[Any, Any] = (source, target)
-    return Registered(*paired, pivot, model=model, robust=bool(robust), **known)
+    return Registered(*paired, pivot, model=model, robust=bool(robust), sep=sep, **known)
 
 
 def _pictures(source: Any, target: Any) -> list[Any]:
     """Return the pictures, stars or tables that are to be paired; none of stars that are."""
-    from reproduce.store.pictures import is_picture
+    from reproduce.store.images import is_image
 
     def one(value: Any) -> bool:
-        return is_picture(value) or hasattr(value, "dropped")
+        return is_image(value) or hasattr(value, "dropped")
 
     if target is not None:
         both = isinstance(source, str | Path) and isinstance(target, str | Path)
@@ -339,24 +342,22 @@ def _pictures(source: Any, target: Any) -> list[Any]:
 
 def stars(
     source: str | Path | ArrayLike | pd.DataFrame,
-    channel: str | None = None,
     *,
-    bayer: str | None = None,
     threshold: float | None = None,
+    sep: str | None = None,
 ) -> Stars:
-    """Find the stars of a picture; needs the extra ``images``.
+    """Find the stars of an image; needs the extra ``images``.
 
     Parameters
     ----------
-    source : path or array_like, shape (height, width) or (height, width, 3)
-        FITS, TIFF, PNG, JPEG, or light in any unit, NaN or masked where it is missing; also a CSV
-        of stars with the columns ``x`` and ``y``.
-    channel : {"red", "green", "blue"}, optional
-        Of a picture with colours.
-    bayer : str, optional
-        The colours of a mosaic's first two by two pixels, row by row, such as "RGGB".
+    source : path or array_like, shape (height, width)
+        FITS file (``field.fits[SCI]`` if it contains several images), array, masked array or
+        `CCDData`, whose mask and uncertainty apply. Also a table of stars with the columns ``x``
+        and ``y``, as in `register`.
     threshold : float, optional
-        What a star must exceed, in standard deviations of the noise; 5 by default.
+        Detection threshold, in standard deviations of the noise. Default: 5.
+    sep : str, optional
+        Separator of the columns of a text file. Default: a comma.
 
     Returns
     -------
@@ -366,11 +367,11 @@ def stars(
     Raises
     ------
     ValueError
-        If the picture cannot be read, or has no stars.
+        If the image cannot be read or contains no stars.
     """
     from reproduce.views.pictures import stars_of
 
-    return stars_of(source, channel, bayer, threshold)
+    return stars_of(source, threshold, sep)
 
 
 def match(source: Any, target: Any, start: Any = None, radius: float | None = None) -> pd.DataFrame:
@@ -401,6 +402,8 @@ def misalignment(
     zero: ArrayLike | None = None,
     platform: Platform | str | Path | None = None,
     times: ArrayLike | None = None,
+    *,
+    sep: str | None = None,
 ) -> Monitored:
     """Return how far a user's own camera has turned since the zero point, from spots of its lights.
 
@@ -423,6 +426,8 @@ def misalignment(
     times : array_like, shape (frames,), optional
         Of the images at the present, in any unit, where `spots` is an array. With times there are
         ``over_time()``, drift and averages, and ``stability``, the numbers behind it.
+    sep : str, optional
+        Separator of the columns of a text file. Default: a comma.
 
     Returns
     -------
@@ -437,4 +442,4 @@ def misalignment(
     """
     from reproduce.views.measurements import Monitored
 
-    return Monitored(spots, zero, platform, times)
+    return Monitored(spots, zero, platform, times, sep)

@@ -195,26 +195,36 @@ def _stars(
     source: Any, target: ArrayLike | None, settings: dict[str, Any]
 ) -> tuple[Table, dict[str, Any]]:
     """Read both images, and turn columns of sigma and weight into settings of the fit."""
+    sep = settings.pop("sep", None)
     if is_table(source) and target is None:
-        table = points.read_table(source, STARS, (*SIGMAS, "weight"))
+        table = points.read_table(source, STARS, (*SIGMAS, "weight"), sep)
         return table, settings | _known(table, settings)
     if isinstance(source, str | Path):
         raise ValueError("target: expected nothing beside a file, which holds both images")
     if target is None:
         raise ValueError("target: expected the stars of the other image, or a file of both")
-    both = {"source": source, "target": target}
-    for name, one in both.items():
-        if is_table(one) and len(one.columns) != 2:
-            raise ValueError(f"{name}: expected the columns x and y, got {len(one.columns)}; "
-                             "choose two, x before y")  # fmt: skip
+    both = {name: _places(name, one, sep) for name, one in (("source", source), ("target", target))}
     table = table_of(STARS, *both.items())
     if table.notes:  # what is given of each star goes with it
         sizes = {"weights": 1, "source_covariance": 3, "target_covariance": 3}
         for name, axes in sizes.items():
             value = settings.get(name)
             if value is not None and np.ndim(value) == axes:
-                settings = settings | {name: np.asarray(value)[table.lines]}
+                settings = settings | {name: np.asarray(value)[table.rows]}
     return table, settings
+
+
+def _places(name: str, source: Any, sep: str | None) -> Any:
+    """Return an array, or the columns x and y of a table without a mask."""
+    if not is_table(source):
+        return source
+    table = points.read_table(source, ("x", "y"), sep=sep, name=name)
+    if table.notes:
+        raise TableFileError(
+            f"{table.path}, column mask: expected no masked rows in two tables. Put the stars of "
+            f"both into one table with the columns {', '.join(STARS)}"
+        )
+    return table.values
 
 
 def _known(table: Table, settings: Mapping[str, Any]) -> dict[str, Any]:
@@ -258,6 +268,7 @@ class Monitored(_Measured):
         zero: ArrayLike | None = None,
         platform: Platform | str | Path | None = None,
         times: ArrayLike | None = None,
+        sep: str | None = None,
     ) -> None:
         # Only now: a user's own stars need no attitude and no paper.
         from reproduce.papers.chen2023.platform import INSTRUMENT, as_designed
@@ -265,12 +276,18 @@ class Monitored(_Measured):
         from reproduce.printed.given import given
 
         self._function = monitored
-        self._given = {"spots": spots, "zero": zero, "platform": platform, "times": times}
+        self._given = {
+            "spots": spots,
+            "zero": zero,
+            "platform": platform,
+            "times": times,
+            "sep": sep,
+        }
         self.reads = INSTRUMENT if platform is None else ()
         self.platform = (
             as_designed(given(INSTRUMENT)) if platform is None else platform_of(platform)
         )
-        images, self.times, notes = read_images(spots, zero, len(self.platform.lasers), times)
+        images, self.times, notes = read_images(spots, zero, len(self.platform.lasers), times, sep)
         chosen, images, lights = diagnosis.seen(self.platform, images)
         self.findings = diagnosis.diagnose(chosen, images, numbers=lights)
         name = str(spots) if isinstance(spots, str | Path) else "the spots"

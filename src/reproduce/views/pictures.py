@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from reproduce.physics.images import THRESHOLD, find_spots
 from reproduce.physics.registration import match_points, pair_weights, registered_image
-from reproduce.store.pictures import Picture, PictureError, is_picture, read_pictures, telling
-from reproduce.store.points import STARS, is_table, read_table
+from reproduce.store.images import Image, ImageError, is_image, read_image, reading
+from reproduce.store.points import STARS, is_table, read_table, table_of
 from reproduce.views.blocks import Block, Display, Fold, Grid
 from reproduce.views.measurements import SIGMAS, Registered, Remade, deviations
 
@@ -45,12 +45,12 @@ class Stars(Display):
         How the picture was read, the cuts, and how many were dropped why.
     facts : dict of str to float
         Radius of a spot in px, background, noise and gain.
-    picture : Picture or None
+    picture : Image or None
     """
 
     def __init__(
         self, name: str, table: pd.DataFrame, covariance: FloatArray, log: Sequence[str],
-        picture: Picture | None = None, **facts: float,
+        picture: Image | None = None, **facts: float,
     ) -> None:  # fmt: skip
         order = np.argsort(-table["flux"].to_numpy(), kind="stable")
         table, covariance = table.iloc[order], covariance[order]
@@ -87,24 +87,22 @@ class Stars(Display):
         yield from self.log
 
 
-def stars_of(source: Any, channel: str | None, bayer: str | None, threshold: float | None) -> Stars:
-    """Return the stars of a picture, of one of its channels, or of a table of centroids."""
-    if not is_picture(source):
-        return _listed(source)
-    found = read_pictures(source, bayer)
-    if (channel or "") not in found:
-        known = ", ".join(found) or "none, of a grey picture"
-        raise PictureError(f"channel: expected one of {known}, got {channel!r}")
-    return _found(found[channel or ""], threshold)
+def stars_of(source: Any, threshold: float | None = None, sep: str | None = None) -> Stars:
+    """Return the stars of an image, or of a table of centroids."""
+    return _found(read_image(source), threshold) if is_image(source) else _listed(source, sep)
 
 
-def _listed(source: Any) -> Stars:
+def _listed(source: Any, sep: str | None = None) -> Stars:
     """Return the stars of a table with the columns x and y, or of an array."""
     import pandas as pd
 
-    if not is_table(source):
-        source = pd.DataFrame(np.asarray(source, dtype=float), columns=["x", "y"])
-    table = read_table(source, ("x", "y"), (*SIGMAS, "flux", "weight"))
+    table = (
+        read_table(source, _CENTRE[:2], (*SIGMAS, "flux", "weight"), sep)
+        if is_table(source)
+        else table_of(_CENTRE[:2], ("source", source))
+    )
+    if not len(table.values):
+        raise ValueError("source: expected an image or stars, got no star")
     none = np.zeros(len(table.values))
     wide = deviations(table) if {*SIGMAS} & {*table.optional} else np.column_stack([none, none])
     frame = pd.DataFrame(np.column_stack([table.values, wide]), columns=_CENTRE)
@@ -113,18 +111,17 @@ def _listed(source: Any) -> Stars:
     return Stars(table.path, frame, wide[:, :, None] ** 2 * np.eye(2), table.notes)
 
 
-def _found(picture: Picture, threshold: float | None) -> Stars:
+def _found(picture: Image, threshold: float | None) -> Stars:
     """Find the stars of a picture."""
     import pandas as pd
 
     cut = THRESHOLD if threshold is None else threshold
-    with telling(picture.name):
-        found = find_spots(picture.light, picture.full, cut, picture.step, picture.pitch)
+    with reading(picture.name):
+        found = find_spots(picture.light, picture.full, cut, picture.step, picture.sigma)
     centres = np.column_stack([found.spots.centre, _sigma(found.spots.covariance)])
     table = pd.DataFrame(centres, columns=_CENTRE)
     log = [
-        *picture.notes,
-        f"{np.isnan(picture.light).sum()} pixels are missing or under other filters, "
+        f"{np.isnan(picture.light).sum()} pixels are missing, "
         f"{picture.full.sum()} are saturated, {found.hot} are hot",
         "background {background:.5g}, noise {noise:.3g}, gain {gain:.3g} electrons per number, "
         "spots of radius {radius:.3g} px".format(**found.facts),
@@ -134,7 +131,7 @@ def _found(picture: Picture, threshold: float | None) -> Stars:
     result = Stars(picture.name, table, found.spots.covariance, log, picture, **found.facts)
     if not len(result):
         causes = "; ".join(result.log[len(log) - 1 :])
-        raise PictureError(f"{picture.name}: expected stars, got {causes}")
+        raise ImageError(f"{picture.name}: expected stars, got {causes}")
     return result
 
 
@@ -151,7 +148,7 @@ def paired(
 
     field = max(float(np.ptp(one.points, axis=0).max()) for one in (source, target))
     near = radius or max(_NEAR, source.facts.get("radius", 0.0)) + _SHARE * field
-    with telling(f"{source.name} and {target.name}"):
+    with reading(f"{source.name} and {target.name}"):
         start = getattr(start, "transform", start)
         rows, found = match_points(source.points, target.points, near, start)
     a, b = rows.T
@@ -263,8 +260,8 @@ class RegisteredPictures(Registered):
         from astropy.io import fits
 
         picture = self.source_stars.picture
-        if picture is None or picture.pitch > 1:
-            raise ValueError("write: expected a picture without a mosaic as the source, got none")
+        if picture is None:
+            raise ValueError("write: expected an image as the source, got a table")
         light = picture.light - self.source_stars.facts["background"]
         image = registered_image(np.nan_to_num(light), self.transform)
         inside = registered_image(1.0 * np.isfinite(light), self.transform, order=1)
@@ -314,40 +311,38 @@ def registered(
     sources: Sequence[Any],
     pivot: Any,
     reference: str | None,
-    bayer: str | None,
     threshold: float | None,
     progress: Callable[[int, int], None] | None = None,
+    sep: str | None = None,
     **settings: Any,
 ) -> RegisteredPictures | RegisteredChannels:
-    """Register pictures, or the channels of one, on one of them: the second of three, last of two.
+    """Register images to one of them. Default: the second one.
 
     The arguments are those of `reproduce.register`; `settings` are of `RegisteredPictures`.
     """
     found: dict[str, Stars] = {}
     shapes: dict[str, tuple[int, ...]] = {}
     for number, source in enumerate(sources, start=1):
-        own = Path(source).name if isinstance(source, str | Path) else getattr(source, "name", "")
-        name = own if own and own not in found else f"picture {number}"
-        channels = read_pictures(source, bayer, name) if is_picture(source) else {}
-        if len(channels) > 1 and len(sources) > 1:
-            raise PictureError(
-                f"{name}: expected one channel beside other pictures, got {', '.join(channels)}"
-            )
-        if not channels:
-            found[name] = source if isinstance(source, Stars) else _listed(source)
-        for colour, picture in channels.items():
-            found[colour or name] = _found(picture, threshold)
-            shapes[colour or name] = picture.light.shape
+        own = str(source) if isinstance(source, str | Path) else getattr(source, "name", "")
+        name = own if own and own not in found else f"image {number}"
+        if isinstance(source, Stars):
+            found[name] = source
+        elif is_image(source):
+            image = read_image(source, name)
+            found[name], shapes[name] = _found(image, threshold), image.light.shape
+        else:
+            found[name] = _listed(source, sep)
         if progress is not None:
             progress(number, len(sources))
     if len(found) < 2:
-        raise ValueError("target: expected a second picture, or one of several channels")
-    chosen = Path(reference or list(found)[1]).name
-    if chosen not in found:
+        raise ValueError("target: expected a second image")
+    wanted = Path(str(reference or list(found)[1]))
+    chosen = next((name for name in found if Path(name) == wanted), None)
+    if chosen is None:
         raise ValueError(f"reference: expected one of {', '.join(found)}, got {reference!r}")
     for name, shape in shapes.items():
         if shape != shapes.get(chosen, shape):
-            raise PictureError(
+            raise ImageError(
                 f"{name}: expected shape {shapes[chosen]} as {chosen}, got {shape}; pictures that "
                 "differ are registered by rp.register(rp.stars(a), rp.stars(b))"
             )

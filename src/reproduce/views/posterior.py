@@ -68,8 +68,8 @@ class Posterior(Remade):
         self.name, self.declared = name, posteriors()[name]
         self._priors = dict(given.get("priors") or {})
         self._given = {**given, "priors": self._priors, "name": name}
-        data, pivot, platform, data_seed = (
-            given.get(key) for key in ("data", "pivot", "platform", "data_seed")
+        data, pivot, platform, data_seed, sep = (
+            given.get(key) for key in ("data", "pivot", "platform", "data_seed", "sep")
         )
         if data_seed is not None and (data is not None or not self.declared.simulated):
             raise ValueError(f"data_seed: expected none, the data of {name} are not simulated here")
@@ -79,12 +79,12 @@ class Posterior(Remade):
                 raise ValueError(f"{key}: expected data of your own beside it; ours have one")
         if data is not None and not is_table(data):
             raise TypeError(
-                f"data: expected a file, - or a DataFrame with named columns, got "
-                f"{type(data).__name__}; DataFrame(array, columns=[...]) names them"
+                f"data: expected a file or a table with named columns, got "
+                f"{type(data).__name__}. Use DataFrame(array, columns=[...])"
             )
         self.plan = self.declared.plan(**self._named("steps", "walkers", "seed"))
         design = None if platform is None else platform_of(platform)
-        self._own = None if data is None else self.declared.from_file(data, pivot, design)
+        self._own = None if data is None else self.declared.from_file(data, pivot, design, sep)
         model = self._own.model if self._own else self.declared.model(data_seed)
         own: dict[str, Any] = dict(self._priors)
         own |= {p.name: _prior(p, own[p.name]) for p in model.parameters if p.name in own}
@@ -140,7 +140,7 @@ class Posterior(Remade):
         data: dict[str, Any] = {"kind": "simulated" if declared.simulated else "printed"}
         data |= {"paper": declared.paper} | ({"truth": self.truth} if declared.simulated else {})
         if own:
-            data = {"kind": "file", "file": own.source, "rows": len(own.lines)}
+            data = {"kind": "file", "file": own.source, "rows": len(own.rows)}
         data["sha256"] = own.sha256 if own else declared.sha256()
         pivots = [one.tolist() for one in getattr(self.model.likelihood, "pivots", ())]
         return data | ({"pivot": pivots} if pivots else {})
@@ -167,7 +167,7 @@ class Posterior(Remade):
     def stars(self) -> pd.DataFrame:
         """Return each star's posterior probability of being false, the mean over the draws.
 
-        One row per star, with its line in the file or its number, and its place in the channel.
+        One row per star, with its row in the source or its number, and its place in the channel.
 
         Raises
         ------
@@ -184,9 +184,9 @@ class Posterior(Remade):
         if not isinstance(likelihood, MixtureRegistration):
             return None
         x, y = likelihood.source.T
-        lines = self._own.lines if self._own else range(1, len(x) + 1)
+        rows = self._own.rows if self._own else range(1, len(x) + 1)
         false = {"x": x, "y": y, "probability_false": probability_false(self.sampled)}
-        return pd.DataFrame({"line" if self._own else "star": lines, **false})
+        return pd.DataFrame({"row" if self._own else "star": rows, **false})
 
     @property
     def false_stars(self) -> str:
@@ -408,10 +408,15 @@ def interval(row: Summary) -> tuple[str, str]:
 def _prior(
     parameter: inference.Parameter, prior: inference.Prior | tuple[float, float]
 ) -> inference.Prior:
-    """Return a reader's prior; two ends are in the unit shown."""
+    """Return a user's prior in SI units; its numbers are in the displayed unit."""
     if isinstance(prior, inference.Prior):
-        return prior
-    low, high = prior
+        return prior.in_unit(1 / parameter.shown)
+    try:
+        low, high = (float(one) for one in prior)
+    except (TypeError, ValueError) as error:
+        raise ValueError(
+            f"prior of {parameter.name}: expected two bounds or a prior, got {prior!r}"
+        ) from error
     if low < 0 and isinstance(parameter.prior, inference.LogUniform):
         raise ValueError(f"prior of {parameter.name}: expected zero or more, got {low:g}")
     if not low < high:

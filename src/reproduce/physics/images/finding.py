@@ -22,8 +22,7 @@ from reproduce.physics.validate import FloatArray, positive
 _TOUCHING, THRESHOLD = 3, 5.0
 # A hot pixel exceeds so many deviations, and its neighbours have less than a share of its light.
 _GLARING, _ALONE = 10.0, 0.1
-# Side of the boxes in which the background is found; of a large image one pixel in so many, an odd
-# number, so that of a mosaic those under each filter are met.
+# Side of the boxes in which the background is found; of a large image one pixel in so many.
 _BOX, _EVERY, _LARGE = 64, 3, 768
 # Spots at most, the brightest; spots whose widths are measured; half a window, in radii.
 _MOST, _MEASURED, _HALF = 20_000, 9, 3.0
@@ -61,22 +60,26 @@ class Found:
 
 
 def find_spots(
-    image: FloatArray, full: Mask, threshold: float = THRESHOLD, step: float = 0.0, pitch: int = 1
+    image: FloatArray,
+    full: Mask,
+    threshold: float = THRESHOLD,
+    step: float = 0.0,
+    sigma: FloatArray | None = None,
 ) -> Found:
     """Find the spots of an image and measure them.
 
     Parameters
     ----------
     image : ndarray, shape (height, width)
-        Digital numbers; not a number where one is missing, or under another filter.
+        Digital numbers; NaN if a pixel is missing.
     full : ndarray of bool, shape (height, width)
         Pixels that are saturated.
     threshold : float
         What a spot must exceed, in standard deviations of the noise.
     step : float
         Between two digital numbers; next to nothing where they are not.
-    pitch : int
-        From a pixel to the next under the same filter.
+    sigma : ndarray, shape (height, width), optional
+        Standard deviations of the pixels, in digital numbers. Default: from the background.
 
     Returns
     -------
@@ -101,8 +104,9 @@ def find_spots(
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # boxes without pixels, and segments without light
         level, noise = _background(image, step)
+        noise = noise if sigma is None else sigma
         light = image - level
-        hot = _hot(light, noise, pitch)
+        hot = _hot(light, noise)
         light[hot] = np.nan
         places, guess = _segments(light, noise, threshold)
     # Not the very brightest: what is no star is among them.
@@ -149,12 +153,12 @@ def _background(image: FloatArray, step: float) -> tuple[FloatArray, FloatArray]
     return level, np.where(noise > 0, noise, least)
 
 
-def _hot(light: FloatArray, noise: FloatArray, pitch: int) -> Mask:
+def _hot(light: FloatArray, noise: FloatArray) -> Mask:
     """Say which pixels shine alone, as no spot does: their neighbours have next to no light."""
     from scipy.ndimage import maximum_filter
 
-    around = np.ones((2 * pitch + 1, 2 * pitch + 1), bool)
-    around[pitch, pitch] = False
+    around = np.ones((3, 3), bool)
+    around[1, 1] = False
     beside = maximum_filter(np.nan_to_num(light), footprint=around)
     alone = beside < np.maximum(_ALONE * light, 3 * noise)
     return np.asarray(alone & (light > _GLARING * noise))

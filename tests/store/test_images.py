@@ -1,0 +1,139 @@
+"""Images from arrays, `CCDData` and FITS files, and errors that name the image."""
+
+import bz2
+import contextlib
+import gzip
+
+import numpy as np
+import pytest
+from astropy.io import fits
+from astropy.nddata import (
+    CCDData,
+    NDData,
+    StdDevUncertainty,
+    UnknownUncertainty,
+    VarianceUncertainty,
+)
+from astropy.table import Table
+
+from reproduce.store import images
+from reproduce.store.images import ImageError, is_image, read_image
+
+RAMP = np.arange(600, dtype=np.uint16).reshape(20, 30)
+PACKED = {"fits": bytes, "fits.gz": gzip.compress, "fits.bz2": bz2.compress}
+
+
+@pytest.mark.parametrize("ending", PACKED)
+def test_whole_numbers_come_back_whatever_the_header_states(tmp_path, ending):
+    """SATURATE and BAYERPAT are often wrong: only the pixels count."""
+    path = tmp_path / f"ramp.{ending}"
+    fits.writeto(tmp_path / "plain.fits", RAMP, fits.Header({"SATURATE": 5, "BAYERPAT": "NONE"}))
+    path.write_bytes(PACKED[ending]((tmp_path / "plain.fits").read_bytes()))
+    image = read_image(path)
+    assert (image.light == RAMP).all()
+    assert image.step == 1
+    assert not image.full.any()
+
+
+@pytest.mark.parametrize("gap", [1, 64])
+def test_the_step_is_that_of_the_numbers_whatever_their_type(gap):
+    noise = np.random.default_rng(1).normal(500, 3, (200, 300))
+    assert read_image(gap * noise.round()).step == gap
+    assert read_image(gap * noise).step < 0.01 * gap
+
+
+def test_touching_pixels_that_share_the_highest_number_are_full():
+    rng = np.random.default_rng(1)
+    image = rng.uniform(0, 100, (40, 40))
+    assert not read_image(image).full.any()
+    image[3:6, 3:6] = image[20:23, 30:33] = 4000.0
+    assert read_image(image).full.sum() == 18
+
+
+@pytest.mark.parametrize("kind", [np.ma.array, CCDData, NDData])
+def test_masked_and_missing_pixels_are_not_seen(kind):
+    image = RAMP.astype(float)
+    image[3, 3] = np.inf
+    source = kind(image, mask=RAMP == 7, **{"unit": "adu"} if kind is not np.ma.array else {})
+    assert is_image(source)
+    missing = np.isnan(read_image(source).light)
+    assert np.argwhere(missing).tolist() == [[0, 7], [3, 3]]
+
+
+def test_the_uncertainty_of_an_image_is_its_deviation():
+    for given in (StdDevUncertainty(2 + RAMP), VarianceUncertainty((2.0 + RAMP) ** 2)):
+        found = read_image(CCDData(RAMP, unit="adu", uncertainty=given)).sigma
+        np.testing.assert_allclose(found, 2.0 + RAMP)
+    for wrong in (StdDevUncertainty(0.0 * RAMP), UnknownUncertainty(RAMP), [1.0, 2.0]):
+        with pytest.raises(ImageError, match="uncertainty"):
+            read_image(NDData(RAMP, uncertainty=wrong))
+    assert (read_image(NDData(RAMP, uncertainty=StdDevUncertainty(5.0))).sigma == 5).all()
+
+
+def test_a_file_of_several_images_asks_for_the_extension(tmp_path):
+    path = tmp_path / "mef.fits"
+    units = [fits.ImageHDU(RAMP + i, name=name) for i, name in enumerate(["WHT", "SCI", "A", "A"])]
+    table = fits.table_to_hdu(Table({"x": [1.0], "y": [2.0]}))
+    fits.HDUList([fits.PrimaryHDU(), *units, table]).writeto(path)
+    with pytest.raises(ImageError, match=r"mef.fits.* WHT, SCI, 3, 4"):
+        read_image(path)
+    for name, image in (("SCI", RAMP + 1), ("sci", RAMP + 1), ("4", RAMP + 3)):
+        assert (read_image(f"{path}[{name}]").light == image).all()
+    for wrong in ("ERR", "9", "5", "0"):
+        with pytest.raises(ImageError, match=rf"mef.fits\[{wrong}\]"):
+            read_image(f"{path}[{wrong}]")
+
+
+def test_a_huge_image_is_refused_before_its_pixels_are_read(tmp_path, monkeypatch):
+    fits.writeto(tmp_path / "a.fits", RAMP)
+    monkeypatch.setattr(images, "_MOST_PIXELS", 599)
+    monkeypatch.setattr(fits.PrimaryHDU, "data", property(lambda unit: pytest.fail("read")))
+    for source in (tmp_path / "a.fits", RAMP):
+        with pytest.raises(ImageError, match="599 px"):
+            read_image(source)
+
+
+def cut(path):
+    fits.writeto(path, np.zeros((100, 100)))
+    path.write_bytes(path.read_bytes()[:40_000])
+
+
+BAD = {
+    "cut.fits": (cut, "truncated"),
+    "empty.fits": (lambda p: p.write_bytes(b""), "empty"),
+    "words.fits": (lambda p: p.write_text("hello"), "words"),
+    "none.fits": (lambda p: fits.HDUList([fits.PrimaryHDU()]).writeto(p), "none"),
+    "nan.fits": (lambda p: fits.writeto(p, np.full((30, 30), np.nan)), "900 missing"),
+    "full.fits": (lambda p: fits.writeto(p, np.full((30, 30), 65535, np.uint16)), "900 saturated"),
+    "cube.fits": (lambda p: fits.writeto(p, np.zeros((5, 30, 30))), "shape"),
+    "missing.fits": (lambda p: None, "No such file"),
+    "colour.tif": (lambda p: p.write_bytes(b"II*\0"), "FITS"),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_a_bad_file_raises_one_line_with_its_name(tmp_path, name):
+    write, problem = BAD[name]
+    write(tmp_path / name)
+    with pytest.raises(ImageError, match=problem) as caught:
+        read_image(tmp_path / name)
+    assert str(caught.value).startswith(name)
+    assert str(caught.value).count(f"{name}:") == 1
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("damage", range(40))
+def test_damaged_headers_raise_the_error_of_an_image(tmp_path, damage):
+    rng = np.random.default_rng(damage)
+    fits.writeto(tmp_path / "a.fits", RAMP)
+    content = bytearray((tmp_path / "a.fits").read_bytes())
+    for place in rng.integers(0, 700, 4):
+        content[place] = rng.integers(32, 127)
+    (tmp_path / "a.fits").write_bytes(content)
+    with contextlib.suppress(ImageError):
+        read_image(tmp_path / "a.fits")
+
+
+def test_stars_are_no_image():
+    assert not is_image(Table({"x": np.zeros(99)}))
+    assert is_image(np.zeros((30, 40, 3)))
