@@ -1,0 +1,52 @@
+"""Statements of pages, letters and register that rest on a number, against that number."""
+
+import numpy as np
+from scipy.stats import chi2
+
+from reproduce.papers.chen2023 import effectiveness
+from reproduce.printed.cells import library
+from reproduce.printed.given import given
+from reproduce.views.verdicts import facts_of
+
+ARCSEC = np.pi / 180 / 3600
+
+
+def test_one_pointing_error_agrees_within_the_rounding_of_the_residuals():
+    """The letter to the authors of niu2024: the other three need the rounding of the pitch."""
+    text = library()["niu2024/text-experiment"]
+    angle = 3.45e-6 / 25.0237e-3 / ARCSEC  # of one pixel, pitch and focal length as exact
+    agreeing = set()
+    for place in ("red-x", "red-y", "blue-x", "blue-y"):
+        residual, printed = (
+            float(text[f"{name}-{place}"].text) for name in ("rmse-after", "pointing-error")
+        )
+        if abs(residual * angle - printed) <= 0.5e-4 * angle + 0.5e-4:
+            agreeing.add(place)
+    assert agreeing == {"blue-x"}
+
+
+def test_the_differences_are_within_the_central_99_percent_and_beyond_the_upper_percent():
+    """The register on Table V: means of 100 images of white noise, all eight differences."""
+    row = effectiveness._differences(given(effectiveness._differences.given)).iloc[1]
+    _, found, freedom, chance = row
+    assert chi2.ppf(0.99, freedom) < found < chi2.ppf(0.995, freedom)
+    assert abs(chance - chi2.sf(found, freedom)) < 1e-9
+
+
+def test_words_and_dashes_are_not_counted_as_numbers():
+    cells = [cell for table in library().values() for cell in table.cells]
+    assert facts_of("all")["numbers"] == str(sum(cell.is_number for cell in cells))
+    assert facts_of("all")["cells"] == str(len(cells))
+    assert sum(not cell.is_number for cell in cells) == 13
+
+
+def test_focal_length_and_columns_do_not_settle_the_monitored_angles():
+    """The front page: with the interchanged columns and one length, four of seven still differ."""
+    monitored = effectiveness.monitored_angle
+    reading = {"columns": "motions", "telescope": "common", "images": "state"}
+    drawn = monitored.under(reading)(given(monitored.given))
+    table, outside = library()[effectiveness.TABLE], 0
+    for name, one in drawn.items():
+        low, high = np.quantile(one.draws / ARCSEC, [0.005, 0.995])
+        outside += not low <= float(table[name].text) <= high
+    assert outside >= 4
