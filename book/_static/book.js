@@ -59,7 +59,7 @@ document.addEventListener("DOMContentLoaded", () => {
     table.closest(".rp-scroll").before(bar);
     const filter = () => {
       const words = bar.querySelector("input").value.toLowerCase().split(/\s+/).filter(Boolean);
-      const known = new Set(rows.map((one) => one.cells[verdict].split(" ")[0]));
+      const known = new Set(verdict < 0 ? [] : rows.map((one) => one.cells[verdict].split(" ")[0]));
       // The name of a verdict is looked for among verdicts, any other word in the whole row.
       const fits = (one, word) => (known.has(word) ? one.cells[verdict].startsWith(word) : one.row.textContent.toLowerCase().includes(word));
       for (const one of rows) one.row.hidden = !words.every((word) => fits(one, word));

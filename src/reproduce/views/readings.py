@@ -77,7 +77,9 @@ class Readings(Display):
             f"All {len(rows)} readings of {place}. Bold: the printed number agrees. A predicted "
             "cell has its probability, any other cell its computed value."
         )
-        yield Grid(caption, head, rows, kind="rp-small rp-sortable", words=len(options))
+        yield Grid(
+            caption, head, rows, kind="rp-small rp-sortable rp-readings-all", words=len(options)
+        )
 
     def _texts(self, row: pd.Series[Any], options: list[str], cells: list[str]) -> list[Entry]:
         texts: list[Entry] = [row[name] for name in options]
