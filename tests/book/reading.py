@@ -46,7 +46,8 @@ NOISE = """() => {
 }"""
 
 # Tables that a sheet of paper would cut, or that it hides.
-CUT_IN_PRINT = """() => [...document.querySelectorAll('article table')]
+# The list of all readings is a file, and too large for paper.
+CUT_IN_PRINT = """() => [...document.querySelectorAll('article table:not(.rp-readings-all)')]
     .filter(e => !e.closest('.rp-bar'))
     .filter(e => !e.checkVisibility({contentVisibilityAuto: true})
         || e.getBoundingClientRect().right > innerWidth)
