@@ -274,26 +274,28 @@ def result_intervals(computation: Computation, given: Given) -> dict[str, Propag
     An enclosure of each formula (`reproduce.audit`) gives the same interval, so every result here
     is monotone.
 
-    By cell name.
+    The result maps each cell name to its interval.
     """
-
-    def numbers(moved: Given) -> dict[str, float]:
-        return {n: float(v) for n, v in computation(moved).items()}  # type: ignore[arg-type]
-
-    centre = numbers(given)
+    centre = _values(computation, given)
     slopes: dict[str, dict[str, float]] = {name: {} for name in centre}
     for cell in given.numbers():
         for side in (1.0, -1.0):
-            for name, value in numbers(given.shifted({cell.address: side})).items():
+            for name, value in _values(computation, given.shifted({cell.address: side})).items():
                 if value != centre[name]:
                     slopes[name][cell.address] = side if value > centre[name] else -side
     found = {}
     for name, signs in slopes.items():
-        moves = ({a: side * sign for a, sign in signs.items()} for side in (-1.0, 1.0))
-        ends = [numbers(given.shifted(one))[name] for one in moves] if signs else [centre[name]]
+        corners = ({a: side * sign for a, sign in signs.items()} for side in (-1.0, 1.0))
+        ends = [_values(computation, given.shifted(one))[name] for one in corners]
         wide = any(given.cells[address].number.qualifier in _WIDE for address in signs)
         found[name] = Propagated(min(ends), max(ends), wide)
     return found
+
+
+def _values(computation: Computation, given: Given) -> dict[str, float]:
+    """Return the results of a computation without random numbers."""
+    results = computation(given).items()
+    return {name: float(value) for name, value in results if not isinstance(value, Prediction)}
 
 
 def plain_results(computation: Computation, given: Given) -> dict[str, Flag]:
@@ -302,11 +304,11 @@ def plain_results(computation: Computation, given: Given) -> dict[str, Flag]:
     Every input is moved by one unit of its last digit, up and down, to see which results follow
     it and by how much.
 
-    Cell name to ``copy`` (one input, also through a sign, an absolute value, a minimum or a
-    maximum, ties included) or ``difference`` (one input minus another, or minus itself); no other
-    names.
+    The result maps a cell name to ``copy`` (one input, also through a sign, an absolute value, a
+    minimum or a maximum, ties included) or ``difference`` (one input minus another, or minus
+    itself). Other cells are not in it.
     """
-    centre = computation(given)
+    centre = _values(computation, given)
     follows: dict[str, dict[str, set[float]]] = {name: {} for name in centre}
     for cell in (cell for cell in given.cells.values() if cell.is_number):
         for steps in (1, -1):
@@ -315,15 +317,15 @@ def plain_results(computation: Computation, given: Given) -> dict[str, Flag]:
             other = cell_with(cell, text)
             moved = Given({**given.cells, cell.address: other})
             step = moved[cell.address] - given[cell.address]
-            for name, value in computation(moved).items():
+            for name, value in _values(computation, moved).items():
                 follows[name].setdefault(cell.address, set()).add(
-                    round((value - centre[name]) / step, 9)  # type: ignore[operator]
+                    round((value - centre[name]) / step, 9)
                 )
     found: dict[str, Flag] = {}
     for name, value in centre.items():
         slopes = {address: seen - {0.0} for address, seen in follows[name].items()}
         slopes = {address: seen for address, seen in slopes.items() if seen}
-        kind = _plain(float(value), slopes, given)  # type: ignore[arg-type]
+        kind = _plain(value, slopes, given)
         if kind:
             found[name] = kind
     return found
