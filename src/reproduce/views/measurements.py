@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from reproduce.physics import registration
-from reproduce.physics.registration import Finding, RegistrationFit, fit_registration, fits_exactly
+from reproduce.physics.registration import Finding, RegistrationFit, fit_registration
 from reproduce.store import points
 from reproduce.store.points import STARS, Table, TableFileError, is_table, read_images, table_of
 from reproduce.units import ARCSEC_PER_RADIAN
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 FloatArray = NDArray[np.float64]
 _LEVEL = 0.95
 SIGMAS = ("sigma", "sigma_x", "sigma_y")
+BRIGHTNESS = ("flux", "mag")
 _ENDS = ("low (95 %)", "high (95 %)")
 
 
@@ -80,7 +81,9 @@ class _Measured(Remade):
     def blocks(self) -> Iterator[Block]:
         """Yield the numbers, the title and the remarks."""
         yield self.grid
-        yield from (f"Warning: {line}." for line in self.remarks)
+        notes = {one.text for one in self.findings if one.kind == "sensitive"}
+        for line in self.remarks:
+            yield f"{'Note' if line in notes else 'Warning'}: {line}."
 
     def record(self) -> dict[str, Any]:
         """Return everything for other programs: `frame` by rows; what is not known is None."""
@@ -123,29 +126,39 @@ class Registered(_Measured):
         **settings: Any,
     ) -> None:
         self._given = {"source": source, "target": target, "pivot": pivot, **settings}
+        brightness = settings.pop("brightness", None)
         table, settings = _stars(source, target, settings)
+        if brightness is None:
+            brightness = _brightness(table.optional)
         # Arrays are C-contiguous for the quick path of the fit.
         source, target = (table.values[:, i : i + 2].copy() for i in (0, 2))
         middle = source.mean(axis=-2)
         if pivot is not None:
             middle = registration.checked_pivot(pivot, source)
+        known = {name: one for name, one in settings.items() if name.endswith("covariance")}
         with points.computing(table.path):
             self.fit: RegistrationFit = fit_registration(source, target, middle, **settings)
             self.findings: list[Finding] = registration.diagnose(
-                source, target, middle, table.named, self.fit, **settings
+                source, target, middle, table.named, self.fit, brightness, **settings
             )
-            exact = not self.fit.errors_known and fits_exactly(self.fit, source, target)
+            exact = registration.fits_exactly(self.fit, source, target)
             errors = self.fit.standard_errors
-            self._errors: FloatArray = np.full_like(errors, np.nan) if exact else errors
+            if exact and not self.fit.errors_known:
+                errors = np.full_like(errors, np.nan)
+            self._errors: FloatArray = errors
+            self._sensitivities: list[registration.Sensitivity] = []
+            if not exact:
+                self._sensitivities = registration.sensitivities(
+                    self.fit, source, target, brightness, **known
+                )
         self.remarks = [*table.notes, *(one.text for one in self.findings)]
         self.model, self.transform = str(self.fit.model), self.fit.transform
         self.parameters, self.residuals = self.fit.parameters, self.fit.residuals
         x, y = pivot = self.transform.pivot.tolist()
         count, rms = len(self.residuals), float(np.sqrt(np.square(self.residuals).mean()))
         self._facts = {"model": self.model, "stars": count, "pivot": pivot, "residual_rms": rms}
-        self.title = (
-            f"{self.model} that lays {count} stars on the target, pivot ({x:.6g}, {y:.6g}) px"
-        )
+        self._facts |= self.consistency
+        self.title = f"{self.model} from {count} stars, pivot ({x:.6g}, {y:.6g}) px"
 
     @property
     def covariance(self) -> FloatArray:
@@ -157,6 +170,75 @@ class Registered(_Measured):
         found = self.fit.interval(level)
         found[np.isnan(self._errors)] = np.nan
         return found
+
+    @property
+    def consistency(self) -> dict[str, float]:
+        """Chi-square per degree of freedom, or the noise, and its range; empty if unknown.
+
+        If errors are given, 95 % of fields with these errors have a ``chi_square_per_freedom``
+        from ``low`` to ``high``. Otherwise ``noise`` is the standard deviation of one coordinate
+        of weight one, in px, from the residuals, and its 95 % interval is ``low`` to ``high``.
+        """
+        if np.isnan(self._errors).any() or not self.fit.degrees_of_freedom:
+            return {}
+        ratio = float(self.fit.chi_square) / float(self.fit.degrees_of_freedom)
+        low, high = registration.chi_square_range(self.fit)
+        if self.fit.errors_known:
+            return {"chi_square_per_freedom": ratio, "low": low, "high": high}
+        noise = ratio**0.5
+        return {"noise": noise, "low": noise / high**0.5, "high": noise / low**0.5}
+
+    def sensitivity(self) -> pd.DataFrame:
+        """Return the change of each parameter under richer models, in its standard deviations.
+
+        Returns
+        -------
+        pandas.DataFrame
+            Rows: parameters, and ``p-value``, the probability of such an improvement of the fit if
+            the term is absent. Columns: terms of `physics.registration.sensitivities`; ``bright -
+            faint`` is the difference of both halves of the stars if ``flux`` or ``mag`` is known.
+        """
+        import pandas as pd
+
+        columns = {
+            "bright - faint" if one.term == "brightness" else one.term: [*one.change, one.p_value]
+            for one in self._sensitivities
+        }
+        index = pd.Index([*self.fit.names, "p-value"], name="parameter")
+        return pd.DataFrame(columns, index)
+
+    def blocks(self) -> Iterator[Block]:
+        """Yield the parameters, their consistency and sensitivity, and the warnings."""
+        mean, *others = super().blocks()
+        yield mean
+        texts = {
+            "noise": "Noise of one coordinate, from the residuals: {noise:.3g} px (95 % interval "
+            "{low:.3g} to {high:.3g}).",
+            "chi_square_per_freedom": "Chi-square per degree of freedom: "
+            "{chi_square_per_freedom:.3g} (95 % of fields with these errors: {low:.3g} to "
+            "{high:.3g}).",
+        }
+        found = self.consistency
+        yield from (text.format(**found) for name, text in texts.items() if name in found)
+        if self._sensitivities:
+            frame = self.sensitivity()
+            rows = [
+                (
+                    name,
+                    *(
+                        f"{round(value, 2) if name in self.fit.names else value:z.2g}"
+                        for value in row
+                    ),
+                )
+                for name, *row in frame.itertuples()
+            ]
+            title = "change of each parameter with one more term, in its standard deviations"
+            yield Grid(title, ("parameter", *frame.columns), rows)
+        yield from others
+
+    def record(self) -> dict[str, Any]:
+        """Return everything for other programs, including the sensitivity."""
+        return super().record() | {"sensitivity": self.sensitivity().to_dict()}
 
     def frame(self) -> pd.DataFrame:
         """Return one row per parameter: unit, value, standard deviation and 95 % interval.
@@ -197,7 +279,7 @@ def _stars(
     """Read both images, and turn columns of sigma and weight into settings of the fit."""
     sep = settings.pop("sep", None)
     if is_table(source) and target is None:
-        table = points.read_table(source, STARS, (*SIGMAS, "weight"), sep)
+        table = points.read_table(source, STARS, (*SIGMAS, "weight", *BRIGHTNESS), sep)
         return table, settings | _known(table, settings)
     if isinstance(source, str | Path):
         raise ValueError("target: expected nothing beside a file, which holds both images")
@@ -212,6 +294,11 @@ def _stars(
             if value is not None and np.ndim(value) == axes:
                 settings = settings | {name: np.asarray(value)[table.rows]}
     return table, settings
+
+
+def _brightness(columns: Mapping[str, FloatArray]) -> FloatArray | None:
+    """Return a number that increases with the flux of each star, or None if none is known."""
+    return columns["flux"] if "flux" in columns else -columns["mag"] if "mag" in columns else None
 
 
 def _places(name: str, source: Any, sep: str | None) -> Any:

@@ -27,8 +27,8 @@ from reproduce.physics.registration import (
     checked_pivot,
     diagnose,
     fit_registration,
-    rounded,
     similarity_between,
+    tied,
 )
 from reproduce.physics.validate import FloatArray, weights_for
 from reproduce.printed.given import Given
@@ -182,10 +182,10 @@ def _users_mixture(table: Table, pivot: Pivot) -> Model:
             "tell a wrong match from noise: take registration, or add some"
         )
     # A density that may be as narrow as the rounding that hides the noise has no bound.
-    if told := rounded(table.values):
+    if tied(*np.split(table.values, 2, axis=1)):
         raise TableFileError(
-            f"{table.path}: expected coordinates with more digits, got {told}: this model would "
-            "take these for free of noise; take registration, or add digits"
+            f"{table.path}: expected coordinates with more digits, got equal displacements of many "
+            "stars, in which this model finds no noise. Take registration, or add digits"
         )
     return _turning(models.mixture_model(_free(table, pivot)))
 
@@ -213,7 +213,7 @@ def _read(
     named = make is _users_mixture
     weights, centre = None if named else table.optional.get("weight"), _centre(table, pivot)
     found = diagnose(source, target, centre, table.named, model="similarity", weights=weights)
-    texts = dict.fromkeys(one.text for one in found)
+    texts = dict.fromkeys(one.text for one in found if one.kind != "sensitive")
     return model, [text for text in texts if not (named and "do not fit the others" in text)]
 
 

@@ -15,11 +15,14 @@ from reproduce.physics.registration.calibration import (
 )
 from reproduce.physics.registration.diagnosis import (
     Finding,
+    Sensitivity,
     checked_pivot,
+    chi_square_range,
     diagnose,
     fits_exactly,
     robust_similarity,
-    rounded,
+    sensitivities,
+    tied,
 )
 from reproduce.physics.registration.fit import RegistrationFit, fit_registration
 from reproduce.physics.registration.matching import match_points, neighbours, pair_weights

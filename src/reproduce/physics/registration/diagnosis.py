@@ -1,76 +1,247 @@
-"""What is doubtful in the stars of a registration, and what cures it.
+"""Checks of a registration: its residuals, its model and its stars.
 
-One diagnosis for arrays, frames and files: wrong matches, another model, another unit, repeats,
-stars in a line, rounding. Image points have shape (n, 2), in px, as in `fit`.
-
-A star is suspect where it does not fit the others, by the F law of its residual, so that one field
-in a thousand of right matches names any; how many stars there are is counted in. Before stars are
-called wrong the model is: a richer one that fits the same stars better than chance allows, by the
-F law of both sums of squares, is the cure.
+Image points have shape (n, 2), in px, as in `fit`. One diagnosis serves arrays, tables and images.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from reproduce.physics import validate
-from reproduce.physics.registration._least_squares import thinned
+from reproduce.physics.registration._least_squares import (
+    information,
+    local_matrix,
+    model_jacobian,
+    prepare,
+    thinned,
+)
 from reproduce.physics.registration.fit import (
     _ALARM,
     _MEDIAN_LENGTH,
     RegistrationFit,
     fit_registration,
 )
-from reproduce.physics.registration.transforms import MODELS
 from reproduce.physics.validate import Finding, FloatArray
 
-# Residuals below this share of the coordinates are rounding.
-_ROUNDING = 1e-11
-# The chance that a richer model is named where the fitted one is right.
-_BETTER = 1e-4
-# Models that can do all that one does, and more.
+# Probability of a warning of the model if it is right, and of the errors if they are right.
+FALSE_ALARM = 0.05
+# Residuals below this fraction of the coordinates are rounding.
+_EXACT_FRACTION = 1e-11
+# Number of stars from which wrong matches are sought only if a residual is large.
+_LARGE_FIELD = 8_000
+# Number of stars, spread over the rows, with which models are compared.
+_MAX_COMPARED = 100_000
+# Smallest number of degrees of freedom with which the other stars can show a wrong match.
+_MIN_FREEDOM = 4
+# Smallest number of stars with which a robust fit can detect two wrong matches.
+_MIN_STARS_ROBUST = 8
+# Smallest span, in px, and largest ratio of the spans of two images in pixels.
+_MIN_SPAN, _MAX_RATIO = 50.0, 20.0
+# Largest distance of the pivot from the stars, in fields. Beyond, the shift loses digits.
+_MAX_FIELDS = 100.0
+# Ratio of width to length below which the stars lie in a line.
+_LINE_RATIO = 1e-3
+# Fraction of stars with equal displacements above which rounding hides the noise.
+_MAX_TIED = 0.1
+# Smallest independent fraction of a term, and the number added to the diagonal to measure it.
+_MIN_INDEPENDENT, _RIDGE = 1e-4, 1e-12
+# Terms that a model does not contain, and the model that does. No model contains a tilt.
+_DISTORTIONS = ("radial", "tilt", "affine")
 _RICHER = {
-    "shift": ("rigid", "similarity", "similarity+radial", "affine"),
-    "rigid": ("similarity", "similarity+radial", "affine"),
-    "similarity": ("similarity+radial", "affine"),
-    "similarity+radial": (),
-    "affine": (),
+    "shift": ("rotation", "scale", *_DISTORTIONS),
+    "rigid": ("scale", *_DISTORTIONS),
+    "similarity": _DISTORTIONS,
+    "similarity+radial": ("tilt", "affine"),
+    "affine": ("radial", "tilt"),
 }
-_CALLED = {"similarity+radial": "similarity with a radial term"}
-# Models are compared by so many stars at most: more would tell a gain that no star shows.
-_COMPARED = 8_000
-# Fewer stars tell one wrong match of a robust fit, not two.
-_FEW = 8
-# Fewer degrees of freedom of the others tell no star to be wrong.
-_LEAST = 4
-# Stars that span less, in px, are perhaps in another unit, as are those so many times apart.
-_SMALL, _APART = 50.0, 20.0
-# A pivot further away, in fields, takes the digits of the shift.
-_FURTHEST = 100.0
-# Stars whose width is a smaller share of their length lie in a line.
-_THIN = 1e-3
-# Most decimals that coordinates are looked at for. Rounded stars that the transform moves apart by
-# less than `_STILL` of the last one, more than `_TIED` of them alike, hide their noise in it.
-_DECIMALS, _STILL, _TIED = 9, 0.5, 0.1
-# Fewer stars than this share no digits by more than chance.
-_ALIKE = 10
+# Change of a parameter that exceeds the half of its 95 % interval, in standard deviations.
+_MAX_CHANGE = 2.0
+_NAMES = {"radial": "a radial term", "tilt": "a tilt term", "affine": "an affine term",
+          "scale": "a scale", "rotation": "a rotation"}  # fmt: skip
+_MODELS = {
+    "rotation": "rigid",
+    "scale": "similarity",
+    "radial": "similarity+radial",
+    "affine": "affine",
+}
 
 _Named = Callable[[Sequence[int]], str]
 
 
-def fits_exactly(fit: RegistrationFit, source: FloatArray, target: FloatArray) -> bool:
-    """Whether what a fit leaves of the points that count, (n, 2), is rounding.
+@dataclass(frozen=True, eq=False)
+class Sensitivity:
+    """Change of the parameters if the model had one more term.
+
+    Attributes
+    ----------
+    term : str
+        ``radial``, ``tilt`` (of a detector), ``affine`` (axes that differ in scale or are not
+        perpendicular), ``scale``, ``rotation``, or ``brightness`` (bright minus faint half).
+    change : ndarray, shape (p,)
+        Change of each parameter, in its standard error. For ``brightness``, the difference of the
+        halves in the standard error of that difference.
+    p_value : float
+        Probability of such an improvement of the fit without the term.
+    """
+
+    term: str
+    change: FloatArray
+    p_value: float
+
+
+def sensitivities(
+    fit: RegistrationFit,
+    source: FloatArray,
+    target: FloatArray,
+    brightness: ArrayLike | None = None,
+    **covariances: ArrayLike | None,
+) -> list[Sensitivity]:
+    """Return the change of each parameter under richer models.
+
+    Each term adds columns to the Jacobian of the fit, so that the change is that of one
+    Gauss-Newton step. Terms that the model contains or that the stars do not fix are left out.
+    Radial term and tilt are centred on the pivot. Of more than 100,000 stars, 100,000 are used.
 
     Parameters
     ----------
     fit : RegistrationFit
-        Of one set of stars.
+        Fit of one set of stars.
     source, target : ndarray, shape (n, 2)
-        What was fitted, in px.
+        Points of the fit, in px. Stars of zero weight are ignored.
+    brightness : array_like, shape (n,), optional
+        Flux, or another number that increases with it.
+    **covariances
+        ``source_covariance`` and ``target_covariance`` of the fit.
+
+    Returns
+    -------
+    list of Sensitivity
+
+    Examples
+    --------
+    >>> grid = np.indices((4, 4)).reshape(2, -1).T * 9.0
+    >>> bent = grid * (1 + 1e-4 * np.square(grid).sum(axis=1, keepdims=True))
+    >>> target = bent + 1e-3 * np.sin(7 * grid[:, ::-1])
+    >>> found = sensitivities(fit_registration(grid, target, (0, 0)), grid, target)
+    >>> [one.term for one in found if one.p_value < 1e-9]
+    ['radial']
+    """
+    from scipy.special import fdtrc
+
+    some = thinned(len(source), _MAX_COMPARED)
+    source, target, weights, pivot = (
+        source[some],
+        target[some],
+        fit.weights[some],
+        fit.transform.pivot,
+    )
+    model, parameters, offsets = fit.model, fit.parameters, source - pivot
+    jacobian = model_jacobian(model, parameters, offsets)
+    terms = _terms(model, fit.transform.apply(source) - fit.transform.apply(pivot[None]))
+    if brightness is not None:
+        flux = np.asarray(brightness, dtype=np.float64)[some]
+        terms["brightness"] = np.where(flux > np.median(flux), 0.5, -0.5)[:, None, None] * jacobian
+    columns = np.concatenate([jacobian, *terms.values(), fit.residuals[some, :, None]], axis=-1)
+    weighted = weights[:, None, None] * columns
+    if fit.errors_known:
+        known = {name: _rows(one, some) for name, one in covariances.items()}
+        problem = prepare(source, target, pivot, None, model, **known)
+        weighted = information(problem, local_matrix(model, parameters, offsets)) @ weighted
+    last = columns.shape[-1] - 1
+    gram: FloatArray = columns.reshape(-1, last + 1).T @ weighted.reshape(-1, last + 1)
+    scale = np.sqrt(np.maximum(np.diagonal(gram), np.finfo(float).tiny))
+    gram = gram / np.outer(scale, scale)
+    count = len(fit.names)
+    freedom = 2.0 * np.count_nonzero(weights) - count
+    found, start = [], count
+    for term, added in terms.items():
+        size = added.shape[-1]
+        chosen = [*range(count), *range(start, start + size), last]
+        start += size
+        # Rows and columns: parameters, columns of the term, residuals.
+        factor = np.linalg.cholesky(
+            gram[np.ix_(chosen, chosen)] + _RIDGE * np.eye(count + size + 1)
+        )
+        own, pull = factor[count:-1, count:-1], factor[-1, count:-1]
+        if freedom <= size or np.diagonal(own).min() < _MIN_INDEPENDENT:
+            continue
+        steps = np.linalg.solve(own.T, pull)
+        noise = float(abs(factor[-1, -1])) / np.sqrt(freedom - size)
+        # The F test holds for a wrong scale of the errors too.
+        p_value = fdtrc(size, freedom - size, pull @ pull / size / noise**2)
+        errors = noise * np.linalg.norm(np.linalg.inv(own), axis=0)
+        if term != "brightness":
+            steps = -np.linalg.solve(factor[:count, :count].T, factor[count:-1, :count].T @ steps)
+            errors = fit.standard_errors * scale[:count] / scale[-1]
+        found.append(Sensitivity(term, steps / errors, float(p_value)))
+    return found
+
+
+def _rows(covariance: ArrayLike | None, some: Any) -> FloatArray | None:
+    """Return the covariances of some of the stars."""
+    if covariance is None or np.ndim(covariance) == 2:
+        return covariance if covariance is None else np.asarray(covariance)
+    return np.asarray(covariance)[some]
+
+
+def _terms(model: str, offsets: FloatArray) -> dict[str, FloatArray]:
+    """Return the displacements, (n, 2, columns), of the terms that a model does not contain.
+
+    `offsets` are those of registered points from the registered pivot, in px.
+    """
+    x, y = (offsets / max(float(np.abs(offsets).max()), 1e-300)).T
+    along, across = np.stack([x, y], axis=-1), np.stack([-y, x], axis=-1)
+    terms = {
+        "rotation": across[..., None],
+        "scale": along[..., None],
+        "radial": (along * np.square(along).sum(axis=-1, keepdims=True))[..., None],
+        "tilt": along[..., None] * along[:, None, :],
+        "affine": np.stack([along * (1, -1), along[:, ::-1]], axis=-1),
+    }
+    return {name: terms[name] for name in _RICHER[model]}
+
+
+def chi_square_range(fit: RegistrationFit) -> tuple[float, float]:
+    """Return the central 95 % of chi-square per degree of freedom if the errors are right.
+
+    Parameters
+    ----------
+    fit : RegistrationFit
+        Fit with at least one degree of freedom.
+
+    Returns
+    -------
+    low, high : float
+
+    Examples
+    --------
+    >>> square = np.array([[0.0, 0], [9, 0], [0, 9], [9, 9]])
+    >>> [round(one, 2) for one in chi_square_range(fit_registration(square, square, (0, 0)))]
+    [0.12, 2.79]
+    """
+    from scipy.special import chdtri
+
+    freedom = float(fit.degrees_of_freedom)
+    low, high = (
+        float(chdtri(freedom, p)) / freedom for p in (1 - FALSE_ALARM / 2, FALSE_ALARM / 2)
+    )
+    return low, high
+
+
+def fits_exactly(fit: RegistrationFit, source: FloatArray, target: FloatArray) -> bool:
+    """Return whether the residuals of the stars of weight above zero are rounding.
+
+    Parameters
+    ----------
+    fit : RegistrationFit
+        Fit of one set of stars.
+    source, target : ndarray, shape (n, 2)
+        Points of the fit, in px.
 
     Returns
     -------
@@ -83,16 +254,18 @@ def fits_exactly(fit: RegistrationFit, source: FloatArray, target: FloatArray) -
     True
     """
     largest = max(float(np.abs(one).max()) for one in (source, target, fit.transform.pivot))
-    return float(np.abs(fit.residuals[fit.weights > 0]).max()) < _ROUNDING * largest
+    return float(np.abs(fit.residuals[fit.weights > 0]).max()) < _EXACT_FRACTION * largest
 
 
 def checked_pivot(pivot: ArrayLike, points: FloatArray) -> FloatArray:
-    """Return the pivot as an array; one that takes the digits of the shift is refused.
+    """Return the pivot as an array of shape (2,), in px.
 
     Parameters
     ----------
-    pivot : array_like, shape (2,), in px
-    points : ndarray, shape (n, 2), in px
+    pivot : array_like, shape (2,)
+        Point of rotation and scale, in px.
+    points : ndarray, shape (n, 2)
+        Source points, in px.
 
     Returns
     -------
@@ -101,7 +274,7 @@ def checked_pivot(pivot: ArrayLike, points: FloatArray) -> FloatArray:
     Raises
     ------
     ValueError
-        If it is further from the stars than a hundred fields.
+        If the pivot is further from the stars than a hundred fields.
 
     Examples
     --------
@@ -109,15 +282,38 @@ def checked_pivot(pivot: ArrayLike, points: FloatArray) -> FloatArray:
     array([1., 2.])
     """
     pivot = validate.number_array("pivot", pivot, shape=(2,))
-    away = float(np.abs(points.mean(axis=0) - pivot).max())
+    distance = float(np.abs(points.mean(axis=0) - pivot).max())
     field = float(np.ptp(points, axis=0).max())
-    # Of stars in one place their number is to be told, or that they coincide.
-    if field and not away <= _FURTHEST * field:
+    # The fit itself rejects coincident stars.
+    if field and not distance <= _MAX_FIELDS * field:
         raise ValueError(
-            f"pivot: expected a point within {_FURTHEST:g} fields of the stars, got "
-            f"{pivot[0]:g}, {pivot[1]:g}; give the channel's principal point, in px"
+            f"pivot: expected a point within {_MAX_FIELDS:g} fields of the stars, got "
+            f"{pivot[0]:g}, {pivot[1]:g}. Pass the principal point of the channel, in px"
         )
     return pivot
+
+
+def tied(source: FloatArray, target: FloatArray) -> bool:
+    """Return whether equal displacements show that rounding hides the noise.
+
+    Parameters
+    ----------
+    source, target : ndarray, shape (n, 2)
+        The same stars in both images, in px.
+
+    Returns
+    -------
+    bool
+
+    Examples
+    --------
+    >>> field = np.arange(40.0).reshape(20, 2) ** 1.5 // 1
+    >>> tied(field, field + 3)
+    True
+    """
+    moved = (target - source)[thinned(len(source), _LARGE_FIELD)].round(9)
+    most = int(np.unique(moved, axis=0, return_counts=True)[1].max())
+    return most > max(2, _MAX_TIED * len(moved))
 
 
 def diagnose(
@@ -126,9 +322,15 @@ def diagnose(
     pivot: ArrayLike,
     named: _Named = lambda rows: f"rows {', '.join(map(str, rows))}",
     fit: RegistrationFit | None = None,
+    brightness: ArrayLike | None = None,
     **settings: Any,
 ) -> list[Finding]:
-    """Return what is doubtful in the stars of a registration.
+    """Return the warnings of a registration.
+
+    The kinds are ``unit``, ``duplicate``, ``line``, ``few`` (too few stars), ``exact``, ``tied``,
+    ``errors``, ``model`` (a term improves the fit), ``sensitive`` (a term that the stars do not
+    exclude would change a parameter by more than 2 standard errors), ``brightness``,
+    ``mismatched`` and ``dropped`` (by a robust fit).
 
     Parameters
     ----------
@@ -137,21 +339,22 @@ def diagnose(
     pivot : array_like, shape (2,)
         As in `fit_registration`, in px.
     named : callable
-        Turns rows into words: "lines 3, 4".
+        Function that returns the numbers of rows as text: "rows 3, 4".
     fit : RegistrationFit, optional
-        The same with these settings, where it is made already.
+        The fit with these settings. Default: computed.
+    brightness : array_like, shape (n,), optional
+        As in `sensitivities`.
     **settings
-        Those of `fit_registration`: model, robust, weights, covariances.
+        Parameters of `fit_registration`: model, robust, weights, covariances.
 
     Returns
     -------
     list of Finding
-        Empty where nothing is doubtful.
 
     Raises
     ------
     ValueError
-        If the stars cannot be fitted.
+        If the stars do not fix the model.
 
     Examples
     --------
@@ -161,15 +364,21 @@ def diagnose(
     """
     settings = {"model": "similarity", "robust": False, **settings}
     fit = fit or fit_registration(source, target, pivot, **settings)
-    exact = fits_exactly(fit, source, target)
-    told = "" if exact else rounded(np.hstack([source, target]))
-    found = [*_units(source, target, fit), *_repeated(source, target, named), *_line(source)]
-    found += _errors(fit) if fit.errors_known else _size(fit, exact)
-    if told:
-        found.append(Finding("rounded", f"{told}: their noise is lost in the rounding"))
-    if exact or told:
-        return found + _dropped(fit, settings, named)
-    return found + _misfits(source, target, pivot, named, settings, fit)
+    found = [*_units(source, target), *_duplicates(source, target, named), *_line(source)]
+    if fit.errors_known:
+        found += _errors(fit)
+    elif fit.degrees_of_freedom <= 0:
+        found.append(Finding("few", "the stars leave no degree of freedom to estimate the errors"))
+    if settings["robust"]:
+        found += _dropped(fit, settings, named)
+    if fits_exactly(fit, source, target):
+        exact = Finding("exact", "the residuals are zero, so the errors cannot be estimated")
+        # Without a degree of freedom the residuals are zero by construction.
+        return found if fit.errors_known or fit.degrees_of_freedom <= 0 else [*found, exact]
+    if tied(source, target):
+        text = "many stars have exactly equal displacements: rounding hides their noise"
+        return [*found, Finding("tied", text)]
+    return found + _misfits(source, target, pivot, named, settings, fit, brightness)
 
 
 def _misfits(
@@ -179,34 +388,49 @@ def _misfits(
     named: _Named,
     settings: dict[str, Any],
     fit: RegistrationFit,
+    brightness: ArrayLike | None,
 ) -> list[Finding]:
-    """Say what does not fit: the model, or single stars, or both."""
-    model, found = settings["model"], []
-    if better := _better_model(source, target, pivot, **settings):
-        model = better[0]
-        found.append(Finding("model", better[1]))
-    if settings["robust"] and not found:
-        return _dropped(fit, settings, named)
-    if not found and _none_far(fit, settings):
-        return found
-    off = _wrong_matches(source, target, pivot, **settings | {"model": model})
-    suspects = np.flatnonzero(off)
-    rows = tuple(suspects[np.argsort(-off[suspects])].tolist())
-    if rows:
-        of = f" of the {_CALLED.get(model, model)}" if found else ""
-        text = (
-            f"{len(rows)} of {len(off)} stars do not fit the others ({named(rows)}; up to "
-            f"{off.max():.3g} standard deviations{of} off): wrong matches? a robust fit or "
-            "registration-mixture tolerates them"
-        )
-        found.append(Finding("mismatched", text, rows))
-    return found
+    """Return the warnings of the model and of single stars."""
+    searched = not settings["robust"] and not _none_far(fit, settings)
+    # Wrong matches must not hide a distortion.
+    robust = _robustly(source, target, pivot, **settings) if searched else None
+    right = robust or fit
+    known = {name: one for name, one in settings.items() if name.endswith("covariance")}
+    terms = sensitivities(right, source, target, brightness, **known)
+    limit = FALSE_ALARM / max(len(terms), 1)
+    doubtful = sorted((one for one in terms if one.p_value < limit), key=lambda one: one.p_value)
+    found = [_warning(one, right.names, True) for one in doubtful[:1]]
+    if terms and not doubtful:
+        most = max(terms, key=lambda one: np.abs(one.change).max() * (one.term != "brightness"))
+        if np.abs(most.change).max() > _MAX_CHANGE:
+            found.append(_warning(most, right.names, False))
+    # A distortion must not be taken for wrong matches.
+    model = next(filter(None, (_MODELS.get(one.term) for one in doubtful)), None)
+    if robust and model:
+        robust = _robustly(source, target, pivot, **settings | {"model": model})
+    return found + _wrong_matches(robust, settings, named) if robust else found
+
+
+def _warning(term: Sensitivity, names: Sequence[str], significant: bool) -> Finding:
+    """Return what a term changes, as a warning if it is significant, otherwise as a note."""
+    worst = int(np.abs(term.change).argmax())
+    change = f"{names[worst]} by {term.change[worst]:.2g} standard deviations"
+    if term.term == "brightness":
+        text = f"bright and faint stars differ in {change}: do the centroids depend on the flux?"
+        return Finding("brightness", text)
+    model = _MODELS.get(term.term)
+    remedy = f'. Pass model="{model}"' if model else ""
+    if significant:
+        text = f"{_NAMES[term.term]} improves the fit (p = {term.p_value:.1g})"
+        return Finding("model", f"{text} and changes {change}{remedy}")
+    text = f"the intervals assume no {term.term} term, which would change {change}{remedy}"
+    return Finding("sensitive", text)
 
 
 def _none_far(fit: RegistrationFit, settings: dict[str, Any]) -> bool:
-    """Whether of very many stars none is far by the median of all: a robust fit would keep them."""
+    """Return whether no residual of a large field without weights is far above the median."""
     keys = ("weights", "source_covariance", "target_covariance")
-    if len(fit.residuals) < _COMPARED or any(settings.get(key) is not None for key in keys):
+    if len(fit.residuals) < _LARGE_FIELD or any(settings.get(key) is not None for key in keys):
         return False
     lengths = np.hypot(*fit.residuals.T)
     limit = np.sqrt(2 * np.log(len(lengths) / _ALARM))
@@ -216,7 +440,7 @@ def _none_far(fit: RegistrationFit, settings: dict[str, Any]) -> bool:
 def _robustly(
     source: FloatArray, target: FloatArray, pivot: ArrayLike, **settings: Any
 ) -> RegistrationFit | None:
-    """Return the robust fit, or None where the stars are too few or too close for one."""
+    """Return the robust fit, or None if the stars are too few or coincide."""
     try:
         return fit_registration(source, target, pivot, **settings | {"robust": True})
     except validate.MirroredPointsError:
@@ -225,227 +449,101 @@ def _robustly(
         return None
 
 
-def _wrong_matches(
-    source: FloatArray, target: FloatArray, pivot: ArrayLike, **settings: Any
-) -> FloatArray:
-    """Return how many standard deviations of the others each suspect is off, else zero, (n,)."""
-    fit = _robustly(source, target, pivot, **settings)
-    off = np.zeros(len(source))
-    # Of three stars that fit the scatter says next to nothing.
-    if fit is None or fit.degrees_of_freedom < _LEAST:
-        return off
+def _wrong_matches(fit: RegistrationFit, settings: dict[str, Any], named: _Named) -> list[Finding]:
+    """Return the warning that names the stars that a robust fit left out."""
     out = _left_out(fit, settings)
-    # What the others leave of themselves, known errors or not.
-    kept = fit.residuals[fit.weights > 0]
-    noise = np.sqrt(np.square(kept).sum() / max(float(fit.degrees_of_freedom), 1.0))
-    off[out] = np.hypot(*fit.residuals[out].T) / max(noise, np.finfo(float).tiny)
-    return off
+    if fit.degrees_of_freedom < _MIN_FREEDOM or not out.any():
+        return []
+    lengths = np.hypot(*fit.residuals.T)
+    noise = np.sqrt(np.square(lengths[fit.weights > 0]).sum() / float(fit.degrees_of_freedom))
+    rows = np.flatnonzero(out)
+    rows = rows[np.argsort(-lengths[rows])]
+    furthest = lengths[rows[0]] / max(float(noise), np.finfo(float).tiny)
+    text = (
+        f"{len(rows)} of {len(out)} stars do not fit the others ({named(rows.tolist())}; up to "
+        f"{furthest:.3g} standard deviations): wrong matches? Pass robust=True, or use "
+        "registration-mixture"
+    )
+    return [Finding("mismatched", text, tuple(rows.tolist()))]
 
 
 def _left_out(fit: RegistrationFit, settings: dict[str, Any]) -> NDArray[np.bool_]:
-    """Return which stars a robust fit left out by itself, (n,)."""
+    """Return the stars that a robust fit left out, (n,)."""
     given = settings.get("weights")
     return np.asarray((fit.weights == 0) & (np.asarray(1.0 if given is None else given) > 0))
 
 
-def _better_model(
-    source: FloatArray, target: FloatArray, pivot: ArrayLike, **settings: Any
-) -> tuple[str, str] | None:
-    """Return a model that fits better than chance allows, and the sentence that says so.
-
-    Both are fitted to those stars that the richer one keeps.
-    """
-    source, target, settings = _thinned(source, target, settings)
-    candidates = []
-    for model in _RICHER[settings.get("model", "similarity")]:
-        rich = _robustly(source, target, pivot, **settings | {"model": model})
-        if rich is None or rich.degrees_of_freedom <= 0:
-            continue
-        plain = fit_registration(
-            source, target, pivot, **settings | {"robust": False, "weights": rich.weights}
-        )
-        if _chance(plain, rich) < _BETTER:
-            # Of several the one that gains most for its parameters (Schwarz, 1978).
-            count = 2 * np.count_nonzero(rich.weights)
-            cost = count * np.log(rich.chi_square) + len(MODELS[model]) * np.log(count)
-            candidates.append((float(cost), model, plain, rich))
-    if not candidates:
-        return None
-    _, model, plain, rich = min(candidates, key=lambda one: one[0])
-    kept = rich.weights > 0
-    before, after = (np.sqrt(np.square(fit.residuals[kept]).mean()) for fit in (plain, rich))
-    called = _CALLED.get(model, model)
-    cause = "do they turn or change scale" if model in ("rigid", "similarity") else "distortion"
-    return model, (
-        f"{called} fits the stars better than {_CALLED.get(plain.model, plain.model)} (rms "
-        f'{before:.3g} → {after:.3g} px): {cause}? take model="{model}"'
-    )
+def _units(source: FloatArray, target: FloatArray) -> list[Finding]:
+    """Return the warning of coordinates that are perhaps not in pixels."""
+    spans = [np.ptp(one[thinned(len(one), _LARGE_FIELD)], axis=0).max() for one in (source, target)]
+    if max(spans) < _MIN_SPAN:
+        return [Finding("unit", f"the stars span {max(spans):.4g} px: are these pixels?")]
+    sizes = [np.median(np.abs(one - np.median(one, axis=0))) for one in (source, target)]
+    ratio = max(sizes) / max(min(sizes), np.finfo(float).tiny)
+    if min(sizes) > 0 and ratio > _MAX_RATIO:
+        text = f"one image spans {ratio:.3g} times the other: are both in pixels?"
+        return [Finding("unit", text)]
+    return []
 
 
-def _thinned(
-    source: FloatArray, target: FloatArray, settings: dict[str, Any]
-) -> tuple[FloatArray, FloatArray, dict[str, Any]]:
-    """Return so many stars at most, spread evenly over the rows, and what is said of each."""
-    some = thinned(len(source), _COMPARED)
-    axes = {"weights": 1, "source_covariance": 3, "target_covariance": 3}
-    own = {k: np.asarray(v)[some] for k, v in settings.items() if axes.get(k) == np.ndim(v)}
-    return source[some], target[some], settings | own
+def _duplicates(source: FloatArray, target: FloatArray, named: _Named) -> list[Finding]:
+    """Return the warning of rows that repeat a star of an earlier row."""
+    rows = np.union1d(_repeated(source), _repeated(target)).tolist()
+    if not rows:
+        return []
+    text = f"{len(rows)} of {len(source)} rows repeat a star of an earlier row ({named(rows)})"
+    return [Finding("duplicate", text, tuple(rows))]
 
 
-def _chance(plain: RegistrationFit, rich: RegistrationFit) -> float:
-    """How often a needless model gains as much, by the F law."""
-    more = len(rich.names) - len(plain.names)
-    freedom = float(rich.degrees_of_freedom)
-    gain = float(plain.chi_square - rich.chi_square) / more
-    ratio = gain / max(float(rich.chi_square) / freedom, np.finfo(float).tiny)
-    if ratio < 2:  # no freedom makes so little rare, and SciPy need not be loaded
-        return 1.0
-    from scipy.special import fdtrc
-
-    return float(fdtrc(more, freedom, ratio))
-
-
-def _units(source: FloatArray, target: FloatArray, fit: RegistrationFit) -> list[Finding]:
-    """Ask after the unit of stars that are small, far from their pivot, or unlike each other."""
-    pivot, low, high = fit.transform.pivot, source.min(axis=0), source.max(axis=0)
-    span, outside = float((high - low).max()), float(np.maximum(low - pivot, pivot - high).max())
-    far = f", and the pivot lies {outside:.4g} outside them" if outside > span else ""
-    found = []
-    if far or span < _SMALL:
-        found.append(f"the stars span {span:.4g}{far} (are these pixels?)")
-    some = thinned(len(source), _COMPARED)
-    pair = (source[some], target[some])
-    middle = [np.median(np.hypot(*(one - np.median(one, axis=0)).T)) for one in pair]
-    if min(middle) > 0 and max(middle) > _APART * min(middle):
-        found.append(
-            f"one image spans {max(middle) / min(middle):.3g} times the other (are both in pixels?)"
-        )
-    return [Finding("unit", text) for text in found]
-
-
-def _repeated(source: FloatArray, target: FloatArray, named: _Named) -> list[Finding]:
-    """Name rows that repeat an earlier one, or that share a star of one image with it."""
-    alike = {"source": _again(source), "target": _again(target)}
-    # Who repeats a row repeats both of its stars.
-    doubtful = min(map(len, alike.values())) > 0
-    repeats = _again(np.hstack([source, target])) if doubtful else np.empty(0, dtype=np.intp)
-    told = [("repeated", repeats, "repeat an earlier one")]
-    for name, again in alike.items():
-        text = f"share the star of the {name} with an earlier one"
-        told.append(("shared", np.setdiff1d(again, repeats), text))
-    found = []
-    for kind, again, text in told:
-        if len(again):
-            rows = tuple(again.tolist())
-            count = f"{len(rows)} of {len(source)} stars {text} ({named(rows)})"
-            found.append(Finding(kind, f"{count}: each counts as a star of its own", rows))
-    return found
-
-
-def _again(stars: FloatArray) -> NDArray[np.intp]:
-    """Return the rows, in order, that repeat an earlier one."""
-    sums = np.sort(stars[:, 0] + np.pi * stars[:, -1])  # rows that are equal have equal sums
+def _repeated(stars: FloatArray) -> NDArray[np.intp]:
+    """Return the rows that repeat an earlier one."""
+    sums = np.sort(stars[:, 0] + np.pi * stars[:, 1])  # equal rows have equal sums
     if (sums[1:] > sums[:-1]).all():
         return np.empty(0, dtype=np.intp)
-    order = np.lexsort(stars.T)  # keeps the order of equal rows
-    same = (stars[order[1:]] == stars[order[:-1]]).all(axis=1)
-    return np.sort(order[1:][same])
+    first = np.unique(stars, axis=0, return_index=True)[1]
+    return np.setdiff1d(np.arange(len(stars)), first)
 
 
 def _line(source: FloatArray) -> list[Finding]:
-    """Say that stars lie in a line, which a mirror image fits as well."""
+    """Return the warning of stars in a line, which a mirror image fits as well."""
     if len(source) < 3:
         return []
-    some = source[thinned(len(source), _COMPARED)]
+    some = source[thinned(len(source), _LARGE_FIELD)]
     length, width = np.linalg.svd(some - some.mean(axis=0), compute_uv=False)
-    if width > _THIN * length:
+    if width > _LINE_RATIO * length:
         return []
     return [Finding("line", "the stars lie in a line: their mirror image would fit as well")]
 
 
-def _size(fit: RegistrationFit, exact: bool) -> list[Finding]:
-    """Say what the scatter cannot tell."""
-    if fit.degrees_of_freedom <= 0:
-        return [Finding("spare", "no star is to spare, so the size of the errors is unknown")]
-    if exact:
-        return [Finding("exact", "the stars fit without any error, so their errors are unknown")]
-    return []
-
-
 def _errors(fit: RegistrationFit) -> list[Finding]:
-    """Say that the scatter is not that of the errors given."""
-    freedom = float(fit.degrees_of_freedom)
-    ratio = float(fit.chi_square) / max(freedom, 1.0)
-    # Beyond four standard deviations of chi-square over its freedom; then by its law.
-    if freedom <= 0 or abs(ratio - 1) < 2 * np.sqrt(2 / freedom):
+    """Return the warning of residuals that contradict the given errors."""
+    if fit.degrees_of_freedom <= 0:
         return []
-    from scipy.special import chdtr, chdtrc
-
-    if min(chdtr(freedom, fit.chi_square), chdtrc(freedom, fit.chi_square)) > _BETTER:
+    ratio = float(fit.chi_square) / float(fit.degrees_of_freedom)
+    low, high = chi_square_range(fit)
+    if low < ratio < high:
         return []
-    text = f"the stars scatter {np.sqrt(ratio):.3g} times as much as their given errors"
-    return [Finding("errors", f"{text}; the deviations follow these")]
+    text = (
+        f"the residuals are {np.sqrt(ratio):.3g} times the given errors. To estimate the errors "
+        "from the residuals, pass weights 1 / sigma^2 instead"
+    )
+    return [Finding("errors", text)]
 
 
 def _dropped(fit: RegistrationFit, settings: dict[str, Any], named: _Named) -> list[Finding]:
-    """Name the stars that a robust fit left out."""
-    if not settings["robust"]:
-        return []
-    rows = tuple(np.flatnonzero(_left_out(fit, settings)).tolist())
-    found: list[Finding] = []
+    """Return the warnings of a robust fit: the stars that it left out, and too few stars."""
+    rows, found = tuple(np.flatnonzero(_left_out(fit, settings)).tolist()), []
     if rows:
         text = f"{len(rows)} of {len(fit.weights)} stars have zero weight ({named(rows)})"
         found.append(Finding("dropped", text, rows))
-    if len(fit.weights) < _FEW:
-        text = f"of {len(fit.weights)} stars a robust fit can tell one to be wrong, not two"
+    if len(fit.weights) < _MIN_STARS_ROBUST:
+        text = f"with {len(fit.weights)} stars a robust fit can detect one wrong match, not two"
         found.append(Finding("few", text))
     return found
 
 
-def rounded(stars: FloatArray) -> str:
-    """Say how many stars rounding has moved alike; nothing where it does not matter.
-
-    Parameters
-    ----------
-    stars : ndarray, shape (n, 4)
-        Their places in the source and in the target, in px.
-
-    Returns
-    -------
-    str
-
-    Examples
-    --------
-    >>> field = np.arange(40.0).reshape(20, 2) ** 1.5 // 1
-    >>> rounded(np.hstack([field, field + 3]))
-    '20 of 20 stars moved alike to the last digit, 1 px'
-    """
-    first, second, _ = _thinned(stars[:, :2], stars[:, -2:], {})
-    decimals = None if len(stars) < _ALIKE else _decimals(np.hstack([first, second]))
-    if decimals is None:
-        return ""
-    digit = 10.0**-decimals
-    scale, theta = robust_similarity(first, second, first.mean(axis=0)).parameters[:2]
-    apart = max(abs(scale - 1), abs(theta)) * float(np.ptp(first, axis=0).max())
-    moved = ((second - first) / digit).round()
-    alike = int(np.unique(moved, axis=0, return_counts=True)[1].max())
-    if apart > _STILL * digit or alike <= max(2, _TIED * len(first)):
-        return ""
-    return f"{alike} of {len(first)} stars moved alike to the last digit, {digit:g} px"
-
-
-def _decimals(stars: FloatArray) -> int | None:
-    """How many decimals write all coordinates; None where they have more than are looked at."""
-    for decimals in range(_DECIMALS):
-        with np.errstate(over="ignore"):
-            scaled = stars * 10.0**decimals
-        if np.allclose(scaled, scaled.round(), rtol=0, atol=1e-6):
-            return decimals
-    return None
-
-
 def robust_similarity(source: FloatArray, target: FloatArray, pivot: FloatArray) -> RegistrationFit:
-    """Fit the similarity of the stars that fit; of all where they are too few or half coincide.
+    """Return the robust similarity, or the plain one if the stars are too few or coincide.
 
     Parameters
     ----------
