@@ -1,25 +1,30 @@
 """Examine the relations of a paper: which agree, which contradict, and on what agreement rests.
 
-And how contradictions hang together: in groups, and as smallest sets that cannot all be right.
+Contradictions form groups, and sets of cells that cannot all be right.
 """
 
 from __future__ import annotations
 
-import functools
 import itertools
 import math
-from bisect import bisect_left
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from reproduce.audit import intervals
 from reproduce.audit.relation import Relation, Sheet, Unknown
 from reproduce.printed.cells import Cell
+from reproduce.printed.corners import Corners, corner_intervals
 from reproduce.printed.number import Interval, PrintedNumber, si_factor
 
 # Floating-point noise between the two sides of a relation, as a share of them.
 _NOISE = 1e-9
+# Fraction by which binary arithmetic may move the end of an interval.
+_SLACK = 1e-12
+# Two intervals of one printed number touch at an end, or share at least half a unit of the finer
+# number. This fraction of the interval distinguishes the two cases.
+_END = 1e-3
+# Name of the tolerance among the inputs of a relation.
+_TOLERANCE = "tolerance"
 RelationOutcome = Literal[
     "agrees", "agrees only through rounding", "agrees only within a tolerance", "contradicts"
 ]
@@ -89,6 +94,59 @@ class Agreement:
     members: tuple[str, ...]
 
 
+def _gaps(
+    relation: Relation, cells: Sheet, sides: Mapping[str, float], unknown: float = math.nan
+) -> dict[str, float]:
+    """Return left minus right in SI, with inputs at the ends of their intervals."""
+    values = {}
+    for address in relation.addresses:
+        low, high = cells[address].allowed
+        inner = _END * (high - low) * relation.repeats
+        low, high = low + inner - _SLACK * abs(low), high - inner + _SLACK * abs(high)
+        values[address] = {-1.0: low, 1.0: high}.get(sides.get(address, 0.0), cells[address].si)
+    right = relation.sides(values, unknown)[1]
+    if (tolerance := relation.tolerance) and (side := sides.get(_TOLERANCE)):
+        right += side * tolerance.si * (1.0 if tolerance.unit else right)
+    lefts = relation.signed(values, unknown)
+    return {str(i): left - right for i, left in enumerate(lefts)}
+
+
+def _contradiction(relation: Relation, cells: Sheet) -> tuple[str, ...]:
+    """Return the inputs that could reduce a contradiction; empty if the relation can hold."""
+    inputs = (*relation.addresses, _TOLERANCE)
+    if relation.unknown is not None:
+        return () if _projection(relation, cells) else inputs
+    found = corner_intervals(lambda sides: _gaps(relation, cells, sides), inputs)
+    for low, high, moved in found.values():
+        if math.isnan(low) and math.isnan(high):  # such as a root of a negative number
+            return inputs
+        if low > 0 and relation.formula.sign != ">=":
+            return tuple(name for name, sides in moved.items() if sides[0])
+        if high < 0 and relation.formula.sign != "<=":
+            return tuple(name for name, sides in moved.items() if sides[1])
+    return ()
+
+
+def _projection(relation: Relation, cells: Sheet) -> Corners | None:
+    """Return the interval of its unknown that a relation allows, in SI; None if it is empty."""
+    from scipy.optimize import brentq  # its import takes longer than the audit of a paper
+
+    if relation.unknown is None:
+        return None
+    low, high = relation.unknown.domain
+
+    def root(sides: Mapping[str, float]) -> dict[str, float]:
+        gaps = [_gaps(relation, cells, sides, end)["0"] for end in (low, high)]
+        if gaps[0] * gaps[1] > 0:  # the root is outside of the domain
+            return {"root": -math.inf if abs(gaps[0]) < abs(gaps[1]) else math.inf}
+        found = brentq(lambda u: _gaps(relation, cells, sides, u)["0"], low, high, xtol=1e-300)
+        return {"root": float(found)}
+
+    found = corner_intervals(root, (*relation.addresses, _TOLERANCE))["root"]
+    shared = max(found.low, low), min(found.high, high)
+    return Corners(*shared, found.sides) if shared[0] <= shared[1] else None
+
+
 def agreements(cells: Sheet, relations: Iterable[Relation]) -> dict[str, Agreement]:
     """Find, for each unknown by name, the largest set of relations that agree on one value."""
     groups: dict[Unknown, list[Relation]] = {}
@@ -97,8 +155,7 @@ def agreements(cells: Sheet, relations: Iterable[Relation]) -> dict[str, Agreeme
             groups.setdefault(relation.unknown, []).append(relation)
     found = {}
     for unknown, group in groups.items():
-        boxes = intervals.printed_intervals(cells, group)
-        allows = {r.name: own for r in group if (own := intervals.projection(r, boxes)) is not None}
+        allows = {r.name: own[:2] for r in group if (own := _projection(r, cells)) is not None}
         found[unknown.name] = _largest_agreement(unknown, allows)
     return found
 
@@ -125,13 +182,12 @@ def contradicted(cells: Sheet, relations: Sequence[Relation]) -> frozenset[str]:
     that are not in all of them count as contradicting.
     """
     shared = agreements(cells, relations)
-    boxes = intervals.printed_intervals(cells, relations)
 
     def holds(relation: Relation) -> bool:
         if relation.kind == "print":
             return _agrees(relation, cells, *_sides(relation, cells, shared))
         if relation.unknown is None:
-            return intervals.contract(relation, boxes) is not None
+            return not _contradiction(relation, cells)
         return relation.name in shared[relation.unknown.name].members
 
     return frozenset(relation.name for relation in relations if not holds(relation))
@@ -230,22 +286,21 @@ def groups(cells: Sheet, relations: Sequence[Relation]) -> list[list[Relation]]:
 
 @dataclass(frozen=True)
 class Conflict:
-    """Addresses of cells that cannot all be right, and the names of the relations that say so.
-
-    With any one of the cells free, the relations can hold.
-    """
+    """Addresses of cells that cannot all be right, and the names of the relations between them."""
 
     cells: tuple[str, ...]
     relations: tuple[str, ...]
 
 
-def conflicts(cells: Sheet, relations: Sequence[Relation]) -> list[Conflict]:
-    """Return the smallest sets of cells that cannot all be right, in order of their size.
+def conflicts(
+    cells: Sheet, relations: Sequence[Relation], joint: Sequence[Relation] = ()
+) -> list[Conflict]:
+    """Return sets of cells that cannot all be right, in order of their size.
 
-    A relation that contradicts by itself gives one set. Relations that share an unknown conflict
-    in pairs: intervals of one number have a common point if and only if every two of them have.
-    Relations that hold one by one but not together are found by propagation through all. Each set
-    is minimal: free any of its cells, and the rest can be right.
+    A relation that contradicts by itself gives one set: the cells that could reduce it. Relations
+    that share an unknown conflict in pairs: intervals of one number have a common point if and only
+    if every two of them have. `joint` contains the declared combinations of relations, each named
+    after its parts.
     """
     wrong = contradicted(cells, relations)
     found = [
@@ -255,42 +310,14 @@ def conflicts(cells: Sheet, relations: Sequence[Relation]) -> list[Conflict]:
         for a, b in itertools.combinations(r.addresses, 2)
         if _last_digit(cells[a]) != _last_digit(cells[b])
     ]
-    kept = [relation for relation in relations if relation.kind != "print"]
-    boxes = intervals.printed_intervals(cells, kept)
-
-    def apart(together: Sequence[Relation]) -> bool:
-        return intervals.propagate(together, boxes) is None
-
-    alone = [[relation] for relation in kept if apart([relation])]
-    asked = [(r, p) for r in kept if (p := intervals.projection(r, boxes)) is not None]
-    pairs = [
-        [one, two]
-        for (one, a), (two, b) in itertools.combinations(asked, 2)
-        if one.unknown is two.unknown and not intervals.meet(a, b)
-    ]
-    found += [_smallest(cells, together) for together in (*alone, *pairs)]
-    kept = [relation for relation in kept if relation.name not in wrong]
-    while apart(kept):
-        needed: list[Relation] = []
-        rest = kept
-        while not apart(needed):
-            # As many as can go in order, then one that cannot.
-            cut = functools.partial(lambda held, left, n: not apart(held + left[n:]), needed, rest)
-            first = bisect_left(range(len(rest) + 1), True, key=cut)
-            needed, rest = [*needed, rest[first - 1]], rest[first:]
-        found.append(_smallest(cells, needed))
-        kept.remove(needed[-1])
+    for relation in (*relations, *joint):
+        if relation.kind != "print" and (blamed := _contradiction(relation, cells)):
+            own = tuple(a for a in relation.addresses if a in blamed)
+            found.append(Conflict(own, tuple(relation.name.split(" + "))))
+    asked = [(r, p) for r in relations if (p := _projection(r, cells)) is not None]
+    for (one, a), (two, b) in itertools.combinations(asked, 2):
+        if one.unknown is two.unknown and max(a.low, b.low) > min(a.high, b.high):
+            both = dict.fromkeys(x for x in (*a.sides, *b.sides) if x != _TOLERANCE)
+            found.append(Conflict(tuple(both), (one.name, two.name)))
     unique = {frozenset(conflict.cells): conflict for conflict in reversed(found)}
     return sorted(unique.values(), key=lambda conflict: (len(conflict.cells), conflict.cells))
-
-
-def _smallest(cells: Sheet, relations: Sequence[Relation]) -> Conflict:
-    """Free cells one by one as long as the rest is still in conflict."""
-    state = intervals.printed_intervals(cells, relations)
-    blamed = list(state)
-    for address in list(state):
-        freed = state | {address: intervals.EVERYTHING}
-        if intervals.propagate(relations, freed) is None:
-            state = freed
-            blamed.remove(address)
-    return Conflict(tuple(blamed), tuple(relation.name for relation in relations))

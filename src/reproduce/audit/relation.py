@@ -64,13 +64,16 @@ def functions(known: Mapping[str, Callable[..., Any]]) -> dict[str, Any]:
 _PLAIN: dict[str, Callable[..., Any]] = {"abs": abs, "min": min, "max": max}
 _PLAIN |= {name: getattr(math, name) for name in ("sqrt", "sin", "tan", "atan")}
 _FLOATS = functions(_PLAIN)
+# An absolute value is below a limit if the value and its negative are.
+_SIGNED = [functions(_PLAIN | {"abs": sign}) for sign in (operator.pos, operator.neg)]
 
 
 class Formula:
     """A comparison between two expressions, of the form ``left = right``, ``<=`` or ``>=``.
 
     `result` is the name that stands alone on the left of an equation, empty if none does; `bare`
-    tells whether both sides are nothing but a name.
+    tells whether both sides are nothing but a name, `absolute` whether the left side is an absolute
+    value with a limit.
 
     Examples
     --------
@@ -85,6 +88,7 @@ class Formula:
         self._sides = [compile(side, "<formula>", "eval") for side in (left, right)]
         self.result = left if left.isidentifier() and self.sign == "=" else ""
         self.bare = left.isidentifier() and right.isidentifier()
+        self.absolute = left.startswith("abs(") and self.sign == "<="
 
     def __reduce__(self) -> tuple[type[Formula], tuple[str]]:
         """Keep the text alone, from which it can be read again."""
@@ -212,10 +216,20 @@ class Relation:
         }
         return found if self.unknown is None else {**found, self.unknown.name: unknown}
 
-    def sides(self, by_address: Mapping[str, float], unknown: float = 0.0) -> tuple[float, float]:
-        """Return both sides at given values of the cells, in SI; NaN where they have none."""
+    def signed(self, by_address: Mapping[str, float], unknown: float) -> list[float]:
+        """Return the left side in SI; also its negative if it is an absolute value with a limit."""
+        known = _SIGNED if self.formula.absolute else [_FLOATS]
+        return [self.sides(by_address, unknown, one)[0] for one in known]
+
+    def sides(
+        self,
+        by_address: Mapping[str, float],
+        unknown: float = 0.0,
+        known: Mapping[str, Any] = _FLOATS,
+    ) -> tuple[float, float]:
+        """Return both sides at given values of the cells, in SI; NaN if they have none."""
         try:
-            left, right = self.formula.values(self.values(by_address, unknown))
+            left, right = self.formula.values(self.values(by_address, unknown), known)
         except (ArithmeticError, ValueError):  # a division by zero, a root of a negative number
             return math.nan, math.nan
         return float(left), float(right)

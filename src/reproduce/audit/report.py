@@ -294,18 +294,23 @@ def audit_paper(paper: str) -> Audit:
     """Audit the printed numbers and equations of a paper."""
     tables = (table for key, table in library().items() if key.startswith(f"{paper}/"))
     cells = {cell.address: cell for table in tables for cell in table.cells if cell.is_number}
-    return audit(paper, cells, declared(declarations(paper), cells, f"{paper}/"))
+    content = declarations(paper)
+    joint = {"relations": {"joint": content.get("joint", [])}}
+    every = (declared(one, cells, f"{paper}/") for one in (content, joint))
+    return audit(paper, cells, *every)
 
 
-def audit(name: str, cells: Sheet, relations: Sequence[Relation]) -> Audit:
-    """Audit some cells by relations between them."""
+def audit(
+    name: str, cells: Sheet, relations: Sequence[Relation], joint: Sequence[Relation] = ()
+) -> Audit:
+    """Audit some cells by relations between them, and by declared combinations of relations."""
     read = [relation for relation in relations if not relation.supposition]
     texts = declarations(name).get("equations", {})
     return Audit(
         name=name,
         cells=cells,
         findings=tuple(examine.examine(cells, relations)),
-        conflicts=tuple(examine.conflicts(cells, read)),
+        conflicts=tuple(examine.conflicts(cells, read, joint)),
         groups=tuple(tuple(r.name for r in group) for group in examine.groups(cells, read)),
         unknowns=examine.agreements(cells, relations),
         equations=tuple(Demonstration(n, *_RUNS[n](cells), **t) for n, t in texts.items()),

@@ -14,6 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from reproduce.papers.declare import Computation, Prediction, Result
 from reproduce.printed.cells import Cell
+from reproduce.printed.corners import corner_intervals
 from reproduce.printed.given import Given
 from reproduce.printed.number import PrintedNumber, si_factor
 
@@ -267,29 +268,17 @@ def joint_probability(
 def result_intervals(computation: Computation, given: Given) -> dict[str, Propagated]:
     """Propagate the rounding of the printed inputs through a deterministic computation.
 
-    Each input is moved to both ends of its rounding interval on its own to see which way every
-    result goes (both, because a smallest or largest value may respond to one side only); then all
-    inputs are moved together to the corner that makes the result smallest and to the one that
-    makes it largest. These corners are the exact ends of a result that is monotone in each input.
-    An enclosure of each formula (`reproduce.audit`) gives the same interval, so every result here
-    is monotone.
-
-    The result maps each cell name to its interval.
+    The result maps each cell name to its interval, by `corner_intervals`. Tests compare every
+    interval with results at random points inside the rounding intervals.
     """
-    centre = _values(computation, given)
-    slopes: dict[str, dict[str, float]] = {name: {} for name in centre}
-    for cell in given.numbers():
-        for side in (1.0, -1.0):
-            for name, value in _values(computation, given.shifted({cell.address: side})).items():
-                if value != centre[name]:
-                    slopes[name][cell.address] = side if value > centre[name] else -side
-    found = {}
-    for name, signs in slopes.items():
-        corners = ({a: side * sign for a, sign in signs.items()} for side in (-1.0, 1.0))
-        ends = [_values(computation, given.shifted(one))[name] for one in corners]
-        wide = any(given.cells[address].number.qualifier in _WIDE for address in signs)
-        found[name] = Propagated(min(ends), max(ends), wide)
-    return found
+    addresses = [cell.address for cell in given.numbers()]
+    corners = corner_intervals(lambda sides: _values(computation, given.shifted(sides)), addresses)
+    return {
+        name: Propagated(
+            one.low, one.high, any(given.cells[a].number.qualifier in _WIDE for a in one.sides)
+        )
+        for name, one in corners.items()
+    }
 
 
 def _values(computation: Computation, given: Given) -> dict[str, float]:

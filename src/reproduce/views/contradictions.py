@@ -62,7 +62,7 @@ class _Part(Blocks):
 class Contradictions(Display):
     """What the printed numbers of papers say of each other, and the errata.
 
-    Its parts are ``score``, ``relations``, ``sets`` (the smallest sets of numbers that cannot all
+    Its parts are ``score``, ``relations``, ``sets`` (the sets of numbers that cannot all
     be right), ``equations`` (run as extracted), ``errata`` and ``suppositions`` (entries that
     suppose something): ``contradictions("chen2023")["relations"]``. Each shows itself and has a
     ``frame()``.
@@ -213,7 +213,7 @@ _RELATION: _Columns = {
 
 
 def _sets(audits: Sequence[Audit]) -> _Part:
-    """List the smallest sets of cells that cannot all be right."""
+    """List the sets of cells that cannot all be right."""
     shown, rows = [], []
     for audit in audits:
         wrong = {f.relation.name for f in audit.read if f.outcome == "contradicts"}
@@ -226,7 +226,7 @@ def _sets(audits: Sequence[Audit]) -> _Part:
             }
             for conflict in audit.conflicts
         ]
-        what = f"All {len(own)} smallest sets of {audit.name} that cannot all be right"
+        what = f"All {len(own)} sets of {audit.name} that cannot all be right"
         shown.append(_folded(what, _SET, own))
         rows += own
     return _Part(tuple(shown), rows)

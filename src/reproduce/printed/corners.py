@@ -1,0 +1,59 @@
+"""Results at the corners of the rounding intervals of printed inputs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from typing import NamedTuple
+
+
+class Corners(NamedTuple):
+    """Lowest and highest result, and the inputs that it responds to.
+
+    Each input has its sides at the lowest and at the highest result.
+    """
+
+    low: float
+    high: float
+    sides: Mapping[str, tuple[float, float]]
+
+
+def corner_intervals(
+    results: Callable[[Mapping[str, float]], Mapping[str, float]], inputs: Iterable[str]
+) -> dict[str, Corners]:
+    """Return the interval of each result over the rounding intervals of the inputs.
+
+    Each input moves to both ends on its own, to find the direction in which every result moves.
+    Both ends are needed, because a smallest or largest value may respond to one of them only. Then
+    all inputs move to the corner of the smallest and to the corner of the largest result. An input
+    without an effect of its own stays as printed. The interval is exact for a result that is
+    strictly monotone in each of its inputs.
+
+    Parameters
+    ----------
+    results : callable
+        Function that returns results by name. Its argument maps inputs to -1 (low end of the
+        interval), 0 (as printed) or 1 (high end). Other inputs are as printed.
+    inputs : iterable of str
+        Names of the inputs.
+
+    Examples
+    --------
+    >>> corner_intervals(lambda sides: {"half": (5 + 0.5 * sides.get("a", 0)) / 2}, ["a", "b"])
+    {'half': Corners(low=2.25, high=2.75, sides={'a': (-1.0, 1.0)})}
+    """
+    centre = results({})
+    sides: dict[str, dict[str, tuple[float, float]]] = {name: {} for name in centre}
+    for moved in inputs:
+        down, up = (results({moved: side}) for side in (-1.0, 1.0))
+        for name, value in centre.items():
+            below, above = down[name] - value, up[name] - value
+            if below * above > 0:  # the printed value gives an extreme result
+                far = 1.0 if abs(above) > abs(below) else -1.0
+                sides[name][moved] = (0.0, far) if above > 0 else (far, 0.0)
+            elif below or above:
+                sides[name][moved] = (-1.0, 1.0) if above > below else (1.0, -1.0)
+    found = {}
+    for name, own in sides.items():
+        ends = [results({one: pair[end] for one, pair in own.items()})[name] for end in (0, 1)]
+        found[name] = Corners(min(ends), max(ends), own)
+    return found
