@@ -1,5 +1,6 @@
 """Promises between the project's own files."""
 
+import hashlib
 import json
 import math
 import os
@@ -197,3 +198,18 @@ def test_angle_factors():
     assert units.ARCSEC_PER_RADIAN * math.radians(1) == pytest.approx(3600, rel=1e-15)
     assert units.ARCMIN_PER_RADIAN * math.radians(1) == pytest.approx(60, rel=1e-15)
     assert pytest.approx(1, rel=1e-15) == units.ARCSEC_PER_RADIAN * units.RADIANS_PER_ARCSEC
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        one
+        for one in sorted((ROOT / "data/instruments").rglob("*"))
+        if one.is_file() and one.suffix not in {".md", ".txt"}
+    ],
+    ids=lambda path: path.name,
+)
+def test_files_of_instruments_are_those_of_their_readme(path: Path) -> None:
+    stated = (path.parent / "README.md").read_text(encoding="utf-8")
+    found = hashlib.sha256(path.read_bytes()).hexdigest()
+    assert re.search(rf"`{re.escape(path.name)}`.*`{found}`", stated)

@@ -12,11 +12,11 @@ from pathlib import Path
 
 import pytest
 
+import page_cells
 import reproduce
 
 ROOT = Path(__file__).parent.parent
 SOURCE = ROOT / "src" / "reproduce"
-CELL = re.compile(r"^```\{code-cell\}.*?\n(.*?)^```", re.MULTILINE | re.DOTALL)
 LINK = re.compile(r"\{py:(?:func|meth|class)\}`~?(reproduce\.[\w.]+)`")
 
 
@@ -78,8 +78,8 @@ def taken(source):
 
 def cells(path):
     """Return the code of a page, magic commands left out."""
-    code = "\n".join(CELL.findall(path.read_text(encoding="utf-8")))
-    return "\n".join(line for line in code.splitlines() if not line.startswith((":", "%", "!")))
+    code = "\n".join(page_cells.cells(path))
+    return "\n".join(line for line in code.splitlines() if not line.startswith(("%", "!")))
 
 
 def linked(path):

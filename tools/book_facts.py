@@ -3,7 +3,8 @@
 A printed cell has a name for each of its sides (``niu2024/table-3#scale.red computed``); an item, a
 paper and ``all`` have their counts (``niu2024/table-3 differs``); a study names its own results
 (``niu2024/readings#best-joint``), and so does a posterior (``posterior/registration#noise-mean``).
-The roles of the pages only look them up.
+A page may collect numbers of its cells in a series ``quoted``, and these have names too
+(``instruments/three-detectors#period``). The roles of the pages only look them up.
 
 ``python tools/book_facts.py BOOK [PAPER]...`` writes ``_build/facts.json`` into the folder of a
 book, with the facts of some papers alone where they are named; `make book` does all that the book
@@ -23,6 +24,7 @@ import pandas as pd
 from markupsafe import Markup
 from pydantic import BaseModel, Field
 
+import page_cells
 from reproduce.audit.report import Erratum
 from reproduce.judge.ledger import erratum
 from reproduce.judge.readings import all_readings
@@ -47,12 +49,35 @@ from reproduce.views.study import StudyTable
 from reproduce.views.table import Cell
 from reproduce.views.verdicts import facts_of
 
+# The line of a page that collects numbers of its cells.
+QUOTED = "quoted = pd.Series("
+
 
 def facts(*papers: str) -> dict[str, str]:
     """Compute every fact, or those of the cells, items and studies of some papers alone."""
     from reproduce.papers.posteriors import posteriors
 
     return unsampled(*papers) | ({} if papers else of_posteriors(posteriors()))
+
+
+def of_pages(pages: Iterable[Path]) -> dict[str, str]:
+    """Run the pages that collect numbers in a series ``quoted``, and return these by name."""
+    found: dict[str, str] = {}
+    for page in pages:
+        if any(QUOTED in source for source in page_cells.cells(page)):
+            address = page.relative_to(page_cells.BOOK).with_suffix("").as_posix()
+            quoted = page_cells.run(page).variables["quoted"]
+            found |= {f"{address}#{name}": _written(text) for name, text in quoted.items()}
+    return found
+
+
+def _written(text: str) -> str:
+    """Return a number with a true minus sign, and with a space before its unit that never breaks.
+
+    >>> _written("-0.02 px")
+    '−0.02\u202fpx'
+    """
+    return numbers.minus(text).replace(" ", "\u202f")
 
 
 def of_posteriors(names: Iterable[str]) -> dict[str, str]:
@@ -84,6 +109,7 @@ def unsampled(*papers: str) -> dict[str, str]:
     found |= {f"erratum/{name} cells": str(count) for name, count in causes.items() if name}
     found |= {f"verdict/{word}": meaning for word, meaning in verdicts.MEANINGS.items()}
     if not papers:
+        found |= of_pages(page_cells.notebooks())
         found |= {f"audit#{label}": text for label, text in _of_audits().items()}
         found |= {f"evidence#{label}": text for label, text in _of_evidence().items()}
     return {name: numbers.powers(text) for name, text in found.items()}

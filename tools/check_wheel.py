@@ -24,8 +24,11 @@ from pack_book import ARCHIVE, readme
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGE = ROOT / "book" / "niu2024" / "context.md"
-# One notebook of each part, and the commands of the page that says how to run them.
-PAGES = ("niu2024/context", "chen2023/context", "posteriors/own", "audit/relations")
+# Notebooks of each part, and the commands of the page that says how to run them.
+PAGES = (
+    *("niu2024/context", "chen2023/context", "posteriors/own", "audit/relations"),
+    *("instruments/three-detectors", "instruments/laser-metrology"),
+)
 COMMANDS = re.compile(r"^\.venv/bin/reproduce .*", re.MULTILINE)
 
 

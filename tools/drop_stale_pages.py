@@ -16,9 +16,11 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 BUILD = "book/_build"
-# What the numbers depend on, what every page depends on, and what the whole book depends on.
+# What the numbers depend on, the pages whose cells compute numbers of sentences, what every page
+# depends on, and what the whole book depends on.
 PARTS = {
     "numbers": ("src", "data", "environment.txt"),
+    "quoted": ("book/instruments",),
     "pages": (
         "book/_ext",
         "book/_config.yml",
@@ -97,7 +99,9 @@ class State:
         elif known.get("pages") != self.present["pages"]:
             for name in (".doctrees", "wheel"):
                 shutil.rmtree(self.build / name, ignore_errors=True)
-        if {**known, "book": ""} != {**self.present, "book": ""}:
+        if known.get("quoted") != self.present["quoted"]:
+            (self.build / "facts.json").unlink(missing_ok=True)
+        if {**known, "book": "", "quoted": ""} != {**self.present, "book": "", "quoted": ""}:
             shutil.rmtree(self.build / "html", ignore_errors=True)
         # A page that was read and warned of is not warned of again: should this build be cut short,
         # the next one reads all pages.

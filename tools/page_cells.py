@@ -23,10 +23,11 @@ BOOK = Path(__file__).resolve().parent.parent / "book"
 
 @dataclass
 class Shown:
-    """What the cells of a page show, in order."""
+    """What the cells of a page show, in order, and the variables that they define."""
 
     texts: list[str] = field(default_factory=list)
     seconds: float = 0.0
+    variables: dict[str, Any] = field(default_factory=dict)
 
 
 def cells(page: Path) -> list[str]:
@@ -62,12 +63,11 @@ def run(page: Path) -> Shown:
     Shown
         What they show; an error of a cell passes, with the page and the cell in its traceback.
     """
-    shown = Shown()
-    namespace: dict[str, Any] = {"__name__": "__main__"}
+    shown = Shown(variables={"__name__": "__main__"})
     begin = time.process_time()
     for number, source in enumerate(cells(page), start=1):
         with contextlib.redirect_stdout(io.StringIO()) as printed:
-            value = _execute(source, f"{page.name}, cell {number}", namespace)
+            value = _execute(source, f"{page.name}, cell {number}", shown.variables)
         shown.texts += [text for text in (printed.getvalue(), _text(value)) if text]
     shown.seconds = time.process_time() - begin
     return shown

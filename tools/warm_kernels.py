@@ -83,6 +83,7 @@ class WarmProvisioner(LocalProvisioner):
 
 def serve(arguments: list[str], folder: str | None, environment: Mapping[str, str] | None) -> None:
     """Be a kernel: what ``python -m ipykernel_launcher`` does, in the folder of the page."""
+    import matplotlib
     from ipykernel.kernelapp import IPKernelApp
 
     if folder:
@@ -90,6 +91,8 @@ def serve(arguments: list[str], folder: str | None, environment: Mapping[str, st
     os.environ.update(environment or {})
     sys.argv = ["ipykernel_launcher", *arguments]
     sys.path[0:0] = [""]  # as for a kernel: modules beside the page
+    # Matplotlib was imported before the kernel could name the backend that shows its figures.
+    matplotlib.rcParams["backend"] = "module://matplotlib_inline.backend_inline"
     # With a parent it ends when that ends, and does not tell a terminal how to leave it.
     IPKernelApp.launch_instance([*arguments, f"--IPKernelApp.parent_handle={os.getppid()}"])
 

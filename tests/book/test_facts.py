@@ -9,7 +9,9 @@ import pytest
 from sphinx.application import Sphinx
 
 import book_facts as facts
+import page_cells
 import reproduce as rp
+from drop_stale_pages import PARTS
 from reproduce.papers.declare import Study
 from reproduce.papers.posteriors import posteriors
 from reproduce.views import computed
@@ -107,3 +109,21 @@ def test_a_role_puts_the_number_into_the_sentence(tmp_path):
 def test_a_number_that_is_not_there_is_an_error_of_the_build(tmp_path):
     complaints, _ = built(tmp_path, "It is {printed}`k#a`.")
     assert "index.md:3: ERROR: no fact is called 'k#a printed'" in complaints
+
+
+def test_numbers_that_a_page_collects_are_facts(tmp_path, monkeypatch):
+    """Pages without such numbers are not run."""
+    head = "---\nfile_format: mystnb\n---\n\n"
+    cell = "```{{code-cell}} ipython3\n{}\n```\n"
+    series = 'import pandas as pd\nquoted = pd.Series({"shift": f"{-0.1:.2f} px"})'
+    (tmp_path / "one.md").write_text(head + cell.format(series))
+    (tmp_path / "two.md").write_text(head + cell.format("1 / 0"))
+    monkeypatch.setattr(page_cells, "BOOK", tmp_path)
+    assert facts.of_pages(sorted(tmp_path.glob("*.md"))) == {"one#shift": "−0.10\u202fpx"}
+
+
+def test_facts_are_dropped_with_the_pages_that_collect_numbers():
+    collecting = [page for page in PAGES if facts.QUOTED in page.read_text(encoding="utf-8")]
+    folders = [BOOK.parent / name for name in PARTS["quoted"]]
+    assert len(collecting) == 2
+    assert all(any(page.is_relative_to(one) for one in folders) for page in collecting)

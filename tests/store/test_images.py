@@ -3,6 +3,7 @@
 import bz2
 import contextlib
 import gzip
+import sys
 
 import numpy as np
 import pytest
@@ -137,3 +138,10 @@ def test_damaged_headers_raise_the_error_of_an_image(tmp_path, damage):
 def test_stars_are_no_image():
     assert not is_image(Table({"x": np.zeros(99)}))
     assert is_image(np.zeros((30, 40, 3)))
+
+
+def test_a_missing_library_is_named(tmp_path, monkeypatch):
+    fits.writeto(tmp_path / "a.fits", RAMP)
+    monkeypatch.setitem(sys.modules, "astropy.io", None)
+    with pytest.raises(ImageError, match=r"reproduce-pointing\[images\]"):
+        read_image(tmp_path / "a.fits")

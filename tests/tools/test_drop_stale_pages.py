@@ -22,6 +22,7 @@ def checkout(tmp_path: Path) -> Path:
         "book/_ext/role.py": "",
         "book/_config.yml": "",
         "book/_toc.yml": "",
+        "book/instruments/page.md": PAGE,
         "tools/run.py": "",
     }.items():
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
@@ -84,6 +85,18 @@ def test_a_new_page_or_style_writes_all_pages(checkout: Path) -> None:
 def test_a_sentence_is_its_own_pages_matter(checkout: Path) -> None:
     (checkout / "book/page.md").write_text(PAGE.replace("A sentence", "Another one"))
     assert kept(checkout) == KINDS
+
+
+def test_a_page_with_numbers_of_sentences_drops_the_facts_alone(checkout: Path) -> None:
+    facts = checkout / "book/_build/facts.json"
+    facts.write_text("{}")
+    (checkout / "book/page.md").write_text(PAGE.replace("A sentence", "Another one"))
+    assert kept(checkout) == KINDS
+    assert facts.is_file()
+    State(checkout).remember()
+    (checkout / "book/instruments/page.md").write_text(PAGE.replace("A sentence", "Another one"))
+    assert kept(checkout) == KINDS
+    assert not facts.exists()
 
 
 def test_a_build_that_failed_is_begun_again(checkout: Path) -> None:

@@ -99,6 +99,16 @@ def test_pieces_of_one_stream_are_one_output(book) -> None:
 
 
 @pytest.mark.slow
+def test_a_figure_is_an_output_of_a_warm_kernel(book) -> None:
+    path = page(book, "one.md", "import matplotlib.pyplot as plt\nline = plt.plot([1, 2])")
+    assert run_all(book, 1)
+    with cache_of(book) as cache:
+        _, notebook = cache.merge_match_into_notebook(read(path))
+    outputs = [one for cell in notebook.cells for one in cell.get("outputs", [])]
+    assert [sorted(one["data"]) for one in outputs] == [["image/png", "text/plain"]]
+
+
+@pytest.mark.slow
 def test_a_broken_notebook_is_named_and_fails_the_build(book, capsys) -> None:
     page(book, "broken.md", "1 / 0")
     page(book, "sound.md", "print(1)")

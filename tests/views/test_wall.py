@@ -212,17 +212,9 @@ def test_a_sweep_over_a_table_of_our_own_holds_what_each_rerun_gives():
     assert dashed == [heights[1], heights[4]]
 
 
-def test_a_setting_of_a_table_of_our_own_can_be_moved():
-    lights = rp.table("instruments/lights")
-    at = {"rows": {"Light": 1, "Along": "row"}, "columns": ["Measured (0.001 px)"]}
-    swept = lights.sweep("radius", [0.6, 0.9], **at)
-    alone = lights.rerun(radius=0.9).frame()["Measured (0.001 px)"][1]
-    assert swept.frame()["computed"].iloc[1] == alone != lights.frame()["Measured (0.001 px)"][1]
-    assert "(printed)" not in repr(swept)
-    with pytest.raises(CannotChangeError, match=r"radius \(the standard deviation"):
-        lights.rerun(speed=1)
-    with pytest.raises(ValueError, match="radius: expected a number above zero"):
-        lights.rerun(radius="much")
+def test_a_supplementary_table_has_no_other_settings():
+    with pytest.raises(CannotChangeError, match="speed"):
+        rp.table(STARS).rerun(speed=1)
 
 
 def test_rows_of_a_sweep_are_told_apart_by_as_few_words_as_it_takes():

@@ -72,7 +72,7 @@ def drawings() -> Declared[Drawing]:
 
 def _modules(kind: str) -> dict[str, str]:
     found = {}
-    for paper in (*papers(), "instruments"):
+    for paper in papers():
         package = f"{__package__}.{paper}"
         for key, name in getattr(importlib.import_module(package), kind, {}).items():
             found[key] = f"{package}.{name}" if name else ""

@@ -49,15 +49,12 @@ class Column:
     error : str
         The name of the column that holds its standard error, shown behind ± in that column's form
         or with one digit; that column is not shown on its own.
-    missing : str
-        What stands where there is no number.
     """
 
     name: str
     form: str = ""
     zero: float = 0.0
     error: str = ""
-    missing: str = ""
 
 
 @checked.dataclass(frozen=True, config=_EXACT)
@@ -83,7 +80,7 @@ class _Pictured:
 class Words:
     """The texts of one key.
 
-    - `caption`, `columns`, `folded`, `settings`: of a study, as `Study` has them.
+    - `caption`, `columns`, `folded`: of a study, as `Study` has them.
     - `options`: what the text of a paper leaves open: option to its alternatives, the literal one
       first.
     - `unpublished`: patterns of cell names to the data that the paper does not publish.
@@ -94,7 +91,6 @@ class Words:
     caption: str = ""
     columns: tuple[Column, ...] = ()
     folded: str = ""
-    settings: dict[str, str] = field(default_factory=dict)
     options: dict[str, dict[str, Alternative]] = field(default_factory=dict)
     unpublished: dict[str, str] = field(default_factory=dict)
     figure: _Pictured = _Pictured("", "")
@@ -436,20 +432,17 @@ class Study(Own):
         What it shows, in one or two sentences.
     folded : str
         The name of a column by whose values a long table is shown in parts.
-    settings : mapping
-        Arguments of `function` that a reader may give, each with what it is; all are numbers.
     """
 
     columns: tuple[Column, ...] = ()
     caption: str = ""
     folded: str = ""
-    settings: Mapping[str, str] = field(default_factory=dict)
 
-    def __call__(self, door: Given | None = None, **settings: float) -> pd.DataFrame:
+    def __call__(self, door: Given | None = None) -> pd.DataFrame:
         """Compute the table, from the print or from what another door holds."""
         import pandas as pd
 
-        found = self.function(*self._doors(door), **settings)
+        found = self.function(*self._doors(door))
         frame = found if isinstance(found, pd.DataFrame) else self.frame(found)
         frame.attrs["caption"] = self.caption.format_map(frame.attrs)
         return frame
@@ -477,11 +470,11 @@ def studied(
 ) -> Callable[[Callable[..., Any]], Study]:
     """Declare that a function computes the study `key`; the arguments are those of `Study`.
 
-    Columns, caption, folded and settings are the texts of the key in the paper's file of words,
-    unless they are given.
+    Columns, caption and folded are the texts of the key in the paper's file of words, unless they
+    are given.
     """
     text = words(key)
-    of_words = {name: getattr(text, name) for name in ("columns", "caption", "folded", "settings")}
+    of_words = {name: getattr(text, name) for name in ("columns", "caption", "folded")}
     return lambda function: Study(key, function, tuple(given), named, random, **of_words | shown)
 
 

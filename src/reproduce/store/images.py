@@ -245,11 +245,3 @@ def _too_large(name: str, size: int) -> ImageError:
     return ImageError(
         f"{name}: expected an image of up to {_MOST_PIXELS:,} px, got {size:,} px. Use a part of it"
     )
-
-
-def fits_table(path: Path) -> Any:
-    """Return the first table of a FITS file."""
-    with reading(path.name):
-        from astropy.io import fits
-
-        return fits.getdata(path)

@@ -126,29 +126,19 @@ class Changeable(Shown):
         Address of any cell in `reads` to a value as in the print.
     seed : int, optional
         Of its random numbers, in place of the project's own.
-    **settings : float, optional
-        What it leaves to a reader beside printed cells.
     """
 
     kind = ""
 
     def __init__(
-        self, key: str, changes: Change | None = None, seed: int | None = None, **settings: Any
+        self, key: str, changes: Change | None = None, seed: int | None = None, **others: Any
     ) -> None:
-        self.key, self.seed = key, seed
-        self._changes, self._settings = dict(changes or {}), settings
-        left = getattr(self._declared, "settings", {})
-        if unknown := sorted(set(settings) - set(left)):
-            others = ["cells that it reads"] + ["a seed"] * self.random
-            others += [f"{name} ({what})" for name, what in left.items()]
+        self.key, self.seed, self._changes = key, seed, dict(changes or {})
+        if others:
+            known = ["cells that it reads"] + ["a seed"] * self.random
             raise rerun.CannotChangeError(
-                f"{key} is {self.kind}: expected {', '.join(others)}; got {', '.join(unknown)}"
+                f"{key} is {self.kind}: expected {', '.join(known)}; got {', '.join(others)}"
             )
-        for name, value in settings.items():
-            if not isinstance(value, int | float) or not 0 < value < float("inf"):
-                raise ValueError(
-                    f"{name}: expected a number above zero, {left[name]}, got {value!r}"
-                )
         rerun.checked_values(key, self._changes)
         rerun.check_randomness(key, self.random, self._changes, seed)
 
@@ -174,9 +164,8 @@ class Changeable(Shown):
 
     @property
     def changes(self) -> dict[str, str]:
-        """What was changed: address, ``seed`` or setting to the value as given."""
-        settings = {name: f"{value:g}" for name, value in self._settings.items()}
-        return rerun.by_name(self._changes, self.seed) | settings
+        """What was changed: address or ``seed`` to the value as given."""
+        return rerun.by_name(self._changes, self.seed)
 
     def _setting(self, remark: str = "a reader's own setting") -> str:
         return setting("With", self.changes, self.replaced, remark) if self.changes else ""
@@ -187,7 +176,7 @@ class Changeable(Shown):
         return self._made[1]
 
     def rerun(
-        self, changes: Change | None = None, *, seed: int | None = None, **settings: Any
+        self, changes: Change | None = None, *, seed: int | None = None, **others: Any
     ) -> Self:
         """Return the same computed again with other values for cells that it reads, or a seed.
 
@@ -198,9 +187,6 @@ class Changeable(Shown):
             printed stays the print.
         seed : int, optional
             Of the random numbers, where it draws some.
-        **settings : float, optional
-            What a table of our own leaves to a reader, such as ``radius`` of
-            ``instruments/lights``.
 
         Returns
         -------
@@ -214,7 +200,7 @@ class Changeable(Shown):
             anything else is to be changed.
         """
         cells, seed = {**self._changes, **(changes or {})}, self.seed if seed is None else seed
-        return type(self)(self.key, cells, seed, **{**self._settings, **settings})
+        return type(self)(self.key, cells, seed, **others)
 
 
 def setting(

@@ -215,7 +215,7 @@ def citation(address: str, form: str) -> str:
 def beside(kind: str, name: str, paper: str, title: str, form: str) -> str:
     """Return how to cite a posterior or a table of our own and the paper that it stands beside."""
     link = "of" if kind == "Posterior" else "beside"
-    whole = f"{kind} {link} {_et_al(paper)}: {title}" if paper in papers() else f"{kind}: {title}"
+    whole = f"{kind} {link} {_et_al(paper)}: {title}"
     named = f"reproduce-{kind.lower()}-{anchor(name)}"
     return _written(named, whole, f"{kind} {name}", paper, form, name)
 
@@ -281,7 +281,7 @@ def _written(name: str, title: str, note: str, paper: str, form: str, address: s
     ours = Entry("misc", fields={k: v for k, v in fields.items() if v},
                  persons={"author": [Person("{" + DEVELOPERS + "}")]})  # fmt: skip
     theirs = [paper] if paper else PAPERS
-    entries = {name: ours} | {one: _paper(one) for one in theirs if one in papers()}
+    entries = {name: ours} | {one: _paper(one) for one in theirs}
     if form == "bibtex":
         return str(BibliographyData(entries).to_string("bibtex")).strip()
     if form == "csl":

@@ -54,7 +54,7 @@ def entry(value: float | str, column: Column, error: tuple[float, str] | None = 
     ('1.000 ± 0.042', '10⁻⁹')
     """
     if isinstance(value, float) and math.isnan(value):
-        return column.missing
+        return ""
     if not column.form or isinstance(value, str):
         return str(value)
     if column.form == "chance":

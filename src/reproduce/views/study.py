@@ -9,7 +9,7 @@ from reproduce.papers.catalogue import studies
 from reproduce.papers.declare import Column, Study
 from reproduce.printed.cells import anchor
 from reproduce.views import numbers
-from reproduce.views.base import Changeable, Item, text_of
+from reproduce.views.base import Change, Changeable, Item, text_of
 from reproduce.views.blocks import Block, Entry, Fold, Grid, Html
 from reproduce.views.computed import once
 from reproduce.views.export import bar, table_files
@@ -32,8 +32,6 @@ class StudyTable(Changeable, Item):
         Address of any cell in `reads` to a value as in the print.
     seed : int, optional
         Of its random numbers, in place of the project's own.
-    **settings : float
-        What the table leaves to a reader, such as ``radius`` of ``instruments/lights``.
     """
 
     kind = "a table of our own"
@@ -53,24 +51,24 @@ class StudyTable(Changeable, Item):
             import pandas as pd
 
             return once(f"study-{self.key}", pd.DataFrame, study)
-        return study(door, **self._settings)
+        return study(door)
 
     def sweep(
         self,
         moved: str | Sequence[str],
-        values: Sequence[str | float | Sequence[str | float]],
+        values: Sequence[str | Sequence[str]],
         columns: Sequence[str] = (),
         rows: Mapping[str, Any] | None = None,
     ) -> Sweep:
-        """Compute the table again for several values of one printed input, or of a setting.
+        """Compute the table again for several values of one printed input.
 
         Parameters
         ----------
         moved : str or sequence of str
-            One of the cells in `reads`, several that move together, or a setting.
+            One of the cells in `reads`, or several that move together.
         values : sequence
-            Values as in the print: ``["0.02 px", "0.05 px"]``; numbers for a setting; one for each
-            cell where several move together.
+            Values as in the print: ``["0.02 px", "0.05 px"]``; one for each cell where several
+            move together.
         columns : sequence of str, optional
             Columns to show; all that hold numbers by default.
         rows : mapping, optional
@@ -83,13 +81,10 @@ class StudyTable(Changeable, Item):
         """
         study, before = self._declared, self.frame()
 
-        def compute(step: Mapping[str, Any]) -> Iterator[Point]:
-            settings = {name: value for name, value in step.items() if name in study.settings}
-            cells = {name: value for name, value in step.items() if name not in settings}
-            after = self.rerun(cells, **settings).frame()
-            return of_study(study, (before, after), columns, rows or {})
+        def compute(step: Change) -> Iterator[Point]:
+            return of_study(study, (before, self.rerun(step).frame()), columns, rows or {})
 
-        return swept(self.key, moved, values, compute, study.settings, "with what is printed")
+        return swept(self.key, moved, values, compute, "with what is printed")
 
     def frame(self) -> pd.DataFrame:
         """Return the numbers, a row for each row of the table, in the units of the heads."""

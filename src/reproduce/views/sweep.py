@@ -135,7 +135,7 @@ class Sweep(Display):
     key : str
         The table.
     names : tuple of str
-        Addresses of printed cells that move together, or one setting of a study.
+        Addresses of printed cells that move together.
     label : str
         What they are, in words.
     steps : sequence of mapping
@@ -242,10 +242,9 @@ def swept(
     moved: str | Sequence[str],
     values: Sequence[str | float | Sequence[str | float]],
     compute: Callable[[Change], Iterable[Point]],
-    settings: Mapping[str, str] | None = None,
     dashed: str = "printed",
 ) -> Sweep:
-    """Compute a table for each value of an input; `settings` stand beside printed cells.
+    """Compute a table for each value of an input.
 
     Raises
     ------
@@ -263,13 +262,12 @@ def swept(
             raise ValueError(f"expected {len(names)} values for {', '.join(names)}, got {got}")
         steps.append(dict(zip(names, step, strict=True)))
     columns = list(zip(*map(compute, steps), strict=True))
-    known = {name: f"{name} ({what})" for name, what in (settings or {}).items()}
-    label = ", ".join(known.get(name) or find(name)[0].label for name in names)
+    label = ", ".join(find(name)[0].label for name in names)
     return Sweep(key, names, label, steps, columns, dashed)
 
 
 def _as_printed(address: str, value: str | float) -> bool:
-    return "#" in address and isclose(in_si(find(address)[0], value), find(address)[0].si)
+    return isclose(in_si(find(address)[0], value), find(address)[0].si)
 
 
 def of_cells(rerun: Rerun, names: Sequence[str]) -> Iterator[Point]:
