@@ -131,16 +131,10 @@ def sensitivities(
     >>> [one.term for one in found if one.p_value < 1e-9]
     ['radial']
     """
-    from scipy.special import fdtrc
-
     some = thinned(len(source), _MAX_COMPARED)
-    source, target, weights, pivot = (
-        source[some],
-        target[some],
-        fit.weights[some],
-        fit.transform.pivot,
-    )
-    model, parameters, offsets = fit.model, fit.parameters, source - pivot
+    source, target, weights = source[some], target[some], fit.weights[some]
+    model, parameters, pivot = fit.model, fit.parameters, fit.transform.pivot
+    offsets = source - pivot
     jacobian = model_jacobian(model, parameters, offsets)
     terms = _terms(model, fit.transform.apply(source) - fit.transform.apply(pivot[None]))
     if brightness is not None:
@@ -157,29 +151,44 @@ def sensitivities(
     scale = np.sqrt(np.maximum(np.diagonal(gram), np.finfo(float).tiny))
     gram = gram / np.outer(scale, scale)
     count = len(fit.names)
-    freedom = 2.0 * np.count_nonzero(weights) - count
+    freedom = 2 * int(np.count_nonzero(weights)) - count
     found, start = [], count
     for term, added in terms.items():
-        size = added.shape[-1]
-        chosen = [*range(count), *range(start, start + size), last]
-        start += size
+        stop = start + added.shape[-1]
+        chosen = [*range(count), *range(start, stop), last]
         # Rows and columns: parameters, columns of the term, residuals.
-        factor = np.linalg.cholesky(
-            gram[np.ix_(chosen, chosen)] + _RIDGE * np.eye(count + size + 1)
+        part = gram[np.ix_(chosen, chosen)] + _RIDGE * np.eye(len(chosen))
+        units = fit.standard_errors * scale[:count] / scale[last]
+        factor = np.asarray(np.linalg.cholesky(part), dtype=np.float64)
+        found.append(_sensitivity(term, factor, units, freedom))
+        start = stop
+    return [one for one in found if one is not None]
+
+
+def _sensitivity(
+    term: str, factor: FloatArray, units: FloatArray, freedom: int
+) -> Sensitivity | None:
+    """Return the effect of a term, or None if the stars do not fix it.
+
+    `factor` is the triangular factor of the products of parameters, term and residuals, `units` the
+    standard errors of the parameters in its scale.
+    """
+    from scipy.special import fdtrc
+
+    count, size = len(units), len(factor) - len(units) - 1
+    own, pull = factor[count:-1, count:-1], factor[-1, count:-1]
+    if freedom <= size or np.diagonal(own).min() < _MIN_INDEPENDENT:
+        return None
+    steps = np.linalg.solve(own.T, pull)
+    noise = float(factor[-1, -1]) / np.sqrt(freedom - size)
+    # The F test holds for a wrong scale of the errors too.
+    p_value = float(fdtrc(size, freedom - size, pull @ pull / size / noise**2))
+    if term == "brightness":
+        return Sensitivity(
+            term, steps / (noise * np.linalg.norm(np.linalg.inv(own), axis=0)), p_value
         )
-        own, pull = factor[count:-1, count:-1], factor[-1, count:-1]
-        if freedom <= size or np.diagonal(own).min() < _MIN_INDEPENDENT:
-            continue
-        steps = np.linalg.solve(own.T, pull)
-        noise = float(abs(factor[-1, -1])) / np.sqrt(freedom - size)
-        # The F test holds for a wrong scale of the errors too.
-        p_value = fdtrc(size, freedom - size, pull @ pull / size / noise**2)
-        errors = noise * np.linalg.norm(np.linalg.inv(own), axis=0)
-        if term != "brightness":
-            steps = -np.linalg.solve(factor[:count, :count].T, factor[count:-1, :count].T @ steps)
-            errors = fit.standard_errors * scale[:count] / scale[-1]
-        found.append(Sensitivity(term, steps / errors, float(p_value)))
-    return found
+    change = -np.linalg.solve(factor[:count, :count].T, factor[count:-1, :count].T @ steps)
+    return Sensitivity(term, change / units, p_value)
 
 
 def _rows(covariance: ArrayLike | None, some: Any) -> FloatArray | None:
