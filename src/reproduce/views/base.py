@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import sys
 from abc import abstractmethod
 from collections.abc import Callable, Mapping
 from functools import cached_property
@@ -145,7 +146,7 @@ class Changeable(Shown):
                 f"{key} is {self.kind}: expected {', '.join(others)}; got {', '.join(unknown)}"
             )
         for name, value in settings.items():
-            if not isinstance(value, int | float) or not 0 < value < float("inf"):
+            if not isinstance(value, int | float) or not 0 < value <= sys.float_info.max:
                 raise ValueError(
                     f"{name}: expected a number above zero, {left[name]}, got {value!r}"
                 )
