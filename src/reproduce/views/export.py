@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import re
+import tomllib
 from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
 from hashlib import sha256
@@ -15,13 +16,13 @@ from markupsafe import Markup
 from pybtex.database import BibliographyData, Entry, Person, parse_file
 
 from reproduce.judge.ledger import Ledger, Record, reason
-from reproduce.locate import papers
+from reproduce.locate import data_folder, papers
 from reproduce.papers.catalogue import drawings, studies
 from reproduce.printed.cells import PAPERS, anchor, library
-from reproduce.version import ADDRESS, DOI, RELEASED, __version__, software
+from reproduce.version import ADDRESS, DOI, NAME, RELEASED, __version__, software, version
 from reproduce.views import keys, verdicts
 from reproduce.views.blocks import PLAIN
-from reproduce.views.computed import item_ledger
+from reproduce.views.computed import item_ledger, whole_ledger
 from reproduce.views.numbers import minus, powers
 
 if TYPE_CHECKING:
@@ -184,7 +185,6 @@ _CSL = {"journal": "container-title", "volume": "volume", "pages": "page", "numb
 _CSL |= {"doi": "DOI", "note": "note", "url": "URL"}
 _RIS = {"title": "TI", "year": "PY", "journal": "JO", "volume": "VL", "number": "IS"}
 _RIS |= {"pages": "SP", "doi": "DO", "url": "UR", "note": "N1", "howpublished": "N2"}
-_MARKED = re.compile(r"(\S+#\S+: printed .*?)\. reproduce-pointing ([^,\s]+),.*?(rp:\w+)")
 DEVELOPERS = "The reproduce-pointing developers"
 WHOLE = "Pointing, reproduced: the printed numbers of two papers, recomputed and judged"
 
@@ -194,6 +194,8 @@ def citation(address: str, form: str) -> str:
 
     ``all`` is the whole, which comes from all papers.
     """
+    if not isinstance(address, str):
+        raise TypeError(f"address: expected text, such as 'niu2024/table-3', got {address!r}")
     key, _, name = address.partition("#")
     paper = key.partition("/")[0]
     if address == "all":
@@ -239,18 +241,39 @@ def mark(said: str) -> str:
 
 
 def verify(text: str) -> str:
-    """Say whether what a citation says of a cell is ours, and whether it still holds."""
-    found = _MARKED.search(" ".join(text.split()))
-    if not found or mark(found[1]) != found[3]:
+    """Compare the statement of a citation with the present and the released statements."""
+    if not isinstance(text, str):
+        raise TypeError(f"citation: expected text, got {text!r}. Use the form 'text' of `cite`")
+    said, _, rest = " ".join(text.split()).partition(f". {NAME} ")
+    source, _, rest = rest.partition(". ")
+    marked = re.search(r"\brp:\w+", rest)
+    if not marked or marked[0] != mark(said):
         return "not ours: its words and its mark do not belong together"
-    said, version = found[1], found[2]
-    key, _, name = said.partition(": ")[0].partition("#")
-    if key not in library() or name not in library()[key].by_name:
-        return f"moved since {version}: {key}#{name} is no printed number any more"
-    record = item_ledger(key).cell(f"{key}#{name}")
-    if (now := statement(record)) == said:
-        return "unchanged"
-    return f"moved since {version}: now {now}, for {reason(record.cell) or record.why}"
+    address = said.partition(": ")[0]
+    key, _, name = address.partition("#")
+    now = f"{address} is not a printed number"
+    if key in library() and name in library()[key].by_name:
+        record = item_ledger(key).cell(address)
+        now = statement(record)
+        if now == said and source in {version(), *released()}:
+            return "unchanged"
+        now = f"{now}, for {reason(address) or record.why}"
+    if marked[0] in released().get(source, ()):
+        return f"moved since {source}: now {now}"
+    return f"well-formed, not known to this package: not stated by version {source}; now {now}"
+
+
+@cache
+def released() -> dict[str, list[str]]:
+    """Return the marks of all statements of earlier releases, by version, day and commit."""
+    text = (data_folder() / "last-release.toml").read_text(encoding="utf-8")
+    marks: dict[str, list[str]] = tomllib.loads(text).get("marks", {})
+    return marks
+
+
+def marks() -> list[str]:
+    """Return the marks of the present statements of all cells."""
+    return [mark(statement(record)) for record in whole_ledger().records]
 
 
 @cache
