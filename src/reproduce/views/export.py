@@ -6,12 +6,13 @@ import csv
 import json
 import re
 import tomllib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from functools import cache
 from hashlib import sha256
 from textwrap import indent
 from typing import TYPE_CHECKING, Any
 
+from jinja2 import Environment
 from markupsafe import Markup
 from pybtex.database import BibliographyData, Entry, Person, parse_file
 
@@ -366,54 +367,57 @@ def _ris(entry: Entry) -> str:
     return "".join(f"{tag}  - {value}\n" for tag, value in (*lines, ("ER", "")))
 
 
-NAMES = {"tex": "LaTeX", "md": "Markdown"}
+# Names of formats on a page, by ending.
+_NAMES = {"tex": "LaTeX", "md": "Markdown"}
+_BAR = Environment(autoescape=True).from_string(
+    """<div class="rp-bar">\
+<a href="#{{ anchor }}" aria-label="Permalink: {{ key }}"><code>{{ key }}</code></a>
+<details><summary>Cite</summary>\
+{% for text in citations %}<pre tabindex="0">{{ text }}</pre>{% endfor %}</details>
+<span>{% for path, name in files %}{% if not loop.first %} · {% endif %}\
+<a href="#{{ path }}" download>{{ name }}</a>{% endfor %}</span>\
+{% if functions %}
+<details><summary>Function</summary>\
+{% for name, text in functions %}\
+<pre tabindex="0" id="function-{{ anchor }}-{{ name }}">{{ text }}</pre>{% endfor %}</details>\
+{% endif %}{% if inputs %}
+<details><summary>Inputs</summary>{{ inputs }}</details>{% endif %}</div>"""
+)
 
 
 def bar(key: str, anchor: str, files: Iterable[str], source: str, inputs: str = "") -> Markup:
-    """Return the bar below a table or a figure of a page.
+    """Return the bar below a table or a figure of a page, with an anchor for each function.
 
     Its links lead to files below the root of the built book, ``#tables/KEY.csv``.
 
     Parameters
     ----------
     key : str
-        Its key.
+        Key of the table or figure.
     anchor : str
         Its anchor on the page.
     files : iterable of str
-        Paths of its data and pictures below the root of the book.
+        Paths of its data and figures below the root of the book.
     source : str
-        The text of the functions that make it, empty where there is none.
+        Text of the functions that compute it; empty if there are none.
     inputs : str
-        What it is computed from, as HTML; empty where it is not.
+        Inputs of the computation, as HTML; empty if there are none.
     """
-    named = Markup('<a href="#{0}" aria-label="Permalink: {1}"><code>{1}</code></a>')
-    texts = [citation(key, form) for form in ("bibtex", "text")]
-    if key in library():
-        cells = (citation(one.address, "text").partition("\n")[0] for one in library()[key].cells)
-        texts.append("\n".join(cells))
-    parts = [named.format(anchor, key), _fold("Cite", Markup("").join(map(_block, texts)))]
-    link = Markup('<a href="#{}" download>{}</a>')
+    cells = library()[key].cells if key in library() else ()
+    lines = [citation(one.address, "text").partition("\n")[0] for one in cells]
+    texts = [citation(key, form) for form in ("bibtex", "text")] + ["\n".join(lines)] * bool(cells)
     kinds = [(path, path.rpartition(".")[2]) for path in files]
-    links = [link.format(path, NAMES.get(kind, kind.upper())) for path, kind in kinds]
-    parts.append(Markup("<span>{}</span>").format(Markup(" · ").join(links)))
-    if source:
-        parts.append(_fold("Function", Markup("").join(_functions(source, anchor))))
-    if inputs:
-        parts.append(_fold("Inputs", inputs))
-    return Markup('<div class="rp-bar">{}</div>').format(Markup("\n").join(parts))
+    return Markup(
+        _BAR.render(
+            key=key,
+            anchor=anchor,
+            citations=texts,
+            files=[(path, _NAMES.get(kind, kind.upper())) for path, kind in kinds],
+            functions=[(_name(text), text) for text in source.split("\n\n\n")] if source else (),
+            inputs=inputs,
+        )
+    )
 
 
-def _fold(summary: str, content: str) -> Markup:
-    return Markup("<details><summary>{}</summary>{}</details>").format(summary, content)
-
-
-def _functions(source: str, place: str) -> Iterator[Markup]:
-    """Yield the text of each function, with an anchor that links of its cells lead to."""
-    for text in source.split("\n\n\n"):
-        name = text.partition("def ")[2].partition("(")[0]
-        yield Markup('<pre tabindex="0" id="function-{}-{}">{}</pre>').format(place, name, text)
-
-
-def _block(text: str) -> Markup:
-    return Markup('<pre tabindex="0">{}</pre>').format(text)
+def _name(source: str) -> str:
+    return source.partition("def ")[2].partition("(")[0]
