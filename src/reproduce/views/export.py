@@ -22,7 +22,7 @@ from reproduce.papers.catalogue import drawings, studies
 from reproduce.printed.cells import PAPERS, anchor, library
 from reproduce.version import ADDRESS, DOI, NAME, RELEASED, __version__, software, version
 from reproduce.views import keys, verdicts
-from reproduce.views.blocks import PLAIN
+from reproduce.views.blocks import PLAIN, Grid, plain
 from reproduce.views.computed import item_ledger, whole_ledger
 from reproduce.views.numbers import minus, powers
 
@@ -34,10 +34,10 @@ FORMATS = ("csv", "json", "latex", "markdown")
 ENDINGS = {"csv": "csv", "json": "json", "latex": "tex", "markdown": "md"}
 
 
-def export(ledger: Ledger, address: str, form: str) -> str:
-    """Write the records of an item or a cell in a format that other programs read.
+def export(ledger: Ledger, address: str, form: str, shown: Grid) -> str:
+    """Return the records of an item or a cell in a format of other programs.
 
-    JSON and CSV hold every field of each record; LaTeX and Markdown keep the table's own shape.
+    JSON and CSV contain every field of each record. LaTeX and Markdown have the layout of `shown`.
     """
     key, _, name = address.partition("#")
     records = tuple(r for r in ledger.of(key) if not name or r.cell == address)
@@ -47,9 +47,11 @@ def export(ledger: Ledger, address: str, form: str) -> str:
     about = provenance(citation(address, "text"))
     if form == "csv":
         return export_frame(full_frame(records), form, about)
-    frame = _shaped_frame(records, whole=not name)
-    caption = f"{keys.title(key)} ({keys.place(key)} of {key.split('/')[0]})"
-    looks = {"caption": f"{caption}; printed (computed, verdict)", "label": f"tab:{anchor(key)}"}
+    import pandas as pd
+
+    rows = [list(map(plain, row)) for row in shown.rows]
+    frame = pd.DataFrame(rows, columns=list(map(plain, shown.head)), dtype=str)
+    looks = {"caption": plain(shown.caption), "label": f"tab:{anchor(key)}"}
     frame.attrs["latex"] = looks | {"column_format": "l" + "r" * (frame.shape[1] - 1)}
     return export_frame(frame, form, about)
 
@@ -144,40 +146,6 @@ def _read(record: Record) -> dict[str, Any]:
         "closest_computed": closest and closest.computed,
         "closest_probability": closest and closest.probability,
     }
-
-
-def _shaped_frame(records: tuple[Record, ...], *, whole: bool) -> pd.DataFrame:
-    """Lay out a table in the shape of the print, quoted numbers and a cell alone line by line.
-
-    Units stand where a row or a column shares one.
-    """
-    import pandas as pd
-
-    table, by_name = library()[records[0].key], {verdicts.name_of(one): one for one in records}
-    heads, labels = ["printed (computed, verdict)"], list(by_name)
-    grid = [[record] for record in records]
-    if whole and len(table.columns) > 1:
-        heads, labels = [c.label for c in table.columns], [row.label for row in table.rows]
-        grid = [[by_name[f"{row.id}.{c.id}"] for c in table.columns] for row in table.rows]
-
-    def named(label: str, line: Iterable[Record]) -> str:
-        units = set(map(verdicts.unit, line)) - {""}
-        return f"{label} ({units.pop()})" if len(units) == 1 else label
-
-    if all(len({one.unit for one in row} - {""}) <= 1 for row in grid):
-        labels = [named(*pair) for pair in zip(labels, grid, strict=True)]
-    else:
-        heads = [named(*pair) for pair in zip(heads, zip(*grid, strict=True), strict=True)]
-    rows = [[label, *map(_shaped, row)] for label, row in zip(labels, grid, strict=True)]
-    return pd.DataFrame(rows, columns=["", *heads], dtype=str)
-
-
-def _shaped(record: Record) -> str:
-    if record.role != "result":
-        return record.printed
-    value = verdicts.computed(record).replace("−", "-")
-    told = (value, record.verdict, verdicts.flags(record.flags))
-    return f"{record.printed} ({', '.join(filter(None, told))})"
 
 
 CITED = ("bibtex", "ris", "csl", "text")
