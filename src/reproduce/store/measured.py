@@ -104,7 +104,7 @@ def mosaic(band: str) -> NDArray[np.float64]:
     Raises
     ------
     ImageError
-        Without astropy, which the extra ``images`` installs.
+        If Astropy is not installed.
     """
     picture = read_image(_file(f"2mass/2MASS_{band}.fits"))
     return picture.light
@@ -144,7 +144,7 @@ def windows(slot: int) -> Windows:
     Raises
     ------
     ImageError
-        Without astropy, which the extra ``images`` installs.
+        If Astropy is not installed.
     """
     table = fits_table(_file(f"chandra/acaf686111014N001_{slot}_img0.fits.gz"))
     table = table[table["IMGFUNC1"] == _TRACKING][:-_LAST]
