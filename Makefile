@@ -18,7 +18,6 @@ export JUPYTER_RUNTIME_DIR := $(CURDIR)/.venv/jupyter
 PY := .venv/bin/python
 STAMP := .venv/.installed
 TESTS := .venv/.installed-tests
-UV_VERSION = $$(sed -n 's/^uv==\([^ ;]*\).*/\1/p' environment.txt)
 
 help:  ## this list
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 22
@@ -91,7 +90,8 @@ $(STAMP): environment.txt pyproject.toml
 		found=$$(sh tools/find-python) && "$$found" -m venv --clear .venv; \
 	fi
 	@echo "Installing the $$(grep -c '^[a-z].*==' environment.txt) locked packages into .venv, once"
-	@$(PY) -m pip install --quiet --disable-pip-version-check "uv==$(UV_VERSION)" || { \
+	@sed -n '/^uv==/,/^[a-z]/{/^uv==/p;/^ .*--hash/p;}' environment.txt > .venv/uv.txt
+	@$(PY) -m pip install --quiet --disable-pip-version-check --require-hashes -r .venv/uv.txt || { \
 		echo "No package index can be reached. The first run needs one; later runs do not." >&2; \
 		exit 1; }
 	@$(PY) -m uv pip sync --quiet --compile-bytecode --require-hashes --python $(PY) environment.txt

@@ -1,12 +1,17 @@
 """Nothing that is not ours is deleted: every place that deletes, and what it may delete."""
 
 import ast
+import json
+import pickle
 import re
 from pathlib import Path
 
 import pytest
 
-from reproduce.views import computed
+from reproduce.inference import sampling
+from reproduce.papers.posteriors import posteriors
+from reproduce.views import computed, figure
+from reproduce.views.posterior import book_posterior
 
 ROOT = Path(__file__).parent.parent
 CALLS = {"rmtree", "unlink", "rmdir", "remove", "removedirs"}
@@ -57,14 +62,35 @@ def folder(tmp_path, monkeypatch):
     computed.kept.cache_clear()
 
 
-@pytest.mark.parametrize("content", [b"", b"half", b"\x80\x04K\x01."], ids=["empty", "no", "int"])
-def test_what_is_kept_and_broken_or_of_another_kind_is_computed_again(folder, content):
-    assert computed.once("numbers", list, lambda: [1]) == [1]
-    assert computed.once("numbers", list, lambda: [2]) == [1]
-    (file,) = folder.rglob("*.pickle")
+class Planted:
+    """An object whose pickle runs code."""
+
+    def __reduce__(self):
+        return pytest.fail, ("code of a file was run",)
+
+
+@pytest.mark.parametrize(
+    "content", [b"", b"[1", pickle.dumps(Planted())], ids=["empty", "half", "pickle"]
+)
+@pytest.mark.parametrize("kept", ["numbers", "posterior", "ledger", "figure"])
+def test_a_damaged_or_planted_file_is_computed_again(folder, monkeypatch, content, kept):
+    made = {
+        "numbers": lambda: computed.once("numbers.json", lambda: [1], json.dumps, json.loads),
+        "posterior": lambda: book_posterior.__wrapped__("registration").chain.tolist(),
+        "ledger": computed.whole_ledger.__wrapped__,
+        "figure": lambda: figure._in_build("niu2024/fig-4"),
+    }[kept]
+    if kept == "posterior":
+        short = sampling.Plan(seed=1, steps=400, warmup=100, walkers=40)
+        monkeypatch.setattr(type(posteriors()["registration"]), "plan", lambda self: short)
+    first = made()
+    (file,) = (path for path in folder.rglob("*") if path.is_file())
+    assert file.suffix in {".json", ".npz"}
     file.write_bytes(content)
-    assert computed.once("numbers", list, lambda: [3]) == [3]
-    assert computed.once("numbers", list, lambda: [4]) == [3]
+    assert made() == first
+    for module, name in ((sampling, "sample"), (computed.ledger, "build"), (figure, "draw")):
+        monkeypatch.setattr(module, name, None)
+    assert made() == first
 
 
 def test_other_packages_give_another_fingerprint(monkeypatch):

@@ -25,28 +25,28 @@ from markupsafe import Markup
 from pydantic import BaseModel, Field
 
 import page_cells
-from reproduce.audit.report import Erratum
+from reproduce.audit.report import Erratum, audit_paper
 from reproduce.judge.ledger import erratum
 from reproduce.judge.readings import all_readings
 from reproduce.locate import data_folder
 from reproduce.papers.catalogue import catalogue, studies
 from reproduce.printed.cells import PAPERS, library
 from reproduce.store import studies as stored
+from reproduce.store.files import write_text
 from reproduce.views import computed, numbers, verdicts
 from reproduce.views.blocks import html
-from reproduce.views.computed import item_ledger, paper_audit, whole_ledger
+from reproduce.views.computed import item_ledger, whole_ledger
 from reproduce.views.contents import Contents
 from reproduce.views.contradictions import Contradictions, errata_register
 from reproduce.views.export import (
     citation,
-    export,
     export_frame,
     provenance,
     signed,
     table_files,
 )
 from reproduce.views.study import StudyTable
-from reproduce.views.table import Cell
+from reproduce.views.table import Cell, Table
 from reproduce.views.verdicts import facts_of
 
 # The line of a page that collects numbers of its cells.
@@ -202,7 +202,7 @@ def _of_audits() -> dict[str, str]:
     ``errata-supposed-standing``.
     """
     counts: dict[str, int] = {}
-    audits = [paper_audit(paper) for paper in PAPERS]
+    audits = [audit_paper(paper) for paper in PAPERS]
     for start, group in [*((f"{a.name}-", [a]) for a in audits), ("", audits)]:
         for audit in group:
             own, again = audit.tally(restating=False), audit.tally(restating=True)
@@ -236,7 +236,7 @@ def write_facts(path: Path, *papers: str) -> bool:
         return False
     path.parent.mkdir(parents=True, exist_ok=True)
     found = {"key": key, "facts": facts(*papers)}
-    path.write_text(json.dumps(found, ensure_ascii=False, indent=0) + "\n", encoding="utf-8")
+    write_text(path, json.dumps(found, ensure_ascii=False, indent=0) + "\n")
     return True
 
 
@@ -322,6 +322,10 @@ def write_parquet(frame: pd.DataFrame, path: Path, about: Mapping[str, str]) -> 
         base.execute(f"COPY rows TO {quoted(str(path))} (FORMAT parquet, KV_METADATA {{{said}}})")
 
 
+def _exports(table: Table | StudyTable) -> dict[str, str]:
+    return {path: table.export(form) for path, form in table_files(table.key).items()}
+
+
 def write_tables(folder: Path) -> None:
     """Write the ledger, the errata and every table in all forms."""
     whole = computed.whole_ledger()
@@ -334,10 +338,9 @@ def write_tables(folder: Path) -> None:
     referee = Path(__file__).with_name("verify_ledger.py")
     texts[referee.name] = referee.read_text(encoding="utf-8")
     for key in library():
-        texts |= {path: export(whole, key, form) for path, form in table_files(key).items()}
+        texts |= _exports(Table(key))
     for key in studies():
-        table = StudyTable(key)
-        texts |= {path: table.export(form) for path, form in table_files(key).items()}
+        texts |= _exports(StudyTable(key))
     (folder / "tables").mkdir(parents=True, exist_ok=True)
     write_whole(folder)
     for name, text in texts.items():

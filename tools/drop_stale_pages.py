@@ -14,6 +14,8 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+from reproduce.store.files import write_text
+
 ROOT = Path(__file__).resolve().parent.parent
 BUILD = "book/_build"
 # What the numbers depend on, the pages whose cells compute numbers of sentences, what every page
@@ -91,7 +93,10 @@ class State:
         Where more than sentences and cells of single pages has changed, all written pages go: those
         of a page or module that is gone, or whose neighbours have changed, would otherwise stay.
         """
-        known = json.loads(self.file.read_text()) if self.file.is_file() else {}
+        try:
+            known = json.loads(self.file.read_text())
+        except (OSError, ValueError):  # no file, or a damaged file
+            known = {}
         if known == self.present and (self.build / "html" / "index.html").is_file():
             return True
         if known.get("numbers") != self.present["numbers"]:
@@ -114,4 +119,4 @@ class State:
 
     def _write(self, made_of: dict[str, str]) -> None:
         self.build.mkdir(parents=True, exist_ok=True)
-        self.file.write_text(json.dumps(made_of, indent=2) + "\n")
+        write_text(self.file, json.dumps(made_of, indent=2) + "\n")

@@ -26,7 +26,8 @@ from pack_book import build_wheel, write_zip
 from reproduce.judge.ledger import frozen
 from reproduce.judge.verdicts import VERDICTS
 from reproduce.locate import papers
-from reproduce.version import ADDRESS, DOI, RELEASED, __version__, commit
+from reproduce.version import ADDRESS, DOI, RELEASED, __version__, commit, version
+from reproduce.views.export import marks, released
 
 ROOT = Path(__file__).resolve().parent.parent
 # What the files of a release are, by the end of their names; those that are whole names come from
@@ -238,12 +239,20 @@ def release(html: Path, target: Path) -> None:
 
 
 def kept() -> str:
-    """Return today's verdicts as the state that the next release is compared with."""
+    """Return the verdicts that the next release is compared with, and the marks of citations.
+
+    The file keeps the marks of earlier releases.
+    """
     lines = [f'version = "{__version__}"', f'released = "{RELEASED}"']
     lines += [f'commit = "{commit(ROOT)}"', "", "[verdicts]"]
     for word in VERDICTS:
         cells = [cell for cell, one in frozen().items() if one.verdict == word]
         lines.append(f"{word} = {json.dumps(cells, indent=4)}")
+    lines += ["", "[marks]"]
+    lines += [
+        f'"{name}" = {json.dumps(found, indent=4)}'
+        for name, found in {**released(), version(): marks()}.items()
+    ]
     return "\n".join(lines) + "\n"
 
 

@@ -21,8 +21,8 @@ GOTO = """<!doctype html>
 <html lang="en"><meta charset="utf-8"><title>To a printed number</title>
 <p>It stands on a page of <a href="index.html">the book</a>.</p>
 <script>
-  const page = PLACES[location.hash.slice(1)];
-  if (page) location.replace(`${page}.html${location.hash}`);
+  const places = PLACES, name = location.hash.slice(1), page = places[name];
+  if (Object.hasOwn(places, name)) location.replace(`${page}.html${location.hash}`);
 </script></html>
 """
 # Pages that are sections now.

@@ -4,6 +4,7 @@ import subprocess
 from functools import cache
 from pathlib import Path
 
+NAME = "reproduce-pointing"
 __version__ = "0.2.0"
 RELEASED = "2026-11-25"
 # Where the book is published, without a slash at its end, and the DOI of its archive; empty while
@@ -12,10 +13,15 @@ ADDRESS = ""
 DOI = ""
 
 
-def software() -> str:
-    """Return what computes here: name, version, day of release and commit."""
+def version() -> str:
+    """Return the version, the day of its release and the commit of this package."""
     found = commit(Path(__file__).parents[2]) or "not recorded"
-    return f"reproduce-pointing {__version__}, {RELEASED}, commit {found}"
+    return f"{__version__}, {RELEASED}, commit {found}"
+
+
+def software() -> str:
+    """Return the name and the version of this package."""
+    return f"{NAME} {version()}"
 
 
 @cache

@@ -105,6 +105,28 @@ def test_a_build_that_failed_is_begun_again(checkout: Path) -> None:
     assert kept(checkout) == (NOTEBOOK,), "what was read without a word is not warned of again"
 
 
+@pytest.mark.parametrize("content", ["", "{", '{"numbers": '])
+def test_a_damaged_note_is_as_none(checkout: Path, content: str) -> None:
+    (checkout / "book/_build/made-of.json").write_text(content)
+    assert kept(checkout) == ()
+    State(checkout).remember()
+
+
+def test_a_note_that_cannot_be_written_leaves_the_old_one(
+    checkout: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object, **__: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    note = checkout / "book/_build/made-of.json"
+    before = note.read_text()
+    monkeypatch.setattr(Path, "replace", full)
+    with pytest.raises(OSError, match="No space"):
+        State(checkout).remember()
+    assert note.read_text() == before
+    assert State(checkout).drop_stale()
+
+
 def test_what_python_compiles_and_the_build_makes_is_no_input(checkout: Path) -> None:
     for folder in ("src/__pycache__", "book/_extra"):
         (checkout / folder).mkdir()

@@ -22,7 +22,8 @@ from rocrate_validator.utils.http import HttpRequester
 
 import release
 from reproduce.judge.ledger import frozen
-from reproduce.version import __version__
+from reproduce.version import __version__, version
+from reproduce.views.export import citation
 
 ROOT = Path(__file__).parents[2]
 CONTEXTS = ROOT / "tests" / "data"
@@ -245,6 +246,17 @@ def test_the_verdicts_that_are_kept_are_the_frozen_ones():
     verdicts = {cell: word for word, cells in kept["verdicts"].items() for cell in cells}
     assert verdicts == {cell: one.verdict for cell, one in frozen().items()}
     assert kept["version"] == __version__
+
+
+def test_the_marks_of_citations_are_kept_with_those_of_earlier_releases(monkeypatch):
+    monkeypatch.setattr(release, "released", lambda: {"0.0.1, 2026-01-01, commit x": ["rp:0"]})
+    kept = tomllib.loads(release.kept())["marks"]
+    assert kept.pop("0.0.1, 2026-01-01, commit x") == ["rp:0"]
+    ((source, marks),) = kept.items()
+    assert source == version()
+    assert len(marks) == len(frozen())
+    for address in ("niu2024/table-3#scale.red", "niu2024/table-1#focal-length.red"):
+        assert citation(address, "text").partition("\n")[0].rpartition(" ")[2] in marks
 
 
 # The workflow that would publish it.

@@ -1,18 +1,21 @@
 """Nonsense on the command line ends in a message and exit code two, never in a traceback."""
 
+import json
 import os
 import pty
 import re
 import subprocess
 import sys
+import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 from hypothesis import assume, given, settings, strategies
 
 import reproduce as rp
-from reproduce.papers.catalogue import catalogue
+from reproduce.papers.catalogue import catalogue, studies
 from reproduce.views.blocks import PLAIN
 from reproduce.views.cli import main
 
@@ -110,3 +113,53 @@ def test_a_narrow_terminal_names_every_cell(columns):
     assert max(map(len, lines)) <= columns
     for cell in rp.table("niu2024/table-3").cells()["cell"]:
         assert any(line.startswith(cell.partition("#")[2]) for line in lines)
+
+
+def test_a_deeply_nested_platform_is_refused(tmp_path):
+    """The parser of TOML calls itself for each list in a list."""
+    path = tmp_path / "deep.toml"
+    path.write_text(f"a={'[' * 5000}{']' * 5000}")
+    with pytest.raises(ValueError, match=r"deep\.toml: expected TOML"):
+        rp.misalignment("-", platform=path)
+    result = CliRunner().invoke(main, ["misalignment", "-", "--platform", str(path), "--json"])
+    assert result.exit_code == 2
+    assert "deep.toml" in json.loads(result.stdout)["error"]
+
+
+@pytest.mark.parametrize("value", [10**400, -(10**400), float("inf"), float("nan"), True, "1e999"])
+def test_a_value_beyond_all_numbers_is_refused(value):
+    table = rp.table("niu2024/table-3")
+    address = "niu2024/text-simulation#noise"
+    with pytest.raises(ValueError, match=address):
+        table.rerun({address: value})
+
+
+@pytest.mark.parametrize("key", [key for key, one in studies().items() if one.settings])
+def test_a_setting_beyond_all_numbers_is_refused(key):
+    for name in studies()[key].settings:
+        with pytest.raises(ValueError, match=f"^{name}: expected"):
+            rp.table(key).rerun(**{name: 10**400})
+
+
+@pytest.mark.parametrize("start", ["x", 5, (1, 0, 0, 0)])
+def test_a_start_that_is_no_registration_is_refused(start):
+    stars = np.random.default_rng(1).uniform(0, 500, (20, 2))
+    with pytest.raises(TypeError, match=r"^start: expected"):
+        rp.match(stars, stars + 3, start=start)
+
+
+def test_a_wide_table_takes_linear_time(tmp_path):
+    """A column that is not used costs as much as any other."""
+    times = []
+    for columns in (5_000, 100_000):
+        names = ",".join(f"c{i}" for i in range(columns))
+        numbers = ",1" * columns
+        stars = ("0,0,1,2", "9,0,10,2.1", "0,9,1,11.1", "9,9,10,11")
+        path = tmp_path / f"{columns}.csv"
+        path.write_text(
+            "\n".join([f"x,y,x_reference,y_reference,{names}", *(s + numbers for s in stars)])
+        )
+        begin = time.process_time()
+        rp.register(path)
+        times.append(time.process_time() - begin)
+    assert times[1] < 60 * times[0]

@@ -1,11 +1,16 @@
 """The command line: what it prints, and with which exit code it ends."""
 
+import errno
 import json
+import os
 import re
+import shlex
 import shutil
 import subprocess
 import sys
+from pathlib import Path
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 
@@ -207,7 +212,7 @@ def test_figures_are_written(tmp_path):
     ("key", "out", "message"),
     [
         ("niu2024/table-1", "x.svg", "has no figure; these have one"),
-        ("niu2024/fig-4", "x.bmp", "unknown ending '.bmp'"),
+        ("niu2024/fig-4", "x.bmp", "--out: expected one of the endings .svg, .pdf, .png"),
     ],
 )
 def test_figures_that_cannot_be_drawn_are_told(tmp_path, key, out, message):
@@ -216,10 +221,150 @@ def test_figures_that_cannot_be_drawn_are_told(tmp_path, key, out, message):
     assert message in " ".join(result.stderr.split())
 
 
-def test_an_unwritable_place_is_told(tmp_path):
-    result = run("figure", "niu2024/fig-4", "--out", str(tmp_path / "missing" / "x.svg"))
+LINES = "x,y,x_reference,y_reference\n0,0,1,2\n9,0,10,2\n0,9,1,11.1\n9,9,10,11\n"
+SKY = np.random.default_rng(4)
+STARS = SKY.uniform(0, 500, (20, 2)).round(2)
+
+
+@pytest.fixture
+def lists(tmp_path):
+    """Two lists of stars, of which the second is shifted, and a table of matched stars."""
+    for name, points in (("a.csv", STARS), ("b.csv", STARS + SKY.normal((3, -4), 0.01, (20, 2)))):
+        rows = (f"{x},{y},{1e4 - i}" for i, (x, y) in enumerate(points))
+        (tmp_path / name).write_text("\n".join(["x,y,flux", *rows]))
+    (tmp_path / "matched.csv").write_text(LINES)
+    return tmp_path
+
+
+# Commands with an output, without the name of the file or folder.
+OUTPUTS = {
+    "figure": ["figure", "niu2024/fig-4", "--out"],
+    "picture": ["register", "a.csv", "b.csv", "--json", "--picture"],
+    "write": ["register", "a.csv", "b.csv", "--json", "--write"],
+    "posterior": ["posterior", "registration", "--json", "--out"],
+}
+UNWRITABLE = ("missing/x", "a.csv/x", "folder", "locked/x")
+REFUSED = [
+    *((command, f"{place}.svg") for command in ("figure", "picture") for place in UNWRITABLE),
+    *(("posterior", f"{place}.csv") for place in UNWRITABLE),
+    *(("write", place) for place in ("a.csv", "a.csv/x", "locked/x", "taken")),
+    *((command, "x.bmp") for command in ("figure", "picture", "posterior")),
+]
+
+
+@pytest.mark.parametrize(("command", "place"), REFUSED)
+def test_an_output_is_checked_before_the_computation(lists, monkeypatch, command, place):
+    monkeypatch.chdir(lists)
+    for name in ("folder.svg", "folder.csv", "locked", "taken"):
+        (lists / name).mkdir()
+    (lists / "taken/a-registered.fits").touch()
+
+    def access(path, mode):
+        return "locked" not in str(path)
+
+    monkeypatch.setattr(os, "access", access)  # root may write everywhere
+    for name in ("figure", "register", "posterior"):
+        monkeypatch.setattr(front, name, lambda *_, **__: pytest.fail("computed"))
+    before = sorted(lists.rglob("*"))
+    result = run(*OUTPUTS[command], place)
+    assert result.exit_code == 2, result.output
+    assert OUTPUTS[command][-1] in result.stderr
+    assert sorted(lists.rglob("*")) == before
+    if "--json" in OUTPUTS[command]:
+        assert set(json.loads(result.stdout)) == {"error"}
+
+
+@pytest.mark.parametrize("command", ["picture", "posterior"])
+def test_json_stays_one_document_if_the_disk_is_full(lists, monkeypatch, command):
+    """The result is printed, the error goes to standard error, and an older file stays."""
+    monkeypatch.chdir(lists)
+    old = lists / ("old.csv" if command == "posterior" else "old.svg")
+    old.write_text("old")
+
+    def full(*_, **__):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(Path, "replace", full)
+    data = ["--data", "matched.csv", "--steps", "500"] if command == "posterior" else []
+    result = run(*OUTPUTS[command][:2], *data, *OUTPUTS[command][2:], old.name)
     assert result.exit_code == 1
-    assert "cannot write" in result.stderr
+    assert "parameters" in json.loads(result.stdout)
+    assert f"cannot write {old.name}: No space left" in result.stderr
+    assert old.read_text() == "old"
+    assert {path.name for path in lists.iterdir()} == {"a.csv", "b.csv", "matched.csv", old.name}
+
+
+@pytest.mark.parametrize("columns", ["0", "1", "text", "-4", str(10**9)])
+@pytest.mark.parametrize("command", [["list"], ["show", "niu2024/table-3"], ["--help"]])
+def test_every_width_of_a_terminal_shows_something(columns, command):
+    result = run(*command, columns=columns)
+    assert result.exit_code == 0, result.output
+    assert 200 < len(result.stdout) < 300_000
+
+
+def closed(stream, *command, **settings):
+    """Run a command with a closed standard stream."""
+    line = shlex.join([sys.executable, "-m", "reproduce", *command])
+    return subprocess.run(f"{line} {stream}&-", shell=True, capture_output=True, text=True,
+                          check=False, **settings)  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("stream", "command", "code", "message"),
+    [
+        (">", ["list"], 1, "reproduce: cannot write: standard output is closed\n"),
+        ("<", ["register", "-"], 2, "standard input: expected"),
+        ("2>", ["list"], 0, ""),
+        ("2>", ["check", "niu2024/table-2"], 0, ""),
+    ],
+)
+def test_a_closed_stream_is_no_traceback(stream, command, code, message):
+    result = closed(stream, *command)
+    assert result.returncode == code
+    assert message in result.stderr
+    assert "Traceback" not in result.stderr
+    assert bool(result.stdout) == (code == 0)
+
+
+def test_an_interrupt_during_the_imports_is_one_line():
+    """The module that is imported first raises what Ctrl-C raises."""
+    code = (
+        "import sys, runpy\n"
+        "class Stop:\n"
+        "    def find_spec(self, name, *_):\n"
+        "        if name == 'numpy': raise KeyboardInterrupt\n"
+        "sys.meta_path.insert(0, Stop())\n"
+        "runpy.run_module('reproduce', run_name='__main__')\n"
+    )
+    result = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=False
+    )
+    assert (result.returncode, result.stdout, result.stderr) == (1, "", "Aborted!\n")
+
+
+def test_memory_that_does_not_suffice_is_one_line(monkeypatch):
+    def full(*_, **__):
+        raise MemoryError
+
+    monkeypatch.setattr(front, "register", full)
+    result = run("register", "a.csv", "--json")
+    assert result.exit_code == 1
+    assert "memory" in json.loads(result.stdout)["error"]
+
+
+@pytest.mark.parametrize(
+    "name", ["a\x1b[31mRED.fits", "a\x1b[31mRED.csv", "a\x9b2J.csv", "a\rb.csv"]
+)
+def test_control_characters_of_a_file_name_are_escaped(lists, monkeypatch, name):
+    monkeypatch.chdir(lists)
+    missing = run("register", name, "b.csv")
+    assert missing.exit_code == 2
+    (lists / "a.csv").rename(lists / name.replace("fits", "csv"))
+    shown = run("register", name.replace("fits", "csv"), "b.csv")
+    assert shown.exit_code == 0, shown.output
+    for text in (missing.stderr, shown.stdout):
+        assert not re.search(r"[\x00-\x09\x0b-\x1f\x7f-\x9f]", text)
+        assert repr(name[1])[1:-1] in text
 
 
 def test_exporting_a_figure_writes_its_data():

@@ -5,6 +5,7 @@ import json
 import re
 import shutil
 import subprocess
+import time
 from itertools import takewhile
 
 import numpy as np
@@ -21,8 +22,7 @@ from reproduce.papers.catalogue import catalogue, studies
 from reproduce.printed.cells import PAPERS, library
 from reproduce.version import RELEASED, __version__
 from reproduce.views import export as exporting
-from reproduce.views.computed import item_ledger
-from reproduce.views.export import FORMATS, citation, export, mark, statement, verify
+from reproduce.views.export import FORMATS, citation, mark, statement, verify
 from reproduce.views.figure import draw, drawable, save
 
 KEY = "chen2023/table-5"
@@ -48,7 +48,7 @@ def markdown(text):
 
 
 def test_csv_carries_every_field_at_full_precision(table):
-    frame = read_csv(export(table, KEY, "csv"), dtype={"printed": str})
+    frame = read_csv(rp.table(KEY).export("csv"), dtype={"printed": str})
     records = table.of(KEY)
     assert list(frame["cell"]) == [record.cell for record in records]
     assert list(frame["printed"]) == [record.printed for record in records]
@@ -58,9 +58,9 @@ def test_csv_carries_every_field_at_full_precision(table):
 
 
 def test_json_reads_back_as_a_ledger_with_its_reasons(table):
-    read = ledger.Ledger.model_validate_json(export(table, KEY, "json"))
+    read = ledger.Ledger.model_validate_json(rp.table(KEY).export("json"))
     assert [r.model_copy(update={"reason": ""}) for r in read.records] == list(table.records)
-    frame = read_csv(export(table, KEY, "csv"), keep_default_na=False)
+    frame = read_csv(rp.table(KEY).export("csv"), keep_default_na=False)
     assert [one.reason for one in read.records] == list(frame["reason"])
     assert read.cell(f"{KEY}#2.reference-x").reason.startswith("Four significant digits")
     assert read.software == version.software()
@@ -69,36 +69,39 @@ def test_json_reads_back_as_a_ledger_with_its_reasons(table):
 
 def test_markdown_and_latex_keep_the_shape_of_the_table(table):
     printed = library()[KEY]
-    lines = markdown(export(table, KEY, "markdown"))
+    lines = markdown(rp.table(KEY).export("markdown"))
     assert len(lines) == 2 + len(printed.rows)
     rows = [[part.strip() for part in line.strip("|").split("|")] for line in lines]
     assert all(len(row) == 1 + len(printed.columns) for row in rows)
-    column = rows[0].index("Difference about Y (″)")
-    assert rows[3][column] == "-0.040 (-0.040, exact, difference)"
-    text = export(table, KEY, "latex")
+    column = rows[0].index("Difference about Y")
+    assert rows[3][column] == "−0.040″, −0.040, exact difference"
+    text = rp.table(KEY).export("latex")
     assert r"\label{tab:chen2023-table-5}" in text
     assert text.count(r"\\") == 1 + len(printed.rows)
-    assert "Difference about Y ($''$)" in text
-    assert r"Position X (\textmu{}m)" in text
-    assert "$-$0.040 ($-$0.040, exact, difference)" in text
+    assert "In each cell: printed, then computed, then the verdict." in text
+    assert r"10.03 \textmu{}m, input" in text
+    assert "$-$0.040$''$, $-$0.040, exact difference" in text
     assert r"\begin{tabular}{lrrrrrrrrrr}" in text
 
 
 @pytest.mark.parametrize("key", list(library()))
 def test_latex_has_no_sign_that_it_does_not_know(key):
-    assert export(item_ledger(key), key, "latex").isascii()
+    assert rp.table(key).export("latex").isascii()
 
 
-def test_a_row_that_shares_a_unit_names_it():
-    text = export(ledger.build(["niu2024/table-3"]), "niu2024/table-3", "markdown")
-    assert "| Translation, x (px) | 0.3012 (1.89994, ambiguous) |" in text
-    assert "| Scale factor | 0.9973 (0.99756, differs) |" in text
+def test_each_printed_value_has_its_unit():
+    text = rp.table("niu2024/table-3").export("markdown")
+    assert "| Translation, x | 0.3012 px, 1.89994, ambiguous |" in text
+    assert "| Scale factor | 0.9973, 0.99756, differs |" in text
 
 
-def test_a_cell_alone_and_a_group_have_a_row_per_cell(table):
-    assert len(markdown(export(table, f"{KEY}#2.difference-y", "markdown"))) == 3
+def test_a_cell_has_a_row_per_property_and_a_group_a_row_per_cell():
+    lines = markdown(rp.table(f"{KEY}#2.difference-y").export("markdown"))
+    assert lines[0] == f"| Cell | {KEY}#2.difference-y |"
+    assert any(line.startswith("| verdict | exact") for line in lines)
     group = "niu2024/text-optics"
-    lines = markdown(export(ledger.build([group]), group, "markdown"))
+    lines = markdown(rp.table(group).export("markdown"))
+    assert lines[0] == "| Quantity | Printed | Computed | Verdict | Where |"
     assert len(lines) == 2 + len(library()[group].cells)
 
 
@@ -114,7 +117,7 @@ def test_a_citation_names_the_authors_of_a_paper(monkeypatch, names, told):
 
 def test_unknown_formats_are_refused(table):
     with pytest.raises(ValueError, match="unknown format 'xls': expected one of csv"):
-        export(table, KEY, "xls")
+        rp.table(KEY).export("xls")
     with pytest.raises(ValueError, match="unknown format 'apa'"):
         citation(KEY, "apa")
 
@@ -122,7 +125,7 @@ def test_unknown_formats_are_refused(table):
 @pytest.mark.parametrize("form", FORMATS)
 @pytest.mark.parametrize("key", [k for k in catalogue() if "/fig-" not in k])
 def test_every_item_exports(key, form):
-    assert export(ledger.build([key]), key, form)
+    assert rp.table(key).export(form)
 
 
 @pytest.mark.parametrize("key", list(catalogue()))
@@ -202,7 +205,7 @@ def test_citation_and_export_name_the_same_software(table):
     name = version.software()
     assert name.startswith(f"reproduce-pointing {__version__}, {RELEASED}")
     assert name in citation(KEY, "bibtex")
-    assert json.loads(export(table, KEY, "json"))["software"] == name
+    assert json.loads(rp.table(KEY).export("json"))["software"] == name
 
 
 # What each form begins a line with that says something of the file.
@@ -337,21 +340,60 @@ def test_a_cell_is_cited_with_print_result_verdict_and_mark(address):
     assert [value for tag, value in ris if tag == "DO"] == [paper.partition("doi:")[2].rstrip(".")]
 
 
+def cited(said, source):
+    return f"{said}. {version.NAME} {source}. {mark(said)}"
+
+
 @pytest.mark.parametrize("address", CELLS)
-def test_a_citation_checks_itself(address):
+def test_a_citation_checks_itself(address, monkeypatch):
     text = citation(address, "text")
-    assert verify(text) == "unchanged"
+    assert verify(text) == verify(text.partition("\n")[0]) == "unchanged"
     assert verify(text.replace("printed ", "printed 1")).startswith("not ours")
-    assert verify("some words") == "not ours: its words and its mark do not belong together"
+    assert verify("some words").startswith("not ours")
     record = ledger.build([address.partition("#")[0]]).cell(address)
-    said = statement(record).removesuffix(record.verdict) + "exact"
-    older = f"{said}. reproduce-pointing 0.0.1, 2026-01-01. {mark(said)}"
-    told = verify(older)
-    assert told.startswith(f"moved since 0.0.1: now {statement(record)}, for ")
+    now, older, source = statement(record), f"{address}: printed 1, exact", "0.0.1, 2026-01-01, x"
+    gone = older.replace("#", "#no-")
+    for said in (older, gone, now):
+        assert verify(cited(said, source)).startswith("well-formed, not known to this package")
+    known = {source: [mark(older), mark(gone)], "0.0.2, 2026-01-02, y": [mark(now)]}
+    monkeypatch.setattr(exporting, "released", lambda: known)
+    told = verify(cited(older, source))
+    assert told.startswith(f"moved since {source}: now {now}, for ")
     assert told.endswith(ledger.reason(address) or record.why)
-    gone = said.replace("#", "#no-")
-    told = verify(f"{gone}. reproduce-pointing 0.1, x. {mark(gone)}")
-    assert "no printed number any more" in told
+    assert verify(cited(gone, source)).startswith(f"moved since {source}: now ")
+    assert verify(cited(now, "0.0.2, 2026-01-02, y")) == "unchanged"
+
+
+@pytest.mark.parametrize("what", ["version", "day", "commit", "all"])
+def test_a_citation_of_an_unknown_source_is_not_unchanged(what, monkeypatch):
+    monkeypatch.setattr(version, "commit", lambda root: "0123456789")
+    text = citation(CELLS[0], "text")
+    own = {"version": __version__, "day": RELEASED, "commit": "0123456789"}
+    false = {"version": "9.9.9", "day": "1999-01-01", "commit": "deadbeef00"}
+    for name in own:
+        text = text.replace(own[name], false[name]) if what in {name, "all"} else text
+    told = verify(text)
+    assert told.startswith("well-formed, not known to this package")
+    said = f"{CELLS[0]}: printed 0.9973, recomputed 0.9973 [0.9972, 0.9974], exact"
+    assert verify(cited(said, version.version())).startswith("well-formed, not known")
+
+
+@pytest.mark.parametrize("text", ["a", "#", "a#", "a#: printed ", ". reproduce-pointing ", "rp:"])
+def test_to_verify_a_long_text_takes_linear_time(text):
+    times = []
+    for size in (20_000, 640_000):
+        begin = time.process_time()
+        assert verify(text * (size // len(text))).startswith("not ours")
+        times.append(time.process_time() - begin)
+    assert times[1] < 200 * max(times[0], 0.002)
+
+
+@pytest.mark.parametrize("wrong", [None, 5, ["niu2024/table-3"], b"niu2024/table-3"])
+def test_what_is_no_text_is_refused(wrong):
+    with pytest.raises(TypeError, match=r"^address: expected text"):
+        rp.cite(wrong)
+    with pytest.raises(TypeError, match=r"^citation: expected text"):
+        rp.verify(wrong)
 
 
 def test_address_and_doi_of_a_published_book_stand_in_every_citation(monkeypatch):

@@ -222,8 +222,10 @@ def test_the_registered_picture_lies_on_the_target(fit, tmp_path):
     lost = np.isnan(fits.getdata(path))
     assert lost[within < -0.01].all()
     assert not lost[within > 0.01].any()
-    with pytest.raises(OSError, match="already exists"):
+    before = path.read_bytes()
+    with pytest.raises(ValueError, match=r"^path: expected a new file"):
         fit.write(path)
+    assert path.read_bytes() == before
 
 
 def test_the_posterior_is_that_of_the_fit(fit):

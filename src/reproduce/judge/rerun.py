@@ -166,7 +166,7 @@ def _upstream(patterns: tuple[str, ...]) -> tuple[str, ...]:
 def in_si(cell: Cell, value: str | float) -> float:
     """Return a value in SI units from text in the printed format, such as ``"0.2 px"``."""
     bare = isinstance(value, int | float)
-    matched = _VALUE.fullmatch(f"{value:.17g}" if bare else str(value))
+    matched = _VALUE.fullmatch(str(value))
     number = float(matched[1].replace("−", "-")) if matched else math.nan
     written = matched[2].strip() if matched else ""
     units = {name: name for name in UNITS} | {symbol(name): name for name in UNITS if symbol(name)}

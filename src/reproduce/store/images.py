@@ -181,7 +181,7 @@ def reading(name: str) -> Iterator[None]:
         raise
     except ImportError as error:
         raise ImageError(
-            f"{name}: this needs {error.name}. Install reproduce-pointing[images]"
+            f"{name}: this needs {error.name}. Install astropy and photutils"
         ) from error
     except MemoryError as error:
         raise ImageError(f"{name}: the image does not fit into memory. Use a part of it") from error

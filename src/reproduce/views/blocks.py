@@ -28,7 +28,10 @@ from reproduce.views.numbers import powers_in_html
 
 Entry = str | Markup
 _WIDTH = 80
+# Columns of a terminal, at least and at most.
+_NARROWEST, _WIDEST = 20, 1000
 _TOWER = 14  # columns that a wrapped sentence takes at least
+_CONTROL = re.compile(r"[\x00-\x09\x0b-\x1f\x7f-\x9f]")
 # How a terminal shows the badge of a verdict.
 _COLOURS = {"exact": "green", "consistent": "green", "differs": "bold red"}
 _COLOURS |= {"ambiguous": "yellow", "unpublished": "cyan", "input": "dim"}
@@ -288,17 +291,33 @@ def _least(whole: bool, texts: Sequence[str]) -> int:
 
 def _plain(entry: Entry) -> str:
     """Return an entry without its marks."""
-    if not isinstance(entry, Markup):
-        return entry
-    # Markup would escape what stands in for a break.
-    text = str(entry).replace("<br><small>", " ").replace("<br>", "; ")
-    return Markup(text).striptags()
+    if isinstance(entry, Markup):
+        # Markup would escape what stands in for a break.
+        text = str(entry).replace("<br><small>", " ").replace("<br>", "; ")
+        entry = Markup(text).striptags()
+    return printable(entry)
+
+
+def printable(text: str) -> str:
+    """Return a text with escape sequences for control characters, such as those of a file name.
+
+    Examples
+    --------
+    >>> printable("red" + chr(27) + "[31m.fits")
+    'red\\\\x1b[31m.fits'
+    """
+    return _CONTROL.sub(lambda found: repr(found[0])[1:-1], text)
+
+
+def plain(entry: Entry | Box) -> str:
+    """Return the text of an entry, without marks."""
+    content = entry.content if isinstance(entry, Box) else entry
+    lines = content if isinstance(content, tuple) else (content,)
+    return ", ".join(_plain(line) for line in lines if line)
 
 
 def _text(entry: Entry | Box) -> Text:
-    content = entry.content if isinstance(entry, Box) else entry
-    lines = content if isinstance(content, tuple) else (content,)
-    text = ", ".join(_plain(line) for line in lines if line)
+    text = plain(entry)
     return Text(text, style=_COLOURS.get(text.partition(" ")[0], ""))
 
 
@@ -314,7 +333,9 @@ class Display(ABC):
 
     def print(self) -> None:
         """Write the blocks on the terminal."""
-        _write(self.blocks(), Console())
+        console = Console()
+        console.width = min(max(console.width or _WIDTH, _NARROWEST), _WIDEST)
+        _write(self.blocks(), console)
 
     def __repr__(self) -> str:
         """Return the blocks as text, without colour."""

@@ -6,7 +6,7 @@ import io
 import json
 import re
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -14,9 +14,10 @@ from typing import Any
 import click
 
 from reproduce.physics.registration import MODELS
+from reproduce.store.files import DRAWS, FIGURES, check_target
 from reproduce.version import __version__
 from reproduce.views import front
-from reproduce.views.blocks import PLAIN
+from reproduce.views.blocks import PLAIN, printable
 
 
 class _Shell(click.Group):
@@ -31,11 +32,11 @@ class _Shell(click.Group):
         as_json = "--json" in ctx.args
         try:
             return super().invoke(ctx)
-        except Exception as error:  # what is no refusal is raised again
+        except Exception as error:  # an error that is not of the input is raised again
             refused = self._refused(error, ctx)
             if refused is None:
                 raise
-            if as_json:
+            if as_json and _SHOWN not in ctx.meta:
                 told: dict[str, Any] = {"error": refused.format_message()}
                 if missed := getattr(error, "missed", ()):  # by chains that have not converged
                     told |= {"steps_needed": getattr(error, "steps", None), "missed": missed}
@@ -43,22 +44,28 @@ class _Shell(click.Group):
             raise refused from error
 
     def _refused(self, error: Any, ctx: click.Context) -> click.ClickException | None:
-        """Say in the words of the command line what the front door refuses."""
+        """Return the error of the command line for an error of the input."""
         if isinstance(error, click.ClickException):
             return error
         if isinstance(error, ValueError | KeyError):
-            return click.UsageError(
-                str(error.args[0] if isinstance(error, KeyError) else error), ctx
-            )
+            text = str(error.args[0] if isinstance(error, KeyError) else error)
+            return click.UsageError(printable(text), ctx)
         if hasattr(error, "missed"):
             advice = f" (--steps; there were {error.taken})" if error.steps else ""
             return click.ClickException(f"{error}{advice}")
-        if isinstance(error, OSError) and error.filename:  # that of a stream is said by `main`
-            return click.UsageError(f"cannot read {error.filename}: {error.strerror}", ctx)
+        if isinstance(error, MemoryError):
+            return click.ClickException("the input does not fit into memory. Use a smaller one")
+        if isinstance(error, OSError) and error.filename:  # `main` reports errors of streams
+            return click.UsageError(printable(f"{error.filename}: {error.strerror}"), ctx)
         return None
 
     def main(self, *arguments: Any, **settings: Any) -> Any:
-        """Run; what the stream cannot encode is written in plain signs."""
+        """Run, with plain signs for characters that the stream cannot encode."""
+        if sys.stdout is None:
+            sys.exit("reproduce: cannot write: standard output is closed")
+        for name in ("stdin", "stderr"):
+            if getattr(sys, name) is None:  # closed by the caller
+                setattr(sys, name, io.TextIOWrapper(io.BytesIO()))
         for stream in (sys.stdout, sys.stderr):
             if isinstance(stream, io.TextIOWrapper):
                 stream.reconfigure(errors=PLAIN)
@@ -73,6 +80,19 @@ class _Shell(click.Group):
         except OSError as error:
             sys.stdout = io.StringIO()
             sys.exit(f"reproduce: cannot write: {error.strerror}")
+
+
+class _Target(click.ParamType[Path]):
+    """An output file that is checked before the computation starts."""
+
+    name = "file"
+
+    def __init__(self, *endings: str) -> None:
+        self.endings = endings
+
+    def convert(self, value: Any, param: Any, ctx: click.Context | None) -> Path:
+        """Return the path, or raise an error of the option."""
+        return check_target(Path(value), self.endings, param.opts[0])
 
 
 def _pairs(option: str, form: str, texts: tuple[str, ...]) -> dict[str, str]:
@@ -96,6 +116,7 @@ def _show(as_json: bool, record: Callable[[], Any], write: Callable[[], None]) -
     """Print a record for programs, or write for a reader."""
     if as_json:
         click.echo(json.dumps(record(), indent=2, ensure_ascii=False))
+        click.get_current_context().meta[_SHOWN] = True
     else:
         write()
 
@@ -103,19 +124,20 @@ def _show(as_json: bool, record: Callable[[], Any], write: Callable[[], None]) -
 def _save(save: Callable[[Path], Any], out: Path) -> None:
     try:
         save(out)
-    except OSError as error:
-        raise click.ClickException(f"cannot write {out}: {error.strerror or error}") from error
+    except (OSError, RuntimeError) as error:  # the latter of netCDF
+        message = printable(f"cannot write {out}: {getattr(error, 'strerror', '') or error}")
+        raise click.ClickException(message) from error
 
 
+# Whether the context has printed a JSON document.
+_SHOWN = "reproduce.shown"
 _CHANGE, _CHOICE, _ENDS = "CELL=VALUE", "NAME=ALTERNATIVE", "NAME=LOW,HIGH"
 _SETTINGS = {"help_option_names": ["-h", "--help"], "show_default": True}
-_FILE = click.Path(exists=True, dir_okay=False, path_type=Path)
-_DATA = click.Path(exists=True, dir_okay=False, allow_dash=True, path_type=Path)
 # A FITS file may have the name of an extension in brackets behind it.
-_IMAGES = click.Path(allow_dash=True, path_type=Path)
-# The end of a FITS file name, in front of the extension.
-_ENDING = re.compile(r"\.(?:fits|fit|fts)(?:\.\w+)?((?:\[.*\])?)$|\.\w+$", re.I)
-_OUT = click.Path(dir_okay=False, path_type=Path)
+_FILE = click.Path(path_type=Path)
+# The end of a FITS file name with the extension in brackets, or of any other file name.
+_ENDING = re.compile(r"\.(?:fits|fit|fts)(?:\.\w+)?(?:\[.*\])?$|\.\w+$", re.I)
+_FIGURE = _Target(*FIGURES)
 _ABOVE = click.FloatRange(min=0, min_open=True)
 _FOLDER = click.Path(file_okay=False, path_type=Path)
 _ADDRESS = click.argument("address", metavar="KEY[#CELL]")
@@ -202,13 +224,13 @@ def export_item(address: str, form: str) -> None:
 
 @main.command()
 @click.argument("key")
-@click.option("--out", type=_OUT, required=True, help="Write this .svg, .pdf or .png.")
+@click.option("--out", type=_FIGURE, required=True, help="Write this .svg, .pdf or .png.")
 @_SET
 @_SEED
 def figure(key: str, out: Path, changes: tuple[str, ...], seed: int | None) -> None:
     """Draw an item that draws."""
     _save(front.figure(key).rerun(_pairs("--set", _CHANGE, changes), seed=seed).save, out)
-    click.echo(f"Wrote {out}")
+    click.echo(printable(f"Wrote {out}"))
 
 
 @main.command()
@@ -237,7 +259,7 @@ def audit(paper: str | None, as_json: bool) -> None:
 
 
 @main.command()
-@click.argument("files", type=_IMAGES, nargs=-1, required=True, metavar="FILE...")
+@click.argument("files", type=_FILE, nargs=-1, required=True, metavar="FILE...")
 @_PIVOT
 @click.option("--model", type=click.Choice(list(MODELS)), default="similarity")
 @click.option("--robust", is_flag=True, default=None, help="Guard against wrong matches.")
@@ -245,7 +267,9 @@ def audit(paper: str | None, as_json: bool) -> None:
 @click.option("--reference", help="Reference image, as given.  [default: the second one]")
 @click.option("--threshold", type=_ABOVE, help="Of stars, in standard deviations of the noise.")
 @click.option("--radius", type=_ABOVE, help="How far apart stars of a pair may land, in px.")
-@click.option("--picture", type=_OUT, help="Draw the residuals before and after: .svg .pdf .png.")
+@click.option(
+    "--picture", type=_FIGURE, help="Draw the residuals before and after: .svg .pdf .png."
+)
 @click.option("--write", type=_FOLDER, help="Folder for the registered images, as FITS.")
 @click.option("--posterior", is_flag=True, help="Sample the same transform with emcee too.")
 @_JSON
@@ -269,6 +293,17 @@ def register(
     columns x, y. Their stars are found and matched, and the fit is robust. The default reference is
     the second image, and the default pivot is the middle of the image.
     """
+    sources = list(files)
+    reference = Path(settings["reference"] or (files[1:2] or files)[0])
+    if reference in sources:
+        sources.remove(reference)
+    stems = _stems(sources)
+    targets = [write / f"{stem}-registered.fits" for stem in stems if write]
+    if write:
+        existing = next(one for one in (write, *write.parents) if one.exists())
+        check_target(existing / "registered.fits", (".fits",), "--write")
+    if taken := [one for one in targets if one.exists()]:
+        raise click.UsageError(f"--write: expected no file {taken[0]}, got one. Remove it first")
     given: dict[str, Any] = {name: one for name, one in settings.items() if one is not None}
     with _bar("finding stars") as progress:
         source: Any = files[0] if len(files) == 1 else files
@@ -278,7 +313,7 @@ def register(
         raise click.UsageError("--picture, --write and --posterior belong to pictures")
     sampled = {name: fit.posterior() for name, fit in fits.items()} if posterior else {}
     for name, one in sampled.items():
-        with _bar(f"sampling {name}".strip()) as progress:
+        with _bar(printable(f"sampling {name}").strip()) as progress:
             one.sample(progress=progress)
     records = {name: one.record() for name, one in sampled.items()}
 
@@ -287,26 +322,23 @@ def register(
             one.print()
 
     _show(as_json, lambda: found.record() | ({"posteriors": records} if records else {}), shown)
-    for stem, (name, fit) in zip(_stems(fits), fits.items(), strict=True):
+    for stem, (name, fit) in zip(stems, fits.items(), strict=True):
         if picture:
             _save(fit.save, picture.with_stem(f"{picture.stem}-{stem}") if name else picture)
-        if write:
-            write.mkdir(parents=True, exist_ok=True)
-            _save(fit.write, write / f"{stem}-registered.fits")
+    for target, fit in zip(targets, fits.values(), strict=False):
+        target.parent.mkdir(parents=True, exist_ok=True)
+        _save(fit.write, target)
 
 
-def _stems(fits: dict[str, Any]) -> list[str]:
+def _stems(files: Sequence[Path]) -> list[str]:
     """Return a different name for the files of each registration."""
-    files = [Path(name or fit.source_stars.name).name for name, fit in fits.items()]
-    stems = [re.sub(r"[^\w.-]+", "-", re.sub(_ENDING, r"\1", one)).strip("-.") for one in files]
-    return [
-        stem if stem and stems.count(stem) == 1 else f"{stem}-{place}".lstrip("-")
-        for place, stem in enumerate(stems)
-    ]
+    stems = [_ENDING.sub("", one.name) for one in files]
+    numbered = enumerate(stems)
+    return [one if stems.count(one) == 1 else f"{one}-{place}" for place, one in numbered]
 
 
 @main.command()
-@click.argument("file", type=_DATA)
+@click.argument("file", type=_FILE)
 @_PLATFORM
 @_SEP
 @_JSON
@@ -326,7 +358,7 @@ def misalignment(file: Path, platform: Path | None, sep: str | None, as_json: bo
 @main.command()
 @click.argument("model", required=False)
 @click.option("--list", "listed", is_flag=True, help="Name all models, and columns for --data.")
-@click.option("--data", type=_DATA, help="Your table; --list shows its columns.")
+@click.option("--data", type=_FILE, help="Your table; --list shows its columns.")
 @_PIVOT
 @_PLATFORM
 @_SEP
@@ -336,7 +368,9 @@ def misalignment(file: Path, platform: Path | None, sep: str | None, as_json: bo
 @_SEED
 @click.option("--steps", type=click.IntRange(min=1), help="Kept steps of each ensemble.")
 @click.option("--walkers", type=click.IntRange(min=1), help="Of each ensemble; an even number.")
-@click.option("--out", type=_OUT, help="Write the draws to this .csv, or .nc (for ArviZ).")
+@click.option(
+    "--out", type=_Target(*DRAWS), help="Write the draws to this .csv, or .nc (for ArviZ)."
+)
 @_JSON
 def posterior(
     model: str | None,

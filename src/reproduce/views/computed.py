@@ -1,19 +1,18 @@
-"""What a build of the book computes once and keeps for its pages, and what that depends on.
+"""Results that a build of the book computes once and keeps for its pages.
 
-The environment variable ``REPRODUCE_BUILD`` names the folder. Without it nothing is kept, and every
-page and every reader computes anew.
+The environment variable ``REPRODUCE_BUILD`` names the folder. Without it nothing is kept. The files
+contain JSON or arrays: to read them executes no code.
 """
 
 from __future__ import annotations
 
 import hashlib
 import os
-import pickle
 import platform
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 import numpy as np
 import scipy
@@ -21,16 +20,17 @@ import scipy
 from reproduce.judge import ledger
 from reproduce.judge.ledger import Ledger
 from reproduce.locate import data_folder
-
-if TYPE_CHECKING:
-    from reproduce.audit.report import Audit
+from reproduce.store.files import replacing
 
 FOLDER = "REPRODUCE_BUILD"
 Result = TypeVar("Result")
 
 
 def fingerprint() -> str:
-    """Return a hash of what all numbers depend on: our files, the data, the lock, the versions."""
+    """Return a hash of the code, the data, the locked packages and the versions of Python, NumPy.
+
+    All numbers depend on them.
+    """
     data = data_folder()
     package = Path(__file__).resolve().parent.parent
     files = [*package.rglob("*.py"), *(path for path in data.rglob("*") if path.is_file())]
@@ -48,26 +48,29 @@ def kept() -> Path | None:
     return Path(os.environ[FOLDER]) / fingerprint() if os.environ.get(FOLDER) else None
 
 
-def once(name: str, kind: type[Result], compute: Callable[[], Result]) -> Result:
-    """Return what `compute` does, which no other process of the build does again.
+def once(
+    name: str,
+    compute: Callable[[], Result],
+    dump: Callable[[Result], str | bytes],
+    load: Callable[[bytes], Result],
+) -> Result:
+    """Return a result that only one process of a build computes.
 
-    What is kept and cannot be read, or is not of that kind, is computed again.
+    `dump` makes the content of the file `name`, and `load` the result of this content. A file that
+    cannot be read is computed again.
     """
     folder = kept()
     if folder is None:
         return compute()
-    path = folder / f"{name.replace('/', '-')}.pickle"
+    path = folder / name.replace("/", "-")
     try:
-        found = pickle.loads(path.read_bytes())
-    except Exception:  # half a pickle raises nearly anything
-        found = None
-    if isinstance(found, kind):
-        return found
-    result = compute()
+        return load(path.read_bytes())
+    except Exception:  # readers of damaged files raise many types
+        result = compute()
     folder.mkdir(parents=True, exist_ok=True)
-    part = path.with_suffix(f".{os.getpid()}")
-    part.write_bytes(pickle.dumps(result))
-    part.replace(path)
+    content = dump(result)
+    with replacing(path) as part:
+        part.write_bytes(content.encode() if isinstance(content, str) else content)
     return result
 
 
@@ -86,13 +89,5 @@ def item_ledger(*keys: str) -> Ledger:
 
 @cache
 def whole_ledger() -> Ledger:
-    """Return the ledger of everything."""
-    return once("ledger", Ledger, ledger.build)
-
-
-@cache
-def paper_audit(paper: str) -> Audit:
-    """Return what the cross-examination of a paper found."""
-    from reproduce.audit.report import Audit, audit_paper  # only now: most pages have none
-
-    return once(f"audit-{paper}", Audit, lambda: audit_paper(paper))
+    """Return the ledger of all items."""
+    return once("ledger.json", ledger.build, Ledger.model_dump_json, Ledger.model_validate_json)

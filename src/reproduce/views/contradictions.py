@@ -16,7 +16,7 @@ import pandas as pd
 from markupsafe import Markup
 
 from reproduce.audit.examine import Examined
-from reproduce.audit.report import Audit, Erratum, register
+from reproduce.audit.report import Audit, Erratum, audit_paper, register
 from reproduce.judge.ledger import Record, frozen
 from reproduce.locate import data_folders
 from reproduce.printed.cells import PAPERS, anchor
@@ -24,7 +24,7 @@ from reproduce.printed.number import si_factor, symbol
 from reproduce.version import __version__
 from reproduce.views import verdicts
 from reproduce.views.blocks import Block, Blocks, Display, Entry, Fold, Grid, badge, grid, link
-from reproduce.views.computed import item_ledger, paper_audit
+from reproduce.views.computed import item_ledger
 from reproduce.views.keys import check_paper
 from reproduce.views.numbers import minus
 from reproduce.views.verdicts import quantity
@@ -80,7 +80,7 @@ class Contradictions(Display):
         """Return a part by its name."""
         if name not in _PARTS:
             raise KeyError(f"no part {name!r}: expected one of {', '.join(_PARTS)}")
-        return _PARTS[name]([paper_audit(paper) for paper in self.papers])
+        return _PARTS[name]([audit_paper(paper) for paper in self.papers])
 
     def frame(self) -> pd.DataFrame:
         """Return the register: one row per entry, with what is printed and why it is there."""

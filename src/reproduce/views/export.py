@@ -5,23 +5,25 @@ from __future__ import annotations
 import csv
 import json
 import re
-from collections.abc import Iterable, Iterator, Mapping
+import tomllib
+from collections.abc import Iterable, Mapping
 from functools import cache
 from hashlib import sha256
 from textwrap import indent
 from typing import TYPE_CHECKING, Any
 
+from jinja2 import Environment
 from markupsafe import Markup
 from pybtex.database import BibliographyData, Entry, Person, parse_file
 
 from reproduce.judge.ledger import Ledger, Record, reason
-from reproduce.locate import papers
+from reproduce.locate import data_folder, papers
 from reproduce.papers.catalogue import drawings, studies
 from reproduce.printed.cells import PAPERS, anchor, library
-from reproduce.version import ADDRESS, DOI, RELEASED, __version__, software
+from reproduce.version import ADDRESS, DOI, NAME, RELEASED, __version__, software, version
 from reproduce.views import keys, verdicts
-from reproduce.views.blocks import PLAIN
-from reproduce.views.computed import item_ledger
+from reproduce.views.blocks import PLAIN, Grid, plain
+from reproduce.views.computed import item_ledger, whole_ledger
 from reproduce.views.numbers import minus, powers
 
 if TYPE_CHECKING:
@@ -32,10 +34,10 @@ FORMATS = ("csv", "json", "latex", "markdown")
 ENDINGS = {"csv": "csv", "json": "json", "latex": "tex", "markdown": "md"}
 
 
-def export(ledger: Ledger, address: str, form: str) -> str:
-    """Write the records of an item or a cell in a format that other programs read.
+def export(ledger: Ledger, address: str, form: str, shown: Grid) -> str:
+    """Return the records of an item or a cell in a format of other programs.
 
-    JSON and CSV hold every field of each record; LaTeX and Markdown keep the table's own shape.
+    JSON and CSV contain every field of each record. LaTeX and Markdown have the layout of `shown`.
     """
     key, _, name = address.partition("#")
     records = tuple(r for r in ledger.of(key) if not name or r.cell == address)
@@ -45,9 +47,11 @@ def export(ledger: Ledger, address: str, form: str) -> str:
     about = provenance(citation(address, "text"))
     if form == "csv":
         return export_frame(full_frame(records), form, about)
-    frame = _shaped_frame(records, whole=not name)
-    caption = f"{keys.title(key)} ({keys.place(key)} of {key.split('/')[0]})"
-    looks = {"caption": f"{caption}; printed (computed, verdict)", "label": f"tab:{anchor(key)}"}
+    import pandas as pd
+
+    rows = [list(map(plain, row)) for row in shown.rows]
+    frame = pd.DataFrame(rows, columns=list(map(plain, shown.head)), dtype=str)
+    looks = {"caption": plain(shown.caption), "label": f"tab:{anchor(key)}"}
     frame.attrs["latex"] = looks | {"column_format": "l" + "r" * (frame.shape[1] - 1)}
     return export_frame(frame, form, about)
 
@@ -144,47 +148,12 @@ def _read(record: Record) -> dict[str, Any]:
     }
 
 
-def _shaped_frame(records: tuple[Record, ...], *, whole: bool) -> pd.DataFrame:
-    """Lay out a table in the shape of the print, quoted numbers and a cell alone line by line.
-
-    Units stand where a row or a column shares one.
-    """
-    import pandas as pd
-
-    table, by_name = library()[records[0].key], {verdicts.name_of(one): one for one in records}
-    heads, labels = ["printed (computed, verdict)"], list(by_name)
-    grid = [[record] for record in records]
-    if whole and len(table.columns) > 1:
-        heads, labels = [c.label for c in table.columns], [row.label for row in table.rows]
-        grid = [[by_name[f"{row.id}.{c.id}"] for c in table.columns] for row in table.rows]
-
-    def named(label: str, line: Iterable[Record]) -> str:
-        units = set(map(verdicts.unit, line)) - {""}
-        return f"{label} ({units.pop()})" if len(units) == 1 else label
-
-    if all(len({one.unit for one in row} - {""}) <= 1 for row in grid):
-        labels = [named(*pair) for pair in zip(labels, grid, strict=True)]
-    else:
-        heads = [named(*pair) for pair in zip(heads, zip(*grid, strict=True), strict=True)]
-    rows = [[label, *map(_shaped, row)] for label, row in zip(labels, grid, strict=True)]
-    return pd.DataFrame(rows, columns=["", *heads], dtype=str)
-
-
-def _shaped(record: Record) -> str:
-    if record.role != "result":
-        return record.printed
-    value = verdicts.computed(record).replace("−", "-")
-    told = (value, record.verdict, verdicts.flags(record.flags))
-    return f"{record.printed} ({', '.join(filter(None, told))})"
-
-
 CITED = ("bibtex", "ris", "csl", "text")
 # The fields of BibTeX that CSL and RIS call otherwise.
 _CSL = {"journal": "container-title", "volume": "volume", "pages": "page", "number": "issue"}
 _CSL |= {"doi": "DOI", "note": "note", "url": "URL"}
 _RIS = {"title": "TI", "year": "PY", "journal": "JO", "volume": "VL", "number": "IS"}
 _RIS |= {"pages": "SP", "doi": "DO", "url": "UR", "note": "N1", "howpublished": "N2"}
-_MARKED = re.compile(r"(\S+#\S+: printed .*?)\. reproduce-pointing ([^,\s]+),.*?(rp:\w+)")
 DEVELOPERS = "The reproduce-pointing developers"
 WHOLE = "Pointing, reproduced: the printed numbers of two papers, recomputed and judged"
 
@@ -194,6 +163,8 @@ def citation(address: str, form: str) -> str:
 
     ``all`` is the whole, which comes from all papers.
     """
+    if not isinstance(address, str):
+        raise TypeError(f"address: expected text, such as 'niu2024/table-3', got {address!r}")
     key, _, name = address.partition("#")
     paper = key.partition("/")[0]
     if address == "all":
@@ -239,18 +210,39 @@ def mark(said: str) -> str:
 
 
 def verify(text: str) -> str:
-    """Say whether what a citation says of a cell is ours, and whether it still holds."""
-    found = _MARKED.search(" ".join(text.split()))
-    if not found or mark(found[1]) != found[3]:
+    """Compare the statement of a citation with the present and the released statements."""
+    if not isinstance(text, str):
+        raise TypeError(f"citation: expected text, got {text!r}. Use the form 'text' of `cite`")
+    said, _, rest = " ".join(text.split()).partition(f". {NAME} ")
+    source, _, rest = rest.partition(". ")
+    marked = re.search(r"\brp:\w+", rest)
+    if not marked or marked[0] != mark(said):
         return "not ours: its words and its mark do not belong together"
-    said, version = found[1], found[2]
-    key, _, name = said.partition(": ")[0].partition("#")
-    if key not in library() or name not in library()[key].by_name:
-        return f"moved since {version}: {key}#{name} is no printed number any more"
-    record = item_ledger(key).cell(f"{key}#{name}")
-    if (now := statement(record)) == said:
-        return "unchanged"
-    return f"moved since {version}: now {now}, for {reason(record.cell) or record.why}"
+    address = said.partition(": ")[0]
+    key, _, name = address.partition("#")
+    now = f"{address} is not a printed number"
+    if key in library() and name in library()[key].by_name:
+        record = item_ledger(key).cell(address)
+        now = statement(record)
+        if now == said and source in {version(), *released()}:
+            return "unchanged"
+        now = f"{now}, for {reason(address) or record.why}"
+    if marked[0] in released().get(source, ()):
+        return f"moved since {source}: now {now}"
+    return f"well-formed, not known to this package: not stated by version {source}; now {now}"
+
+
+@cache
+def released() -> dict[str, list[str]]:
+    """Return the marks of all statements of earlier releases, by version, day and commit."""
+    text = (data_folder() / "last-release.toml").read_text(encoding="utf-8")
+    marks: dict[str, list[str]] = tomllib.loads(text).get("marks", {})
+    return marks
+
+
+def marks() -> list[str]:
+    """Return the marks of the present statements of all cells."""
+    return [mark(statement(record)) for record in whole_ledger().records]
 
 
 @cache
@@ -343,54 +335,57 @@ def _ris(entry: Entry) -> str:
     return "".join(f"{tag}  - {value}\n" for tag, value in (*lines, ("ER", "")))
 
 
-NAMES = {"tex": "LaTeX", "md": "Markdown"}
+# Names of formats on a page, by ending.
+_NAMES = {"tex": "LaTeX", "md": "Markdown"}
+_BAR = Environment(autoescape=True).from_string(
+    """<div class="rp-bar">\
+<a href="#{{ anchor }}" aria-label="Permalink: {{ key }}"><code>{{ key }}</code></a>
+<details><summary>Cite</summary>\
+{% for text in citations %}<pre tabindex="0">{{ text }}</pre>{% endfor %}</details>
+<span>{% for path, name in files %}{% if not loop.first %} · {% endif %}\
+<a href="#{{ path }}" download>{{ name }}</a>{% endfor %}</span>\
+{% if functions %}
+<details><summary>Function</summary>\
+{% for name, text in functions %}\
+<pre tabindex="0" id="function-{{ anchor }}-{{ name }}">{{ text }}</pre>{% endfor %}</details>\
+{% endif %}{% if inputs %}
+<details><summary>Inputs</summary>{{ inputs }}</details>{% endif %}</div>"""
+)
 
 
 def bar(key: str, anchor: str, files: Iterable[str], source: str, inputs: str = "") -> Markup:
-    """Return the bar below a table or a figure of a page.
+    """Return the bar below a table or a figure of a page, with an anchor for each function.
 
     Its links lead to files below the root of the built book, ``#tables/KEY.csv``.
 
     Parameters
     ----------
     key : str
-        Its key.
+        Key of the table or figure.
     anchor : str
         Its anchor on the page.
     files : iterable of str
-        Paths of its data and pictures below the root of the book.
+        Paths of its data and figures below the root of the book.
     source : str
-        The text of the functions that make it, empty where there is none.
+        Text of the functions that compute it; empty if there are none.
     inputs : str
-        What it is computed from, as HTML; empty where it is not.
+        Inputs of the computation, as HTML; empty if there are none.
     """
-    named = Markup('<a href="#{0}" aria-label="Permalink: {1}"><code>{1}</code></a>')
-    texts = [citation(key, form) for form in ("bibtex", "text")]
-    if key in library():
-        cells = (citation(one.address, "text").partition("\n")[0] for one in library()[key].cells)
-        texts.append("\n".join(cells))
-    parts = [named.format(anchor, key), _fold("Cite", Markup("").join(map(_block, texts)))]
-    link = Markup('<a href="#{}" download>{}</a>')
+    cells = library()[key].cells if key in library() else ()
+    lines = [citation(one.address, "text").partition("\n")[0] for one in cells]
+    texts = [citation(key, form) for form in ("bibtex", "text")] + ["\n".join(lines)] * bool(cells)
     kinds = [(path, path.rpartition(".")[2]) for path in files]
-    links = [link.format(path, NAMES.get(kind, kind.upper())) for path, kind in kinds]
-    parts.append(Markup("<span>{}</span>").format(Markup(" · ").join(links)))
-    if source:
-        parts.append(_fold("Function", Markup("").join(_functions(source, anchor))))
-    if inputs:
-        parts.append(_fold("Inputs", inputs))
-    return Markup('<div class="rp-bar">{}</div>').format(Markup("\n").join(parts))
+    return Markup(
+        _BAR.render(
+            key=key,
+            anchor=anchor,
+            citations=texts,
+            files=[(path, _NAMES.get(kind, kind.upper())) for path, kind in kinds],
+            functions=[(_name(text), text) for text in source.split("\n\n\n")] if source else (),
+            inputs=inputs,
+        )
+    )
 
 
-def _fold(summary: str, content: str) -> Markup:
-    return Markup("<details><summary>{}</summary>{}</details>").format(summary, content)
-
-
-def _functions(source: str, place: str) -> Iterator[Markup]:
-    """Yield the text of each function, with an anchor that links of its cells lead to."""
-    for text in source.split("\n\n\n"):
-        name = text.partition("def ")[2].partition("(")[0]
-        yield Markup('<pre tabindex="0" id="function-{}-{}">{}</pre>').format(place, name, text)
-
-
-def _block(text: str) -> Markup:
-    return Markup('<pre tabindex="0">{}</pre>').format(text)
+def _name(source: str) -> str:
+    return source.partition("def ")[2].partition("(")[0]

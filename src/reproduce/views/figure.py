@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import io
+import json
 import re
 import textwrap
 import zlib
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import AbstractContextManager, nullcontext
 from functools import cached_property
 from html import escape
 from pathlib import Path
@@ -21,6 +23,7 @@ from reproduce.papers.catalogue import catalogue, drawings
 from reproduce.papers.declare import Drawing, words
 from reproduce.papers.sketch import NARROW
 from reproduce.printed.cells import anchor, find, library
+from reproduce.store.files import FIGURES, check_target, replacing
 from reproduce.views import computed, keys, numbers
 from reproduce.views.base import Change, Changeable, Item, Shown, text_of
 from reproduce.views.blocks import Block, Html
@@ -34,7 +37,6 @@ if TYPE_CHECKING:
     from reproduce.printed.given import Given
 
 _STYLE = Path(__file__).parent / "figures.mplstyle"
-_ENDINGS = (".svg", ".pdf", ".png")
 _XML = '<?xml version="1.0" encoding="utf-8" standalone="no"?>\n'
 # On a narrow page text has little room, and must not be under eight points.
 _SMALL = {"font.size": 8.5, "axes.titlesize": 9.0}
@@ -105,22 +107,23 @@ def _data(figure: MatplotlibFigure) -> pd.DataFrame:
 
 
 def save(figure: MatplotlibFigure, out: Path | io.StringIO, about: _About = None) -> None:
-    """Write a drawn figure, and into the file what it says of itself; a stream takes SVG."""
+    """Write a figure with its metadata to a file, or as SVG to a stream."""
     from matplotlib import style
 
-    ending = out.suffix.lower() if isinstance(out, Path) else ".svg"
-    if ending not in _ENDINGS:
-        raise ValueError(f"unknown ending {ending!r}: expected one of {', '.join(_ENDINGS)}")
+    ending = ".svg"
+    target: AbstractContextManager[Path | io.StringIO] = nullcontext(out)
+    if isinstance(out, Path):
+        ending, target = out.suffix.lower(), replacing(check_target(out, FIGURES))
     # Dates and random ids would make every build differ from the last one.
     undated = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}.get(ending, {})
     told = {"Subject" if ending == ".pdf" else "Description": "\n".join((about or {}).values())}
-    with style.context(_STYLE):
-        figure.savefig(out, format=ending[1:], metadata=undated | told)
+    with target as part, style.context(_STYLE):
+        figure.savefig(part, format=ending[1:], metadata=undated | told)
 
 
 def _figure_files(key: str) -> list[str]:
     """Return where the book carries the pictures and the data of a figure, below its root."""
-    return [f"figures/{anchor(key)}{ending}" for ending in (*_ENDINGS, ".csv")]
+    return [f"figures/{anchor(key)}{ending}" for ending in (*FIGURES, ".csv")]
 
 
 def vector_of(figure: MatplotlibFigure, about: _About = None) -> str:
@@ -137,7 +140,7 @@ def _in_build(key: str) -> Vectors:
     def drawn() -> Vectors:
         return Vectors(vector_of(draw(key)), vector_of(draw(key, narrow=True)))
 
-    return once(f"figure-{anchor(key)}", Vectors, drawn)
+    return _once(key, drawn)
 
 
 def write_figure(key: str, root: Path) -> None:
@@ -153,7 +156,15 @@ def write_figure(key: str, root: Path) -> None:
         else:
             save(figure, root / path, about)
             figure.set_layout_engine("none")  # what is laid out keeps its places
-    once(f"figure-{anchor(key)}", Vectors, lambda: shown)
+    _once(key, lambda: shown)
+
+
+def _once(key: str, drawn: Callable[[], Vectors]) -> Vectors:
+    def load(content: bytes) -> Vectors:
+        return Vectors(*json.loads(content))
+
+    shown: Vectors = once(f"figure-{anchor(key)}.json", drawn, json.dumps, load)
+    return shown
 
 
 def inline(shown: Vectors, name: str, alternative: str, below: str = "") -> str:
@@ -229,9 +240,10 @@ class Figure(Changeable, Item):
         return _data(self.drawn)
 
     def save(self, path: str | Path) -> Path:
-        """Write the figure; the ending chooses svg, pdf or png."""
-        save(self.drawn, Path(path), self.about)
-        return Path(path)
+        """Write the figure as SVG, PDF or PNG, by the ending of `path`."""
+        path = check_target(path, FIGURES)
+        save(self.drawn, path, self.about)
+        return path
 
     @cached_property
     def caption(self) -> str:
@@ -323,7 +335,7 @@ class Panels(Shown):
 
     def save(self, path: str | Path) -> list[Path]:
         """Write a file for each panel, its letter behind the name: fig.svg becomes fig-a.svg."""
-        path = Path(path)
+        path = check_target(path, FIGURES)
         return [one.save(path.with_stem(f"{path.stem}-{one.key[-1]}")) for one in self.panels]
 
     def blocks(self) -> Iterator[Block]:

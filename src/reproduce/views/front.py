@@ -138,18 +138,32 @@ def cite(address: str, form: str = "bibtex") -> str:
 
 
 def verify(citation: str) -> str:
-    """Say whether the citation of a cell is ours, and whether it still holds.
+    """Compare the citation of a cell with the statement that this package makes now.
+
+    The mark of a citation is a checksum of its statement, which anyone can compute. It protects
+    the words against changes. It is no signature, so only statements that this package makes or
+    that a stored release made are confirmed.
 
     Parameters
     ----------
     citation : str
-        As `cite` gives it in the form ``text``: with the mark at its end, ``rp:...``.
+        Citation of a cell from `cite` in the form ``text``, with the mark ``rp:...`` at its end.
 
     Returns
     -------
     str
-        ``unchanged``; ``moved since VERSION: now ...``, with why the verdict is what it is now; or
-        ``not ours: ...``.
+        ``unchanged`` if this package makes the statement, and version, day and commit of the
+        citation are those of this package or of a stored release.
+        ``moved since VERSION: now ...`` if the stored release VERSION made the statement and this
+        package makes another one, with the reason for the present verdict.
+        ``well-formed, not known to this package: ...`` if words and mark belong together, but
+        nothing is known about the version or about the statement.
+        ``not ours: ...`` if words and mark do not belong together.
+
+    Raises
+    ------
+    TypeError
+        If the citation is not text.
 
     Examples
     --------
@@ -246,8 +260,8 @@ def register(
 ) -> Registered | RegisteredChannels:
     """Fit the transform that maps source stars onto the same stars of a target.
 
-    For images, the stars are found and matched first (`stars`, `match`), which needs the extra
-    ``images``.
+    For images, the stars are found and matched first (`stars`, `match`), which needs Astropy and
+    photutils.
 
     Parameters
     ----------
@@ -346,7 +360,7 @@ def stars(
     threshold: float | None = None,
     sep: str | None = None,
 ) -> Stars:
-    """Find the stars of an image; needs the extra ``images``.
+    """Find the stars of an image, with Astropy and photutils.
 
     Parameters
     ----------

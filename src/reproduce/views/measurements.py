@@ -479,7 +479,7 @@ def platform_of(source: Platform | str | Path) -> Platform:
         return source
     try:
         table = tomllib.loads(Path(source).read_text(encoding="utf-8"))
-    except ValueError as error:  # of TOML, or no text at all
+    except (ValueError, RecursionError) as error:  # no TOML, no text, or lists in lists
         raise TableFileError(f"{source}: expected TOML ({error})") from error
     make: Any = Platform if "lasers" in table else Platform.of_spots
     make = Platform.of_directions if "directions" in table else make

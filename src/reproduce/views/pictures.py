@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from reproduce.physics.images import THRESHOLD, find_spots
 from reproduce.physics.registration import match_points, pair_weights, registered_image
+from reproduce.store.files import check_target, replacing
 from reproduce.store.images import Image, ImageError, is_image, read_image, reading
 from reproduce.store.points import STARS, is_table, read_table, table_of
 from reproduce.views.blocks import Block, Display, Fold, Grid
@@ -148,8 +149,10 @@ def paired(
 
     field = max(float(np.ptp(one.points, axis=0).max()) for one in (source, target))
     near = radius or max(_NEAR, source.facts.get("radius", 0.0)) + _SHARE * field
+    start = getattr(start, "transform", start)
+    if not (start is None or hasattr(start, "apply")):
+        raise TypeError(f"start: expected a result of rp.register, got {start!r}")
     with reading(f"{source.name} and {target.name}"):
-        start = getattr(start, "transform", start)
         rows, found = match_points(source.points, target.points, near, start)
     a, b = rows.T
     places = np.column_stack([source.points[a], target.points[b]])
@@ -259,6 +262,9 @@ class RegisteredPictures(Registered):
         """
         from astropy.io import fits
 
+        if Path(path).exists():
+            raise ValueError(f"path: expected a new file, got {path}. Remove it or choose another")
+
         picture = self.source_stars.picture
         if picture is None:
             raise ValueError("write: expected an image as the source, got a table")
@@ -275,7 +281,8 @@ class RegisteredPictures(Registered):
             entries |= {name: value, f"{name}-sd": np.nan_to_num(deviation)}
         for key, entry in entries.items():
             unit.header[f"HIERARCH register {key}"] = entry
-        unit.writeto(path)
+        with replacing(check_target(path, (".fits", ".fit", ".fts", ".gz"))) as part:
+            unit.writeto(part)
         return Path(path)
 
 

@@ -9,6 +9,7 @@ from dataclasses import asdict
 from functools import cache, cached_property, partial
 from importlib.metadata import version
 from importlib.util import find_spec
+from io import BytesIO
 from pathlib import Path
 from textwrap import dedent
 from typing import TYPE_CHECKING, Any, Self
@@ -24,6 +25,7 @@ from reproduce.inference.models import MixtureRegistration, probability_false
 from reproduce.judge.rerun import check_randomness
 from reproduce.papers.posteriors import posteriors
 from reproduce.papers.sketch import NARROW, sized, thin
+from reproduce.store.files import DRAWS, check_target, replacing, write_text
 from reproduce.store.points import is_table
 from reproduce.version import __version__
 from reproduce.views import computed
@@ -41,19 +43,26 @@ if TYPE_CHECKING:
 _FAR = 8.0
 # Likely false stars that a line names.
 _SHOWN = 5
+# Arrays of a sampled posterior that a build keeps.
+_KEPT = ("chain", "log_posterior", "acceptance")
 
 
 @cache
 def book_posterior(name: str) -> Sampled:
-    """Return the posterior of the book, sampled and summarised once in a build."""
+    """Return a posterior of the book, which only one process of a build samples."""
+    model, plan = posteriors()[name].model(), posteriors()[name].plan()
 
-    def sampled() -> Sampled:
-        declared = posteriors()[name]
-        found = sampling.sample(declared.model(), declared.plan())
-        found.summaries()  # kept with the draws
-        return found
+    def dump(found: Sampled) -> bytes:
+        content = BytesIO()
+        np.savez(content, **{key: getattr(found, key) for key in _KEPT})
+        return content.getvalue()
 
-    return computed.once(f"posterior-{name}", Sampled, sampled)
+    def load(content: bytes) -> Sampled:
+        with np.load(BytesIO(content), allow_pickle=False) as arrays:
+            chain, density, acceptance = (arrays[key] for key in _KEPT)
+        return Sampled(model, plan.seed, chain, density, tuple(acceptance.tolist()))
+
+    return computed.once(f"posterior-{name}.npz", lambda: sampling.sample(model, plan), dump, load)
 
 
 class Posterior(Remade):
@@ -288,34 +297,32 @@ class Posterior(Remade):
     def save(self, path: str | Path) -> Path:
         """Write the draws, in the units shown: ``.csv``, or ``.nc`` for ArviZ.
 
-        The draws are nearly independent. An ``.nc`` (the extra ``netcdf``) has units, priors and
-        what the data are beside them.
+        The draws are nearly independent. An ``.nc`` file also contains units, priors and the origin
+        of the data, and needs the packages arviz-base and h5netcdf.
 
         Raises
         ------
         ValueError
-            If the ending is another one, or there is no such folder.
+            If `path` has another ending, or its folder is missing or cannot be written.
         """
-        path = Path(path)
-        self.check_file(path)
-        if path.suffix == ".csv":
-            path.write_text(export_frame(self.draws, "csv", self.about), encoding="utf-8")
+        path = self.check_file(path)
+        if path.suffix.lower() == ".csv":
+            write_text(path, export_frame(self.draws, "csv", self.about))
             return path
         tree = self.sampled.to_datatree()
         facts = {"data": json.dumps(self.provenance), "versions": json.dumps(_versions())}
         tree.attrs |= {"kind_of_data": self.provenance["kind"], **facts, **self.about}
-        tree.to_netcdf(path)
+        with replacing(path) as part:
+            tree.to_netcdf(part)
         return path
 
     @staticmethod
-    def check_file(path: Path) -> None:
-        """Refuse, before the sampling, what could not be written after it."""
-        if path.suffix not in (".csv", ".nc"):
-            raise ValueError(f"unknown ending {path.suffix!r}: expected .csv or .nc")
-        if not path.parent.is_dir():
-            raise ValueError(f"cannot write {path}: no folder {path.parent}")
-        if path.suffix == ".nc" and not all(map(find_spec, ("arviz_base", "h5netcdf"))):
-            raise ValueError("an .nc file needs the extra reproduce-pointing[netcdf]")
+    def check_file(path: str | Path) -> Path:
+        """Return `path`, or raise `ValueError` before the sampling if it cannot be written."""
+        path = check_target(path, DRAWS)
+        if path.suffix.lower() == ".nc" and not all(map(find_spec, ("arviz_base", "h5netcdf"))):
+            raise ValueError(f"path: {path} needs other packages. Install arviz-base and h5netcdf")
+        return path
 
     def cite(self, form: str = "bibtex") -> str:
         """Return how to cite the paper that it rests on: bibtex, ris, csl or text."""

@@ -11,7 +11,6 @@ from reproduce.printed.cells import anchor
 from reproduce.views import numbers
 from reproduce.views.base import Change, Changeable, Item, text_of
 from reproduce.views.blocks import Block, Entry, Fold, Grid, Html
-from reproduce.views.computed import once
 from reproduce.views.export import bar, table_files
 from reproduce.views.sweep import Point, Sweep, of_study, swept
 
@@ -46,12 +45,7 @@ class StudyTable(Changeable, Item):
         return text_of(self._declared.function)
 
     def _compute(self, door: Given | None) -> pd.DataFrame:
-        study = self._declared
-        if door is None:
-            import pandas as pd
-
-            return once(f"study-{self.key}", pd.DataFrame, study)
-        return study(door)
+        return self._declared(door)
 
     def sweep(
         self,

@@ -162,7 +162,7 @@ class Table(Item):
 
     def export(self, form: str) -> str:
         """Return the table as csv, json, latex or markdown."""
-        return export(self._ledger, self.key, form)
+        return export(self._ledger, self.key, form, self._whole())
 
     def blocks(self) -> Iterator[Block]:
         """Yield the table with its notes, readings, reasons and where it comes from."""
@@ -411,10 +411,13 @@ class Cell(Shown):
 
     def export(self, form: str) -> str:
         """Return its record as csv, json, latex or markdown."""
-        return export(item_ledger(self.table.key), self.address, form)
+        return export(item_ledger(self.table.key), self.address, form, self._whole())
 
     def blocks(self) -> Iterator[Block]:
         """Yield all that is known of the cell, a line each."""
+        yield self._whole()
+
+    def _whole(self) -> Grid:
         record, maker, known = self.record, self._maker, erratum(self.address)
         made = {head: write(maker) for head, write in _MADE.items()} if maker else {}
         told: dict[str, Entry] = {
@@ -428,4 +431,4 @@ class Cell(Shown):
             **_read(record),
         }
         lines = [line for line in told.items() if line[1]]
-        yield Grid(self._cell.label, ("Cell", self.address), lines, kind="rp-one", words=2)
+        return Grid(self._cell.label, ("Cell", self.address), lines, kind="rp-one", words=2)

@@ -1,0 +1,114 @@
+"""Output files are checked first, and replaced as a whole or not at all."""
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import pytest
+
+from reproduce.store.files import check_target, replacing
+
+
+def test_a_file_is_replaced_as_a_whole(tmp_path):
+    old, link = tmp_path / "old.csv", tmp_path / "link.csv"
+    old.write_text("old")
+    old.chmod(0o640)
+    link.symlink_to(old)
+    with replacing(link) as part:
+        part.write_text("new")
+        assert old.read_text() == "old"
+    assert old.read_text() == "new"
+    assert link.is_symlink()
+    assert old.stat().st_mode & 0o777 == 0o640
+    assert sorted(tmp_path.iterdir()) == [link, old]
+
+
+@pytest.mark.parametrize("error", [OSError, KeyboardInterrupt, MemoryError])
+def test_an_error_leaves_the_old_file(tmp_path, error):
+    old = tmp_path / "old.csv"
+    old.write_text("old")
+
+    def write():
+        with replacing(old) as part:
+            part.write_text("half of the ne")
+            raise error
+
+    with pytest.raises(error):
+        write()
+    assert old.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [old]
+
+
+# Each writes a file of the user, whose name is {}.
+WRITERS = {
+    "text": "write_text({}, 'x' * 10**6)",
+    "draws.csv": "fit.save({})",
+    "draws.nc": "fit.save({})",
+    "figure.svg": "rp.figure('niu2024/fig-4').save({})",
+    "figure.png": "rp.figure('niu2024/fig-4').save({})",
+    "registered.fits": "pictures.write({})",
+}
+SETUP = """
+import numpy as np
+import reproduce as rp
+from reproduce.store.files import write_text
+made = np.random.default_rng(1)
+if {what!r}.startswith("draws"):
+    a = made.uniform(0, 500, (20, 2))
+    table = np.hstack([a, a + made.normal(3, 0.1, (20, 2))])
+    import pandas as pd
+    data = pd.DataFrame(table, columns=["x", "y", "x_reference", "y_reference"])
+    fit = rp.posterior("registration", data=data, steps=300)
+    fit.sample()
+if {what!r} == "registered.fits":
+    y, x = np.mgrid[:200, :200]
+    spots = [(made.uniform(20, 180, 2), made.uniform(2e3, 9e3)) for _ in range(15)]
+    light = lambda dx: made.poisson(100 + sum(
+        f * np.exp(-((x - p - dx) ** 2 + (y - q) ** 2) / 4) for (p, q), f in spots))
+    pictures = rp.register(light(0), light(2))
+"""
+
+
+@pytest.mark.parametrize("what", WRITERS)
+def test_a_full_disk_leaves_the_old_file(tmp_path, what):
+    """A limit on the size of files stands in for a full disk."""
+    old = tmp_path / what
+    code = SETUP.format(what=what) + (
+        "import resource\n"
+        "resource.setrlimit(resource.RLIMIT_FSIZE, (4096, resource.RLIM_INFINITY))\n"
+    )
+    call = WRITERS[what].format(repr(str(old)))
+    if what != "registered.fits":
+        old.write_text("old")
+    before = sorted(tmp_path.iterdir())
+    done = subprocess.run(
+        [sys.executable, "-c", code + call], capture_output=True, text=True, check=False
+    )
+    assert re.search(r"^(OSError|RuntimeError): .*", done.stderr, re.MULTILINE), done.stderr
+    assert sorted(tmp_path.iterdir()) == before
+    assert all(path.read_text() == "old" for path in before)
+
+
+def test_a_target_is_checked(tmp_path):
+    assert check_target(str(tmp_path / "a.CSV"), (".csv",)) == tmp_path / "a.CSV"
+    (tmp_path / "folder.csv").mkdir()
+    for name in ("a.txt", "a", "none/a.csv", "folder.csv", "a.CSV/b.csv"):
+        (tmp_path / "a.CSV").touch()
+        with pytest.raises(ValueError, match=r"^out: expected"):
+            check_target(tmp_path / name, (".csv",), "out")
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root may change its user")
+def test_a_folder_of_another_user_is_refused():
+    code = (
+        "import os\nfrom reproduce.store.files import check_target\n"
+        "os.setuid(65534)\ncheck_target('a.csv', ['.csv'])"
+    )
+    with TemporaryDirectory() as folder:
+        Path(folder).chmod(0o755)
+        command = [sys.executable, "-c", code]
+        done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=folder)
+    assert "ValueError: path: expected a file in a writable folder" in done.stderr
