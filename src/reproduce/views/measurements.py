@@ -265,7 +265,7 @@ class Monitored(_Measured):
     def __init__(self, **given: Any) -> None:
         # These imports are slow, and a registration does not need them.
         from reproduce.papers.chen2023.platform import INSTRUMENT, as_designed
-        from reproduce.physics.attitude import monitored
+        from reproduce.physics.attitude import monitored, stability
         from reproduce.physics.attitude.diagnosis import diagnose
         from reproduce.printed.given import given as printed
 
@@ -279,26 +279,20 @@ class Monitored(_Measured):
         self.found = monitored(*found.images, found.platform, found.widening, found.freedom)
         self.angles = self.found.angles
         self.remarks = [*(one.text for one in self.findings), *notes]
-        self.stability = self._over_time()
-        self._facts = {"images": len(self.angles), "widening": found.widening, **found.agreement}
+        self.stability: Stability | None = None
+        if self.times is not None:
+            rows = np.argsort(self.times, kind="stable")
+            rows = rows[np.isfinite(self.angles[rows]).all(axis=1)]
+            try:
+                self.stability = stability(self.times[rows], self.angles[rows])
+            except ValueError as error:
+                self.remarks.append(f"drift and averages are unknown: {error}")
+        self._facts = {"images": len(self.angles), "widening": found.widening, **found.agreement,
+                       "over_time": self.over_time().reset_index().to_dict("records")}  # fmt: skip
         self.title = (
             "misalignment in {images} images since the zero point; chi-square per degree of "
             "freedom {chi_square:.2g}, expected {low:.2g} to {high:.2g}"
         ).format(**self._facts)
-
-    def _over_time(self) -> Stability | None:
-        """Return the drift and the averages of the images in the order of their times."""
-        from reproduce.physics.attitude import stability
-
-        if self.times is None:
-            return None
-        rows = np.argsort(self.times, kind="stable")
-        rows = rows[np.isfinite(self.angles[rows]).all(axis=1)]
-        try:
-            return stability(self.times[rows], self.angles[rows])
-        except ValueError as error:
-            self.remarks.append(f"drift and averages are unknown: {error}")
-            return None
 
     def over_time(self) -> pd.DataFrame:
         """Return the drift per unit of time and the smallest error of an average, in arcsec.
@@ -306,24 +300,18 @@ class Monitored(_Measured):
         The table is empty without times. The drift is a straight line. The smallest error is the
         lowest Allan deviation without the drift, with its 95 % interval and the number of images.
         """
-        if self.stability is None:
-            return _by_axis()[:0]
-        found = self.stability
-        values = [found.rate, found.rate_error, found.floor, *found.floor_interval(_LEVEL)]
-        columns = dict(zip(("drift", "its error", "least", *_ENDS), values, strict=True))
-        return _by_axis(**columns).assign(**{"images averaged": found.reached})
+        if (found := self.stability) is None:
+            return _by_axis(())[:0]
+        ends = found.floor_interval(_LEVEL)
+        names = ("drift", "its error", "least", *_ENDS)
+        table = _by_axis(names, found.rate, found.rate_error, found.floor, *ends)
+        return table.assign(**{"images averaged": found.reached})
 
     def blocks(self) -> Iterator[Block]:
-        """Yield the angles, their drift if times are known, and the remarks."""
-        mean, *others = super().blocks()
-        yield mean
+        """Yield the angles, the remarks, and the drift if times are known."""
+        yield from super().blocks()
         if self.stability is not None:
             yield _grid("drift in a unit of time, and error of an average", self.over_time())
-        yield from others
-
-    def record(self) -> dict[str, Any]:
-        """Return the result for other programs, with the drift."""
-        return super().record() | {"over_time": self.over_time().reset_index().to_dict("records")}
 
     def images(self) -> pd.DataFrame:
         """Return the angles of each image about X, Y and Z of the camera, in arcsec.
@@ -349,17 +337,16 @@ class Monitored(_Measured):
         The error includes the zero point, the correlation of images and the misfit of the pattern.
         The interval uses Student's t-distribution, because the scatter is an estimate.
         """
-        found, names = self.found, ("95% low", "95% high")
-        ends = dict(zip(names, found.interval(_LEVEL), strict=True))
-        columns = {"mean": found.mean, "scatter": found.scatter, "error of the mean": found.error}
-        return _by_axis(**columns, **ends)
+        found, names = self.found, ("mean", "scatter", "error of the mean", "95% low", "95% high")
+        return _by_axis(names, found.mean, found.scatter, found.error, *found.interval(_LEVEL))
 
 
-def _by_axis(**columns: FloatArray) -> pd.DataFrame:
+def _by_axis(names: Sequence[str], *columns: FloatArray) -> pd.DataFrame:
     """Return columns in arcsec, a row for each axis of the camera."""
     import pandas as pd
 
-    shown = {f"{name} (arcsec)": one * ARCSEC_PER_RADIAN for name, one in columns.items()}
+    shown = {name + " (arcsec)": one * ARCSEC_PER_RADIAN
+             for name, one in zip(names, columns, strict=True)}  # fmt: skip
     return pd.DataFrame(shown, pd.Index(list("XYZ"), name="about"))
 
 
