@@ -501,8 +501,8 @@ def test_spots_without_frames_must_be_whole(tmp_path):
     ("text", "message"),
     [
         ("lasers = [", "expected TOML"),
-        ("lasers = [[0, 0], [1, 1]]", "expected lasers, camera_focal_length, tracker_focal"),
-        (TOML + "colour = 'red'", "expected directions, tracker_focal_length"),
+        ("lasers = [[0, 0], [1, 1]]", "of lasers, camera_focal_length, tracker_focal"),
+        (TOML + "colour = 'red'", "of directions, tracker_focal_length"),
         (TOML.replace("5e-6", "5.0"), "(pixel_pitch: expected metres"),
     ],
 )

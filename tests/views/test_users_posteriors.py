@@ -17,6 +17,7 @@ from reproduce.inference.models import registration, registration_model
 from reproduce.inference.sampling import Plan, run_ensemble
 from reproduce.papers.chen2023.platform import INSTRUMENT, as_designed
 from reproduce.papers.posteriors import posteriors
+from reproduce.physics.attitude import Platform
 from reproduce.physics.registration import Registration, fit_registration
 from reproduce.printed.given import given
 from reproduce.store.points import TableFileError
@@ -45,12 +46,12 @@ def written(tmp_path, *columns, head=STAR_COLUMNS, fmt="%.6f"):
     return path
 
 
-def spots(tmp_path, noise, flip=1, drift=(0, 0)):
+def spots(tmp_path, noise, flip=1, drift=(0, 0), instrument=None):
     """Fifty images in each of two groups; between them the camera turns by (20, -20, 0) arcsec.
 
     Within a group it turns further about X, by so many arcsec.
     """
-    instrument = as_designed(given(INSTRUMENT))
+    instrument = instrument or as_designed(given(INSTRUMENT))
     generator = np.random.default_rng(3)
     rows = []
     for group, turn in enumerate(np.array([[0, 0, 0], [20, -20, 0]])):
@@ -134,24 +135,36 @@ def test_the_noise_of_spots_is_that_of_the_spots(tmp_path):
 
 @pytest.mark.parametrize(
     ("drift", "constant", "drifting"),
-    [((0, 0), [], []), ((0, 6), [1], []), ((6, 0), [0], [0]), ((6, 6), [0, 1], [0])],
+    [((0, 0), 0, 0), ((0, 6), 1, 0), ((6, 0), 1, 1), ((6, 6), 1, 1)],
 )
 def test_spots_that_move_within_a_group_are_named(tmp_path, drift, constant, drifting):
-    """Six arc seconds, a tenth of a pixel: no angle is right throughout."""
+    """Six arc seconds, a tenth of a pixel; a drift of group 1 is part of one model."""
     path = spots(tmp_path, 0.02, drift=drift)
-    told = {
-        "misalignment": (supplied("misalignment", path).remarks, constant),
-        "misalignment-drift": (supplied("misalignment-drift", path).remarks, drifting),
-        "front": (tuple(rp.misalignment(path).remarks), constant),
-    }
-    length = 6 * 0.06 / (13e-6 * ARCSEC_PER_RADIAN)
-    for remarks, groups in told.values():
-        assert [int(re.search(r"within group (\d)", one)[1]) for one in remarks] == groups
-        for one in remarks:
-            assert float(re.search(r"by ([\d.]+) px", one)[1]) == pytest.approx(length, rel=0.3)
-    shown = repr(rp.misalignment(path))
-    assert shown.count("Warning: the spots move") == len(constant)
-    assert rp.misalignment(path)._repr_html_().count("Warning: the spots move") == len(constant)
+    front = rp.misalignment(path)
+    for remarks, count in (
+        (supplied("misalignment", path).remarks, constant),
+        (supplied("misalignment-drift", path).remarks, drifting),
+        (front.remarks, constant),
+    ):
+        assert sum("correlation" in one for one in remarks) == len(remarks) == count
+    assert [one.kind for one in front.findings] == ["correlated"] * constant
+    assert repr(front).count("Warning: ") == constant
+    assert front._repr_html_().count("Warning: ") == constant
+
+
+def test_spots_of_another_platform_make_no_posterior(tmp_path):
+    """A file of four other lights, with and without their platform."""
+    other = Platform(0.011 * np.array([[1, 0.2], [-0.4, 1], [-1, -1], [0.3, -0.6]]),
+                     2.0, 0.06, 13e-6, (511.5, 511.5))  # fmt: skip
+    path = spots(tmp_path, 0.02, instrument=other)
+    found = rp.posterior("misalignment", data=path, platform=other)
+    for wrong in (
+        lambda: rp.posterior("misalignment").rerun(data=path),
+        lambda: found.rerun(platform=None),
+        lambda: rp.misalignment(path),
+    ):
+        with pytest.raises(ValueError, match="another platform"):
+            wrong()
 
 
 def test_a_posterior_on_an_end_of_its_prior_is_named(tmp_path, monkeypatch):

@@ -375,7 +375,7 @@ Images = tuple[FloatArray, FloatArray]
 
 
 def read_images(
-    spots: Any, zero: Any, count: int, times: Any = None, sep: str | None = None
+    count: int, spots: Any, zero: Any = None, times: Any = None, sep: str | None = None
 ) -> tuple[Images, FloatArray | None, list[str]]:
     """Return the images of both groups, times of those at the present, and what to say of it.
 

@@ -456,4 +456,4 @@ def misalignment(
     """
     from reproduce.views.measurements import Monitored
 
-    return Monitored(spots, zero, platform, times, sep)
+    return Monitored(spots=spots, zero=zero, platform=platform, times=times, sep=sep)

@@ -341,98 +341,69 @@ def deviations(table: Table) -> FloatArray:
 
 
 class Monitored(_Measured):
-    """The misalignment of a user's own camera, image by image.
+    """Misalignment of your camera in each image, from the spots of its lights.
 
-    What is doubtful about the spots stands in ``findings``, and with what the reading says in
-    ``remarks``. It is made from the arguments of `reproduce.misalignment`.
+    The warnings are in ``findings``, and with remarks on the input in ``remarks``. ``diagnosis``
+    contains the agreement of both groups. The arguments are those of `reproduce.misalignment`.
     """
 
     _rows = "angles"
 
-    def __init__(
-        self,
-        spots: str | Path | ArrayLike,
-        zero: ArrayLike | None = None,
-        platform: Platform | str | Path | None = None,
-        times: ArrayLike | None = None,
-        sep: str | None = None,
-    ) -> None:
-        # Only now: a user's own stars need no attitude and no paper.
+    def __init__(self, **given: Any) -> None:
+        # These imports are slow, and a registration does not need them.
         from reproduce.papers.chen2023.platform import INSTRUMENT, as_designed
-        from reproduce.physics.attitude import diagnosis, monitored
-        from reproduce.printed.given import given
+        from reproduce.physics.attitude import monitored, stability
+        from reproduce.physics.attitude.diagnosis import diagnose
+        from reproduce.printed.given import given as printed
 
-        self._function = monitored
-        self._given = {
-            "spots": spots,
-            "zero": zero,
-            "platform": platform,
-            "times": times,
-            "sep": sep,
-        }
-        self.reads = INSTRUMENT if platform is None else ()
-        self.platform = (
-            as_designed(given(INSTRUMENT)) if platform is None else platform_of(platform)
-        )
-        images, self.times, notes = read_images(spots, zero, len(self.platform.lasers), times, sep)
-        chosen, images, lights = diagnosis.seen(self.platform, images)
-        self.findings = diagnosis.diagnose(chosen, images, numbers=lights)
-        name = str(spots) if isinstance(spots, str | Path) else "the spots"
-        diagnosis.refuse(self.findings, name)
-        self.found = monitored(*images, chosen)
+        self._function, self._given = monitored, given
+        own, *arguments = (given[name] for name in ("platform", "spots", "zero", "times", "sep"))
+        self.reads = INSTRUMENT if own is None else ()
+        self.platform = as_designed(printed(INSTRUMENT)) if own is None else platform_of(own)
+        images, self.times, notes = read_images(len(self.platform.lasers), *arguments)
+        self.diagnosis = found = diagnose(self.platform, images)
+        self.findings = found.findings
+        self.found = monitored(*found.images, found.platform, found.widening, found.freedom)
         self.angles = self.found.angles
         self.remarks = [*(one.text for one in self.findings), *notes]
-        self.stability = self._over_time()
-        self._facts = {"images": len(self.angles)}
-        self.title = f"misalignment in {len(self.angles)} images since the zero point"
-
-    def _over_time(self) -> Stability | None:
-        """Return drift and averages of the images in the order of their times, where there are."""
-        from reproduce.physics.attitude import stability
-
-        if self.times is None:
-            return None
-        order = np.argsort(self.times, kind="stable")
-        told = order[np.isfinite(self.angles[order]).all(axis=1)]
-        try:
-            return stability(self.times[told], self.angles[told])
-        except ValueError as error:
-            self.remarks.append(f"drift and averages are not told: {error}")
-            return None
+        self.stability: Stability | None = None
+        if self.times is not None:
+            rows = np.argsort(self.times, kind="stable")
+            rows = rows[np.isfinite(self.angles[rows]).all(axis=1)]
+            try:
+                self.stability = stability(self.times[rows], self.angles[rows])
+            except ValueError as error:
+                self.remarks.append(f"drift and averages are unknown: {error}")
+        self._facts = {"images": len(self.angles), "widening": found.widening, **found.agreement,
+                       "over_time": self.over_time().reset_index().to_dict("records")}  # fmt: skip
+        self.title = (
+            "misalignment in {images} images since the zero point; chi-square per degree of "
+            "freedom {chi_square:.2g}, expected {low:.2g} to {high:.2g}"
+        ).format(**self._facts)
 
     def over_time(self) -> pd.DataFrame:
-        """Return the drift in a unit of time, and what averages of images err by at the least.
+        """Return the drift per unit of time and the smallest error of an average, in arcsec.
 
-        In arcsec, without rows where no times are known. The drift is a straight line; the least
-        is the lowest Allan deviation without it, with its 95 % interval and the images averaged.
+        The table is empty without times. The drift is a straight line. The smallest error is the
+        lowest Allan deviation without the drift, with its 95 % interval and the number of images.
         """
-        found = self.stability
-        if found is None:
-            return _by_axis({})[:0]
+        if (found := self.stability) is None:
+            return _by_axis(())[:0]
         ends = found.floor_interval(_LEVEL)
-        columns = {"drift": found.rate, "its error": found.rate_error, "least": found.floor,
-                   _ENDS[0]: ends[0], _ENDS[1]: ends[1]}  # fmt: skip
-        return _by_axis(columns).assign(**{"images averaged": found.reached})
+        names = ("drift", "its error", "least", *_ENDS)
+        table = _by_axis(names, found.rate, found.rate_error, found.floor, *ends)
+        return table.assign(**{"images averaged": found.reached})
 
     def blocks(self) -> Iterator[Block]:
-        """Yield the numbers, those of a series where times are known, and the remarks."""
-        mean, *others = super().blocks()
-        yield mean
+        """Yield the angles, the remarks, and the drift if times are known."""
+        yield from super().blocks()
         if self.stability is not None:
-            title = "drift in a unit of time, and the least error of an average beside it"
-            yield _grid(title, self.over_time())
-        yield from others
-
-    def record(self) -> dict[str, Any]:
-        """Return everything for other programs, what averages reach over time too."""
-        series = self.over_time().reset_index().to_dict("records")
-        return super().record() | {"over_time": series}
+            yield _grid("drift in a unit of time, and error of an average", self.over_time())
 
     def images(self) -> pd.DataFrame:
-        """Return the angles of every image about X, Y and Z of the camera, in arcsec.
+        """Return the angles of each image about X, Y and Z of the camera, in arcsec.
 
-        They are NaN where fewer than two lights are seen. A column ``time`` goes with them where
-        times are known.
+        They are NaN in an image of fewer than two lights. A column ``time`` contains known times.
         """
         import pandas as pd
 
@@ -441,51 +412,46 @@ class Monitored(_Measured):
         return found if self.times is None else found.assign(time=self.times)
 
     def covariance(self) -> FloatArray:
-        """Return the covariance of the angles of every image, (images, 3, 3), in arcsec squared.
+        """Return the covariance of the angles of each image, (images, 3, 3), in arcsec squared.
 
-        From the scatter of the images, which is taken for noise of the spots alone.
+        It attributes the scatter between images to the noise of the spots.
         """
         return self.found.covariance() * ARCSEC_PER_RADIAN**2
 
     def frame(self) -> pd.DataFrame:
         """Return mean, scatter of one image, error and interval of the mean, in arcsec.
 
-        The error counts both groups: the zero point is itself a mean over images. The interval is
-        by Student's law: the scatter of the images is estimated.
+        The error includes the zero point, the correlation of images and the misfit of the pattern.
+        The interval uses Student's t-distribution, because the scatter is an estimate.
         """
-        found = self.found
-        columns = {"mean": found.mean, "scatter": found.scatter, "error of the mean": found.error}
-        low, high = found.interval(_LEVEL)
-        return _by_axis(columns | {f"{_LEVEL:.0%} low": low, f"{_LEVEL:.0%} high": high})
+        found, names = self.found, ("mean", "scatter", "error of the mean", "95% low", "95% high")
+        return _by_axis(names, found.mean, found.scatter, found.error, *found.interval(_LEVEL))
 
 
-def _by_axis(columns: Mapping[str, FloatArray]) -> pd.DataFrame:
+def _by_axis(names: Sequence[str], *columns: FloatArray) -> pd.DataFrame:
     """Return columns in arcsec, a row for each axis of the camera."""
     import pandas as pd
 
-    shown = {f"{name} (arcsec)": one * ARCSEC_PER_RADIAN for name, one in columns.items()}
+    shown = {name + " (arcsec)": one * ARCSEC_PER_RADIAN
+             for name, one in zip(names, columns, strict=True)}  # fmt: skip
     return pd.DataFrame(shown, pd.Index(list("XYZ"), name="about"))
 
 
 def platform_of(source: Platform | str | Path) -> Platform:
-    """Return a platform, as it is or from a TOML file of the arguments that make one.
+    """Return a platform, as given or from a TOML file of its arguments.
 
-    Beside the tracker's numbers stand ``lasers`` and ``camera_focal_length``, or ``directions``, or
-    ``spots`` alone.
+    The file contains ``lasers`` and ``camera_focal_length``, or ``directions``, or only ``spots``.
     """
     from reproduce.physics.attitude import Platform
 
     if isinstance(source, Platform):
         return source
+    make: Callable[..., Platform] = Platform
     try:
         table = tomllib.loads(Path(source).read_text(encoding="utf-8"))
-    except (ValueError, RecursionError) as error:  # no TOML, no text, or lists in lists
-        raise TableFileError(f"{source}: expected TOML ({error})") from error
-    make: Any = Platform if "lasers" in table else Platform.of_spots
-    make = Platform.of_directions if "directions" in table else make
-    try:
-        platform: Platform = make(**table)
-    except (TypeError, ValueError) as error:
+        if "lasers" not in table:
+            make = Platform.of_directions if "directions" in table else Platform.of_spots
+        return make(**table)
+    except (TypeError, ValueError, RecursionError) as error:
         known = ", ".join(inspect.signature(make).parameters)
-        raise TableFileError(f"{source}: expected {known} ({error})") from error
-    return platform
+        raise TableFileError(f"{source}: expected TOML of {known} ({error})") from error

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from reproduce.physics.attitude import Platform, monitored
-from reproduce.physics.attitude.diagnosis import diagnose, refuse, seen
+from reproduce.physics.attitude.diagnosis import diagnose
+from reproduce.physics.attitude.monitoring import _correlation
 from reproduce.units import ARCSEC_PER_RADIAN
 
 CORNERS = 0.011 * np.array([[0.0, -1], [-1, 0], [1, 0], [0, 1]])
@@ -20,13 +21,21 @@ TURN = np.array([15, -25, 400]) / ARCSEC_PER_RADIAN
 NOISE = 0.017
 
 
-def drawn(platform, frames, rng):
+def noise(rng, shape, correlation=0.0):
+    """Unit noise of images, the first axis, of an autoregressive process of first order."""
+    found = rng.normal(size=shape)
+    for image in range(1, len(found)):
+        found[image] *= np.sqrt(1 - correlation**2)
+        found[image] += correlation * found[image - 1]
+    return found
+
+
+def drawn(platform, frames, rng, correlation=0.0):
     """Images at the zero point and at the present, each of shape (frames, n, 2)."""
     groups = []
     for turn in (0 * TURN, TURN):
-        still = np.zeros((1, 3))
-        spots = platform.predicted(still, turn[None, None])
-        groups.append(spots[0, 0] + rng.normal(0, NOISE, (frames, *spots.shape[2:])))
+        spots = platform.predicted(np.zeros((1, 3)), turn[None, None])[0, 0]
+        groups.append(spots + NOISE * noise(rng, (frames, *spots.shape), correlation))
     return groups
 
 
@@ -48,12 +57,6 @@ def order(*lights, both=True):
     return lambda zero_now: [zero_now[0][:, place] if both else zero_now[0], zero_now[1][:, place]]
 
 
-def far(images):
-    images[1][16, 1] += [3, 4]
-    images[0][2, 0] -= 5
-    return images
-
-
 def drifting(images):
     images[1] += np.linspace(0, 0.13, len(images[1]))[:, None, None]
     return images
@@ -64,26 +67,42 @@ def twice(images):
 
 
 LONGER = replace(SQUARE, tracker_focal_length=0.066)
-# Platform, what happens to its images, kind, words; and a wrong factor of the focal length.
+LINE = Platform(CORNERS[[1, 0, 2]] * [1, 0], 2.0, 0.06, 13e-6, CENTRE)
+# Platform, change of its images, kind, words; and a wrong factor of the focal length.
 FAULTS = {
-    "displaced since": (SQUARE, moved(2, [3, 0]), "displaced", "since .* light 3 is displ.* 3 px"),
+    "displaced since": (SQUARE, moved(2, [3, 0]), "displaced", "present.* light 3 is displ.* 3 px"),
     "displaced ever": (WIDE, moved(3, [0, 3], (0, 1)), "displaced", "^at the zero.* light 4 is"),
-    "sign of x": (WIDE, of_both(lambda one: one * [-1, 1]), "mirrored", "change the sign of x"),
-    "x and y": (SQUARE, of_both(lambda one: one[..., ::-1]), "mirrored", "swap x and y"),
-    "neighbours": (SQUARE, order(1, 0, 2, 3), "swapped", "^at .* lights 1 and 2 look swapped"),
-    "corners": (SQUARE, order(0, 2, 1, 3), "mirrored", "or lights 2 and 3 look swapped"),
-    "now": (SQUARE, order(1, 0, 2, 3, both=False), "swapped", "^since .* 1 and 2 look swapped"),
-    "two of five": (WIDE, order(0, 3, 2, 1, 4), "swapped", "lights 2 and 4 look swapped"),
-    "focal length": (SQUARE, list, "scale", r"is 0\.909\d* of its expected size: a focal", 1.1),
-    "two lights": (PAIR, list, "scale", r"is 0\.909\d* of its expected size: a focal", 1.1),
-    "millimetres": (SQUARE, of_both(lambda one: 0.013 * one), "scale", "look like millimetres"),
-    "far spots": (SQUARE, far, "spot", "2 spots lie up to 7.1 px .* light 2 in image 17 of gr"),
-    "motion": (SQUARE, drifting, "moving", "move within group 1, by 0.1"),
-    "image twice": (SQUARE, twice, "repeated", r"1 of 51 images of group 1 .* \(51\)"),
+    "one of three": (THREE, moved(2, [3, 0]), "displaced", "light 3 is displ"),
+    "focal length": (SQUARE, list, "scale", r"0\.909\d* of its expected size", 1.1),
+    "two lights": (PAIR, list, "scale", r"0\.909\d* of its expected size", 1.1),
+    "millimetres": (SQUARE, of_both(lambda one: 0.013 * one), "scale", "unit of the spots"),
+    "motion": (SQUARE, drifting, "correlated", "drift"),
+    "image twice": (SQUARE, twice, "repeated", "^1 images"),
     "two at once": (
         WIDE, lambda images: moved(1, 2)(moved(3, [-2, 3])(images)), "pattern", "no single light",
     ),
 }  # fmt: skip
+# Faults that leave no angle of any use.
+REFUSED = {
+    "sign of x": (WIDE, of_both(lambda one: one * [-1, 1]), "mirrored"),
+    "x and y": (SQUARE, of_both(lambda one: one[..., ::-1]), "mirrored"),
+    "neighbours": (SQUARE, order(1, 0, 2, 3), "lights 1 and 2 look swapped"),
+    "corners": (SQUARE, order(0, 2, 1, 3), "mirrored.* or lights 2 and 3 look swapped"),
+    "now": (SQUARE, order(1, 0, 2, 3, both=False), "present.* lights 1 and 2 look swapped"),
+    "two of five": (WIDE, order(0, 3, 2, 1, 4), "lights 2 and 4 look swapped"),
+    "two of three": (THREE, order(1, 0, 2), "lights 1 and 2 look swapped"),
+    "two of three now": (THREE, order(0, 2, 1, both=False), "lights 2 and 3 look swapped"),
+    "ends of a line": (LINE, order(2, 1, 0), "lights 1 and 3 look swapped"),
+    "ends of a line now": (LINE, order(2, 1, 0, both=False), "lights 1 and 3 look swapped"),
+    "both": (PAIR, order(1, 0), "lights 1 and 2 look swapped"),
+    "both now": (PAIR, order(1, 0, both=False), "lights 1 and 2 look swapped"),
+    "another instrument": (WIDE, of_both(lambda one: one * [1, 2]), "another platform"),
+    "one place": (THREE, of_both(lambda one: one[:, [0, 1, 1]]), "lights 2 and 3"),
+}
+
+
+def kinds(platform, images):
+    return [one.kind for one in diagnose(platform, tuple(images)).findings]
 
 
 @pytest.mark.parametrize("fault", FAULTS)
@@ -93,9 +112,30 @@ def test_a_planted_fault_is_named(fault):
     for factor in longer:
         length = factor * platform.tracker_focal_length
         platform = replace(platform, tracker_focal_length=length)
-    found = diagnose(platform, tuple(images))
+    found = diagnose(platform, tuple(images)).findings
     assert found[0].kind == kind
     assert re.search(words, found[0].text), found[0].text
+
+
+@pytest.mark.parametrize("fault", REFUSED)
+def test_spots_without_usable_angles_are_refused(fault):
+    platform, change, words = REFUSED[fault]
+    images = change(drawn(platform, 50, np.random.default_rng(1)))
+    with pytest.raises(ValueError, match=f"^spots: .*{words}"):
+        diagnose(platform, tuple(images))
+
+
+@pytest.mark.parametrize("count", [3, 4, 6])
+def test_spots_of_another_platform_are_refused(count):
+    """Random patterns of lights of the same extent."""
+    rng = np.random.default_rng(count)
+    for _ in range(20):
+        one, other = (
+            Platform(0.011 * rng.uniform(-1, 1, (count, 2)), 2.0, 0.06, 13e-6, CENTRE)
+            for _ in range(2)
+        )
+        with pytest.raises(ValueError, match=r"^spots: "):
+            diagnose(one, tuple(drawn(other, 10, rng)))
 
 
 @pytest.mark.parametrize(
@@ -105,28 +145,98 @@ def test_a_planted_fault_is_named(fault):
 def test_clean_spots_hear_nothing(platform, frames):
     """One set in a thousand may; of 300, three would be one time in four hundred thousand."""
     rng = np.random.default_rng(frames)
-    found = [diagnose(platform, tuple(drawn(platform, frames, rng))) for _ in range(300)]
+    found = [kinds(platform, drawn(platform, frames, rng)) for _ in range(300)]
     assert sum(map(bool, found)) <= 2
+
+
+@pytest.mark.parametrize("jitter", [0.0, 5.0])
+@pytest.mark.parametrize("frames", [5, 10, 60])
+def test_the_correlation_has_a_known_false_alarm_rate(frames, jitter):
+    """White noise, of which all spots of an image may have a common part."""
+    rng, scores = np.random.default_rng(frames), []
+    for _ in range(2000):
+        groups = rng.normal(size=(2, frames, 8)) + jitter * rng.normal(size=(2, frames, 1))
+        scores.append(_correlation(groups - groups.mean(axis=1, keepdims=True))[0])
+    # Four standard errors above one in a hundred.
+    assert np.mean(np.array(scores) > 2.326) < 0.01 + 4 * np.sqrt(0.01 / 2000)
+    assert np.mean(scores) == pytest.approx(0, abs=4 / np.sqrt(2000))
+
+
+@pytest.mark.parametrize(("frames", "correlation"), [(10, 0.8), (60, 0.8), (60, 0.5)])
+def test_the_correlation_gives_the_error_of_a_mean(frames, correlation):
+    """Against the scatter of means, over the scatter that white noise would have."""
+    rng, means, white, factors = np.random.default_rng(1), [], [], []
+    for _ in range(400):
+        groups = [noise(rng, (frames, 8), correlation) for _ in range(2)]
+        first, last = (one.mean(axis=0) for one in groups)
+        means.append(last - first)
+        white.append([one.var(axis=0, ddof=1).mean() / frames for one in groups])
+        factors.append(_correlation([one - one.mean(axis=0) for one in groups])[2])
+    expected = np.std(means) / np.sqrt(2 * np.mean(white))
+    assert np.median(factors) == pytest.approx(expected, rel=0.1)
+
+
+def test_correlated_images_accuse_no_light():
+    rng = np.random.default_rng(1)
+    for frames, fewest in ((10, 76), (60, 80)):
+        found = [kinds(SQUARE, drawn(SQUARE, frames, rng, 0.8)) for _ in range(80)]
+        assert sum(one == ["correlated"] for one in found) >= fewest
+
+
+@pytest.mark.parametrize(
+    ("platform", "frames", "shift", "correlation", "least"),
+    [
+        (PAIR, 10, 0.0, 0.0, 0.92),
+        (SQUARE, 10, 0.0, 0.0, 0.92),
+        (PAIR, 10, 0.0, 0.8, 0.87),
+        (SQUARE, 10, 0.0, 0.8, 0.9),
+        (SQUARE, 60, 0.0, 0.8, 0.9),
+        (SQUARE, 10, 1.7, 0.0, 0.83),
+        (SQUARE, 60, 1.7, 0.0, 0.92),
+    ],
+)
+def test_intervals_cover_correlated_images_and_small_displacements(
+    platform, frames, shift, correlation, least
+):
+    """Coverage of 95 % intervals; a light is displaced by so many standard deviations of a spot."""
+    rng, inside = np.random.default_rng(2), []
+    for _ in range(100):
+        images = drawn(platform, frames, rng, correlation)
+        angle = rng.uniform(0, 2 * np.pi)
+        moved(1, shift * NOISE * np.array([np.cos(angle), np.sin(angle)]))(images)
+        found = diagnose(platform, tuple(images))
+        low, high = monitored(*images, platform, found.widening, found.freedom).interval(0.95)
+        inside.append((low < TURN) & (high > TURN))
+    assert np.mean(inside) > least
+
+
+def test_chi_square_lies_in_its_range():
+    """In 95 % of clean sets; four standard errors."""
+    rng, inside = np.random.default_rng(4), []
+    for _ in range(400):
+        found = diagnose(WIDE, tuple(drawn(WIDE, 20, rng))).agreement
+        inside.append(found["low"] < found["chi_square"] < found["high"])
+    assert np.mean(inside) == pytest.approx(0.95, abs=4 * np.sqrt(0.05 * 0.95 / 400))
 
 
 def test_one_image_still_tells_a_mirror_and_a_focal_length():
     """Without scatter a pixel is taken for the noise."""
     images = drawn(SQUARE, 1, np.random.default_rng(1))
-    assert diagnose(SQUARE, tuple(one * [-1, 1] for one in images))[0].kind == "mirrored"
-    assert diagnose(LONGER, tuple(images))[0].kind == "scale"
-    (found,) = diagnose(SQUARE, tuple(images))
-    assert "no light is seen twice in a group" in found.text
+    with pytest.raises(ValueError, match=r"^spots: .*mirrored"):
+        diagnose(SQUARE, tuple(one * [-1, 1] for one in images))
+    assert kinds(LONGER, images) == ["scale", "spare"]
+    assert kinds(SQUARE, images) == ["spare"]
 
 
 def test_a_displaced_light_is_said_and_without_it_the_interval_covers():
     rng, inside, named = np.random.default_rng(3), [], []
     for _ in range(60):
         images = moved(2, [3, 0])(drawn(SQUARE, 8, rng))
-        named += [one.text for one in diagnose(SQUARE, tuple(images))]
+        named += [one.text for one in diagnose(SQUARE, tuple(images)).findings]
         images[1][:, 2] = np.nan
-        platform, others, numbers = seen(SQUARE, tuple(images))
-        assert numbers == (1, 2, 4)
-        low, high = monitored(*others, platform).interval(0.95)
+        found = diagnose(SQUARE, tuple(images))
+        assert len(found.platform.lasers) == 3
+        low, high = monitored(*found.images, found.platform).interval(0.95)
         inside.append((low < TURN) & (high > TURN))
     assert sum("light 3 is displaced" in one for one in named) == len(inside)
     np.testing.assert_allclose(np.mean(inside, axis=0), 0.95, atol=3.5 * np.sqrt(0.95 * 0.05 / 60))
@@ -135,25 +245,30 @@ def test_a_displaced_light_is_said_and_without_it_the_interval_covers():
 def test_lights_keep_their_numbers_when_others_are_lost():
     images = moved(4, [3, 0])(drawn(WIDE, 9, np.random.default_rng(1)))
     images[1][:, 0] = np.nan
-    platform, others, numbers = seen(WIDE, tuple(images))
-    (found,) = diagnose(platform, others, numbers=numbers)
+    (found,) = diagnose(WIDE, tuple(images)).findings
     assert "light 5 is displaced" in found.text
     images[1][:, 1:4] = np.nan
-    with pytest.raises(ValueError, match="two lights or more in both groups, got 1"):
-        seen(WIDE, tuple(images))
+    with pytest.raises(ValueError, match=r"^spots: expected two lights or more .* got 1"):
+        diagnose(WIDE, tuple(images))
 
 
-def test_mirrored_spots_are_refused_with_the_words_of_the_finding():
-    images = [one * [-1, 1] for one in drawn(SQUARE, 5, np.random.default_rng(1))]
-    found = diagnose(SQUARE, tuple(images))
-    with pytest.raises(ValueError, match=r"^spots\.csv: at the zero point.* mirrored"):
-        refuse(found, "spots.csv")
+def test_lost_images_and_uneven_lights_are_no_fault():
+    """Images without any spot repeat none; a light that few images show has a larger error."""
+    rng, found = np.random.default_rng(5), []
+    for _ in range(60):
+        images = drawn(WIDE, 40, rng)
+        images[1][[3, 7]] = np.nan
+        images[1][1:, 2] = np.nan
+        found += kinds(WIDE, images)
+    assert found == []
 
 
 @pytest.mark.parametrize(
     ("make", "message"),
     [
         (lambda: Platform([[0.0, 0]], 2.0, 0.06, 13e-6, CENTRE), "expected two lights or more"),
+        (lambda: Platform(CORNERS[[0, 1, 0]], 2.0, 0.06, 13e-6, CENTRE), "lights 1 and 3"),
+        (lambda: Platform.of_spots([[9, 4], [9, 4]], 0.06, 13e-6, CENTRE), "lights 1 and 2"),
         (lambda: Platform(CORNERS, 2.0, 0.06, 13.0, CENTRE), "pixel_pitch: expected metres"),
         (lambda: Platform(CORNERS, -2.0, 0.06, 13e-6, CENTRE), "camera_focal_length"),
         (lambda: Platform(CORNERS, 2.0, 0.06, 13e-6, CENTRE, np.zeros((3, 2))), "expected 4, one"),

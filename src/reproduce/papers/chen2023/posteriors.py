@@ -19,7 +19,7 @@ from reproduce.papers.chen2023 import satellite
 from reproduce.papers.chen2023.platform import INSTRUMENT, SCATTER, SIGMAS, as_designed
 from reproduce.papers.posteriors import Declaration, File, Pivot, data_stream
 from reproduce.physics.attitude import Platform
-from reproduce.physics.attitude.diagnosis import diagnose, refuse, seen
+from reproduce.physics.attitude.diagnosis import diagnose
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given, given
 from reproduce.store.points import IMAGES, SPOTS, Table, TableFileError, images_of, lost_spots
@@ -124,9 +124,8 @@ def _measured(
     instrument = as_designed(given(INSTRUMENT)) if design is None else design
     pair = images_of(table, len(instrument.lasers))
     notes = lost_spots(pair)
-    instrument, pair, lights = seen(instrument, pair)
-    found = diagnose(instrument, pair, drifts, lights)
-    refuse(found, table.path)
+    found = diagnose(instrument, pair, drifts)
+    instrument, pair = found.platform, found.images
     images = [one[np.isfinite(one).all(axis=(-2, -1))] for one in pair]
     if lost := sum(map(len, pair)) - sum(map(len, images)):
         notes.append(f"{lost} images that lack a spot are left out")
@@ -141,7 +140,7 @@ def _measured(
             "all images of a group: without noise there is nothing to sample"
         )
     instrument = replace(instrument, spots=images[0].mean(axis=0))
-    return instrument, images, [*(one.text for one in found), *notes]
+    return instrument, images, [*(one.text for one in found.findings), *notes]
 
 
 def _priors(instrument: Platform, images: list[FloatArray]) -> dict[str, Prior]:

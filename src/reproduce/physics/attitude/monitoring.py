@@ -12,7 +12,7 @@ that is lost is NaN.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -272,6 +272,41 @@ def stability(times: ArrayLike, series: ArrayLike) -> Stability:
     return Stability(rate, error, left, tried[kept], averages[kept], deviations)
 
 
+# Fewest images whose neighbours are compared, and correlations that are tried.
+_MIN_IMAGES = 5
+_LAGS = np.linspace(0, 0.99, 100)
+
+
+def _correlation(groups: Sequence[FloatArray]) -> tuple[float, float, float]:
+    """Return score, correlation and factor for neighbours in series (frames, k) about their means.
+
+    The score compares the products of neighbours with all permutations of the images, so common
+    motion of spots does not matter. White noise has a standard normal score. The correlation is the
+    parameter of an autoregressive process of first order. The factor is the standard deviation of
+    the difference of two means over its estimate for white noise.
+    """
+    groups = [one for one in groups if len(one) >= _MIN_IMAGES and one.std(axis=0).any()]
+    if not groups:
+        return 0.0, 0.0, 1.0
+    counts = np.array([len(one) for one in groups])
+    products = sum((one[1:] * one[:-1]).sum() for one in groups)
+    squares = np.array([np.square(one).sum() for one in groups])
+    pairs = [np.square(one.T @ one).sum() for one in groups]
+    own = [np.square(np.square(one).sum(axis=1)).sum() for one in groups]
+    score = (products + (squares / counts).sum()) / np.sqrt(
+        (np.subtract(pairs, own) / counts).sum()
+    )
+    # Expected moments of such a process about its own mean, over its variance.
+    counts = counts[:, None]
+    decay = (1 - _LAGS**counts) / (1 - _LAGS) / counts
+    mean = (1 + _LAGS - 2 * _LAGS * decay) / (1 - _LAGS) / counts
+    square = (counts * (1 - mean)).sum(axis=0)
+    product = ((counts - 1) * _LAGS - (counts + 1) * mean + 2 * decay).sum(axis=0)
+    lag = np.interp(products / squares.sum(), product / square, _LAGS)
+    ratio = mean.sum(axis=0) / square * (counts - 1).sum() / (1 / counts).sum()
+    return float(score), float(lag), float(np.sqrt(np.interp(lag, _LAGS, ratio)))
+
+
 @validate.checked
 def averaged_error(count: Positive, single: NonNegative, floor: NonNegative = 0.0) -> FloatArray:
     """Return the error of an average in the model E^2 = a^2 / n + b^2.
@@ -367,6 +402,8 @@ class Monitoring:
         The images that tell, at the present and at the zero point.
     counts : ndarray, shape (n,)
         Images at the zero point in which each light is seen.
+    widening, limit : float
+        Factor on the standard error of the mean, and upper limit of its degrees of freedom.
 
     Notes
     -----
@@ -378,6 +415,8 @@ class Monitoring:
     angles: FloatArray
     groups: tuple[_Group, _Group]
     counts: FloatArray
+    widening: float = 1.0
+    limit: float = np.inf
 
     @property
     def mean(self) -> FloatArray:
@@ -420,17 +459,25 @@ class Monitoring:
         now = self.groups[0]
         together = np.einsum("fa,faij->aij", now.weights, now.response)
         zero = np.square(together).sum(axis=-1) @ (1 / self.counts)
-        return self._noise * np.sqrt((np.square(now.weights) * now.variance).sum(axis=0) + zero)
+        single = (np.square(now.weights) * now.variance).sum(axis=0)
+        return self.widening * self._noise * np.sqrt(single + zero)
 
     def interval(self, share: float) -> FloatArray:
-        """Return the central interval of the mean by Student's law, shape (2, 3)."""
+        """Return the central interval of the mean by Student's t-distribution, shape (2, 3)."""
         from scipy.special import stdtrit  # only now: its import takes longer than most solutions
 
-        reach = stdtrit(self.freedom, 0.5 + share / 2) if self.freedom else np.nan
+        freedom = min(self.freedom, self.limit)
+        reach = stdtrit(freedom, 0.5 + share / 2) if freedom else np.nan
         return self.mean + np.array([[-1.0], [1.0]]) * reach * self.error
 
 
-def monitored(zero_spots: ArrayLike, spots: ArrayLike, platform: Platform) -> Monitoring:
+def monitored(
+    zero_spots: ArrayLike,
+    spots: ArrayLike,
+    platform: Platform,
+    widening: float = 1.0,
+    limit: float = np.inf,
+) -> Monitoring:
     """Return how far the camera has turned since the zero point, in every image.
 
     An image that lacks a spot is compared with the same lights at the zero point.
@@ -441,6 +488,8 @@ def monitored(zero_spots: ArrayLike, spots: ArrayLike, platform: Platform) -> Mo
         Images at the zero point, which are pooled, and at the present, in px; NaN where lost.
     platform : Platform
         With n lights, each of which is seen at the zero point.
+    widening, limit : float
+        As in `Diagnosis`: factor on the standard error, and limit of its degrees of freedom.
 
     Returns
     -------
@@ -472,7 +521,7 @@ def monitored(zero_spots: ArrayLike, spots: ArrayLike, platform: Platform) -> Mo
             raise ValueError(f"{name}: expected two lights or more in an image, got fewer in all")
         angles.append(found)
         groups.append(_Group(found[told], response[told]))
-    return Monitoring(angles[0], (groups[0], groups[1]), counts)
+    return Monitoring(angles[0], (groups[0], groups[1]), counts, widening, limit)
 
 
 def _turned(
@@ -488,7 +537,7 @@ def _turned(
             continue
         rows = np.flatnonzero(which.reshape(-1) == number)
         spots, places = images[rows][:, lights], np.ix_(rows, np.arange(3), np.flatnonzero(lights))
-        shows = replace(platform, lasers=platform.lasers[lights], spots=platform.spots[lights])
+        shows = platform.with_lights(lights)
         angles[rows] = shows.misalignment(spots, shows.transform(zero[lights]))
         response[places] = shows.response(spots)
     return angles, response

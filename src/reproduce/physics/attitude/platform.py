@@ -17,11 +17,13 @@ A `Platform` has the same frames and units.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import combinations
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from reproduce.physics import validate
 from reproduce.physics.attitude.angles import (
@@ -173,6 +175,16 @@ def _outward(offsets: FloatArray, focal_length: FloatArray) -> FloatArray:
     return rays
 
 
+def _check_distinct(name: str, points: FloatArray, numbers: Iterable[int]) -> None:
+    """Raise `ValueError` if two lights, called by their numbers, have the same place."""
+    for (one, first), (other, second) in combinations(zip(numbers, points, strict=True), 2):
+        if (first == second).all():
+            raise ValueError(
+                f"{name}: expected different places, got lights {one} and {other} at one place. "
+                "Correct or remove one of them"
+            )
+
+
 # In metres: no pixel is that large, but one in micrometres or millimetres seems so.
 _LARGEST_PITCH = 1e-3
 
@@ -218,6 +230,7 @@ class Platform:
         lasers = validate.finite_array("lasers", self.lasers, shape=(None, 2))
         if lasers.ndim != 2 or len(lasers) < 2:
             raise ValueError(f"lasers: expected two lights or more, (n, 2), got {lasers.shape}")
+        _check_distinct("lights", lasers, range(1, len(lasers) + 1))
         for name in ("camera_focal_length", "tracker_focal_length", "pixel_pitch"):
             object.__setattr__(self, name, float(validate.positive(name, getattr(self, name))))
         if self.pixel_pitch > _LARGEST_PITCH:
@@ -294,6 +307,10 @@ class Platform:
         centre = validate.finite_array("principal_point", principal_point, shape=(2,))
         length = tracker_focal_length
         return cls((places - centre) * pixel_pitch, length, length, pixel_pitch, centre)
+
+    def with_lights(self, lights: NDArray[np.bool_]) -> Platform:
+        """Return the platform with only some lights, from a mask of shape (n,)."""
+        return replace(self, lasers=self.lasers[lights], spots=self.spots[lights])
 
     @property
     def pixels(self) -> float:
