@@ -13,7 +13,7 @@ from click.testing import CliRunner
 
 import reproduce as rp
 from reproduce.inference import LogUniform, Sampled, leanings
-from reproduce.inference.models import registration, registration_model
+from reproduce.inference.models import fitted, registration_model
 from reproduce.inference.sampling import Plan, run_ensemble
 from reproduce.papers.chen2023.platform import INSTRUMENT, as_designed
 from reproduce.papers.posteriors import posteriors
@@ -63,8 +63,8 @@ def spots(tmp_path, noise, flip=1, drift=(0, 0)):
 
 
 def supplied(name, path, pivot=None):
-    """A user's file as a model, with what to say of it."""
-    return posteriors()[name].from_file(path, pivot)
+    """A user's file as a posterior, not sampled."""
+    return rp.posterior(name, path, pivot)
 
 
 def from_file(name, path, pivot=None):
@@ -156,7 +156,7 @@ def test_spots_that_move_within_a_group_are_named(tmp_path, drift, constant, dri
 
 def test_a_posterior_on_an_end_of_its_prior_is_named(tmp_path, monkeypatch):
     path = written(tmp_path, *stars())
-    monkeypatch.setattr(registration, "_NOISE", (1e-9, 1.0))
+    monkeypatch.setattr(fitted, "_NOISE", (1e-9, 1.0))
     record, rows = sampled("registration", path, "--steps", 400)
     (leaning,) = record["at_prior_end"]
     end = float(re.fullmatch(r"noise leans on the end ([\d.e-]+) px of its prior .*", leaning)[1])
@@ -180,7 +180,7 @@ def test_a_free_posterior_leans_on_nothing_and_a_cut_one_does():
 
 
 def test_no_start_says_which_prior_excludes_it(tmp_path, monkeypatch):
-    monkeypatch.setattr(registration, "_NOISE", (1e-9, 1e-3))
+    monkeypatch.setattr(fitted, "_NOISE", (1e-9, 1e-3))
     result = run("registration", "--data", written(tmp_path, *stars()))
     assert result.exit_code == 2
     told = " ".join(result.stderr.split())
@@ -279,7 +279,7 @@ def test_noiseless_stars_give_the_exact_answer(tmp_path):
     path = written(tmp_path, *stars(noise=0, scale=1.5, rotation=0.5), fmt="%.17g")
     result = run("registration", "--data", path, "--pivot", *(FIELD / 2))
     assert result.exit_code == 2
-    exact = f"exactly: scale 1.5, rotation {np.degrees(0.5):.10g} deg, shift 3 and 1 px"
+    exact = f"scale 1.5, rotation {np.degrees(0.5):.10g} deg, shift-x 3 px, shift-y 1 px"
     assert exact in result.stderr
 
 
@@ -318,10 +318,10 @@ REFUSED = {
         "expected spots that scatter",
     ),
     "one place": (text("registration", [STAR_COLUMNS, *["1,2,3,4"] * 9]), "coincident points"),
-    "few stars": (text("registration", [STAR_COLUMNS, "1,2,3,4"]), "at least four points"),
+    "few stars": (text("registration", [STAR_COLUMNS, "1,2,3,4"]), "at least 4 points"),
     "one star and a pivot": (
         text("registration --pivot 1032 772", [STAR_COLUMNS, "1,2,3,4"]),
-        "expected at least four points, got 1",
+        "expected at least 4 points, got 1",
     ),
     "one place and a pivot": (
         text("registration --pivot 1032 1e9", [STAR_COLUMNS, *["1,2,3,4"] * 9]),
@@ -352,7 +352,7 @@ REFUSED = {
     "no seed": (with_stars("--seed", "-1"), "--seed"),
     "pivot of spots": (
         lambda tmp_path: ["misalignment", "--data", spots(tmp_path, 0.02), "--pivot", "1", "1"],
-        "misalignment takes no --pivot",
+        "pivot: expected none for misalignment",
     ),
     "no folder for a file": (with_stars("--out", "nowhere/p.nc"), "cannot write nowhere/p.nc"),
     "too few to tell": (

@@ -24,14 +24,14 @@ from reproduce.inference.models import MixtureRegistration, probability_false
 from reproduce.judge.rerun import check_randomness
 from reproduce.papers.posteriors import posteriors
 from reproduce.papers.sketch import NARROW, sized, thin
-from reproduce.store.points import is_table
+from reproduce.store.points import STARS, Table, is_table, read_table
 from reproduce.version import __version__
 from reproduce.views import computed
 from reproduce.views.base import by_row, text_of
 from reproduce.views.blocks import Block, Blocks, Fold, Grid, Html
 from reproduce.views.export import beside, export_frame, provenance
 from reproduce.views.figure import Paint, pictured
-from reproduce.views.measurements import Remade, platform_of
+from reproduce.views.measurements import Remade, _stars, platform_of
 from reproduce.views.numbers import digits, minus, moments
 
 if TYPE_CHECKING:
@@ -39,6 +39,8 @@ if TYPE_CHECKING:
 
 # In standard deviations: a mark further out would leave no room for the posterior.
 _FAR = 8.0
+# Arguments that belong to your data.
+_OWN = ("pivot", "platform", "model", "weights", "source_covariance", "target_covariance")
 # Likely false stars that a line names.
 _SHOWN = 5
 
@@ -68,30 +70,48 @@ class Posterior(Remade):
         self.name, self.declared = name, posteriors()[name]
         self._priors = dict(given.get("priors") or {})
         self._given = {**given, "priors": self._priors, "name": name}
-        data, pivot, platform, data_seed, sep = (
-            given.get(key) for key in ("data", "pivot", "platform", "data_seed", "sep")
-        )
+        data, data_seed = given.get("data"), given.get("data_seed")
         if data_seed is not None and (data is not None or not self.declared.simulated):
             raise ValueError(f"data_seed: expected none, the data of {name} are not simulated here")
         check_randomness(name, True, (), data_seed)
-        for key, value in (("pivot", pivot), ("platform", platform)):
-            if value is not None and data is None:
+        self.plan = self.declared.plan(**self._named("steps", "walkers", "seed"))
+        self._table, own = self._read(data)
+        self.remarks: tuple[str, ...] = ()
+        if self._table is None:
+            model = self.declared.model(data_seed)
+        else:
+            model, self.remarks = self.declared.supplied(self._table, own)
+        own = {
+            p.name: _prior(p, self._priors[p.name])
+            for p in model.parameters
+            if p.name in self._priors
+        }
+        self.model = model.with_priors({**self._priors, **own})
+        # Printed cells that reach the model.
+        self.reads = self.declared.given if self._table is None else ()
+
+    def _read(self, data: Any) -> tuple[Table | None, dict[str, Any]]:
+        """Return your data, and the arguments and columns that belong to them."""
+        own = {key: self._given[key] for key in _OWN if self._given.get(key) is not None}
+        if data is None:
+            for key in own:
                 raise ValueError(f"{key}: expected data of your own beside it; ours have one")
-        if data is not None and not is_table(data):
+            return None, {}
+        if not is_table(data):
             raise TypeError(
                 f"data: expected a file or a table with named columns, got "
                 f"{type(data).__name__}. Use DataFrame(array, columns=[...])"
             )
-        self.plan = self.declared.plan(**self._named("steps", "walkers", "seed"))
-        design = None if platform is None else platform_of(platform)
-        self._own = None if data is None else self.declared.from_file(data, pivot, design, sep)
-        model = self._own.model if self._own else self.declared.model(data_seed)
-        own: dict[str, Any] = dict(self._priors)
-        own |= {p.name: _prior(p, own[p.name]) for p in model.parameters if p.name in own}
-        self.model = model.with_priors(own)
-        # Printed cells that reach the model, and what to hear of the data of a file.
-        self.reads = () if self._own else self.declared.given
-        self.remarks = self._own.remarks if self._own else ()
+        file, sep = self.declared.format(), self._given.get("sep")
+        for key in own.keys() - {*file.accepts}:
+            raise ValueError(
+                f"{key}: expected none for {self.name}, got {own[key]!r}. Leave it out"
+            )
+        if "platform" in own:
+            own["platform"] = platform_of(own["platform"])
+        if file.columns == STARS:
+            return _stars(data, None, {**own, "sep": sep})
+        return read_table(data, file.columns, file.optional, sep), own
 
     @property
     def changes(self) -> str:
@@ -110,7 +130,7 @@ class Posterior(Remade):
 
     @property
     def _in_book(self) -> bool:
-        return not (self._own or self.changes)
+        return self._table is None and not self.changes
 
     @cached_property
     def sampled(self) -> Sampled:
@@ -136,11 +156,11 @@ class Posterior(Remade):
 
         The hash is that of the file, or of the printed cells that reach the model.
         """
-        declared, own = self.declared, self._own
+        declared, own = self.declared, self._table
         data: dict[str, Any] = {"kind": "simulated" if declared.simulated else "printed"}
         data |= {"paper": declared.paper} | ({"truth": self.truth} if declared.simulated else {})
         if own:
-            data = {"kind": "file", "file": own.source, "rows": len(own.rows)}
+            data = {"kind": "file", "file": own.path, "rows": len(own.rows)}
         data["sha256"] = own.sha256 if own else declared.sha256()
         pivots = [one.tolist() for one in getattr(self.model.likelihood, "pivots", ())]
         return data | ({"pivot": pivots} if pivots else {})
@@ -149,7 +169,7 @@ class Posterior(Remade):
     def told(self) -> str:
         """What the data are, in one line."""
         found, paper = self.provenance, self.declared.paper
-        if not self._own:
+        if self._table is None:
             simulated = f"simulated by us with printed settings of {paper}"
             return simulated if self.declared.simulated else f"as printed in {paper}"
         line = f"of {Path(found['file']).name}, {found['rows']} rows"
@@ -184,9 +204,10 @@ class Posterior(Remade):
         if not isinstance(likelihood, MixtureRegistration):
             return None
         x, y = likelihood.source.T
-        rows = self._own.rows if self._own else range(1, len(x) + 1)
+        table = self._table
+        rows = table.rows if table else range(1, len(x) + 1)
         false = {"x": x, "y": y, "probability_false": probability_false(self.sampled)}
-        return pd.DataFrame({"row" if self._own else "star": rows, **false})
+        return pd.DataFrame({"row" if table else "star": rows, **false})
 
     @property
     def false_stars(self) -> str:
@@ -242,7 +263,7 @@ class Posterior(Remade):
     @property
     def truth(self) -> dict[str, float]:
         """The parameters with which the data were simulated, in the unit shown; none otherwise."""
-        return {} if self._own else self._shown(self.declared.true_values())
+        return {} if self._table else self._shown(self.declared.true_values())
 
     def _shown(self, values: Mapping[str, float]) -> dict[str, float]:
         """Return values of parameters in the unit shown."""

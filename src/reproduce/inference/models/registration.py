@@ -17,21 +17,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.random import PCG64, Generator
 from numpy.typing import NDArray
 
-from reproduce.inference import Consequence, LogUniform, Model, Parameter, Prior, Uniform
+from reproduce.inference import Consequence, LogUniform, Model, Parameter, Uniform
 from reproduce.physics.registration import (
     Registration,
     as_complex,
     as_points,
     fit_registration,
-    fits_exactly,
     paired_points,
-    robust_similarity,
 )
 from reproduce.physics.validate import FloatArray, finite_array
 from reproduce.units import DEGREES_PER_RADIAN
@@ -39,21 +37,19 @@ from reproduce.units import DEGREES_PER_RADIAN
 ComplexArray = NDArray[np.complex128]
 _CHANNELS = ("red", "blue")
 TRANSFORM = ("scale", "rotation", "shift-x", "shift-y")
-# Of the residual of least squares: ends of the noise, as good as none.
-_NOISE = (1e-9, 1e3)
-# The shift may lie so many fields or standard errors, the scale so many times, from the fit.
-FIELDS, ERRORS, SCALES = 10.0, 1e3, 10.0
 # New stars: parameter vectors that are worked on at once, which bounds the memory, and the seed.
 CHUNK, SEED = 10_000, 52
 
 
-def fit_checks(source: FloatArray, target: FloatArray, pivot: FloatArray) -> dict[str, float]:
-    """What predictive checks compare: the least-squares fit and what it leaves over, in px.
+def fit_checks(
+    source: FloatArray, target: FloatArray, pivot: FloatArray, **settings: Any
+) -> dict[str, float]:
+    """Return the numbers of a fit that predictive checks compare, in px.
 
-    The mean residuals outwards and around in the outer half of the field are zero only if a
-    similarity is the right model.
+    The mean radial and tangential residuals in the outer half of the field are zero only if the
+    model is right.
     """
-    fit = fit_registration(source, target, pivot)
+    fit = fit_registration(source, target, pivot, **settings)
     offsets = source - pivot
     radius = np.hypot(*offsets.T)
     outer = radius >= np.median(radius)
@@ -149,12 +145,21 @@ class GaussianRegistration:
         """Target minus prediction, shape (n, points), in px."""
         return as_complex(self.target) - as_complex(self.pivot) - self.predicted(parameters)
 
+    def deviations(self, parameters: FloatArray) -> FloatArray:
+        """Standard deviation of a residual coordinate of each star, shape (n, points), in px."""
+        wider = np.hypot(1, parameters[:, 0]) if self.source_noise else 1.0
+        return np.asarray((parameters[:, 4] * wider)[:, None] / self.precision)
+
+    def pointwise(self, parameters: FloatArray) -> FloatArray:
+        """Log likelihood of each star, shape (n, points)."""
+        residual, noise = self.residuals(parameters), self.deviations(parameters)
+        squares = (residual.real**2 + residual.imag**2) / noise**2
+        return np.asarray(-(0.5 * squares + (2 * np.log(noise) + np.log(2 * np.pi))))
+
     def scatter(self, parameters: FloatArray, generator: Generator) -> FloatArray:
         """Noise of residuals, shape (n, points, 2), in px."""
-        wider = np.hypot(1, parameters[:, 0]) if self.source_noise else 1.0
         normal = generator.normal(size=(len(parameters), *self.source.shape))
-        size = (parameters[:, 4] * wider)[:, None] / self.precision
-        return np.asarray(size[..., None] * normal)
+        return np.asarray(self.deviations(parameters)[..., None] * normal)
 
     def elsewhere(self, source: FloatArray) -> Self:
         """The same model of other stars, whose targets are not known yet."""
@@ -236,46 +241,6 @@ def registration_model(
         GaussianRegistration(source, target, pivot, weights=weights),
         dict(zip(TRANSFORM, fit.parameters.tolist(), strict=True)),
     )
-
-
-def free_priors(source: FloatArray, target: FloatArray, pivot: FloatArray) -> dict[str, Prior]:
-    """Return flat priors whose ends are as far from the fit as the data's own scale allows.
-
-    By parameter. Mirrored points, or points that fit without any error, are refused.
-
-    Examples
-    --------
-    >>> points = np.array([[0.0, 0], [9, 0], [0, 9], [9, 9]])
-    >>> moved = points + [[1, 0], [0, 1], [1, 1], [0, 0]]
-    >>> print(free_priors(points, moved, np.zeros(2))["rotation"])
-    uniform from -3.14159 to 3.14159
-    """
-    robust = robust_similarity(source, target, pivot)
-    fit = fit_registration(source, target, pivot)
-    residual = float(np.sqrt(fit.chi_square / max(float(fit.degrees_of_freedom), 1.0)))
-    k, theta, x, y = fit.parameters.tolist()
-    if fits_exactly(fit, source, target):
-        raise ValueError(
-            "the points fit without any error, so there is no noise to sample; exactly: scale "
-            f"{k:.10g}, rotation {np.degrees(theta):.10g} deg, shift {x:.10g} and {y:.10g} px"
-        )
-    # No least-squares scale exceeds the ratio of both patterns' sizes.
-    size = float(np.sqrt(np.square(target - target.mean(axis=0)).sum() * fit.cofactor[0, 0]))
-    size = max(size, float(robust.parameters[0]))
-    error = residual * float(np.sqrt(fit.cofactor[2, 2]))
-    reach = max(FIELDS * float(np.ptp(target, axis=0).max()), ERRORS * error)
-    place = "ten fields, or a thousand standard errors, on both sides of least squares"
-    return {
-        "scale": Uniform(0.0, SCALES * size, "up to ten times the ratio of the sizes of both "
-                         "patterns; flat"),
-        "rotation": Uniform(theta - np.pi, theta + np.pi, "any: the full turn, cut opposite to "
-                            "least squares"),
-        "shift-x": Uniform(x - reach, x + reach, place),
-        "shift-y": Uniform(y - reach, y + reach, place),
-        "noise": LogUniform(_NOISE[0] * residual, _NOISE[1] * residual, "no scale preferred: from "
-                            "a billionth of the residuals of least squares to a thousand times "
-                            "them"),
-    }  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
