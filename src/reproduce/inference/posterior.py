@@ -18,6 +18,7 @@ from numpy.random import PCG64, Generator, SeedSequence
 from reproduce.inference import diagnostics
 from reproduce.inference.diagnostics import Summary
 from reproduce.inference.model import LogUniform, Model, Normal, Prior
+from reproduce.inference.modes import Modes, two_modes
 from reproduce.physics.validate import FloatArray
 
 # Simulated data sets of a predictive check; a misfit is told that is so improbable, shared among
@@ -26,8 +27,6 @@ REPORTED, MISSED = 1000, 0.01
 # A Gaussian that an end cuts two standard deviations from its mean has so large a share of its
 # draws within so many standard deviations of the end; one that the end does not reach has none.
 BESIDE, LEANING = 0.1, 0.005
-# Further out than so many standard deviations a Gaussian prior contradicts the data.
-_CONTRADICTED = 3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,37 +170,43 @@ def _two_sided(values: FloatArray, observed: float) -> float:
 
 
 def leanings(posterior: Sampled) -> list[str]:
-    """Say in a line each which parameters lean on an end of their prior, or lie in its tail."""
-    told = []
-    for parameter, column in zip(
+    """Return a warning for each prior that the data contradict, or at whose bound draws pile up."""
+    found, disagreements = [], posterior.model.disagreements()
+    for one, column in zip(
         posterior.model.parameters, np.moveaxis(posterior.chain, -1, 0), strict=True
     ):
-        name, unit = parameter.name, "" if parameter.unit == "1" else f" {parameter.unit}"
-        prior = f"its prior ({parameter.prior.in_unit(parameter.shown)}{unit})"
-        for end, share in _leaning(parameter.prior, column.ravel()):
-            if end is None:
-                told.append(
-                    f"{name} lies {share:.1f} standard deviations out in {prior}, which pulls it"
-                )
-            elif end not in parameter.natural:
-                told.append(
-                    f"{name} leans on the end {end * parameter.shown:.4g}{unit} of {prior}: what "
-                    "is printed of it is a limit, not an estimate"
-                )
-    return told
+        unit = "" if one.unit == "1" else f" {one.unit}"
+        prior = f"its prior ({one.prior.in_unit(one.shown)}{unit})"
+        if one.name in disagreements:
+            value, error, distance = disagreements[one.name]
+            found.append(
+                f"prior and data disagree on {one.name}: from the data {one.shown * value:.6g} ± "
+                f"{one.shown * error:.2g}{unit}, {distance:.3g} standard deviations from {prior}"
+            )
+            continue
+        found += [
+            f"{one.name} leans on the end {end * one.shown:.4g}{unit} of {prior}: what "
+            "is printed of it is a limit, not an estimate"
+            for end in _reached(one.prior, column.ravel())
+            if end not in one.natural
+        ]
+    return found
 
 
-def _leaning(prior: Prior, draws: FloatArray) -> list[tuple[float | None, float]]:
-    """Return ends of a prior with the share of draws beside them, or how far out the mean lies."""
+def _reached(prior: Prior, draws: FloatArray) -> list[float]:
+    """Return the bounds of a prior at which draws pile up."""
     if isinstance(prior, Normal):
-        out = float(abs(draws.mean() - prior.mean) / prior.sigma)
-        return [(None, out)] if out > _CONTRADICTED else []
+        return []
     # In the scale in which the prior is flat.
     scale = np.log if isinstance(prior, LogUniform) else np.asarray
     values = scale(draws)
     beside = BESIDE * values.std()
-    shares = [
-        (end, float((np.abs(values - scale(end)) < beside).mean()))
-        for end in (prior.low, prior.high)
-    ]
-    return [(end, share) for end, share in shares if share > LEANING]
+    near = {end: np.abs(values - scale(end)) < beside for end in (prior.low, prior.high)}
+    return [end for end, close in near.items() if close.mean() > LEANING]
+
+
+def bimodal(posterior: Sampled) -> dict[str, Modes]:
+    """Return the modes of each parameter with two modes, in the unit shown."""
+    parameters = zip(posterior.model.parameters, posterior.draws.T, strict=True)
+    modes = {one.name: two_modes(one.shown * column) for one, column in parameters}
+    return {name: found for name, found in modes.items() if found}

@@ -19,11 +19,13 @@ from markupsafe import Markup
 from numpy.typing import NDArray
 
 from reproduce import inference
-from reproduce.inference import Sampled, Summary, leanings, misfit, sampling
+from reproduce.inference import Sampled, Summary, bimodal, leanings, misfit, sampling
 from reproduce.inference.models import MixtureRegistration, probability_false
+from reproduce.inference.modes import Modes
 from reproduce.judge.rerun import check_randomness
 from reproduce.papers.posteriors import posteriors
 from reproduce.papers.sketch import NARROW, sized, thin
+from reproduce.physics.registration import robust_similarity
 from reproduce.store.points import STARS, Table, is_table, read_table
 from reproduce.version import __version__
 from reproduce.views import computed
@@ -360,6 +362,7 @@ class Posterior(Remade):
             **dict(zip(("ensembles", "steps", "walkers"), found.chain.shape[:3], strict=True)),
             "acceptance": list(found.acceptance),
             "at_prior_end": leanings(found),
+            "modes": {name: modes._asdict() for name, modes in self.modes.items()},
             "parameters": [asdict(row) for row in found.rows],
             "consequences": [asdict(row) for row in found.consequences],
             "data": self.provenance,
@@ -388,8 +391,41 @@ class Posterior(Remade):
         if false := self.false_stars:
             yield f"{false}."
         if not self._in_book:
-            doubts = (*leanings(self.sampled), misfit(self.checks), *self.remarks)
-            yield from (f"Warning: {text}." for text in doubts if text)
+            yield from (f"Warning: {text}." for text in self.findings)
+
+    @property
+    def findings(self) -> list[str]:
+        """Warnings: priors, modes, stars that a robust fit drops, predictive checks, the data."""
+        found = [*leanings(self.sampled), *map(self._bimodal, self.modes.items()), self._dropped]
+        return [one for one in (*found, misfit(self.checks), *self.remarks) if one]
+
+    @cached_property
+    def modes(self) -> dict[str, Modes]:
+        """Two modes of each parameter that has two, with the fractions of the draws, by name."""
+        return bimodal(self.sampled)
+
+    def _bimodal(self, found: tuple[str, Modes]) -> str:
+        name, modes = found
+        unit = next(_unit(one.unit) for one in self.model.parameters if one.name == name)
+        return (
+            f"{name} has two modes: {100 * modes.below:.0f} % of the draws near {modes.low:.3g}"
+            f"{unit}, {100 * modes.above:.0f} % near {modes.high:.3g}{unit}. Its mean is neither"
+        )
+
+    @property
+    def _dropped(self) -> str:
+        """A warning if a robust fit drops more stars than the mixture calls false."""
+        likelihood = self.model.likelihood
+        if self._stars is None or not isinstance(likelihood, MixtureRegistration):
+            return ""
+        fit = robust_similarity(likelihood.source, likelihood.target, likelihood.pivot)
+        dropped, false = ((fit.weights == 0).sum(), (self._stars["probability_false"] > 0.5).sum())
+        if dropped <= false:
+            return ""
+        return (
+            f"a robust fit drops {dropped} stars, the mixture {false}: wrong stars close to their "
+            "places widen the noise; compare with register(robust=True)"
+        )
 
     @property
     def _precision(self) -> str:
@@ -412,6 +448,11 @@ def _versions() -> dict[str, str]:
 def _titled(name: str, unit: str) -> str:
     """Write a name with its unit, if it has one."""
     return name if unit == "1" else f"{name} ({unit})"
+
+
+def _unit(unit: str) -> str:
+    """Write a unit after a number."""
+    return "" if unit == "1" else f" {unit}"
 
 
 def spread(row: Summary) -> tuple[str, str, str, str]:
