@@ -3,13 +3,15 @@
 import numpy as np
 import pandas as pd
 import pytest
+import xarray
+from arviz_stats.base import array_stats
 from errors import mcse_deviation, mcse_mean
 from scipy.optimize import minimize
-from scipy.stats import multivariate_normal
+from scipy.stats import multivariate_normal, multivariate_t
 
 import reproduce as rp
 from reproduce.inference.models import FittedRegistration
-from reproduce.physics.registration import MODELS
+from reproduce.physics.registration import MODELS, fit_registration
 from reproduce.store.points import STARS
 
 GENERATOR = np.random.default_rng(3)
@@ -136,3 +138,72 @@ def test_an_argument_of_another_model_is_refused(name, settings, argument):
 def test_errors_of_your_stars_need_your_stars():
     with pytest.raises(ValueError, match="model: "):
         rp.posterior("registration", model="affine")
+
+
+@pytest.mark.parametrize("case", ["book", "sigma of each axis", "weights and affine", "eight"])
+def test_emcee_agrees_with_exact_draws(case):
+    """Means, standard deviations and quantiles, within Monte Carlo errors of both."""
+    if case == "eight":  # noisy stars, of which flat in the scale is not flat in its parts
+        source = GENERATOR.uniform(-1, 1, (8, 2))
+        rows = np.hstack([source, source + 0.2 * GENERATOR.normal(size=(8, 2))])
+        found = rp.posterior("registration", pd.DataFrame(rows, columns=list(STARS)))
+    else:
+        data, settings = CASES.get(case, (None, {}))
+        found = rp.posterior("registration", data, **settings)
+    exact = found.exact(100_000, seed=1).to_numpy()
+    assert list(found.exact(10)) == list(found.draws)
+    for i, one in enumerate(found.model.parameters):
+        chain, direct = found.sampled.chain[..., i] * one.shown, exact[:, i]
+        error = np.hypot(mcse_mean(chain), direct.std() / np.sqrt(len(direct)))
+        assert abs(chain.mean() - direct.mean()) < 4.5 * error
+        spread = np.hypot(mcse_deviation(chain), mcse_deviation(direct[None, :, None]))
+        assert abs(chain.std() - direct.std()) < 5 * spread
+
+
+def test_exact_draws_have_the_bounds_of_the_priors():
+    found = rp.posterior("registration", FRAME, priors={"scale": (1.0, 1.0005), "noise": (0.5, 3)})
+    with pytest.raises(ValueError, match="uniform priors"):
+        found.exact()
+    found = rp.posterior("registration", FRAME.assign(sigma=SIGMA), priors={"scale": (1.0, 1.0005)})
+    assert found.exact(1000)["scale (1)"].between(1.0, 1.0005).all()
+
+
+@pytest.mark.parametrize(
+    ("name", "data", "settings"),
+    [
+        ("registration-mixture", None, {}),
+        ("misalignment", None, {}),
+        ("registration", FRAME, {"model": "similarity+radial"}),
+        ("registration", FRAME, {"source_covariance": TILTED}),
+        ("registration", FRAME, {"priors": {"scale": (3.0, 4.0)}}),
+    ],
+)
+def test_exact_draws_of_other_models_are_refused(name, data, settings):
+    with pytest.raises(ValueError, match="exact: expected"):
+        rp.posterior(name, data, **settings).exact(100)
+
+
+def test_leaving_a_star_out_agrees_with_its_exact_prediction(tmp_path):
+    """The saved log likelihood by ArviZ; exact: the Student-t of a star given all others."""
+    pivot = np.array([1000.0, 1000.0])
+    target = SOURCE * 1.001 + 0.3 * GENERATOR.normal(size=SOURCE.shape)
+    frame = pd.DataFrame(np.hstack([SOURCE, target]), columns=list(STARS))
+    found = rp.posterior("registration", frame, pivot=tuple(pivot))
+    tree = xarray.open_datatree(found.save(tmp_path / "p.nc"))
+    log = tree["log_likelihood"]["target"]
+    assert log.dims == ("chain", "draw", "star")
+    elpd, shape, _ = array_stats.loo(np.moveaxis(log.values, -1, 0))
+    exact = []
+    for star in range(30):
+        rest = np.arange(30) != star
+        fit = fit_registration(SOURCE[rest], target[rest], pivot)
+        freedom = float(fit.degrees_of_freedom)
+        noise = fit.chi_square / freedom * np.eye(2)
+        spread = fit.landed_covariance(SOURCE[star][None])[0] + noise
+        place = fit.transform.apply(SOURCE[star][None])[0]
+        exact.append(multivariate_t(place, spread, df=freedom).logpdf(target[star]))
+    good = shape < 0.5
+    assert good.sum() > 20
+    np.testing.assert_allclose(elpd[good], np.array(exact)[good], atol=0.15)
+    assert elpd.sum() == pytest.approx(sum(exact), abs=1.0)
+    assert found.log_likelihood().shape == (log.sizes["chain"] * log.sizes["draw"], 30)

@@ -185,6 +185,13 @@ class Likelihood(Protocol):
     def checks(self, data: Any | None = None) -> dict[str, float]:
         """Numbers that predictive checks compare, of other data or of its own."""
 
+    def pointwise(self, parameters: FloatArray) -> FloatArray:
+        """Log likelihood of each observation, shape (n, observations) or (n, groups, lights)."""
+
+    @property
+    def observed(self) -> dict[str, FloatArray]:
+        """The data by name, one row per observation."""
+
 
 @dataclass(frozen=True)
 class Parameter:

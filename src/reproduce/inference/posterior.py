@@ -7,13 +7,14 @@ its tail.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.random import PCG64, Generator, SeedSequence
+from numpy.typing import NDArray
 
 from reproduce.inference import diagnostics
 from reproduce.inference.diagnostics import Summary
@@ -21,6 +22,9 @@ from reproduce.inference.model import LogUniform, Model, Normal, Prior
 from reproduce.inference.modes import Modes, two_modes
 from reproduce.physics.validate import FloatArray
 
+Simulate = Callable[[FloatArray, Generator], Any]
+# Draws of each ensemble, numbers of a group, and draws of the prior in a saved file.
+_DRAWS, _VALUES, _PRIOR = 250, 2_000_000, 250
 # Simulated data sets of a predictive check; a misfit is told that is so improbable, shared among
 # all numbers, by chance.
 REPORTED, MISSED = 1000, 0.01
@@ -87,27 +91,86 @@ class Sampled:
         diagnostics.require(rows, self.chain.shape[1], self.acceptance, times=0.0)
         return rows
 
-    def to_datatree(self) -> Any:
-        """Convert to a DataTree as ArviZ reads it: a chain per ensemble, thinned by its time.
+    @cached_property
+    def thin(self) -> FloatArray:
+        """Some nearly independent draws of each ensemble, shape (ensembles, n, d).
 
-        Its groups are ``posterior`` (a variable per parameter, in the unit shown, with that unit
-        and its prior as attributes) and ``sample_stats`` (log posterior; acceptance of each chain).
+        There are fewer of them if the observations are many.
         """
-        import arviz_base
-
+        size = sum(one.size for one in self.model.likelihood.observed.values())
         draws = diagnostics.thinned(self.chain, self.time)
-        parameters = self.model.parameters
-        posterior = {one.name: draws[..., i] * one.shown for i, one in enumerate(parameters)}
-        stats = {"lp": diagnostics.thinned(self.log_posterior, self.time)}
-        tree = arviz_base.from_dict({"posterior": posterior, "sample_stats": stats})
+        most = min(_DRAWS, max(_VALUES // (size * len(draws)), 1))
+        return draws[:, _spread(draws.shape[1], most)]
+
+    def log_likelihood(self) -> FloatArray:
+        """Return that of each observation for these draws, shape (ensembles, n, ...)."""
+        found = self.model.likelihood.pointwise(self.thin.reshape(-1, self.model.dimension))
+        return found.reshape(*self.thin.shape[:2], *found.shape[1:])
+
+    def to_datatree(self) -> Any:
+        """Convert to the groups that ArviZ reads; a chain is an ensemble, thinned by its time.
+
+        Parameters are in the displayed unit, which is an attribute, as the prior is. The groups
+        ``log_likelihood`` and ``posterior_predictive`` have fewer draws, with their numbers. An
+        observation is a star, or the mean of a spot.
+        """
+        import xarray
+
+        model, parameters = self.model, self.model.parameters
+        generator = Generator(PCG64(SeedSequence(self.seed, spawn_key=(98,))))
+        draws = diagnostics.thinned(self.chain, self.time)
+        prior = np.stack([one.prior.draw(generator, _PRIOR) for one in parameters], axis=-1)[None]
+
+        def named(rows: FloatArray) -> dict[str, FloatArray]:
+            return {one.name: rows[..., i] * one.shown for i, one in enumerate(parameters)}
+
+        def simulated(rows: FloatArray, simulate: Simulate) -> dict[str, FloatArray]:
+            flat = rows.reshape(-1, model.dimension)
+            found = [model.given(simulate(one, generator)).likelihood.observed for one in flat]
+            return {
+                name: np.stack([one[name] for one in found]).reshape(*rows.shape[:2], *data.shape)
+                for name, data in model.likelihood.observed.items()
+            }
+
+        last = list(model.likelihood.observed)[-1]
+        chosen = _spread(draws.shape[1], self.thin.shape[1])
+        tree = xarray.DataTree.from_dict({
+            "posterior": _dataset(named(draws)),
+            "sample_stats": _dataset({"lp": diagnostics.thinned(self.log_posterior, self.time)}),
+            "log_likelihood": _dataset({last: self.log_likelihood()}, chosen),
+            "posterior_predictive": _dataset(simulated(self.thin, model.repeat), chosen),
+            "prior": _dataset(named(prior)),
+            "prior_predictive": _dataset(simulated(prior, model.likelihood.simulate)),
+            "observed_data": _dataset(model.likelihood.observed, sampled=()),
+        })  # fmt: skip
         for one in parameters:
-            prior = str(one.prior.in_unit(one.shown))
-            tree["posterior"][one.name].attrs = {
-                "units": one.unit, "prior": prior, "reason": one.prior.reason
-            }  # fmt: skip
+            text = str(one.prior.in_unit(one.shown))
+            attributes = {"units": one.unit, "prior": text, "reason": one.prior.reason}
+            tree["posterior"][one.name].attrs = tree["prior"][one.name].attrs = attributes
         tree["sample_stats"].attrs["acceptance"] = list(self.acceptance)
-        tree.attrs |= {"model": self.model.name, "seed": self.seed}
+        tree.attrs |= {"model": model.name, "seed": self.seed}
         return tree
+
+
+def _dataset(
+    variables: Mapping[str, FloatArray],
+    draws: NDArray[np.int64] | None = None,
+    sampled: tuple[str, ...] = ("chain", "draw"),
+) -> Any:
+    """Return variables as an xarray Dataset, with the numbers of their draws."""
+    import xarray
+
+    found, coordinates = {}, {"draw": draws} if draws is not None else {}
+    for name, values in variables.items():
+        axes = ("group", "light", "axis") if name == "spots" else ("star", "axis")
+        dimensions = (*sampled, *axes)
+        found[name] = (dimensions[: values.ndim], values)
+    return xarray.Dataset(found, coordinates)
+
+
+def _spread(count: int, most: int) -> NDArray[np.int64]:
+    """Return `most` row numbers of `count` at most, spread evenly."""
+    return np.linspace(0, count - 1, min(most, count)).astype(int)
 
 
 @dataclass(frozen=True)

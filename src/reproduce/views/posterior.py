@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from reproduce import inference
 from reproduce.inference import Sampled, Summary, bimodal, leanings, misfit, sampling
-from reproduce.inference.models import MixtureRegistration, probability_false
+from reproduce.inference.models import MixtureRegistration, exact_draws, probability_false
 from reproduce.inference.modes import Modes
 from reproduce.judge.rerun import check_randomness
 from reproduce.papers.posteriors import posteriors
@@ -258,9 +258,26 @@ class Posterior(Remade):
     @property
     def draws(self) -> pd.DataFrame:
         """All draws, one column per parameter, in the unit shown."""
-        shown = self.sampled.draws * [one.shown for one in self.model.parameters]
+        return self._framed(self.sampled.draws)
+
+    def exact(self, draws: int = 10_000, seed: int = 0) -> pd.DataFrame:
+        """Return independent draws of a registration in closed form, as `draws`, without emcee.
+
+        Raises
+        ------
+        ValueError
+            If the model has no closed form.
+        """
+        return self._framed(exact_draws(self.model, draws, np.random.default_rng(seed)))
+
+    def _framed(self, rows: NDArray[np.float64]) -> pd.DataFrame:
         heads = [f"{one.name} ({one.unit})" for one in self.model.parameters]
-        return pd.DataFrame(shown, columns=heads)
+        return pd.DataFrame(rows * [one.shown for one in self.model.parameters], columns=heads)
+
+    def log_likelihood(self) -> pd.DataFrame:
+        """Return the log likelihood of each star or spot, one row for each of some draws."""
+        found = self.sampled.log_likelihood()
+        return pd.DataFrame(found.reshape(found.shape[0] * found.shape[1], -1))
 
     @property
     def truth(self) -> dict[str, float]:
@@ -311,8 +328,9 @@ class Posterior(Remade):
     def save(self, path: str | Path) -> Path:
         """Write the draws, in the units shown: ``.csv``, or ``.nc`` for ArviZ.
 
-        The draws are nearly independent. An ``.nc`` (the extra ``netcdf``) has units, priors and
-        what the data are beside them.
+        The draws are nearly independent. An ``.nc`` (the extra ``netcdf``) has the groups of ArviZ:
+        posterior, sample_stats, log_likelihood, posterior_predictive, prior, prior_predictive and
+        observed_data, with units, priors and the source of the data as attributes.
 
         Raises
         ------
@@ -337,7 +355,7 @@ class Posterior(Remade):
             raise ValueError(f"unknown ending {path.suffix!r}: expected .csv or .nc")
         if not path.parent.is_dir():
             raise ValueError(f"cannot write {path}: no folder {path.parent}")
-        if path.suffix == ".nc" and not all(map(find_spec, ("arviz_base", "h5netcdf"))):
+        if path.suffix == ".nc" and not all(map(find_spec, ("xarray", "h5netcdf"))):
             raise ValueError("an .nc file needs the extra reproduce-pointing[netcdf]")
 
     def cite(self, form: str = "bibtex") -> str:

@@ -215,3 +215,65 @@ def _priors(likelihood: FittedRegistration) -> dict[str, Prior]:
         place = "ten times the largest plausible value, or a thousand standard errors"
         found[name] = Uniform(float(low), float(high), reasons.get(name, place))
     return found
+
+
+# Models that are linear, the similarity in k cos(theta) and k sin(theta).
+_LINEAR = ("shift", "similarity", "affine")
+# Share of exact draws below which priors leave hardly any.
+_KEPT = 1e-3
+
+
+def exact_draws(model: Model, count: int, generator: Generator) -> FloatArray:
+    """Return independent draws of a registration in closed form, shape (count, d).
+
+    The posterior of a linear model with flat priors is normal given the noise, and the noise has
+    an inverse gamma distribution. Rejection carries the draws over to priors that are flat in
+    scale and rotation, with their bounds. Other models and priors are a ValueError.
+    """
+    likelihood = model.likelihood
+    settings = likelihood.settings if isinstance(likelihood, FittedRegistration) else {}
+    name = str(settings.get("model", "similarity"))
+    flat = all(isinstance(one.prior, LogUniform if one.name == "noise" else Uniform)
+               for one in model.parameters)  # fmt: skip
+    if (
+        type(likelihood) not in (GaussianRegistration, FittedRegistration)
+        or settings.get("source_covariance") is not None
+        or name not in _LINEAR
+    ):
+        raise ValueError(
+            f"exact: expected a registration with one of the models {', '.join(_LINEAR)} and no "
+            f"errors of the source, got {model.name}, {name}. Use the draws of emcee"
+        )
+    if not flat:
+        raise ValueError("exact: expected uniform priors, got others. Use the draws of emcee")
+    plain = model.likelihood_of(GaussianRegistration)
+    settings = settings or {"weights": plain.weights}
+    fit = fit_registration(plain.source, plain.target, plain.pivot, **settings)
+    mean, turn = fit.parameters.copy(), np.eye(len(fit.parameters))
+    if name == "similarity":
+        scale, angle = mean[:2]
+        mean[:2] = scale * np.cos(angle), scale * np.sin(angle)
+        turn[:2, :2] = [[np.cos(angle), -mean[1]], [np.sin(angle), mean[0]]]
+    root, found, drawn = (
+        np.linalg.cholesky(turn @ fit.cofactor @ turn.T),
+        np.empty((0, model.dimension)),
+        0,
+    )
+    while len(found) < count:
+        noise = np.ones((count, 1))
+        if not fit.errors_known:
+            noise[:, 0] = np.sqrt(
+                fit.chi_square / generator.chisquare(float(fit.degrees_of_freedom), count)
+            )
+        rows = mean + noise * (generator.normal(size=(count, len(mean))) @ root.T)
+        kept = np.ones(count)
+        if name == "similarity":
+            scales = np.hypot(rows[:, 0], rows[:, 1])
+            rows[:, 1] = angle + np.angle((rows[:, 0] + 1j * rows[:, 1]) * np.exp(-1j * angle))
+            rows[:, 0], kept = scales, scales.min() / scales
+        rows = rows if fit.errors_known else np.hstack([rows, noise])
+        inside = np.isfinite(model.log_prior(rows)) & (generator.uniform(size=count) < kept)
+        found, drawn = np.concatenate([found, rows[inside]]), drawn + count
+        if len(found) < _KEPT * drawn:
+            raise ValueError("exact: expected priors around the fit, got others. Use emcee's draws")
+    return found[:count]

@@ -98,6 +98,11 @@ class GaussianRegistration:
         """The pivot of every channel: of one."""
         return (self.pivot,)
 
+    @property
+    def observed(self) -> dict[str, FloatArray]:
+        """The target points."""
+        return {"target": self.target}
+
     @cached_property
     def offsets(self) -> ComplexArray:
         """Source points about the pivot."""
@@ -351,6 +356,17 @@ class JointRegistration:
         constant = -np.log(determinant) - 4 * np.log(noise) - 2 * np.log(2 * np.pi)
         constant += 2 * np.log(parameters[:, 4])
         return np.asarray(count * constant - squares / (2 * noise**2 * determinant))
+
+    @property
+    def observed(self) -> dict[str, FloatArray]:
+        """The blue and green points, which are random given the red ones."""
+        return {"blue": self.sources[1], "target": self.target}
+
+    def pointwise(self, parameters: FloatArray) -> FloatArray:
+        """Log likelihood of each star, shape (n, points)."""
+        stars = zip(*(one[:, None] for one in (*self.sources, self.target)), strict=True)
+        each = (replace(self, sources=(red, blue), target=green) for red, blue, green in stars)
+        return np.stack([star(parameters) for star in each], axis=-1)
 
     def simulate(
         self, parameters: FloatArray, generator: Generator
