@@ -1,8 +1,8 @@
 """Draws of a posterior with all that is needed to report them, and warnings.
 
 A predictive check asks whether the model would give data like these: parameters are drawn from the
-posterior, and data are simulated with them. A posterior may lean on an end of a prior, or lie in
-its tail.
+posterior, and data are simulated with them. Draws may pile up at a bound of a prior, prior and data
+may disagree, and a parameter may have two modes.
 """
 
 from __future__ import annotations

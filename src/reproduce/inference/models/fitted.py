@@ -64,7 +64,7 @@ class FittedRegistration(GaussianRegistration):
 
     @property
     def settings(self) -> dict[str, Any]:
-        """The arguments of `fit_registration` beside the points."""
+        """The arguments of `fit_registration` other than the points."""
         names = ("weights", "model", "source_covariance", "target_covariance")
         return {name: getattr(self, name) for name in names}
 
