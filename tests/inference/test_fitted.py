@@ -10,6 +10,7 @@ from scipy.optimize import minimize
 from scipy.stats import multivariate_normal, multivariate_t
 
 import reproduce as rp
+from reproduce.inference import Normal
 from reproduce.inference.models import FittedRegistration
 from reproduce.physics.registration import MODELS, fit_registration
 from reproduce.store.points import STARS
@@ -161,10 +162,8 @@ def test_emcee_agrees_with_exact_draws(case):
 
 
 def test_exact_draws_have_the_bounds_of_the_priors():
-    found = rp.posterior("registration", FRAME, priors={"scale": (1.0, 1.0005), "noise": (0.5, 3)})
-    with pytest.raises(ValueError, match="uniform priors"):
-        found.exact()
-    found = rp.posterior("registration", FRAME.assign(sigma=SIGMA), priors={"scale": (1.0, 1.0005)})
+    data = FRAME.assign(sigma=SIGMA)
+    found = rp.posterior("registration", data, priors={"scale": (1.0, 1.0005)})
     assert found.exact(1000)["scale (1)"].between(1.0, 1.0005).all()
 
 
@@ -176,6 +175,7 @@ def test_exact_draws_have_the_bounds_of_the_priors():
         ("registration", FRAME, {"model": "similarity+radial"}),
         ("registration", FRAME, {"source_covariance": TILTED}),
         ("registration", FRAME, {"priors": {"scale": (3.0, 4.0)}}),
+        ("registration", FRAME, {"priors": {"scale": Normal(1.0, 0.1, "a test")}}),
     ],
 )
 def test_exact_draws_of_other_models_are_refused(name, data, settings):

@@ -344,7 +344,7 @@ class Model:
         """Over-dispersed starting points about a displaced centre, shape (walkers, d).
 
         The displacement belongs to the ensemble, so that ensembles start apart from each other.
-        Where hardly any point has a finite posterior, a ValueError says what was tried.
+        If hardly any point has a finite posterior, a ValueError is raised.
         """
         rough, spread = self.likelihood.start()
         if self.disagreements():
@@ -358,10 +358,7 @@ class Model:
             points = np.concatenate([points, tried[np.isfinite(self.log_posterior(tried))]])
             if len(points) >= walkers:
                 return points[:walkers]
-        pairs = zip(self.parameters, rough.tolist(), strict=True)
-        named = ", ".join(f"{one.name} {value * one.shown:.6g} {one.unit}" for one, value in pairs)
         raise ValueError(
-            f"{self.name}: hardly any point near the rough estimate ({named}) has a finite "
-            "posterior; widen the priors, or check the data for values that are alike, far off or "
-            "without noise"
+            f"{self.name}: expected a finite posterior near the rough estimate, got none. Check "
+            "the data for values that are alike, far off or without noise, or widen the priors"
         )

@@ -17,19 +17,16 @@ from typing import Any
 import numpy as np
 from numpy.random import Generator
 
-from reproduce.inference import LogUniform, Model, Parameter, Prior, Uniform
+from reproduce.inference import LogUniform, Model, Normal, Parameter, Prior, Uniform
 from reproduce.inference.models.registration import (
     ComplexArray,
     GaussianRegistration,
-    fit_checks,
 )
 from reproduce.physics.registration import (
     MODELS,
     UNITS,
     Problem,
-    RegistrationFit,
     as_complex,
-    fit_registration,
     fits_exactly,
     paired_points,
     prepare,
@@ -55,10 +52,12 @@ class FittedRegistration(GaussianRegistration):
     """A registration with any model and any errors that `fit_registration` accepts.
 
     - `model`: a key of `MODELS`.
+    - `weights`, optional, (n,): above zero.
     - `source_covariance`, `target_covariance`, optional, (n, 2, 2): of each star, in px^2.
     """
 
     model: str = "similarity"
+    weights: FloatArray | None = None
     source_covariance: FloatArray | None = None
     target_covariance: FloatArray | None = None
 
@@ -72,11 +71,6 @@ class FittedRegistration(GaussianRegistration):
     def problem(self) -> Problem:
         """The points with their errors."""
         return prepare(self.source, self.target, self.pivot, **self.settings)
-
-    @cached_property
-    def fit(self) -> RegistrationFit:
-        """The fit of the same points."""
-        return fit_registration(self.source, self.target, self.pivot, **self.settings)
 
     @cached_property
     def _own(self) -> FloatArray:
@@ -132,17 +126,8 @@ class FittedRegistration(GaussianRegistration):
 
     def start(self) -> tuple[FloatArray, FloatArray]:
         """The fit and its standard errors."""
-        fit, freedom = self.fit, max(float(self.fit.degrees_of_freedom), 1.0)
-        if self.problem.errors_known:
-            return fit.parameters, fit.standard_errors
-        noise = max(float(np.sqrt(fit.chi_square / freedom)), 1e-12)
-        errors = np.sqrt(np.diagonal(fit.cofactor)) * noise
-        return np.append(fit.parameters, noise), np.append(errors, noise / np.sqrt(2 * freedom))
-
-    def checks(self, data: FloatArray | None = None) -> dict[str, float]:
-        """Residuals of the fit."""
-        target = self.target if data is None else data
-        return fit_checks(self.source, target, self.pivot, **self.settings)
+        known = self.problem.errors_known
+        return (self.fit.parameters, self.fit.standard_errors) if known else super().start()
 
 
 def fitted_model(likelihood: FittedRegistration) -> Model:
@@ -219,8 +204,8 @@ def _priors(likelihood: FittedRegistration) -> dict[str, Prior]:
 
 # Models that are linear, the similarity in k cos(theta) and k sin(theta).
 _LINEAR = ("shift", "similarity", "affine")
-# Share of exact draws below which priors leave hardly any.
-_KEPT = 1e-3
+# Draws that are made for each one that is asked for, since bounds of priors leave some out.
+_SPARE = 10
 
 
 def exact_draws(model: Model, count: int, generator: Generator) -> FloatArray:
@@ -231,49 +216,41 @@ def exact_draws(model: Model, count: int, generator: Generator) -> FloatArray:
     scale and rotation, with their bounds. Other models and priors are a ValueError.
     """
     likelihood = model.likelihood
-    settings = likelihood.settings if isinstance(likelihood, FittedRegistration) else {}
-    name = str(settings.get("model", "similarity"))
-    flat = all(isinstance(one.prior, LogUniform if one.name == "noise" else Uniform)
-               for one in model.parameters)  # fmt: skip
+    settings = getattr(likelihood, "settings", {})
+    name = settings.get("model", "similarity")
     if (
         type(likelihood) not in (GaussianRegistration, FittedRegistration)
         or settings.get("source_covariance") is not None
         or name not in _LINEAR
+        or any(isinstance(one.prior, Normal) for one in model.parameters)
     ):
         raise ValueError(
-            f"exact: expected a registration with one of the models {', '.join(_LINEAR)} and no "
+            "exact: expected a shift, similarity or affine registration with uniform priors and no "
             f"errors of the source, got {model.name}, {name}. Use the draws of emcee"
         )
-    if not flat:
-        raise ValueError("exact: expected uniform priors, got others. Use the draws of emcee")
-    plain = model.likelihood_of(GaussianRegistration)
-    settings = settings or {"weights": plain.weights}
-    fit = fit_registration(plain.source, plain.target, plain.pivot, **settings)
-    mean, turn = fit.parameters.copy(), np.eye(len(fit.parameters))
+    fit, many = model.likelihood_of(GaussianRegistration).fit, _SPARE * count
+    mean, turn, noise = fit.parameters.copy(), np.eye(len(fit.parameters)), np.ones((many, 1))
+    if not fit.errors_known:
+        squares = fit.chi_square / generator.chisquare(float(fit.degrees_of_freedom), many)
+        noise = np.sqrt(squares)[:, None]
     if name == "similarity":
         scale, angle = mean[:2]
         mean[:2] = scale * np.cos(angle), scale * np.sin(angle)
         turn[:2, :2] = [[np.cos(angle), -mean[1]], [np.sin(angle), mean[0]]]
-    root, found, drawn = (
-        np.linalg.cholesky(turn @ fit.cofactor @ turn.T),
-        np.empty((0, model.dimension)),
-        0,
-    )
-    while len(found) < count:
-        noise = np.ones((count, 1))
-        if not fit.errors_known:
-            noise[:, 0] = np.sqrt(
-                fit.chi_square / generator.chisquare(float(fit.degrees_of_freedom), count)
-            )
-        rows = mean + noise * (generator.normal(size=(count, len(mean))) @ root.T)
-        kept = np.ones(count)
-        if name == "similarity":
-            scales = np.hypot(rows[:, 0], rows[:, 1])
-            rows[:, 1] = angle + np.angle((rows[:, 0] + 1j * rows[:, 1]) * np.exp(-1j * angle))
-            rows[:, 0], kept = scales, scales.min() / scales
-        rows = rows if fit.errors_known else np.hstack([rows, noise])
-        inside = np.isfinite(model.log_prior(rows)) & (generator.uniform(size=count) < kept)
-        found, drawn = np.concatenate([found, rows[inside]]), drawn + count
-        if len(found) < _KEPT * drawn:
-            raise ValueError("exact: expected priors around the fit, got others. Use emcee's draws")
-    return found[:count]
+    root = np.linalg.cholesky(turn @ fit.cofactor @ turn.T)
+    rows = mean + noise * (generator.normal(size=(many, len(mean))) @ root.T)
+    # Flat in scale and rotation is flat in the two parts divided by the scale.
+    kept = np.ones(many)
+    if name == "similarity":
+        factors = rows[:, 0] + 1j * rows[:, 1]
+        kept = np.abs(factors).min() / np.abs(factors)
+        rows[:, 0], rows[:, 1] = np.abs(factors), angle + np.angle(factors / np.exp(1j * angle))
+    rows = np.hstack([rows, noise])[:, : model.dimension]
+    # Of the noise, the prior is the one of the closed form but for its bounds.
+    inside = np.isfinite(model.log_prior(rows)) & (generator.uniform(size=many) < kept)
+    if inside.sum() < count:
+        raise ValueError(
+            f"exact: expected priors that hold most of the posterior, got {inside.mean():.2g} of "
+            "it. Use the draws of emcee"
+        )
+    return rows[inside][:count]

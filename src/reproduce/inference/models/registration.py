@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from reproduce.inference import Consequence, LogUniform, Model, Parameter, Uniform
 from reproduce.physics.registration import (
     Registration,
+    RegistrationFit,
     as_complex,
     as_points,
     fit_registration,
@@ -68,11 +69,6 @@ def fit_checks(
     }
 
 
-def _triangular(columns: ComplexArray) -> ComplexArray:
-    """Triangular factor of complex columns, shape (m, m) for columns of shape (n, m)."""
-    return np.asarray(np.linalg.qr(columns.astype(np.complex128), mode="r"))
-
-
 @dataclass(frozen=True, eq=False)
 class GaussianRegistration:
     """Gaussian noise of one size; parameters (k, theta, shift x, shift y, noise).
@@ -83,7 +79,6 @@ class GaussianRegistration:
       included in it. True: it is that of a coordinate in either channel, and a residual has 1 + k^2
       times its variance.
     - `edge`, optional: radius of the field, in px; by default that of the outermost star.
-    - `weights`, optional, (n,): above zero; of a star the variance is that of the noise over its.
     """
 
     source: FloatArray
@@ -91,7 +86,16 @@ class GaussianRegistration:
     pivot: FloatArray
     source_noise: bool = False
     edge: float | None = None
-    weights: FloatArray | None = None
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """The arguments of `fit_registration` other than the points."""
+        return {}
+
+    @cached_property
+    def fit(self) -> RegistrationFit:
+        """The fit of the same points."""
+        return fit_registration(self.source, self.target, self.pivot, **self.settings)
 
     @property
     def pivots(self) -> tuple[FloatArray, ...]:
@@ -115,15 +119,15 @@ class GaussianRegistration:
 
     @cached_property
     def precision(self) -> FloatArray:
-        """Roots of the weights, (n,)."""
-        return np.ones(len(self.source)) if self.weights is None else np.sqrt(self.weights)
+        """Reciprocal standard deviation of each star, without the noise, (n,)."""
+        return np.ones(len(self.source))
 
     @cached_property
     def root(self) -> ComplexArray:
         """Triangular factor of the columns (source, one, target) about the pivot, shape (3, 3)."""
         target = as_complex(self.target) - as_complex(self.pivot)
         columns = (self.precision * one for one in (self.offsets, np.ones(len(target)), target))
-        return _triangular(np.stack([*columns], axis=-1))
+        return np.asarray(np.linalg.qr(np.stack([*columns], axis=-1), mode="r"))
 
     def __call__(self, parameters: FloatArray) -> FloatArray:
         """Log likelihood, shape (n,)."""
@@ -169,7 +173,7 @@ class GaussianRegistration:
     def elsewhere(self, source: FloatArray) -> Self:
         """The same model of other stars, whose targets are not known yet."""
         target = np.zeros_like(source)
-        return replace(self, source=source, target=target, edge=self.field, weights=None)
+        return replace(self, source=source, target=target, edge=self.field)
 
     def simulate(self, parameters: FloatArray, generator: Generator) -> FloatArray:
         """Target points for one parameter vector, shape (points, 2), in px."""
@@ -181,18 +185,17 @@ class GaussianRegistration:
         return replace(self, target=data)
 
     def start(self) -> tuple[FloatArray, FloatArray]:
-        """The least-squares fit and its standard errors."""
-        fit = fit_registration(self.source, self.target, self.pivot, self.weights)
-        freedom = 2 * len(self.source) - 4
+        """The fit and its standard errors."""
+        fit, freedom = self.fit, float(self.fit.degrees_of_freedom)
         variance = fit.chi_square / freedom / (1 + fit.parameters[0] ** 2 * self.source_noise)
         noise = max(float(np.sqrt(variance)), 1e-12)
         errors = np.sqrt(np.diagonal(fit.cofactor) * noise**2 * (1 + self.source_noise))
         return np.append(fit.parameters, noise), np.append(errors, noise / np.sqrt(2 * freedom))
 
     def checks(self, data: FloatArray | None = None) -> dict[str, float]:
-        """Root mean square and largest residual of the least-squares fit, and its scale."""
+        """Residuals of the fit."""
         target = self.target if data is None else data
-        return fit_checks(self.source, target, self.pivot)
+        return fit_checks(self.source, target, self.pivot, **self.settings)
 
 
 def shifts(parameters: FloatArray) -> ComplexArray:
@@ -217,9 +220,7 @@ def _registration_parameters(source: FloatArray, target: FloatArray) -> tuple[Pa
     )  # fmt: skip
 
 
-def registration_model(
-    source: FloatArray, target: FloatArray, pivot: FloatArray, weights: FloatArray | None = None
-) -> Model:
+def registration_model(source: FloatArray, target: FloatArray, pivot: FloatArray) -> Model:
     """Registration of one channel with Gaussian noise, from the same stars in both channels.
 
     Parameters scale, rotation (rad), shift-x, shift-y, noise (px). Errors are those of
@@ -239,13 +240,10 @@ def registration_model(
             "needs are the least that say anything of the noise"
         )
     pivot = finite_array("pivot", pivot, shape=(2,))
-    fit = fit_registration(source, target, pivot, weights)
-    return Model(
-        "registration",
-        _registration_parameters(source, target),
-        GaussianRegistration(source, target, pivot, weights=weights),
-        dict(zip(TRANSFORM, fit.parameters.tolist(), strict=True)),
-    )
+    likelihood = GaussianRegistration(source, target, pivot)
+    estimate = dict(zip(TRANSFORM, likelihood.fit.parameters.tolist(), strict=True))
+    parameters = _registration_parameters(source, target)
+    return Model("registration", parameters, likelihood, estimate)
 
 
 @dataclass(frozen=True, eq=False)
@@ -328,7 +326,7 @@ class JointRegistration:
     @cached_property
     def root(self) -> ComplexArray:
         """Triangular factor of the columns, shape (4, 4)."""
-        return _triangular(self.columns)
+        return np.asarray(np.linalg.qr(self.columns, mode="r"))
 
     def weights(self, parameters: FloatArray) -> tuple[ComplexArray, ComplexArray]:
         """Coefficients of the columns in the two residuals, each of shape (n, 4)."""
