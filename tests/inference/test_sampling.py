@@ -10,10 +10,12 @@ import numpy as np
 import pytest
 import xarray
 from arviz_stats.base import array_stats
+from scipy.stats import norm
 
 from parts import processes
 from reproduce.inference import UnconvergedError, sampling
 from reproduce.inference.sampling import Plan, sample
+from reproduce.papers.posteriors import posteriors
 
 PLAN = Plan(3, steps=600, warmup=200)
 
@@ -82,6 +84,51 @@ def test_what_arviz_reads_back_is_the_posterior(alone, tmp_path):
         assert array_stats.rhat(found.values) < 1.02
         assert abs(found.values.mean() - row.mean) < 0.1 * row.deviation
         assert abs(found.values.std() / row.deviation - 1) < 0.1
+
+
+def test_saved_groups_are_those_of_arviz(alone, registration):
+    """Names, dimensions, and numbers that belong together."""
+    tree = alone.to_datatree()
+    assert set(tree.children) == {
+        *("posterior", "sample_stats", "log_likelihood", "posterior_predictive"),
+        *("prior", "prior_predictive", "observed_data"),
+    }
+    data = registration.likelihood
+    np.testing.assert_array_equal(tree["observed_data"]["target"], data.target)
+    for group in ("posterior_predictive", "prior_predictive"):
+        assert tree[group]["target"].dims == ("chain", "draw", "star", "axis")
+    log = tree["log_likelihood"]["target"]
+    assert log.dims == ("chain", "draw", "star")
+    # The draws are some of those of the posterior, by number.
+    some = tree["posterior"].sel(draw=log["draw"])
+    rows = np.stack([some[p.name].values.ravel() / p.shown for p in registration.parameters], -1)
+    whole = log.sum("star").values.ravel()
+    np.testing.assert_allclose(whole, data(rows), rtol=1e-9)
+    flat = registration.log_prior(rows)
+    lp = tree["sample_stats"]["lp"].sel(draw=log["draw"]).values.ravel()
+    np.testing.assert_allclose(lp, whole + flat, rtol=1e-9)
+    off = tree["posterior_predictive"]["target"] - data.target
+    noise = tree["posterior"]["noise"].mean()
+    # Residuals and simulated noise: two variances, less those of four parameters.
+    assert float(off.std()) == pytest.approx(float(noise) * np.sqrt(2), rel=0.05)
+    prior = tree["prior"]["scale"]
+    assert 0.5 < float(prior.min()) < 0.7 < 1.8 < float(prior.max()) < 2.0
+
+
+@pytest.mark.parametrize("name", list(posteriors()))
+def test_every_model_has_an_observation_by_observation_likelihood(name):
+    """It sums to the likelihood of stars; a mean spot has part of it."""
+    model = posteriors()[name].model()
+    rows = model.start(np.random.default_rng(1), 8)
+    whole, each = model.likelihood(rows), model.likelihood.pointwise(rows)
+    if "spots" in model.likelihood.observed:
+        start, end = model.likelihood.paths(rows)
+        statistics = model.likelihood.statistics
+        scale = rows[:, -1][:, None, None, None] / np.sqrt(statistics.counts)[:, None, None]
+        law = norm(0.5 * (start + end), scale).logpdf(statistics.means)
+        np.testing.assert_allclose(each, law.sum(axis=-1), rtol=1e-9)
+    else:
+        np.testing.assert_allclose(each.sum(axis=1), whole, rtol=1e-9)
 
 
 def test_odd_walkers_are_refused(registration):

@@ -22,7 +22,7 @@ STARS = np.random.default_rng(1).uniform(0, 1000, (40, 2))
 
 def from_file(name, path):
     """A user's file as a model."""
-    return posteriors()[name].from_file(path).model
+    return rp.posterior(name, path).model
 
 
 def written(tmp_path, columns, rows):
@@ -129,7 +129,7 @@ def test_priors_follow_the_data_and_not_the_paper(tmp_path):
 @pytest.mark.parametrize("name", sorted(posteriors().keys() - READERS.keys()))
 def test_a_model_without_files_says_why(tmp_path, name):
     with pytest.raises(TableFileError, match=f"{name} takes no file: .* registration and"):
-        posteriors()[name].from_file(tmp_path / "none.csv")
+        rp.posterior(name, tmp_path / "none.csv")
 
 
 def test_weights_count_in_the_registration_alone():

@@ -12,8 +12,8 @@ import xarray
 from click.testing import CliRunner
 
 import reproduce as rp
-from reproduce.inference import LogUniform, Sampled, leanings
-from reproduce.inference.models import registration, registration_model
+from reproduce.inference import LogUniform, Normal, Sampled, Uniform, leanings
+from reproduce.inference.models import fitted, registration_model
 from reproduce.inference.sampling import Plan, run_ensemble
 from reproduce.papers.chen2023.platform import INSTRUMENT, as_designed
 from reproduce.papers.posteriors import posteriors
@@ -64,8 +64,8 @@ def spots(tmp_path, noise, flip=1, drift=(0, 0), instrument=None):
 
 
 def supplied(name, path, pivot=None):
-    """A user's file as a model, with what to say of it."""
-    return posteriors()[name].from_file(path, pivot)
+    """A user's file as a posterior, not sampled."""
+    return rp.posterior(name, path, pivot)
 
 
 def from_file(name, path, pivot=None):
@@ -169,7 +169,7 @@ def test_spots_of_another_platform_make_no_posterior(tmp_path):
 
 def test_a_posterior_on_an_end_of_its_prior_is_named(tmp_path, monkeypatch):
     path = written(tmp_path, *stars())
-    monkeypatch.setattr(registration, "_NOISE", (1e-9, 1.0))
+    monkeypatch.setattr(fitted, "_NOISE", (1e-9, 1.0))
     record, rows = sampled("registration", path, "--steps", 400)
     (leaning,) = record["at_prior_end"]
     end = float(re.fullmatch(r"noise leans on the end ([\d.e-]+) px of its prior .*", leaning)[1])
@@ -192,12 +192,59 @@ def test_a_free_posterior_leans_on_nothing_and_a_cut_one_does():
         assert [one.split()[0] for one in leanings(drawn(cut_model))] == named
 
 
-def test_no_start_says_which_prior_excludes_it(tmp_path, monkeypatch):
-    monkeypatch.setattr(registration, "_NOISE", (1e-9, 1e-3))
-    result = run("registration", "--data", written(tmp_path, *stars()))
-    assert result.exit_code == 2
-    told = " ".join(result.stderr.split())
-    assert re.search(r"near the rough estimate \(scale 1.*, noise 0.04\d+ px\)", told)
+@pytest.mark.parametrize(
+    ("name", "prior"),
+    [
+        ("noise", (5, 6)),
+        ("scale", (1.5, 1.6)),
+        ("scale", Normal(1.5, 1e-3, "a test")),
+        ("rotation", Normal(3.0, 1e-3, "a test")),
+    ],
+)
+def test_a_prior_that_the_data_contradict_is_sampled_and_reported(tmp_path, name, prior):
+    """With the distance of the estimate from the nearest bound, or from the mean."""
+    source, target = stars()
+    found = rp.posterior("registration", written(tmp_path, source, target), priors={name: prior})
+    mean, deviation = found.frame().loc[name, ["mean", "deviation"]]
+    own = 1.0 if isinstance(prior, tuple) else prior.sigma
+    assert deviation < 1.5 * own
+    if isinstance(prior, tuple):
+        assert prior[0] < mean < prior[1]
+    fit = fit_registration(source, target, source.mean(axis=0))
+    noise = np.sqrt(fit.chi_square / fit.degrees_of_freedom)
+    values = dict(zip(fit.names, fit.parameters, strict=True)) | {"noise": noise}
+    errors = dict(zip(fit.names, fit.standard_errors, strict=True))
+    errors |= {"noise": noise / np.sqrt(2 * fit.degrees_of_freedom)}
+    shown = 180 / np.pi if name == "rotation" else 1.0
+    value, error = shown * values[name], shown * errors[name]
+    if isinstance(prior, tuple):
+        distance = (prior[0] - value) / error
+    else:
+        distance = abs(prior.mean - value) / np.hypot(prior.sigma, error)
+    (first,) = (one for one in found.findings if "prior and data disagree" in one)
+    assert f"disagree on {name}" in first
+    assert f", {distance:.3g} standard deviations" in first
+    assert first in found.record()["at_prior_end"]
+
+
+@pytest.mark.parametrize(
+    ("model", "name", "unit"),
+    [("registration", "rotation", np.degrees(1)), ("misalignment", "angle-z", ARCSEC_PER_RADIAN)],
+)
+def test_a_prior_has_one_unit_however_it_is_given(model, name, unit):
+    """Degrees or arcsec, for two bounds and for a distribution."""
+    for prior, ends in (
+        ((-6, 6), [-6, 6]),
+        (Uniform(-6, 6, "a test"), [-6, 6]),
+        (Normal(1, 3, "a test"), [1, 3]),
+    ):
+        found = rp.posterior(model, priors={name: prior})
+        own = found.model.parameters[found.model.names.index(name)].prior
+        numbers = [own.mean, own.sigma] if isinstance(prior, Normal) else [own.low, own.high]
+        np.testing.assert_allclose(numbers, np.array(ends) / unit, rtol=1e-12)
+        shown = "normal, mean 1, standard deviation 3"
+        expected = shown if isinstance(prior, Normal) else "uniform from -6 to 6"
+        assert found.priors.loc[name, "prior"] == expected
 
 
 @pytest.mark.parametrize(("scale", "rotation"), [(1.0006, 3.1415), (10.0, 1.0), (0.1, -2.0)])
@@ -292,7 +339,7 @@ def test_noiseless_stars_give_the_exact_answer(tmp_path):
     path = written(tmp_path, *stars(noise=0, scale=1.5, rotation=0.5), fmt="%.17g")
     result = run("registration", "--data", path, "--pivot", *(FIELD / 2))
     assert result.exit_code == 2
-    exact = f"exactly: scale 1.5, rotation {np.degrees(0.5):.10g} deg, shift 3 and 1 px"
+    exact = f"scale 1.5, rotation {np.degrees(0.5):.10g} deg, shift-x 3 px, shift-y 1 px"
     assert exact in result.stderr
 
 
@@ -331,10 +378,10 @@ REFUSED = {
         "expected spots that scatter",
     ),
     "one place": (text("registration", [STAR_COLUMNS, *["1,2,3,4"] * 9]), "coincident points"),
-    "few stars": (text("registration", [STAR_COLUMNS, "1,2,3,4"]), "at least four points"),
+    "few stars": (text("registration", [STAR_COLUMNS, "1,2,3,4"]), "at least 4 points"),
     "one star and a pivot": (
         text("registration --pivot 1032 772", [STAR_COLUMNS, "1,2,3,4"]),
-        "expected at least four points, got 1",
+        "expected at least 4 points, got 1",
     ),
     "one place and a pivot": (
         text("registration --pivot 1032 1e9", [STAR_COLUMNS, *["1,2,3,4"] * 9]),
@@ -365,7 +412,7 @@ REFUSED = {
     "no seed": (with_stars("--seed", "-1"), "--seed"),
     "pivot of spots": (
         lambda tmp_path: ["misalignment", "--data", spots(tmp_path, 0.02), "--pivot", "1", "1"],
-        "misalignment takes no --pivot",
+        "pivot: expected none for misalignment",
     ),
     "no folder for a file": (with_stars("--out", "nowhere/p.nc"), "cannot write nowhere/p.nc"),
     "too few to tell": (

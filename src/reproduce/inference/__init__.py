@@ -26,6 +26,7 @@ from reproduce.inference.model import (
 from reproduce.inference.posterior import (
     PredictiveCheck,
     Sampled,
+    bimodal,
     leanings,
     misfit,
     posterior_checks,

@@ -27,6 +27,11 @@ Progress = Callable[[int, int], None]
 # A start is this many times wider than the posterior is expected to be.
 _OVERDISPERSION = 3.0
 _TRIES = 1000
+# A prior and the data disagree beyond this number of standard deviations.
+_DISAGREEING = 3.0
+# A start inside of such a prior: points of a population, those of the highest posterior that make
+# the next one, rounds, and the decades by which the first one is wider than the rough errors.
+_POPULATION, _BEST, _ROUNDS, _DECADES = 2000, 200, 200, 6.0
 
 
 @dataclass(frozen=True)
@@ -45,6 +50,10 @@ class _Flat:
     def in_unit(self, scale: float) -> Self:
         """The prior in another unit, of which one old unit has so many, to be read, not sampled."""
         return type(self)(self.low * scale, self.high * scale, self.reason)
+
+    def distance(self, value: float, error: float) -> float:
+        """Return how far an estimate lies outside of the prior, in standard deviations."""
+        return max(self.low - value, value - self.high, 0.0) / error
 
 
 class Uniform(_Flat):
@@ -125,6 +134,9 @@ class Normal:
     def in_unit(self, scale: float) -> Normal:
         return Normal(self.mean * scale, self.sigma * scale, self.reason)
 
+    def distance(self, value: float, error: float) -> float:
+        return float(abs(value - self.mean) / np.hypot(self.sigma, error))
+
     def __str__(self) -> str:
         return f"normal, mean {self.mean:.6g}, standard deviation {self.sigma:.6g}"
 
@@ -172,6 +184,13 @@ class Likelihood(Protocol):
 
     def checks(self, data: Any | None = None) -> dict[str, float]:
         """Numbers that predictive checks compare, of other data or of its own."""
+
+    def pointwise(self, parameters: FloatArray) -> FloatArray:
+        """Log likelihood of each observation, shape (n, observations) or (n, groups, lights)."""
+
+    @property
+    def observed(self) -> dict[str, FloatArray]:
+        """The data by name, one row per observation."""
 
 
 @dataclass(frozen=True)
@@ -284,13 +303,52 @@ class Model:
         parameters = (replace(p, prior=priors.get(p.name, p.prior)) for p in self.parameters)
         return replace(self, parameters=tuple(parameters))
 
+    def disagreements(self) -> dict[str, tuple[float, float, float]]:
+        """Return the parameters whose prior and data disagree.
+
+        With the rough estimate from the data, its standard error, and the distance from the prior
+        in standard deviations.
+        """
+        rough, spread = (column.tolist() for column in self.likelihood.start())
+        found = {}
+        for one, value, error in zip(self.parameters, rough, spread, strict=True):
+            distance = one.prior.distance(value, error) if error > 0 else 0.0
+            if distance > _DISAGREEING:
+                found[one.name] = (value, error, distance)
+        return found
+
+    def _inside(
+        self, rough: FloatArray, spread: FloatArray, generator: Generator
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return a centre and a spread of the posterior if priors and data disagree.
+
+        A population of points moves to where the posterior is high.
+        """
+        size = (_POPULATION, self.dimension)
+        wide = 10 ** generator.uniform(0, _DECADES, (_POPULATION, 1))
+        points = rough + spread * wide * generator.normal(size=size)
+        for column, one in zip(points.T, self.parameters, strict=True):
+            if one.name in self.disagreements() or isinstance(one.prior, LogUniform):
+                column[:] = one.prior.draw(generator, _POPULATION)
+        for _ in range(_ROUNDS):
+            log = self.log_posterior(points)
+            order = np.argsort(-log)[:_BEST]
+            best = points[order]
+            if log[order[0]] - log[order[-1]] < self.dimension:
+                break
+            a, b, c = best[generator.integers(0, _BEST, (3, _POPULATION))]
+            points = a + (b - c) * generator.normal(size=(_POPULATION, 1))
+        return best.mean(axis=0), best.std(axis=0)
+
     def start(self, generator: Generator, walkers: int) -> FloatArray:
         """Over-dispersed starting points about a displaced centre, shape (walkers, d).
 
         The displacement belongs to the ensemble, so that ensembles start apart from each other.
-        Where hardly any point has a finite posterior, a ValueError says what was tried.
+        If hardly any point has a finite posterior, a ValueError is raised.
         """
         rough, spread = self.likelihood.start()
+        if self.disagreements():
+            rough, spread = self._inside(rough, spread, generator)
         centre = rough + _OVERDISPERSION * spread * generator.normal(size=self.dimension)
         points = np.empty((0, self.dimension))
         for attempt in range(_TRIES):
@@ -300,10 +358,7 @@ class Model:
             points = np.concatenate([points, tried[np.isfinite(self.log_posterior(tried))]])
             if len(points) >= walkers:
                 return points[:walkers]
-        pairs = zip(self.parameters, rough.tolist(), strict=True)
-        named = ", ".join(f"{one.name} {value * one.shown:.6g} {one.unit}" for one, value in pairs)
         raise ValueError(
-            f"{self.name}: hardly any point near the rough estimate ({named}) has a finite "
-            "posterior; widen the priors, or check the data for values that are alike, far off or "
-            "without noise"
+            f"{self.name}: expected a finite posterior near the rough estimate, got none. Check "
+            "the data for values that are alike, far off or without noise, or widen the priors"
         )

@@ -1,33 +1,36 @@
 """Draws of a posterior with all that is needed to report them, and warnings.
 
 A predictive check asks whether the model would give data like these: parameters are drawn from the
-posterior, and data are simulated with them. A posterior may lean on an end of a prior, or lie in
-its tail.
+posterior, and data are simulated with them. Draws may pile up at a bound of a prior, prior and data
+may disagree, and a parameter may have two modes.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.random import PCG64, Generator, SeedSequence
+from numpy.typing import NDArray
 
 from reproduce.inference import diagnostics
 from reproduce.inference.diagnostics import Summary
 from reproduce.inference.model import LogUniform, Model, Normal, Prior
+from reproduce.inference.modes import Modes, two_modes
 from reproduce.physics.validate import FloatArray
 
+Simulate = Callable[[FloatArray, Generator], Any]
+# Draws of each ensemble, numbers of a group, and draws of the prior in a saved file.
+_DRAWS, _VALUES, _PRIOR = 250, 2_000_000, 250
 # Simulated data sets of a predictive check; a misfit is told that is so improbable, shared among
 # all numbers, by chance.
 REPORTED, MISSED = 1000, 0.01
 # A Gaussian that an end cuts two standard deviations from its mean has so large a share of its
 # draws within so many standard deviations of the end; one that the end does not reach has none.
 BESIDE, LEANING = 0.1, 0.005
-# Further out than so many standard deviations a Gaussian prior contradicts the data.
-_CONTRADICTED = 3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,27 +91,86 @@ class Sampled:
         diagnostics.require(rows, self.chain.shape[1], self.acceptance, times=0.0)
         return rows
 
-    def to_datatree(self) -> Any:
-        """Convert to a DataTree as ArviZ reads it: a chain per ensemble, thinned by its time.
+    @cached_property
+    def thin(self) -> FloatArray:
+        """Some nearly independent draws of each ensemble, shape (ensembles, n, d).
 
-        Its groups are ``posterior`` (a variable per parameter, in the unit shown, with that unit
-        and its prior as attributes) and ``sample_stats`` (log posterior; acceptance of each chain).
+        There are fewer of them if the observations are many.
         """
-        import arviz_base
-
+        size = sum(one.size for one in self.model.likelihood.observed.values())
         draws = diagnostics.thinned(self.chain, self.time)
-        parameters = self.model.parameters
-        posterior = {one.name: draws[..., i] * one.shown for i, one in enumerate(parameters)}
-        stats = {"lp": diagnostics.thinned(self.log_posterior, self.time)}
-        tree = arviz_base.from_dict({"posterior": posterior, "sample_stats": stats})
+        most = min(_DRAWS, max(_VALUES // (size * len(draws)), 1))
+        return draws[:, _spread(draws.shape[1], most)]
+
+    def log_likelihood(self) -> FloatArray:
+        """Return that of each observation for these draws, shape (ensembles, n, ...)."""
+        found = self.model.likelihood.pointwise(self.thin.reshape(-1, self.model.dimension))
+        return found.reshape(*self.thin.shape[:2], *found.shape[1:])
+
+    def to_datatree(self) -> Any:
+        """Convert to the groups that ArviZ reads; a chain is an ensemble, thinned by its time.
+
+        Parameters are in the displayed unit, which is an attribute, as the prior is. The groups
+        ``log_likelihood`` and ``posterior_predictive`` have fewer draws, with their numbers. An
+        observation is a star, or the mean of a spot.
+        """
+        import xarray
+
+        model, parameters = self.model, self.model.parameters
+        generator = Generator(PCG64(SeedSequence(self.seed, spawn_key=(98,))))
+        draws = diagnostics.thinned(self.chain, self.time)
+        prior = np.stack([one.prior.draw(generator, _PRIOR) for one in parameters], axis=-1)[None]
+
+        def named(rows: FloatArray) -> dict[str, FloatArray]:
+            return {one.name: rows[..., i] * one.shown for i, one in enumerate(parameters)}
+
+        def simulated(rows: FloatArray, simulate: Simulate) -> dict[str, FloatArray]:
+            flat = rows.reshape(-1, model.dimension)
+            found = [model.given(simulate(one, generator)).likelihood.observed for one in flat]
+            return {
+                name: np.stack([one[name] for one in found]).reshape(*rows.shape[:2], *data.shape)
+                for name, data in model.likelihood.observed.items()
+            }
+
+        last = list(model.likelihood.observed)[-1]
+        chosen = _spread(draws.shape[1], self.thin.shape[1])
+        tree = xarray.DataTree.from_dict({
+            "posterior": _dataset(named(draws)),
+            "sample_stats": _dataset({"lp": diagnostics.thinned(self.log_posterior, self.time)}),
+            "log_likelihood": _dataset({last: self.log_likelihood()}, chosen),
+            "posterior_predictive": _dataset(simulated(self.thin, model.repeat), chosen),
+            "prior": _dataset(named(prior)),
+            "prior_predictive": _dataset(simulated(prior, model.likelihood.simulate)),
+            "observed_data": _dataset(model.likelihood.observed, sampled=()),
+        })  # fmt: skip
         for one in parameters:
-            prior = str(one.prior.in_unit(one.shown))
-            tree["posterior"][one.name].attrs = {
-                "units": one.unit, "prior": prior, "reason": one.prior.reason
-            }  # fmt: skip
+            text = str(one.prior.in_unit(one.shown))
+            attributes = {"units": one.unit, "prior": text, "reason": one.prior.reason}
+            tree["posterior"][one.name].attrs = tree["prior"][one.name].attrs = attributes
         tree["sample_stats"].attrs["acceptance"] = list(self.acceptance)
-        tree.attrs |= {"model": self.model.name, "seed": self.seed}
+        tree.attrs |= {"model": model.name, "seed": self.seed}
         return tree
+
+
+def _dataset(
+    variables: Mapping[str, FloatArray],
+    draws: NDArray[np.int64] | None = None,
+    sampled: tuple[str, ...] = ("chain", "draw"),
+) -> Any:
+    """Return variables as an xarray Dataset, with the numbers of their draws."""
+    import xarray
+
+    found, coordinates = {}, {"draw": draws} if draws is not None else {}
+    for name, values in variables.items():
+        axes = ("group", "light", "axis") if name == "spots" else ("star", "axis")
+        dimensions = (*sampled, *axes)
+        found[name] = (dimensions[: values.ndim], values)
+    return xarray.Dataset(found, coordinates)
+
+
+def _spread(count: int, most: int) -> NDArray[np.int64]:
+    """Return `most` row numbers of `count` at most, spread evenly."""
+    return np.linspace(0, count - 1, min(most, count)).astype(int)
 
 
 @dataclass(frozen=True)
@@ -171,37 +233,43 @@ def _two_sided(values: FloatArray, observed: float) -> float:
 
 
 def leanings(posterior: Sampled) -> list[str]:
-    """Say in a line each which parameters lean on an end of their prior, or lie in its tail."""
-    told = []
-    for parameter, column in zip(
+    """Return a warning for each prior that the data contradict, or at whose bound draws pile up."""
+    found, disagreements = [], posterior.model.disagreements()
+    for one, column in zip(
         posterior.model.parameters, np.moveaxis(posterior.chain, -1, 0), strict=True
     ):
-        name, unit = parameter.name, "" if parameter.unit == "1" else f" {parameter.unit}"
-        prior = f"its prior ({parameter.prior.in_unit(parameter.shown)}{unit})"
-        for end, share in _leaning(parameter.prior, column.ravel()):
-            if end is None:
-                told.append(
-                    f"{name} lies {share:.1f} standard deviations out in {prior}, which pulls it"
-                )
-            elif end not in parameter.natural:
-                told.append(
-                    f"{name} leans on the end {end * parameter.shown:.4g}{unit} of {prior}: what "
-                    "is printed of it is a limit, not an estimate"
-                )
-    return told
+        unit = "" if one.unit == "1" else f" {one.unit}"
+        prior = f"its prior ({one.prior.in_unit(one.shown)}{unit})"
+        if one.name in disagreements:
+            value, error, distance = disagreements[one.name]
+            found.append(
+                f"prior and data disagree on {one.name}: from the data {one.shown * value:.6g} ± "
+                f"{one.shown * error:.2g}{unit}, {distance:.3g} standard deviations from {prior}"
+            )
+            continue
+        found += [
+            f"{one.name} leans on the end {end * one.shown:.4g}{unit} of {prior}: what "
+            "is printed of it is a limit, not an estimate"
+            for end in _reached(one.prior, column.ravel())
+            if end not in one.natural
+        ]
+    return found
 
 
-def _leaning(prior: Prior, draws: FloatArray) -> list[tuple[float | None, float]]:
-    """Return ends of a prior with the share of draws beside them, or how far out the mean lies."""
+def _reached(prior: Prior, draws: FloatArray) -> list[float]:
+    """Return the bounds of a prior at which draws pile up."""
     if isinstance(prior, Normal):
-        out = float(abs(draws.mean() - prior.mean) / prior.sigma)
-        return [(None, out)] if out > _CONTRADICTED else []
+        return []
     # In the scale in which the prior is flat.
     scale = np.log if isinstance(prior, LogUniform) else np.asarray
     values = scale(draws)
     beside = BESIDE * values.std()
-    shares = [
-        (end, float((np.abs(values - scale(end)) < beside).mean()))
-        for end in (prior.low, prior.high)
-    ]
-    return [(end, share) for end, share in shares if share > LEANING]
+    near = {end: np.abs(values - scale(end)) < beside for end in (prior.low, prior.high)}
+    return [end for end, close in near.items() if close.mean() > LEANING]
+
+
+def bimodal(posterior: Sampled) -> dict[str, Modes]:
+    """Return the modes of each parameter with two modes, in the unit shown."""
+    parameters = zip(posterior.model.parameters, posterior.draws.T, strict=True)
+    modes = {one.name: two_modes(one.shown * column) for one, column in parameters}
+    return {name: found for name, found in modes.items() if found}

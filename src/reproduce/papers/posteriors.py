@@ -6,33 +6,23 @@ Command line, pages, calibrations and the formats of a user's files follow from 
 from __future__ import annotations
 
 import importlib.util
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from hashlib import sha256
-from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
-import numpy as np
 from numpy.random import SeedSequence
-from numpy.typing import NDArray
 
 from reproduce.inference import Model
 from reproduce.inference.sampling import Plan
 from reproduce.locate import papers
 from reproduce.papers.declare import ROOT_SEED
-from reproduce.physics.attitude import Platform
 from reproduce.printed.given import Given, given
-from reproduce.store.points import Table, TableFileError, computing, read_table
+from reproduce.store.points import Table, TableFileError, computing
 
-if TYPE_CHECKING:
-    import pandas as pd
-
-Pivot = tuple[float, float] | None
 # Kept steps of an ensemble: fifty autocorrelation times with room.
 _STEPS = 270
-# Columns of which a fit makes use, but a posterior does not, unless its file says so.
-_UNUSED = ("sigma", "sigma_x", "sigma_y", "weight")
 
 
 @cache
@@ -53,41 +43,20 @@ def posteriors() -> dict[str, Declaration]:
 
 @dataclass(frozen=True)
 class File:
-    """The format of a user's own data.
+    """The format of your data.
 
-    - `columns`: of the CSV file, in any order.
-    - `meaning`: what a line is, and what the columns hold.
-    - `read`: makes of a table, and of the pivot and the instrument that the user gives, the model
-      and what the user should hear of the data.
-    - `pivot`: whether the model turns about a point that the user may give.
-    - `optional`: further columns that it uses where there are some.
-    - `platform`: whether it takes an instrument of the user's.
+    - `columns`: of the table, in any order.
+    - `meaning`: the meaning of a row and of the columns.
+    - `read`: makes the model, and the remarks on the data, from a table and further arguments.
+    - `accepts`: names of these arguments of `reproduce.posterior`.
+    - `optional`: optional columns.
     """
 
     columns: tuple[str, ...]
     meaning: str
-    read: Callable[[Table, Pivot, Platform | None], tuple[Model, list[str]]]
-    pivot: bool = False
+    read: Callable[[Table, Mapping[str, Any]], tuple[Model, list[str]]]
+    accepts: tuple[str, ...] = ()
     optional: tuple[str, ...] = ()
-    platform: bool = False
-
-
-@dataclass(frozen=True, eq=False)
-class _Supplied:
-    """A user's file as a model, and what to say of it.
-
-    - `model`: with priors on the scale of the data.
-    - `rows`: number of each row of data in the source.
-    - `source`: what the data come from.
-    - `sha256`: of the file.
-    - `remarks`: what a user should hear of the data.
-    """
-
-    model: Model
-    rows: NDArray[np.int64]
-    source: str
-    sha256: str
-    remarks: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -152,37 +121,30 @@ class Declaration:
             warmup=max(100, steps // 4),
         )
 
-    def from_file(
-        self,
-        path: str | Path | pd.DataFrame,
-        pivot: Pivot = None,
-        design: Platform | None = None,
-        sep: str | None = None,
-    ) -> _Supplied:
-        """Return the model with a user's data; raises `TableFileError` for a file it cannot take.
+    def format(self) -> File:
+        """Return the format of your data; a `TableFileError` if there is none."""
+        if isinstance(self.file, str):
+            raise TableFileError(f"{self.key} takes no file: {self.file}")
+        return self.file
 
-        The priors of what is measured come from the scale of the data. What the data do not
-        measure, an instrument or a design, stays that of the paper unless one is given.
+    def supplied(self, table: Table, given: Mapping[str, Any]) -> tuple[Model, tuple[str, ...]]:
+        """Return the model of your data, and remarks; a `TableFileError` for unusable data.
+
+        The priors of measured quantities follow from the scale of the data. An instrument or a
+        design that the data do not determine remains that of the paper by default.
         """
-        file = self.file
-        if isinstance(file, str):
-            raise TableFileError(f"{self.key} takes no file: {file}")
-        if pivot is not None and not file.pivot:
-            raise TableFileError(f"{self.key} takes no --pivot: only registrations turn about one")
-        if design is not None and not file.platform:
-            raise TableFileError(f"{self.key} takes no platform: only misalignments have one")
-        with computing(path if isinstance(path, str | Path) else "the table"):
-            table = read_table(path, file.columns, (*_UNUSED, *file.optional), sep)
+        file = self.format()
+        used = {key: value for key, value in given.items() if key in file.accepts}
+        with computing(table.path):
             try:
-                model, remarks = file.read(table, pivot, design)
+                model, remarks = file.read(table, used)
             except TableFileError:
                 raise
             except ValueError as error:
                 raise TableFileError(f"{table.path}: {error}") from error
-        strays = {*table.optional} & {*_UNUSED} - {*file.optional}
-        unused = (f"this model takes no column {one}" for one in table.optional if one in strays)
-        said = (*remarks, *table.notes, *unused)
-        return _Supplied(model, table.rows, table.path, table.sha256, said)
+        unused = table.optional if len(used) < len(given) else ()
+        notes = (f"this model takes no column {name}" for name in unused)
+        return model, (*remarks, *table.notes, *notes)
 
 
 def data_stream(given: Given, *key: int) -> SeedSequence:

@@ -181,6 +181,10 @@ def posterior(
     pivot: tuple[float, float] | None = None,
     priors: Mapping[str, Prior | tuple[float, float]] | None = None,
     *,
+    model: str | None = None,
+    weights: ArrayLike | None = None,
+    source_covariance: ArrayLike | None = None,
+    target_covariance: ArrayLike | None = None,
     platform: Platform | str | Path | None = None,
     sep: str | None = None,
     data_seed: int | None = None,
@@ -201,6 +205,10 @@ def posterior(
     priors : mapping, optional
         Name of a parameter to the bounds of a uniform prior, or to a prior of
         `reproduce.inference`. All numbers are in the displayed unit of the parameter.
+    model : str, optional
+        Transform of your stars, as in `register`, for ``registration``. Default: a similarity.
+    weights, source_covariance, target_covariance : array_like, optional
+        Errors of your stars, as in `register`, for ``registration``.
     platform : Platform or path, optional
         Fiducial lights and tracker of your laser spots, as for `misalignment`.
     sep : str, optional
@@ -218,9 +226,10 @@ def posterior(
         return Posteriors()
     from reproduce.views.posterior import Posterior
 
-    own = {"data": data, "pivot": pivot, "priors": priors, "data_seed": data_seed}
-    plan = {"steps": steps, "walkers": walkers, "seed": seed}
-    return Posterior(name, **own, platform=platform, sep=sep, **plan)
+    own: dict[str, Any] = {"data": data, "pivot": pivot, "priors": priors, "platform": platform}
+    own |= {"model": model, "weights": weights, "data_seed": data_seed, "sep": sep}
+    own |= {"source_covariance": source_covariance, "target_covariance": target_covariance}
+    return Posterior(name, **own, steps=steps, walkers=walkers, seed=seed)
 
 
 def contradictions(paper: str | None = None) -> Contradictions:

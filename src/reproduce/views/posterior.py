@@ -20,20 +20,22 @@ from markupsafe import Markup
 from numpy.typing import NDArray
 
 from reproduce import inference
-from reproduce.inference import Sampled, Summary, leanings, misfit, sampling
-from reproduce.inference.models import MixtureRegistration, probability_false
+from reproduce.inference import Sampled, Summary, bimodal, leanings, misfit, sampling
+from reproduce.inference.models import MixtureRegistration, exact_draws, probability_false
+from reproduce.inference.modes import Modes
 from reproduce.judge.rerun import check_randomness
 from reproduce.papers.posteriors import posteriors
 from reproduce.papers.sketch import NARROW, sized, thin
+from reproduce.physics.registration import robust_similarity
 from reproduce.store.files import DRAWS, check_target, replacing, write_text
-from reproduce.store.points import is_table
+from reproduce.store.points import STARS, Table, is_table, read_table
 from reproduce.version import __version__
 from reproduce.views import computed
 from reproduce.views.base import by_row, text_of
 from reproduce.views.blocks import Block, Blocks, Fold, Grid, Html
 from reproduce.views.export import beside, export_frame, provenance
 from reproduce.views.figure import Paint, pictured
-from reproduce.views.measurements import Remade, platform_of
+from reproduce.views.measurements import Remade, _stars, platform_of
 from reproduce.views.numbers import digits, minus, moments
 
 if TYPE_CHECKING:
@@ -41,6 +43,8 @@ if TYPE_CHECKING:
 
 # In standard deviations: a mark further out would leave no room for the posterior.
 _FAR = 8.0
+# Arguments that belong to your data.
+_OWN = ("pivot", "platform", "model", "weights", "source_covariance", "target_covariance")
 # Likely false stars that a line names.
 _SHOWN = 5
 # Arrays of a sampled posterior that a build keeps.
@@ -77,30 +81,48 @@ class Posterior(Remade):
         self.name, self.declared = name, posteriors()[name]
         self._priors = dict(given.get("priors") or {})
         self._given = {**given, "priors": self._priors, "name": name}
-        data, pivot, platform, data_seed, sep = (
-            given.get(key) for key in ("data", "pivot", "platform", "data_seed", "sep")
-        )
+        data, data_seed = given.get("data"), given.get("data_seed")
         if data_seed is not None and (data is not None or not self.declared.simulated):
             raise ValueError(f"data_seed: expected none, the data of {name} are not simulated here")
         check_randomness(name, True, (), data_seed)
-        for key, value in (("pivot", pivot), ("platform", platform)):
-            if value is not None and data is None:
+        self.plan = self.declared.plan(**self._named("steps", "walkers", "seed"))
+        self._table, own = self._read(data)
+        self.remarks: tuple[str, ...] = ()
+        if self._table is None:
+            model = self.declared.model(data_seed)
+        else:
+            model, self.remarks = self.declared.supplied(self._table, own)
+        own = {
+            p.name: _prior(p, self._priors[p.name])
+            for p in model.parameters
+            if p.name in self._priors
+        }
+        self.model = model.with_priors({**self._priors, **own})
+        # Printed cells that reach the model.
+        self.reads = self.declared.given if self._table is None else ()
+
+    def _read(self, data: Any) -> tuple[Table | None, dict[str, Any]]:
+        """Return your data, and the arguments and columns that belong to them."""
+        own = {key: self._given[key] for key in _OWN if self._given.get(key) is not None}
+        if data is None:
+            for key in own:
                 raise ValueError(f"{key}: expected data of your own beside it; ours have one")
-        if data is not None and not is_table(data):
+            return None, {}
+        if not is_table(data):
             raise TypeError(
                 f"data: expected a file or a table with named columns, got "
                 f"{type(data).__name__}. Use DataFrame(array, columns=[...])"
             )
-        self.plan = self.declared.plan(**self._named("steps", "walkers", "seed"))
-        design = None if platform is None else platform_of(platform)
-        self._own = None if data is None else self.declared.from_file(data, pivot, design, sep)
-        model = self._own.model if self._own else self.declared.model(data_seed)
-        own: dict[str, Any] = dict(self._priors)
-        own |= {p.name: _prior(p, own[p.name]) for p in model.parameters if p.name in own}
-        self.model = model.with_priors(own)
-        # Printed cells that reach the model, and what to hear of the data of a file.
-        self.reads = () if self._own else self.declared.given
-        self.remarks = self._own.remarks if self._own else ()
+        file, sep = self.declared.format(), self._given.get("sep")
+        for key in own.keys() - {*file.accepts}:
+            raise ValueError(
+                f"{key}: expected none for {self.name}, got {own[key]!r}. Leave it out"
+            )
+        if "platform" in own:
+            own["platform"] = platform_of(own["platform"])
+        if file.columns == STARS:
+            return _stars(data, None, {**own, "sep": sep})
+        return read_table(data, file.columns, file.optional, sep), own
 
     @property
     def changes(self) -> str:
@@ -119,7 +141,7 @@ class Posterior(Remade):
 
     @property
     def _in_book(self) -> bool:
-        return not (self._own or self.changes)
+        return self._table is None and not self.changes
 
     @cached_property
     def sampled(self) -> Sampled:
@@ -145,11 +167,11 @@ class Posterior(Remade):
 
         The hash is that of the file, or of the printed cells that reach the model.
         """
-        declared, own = self.declared, self._own
+        declared, own = self.declared, self._table
         data: dict[str, Any] = {"kind": "simulated" if declared.simulated else "printed"}
         data |= {"paper": declared.paper} | ({"truth": self.truth} if declared.simulated else {})
         if own:
-            data = {"kind": "file", "file": own.source, "rows": len(own.rows)}
+            data = {"kind": "file", "file": own.path, "rows": len(own.rows)}
         data["sha256"] = own.sha256 if own else declared.sha256()
         pivots = [one.tolist() for one in getattr(self.model.likelihood, "pivots", ())]
         return data | ({"pivot": pivots} if pivots else {})
@@ -158,7 +180,7 @@ class Posterior(Remade):
     def told(self) -> str:
         """What the data are, in one line."""
         found, paper = self.provenance, self.declared.paper
-        if not self._own:
+        if self._table is None:
             simulated = f"simulated by us with printed settings of {paper}"
             return simulated if self.declared.simulated else f"as printed in {paper}"
         line = f"of {Path(found['file']).name}, {found['rows']} rows"
@@ -193,9 +215,10 @@ class Posterior(Remade):
         if not isinstance(likelihood, MixtureRegistration):
             return None
         x, y = likelihood.source.T
-        rows = self._own.rows if self._own else range(1, len(x) + 1)
+        table = self._table
+        rows = table.rows if table else range(1, len(x) + 1)
         false = {"x": x, "y": y, "probability_false": probability_false(self.sampled)}
-        return pd.DataFrame({"row" if self._own else "star": rows, **false})
+        return pd.DataFrame({"row" if table else "star": rows, **false})
 
     @property
     def false_stars(self) -> str:
@@ -244,14 +267,31 @@ class Posterior(Remade):
     @property
     def draws(self) -> pd.DataFrame:
         """All draws, one column per parameter, in the unit shown."""
-        shown = self.sampled.draws * [one.shown for one in self.model.parameters]
+        return self._framed(self.sampled.draws)
+
+    def exact(self, draws: int = 10_000, seed: int = 0) -> pd.DataFrame:
+        """Return independent draws of a registration in closed form, as `draws`, without emcee.
+
+        Raises
+        ------
+        ValueError
+            If the model has no closed form.
+        """
+        return self._framed(exact_draws(self.model, draws, np.random.default_rng(seed)))
+
+    def _framed(self, rows: NDArray[np.float64]) -> pd.DataFrame:
         heads = [f"{one.name} ({one.unit})" for one in self.model.parameters]
-        return pd.DataFrame(shown, columns=heads)
+        return pd.DataFrame(rows * [one.shown for one in self.model.parameters], columns=heads)
+
+    def log_likelihood(self) -> pd.DataFrame:
+        """Return the log likelihood of each star or spot, one row for each of some draws."""
+        found = self.sampled.log_likelihood()
+        return pd.DataFrame(found.reshape(found.shape[0] * found.shape[1], -1))
 
     @property
     def truth(self) -> dict[str, float]:
         """The parameters with which the data were simulated, in the unit shown; none otherwise."""
-        return {} if self._own else self._shown(self.declared.true_values())
+        return {} if self._table else self._shown(self.declared.true_values())
 
     def _shown(self, values: Mapping[str, float]) -> dict[str, float]:
         """Return values of parameters in the unit shown."""
@@ -297,8 +337,10 @@ class Posterior(Remade):
     def save(self, path: str | Path) -> Path:
         """Write the draws, in the units shown: ``.csv``, or ``.nc`` for ArviZ.
 
-        The draws are nearly independent. An ``.nc`` file also contains units, priors and the origin
-        of the data, and needs the packages arviz-base and h5netcdf.
+        The draws are nearly independent. An ``.nc`` file has the groups of ArviZ: posterior,
+        sample_stats, log_likelihood, posterior_predictive, prior, prior_predictive and
+        observed_data, with units, priors and the source of the data as attributes. It needs the
+        packages xarray and h5netcdf.
 
         Raises
         ------
@@ -320,8 +362,8 @@ class Posterior(Remade):
     def check_file(path: str | Path) -> Path:
         """Return `path`, or raise `ValueError` before the sampling if it cannot be written."""
         path = check_target(path, DRAWS)
-        if path.suffix.lower() == ".nc" and not all(map(find_spec, ("arviz_base", "h5netcdf"))):
-            raise ValueError(f"path: {path} needs other packages. Install arviz-base and h5netcdf")
+        if path.suffix.lower() == ".nc" and not all(map(find_spec, ("xarray", "h5netcdf"))):
+            raise ValueError(f"path: {path} needs other packages. Install xarray and h5netcdf")
         return path
 
     def cite(self, form: str = "bibtex") -> str:
@@ -346,6 +388,7 @@ class Posterior(Remade):
             **dict(zip(("ensembles", "steps", "walkers"), found.chain.shape[:3], strict=True)),
             "acceptance": list(found.acceptance),
             "at_prior_end": leanings(found),
+            "modes": {name: modes._asdict() for name, modes in self.modes.items()},
             "parameters": [asdict(row) for row in found.rows],
             "consequences": [asdict(row) for row in found.consequences],
             "data": self.provenance,
@@ -374,8 +417,41 @@ class Posterior(Remade):
         if false := self.false_stars:
             yield f"{false}."
         if not self._in_book:
-            doubts = (*leanings(self.sampled), misfit(self.checks), *self.remarks)
-            yield from (f"Warning: {text}." for text in doubts if text)
+            yield from (f"Warning: {text}." for text in self.findings)
+
+    @property
+    def findings(self) -> list[str]:
+        """Warnings: priors, modes, stars that a robust fit drops, predictive checks, the data."""
+        found = [*leanings(self.sampled), *map(self._bimodal, self.modes.items()), self._dropped]
+        return [one for one in (*found, misfit(self.checks), *self.remarks) if one]
+
+    @cached_property
+    def modes(self) -> dict[str, Modes]:
+        """Two modes of each parameter that has two, with the fractions of the draws, by name."""
+        return bimodal(self.sampled)
+
+    def _bimodal(self, found: tuple[str, Modes]) -> str:
+        name, modes = found
+        unit = next(_unit(one.unit) for one in self.model.parameters if one.name == name)
+        return (
+            f"{name} has two modes: {100 * modes.below:.0f} % of the draws near {modes.low:.3g}"
+            f"{unit}, {100 * modes.above:.0f} % near {modes.high:.3g}{unit}. Its mean is neither"
+        )
+
+    @property
+    def _dropped(self) -> str:
+        """A warning if a robust fit drops more stars than the mixture calls false."""
+        likelihood = self.model.likelihood
+        if self._stars is None or not isinstance(likelihood, MixtureRegistration):
+            return ""
+        fit = robust_similarity(likelihood.source, likelihood.target, likelihood.pivot)
+        dropped, false = ((fit.weights == 0).sum(), (self._stars["probability_false"] > 0.5).sum())
+        if dropped <= false:
+            return ""
+        return (
+            f"a robust fit drops {dropped} stars, the mixture {false}: wrong stars close to their "
+            "places widen the noise; compare with register(robust=True)"
+        )
 
     @property
     def _precision(self) -> str:
@@ -398,6 +474,11 @@ def _versions() -> dict[str, str]:
 def _titled(name: str, unit: str) -> str:
     """Write a name with its unit, if it has one."""
     return name if unit == "1" else f"{name} ({unit})"
+
+
+def _unit(unit: str) -> str:
+    """Write a unit after a number."""
+    return "" if unit == "1" else f" {unit}"
 
 
 def spread(row: Summary) -> tuple[str, str, str, str]:

@@ -1,11 +1,12 @@
 """Models of the posteriors: which file serves which posterior.
 
-- registration: `registration`, with its posterior without a sampler; registration-joint; and what
-  all of them foretell of new stars.
+- registration, registration-joint, and their predictions of new stars: `registration`.
+- registration of your stars, with any model and known errors: `fitted`.
 - registration-distortion, registration-mixture: `mixture`, star by star.
 - misalignment, misalignment-drift: `misalignment`, of many images, and without a sampler.
 """
 
+from reproduce.inference.models.fitted import FittedRegistration, exact_draws, fitted_model
 from reproduce.inference.models.misalignment import (
     AXES,
     MOUNT,
@@ -26,7 +27,6 @@ from reproduce.inference.models.registration import (
     JointRegistration,
     NewStars,
     Together,
-    free_priors,
     joint_model,
     registration_model,
 )

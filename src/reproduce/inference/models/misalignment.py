@@ -148,6 +148,18 @@ class SpotLikelihood:
         """Log likelihood, shape (n,)."""
         return self.statistics.log_likelihood(*self.paths(parameters), parameters[:, -1])
 
+    @property
+    def observed(self) -> dict[str, FloatArray]:
+        """The mean spots of each group."""
+        return {"spots": self.statistics.means}
+
+    def pointwise(self, parameters: FloatArray) -> FloatArray:
+        """Log likelihood of the mean of each spot, shape (n, groups, lasers)."""
+        start, end = self.paths(parameters)
+        off = np.square(self.statistics.means - 0.5 * (start + end)).sum(axis=-1)
+        variance = np.square(parameters[:, -1])[:, None, None] / self.statistics.counts[:, None]
+        return np.asarray(-np.log(2 * np.pi * variance) - off / (2 * variance))
+
     def simulate(self, parameters: FloatArray, generator: Generator) -> SpotStatistics:
         """Statistics of as many images for one parameter vector."""
         (start,), (end,) = self.paths(parameters[None])

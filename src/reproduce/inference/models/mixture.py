@@ -62,10 +62,7 @@ class _DistortedRegistration(registration.GaussianRegistration):
 
     def __call__(self, parameters: FloatArray) -> FloatArray:
         """Log likelihood, shape (n,)."""
-        residual, noise = self.residuals(parameters), parameters[:, 4:5]
-        squares = (residual.real**2 + residual.imag**2) / noise**2
-        constant = 2 * np.log(noise) + np.log(2 * np.pi)
-        return np.asarray(-(0.5 * squares + constant).sum(axis=-1))
+        return np.asarray(self.pointwise(parameters).sum(axis=-1))
 
     def start(self) -> tuple[FloatArray, FloatArray]:
         """The least-squares fit and its standard errors, and no distortion."""
@@ -137,9 +134,13 @@ class MixtureRegistration(registration.GaussianRegistration):
         squares = residual.real**2 + residual.imag**2
         return np.asarray(right - 0.5 * squares / noise**2), np.asarray(false)
 
+    def pointwise(self, parameters: FloatArray) -> FloatArray:
+        """Log likelihood of each star, shape (n, points)."""
+        return np.asarray(np.logaddexp(*self._densities(parameters)))
+
     def __call__(self, parameters: FloatArray) -> FloatArray:
         """Log likelihood, shape (n,)."""
-        return np.asarray(np.logaddexp(*self._densities(parameters)).sum(axis=-1))
+        return np.asarray(self.pointwise(parameters).sum(axis=-1))
 
     def false(self, parameters: FloatArray) -> FloatArray:
         """Probability of every star to be false, shape (n, points)."""

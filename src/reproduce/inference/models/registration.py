@@ -17,21 +17,20 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.random import PCG64, Generator
 from numpy.typing import NDArray
 
-from reproduce.inference import Consequence, LogUniform, Model, Parameter, Prior, Uniform
+from reproduce.inference import Consequence, LogUniform, Model, Parameter, Uniform
 from reproduce.physics.registration import (
     Registration,
+    RegistrationFit,
     as_complex,
     as_points,
     fit_registration,
-    fits_exactly,
     paired_points,
-    robust_similarity,
 )
 from reproduce.physics.validate import FloatArray, finite_array
 from reproduce.units import DEGREES_PER_RADIAN
@@ -39,21 +38,19 @@ from reproduce.units import DEGREES_PER_RADIAN
 ComplexArray = NDArray[np.complex128]
 _CHANNELS = ("red", "blue")
 TRANSFORM = ("scale", "rotation", "shift-x", "shift-y")
-# Of the residual of least squares: ends of the noise, as good as none.
-_NOISE = (1e-9, 1e3)
-# The shift may lie so many fields or standard errors, the scale so many times, from the fit.
-FIELDS, ERRORS, SCALES = 10.0, 1e3, 10.0
 # New stars: parameter vectors that are worked on at once, which bounds the memory, and the seed.
 CHUNK, SEED = 10_000, 52
 
 
-def fit_checks(source: FloatArray, target: FloatArray, pivot: FloatArray) -> dict[str, float]:
-    """What predictive checks compare: the least-squares fit and what it leaves over, in px.
+def fit_checks(
+    source: FloatArray, target: FloatArray, pivot: FloatArray, **settings: Any
+) -> dict[str, float]:
+    """Return the numbers of a fit that predictive checks compare, in px.
 
-    The mean residuals outwards and around in the outer half of the field are zero only if a
-    similarity is the right model.
+    The mean radial and tangential residuals in the outer half of the field are zero only if the
+    model is right.
     """
-    fit = fit_registration(source, target, pivot)
+    fit = fit_registration(source, target, pivot, **settings)
     offsets = source - pivot
     radius = np.hypot(*offsets.T)
     outer = radius >= np.median(radius)
@@ -72,11 +69,6 @@ def fit_checks(source: FloatArray, target: FloatArray, pivot: FloatArray) -> dic
     }
 
 
-def _triangular(columns: ComplexArray) -> ComplexArray:
-    """Triangular factor of complex columns, shape (m, m) for columns of shape (n, m)."""
-    return np.asarray(np.linalg.qr(columns.astype(np.complex128), mode="r"))
-
-
 @dataclass(frozen=True, eq=False)
 class GaussianRegistration:
     """Gaussian noise of one size; parameters (k, theta, shift x, shift y, noise).
@@ -87,7 +79,6 @@ class GaussianRegistration:
       included in it. True: it is that of a coordinate in either channel, and a residual has 1 + k^2
       times its variance.
     - `edge`, optional: radius of the field, in px; by default that of the outermost star.
-    - `weights`, optional, (n,): above zero; of a star the variance is that of the noise over its.
     """
 
     source: FloatArray
@@ -95,12 +86,26 @@ class GaussianRegistration:
     pivot: FloatArray
     source_noise: bool = False
     edge: float | None = None
-    weights: FloatArray | None = None
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """The arguments of `fit_registration` other than the points."""
+        return {}
+
+    @cached_property
+    def fit(self) -> RegistrationFit:
+        """The fit of the same points."""
+        return fit_registration(self.source, self.target, self.pivot, **self.settings)
 
     @property
     def pivots(self) -> tuple[FloatArray, ...]:
         """The pivot of every channel: of one."""
         return (self.pivot,)
+
+    @property
+    def observed(self) -> dict[str, FloatArray]:
+        """The target points."""
+        return {"target": self.target}
 
     @cached_property
     def offsets(self) -> ComplexArray:
@@ -114,15 +119,15 @@ class GaussianRegistration:
 
     @cached_property
     def precision(self) -> FloatArray:
-        """Roots of the weights, (n,)."""
-        return np.ones(len(self.source)) if self.weights is None else np.sqrt(self.weights)
+        """Reciprocal standard deviation of each star, without the noise, (n,)."""
+        return np.ones(len(self.source))
 
     @cached_property
     def root(self) -> ComplexArray:
         """Triangular factor of the columns (source, one, target) about the pivot, shape (3, 3)."""
         target = as_complex(self.target) - as_complex(self.pivot)
         columns = (self.precision * one for one in (self.offsets, np.ones(len(target)), target))
-        return _triangular(np.stack([*columns], axis=-1))
+        return np.asarray(np.linalg.qr(np.stack([*columns], axis=-1), mode="r"))
 
     def __call__(self, parameters: FloatArray) -> FloatArray:
         """Log likelihood, shape (n,)."""
@@ -149,17 +154,26 @@ class GaussianRegistration:
         """Target minus prediction, shape (n, points), in px."""
         return as_complex(self.target) - as_complex(self.pivot) - self.predicted(parameters)
 
+    def deviations(self, parameters: FloatArray) -> FloatArray:
+        """Standard deviation of a residual coordinate of each star, shape (n, points), in px."""
+        wider = np.hypot(1, parameters[:, 0]) if self.source_noise else 1.0
+        return np.asarray((parameters[:, 4] * wider)[:, None] / self.precision)
+
+    def pointwise(self, parameters: FloatArray) -> FloatArray:
+        """Log likelihood of each star, shape (n, points)."""
+        residual, noise = self.residuals(parameters), self.deviations(parameters)
+        squares = (residual.real**2 + residual.imag**2) / noise**2
+        return np.asarray(-(0.5 * squares + (2 * np.log(noise) + np.log(2 * np.pi))))
+
     def scatter(self, parameters: FloatArray, generator: Generator) -> FloatArray:
         """Noise of residuals, shape (n, points, 2), in px."""
-        wider = np.hypot(1, parameters[:, 0]) if self.source_noise else 1.0
         normal = generator.normal(size=(len(parameters), *self.source.shape))
-        size = (parameters[:, 4] * wider)[:, None] / self.precision
-        return np.asarray(size[..., None] * normal)
+        return np.asarray(self.deviations(parameters)[..., None] * normal)
 
     def elsewhere(self, source: FloatArray) -> Self:
         """The same model of other stars, whose targets are not known yet."""
         target = np.zeros_like(source)
-        return replace(self, source=source, target=target, edge=self.field, weights=None)
+        return replace(self, source=source, target=target, edge=self.field)
 
     def simulate(self, parameters: FloatArray, generator: Generator) -> FloatArray:
         """Target points for one parameter vector, shape (points, 2), in px."""
@@ -171,18 +185,17 @@ class GaussianRegistration:
         return replace(self, target=data)
 
     def start(self) -> tuple[FloatArray, FloatArray]:
-        """The least-squares fit and its standard errors."""
-        fit = fit_registration(self.source, self.target, self.pivot, self.weights)
-        freedom = 2 * len(self.source) - 4
+        """The fit and its standard errors."""
+        fit, freedom = self.fit, float(self.fit.degrees_of_freedom)
         variance = fit.chi_square / freedom / (1 + fit.parameters[0] ** 2 * self.source_noise)
         noise = max(float(np.sqrt(variance)), 1e-12)
         errors = np.sqrt(np.diagonal(fit.cofactor) * noise**2 * (1 + self.source_noise))
         return np.append(fit.parameters, noise), np.append(errors, noise / np.sqrt(2 * freedom))
 
     def checks(self, data: FloatArray | None = None) -> dict[str, float]:
-        """Root mean square and largest residual of the least-squares fit, and its scale."""
+        """Residuals of the fit."""
         target = self.target if data is None else data
-        return fit_checks(self.source, target, self.pivot)
+        return fit_checks(self.source, target, self.pivot, **self.settings)
 
 
 def shifts(parameters: FloatArray) -> ComplexArray:
@@ -207,9 +220,7 @@ def _registration_parameters(source: FloatArray, target: FloatArray) -> tuple[Pa
     )  # fmt: skip
 
 
-def registration_model(
-    source: FloatArray, target: FloatArray, pivot: FloatArray, weights: FloatArray | None = None
-) -> Model:
+def registration_model(source: FloatArray, target: FloatArray, pivot: FloatArray) -> Model:
     """Registration of one channel with Gaussian noise, from the same stars in both channels.
 
     Parameters scale, rotation (rad), shift-x, shift-y, noise (px). Errors are those of
@@ -229,53 +240,10 @@ def registration_model(
             "needs are the least that say anything of the noise"
         )
     pivot = finite_array("pivot", pivot, shape=(2,))
-    fit = fit_registration(source, target, pivot, weights)
-    return Model(
-        "registration",
-        _registration_parameters(source, target),
-        GaussianRegistration(source, target, pivot, weights=weights),
-        dict(zip(TRANSFORM, fit.parameters.tolist(), strict=True)),
-    )
-
-
-def free_priors(source: FloatArray, target: FloatArray, pivot: FloatArray) -> dict[str, Prior]:
-    """Return flat priors whose ends are as far from the fit as the data's own scale allows.
-
-    By parameter. Mirrored points, or points that fit without any error, are refused.
-
-    Examples
-    --------
-    >>> points = np.array([[0.0, 0], [9, 0], [0, 9], [9, 9]])
-    >>> moved = points + [[1, 0], [0, 1], [1, 1], [0, 0]]
-    >>> print(free_priors(points, moved, np.zeros(2))["rotation"])
-    uniform from -3.14159 to 3.14159
-    """
-    robust = robust_similarity(source, target, pivot)
-    fit = fit_registration(source, target, pivot)
-    residual = float(np.sqrt(fit.chi_square / max(float(fit.degrees_of_freedom), 1.0)))
-    k, theta, x, y = fit.parameters.tolist()
-    if fits_exactly(fit, source, target):
-        raise ValueError(
-            "the points fit without any error, so there is no noise to sample; exactly: scale "
-            f"{k:.10g}, rotation {np.degrees(theta):.10g} deg, shift {x:.10g} and {y:.10g} px"
-        )
-    # No least-squares scale exceeds the ratio of both patterns' sizes.
-    size = float(np.sqrt(np.square(target - target.mean(axis=0)).sum() * fit.cofactor[0, 0]))
-    size = max(size, float(robust.parameters[0]))
-    error = residual * float(np.sqrt(fit.cofactor[2, 2]))
-    reach = max(FIELDS * float(np.ptp(target, axis=0).max()), ERRORS * error)
-    place = "ten fields, or a thousand standard errors, on both sides of least squares"
-    return {
-        "scale": Uniform(0.0, SCALES * size, "up to ten times the ratio of the sizes of both "
-                         "patterns; flat"),
-        "rotation": Uniform(theta - np.pi, theta + np.pi, "any: the full turn, cut opposite to "
-                            "least squares"),
-        "shift-x": Uniform(x - reach, x + reach, place),
-        "shift-y": Uniform(y - reach, y + reach, place),
-        "noise": LogUniform(_NOISE[0] * residual, _NOISE[1] * residual, "no scale preferred: from "
-                            "a billionth of the residuals of least squares to a thousand times "
-                            "them"),
-    }  # fmt: skip
+    likelihood = GaussianRegistration(source, target, pivot)
+    estimate = dict(zip(TRANSFORM, likelihood.fit.parameters.tolist(), strict=True))
+    parameters = _registration_parameters(source, target)
+    return Model("registration", parameters, likelihood, estimate)
 
 
 @dataclass(frozen=True, eq=False)
@@ -358,7 +326,7 @@ class JointRegistration:
     @cached_property
     def root(self) -> ComplexArray:
         """Triangular factor of the columns, shape (4, 4)."""
-        return _triangular(self.columns)
+        return np.asarray(np.linalg.qr(self.columns, mode="r"))
 
     def weights(self, parameters: FloatArray) -> tuple[ComplexArray, ComplexArray]:
         """Coefficients of the columns in the two residuals, each of shape (n, 4)."""
@@ -386,6 +354,17 @@ class JointRegistration:
         constant = -np.log(determinant) - 4 * np.log(noise) - 2 * np.log(2 * np.pi)
         constant += 2 * np.log(parameters[:, 4])
         return np.asarray(count * constant - squares / (2 * noise**2 * determinant))
+
+    @property
+    def observed(self) -> dict[str, FloatArray]:
+        """The blue and green points, which are random given the red ones."""
+        return {"blue": self.sources[1], "target": self.target}
+
+    def pointwise(self, parameters: FloatArray) -> FloatArray:
+        """Log likelihood of each star, shape (n, points)."""
+        stars = zip(*(one[:, None] for one in (*self.sources, self.target)), strict=True)
+        each = (replace(self, sources=(red, blue), target=green) for red, blue, green in stars)
+        return np.stack([star(parameters) for star in each], axis=-1)
 
     def simulate(
         self, parameters: FloatArray, generator: Generator

@@ -8,8 +8,10 @@ The images of a group of a user's spots are in the order of time, evenly spaced.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.random import PCG64, Generator
@@ -17,7 +19,7 @@ from numpy.random import PCG64, Generator
 from reproduce.inference import Consequence, LogUniform, Model, Normal, Prior, models
 from reproduce.papers.chen2023 import satellite
 from reproduce.papers.chen2023.platform import INSTRUMENT, SCATTER, SIGMAS, as_designed
-from reproduce.papers.posteriors import Declaration, File, Pivot, data_stream
+from reproduce.papers.posteriors import Declaration, File, data_stream
 from reproduce.physics.attitude import Platform
 from reproduce.physics.attitude.diagnosis import diagnose
 from reproduce.physics.validate import FloatArray
@@ -101,14 +103,12 @@ def drift(given: Given) -> Model:
     return _misalignment(given, _DRIFT)
 
 
-def _users_model(
-    table: Table, pivot: Pivot, design: Platform | None, drifts: bool
-) -> tuple[Model, list[str]]:
-    """A misalignment, constant or drifting through group 1, on the paper's platform or another.
+def _users_model(table: Table, given: Mapping[str, Any], drifts: bool) -> tuple[Model, list[str]]:
+    """Return a misalignment, constant or drifting through group 1, and the remarks on the spots.
 
-    With it what a user should hear of the spots, as `reproduce.misalignment` says it.
+    The platform is that of the paper by default. The remarks are those of `reproduce.misalignment`.
     """
-    instrument, images, remarks = _measured(table, drifts, design)
+    instrument, images, remarks = _measured(table, drifts, given.get("platform"))
     priors = _priors(instrument, images)
     if drifts:
         priors |= {key.replace("angle", "drift"): prior for key, prior in priors.items()}
@@ -178,7 +178,7 @@ _SPOT_LINES = (
 
 def _file(drifts: bool) -> File:
     read = partial(_users_model, drifts=drifts)
-    return File(SPOTS, _SPOT_LINES, read, optional=IMAGES, platform=True)
+    return File(SPOTS, _SPOT_LINES, read, ("platform",), IMAGES)
 
 
 POSTERIORS = (

@@ -10,9 +10,10 @@ channel (``x_reference``, ``y_reference``).
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.random import PCG64, Generator
@@ -20,8 +21,7 @@ from numpy.random import PCG64, Generator
 from reproduce.inference import Model, Uniform, models
 from reproduce.papers.niu2024 import simulation
 from reproduce.papers.niu2024.simulation import IMAGING, NOISE, REGISTERED, SETTINGS
-from reproduce.papers.posteriors import Declaration, File, Pivot, data_stream
-from reproduce.physics.attitude import Platform
+from reproduce.papers.posteriors import Declaration, File, data_stream
 from reproduce.physics.optics import angle_from_pixels, noisy_centroids, spawned_angles
 from reproduce.physics.registration import (
     checked_pivot,
@@ -43,6 +43,8 @@ READS = (*simulation.READS, "niu2024/text-optics#pixel-pitch-*", _TEST_POINTS)
 _JOINT_COLUMNS = ((0, 1, 2, 3, 8), (4, 5, 6, 7, 8))
 # Fewer stars do not tell a wrong match from noise.
 _FEW = 10
+# Arguments of `fit_registration` that the posterior shares with `register`.
+_FITTED = ("model", "weights", "source_covariance", "target_covariance")
 
 
 def _centroids(given: Given) -> FloatArray:
@@ -159,23 +161,35 @@ def _pixel_angle(given: Given) -> float:
     return float(angle_from_pixels(1.0, pitch, focal_length)) * ARCSEC_PER_RADIAN
 
 
-def _free(table: Table, pivot: Pivot, weights: FloatArray | None = None) -> Model:
-    """A registration of a user's stars, with priors on their own scale."""
-    (source, target), centre = np.split(table.values, 2, axis=1), _centre(table, pivot)
-    weights = weights_for(weights, len(source))
-    used = weights > 0  # a star of no weight is none, and the noise is that of a mean weight
-    source, target, weights = source[used], target[used], weights[used] / weights[used].mean()
-    model = models.registration_model(source, target, centre, weights)
-    return model.with_priors(models.free_priors(source, target, centre))
+def _fitted(table: Table, given: Mapping[str, Any]) -> models.FittedRegistration:
+    """Return your stars with their errors; a star of weight zero is left out."""
+    source, target = np.split(table.values, 2, axis=1)
+    weights = weights_for(given.get("weights"), len(source))
+    used = weights > 0
+    errors: dict[str, Any] = {
+        key: np.broadcast_to(value, (len(source), 2, 2))[used]
+        for key, value in given.items()
+        if key.endswith("_covariance")
+    }
+    # An unknown noise is that of a star of mean weight.
+    mean = 1.0 if errors else weights[used].mean()
+    return models.FittedRegistration(
+        source[used],
+        target[used],
+        _centre(table, given),
+        weights=weights[used] / mean,
+        model=given.get("model", "similarity"),
+        **errors,
+    )
 
 
-def _users_registration(table: Table, pivot: Pivot) -> Model:
-    """Registration of one channel."""
-    return _free(table, pivot, table.optional.get("weight"))
+def _users_registration(table: Table, given: Mapping[str, Any]) -> tuple[Model, list[str]]:
+    """Return the registration of your stars, and the findings of `register`."""
+    return models.fitted_model(_fitted(table, given)), _findings(table, given)
 
 
-def _users_mixture(table: Table, pivot: Pivot) -> Model:
-    """The same with stars that may be matched wrongly."""
+def _users_mixture(table: Table, given: Mapping[str, Any]) -> tuple[Model, list[str]]:
+    """Return the registration of your stars of which some may be matched wrongly."""
     if len(table.values) < _FEW:
         raise TableFileError(
             f"{table.path}: expected {_FEW} or more stars, got {len(table.values)}; fewer do not "
@@ -187,7 +201,9 @@ def _users_mixture(table: Table, pivot: Pivot) -> Model:
             f"{table.path}: expected coordinates with more digits, got equal displacements of many "
             "stars, in which this model finds no noise. Take registration, or add digits"
         )
-    return _turning(models.mixture_model(_free(table, pivot)))
+    model = _turning(models.mixture_model(models.fitted_model(_fitted(table, given))))
+    # The mixture names mismatches itself.
+    return model, [one for one in _findings(table, given) if "do not fit the others" not in one]
 
 
 def _turning(model: Model) -> Model:
@@ -198,28 +214,23 @@ def _turning(model: Model) -> Model:
     return model.with_priors({"rotation": turn})
 
 
-def _centre(table: Table, pivot: Pivot) -> FloatArray:
-    """The principal point of the channel: as given, or the mean of its stars."""
+def _centre(table: Table, given: Mapping[str, Any]) -> FloatArray:
+    """Return the given pivot, or the mean of the stars of the channel."""
     points = table.values[:, :2]
-    return points.mean(axis=0) if pivot is None else checked_pivot(pivot, points)
+    return checked_pivot(given["pivot"], points) if "pivot" in given else points.mean(axis=0)
 
 
-def _read(
-    table: Table, pivot: Pivot, design: Platform | None, make: Callable[[Table, Pivot], Model]
-) -> tuple[Model, list[str]]:
-    """Return a model of a user's stars, and what to hear of them in the words of `register`."""
-    model, (source, target) = make(table, pivot), np.split(table.values, 2, axis=1)
-    # The mixture names mismatches itself, and takes no weights.
-    named = make is _users_mixture
-    weights, centre = None if named else table.optional.get("weight"), _centre(table, pivot)
-    found = diagnose(source, target, centre, table.named, model="similarity", weights=weights)
-    texts = dict.fromkeys(one.text for one in found if one.kind != "sensitive")
-    return model, [text for text in texts if not (named and "do not fit the others" in text)]
+def _findings(table: Table, given: Mapping[str, Any]) -> list[str]:
+    """Return the findings of `register` for your stars."""
+    source, target = np.split(table.values, 2, axis=1)
+    settings = {key: value for key, value in given.items() if key != "pivot"}
+    found = diagnose(source, target, _centre(table, given), table.named, **settings)
+    return list(dict.fromkeys(one.text for one in found if one.kind != "sensitive"))
 
 
-def _file(make: Callable[[Table, Pivot], Model], *optional: str) -> File:
+def _file(read: Callable[..., tuple[Model, list[str]]], *accepts: str) -> File:
     meaning = "one star per line, in px: its place in the channel and in the reference channel"
-    return File(STARS, meaning, partial(_read, make=make), pivot=True, optional=optional)
+    return File(STARS, meaning, read, ("pivot", *accepts))
 
 
 _NO_FILE = "it is for the data of the book; registration and registration-mixture take stars"
@@ -228,7 +239,7 @@ _NO_FILE = "it is for the data of the book; registration and registration-mixtur
 POSTERIORS = (
     Declaration(
         "registration", "Registration of one channel: similarity and Gaussian noise", "niu2024",
-        READS, _registration, _file(_users_registration, "weight"), truth, walkers=240,
+        READS, _registration, _file(_users_registration, *_FITTED), truth, walkers=240,
     ),
     Declaration(
         "registration-joint", "Registration of both channels: they share the green noise",

@@ -18,6 +18,7 @@ from reproduce.physics.registration.transforms import (
     ComplexArray,
     Registration,
     _linear_part,
+    _parameter_names,
     as_complex,
     as_points,
 )
@@ -100,7 +101,8 @@ def prepare(
     model: str = "similarity",
     **covariances: ArrayLike | None,
 ) -> Problem:
-    """Check points, weights and covariances, and bring them to one batch shape."""
+    """Check points, weights, covariances and model, and bring them to one batch shape."""
+    _parameter_names(model)
     n = source.shape[-2]
     kept = None if weights is None else validate.weights_for(weights, n)
     shapes = () if kept is None else kept.shape[:-1]
@@ -395,6 +397,17 @@ def local_matrix(model: str, parameters: FloatArray, offsets: FloatArray) -> Flo
     squared = np.square(offsets).sum(axis=-1)[..., None, None]
     bent = 2 * c * offsets[..., None] * offsets[..., None, :]
     return matrix @ ((1 + c * squared) * np.eye(2) + bent)
+
+
+def residuals_at(problem: Problem, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return target minus transformed source, and its inverse covariance, of each point.
+
+    At any parameters, shape (m, p), of one set of n points: shapes (m, n, 2) in px, and
+    (..., n, 2, 2) as in `information`.
+    """
+    points = np.broadcast_to(problem.source, (len(parameters), *problem.source.shape))
+    carry = local_matrix(problem.model, parameters, points - problem.pivot)
+    return problem.target - problem.transformed(parameters, points), information(problem, carry)
 
 
 def _length(movement: FloatArray) -> FloatArray:

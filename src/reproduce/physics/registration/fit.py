@@ -243,7 +243,6 @@ def fit_registration(
     >>> fit.transform.apply([[2, 0]])
     array([[7., 0.]])
     """
-    _parameter_names(model)
     known = {"source_covariance": source_covariance, "target_covariance": target_covariance}
     problem = prepare(source, target, pivot, weights, model, **known)
     if robust:
