@@ -20,6 +20,7 @@ import reproduce as rp
 from reproduce.judge.ledger import build
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.chen2023.platform import INSTRUMENT, as_designed
+from reproduce.physics.attitude import monitored
 from reproduce.physics.registration import registered_image
 from reproduce.printed.cells import library
 from reproduce.printed.given import given
@@ -486,6 +487,23 @@ def test_lights_of_ones_own_are_measured_rightly(tmp_path):
     assert (np.abs(centre - [15, -25, 40]) < 4 * error).all()
 
 
+def test_correlated_images_widen_the_interval():
+    """The record contains the factor, and the interval covers where white noise would not."""
+    design = rp.Platform.of_spots([[120, 30], [-90, 160], [10, -140]], 0.05, 5e-6, (0, 0))
+    generator, noise = np.random.default_rng(3), np.zeros((2, 40, 3, 2))
+    for image in range(1, 40):
+        noise[:, image] = 0.9 * noise[:, image - 1] + generator.normal(0, 0.02, (2, 3, 2))
+    found = rp.misalignment(*design.spots + noise[::-1], design)
+    record = found.record()
+    assert [one["kind"] for one in record["findings"]] == ["correlated"]
+    assert record["widening"] > 2
+    assert record["low"] < record["chi_square"] < record["high"]
+    width = np.ptp(found.frame().iloc[:, 3:].to_numpy(), axis=1)
+    plain = monitored(*found.diagnosis.images, design).interval(0.95) * ARCSEC_PER_RADIAN
+    assert (width > 2 * np.ptp(plain, axis=0)).all()
+    json.dumps(record, allow_nan=False)
+
+
 def test_spots_without_frames_must_be_whole(tmp_path):
     toml, (zero, now) = measured_lights(tmp_path, [0, 0])
     path = written_spots(tmp_path / "spots.csv", (zero, now))
@@ -504,6 +522,7 @@ def test_spots_without_frames_must_be_whole(tmp_path):
         ("lasers = [[0, 0], [1, 1]]", "of lasers, camera_focal_length, tracker_focal"),
         (TOML + "colour = 'red'", "of directions, tracker_focal_length"),
         (TOML.replace("5e-6", "5.0"), "(pixel_pitch: expected metres"),
+        (TOML.replace("[0.1, 0, 1]", "[0, 0, 1]"), "lights 1 and 2 at one place"),
     ],
 )
 def test_a_wrong_platform_is_refused_in_one_line(tmp_path, text, message):

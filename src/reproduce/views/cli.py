@@ -343,13 +343,13 @@ def _stems(files: Sequence[Path]) -> list[str]:
 @_SEP
 @_JSON
 def misalignment(file: Path, platform: Path | None, sep: str | None, as_json: bool) -> None:
-    """Measure how far your own camera has turned since the zero point, from spots of its lights.
+    """Measure the misalignment of your camera since the zero point, from spots of its lights.
 
     FILE is a table, as for register: one spot per row, in px, with the columns group (0 at
     the zero point, 1 at the present), laser (from 1, in the order of the platform), x, y, in any
-    order and case. A column frame, a number that the spots of an image share, is needed where some
-    are lost; with a column time there are drift and averages; mask drops a row where it is 1. A
-    platform is a TOML of the arguments of Platform.
+    order and case. A column frame, a number that the spots of an image share, is necessary if
+    spots are lost. A column time adds the drift and averages. A column mask drops a row if it is
+    1. A platform is a TOML file of the arguments of Platform.
     """
     found = front.misalignment(file, platform=platform, sep=sep)
     _show(as_json, found.record, found.print)

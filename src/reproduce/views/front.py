@@ -428,10 +428,10 @@ def misalignment(
     *,
     sep: str | None = None,
 ) -> Monitored:
-    """Return how far a user's own camera has turned since the zero point, from spots of its lights.
+    """Return the misalignment of your camera since the zero point, from spots of its lights.
 
-    What the spots say against it stands in ``findings``: a light that is displaced, a pattern of
-    another size than expected, false spots, motion.
+    ``findings`` names a displaced light, a pattern of another size, repeated images and correlated
+    images. Correlated images and a chi-square above 1 widen the standard errors.
 
     Parameters
     ----------
@@ -460,8 +460,8 @@ def misalignment(
     Raises
     ------
     ValueError
-        If the spots are mirrored, two lights are swapped, or the spots are not those of the
-        platform.
+        If the spots are mirrored or belong to another platform, two lights are swapped or have one
+        place, or a group has fewer than two lights.
     """
     from reproduce.views.measurements import Monitored
 

@@ -142,10 +142,9 @@ def diagnose(
     _check_distinct("spots", means[0], lights)
     series = [np.nan_to_num(one - mean).reshape(len(one), -1)
               for one, mean in zip(images, means, strict=True)]  # fmt: skip
-    freedom, noise = 2 * int((counts - 1).sum()), UNKNOWN
-    if freedom:
-        noise = max((sum((one**2).sum() for one in series) / freedom) ** 0.5, LEAST)
-    degrees = freedom or _MANY
+    freedom = 2 * int((counts - 1).sum())
+    squares, degrees = sum((one**2).sum() for one in series), freedom or _MANY
+    noise = max((squares / freedom) ** 0.5, LEAST) if freedom else UNKNOWN
     steady, response = series[: 1 if drifts else 2], platform.response(means[0]).reshape(3, -1)
     angles = [one @ (response.T / np.linalg.norm(response, axis=1)) for one in steady]
     score, lag, widening = max(map(_correlation, (steady, angles)))
@@ -153,7 +152,7 @@ def diagnose(
     variance = (noise * widening) ** 2 / counts
     rest = (degrees, _EXPLAINED * correlated, lights)
     zero = Platform.of_spots(means[0], *platform.tracker[::-1])
-    since = _Pattern(zero, means[1], variance.sum(axis=0), *rest)
+    since, limit = _Pattern(zero, means[1], variance.sum(axis=0), *rest), np.inf
     found = [
         *_Pattern(platform, means[0], variance[0], *rest).findings(
             "at the zero point, the pattern does not fit the design"
@@ -164,10 +163,10 @@ def diagnose(
         found.append(Finding("repeated", f"{copies} images repeat another one. Remove copies"))
     if not freedom:
         found.append(Finding("spare", _SPARE))
-    fit, limit = since.design, np.inf
     if correlated:
         limit = sum(map(len, images)) * (1 - lag**2) / (1 + lag**2)
         found.append(Finding("correlated", _CORRELATED.format(lag, widening)))
+    fit = since.design
     low, high = fdtri(fit.freedom, degrees, [0.025, 0.975]).tolist()
     if fit.misfit > high:
         limit = fit.freedom
@@ -265,15 +264,19 @@ class _Pattern:
             if is_free:
                 scale *= _size(self.spots, weights) / _size(places, weights)
         off = np.hypot(*(self.spots - places).T)
-        freedom = max(
-            2 * int(np.count_nonzero(weights)) - 3 - is_free, 1
-        )  # two lights fit any size
+        # Two lights have no misfit if the size is free.
+        freedom = max(2 * int(np.count_nonzero(weights)) - 3 - is_free, 1)
         misfit = float(weights @ off**2 / freedom)
         expected = max(float(fdtri(freedom, self.freedom, 1 - _ALARM / _TESTS)), self.tolerated)
-        text = _TEXTS[kind].format(named=named, off=off.max(), scale=scale)
-        is_rolled = np.trace(platform.reference.T @ turn) < 0
-        rms = float(off @ off / off.size / 2) ** 0.5
-        return _Fit(kind, text, misfit, misfit / expected, freedom, rms, is_rolled)
+        return _Fit(
+            kind=kind,
+            text=_TEXTS[kind].format(named=named, off=off.max(), scale=scale),
+            misfit=misfit,
+            excess=misfit / expected,
+            freedom=freedom,
+            rms=float(off @ off / off.size / 2) ** 0.5,
+            is_rolled=np.trace(platform.reference.T @ turn) < 0,
+        )
 
 
 def _size(points: FloatArray, weights: FloatArray) -> float:
