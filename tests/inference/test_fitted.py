@@ -69,11 +69,11 @@ def test_stars_are_not_accused_of_their_stated_errors():
 @pytest.mark.parametrize("model", MODELS)
 def test_likelihood_is_the_normal_density_star_by_star(model):
     """SciPy's density of each star, with the weight over its covariance."""
-    weights = GENERATOR.uniform(0.5, 2, 30)
+    weights = np.random.default_rng(11).uniform(0.5, 2, 30)
     covariance = np.where(np.arange(30)[:, None, None] % 3, EACH, TILTED)
     data = likelihood(model=model, weights=weights, target_covariance=covariance)
     centre, spread = data.start()
-    points = centre + spread * GENERATOR.normal(size=(4, len(centre)))
+    points = centre + spread * np.random.default_rng(12).normal(size=(4, len(centre)))
     for point, found in zip(points, data(points), strict=True):
         left = TARGET - data.places(point[None])[0]
         each = [
@@ -89,7 +89,7 @@ def test_three_sums_give_the_density_of_all_stars():
         data = likelihood(**settings)
         assert data._round
         centre, spread = data.start()
-        points = centre + spread * GENERATOR.normal(size=(4, len(centre)))
+        points = centre + spread * np.random.default_rng(13).normal(size=(4, len(centre)))
         np.testing.assert_allclose(data(points), data.pointwise(points).sum(axis=1), rtol=1e-10)
 
 
@@ -97,7 +97,7 @@ def test_errors_of_both_images_give_the_chi_square_of_the_nearest_true_places():
     """The least sum of both images' deviations over the true place of each star, by search."""
     data = likelihood(source_covariance=TILTED, target_covariance=EACH)
     centre, spread = data.start()
-    points = centre + 3 * spread * GENERATOR.normal(size=(2, 4))
+    points = centre + 3 * spread * np.random.default_rng(14).normal(size=(2, 4))
     inverse, squares = np.linalg.inv(TILTED), []
     for point in points:
         total = 0.0
@@ -145,8 +145,8 @@ def test_errors_of_your_stars_need_your_stars():
 def test_emcee_agrees_with_exact_draws(case):
     """Means, standard deviations and quantiles, within Monte Carlo errors of both."""
     if case == "eight":  # noisy stars, of which flat in the scale is not flat in its parts
-        source = GENERATOR.uniform(-1, 1, (8, 2))
-        rows = np.hstack([source, source + 0.2 * GENERATOR.normal(size=(8, 2))])
+        source = np.random.default_rng(15).uniform(-1, 1, (8, 2))
+        rows = np.hstack([source, source + 0.2 * np.random.default_rng(16).normal(size=(8, 2))])
         found = rp.posterior("registration", pd.DataFrame(rows, columns=list(STARS)))
     else:
         data, settings = CASES.get(case, (None, {}))
@@ -186,7 +186,7 @@ def test_exact_draws_of_other_models_are_refused(name, data, settings):
 def test_leaving_a_star_out_agrees_with_its_exact_prediction(tmp_path):
     """The saved log likelihood by ArviZ; exact: the Student-t of a star given all others."""
     pivot = np.array([1000.0, 1000.0])
-    target = SOURCE * 1.001 + 0.3 * GENERATOR.normal(size=SOURCE.shape)
+    target = SOURCE * 1.001 + 0.3 * np.random.default_rng(7).normal(size=SOURCE.shape)
     frame = pd.DataFrame(np.hstack([SOURCE, target]), columns=list(STARS))
     found = rp.posterior("registration", frame, pivot=tuple(pivot))
     tree = xarray.open_datatree(found.save(tmp_path / "p.nc"))

@@ -226,9 +226,13 @@ def posterior(
         return Posteriors()
     from reproduce.views.posterior import Posterior
 
-    own: dict[str, Any] = {"data": data, "pivot": pivot, "priors": priors, "platform": platform}
-    own |= {"model": model, "weights": weights, "data_seed": data_seed, "sep": sep}
-    own |= {"source_covariance": source_covariance, "target_covariance": target_covariance}
+    own: dict[str, Any] = {"data": data, "pivot": pivot, "priors": priors}
+    own |= {"data_seed": data_seed, "model": model, "weights": weights, "platform": platform}
+    own |= {
+        "source_covariance": source_covariance,
+        "target_covariance": target_covariance,
+        "sep": sep,
+    }
     return Posterior(name, **own, steps=steps, walkers=walkers, seed=seed)
 
 

@@ -501,17 +501,11 @@ def _prior(
         return prior.in_unit(1 / parameter.shown)
     try:
         low, high = (float(one) for one in prior)
+        if low < 0 and isinstance(parameter.prior, inference.LogUniform):
+            raise ValueError(f"expected zero or more, got {low:g}")
+        return inference.Uniform(low, high, "a reader's own").in_unit(1 / parameter.shown)
     except (TypeError, ValueError) as error:
-        raise ValueError(
-            f"prior of {parameter.name}: expected two bounds or a prior, got {prior!r}"
-        ) from error
-    if low < 0 and isinstance(parameter.prior, inference.LogUniform):
-        raise ValueError(f"prior of {parameter.name}: expected zero or more, got {low:g}")
-    if not low < high:
-        raise ValueError(
-            f"prior of {parameter.name}: expected low below high, got {low:g} and {high:g}"
-        )
-    return inference.Uniform(low / parameter.shown, high / parameter.shown, "a reader's own")
+        raise ValueError(f"prior of {parameter.name}: {error}. Give two bounds") from error
 
 
 _Values = NDArray[np.float64]

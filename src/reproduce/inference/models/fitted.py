@@ -10,7 +10,7 @@ With a flat prior the estimate of the scale would be inconsistent (Neyman and Sc
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -21,6 +21,7 @@ from reproduce.inference import LogUniform, Model, Normal, Parameter, Prior, Uni
 from reproduce.inference.models.registration import (
     ComplexArray,
     GaussianRegistration,
+    _registration_parameters,
 )
 from reproduce.physics.registration import (
     MODELS,
@@ -34,7 +35,6 @@ from reproduce.physics.registration import (
     robust_similarity,
 )
 from reproduce.physics.validate import FloatArray
-from reproduce.units import DEGREES_PER_RADIAN
 
 # Bounds of the noise, as multiples of the residual of least squares.
 _NOISE = (1e-9, 1e3)
@@ -43,8 +43,6 @@ _NOISE = (1e-9, 1e3)
 FIELDS, ERRORS, SCALES = 10.0, 1e3, 10.0
 # Parameter vectors times stars that are evaluated together. This bounds the memory.
 _TOGETHER = 1_000_000
-_LABELS = {"scale": "k", "rotation": r"\theta", "shift-x": r"\Delta x", "shift-y": r"\Delta y",
-           "radial": "c"}  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,10 +152,11 @@ def fitted_model(likelihood: FittedRegistration) -> Model:
             "their errors"
         )
     fit, priors = likelihood.fit, _priors(likelihood)
+    usual = {one.name: one for one in _registration_parameters(source, target)}
     parameters = [
-        Parameter(name, _LABELS.get(name, f"a_{{{name}}}"), UNITS.get(name, "1"), priors[name])
-        if name != "rotation"
-        else Parameter(name, _LABELS[name], "deg", priors[name], DEGREES_PER_RADIAN)
+        replace(usual[name], prior=priors[name])
+        if name in usual
+        else Parameter(name, f"a_{{{name}}}", UNITS.get(name, "1"), priors[name])
         for name in names
     ]
     if not known and fits_exactly(fit, source, target):
@@ -172,7 +171,7 @@ def fitted_model(likelihood: FittedRegistration) -> Model:
         noise = LogUniform(_NOISE[0] * residual, _NOISE[1] * residual, "no scale preferred: from "
                            "a billionth of the residuals of least squares to a thousand times "
                            "them")  # fmt: skip
-        parameters.append(Parameter("noise", r"\sigma", "px", noise))
+        parameters.append(replace(usual["noise"], prior=noise))
     estimate = dict(zip(names, fit.parameters.tolist(), strict=True))
     return Model("registration", tuple(parameters), likelihood, estimate)
 

@@ -101,7 +101,13 @@ def prepare(
     model: str = "similarity",
     **covariances: ArrayLike | None,
 ) -> Problem:
-    """Check points, weights, covariances and model, and bring them to one batch shape."""
+    """Check the arguments, those of `fit_registration`, and bring them to one batch shape.
+
+    Examples
+    --------
+    >>> prepare([[0, 0], [9, 0]], [[1, 0], [9, 1]], (0, 0)).counts
+    array([1., 1.])
+    """
     _parameter_names(model)
     n = source.shape[-2]
     kept = None if weights is None else validate.weights_for(weights, n)
@@ -400,10 +406,17 @@ def local_matrix(model: str, parameters: FloatArray, offsets: FloatArray) -> Flo
 
 
 def residuals_at(problem: Problem, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return target minus transformed source, and its inverse covariance, of each point.
+    """Return residuals, (m, n, 2) in px, and their inverse covariances, (..., n, 2, 2).
 
-    At any parameters, shape (m, p), of one set of n points: shapes (m, n, 2) in px, and
-    (..., n, 2, 2) as in `information`.
+    At any parameters, shape (m, p), of one set of n points. The residual is target minus
+    transformed source, and the inverse covariance that of `information`.
+
+    Examples
+    --------
+    >>> problem = prepare([[0, 0], [9, 0]], [[1, 0], [9, 1]], (0, 0))
+    >>> residuals_at(problem, np.array([[1.0, 0.0, 0.0, 0.0]]))[0]
+    array([[[1., 0.],
+            [0., 1.]]])
     """
     points = np.broadcast_to(problem.source, (len(parameters), *problem.source.shape))
     carry = local_matrix(problem.model, parameters, points - problem.pivot)
