@@ -148,6 +148,15 @@ def test_a_start_that_is_no_registration_is_refused(start):
         rp.match(stars, stars + 3, start=start)
 
 
+def test_a_device_without_an_end_is_refused():
+    with pytest.raises(ValueError, match=r"^/dev/zero: expected a file"):
+        rp.register("/dev/zero")
+    assert (
+        CliRunner().invoke(main, ["posterior", "registration", "--data", "/dev/zero"]).exit_code
+        == 2
+    )
+
+
 def test_a_wide_table_takes_linear_time(tmp_path):
     """A column that is not used costs as much as any other."""
     times = []

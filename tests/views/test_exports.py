@@ -381,11 +381,11 @@ def test_a_citation_of_an_unknown_source_is_not_unchanged(what, monkeypatch):
 @pytest.mark.parametrize("text", ["a", "#", "a#", "a#: printed ", ". reproduce-pointing ", "rp:"])
 def test_to_verify_a_long_text_takes_linear_time(text):
     times = []
-    for size in (20_000, 640_000):
+    for size in (8_000, 128_000):
         begin = time.process_time()
         assert verify(text * (size // len(text))).startswith("not ours")
         times.append(time.process_time() - begin)
-    assert times[1] < 200 * max(times[0], 0.002)
+    assert times[1] < 60 * max(times[0], 0.002)
 
 
 @pytest.mark.parametrize("wrong", [None, 5, ["niu2024/table-3"], b"niu2024/table-3"])

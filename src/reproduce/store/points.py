@@ -183,6 +183,8 @@ def _loaded(source: Any, sep: str | None) -> tuple[str, pd.DataFrame, bytes | No
 
     if isinstance(source, str | Path):
         name = "standard input" if str(source) == "-" else str(source)
+        if Path(source).is_char_device():  # it may never end
+            raise TableFileError(f"{name}: expected a file, got a device. Use - for standard input")
         content = sys.stdin.buffer.read() if str(source) == "-" else Path(source).read_bytes()
         form = next((f for end, f in _ASTROPY.items() if name.lower().endswith(end)), "")
         form = "fits" if content.startswith(_FITS_START) else form

@@ -1,4 +1,4 @@
-"""The command line: a thin shell over the front door, which says what is wrong in one line."""
+"""The command line over the public API, which reports each error of the input in one line."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ from reproduce.views.blocks import PLAIN, printable
 
 
 class _Shell(click.Group):
-    """Commands whose output suits any stream, and whose refusals are one line.
+    """Commands whose output suits any stream, and whose errors are one line.
 
-    Where JSON is asked for they are JSON too: an object with "error", and all numbers of chains
-    that miss a gate.
+    With ``--json`` an error is an object with "error", and with the numbers of chains that fail a
+    convergence criterion.
     """
 
     def invoke(self, ctx: click.Context) -> Any:
@@ -96,7 +96,7 @@ class _Target(click.ParamType[Path]):
 
 
 def _pairs(option: str, form: str, texts: tuple[str, ...]) -> dict[str, str]:
-    """Return what stands left and right of the equals signs."""
+    """Return the texts to the left and to the right of the equals signs."""
     parts = [text.partition("=") for text in texts]
     for name, equals, value in parts:
         if not equals or not name.strip():
@@ -165,7 +165,7 @@ def main() -> None:
 @main.command("list")
 @_JSON
 def list_items(as_json: bool) -> None:
-    """List all items, in order of print, and our own tables."""
+    """List all items in the order of the papers, and the supplementary tables."""
     contents = front.contents()
     _show(as_json, contents.entries, contents.listed.print)
 
@@ -196,17 +196,15 @@ def check(keys: tuple[str, ...], as_json: bool) -> None:
 @_SET
 @_SEED
 @click.option("--replicates", type=click.IntRange(min=2), help="Of a table that draws some.")
-@click.option(
-    "--option", "options", multiple=True, metavar=_CHOICE, help="How to read what is left open."
-)
+@click.option("--option", "options", multiple=True, metavar=_CHOICE, help="Reading of the text.")
 def show(
     address: str, changes: tuple[str, ...], options: tuple[str, ...], **numbers: int | None
 ) -> None:
-    """Show an item or a cell, computed beside printed; or computed again with a change.
+    """Show the printed and computed values of an item or a cell, or compute it with a change.
 
-    A change is a cell with a value, such as niu2024/text-simulation#noise="0.2 px"; an option a
-    reading of what the text leaves open, such as translations=table-2. With nothing but options,
-    the cells say what they would be judged as under that reading.
+    A change is a cell with a value, such as niu2024/text-simulation#noise="0.2 px". An option
+    selects a reading of the text, such as translations=table-2. With options only, each cell has
+    its verdict under this reading.
     """
     found, set_to = front.item(address), _pairs("--set", _CHANGE, changes)
     again: dict[str, Any] = {n: value for n, value in numbers.items() if value is not None}
@@ -244,7 +242,7 @@ def cite(address: str, form: str) -> None:
 @main.command()
 @click.argument("citation")
 def verify(citation: str) -> None:
-    """Say whether the citation of a cell, as text, is ours and still holds: exit code 0 if so."""
+    """Compare the citation of a cell, as text, with known statements: exit code 0 if unchanged."""
     click.echo(told := front.verify(citation))
     sys.exit(0 if told == "unchanged" else 1)
 
@@ -253,7 +251,7 @@ def verify(citation: str) -> None:
 @click.argument("paper", required=False, metavar="[PAPER]")
 @_JSON
 def audit(paper: str | None, as_json: bool) -> None:
-    """Cross-examine the printed numbers of a paper."""
+    """Check the printed numbers of a paper for consistency."""
     found = front.contradictions(paper)
     _show(as_json, found.as_json, found.print)
 
@@ -382,10 +380,10 @@ def posterior(
 ) -> None:
     """Sample the posterior of MODEL and print its summary.
 
-    With --data the same model takes your table (- is standard input) in place of ours.
-    A chain that misses a gate (R-hat, autocorrelation times, effective sample sizes) is refused:
-    the exit status is 1, and the steps needed are told. Where the posterior leans on an end of a
-    prior, a line says so; in JSON it is "at_prior_end".
+    With --data the same model takes your table (- is standard input) as its data.
+    A chain that fails a convergence criterion (R-hat, autocorrelation times, effective sample
+    sizes) is rejected: the exit status is 1, and the message gives the number of steps. A warning
+    names each bound of a prior at which the posterior piles up; in JSON it is "at_prior_end".
     """
     if listed:
         found: Any = front.posterior()

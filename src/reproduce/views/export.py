@@ -62,13 +62,13 @@ def table_files(key: str) -> dict[str, str]:
 
 
 def provenance(cited: str, setting: str = "") -> dict[str, str]:
-    """Return what an export says of itself: what made it, how to cite it, what was changed."""
+    """Return the provenance of an export: software, citation and changes."""
     told = {"software": software(), "citation": cited, "setting": setting}
     return {name: text for name, text in told.items() if text}
 
 
 def signed(ledger: Ledger, address: str = "all") -> Ledger:
-    """Return a ledger with the written reason of each verdict, and what it says of itself."""
+    """Return a ledger with the written reason of each verdict, and its provenance."""
     told = tuple(r.model_copy(update={"reason": reason(r.cell)}) for r in ledger.records)
     return ledger.model_copy(update={"records": told} | provenance(citation(address, "text")))
 
@@ -76,7 +76,7 @@ def signed(ledger: Ledger, address: str = "all") -> Ledger:
 def export_frame(frame: pd.DataFrame, form: str, about: Mapping[str, str] | None = None) -> str:
     """Write any DataFrame as csv, json, latex or markdown.
 
-    What an export says of itself stands before it, as a comment; in JSON beside the rows.
+    Its provenance is a comment before the rows; in JSON it is next to the rows.
     """
     if form not in FORMATS:
         raise ValueError(f"unknown format {form!r}: expected one of {', '.join(FORMATS)}")
@@ -159,9 +159,9 @@ WHOLE = "Pointing, reproduced: the printed numbers of two papers, recomputed and
 
 
 def citation(address: str, form: str) -> str:
-    """Return how to cite an item, a cell or a table of our own, and the paper it comes from.
+    """Return the citation of an item, a cell or a supplementary table, and of its paper.
 
-    ``all`` is the whole, which comes from all papers.
+    ``all`` is the whole project, with all papers.
     """
     if not isinstance(address, str):
         raise TypeError(f"address: expected text, such as 'niu2024/table-3', got {address!r}")
@@ -184,7 +184,7 @@ def citation(address: str, form: str) -> str:
 
 
 def beside(kind: str, name: str, paper: str, title: str, form: str) -> str:
-    """Return how to cite a posterior or a table of our own and the paper that it stands beside."""
+    """Return the citation of a posterior or a supplementary table, and of its paper."""
     link = "of" if kind == "Posterior" else "beside"
     whole = f"{kind} {link} {_et_al(paper)}: {title}"
     named = f"reproduce-{kind.lower()}-{anchor(name)}"
@@ -192,7 +192,7 @@ def beside(kind: str, name: str, paper: str, title: str, form: str) -> str:
 
 
 def statement(record: Record) -> str:
-    """Say of a cell what is printed, what we find and the verdict, rounded to six digits."""
+    """Return the printed value, the computed value to six digits and the verdict of a cell."""
     unit = "" if record.unit in {"", "1"} else f" {record.unit}"
     said = [f"{record.cell}: printed {record.printed}{unit}"]
     if record.computed is not None and record.role == "result":
@@ -205,7 +205,7 @@ def statement(record: Record) -> str:
 
 
 def mark(said: str) -> str:
-    """Return the digest of what is said of a cell, by which a citation checks itself."""
+    """Return the checksum of a statement on a cell."""
     return f"rp:{sha256(said.encode()).hexdigest()[:12]}"
 
 
