@@ -126,8 +126,10 @@ def test_a_start_gives_neighbours():
     same = rp.match(rp.stars(RED), rp.stars(GREEN), start=TRUTH.parameters, radius=2)
     pd.testing.assert_frame_equal(same, found)
     for start in ("x", (1, 0), (0, 0, 0, 0), (1, np.nan, 0, 0)):
-        with pytest.raises((TypeError, ValueError), match=r"start|scale"):
+        with pytest.raises((TypeError, ValueError), match=r"start|parameters"):
             rp.match(RED, GREEN, start=start)
+    with pytest.raises(ValueError, match="start"):
+        rp.register(RED, GREEN, start=(1, 0, 1000, 0))
 
 
 def test_pairs_are_a_table_that_register_takes():
@@ -312,7 +314,7 @@ def test_a_start_on_the_command_line(tmp_path):
     found = json.loads(run(*files, "--json", *start).stdout)
     values = [one["value"] for one in found["parameters"]]
     assert values == pytest.approx([1.1, np.pi / 2, 3, -4], abs=0.05)
-    assert "scale" in run(*files, "--start", 0, 90, 3, -4).stderr
+    assert "start" in run(*files, "--start", 0, 90, 3, -4).stderr
 
 
 def test_the_extension_and_the_mask_of_an_image_count(tmp_path):

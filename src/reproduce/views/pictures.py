@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from reproduce.physics.images import THRESHOLD, find_spots
 from reproduce.physics.registration import Registration, match_points, pair_weights
-from reproduce.physics.validate import finite_array
 from reproduce.store.images import Image, ImageError, is_image, read_image, reading
 from reproduce.store.points import STARS, is_table, read_table, table_of
 from reproduce.views.blocks import Block, Display, Fold
@@ -143,9 +142,12 @@ def paired(
     near = radius or _NEAR + _FRACTION * float(field)
     start = getattr(start, "transform", start)
     if start is not None and not isinstance(start, Registration):
-        scale, rotation, *shift = finite_array("start", start, shape=(4,)).tolist()
-        pivot = source.middle if pivot is None else pivot
-        start = Registration.similarity(scale, rotation, shift, pivot)
+        if np.shape(start) != (4,):
+            raise ValueError(
+                f"start: expected a transform or four numbers, got {start!r}. Give scale, rotation "
+                "in radians, and shift in x and y in px"
+            )
+        start = Registration("similarity", start, source.middle if pivot is None else pivot)
     with reading(f"{source.name} and {target.name}"):
         rows, found = match_points(source.points, target.points, near, start)
     a, b = rows.T

@@ -71,7 +71,8 @@ def match_points(
     Raises
     ------
     ValueError
-        If a list has fewer than four points, or the points do not agree better than by chance.
+        If a list has fewer than four points, the points do not agree better than by chance, or a
+        start leaves fewer than two pairs.
 
     Examples
     --------
@@ -82,6 +83,11 @@ def match_points(
     """
     if start is not None:
         rows = neighbours(start.apply(source), target, radius)
+        if len(rows) < 2:
+            raise ValueError(
+                f"start: expected two or more pairs of stars closer than {radius:.3g} px, got "
+                f"{len(rows)}. Correct it, or enlarge the radius"
+            )
         return _refined(rows, source, target, radius) if len(rows) > _FEW else (rows, start)
     if min(len(source), len(target)) < _FEWEST:
         raise ValueError(
