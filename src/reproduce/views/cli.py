@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import io
 import json
-import re
+import math
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -135,11 +135,8 @@ _CHANGE, _CHOICE, _ENDS = "CELL=VALUE", "NAME=ALTERNATIVE", "NAME=LOW,HIGH"
 _SETTINGS = {"help_option_names": ["-h", "--help"], "show_default": True}
 # A FITS file may have the name of an extension in brackets behind it.
 _FILE = click.Path(path_type=Path)
-# The end of a FITS file name with the extension in brackets, or of any other file name.
-_ENDING = re.compile(r"\.(?:fits|fit|fts)(?:\.\w+)?(?:\[.*\])?$|\.\w+$", re.I)
 _FIGURE = _Target(*FIGURES)
 _ABOVE = click.FloatRange(min=0, min_open=True)
-_FOLDER = click.Path(file_okay=False, path_type=Path)
 _ADDRESS = click.argument("address", metavar="KEY[#CELL]")
 _JSON = click.option("--json", "as_json", is_flag=True, help="Print JSON for other programs.")
 _SEED = click.option("--seed", type=click.IntRange(min=0), help="Of the random numbers.")
@@ -265,21 +262,20 @@ def audit(paper: str | None, as_json: bool) -> None:
 @click.option("--reference", help="Reference image, as given.  [default: the second one]")
 @click.option("--threshold", type=_ABOVE, help="Of stars, in standard deviations of the noise.")
 @click.option("--radius", type=_ABOVE, help="How far apart stars of a pair may land, in px.")
-@click.option(
-    "--picture", type=_FIGURE, help="Draw the residuals before and after: .svg .pdf .png."
-)
-@click.option("--write", type=_FOLDER, help="Folder for the registered images, as FITS.")
+@click.option("--start", type=float, nargs=4, metavar="SCALE ROTATION SHIFT_X SHIFT_Y",
+              help="Rough transform about the pivot, in degrees and px.")  # fmt: skip
+@click.option("--picture", type=_FIGURE, help="Drawing of the residuals: .svg, .pdf or .png.")
 @click.option("--posterior", is_flag=True, help="Sample the same transform with emcee too.")
 @_JSON
 def register(
     files: tuple[Path, ...],
     as_json: bool,
     picture: Path | None,
-    write: Path | None,
     posterior: bool,
+    start: tuple[float, float, float, float] | None,
     **settings: Any,
 ) -> None:
-    """Fit the transform that lays your own stars on the same stars of another image.
+    """Fit the transform that maps your stars onto the same stars of another image.
 
     One FILE is a table of matched stars: a text file with the names in its first line, - for
     standard input, or an ECSV, FITS, VOTable or SExtractor file. A row is a star, in px, with the
@@ -288,27 +284,25 @@ def register(
     (1 drops the row). The default pivot is the mean of the source stars.
 
     Two or more FILEs are FITS images, such as field.fits or field.fits[SCI], or tables with the
-    columns x, y. Their stars are found and matched, and the fit is robust. The default reference is
-    the second image, and the default pivot is the middle of the image.
+    columns x, y, and flux or mag if known. Their stars are found and matched, and the fit is
+    robust. The default reference is the second image, and the default pivot is the middle of the
+    image. If the match fails, give a rough transform by --start.
+
+    Several drawings have the names of the images behind the name of --picture.
     """
-    sources = list(files)
-    reference = Path(settings["reference"] or (files[1:2] or files)[0])
-    if reference in sources:
-        sources.remove(reference)
-    stems = _stems(sources)
-    targets = [write / f"{stem}-registered.fits" for stem in stems if write]
-    if write:
-        existing = next(one for one in (write, *write.parents) if one.exists())
-        check_target(existing / "registered.fits", (".fits",), "--write")
-    if taken := [one for one in targets if one.exists()]:
-        raise click.UsageError(f"--write: expected no file {taken[0]}, got one. Remove it first")
+    drawings = _drawings(files, settings["reference"], picture) if picture else []
+    if posterior and len(files) < 2:
+        raise click.UsageError("--posterior: expected two or more FILEs, got one")
     given: dict[str, Any] = {name: one for name, one in settings.items() if one is not None}
+    if start:
+        scale, rotation, *shift = start
+        given["start"] = scale, math.radians(rotation), *shift
     with _bar("finding stars") as progress:
         source: Any = files[0] if len(files) == 1 else files
         found: Any = front.register(source, progress=progress, **given)
-    fits = getattr(found, "fits", {"": found} if hasattr(found, "log") else {})
-    if (picture or write or posterior) and not fits:
-        raise click.UsageError("--picture, --write and --posterior belong to pictures")
+    fits = getattr(found, "fits", {"": found})
+    for path, fit in zip(drawings, fits.values(), strict=bool(drawings)):
+        _save(fit.save, path)
     sampled = {name: fit.posterior() for name, fit in fits.items()} if posterior else {}
     for name, one in sampled.items():
         with _bar(printable(f"sampling {name}").strip()) as progress:
@@ -320,19 +314,23 @@ def register(
             one.print()
 
     _show(as_json, lambda: found.record() | ({"posteriors": records} if records else {}), shown)
-    for stem, (name, fit) in zip(stems, fits.items(), strict=True):
-        if picture:
-            _save(fit.save, picture.with_stem(f"{picture.stem}-{stem}") if name else picture)
-    for target, fit in zip(targets, fits.values(), strict=False):
-        target.parent.mkdir(parents=True, exist_ok=True)
-        _save(fit.write, target)
 
 
-def _stems(files: Sequence[Path]) -> list[str]:
-    """Return a different name for the files of each registration."""
-    stems = [_ENDING.sub("", one.name) for one in files]
-    numbered = enumerate(stems)
-    return [one if stems.count(one) == 1 else f"{one}-{place}" for place, one in numbered]
+def _drawings(files: tuple[Path, ...], reference: str | None, picture: Path) -> list[Path]:
+    """Return the path of the drawing of each registration; no two are equal."""
+    if len(files) < 2:
+        raise click.UsageError("--picture: expected two or more FILEs, got one")
+    others = [one for one in files if one != Path(reference or files[1])]
+    if len(others) == 1:
+        return [picture]
+    # The whole name of a FILE: the part behind a dot may be the only difference.
+    drawings = [picture.with_stem(f"{picture.stem}-{one.name}") for one in others]
+    for path in drawings:
+        if path.exists() or drawings.count(path) > 1:
+            raise click.UsageError(
+                f"--picture: expected new drawings with different names, got {path}. Rename a file"
+            )
+    return drawings
 
 
 @main.command()

@@ -304,7 +304,7 @@ def register(
     reference : str, optional
         Reference image: the path as given, or "image 1" for an array. Default: the second image.
     start, radius : optional
-        Parameters of `match`, for images.
+        Parameters of `match`, for images and lists.
     threshold : float, optional
         Parameter of `stars`, for images.
     sep : str, optional
@@ -377,10 +377,12 @@ def stars(
 
     Parameters
     ----------
-    source : path or array_like, shape (height, width)
+    source : path, table or array_like, shape (height, width) or (n, 2)
         FITS file (``field.fits[SCI]`` if it contains several images), array, masked array or
-        `CCDData`, whose mask and uncertainty apply. Also a table of stars with the columns ``x``
-        and ``y``, as in `register`.
+        `CCDData`, whose mask and uncertainty apply. Also a list of stars in any order: an array of
+        shape (n, 2), or a table as in `register` with the columns ``x`` and ``y``, in px. Optional
+        columns are ``flux`` or ``mag`` (brighter stars have a lower magnitude), by which `match`
+        selects stars, ``sigma`` (or ``sigma_x``, ``sigma_y``), in px, and ``weight``.
     threshold : float, optional
         Detection threshold, in standard deviations of the noise. Default: 5.
     sep : str, optional
@@ -402,26 +404,44 @@ def stars(
 
 
 def match(source: Any, target: Any, start: Any = None, radius: float | None = None) -> pd.DataFrame:
-    """Pair the stars of two pictures.
+    """Match the stars of two images or lists.
+
+    Shifts are tried first, then triangles of the brightest stars, then triangles of the most
+    isolated stars. Four common stars suffice if they agree to their errors. Matches that are not
+    better than by chance are rejected.
 
     Parameters
     ----------
-    source, target : Stars, or what `stars` takes
-    start : Registration or Registered, optional
-        Stars that are neighbours under it are pairs; by default it is found from triangles.
+    source, target : Stars, or any `source` of `stars`
+        Both images or lists, in any order of rows.
+    start : Registration, Registered or array_like, shape (4,), optional
+        Rough transform, under which the stars of a pair are neighbours. An array contains scale,
+        rotation in radians and shift in px about the middle of the image, or the mean of the stars
+        of a list, as in ``register(...).parameters``. Default: found from the stars.
     radius : float, optional
-        How far from each other the stars of a pair may land, in px.
+        Largest distance between the stars of a pair, in px. Default: 2 px and 1/1000 of the field.
 
     Returns
     -------
     DataFrame
-        A pair in each row, as `register` takes them, and which star of each picture it is;
-        ``attrs`` says whether the pictures are ``mirrored``.
-    """
-    from reproduce.views.pictures import paired
+        Pairs in the columns of `register`, with the rows of both stars. Its ``attrs`` contain
+        ``mirrored``, whether the images mirror each other.
 
-    first, second = (one if hasattr(one, "dropped") else stars(one) for one in (source, target))
-    return paired(first, second, start, radius)[0]
+    Raises
+    ------
+    ValueError
+        If a list has fewer than four stars, or the stars do not agree better than by chance.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> target = np.array([[10.0, 20], [400, 30], [250, 300], [90, 410]])
+    >>> match(target[::-1] - (5, 0), target)["row_reference"].tolist()
+    [3, 2, 1, 0]
+    """
+    from reproduce.views.pictures import paired, stars_of
+
+    return paired(stars_of(source), stars_of(target), start, radius)[0]
 
 
 def misalignment(

@@ -1,11 +1,14 @@
-"""Pairing two lists of points whose transform is not known, and weighing the pairs.
+"""Matching two lists of points under an unknown transform, and weights of the matched pairs.
 
-Triangles of neighbours vote: their shapes are changed by no shift, turn or scale, and are mirrored
-by a mirror image. Points are in px, as in `fit`.
+Shifts are found from the differences of all positions. Scale and rotation are found from triangles
+of neighbours, whose shapes do not change under a similarity. Points are in px, as in `fit`.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from itertools import combinations
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -15,43 +18,61 @@ from reproduce.physics.registration.fit import fit_registration
 from reproduce.physics.registration.transforms import Registration, as_complex, as_points
 from reproduce.physics.validate import FloatArray
 
-# Stars among which triangles are looked for, first and where that fails; neighbours of each.
-_BRIGHTEST, _NEIGHBOURS = (50, 200), 6
-# How far triangles may differ in shape; how many are tried at most, the likeliest first.
+# Common stars that identify a transform, at least: three agree too often by chance.
+_FEWEST = 4
+# Stars of a sample whose triangles are compared, at most, and triangles of a sample, about.
+_SAMPLE, _TRIANGLES = 150, 10_000
+# Largest difference in shape of two triangles, and pairs of triangles that are tried, at most.
 _ALIKE, _TRIED = 0.02, 4_000
-# Fewer pairs are not sharpened by a fit of all; rounds of the scatter beyond the errors.
-_FEW, _TIMES = 6, 6
-# Of a place that is known exactly, in px^2.
-_EXACT = 1e-12
-# The chance that as many stars land on others by chance.
+# Differences of positions that vote for a shift, about, and shifts that are tried, at most.
+_VOTES, _SHIFTS = 60_000, 20
+# Probability that unrelated stars are matched, at most.
 _CHANCE = 1e-6
+# Agreement of positions that counts as exact, in px, also if all positions are whole numbers:
+# rounded positions agree by chance.
+_ROUNDED, _WHOLE = 0.1, 0.5
+# Up to this number of pairs a fit to all pairs is not robust. Rounds of such fits.
+_FEW, _ROUNDS = 6, 2
+# Iterations of the scatter beyond the errors.
+_TIMES = 6
+# Variance of a position that is known exactly, in px^2.
+_EXACT = 1e-12
+
+ComplexArray = NDArray[np.complex128]
+IntArray = NDArray[np.int64]
 
 
 def match_points(
     source: FloatArray, target: FloatArray, radius: float, start: Registration | None = None
-) -> tuple[NDArray[np.int64], Registration]:
-    """Pair two lists of points: neighbours under a start, or under what their triangles say.
+) -> tuple[IntArray, Registration]:
+    """Match two lists of points that are related by a similarity or its mirror image.
 
-    Shapes of triangles are changed by no shift, turn or scale. A mirror image is recognised.
+    Without a start, shifts are tried first, then triangles of the first points of both lists, then
+    triangles of the points with the most distant neighbours. A transform is accepted if the
+    probability of an equal agreement of unrelated points is below 1e-6.
 
     Parameters
     ----------
-    source, target : ndarray, shapes (n, 2) and (m, 2), in px, the brightest first
+    source, target : ndarray, shapes (n, 2) and (m, 2)
+        Points, in px, the brightest first if their brightness is known.
     radius : float
-        How far from each other two points of a pair may land, in px.
+        Largest distance between the two points of a pair, in px.
     start : Registration, optional
+        Rough transform. Default: found from the points.
 
     Returns
     -------
     rows : ndarray of int, shape (p, 2)
-        Of each pair the row of the source and that of the target.
+        Row of the source and row of the target of each pair.
     found : Registration
-        Under which they are neighbours; its determinant is negative of a mirror image.
+        Transform under which the pairs are neighbours. The determinant of its matrix is negative
+        for a mirror image.
 
     Raises
     ------
     ValueError
-        If no more points land on others than chance lays there.
+        If a list has fewer than four points, the points do not agree better than by chance, or a
+        start leaves fewer than two pairs.
 
     Examples
     --------
@@ -60,28 +81,61 @@ def match_points(
     >>> bool((rows.sum(axis=1) == 39).all()), found.apply([[100.0, 0]]).round(6)
     (True, array([[104.,   4.]]))
     """
-    found = start or _asterism(source, target, radius)
-    rows = neighbours(found.apply(source), target, radius)
-    for _ in range(2 if len(rows) > _FEW else 0):
-        # What was found from a few bright stars is sharpened by all.
-        pairs, middle = (source[rows[:, 0]], target[rows[:, 1]]), source.mean(axis=0)
-        found = fit_registration(*pairs, middle, model="affine", robust=True).transform
-        rows = neighbours(found.apply(source), target, radius)
-    return rows, found
+    if start is not None:
+        rows = neighbours(start.apply(source), target, radius)
+        if len(rows) < 2:
+            raise ValueError(
+                f"start: expected two or more pairs of stars closer than {radius:.3g} px, got "
+                f"{len(rows)}. Correct it, or enlarge the radius"
+            )
+        return _refined(rows, source, target, radius) if len(rows) > _FEW else (rows, start)
+    if min(len(source), len(target)) < _FEWEST:
+        raise ValueError(
+            f"expected {_FEWEST} or more stars in each list, got {len(source)} and {len(target)}. "
+            "Give a start"
+        )
+    found: list[tuple[int, IntArray, Registration]] = []
+    for rows, chance in _candidates(source, target, radius):
+        if chance < _CHANCE:
+            rows, transform = _refined(rows, source, target, radius)
+            # A transform that is right in a part of the field leaves distant pairs.
+            close = len(neighbours(transform.apply(source), target, radius / 3))
+            found.append((close, rows, transform))
+            if 2 * close > min(len(source), len(target)):
+                break
+    if not found:
+        raise ValueError(
+            f"expected {_FEWEST} or more common stars, got lists of {len(source)} and "
+            f"{len(target)} stars that agree no better than by chance. Give a start"
+        )
+    return max(found, key=itemgetter(0))[1:]
 
 
-def neighbours(source: FloatArray, target: FloatArray, radius: float) -> NDArray[np.int64]:
-    """Return the rows of points that are each other's nearest and closer than a radius.
+def _refined(
+    rows: IntArray, source: FloatArray, target: FloatArray, radius: float
+) -> tuple[IntArray, Registration]:
+    """Return the pairs under the affine transform of pairs, and the transform."""
+    for _ in range(_ROUNDS):
+        pairs, robust = (source[rows[:, 0]], target[rows[:, 1]]), len(rows) > _FEW
+        fit = fit_registration(*pairs, source.mean(axis=0), model="affine", robust=robust)
+        rows = neighbours(fit.transform.apply(source), target, radius)
+    return rows, fit.transform
+
+
+def neighbours(source: FloatArray, target: FloatArray, radius: float) -> IntArray:
+    """Return the rows of points that are nearest to each other and closer than a radius.
 
     Parameters
     ----------
     source, target : ndarray, shapes (n, 2) and (m, 2)
+        Points, in px.
     radius : float
+        Largest distance, in px.
 
     Returns
     -------
     ndarray of int, shape (p, 2)
-        Of each pair the row of the source and that of the target.
+        Row of the source and row of the target of each pair.
 
     Examples
     --------
@@ -97,70 +151,104 @@ def neighbours(source: FloatArray, target: FloatArray, radius: float) -> NDArray
     return np.stack([rows, there], axis=-1)[(apart < radius) & (back[there] == rows)]
 
 
-def _asterism(source: FloatArray, target: FloatArray, radius: float) -> Registration:
-    """Return the similarity, perhaps of a mirror image, under which most stars are neighbours."""
+def _candidates(
+    source: FloatArray, target: FloatArray, radius: float
+) -> Iterator[tuple[IntArray, float]]:
+    """Yield the pairs under the best transform of each kind and sample, and their probability."""
+    first, other = as_complex(source), as_complex(target)
+    yield _best(first, other, radius, *_shifts(source, target, radius))
+    # The first stars, then those with the most distant nearest neighbour: two lists of the same
+    # stars have this order in common for any rotation and any order of rows.
+    given = np.arange(len(source)), np.arange(len(target))
+    for i, j in (given, (_isolated(source), _isolated(target))):
+        i, j = i[:_SAMPLE], j[:_SAMPLE]
+        # A mirror image has the conjugate positions.
+        for stars in (first[i], first[i].conj()):
+            similarities = _similarities(_triangles(stars), _triangles(other[j]))
+            rows, chance = _best(stars, other[j], radius, *similarities)
+            yield np.stack([i[rows[:, 0]], j[rows[:, 1]]], axis=-1), chance
+
+
+def _best(
+    stars: ComplexArray, others: ComplexArray, radius: float,
+    factors: ComplexArray, offsets: ComplexArray, trials: int,
+) -> tuple[IntArray, float]:  # fmt: skip
+    """Return the pairs under the transform with most of them, and their probability by chance."""
+    from scipy.spatial import KDTree
     from scipy.special import pdtrc
 
-    for count in _BRIGHTEST:
-        some = source[:count], target[:count]
-        best, landed = max((_consensus(*some, radius, flip) for flip in (1, -1)),
-                           key=lambda one: one[1])  # fmt: skip
-        area = float(np.prod(np.ptp(some[1], axis=0))) or 1.0
-        mean = len(some[0]) * min(1.0, len(some[1]) * np.pi * radius**2 / area)
-        # Two stars were laid there by the transform itself.
-        if landed >= 3 and _TRIED * pdtrc(landed - 3, mean) < _CHANCE:
-            return best
-    raise ValueError(
-        f"expected the same stars in both pictures, got {landed} of {len(some[0])} on others, no "
-        "more than chance lays there; give a start"
-    )
+    if not len(factors):
+        return np.zeros((0, 2), int), 1.0
+    tree = KDTree(as_points(others))
+    landed = as_points(factors[:, None] * stars + offsets[:, None])
+    hit = tree.query(landed, distance_upper_bound=radius)[1]
+    # Several stars near one star of the target count once; the last index is no star.
+    best = landed[(np.diff(np.sort(hit), append=tree.n) > 0).sum(axis=1).argmax()]
+    rows = neighbours(best, tree.data, radius)
+    apart = np.asarray(tree.query(best, 3)[0])
+    # Two stars agree by the transform itself. Density from the third nearest.
+    agreement = np.sort(apart[rows[:, 0], 0])[_FEWEST - 1 :]
+    least = _ROUNDED if (tree.data % 1).any() else _WHOLE
+    density = (np.maximum(apart[:, 2], least) ** -2.0).sum()
+    expected = 2 * density * np.maximum(agreement, least) ** 2
+    chances = pdtrc(np.arange(len(agreement)) + _FEWEST - 3, expected)
+    return rows, trials * len(rows) * float(chances.min(initial=1.0))
 
 
-def _consensus(
-    source: FloatArray, target: FloatArray, radius: float, flip: int
-) -> tuple[Registration, int]:
-    """Return the similarity of the triangles that lay most stars on others, and how many."""
+def _isolated(points: FloatArray) -> IntArray:
+    """Return the rows of points, that with the most distant nearest neighbour first."""
     from scipy.spatial import KDTree
 
-    mirror = Registration("affine", np.array([1.0, 0, 0, flip, 0, 0]), np.zeros(2))
-    source = source * (1, flip)
-    (ours, shapes), (theirs, others) = _triangles(source), _triangles(target)
-    alike = KDTree(shapes).sparse_distance_matrix(KDTree(others), _ALIKE, output_type="ndarray")
+    apart = np.asarray(KDTree(points).query(points, 2)[0])[:, 1]
+    return np.argsort(-apart, kind="stable")
+
+
+def _shifts(
+    source: FloatArray, target: FloatArray, radius: float
+) -> tuple[ComplexArray, ComplexArray, int]:
+    """Return the shifts for which most differences of positions vote, and the number of shifts."""
+    from scipy.spatial import KDTree
+
+    field = np.ptp(target, axis=0).max()
+    reach = 2 * radius + field * np.sqrt(_VOTES / (len(source) * len(target)))
+    near = KDTree(source).sparse_distance_matrix(KDTree(target), reach, output_type="ndarray")
+    moves = as_complex(target[near["j"]] - source[near["i"]])
+    _, first, votes = np.unique(np.round(moves / radius), return_index=True, return_counts=True)
+    chosen = moves[first[np.argsort(-votes, kind="stable")[:_SHIFTS]]]
+    return np.ones_like(chosen), chosen, len(votes)
+
+
+def _similarities(
+    triangles: ComplexArray, others: ComplexArray
+) -> tuple[ComplexArray, ComplexArray, int]:
+    """Return the similarities of the triangles that are most alike, and the number of pairs."""
+    from scipy.spatial import KDTree
+
+    shapes, there = (KDTree(as_points((c - a) / (b - a))) for a, b, c in (triangles, others))
+    alike = shapes.sparse_distance_matrix(there, _ALIKE, output_type="ndarray")
     alike = np.sort(alike, order=("v", "i", "j"))[:_TRIED]
-    if not len(alike):
-        return mirror, 0
-    ours, theirs = ours[alike["i"]], theirs[alike["j"]]
     # By their longest sides: a narrow triangle may fit its own mirror image better.
-    sides = source[ours[:, :2]]
-    tried = fit_registration(sides, target[theirs[:, :2]], sides.mean(axis=1)).transform
-    apart, hit = KDTree(target).query(tried.apply(source))
-    # Several stars in one place are one.
-    hit = np.sort(np.where(apart < radius, hit, -1), axis=1)
-    counts = (np.diff(hit, axis=1, prepend=-1) > 0).sum(axis=1)
-    best = int(counts.argmax())
-    found = Registration("similarity", tried.parameters[best], tried.pivot[best])
-    return found.after(mirror), int(counts[best])
+    a, b, _ = triangles[:, alike["i"]]
+    c, d, _ = others[:, alike["j"]]
+    factors = (d - c) / (b - a)
+    return factors, c - factors * a, shapes.n * there.n
 
 
-def _triangles(points: FloatArray) -> tuple[NDArray[np.int64], FloatArray]:
-    """Return triangles of neighbours: their corners, and their shapes, (n, 2).
+def _triangles(stars: ComplexArray) -> ComplexArray:
+    """Return the corners of triangles of neighbours, shape (3, n).
 
-    The longest side leads from the first corner to the second; the shape says where, in units of
-    it, the third one lies, nearer to the first.
+    The longest side joins the first two corners, and the third is nearer to the first.
     """
     from scipy.spatial import KDTree
 
-    wanted = np.arange(min(len(points), _NEIGHBOURS + 1)) + 1
+    points = as_points(stars)
+    wanted = min(len(points), round(np.cbrt(6 * _TRIANGLES / len(points))))
     near = np.asarray(KDTree(points).query(points, wanted)[1])
-    first, second = np.triu_indices(near.shape[1] - 1, 1)
-    corners = np.stack([near[:, [0] * len(first)], near[:, 1 + first], near[:, 1 + second]], -1)
-    corners = np.unique(np.sort(corners.reshape(-1, 3), axis=1), axis=0)
-    stars = as_complex(points)
-    # Turned so that the longest side joins the first two, and the third is nearer to the first.
-    sides = np.abs(stars[np.roll(corners, 1, axis=1)] - stars[np.roll(corners, -1, axis=1)])
-    corners = np.take_along_axis(corners, np.argsort(sides, axis=1)[:, [1, 0, 2]], axis=1)
-    a, b, c = stars[corners].T
-    return corners, as_points((c - a) / (b - a))
+    rows = near[:, list(combinations(range(wanted), 3))].reshape(-1, 3)
+    corners = stars[np.unique(np.sort(rows), axis=0)]
+    corners = corners[np.ptp(corners, axis=1) != 0]
+    sides = np.abs(np.roll(corners, 1, axis=1) - np.roll(corners, -1, axis=1))
+    return np.take_along_axis(corners, np.argsort(sides)[:, [1, 0, 2]], axis=1).T
 
 
 def pair_weights(
