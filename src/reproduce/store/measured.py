@@ -104,10 +104,10 @@ def mosaic(band: str) -> NDArray[np.float64]:
     Raises
     ------
     ImageError
-        Without astropy, which the extra ``images`` installs.
+        Without astropy.
     """
     picture = read_image(_file(f"2mass/2MASS_{band}.fits"))
-    return picture.light
+    return picture.light.astype(np.float64)
 
 
 @cache
@@ -144,7 +144,7 @@ def windows(slot: int) -> Windows:
     Raises
     ------
     ImageError
-        Without astropy, which the extra ``images`` installs.
+        Without astropy.
     """
     table = fits_table(_file(f"chandra/acaf686111014N001_{slot}_img0.fits.gz"))
     table = table[table["IMGFUNC1"] == _TRACKING][:-_LAST]
