@@ -94,6 +94,29 @@ def test_a_huge_image_is_refused_before_its_pixels_are_read(tmp_path, monkeypatc
             read_image(source)
 
 
+def header(bits, *sides):
+    """Write the header of an image without its pixels."""
+
+    def write(path):
+        cards = [("SIMPLE", "T"), ("BITPIX", bits), ("NAXIS", len(sides))]
+        cards += [(f"NAXIS{i}", side) for i, side in enumerate(sides, start=1)]
+        lines = [f"{key:8s}= {value:>20}".ljust(80) for key, value in cards]
+        content = "".join([*lines, "END".ljust(80)]).ljust(2880).encode()
+        path.write_bytes(gzip.compress(content + bytes(10**6)) if path.suffix == ".gz" else content)
+
+    return write
+
+
+def damaged(path):
+    """Write a compressed image with three wrong bytes, which still decompress."""
+    noise = np.random.default_rng(1).integers(0, 99, (200, 200)).astype(np.uint8)
+    unit = fits.PrimaryHDU(noise)
+    unit.writeto(path.with_suffix(""))
+    content = bytearray(gzip.compress(path.with_suffix("").read_bytes()))
+    content[-8] ^= 255
+    path.write_bytes(content)
+
+
 def cut(path):
     fits.writeto(path, np.zeros((100, 100)))
     path.write_bytes(path.read_bytes()[:40_000])
@@ -107,6 +130,14 @@ BAD = {
     "nan.fits": (lambda p: fits.writeto(p, np.full((30, 30), np.nan)), "900 missing"),
     "full.fits": (lambda p: fits.writeto(p, np.full((30, 30), 65535, np.uint16)), "900 saturated"),
     "cube.fits": (lambda p: fits.writeto(p, np.zeros((5, 30, 30))), "shape"),
+    "huge.fits": (header(-64, 10**5, 10**5), "truncated"),
+    "bomb.fits.gz": (header(-64, 30_000, 30_000), "900,000,000 px"),
+    "damaged.fits.gz": (damaged, "CRC"),
+    "cut.fits.gz": (lambda p: p.write_bytes(gzip.compress(RAMP.tobytes())[:50]), "expected"),
+    "large.fits": (lambda p: fits.writeto(p, 1e155 * RAMP), "1e\\+30"),
+    "tiny.fits": (lambda p: fits.writeto(p, 1e-155 * RAMP), "1e-30"),
+    "zero.fits": (lambda p: p.symlink_to("/dev/zero"), "regular file"),
+    "folder.fits": (lambda p: p.mkdir(), "regular file"),
     "missing.fits": (lambda p: None, "No such file"),
     "colour.tif": (lambda p: p.write_bytes(b"II*\0"), "FITS"),
 }
@@ -118,7 +149,7 @@ def test_a_bad_file_raises_one_line_with_its_name(tmp_path, name):
     write(tmp_path / name)
     with pytest.raises(ImageError, match=problem) as caught:
         read_image(tmp_path / name)
-    assert str(caught.value).startswith(name)
+    assert str(caught.value).startswith(f"{name}: expected ")
     assert str(caught.value).count(f"{name}:") == 1
     assert "\n" not in str(caught.value)
 
@@ -133,6 +164,18 @@ def test_damaged_headers_raise_the_error_of_an_image(tmp_path, damage):
     (tmp_path / "a.fits").write_bytes(content)
     with contextlib.suppress(ImageError):
         read_image(tmp_path / "a.fits")
+
+
+def test_a_device_is_no_file():
+    with pytest.raises(ImageError, match="/dev/zero: expected a regular file"):
+        is_image("/dev/zero")
+
+
+def test_single_precision_is_used_if_it_is_exact():
+    for kind, exact in (("u1", True), (">i2", True), (">f4", True), ("i4", False), ("f8", False)):
+        light = read_image(RAMP.astype(kind) // 4).light
+        assert light.dtype == (np.float32 if exact else np.float64)
+        assert light.dtype.isnative
 
 
 def test_stars_are_no_image():

@@ -6,6 +6,7 @@ and is imported on first use.
 
 from __future__ import annotations
 
+import gzip
 import math
 import re
 import warnings
@@ -19,7 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+FloatArray = NDArray[np.floating]
 Mask = NDArray[np.bool_]
 
 # The end of a FITS file name, and the extension in brackets behind it.
@@ -30,8 +31,12 @@ _FITS = re.compile(
 _SHORTEST = 16
 # Pixels of an image, at most: beyond, the memory of a usual machine is full.
 _MOST_PIXELS = 400_000_000
+# Largest magnitude of a pixel: single precision ends at 3e38.
+_LARGEST = 1e30
 # Pixels that suffice to find the step between two digital numbers.
 _SAMPLE = 100_000
+# Bytes of a compressed file that are checked at once.
+_BLOCK = 1 << 20
 # Touching pixels that share the highest value if a star is saturated.
 _PLATEAU = 4
 
@@ -74,6 +79,8 @@ def is_image(source: Any) -> bool:
     (False, False, True)
     """
     if isinstance(source, str | Path):
+        if Path(source).is_char_device():
+            raise ImageError(f"{source}: expected a regular file, got a device. Name a file")
         found = _FITS.fullmatch(str(source))
         return found is not None and (bool(found["extension"]) or bool(_image_names(found["file"])))
     shape = np.shape(source.data) if _is_nddata(source) else getattr(source, "shape", ())
@@ -116,15 +123,18 @@ def read_image(source: Any, name: str = "array") -> Image:
         raise ImageError(f"{name}: expected real numbers, got {content.dtype}. Convert the image")
     if content.size > _MOST_PIXELS:
         raise _too_large(name, content.size)
-    mask = np.ma.getmaskarray(content)
+    # Single precision if it is exact: it halves the memory.
+    exact = np.can_cast(content.dtype, np.float32)
+    light: FloatArray = np.asarray(content.data, dtype=np.float32 if exact else np.float64)
+    missing = ~np.isfinite(light) | np.ma.getmask(content)
     if _is_nddata(source) and source.mask is not None:
         with reading(f"{name}: mask"):
-            mask = mask | np.asarray(source.mask, dtype=bool)
-    light = np.asarray(content.data, dtype=np.float64)
-    light = np.where(mask | ~np.isfinite(light), np.nan, light)
+            missing |= np.asarray(source.mask, dtype=bool)
+    if missing.any():
+        light = np.where(missing, np.nan, light)
     top = float(np.iinfo(content.dtype).max) if content.dtype.kind in "iu" else math.inf
     full = light >= _highest(light, top)
-    _check_contrast(name, light, full)
+    _check_range(name, light, missing, full)
     return Image(name, light, full, _step(light), _sigma(name, source, light))
 
 
@@ -145,21 +155,30 @@ def _sigma(name: str, source: Any, light: FloatArray) -> FloatArray | None:
 
 def _step(light: FloatArray) -> float:
     """Return the step between two digital numbers of the background."""
-    known = light[np.isfinite(light)]
-    some = known[:: max(len(known) // _SAMPLE, 1)]
+    every = math.isqrt(light.size // _SAMPLE) + 1
+    some = light[::every, ::every].astype(np.float64)
+    some = some[np.isfinite(some)]
     numbers = np.unique(some)
-    at = np.searchsorted(numbers, np.median(some))
+    at = np.searchsorted(numbers, np.median(some)) if len(some) else 0
     return float(np.diff(numbers[max(at - 1, 0) : at + 2]).min(initial=math.inf))
 
 
-def _check_contrast(name: str, light: FloatArray, full: Mask) -> None:
-    """Raise `ImageError` if all pixels are missing, saturated or equal."""
-    missing = np.isnan(light)
-    seen = light[~missing & ~full]
-    if not len(seen) or not np.ptp(seen):
+def _check_range(name: str, light: FloatArray, missing: Mask, full: Mask) -> None:
+    """Raise `ImageError` if all pixels are missing, saturated or equal, or if one is too large."""
+    seen = ~(missing | full)
+    low, high = (
+        float(one(light, where=seen, initial=start))
+        for one, start in ((np.min, math.inf), (np.max, -math.inf))
+    )
+    if not low < high:
         raise ImageError(
             f"{name}: expected light and dark pixels, got {missing.sum()} missing and {full.sum()} "
-            f"saturated of {light.size}, and equal values in the others"
+            f"saturated of {light.size}, and equal values in the others. Check the image"
+        )
+    if max(-low, high) > _LARGEST or high - low < 1 / _LARGEST:
+        raise ImageError(
+            f"{name}: expected pixels of up to {_LARGEST:g} that differ by {1 / _LARGEST:g} or "
+            f"more, got {low:g} to {high:g}. Scale the image"
         )
 
 
@@ -168,7 +187,8 @@ def _highest(light: FloatArray, top: float) -> float:
     from scipy.ndimage import label
 
     most = np.nanmax(light, initial=-math.inf)
-    touching = np.bincount(label(light == most, np.ones((3, 3)))[0].ravel())[1:]
+    at = light == most
+    touching = np.bincount(label(at, np.ones((3, 3)))[0][at])
     return float(most) if most == top or touching.max(initial=0) >= _PLATEAU else math.inf
 
 
@@ -181,14 +201,19 @@ def reading(name: str) -> Iterator[None]:
         raise
     except ImportError as error:
         raise ImageError(
-            f"{name}: this needs {error.name}. Install astropy and photutils"
+            f"{name}: expected astropy and photutils, got no {error.name}. Install both"
         ) from error
     except MemoryError as error:
-        raise ImageError(f"{name}: the image does not fit into memory. Use a part of it") from error
+        raise ImageError(
+            f"{name}: expected an image that fits into memory, got a larger one. Use a part of it"
+        ) from error
     # Libraries raise several kinds of error for a damaged file.
     except (OSError, ValueError, TypeError, EOFError, LookupError, ArithmeticError, zlib.error,
             SyntaxError, Warning) as error:  # fmt: skip
-        raise ImageError(f"{name}: {' '.join(str(error).split())}") from error
+        message = " ".join(str(error).split())
+        if not re.match(r"(\w+: )?expected ", message):
+            message = f"expected a complete and readable image, got {message!r}. Check the file"
+        raise ImageError(f"{name}: {message}") from error
 
 
 @contextmanager
@@ -196,8 +221,11 @@ def _units(file: str) -> Iterator[Any]:
     """Open a FITS file, and close it also if Astropy raises an error."""
     from astropy.io import fits
 
+    path = Path(file)
+    if path.exists() and not path.is_file():
+        raise ImageError(f"{path.name}: expected a regular file, got a folder or a device. Copy it")
     with (
-        Path(file).open("rb") as stream,
+        path.open("rb") as stream,
         fits.open(stream, memmap=False, lazy_load_hdus=False) as units,
     ):
         yield units
@@ -238,7 +266,12 @@ def _from_fits(path: str) -> Any:
                 raise ImageError(f"{name}: expected an extension with an image, got {wanted}")
             if math.prod(unit.shape) > _MOST_PIXELS:
                 raise _too_large(name, math.prod(unit.shape))
-            return np.squeeze(unit.data)
+            data = np.squeeze(unit.data)
+        if found["file"].lower().endswith(".gz"):  # Astropy does not read the check sum
+            with gzip.open(found["file"]) as stream:
+                while stream.read(_BLOCK):
+                    pass
+        return data
 
 
 def _too_large(name: str, size: int) -> ImageError:
