@@ -289,7 +289,7 @@ def register(
         images). Also a list of images, or `Stars`. Rows are counted from zero.
     target : array_like, shape (n, 2)
         The same stars in the other image, in px, if `source` is an array of stars. Otherwise an
-        image, `Stars`, or a table with the columns ``x`` and ``y``.
+        image, `Stars`, or a table with the columns ``x`` and ``y``, as in `stars`.
     pivot : array_like, shape (2,), optional
         Pivot of rotation and scale, in px. Default: mean of the source stars, or the middle of an
         image.
@@ -314,7 +314,7 @@ def register(
 
     Returns
     -------
-    Registered, or RegisteredChannels of three pictures
+    Registered, or RegisteredChannels for three or more images
         Scale, rotation in radians, positive from x towards y, and shift in px: where the pivot was
         minus where it lands. With covariance, residuals and the transform for other points.
 
