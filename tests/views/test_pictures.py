@@ -402,3 +402,21 @@ def test_a_fit_of_stars_loads_nothing_that_pictures_need():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+def test_stars_of_another_shape_give_a_warning_and_a_wider_interval(fit):
+    """The truth of a trail is its centre of gravity; the fitted centre differs from it."""
+    tail = np.array([0.45, 0.25, 0.15, 0.1, 0.05])
+    trailed = sum(part * np.roll(GREEN, i, axis=1) for i, part in enumerate(tail))
+    found = rp.register(RED, trailed)
+    assert "shape" not in [one.kind for one in fit.findings]
+    assert not fit.systematic.any()
+    assert "shape" in [one.kind for one in found.findings]
+    assert found.frame()["standard deviation"].to_numpy() == pytest.approx(
+        np.sqrt(np.diagonal(found.covariance))
+    )
+    x = TRUTH.parameters[2] - tail @ np.arange(5)
+    low, high = found.interval()[2]
+    assert low < x < high
+    low, high = found.fit.interval()[2]
+    assert not low < x < high

@@ -102,17 +102,17 @@ def _grid(title: str, frame: pd.DataFrame) -> Grid:
 
 
 class Registered(_Measured):
-    """The transform that lays a user's own stars, the source, on the same stars of a target.
+    """The transform that maps source stars onto the same stars of a target.
 
-    A source point at q from the pivot lands at pivot - shift + k R(rotation) q. So the shift, in
-    px, is where the pivot was minus where it lands: stars that moved by +3 have the shift -3. The
+    A source point at the offset q from the pivot is mapped to pivot - shift + k R(rotation) q. The
+    shift, in px, is the pivot minus its image: stars that moved by +3 have the shift -3. The
     rotation, in radians, is positive from x towards y.
 
     It has the ``model``, the ``parameters`` with their ``covariance``, the ``residuals``, target
-    minus transformed source, the ``transform`` for other points, and as ``fit`` all that
-    `physics.registration.fit.fit_registration` returns. What is doubtful stands in ``findings``,
-    each with its kind and its rows, and as sentences in ``remarks``. It is made from the arguments
-    of `reproduce.register`.
+    minus transformed source, the ``transform`` for other points, and as ``fit`` the result of
+    `physics.registration.fit.fit_registration`. The warnings are ``findings``, each with its kind
+    and its rows, and sentences in ``remarks``. ``systematic`` is a covariance that the residuals do
+    not show, zero for lists of stars. The arguments are those of `reproduce.register`.
     """
 
     _function = staticmethod(fit_registration)
@@ -126,10 +126,9 @@ class Registered(_Measured):
         **settings: Any,
     ) -> None:
         self._given = {"source": source, "target": target, "pivot": pivot, **settings}
-        brightness = settings.pop("brightness", None)
+        flux = settings.pop("brightness", None)
         table, settings = _stars(source, target, settings)
-        if brightness is None:
-            brightness = _brightness(table.optional)
+        flux = brightness(table.optional) if flux is None else flux
         # Arrays are C-contiguous for the quick path of the fit.
         source, target = (table.values[:, i : i + 2].copy() for i in (0, 2))
         middle = source.mean(axis=-2)
@@ -139,7 +138,7 @@ class Registered(_Measured):
         with points.computing(table.path):
             self.fit: RegistrationFit = fit_registration(source, target, middle, **settings)
             self.findings: list[Finding] = registration.diagnose(
-                source, target, middle, table.named, self.fit, brightness, **settings
+                source, target, middle, table.named, self.fit, flux, **settings
             )
             exact = registration.fits_exactly(self.fit, source, target)
             errors = self.fit.standard_errors
@@ -149,9 +148,10 @@ class Registered(_Measured):
             self._sensitivities: list[registration.Sensitivity] = []
             if not exact:
                 self._sensitivities = registration.sensitivities(
-                    self.fit, source, target, brightness, **known
+                    self.fit, source, target, flux, **known
                 )
         self.remarks = [*table.notes, *(one.text for one in self.findings)]
+        self.systematic: FloatArray = np.zeros(2 * errors.shape)
         self.model, self.transform = str(self.fit.model), self.fit.transform
         self.parameters, self.residuals = self.fit.parameters, self.fit.residuals
         x, y = pivot = self.transform.pivot.tolist()
@@ -162,14 +162,18 @@ class Registered(_Measured):
 
     @property
     def covariance(self) -> FloatArray:
-        """Covariance of the parameters."""
-        return self.fit.covariance
+        """Covariance of the parameters, with the systematic covariance, shape (p, p)."""
+        return self.fit.covariance + self.systematic
+
+    @property
+    def standard_errors(self) -> FloatArray:
+        """Standard deviations of the parameters, shape (p,); NaN if unknown."""
+        return np.sqrt(self._errors**2 + np.diagonal(self.systematic))
 
     def interval(self, level: float = _LEVEL) -> FloatArray:
         """Return the lowest and highest value of each parameter, shape (p, 2)."""
-        found = self.fit.interval(level)
-        found[np.isnan(self._errors)] = np.nan
-        return found
+        half = (self.fit.interval(level) - self.parameters[:, None]) / self._errors[:, None]
+        return self.parameters[:, None] + half * self.standard_errors[:, None]
 
     @property
     def consistency(self) -> dict[str, float]:
@@ -254,7 +258,7 @@ class Registered(_Measured):
         columns = {
             "unit": [registration.UNITS.get(name, "1") for name in self.fit.names],
             "value": self.parameters,
-            "standard deviation": self._errors,
+            "standard deviation": self.standard_errors,
             **dict(zip(_ENDS, self.interval().T, strict=True)),
         }
         return pd.DataFrame(columns, index=pd.Index(self.fit.names, name="parameter"))
@@ -296,7 +300,7 @@ def _stars(
     return table, settings
 
 
-def _brightness(columns: Mapping[str, FloatArray]) -> FloatArray | None:
+def brightness(columns: Mapping[str, FloatArray]) -> FloatArray | None:
     """Return a number that increases with the flux of each star, or None if none is known."""
     return columns["flux"] if "flux" in columns else -columns["mag"] if "mag" in columns else None
 

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from reproduce.physics.images import THRESHOLD, find_spots
-from reproduce.physics.registration import Registration, match_points, pair_weights
+from reproduce.physics.images import THRESHOLD, find_spots, shape_finding
+from reproduce.physics.registration import Finding, Registration, match_points, pair_weights
 from reproduce.store.images import Image, ImageError, is_image, read_image, reading
 from reproduce.store.points import STARS, is_table, read_table, table_of
 from reproduce.views.blocks import Block, Display, Fold
-from reproduce.views.measurements import SIGMAS, Registered, Remade, _grid, deviations
+from reproduce.views.measurements import SIGMAS, Registered, Remade, _grid, brightness, deviations
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -50,11 +50,16 @@ class Stars(Display):
         Middle of the image or mean of the stars of a list, in px.
     facts : dict of str to float
         Of an image: radius of a spot in px, background, noise, gain, and numbers of pixels.
+    shapes : ndarray, shape (n, 5)
+        Shapes of the spots of an image, as `physics.images.finding.Found`; NaN for a list.
+    findings : tuple of Finding
+        Warnings about an image.
     """
 
     def __init__(
         self, name: str, table: pd.DataFrame, covariance: FloatArray, middle: FloatArray,
-        notes: Sequence[str] = (), **facts: float,
+        notes: Sequence[str] = (), shapes: FloatArray | None = None,
+        findings: tuple[Finding, ...] = (), **facts: float,
     ) -> None:  # fmt: skip
         if "flux" in table:
             table = table.sort_values("flux", ascending=False, kind="stable")
@@ -62,12 +67,16 @@ class Stars(Display):
             table = table.sort_values("mag", kind="stable")
         used = table["dropped"] == ""
         self.name, self.facts, self.middle = name, facts, middle
-        self.covariance: FloatArray = covariance[table.index[used]]
+        rows = table.index[used]
+        self.covariance: FloatArray = covariance[rows]
+        self.shapes = np.full((len(rows), 5), np.nan) if shapes is None else shapes[rows]
+        self.findings = findings
         self._kept = table[used].drop(columns="dropped").reset_index(drop=True)
         self.dropped = table[~used].reset_index(drop=True)
         self.points: FloatArray = self._kept[["x", "y"]].to_numpy(float)
         reasons = self.dropped["dropped"].value_counts()
-        self.log = [*notes, *(f"{key}: {value:.5g}" for key, value in facts.items()),
+        self.log = [*notes, *(one.text for one in findings),
+                    *(f"{key}: {value:.5g}" for key, value in facts.items()),
                     *(f"dropped, {key}: {value}" for key, value in reasons.items())]  # fmt: skip
 
     def __len__(self) -> int:
@@ -126,7 +135,7 @@ def _detected(image: Image, name: str, threshold: float | None) -> Stars:
     facts = {"threshold": cut, **found.facts, "missing": np.isnan(image.light).sum(),
              "saturated": image.full.sum(), "hot": found.hot}  # fmt: skip
     middle = (np.array(image.light.shape[::-1]) - 1) / 2
-    result = Stars(name, table, covariance, middle, **facts)
+    result = Stars(name, table, covariance, middle, (), found.shapes, found.remarks, **facts)
     if not len(result):
         raise ImageError(f"{name}: expected stars, got {'; '.join(result.log)}")
     return result
@@ -184,8 +193,12 @@ class RegisteredPictures(Registered):
         for stars, rows in ((source, a), (target, b)):
             if "weight" in stars.frame():
                 weights = weights * stars.frame()["weight"].to_numpy()[rows]
-        super().__init__(*points, pivot, weights=weights, **settings)
+        known_flux = brightness(
+            {str(name): one.to_numpy()[a] for name, one in source.frame().items()}
+        )
+        super().__init__(*points, pivot, weights=weights, brightness=known_flux, **settings)
         self._given = given
+        self._compare_shapes(source.shapes[a], target.shapes[b])
         self.title = f"{source.name} on {target.name}: {self.title}"
         used, (x, y) = self.fit.weights > 0, self.residuals.T
         self.pairs = pairs.assign(residual_x=x, residual_y=y, used=used)
@@ -197,6 +210,16 @@ class RegisteredPictures(Registered):
         ]
         self._facts |= {"source": source.name, "target": target.name, "log": self.log,
                         "beyond_px": self.beyond}  # fmt: skip
+
+    def _compare_shapes(self, source: FloatArray, target: FloatArray) -> None:
+        """Widen the intervals of the shift if the spots of the images differ in shape."""
+        finding, covariance = shape_finding(source, target, self.transform.matrix)
+        warnings = [*self.source_stars.findings, *self.target_stars.findings]
+        warnings += [finding] if finding else []
+        self.findings += warnings
+        self.remarks += [one.text for one in warnings]
+        shift = [self.fit.names.index(f"shift-{axis}") for axis in "xy"]
+        self.systematic[np.ix_(shift, shift)] = covariance
 
     def blocks(self) -> Iterator[Block]:
         """Yield the parameters, the remarks, and the log."""
