@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial import KDTree
 
-from reproduce.physics.images import find_spots, render_frame
-from reproduce.physics.images.finding import shape_finding
+from reproduce.physics.images import find_spots, render_frame, shape_finding
 
 SIDE, ROWS, READ_NOISE = 400, 6, 5.0
 TAIL = ((0.0, 0.6), *((step, 0.05) for step in np.linspace(0.5, 4, 8)))
