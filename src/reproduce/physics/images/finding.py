@@ -71,8 +71,8 @@ class Found:
     hot : int
         Number of hot pixels.
     shapes : ndarray, shape (n, 5)
-        Of the brighter half of the measured spots, otherwise NaN: asymmetry in x and y, in px, and
-        second moments xx, xy and yy, in px^2. The asymmetry is the centre of gravity with weights
+        Asymmetry in x and y, in px, and second moments xx, xy and yy, in px^2; NaN except for the
+        brighter half of the measured spots. The asymmetry is the centre of gravity with weights
         of twice the radius of a spot minus that with weights of one radius.
     remarks : tuple of Finding
         Warnings about the gain and the shape of the spots.
