@@ -25,7 +25,6 @@ import sys
 import tempfile
 from collections.abc import Collection, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import asdict
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -124,7 +123,7 @@ def arithmetic() -> dict[str, Any]:
 @patch("reproduce.version.commit", lambda root: "")
 def computed(pages: list[str]) -> dict[str, Any]:
     """Return the ledger and what the given pages show, computed in this process."""
-    shown = {name: {**asdict(run(BOOK / name)), "seconds": 0} for name in pages}
+    shown = {name: {"texts": run(BOOK / name).texts, "seconds": 0} for name in pages}
     from book_facts import of_posteriors, unsampled
     from reproduce.views.computed import whole_ledger
 

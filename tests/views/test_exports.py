@@ -74,7 +74,7 @@ def test_markdown_and_latex_keep_the_shape_of_the_table(table):
     rows = [[part.strip() for part in line.strip("|").split("|")] for line in lines]
     assert all(len(row) == 1 + len(printed.columns) for row in rows)
     column = rows[0].index("Difference about Y")
-    assert rows[3][column] == "−0.040″, −0.040, exact difference"
+    assert rows[3][column] == "-0.040″, -0.040, exact difference"
     text = rp.table(KEY).export("latex")
     assert r"\label{tab:chen2023-table-5}" in text
     assert text.count(r"\\") == 1 + len(printed.rows)

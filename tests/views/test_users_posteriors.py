@@ -294,14 +294,12 @@ def test_noise_that_is_lost_in_the_rounding_is_told(tmp_path, digits, scale, tol
     noise = {0: 0.35, 1: 0.05, 2: 0.05}[digits]
     columns = stars(noise=noise, scale=scale, rotation=0.0, count=60)
     path = written(tmp_path, *(one.round(digits) for one in columns))
-    plain = supplied("registration", path).remarks
-    assert [one.split(" stars ")[1] for one in plain] == [
-        f"moved alike to the last digit, {10.0**-digits:g} px: their noise is lost in the rounding"
-    ] * told
-    assert rp.register(path).remarks == list(plain)
+    found = [one for one in rp.register(path).findings if one.kind != "sensitive"]
+    assert [one.kind for one in found] == ["tied"] * told
+    assert supplied("registration", path).remarks == tuple(one.text for one in found)
     for name in ("registration-mixture",):
         if told:
-            with pytest.raises(TableFileError, match=r"more digits, got \d+ of 60 stars"):
+            with pytest.raises(TableFileError, match="more digits"):
                 supplied(name, path)
         else:
             assert supplied(name, path).remarks == ()
@@ -311,8 +309,9 @@ def test_honest_stars_are_not_suspected_and_repeated_rows_are_named(tmp_path):
     source, target = stars(count=40)
     assert supplied("registration", written(tmp_path, source, target)).remarks == ()
     twice = [np.vstack([one, one[:2]]) for one in (source, target)]
-    (remark,) = supplied("registration", written(tmp_path, *twice)).remarks
-    assert remark.startswith("2 of 42 stars repeat an earlier one (rows 40, 41)")
+    remark = supplied("registration", written(tmp_path, *twice)).remarks[0]
+    assert remark.startswith("2 of 42 rows repeat")
+    assert "(rows 40, 41)" in remark
 
 
 @pytest.mark.parametrize(
@@ -320,10 +319,8 @@ def test_honest_stars_are_not_suspected_and_repeated_rows_are_named(tmp_path):
     [
         (1.0, FIELD / 2, None),
         (1.0, FIELD * 1.9, None),
-        (1.0, FIELD * 2.1, "the pivot lies"),
-        (1.0, -FIELD * 1.1, "the pivot lies"),
-        (0.0055, FIELD / 2, "the pivot lies .*are these pixels"),  # stars in mm
-        (0.0055, None, "the stars span 11[0-9.]* .are these pixels"),
+        (0.0055, FIELD / 2, "the stars span 11[0-9.]* px: are these pixels"),  # stars in mm
+        (0.0055, None, "the stars span 11[0-9.]* px: are these pixels"),
         (0.0275, None, None),
     ],
 )
@@ -414,7 +411,10 @@ REFUSED = {
         lambda tmp_path: ["misalignment", "--data", spots(tmp_path, 0.02), "--pivot", "1", "1"],
         "pivot: expected none for misalignment",
     ),
-    "no folder for a file": (with_stars("--out", "nowhere/p.nc"), "cannot write nowhere/p.nc"),
+    "no folder for a file": (
+        with_stars("--out", "nowhere/p.nc"),
+        "--out: expected a file in an existing folder",
+    ),
     "too few to tell": (
         text(
             "registration-mixture", [STAR_COLUMNS, *[f"{i},{i * i},{i},{i * i}" for i in range(9)]]
@@ -527,7 +527,7 @@ def test_false_stars_are_named_the_worst_first_and_the_rest_counted(tmp_path):
     assert draws["rotation (deg)"].mean() == pytest.approx(
         own.frame().loc["rotation", "mean"], abs=0.1 * own.frame().loc["rotation", "deviation"]
     )
-    with pytest.raises(ValueError, match=r"unknown ending '.npz': expected .csv or .nc"):
+    with pytest.raises(ValueError, match=r"^path: expected one of the endings .csv, .nc"):
         own.save(tmp_path / "p.npz")
 
 

@@ -134,13 +134,14 @@ class Changeable(Shown):
         self, key: str, changes: Change | None = None, seed: int | None = None, **others: Any
     ) -> None:
         self.key, self.seed, self._changes = key, seed, dict(changes or {})
+        random = self.random  # an unknown key raises an error
         if others:
-            known = ["cells that it reads"] + ["a seed"] * self.random
+            known = ["cells that it reads"] + ["a seed"] * random
             raise rerun.CannotChangeError(
                 f"{key} is {self.kind}: expected {', '.join(known)}; got {', '.join(others)}"
             )
         rerun.checked_values(key, self._changes)
-        rerun.check_randomness(key, self.random, self._changes, seed)
+        rerun.check_randomness(key, random, self._changes, seed)
 
     @property
     @abstractmethod

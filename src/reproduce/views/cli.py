@@ -301,8 +301,6 @@ def register(
         source: Any = files[0] if len(files) == 1 else files
         found: Any = front.register(source, progress=progress, **given)
     fits = getattr(found, "fits", {"": found})
-    for path, fit in zip(drawings, fits.values(), strict=bool(drawings)):
-        _save(fit.save, path)
     sampled = {name: fit.posterior() for name, fit in fits.items()} if posterior else {}
     for name, one in sampled.items():
         with _bar(printable(f"sampling {name}").strip()) as progress:
@@ -314,6 +312,8 @@ def register(
             one.print()
 
     _show(as_json, lambda: found.record() | ({"posteriors": records} if records else {}), shown)
+    for path, fit in zip(drawings, fits.values(), strict=bool(drawings)):
+        _save(fit.save, path)
 
 
 def _drawings(files: tuple[Path, ...], reference: str | None, picture: Path) -> list[Path]:

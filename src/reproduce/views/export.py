@@ -92,7 +92,8 @@ def export_frame(frame: pd.DataFrame, form: str, about: Mapping[str, str] | None
         table = frame.to_latex(index=False, escape=True, **frame.attrs.get("latex", {}))
         return (indent(said, "% ") + _in_tex(table)).encode("ascii", PLAIN).decode()
     lines = [list(frame.columns), ["---"] * len(frame.columns), *frame.to_numpy().tolist()]
-    cells = ((str(cell).replace("|", "\\|") for cell in line) for line in lines)
+    # Other programs read numbers with a hyphen as the sign.
+    cells = ((str(cell).replace("|", "\\|").replace("−", "-") for cell in line) for line in lines)
     return "\n".join((f"<!--\n{said}-->\n", *(f"| {' | '.join(line)} |" for line in cells)))
 
 

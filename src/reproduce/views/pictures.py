@@ -13,8 +13,9 @@ from reproduce.physics.images import THRESHOLD, find_spots, shape_finding
 from reproduce.physics.registration import Finding, Registration, match_points, pair_weights
 from reproduce.store.images import Image, ImageError, is_image, read_image, reading
 from reproduce.store.points import STARS, is_table, read_table, table_of
+from reproduce.store.stars import SIGMAS, brightness, deviations
 from reproduce.views.blocks import Block, Display, Fold
-from reproduce.views.measurements import SIGMAS, Registered, Remade, _grid, brightness, deviations
+from reproduce.views.measurements import Registered, Remade, _grid
 
 if TYPE_CHECKING:
     import pandas as pd

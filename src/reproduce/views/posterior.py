@@ -29,13 +29,14 @@ from reproduce.papers.sketch import NARROW, sized, thin
 from reproduce.physics.registration import robust_similarity
 from reproduce.store.files import DRAWS, check_target, replacing, write_text
 from reproduce.store.points import STARS, Table, is_table, read_table
+from reproduce.store.stars import matched_stars
 from reproduce.version import __version__
 from reproduce.views import computed
 from reproduce.views.base import by_row, text_of
 from reproduce.views.blocks import Block, Blocks, Fold, Grid, Html
 from reproduce.views.export import beside, export_frame, provenance
 from reproduce.views.figure import Paint, pictured
-from reproduce.views.measurements import Remade, _stars, platform_of
+from reproduce.views.measurements import Remade, platform_of
 from reproduce.views.numbers import digits, minus, moments
 
 if TYPE_CHECKING:
@@ -121,7 +122,7 @@ class Posterior(Remade):
         if "platform" in own:
             own["platform"] = platform_of(own["platform"])
         if file.columns == STARS:
-            return _stars(data, None, {**own, "sep": sep})
+            return matched_stars(data, None, {**own, "sep": sep})
         return read_table(data, file.columns, file.optional, sep), own
 
     @property

@@ -124,7 +124,7 @@ def sensitivities(
 
     Examples
     --------
-    >>> grid = np.indices((4, 4)).reshape(2, -1).T * 9.0
+    >>> grid = np.indices((5, 5)).reshape(2, -1).T * 9.0 - 18
     >>> bent = grid * (1 + 1e-4 * np.square(grid).sum(axis=1, keepdims=True))
     >>> target = bent + 1e-3 * np.sin(7 * grid[:, ::-1])
     >>> found = sensitivities(fit_registration(grid, target, (0, 0)), grid, target)
@@ -320,9 +320,16 @@ def tied(source: FloatArray, target: FloatArray) -> bool:
     >>> tied(field, field + 3)
     True
     """
-    moved = (target - source)[thinned(len(source), _LARGE_FIELD)].round(9)
-    most = int(np.unique(moved, axis=0, return_counts=True)[1].max())
-    return most > max(2, _MAX_TIED * len(moved))
+    some = thinned(len(source), _LARGE_FIELD)
+    source, moved = source[some], (target - source)[some].round(9)
+    steps, counts = np.unique(moved, axis=0, return_counts=True)
+    if counts.max() <= max(2, _MAX_TIED * len(moved)):
+        return False
+    scale, rotation = robust_similarity(source, source + moved, source.mean(axis=0)).parameters[:2]
+    change = max(abs(scale - 1), abs(rotation)) * float(np.ptp(source, axis=0).max())
+    digits = np.diff(np.unique(steps.round(9)))
+    # A scale or rotation distributes the displacements over the digits.
+    return bool(change < digits.min(initial=np.inf) / 2)
 
 
 def diagnose(
