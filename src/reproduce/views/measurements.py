@@ -95,8 +95,8 @@ class _Measured(Remade):
         }
 
 
-def _grid(title: str, frame: pd.DataFrame) -> Grid:
-    rows = [(name, *(f"{value:.6g}" for value in row)) for name, *row in frame.itertuples()]
+def _grid(title: str, frame: pd.DataFrame, digits: int = 6) -> Grid:
+    rows = [(name, *(f"{value:z.{digits}g}" for value in row)) for name, *row in frame.itertuples()]
     return Grid(title, (str(frame.index.name), *frame.columns), rows)
 
 
@@ -224,19 +224,8 @@ class Registered(_Measured):
         found = self.consistency
         yield from (text.format(**found) for name, text in texts.items() if name in found)
         if self._sensitivities:
-            frame = self.sensitivity()
-            rows = [
-                (
-                    name,
-                    *(
-                        f"{round(value, 2) if name in self.fit.names else value:z.2g}"
-                        for value in row
-                    ),
-                )
-                for name, *row in frame.itertuples()
-            ]
             title = "change of each parameter with one more term, in its standard deviations"
-            yield Grid(title, ("parameter", *frame.columns), rows)
+            yield _grid(title, self.sensitivity(), digits=2)
         yield from others
 
     def record(self) -> dict[str, Any]:

@@ -228,18 +228,17 @@ class RegisteredPictures(Registered):
         yield Fold("How the stars were found, and what was dropped", tuple(self.log))
 
     def posterior(self, **plan: Any) -> Posterior:
-        """Return the posterior of the same transform over the pairs that are used, by emcee.
+        """Return the posterior of the same model over the pairs that are used, by emcee.
 
-        It is that of a similarity, with the weights of the fit and the noise of a pair of mean
-        weight; `plan` holds steps, walkers, seed and priors.
+        The weights are those of the fit, and the noise is that of a pair of mean weight. `plan`
+        contains steps, walkers, seed and priors.
         """
         from reproduce.views.posterior import Posterior
 
-        if self.model != "similarity":
-            raise ValueError(f"posterior: expected the model similarity, got {self.model}")
         used = self.pairs.assign(weight=self.fit.weights)[self.pairs["used"]]
         pivot = tuple(self.transform.pivot.tolist())
-        return Posterior("registration", data=used.reset_index(drop=True), pivot=pivot, **plan)
+        plan = {"pivot": pivot, "model": self.model, **plan}
+        return Posterior("registration", data=used.reset_index(drop=True), **plan)
 
     def save(self, path: str | Path) -> Path:
         """Draw the residuals of the pairs that are used: .svg, .pdf or .png."""

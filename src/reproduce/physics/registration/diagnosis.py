@@ -188,7 +188,7 @@ def _sensitivity(
             term, steps / (noise * np.linalg.norm(np.linalg.inv(own), axis=0)), p_value
         )
     change = -np.linalg.solve(factor[:count, :count].T, factor[count:-1, :count].T @ steps)
-    return Sensitivity(term, change / units, p_value)
+    return Sensitivity(term, (change / units).round(9), p_value)  # zero without rounding errors
 
 
 def _rows(covariance: ArrayLike | None, some: Any) -> FloatArray | None:
