@@ -44,6 +44,8 @@ def test_stars_are_those_that_photutils_finds():
     assert len(found) == len(FIELD.source)
     assert np.median(apart) < 0.1
     assert set(found.frame()) >= {"x", "y", "sigma_x", "sigma_y", "flux"}
+    assert f"{len(found)} stars of array" in repr(found)
+    assert "gain" in repr(found)
 
 
 def test_the_light_of_stars_is_theirs():

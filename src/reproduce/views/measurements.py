@@ -20,7 +20,7 @@ from reproduce.store.points import TableFileError, read_images
 from reproduce.store.stars import brightness, matched_stars
 from reproduce.units import ARCSEC_PER_RADIAN
 from reproduce.views.blocks import Block, Display, Grid
-from reproduce.views.numbers import between, moments
+from reproduce.views.numbers import between, minus, moments
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -96,7 +96,10 @@ class _Measured(Remade):
 
 
 def _grid(title: str, frame: pd.DataFrame, digits: int = 6) -> Grid:
-    rows = [(name, *(f"{value:z.{digits}g}" for value in row)) for name, *row in frame.itertuples()]
+    rows = [
+        (str(name), *(minus(f"{value:z.{digits}g}") for value in row))
+        for name, *row in frame.itertuples()
+    ]
     return Grid(title, (str(frame.index.name), *frame.columns), rows)
 
 

@@ -16,6 +16,7 @@ from reproduce.store.points import STARS, is_table, read_table, table_of
 from reproduce.store.stars import SIGMAS, brightness, deviations
 from reproduce.views.blocks import Block, Display, Fold
 from reproduce.views.measurements import Registered, Remade, _grid
+from reproduce.views.numbers import minus
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -30,6 +31,10 @@ _NEAR, _FRACTION = 2.0, 1e-3
 _FEWEST = 4
 # Stars that a display contains, at most.
 _SHOWN = 10
+# Units of the facts of an image.
+_UNITS = {"threshold": " standard deviations", "radius": " px", "angle": " rad", "hot": " px",
+          "gain": " electrons per digital number", "background": " digital numbers",
+          "noise": " digital numbers", "missing": " px", "saturated": " px"}  # fmt: skip
 _CENTRE = ("x", "y", "sigma_x", "sigma_y")
 
 
@@ -77,7 +82,8 @@ class Stars(Display):
         self.points: FloatArray = self._kept[["x", "y"]].to_numpy(float)
         reasons = self.dropped["dropped"].value_counts()
         self.log = [*notes, *(one.text for one in findings),
-                    *(f"{key}: {value:.5g}" for key, value in facts.items()),
+                    *(minus(f"{key}: {value:.5g}{_UNITS.get(key, '')}")
+                      for key, value in facts.items()),
                     *(f"dropped, {key}: {value}" for key, value in reasons.items())]  # fmt: skip
 
     def __len__(self) -> int:
@@ -92,7 +98,7 @@ class Stars(Display):
         """Yield the first stars and the log."""
         title = f"{len(self)} stars of {self.name}, in px, of which {_SHOWN} or fewer are shown"
         yield _grid(title, self._kept.head(_SHOWN).rename_axis("star"))
-        yield from self.log
+        yield "; ".join(self.log)
 
 
 def stars_of(
@@ -204,7 +210,7 @@ class RegisteredPictures(Registered):
         used, (x, y) = self.fit.weights > 0, self.residuals.T
         self.pairs = pairs.assign(residual_x=x, residual_y=y, used=used)
         self.log = [
-            *(f"{one.name}: {line}" for one in (source, target) for line in one.log),
+            *(f"{one.name}: {'; '.join(one.log)}" for one in (source, target)),
             pairs.attrs["log"],
             f"scatter of the pairs beyond the errors of the centres: {self.beyond:.2g} px",
             f"pairs that are dropped because they do not fit the others: {np.sum(~used)}",
