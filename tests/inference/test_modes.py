@@ -62,9 +62,13 @@ def test_a_mixture_with_two_modes_reports_both():
     frame = pd.DataFrame(np.hstack([source, target]), columns=list(STARS))
     found = rp.posterior("registration-mixture", frame)
     modes = found.modes["noise"]
-    assert modes.low == pytest.approx(0.22, abs=0.03)
-    assert modes.high == pytest.approx(0.49, abs=0.06)
-    assert modes.below == pytest.approx(0.18, abs=0.06)
+    # The true noise is 0.2 px. The other mode includes the stars near their places.
+    assert 0.15 < modes.low < 0.3
+    assert modes.high > 1.5 * modes.low
+    noise = found.draws[next(name for name in found.draws if name.startswith("noise"))]
+    halfway = (modes.low + modes.high) / 2
+    assert modes.below == pytest.approx((noise < halfway).mean(), abs=0.05)
+    assert 0.05 < modes.below < 0.95
     dropped = int((rp.register(frame, robust=True).fit.weights == 0).sum())
     false = int((found.stars()["probability_false"] > 0.5).sum())
     told = " ".join(repr(found).split())

@@ -16,7 +16,7 @@ from reproduce.printed.cells import Cell
 from reproduce.printed.corners import Corners, corner_intervals
 from reproduce.printed.number import Interval, PrintedNumber, si_factor
 
-# Floating-point noise between the two sides of a relation, as a share of them.
+# Floating-point noise between the two sides of a relation, as a fraction of them.
 _NOISE = 1e-9
 # Fraction by which binary arithmetic may move the end of an interval.
 _SLACK = 1e-12
@@ -81,11 +81,11 @@ class Examined:
 
 @dataclass(frozen=True)
 class Agreement:
-    """What the relations say of a number that is not printed, in SI.
+    """Values of a number that is not printed, from the relations that contain it, in SI.
 
-    `by_relation` has the interval that each allows on its own, empty ones left out; `common` the
-    values that the largest agreeing set allows, and `members` the relations of that set. Where
-    several sets are largest, the members are those in all of them.
+    `by_relation` has the interval that each relation allows, without empty intervals. `common` has
+    the values that the largest agreeing set allows, and `members` the relations of this set. If
+    several sets are largest, the members are the relations that all of these sets contain.
     """
 
     unknown: Unknown
@@ -129,10 +129,10 @@ def _contradiction(relation: Relation, cells: Sheet) -> tuple[str, ...]:
 
 def _projection(relation: Relation, cells: Sheet) -> Corners | None:
     """Return the interval of its unknown that a relation allows, in SI; None if it is empty."""
-    from scipy.optimize import brentq  # its import takes longer than the audit of a paper
-
     if relation.unknown is None:
         return None
+    from scipy.optimize import brentq  # loaded only for a relation with an unknown
+
     low, high = relation.unknown.domain
 
     def root(sides: Mapping[str, float]) -> dict[str, float]:
