@@ -25,8 +25,8 @@ def corner_intervals(
     Each input moves to both ends on its own, to find the direction in which every result moves.
     Both ends are needed, because a smallest or largest value may respond to one of them only. Then
     all inputs move to the corner of the smallest and to the corner of the largest result. An input
-    without an effect of its own stays as printed. The interval is exact for a result that is
-    strictly monotone in each of its inputs.
+    that does not change the result on its own remains as printed. The interval is exact for a
+    result that is strictly monotone in each of its inputs.
 
     Parameters
     ----------

@@ -147,7 +147,7 @@ _PIVOT = click.option(
     "--pivot", type=float, nargs=2, metavar="X Y", help="Principal point of your stars, in px."
 )
 _SEP = click.option("--sep", help="Separator of columns in a text file.  [default: a comma]")
-_PLATFORM = click.option("--platform", type=_FILE, help="Lights and tracker of your own, in TOML.")
+_PLATFORM = click.option("--platform", type=_FILE, help="TOML file of your lights and tracker.")
 
 
 @click.group(cls=_Shell, context_settings=_SETTINGS)

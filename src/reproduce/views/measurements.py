@@ -1,4 +1,4 @@
-"""What the front door returns for a user's own stars, and for a user's own lasers."""
+"""Results of `reproduce.register` and `reproduce.misalignment`."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _ENDS = ("low (95 %)", "high (95 %)")
 
 
 class Remade(Display):
-    """What a function of the front door made, and makes again with some arguments changed."""
+    """Result of a function of the public API that can be computed again with other arguments."""
 
     _given: dict[str, Any]
 
@@ -57,7 +57,7 @@ class Remade(Display):
 
 
 class _Measured(Remade):
-    """What results of a user's own measurements share."""
+    """Common parts of the results of your measurements."""
 
     title: str
     reads: tuple[str, ...] = ()
@@ -260,7 +260,7 @@ class Registered(_Measured):
         rows = [
             (name, unit, moments(value, error), f"{between(low, error)} to {between(high, error)}")
             if 0 < error < np.inf
-            # Of a fit without an error further decimals are rounding.
+            # Further decimals of a fit without an error are rounding.
             else (name, unit, f"{round(value, 12):z.10g}", "")
             for name, unit, value, error, low, high in self.frame().itertuples()
         ]

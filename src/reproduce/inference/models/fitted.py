@@ -245,7 +245,7 @@ def exact_draws(model: Model, count: int, generator: Generator) -> FloatArray:
         kept = np.abs(factors).min() / np.abs(factors)
         rows[:, 0], rows[:, 1] = np.abs(factors), angle + np.angle(factors / np.exp(1j * angle))
     rows = np.hstack([rows, noise])[:, : model.dimension]
-    # Of the noise, the prior is the one of the closed form but for its bounds.
+    # The prior of the noise is that of the closed form within its bounds.
     inside = np.isfinite(model.log_prior(rows)) & (generator.uniform(size=many) < kept)
     if inside.sum() < count:
         raise ValueError(

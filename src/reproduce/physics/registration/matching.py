@@ -257,24 +257,26 @@ def pair_weights(
 ) -> tuple[FloatArray, float]:  # fmt: skip
     """Return the weights of pairs of points, and their scatter beyond the errors, in px.
 
-    With that scatter chi-square is its degrees of freedom; it is zero where the errors explain all.
+    With this scatter, chi-square is equal to the degrees of freedom. The scatter is zero if the
+    errors explain the residuals.
 
     Parameters
     ----------
     source, target, pivot
         As in `fit_registration`.
     covariances : ndarray, shape (2, n, 2, 2), in px^2
-        Of the source and of the target.
+        Covariances of the source and of the target.
     start : Registration
-        Under which they are neighbours.
+        Transform under which the points are neighbours.
     **settings
-        Of `fit_registration`.
+        Parameters of `fit_registration`.
 
     Returns
     -------
     weights : ndarray, shape (n,)
-        The largest is one.
+        Weights, the largest of which is one.
     beyond : float
+        Scatter beyond the errors, in px.
 
     Examples
     --------
