@@ -62,7 +62,9 @@ def one_fit() -> Array:
 def bench_one_registration(promise: Promise) -> None:
     """The fit against SciPy's solver."""
     np.testing.assert_allclose(one_fit(), by_scipy(), rtol=1e-6, atol=1e-6)
-    promise(f"one registration of {POINTS} points, SciPy's solver", one_fit, by_scipy, 1 / 4)
+    promise(
+        f"one registration of {POINTS} points, SciPy's solver", one_fit, by_scipy, 1 / 4
+    )
 
 
 def bench_simulated_calibrations(promise: Promise) -> None:
@@ -97,22 +99,35 @@ def bench_wahba(promise: Promise, method: str, times: float) -> None:
     target, source = four_spots(800)
 
     def loop() -> Array:
-        return np.array([Rotation.align_vectors(row, source)[0].as_matrix() for row in target])
+        return np.array(
+            [Rotation.align_vectors(row, source)[0].as_matrix() for row in target]
+        )
 
-    np.testing.assert_allclose(attitude(target, source, None, method), loop(), atol=1e-8)
-    promise(f"Wahba, {method}", lambda: attitude(target, source, None, method), loop, 1 / times)
+    np.testing.assert_allclose(
+        attitude(target, source, None, method), loop(), atol=1e-8
+    )
+    promise(
+        f"Wahba, {method}",
+        lambda: attitude(target, source, None, method),
+        loop,
+        1 / times,
+    )
 
 
 def bench_centre_of_gravity(promise: Promise) -> None:
     """20,000 spots at once, against photutils spot by spot."""
     generator, many, few = default_rng(2), 20_000, 500
     places = generator.uniform(-0.5, 0.5, (many, 2))
-    windows = generator.poisson(spot_windows(places, 2000.0, 0.6, [-2, -2], 5)).astype(float)
+    windows = generator.poisson(spot_windows(places, 2000.0, 0.6, [-2, -2], 5)).astype(
+        float
+    )
 
     def theirs() -> Array:
         return np.array([centroid_com(window) for window in windows[:few]])
 
-    np.testing.assert_allclose(centre_of_gravity(windows[:few], [0.0, 0.0]), theirs(), atol=1e-12)
+    np.testing.assert_allclose(
+        centre_of_gravity(windows[:few], [0.0, 0.0]), theirs(), atol=1e-12
+    )
     ours = partial(centre_of_gravity, windows, [0.0, 0.0])
     promise("centre of gravity, photutils", ours, theirs, 1 / 200, work=many / few)
 
@@ -145,7 +160,13 @@ def bench_study_of_figure_11(promise: Promise) -> None:
         for row in range(size[0]):
             default_rng(row).poisson(9.0, (size[1], trials, 5, 5))
 
-    promise("study of Figure 11", lambda: resolution.monte_carlo(door), photons, 0.5, rounds=3)
+    promise(
+        "study of Figure 11",
+        lambda: resolution.monte_carlo(door),
+        photons,
+        0.5,
+        rounds=3,
+    )
 
 
 def bench_lines_of_sight(promise: Promise) -> None:

@@ -54,7 +54,9 @@ def plain_chain(count: int, steps: int) -> Points:
     source, target = data(count)
     centre, spread = registration_model(source, target, PIVOT).likelihood.start()
     start = centre + spread * np.random.default_rng(2).normal(size=(WALKERS, 5))
-    sampler = emcee.EnsembleSampler(WALKERS, 5, plain_log_posterior, args=(source, target))
+    sampler = emcee.EnsembleSampler(
+        WALKERS, 5, plain_log_posterior, args=(source, target)
+    )
     sampler.run_mcmc(start, steps)
     return np.asarray(sampler.get_chain())
 
@@ -67,7 +69,9 @@ def our_chain(model: Model, steps: int) -> Points:
 
 def stretched_chain(model: Model, steps: int, walkers: int = WALKERS) -> Points:
     """emcee's own moves over a likelihood of the book, all walkers at once."""
-    sampler = emcee.EnsembleSampler(walkers, model.dimension, model.log_posterior, vectorize=True)
+    sampler = emcee.EnsembleSampler(
+        walkers, model.dimension, model.log_posterior, vectorize=True
+    )
     start = model.start(np.random.default_rng(1), walkers)
     sampler.run_mcmc(start, steps, skip_initial_state_check=True)
     return np.asarray(sampler.get_chain())
@@ -84,7 +88,9 @@ def peak() -> int:
     """Peak memory of this process, in KiB; getrusage would add its parent's, as of its start."""
     found = re.search(r"VmHWM:\s+(\d+) kB", Path("/proc/self/status").read_text())
     if found is None:
-        raise RuntimeError("expected VmHWM in /proc/self/status; measure memory on Linux")
+        raise RuntimeError(
+            "expected VmHWM in /proc/self/status; measure memory on Linux"
+        )
     return int(found[1])
 
 
@@ -103,7 +109,12 @@ def bench_registration_posterior(promise: Promise) -> None:
         work = effective(ours()) / (per_step * plain_steps)
         name = f"registration posterior of {count:,} points, plain emcee"
         promise(
-            name, ours, partial(plain_chain, count, plain_steps), 1 / times, rounds=3, work=work
+            name,
+            ours,
+            partial(plain_chain, count, plain_steps),
+            1 / times,
+            rounds=3,
+            work=work,
         )
     few, many = (partial(our_chain, models[count], steps) for count in (FEW, MANY))
     promise("registration posterior of 100,000 points, our own of 137", many, few, 1.3)
@@ -113,9 +124,19 @@ def bench_registration_posterior(promise: Promise) -> None:
 def bench_misalignment_posterior(promise: Promise, name: str) -> None:
     """Against emcee's own moves over the same likelihood, all walkers at once."""
     model = posteriors()[name].model()
-    ours, theirs = partial(our_chain, model, 1000), partial(stretched_chain, model, 8000)
+    ours, theirs = (
+        partial(our_chain, model, 1000),
+        partial(stretched_chain, model, 8000),
+    )
     work = effective(ours()) / effective(theirs())
-    promise(f"posterior of {name}, emcee's own moves", ours, theirs, 1 / 50, rounds=3, work=work)
+    promise(
+        f"posterior of {name}, emcee's own moves",
+        ours,
+        theirs,
+        1 / 50,
+        rounds=3,
+        work=work,
+    )
 
 
 def bench_all_posteriors_of_the_book(promise: Promise) -> None:
@@ -131,5 +152,7 @@ def bench_all_posteriors_of_the_book(promise: Promise) -> None:
             walkers = plan.walkers_for(model.dimension)
             stretched_chain(model, plan.ensembles * (plan.steps + plan.warmup), walkers)
 
-    promise("all posteriors of the book, as many plain steps", ours, theirs, 2.5, rounds=1)
+    promise(
+        "all posteriors of the book, as many plain steps", ours, theirs, 2.5, rounds=1
+    )
     assert peak() < GIBIBYTE

@@ -12,7 +12,9 @@ import numpy as np
 import pytest
 
 # What any program imports that shows and judges tables with these packages.
-PACKAGES = "import click, jinja2, numpy, pandas, pydantic, rich, scipy.optimize, scipy.special"
+PACKAGES = (
+    "import click, jinja2, numpy, pandas, pydantic, rich, scipy.optimize, scipy.special"
+)
 # The same, and about as many random numbers as all verdicts need, from as many streams.
 NUMBERS = (
     f"{PACKAGES}\nfor one in numpy.random.SeedSequence(1).spawn(20_000):"
@@ -37,16 +39,30 @@ def python(*arguments: str) -> str:
     ("name", "ours", "reference", "at_most"),
     [
         ("import", ["-c", "import reproduce"], "import numpy", 0.5),
-        ("first registration", ["-c", f"import reproduce as rp; {FIT}"], "import numpy", 2.5),
+        (
+            "first registration",
+            ["-c", f"import reproduce as rp; {FIT}"],
+            "import numpy",
+            2.5,
+        ),
         ("first table", ["-m", "reproduce", "show", "niu2024/table-1"], PACKAGES, 1),
-        ("first simulated table", ["-m", "reproduce", "show", "niu2024/table-3"], PACKAGES, 2),
+        (
+            "first simulated table",
+            ["-m", "reproduce", "show", "niu2024/table-3"],
+            PACKAGES,
+            2,
+        ),
         ("check", ["-m", "reproduce", "check"], NUMBERS, 4),
         ("audit", ["-m", "reproduce", "audit"], NUMBERS, 5),
     ],
     ids=lambda value: value if isinstance(value, str) and len(value) < 24 else "",
 )
 def bench_a_fresh_process(
-    promise: Callable[..., None], name: str, ours: list[str], reference: str, at_most: float
+    promise: Callable[..., None],
+    name: str,
+    ours: list[str],
+    reference: str,
+    at_most: float,
 ) -> None:
     """Nothing is kept from one round to the next."""
     promise(name, partial(python, *ours), partial(python, "-c", reference), at_most)
@@ -60,9 +76,16 @@ def bench_a_million_stars(promise: Callable[..., None], tmp_path: Path) -> None:
     header = "x,y,x_reference,y_reference"
     rows = np.hstack([source, target])
     np.savetxt(path, rows, fmt="%.4f", delimiter=",", header=header, comments="")
-    memory = "import resource; {}; print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)"
+    memory = (
+        "import resource; {}; print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)"
+    )
     ours = memory.format(f"import reproduce as rp; repr(rp.register({str(path)!r}))")
     read = f"import pandas; stars = pandas.read_csv({str(path)!r}).to_numpy()"
     theirs = memory.format(f"{read}; {SOLVED}")
-    promise(f"{STARS:,} stars", partial(python, "-c", ours), partial(python, "-c", theirs), 3)
+    promise(
+        f"{STARS:,} stars",
+        partial(python, "-c", ours),
+        partial(python, "-c", theirs),
+        3,
+    )
     assert int(python("-c", ours)) < 3 * int(python("-c", theirs))

@@ -43,7 +43,13 @@ def promise(capsys: pytest.CaptureFixture[str]) -> Callable[..., None]:
     """
 
     def hold(
-        name: str, ours: Call, reference: Call, at_most: float, *, rounds: int = 5, work: float = 1
+        name: str,
+        ours: Call,
+        reference: Call,
+        at_most: float,
+        *,
+        rounds: int = 5,
+        work: float = 1,
     ) -> None:
         pairs = [(seconds(ours), work * seconds(reference)) for _ in range(rounds)]
         mine, theirs = (min(column) for column in zip(*pairs, strict=True))
@@ -59,4 +65,6 @@ def promise(capsys: pytest.CaptureFixture[str]) -> Callable[..., None]:
 
 
 def _share(ratio: float) -> str:
-    return f"{ratio:.2f} of its time" if ratio >= 0.2 else f"{1 / ratio:.0f} times as fast"
+    return (
+        f"{ratio:.2f} of its time" if ratio >= 0.2 else f"{1 / ratio:.0f} times as fast"
+    )

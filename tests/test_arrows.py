@@ -36,7 +36,16 @@ ROOMS = {
     "light": {"light", "attitude"},
     "ground": {"ground", "attitude"},
 }
-PHYSICS_MAY_NOT = {"pathlib", "io", "os", "tomllib", "json", "csv", "pandas", "importlib"}
+PHYSICS_MAY_NOT = {
+    "pathlib",
+    "io",
+    "os",
+    "tomllib",
+    "json",
+    "csv",
+    "pandas",
+    "importlib",
+}
 FILES = sorted(SOURCE.rglob("*.py"))
 
 
@@ -63,7 +72,9 @@ def violations(path, folder):
             yield f"{name} (the front door stands above all rooms)"
         elif name.startswith("reproduce."):
             inner = name.removeprefix("reproduce.")
-            allowed = any(inner == a or inner.startswith(f"{a}.") for a in ARROWS[folder])
+            allowed = any(
+                inner == a or inner.startswith(f"{a}.") for a in ARROWS[folder]
+            )
             if not allowed:
                 yield name
         elif folder == "physics" and name.split(".")[0] in PHYSICS_MAY_NOT:
@@ -104,9 +115,17 @@ def test_physics_opens_no_file(path):
     calls = {
         node.func.id if isinstance(node.func, ast.Name) else node.func.attr
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
-        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name | ast.Attribute)
+        if isinstance(node, ast.Call)
+        and isinstance(node.func, ast.Name | ast.Attribute)
     }
-    assert not calls & {"open", "load", "loadtxt", "genfromtxt", "fromfile", "read_text"}
+    assert not calls & {
+        "open",
+        "load",
+        "loadtxt",
+        "genfromtxt",
+        "fromfile",
+        "read_text",
+    }
 
 
 @pytest.mark.parametrize(
@@ -131,14 +150,20 @@ def test_forbidden_imports_are_seen(tmp_path, folder, line):
 
 def stands_on(files):
     """Return what each file imports of the others, wherever in it."""
-    parts = {path: path.relative_to(SOURCE.parent).with_suffix("").parts for path in files}
-    names = {".".join(one).removesuffix(".__init__"): path for path, one in parts.items()}
+    parts = {
+        path: path.relative_to(SOURCE.parent).with_suffix("").parts for path in files
+    }
+    names = {
+        ".".join(one).removesuffix(".__init__"): path for path, one in parts.items()
+    }
     found = {}
     for path in files:
         split = [name.split(".") for name in imports(path)]
         # The longest that is a file: what is taken at a door is the door's.
         taken = ([".".join(one[:n]) for n in range(len(one), 1, -1)] for one in split)
-        nearest = (next((name for name in each if name in names), None) for each in taken)
+        nearest = (
+            next((name for name in each if name in names), None) for each in taken
+        )
         found[path] = {names[name] for name in nearest if name} - {path}
     return found
 
@@ -158,7 +183,9 @@ def test_one_cell_is_judged_without_the_audit():
         "import sys, reproduce as rp; print(rp.table('niu2024/table-3')['scale.red'].verdict); "
         "print([name for name in sys.modules if name.startswith('reproduce.audit')])"
     )
-    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    run = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    )
     assert run.stdout.split("\n")[:2] == ["differs", "[]"]
 
 
@@ -183,14 +210,20 @@ def test_a_room_of_physics_that_climbs_is_seen(tmp_path):
     assert not list(climbs(path, "registration"))
 
 
-@pytest.mark.parametrize("path", sorted((SOURCE / "inference").glob("*.py")), ids=lambda p: p.name)
+@pytest.mark.parametrize(
+    "path", sorted((SOURCE / "inference").glob("*.py")), ids=lambda p: p.name
+)
 def test_the_engine_of_the_posteriors_knows_no_model(path):
-    assert [name for name in imports(path) if name.startswith("reproduce.inference.models")] == []
+    assert [
+        name for name in imports(path) if name.startswith("reproduce.inference.models")
+    ] == []
 
 
 def test_every_folder_has_its_arrows():
     rooms = {path.parent.name for path in (SOURCE / "physics").glob("*/__init__.py")}
-    rooms |= {path.stem for path in (SOURCE / "physics").glob("[a-z]*.py")} - {"validate"}
+    rooms |= {path.stem for path in (SOURCE / "physics").glob("[a-z]*.py")} - {
+        "validate"
+    }
     assert rooms == set(ROOMS)
     folders = {path.parent.name for path in SOURCE.glob("*/__init__.py")}
     assert folders == set(ARROWS)

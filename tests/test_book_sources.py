@@ -49,13 +49,15 @@ def test_no_number_is_typed_into_a_sentence(path):
 def test_what_agrees_in_substance_stands_beside_what_agrees_weakly(path):
     text = path.read_text(encoding="utf-8")
     strong, weak = (
-        set(re.findall(rf"\{{fact}}`(\S+) {kind}`", text)) for kind in ("strong", "weak")
+        set(re.findall(rf"\{{fact}}`(\S+) {kind}`", text))
+        for kind in ("strong", "weak")
     )
     assert strong == weak
 
 
 @pytest.mark.parametrize(
-    "sentence", ["It is 0.0726 now.", "about 4 px", "44.6″", "12 arcsec off", "99 % of all", "5mm"]
+    "sentence",
+    ["It is 0.0726 now.", "about 4 px", "44.6″", "12 arcsec off", "99 % of all", "5mm"],
 )
 def test_typed_numbers_are_seen(sentence):
     assert TYPED.search(prose(sentence))
@@ -81,7 +83,11 @@ def test_numbers_outside_sentences_pass(sentence):
 def calls(function):
     """Return the keys that the book's cells show with a function: first arguments of its calls."""
     pattern = re.compile(rf"^rp\.{function}\(\s*\"([^\"]+)\"\)$", re.MULTILINE)
-    return [key for path in PAGES for key in pattern.findall(path.read_text(encoding="utf-8"))]
+    return [
+        key
+        for path in PAGES
+        for key in pattern.findall(path.read_text(encoding="utf-8"))
+    ]
 
 
 def test_every_item_and_every_study_is_shown_exactly_once():
@@ -98,9 +104,15 @@ def test_no_page_hides_its_code_or_calls_a_module_that_exists_for_the_book():
     for path in PAGES:
         text = path.read_text(encoding="utf-8")
         if path == BOOK / "index.md":
-            assert text.count(":tags:") == text.count(":tags: [hide-input, code-below]\n") == 1
+            assert (
+                text.count(":tags:")
+                == text.count(":tags: [hide-input, code-below]\n")
+                == 1
+            )
             continue
-        assert not re.search(r"^:tags: \[.*?(remove-|hide-input|hide-cell)", text, re.M), path.name
+        assert not re.search(
+            r"^:tags: \[.*?(remove-|hide-input|hide-cell)", text, re.M
+        ), path.name
         assert not re.search(r"^(from|import) reproduce\.views", text, re.M), path.name
 
 
@@ -112,7 +124,9 @@ NUMBER_WORDS = (
     "two|three|four|five|six|seven|eight|nine|ten|twenty|thirty|forty|fifty|sixty|seventy|eighty|"
     "ninety|hundred|thousand|half|tenth|hundredth|billionth"
 )
-MEASURES = "seconds? of arc|arc seconds?|micrometres?|milli\\w+|pixels?|per cent|degrees"
+MEASURES = (
+    "seconds? of arc|arc seconds?|micrometres?|milli\\w+|pixels?|per cent|degrees"
+)
 SPELLED = re.compile(
     rf"\b({NUMBER_WORDS})s?\b[\w ]{{0,9}}\b({MEASURES})\b|\b(factor of|hundred|thousand)\b"
 )
@@ -134,7 +148,9 @@ BLANK = re.compile(r"\{([^{}]*)\}")
 
 def test_every_blank_of_an_alternative_text_can_be_filled():
     """A blank names a cell or an item and what of it, or a fact of the drawing: one word."""
-    blanks = [(page, blank) for page, text in alternatives() for blank in BLANK.findall(text)]
+    blanks = [
+        (page, blank) for page, text in alternatives() for blank in BLANK.findall(text)
+    ]
     assert any("#" in blank for _, blank in blanks)
     for page, blank in blanks:
         name, _, what = blank.partition(" ")
@@ -198,10 +214,21 @@ def test_a_chapter_has_one_name(paper):
     # The paper as a whole, a reader's own stars, and what we ask the authors.
     other = {"index", "context", "own", "letter"}
     pages = {path.stem for path in (BOOK / paper).glob("*.md")} - other
-    made = [one for key, item in catalogue().items() if paper in key for one in item.computations]
-    tests = {path.stem for path in (BOOK.parent / "tests/papers" / paper).glob("test_*.py")}
+    made = [
+        one
+        for key, item in catalogue().items()
+        if paper in key
+        for one in item.computations
+    ]
+    tests = {
+        path.stem for path in (BOOK.parent / "tests/papers" / paper).glob("test_*.py")
+    }
     assert {one.function.__module__.rpartition(".")[2] for one in made} <= pages
     assert {f"test_{name}" for name in pages} == tests
-    groups = {key.partition("/text-")[2] for key in library() if key.startswith(f"{paper}/text-")}
+    groups = {
+        key.partition("/text-")[2]
+        for key in library()
+        if key.startswith(f"{paper}/text-")
+    }
     # What Section IV-A quotes of the hardware is read by several chapters and computed by none.
     assert sorted(groups - pages - {"context", "hardware"}) == []

@@ -37,10 +37,14 @@ def deleting(path):
         if not isinstance(function, ast.FunctionDef):
             continue
         for call in ast.walk(function):
-            if not (isinstance(call, ast.Call) and isinstance(call.func, ast.Attribute)):
+            if not (
+                isinstance(call, ast.Call) and isinstance(call.func, ast.Attribute)
+            ):
                 continue
             owner = ast.unparse(call.func.value)
-            if call.func.attr in CALLS and (call.func.attr != "remove" or owner == "os"):
+            if call.func.attr in CALLS and (
+                call.func.attr != "remove" or owner == "os"
+            ):
                 yield f"{path.relative_to(ROOT).as_posix()} {function.name}"
 
 
@@ -50,7 +54,10 @@ def test_all_places_that_delete_are_known():
     assert {place for path in files for place in deleting(path)} == set(PLACES)
     lines = (ROOT / "Makefile").read_text(encoding="utf-8").splitlines()
     assert sorted(one.strip() for one in lines if re.search(r"\brm -", one)) == sorted(
-        [*MAKE, "@find src tests tools benchmarks book -name __pycache__ -prune -exec rm -rf {} +"]
+        [
+            *MAKE,
+            "@find src tests tools benchmarks book -name __pycache__ -prune -exec rm -rf {} +",
+        ]
     )
 
 
@@ -73,22 +80,32 @@ class Planted:
     "content", [b"", b"[1", pickle.dumps(Planted())], ids=["empty", "half", "pickle"]
 )
 @pytest.mark.parametrize("kept", ["numbers", "posterior", "ledger", "figure"])
-def test_a_damaged_or_planted_file_is_computed_again(folder, monkeypatch, content, kept):
+def test_a_damaged_or_planted_file_is_computed_again(
+    folder, monkeypatch, content, kept
+):
     made = {
-        "numbers": lambda: computed.once("numbers.json", lambda: [1], json.dumps, json.loads),
+        "numbers": lambda: computed.once(
+            "numbers.json", lambda: [1], json.dumps, json.loads
+        ),
         "posterior": lambda: book_posterior.__wrapped__("registration").chain.tolist(),
         "ledger": computed.whole_ledger.__wrapped__,
         "figure": lambda: figure._in_build("niu2024/fig-4"),
     }[kept]
     if kept == "posterior":
         short = sampling.Plan(seed=1, steps=400, warmup=100, walkers=40)
-        monkeypatch.setattr(type(posteriors()["registration"]), "plan", lambda self: short)
+        monkeypatch.setattr(
+            type(posteriors()["registration"]), "plan", lambda self: short
+        )
     first = made()
     (file,) = (path for path in folder.rglob("*") if path.is_file())
     assert file.suffix in {".json", ".npz"}
     file.write_bytes(content)
     assert made() == first
-    for module, name in ((sampling, "sample"), (computed.ledger, "build"), (figure, "draw")):
+    for module, name in (
+        (sampling, "sample"),
+        (computed.ledger, "build"),
+        (figure, "draw"),
+    ):
         monkeypatch.setattr(module, name, None)
     assert made() == first
 

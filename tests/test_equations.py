@@ -28,7 +28,9 @@ def docstrings():
 
 def _inside(node, prefix):
     for child in ast.iter_child_nodes(node):
-        if isinstance(child, ast.FunctionDef | ast.ClassDef) and not child.name.startswith("_"):
+        if isinstance(
+            child, ast.FunctionDef | ast.ClassDef
+        ) and not child.name.startswith("_"):
             name = f"{prefix}.{child.name}"
             yield name, ast.get_docstring(child) or ""
             yield from _inside(child, name)
@@ -75,7 +77,9 @@ def test_nearly_every_equation_of_both_papers_is_implemented():
 
 def test_every_equation_of_niu2024_is_implemented_once():
     """But for (25), which defines two matrices, each a function of its own."""
-    many = {e: n for e, n in IMPLEMENTED.items() if e.startswith("niu2024") and len(n) > 1}
+    many = {
+        e: n for e, n in IMPLEMENTED.items() if e.startswith("niu2024") and len(n) > 1
+    }
     assert {e: len(names) for e, names in many.items()} == {"niu2024-25": 2}
 
 
@@ -95,7 +99,9 @@ def test_every_mention_of_implementing_is_understood():
 def test_the_book_shows_the_equation_beside_its_function(equation):
     page = PAGES[SHOWN[equation]]
     links = set(re.findall(r"\{py:(?:func|meth|class)\}`~?([\w.]+)`", page))
-    assert links & set(IMPLEMENTED[equation]), f"{equation}: no link to {IMPLEMENTED[equation]}"
+    assert links & set(IMPLEMENTED[equation]), (
+        f"{equation}: no link to {IMPLEMENTED[equation]}"
+    )
 
 
 def test_the_book_shows_no_equation_that_is_not_implemented():
@@ -110,5 +116,7 @@ def test_the_book_shows_no_equation_that_is_not_implemented():
 def test_links_from_the_book_lead_to_public_functions():
     public = {name for name, _ in docstrings()}
     for path, text in PAGES.items():
-        for name in re.findall(r"\{py:(?:func|meth|class)\}`~?(reproduce\.physics[\w.]+)`", text):
+        for name in re.findall(
+            r"\{py:(?:func|meth|class)\}`~?(reproduce\.physics[\w.]+)`", text
+        ):
             assert name in public, f"{path.name}: {name}"

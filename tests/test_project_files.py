@@ -47,7 +47,9 @@ def locked(lock: str) -> dict[str, str]:
 
 
 def test_one_version_everywhere() -> None:
-    newest = re.search(r"^## (\d\S*), (\d{4}-\d\d-\d\d)$", read("CHANGELOG.md"), re.MULTILINE)
+    newest = re.search(
+        r"^## (\d\S*), (\d{4}-\d\d-\d\d)$", read("CHANGELOG.md"), re.MULTILINE
+    )
     citation = yaml.safe_load(read("CITATION.cff"))
     assert newest is not None
     assert (newest[1], newest[2]) == (reproduce.__version__, citation["date-released"])
@@ -90,7 +92,9 @@ def test_lock_names_the_command_that_makes_it(lock: str) -> None:
     named = read(lock).splitlines()[1].lstrip("# ").split()
     makefile = read("Makefile").replace("\\\n", " ")
     common = re.search(r"^COMPILE = \$\(PY\) -m uv (.*)$", makefile, re.MULTILINE)
-    recipe = re.search(rf"\$\(COMPILE\) (.*--output-file {re.escape(lock)}.*)", makefile)
+    recipe = re.search(
+        rf"\$\(COMPILE\) (.*--output-file {re.escape(lock)}.*)", makefile
+    )
     assert common is not None
     assert recipe is not None
     # uv leaves out of the head what does not bear on the result.
@@ -110,8 +114,15 @@ def test_locks_cover_every_dependency(project: dict) -> None:
     ]
     for lock, wanted in (
         (READERS, reader),
-        (PAGES, project["project"]["dependencies"] + extras["notebooks"] + extras["images"]),
-        (TESTS, reader + [requirement for extra in extras.values() for requirement in extra]),
+        (
+            PAGES,
+            project["project"]["dependencies"] + extras["notebooks"] + extras["images"],
+        ),
+        (
+            TESTS,
+            reader
+            + [requirement for extra in extras.values() for requirement in extra],
+        ),
     ):
         names = {re.split(r"[^a-z0-9._-]", requirement)[0] for requirement in wanted}
         # An extra may stand for another one of the project.
@@ -134,7 +145,15 @@ def test_who_runs_a_page_installs_a_part_of_what_builds_the_book() -> None:
 
 
 def test_a_reader_installs_nothing_of_the_tests() -> None:
-    ours = {"pytest", "hypothesis", "mypy", "ruff", "playwright", "scikit-image", "dask"}
+    ours = {
+        "pytest",
+        "hypothesis",
+        "mypy",
+        "ruff",
+        "playwright",
+        "scikit-image",
+        "dask",
+    }
     ours |= {"opencv-python-headless", "frictionless", "rdflib", "cosmic-ray"}
     assert ours <= set(locked(TESTS))
     assert not ours & set(locked(READERS))
@@ -148,27 +167,41 @@ def test_every_locked_package_has_a_hash(lock: str) -> None:
 
 
 def test_every_dependency_says_what_it_is_for(project: dict) -> None:
-    rows = [line.split("|")[1] for line in read("CONTRIBUTING.md").splitlines() if "|" in line]
+    rows = [
+        line.split("|")[1]
+        for line in read("CONTRIBUTING.md").splitlines()
+        if "|" in line
+    ]
     told = set(re.findall(r"[a-z0-9-]+", " ".join(rows)))
     extras = project["project"]["optional-dependencies"].values()
-    wanted = project["project"]["dependencies"] + [one for extra in extras for one in extra]
+    wanted = project["project"]["dependencies"] + [
+        one for extra in extras for one in extra
+    ]
     named = {re.split(r"[^a-z0-9._-]", one)[0] for one in wanted}
     assert named - told - {project["project"]["name"]} == set()
 
 
 def test_dependencies_have_lower_bounds(project: dict) -> None:
-    assert [item for item in project["project"]["dependencies"] if ">=" not in item] == []
+    assert [
+        item for item in project["project"]["dependencies"] if ">=" not in item
+    ] == []
 
 
 def tracked_files() -> list[Path]:
     """Return the files git knows or would add."""
     command = ["git", "ls-files", "--cached", "--others", "--exclude-standard"]
     # A hook's own repository variables must not point git elsewhere.
-    clean = {name: value for name, value in os.environ.items() if not name.startswith("GIT_")}
-    listed = subprocess.run(command, cwd=ROOT, env=clean, capture_output=True, text=True)
+    clean = {
+        name: value for name, value in os.environ.items() if not name.startswith("GIT_")
+    }
+    listed = subprocess.run(
+        command, cwd=ROOT, env=clean, capture_output=True, text=True
+    )
     if listed.returncode:
         pytest.skip("not a git checkout")
-    return [ROOT / name for name in listed.stdout.splitlines() if (ROOT / name).is_file()]
+    return [
+        ROOT / name for name in listed.stdout.splitlines() if (ROOT / name).is_file()
+    ]
 
 
 def test_no_file_names_a_registry_or_a_machine() -> None:
@@ -177,13 +210,17 @@ def test_no_file_names_a_registry_or_a_machine() -> None:
         if path == Path(__file__):
             continue
         text = path.read_text(encoding="utf8", errors="ignore")
-        faults += [f"{path.relative_to(ROOT)}: {hit[0]}" for hit in FOREIGN.finditer(text)]
+        faults += [
+            f"{path.relative_to(ROOT)}: {hit[0]}" for hit in FOREIGN.finditer(text)
+        ]
     assert faults == []
 
 
 def test_angle_factors_have_one_home():
     """A factor typed again, or one name for both directions, is wrong by ten powers unseen."""
-    typed = re.compile(r"\b(206264|206265|3437\.7|648000|4\.848|2\.908)|\b3600\b|\bARC(SEC|MIN)\b")
+    typed = re.compile(
+        r"\b(206264|206265|3437\.7|648000|4\.848|2\.908)|\b3600\b|\bARC(SEC|MIN)\b"
+    )
     found = [
         f"{path.relative_to(ROOT)}: {line.strip()}"
         for path in sorted((ROOT / "src").rglob("*.py"))
@@ -197,7 +234,10 @@ def test_angle_factors_have_one_home():
 def test_angle_factors():
     assert units.ARCSEC_PER_RADIAN * math.radians(1) == pytest.approx(3600, rel=1e-15)
     assert units.ARCMIN_PER_RADIAN * math.radians(1) == pytest.approx(60, rel=1e-15)
-    assert pytest.approx(1, rel=1e-15) == units.ARCSEC_PER_RADIAN * units.RADIANS_PER_ARCSEC
+    assert (
+        pytest.approx(1, rel=1e-15)
+        == units.ARCSEC_PER_RADIAN * units.RADIANS_PER_ARCSEC
+    )
 
 
 @pytest.mark.parametrize(

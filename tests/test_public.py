@@ -46,7 +46,9 @@ APART = {
     "reproduce.inference.sampling",
     "reproduce.physics.attitude.diagnosis",
 }
-PAGES = [path for path in sorted(ROOT.glob("book/**/*.md")) if "_build" not in path.parts]
+PAGES = [
+    path for path in sorted(ROOT.glob("book/**/*.md")) if "_build" not in path.parts
+]
 OTHERS = [
     path
     for folder in ("src", "benchmarks", "tools", "tests", "book/_ext")
@@ -62,7 +64,9 @@ def taken(source):
     tree = ast.parse(source)
     modules = {}
     for node in ast.walk(tree):
-        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("reproduce"):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith(
+            "reproduce"
+        ):
             for alias in node.names:
                 inner = f"{node.module}.{alias.name}"
                 if inner in MODULES:
@@ -79,13 +83,17 @@ def taken(source):
 def cells(path):
     """Return the code of a page, magic commands left out."""
     code = "\n".join(page_cells.cells(path))
-    return "\n".join(line for line in code.splitlines() if not line.startswith(("%", "!")))
+    return "\n".join(
+        line for line in code.splitlines() if not line.startswith(("%", "!"))
+    )
 
 
 def linked(path):
     """Yield module and name of what a page links to."""
     for link in LINK.findall(path.read_text(encoding="utf-8")):
-        module = next((m for m in sorted(MODULES, reverse=True) if link.startswith(f"{m}.")), "")
+        module = next(
+            (m for m in sorted(MODULES, reverse=True) if link.startswith(f"{m}.")), ""
+        )
         if module:
             yield module, link.removeprefix(f"{module}.").partition(".")[0]
 
@@ -125,7 +133,11 @@ def public(module):
         return {}
     tree = ast.parse(MODULES[module].read_text(encoding="utf-8"))
     kinds = ast.FunctionDef | ast.ClassDef
-    found = {n.name: n for n in tree.body if isinstance(n, kinds) and not n.name.startswith("_")}
+    found = {
+        n.name: n
+        for n in tree.body
+        if isinstance(n, kinds) and not n.name.startswith("_")
+    }
     return found
 
 
@@ -144,12 +156,15 @@ def test_nothing_private_is_taken_by_another_room(module):
         for path in takers
         if place == module and name.startswith("_") and not name.startswith("__")
         if path.is_relative_to(SOURCE)
-        if path.relative_to(SOURCE).parts[0] != MODULES[module].relative_to(SOURCE).parts[0]
+        if path.relative_to(SOURCE).parts[0]
+        != MODULES[module].relative_to(SOURCE).parts[0]
     ]
     assert wrong == []
 
 
-@pytest.mark.parametrize("module", sorted({m for door in DOORS.values() for m in door.values()}))
+@pytest.mark.parametrize(
+    "module", sorted({m for door in DOORS.values() for m in door.values()})
+)
 def test_others_come_in_by_the_door(module):
     """But for tests, links of pages, and kernels that rooms of physics share."""
     wrong = [
@@ -222,7 +237,12 @@ def test_functions_of_physics_say_what_they_take_and_return_and_show_it(door):
         function = getattr(import_module(module), name)
         if inspect.isfunction(function):
             text = inspect.getdoc(function) or ""
-            like = re.search(r"(those of|as)\s+`\w+`", text) or "(..." in text.splitlines()[0]
+            like = (
+                re.search(r"(those of|as)\s+`\w+`", text)
+                or "(..." in text.splitlines()[0]
+            )
             assert like or "Parameters\n---" in text, name
-            assert like or re.search(r"^(Returns|Yields)\n---", text, re.MULTILINE), name
+            assert like or re.search(r"^(Returns|Yields)\n---", text, re.MULTILINE), (
+                name
+            )
             assert ">>> " in text, name

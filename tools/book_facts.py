@@ -67,7 +67,9 @@ def of_pages(pages: Iterable[Path]) -> dict[str, str]:
         if any(QUOTED in source for source in page_cells.cells(page)):
             address = page.relative_to(page_cells.BOOK).with_suffix("").as_posix()
             quoted = page_cells.run(page).variables["quoted"]
-            found |= {f"{address}#{name}": _written(text) for name, text in quoted.items()}
+            found |= {
+                f"{address}#{name}": _written(text) for name, text in quoted.items()
+            }
     return found
 
 
@@ -92,21 +94,37 @@ def of_posteriors(names: Iterable[str]) -> dict[str, str]:
 def unsampled(*papers: str) -> dict[str, str]:
     """Compute the facts of the ledger, the studies and the audit, or of some papers alone."""
     if papers:
-        keys = [key for key in catalogue() if key.partition("/")[0] in papers and key in library()]
+        keys = [
+            key
+            for key in catalogue()
+            if key.partition("/")[0] in papers and key in library()
+        ]
         records = tuple(record for key in keys for record in item_ledger(key).records)
     else:
         records = whole_ledger().records
         keys = list(dict.fromkeys(record.key for record in records))
-    names = [*(record.cell for record in records), *keys, *(() if papers else (*PAPERS, "all"))]
-    found = {f"{name} {what}": text for name in names for what, text in facts_of(name).items()}
+    names = [
+        *(record.cell for record in records),
+        *keys,
+        *(() if papers else (*PAPERS, "all")),
+    ]
+    found = {
+        f"{name} {what}": text
+        for name in names
+        for what, text in facts_of(name).items()
+    }
     for key, study in studies().items():
         if not papers or key.partition("/")[0] in papers:
             quoted = study.facts().items()
             found |= {f"{key}#{name}": numbers.fact(one) for name, one in quoted}
     causes = Counter(
-        erratum(r.cell) for r in records if r.verdict in {"differs", "ambiguous", "unpublished"}
+        erratum(r.cell)
+        for r in records
+        if r.verdict in {"differs", "ambiguous", "unpublished"}
     )
-    found |= {f"erratum/{name} cells": str(count) for name, count in causes.items() if name}
+    found |= {
+        f"erratum/{name} cells": str(count) for name, count in causes.items() if name
+    }
     found |= {f"verdict/{word}": meaning for word, meaning in verdicts.MEANINGS.items()}
     if not papers:
         found |= of_pages(page_cells.notebooks())
@@ -225,7 +243,9 @@ def _of_audits() -> dict[str, str]:
     counts["errata-extraction"] = sum(entry.extraction for entry in read)
     supposed = [entry for entry in errata_register() if entry.supposition]
     counts["errata-supposed"] = len(supposed)
-    counts["errata-supposed-standing"] = sum(one.conclusion == "stands" for one in supposed)
+    counts["errata-supposed-standing"] = sum(
+        one.conclusion == "stands" for one in supposed
+    )
     return {label: str(count) for label, count in counts.items()}
 
 
@@ -244,10 +264,17 @@ def card(cell: Cell, place: str) -> str:
     """Return what a page shows beside a link to a cell: all of it, and what to take away."""
     button = Markup('<button type="button" data-{}="{}">Copy {}</button>').format
     forms = {"citation": "text", "BibTeX": "bibtex", "RIS": "ris"}
-    copied = {name: cell.cite(form) for name, form in forms.items()} | {"code": cell.again}
-    taken = [button("link", f"#{place}", "link"), button("record", cell.address, "JSON")]
+    copied = {name: cell.cite(form) for name, form in forms.items()} | {
+        "code": cell.again
+    }
+    taken = [
+        button("link", f"#{place}", "link"),
+        button("record", cell.address, "JSON"),
+    ]
     taken[1:1] = [button("copy", text, name) for name, text in copied.items()]
-    return Markup("<p>{}</p>").format(Markup(" ").join(taken)) + Markup(html(cell.blocks()))
+    return Markup("<p>{}</p>").format(Markup(" ").join(taken)) + Markup(
+        html(cell.blocks())
+    )
 
 
 def write_cards(path: Path) -> None:
@@ -260,7 +287,9 @@ def write_cards(path: Path) -> None:
 class ListedErratum(Erratum):
     """An entry of the register, with the printed cells whose verdict rests on it."""
 
-    results: list[str] = Field(description="addresses of the cells whose verdict rests on it")
+    results: list[str] = Field(
+        description="addresses of the cells whose verdict rests on it"
+    )
 
 
 class Register(BaseModel):
@@ -287,7 +316,11 @@ def write_whole(folder: Path) -> None:
     errata = pd.DataFrame([one.model_dump() for one in register().errata])
     for name in ("relations", "equations", "results"):
         errata[name] = errata[name].map(" ".join)
-    frames = {"ledger": Contents().cells(), "errata": errata, "readings": readings_frame()}
+    frames = {
+        "ledger": Contents().cells(),
+        "errata": errata,
+        "readings": readings_frame(),
+    }
     for name, frame in frames.items():
         text = export_frame(frame, "csv", about)
         (folder / f"{name}.csv").write_text(text, encoding="utf-8")
@@ -319,7 +352,9 @@ def write_parquet(frame: pd.DataFrame, path: Path, about: Mapping[str, str]) -> 
     said = ", ".join(f"{name}: {quoted(text)}" for name, text in about.items())
     with duckdb.connect() as base:
         base.register("rows", frame)
-        base.execute(f"COPY rows TO {quoted(str(path))} (FORMAT parquet, KV_METADATA {{{said}}})")
+        base.execute(
+            f"COPY rows TO {quoted(str(path))} (FORMAT parquet, KV_METADATA {{{said}}})"
+        )
 
 
 def _exports(table: Table | StudyTable) -> dict[str, str]:
@@ -331,7 +366,9 @@ def write_tables(folder: Path) -> None:
     whole = computed.whole_ledger()
     texts = {
         "ledger.json": signed(whole).model_dump_json(indent=2),
-        "ledger.schema.json": (data_folder() / "ledger.schema.json").read_text(encoding="utf-8"),
+        "ledger.schema.json": (data_folder() / "ledger.schema.json").read_text(
+            encoding="utf-8"
+        ),
         "errata.json": register().model_dump_json(indent=2),
         "errata.schema.json": json.dumps(Register.model_json_schema(), indent=2),
     }

@@ -34,14 +34,20 @@ COMMANDS = re.compile(r"^\.venv/bin/reproduce .*", re.MULTILINE)
 
 def run(*command: str | Path, folder: Path) -> None:
     """Run a command in a folder, without the variables that could lead back to the checkout."""
-    clean = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
+    clean = {
+        name: value
+        for name, value in os.environ.items()
+        if not name.startswith("PYTHON")
+    }
     subprocess.run([str(part) for part in command], cwd=folder, env=clean, check=True)
 
 
 def cite(python: Path, folder: Path) -> str:
     """Return how a cell is cited where this Python has the package."""
     command = (python, "-m", "reproduce", "cite", "niu2024/table-3", "--format", "text")
-    return subprocess.run(command, cwd=folder, check=True, capture_output=True, text=True).stdout
+    return subprocess.run(
+        command, cwd=folder, check=True, capture_output=True, text=True
+    ).stdout
 
 
 def main() -> None:
@@ -49,8 +55,18 @@ def main() -> None:
     uv = (sys.executable, "-m", "uv")
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)
-        run(*uv, "build", "--quiet", "--no-build-isolation", "--python", sys.executable,
-            "--out-dir", folder, ROOT, folder=folder)  # fmt: skip
+        run(
+            *uv,
+            "build",
+            "--quiet",
+            "--no-build-isolation",
+            "--python",
+            sys.executable,
+            "--out-dir",
+            folder,
+            ROOT,
+            folder=folder,
+        )
         (wheel,) = folder.glob("*.whl")
         (sdist,) = folder.glob("*.tar.gz")
         print(f"{sdist.name}: {sdist.stat().st_size / 2**20:.1f} MiB")
@@ -58,21 +74,51 @@ def main() -> None:
         venv.create(folder / "empty")
         python = folder / "empty" / "bin" / "python"
         extras = f"{wheel}[book,notebooks]"
-        run(*uv, "pip", "install", "--quiet", "--python", python,
-            "--constraint", ROOT / "environment.txt", extras, folder=folder)  # fmt: skip
+        run(
+            *uv,
+            "pip",
+            "install",
+            "--quiet",
+            "--python",
+            python,
+            "--constraint",
+            ROOT / "environment.txt",
+            extras,
+            folder=folder,
+        )
         run(python.with_name("reproduce"), "check", folder=folder)
         cited = {cite(one, folder) for one in (Path(sys.executable), python)}
         if len(cited) > 1:
-            sys.exit(f"expected the wheel to cite the commit of the checkout, got {sorted(cited)}")
+            sys.exit(
+                f"expected the wheel to cite the commit of the checkout, got {sorted(cited)}"
+            )
         notebook = read_myst_markdown_notebook(PAGE.read_text(encoding="utf-8"))
-        notebook.metadata["kernelspec"] = {"name": "python3", "display_name": "Python 3"}
+        notebook.metadata["kernelspec"] = {
+            "name": "python3",
+            "display_name": "Python 3",
+        }
         # Neither function of nbformat has types.
         nbformat.write(notebook, folder / "page.ipynb")  # type: ignore[no-untyped-call]
-        run(python, "-m", "jupyter", "nbconvert", "--to", "notebook", "--execute", "--log-level",
-            "WARN", "page.ipynb", "--output", "executed.ipynb", folder=folder)  # fmt: skip
+        run(
+            python,
+            "-m",
+            "jupyter",
+            "nbconvert",
+            "--to",
+            "notebook",
+            "--execute",
+            "--log-level",
+            "WARN",
+            "page.ipynb",
+            "--output",
+            "executed.ipynb",
+            folder=folder,
+        )
         executed = folder / "executed.ipynb"
         shown = nbformat.read(executed, as_version=4)  # type: ignore[no-untyped-call]
-        outputs = sum(len(cell.outputs) for cell in shown.cells if cell.cell_type == "code")
+        outputs = sum(
+            len(cell.outputs) for cell in shown.cells if cell.cell_type == "code"
+        )
         if not outputs:
             sys.exit(f"{PAGE.name}: expected outputs, got none")
         print(f"{PAGE.name}: {outputs} outputs")
@@ -87,9 +133,23 @@ def check_oldest(uv: tuple[str, ...], wheel: Path, folder: Path) -> None:
     """Install the wheel with the oldest packages that it allows, judge everything and sample."""
     venv.create(folder / "oldest")
     python = folder / "oldest" / "bin" / "python"
-    install: tuple[str | Path, ...] = (*uv, "pip", "install", "--quiet", "--python", python)
+    install: tuple[str | Path, ...] = (
+        *uv,
+        "pip",
+        "install",
+        "--quiet",
+        "--python",
+        python,
+    )
     # Lowest of what the project itself asks for; of what that asks for, the newest.
-    run(*install, "--resolution", "lowest-direct", "-r", ROOT / "pyproject.toml", folder=folder)
+    run(
+        *install,
+        "--resolution",
+        "lowest-direct",
+        "-r",
+        ROOT / "pyproject.toml",
+        folder=folder,
+    )
     run(*install, "--no-deps", wheel, folder=folder)
     reproduce = python.with_name("reproduce")
     run(reproduce, "check", folder=folder)
@@ -107,16 +167,31 @@ def check_archive(archive: Path, folder: Path) -> None:
     lines = [line for line in readme().splitlines() if line.startswith("    ")]
     *install, opened = (line.strip() for line in lines)
     for line in install:
-        run("sh", "-c", line.replace("python -m venv", f"{sys.executable} -m venv"), folder=inside)
+        run(
+            "sh",
+            "-c",
+            line.replace("python -m venv", f"{sys.executable} -m venv"),
+            folder=inside,
+        )
     run("sh", "-c", f"{opened} --version", folder=inside)
     for name in PAGES:
-        run(inside / ".venv/bin/python", "-m", "jupyter", "execute", f"notebooks/{name}.ipynb",
-            folder=inside)  # fmt: skip
+        run(
+            inside / ".venv/bin/python",
+            "-m",
+            "jupyter",
+            "execute",
+            f"notebooks/{name}.ipynb",
+            folder=inside,
+        )
     for line in COMMANDS.findall((ROOT / "book/run.md").read_text(encoding="utf-8")):
         run("sh", "-c", line, folder=inside)
-    size = sum(path.stat().st_size for path in (inside / ".venv").rglob("*") if path.is_file())
-    print(f"{archive.name}: {archive.stat().st_size / 2**20:.1f} MiB, installed "
-          f"{size / 1e6:.0f} MB, {', '.join(PAGES)} run")  # fmt: skip
+    size = sum(
+        path.stat().st_size for path in (inside / ".venv").rglob("*") if path.is_file()
+    )
+    print(
+        f"{archive.name}: {archive.stat().st_size / 2**20:.1f} MiB, installed "
+        f"{size / 1e6:.0f} MB, {', '.join(PAGES)} run"
+    )
 
 
 if __name__ == "__main__":

@@ -106,7 +106,11 @@ class State:
                 shutil.rmtree(self.build / name, ignore_errors=True)
         if known.get("quoted") != self.present["quoted"]:
             (self.build / "facts.json").unlink(missing_ok=True)
-        if {**known, "book": "", "quoted": ""} != {**self.present, "book": "", "quoted": ""}:
+        if {**known, "book": "", "quoted": ""} != {
+            **self.present,
+            "book": "",
+            "quoted": "",
+        }:
             shutil.rmtree(self.build / "html", ignore_errors=True)
         # A page that was read and warned of is not warned of again: should this build be cut short,
         # the next one reads all pages.

@@ -33,6 +33,8 @@ class DataHook(BuildHookInterface):  # type: ignore[type-arg]
             place = "reproduce" if wheel else "src/reproduce"
             build_data["force_include"][str(file)] = f"{place}/_commit"
 
-    def finalize(self, version: str, build_data: dict[str, Any], artifact_path: str) -> None:
+    def finalize(
+        self, version: str, build_data: dict[str, Any], artifact_path: str
+    ) -> None:
         """Remove what only the build needed."""
         self.folder.cleanup()

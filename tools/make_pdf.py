@@ -103,7 +103,11 @@ def moved(html: str, page: str, pages: list[str]) -> str:
         if "href" not in before:
             return before + name(page, value) + after
         path, _, mark = value.partition("#")
-        target = posixpath.normpath(posixpath.join(posixpath.dirname(page), path)) if path else page
+        target = (
+            posixpath.normpath(posixpath.join(posixpath.dirname(page), path))
+            if path
+            else page
+        )
         if target in pages:
             value = f"#{name(target, mark)}"
         elif ":" not in path:  # a file beside the pages
@@ -128,7 +132,9 @@ def joined() -> str:
         text = (HTML / page).read_text(encoding="utf-8").replace(LINK, "")
         assets |= dict.fromkeys(ASSET.findall(STATIC.sub('"html/_static', text)))
         (article,) = ARTICLE.findall(text)
-        sheets.append(SHEETS.format(len(body), TITLE.findall(article)[0].replace('"', "”")))
+        sheets.append(
+            SHEETS.format(len(body), TITLE.findall(article)[0].replace('"', "”"))
+        )
         deeper = HEADING.sub(lambda found: f"{found[1]}h{int(found[2]) + 1}", article)
         body.append(
             f'<article class="bd-article p{len(body)}" id="{name(page)}">'
@@ -158,7 +164,9 @@ def printed(page: Page) -> PdfWriter:
 
     first = PdfReader(once())
     places = first.named_destinations.items()
-    page.evaluate(NUMBER, {at: first.get_destination_page_number(place) for at, place in places})
+    page.evaluate(
+        NUMBER, {at: first.get_destination_page_number(place) for at, place in places}
+    )
     pdf = PdfWriter(clone_from=once())
     for entry, title in zip(flat(pdf.outline), page.evaluate(TITLES), strict=True):
         entry.node[NameObject("/Title")] = TextStringObject(title)
@@ -185,7 +193,9 @@ def main() -> None:
         browser.close()
     index = HTML / "index.html"
     text = index.read_text(encoding="utf-8").replace(LINK, "")
-    index.write_text(DOORS.sub(lambda doors: doors[1] + LINK, text, count=1), encoding="utf-8")
+    index.write_text(
+        DOORS.sub(lambda doors: doors[1] + LINK, text, count=1), encoding="utf-8"
+    )
     print(f"The book as a PDF: {PDF}")
 
 

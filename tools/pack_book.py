@@ -50,7 +50,15 @@ def build_wheel(root: Path, folder: Path, *what: str) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     day = datetime.fromisoformat(RELEASED).replace(tzinfo=UTC)
     dated = os.environ | {"SOURCE_DATE_EPOCH": str(int(day.timestamp()))}
-    command = [sys.executable, "-m", "uv", "build", "--quiet", "--no-build-isolation", "--wheel"]
+    command = [
+        sys.executable,
+        "-m",
+        "uv",
+        "build",
+        "--quiet",
+        "--no-build-isolation",
+        "--wheel",
+    ]
     command += [*what, "--python", sys.executable, "--out-dir", str(folder), str(root)]
     subprocess.run(command, check=True, env=dated)
     (folder / ".gitignore").unlink(missing_ok=True)

@@ -35,7 +35,9 @@ def study(book: Path) -> pd.DataFrame:
 
 
 if __name__ == "__main__":
-    os.environ.pop("REPRODUCE_BUILD", None)  # a reader has none of what a build has computed
+    os.environ.pop(
+        "REPRODUCE_BUILD", None
+    )  # a reader has none of what a build has computed
     note = {"command": COMMAND, "version": reproduce.__version__, "cores": cores()}
     sys.path.append(str(Path(__file__).parent / "evidence"))
     from keep import write_table

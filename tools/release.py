@@ -41,16 +41,28 @@ FILES = {
     "ledger.schema.json": ("The JSON Schema of the ledger", "application/schema+json"),
     "ledger.csv": ("The ledger as one table", "text/csv"),
     "ledger.parquet": ("The ledger as one table", "application/vnd.apache.parquet"),
-    "errata.json": ("The register of errata: differences found, as records", "application/json"),
-    "errata.csv": ("The register of errata: differences found, as one table", "text/csv"),
+    "errata.json": (
+        "The register of errata: differences found, as records",
+        "application/json",
+    ),
+    "errata.csv": (
+        "The register of errata: differences found, as one table",
+        "text/csv",
+    ),
     "verify_ledger.py": ("Derives every verdict of the ledger again", "text/x-python"),
 }
 TAKEN = [name for name in FILES if name[0].isalpha()]
 # What the Citation File Format calls otherwise.
-CFF = {"title": "name", "abstract": "description", "version": "version", "keywords": "keywords"}
+CFF = {
+    "title": "name",
+    "abstract": "description",
+    "version": "version",
+    "keywords": "keywords",
+}
 CFF |= {"date-released": "datePublished", "url": "url"}
 MESSAGE = (
-    "If you use this software or its reproduced tables, please cite it and the paper concerned."
+    "If you use this software or its reproduced tables, please cite it and the paper "
+    "concerned."
 )
 # The columns of the tables among the data.
 COLUMNS = {
@@ -61,7 +73,11 @@ COLUMNS = {
         **dict.fromkeys(("focal", "vr", "vb", "cr", "cb", "br", "bb"), "number"),
     },
     "printed/second-entry.csv": {"address": "string", "value": "string"},
-    "stars/spectra.csv": {"wavelength_nm": "integer", "vega": "number", "sun": "number"},
+    "stars/spectra.csv": {
+        "wavelength_nm": "integer",
+        "vega": "number",
+        "sun": "number",
+    },
 }
 
 # Licences of the measurements of others, by folder.
@@ -87,7 +103,10 @@ THEIRS = {
 
 def reproduced() -> list[Entry]:
     """Return the papers, as the bibliography has them."""
-    return [parse_file(str(data / "references.bib")).entries[key] for key, data in papers().items()]
+    return [
+        parse_file(str(data / "references.bib")).entries[key]
+        for key, data in papers().items()
+    ]
 
 
 def field(paper: Entry, name: str) -> str:
@@ -97,7 +116,9 @@ def field(paper: Entry, name: str) -> str:
 
 def about() -> dict[str, Any]:
     """Return what the project is, in the words of schema.org."""
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))[
+        "project"
+    ]
     found: dict[str, Any] = {"name": project["name"], "keywords": project["keywords"]}
     found |= {"description": f"{project['description']}.", "version": __version__}
     found["datePublished"] = RELEASED
@@ -107,7 +128,11 @@ def about() -> dict[str, Any]:
         for name in project["license"].split(" AND ")
     ]
     found["citation"] = [
-        _thing(f"https://doi.org/{paper.fields['doi']}", "ScholarlyArticle", field(paper, "title"))
+        _thing(
+            f"https://doi.org/{paper.fields['doi']}",
+            "ScholarlyArticle",
+            field(paper, "title"),
+        )
         for paper in reproduced()
     ]
     found |= {"url": ADDRESS} if ADDRESS else {}
@@ -121,7 +146,11 @@ def _thing(address: str, kind: str, name: str) -> dict[str, str]:
 def citation() -> str:
     """Return CITATION.cff."""
     own = about()
-    found: dict[str, Any] = {"cff-version": "1.2.0", "message": MESSAGE, "type": "software"}
+    found: dict[str, Any] = {
+        "cff-version": "1.2.0",
+        "message": MESSAGE,
+        "type": "software",
+    }
     found |= {name: own[ours] for name, ours in CFF.items() if ours in own}
     found |= {"doi": DOI} if DOI else {}
     found["authors"] = [{"name": own["author"]["name"]}]
@@ -132,9 +161,14 @@ def citation() -> str:
 
 def _cited(paper: Entry) -> dict[str, Any]:
     names = {"journal": "journal", "volume": "volume", "start": "pages", "doi": "doi"}
-    known = {name: field(paper, told) for name, told in names.items() if told in paper.fields}
+    known = {
+        name: field(paper, told) for name, told in names.items() if told in paper.fields
+    }
     authors = [
-        {"family-names": " ".join(one.last_names), "given-names": " ".join(one.first_names)}
+        {
+            "family-names": " ".join(one.last_names),
+            "given-names": " ".join(one.first_names),
+        }
         for one in paper.persons["author"]
     ]
     own = {"type": "article", "title": field(paper, "title"), "authors": authors}
@@ -146,19 +180,35 @@ def codemeta() -> str:
     # Types that its own context lacks.
     more = {name: f"schema:{name}" for name in ("CreativeWork", "ScholarlyArticle")}
     context = ["https://w3id.org/codemeta/3.0", more]
-    found = {"@context": context, "@type": "SoftwareSourceCode", "programmingLanguage": "Python"}
+    found = {
+        "@context": context,
+        "@type": "SoftwareSourceCode",
+        "programmingLanguage": "Python",
+    }
     return _json(found | about())
 
 
 def datapackage() -> str:
     """Return the Frictionless descriptor of the data; data/README.md says what each file is."""
     own, data = about(), ROOT / "data"
-    rows = re.findall(r"^\| (`.*?) \| (.*) \|$", (data / "README.md").read_text("utf-8"), re.M)
-    told = {name: what for names, what in rows for name in re.findall(r"`([^`]+)`", names)}
-    found = {"name": own["name"], "title": own["description"], "version": own["version"]}
+    rows = re.findall(
+        r"^\| (`.*?) \| (.*) \|$", (data / "README.md").read_text("utf-8"), re.M
+    )
+    told = {
+        name: what for names, what in rows for name in re.findall(r"`([^`]+)`", names)
+    }
+    found = {
+        "name": own["name"],
+        "title": own["description"],
+        "version": own["version"],
+    }
     found["licenses"] = [{"name": "CC-BY-4.0", "path": own["license"][-1]["@id"]}]
-    found["sources"] = [{"title": one["name"], "path": one["@id"]} for one in own["citation"]]
-    files = [path.relative_to(data).as_posix() for path in data.rglob("*") if path.is_file()]
+    found["sources"] = [
+        {"title": one["name"], "path": one["@id"]} for one in own["citation"]
+    ]
+    files = [
+        path.relative_to(data).as_posix() for path in data.rglob("*") if path.is_file()
+    ]
     found["resources"] = [
         _resource(name, told)
         for name in sorted(files)
@@ -174,7 +224,9 @@ def _resource(name: str, told: dict[str, str]) -> dict[str, Any]:
         "description": what.replace("`", ""),
         "format": Path(name).name.partition(".")[2] or "text",
     }
-    if theirs := [licence for folder, licence in THEIRS.items() if name.startswith(folder)]:
+    if theirs := [
+        licence for folder, licence in THEIRS.items() if name.startswith(folder)
+    ]:
         found["licenses"] = theirs
     if not name.endswith(".csv"):
         return found
@@ -200,7 +252,9 @@ def write_crate(folder: Path) -> None:
         crate.root_dataset[name] = [{"@id": one["@id"]} for one in things] or value
     crate.root_dataset["publisher"] = crate.root_dataset["author"]
     for path in sorted(folder.iterdir()):
-        ((what, form),) = (said for end, said in FILES.items() if path.name.endswith(end))
+        ((what, form),) = (
+            said for end, said in FILES.items() if path.name.endswith(end)
+        )
         said = {"name": path.name, "description": what, "encodingFormat": form}
         said |= {"contentSize": str(path.stat().st_size), "sha256": digest(path)}
         crate.add_file(path, path.name, properties=said)
@@ -223,7 +277,9 @@ def make(html: Path, folder: Path) -> str:
         if (html / page).is_file():
             shutil.copyfile(html / page, folder / page)
     write_crate(folder)
-    sums = "".join(f"{digest(path)}  {path.name}\n" for path in sorted(folder.iterdir()))
+    sums = "".join(
+        f"{digest(path)}  {path.name}\n" for path in sorted(folder.iterdir())
+    )
     (folder / "SHA256SUMS").write_text(sums, encoding="utf-8")
     return sums
 
@@ -232,7 +288,9 @@ def release(html: Path, target: Path) -> None:
     """Make a release twice, and keep it if both are equal, byte for byte."""
     with tempfile.TemporaryDirectory() as place:
         first, second = Path(place) / "first", Path(place) / "second"
-        if unlike := set(make(html, first).splitlines()) ^ set(make(html, second).splitlines()):
+        if unlike := set(make(html, first).splitlines()) ^ set(
+            make(html, second).splitlines()
+        ):
             sys.exit("\n".join(["Made twice, these are not equal:", *sorted(unlike)]))
         shutil.rmtree(target, ignore_errors=True)
         shutil.copytree(first, target)

@@ -40,7 +40,9 @@ class Task:
     needs: frozenset[str] = frozenset()
 
 
-def in_order(tasks: Iterable[Task], workers: int) -> Iterator[tuple[Task, Future[Any], float]]:
+def in_order(
+    tasks: Iterable[Task], workers: int
+) -> Iterator[tuple[Task, Future[Any], float]]:
     """Run tasks, the first ready one first, and yield each as it ends, with its seconds.
 
     A task is ready when all that it needs is done well; one that needs what failed never is.
@@ -104,7 +106,11 @@ def executed(notebook: Any, page: Path) -> Any:
     # Times in the cells' metadata would become part of the key in the cache, and where a stream is
     # cut hangs on the moment.
     client = NotebookClient(
-        notebook, timeout=TIMEOUT, resources=beside, record_timing=False, coalesce_streams=True
+        notebook,
+        timeout=TIMEOUT,
+        resources=beside,
+        record_timing=False,
+        coalesce_streams=True,
     )
     return asyncio.run(client.async_execute())
 
@@ -125,7 +131,9 @@ def computing(book: Path) -> list[Task]:
 
     run = partial(partial, warm_kernels.run)
     tasks = [Task("ledger", run(compute_ledger, downloads))]
-    tasks += [Task(f"posterior {name}", run(compute_posterior, name)) for name in posteriors()]
+    tasks += [
+        Task(f"posterior {name}", run(compute_posterior, name)) for name in posteriors()
+    ]
     needed = frozenset(task.name for task in tasks)
     keys = (*drawable(), *drawings())
     drawn = [Task(f"figure {key}", run(compute_figure, key, downloads)) for key in keys]
@@ -139,8 +147,14 @@ def executing(book: Path, cache: Any, before: frozenset[str]) -> Iterator[Task]:
         notebook = read(page)
         if notebook is None or held(cache, notebook):
             continue
-        samples = any(SAMPLES in cell.source for cell in notebook.cells if cell.cell_type == "code")
-        needs = frozenset(one for one in before if samples or not one.startswith(SAMPLES))
+        samples = any(
+            SAMPLES in cell.source
+            for cell in notebook.cells
+            if cell.cell_type == "code"
+        )
+        needs = frozenset(
+            one for one in before if samples or not one.startswith(SAMPLES)
+        )
         name = page.relative_to(book).as_posix()
         tasks.append(Task(name, partial(executed, notebook, page), needs))
     yield from sorted(tasks, key=lambda task: -len(task.needs))
@@ -192,4 +206,8 @@ def carried(tasks: list[Task], book: Path, cache: Any, workers: int) -> bool:
 
 def cores() -> int:
     """Return how many processes may work at once."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return (
+        len(os.sched_getaffinity(0))
+        if hasattr(os, "sched_getaffinity")
+        else os.cpu_count() or 1
+    )

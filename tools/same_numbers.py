@@ -40,13 +40,27 @@ from page_cells import BOOK, notebooks, posteriors_on, run
 ROOT = BOOK.parent
 CLOSE = 1e-12
 DRAWN, SEEN = 1e-3, 0.05  # px
-USUAL, PLAIN, ONE, ELSEWHERE = "as it is", "plain instructions", "one thread", "some where"
+USUAL, PLAIN, ONE, ELSEWHERE = (
+    "as it is",
+    "plain instructions",
+    "one thread",
+    "some where",
+)
 SAMPLED = (USUAL, PLAIN, ONE)
 KEPT = "REPRODUCE_BUILD"  # the folder of what is computed once, one for each setting
 # What a process needs of the checkout to make the pages.
 NEEDED = ("src", "data", "book", "tools")
 # What a setting may change is not taken over from outside.
-CHANGED = ("LC_", "LANG", "TZ", "OPENBLAS_", "OMP_", "NPY_", "PYTHONHASHSEED", "PYTHONUTF8")
+CHANGED = (
+    "LC_",
+    "LANG",
+    "TZ",
+    "OPENBLAS_",
+    "OMP_",
+    "NPY_",
+    "PYTHONHASHSEED",
+    "PYTHONUTF8",
+)
 NUMBER = re.compile(r"(?<![\w#.])-?\d+(?:\.\d+)?(?:e[-+]\d+)?")
 OTHER, MOVES = "a drawing has other parts", "a drawing moves by "
 SVG = re.compile(r"<svg.*?</svg>", re.DOTALL)
@@ -88,8 +102,13 @@ def settings() -> dict[str, dict[str, str]]:
 def as_it_is() -> dict[str, Any]:
     """Return the arithmetic of a process into which nothing is put from outside."""
     code = "import json, same_numbers; print(json.dumps(same_numbers.arithmetic()))"
-    environment = {**bare(), "PYTHONPATH": f"{ROOT / 'src'}{os.pathsep}{ROOT / 'tools'}"}
-    told = subprocess.check_output([sys.executable, "-c", code], env=environment, text=True)
+    environment = {
+        **bare(),
+        "PYTHONPATH": f"{ROOT / 'src'}{os.pathsep}{ROOT / 'tools'}",
+    }
+    told = subprocess.check_output(
+        [sys.executable, "-c", code], env=environment, text=True
+    )
     found: dict[str, Any] = json.loads(told)
     return found
 
@@ -132,10 +151,16 @@ def computed(pages: list[str]) -> dict[str, Any]:
             shown[name]["words"] = of_posteriors(posteriors_on(BOOK / name))
         return {"arithmetic": arithmetic(), "pages": shown, "ledger": {}}
     ledger = json.loads(whole_ledger().model_dump_json())
-    return {"arithmetic": arithmetic(), "pages": {"sentences": unsampled()}, "ledger": ledger}
+    return {
+        "arithmetic": arithmetic(),
+        "pages": {"sentences": unsampled()},
+        "ledger": ledger,
+    }
 
 
-def apart(environment: Mapping[str, str], root: Path, pages: list[str]) -> dict[str, Any]:
+def apart(
+    environment: Mapping[str, str], root: Path, pages: list[str]
+) -> dict[str, Any]:
     """Return what `computed` does in a process of its own, in a checkout at `root`."""
     process = subprocess.run(
         [sys.executable, str(root / "tools/same_numbers.py"), "--here", *pages],
@@ -151,7 +176,9 @@ def apart(environment: Mapping[str, str], root: Path, pages: list[str]) -> dict[
     return answer
 
 
-def differences(one: Any, other: Any, place: str = "", size: float = 0.0) -> Iterator[str]:
+def differences(
+    one: Any, other: Any, place: str = "", size: float = 0.0
+) -> Iterator[str]:
     """Yield where two results differ, by the kind of what stands there.
 
     Parameters
@@ -209,11 +236,18 @@ def compared(*, sampled: Collection[str] = SAMPLED) -> int:
     names = [page.relative_to(BOOK).as_posix() for page in notebooks()]
     slow = [name for name in names if name.startswith("posteriors/")]
     quick = [name for name in names if name not in slow]
-    with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(os.cpu_count()) as pool:
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        ThreadPoolExecutor(os.cpu_count()) as pool,
+    ):
         away = Path(folder) / ELSEWHERE
         for part in NEEDED:
-            shutil.copytree(ROOT / part, away / part, ignore=shutil.ignore_patterns("_build"))
-        parts: dict[str, list[Future[dict[str, Any]]]] = {name: [] for name in settings()}
+            shutil.copytree(
+                ROOT / part, away / part, ignore=shutil.ignore_patterns("_build")
+            )
+        parts: dict[str, list[Future[dict[str, Any]]]] = {
+            name: [] for name in settings()
+        }
         # Settings take turns, so that what works at the same time seldom needs the same posterior.
         for batch in [*([page] for page in slow), quick, []]:
             for name, environment in settings().items():
@@ -221,13 +255,19 @@ def compared(*, sampled: Collection[str] = SAMPLED) -> int:
                     own = {**environment, KEPT: str(Path(folder) / "kept" / name)}
                     root = away if name == ELSEWHERE else ROOT
                     parts[name].append(pool.submit(apart, own, root, batch))
-        results = {name: [part.result() for part in each] for name, each in parts.items()}
-    usual = {page: shown for part in results[USUAL] for page, shown in part["pages"].items()}
+        results = {
+            name: [part.result() for part in each] for name, each in parts.items()
+        }
+    usual = {
+        page: shown for part in results[USUAL] for page, shown in part["pages"].items()
+    }
     wrong = 0
     for name, found in results.items():
         setting, ledger = found[-1]["arithmetic"], found[-1]["ledger"]
         if name != USUAL and setting == results[USUAL][-1]["arithmetic"]:
-            raise RuntimeError(f"{name}: expected to change something, got {setting} as usual")
+            raise RuntimeError(
+                f"{name}: expected to change something, got {setting} as usual"
+            )
         pages = {page: shown for part in found for page, shown in part["pages"].items()}
         places = [
             *differences({page: usual[page] for page in pages}, pages),
@@ -235,7 +275,9 @@ def compared(*, sampled: Collection[str] = SAMPLED) -> int:
         ]
         print(f"{name}: {len(pages)} pages, {len(places)} differences, {setting}")
         print(*places, sep="\n", end="\n" if places else "", flush=True)
-        wrong += sum(not (place.split()[0] in slow and unseen(place)) for place in places)
+        wrong += sum(
+            not (place.split()[0] in slow and unseen(place)) for place in places
+        )
     return wrong
 
 
@@ -248,8 +290,12 @@ def unseen(place: str) -> bool:
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--all", action="store_true", help="sample under every setting")
-    parser.add_argument("--quick", action="store_true", help="leave out the pages that sample")
-    parser.add_argument("--here", nargs="*", help="print what these pages show, and no more")
+    parser.add_argument(
+        "--quick", action="store_true", help="leave out the pages that sample"
+    )
+    parser.add_argument(
+        "--here", nargs="*", help="print what these pages show, and no more"
+    )
     asked = parser.parse_args()
     if asked.here is not None:
         # It is a TextIOWrapper, which the annotation TextIO does not say.

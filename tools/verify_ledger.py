@@ -26,7 +26,10 @@ def judged(found: Record, stands_for: Ends) -> str:
     if found["probability"] is not None:
         return "consistent" if found["probability"] >= 1 - CENTRAL else "differs"
     first, last = stands_for
-    low, high = -math.inf if first is None else first, math.inf if last is None else last
+    low, high = (
+        -math.inf if first is None else first,
+        math.inf if last is None else last,
+    )
     # Sums of decimal numbers leave a few units of the last binary place.
     width = high - low if math.isfinite(high - low) else 0.0
     slack = 1e-9 * max(width / 2, 1e-3 * min(abs(low), abs(high)), 1e-12)
@@ -60,8 +63,13 @@ def listed(path: Path) -> dict[str, list[Record]]:
     for row in csv.DictReader(line for line in lines if not line.startswith("#")):
         numbers = {n: float(row[n]) for n in ("computed", "low", "high")}
         probability = float(row["probability"]) if row["probability"] else None
-        one = {"interval": (numbers["low"], numbers["high"]), "probability": probability}
-        found.setdefault(row["cell"], []).append({"computed": numbers["computed"], **one})
+        one = {
+            "interval": (numbers["low"], numbers["high"]),
+            "probability": probability,
+        }
+        found.setdefault(row["cell"], []).append(
+            {"computed": numbers["computed"], **one}
+        )
     return found
 
 
@@ -72,7 +80,9 @@ def main(ledger: str | Path, readings: str | Path) -> int:
     wrong = [one for one in records if not follows(one, every.get(one["cell"], []))]
     for one in wrong:
         print(f"{one['cell']}: {one['verdict']} does not follow from its record")
-    print(f"{len(records) - len(wrong)} of {len(records)} verdicts follow from their records")
+    print(
+        f"{len(records) - len(wrong)} of {len(records)} verdicts follow from their records"
+    )
     return 1 if wrong else 0
 
 

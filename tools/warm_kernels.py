@@ -21,10 +21,33 @@ from jupyter_client.provisioning.local_provisioner import LocalProvisioner
 NAME = "warm"
 # What nearly every page imports sooner or later, and what the build itself does.
 IMPORTED = (
-    *("ipykernel.kernelapp", "ipykernel.ipkernel", "ipykernel.zmqshell", "IPython.core.completer"),
-    *("matplotlib.backends.backend_svg", "matplotlib.pyplot", "pandas", "pandas.io.formats.style"),
-    *("scipy.optimize", "scipy.stats", "scipy.spatial", "scipy.linalg", "scipy.special"),
-    *("emcee", "erfa", "pydantic", "rich.table", "jupyter_cache.cache.main", "nbclient"),
+    *(
+        "ipykernel.kernelapp",
+        "ipykernel.ipkernel",
+        "ipykernel.zmqshell",
+        "IPython.core.completer",
+    ),
+    *(
+        "matplotlib.backends.backend_svg",
+        "matplotlib.pyplot",
+        "pandas",
+        "pandas.io.formats.style",
+    ),
+    *(
+        "scipy.optimize",
+        "scipy.stats",
+        "scipy.spatial",
+        "scipy.linalg",
+        "scipy.special",
+    ),
+    *(
+        "emcee",
+        "erfa",
+        "pydantic",
+        "rich.table",
+        "jupyter_cache.cache.main",
+        "nbclient",
+    ),
     *("reproduce.views.posteriors", "reproduce.views.contradictions"),
     *("reproduce.views.front", "reproduce.views.measurements"),
 )
@@ -72,7 +95,9 @@ class WarmProvisioner(LocalProvisioner):
         """Fork a kernel that listens on the connection that the command names."""
         arguments = cmd[cmd.index("-f") :]
         process = context.Process(
-            target=serve, args=(arguments, settings.get("cwd"), settings.get("env")), daemon=True
+            target=serve,
+            args=(arguments, settings.get("cwd"), settings.get("env")),
+            daemon=True,
         )
         process.start()
         # Declared as a Popen, of which a kernel's provisioner asks only what Forked has.
@@ -81,7 +106,9 @@ class WarmProvisioner(LocalProvisioner):
         return self.connection_info
 
 
-def serve(arguments: list[str], folder: str | None, environment: Mapping[str, str] | None) -> None:
+def serve(
+    arguments: list[str], folder: str | None, environment: Mapping[str, str] | None
+) -> None:
     """Be a kernel: what ``python -m ipykernel_launcher`` does, in the folder of the page."""
     import matplotlib
     from ipykernel.kernelapp import IPKernelApp
@@ -94,7 +121,9 @@ def serve(arguments: list[str], folder: str | None, environment: Mapping[str, st
     # Matplotlib was imported before the kernel could name the backend that shows its figures.
     matplotlib.rcParams["backend"] = "module://matplotlib_inline.backend_inline"
     # With a parent it ends when that ends, and does not tell a terminal how to leave it.
-    IPKernelApp.launch_instance([*arguments, f"--IPKernelApp.parent_handle={os.getppid()}"])
+    IPKernelApp.launch_instance(
+        [*arguments, f"--IPKernelApp.parent_handle={os.getppid()}"]
+    )
 
 
 def start() -> None:
@@ -102,7 +131,9 @@ def start() -> None:
     if FORKED:
         context.set_forkserver_preload(list(IMPORTED))
     factory = KernelProvisionerFactory.instance()
-    factory.provisioners[NAME] = EntryPoint(NAME, f"{__name__}:WarmProvisioner", factory.GROUP_NAME)
+    factory.provisioners[NAME] = EntryPoint(
+        NAME, f"{__name__}:WarmProvisioner", factory.GROUP_NAME
+    )
     factory.default_provisioner_name = NAME
 
 
@@ -118,4 +149,6 @@ def run(function: Callable[..., Any], *arguments: Any) -> None:
     process.start()
     process.join()
     if process.exitcode:
-        raise RuntimeError(f"{function.__name__}{arguments}: exit code {process.exitcode}")
+        raise RuntimeError(
+            f"{function.__name__}{arguments}: exit code {process.exitcode}"
+        )

@@ -53,7 +53,9 @@ def known(env: BuildEnvironment) -> dict[str, str]:
 def pages(env: BuildEnvironment) -> dict[str, str]:
     """Return the page of each anchor, equations among them."""
     equations = env.get_domain("math").data["objects"]  # label to page and number
-    return {f"equation-{label}": page for label, (page, _) in equations.items()} | known(env)
+    return {
+        f"equation-{label}": page for label, (page, _) in equations.items()
+    } | known(env)
 
 
 def drop(app: Sphinx, env: BuildEnvironment, page: str) -> None:
@@ -62,13 +64,21 @@ def drop(app: Sphinx, env: BuildEnvironment, page: str) -> None:
         del known(env)[name]
 
 
-def merge(app: Sphinx, env: BuildEnvironment, pages: set[str], other: BuildEnvironment) -> None:
+def merge(
+    app: Sphinx, env: BuildEnvironment, pages: set[str], other: BuildEnvironment
+) -> None:
     """Take over what a parallel reader found."""
-    known(env).update({name: page for name, page in known(other).items() if page in pages})
+    known(env).update(
+        {name: page for name, page in known(other).items() if page in pages}
+    )
 
 
 def lead(
-    app: Sphinx, page: str, template: str, context: dict[str, Any], doctree: nodes.document | None
+    app: Sphinx,
+    page: str,
+    template: str,
+    context: dict[str, Any],
+    doctree: nodes.document | None,
 ) -> None:
     """Turn links to anchors of other pages into links to these pages."""
     body = context.get("body", "")

@@ -77,7 +77,11 @@ def symbols(book: Path) -> list[Symbol]:
     """Read the table of symbols; a book may have none."""
     page = book / f"{NOTATION}.md"
     lines = page.read_text(encoding="utf-8").splitlines() if page.is_file() else []
-    rows = [[part.strip() for part in one.split("|")[1:-1]] for one in lines if one[:3] == "| $"]
+    rows = [
+        [part.strip() for part in one.split("|")[1:-1]]
+        for one in lines
+        if one[:3] == "| $"
+    ]
     return [
         Symbol(f"symbol-{number}", MATH.findall(row[0]), row[1], row[3])
         for number, row in enumerate(rows)
@@ -95,12 +99,20 @@ def plain(tex: str) -> str:
 
 def symbol(app: Sphinx, page: str, tex: str) -> str:
     """Return the anchor of a symbol that a page shows, empty where it is none of its paper."""
-    known = [one for one in symbols(Path(app.srcdir)) if one.paper in {"both", dirname(page)}]
-    return next((one.name for one in known if plain(tex) in map(plain, one.written)), "")
+    known = [
+        one for one in symbols(Path(app.srcdir)) if one.paper in {"both", dirname(page)}
+    ]
+    return next(
+        (one.name for one in known if plain(tex) in map(plain, one.written)), ""
+    )
 
 
 def mark(
-    app: Sphinx, page: str, template: str, context: dict[str, Any], doctree: nodes.document | None
+    app: Sphinx,
+    page: str,
+    template: str,
+    context: dict[str, Any],
+    doctree: nodes.document | None,
 ) -> None:
     """Give every link of a page that has a card its sign, and symbols their links."""
     known, held = cells(app), anchors.pages(app.env)
@@ -108,7 +120,11 @@ def mark(
 
     def signed(link: re.Match[str]) -> str:
         before, page_of, name, after = link.groups()
-        has = name in known or page_of.endswith(f"{BIBLIOGRAPHY}.html") or held.get(name) == ERRATA
+        has = (
+            name in known
+            or page_of.endswith(f"{BIBLIOGRAPHY}.html")
+            or held.get(name) == ERRATA
+        )
         if not (has or name.startswith(shown)) or OWN.search(before + after):
             return link.group(0)
         marks = f'{before}href="{page_of}#{name}"{after}'
@@ -138,7 +154,9 @@ def write(app: Sphinx, error: Exception | None) -> None:
     root = Path(app.outdir)
     for path in sorted(root.rglob("*.html")):
         page = path.relative_to(root).as_posix()
-        found |= {n: rooted(page, html) for n, html in shown(page, path.read_text("utf-8"))}
+        found |= {
+            n: rooted(page, html) for n, html in shown(page, path.read_text("utf-8"))
+        }
     for one in symbols(Path(app.srcdir)):
         signs = ", ".join(f"${tex}$" for tex in one.written)
         html = MATH.sub(r"\\(\1\\)", escape(f"{signs}: {one.meaning}"))
@@ -156,11 +174,16 @@ def shown(page: str, text: str) -> Iterator[tuple[str, str]]:
     for name, html in EQUATION.findall(text):
         yield name, f"<p>{html.strip()}</p>"
     for name, label, caption, file in FIGURE.findall(text):
-        yield name, f'<img data-src="{file}" alt="{label}"><p>{ANCHOR.sub("", caption)}</p>'
+        yield (
+            name,
+            f'<img data-src="{file}" alt="{label}"><p>{ANCHOR.sub("", caption)}</p>',
+        )
     if page == f"{ERRATA}.html":
         yield from ERRATUM.findall(text)
     if page == f"{BIBLIOGRAPHY}.html":
-        yield from ((f"{BIBLIOGRAPHY}-{n}", f"<p>{h}</p>") for n, h in REFERENCE.findall(text))
+        yield from (
+            (f"{BIBLIOGRAPHY}-{n}", f"<p>{h}</p>") for n, h in REFERENCE.findall(text)
+        )
 
 
 def rooted(page: str, html: str) -> str:

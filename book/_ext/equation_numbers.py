@@ -16,7 +16,9 @@ from sphinx.util import logging
 
 logger = logging.getLogger(__name__)
 
-LABEL = re.compile(r"(?P<prefix>[a-z0-9]+)-(?P<number>[0-9]+[a-z]?)(?P<printed>-printed)?")
+LABEL = re.compile(
+    r"(?P<prefix>[a-z0-9]+)-(?P<number>[0-9]+[a-z]?)(?P<printed>-printed)?"
+)
 
 
 def printed_number(label: str, prefixes: dict[str, str]) -> str | None:

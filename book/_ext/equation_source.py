@@ -31,20 +31,28 @@ def implementations() -> dict[str, list[Source]]:
     """Return the functions that implement each equation, by the equation's label."""
     package = find_spec("reproduce")
     if package is None or package.submodule_search_locations is None:
-        raise RuntimeError("the package reproduce is not installed; `make book` installs it")
+        raise RuntimeError(
+            "the package reproduce is not installed; `make book` installs it"
+        )
     found: dict[str, list[Source]] = {}
-    for path in sorted((Path(package.submodule_search_locations[0]) / "physics").rglob("*.py")):
+    for path in sorted(
+        (Path(package.submodule_search_locations[0]) / "physics").rglob("*.py")
+    ):
         text = path.read_text(encoding="utf-8")
         lines = text.splitlines()
         for name, claim, node in functions(ast.parse(text)):
-            source = Source(name, "\n".join(lines[node.lineno - 1 : node.end_lineno]), str(path))
+            source = Source(
+                name, "\n".join(lines[node.lineno - 1 : node.end_lineno]), str(path)
+            )
             for line in claim.splitlines():
                 for label in claimed(line):
                     found.setdefault(label, []).append(source)
     return found
 
 
-def functions(tree: ast.AST, prefix: str = "") -> Iterator[tuple[str, str, ast.FunctionDef]]:
+def functions(
+    tree: ast.AST, prefix: str = ""
+) -> Iterator[tuple[str, str, ast.FunctionDef]]:
     """Yield the functions and methods of a module: name, docstring, the function itself.
 
     What the docstring of a class claims, its method ``apply`` does.
@@ -76,7 +84,9 @@ class Unfold(SphinxTransform):
                     f"it: <code>{source.name}</code></summary>"
                 )
                 place.insert(at, nodes.raw("", "</details>", format="html"))
-                place.insert(at, nodes.literal_block(source.text, source.text, language="python"))
+                place.insert(
+                    at, nodes.literal_block(source.text, source.text, language="python")
+                )
                 place.insert(at, nodes.raw("", opening, format="html"))
 
 

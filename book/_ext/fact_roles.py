@@ -46,14 +46,18 @@ class Fact(SphinxRole):
         name = name_of(self.name, self.text)
         known = facts(path, path.stat().st_mtime)
         if name not in known:
-            message = self.inliner.reporter.error(f"no fact is called {name!r}", line=self.lineno)
+            message = self.inliner.reporter.error(
+                f"no fact is called {name!r}", line=self.lineno
+            )
             return [], [message]
         about = self.text.partition(" ")[0]
         if self.name == "fact" and f"{about} printed" not in known:
             return [nodes.inline(self.rawtext, known[name], classes=["rp-fact"])], []
         # What is said of a printed cell leads there, on whatever page that is (`anchors`).
         cell = re.sub("[/#.]", "-", about)
-        link = nodes.reference(self.rawtext, known[name], internal=True, refuri=f"#{cell}")
+        link = nodes.reference(
+            self.rawtext, known[name], internal=True, refuri=f"#{cell}"
+        )
         return [nodes.inline("", "", link, classes=["rp-fact"])], []
 
 

@@ -35,7 +35,9 @@ def drop(app: Sphinx, env: BuildEnvironment, page: str) -> None:
     held(env)["pages"].pop(page, None)
 
 
-def merge(app: Sphinx, env: BuildEnvironment, pages: set[str], other: BuildEnvironment) -> None:
+def merge(
+    app: Sphinx, env: BuildEnvironment, pages: set[str], other: BuildEnvironment
+) -> None:
     """Take over what a parallel reader found."""
     found = held(other)["pages"]
     held(env)["pages"].update({page: found[page] for page in pages if page in found})
@@ -60,11 +62,17 @@ def count(app: Sphinx, env: BuildEnvironment) -> list[str]:
         number += len(held(env)["pages"].get(page, []))
     before, held(env)["first"] = held(env)["first"], first
     pages = held(env)["pages"]
-    return [page for page in first if pages.get(page) and before.get(page) != first[page]]
+    return [
+        page for page in first if pages.get(page) and before.get(page) != first[page]
+    ]
 
 
 def fill(
-    app: Sphinx, page: str, template: str, context: dict[str, Any], doctree: nodes.document | None
+    app: Sphinx,
+    page: str,
+    template: str,
+    context: dict[str, Any],
+    doctree: nodes.document | None,
 ) -> None:
     """Write the numbers of a page, each a link to its figure."""
     first = held(app.env)["first"].get(page)

@@ -37,7 +37,11 @@ class Question:
 def questions(paper: str) -> list[Question]:
     """Return the questions to the authors of a paper, those that settle most cells first."""
     text = (data_folder() / "letters.toml").read_text(encoding="utf-8")
-    asked = [complete(**one) for one in tomllib.loads(text)["question"] if one["paper"] == paper]
+    asked = [
+        complete(**one)
+        for one in tomllib.loads(text)["question"]
+        if one["paper"] == paper
+    ]
     return sorted(asked, key=lambda one: -len(one.cells))
 
 
@@ -63,7 +67,9 @@ def settles(question: Question, number: dict[str, int]) -> str:
     """Say which cells an answer settles, which errata it bears on, and what the reply is."""
     told = "No number depends on it"
     if question.cells:
-        beside = f", with the answer to {number[question.beside]}" if question.beside else ""
+        beside = (
+            f", with the answer to {number[question.beside]}" if question.beside else ""
+        )
         places = (
             f"{where}: {', '.join(map(cell, some))}"
             for where, some in groupby(question.cells, place)

@@ -26,11 +26,21 @@ def moved(release: Mapping[str, Any], now: Mapping[str, str]) -> Moved:
     ValueError
         If what moved is not what the entries of ``moved`` name.
     """
-    then = {cell: verdict for verdict, cells in release["verdicts"].items() for cell in cells}
-    found = {cell: (then[cell], word) for cell, word in now.items() if then.get(cell, word) != word}
+    then = {
+        cell: verdict
+        for verdict, cells in release["verdicts"].items()
+        for cell in cells
+    }
+    found = {
+        cell: (then[cell], word)
+        for cell, word in now.items()
+        if then.get(cell, word) != word
+    }
     named = {cell for entry in release.get("moved", ()) for cell in entry["cells"]}
     if unlike := sorted(named ^ set(found)):
-        raise ValueError(f"last-release.toml: [[moved]] names all that moved; look at {unlike}")
+        raise ValueError(
+            f"last-release.toml: [[moved]] names all that moved; look at {unlike}"
+        )
     return found
 
 
@@ -49,7 +59,9 @@ class MovedDirective(SphinxDirective):
         self.env.note_dependency(str(path))
         release = tomllib.loads(path.read_text(encoding="utf-8"))
         found = moved(release, {cell: one.verdict for cell, one in frozen().items()})
-        kinds = Counter(f"{verdict} to {word}" for verdict, word in found.values()).items()
+        kinds = Counter(
+            f"{verdict} to {word}" for verdict, word in found.values()
+        ).items()
         blocks: list[Block] = [
             f"Since version {release['version']}, of {release['released']}, {len(found)} of "
             f"{len(frozen())} verdicts have moved: "

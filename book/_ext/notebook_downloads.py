@@ -38,7 +38,14 @@ TITLED = re.compile(r"(?P<title>.+?)\s*<(?P<target>[^>]+)>")
 OPTION = re.compile(r"^:[\w-]+:.*\n?", re.MULTILINE)
 ADMONITIONS = {"admonition": "", "note": "Note", "warning": "Warning"}
 WRAPPERS = {"div"}
-EXTENSIONS = {"dollarmath", "colon_fence", "deflist", "fieldlist", "attrs_inline", "attrs_block"}
+EXTENSIONS = {
+    "dollarmath",
+    "colon_fence",
+    "deflist",
+    "fieldlist",
+    "attrs_inline",
+    "attrs_block",
+}
 Spoken = Callable[[str, str], str]
 
 
@@ -60,16 +67,25 @@ def plain(text: str, spoken: Spoken, number: Callable[[str], str]) -> str:
     > Beware.
     """
     lines = text.splitlines()
-    for token in reversed([one for one in _parser().parse(text) if one.map and not one.level]):
+    for token in reversed(
+        [one for one in _parser().parse(text) if one.map and not one.level]
+    ):
         first, last = token.map or (0, 0)
         if token.type == "myst_target":
             lines[first:last] = []
         elif token.type == "math_block_label":
             tag = f"\\tag{{{number(token.info)}}}"
-            lines[first:last] = ["$$", *token.content.strip("\n").splitlines(), tag, "$$"]
+            lines[first:last] = [
+                "$$",
+                *token.content.strip("\n").splitlines(),
+                tag,
+                "$$",
+            ]
         elif token.type in ("fence", "colon_fence") and token.info.startswith("{"):
             lines[first:last] = _directive(token, spoken, number)
-    said = ROLE.sub(lambda found: spoken(found["role"], found["text"]), "\n".join(lines))
+    said = ROLE.sub(
+        lambda found: spoken(found["role"], found["text"]), "\n".join(lines)
+    )
     return said.strip("\n")
 
 
@@ -89,7 +105,9 @@ def _directive(token: Token, spoken: Spoken, number: Callable[[str], str]) -> li
     if kind in WRAPPERS:
         return inner.splitlines()
     if kind not in ADMONITIONS:
-        raise ValueError(f"expected to know how {{{kind}}} reads in a notebook: say so here")
+        raise ValueError(
+            f"expected to know how {{{kind}}} reads in a notebook: say so here"
+        )
     quoted = [f"**{title.strip() or ADMONITIONS[kind]}**", "", *inner.splitlines()]
     return [f"> {line}".rstrip() for line in quoted]
 
@@ -110,9 +128,12 @@ def spoken_in(app: Sphinx, page: str) -> Spoken:
         if role == "doc":
             return _link(app, page, title, target)
         if role.startswith("cite"):
-            return cited(app.config.bibtex_bibfiles[0], app, text, inside=role.endswith(":p"))
+            return cited(
+                app.config.bibtex_bibfiles[0], app, text, inside=role.endswith(":p")
+            )
         return (
-            title or f"`{target.lstrip('~!').rpartition('.')[2] if target[:1] == '~' else target}`"
+            title
+            or f"`{target.lstrip('~!').rpartition('.')[2] if target[:1] == '~' else target}`"
         )
 
     return spoken
@@ -171,12 +192,16 @@ def written(app: Sphinx, page: str) -> str:
     text = executed(app, page).read_text(encoding="utf-8")
     notebook: Any = nbformat.reads(text, as_version=4)  # type: ignore[no-untyped-call]  # has none
     # Jupyter Book keeps what the cells show in its cache.
-    kept = get_cache(app.config.nb_execution_cache_path or Path(app.outdir).parent / CACHE)
+    kept = get_cache(
+        app.config.nb_execution_cache_path or Path(app.outdir).parent / CACHE
+    )
     _, notebook = kept.merge_match_into_notebook(notebook)
     spoken, prefixes = spoken_in(app, page), app.config.equation_prefixes
     for cell in notebook.cells:
         if cell.cell_type == "markdown":
-            said = plain(cell.source, spoken, lambda label: str(printed_number(label, prefixes)))
+            said = plain(
+                cell.source, spoken, lambda label: str(printed_number(label, prefixes))
+            )
             cell.source = said
         elif "hide-input" in cell.metadata.get("tags", []):
             cell.metadata["jupyter"] = {"source_hidden": True}
@@ -189,7 +214,11 @@ def written(app: Sphinx, page: str) -> str:
 
 
 def offer(
-    app: Sphinx, page: str, template: str, context: dict[str, Any], doctree: nodes.document | None
+    app: Sphinx,
+    page: str,
+    template: str,
+    context: dict[str, Any],
+    doctree: nodes.document | None,
 ) -> None:
     """Make the theme's download button offer the notebook."""
     if doctree is not None and is_notebook(app, page):

@@ -40,7 +40,9 @@ MATHJAX = "tex-svg-full.js"
 def mathjax_source() -> Path:
     """Return the installed MathJax script."""
     package = "sphinx-mathjax-offline"
-    return Path(str(distribution(package).locate_file(f"{package}/static/mathjax/{MATHJAX}")))
+    return Path(
+        str(distribution(package).locate_file(f"{package}/static/mathjax/{MATHJAX}"))
+    )
 
 
 def point_to_local_mathjax(app: Sphinx) -> None:
@@ -62,7 +64,9 @@ def only_icons(script: str, used: set[str]) -> str:
     >>> only_icons('i={sun:[8,8,[],"f1","M1"],"a-b":[8,8,[1,"c"],"f2",["M","N"]]}', {"sun"})
     'i={sun:[8,8,[],"f1","M1"],}'
     """
-    return ICON.sub(lambda icon: icon[0] if (icon[1] or icon[2]) in used else "", script)
+    return ICON.sub(
+        lambda icon: icon[0] if (icon[1] or icon[2]) in used else "", script
+    )
 
 
 def drop_icons(app: Sphinx, error: Exception | None) -> None:
@@ -72,7 +76,11 @@ def drop_icons(app: Sphinx, error: Exception | None) -> None:
     root = Path(app.outdir)
     scripts = root / "_static" / "scripts"
     naming = [*root.rglob("*.html"), *scripts.glob("*sphinx*theme.js")]
-    used = {name for file in naming for name in NAMED.findall(file.read_text(encoding="utf-8"))}
+    used = {
+        name
+        for file in naming
+        for name in NAMED.findall(file.read_text(encoding="utf-8"))
+    }
     theme = "pydata-sphinx-theme"
     source = distribution(theme).locate_file(
         f"pydata_sphinx_theme/theme/pydata_sphinx_theme/static/{ICONS}"
@@ -109,7 +117,11 @@ def _rounded(number: re.Match[str]) -> str:
 
 
 def coarsen(
-    app: Sphinx, page: str, template: str, context: dict[str, Any], doctree: nodes.document | None
+    app: Sphinx,
+    page: str,
+    template: str,
+    context: dict[str, Any],
+    doctree: nodes.document | None,
 ) -> None:
     """Make the drawings of a page lighter; the downloaded notebook keeps every digit."""
     if doctree is not None:
@@ -117,20 +129,32 @@ def coarsen(
 
 
 def drop_mathjax(
-    app: Sphinx, page: str, template: str, context: dict[str, Any], doctree: nodes.document | None
+    app: Sphinx,
+    page: str,
+    template: str,
+    context: dict[str, Any],
+    doctree: nodes.document | None,
 ) -> None:
     """Take MathJax out of a page whose formulas all stand in outputs that are not shown."""
     if 'class="math' not in context.get("body", ""):
         scripts = context.get("script_files", [])
-        context["script_files"] = [one for one in scripts if MATHJAX not in str(one.filename or "")]
+        context["script_files"] = [
+            one for one in scripts if MATHJAX not in str(one.filename or "")
+        ]
 
 
 def drop_thebe(
-    app: Sphinx, page: str, template: str, context: dict[str, Any], doctree: nodes.document | None
+    app: Sphinx,
+    page: str,
+    template: str,
+    context: dict[str, Any],
+    doctree: nodes.document | None,
 ) -> None:
     """Take out thebe, which the theme declares twice: an error on every page."""
     for kind in ("script_files", "css_files"):
-        context[kind] = [asset for asset in context.get(kind, []) if not is_thebe(asset)]
+        context[kind] = [
+            asset for asset in context.get(kind, []) if not is_thebe(asset)
+        ]
 
 
 def is_thebe(asset: Any) -> bool:

@@ -24,7 +24,12 @@ IDENTIFIED = re.compile(r'\bid="([^"]+)"')
 # What a reader may look for under another word than the title of its page.
 WORDS = {
     "audit/errata": ["misprint", "misprints", "erratum", "corrections"],
-    "posteriors/diagnostics": ["coverage", "convergence", "R-hat", "simulation-based calibration"],
+    "posteriors/diagnostics": [
+        "coverage",
+        "convergence",
+        "R-hat",
+        "simulation-based calibration",
+    ],
     "audit/relations": ["contradiction", "contradictions", "consistency"],
 }
 # Where something stands, what is shown of it, its own names, and other names for it.
@@ -51,7 +56,9 @@ def places(root: Path, pages: Mapping[str, str]) -> dict[str, dict[str, str]]:
     for page in sorted(pages):
         text = (root / f"{page}.html").read_text(encoding="utf-8")
         for name in IDENTIFIED.findall(text):
-            found.setdefault(name, {}).setdefault(page.partition("/")[0], f"{page}.html#{name}")
+            found.setdefault(name, {}).setdefault(
+                page.partition("/")[0], f"{page}.html#{name}"
+            )
     return found
 
 
@@ -79,7 +86,9 @@ def of_items(anchors: Mapping[str, Mapping[str, str]]) -> Iterator[Entry]:
         paper = key.partition("/")[0]
         for cell in table.cells:
             if address := where(cell.anchor, paper) or addresses.get(key):
-                shown = f"{cell.shown}, printed in {cell.place} of {paper}: {cell.label}"
+                shown = (
+                    f"{cell.shown}, printed in {cell.place} of {paper}: {cell.label}"
+                )
                 yield address, shown, [cell.address], [*printed_as(cell), cell.name]
 
 
@@ -96,7 +105,12 @@ def of_equations(app: Sphinx) -> Iterator[Entry]:
         paper = label.partition("-")[0]
         own = [f"equation {number}", f"eq. {number}", f"eq {number}", f"({number})"]
         names = [*own, label, f"{paper} {number}", *(f"{paper} {one}" for one in own)]
-        yield f"{page}.html#equation-{label}", f"Equation ({number}) of {paper}", names, []
+        yield (
+            f"{page}.html#equation-{label}",
+            f"Equation ({number}) of {paper}",
+            names,
+            [],
+        )
 
 
 def of_studies(anchors: Mapping[str, Mapping[str, str]]) -> Iterator[Entry]:
@@ -105,7 +119,9 @@ def of_studies(anchors: Mapping[str, Mapping[str, str]]) -> Iterator[Entry]:
     from reproduce.printed.cells import anchor
 
     for key, study in studies().items():
-        if address := next(iter(anchors.get(f"study-{anchor(key)}", {}).values()), None):
+        if address := next(
+            iter(anchors.get(f"study-{anchor(key)}", {}).values()), None
+        ):
             yield address, f"{study.title}: a table of our own", [key, study.title], []
 
 
@@ -149,15 +165,23 @@ def write(app: Sphinx, error: Exception | None) -> None:
         index = json.dumps(entries(app), ensure_ascii=False, separators=(",", ":"))
         text = f"window.REPRODUCE_INDEX = {index};\n"
         (folder / INDEX).write_text(text, encoding="utf-8")
-        (folder / SCRIPT.name).write_text(SCRIPT.read_text(encoding="utf-8"), encoding="utf-8")
+        (folder / SCRIPT.name).write_text(
+            SCRIPT.read_text(encoding="utf-8"), encoding="utf-8"
+        )
 
 
 def load(
-    app: Sphinx, page: str, template: str, context: dict[str, Any], doctree: nodes.document | None
+    app: Sphinx,
+    page: str,
+    template: str,
+    context: dict[str, Any],
+    doctree: nodes.document | None,
 ) -> None:
     """Load both on the search page alone."""
     if page == "search":
-        scripts = [context["pathto"](f"_static/{name}", 1) for name in (INDEX, SCRIPT.name)]
+        scripts = [
+            context["pathto"](f"_static/{name}", 1) for name in (INDEX, SCRIPT.name)
+        ]
         tags = "".join(f'<script defer src="{script}"></script>' for script in scripts)
         context["metatags"] = context.get("metatags", "") + tags
 

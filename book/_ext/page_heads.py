@@ -75,27 +75,42 @@ def linked(page: str, held: Mapping[str, str], said: str) -> Iterator[dict[str, 
     from reproduce.views.keys import place, title
 
     if page == "index":
-        yield described_work("all", said, "about") | {"@type": ["Book", "ScholarlyArticle"]}
+        yield described_work("all", said, "about") | {
+            "@type": ["Book", "ScholarlyArticle"]
+        }
     if page in WHOLE:
         name, said, columns = WHOLE[page]
         files = [f"{name}.{ending}" for ending in ("csv", "json", "parquet")]
-        whole = dataset("all", page, said, files, [{"name": column} for column in columns])
-        yield whole | {"name": said.partition(":")[0].partition(",")[0], "identifier": [name]}
+        whole = dataset(
+            "all", page, said, files, [{"name": column} for column in columns]
+        )
+        yield whole | {
+            "name": said.partition(":")[0].partition(",")[0],
+            "identifier": [name],
+        }
     for key in (*library(), *studies()):
         own = key in studies()
         if held.get(f"{'study-' * own}{anchor(key)}") == page:
             paper = key.split("/")[0]
-            beside = f", {'beside' if own else 'of'} {paper}" if paper in papers() else ""
+            beside = (
+                f", {'beside' if own else 'of'} {paper}" if paper in papers() else ""
+            )
             where = f"{title(key)}: {place(key)}{beside}."
             said = where if own else f"{where} {FAIR}"
             yield dataset(key, page, said, table_files(key), measured(key))
 
 
 def dataset(
-    key: str, page: str, said: str, files: Iterable[str], columns: Iterable[dict[str, str]]
+    key: str,
+    page: str,
+    said: str,
+    files: Iterable[str],
+    columns: Iterable[dict[str, str]],
 ) -> dict[str, Any]:
     """Return a table, or the whole, as a Dataset."""
-    media = {"../" * page.count("/") + path: MEDIA[path.rpartition(".")[2]] for path in files}
+    media = {
+        "../" * page.count("/") + path: MEDIA[path.rpartition(".")[2]] for path in files
+    }
     return described_work(key, said, "isBasedOn") | {
         "@type": "Dataset",
         "variableMeasured": [{"@type": "PropertyValue", **one} for one in columns],
@@ -117,7 +132,10 @@ def measured(key: str) -> Iterator[dict[str, str]]:
         return
     table = library()[key]
     for line in (*table.rows, *table.columns):
-        units = {c.unit for c in table.cells if line.id in c.name.split(".")} - {"", "1"}
+        units = {c.unit for c in table.cells if line.id in c.name.split(".")} - {
+            "",
+            "1",
+        }
         unit = {"unitText": symbol(units.pop())} if len(units) == 1 else {}
         yield {"name": line.label} | unit
 
@@ -132,7 +150,10 @@ def described_work(address: str, said: str, tie: str) -> dict[str, Any]:
         "@context": "https://schema.org",
         "name": ours["title"],
         "description": said,
-        "identifier": [address, *(f"https://doi.org/{doi}" for doi in [ours.get("DOI")] if doi)],
+        "identifier": [
+            address,
+            *(f"https://doi.org/{doi}" for doi in [ours.get("DOI")] if doi),
+        ],
         **({"url": ours["URL"]} if "URL" in ours else {}),
         "creator": {"@type": "Organization", "name": DEVELOPERS},
         "datePublished": RELEASED,
@@ -142,7 +163,9 @@ def described_work(address: str, said: str, tie: str) -> dict[str, Any]:
         tie: [
             {
                 "@type": "ScholarlyArticle",
-                **({"@id": f"https://doi.org/{paper['DOI']}"} if "DOI" in paper else {}),
+                **(
+                    {"@id": f"https://doi.org/{paper['DOI']}"} if "DOI" in paper else {}
+                ),
                 "name": paper["title"],
             }
             for paper in papers
@@ -151,7 +174,11 @@ def described_work(address: str, said: str, tie: str) -> dict[str, Any]:
 
 
 def fill(
-    app: Sphinx, page: str, template: str, context: dict[str, Any], doctree: nodes.document | None
+    app: Sphinx,
+    page: str,
+    template: str,
+    context: dict[str, Any],
+    doctree: nodes.document | None,
 ) -> None:
     """Put description and citation into the head of a page that has a text."""
     from reproduce.version import RELEASED
@@ -166,7 +193,9 @@ def fill(
         "citation_author": DEVELOPERS,
         "citation_publication_date": RELEASED.replace("-", "/"),
     }
-    tags = "".join(META.format(name, escape(text)) for name, text in told.items() if text)
+    tags = "".join(
+        META.format(name, escape(text)) for name, text in told.items() if text
+    )
     for one in linked(page, anchors.pages(app.env), told["description"]):
         tags += LINKED.format(json.dumps(one, ensure_ascii=False).replace("</", "<\\/"))
     context["metatags"] = context.get("metatags", "") + tags

@@ -10,7 +10,9 @@ from typing import Any
 
 from sphinx.application import Sphinx
 
-CLAIM = re.compile(r"^(\s*)(Implements:|Printed form of) (niu2024|chen2023) (\(\d+\).*)$")
+CLAIM = re.compile(
+    r"^(\s*)(Implements:|Printed form of) (niu2024|chen2023) (\(\d+\).*)$"
+)
 
 
 def linked(line: str) -> str:

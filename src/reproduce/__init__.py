@@ -48,7 +48,9 @@ def __getattr__(name: str) -> Any:
         from reproduce.views import front
 
         return getattr(front, name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}; it has {__all__}")
+    raise AttributeError(
+        f"module {__name__!r} has no attribute {name!r}; it has {__all__}"
+    )
 
 
 def __dir__() -> list[str]:

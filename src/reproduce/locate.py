@@ -84,8 +84,12 @@ def papers() -> dict[str, Path]:
     """
     found: dict[str, Path] = {}
     for folder in data_folders():
-        entries = _ENTRY.findall((folder / "references.bib").read_text(encoding="utf-8"))
-        printed = {path.name for path in (folder / "printed").iterdir() if path.is_dir()}
+        entries = _ENTRY.findall(
+            (folder / "references.bib").read_text(encoding="utf-8")
+        )
+        printed = {
+            path.name for path in (folder / "printed").iterdir() if path.is_dir()
+        }
         if strays := sorted(printed - set(entries)) or sorted(printed & set(found)):
             raise ValueError(
                 f"{folder}: expected one entry of references.bib for each paper in printed/, "

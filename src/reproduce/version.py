@@ -35,7 +35,10 @@ def commit(root: Path) -> str:
         return built.read_text()
     if not (root / ".git").exists():
         return ""
-    asked = ("status", "--porcelain", "--untracked-files=no"), ("rev-parse", "--short=10", "HEAD")
+    asked = (
+        ("status", "--porcelain", "--untracked-files=no"),
+        ("rev-parse", "--short=10", "HEAD"),
+    )
     try:
         changed, found = (
             subprocess.run(

@@ -82,12 +82,20 @@ def race():
     """Six cars: distance is speed by time, with one unknown speed for all."""
     cells = {}
     for car, (time, distance) in enumerate(
-        [("12.41", "351.20"), ("17.93", "507.42"), ("23.08", "653.16"), ("29.65", "839.10"),
-         ("34.02", "962.77"), ("41.77", "1182.09")],
+        [
+            ("12.41", "351.20"),
+            ("17.93", "507.42"),
+            ("23.08", "653.16"),
+            ("29.65", "839.10"),
+            ("34.02", "962.77"),
+            ("41.77", "1182.09"),
+        ],
         start=1,
-    ):  # fmt: skip
+    ):
         cells[f"race#{car}.time"] = printed_cell(f"race#{car}.time", time, "s")
-        cells[f"race#{car}.distance"] = printed_cell(f"race#{car}.distance", distance, "m")
+        cells[f"race#{car}.distance"] = printed_cell(
+            f"race#{car}.distance", distance, "m"
+        )
     text = """
     [unknown]
     pace = { unit = "1", low = 1, high = 1000, label = "speed" }

@@ -23,7 +23,11 @@ from reproduce.printed.cells import PAPERS, find
 from reproduce.printed.given import given
 from reproduce.views.verdicts import choices_text
 
-SHEET = {address: cell for paper in PAPERS for address, cell in audit_paper(paper).cells.items()}
+SHEET = {
+    address: cell
+    for paper in PAPERS
+    for address, cell in audit_paper(paper).cells.items()
+}
 RELATIONS = [f.relation for paper in PAPERS for f in audit_paper(paper).findings]
 OTHERS = declared((Path(__file__).parent / "second_entries.toml").read_text(), SHEET)
 ENTRIES = {r.restates: r for r in (*RELATIONS, *OTHERS) if r.restates}
@@ -33,7 +37,9 @@ ENTRIES = {r.restates: r for r in (*RELATIONS, *OTHERS) if r.restates}
 def computed():
     """Every deterministic number by name and reading: its computation, and its interval."""
     found = {}
-    for computation in (one for item in catalogue().values() for one in item.computations):
+    for computation in (
+        one for item in catalogue().values() for one in item.computations
+    ):
         for choices in () if computation.replicates else distinct(computation):
             one = computation.under(choices)
             mark = f" ({choices_text(choices)})" if choices else ""
@@ -47,7 +53,9 @@ def distinct(computation):
     """Return the readings of a computation, of those with equal results the first."""
     found = evaluate(computation)
     groups = np.stack([found.groups(name).ravel() for name in found.cells])
-    return [computation.readings[i] for i in np.unique(groups, axis=1, return_index=True)[1]]
+    return [
+        computation.readings[i] for i in np.unique(groups, axis=1, return_index=True)[1]
+    ]
 
 
 def value_of(computation, door, name):
@@ -67,7 +75,9 @@ def strays(computation, name, low, high):
     for i in range(40):
         points = rng.uniform(-1, 1, len(moved))
         points = np.sign(points) if i % 2 else points
-        value = value_of(computation, door.shifted(dict(zip(moved, points, strict=True))), name)
+        value = value_of(
+            computation, door.shifted(dict(zip(moved, points, strict=True))), name
+        )
         found += [value] * (not low - room <= value <= high + room)
     return found
 
@@ -92,7 +102,9 @@ def test_the_two_entries_give_one_value_wherever_the_inputs_lie(name):
     door = given(computation.given)
     moved = [cell.address for cell in door.numbers()]
     for size in (0.0, *[1.0] * 10):
-        shifted = door.shifted({address: size * rng.uniform(-1, 1) for address in moved})
+        shifted = door.shifted(
+            {address: size * rng.uniform(-1, 1) for address in moved}
+        )
         inputs = {a: shifted[a] for a in relation.addresses if a in door.cells}
         assert set(relation.addresses) - set(inputs) <= {relation.result}
         right = relation.sides({relation.result: 0.0, **inputs})[1]
@@ -103,8 +115,12 @@ def test_the_two_entries_give_one_value_wherever_the_inputs_lie(name):
 def test_every_relation_that_restates_a_computed_number_says_so():
     """One solved for a computed cell, from what its computation reads, with the same value."""
     for relation in RELATIONS:
-        ours = [name for name in computed() if name.partition(" (")[0] == relation.result]
-        for name in ours if relation.kind != "print" and relation.unknown is None else ():
+        ours = [
+            name for name in computed() if name.partition(" (")[0] == relation.result
+        ]
+        for name in (
+            ours if relation.kind != "print" and relation.unknown is None else ()
+        ):
             computation, _ = computed()[name]
             door = given(computation.given)
             value = value_of(computation, door, name)
@@ -118,7 +134,9 @@ def test_outcome_and_verdict_are_the_same():
     """A relation contradicts where the cell that it restates differs, and agrees where it does."""
     keys = {name.partition("#")[0] for name in ENTRIES}
     records = {record.cell: record for record in build(keys).records}
-    outcomes = {f.relation.restates: f.outcome for p in PAPERS for f in audit_paper(p).findings}
+    outcomes = {
+        f.relation.restates: f.outcome for p in PAPERS for f in audit_paper(p).findings
+    }
     seen = set()
     for name, outcome in outcomes.items():
         address, _, choices = name.partition(" (")

@@ -57,7 +57,9 @@ def test_the_bracket_of_the_imaging_model_is_the_negative_of_an_emitted_directio
 def test_three_mirrors_of_a_corner_and_one_more_are_no_rotation_and_two_and_one_are():
     """A rotation keeps right-handed triples; reflections and the reversal of light swap them."""
     reversal, dichroic = -1, -1
-    assert SHOWN["mirrored-pattern"].printed == pytest.approx(reversal * dichroic * (-1) ** 3)
+    assert SHOWN["mirrored-pattern"].printed == pytest.approx(
+        reversal * dichroic * (-1) ** 3
+    )
     assert reversal * dichroic * (-1) ** 2 == SHOWN["mirrored-pattern"].wanted
     bench = light.mirror_train(light.ROOF)
     assert np.linalg.det(bench) == pytest.approx((-1) ** 2)
@@ -66,6 +68,10 @@ def test_three_mirrors_of_a_corner_and_one_more_are_no_rotation_and_two_and_one_
 def test_the_laser_lies_in_one_band_of_the_camera_alone():
     laser = number("text-satellite#laser-wavelength")
     names = ["panchromatic-band", *(f"multispectral-band-{i}" for i in "1234")]
-    edges = {n: [number(f"table-1#{n}-{e}.value") for e in ("low", "high")] for n in names}
-    assert [n for n, (low, high) in edges.items() if low <= laser <= high] == [names[-1]]
+    edges = {
+        n: [number(f"table-1#{n}-{e}.value") for e in ("low", "high")] for n in names
+    }
+    assert [n for n, (low, high) in edges.items() if low <= laser <= high] == [
+        names[-1]
+    ]
     assert finding(AUDIT, "band-4-below-laser").outcome == "contradicts"

@@ -21,7 +21,9 @@ source = "s"
 
 
 def audited(formula, **texts):
-    cells = {f"t#{name}": printed_cell(f"t#{name}", text) for name, text in texts.items()}
+    cells = {
+        f"t#{name}": printed_cell(f"t#{name}", text) for name, text in texts.items()
+    }
     bound = " ".join(f"{name}=t#{name}" for name in texts)
     return audited_table("made up", cells, TEXT.format(formula=formula, cells=bound))
 
@@ -30,11 +32,27 @@ def audited(formula, **texts):
     ("formula", "texts", "outcome"),
     [
         ("a = b / c", {"a": "0.33", "b": "1.0", "c": "3.0"}, "agrees"),
-        ("a = b / c", {"a": "0.15", "b": "1", "c": "8"}, "agrees only through rounding"),
-        ("a = b * c", {"a": "2.2", "b": "1.5", "c": "1.5"}, "agrees"),  # a tie, half to even
-        ("a = b * c", {"a": "2.6", "b": "1.7", "c": "1.6"}, "agrees only through rounding"),
+        (
+            "a = b / c",
+            {"a": "0.15", "b": "1", "c": "8"},
+            "agrees only through rounding",
+        ),
+        (
+            "a = b * c",
+            {"a": "2.2", "b": "1.5", "c": "1.5"},
+            "agrees",
+        ),  # a tie, half to even
+        (
+            "a = b * c",
+            {"a": "2.6", "b": "1.7", "c": "1.6"},
+            "agrees only through rounding",
+        ),
         # Cutting 2.79 off prints 2.7, rounding does not.
-        ("a = b * c", {"a": "2.7", "b": "1.55", "c": "1.8"}, "agrees only through rounding"),
+        (
+            "a = b * c",
+            {"a": "2.7", "b": "1.55", "c": "1.8"},
+            "agrees only through rounding",
+        ),
         ("a = b + c", {"a": "4.0", "b": "1.0", "c": "2.0"}, "contradicts"),
         ("a <= b", {"a": "1.0", "b": "1.1"}, "agrees"),
         ("a <= b", {"a": "1.1", "b": "1.05"}, "agrees only through rounding"),
@@ -43,7 +61,11 @@ def audited(formula, **texts):
         ("a >= b", {"a": "1.0", "b": "1.1"}, "agrees only through rounding"),
         ("a >= b", {"a": "1.1", "b": "1.3"}, "contradicts"),
         ("a + b = c", {"a": "1.0", "b": "2.0", "c": "3.0"}, "agrees"),
-        ("a + b = c", {"a": "1.0", "b": "2.0", "c": "3.1"}, "agrees only through rounding"),
+        (
+            "a + b = c",
+            {"a": "1.0", "b": "2.0", "c": "3.1"},
+            "agrees only through rounding",
+        ),
     ],
 )
 def test_outcomes(formula, texts, outcome):
@@ -72,7 +94,9 @@ def test_a_wrong_first_digit_is_in_a_set_that_contradicts(table):
     by_name = {relation.name: relation for relation in relations}
     for address, cell in right.items():
         text = cell.number.text
-        wrong = printed_cell(address, str((int(text[0]) + 4) % 9 + 1) + text[1:], cell.unit)
+        wrong = printed_cell(
+            address, str((int(text[0]) + 4) % 9 + 1) + text[1:], cell.unit
+        )
         cells = right | {address: wrong}
         found = conflicts(cells, relations)
         assert address in {blamed for conflict in found for blamed in conflict.cells}
@@ -92,11 +116,21 @@ def test_a_wrong_first_digit_is_in_a_set_that_contradicts(table):
         ("niu2024", "true-translation-y-blue", 770.4 - 772, 1),
         ("niu2024", "band-red", (580 + 680) / 2, 1e-9),
         ("niu2024", "after-noise-blue", 2 * 0.05, 1),
-        ("niu2024", "field-x", math.degrees(2 * math.atan(2064 * 3.45e-3 / 50)), math.pi / 180),
+        (
+            "niu2024",
+            "field-x",
+            math.degrees(2 * math.atan(2064 * 3.45e-3 / 50)),
+            math.pi / 180,
+        ),
         ("chen2023", "motion-4-y", 70.31 - 9.95, 1e-6),
         ("chen2023", "difference-2-x", -2.125 + 2.034, math.pi / 648000),
         ("chen2023", "scatter-mean", 0.051125, 1),
-        ("chen2023", "pixel-angle", 648000 / math.pi * math.atan(0.013 / 60), math.pi / 648000),
+        (
+            "chen2023",
+            "pixel-angle",
+            648000 / math.pi * math.atan(0.013 / 60),
+            math.pi / 648000,
+        ),
         # One image takes from 85/400 to 23/100 s: about 90 s, and about 22 s.
         ("chen2023", "time-ground", 100 * (85 / 400 + 23 / 100) / 2, 1),
     ],
@@ -108,9 +142,15 @@ def test_right_sides_are_those_computed_by_hand(paper, relation, right, unit):
 
 def test_left_sides_of_inequalities_by_hand():
     audit = audit_paper("niu2024")
-    radius = math.sqrt((math.tan(math.radians(8)) ** 2 + math.tan(math.radians(6)) ** 2) / 3)
-    assert finding(audit, "before-scale-red").left == pytest.approx(0.0601 / 3.45e-3 * radius)
-    assert finding(audit, "before-shift-red").left == pytest.approx(math.hypot(1.9, 2.3))
+    radius = math.sqrt(
+        (math.tan(math.radians(8)) ** 2 + math.tan(math.radians(6)) ** 2) / 3
+    )
+    assert finding(audit, "before-scale-red").left == pytest.approx(
+        0.0601 / 3.45e-3 * radius
+    )
+    assert finding(audit, "before-shift-red").left == pytest.approx(
+        math.hypot(1.9, 2.3)
+    )
     points = np.radians(np.linspace(-1, 1, 401))
     x, y = 25 * np.tan(8 * points)[:, None], 25 * np.tan(6 * points)
     square = x**2 + y**2
@@ -121,14 +161,18 @@ def test_left_sides_of_inequalities_by_hand():
 
 
 def test_printed_equations_give_the_numbers_of_pencil_and_paper():
-    shown = {d.name: d for p in ("niu2024", "chen2023") for d in audit_paper(p).equations}
+    shown = {
+        d.name: d for p in ("niu2024", "chen2023") for d in audit_paper(p).equations
+    }
     assert shown["rotary-matrix"].printed == pytest.approx(math.cos(math.radians(16)))
     assert shown["unit-circle"].printed == pytest.approx(math.cos(math.radians(0.14)))
     ratio = shown["distortion-ratio"]
     assert ratio.printed / ratio.right == pytest.approx(1 / 0.9976)
     assert ratio.right == pytest.approx(0.9976**3 * 4.9 / 5.7)
     # The shift is off by its own length at first, and by twice as much after every step.
-    assert shown["iteration"].printed == pytest.approx(2**STEPS * math.hypot(0.3, 0.5), rel=1e-3)
+    assert shown["iteration"].printed == pytest.approx(
+        2**STEPS * math.hypot(0.3, 0.5), rel=1e-3
+    )
     assert shown["stage-angle"].right == pytest.approx(-10.3132, abs=1e-4)
     assert shown["stage-signs"].printed == -shown["stage-signs"].wanted
 
@@ -137,7 +181,9 @@ def test_no_two_relations_say_the_same():
     for paper in ("niu2024", "chen2023"):
         found = [f.relation for f in audit_paper(paper).findings]
         for one, two in itertools.combinations(found, 2):
-            assert (one.formula.text, one.binding) != (two.formula.text, two.binding), one.name
+            assert (one.formula.text, one.binding) != (two.formula.text, two.binding), (
+                one.name
+            )
 
 
 def test_a_number_bound_twice_counts_once():
@@ -154,14 +200,19 @@ def test_two_prints_of_one_number_must_have_the_same_digits():
     assert finding.outcome == "agrees only through rounding"
     (finding,) = audited("a = b", a="0.26", b="0.2").findings
     assert finding.outcome == "contradicts"
-    (finding,) = audited("a = b + 0 * c", a="10", b="11", c="1").findings  # a sum may be a tie
+    (finding,) = audited(
+        "a = b + 0 * c", a="10", b="11", c="1"
+    ).findings  # a sum may be a tie
     assert finding.outcome == "agrees only through rounding"
 
 
 def test_last_digits_are_compared_where_a_relation_says_so():
-    text = TEXT.format(formula="min(x) = max(x)", cells="x=t#*").replace("equation", "print")
+    text = TEXT.format(formula="min(x) = max(x)", cells="x=t#*").replace(
+        "equation", "print"
+    )
     alike = {
-        f"t#{i}": printed_cell(f"t#{i}", v, "mm") for i, v in enumerate(["1.20", "3.47", "0.05"])
+        f"t#{i}": printed_cell(f"t#{i}", v, "mm")
+        for i, v in enumerate(["1.20", "3.47", "0.05"])
     }
     (finding,) = audited_table("made up", alike, text).findings
     assert finding.outcome == "agrees"

@@ -43,7 +43,9 @@ def test_functions_take_lists_and_units():
 )
 def test_wrong_declarations_are_refused(formula, cells, complaint):
     with pytest.raises(ValueError, match=complaint):
-        declared(line(formula=formula, cells=" ".join(map("=".join, cells.items()))), CELLS)
+        declared(
+            line(formula=formula, cells=" ".join(map("=".join, cells.items()))), CELLS
+        )
 
 
 def test_names_are_unique():
@@ -103,13 +105,19 @@ def test_placeholders_make_one_relation_each():
 @pytest.mark.parametrize(
     ("text", "plain"),
     [
-        ("-x ** 3 + 2 * y / 3 * u.arcsec", lambda x, y: -(x**3) + 2 * y / 3 * math.pi / 648000),
+        (
+            "-x ** 3 + 2 * y / 3 * u.arcsec",
+            lambda x, y: -(x**3) + 2 * y / 3 * math.pi / 648000,
+        ),
         (
             "sqrt(abs(x)) - atan(y) * sin(x) + tan(y)",
             lambda x, y: math.sqrt(-x) - math.atan(y) * math.sin(x) + math.tan(y),
         ),
         ("rms(list)", lambda x, y: math.hypot(3.0, 4.1, 0.7) / math.sqrt(3)),
-        ("mean(list, x) - sum(list) * count(list)", lambda x, y: (x - 0.4) / 4 + 0.4 * 3),
+        (
+            "mean(list, x) - sum(list) * count(list)",
+            lambda x, y: (x - 0.4) / 4 + 0.4 * 3,
+        ),
         ("min(list) - max(x, y)", lambda x, y: -4.1 - y),
     ],
 )

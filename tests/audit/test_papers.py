@@ -40,7 +40,9 @@ def test_every_agreement_has_a_witness(paper):
             continue
         boxes = {a: audit.cells[a].allowed for a in relation.addresses}
         gaps = list(_gaps(relation, boxes))
-        slack = 1e-9 * max(map(abs, relation.sides({a: audit.cells[a].si for a in boxes})))
+        slack = 1e-9 * max(
+            map(abs, relation.sides({a: audit.cells[a].si for a in boxes}))
+        )
         if relation.formula.sign == "=":
             assert min(gaps) <= slack, relation.name
             assert max(gaps) >= -slack, relation.name
@@ -55,14 +57,22 @@ def test_no_contradiction_has_a_witness(paper):
     audit, seen = audit_paper(paper), 0
     for found in audit.findings:
         relation = found.relation
-        if found.outcome != "contradicts" or relation.unknown or relation.kind == "print":
+        if (
+            found.outcome != "contradicts"
+            or relation.unknown
+            or relation.kind == "print"
+        ):
             continue
         boxes = {a: audit.cells[a].allowed for a in relation.addresses}
         generator, gaps = np.random.default_rng(1), list(_gaps(relation, boxes))
         for _ in range(500):
-            gaps += _gaps(relation, {a: [generator.uniform(*box)] * 2 for a, box in boxes.items()})
+            gaps += _gaps(
+                relation, {a: [generator.uniform(*box)] * 2 for a, box in boxes.items()}
+            )
         sign = relation.formula.sign
-        assert (sign != ">=" and min(gaps) > 0) or (sign != "<=" and max(gaps) < 0), relation.name
+        assert (sign != ">=" and min(gaps) > 0) or (sign != "<=" and max(gaps) < 0), (
+            relation.name
+        )
         seen += 1
     assert seen >= 8
 
@@ -73,7 +83,9 @@ def _gaps(relation, boxes):
     middle = {a: sum(box) / 2 for a, box in boxes.items()}
     few = addresses[:9]
     corners = itertools.product((0, 1), repeat=len(few))
-    corner_points = ({a: boxes[a][i] for a, i in zip(few, c, strict=True)} for c in corners)
+    corner_points = (
+        {a: boxes[a][i] for a, i in zip(few, c, strict=True)} for c in corners
+    )
     for moved in itertools.chain([{}], corner_points):
         at = middle | moved
         left, right = relation.sides(at)
@@ -118,7 +130,11 @@ def table_v(*columns):
     """The cells of chen2023 with the digit of state 4 corrected, and X and Y of columns swapped."""
     cells = dict(audit_paper("chen2023").cells)
     cells[f"{TABLE_V}4.motion-y"] = printed_cell(f"{TABLE_V}4.motion-y", "60.36", "um")
-    pairs = [[f"{TABLE_V}{s}.{column}-{a}" for a in "xy"] for s in "12345" for column in columns]
+    pairs = [
+        [f"{TABLE_V}{s}.{column}-{a}" for a in "xy"]
+        for s in "12345"
+        for column in columns
+    ]
     for x, y in (pair for pair in pairs if cells.keys() >= set(pair)):
         one, two = cells[x], cells[y]
         cells |= {
@@ -139,7 +155,9 @@ def test_one_digit_and_interchanged_columns_restore_table_v(columns, broken):
     """With the reference columns interchanged, the printed differences contradict instead."""
     relations = [found.relation for found in audit_paper("chen2023").read]
     again = audited_table("mended", table_v(*columns), relations)
-    assert {f.relation.name for f in again.findings if f.outcome == "contradicts"} == broken
+    assert {
+        f.relation.name for f in again.findings if f.outcome == "contradicts"
+    } == broken
     low, high = again.unknowns["f"].common
     assert (high - low) / low == pytest.approx(2e-4, rel=0.2)
 
@@ -163,7 +181,9 @@ def test_names_of_relations_are_unique():
 @pytest.mark.parametrize("paper", PAPERS)
 def test_equations_hold_or_are_mended(paper):
     for shown in audit_paper(paper).equations:
-        assert shown.right == pytest.approx(shown.wanted, rel=1e-9, abs=1e-9), shown.name
+        assert shown.right == pytest.approx(shown.wanted, rel=1e-9, abs=1e-9), (
+            shown.name
+        )
 
 
 def test_every_contradiction_and_every_failing_equation_has_one_erratum():
@@ -208,7 +228,10 @@ def test_what_rests_on_a_supposition_of_ours_is_counted_nowhere_else():
 def test_the_contradictions_of_chen2023_are_one_digit_and_one_interchange():
     audit = audit_paper("chen2023")
     wrong = {f.relation.name for f in audit.read if f.outcome == "contradicts"}
-    assert wrong == {"motion-4-y", *(f"reference-{s}-{p}" for s in "2345" for p in ("x-y", "y-x"))}
+    assert wrong == {
+        "motion-4-y",
+        *(f"reference-{s}-{p}" for s in "2345" for p in ("x-y", "y-x")),
+    }
     assert len(audit.groups) == 1
     assert [shown.name for shown in audit.failing] == ["stage-angle"]
     apart = {f.relation.name for f in audit.supposed if f.outcome == "contradicts"}
@@ -229,8 +252,16 @@ source = "by name"
 """
     plain = audited_table("made up", cells, line)
     supposed = audited_table("made up", cells, line + 'supposition = "the two are one"')
-    assert (plain.tally()["contradicts"], len(plain.groups), len(plain.conflicts)) == (1, 1, 1)
-    assert (supposed.tally()["contradicts"], supposed.groups, supposed.conflicts) == (0, (), ())
+    assert (plain.tally()["contradicts"], len(plain.groups), len(plain.conflicts)) == (
+        1,
+        1,
+        1,
+    )
+    assert (supposed.tally()["contradicts"], supposed.groups, supposed.conflicts) == (
+        0,
+        (),
+        (),
+    )
     assert supposed.supposed[0].outcome == "contradicts"
 
 
@@ -242,7 +273,9 @@ def test_errata_that_rest_on_a_formula_of_the_machine_text_say_so():
 
 
 def test_the_register_is_about_the_work_and_not_about_people():
-    text = " ".join(" ".join(map(str, entry.model_dump().values())) for entry in ERRATA).lower()
+    text = " ".join(
+        " ".join(map(str, entry.model_dump().values())) for entry in ERRATA
+    ).lower()
     for word in ("prize", "biograph", "award", "professor", " et al", "author of"):
         assert word not in text, word
 
@@ -251,7 +284,9 @@ def test_every_relation_and_erratum_says_which_reading_found_it():
     for paper in PAPERS:
         assert all(f.relation.reading for f in audit_paper(paper).findings)
     assert all(entry.reading for entry in ERRATA)
-    assert not [entry.id for entry in ERRATA if entry.again and entry.reading == "third"]
+    assert not [
+        entry.id for entry in ERRATA if entry.again and entry.reading == "third"
+    ]
 
 
 def test_verdicts_name_known_errata_of_their_paper():
@@ -272,8 +307,15 @@ def test_verdicts_name_known_errata_of_their_paper():
     ],
 )
 def test_a_faulty_register_is_refused(entry, complaint):
-    lines = dict.fromkeys(("id", "place", "printed", "problem", "library", "because"), "x")
-    lines |= {"paper": "niu2024", "conclusion": "open", "status": "open", "reading": "both"}
+    lines = dict.fromkeys(
+        ("id", "place", "printed", "problem", "library", "because"), "x"
+    )
+    lines |= {
+        "paper": "niu2024",
+        "conclusion": "open",
+        "status": "open",
+        "reading": "both",
+    }
     text = "[[erratum]]\n" + "\n".join(f'{k} = "{v}"' for k, v in lines.items())
     register(text + '\nrelations = ["a"]')
     with pytest.raises(ValueError, match=complaint):
@@ -298,7 +340,9 @@ def test_what_the_book_says_of_the_contradictions_of_niu2024():
     audit = audit_paper("niu2024")
     wrong = {f.relation.name for f in audit.read if f.outcome == "contradicts"}
     translations = {f"true-translation-{a}-{c}" for a in "xy" for c in ("red", "blue")}
-    scales = {f"{name}-{c}" for name in ("solved-scale", "left-over") for c in ("red", "blue")}
+    scales = {
+        f"{name}-{c}" for name in ("solved-scale", "left-over") for c in ("red", "blue")
+    }
     assert wrong == translations | scales
     joint = [set(c.relations) for c in audit.conflicts if not wrong & set(c.relations)]
     assert joint == []
@@ -317,7 +361,9 @@ def dimensions(relation, units):
     known = {"abs": abs, "min": min, "max": max, "sqrt": np.sqrt}
     known |= {"sin": np.sin, "tan": np.tan, "atan": np.arctan}
     unknown = None if relation.unknown is None else one(relation.unknown.unit)
-    values = relation.values({address: one(units[address]) for address in units}, unknown)
+    values = relation.values(
+        {address: one(units[address]) for address in units}, unknown
+    )
     scale = SimpleNamespace(**{unit: one(unit) for unit in UNITS})
     with np.errstate(all="ignore"):  # ones may cancel, and only the dimension counts
         sides = relation.formula.values(values, functions(known), scale)
@@ -328,7 +374,9 @@ def dimensions(relation, units):
 def test_the_papers_relations_have_their_dimensions(paper):
     cells = audit_paper(paper).cells
     for relation in (found.relation for found in audit_paper(paper).findings):
-        left, right = dimensions(relation, {a: cells[a].unit for a in relation.addresses})
+        left, right = dimensions(
+            relation, {a: cells[a].unit for a in relation.addresses}
+        )
         assert left == right, relation.name
 
 

@@ -15,7 +15,11 @@ from reproduce.printed.number import si_factor
 
 
 def allowed(cell, rule="nearest"):
-    return cell.allowed if rule == "nearest" else _printed_by(rule, {"t": cell})["t"].allowed
+    return (
+        cell.allowed
+        if rule == "nearest"
+        else _printed_by(rule, {"t": cell})["t"].allowed
+    )
 
 
 @pytest.mark.parametrize(
@@ -37,7 +41,9 @@ def allowed(cell, rule="nearest"):
     ],
 )
 def test_intervals_of_print(text, qualifier, rule, wanted):
-    assert allowed(printed_cell("t#a", text, "1", qualifier), rule) == pytest.approx(wanted)
+    assert allowed(printed_cell("t#a", text, "1", qualifier), rule) == pytest.approx(
+        wanted
+    )
 
 
 def test_the_ledger_and_the_audit_take_the_same_interval_for_every_printed_number():
@@ -59,7 +65,10 @@ def test_counts_are_exact_and_units_are_si():
     assert allowed(printed_cell("t#a", "20", "um")) == pytest.approx((19.5e-6, 20.5e-6))
 
 
-@given(st.decimals(min_value=-99, max_value=99, places=4), st.sampled_from(["0.01", "0.1", "1"]))
+@given(
+    st.decimals(min_value=-99, max_value=99, places=4),
+    st.sampled_from(["0.01", "0.1", "1"]),
+)
 def test_rules_are_those_of_decimal_arithmetic(value, step):
     """Every rule prints what the decimal module prints, and its interval holds the value."""
     ways = {

@@ -18,7 +18,9 @@ ROOT = FOLDER.parent.parent.parent
 @pytest.mark.parametrize("name", MODULES)
 def test_modules_stand_on_each_other_in_one_direction(name):
     source = (FOLDER / f"{name}.py").read_text(encoding="utf-8")
-    below = re.findall(r"^from reproduce\.audit\.(\w+) import", source, flags=re.MULTILINE)
+    below = re.findall(
+        r"^from reproduce\.audit\.(\w+) import", source, flags=re.MULTILINE
+    )
     assert sorted(ORDER) == MODULES
     assert set(below) <= set(ORDER[: ORDER.index(name)])
 

@@ -80,7 +80,9 @@ def built_pages() -> list[str]:
     found = (path.relative_to(HTML) for path in HTML.rglob("*.html"))
     pages = (path for path in found if path.parts[0] != "_static")
     text = "data-content_root"  # what every page of Sphinx has
-    return sorted(one.as_posix() for one in pages if text in (HTML / one).read_text("utf-8"))
+    return sorted(
+        one.as_posix() for one in pages if text in (HTML / one).read_text("utf-8")
+    )
 
 
 def note_console(visit: Visit, message: Any) -> None:
@@ -97,7 +99,9 @@ def read(page: Page, url: str, visit: Visit) -> None:
     visit.cut = page.evaluate(CUT)
     visit.shown_numbers = page.evaluate(SHOWN_NUMBERS)
     visit.referred_numbers = page.evaluate(REFERRED_NUMBERS)
-    visit.ids = set(page.evaluate("() => [...document.querySelectorAll('[id]')].map(e => e.id)"))
+    visit.ids = set(
+        page.evaluate("() => [...document.querySelectorAll('[id]')].map(e => e.id)")
+    )
     visit.references = page.evaluate(
         "() => [...document.querySelectorAll('[href], [src]')]"
         ".map(e => e.getAttribute('href') ?? e.getAttribute('src'))"

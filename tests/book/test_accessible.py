@@ -40,7 +40,9 @@ def themed(request: pytest.FixtureRequest, browser: Browser) -> Any:
 PAGES = [page for page in built_pages() if not page.startswith("_modules/reproduce/")]
 
 
-@pytest.mark.parametrize("address", [*PAGES, "_modules/reproduce/physics/validate.html"])
+@pytest.mark.parametrize(
+    "address", [*PAGES, "_modules/reproduce/physics/validate.html"]
+)
 def test_page_has_no_violation(themed: Page, address: str) -> None:
     themed.goto((HTML / address).as_uri(), wait_until="load")
     themed.evaluate(SETTLED)
@@ -49,7 +51,9 @@ def test_page_has_no_violation(themed: Page, address: str) -> None:
 
 
 def test_a_violation_is_seen(themed: Page) -> None:
-    themed.set_content("<html lang='en'><title>x</title><img src='x.png'><button></button>")
+    themed.set_content(
+        "<html lang='en'><title>x</title><img src='x.png'><button></button>"
+    )
     themed.evaluate(axe())
     found = [one.partition(":")[0] for one in themed.evaluate(RUN)]
     assert found == ["button-name", "image-alt"]
@@ -82,7 +86,8 @@ def test_a_mark_of_the_wall_leads_to_its_cell(themed: Page) -> None:
     themed.wait_for_url("**/niu2024/simulation.html#niu2024-table-3-scale-red")
     # Below the bar at the top, and in the window.
     in_sight = (
-        "(e) => { const y = e.getBoundingClientRect().top; return y > 40 && y < innerHeight }"
+        "(e) => { const y = e.getBoundingClientRect().top;"
+        " return y > 40 && y < innerHeight }"
     )
     cell = themed.locator("#niu2024-table-3-scale-red").element_handle()
     themed.wait_for_function(in_sight, arg=cell, timeout=10_000)
@@ -122,13 +127,19 @@ def test_an_entry_of_the_legend_makes_its_marks_stand_out(
     assert entry.count() == 1
     getattr(entry, way)()
     marks = themed.evaluate(MARKS)
-    assert {mark for mark, seen in marks.items() if seen == "bright"} == SHOWN[word] & set(marks)
+    assert {mark for mark, seen in marks.items() if seen == "bright"} == SHOWN[
+        word
+    ] & set(marks)
     assert "mixed" not in marks.values()
 
 
-def test_the_first_picture_stands_above_its_code_and_its_papers_side_by_side(themed: Page) -> None:
+def test_the_first_picture_stands_above_its_code_and_its_papers_side_by_side(
+    themed: Page,
+) -> None:
     themed.goto((HTML / "index.html").as_uri(), wait_until="load")
-    first, second = (themed.locator(".rp-walls > div").nth(at).bounding_box() for at in (0, 1))
+    first, second = (
+        themed.locator(".rp-walls > div").nth(at).bounding_box() for at in (0, 1)
+    )
     code = themed.locator("details.above-input").first.bounding_box()
     assert first
     assert second
@@ -136,5 +147,7 @@ def test_the_first_picture_stands_above_its_code_and_its_papers_side_by_side(the
     assert first["y"] == second["y"]
     assert first["x"] + first["width"] < second["x"]
     assert code["y"] > first["y"] + first["height"]
-    heights = themed.locator(".rp-wall svg").evaluate_all("all => all.map(e => e.clientHeight)")
+    heights = themed.locator(".rp-wall svg").evaluate_all(
+        "all => all.map(e => e.clientHeight)"
+    )
     assert len(set(heights)) == 1

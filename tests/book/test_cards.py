@@ -37,7 +37,9 @@ def signed(page: str) -> Iterator[str]:
         if "rp-has-card" in link:
             (href,) = re.findall(r'href="([^"]*)"', link)
             place, name = href.split("#")
-            yield f"bibliography-{name}" if place.endswith("bibliography.html") else name
+            yield (
+                f"bibliography-{name}" if place.endswith("bibliography.html") else name
+            )
 
 
 @pytest.fixture
@@ -56,7 +58,9 @@ def test_every_cell_of_the_ledger_has_its_card(cards: dict[str, str]) -> None:
     assert all(cell.address in cards[cell.anchor] for cell in cells)
 
 
-def test_every_cell_of_the_ledger_gives_its_record(scripts: list[dict[str, Any]]) -> None:
+def test_every_cell_of_the_ledger_gives_its_record(
+    scripts: list[dict[str, Any]],
+) -> None:
     written = json.loads((HTML / "ledger.json").read_text(encoding="utf-8"))["records"]
     assert scripts[1] == {one["cell"]: one for one in written}
     cells = [cell.address for table in library().values() for cell in table.cells]
@@ -65,24 +69,36 @@ def test_every_cell_of_the_ledger_gives_its_record(scripts: list[dict[str, Any]]
 
 def test_every_sign_of_a_card_has_one(cards: dict[str, str]) -> None:
     names = {page: list(signed(page)) for page in built_pages()}
-    assert [(page, n) for page, some in names.items() for n in some if n not in cards] == []
+    assert [
+        (page, n) for page, some in names.items() for n in some if n not in cards
+    ] == []
     kinds = {name.partition("-")[0] for some in names.values() for name in some}
     assert {"equation", "figure", "symbol", "bibliography", *PAPERS} <= kinds
-    assert "chen2023-table-5-columns" in names["chen2023/effectiveness.html"], "an erratum"
+    assert "chen2023-table-5-columns" in names["chen2023/effectiveness.html"], (
+        "an erratum"
+    )
 
 
 def test_every_mark_of_the_first_page_has_a_card(cards: dict[str, str]) -> None:
     text = (HTML / "index.html").read_text(encoding="utf-8")
-    marks = re.findall(r'<a class="rp-has-card"\s+href="[^"#]*#([^"]+)" tabindex="-1">', text)
-    assert sorted(marks) == sorted(c.anchor for table in library().values() for c in table.cells)
+    marks = re.findall(
+        r'<a class="rp-has-card"\s+href="[^"#]*#([^"]+)" tabindex="-1">', text
+    )
+    assert sorted(marks) == sorted(
+        c.anchor for table in library().values() for c in table.cells
+    )
 
 
 def test_symbols_are_those_of_their_paper(cards: dict[str, str]) -> None:
     """The laser transform of one paper is written as the residuals of the other."""
-    transform = next(n for n, card in cards.items() if card.endswith(": laser transform</p>"))
+    transform = next(
+        n for n, card in cards.items() if card.endswith(": laser transform</p>")
+    )
     assert transform in set(signed("chen2023/attitude.html"))
     assert transform not in set(signed("niu2024/calibration.html"))
-    rows = re.findall(r'id="(symbol-\d+)"', (HTML / "notation.html").read_text(encoding="utf-8"))
+    rows = re.findall(
+        r'id="(symbol-\d+)"', (HTML / "notation.html").read_text(encoding="utf-8")
+    )
     assert rows == [name for name in cards if name.startswith("symbol-")]
 
 
@@ -104,7 +120,9 @@ def test_every_link_of_a_card_leads_somewhere(cards: dict[str, str]) -> None:
             assert not name or f'id="{name}"' in text, (page, name)
 
 
-def test_a_pointer_that_rests_opens_a_card_and_one_that_passes_does_not(wide: Page) -> None:
+def test_a_pointer_that_rests_opens_a_card_and_one_that_passes_does_not(
+    wide: Page,
+) -> None:
     link, card = wide.locator(CELL), wide.locator(".rp-card")
     link.scroll_into_view_if_needed()
     link.hover()
@@ -209,9 +227,15 @@ def test_a_function_of_a_card_leads_to_its_text(wide: Page) -> None:
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_a_tap_opens_a_card_that_fits_and_can_be_read(browser: Browser, scheme: str) -> None:
+def test_a_tap_opens_a_card_that_fits_and_can_be_read(
+    browser: Browser, scheme: str
+) -> None:
     context = browser.new_context(
-        viewport=PHONE, has_touch=True, is_mobile=True, color_scheme=scheme, reduced_motion="reduce"
+        viewport=PHONE,
+        has_touch=True,
+        is_mobile=True,
+        color_scheme=scheme,
+        reduced_motion="reduce",
     )
     page = context.new_page()
     page.goto(f"file://{HTML}/{PLACE.partition('#')[0]}")

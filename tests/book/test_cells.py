@@ -69,7 +69,11 @@ def test_a_click_sorts_by_number_and_what_is_empty_comes_last(
 ) -> None:
     before = shown(table)
     share = table.get_by_role("button", name="Share of the tolerance")
-    known = {anchor(one.cell): round(one.share, 2) for one in records if one.share is not None}
+    known = {
+        anchor(one.cell): round(one.share, 2)
+        for one in records
+        if one.share is not None
+    }
     for turn in ("ascending", "descending"):
         share.click()
         after = shown(table)
@@ -94,7 +98,9 @@ def test_powers_of_ten_and_signs_are_sorted_as_numbers(table: Page) -> None:
         "−7": -7.0,
         "12": 12,
     }
-    put = "[...document.querySelectorAll('.rp-sortable tbody tr')].forEach((row, at) => {"
+    put = (
+        "[...document.querySelectorAll('.rp-sortable tbody tr')].forEach((row, at) => {"
+    )
     put += f"row.cells[3].textContent = {json.dumps(list(values))}[at] ?? '' }})"
     # Before the page's own script.
     table.add_init_script(f"document.addEventListener('DOMContentLoaded', () => {put})")
@@ -109,7 +115,9 @@ def test_the_keyboard_sorts_filters_and_leads_to_a_cell(
 ) -> None:
     table.get_by_label("Filter").focus()
     table.keyboard.type("differs table-2")
-    wanted = [one for one in records if one.verdict == "differs" and "table-2" in one.key]
+    wanted = [
+        one for one in records if one.verdict == "differs" and "table-2" in one.key
+    ]
     assert shown(table) == [anchor(one.cell) for one in wanted] != []
     count = table.locator(".rp-filter output").inner_text()
     assert count == f"{len(wanted)} of {len(records)} shown"
@@ -137,9 +145,15 @@ def test_a_verdict_is_looked_for_among_verdicts_and_other_words_everywhere(
     box = table.get_by_label("Filter")
     for word in ("differs", "ambiguous", "unpublished", "input", "exact", "consistent"):
         box.fill(word)
-        assert shown(table) == [anchor(one.cell) for one in records if one.verdict == word] != []
+        assert (
+            shown(table)
+            == [anchor(one.cell) for one in records if one.verdict == word]
+            != []
+        )
     box.fill("NIU2024/table-1")
-    assert shown(table) == [anchor(one.cell) for one in records if one.key == "niu2024/table-1"]
+    assert shown(table) == [
+        anchor(one.cell) for one in records if one.key == "niu2024/table-1"
+    ]
     box.fill("nothing that is there")
     assert shown(table) == []
     box.fill("")
@@ -147,9 +161,15 @@ def test_a_verdict_is_looked_for_among_verdicts_and_other_words_everywhere(
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_a_phone_shows_a_table_to_sort_and_filter_by_touch(browser: Browser, scheme: str) -> None:
+def test_a_phone_shows_a_table_to_sort_and_filter_by_touch(
+    browser: Browser, scheme: str
+) -> None:
     context = browser.new_context(
-        viewport=PHONE, has_touch=True, is_mobile=True, color_scheme=scheme, reduced_motion="reduce"
+        viewport=PHONE,
+        has_touch=True,
+        is_mobile=True,
+        color_scheme=scheme,
+        reduced_motion="reduce",
     )
     page = context.new_page()
     page.goto(ADDRESS)
@@ -162,7 +182,9 @@ def test_a_phone_shows_a_table_to_sort_and_filter_by_touch(browser: Browser, sch
     assert page.evaluate("document.documentElement.scrollWidth") <= PHONE["width"]
     edges = page.locator(f"{ROWS}:visible th").first.bounding_box()
     assert edges is not None
-    assert edges["width"] < PHONE["width"] / 2, "the cell's name leaves room for the rest"
+    assert edges["width"] < PHONE["width"] / 2, (
+        "the cell's name leaves room for the rest"
+    )
     verdict = page.locator(f"{ROWS}:visible .rp-badge").first
     verdict.scroll_into_view_if_needed()
     at = verdict.bounding_box()
@@ -174,7 +196,14 @@ def test_a_phone_shows_a_table_to_sort_and_filter_by_touch(browser: Browser, sch
 
 
 def test_the_same_data_lie_beside_the_page(table: Page) -> None:
-    links = table.locator("article a[download]").evaluate_all("all => all.map(a => a.href)")
+    links = table.locator("article a[download]").evaluate_all(
+        "all => all.map(a => a.href)"
+    )
     names = [link.rpartition("/")[2] for link in links]
-    assert names == ["ledger.csv", "ledger.parquet", "ledger.json", "ledger.schema.json"]
+    assert names == [
+        "ledger.csv",
+        "ledger.parquet",
+        "ledger.json",
+        "ledger.schema.json",
+    ]
     assert all((HTML / name).stat().st_size > 1000 for name in names)

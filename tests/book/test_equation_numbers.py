@@ -21,6 +21,8 @@ def test_number_is_read_off_the_label(label: str, number: str) -> None:
     assert printed_number(label, PREFIXES) == number
 
 
-@pytest.mark.parametrize("label", ["energy", "smith1999-1", "niu2024", "niu2024-x", "niu2024-1-2"])
+@pytest.mark.parametrize(
+    "label", ["energy", "smith1999-1", "niu2024", "niu2024-x", "niu2024-1-2"]
+)
 def test_a_label_without_a_number_is_refused(label: str) -> None:
     assert printed_number(label, PREFIXES) is None

@@ -38,7 +38,9 @@ def test_every_number_of_a_sentence_is_known(known):
 
 
 def test_a_fact_says_something_and_no_rounding_noise(known):
-    assert [name for name, text in known.items() if not text or NOISE.search(text)] == []
+    assert [
+        name for name, text in known.items() if not text or NOISE.search(text)
+    ] == []
 
 
 def test_all_facts_are_those_of_the_ledger_and_of_every_posterior(monkeypatch):
@@ -50,7 +52,9 @@ def test_all_facts_are_those_of_the_ledger_and_of_every_posterior(monkeypatch):
 def test_facts_are_those_of_the_ledger(known):
     assert known["niu2024/table-3#scale.red printed"] == "0.9973"
     assert known["niu2024/table-3#scale.red verdict"] == "differs"
-    assert known["all cells"] == str(int(known["niu2024 cells"]) + int(known["chen2023 cells"]))
+    assert known["all cells"] == str(
+        int(known["niu2024 cells"]) + int(known["chen2023 cells"])
+    )
 
 
 def test_a_build_computes_the_ledger_once(tmp_path, monkeypatch):
@@ -84,13 +88,21 @@ def test_facts_are_computed_once_until_something_changes(tmp_path, monkeypatch):
 def built(folder: Path, text: str) -> tuple[str, str]:
     """Build a page with the roles; return what the build complains of, and the page."""
     (folder / "_build").mkdir()
-    (folder / "_build" / "facts.json").write_text(json.dumps({"facts": {"k#a computed": "4.2"}}))
+    (folder / "_build" / "facts.json").write_text(
+        json.dumps({"facts": {"k#a computed": "4.2"}})
+    )
     (folder / "index.md").write_text(f"# Page\n\n{text}\n")
     out, complaints = folder / "out", io.StringIO()
     app = Sphinx(
-        str(folder), None, str(out), str(out), "text", status=None, warning=complaints,
+        str(folder),
+        None,
+        str(out),
+        str(out),
+        "text",
+        status=None,
+        warning=complaints,
         confoverrides={"extensions": ["myst_parser", "fact_roles"]},
-    )  # fmt: skip
+    )
     app.build()
     return complaints.getvalue(), (out / "index.txt").read_text()
 
@@ -114,11 +126,15 @@ def test_numbers_that_a_page_collects_are_facts(tmp_path, monkeypatch):
     (tmp_path / "one.md").write_text(head + cell.format(series))
     (tmp_path / "two.md").write_text(head + cell.format("1 / 0"))
     monkeypatch.setattr(page_cells, "BOOK", tmp_path)
-    assert facts.of_pages(sorted(tmp_path.glob("*.md"))) == {"one#shift": "−0.10\u202fpx"}
+    assert facts.of_pages(sorted(tmp_path.glob("*.md"))) == {
+        "one#shift": "−0.10\u202fpx"
+    }
 
 
 def test_facts_are_dropped_with_the_pages_that_collect_numbers():
-    collecting = [page for page in PAGES if facts.QUOTED in page.read_text(encoding="utf-8")]
+    collecting = [
+        page for page in PAGES if facts.QUOTED in page.read_text(encoding="utf-8")
+    ]
     folders = [BOOK.parent / name for name in PARTS["quoted"]]
     assert len(collecting) == 2
     assert all(any(page.is_relative_to(one) for one in folders) for page in collecting)

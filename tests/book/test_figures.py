@@ -14,7 +14,9 @@ WITH_FIGURES = [
 ]
 LEAST = 8 * 96 / 72 - 0.1  # CSS pixels: eight points
 NUMBER = re.compile(r'<a class="rp-number" href="#([^"]+)">Figure B(\d+)\.</a>')
-UNFOLDED = "() => document.querySelectorAll('article details').forEach(d => d.open = true)"
+UNFOLDED = (
+    "() => document.querySelectorAll('article details').forEach(d => d.open = true)"
+)
 # Of each figure: how many drawings are seen, whether it scrolls, and its smallest label. An index
 # belongs to its label.
 SEEN = """() => [...document.querySelectorAll('.rp-figure')].map(figure => {
@@ -80,7 +82,9 @@ def test_our_figures_are_numbered_once_each_in_the_order_of_reading() -> None:
         text = (HTML / address).read_text("utf-8")
         names = re.findall(r'<figure class="rp-figure" id="([^"]+)"', text)
         found = NUMBER.findall(text)
-        assert [name for name, _ in found] == [name for name in names if "-fig-" not in name]
+        assert [name for name, _ in found] == [
+            name for name in names if "-fig-" not in name
+        ]
         of_papers += re.findall(
             r'id="figure-\w+-fig-(\w+)".*?<figcaption><span class="rp-number"></span>Figure (\w+):',
             text,
@@ -92,7 +96,9 @@ def test_our_figures_are_numbered_once_each_in_the_order_of_reading() -> None:
     assert [ours for ours, theirs in of_papers if ours != theirs] == []
     every = sorted(number for one in numbers.values() for number in one)
     assert every == list(range(1, len(every) + 1))
-    assert all(one == list(range(one[0], one[0] + len(one))) for one in numbers.values())
+    assert all(
+        one == list(range(one[0], one[0] + len(one))) for one in numbers.values()
+    )
     assert numbers["niu2024/images.html"] < numbers["chen2023/effectiveness.html"]
     assert numbers["chen2023/effectiveness.html"] < numbers["posteriors/index.html"]
 
@@ -100,7 +106,9 @@ def test_our_figures_are_numbered_once_each_in_the_order_of_reading() -> None:
 @pytest.mark.parametrize("address", WITH_FIGURES)
 def test_what_the_bars_of_figures_offer_is_there(address: str) -> None:
     page = HTML / address
-    offered = re.findall(r'href="((?:\.\./)*figures/[^"]+)" download', page.read_text("utf-8"))
+    offered = re.findall(
+        r'href="((?:\.\./)*figures/[^"]+)" download', page.read_text("utf-8")
+    )
     # Pictures of posteriors are in no file of the book: `save` writes their draws.
     assert offered or address.startswith("posteriors/")
     assert [one for one in offered if not (page.parent / one).stat().st_size] == []

@@ -27,8 +27,12 @@ const location = {{hash: {hash}, replace: (to) => console.log(to)}};
 )
 def test_only_known_anchors_lead_on(name: str, page: str) -> None:
     (script,) = re.findall("<script>(.*)</script>", GOTO, re.DOTALL)
-    script = script.replace("PLACES", json.dumps({"niu2024-table-3": "niu2024/registration"}))
+    script = script.replace(
+        "PLACES", json.dumps({"niu2024-table-3": "niu2024/registration"})
+    )
     node, _ = compute_driver_executable()
     code = SCRIPT.format(hash=json.dumps(f"#{name}"), script=script)
-    done = subprocess.run([node, "-e", code], capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [node, "-e", code], capture_output=True, text=True, check=True
+    )
     assert done.stdout.strip() == page

@@ -32,7 +32,9 @@ POINTED = """() => {
         if (open(e)) e.dataset.awaited = e.outerHTML.slice(0, 120);
     }
 }"""
-LEFT = "() => [...document.querySelectorAll('[data-awaited]')].map(e => e.dataset.awaited)"
+LEFT = (
+    "() => [...document.querySelectorAll('[data-awaited]')].map(e => e.dataset.awaited)"
+)
 FOCUSED = """() => {
     const e = document.activeElement;
     if (e === document.body || e === null) return null;
@@ -68,7 +70,9 @@ def stops(page: Page) -> Iterator[dict[str, Any]]:
 
 
 @pytest.mark.parametrize("address", PAGES)
-def test_the_tab_key_reaches_all_in_sight_with_a_ring(keyed: Page, address: str) -> None:
+def test_the_tab_key_reaches_all_in_sight_with_a_ring(
+    keyed: Page, address: str
+) -> None:
     keyed.goto((HTML / address).as_uri(), wait_until="load")
     keyed.add_style_tag(content="* { transition: none !important; }")
     keyed.evaluate(POINTED)

@@ -38,7 +38,9 @@ def test_sentences_quote_all_numbers_that_the_page_collects(page):
 @pytest.mark.parametrize("slot", [*LIGHTS, 7])
 def test_windows_track(page, slot):
     seen = page["read_window"](slot)
-    np.testing.assert_allclose(np.diff(seen["TIME"]), 2.05 if slot == 7 else 4.1, atol=1e-6)
+    np.testing.assert_allclose(
+        np.diff(seen["TIME"]), 2.05 if slot == 7 else 4.1, atol=1e-6
+    )
     # The lights have the same times, and so stand on one axis.
     assert slot == 7 or np.array_equal(seen["TIME"], page["times"])
     # A light or a star is in the middle of its window in every frame.
@@ -80,7 +82,10 @@ def test_lights_move_as_photutils_measures(page, light):
     start = Table({"x": [3.5], "y": [3.5]})
     places = []
     for part in parts:
-        found = fit(part - np.sort(images.mean(axis=0), axis=None)[:16].mean(), init_params=start)
+        found = fit(
+            part - np.sort(images.mean(axis=0), axis=None)[:16].mean(),
+            init_params=start,
+        )
         places.append([found["x_fit"][0], found["y_fit"][0]])
     ours = [one.mean(axis=0) for one in np.array_split(page["spots"][:, light], 10)]
     moved, expected = (np.array(one) - one[0] for one in (ours, places))
@@ -103,8 +108,13 @@ def test_noise_of_a_position_is_that_of_simulated_windows(page, light):
 
 def test_covariance_of_the_angles_is_that_of_drawn_spots(page):
     platform = page["platform"]
-    draws = np.random.default_rng(4).standard_normal((4000, 3, 2)) * np.sqrt(page["variance"])
-    angles = platform.misalignment(platform.spots + draws, platform.reference) * ARCSEC_PER_RADIAN
+    draws = np.random.default_rng(4).standard_normal((4000, 3, 2)) * np.sqrt(
+        page["variance"]
+    )
+    angles = (
+        platform.misalignment(platform.spots + draws, platform.reference)
+        * ARCSEC_PER_RADIAN
+    )
     expected = page["covariance"]
     spread = np.sqrt(np.diag(expected))
     found = np.cov(angles.T) / np.outer(spread, spread)
@@ -113,7 +123,10 @@ def test_covariance_of_the_angles_is_that_of_drawn_spots(page):
 
 
 def test_gain_and_noise_of_simulated_windows_are_found(page):
-    generator, light = np.random.default_rng(2), np.geomspace(20, 7000, 64).reshape(8, 8)
+    generator, light = (
+        np.random.default_rng(2),
+        np.geomspace(20, 7000, 64).reshape(8, 8),
+    )
     drawn = generator.poisson(light * 4.0, (3, 600, 8, 8)) / 4.0
     gain, ends, noise = page["fit_gain"](drawn + generator.normal(0, 3.0, drawn.shape))
     assert gain == pytest.approx(4.0, rel=0.05)
@@ -123,7 +136,10 @@ def test_gain_and_noise_of_simulated_windows_are_found(page):
 
 def test_pixels_without_noise_of_their_own_have_a_noise(page):
     """Where the line is below zero in the dark, the root is not that of a negative number."""
-    generator, light = np.random.default_rng(3), np.geomspace(20, 7000, 64).reshape(8, 8)
+    generator, light = (
+        np.random.default_rng(3),
+        np.geomspace(20, 7000, 64).reshape(8, 8),
+    )
     scatter = np.sqrt(np.maximum(light / 4.0 - 4.0, 0.1))
     images = light + scatter * generator.standard_normal((3, 600, 8, 8))
     assert page["fit_gain"](images)[2] == 0
@@ -146,8 +162,12 @@ def test_stars_are_where_their_images_show_them(page):
     light = images.sum(axis=(-2, -1))
     np.testing.assert_allclose(light, 1, atol=0.02)
     down, along = ((images * one).sum(axis=(-2, -1)) / light for one in (y, x))
-    np.testing.assert_allclose(np.diff(down.mean(axis=1)) / np.diff(places), 1, atol=0.3)
-    np.testing.assert_allclose(np.diff(along.mean(axis=0)) / np.diff(places), 1, atol=0.3)
+    np.testing.assert_allclose(
+        np.diff(down.mean(axis=1)) / np.diff(places), 1, atol=0.3
+    )
+    np.testing.assert_allclose(
+        np.diff(along.mean(axis=0)) / np.diff(places), 1, atol=0.3
+    )
     assert np.abs(np.diff(down, axis=1)).max() < 0.05
 
 
@@ -168,7 +188,9 @@ def drift_model(drifts):
     told = json.loads((FOLDER / "aca_drift_model.json").read_text(encoding="utf-8"))
     years, axes = drifts["year"].to_numpy(), []
     for one in (told["dy"], told["dz"]):
-        warmth = (1.8 * drifts["temperature"].to_numpy() + 32 - one["offset"]) * one["scale"]
+        warmth = (1.8 * drifts["temperature"].to_numpy() + 32 - one["offset"]) * one[
+            "scale"
+        ]
         dates = Time([date for date, _ in one["jumps"]], format="yday").decimalyear
         jumps = (years[:, None] >= dates) @ [size for _, size in one["jumps"]]
         axes.append(warmth + (years - one["year0"]) * one["trend"] + jumps)

@@ -19,7 +19,11 @@ def test_every_open_cell_is_settled_by_one_question():
     words = {"differs", "ambiguous", "unpublished"}
     open_cells = {cell for cell, one in frozen().items() if one.verdict in words}
     assert sorted(settled) == sorted(open_cells)
-    assert not [cell for cell, one in frozen().items() if one.question and cell not in open_cells]
+    assert not [
+        cell
+        for cell, one in frozen().items()
+        if one.question and cell not in open_cells
+    ]
 
 
 @pytest.mark.parametrize("paper", PAPERS)
@@ -42,11 +46,17 @@ def test_what_an_answer_settles_is_said_with_links_and_the_reply():
     entry = {"paper": "niu2024", "ask": "Why?", "text": "", "beside": "before"}
     one = complete("niu2024-scale-run", **entry)
     told = settles(one, numbers)
-    assert told.startswith("It settles **2** of the numbers, with the answer to 3: Table 3: ")
+    assert told.startswith(
+        "It settles **2** of the numbers, with the answer to 3: Table 3: "
+    )
     assert re.findall('href="#([^"]+)"', told) == [*map(anchor, one.cells), *one.errata]
     assert told.endswith("Your reply: *none yet*.")
-    answered = complete("niu2024-scale-run", **entry, reply="Made-up name, on a day: a rerun.")
-    assert settles(answered, numbers).endswith("Your reply: *Made-up name, on a day: a rerun.*.")
+    answered = complete(
+        "niu2024-scale-run", **entry, reply="Made-up name, on a day: a rerun."
+    )
+    assert settles(answered, numbers).endswith(
+        "Your reply: *Made-up name, on a day: a rerun.*."
+    )
     assert "No number" in settles(complete("none", **entry, errata=("x",)), numbers)
 
 
@@ -57,7 +67,9 @@ def test_a_quoted_number_is_placed_by_its_section():
 
 @pytest.mark.browser
 @pytest.mark.parametrize("paper", PAPERS)
-def test_a_letter_says_that_nothing_is_sent_and_errata_lead_to_it(browser: Browser, paper: str):
+def test_a_letter_says_that_nothing_is_sent_and_errata_lead_to_it(
+    browser: Browser, paper: str
+):
     page = browser.new_page(viewport=DESKTOP)
     page.goto((HTML / paper / "letter.html").as_uri())
     assert "This letter has not been sent" in page.locator("article").inner_text()

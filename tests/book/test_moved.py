@@ -24,7 +24,9 @@ def test_exactly_the_cells_that_moved_are_found():
     assert moved({"verdicts": {word: [] for word in THEN}}, NOW) == {}
 
 
-@pytest.mark.parametrize("named", [("a#2",), ("a#1", "a#2", "a#3"), ("a#2", "a#3", "gone#1")])
+@pytest.mark.parametrize(
+    "named", [("a#2",), ("a#1", "a#2", "a#3"), ("a#2", "a#3", "gone#1")]
+)
 def test_each_needs_its_reason_and_nothing_else_has_one(named):
     with pytest.raises(ValueError, match=r"look at \['(a#3|a#1|gone#1)'\]$"):
         moved(state(*named), NOW)
@@ -35,7 +37,9 @@ def test_what_moved_since_the_last_release_is_told():
     release = tomllib.loads(text)
     moved(release, {cell: one.verdict for cell, one in frozen().items()})
     cells = [cell for listed in release["verdicts"].values() for cell in listed]
-    assert set(release["verdicts"]) <= {*VERDICTS, "blocked"}, "an old word of a release"
+    assert set(release["verdicts"]) <= {*VERDICTS, "blocked"}, (
+        "an old word of a release"
+    )
     assert set(cells) <= set(frozen()), "a cell that goes, goes here too"
     assert len(cells) == len(set(cells))
     for entry in release.get("moved", ()):

@@ -41,7 +41,10 @@ def app(tmp_path: Path) -> SimpleNamespace:
             equation_prefixes={"niu2024": "", "book": "B"}, bibtex_bibfiles=["refs.bib"]
         ),
         env=SimpleNamespace(
-            titles={name: SimpleNamespace(astext=lambda t=t: t) for name, t in titles.items()}
+            titles={
+                name: SimpleNamespace(astext=lambda t=t: t)
+                for name, t in titles.items()
+            }
         ),
     )
 
@@ -55,12 +58,17 @@ def app(tmp_path: Path) -> SimpleNamespace:
         ("see {doc}`words <two>`", "see [words](../part/two.ipynb)"),
         ("see {doc}`../notation`", "see *Notation*"),
         ("known {cite:p}`wahba1965,pair`", "known (Wahba, 1965; Shuster and Oh, 1981)"),
-        ("as {cite:t}`pair`, {cite:t}`many`", "as Shuster and Oh (1981), One et al. (2000)"),
+        (
+            "as {cite:t}`pair`, {cite:t}`many`",
+            "as Shuster and Oh (1981), One et al. (2000)",
+        ),
         ("{py:func}`~reproduce.front.table`", "`table`"),
         ("{download}`text <../LICENSE>`", "text"),
     ],
 )
-def test_roles_become_what_they_stand_for(app: SimpleNamespace, text: str, said: str) -> None:
+def test_roles_become_what_they_stand_for(
+    app: SimpleNamespace, text: str, said: str
+) -> None:
     assert plain(text, spoken_in(app, "part/one"), str) == said
 
 
@@ -73,12 +81,16 @@ def test_an_unknown_number_fails_the_build(app: SimpleNamespace) -> None:
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 def test_a_built_notebook_has_numbers_for_roles(path: Path) -> None:
     cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
-    words = "\n".join("".join(c["source"]) for c in cells if c["cell_type"] == "markdown")
+    words = "\n".join(
+        "".join(c["source"]) for c in cells if c["cell_type"] == "markdown"
+    )
     assert re.findall(r"\{[a-z:]+\}`|^\([^)\s]+\)=$|^`{3}\{", words, re.MULTILINE) == []
     links = re.findall(r"\]\(([^)#]+\.ipynb)\)", words)
     assert [link for link in links if not (path.parent / link).is_file()] == []
     # Random names would make each build another one.
-    assert [cell["id"] for cell in cells] == [f"cell-{number}" for number in range(len(cells))]
+    assert [cell["id"] for cell in cells] == [
+        f"cell-{number}" for number in range(len(cells))
+    ]
 
 
 def shown(path: Path) -> tuple[list[str], set[str]]:
@@ -90,7 +102,10 @@ def shown(path: Path) -> tuple[list[str], set[str]]:
         ".cell, .headerlink, .prev-next-footer, .eqno, script, details pre"
     ):
         other.decompose()
-    heads = [head.get_text(" ", strip=True) for head in article.find_all(re.compile("h[1-4]"))]
+    heads = [
+        head.get_text(" ", strip=True)
+        for head in article.find_all(re.compile("h[1-4]"))
+    ]
     return heads, set(NUMBER.findall(article.get_text(" ")))
 
 
@@ -105,7 +120,9 @@ def test_a_notebook_says_all_that_its_page_says(path: Path) -> None:
     assert heads
     words = words.replace("'", "’")
     told = " ".join(re.sub(r"[*`$]|^#+ ", "", words, flags=re.MULTILINE).split())
-    assert [head for head in heads if " ".join(head.replace("'", "’").split()) not in told] == []
+    assert [
+        head for head in heads if " ".join(head.replace("'", "’").split()) not in told
+    ] == []
     assert sorted(number for number in numbers if number not in words) == []
     assert all(cell.source.strip() for cell in notebook.cells)
     code = [cell for cell in notebook.cells if cell.cell_type == "code"]

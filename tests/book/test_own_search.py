@@ -24,7 +24,9 @@ def test_anchors_are_found_with_their_pages(tmp_path: Path) -> None:
 
 
 def test_every_printed_number_of_a_shown_table_is_in_the_index() -> None:
-    anchors = {"niu2024-table-3": {"index": "index.html#niu2024-table-3", "niu2024": "here"}}
+    anchors = {
+        "niu2024-table-3": {"index": "index.html#niu2024-table-3", "niu2024": "here"}
+    }
     table, *cells = of_items(anchors)
     assert table[0] == "here"
     assert {"niu2024/table-3", "Table 3", "niu2024 Table 3"} <= set(table[2])
@@ -46,7 +48,10 @@ def test_pages_are_found_by_title() -> None:
 def test_tables_of_our_own_are_found_by_key_and_title() -> None:
     anchors = {"study-chen2023-frames": {"posteriors": "there"}}
     ((address, shown, names, _),) = of_studies(anchors)
-    assert (address, names) == ("there", ["chen2023/frames", "How many frames to average"])
+    assert (address, names) == (
+        "there",
+        ["chen2023/frames", "How many frames to average"],
+    )
     assert shown.startswith(names[1])
 
 
@@ -97,7 +102,8 @@ def test_answers_stand_before_those_of_sphinx(page: Page, served: str) -> None:
     page.goto(f"{served}/search.html?q=simulation")
     page.wait_for_selector("#search-results ul.search li a", timeout=10_000)
     ours, theirs = (
-        page.locator(one).first.bounding_box() for one in (FOUND, "#search-results ul.search")
+        page.locator(one).first.bounding_box()
+        for one in (FOUND, "#search-results ul.search")
     )
     assert ours is not None
     assert theirs is not None
@@ -115,7 +121,10 @@ def test_nonsense_finds_nothing_of_ours(page: Page) -> None:
 def test_no_search_from_the_disk_logs_an_error(browser: Browser) -> None:
     """Sphinx fetches a summary of each result, which a browser refuses there."""
     page, logged = browser.new_page(), []
-    page.on("console", lambda told: logged.append(told.text) if told.type == "error" else None)
+    page.on(
+        "console",
+        lambda told: logged.append(told.text) if told.type == "error" else None,
+    )
     page.on("pageerror", lambda error: logged.append(str(error)))
     page.goto(f"{(HTML / 'search.html').as_uri()}?q=simulation")
     page.wait_for_selector("#search-results ul.search li a", timeout=10_000)

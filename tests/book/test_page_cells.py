@@ -11,8 +11,12 @@ from page_cells import BOOK, Shown, cells, notebooks, run
 def page(folder: Path, *sources: str) -> Path:
     """Write a page with the given cells."""
     path = folder / "page.md"
-    fences = "".join(f"```{{code-cell}} ipython3\n{source}\n```\n\n" for source in sources)
-    path.write_text(f"---\nfile_format: mystnb\n---\n\n# A page\n\n{fences}", encoding="utf-8")
+    fences = "".join(
+        f"```{{code-cell}} ipython3\n{source}\n```\n\n" for source in sources
+    )
+    path.write_text(
+        f"---\nfile_format: mystnb\n---\n\n# A page\n\n{fences}", encoding="utf-8"
+    )
     return path
 
 
@@ -57,5 +61,9 @@ def test_a_page_that_is_no_notebook_has_no_cells() -> None:
 
 
 def test_every_page_with_code_is_run() -> None:
-    with_code = {p for p in BOOK.rglob("*.md") if "{code-cell}" in p.read_text(encoding="utf-8")}
-    assert set(notebooks()) == {path for path in with_code if "_build" not in path.parts}
+    with_code = {
+        p for p in BOOK.rglob("*.md") if "{code-cell}" in p.read_text(encoding="utf-8")
+    }
+    assert set(notebooks()) == {
+        path for path in with_code if "_build" not in path.parts
+    }

@@ -32,10 +32,16 @@ def read(text: str) -> document:
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("A title\n=======\n\nFirst *words*,\nfolded.\n\nSecond.", "First words, folded."),
+        (
+            "A title\n=======\n\nFirst *words*,\nfolded.\n\nSecond.",
+            "First words, folded.",
+        ),
         (".. note::\n\n   The answer.\n\nThe rest.", "The answer."),
         ("It is :math:`95\\,\\%` long.", "It is 95 % long."),
-        (".. role:: raw-html(raw)\n   :format: html\n\nOf :raw-html:`<b>all</b>`.", "Of all."),
+        (
+            ".. role:: raw-html(raw)\n   :format: html\n\nOf :raw-html:`<b>all</b>`.",
+            "Of all.",
+        ),
         ("A title\n=======", ""),
     ],
 )
@@ -71,8 +77,13 @@ def test_every_page_of_text_has_a_head() -> None:
 SCHEMA = "http://schema.org/"
 # What schema.org's own context says of the words used here; a test asks no network.
 IDS = ("license", "url", "contentUrl", "isBasedOn", "about", "creator", "distribution")
-CONTEXT = {"@vocab": SCHEMA, **{name: {"@id": SCHEMA + name, "@type": "@id"} for name in IDS}}
-SCRIPT = re.compile(r'<script type="application/ld\+json">\n(.*?)\n</script>', re.DOTALL)
+CONTEXT = {
+    "@vocab": SCHEMA,
+    **{name: {"@id": SCHEMA + name, "@type": "@id"} for name in IDS},
+}
+SCRIPT = re.compile(
+    r'<script type="application/ld\+json">\n(.*?)\n</script>', re.DOTALL
+)
 BASE = "https://example.org/book/"
 REQUIRED = (
     "name description identifier creator datePublished version license isBasedOn distribution "
@@ -85,7 +96,11 @@ def expanded(told: dict[str, Any], page: str) -> dict[str, Any]:
 
     def load(address: str, options: dict[str, Any]) -> dict[str, Any]:
         assert address == "https://schema.org"
-        found = {"contextUrl": None, "documentUrl": address, "contentType": "application/ld+json"}
+        found = {
+            "contextUrl": None,
+            "documentUrl": address,
+            "contentType": "application/ld+json",
+        }
         return {**found, "document": {"@context": CONTEXT}}
 
     options = {"base": f"{BASE}{page}.html", "documentLoader": load}
@@ -111,7 +126,8 @@ def check_dataset(found: dict[str, Any], papers: set[str]) -> list[str]:
     licence = "https://creativecommons.org/licenses/by/4.0/"
     assert values(found, "license") == [licence] * bool(papers)
     assert all(
-        one["@type"] == [f"{SCHEMA}PropertyValue"] for one in found[f"{SCHEMA}variableMeasured"]
+        one["@type"] == [f"{SCHEMA}PropertyValue"]
+        for one in found[f"{SCHEMA}variableMeasured"]
     )
     files = found[f"{SCHEMA}distribution"]
     for file in files:
@@ -128,7 +144,9 @@ def dois(*papers: str) -> set[str]:
     return {f"https://doi.org/{one['DOI']}" for one in cited}
 
 
-@pytest.mark.parametrize("key", ["niu2024/table-3", "chen2023/text-platform", "chen2023/heat"])
+@pytest.mark.parametrize(
+    "key", ["niu2024/table-3", "chen2023/text-platform", "chen2023/heat"]
+)
 def test_a_table_is_a_dataset(key: str) -> None:
     mark = f"study-{anchor(key)}" if key in studies() else anchor(key)
     (told,) = linked("chapter/page", {mark: "chapter/page"}, "")
@@ -136,7 +154,9 @@ def test_a_table_is_a_dataset(key: str) -> None:
     files = check_dataset(found, dois(key.split("/")[0]))
     assert files == [BASE + path for path in export.table_files(key)]
     assert key in values(found, "identifier")
-    measured = {values(one, "name")[0]: one for one in found[f"{SCHEMA}variableMeasured"]}
+    measured = {
+        values(one, "name")[0]: one for one in found[f"{SCHEMA}variableMeasured"]
+    }
     if key in library():
         assert set(measured) == {
             one.label for one in (*library()[key].rows, *library()[key].columns)
@@ -155,7 +175,9 @@ def test_a_published_dataset_has_its_address(monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.setattr(export, "DOI", "10.1234/x")
     (told,) = linked("x", held, "")
     found = expanded(told, "x")
-    assert values(found, "url") == ["https://example.org/book/goto.html#niu2024-table-3"]
+    assert values(found, "url") == [
+        "https://example.org/book/goto.html#niu2024-table-3"
+    ]
     assert "https://doi.org/10.1234/x" in values(found, "identifier")
 
 
@@ -183,7 +205,9 @@ def test_the_pages_say_of_every_table_what_it_is() -> None:
             continue
         (named,) = values(found, "identifier")
         whole = named in {"ledger", "errata"}
-        files |= set(check_dataset(found, dois(*(PAPERS if whole else [named.split("/")[0]]))))
+        files |= set(
+            check_dataset(found, dois(*(PAPERS if whole else [named.split("/")[0]])))
+        )
         assert named not in said, "stands on two pages"
         said[named] = page
     assert set(said) == {*library(), *studies(), "ledger", "errata"}

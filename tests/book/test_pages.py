@@ -22,8 +22,12 @@ def test_page_logs_no_error(visits: dict[str, Visit], address: str) -> None:
 
 
 @each_page
-def test_page_asks_the_network_for_nothing(visits: dict[str, Visit], address: str) -> None:
-    outside = [url for url in visits[address].requests if urlsplit(url).scheme not in LOCAL]
+def test_page_asks_the_network_for_nothing(
+    visits: dict[str, Visit], address: str
+) -> None:
+    outside = [
+        url for url in visits[address].requests if urlsplit(url).scheme not in LOCAL
+    ]
     assert outside == []
 
 
@@ -39,7 +43,9 @@ def test_no_page_shows_a_traceback(address: str) -> None:
 
 
 @each_page
-def test_no_rounding_noise_is_shown_as_a_result(visits: dict[str, Visit], address: str) -> None:
+def test_no_rounding_noise_is_shown_as_a_result(
+    visits: dict[str, Visit], address: str
+) -> None:
     assert visits[address].noise == []
 
 
@@ -64,14 +70,20 @@ def test_nothing_sticks_out_of_the_window(
 @each_page
 def test_links_lead_somewhere(visits: dict[str, Visit], address: str) -> None:
     broken = [
-        ref for ref in visits[address].references if not leads_somewhere(ref, address, visits)
+        ref
+        for ref in visits[address].references
+        if not leads_somewhere(ref, address, visits)
     ]
     assert broken == []
 
 
 def test_equations_carry_the_papers_numbers(visits: dict[str, Visit]) -> None:
     """The shown number, the label and every reference agree."""
-    shown = {label: number for visit in visits.values() for label, number in visit.shown_numbers}
+    shown = {
+        label: number
+        for visit in visits.values()
+        for label, number in visit.shown_numbers
+    }
     referred = [pair for visit in visits.values() for pair in visit.referred_numbers]
     assert shown, "no numbered equation in the book"
     assert shown == {label: expected_number(label) for label in shown}
@@ -79,7 +91,12 @@ def test_equations_carry_the_papers_numbers(visits: dict[str, Visit]) -> None:
 
 
 @pytest.mark.parametrize(
-    "address", ["chen2023/effectiveness.html", "niu2024/simulation.html", "niu2024/experiment.html"]
+    "address",
+    [
+        "chen2023/effectiveness.html",
+        "niu2024/simulation.html",
+        "niu2024/experiment.html",
+    ],
 )
 @pytest.mark.parametrize("width", [1440, 1920])
 def test_tables_of_printed_numbers_are_whole_on_a_desk(
@@ -87,7 +104,9 @@ def test_tables_of_printed_numbers_are_whole_on_a_desk(
 ) -> None:
     page.set_viewport_size({"width": width, "height": 1000})
     page.goto((HTML / address).as_uri())
-    page.evaluate("() => document.querySelectorAll('article details').forEach(e => e.open = true)")
+    page.evaluate(
+        "() => document.querySelectorAll('article details').forEach(e => e.open = true)"
+    )
     cut = page.evaluate(
         """() => [...document.querySelectorAll('.rp-scroll:has(.rp-cell, .rp-numbers)')]
             .filter(e => e.scrollWidth > e.clientWidth + 1).map(e => e.ariaLabel)"""
@@ -105,7 +124,9 @@ def test_no_request_leaves_a_served_book(page: Page, served: str) -> None:
     visit = Visit()
     page.on("request", lambda request: visit.requests.append(request.url))
     read(page, f"{served}/index.html", visit)
-    assert [url for url in visit.requests if not url.startswith((served, "data:"))] == []
+    assert [
+        url for url in visit.requests if not url.startswith((served, "data:"))
+    ] == []
 
 
 def test_search_finds_a_word(page: Page, served: str) -> None:
@@ -131,4 +152,6 @@ def leads_somewhere(reference: str, address: str, visits: dict[str, Visit]) -> b
     if not target.is_file() or not target.is_relative_to(HTML):
         return False
     inside = target.relative_to(HTML).as_posix()
-    return not fragment or inside not in visits or unquote(fragment) in visits[inside].ids
+    return (
+        not fragment or inside not in visits or unquote(fragment) in visits[inside].ids
+    )

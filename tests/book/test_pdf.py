@@ -107,7 +107,9 @@ def joined(browser: Browser, pdf: PdfReader) -> Iterator[Page]:
     page.close()
 
 
-def test_every_page_of_the_contents_is_in_it(places: dict[str, int], pdf: PdfReader) -> None:
+def test_every_page_of_the_contents_is_in_it(
+    places: dict[str, int], pdf: PdfReader
+) -> None:
     assert len(NAMES) > 30
     assert set(NAMES[1:]) - set(places) == set()
     at = [places[name] for name in NAMES[1:]]
@@ -128,15 +130,21 @@ def test_the_numbers_of_a_page_are_in_it(
     assert shown - printed == Counter()
 
 
-def test_every_link_leads_to_a_place(joined: Page, pdf: PdfReader, places: dict[str, int]) -> None:
+def test_every_link_leads_to_a_place(
+    joined: Page, pdf: PdfReader, places: dict[str, int]
+) -> None:
     linked = joined.evaluate(LINKED)
-    marks = [mark.get_object() for sheet in pdf.pages for mark in sheet.get("/Annots", [])]
+    marks = [
+        mark.get_object() for sheet in pdf.pages for mark in sheet.get("/Annots", [])
+    ]
     inside = {mark["/Dest"][1:] for mark in marks if "/Dest" in mark}
     outside = {mark["/A"]["/URI"] for mark in marks if "/Dest" not in mark}
     assert len(linked) > 1000
     assert set(linked) == inside
     assert inside <= set(places)
-    assert {address for address in outside if not address.startswith("https://")} == set()
+    assert {
+        address for address in outside if not address.startswith("https://")
+    } == set()
 
 
 def test_nothing_is_larger_than_its_sheet(joined: Page) -> None:
@@ -162,9 +170,13 @@ def test_every_sheet_carries_its_number(texts: list[str]) -> None:
 def test_the_contents_name_the_sheets_of_all_pages(
     joined: Page, texts: list[str], begins: list[int]
 ) -> None:
-    titles = joined.evaluate("() => [...document.querySelectorAll('nav a')].map(e => e.innerText)")
+    titles = joined.evaluate(
+        "() => [...document.querySelectorAll('nav a')].map(e => e.innerText)"
+    )
     contents = unicodedata.normalize("NFKC", "\n".join(texts[: begins[1]])).splitlines()
-    wanted = [f"{title} {first + 1}" for title, first in zip(titles, begins[1:], strict=True)]
+    wanted = [
+        f"{title} {first + 1}" for title, first in zip(titles, begins[1:], strict=True)
+    ]
     assert [line for line in wanted if line not in contents] == []
 
 
@@ -177,7 +189,9 @@ def test_the_outline_has_every_heading_in_order(joined: Page, pdf: PdfReader) ->
     sheets = [pdf.get_destination_page_number(entry) for entry in entries]
     assert [entry.title for entry in entries] == headings
     assert sheets == sorted(sheets)
-    assert len(pdf.outline) < len(headings) / 10, "chapters stand below parts, sections below these"
+    assert len(pdf.outline) < len(headings) / 10, (
+        "chapters stand below parts, sections below these"
+    )
 
 
 def test_the_first_page_leads_to_it(pdf: PdfReader) -> None:

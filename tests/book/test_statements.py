@@ -14,11 +14,14 @@ ARCSEC = np.pi / 180 / 3600
 def test_one_pointing_error_agrees_within_the_rounding_of_the_residuals():
     """The letter to the authors of niu2024: the other three need the rounding of the pitch."""
     text = library()["niu2024/text-experiment"]
-    angle = 3.45e-6 / 25.0237e-3 / ARCSEC  # of one pixel, pitch and focal length as exact
+    angle = (
+        3.45e-6 / 25.0237e-3 / ARCSEC
+    )  # of one pixel, pitch and focal length as exact
     agreeing = set()
     for place in ("red-x", "red-y", "blue-x", "blue-y"):
         residual, printed = (
-            float(text[f"{name}-{place}"].text) for name in ("rmse-after", "pointing-error")
+            float(text[f"{name}-{place}"].text)
+            for name in ("rmse-after", "pointing-error")
         )
         if abs(residual * angle - printed) <= 0.5e-4 * angle + 0.5e-4:
             agreeing.add(place)

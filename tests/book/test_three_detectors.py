@@ -101,7 +101,9 @@ def test_other_software_fits_the_same_transforms(page, name):
     affine = fit_registration(source, target, pivot, model="affine").transform
     np.testing.assert_allclose(affine.matrix, solved[:2].T, atol=1e-11)
     rms = np.sqrt(squares.sum() / source.size)
-    assert page["models"].loc[(name, "affine"), "RMS (px)"] == pytest.approx(rms, rel=1e-9)
+    assert page["models"].loc[(name, "affine"), "RMS (px)"] == pytest.approx(
+        rms, rel=1e-9
+    )
 
 
 @pytest.mark.parametrize("name", PAIRS)
@@ -134,13 +136,17 @@ def test_centroids_of_photutils_give_the_same_registration(page):
     assert near.sum() > 1000
     assert np.abs((theirs.parameters - ours.parameters) / joint).max() < 4
     # The centroids of the page are better: the same sky, a smaller scatter.
-    scatter = [np.median(np.abs(one.residuals[one.weights > 0])) for one in (ours, theirs)]
+    scatter = [
+        np.median(np.abs(one.residuals[one.weights > 0])) for one in (ours, theirs)
+    ]
     assert scatter[0] < 0.8 * scatter[1]
 
 
 def _correlated(one, other):
     """Return the shift that maps an image onto another, x before y."""
-    return phase_cross_correlation(one, other, upsample_factor=500, normalization=None)[0][::-1]
+    return phase_cross_correlation(one, other, upsample_factor=500, normalization=None)[
+        0
+    ][::-1]
 
 
 def test_correlated_images_have_the_same_shift_without_any_star(page):
@@ -152,7 +158,9 @@ def test_correlated_images_have_the_same_shift_without_any_star(page):
         flat[band] = np.clip(image, *(3 * image.std() * np.array([-1, 1])))
     sides = [slice(start, start + 90) for start in range(0, 720, 90)]
     blocks = list(itertools.product(sides, sides))
-    shifts = np.array([_correlated(flat["h"][block], flat["k"][block]) for block in blocks])
+    shifts = np.array(
+        [_correlated(flat["h"][block], flat["k"][block]) for block in blocks]
+    )
     mean, error = shifts.mean(axis=0), shifts.std(axis=0) / np.sqrt(len(shifts))
     assert mean[0] > 3 * error[0]
     # Whole pixels draw a correlation towards no shift: it is too small, never too large.
@@ -173,7 +181,9 @@ def test_a_wave_is_found(page):
     np.testing.assert_allclose(np.hypot(*waves.T), [0.01, 0.005], atol=error)
     fitted = page["wave_at"](places, period, waves)
     # Half a period over the field of nine.
-    assert np.abs(fitted - added).max() < error + 0.01 * np.pi * 720 / 80 * abs(1 - period / 80)
+    assert np.abs(fitted - added).max() < error + 0.01 * np.pi * 720 / 80 * abs(
+        1 - period / 80
+    )
     assert probability < 1e-6
 
 
@@ -207,7 +217,9 @@ def test_a_lens_is_registered_as_its_points_are(page):
     lenses = page["lenses"]
     row = int(lenses["br"].abs().argmax())
     terms = lenses.iloc[row]
-    x, y = np.meshgrid(*(np.linspace(-side / 2, side / 2, 25) for side in (width, height)))
+    x, y = np.meshgrid(
+        *(np.linspace(-side / 2, side / 2, 25) for side in (width, height))
+    )
     green = np.stack([x.ravel(), y.ravel()], axis=-1)
     r = np.hypot(*green.T)[:, None] / (height / 2)
     red = green * (terms["br"] * r**2 + terms["cr"] * r + terms["vr"])

@@ -42,7 +42,9 @@ def test_a_page_is_light(address: str) -> None:
 def test_every_page_has_an_icon() -> None:
     for address in built_pages():
         page = HTML / address
-        (icon,) = re.findall(r'<link rel="icon" href="([^"]+)"', page.read_text(encoding="utf-8"))
+        (icon,) = re.findall(
+            r'<link rel="icon" href="([^"]+)"', page.read_text(encoding="utf-8")
+        )
         assert (page.parent / icon).is_file()
 
 
@@ -53,7 +55,9 @@ def test_the_icons_that_are_left_are_all_that_is_shown(page: Page) -> None:
     page.wait_for_selector("svg[data-icon=download]", state="attached", timeout=10_000)
     assert page.locator("svg[data-icon] g.missing").count() == 0
     icons = page.locator("svg[data-icon]")
-    drawings = icons.evaluate_all("all => all.map(i => i.querySelector('path')?.getAttribute('d'))")
+    drawings = icons.evaluate_all(
+        "all => all.map(i => i.querySelector('path')?.getAttribute('d'))"
+    )
     assert len(drawings) > 5
     assert [drawing for drawing in drawings if len(drawing or "") < 20] == []
     assert [text for text in complaints if "icon" in text.lower()] == []

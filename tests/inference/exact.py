@@ -60,7 +60,10 @@ def registration_posterior(
     mean = np.array([k * np.cos(theta), k * np.sin(theta), *fit.parameters[2:]])
     # Jacobian of (a, b) by (k, theta): carries the fit's cofactor over.
     turn = np.eye(4)
-    turn[:2, :2] = [[np.cos(theta), -k * np.sin(theta)], [np.sin(theta), k * np.cos(theta)]]
+    turn[:2, :2] = [
+        [np.cos(theta), -k * np.sin(theta)],
+        [np.sin(theta), k * np.cos(theta)],
+    ]
     freedom, squares = 2.0 * fit.residuals.shape[-2] - 4, float(fit.chi_square)
     scale = squares / freedom * (turn @ fit.cofactor @ turn.T)
     return RegistrationPosterior(mean, scale, freedom, squares)

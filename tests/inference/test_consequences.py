@@ -58,7 +58,9 @@ def test_a_variant_knows_its_places_and_noise_elsewhere(registration):
     """At the stars of the fit, new stars are those that the likelihood simulates."""
     likelihood = distortion_model(registration).likelihood
     same = likelihood.elsewhere(likelihood.source)
-    truth = np.append(likelihood.start()[0][:5], [0.6] * (len(likelihood.start()[0]) - 5))
+    truth = np.append(
+        likelihood.start()[0][:5], [0.6] * (len(likelihood.start()[0]) - 5)
+    )
     rows = np.repeat(truth[None], 2, axis=0)
     places = same.places(rows)
     noise = same.scatter(rows, np.random.default_rng(1))
@@ -66,7 +68,9 @@ def test_a_variant_knows_its_places_and_noise_elsewhere(registration):
     np.testing.assert_allclose(places[0] + noise[0], simulated, atol=1e-9)
     assert not np.allclose(noise[0], noise[1])
     # Half as far out the field is the same field: its edge does not follow the stars.
-    inner = likelihood.elsewhere(likelihood.pivot + 0.5 * (likelihood.source - likelihood.pivot))
+    inner = likelihood.elsewhere(
+        likelihood.pivot + 0.5 * (likelihood.source - likelihood.pivot)
+    )
     assert inner.field == likelihood.field
 
 
@@ -87,7 +91,13 @@ def test_ground_error_of_a_misalignment():
     angles = np.random.default_rng(4).normal((1e-4, -5e-5, 2e-4), 1e-6, (1000, 3))
     found = _OnTheGround(ALTITUDE)(np.pad(angles, ((0, 0), (3, 0))))
     off = angles[:, :2] - angles[:, :2].mean(axis=0)
-    np.testing.assert_allclose(found["pointing error"].values, np.hypot(*off.T) * ARCSEC_PER_RADIAN)
-    np.testing.assert_allclose(found["position error"].values, np.hypot(*off.T) * ALTITUDE)
+    np.testing.assert_allclose(
+        found["pointing error"].values, np.hypot(*off.T) * ARCSEC_PER_RADIAN
+    )
+    np.testing.assert_allclose(
+        found["position error"].values, np.hypot(*off.T) * ALTITUDE
+    )
     ignored = found["position error uncorrected"].values
-    np.testing.assert_allclose(ignored.mean(), np.hypot(1e-4, 5e-5) * ALTITUDE, rtol=1e-3)
+    np.testing.assert_allclose(
+        ignored.mean(), np.hypot(1e-4, 5e-5) * ALTITUDE, rtol=1e-3
+    )

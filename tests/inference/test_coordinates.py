@@ -57,10 +57,14 @@ class Funnel(Coordinates):
     """A width that ranges over decades, and a value of that width."""
 
     def straight(self, parameters):
-        return np.column_stack([parameters[:, 0], parameters[:, 1] / np.exp(parameters[:, 0])])
+        return np.column_stack(
+            [parameters[:, 0], parameters[:, 1] / np.exp(parameters[:, 0])]
+        )
 
     def parameters(self, straight):
-        return np.column_stack([straight[:, 0], straight[:, 1] * np.exp(straight[:, 0])])
+        return np.column_stack(
+            [straight[:, 0], straight[:, 1] * np.exp(straight[:, 0])]
+        )
 
     def log_volume(self, parameters):
         return parameters[:, 0].copy()
@@ -74,16 +78,25 @@ def log_funnel(parameters):
 
 def chain_of(function, coordinates, steps=2000):
     generator = np.random.default_rng(1)
-    sampler = emcee.EnsembleSampler(48, 2, function, vectorize=True, moves=mixture(coordinates))
+    sampler = emcee.EnsembleSampler(
+        48, 2, function, vectorize=True, moves=mixture(coordinates)
+    )
     sampler.random_state = np.random.RandomState(2).get_state()
-    sampler.run_mcmc(generator.normal(size=(48, 2)), steps + 300, skip_initial_state_check=True)
+    sampler.run_mcmc(
+        generator.normal(size=(48, 2)), steps + 300, skip_initial_state_check=True
+    )
     return sampler.get_chain(discard=300)[None]
 
 
 def test_draws_in_coordinates_follow_the_law():
     chain = chain_of(log_funnel, Funnel())
     v = chain[..., 0]
-    for values, expected in ((v, 0), (v**2, 2.25), (v > 1.5, 0.158655), (chain[..., 1] > 0, 0.5)):
+    for values, expected in (
+        (v, 0),
+        (v**2, 2.25),
+        (v > 1.5, 0.158655),
+        (chain[..., 1] > 0, 0.5),
+    ):
         values = values.astype(float)
         assert abs(values.mean() - expected) < 4 * mcse_mean(values)
     assert autocorrelation_time(v) < 8

@@ -27,7 +27,10 @@ def autoregressive(correlation, shape, seed=1):
 
 @pytest.mark.parametrize("shift", [0.0, 0.3])
 def test_split_rhat_is_arvizs(shift):
-    draws = np.random.default_rng(1).standard_t(3, size=(4, 500)) + shift * np.arange(4)[:, None]
+    draws = (
+        np.random.default_rng(1).standard_t(3, size=(4, 500))
+        + shift * np.arange(4)[:, None]
+    )
     theirs = array_stats.rhat(draws)
     np.testing.assert_allclose(diagnostics._split_rhat(draws), float(theirs), rtol=1e-9)
 
@@ -44,14 +47,18 @@ def test_autocorrelation_time_is_emcees():
 def test_autocorrelation_time_is_the_known_one(correlation):
     chains = autoregressive(correlation, (4, 4000, 16))
     known = (1 + correlation) / (1 - correlation)
-    np.testing.assert_allclose(diagnostics.autocorrelation_time(chains), known, rtol=0.15)
+    np.testing.assert_allclose(
+        diagnostics.autocorrelation_time(chains), known, rtol=0.15
+    )
 
 
 def test_walkers_that_move_together_are_one_walker():
     """What the mean of emcee's own estimate over walkers cannot see."""
     alone = autoregressive(0.5, (4, 2000, 1))
     chains = np.repeat(alone, 16, axis=2)
-    assert diagnostics._effective_size(chains) < 1.3 * diagnostics._effective_size(alone)
+    assert diagnostics._effective_size(chains) < 1.3 * diagnostics._effective_size(
+        alone
+    )
 
 
 def test_standard_errors_are_honest():
@@ -87,7 +94,9 @@ def test_good_chains_pass():
 
 def test_thinning_keeps_time_order():
     chains = np.arange(2 * 6 * 3).reshape(2, 6, 3)
-    np.testing.assert_array_equal(thinned(chains, 1.5)[0], [0, 1, 2, 6, 7, 8, 12, 13, 14])
+    np.testing.assert_array_equal(
+        thinned(chains, 1.5)[0], [0, 1, 2, 6, 7, 8, 12, 13, 14]
+    )
 
 
 def banana(points):
@@ -109,7 +118,13 @@ def test_moves_leave_a_curved_density_unchanged():
         chains.append(sampler.get_chain(discard=500))
     chain = np.stack(chains)
     x, y = chain[..., 0], chain[..., 1]
-    for values, truth in ((x, 0.0), (x**2, 1.0), (y, 1.0), ((y - 1) ** 2, 3.0), (x * y, 0.0)):
+    for values, truth in (
+        (x, 0.0),
+        (x**2, 1.0),
+        (y, 1.0),
+        ((y - 1) ** 2, 3.0),
+        (x * y, 0.0),
+    ):
         assert abs(values.mean() - truth) < 4 * mcse_mean(values)
 
 

@@ -20,7 +20,10 @@ SOURCE = GENERATOR.uniform(0, 2000, (30, 2))
 # Half of the stars are twenty times as uncertain as the others.
 SIGMA = np.where(np.arange(30) % 2, 0.1, 2.0)
 TARGET = (
-    (SOURCE - 1000) * 1.0005 + 1000 + [1.2, -0.8] + SIGMA[:, None] * GENERATOR.normal(size=(30, 2))
+    (SOURCE - 1000) * 1.0005
+    + 1000
+    + [1.2, -0.8]
+    + SIGMA[:, None] * GENERATOR.normal(size=(30, 2))
 )
 FRAME = pd.DataFrame(np.hstack([SOURCE, TARGET]), columns=list(STARS))
 TILTED = np.array([[0.3, 0.1], [0.1, 0.2]])
@@ -35,11 +38,12 @@ CASES = {
     "sigma": (FRAME.assign(sigma=SIGMA), {}),
     "sigma of each axis": (FRAME.assign(sigma_x=SIGMA, sigma_y=1.1 * SIGMA), {}),
     "errors of both images": (
-        FRAME, {"source_covariance": TILTED / 9, "target_covariance": EACH},
+        FRAME,
+        {"source_covariance": TILTED / 9, "target_covariance": EACH},
     ),
     "weights and affine": (FRAME.assign(weight=SIGMA**-2), {"model": "affine"}),
     "radial": (FRAME.assign(sigma=SIGMA), {"model": "similarity+radial"}),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("case", CASES)
@@ -90,8 +94,12 @@ def test_three_sums_give_the_density_of_all_stars():
         data = likelihood(**settings)
         assert data._round
         centre, spread = data.start()
-        points = centre + spread * np.random.default_rng(13).normal(size=(4, len(centre)))
-        np.testing.assert_allclose(data(points), data.pointwise(points).sum(axis=1), rtol=1e-10)
+        points = centre + spread * np.random.default_rng(13).normal(
+            size=(4, len(centre))
+        )
+        np.testing.assert_allclose(
+            data(points), data.pointwise(points).sum(axis=1), rtol=1e-10
+        )
 
 
 def test_errors_of_both_images_give_the_chi_square_of_the_nearest_true_places():
@@ -142,12 +150,18 @@ def test_errors_of_your_stars_need_your_stars():
         rp.posterior("registration", model="affine")
 
 
-@pytest.mark.parametrize("case", ["book", "sigma of each axis", "weights and affine", "eight"])
+@pytest.mark.parametrize(
+    "case", ["book", "sigma of each axis", "weights and affine", "eight"]
+)
 def test_emcee_agrees_with_exact_draws(case):
     """Means, standard deviations and quantiles, within Monte Carlo errors of both."""
-    if case == "eight":  # noisy stars, of which flat in the scale is not flat in its parts
+    if (
+        case == "eight"
+    ):  # noisy stars, of which flat in the scale is not flat in its parts
         source = np.random.default_rng(15).uniform(-1, 1, (8, 2))
-        rows = np.hstack([source, source + 0.2 * np.random.default_rng(16).normal(size=(8, 2))])
+        rows = np.hstack(
+            [source, source + 0.2 * np.random.default_rng(16).normal(size=(8, 2))]
+        )
         found = rp.posterior("registration", pd.DataFrame(rows, columns=list(STARS)))
     else:
         data, settings = CASES.get(case, (None, {}))

@@ -56,9 +56,15 @@ def posterior(constant):
 
 def test_predicted_spots_follow_quest(platform):
     """Independent of the likelihood: directions, Wahba's problem, angles; one-sided in sign."""
-    still, turned = images(platform, [(np.zeros(3),) * 2, (TURN, TURN)], frames=3, noise=0.0)
+    still, turned = images(
+        platform, [(np.zeros(3),) * 2, (TURN, TURN)], frames=3, noise=0.0
+    )
     camera = emitted_directions(platform.lasers, 2.0)
-    optics = (platform.principal_point, platform.pixel_pitch, platform.tracker_focal_length)
+    optics = (
+        platform.principal_point,
+        platform.pixel_pitch,
+        platform.tracker_focal_length,
+    )
     zero = laser_transform(camera, received_directions(still[0], *optics))
     found = misalignment(camera, received_directions(turned[0], *optics), zero)
     np.testing.assert_allclose(misalignment_angles(found), TURN, rtol=1e-5)
@@ -85,10 +91,16 @@ def test_sufficient_statistics_agree_with_all_images(constant, spots):
 
 def test_drift_statistics_agree_with_all_images(platform):
     """Near the posterior; the bend of the paths is all that differs."""
-    groups = images(platform, [(np.zeros(3),) * 2, (TURN - DRIFT / 2, TURN + DRIFT / 2)])
-    model = misalignment_model(platform, SpotStatistics.of(groups, (False, True)), drifts=True)
+    groups = images(
+        platform, [(np.zeros(3),) * 2, (TURN - DRIFT / 2, TURN + DRIFT / 2)]
+    )
+    model = misalignment_model(
+        platform, SpotStatistics.of(groups, (False, True)), drifts=True
+    )
     centre, spread = model.likelihood.start()
-    points = centre + 0.5 * spread * np.random.default_rng(1).normal(size=(8, len(centre)))
+    points = centre + 0.5 * spread * np.random.default_rng(1).normal(
+        size=(8, len(centre))
+    )
     whole = image_by_image(model.likelihood, points, groups)
     ours = model.likelihood(points)
     assert np.ptp(whole) > 1
@@ -139,9 +151,13 @@ def test_small_angle_posterior_is_the_normal_law_of_all_images(platform):
     logs = []
     for noise in noises[::40]:
         spots = stats.multivariate_normal(
-            at_centre + design @ off, noise**2 * np.eye(80) + design * sigma**2 @ design.T
+            at_centre + design @ off,
+            noise**2 * np.eye(80) + design * sigma**2 @ design.T,
         )
-        logs.append(spots.logpdf(measured) + float(model.parameters[-1].prior.log_density(noise)))
+        logs.append(
+            spots.logpdf(measured)
+            + float(model.parameters[-1].prior.log_density(noise))
+        )
     ratio = np.exp(np.array(logs) - logs[5])
     np.testing.assert_allclose(ratio, weight[::40] / weight[200], rtol=1e-4)
 
@@ -152,7 +168,9 @@ def all_images(platform, parameters, groups):
     rays = np.column_stack([off, np.full(len(off), platform.camera_focal_length)])
     rough = -(platform.spots - platform.principal_point) * platform.pixel_pitch
     arrived = np.column_stack([rough, np.full(len(off), platform.tracker_focal_length)])
-    units = [one / np.linalg.norm(one, axis=1, keepdims=True) for one in (arrived, rays)]
+    units = [
+        one / np.linalg.norm(one, axis=1, keepdims=True) for one in (arrived, rays)
+    ]
     designed, _ = Rotation.align_vectors(*units)
     mount, angle, drift = (parameters[:, i : i + 3] for i in (0, 3, 6))
     scale, noise = parameters[:, 9], parameters[:, 10]
@@ -162,12 +180,18 @@ def all_images(platform, parameters, groups):
     for group, spots in enumerate(groups):
         for share, seen in zip(np.linspace(-0.5, 0.5, len(spots)), spots, strict=True):
             turn = group * (angle + share * drift)
-            rotation = designed * Rotation.from_rotvec(mount) * Rotation.from_rotvec(turn)
-            x, y, z = np.moveaxis(np.einsum("nij,nlj->nli", rotation.as_matrix(), rays), -1, 0)
+            rotation = (
+                designed * Rotation.from_rotvec(mount) * Rotation.from_rotvec(turn)
+            )
+            x, y, z = np.moveaxis(
+                np.einsum("nij,nlj->nli", rotation.as_matrix(), rays), -1, 0
+            )
             slopes = np.stack([x / z, y / z], axis=-1)
             focal = platform.tracker_focal_length / platform.pixel_pitch
             landed = platform.principal_point - focal * slopes
-            total += stats.norm.logpdf(seen, landed, noise[:, None, None]).sum(axis=(1, 2))
+            total += stats.norm.logpdf(seen, landed, noise[:, None, None]).sum(
+                axis=(1, 2)
+            )
     return total
 
 
@@ -175,18 +199,24 @@ def test_drift_posterior_is_that_of_the_raw_images(platform):
     """Independent of statistics, rotations and sampler: importance weights of all the spots."""
     turns = [(np.zeros(3),) * 2, (TURN - DRIFT / 2, TURN + DRIFT / 2)]
     groups = images(platform, turns, frames=12)
-    model = misalignment_model(platform, SpotStatistics.of(groups, (False, True)), drifts=True)
+    model = misalignment_model(
+        platform, SpotStatistics.of(groups, (False, True)), drifts=True
+    )
     sampled = sample(model, Plan(5, steps=500, warmup=200))
     centre, width = sampled.draws.mean(axis=0), sampled.draws.std(axis=0)
-    proposal = stats.multivariate_t(shape=1.1 * np.corrcoef(sampled.draws.T), df=8, seed=4)
+    proposal = stats.multivariate_t(
+        shape=1.1 * np.corrcoef(sampled.draws.T), df=8, seed=4
+    )
     standard = proposal.rvs(20_000)
     points = centre + width * standard
     logs = all_images(platform, points, groups) - proposal.logpdf(standard)
     for column, one in zip(points.T, model.parameters, strict=True):
         flat = isinstance(one.prior, LogUniform)
-        logs += -np.log(column) if flat else stats.norm.logpdf(
-            column, one.prior.mean, one.prior.sigma
-        )  # fmt: skip
+        logs += (
+            -np.log(column)
+            if flat
+            else stats.norm.logpdf(column, one.prior.mean, one.prior.sigma)
+        )
     weights = np.exp(logs - logs.max())
     weights /= weights.sum()
     assert 1 / np.square(weights).sum() > 5000
@@ -197,8 +227,12 @@ def test_drift_posterior_is_that_of_the_raw_images(platform):
         error = np.sqrt(np.square(weights) @ np.square(left))
         assert abs(chain.mean() - mean) < 4 * np.hypot(error, mcse_mean(chain)), name
         spread = np.sqrt(weights @ left**2)
-        error = np.sqrt(np.square(weights) @ np.square(left**2 - spread**2)) / (2 * spread)
-        assert abs(chain.std() - spread) < 4 * np.hypot(error, mcse_deviation(chain)), name
+        error = np.sqrt(np.square(weights) @ np.square(left**2 - spread**2)) / (
+            2 * spread
+        )
+        assert abs(chain.std() - spread) < 4 * np.hypot(error, mcse_deviation(chain)), (
+            name
+        )
 
 
 def test_error_of_the_calibration_group_is_included(platform, posterior, spots):
@@ -213,7 +247,8 @@ def test_statistics_simulated_as_drawn_from_images(constant, platform):
     """Mean and scatter of simulated statistics follow those of simulated images."""
     truth = constant.likelihood.start()[0]
     drawn = [
-        constant.likelihood.simulate(truth, np.random.default_rng(seed)) for seed in range(300)
+        constant.likelihood.simulate(truth, np.random.default_rng(seed))
+        for seed in range(300)
     ]
     squares = np.array([one.squares for one in drawn]) / truth[-1] ** 2
     freedom = constant.likelihood.statistics.freedom

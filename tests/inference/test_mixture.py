@@ -15,7 +15,13 @@ from reproduce.physics.registration import Registration
 
 FIELD = np.array([2064.0, 1544.0])
 PIVOT = FIELD / 2
-TRUTH = {"scale": 1.0006, "rotation": 0.002, "shift-x": 3.0, "shift-y": 1.0, "noise": 0.1}
+TRUTH = {
+    "scale": 1.0006,
+    "rotation": 0.002,
+    "shift-x": 3.0,
+    "shift-y": 1.0,
+    "noise": 0.1,
+}
 PLAN = Plan(5, steps=400, warmup=150, walkers=96)
 
 
@@ -44,7 +50,10 @@ def test_three_wrong_matches_in_ten_are_named_and_move_nothing(sampled, wrong):
     found = sampled[wrong]
     for row, parameter in zip(found.rows, found.model.parameters, strict=True):
         if parameter.name in TRUTH:
-            assert abs(row.mean - TRUTH[parameter.name] * parameter.shown) < 4 * row.deviation
+            assert (
+                abs(row.mean - TRUTH[parameter.name] * parameter.shown)
+                < 4 * row.deviation
+            )
     false = probability_false(found)
     assert (false[:wrong] > 0.9).all()
     assert (false[wrong:] < 0.1).all()
@@ -58,7 +67,9 @@ def test_draws_are_those_of_the_closed_form_of_the_true_stars(sampled, wrong):
     law = stats.t(exact.freedom, exact.mean, np.sqrt(np.diagonal(exact.scale)))
     linear = found.draws[:, 0] * np.exp(1j * found.draws[:, 1])
     columns = np.column_stack([linear.real, linear.imag, found.draws[:, 2:4]])
-    np.testing.assert_allclose((columns.mean(axis=0) - exact.mean) / law.std(), 0, atol=0.05)
+    np.testing.assert_allclose(
+        (columns.mean(axis=0) - exact.mean) / law.std(), 0, atol=0.05
+    )
     np.testing.assert_allclose(columns.std(axis=0) / law.std(), 1, atol=0.05)
     share = stats.beta(wrong + 1, 60 - wrong + 1)  # half of all is far out
     assert abs(found.draws[:, 5].mean() - share.mean()) < 0.05 * share.std()

@@ -19,13 +19,17 @@ def split(generator, count, share):
 
 
 @pytest.mark.parametrize(
-    "law", ["uniform", "normal", "exponential", "standard_cauchy", "lognormal", "pareto"]
+    "law",
+    ["uniform", "normal", "exponential", "standard_cauchy", "lognormal", "pareto"],
 )
 def test_draws_with_one_mode_are_not_split(law):
     """The uniform is the least favourable: 0.1 % of its samples exceed the limit."""
     generator = np.random.default_rng(1)
     draw = getattr(generator, law)
-    draws = (draw(2.0, COUNT) if law == "pareto" else draw(size=COUNT) for _ in range(SAMPLES))
+    draws = (
+        draw(2.0, COUNT) if law == "pareto" else draw(size=COUNT)
+        for _ in range(SAMPLES)
+    )
     alarms = sum(dip(one) * np.sqrt(COUNT) > LARGEST_DIP for one in draws)
     assert alarms <= (3 if law == "uniform" else 0)
 

@@ -34,7 +34,9 @@ def stars_file(tmp_path, shift=3.0):
     target = source - [shift, 0] + 0.1 * generator.normal(size=source.shape)
     path = tmp_path / "stars.csv"
     rows = np.column_stack([source, target])
-    np.savetxt(path, rows, delimiter=",", header="x,y,x_reference,y_reference", comments="")
+    np.savetxt(
+        path, rows, delimiter=",", header="x,y,x_reference,y_reference", comments=""
+    )
     return path
 
 
@@ -60,7 +62,9 @@ def test_models_are_listed():
         if not isinstance(declared.file, str):
             assert name in words
             assert all(column in words for column in declared.file.columns)
-    assert list(json.loads(run("posterior", "--list", "--json").output)) == list(posteriors())
+    assert list(json.loads(run("posterior", "--list", "--json").output)) == list(
+        posteriors()
+    )
 
 
 def test_summary_fits_a_narrow_terminal():
@@ -73,7 +77,9 @@ def test_summary_fits_a_narrow_terminal():
 
 def test_users_spots_take_the_place_of_ours(tmp_path):
     path = spots_file(tmp_path)
-    result = run("posterior", "misalignment", "--data", str(path), "--steps", "700", "--json")
+    result = run(
+        "posterior", "misalignment", "--data", str(path), "--steps", "700", "--json"
+    )
     assert result.exit_code == 0, result.output
     rows = {row["name"]: row for row in json.loads(result.output)["parameters"]}
     # Half a pixel is half of 44.7 arcsec, and the image moves against the camera's X turn.
@@ -85,8 +91,14 @@ def test_users_spots_take_the_place_of_ours(tmp_path):
     ("arguments", "message"),
     [
         (["posterior"], "name a model"),
-        (["posterior", "registrations"], "expected one of ['registration', 'registration-joint'"),
-        (["posterior", "registration", "--data", __file__], "expected columns of numbers"),
+        (
+            ["posterior", "registrations"],
+            "expected one of ['registration', 'registration-joint'",
+        ),
+        (
+            ["posterior", "registration", "--data", __file__],
+            "expected columns of numbers",
+        ),
         (["posterior", "registration", "--out", "draws.txt"], "--out: expected"),
     ],
 )
@@ -98,7 +110,9 @@ def test_bad_calls(arguments, message):
 
 def test_every_paper_with_posteriors_has_its_table_of_diagnostics():
     text = (FOLDER / "diagnostics.md").read_text(encoding="utf-8")
-    shown = re.findall(r'^rp\.posterior\(\)\.diagnostics\("(\w+)"\)$', text, re.MULTILINE)
+    shown = re.findall(
+        r'^rp\.posterior\(\)\.diagnostics\("(\w+)"\)$', text, re.MULTILINE
+    )
     assert shown == list(dict.fromkeys(one.paper for one in posteriors().values()))
 
 
@@ -136,7 +150,9 @@ def test_what_is_said_is_the_posterior_beside_the_print_and_its_verdict():
     found = rp.posterior("registration-joint")
     row = found.frame().loc[red.name]
     assert float(mean.split(" ± ")[0]) == pytest.approx(row["mean"], rel=1e-3)
-    assert float(mean.split(" ± ")[1].rstrip("°")) == pytest.approx(row["deviation"], rel=0.05)
+    assert float(mean.split(" ± ")[1].rstrip("°")) == pytest.approx(
+        row["deviation"], rel=0.05
+    )
     low, high = (float(end.rstrip("°")) for end in ends.split(" to "))
     assert (low, high) == pytest.approx((row["low"], row["high"]), rel=0.01)
     assert float(truth.rstrip("°")) == pytest.approx(found.truth[red.name], rel=1e-5)
@@ -153,14 +169,17 @@ def test_a_posterior_shows_the_truth_of_simulated_data_and_what_was_changed(tmp_
     assert f"<td>{book.truth['scale']:.6g}</td>" in html
     assert 'id="posterior-registration"' in html
     assert "Orange: truth of the simulation" in book.corner().text
-    own = rp.posterior("registration", stars_file(tmp_path), steps=600, priors={"noise": (0.01, 1)})
+    own = rp.posterior(
+        "registration", stars_file(tmp_path), steps=600, priors={"noise": (0.01, 1)}
+    )
     html = own._repr_html_()
     assert "data of stars.csv, 60 rows, pivot" in html
     assert "the mean of the stars. Changed: prior of noise, steps = 600." in html
     assert "truth" not in html
     assert "id=" not in html
-    leaning = rp.posterior("registration", stars_file(tmp_path), steps=600,
-                           priors={"noise": (0.01, 0.1)})  # fmt: skip
+    leaning = rp.posterior(
+        "registration", stars_file(tmp_path), steps=600, priors={"noise": (0.01, 0.1)}
+    )
     assert "Warning: noise leans on the end" in repr(leaning)
     assert "Warning: noise leans on the end" in leaning._repr_html_()
     assert "truth" not in own.corner().text
@@ -223,7 +242,9 @@ def test_free_directions_of_the_lasers_cost_nothing():
     centre, spread = likelihood.start()
     first, second = likelihood.statistics.counts
     response = likelihood.linearised(centre, spread[:-1])[0][:, 3:6]
-    covariance = np.linalg.inv(response.T @ response) * centre[-1] ** 2 * (1 + second / first)
+    covariance = (
+        np.linalg.inv(response.T @ response) * centre[-1] ** 2 * (1 + second / first)
+    )
     errors = found.draws[:, 3:6].std(axis=0)
     np.testing.assert_allclose(np.sqrt(np.diagonal(covariance)), errors, rtol=0.03)
 
@@ -250,7 +271,10 @@ def test_a_build_samples_once(tmp_path, monkeypatch):
 
 def test_simulated_data_are_drawn_again_with_a_seed_of_their_own():
     """The sampler's seed is another one; a reader's own data have none."""
-    book, again = rp.posterior("registration"), rp.posterior("registration", data_seed=1)
+    book, again = (
+        rp.posterior("registration"),
+        rp.posterior("registration", data_seed=1),
+    )
     assert (book.model.likelihood.source != again.model.likelihood.source).all()
     assert again.rerun(steps=50).changes == "data_seed = 1, steps = 50"
     assert book.truth == again.truth

@@ -36,7 +36,9 @@ UNKNOWN = {
 def held(model, **values):
     """The model with some parameters known: what its estimator does not know is then no error."""
     parameters = tuple(
-        replace(p, prior=Normal(values[p.name], 1e-12, "known")) if p.name in values else p
+        replace(p, prior=Normal(values[p.name], 1e-12, "known"))
+        if p.name in values
+        else p
         for p in model.parameters
     )
     return replace(model, parameters=parameters)
@@ -68,7 +70,8 @@ WELL_SPECIFIED = {
     ),
     "misalignment": lambda _, p: misalignment_model(p, group()),
     "misalignment-drift": lambda _, p: held(
-        misalignment_model(p, group(lever=134.0), drifts=True), **dict.fromkeys(DRIFT, 0.0)
+        misalignment_model(p, group(lever=134.0), drifts=True),
+        **dict.fromkeys(DRIFT, 0.0),
     ),
 }
 
@@ -101,7 +104,9 @@ def test_rough_errors_of_the_start_do_not_cover_as_claimed(registration, monkeyp
         assert surprises(pair(registration, *scales))[wrong] > 1e-4
         with monkeypatch.context() as rough:
             # Source noise as if all scales were one.
-            rough.setattr(calibrations, "estimate", lambda likelihood: likelihood.start())
+            rough.setattr(
+                calibrations, "estimate", lambda likelihood: likelihood.start()
+            )
             assert surprises(pair(registration, *scales))[wrong] < 1e-6
 
 
@@ -111,7 +116,8 @@ def test_estimators_know_what_the_papers_estimate(name):
     centre, spread = estimate(model.likelihood)
     np.testing.assert_array_equal(np.isnan(centre), np.isnan(spread))
     assert (
-        tuple(n for n, c in zip(model.names, centre, strict=True) if np.isnan(c)) == UNKNOWN[name]
+        tuple(n for n, c in zip(model.names, centre, strict=True) if np.isnan(c))
+        == UNKNOWN[name]
     )
     assert (spread[~np.isnan(spread)] > 0).all()
     covered = intervals(model, SEED, 2)
@@ -129,10 +135,15 @@ def test_errors_of_quest_are_its_response_to_every_spot(name, platform):
         off = np.zeros(means.shape)
         off[index] = step
         ends = [
-            estimate(replace(data, statistics=replace(data.statistics, means=means + side)))[0]
+            estimate(
+                replace(data, statistics=replace(data.statistics, means=means + side))
+            )[0]
             for side in (off, -off)
         ]
-        variance += np.square((ends[0] - ends[1]) / (2 * step)) / data.statistics.counts[index[0]]
+        variance += (
+            np.square((ends[0] - ends[1]) / (2 * step))
+            / data.statistics.counts[index[0]]
+        )
     scatter, _ = Quest(data.platform, data.statistics).scatter
     _, errors = estimate(data)
     known = ~np.isnan(errors[:-1])
@@ -144,7 +155,9 @@ def test_drift_is_taken_for_noise(platform):
     """The scatter about the mean of a drifting group holds the drift."""
     model = misalignment_model(platform, group(lever=134.0), drifts=True)
     truth = np.array([0, 0, 0, 0, 0, 0, 4e-4, 0, 0, 1.0, 0.017])
-    data = model.likelihood.given(model.likelihood.simulate(truth, np.random.default_rng(1)))
+    data = model.likelihood.given(
+        model.likelihood.simulate(truth, np.random.default_rng(1))
+    )
     noise = estimate(data)[0][-1]
     slopes = data.statistics.slopes[1]
     whole = np.hypot(0.017, np.sqrt(np.square(slopes).mean() * 134.0 / (2 * 399)))

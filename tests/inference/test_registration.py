@@ -51,16 +51,25 @@ def point_by_point(likelihood, parameters):
     found = []
     for u in parameters:
         residuals = []
-        for i, (source, pivot) in enumerate(zip(sources, likelihood.pivots, strict=True)):
+        for i, (source, pivot) in enumerate(
+            zip(sources, likelihood.pivots, strict=True)
+        ):
             k, theta, x, y = u[4 * i : 4 * i + 4]
             centre = pivot @ [1, 1j]
-            moved = k * np.exp(1j * theta) * (source @ [1, 1j] - centre) + centre - x - 1j * y
+            moved = (
+                k * np.exp(1j * theta) * (source @ [1, 1j] - centre)
+                + centre
+                - x
+                - 1j * y
+            )
             residuals.append(green - moved)
         scales = u[:8:4] if len(sources) == 2 else np.zeros(1)
         covariance = u[-1] ** 2 * (np.ones((len(sources),) * 2) + np.diag(scales**2))
         law = stats.multivariate_normal(np.zeros(len(sources)), covariance)
-        total = sum(law.logpdf(np.transpose(part)).sum() for part in
-                    (np.real(residuals), np.imag(residuals)))  # fmt: skip
+        total = sum(
+            law.logpdf(np.transpose(part)).sum()
+            for part in (np.real(residuals), np.imag(residuals))
+        )
         # Given the red points the blue ones are random too, which adds the Jacobian k^2 per star.
         jacobian = 2 * len(green) * np.log(scales[1]) if len(sources) == 2 else 0.0
         found.append(total + jacobian)
@@ -72,7 +81,9 @@ def test_sufficient_statistics_agree_with_all_points(registration, joint):
     for model in (registration, joint):
         points = start_of(model)
         whole = point_by_point(model.likelihood, points)
-        np.testing.assert_allclose(model.likelihood(points), whole, rtol=1e-10, atol=1e-7)
+        np.testing.assert_allclose(
+            model.likelihood(points), whole, rtol=1e-10, atol=1e-7
+        )
         assert np.ptp(whole) > 10
 
 
@@ -82,10 +93,15 @@ def test_cost_does_not_grow_with_the_points(registration):
 
 def test_sampler_agrees_with_the_closed_form(posterior, exact):
     """Mean, standard deviation, correlation and quantiles, within Monte Carlo errors."""
-    draws, parameters = exact.draw(np.random.default_rng(3), 400_000), posterior.model.parameters
+    draws, parameters = (
+        exact.draw(np.random.default_rng(3), 400_000),
+        posterior.model.parameters,
+    )
     for i, (one, parameter) in enumerate(zip(posterior.rows, parameters, strict=True)):
         chain, direct = posterior.chain[..., i], draws[:, i]
-        error = np.hypot(one.mcse / parameter.shown, direct.std() / np.sqrt(len(direct)))
+        error = np.hypot(
+            one.mcse / parameter.shown, direct.std() / np.sqrt(len(direct))
+        )
         assert abs(chain.mean() - direct.mean()) < 4 * error
         assert abs(chain.std() - direct.std()) < 5 * mcse_deviation(chain)
         for probability in (0.025, 0.5, 0.975):
@@ -102,7 +118,8 @@ def test_posterior_is_as_wide_as_the_bound_and_hardly_wider(registration, poster
     data = registration.likelihood
     response = np.stack(
         [
-            (data.residuals((centre + s)[None]) - data.residuals((centre - s)[None]))[0] / 2
+            (data.residuals((centre + s)[None]) - data.residuals((centre - s)[None]))[0]
+            / 2
             for s in step[:4]
         ],
         axis=-1,
@@ -137,7 +154,9 @@ def test_flat_in_scale_and_rotation_is_another_prior():
         chain = found.chain[..., 0] ** power
         error = np.hypot(mcse_mean(chain), (k**power).std() / np.sqrt(len(k)))
         assert abs(chain.mean() - weights @ k**power) < 4.5 * error
-        assert abs(chain.mean() - (k**power).mean()) > 10 * error, "the factor would be missed"
+        assert abs(chain.mean() - (k**power).mean()) > 10 * error, (
+            "the factor would be missed"
+        )
 
 
 def test_residuals_of_both_channels_have_the_stated_covariance(joint):
@@ -145,7 +164,9 @@ def test_residuals_of_both_channels_have_the_stated_covariance(joint):
     truth = np.array([0.9, 0.002, 0.3, 0.5, 1.1, -0.001, -0.4, -0.6, 0.05])
     pairs = []
     for seed in range(60):
-        data = joint.likelihood.given(joint.likelihood.simulate(truth, np.random.default_rng(seed)))
+        data = joint.likelihood.given(
+            joint.likelihood.simulate(truth, np.random.default_rng(seed))
+        )
         left, right = (w @ data.columns.T for w in data.weights(truth[None]))
         pairs.append(np.stack([left[0].real, right[0].real], axis=-1))
     found = np.cov(np.concatenate(pairs), rowvar=False)
@@ -157,7 +178,10 @@ def test_residuals_of_both_channels_have_the_stated_covariance(joint):
 def test_correlation_of_both_channels_is_checked(joint):
     """Half, from the green noise in both; none where green has no noise."""
     truth = np.array([1.0, 0.002, 0.3, 0.5, 1.0, -0.001, -0.4, -0.6, 0.05])
-    drawn = [joint.likelihood.simulate(truth, np.random.default_rng(seed)) for seed in range(40)]
+    drawn = [
+        joint.likelihood.simulate(truth, np.random.default_rng(seed))
+        for seed in range(40)
+    ]
     name = "correlation of both residuals"
     shared = [joint.likelihood.checks(data)[name] for data in drawn]
     assert abs(np.mean(shared) - 0.5) < 0.03
@@ -170,7 +194,9 @@ def test_correlation_of_both_channels_is_checked(joint):
 def test_joint_likelihood_is_the_normal_density_star_by_star(joint):
     """Independent: SciPy's bivariate normal per axis, and the Jacobian of blue."""
     point = start_of(joint, 1)
-    left, right = (w @ joint.likelihood.columns.T for w in joint.likelihood.weights(point))
+    left, right = (
+        w @ joint.likelihood.columns.T for w in joint.likelihood.weights(point)
+    )
     k_red, k_blue, noise = point[0, [0, 4, 8]]
     law = stats.multivariate_normal(
         [0, 0], noise**2 * np.array([[1 + k_red**2, 1], [1, 1 + k_blue**2]])
@@ -212,10 +238,16 @@ def test_a_principal_point_that_is_off_hardly_moves_the_shift(angle):
     """The same stars fitted again about a point so far away, in any direction: by (w - 1) d."""
     data, off = posteriors()["registration"].model().likelihood, 2.0
     pivots = (data.pivot, data.pivot + off * np.array([np.cos(angle), np.sin(angle)]))
-    shifts = [fit_registration(data.source, data.target, one).parameters[2:] for one in pivots]
-    scale, rotation = fit_registration(data.source, data.target, data.pivot).parameters[:2]
+    shifts = [
+        fit_registration(data.source, data.target, one).parameters[2:] for one in pivots
+    ]
+    scale, rotation = fit_registration(data.source, data.target, data.pivot).parameters[
+        :2
+    ]
     moved = np.hypot(*(shifts[1] - shifts[0]))
-    np.testing.assert_allclose(moved, off * abs(scale * np.exp(1j * rotation) - 1), rtol=1e-6)
+    np.testing.assert_allclose(
+        moved, off * abs(scale * np.exp(1j * rotation) - 1), rtol=1e-6
+    )
     assert moved < 0.02 * off
 
 
@@ -226,5 +258,7 @@ def test_the_noise_of_the_book_is_even_across_the_field():
     squares = np.square(fit.residuals).sum(axis=1)
     rho = np.square(data.source - data.pivot).sum(axis=1)
     off = (rho - rho.mean()) / rho.max()
-    growth = minimize_scalar(lambda h: np.log((squares * np.exp(-2 * h * off)).mean())).x
+    growth = minimize_scalar(
+        lambda h: np.log((squares * np.exp(-2 * h * off)).mean())
+    ).x
     assert abs(growth) < 2 * 0.5 / np.sqrt(off @ off)

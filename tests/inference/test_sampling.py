@@ -43,7 +43,9 @@ def test_starts_are_over_dispersed(registration, alone):
 def test_executors_give_identical_draws(registration, alone, kind):
     pool = ThreadPoolExecutor(2) if kind == "threads" else processes(2)
     with pool:
-        np.testing.assert_array_equal(sample(registration, PLAN, executor=pool).chain, alone.chain)
+        np.testing.assert_array_equal(
+            sample(registration, PLAN, executor=pool).chain, alone.chain
+        )
 
 
 def test_short_chains_are_refused(registration):
@@ -76,7 +78,9 @@ def test_what_arviz_reads_back_is_the_posterior(alone, tmp_path):
     assert tree["sample_stats"]["lp"].shape == tuple(tree["posterior"].sizes.values())
     assert list(tree["posterior"].data_vars) == list(alone.model.names)
     assert tree.attrs["seed"] == PLAN.seed
-    np.testing.assert_allclose(tree["sample_stats"].attrs["acceptance"], alone.acceptance)
+    np.testing.assert_allclose(
+        tree["sample_stats"].attrs["acceptance"], alone.acceptance
+    )
     for parameter, row in zip(alone.model.parameters, alone.rows, strict=True):
         found = tree["posterior"][parameter.name]
         assert found.attrs["prior"] == str(parameter.prior.in_unit(parameter.shown))
@@ -101,7 +105,9 @@ def test_saved_groups_are_those_of_arviz(alone, registration):
     assert log.dims == ("chain", "draw", "star")
     # The draws are some of those of the posterior, by number.
     some = tree["posterior"].sel(draw=log["draw"])
-    rows = np.stack([some[p.name].values.ravel() / p.shown for p in registration.parameters], -1)
+    rows = np.stack(
+        [some[p.name].values.ravel() / p.shown for p in registration.parameters], -1
+    )
     whole = log.sum("star").values.ravel()
     np.testing.assert_allclose(whole, data(rows), rtol=1e-9)
     flat = registration.log_prior(rows)
@@ -124,7 +130,9 @@ def test_every_model_has_an_observation_by_observation_likelihood(name):
     if "spots" in model.likelihood.observed:
         start, end = model.likelihood.paths(rows)
         statistics = model.likelihood.statistics
-        scale = rows[:, -1][:, None, None, None] / np.sqrt(statistics.counts)[:, None, None]
+        scale = (
+            rows[:, -1][:, None, None, None] / np.sqrt(statistics.counts)[:, None, None]
+        )
         law = norm(0.5 * (start + end), scale).logpdf(statistics.means)
         np.testing.assert_allclose(each, law.sum(axis=-1), rtol=1e-9)
     else:
@@ -150,11 +158,15 @@ def test_dask_cluster_with_a_worker_killed_midway(registration, alone):
     with (
         dask.config.set(options),
         distributed.LocalCluster(
-            n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None,
-            host="127.0.0.1", protocol="tcp",
+            n_workers=2,
+            threads_per_worker=1,
+            processes=True,
+            dashboard_address=None,
+            host="127.0.0.1",
+            protocol="tcp",
         ) as cluster,
         distributed.Client(cluster) as client,
-    ):  # fmt: skip
+    ):
         plain = sample(registration, PLAN, executor=client.get_executor())
         np.testing.assert_array_equal(plain.chain, alone.chain)
         pids = client.run(os.getpid)

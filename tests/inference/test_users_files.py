@@ -15,7 +15,9 @@ from reproduce.printed.given import given
 from reproduce.store.points import STARS as COLUMNS
 from reproduce.store.points import TableFileError
 
-READERS = {key: one.file for key, one in posteriors().items() if not isinstance(one.file, str)}
+READERS = {
+    key: one.file for key, one in posteriors().items() if not isinstance(one.file, str)
+}
 
 STARS = np.random.default_rng(1).uniform(0, 1000, (40, 2))
 
@@ -27,14 +29,20 @@ def from_file(name, path):
 
 def written(tmp_path, columns, rows):
     path = tmp_path / "data.csv"
-    path.write_text("\n".join([",".join(columns), *(",".join(map(str, row)) for row in rows)]))
+    path.write_text(
+        "\n".join([",".join(columns), *(",".join(map(str, row)) for row in rows)])
+    )
     return path
 
 
 def star_rows(columns):
     generator = np.random.default_rng(2)
-    moved = [STARS - np.array([3.0, 0.0]) * (i > 0) + 0.1 * generator.normal(size=STARS.shape)
-             for i in range(len(columns) // 2)]  # fmt: skip
+    moved = [
+        STARS
+        - np.array([3.0, 0.0]) * (i > 0)
+        + 0.1 * generator.normal(size=STARS.shape)
+        for i in range(len(columns) // 2)
+    ]
     return np.concatenate(moved, axis=1).round(4).tolist()
 
 
@@ -42,7 +50,9 @@ def spot_rows(columns):
     """Twenty images in each of two groups."""
     instrument = as_designed(given(INSTRUMENT))
     generator = np.random.default_rng(1)
-    turns = stage_angles(np.array([[0.0, 0.0], [20e-6, 0.0]]), instrument.camera_focal_length)
+    turns = stage_angles(
+        np.array([[0.0, 0.0], [20e-6, 0.0]]), instrument.camera_focal_length
+    )
     rows = []
     for group, turn in enumerate(turns):
         spots = instrument.predicted(np.zeros((1, 3)), turn[None, None])[0, 0]
@@ -75,7 +85,9 @@ def test_users_data_make_a_model_that_starts(tmp_path, name):
     assert model.names == posteriors()[name].model().names
     start = model.start(np.random.default_rng(1), 8)
     assert np.isfinite(model.log_posterior(start)).all()
-    assert not set(model.estimate.values()) & set(posteriors()[name].model().estimate.values())
+    assert not set(model.estimate.values()) & set(
+        posteriors()[name].model().estimate.values()
+    )
 
 
 @pytest.mark.parametrize(
@@ -110,7 +122,9 @@ def replaced(rows, row, column, value):
         ("misalignment", 9, 1, 3, r"row 8: .* column frame"),
     ],
 )
-def test_wrong_files_are_refused_by_row_and_column(tmp_path, name, row, column, value, message):
+def test_wrong_files_are_refused_by_row_and_column(
+    tmp_path, name, row, column, value, message
+):
     rows = replaced(rows_for(name), row, column, value)
     with pytest.raises(TableFileError, match=message):
         from_file(name, written(tmp_path, READERS[name].columns, rows))
@@ -122,13 +136,17 @@ def test_priors_follow_the_data_and_not_the_paper(tmp_path):
     for size in (1, 10):
         rows = (np.array(star_rows(READERS["registration"].columns)) * size).tolist()
         path = written(tmp_path, READERS["registration"].columns, rows)
-        widths.append([one.prior.high for one in from_file("registration", path).parameters[2:4]])
+        widths.append(
+            [one.prior.high for one in from_file("registration", path).parameters[2:4]]
+        )
     np.testing.assert_allclose(np.array(widths[1]) / widths[0], 10)
 
 
 @pytest.mark.parametrize("name", sorted(posteriors().keys() - READERS.keys()))
 def test_a_model_without_files_says_why(tmp_path, name):
-    with pytest.raises(TableFileError, match=f"{name} takes no file: .* registration and"):
+    with pytest.raises(
+        TableFileError, match=f"{name} takes no file: .* registration and"
+    ):
         rp.posterior(name, tmp_path / "none.csv")
 
 
@@ -138,7 +156,9 @@ def test_weights_count_in_the_registration_alone():
     source = generator.uniform(0, 500, (30, 2))
     target = 1.01 * source + generator.normal(0, 0.1, source.shape)
     weight = generator.uniform(0.1, 10, 30) * (np.arange(30) > 2)
-    frame = pd.DataFrame(np.hstack([source, target]), columns=list(COLUMNS)).assign(weight=weight)
+    frame = pd.DataFrame(np.hstack([source, target]), columns=list(COLUMNS)).assign(
+        weight=weight
+    )
     found = rp.posterior("registration", data=frame, pivot=(0.0, 0.0))
     fit = fit_registration(source, target, (0.0, 0.0), weight)
     centre, spread = found.model.likelihood.start()
@@ -151,7 +171,10 @@ def test_weights_count_in_the_registration_alone():
     variance = (centre[4] ** 2 / own)[:, None]
     each = -0.5 * left**2 / variance - 0.5 * np.log(2 * np.pi * variance)
     assert likelihood(centre[None])[0] == pytest.approx(each.sum(), rel=1e-9)
-    for bad, said in ((0.0, "at least one above zero"), (-weight, "expected zero or more")):
+    for bad, said in (
+        (0.0, "at least one above zero"),
+        (-weight, "expected zero or more"),
+    ):
         with pytest.raises(TableFileError, match=said):
             rp.posterior("registration", data=frame.assign(weight=bad))
     mixture = rp.posterior("registration-mixture", data=frame, pivot=(0.0, 0.0))

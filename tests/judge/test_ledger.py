@@ -55,7 +55,9 @@ def test_what_differs_has_its_reason(whole):
 def test_a_changed_verdict_is_told(whole):
     changed = whole.records[0].model_copy(update={"verdict": "exact"})
     found = ledger.surprises(Ledger(records=(changed,), tables=()))
-    assert [(s.cell, s.expected, s.found) for s in found] == [(changed.cell, "input", "exact")]
+    assert [(s.cell, s.expected, s.found) for s in found] == [
+        (changed.cell, "input", "exact")
+    ]
 
 
 def test_records_carry_the_fields_of_the_design():
@@ -90,7 +92,9 @@ def test_numbers_fit_their_verdicts(whole):
 
 
 def test_stochastic_tables_get_a_joint_probability(whole):
-    stochastic = {record.key for record in whole.records if record.probability is not None}
+    stochastic = {
+        record.key for record in whole.records if record.probability is not None
+    }
     assert {table.key for table in whole.tables} == stochastic
     for table in whole.tables:
         assert 0 < table.joint_probability <= 1
@@ -121,7 +125,9 @@ def test_what_repeats_another_cell_is_flagged(whole):
         assert record.verdict == "exact", record.cell
         others = [c for t in library().values() for c in t.cells if c.is_number]
         values = {
-            abs(c.number.value * si_factor(c.unit)) for c in others if c.address in record.reads
+            abs(c.number.value * si_factor(c.unit))
+            for c in others
+            if c.address in record.reads
         }
         size = abs(record.computed * si_factor(record.unit))
         assert any(size == pytest.approx(value) for value in values), record.cell
@@ -140,7 +146,9 @@ def test_the_json_reads_back(whole):
 
 def test_the_schema_in_data_is_the_ledgers_own():
     """Other programs read the ledger by this file."""
-    written = json.loads((data_folder() / "ledger.schema.json").read_text(encoding="utf-8"))
+    written = json.loads(
+        (data_folder() / "ledger.schema.json").read_text(encoding="utf-8")
+    )
     assert written == Ledger.model_json_schema()
 
 
@@ -173,7 +181,10 @@ def test_functions_named_in_the_ledger_exist(whole):
     ("entry", "message"),
     [
         ('verdict = "maybe"\ncells = ["niu2024/table-1"]', "unknown verdict 'maybe'"),
-        ('verdict = "differs"\ncells = ["niu2024/table-1"]', "a differs needs its reason"),
+        (
+            'verdict = "differs"\ncells = ["niu2024/table-1"]',
+            "a differs needs its reason",
+        ),
         (
             'verdict = "input"\ncells = ["niu2024/table-1", "niu2024/table-1#focal-length.red"]',
             "stands twice",

@@ -23,7 +23,11 @@ def test_the_corners_of_a_ratio():
 
 
 def test_a_result_without_inputs_is_a_point():
-    assert result_intervals(ratio, given(ratio.given))["scale.blue"] == (1.0, 1.0, False)
+    assert result_intervals(ratio, given(ratio.given))["scale.blue"] == (
+        1.0,
+        1.0,
+        False,
+    )
 
 
 NOMINAL = "chen2023/table-2#telescope-focal-length.value"

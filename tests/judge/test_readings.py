@@ -20,7 +20,11 @@ from reproduce.store.studies import StudyError
 TABLE, CELL = "niu2024/table-2", "scale.red"  # prints 0.9976
 OPTIONS = {
     name: {way: Alternative(way, "nowhere") for way in ways}
-    for name, ways in {"a": ("one", "two"), "b": ("x", "y", "z"), "c": ("p", "q")}.items()
+    for name, ways in {
+        "a": ("one", "two"),
+        "b": ("x", "y", "z"),
+        "c": ("p", "q"),
+    }.items()
 }
 STALE = "run again: python tools/evidence/recompute.py readings"
 
@@ -59,7 +63,9 @@ def test_every_combination_is_evaluated():
 def test_the_readings_of_an_item_are_the_product_of_the_options_in_its_data(key):
     for computation in catalogue()[key].computations:
         counts = [len(words(key).options[name]) for name in computation.options]
-        if computation.function.__name__ != "last_reference_angle":  # lacks the length it gives
+        if (
+            computation.function.__name__ != "last_reference_angle"
+        ):  # lacks the length it gives
             assert len(computation.readings) == np.prod(counts)
         names = {tuple(one.items()) for one in computation.readings}
         assert len(names) == len(computation.readings)
@@ -85,12 +91,16 @@ def test_a_cell_that_agrees_with_some_readings_is_ambiguous():
     assert summary.closest.choices == {"a": "one"}
     assert (record.verdict, record.flags, record.share) == ("ambiguous", (), None)
     assert record.readings == summary
-    assert record.why == "depends on a, b: the printed number agrees with 2 of 4 readings"
+    assert (
+        record.why == "depends on a, b: the printed number agrees with 2 of 4 readings"
+    )
 
 
 def test_the_smallest_set_of_options_that_decides_is_named():
     """The first option moves the result and decides nothing."""
-    summary, _ = judged(made_up(lambda a, b: (0.9976 if b == "y" else 0.5) + 1e-5 * (a == "two")))
+    summary, _ = judged(
+        made_up(lambda a, b: (0.9976 if b == "y" else 0.5) + 1e-5 * (a == "two"))
+    )
     assert (summary.count, summary.agreeing) == (4, 2)
     assert summary.decided_by == ("b",)
     assert summary.agrees_if == ({"b": "y"},)
@@ -122,8 +132,12 @@ STORED = recompute.stored_computations()
 def test_three_readings_of_a_stored_computation_are_computed_again(name):
     computation = STORED[name]
     every = computation.readings
-    places = np.random.default_rng(len(every)).choice(range(1, len(every)), 3, replace=False)
-    again = readings.packed(readings.evaluate_readings(computation, [every[i] for i in places]))
+    places = np.random.default_rng(len(every)).choice(
+        range(1, len(every)), 3, replace=False
+    )
+    again = readings.packed(
+        readings.evaluate_readings(computation, [every[i] for i in places])
+    )
     stored = readings._stored(computation)
     assert set(again) == {f"{name}:{cell}" for cell in stored}
     for cell, array in stored.items():
@@ -146,7 +160,9 @@ def test_a_changed_option_makes_the_stored_readings_stale():
 
 def test_a_changed_input_makes_the_stored_readings_stale(monkeypatch):
     cells, before = given(CAMERA.given).cells, readings.fingerprint(CAMERA)
-    moved = Given({**cells, simulation.NOISE: cell_with(cells[simulation.NOISE], "0.06")})
+    moved = Given(
+        {**cells, simulation.NOISE: cell_with(cells[simulation.NOISE], "0.06")}
+    )
     monkeypatch.setattr(readings, "given", lambda _: moved)
     assert readings.fingerprint(CAMERA) != before
     with pytest.raises(StudyError, match=STALE):
@@ -158,6 +174,8 @@ def test_a_changed_result_makes_the_stored_readings_stale(monkeypatch):
     study = readings._study()
     name = f"{CAMERA.name}:scale.red"
     moved = {**study.arrays, name: study.arrays[name] * (1 + 1e-5)}
-    monkeypatch.setattr(readings, "_study", lambda: SimpleNamespace(note=study.note, arrays=moved))
+    monkeypatch.setattr(
+        readings, "_study", lambda: SimpleNamespace(note=study.note, arrays=moved)
+    )
     with pytest.raises(StudyError, match=rf"table-3#scale\.red is .*{STALE}$"):
         readings.evaluate.__wrapped__(CAMERA)

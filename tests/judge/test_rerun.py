@@ -48,11 +48,15 @@ def test_recomputed_values_take_the_place_of_printed_ones():
     told = cells(found)
     assert told["2.motion-x"].value == pytest.approx(told["2.motion-x"].unchanged + 10)
     ratio = told["2.reference-y"].value / told["2.reference-y"].unchanged
-    assert ratio == pytest.approx(told["2.motion-x"].value / told["2.motion-x"].unchanged, rel=1e-4)
+    assert ratio == pytest.approx(
+        told["2.motion-x"].value / told["2.motion-x"].unchanged, rel=1e-4
+    )
     assert f"{TABLE}#2.motion-x" in found.replaced
     assert f"{TABLE}#2.reference-y" in found.replaced
     untouched = {f"{TABLE}#2.motion-y", f"{TABLE}#3.motion-x", f"{TABLE}#4.motion-y"}
-    assert not untouched & set(found.replaced), "no change reaches these: the print stands"
+    assert not untouched & set(found.replaced), (
+        "no change reaches these: the print stands"
+    )
     assert told["4.reference-x"].value == told["4.reference-x"].unchanged
 
 
@@ -63,7 +67,9 @@ def test_an_item_reads_through_other_items():
     assert f"{TABLE}#2.position-x" in reads, "through motion, angle and difference"
 
 
-@pytest.mark.parametrize("key", [key for key, item in catalogue().items() if item.computations])
+@pytest.mark.parametrize(
+    "key", [key for key, item in catalogue().items() if item.computations]
+)
 def test_only_what_an_item_reads_can_be_changed(key):
     allowed = rerun.changeable(key)
     assert allowed
@@ -74,7 +80,9 @@ def test_only_what_an_item_reads_can_be_changed(key):
         for cell in find(pattern)
         if cell.is_number
     }
-    with pytest.raises(CannotChangeError, match=f"{key} does not read .*; it reads {allowed[0]}"):
+    with pytest.raises(
+        CannotChangeError, match=f"{key} does not read .*; it reads {allowed[0]}"
+    ):
         rerun.rerun(key, {"niu2024/text-context#matched-stars": "4"})
 
 
@@ -99,10 +107,15 @@ def test_a_stray_change_is_told_the_nearest_cells_and_where_all_are(stray, first
 def test_a_cell_reads_what_its_own_computation_reads_directly_or_through_others():
     whole, cell = (rerun.changeable(name) for name in (TABLE, f"{TABLE}#2.motion-x"))
     assert set(cell) < set(whole)
-    assert {address.partition(".")[2] for address in cell} == {"position-x", "position-y"}
+    assert {address.partition(".")[2] for address in cell} == {
+        "position-x",
+        "position-y",
+    }
     monitored = rerun.changeable(f"{TABLE}#2.monitoring-y")
     assert len(monitored) == len(set(monitored))
-    assert rerun.changeable("niu2024/table-1#focal-length.red") == (), "an input reads nothing"
+    assert rerun.changeable("niu2024/table-1#focal-length.red") == (), (
+        "an input reads nothing"
+    )
 
 
 def test_seed_and_replicates_are_changes():
@@ -117,7 +130,9 @@ def test_seed_and_replicates_are_changes():
 @pytest.mark.parametrize("numbers", [{"seed": 7}, {"replicates": 9}])
 def test_what_draws_no_random_numbers_takes_no_seed_and_no_replicates(numbers):
     (name,) = numbers
-    with pytest.raises(CannotChangeError, match=f"table-2 draws no random .* takes no {name}$"):
+    with pytest.raises(
+        CannotChangeError, match=f"table-2 draws no random .* takes no {name}$"
+    ):
         rerun.rerun("niu2024/table-2", **numbers)
 
 
@@ -140,7 +155,9 @@ def test_a_rerun_with_options_is_judged_as_the_reading_of_the_ledger(key):
     """The last alternative of every option, computed and as it is stored."""
     options = rerun.options(key)
     assert all(name.isidentifier() for name in options), "keywords of Table.rerun"
-    found = rerun.rerun(key, chosen={name: list(ways)[-1] for name, ways in options.items()})
+    found = rerun.rerun(
+        key, chosen={name: list(ways)[-1] for name, ways in options.items()}
+    )
     assert found.is_reading
     for computation in catalogue()[key].computations:
         wanted = computation.under(found.options).literal
@@ -161,7 +178,9 @@ def test_the_names_of_the_arrangements_are_those_that_have_the_printed_count():
 
 
 def test_options_beside_a_change_carry_no_verdict():
-    found = rerun.rerun("niu2024/table-3", seed=7, replicates=50, chosen={"noise": "green"})
+    found = rerun.rerun(
+        "niu2024/table-3", seed=7, replicates=50, chosen={"noise": "green"}
+    )
     assert not found.is_reading
     assert not any(one.verdict for one in found.cells)
 
@@ -183,8 +202,14 @@ def test_rounding_noise_of_a_processor_replaces_nothing(monkeypatch):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"niu2024/text-simulation#test-points": "1041"}, "up to 20 times the printed one, 1040"),
-        ({"niu2024/text-simulation#noise": "-1 px"}, "cannot be computed with .*noise = -1 px"),
+        (
+            {"niu2024/text-simulation#test-points": "1041"},
+            "up to 20 times the printed one, 1040",
+        ),
+        (
+            {"niu2024/text-simulation#noise": "-1 px"},
+            "cannot be computed with .*noise = -1 px",
+        ),
     ],
 )
 def test_what_cannot_be_computed_is_told(changes, message):
@@ -212,7 +237,9 @@ def test_values_are_read_in_any_unit_of_their_kind():
     (focal,) = find("niu2024/table-1#focal-length.red")
     for text in ("60.1 mm", "0.0601 m", "60100 µm", "60100 um", "6.01e1mm"):
         assert rerun.in_si(focal, text) == pytest.approx(0.0601, rel=1e-12)
-    assert rerun.in_si(focal, 60.1) == pytest.approx(0.0601, rel=1e-12), "a bare float: as printed"
+    assert rerun.in_si(focal, 60.1) == pytest.approx(0.0601, rel=1e-12), (
+        "a bare float: as printed"
+    )
     (count,) = find("niu2024/text-simulation#angle-count")
     assert rerun.in_si(count, "12") == 12
     with pytest.raises(CannotChangeError, match="whole number"):
@@ -226,14 +253,20 @@ def test_values_are_read_in_any_unit_of_their_kind():
 def test_a_changed_value_is_exact():
     """It has no rounding interval: nothing was printed."""
     door = given(["niu2024/table-1#focal-length.red"]).changed(
-        {"niu2024/table-1#focal-length.red": 0.03, "niu2024/table-1#focal-length.blue": 1.0}
+        {
+            "niu2024/table-1#focal-length.red": 0.03,
+            "niu2024/table-1#focal-length.blue": 1.0,
+        }
     )
     assert door["niu2024/table-1#focal-length.red"] == 0.03
     assert door.numbers() == []
     assert "niu2024/table-1#focal-length.blue" not in door.cells
-    assert door.shifted({"niu2024/table-1#focal-length.red": 1.0})[
-        "niu2024/table-1#focal-length.red"
-    ] == 0.03  # fmt: skip
+    assert (
+        door.shifted({"niu2024/table-1#focal-length.red": 1.0})[
+            "niu2024/table-1#focal-length.red"
+        ]
+        == 0.03
+    )
 
 
 @pytest.mark.parametrize(
@@ -246,5 +279,7 @@ def test_residuals_that_leave_no_error_to_a_channel_are_named(factor, possible):
     if possible:
         assert rerun.rerun("niu2024/text-experiment", changes, replicates=2).cells
     else:
-        with pytest.raises(CannotChangeError, match=r"rmse-after-blue-x = 0\.2146 px.*√3"):
+        with pytest.raises(
+            CannotChangeError, match=r"rmse-after-blue-x = 0\.2146 px.*√3"
+        ):
             rerun.rerun("niu2024/text-experiment", changes, replicates=2)

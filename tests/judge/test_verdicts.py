@@ -37,18 +37,29 @@ def test_agreement_through_rounding_alone_is_flagged():
         ("nominal", "44.6", 44.62, ()),
         ("about", "44.6", 44.69, ("tolerance",)),  # meets the tolerance only
         ("nominal", "44.6", 44.69, ("tolerance",)),
-        ("about", "1", 1.2, ("tolerance",)),  # rounds to a digit whose tolerance is its value
+        (
+            "about",
+            "1",
+            1.2,
+            ("tolerance",),
+        ),  # rounds to a digit whose tolerance is its value
     ],
 )
-def test_agreement_through_about_or_nominal_is_a_wide_tolerance(qualifier, printed, value, flags):
-    found = judge_value(PrintedNumber(printed, qualifier=qualifier), value, (value, value))
+def test_agreement_through_about_or_nominal_is_a_wide_tolerance(
+    qualifier, printed, value, flags
+):
+    found = judge_value(
+        PrintedNumber(printed, qualifier=qualifier), value, (value, value)
+    )
     assert (found.verdict, found.flags) == ("exact", flags)
 
 
 def test_agreement_through_an_input_printed_as_about_is_a_wide_tolerance():
     for value in (44.62, 44.69):
         found = judge_value(PrintedNumber("44.6"), value, (43.1, 46.3), wide=True)
-        assert (found.verdict, found.flags) == ("exact", ("tolerance",)), "never rounding"
+        assert (found.verdict, found.flags) == ("exact", ("tolerance",)), (
+            "never rounding"
+        )
     missed = judge_value(PrintedNumber("44.6"), 49.0, (47.0, 51.0), wide=True)
     assert (missed.verdict, missed.flags) == ("differs", ())
 
@@ -67,7 +78,10 @@ def test_a_bound_is_kept_or_broken():
 
 def test_a_count_is_met_or_missed():
     assert judge_value(PrintedNumber("5", exact=True), 5.0, (5.0, 5.0)).share == 0.0
-    assert judge_value(PrintedNumber("5", exact=True), 5.4, (5.4, 5.4)).verdict == "differs"
+    assert (
+        judge_value(PrintedNumber("5", exact=True), 5.4, (5.4, 5.4)).verdict
+        == "differs"
+    )
 
 
 @pytest.mark.parametrize("value", [float("nan"), float("inf")])
@@ -80,7 +94,9 @@ def test_a_recomputation_must_be_finite(value):
 def test_the_probability_is_that_of_the_normal_law(offset):
     draws = normal(10.0, 0.5)
     found = judge_prediction(PrintedNumber(f"{10 + 0.5 * offset:.4f}"), draws)
-    assert found.probability == pytest.approx(2 * stats.norm.sf(offset), abs=5 * found.mcse)
+    assert found.probability == pytest.approx(
+        2 * stats.norm.sf(offset), abs=5 * found.mcse
+    )
     assert found.verdict == ("consistent" if offset < 2.5758 else "differs")
     assert found.computed == pytest.approx(10.0, abs=0.02)
     assert found.tolerance == pytest.approx(2.5758 * 0.5, rel=0.05)
@@ -141,5 +157,7 @@ def test_cells_are_tested_together_and_not_one_by_one():
     noise = np.random.default_rng(3).normal(0, 0.05, (2, 4000))
     half = np.array([-0.05, 0.05])
     for printed, least, most in (((40.5, 40.5), 0.3, 1.0), ((41.0, 39.0), 0.0, 0.01)):
-        probability, _ = joint_probability(moved + noise, np.array(printed)[:, None] + half)
+        probability, _ = joint_probability(
+            moved + noise, np.array(printed)[:, None] + half
+        )
         assert least < probability < most

@@ -19,7 +19,9 @@ def edges():
     """Map every computed cell to the cells that it is computed from."""
     reads = {}
     for computation in COMPUTATIONS:
-        sources = {cell.address for pattern in computation.given for cell in find(pattern)}
+        sources = {
+            cell.address for pattern in computation.given for cell in find(pattern)
+        }
         for cell in library()[computation.key].cells:
             if computation.makes(cell.name):
                 reads.setdefault(cell.address, set()).update(sources)
@@ -82,7 +84,9 @@ def test_results_are_cells_of_the_item(computation):
         else:
             assert isinstance(result, float), name
     made = [c.name for c in table.cells if computation.makes(c.name) and c.is_number]
-    assert sorted(made) == sorted(results), "the declared patterns and the results must agree"
+    assert sorted(made) == sorted(results), (
+        "the declared patterns and the results must agree"
+    )
 
 
 @pytest.mark.parametrize("computation", COMPUTATIONS, ids=NAMES)
@@ -96,7 +100,9 @@ def test_every_declared_input_is_needed(computation):
         assert dropped, f"{pattern} is covered by another pattern"
         for choices in computation.readings:
             try:
-                computation.under(choices)(given(others), 3 if computation.replicates else None)
+                computation.under(choices)(
+                    given(others), 3 if computation.replicates else None
+                )
             except UndeclaredInputError:
                 break
         else:
@@ -114,7 +120,9 @@ def test_a_study_computes_what_it_declares(key):
     assert "{" not in frame.attrs["caption"]
     for column in study.columns:
         numeric = frame[column.name].dtype.kind in "if"
-        assert numeric == bool(column.form), f"{column.name}: numbers are written by a form"
+        assert numeric == bool(column.form), (
+            f"{column.name}: numbers are written by a form"
+        )
         assert column.error in {"", *frame.columns}
 
 
@@ -142,12 +150,16 @@ def test_replicates_do_not_depend_on_how_many_are_drawn():
     for computation in COMPUTATIONS:
         if computation.replicates:
             door = given(computation.given)
-            for choices in computation.readings[:: max(1, len(computation.readings) // 5)]:
+            for choices in computation.readings[
+                :: max(1, len(computation.readings) // 5)
+            ]:
                 one = computation.under(choices)
                 few, more = one(door, 3), one(door, 5)
                 assert few
                 for name, result in few.items():
-                    np.testing.assert_allclose(result.draws, more[name].draws[:3], rtol=1e-9)
+                    np.testing.assert_allclose(
+                        result.draws, more[name].draws[:3], rtol=1e-9
+                    )
 
 
 def test_stochastic_computations_draw_at_least_2000_replicates():

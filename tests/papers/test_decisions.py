@@ -58,24 +58,33 @@ def test_where_table_5_says_that_averaging_stops(white_and_floor):
     """From simulated scatters of the few printed differences, about a noise of any size."""
     white, _ = white_and_floor
     generator = np.random.default_rng(3)
-    scatter = np.sqrt(np.mean(
-        [np.var(generator.normal(size=(40_000, 4)), axis=1, ddof=1) for _ in "xy"], axis=0
-    ))  # fmt: skip
+    scatter = np.sqrt(
+        np.mean(
+            [np.var(generator.normal(size=(40_000, 4)), axis=1, ddof=1) for _ in "xy"],
+            axis=0,
+        )
+    )
     noises = fact("chen2023/frames", "differences") / ARCSEC_PER_RADIAN / scatter
     for name, share in (("-low", 0.025), ("", 0.5), ("-high", 0.975)):
         told = fact("chen2023/frames", f"stage-noise{name}") / ARCSEC_PER_RADIAN
         assert told == pytest.approx(np.quantile(noises, share), rel=0.02)
         told = fact("chen2023/frames", f"stage-frames{name}")
-        assert told == pytest.approx(np.quantile((white / noises) ** 2, share), rel=0.06)
+        assert told == pytest.approx(
+            np.quantile((white / noises) ** 2, share), rel=0.06
+        )
 
 
 def test_the_printed_angles_scatter_as_much_wherever_the_columns_belong():
     """The rule for frames does not rest on our reading of the columns."""
     cells = rp.table("chen2023/table-5").cells().set_index("cell")["printed"]
-    columns = [[float(cells[f"chen2023/table-5#{n}.difference-{axis}"]) for n in range(2, 6)]
-               for axis in "xy"]  # fmt: skip
+    columns = [
+        [float(cells[f"chen2023/table-5#{n}.difference-{axis}"]) for n in range(2, 6)]
+        for axis in "xy"
+    ]
     told = fact("chen2023/frames", "differences")
-    assert told == pytest.approx(np.sqrt(np.mean([stats.tvar(one) for one in columns])), rel=1e-9)
+    assert told == pytest.approx(
+        np.sqrt(np.mean([stats.tvar(one) for one in columns])), rel=1e-9
+    )
 
 
 def test_the_average_of_frames(white_and_floor):
@@ -116,7 +125,9 @@ def test_the_edge_by_hand_and_by_monte_carlo(stars):
     covariance = one.at_edge(np.array([stars]))[0]
     assert np.sqrt(np.trace(covariance) / 2) == pytest.approx(by_hand, rel=0.02)
     # The mean distance that the review of the posteriors measured.
-    assert by_hand * np.sqrt(np.pi / 2) == pytest.approx({34: 0.026, 137: 0.013}[stars], abs=5e-4)
+    assert by_hand * np.sqrt(np.pi / 2) == pytest.approx(
+        {34: 0.026, 137: 0.013}[stars], abs=5e-4
+    )
     if stars == len(red):
         generator = np.random.default_rng(4)
         pivot = sensor.posteriors.pivot(STARS, "red")
@@ -130,26 +141,37 @@ def test_the_edge_by_hand_and_by_monte_carlo(stars):
 
 def test_how_many_stars_are_enough():
     """Whatever the noise: it is measured by itself. The wanted error counts by its square."""
-    by_hand = 3 * (1 + 0.9976**2) * 0.05**2  # over n: the variance of one axis at the edge
+    by_hand = (
+        3 * (1 + 0.9976**2) * 0.05**2
+    )  # over n: the variance of one axis at the edge
     left = np.hypot(*sensor._left_out(STARS))
     needed = sensor._enough(STARS)
     count = needed["similarity"]
-    within = stats.rice.cdf(0.05, left / np.sqrt(by_hand / count), scale=np.sqrt(by_hand / count))
+    within = stats.rice.cdf(
+        0.05, left / np.sqrt(by_hand / count), scale=np.sqrt(by_hand / count)
+    )
     assert within == pytest.approx(0.975, abs=0.003)
     assert needed["distortions free"] == 66
     assert fact("niu2024/stars", "distortions-enough") == 66
     quiet = STARS.changed({sensor.NOISE: 0.02})
     assert sensor._enough(quiet)["distortions free"] == pytest.approx(66, abs=1)
     # No number of stars helps against what is left out.
-    assert np.isinf(sensor._enough(STARS.changed({sensor.NOISE: 0.9 * left}))["similarity"])
+    assert np.isinf(
+        sensor._enough(STARS.changed({sensor.NOISE: 0.9 * left}))["similarity"]
+    )
 
 
 def test_free_distortions_pay_from_their_number_of_stars_on():
     """Fewer stars fit a similarity better, more the distortions, with what it leaves out."""
     equal = fact("niu2024/stars", "free-from")
-    for stars, better in ((0.8 * equal, "similarity"), (1.25 * equal, "distortions free")):
-        squares = {name: np.trace(one.at_edge(np.array([stars]))[0])
-                   for name, one in sensor._designs(STARS).items()}  # fmt: skip
+    for stars, better in (
+        (0.8 * equal, "similarity"),
+        (1.25 * equal, "distortions free"),
+    ):
+        squares = {
+            name: np.trace(one.at_edge(np.array([stars]))[0])
+            for name, one in sensor._designs(STARS).items()
+        }
         squares["similarity"] += np.sum(sensor._left_out(STARS) ** 2)
         assert min(squares, key=squares.get) == better
 
@@ -168,7 +190,9 @@ def test_emcee_finds_the_same_at_the_edge():
         found = book_posterior(key)
         likelihood = found.model.likelihood
         outermost = np.hypot(*(likelihood.source - likelihood.pivot).T).argmax()
-        places = likelihood.elsewhere(likelihood.source[[outermost]]).places(found.draws)[:, 0]
+        places = likelihood.elsewhere(likelihood.source[[outermost]]).places(
+            found.draws
+        )[:, 0]
         sampled = np.quantile(np.hypot(*(places - places.mean(axis=0)).T), sensor._ENDS)
         edge = designs[name].at_edge(np.array([137.0]))[0]
         scatter = [circular_error(edge, share) for share in sensor._ENDS[1:]]

@@ -12,7 +12,11 @@ from reproduce.papers.catalogue import catalogue
 from reproduce.papers.chen2023 import attitude, positioning
 from reproduce.papers.chen2023 import platform_twin as platform
 from reproduce.papers.niu2024 import registration
-from reproduce.physics.attitude import emitted_directions, misalignment, misalignment_angles
+from reproduce.physics.attitude import (
+    emitted_directions,
+    misalignment,
+    misalignment_angles,
+)
 from reproduce.physics.light import mirror_train
 from reproduce.physics.registration import fit_registration
 from reproduce.printed.given import given
@@ -66,7 +70,9 @@ def test_the_curved_arrow_turns_right_handed(index):
     view = sketch.seen_from(-62.0, 26.0, ((2.0, 6.6, 11.2)[index], 2.7), 2.2)
     start = 0.75 * np.eye(3)[0 if index == 2 else 2]
     for share, point in zip(np.linspace(0, 1, 60), curves(axes)[index], strict=True):
-        turned = Rotation.from_rotvec(share * attitude._TURN * np.eye(3)[index]).apply(start)
+        turned = Rotation.from_rotvec(share * attitude._TURN * np.eye(3)[index]).apply(
+            start
+        )
         assert point == pytest.approx(view.point(turned))
     for axis in np.delete(np.eye(3), index, axis=0):
         now = Rotation.from_rotvec(attitude._TURN * np.eye(3)[index]).apply(axis)
@@ -92,7 +98,9 @@ def test_x_y_and_z_are_drawn_right_handed():
 def test_a_moved_laser_stands_for_the_turn_that_is_measured(index):
     shift = np.zeros(2)
     shift[index] = 1e-4
-    found = measured(emitted_directions(LASERS, 1.0), emitted_directions(LASERS + shift, 1.0))
+    found = measured(
+        emitted_directions(LASERS, 1.0), emitted_directions(LASERS + shift, 1.0)
+    )
     turn = int(np.abs(found).argmax())
     sense = f"{'+' if found[turn] > 0 else '−'}{'XYZ'[turn]}"
     text = f"towards {'XY'[index]}: as if the camera turned about {sense}"
@@ -107,7 +115,9 @@ def test_the_earth_turns_by_its_rotation_angle_from_the_stars():
     share = np.linspace(0, 1, 60)[:, np.newaxis]
     # From the X axis of the stars, which lies so far to the west, eastwards to that of the Earth.
     away = np.squeeze(share * angle - angle)
-    expected = 0.6 * positioning._EARTH * np.stack([np.cos(away), np.sin(away), 0 * away], -1)
+    expected = (
+        0.6 * positioning._EARTH * np.stack([np.cos(away), np.sin(away), 0 * away], -1)
+    )
     # Precession since J2000 tilts the axis by a third of a degree at the most.
     size = view.scale * positioning._EARTH
     assert np.abs(sweep - view.point(expected)).max() < np.radians(0.35) * size
@@ -131,17 +141,24 @@ def test_the_bench_folds_the_laser_into_the_tracker():
     angles = dict(zip(platform._ANGLES, np.radians([120.0, 37.76, 30.0]), strict=True))
     axes = painted(platform._draw_bench, angles)
     path = ends(axes)
-    ways = (path[:, 1] - path[:, 0]) / np.linalg.norm(path[:, 1] - path[:, 0], axis=1)[:, None]
+    ways = (path[:, 1] - path[:, 0]) / np.linalg.norm(path[:, 1] - path[:, 0], axis=1)[
+        :, None
+    ]
     out, folded = ways[0], ways[5]
     assert np.degrees(np.arccos(out @ -folded)) == pytest.approx(120.0)
     mirrors = [line.get_xydata() for line in axes.lines if line.get_linewidth() == 3]
-    normals = [np.array([*(np.diff(line, axis=0)[0][::-1] * [1, -1]), 0.0]) for line in mirrors]
+    normals = [
+        np.array([*(np.diff(line, axis=0)[0][::-1] * [1, -1]), 0.0]) for line in mirrors
+    ]
     assert (mirror_train(normals) @ [*out, 0.0])[:2] == pytest.approx(folded)
 
 
 def test_a_fit_returns_the_angle_and_the_shift_of_the_drawn_planes():
     """Points fixed to the drawn green axes, as the drawn blue detector sees them."""
-    origin, angle = registration._PRINCIPAL_POINTS, np.radians(registration._PLANE_ANGLE)
+    origin, angle = (
+        registration._PRINCIPAL_POINTS,
+        np.radians(registration._PLANE_ANGLE),
+    )
     axes = painted(catalogue()["niu2024/fig-2"].draw, {})
     arrows = ends(axes)
     across = arrows[2, 1] - arrows[2, 0]

@@ -65,7 +65,11 @@ def found():
 
 def test_the_paper_stands_behind_the_others(found):
     assert found["papers"] == ["niu2024", "chen2023", "lamp2025"]
-    assert found["contents"] == ["lamp2025/table-1", "lamp2025/fig-1", "lamp2025/table-2"]
+    assert found["contents"] == [
+        "lamp2025/table-1",
+        "lamp2025/fig-1",
+        "lamp2025/table-2",
+    ]
 
 
 def test_its_tables_are_judged_shown_and_rerun(found):
@@ -73,7 +77,9 @@ def test_its_tables_are_judged_shown_and_rerun(found):
     assert found["check"] is True
     assert "Erratum lamp2025-far-angle" in " ".join(found["shown"].split())
     assert 'id="lamp2025-table-2"' in found["page"]
-    assert found["changed"]["angle.far"] == pytest.approx(5e-6 / 0.15 * 206264.806, rel=1e-6)
+    assert found["changed"]["angle.far"] == pytest.approx(
+        5e-6 / 0.15 * 206264.806, rel=1e-6
+    )
 
 
 def test_its_figure_is_drawn_and_drawn_again(found):
@@ -118,7 +124,9 @@ def test_its_page_is_built_with_its_numbers(tmp_path):
     (tmp_path / "data").mkdir()
     shutil.copy(FOLDER / "data" / "references.bib", tmp_path / "data")
     shutil.copy(FOLDER / "book" / "lamp2025.md", book)
-    (book / "_toc.yml").write_text("format: jb-book\nroot: lamp2025\n", encoding="utf-8")
+    (book / "_toc.yml").write_text(
+        "format: jb-book\nroot: lamp2025\n", encoding="utf-8"
+    )
     builder = Path(sys.executable).parent / "jupyter-book"
     for command in (
         [str(PROJECT / "tools" / "book_facts.py"), str(book), "lamp2025"],

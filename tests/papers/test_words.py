@@ -19,7 +19,9 @@ FILES = [path for path in sorted(FOLDER.glob("*.toml")) if path.stem != "posteri
 
 def test_every_text_of_all_posteriors_is_shown():
     path = FOLDER.parents[1] / "src" / "reproduce" / "views" / "posteriors.py"
-    shown = re.findall(r'words\("posteriors/([^"]+)"\)', path.read_text(encoding="utf-8"))
+    shown = re.findall(
+        r'words\("posteriors/([^"]+)"\)', path.read_text(encoding="utf-8")
+    )
     texts = tomllib.loads((FOLDER / "posteriors.toml").read_text(encoding="utf-8"))
     assert sorted(shown) == sorted(texts)
 
@@ -32,7 +34,9 @@ def test_every_text_belongs_to_a_table_or_to_an_item_with_options(path):
         if text.options or text.unpublished:
             made = catalogue()[key].computations
             for option, ways in text.options.items():
-                assert any(dict(one.options.get(option, {})) == ways for one in made), option
+                assert any(dict(one.options.get(option, {})) == ways for one in made), (
+                    option
+                )
                 assert len(ways) > 1
                 assert all(way.text and way.place for way in ways.values())
             cells = [cell.name for cell in library()[key].cells]

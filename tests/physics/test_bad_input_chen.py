@@ -18,7 +18,11 @@ TRACKER = {"principal_point": (0.0, 0.0), "pixel_pitch": 1e-5, "focal_length": 0
 
 # A good call of every public function that takes arrays; the tests spoil one argument each.
 GOOD = {
-    rotations.attitude: {"target_vectors": EYE, "source_vectors": EYE, "weights": [1.0, 2, 3]},
+    rotations.attitude: {
+        "target_vectors": EYE,
+        "source_vectors": EYE,
+        "weights": [1.0, 2, 3],
+    },
     rotations.mean_rotation: {"matrices": [EYE, EYE]},
     validate.rotations: {"name": "R", "matrices": EYE},
     rotations.unit: {"name": "v", "vectors": EYE},
@@ -31,7 +35,10 @@ GOOD = {
         "principal_point": (0.0, 0.0),
     },
     platform.received_directions: {"spots": POINTS, **TRACKER},
-    platform.received_spots: {"directions": [[0.0, 0.1, 1.0], [0.1, 0.0, 1.0]], **TRACKER},
+    platform.received_spots: {
+        "directions": [[0.0, 0.1, 1.0], [0.1, 0.0, 1.0]],
+        **TRACKER,
+    },
     platform.received_jacobian: {"spots": POINTS, **TRACKER},
     angles.laser_transform: {
         "camera_directions": EYE,
@@ -75,11 +82,26 @@ GOOD = {
     monitoring.moving_average: {"series": np.arange(9.0), "count": 2},
     monitoring.scatter_of_averages: {"series": np.arange(9.0), "counts": [1, 2]},
     monitoring.allan_deviation: {"series": np.arange(9.0), "counts": [1, 2]},
-    monitoring.stability: {"times": np.arange(20.0), "series": np.arange(20.0)[:, None] % 3},
+    monitoring.stability: {
+        "times": np.arange(20.0),
+        "series": np.arange(20.0)[:, None] % 3,
+    },
     monitoring.averaged_error: {"count": 4.0, "single": 1.0, "floor": 0.1},
-    monitoring.attitude_accuracy: {"centroid_sigma": 0.1, "count": 4.0, "pixel_angle": 1e-4},
-    imaging.ground_resolution: {"focal_length": 1.0, "pixel_pitch": 1e-5, "altitude": 5e5},
-    imaging.altitude_for_resolution: {"focal_length": 1.0, "pixel_pitch": 1e-5, "resolution": 1.0},
+    monitoring.attitude_accuracy: {
+        "centroid_sigma": 0.1,
+        "count": 4.0,
+        "pixel_angle": 1e-4,
+    },
+    imaging.ground_resolution: {
+        "focal_length": 1.0,
+        "pixel_pitch": 1e-5,
+        "altitude": 5e5,
+    },
+    imaging.altitude_for_resolution: {
+        "focal_length": 1.0,
+        "pixel_pitch": 1e-5,
+        "resolution": 1.0,
+    },
     imaging.image_vectors: {
         "points": POINTS,
         "focal_length": 1.0,
@@ -105,7 +127,12 @@ GOOD = {
 }
 # Solvers of profiles that are already checked, and what test_monitoring tries.
 INNER = {monitoring.monitored, rotations.by_quest, rotations.by_svd}
-ARGUMENTS = [(function, name) for function, good in GOOD.items() for name in good if name != "name"]
+ARGUMENTS = [
+    (function, name)
+    for function, good in GOOD.items()
+    for name in good
+    if name != "name"
+]
 # What may be zero or negative; all else is a length, a count or a set of directions.
 LENGTHS = {
     "focal_length",
@@ -146,8 +173,11 @@ def test_the_good_call_is_good(function):
     function(**GOOD[function])
 
 
-@given(argument=st.sampled_from(ARGUMENTS), poison=st.sampled_from([np.nan, np.inf, -np.inf]),
-       place=st.integers(0, 1000))  # fmt: skip
+@given(
+    argument=st.sampled_from(ARGUMENTS),
+    poison=st.sampled_from([np.nan, np.inf, -np.inf]),
+    place=st.integers(0, 1000),
+)
 @settings(max_examples=300, deadline=None, derandomize=True)
 def test_nan_and_infinity_are_refused_by_name(argument, poison, place):
     function, name = argument
@@ -160,7 +190,9 @@ def test_nan_and_infinity_are_refused_by_name(argument, poison, place):
     assert GOOD[function].get("name", name) in message
 
 
-@pytest.mark.parametrize(("function", "name"), ARGUMENTS, ids=lambda x: getattr(x, "__name__", x))
+@pytest.mark.parametrize(
+    ("function", "name"), ARGUMENTS, ids=lambda x: getattr(x, "__name__", x)
+)
 def test_empty_text_complex_and_wrong_shapes_are_refused(function, name):
     good = GOOD[function][name]
     spoilt(function, name, "twelve" if name != "counts" else ["twelve"])
@@ -176,15 +208,19 @@ def test_empty_text_complex_and_wrong_shapes_are_refused(function, name):
             spoilt(function, name, wide)
 
 
-@given(argument=st.sampled_from([a for a in ARGUMENTS if a[1] in LENGTHS]),
-       value=st.floats(-1e300, 0.0))  # fmt: skip
+@given(
+    argument=st.sampled_from([a for a in ARGUMENTS if a[1] in LENGTHS]),
+    value=st.floats(-1e300, 0.0),
+)
 @settings(max_examples=100, deadline=None, derandomize=True)
 def test_lengths_and_counts_are_above_zero(argument, value):
     spoilt(*argument, int(value) if argument in COUNTS else value)
 
 
-@given(argument=st.sampled_from([a for a in ARGUMENTS if a[1] in SIGMAS]),
-       value=st.floats(-1e300, -1e-300))  # fmt: skip
+@given(
+    argument=st.sampled_from([a for a in ARGUMENTS if a[1] in SIGMAS]),
+    value=st.floats(-1e300, -1e-300),
+)
 @settings(max_examples=60, deadline=None, derandomize=True)
 def test_sigmas_and_weights_are_not_negative(argument, value):
     function, name = argument
@@ -201,14 +237,18 @@ BATCHED = [
 ]
 
 
-@pytest.mark.parametrize(("function", "name"), BATCHED, ids=lambda x: getattr(x, "__name__", x))
+@pytest.mark.parametrize(
+    ("function", "name"), BATCHED, ids=lambda x: getattr(x, "__name__", x)
+)
 def test_batches_that_do_not_fit_together_are_refused(function, name):
     other = next(key for key in GOOD[function] if key != name)
     call = dict(GOOD[function])
     for key, size in ((name, 2), (other, 3)):
         value = np.asarray(call[key], dtype=float)
         call[key] = np.broadcast_to(value, (size, *value.shape))
-    with pytest.raises(ValueError, match=r"expected leading \(batch\) shapes .* got .* give each"):
+    with pytest.raises(
+        ValueError, match=r"expected leading \(batch\) shapes .* got .* give each"
+    ):
         function(**call)
 
 
@@ -222,7 +262,9 @@ DIRECTIONS = [
 
 @given(
     argument=st.sampled_from(DIRECTIONS),
-    direction=st.tuples(*[st.floats(-1, 1)] * 3).filter(lambda v: max(map(abs, v)) > 1e-3),
+    direction=st.tuples(*[st.floats(-1, 1)] * 3).filter(
+        lambda v: max(map(abs, v)) > 1e-3
+    ),
     lengths=st.tuples(*[st.floats(0.1, 10)] * 3),
 )
 @settings(max_examples=150, deadline=None, derandomize=True)
@@ -230,13 +272,19 @@ def test_collinear_directions_are_refused(argument, direction, lengths):
     function, name = argument
     rows = np.outer(lengths, direction)
     call = {**GOOD[function], name: rows}
-    with pytest.raises(DegenerateGeometryError, match=r"expected .* got .* add a direction"):
+    with pytest.raises(
+        DegenerateGeometryError, match=r"expected .* got .* add a direction"
+    ):
         function(**call)
 
 
-@pytest.mark.parametrize(("function", "name"), DIRECTIONS, ids=lambda x: getattr(x, "__name__", x))
+@pytest.mark.parametrize(
+    ("function", "name"), DIRECTIONS, ids=lambda x: getattr(x, "__name__", x)
+)
 def test_zero_vectors_and_unequal_rows_are_refused(function, name):
-    assert "length above zero" in spoilt(function, name, [[0, 0, 0], [0, 1, 0], [0, 0, 1]])
+    assert "length above zero" in spoilt(
+        function, name, [[0, 0, 0], [0, 1, 0], [0, 0, 1]]
+    )
     assert "as many rows" in spoilt(function, name, EYE[:2])
 
 
@@ -254,7 +302,9 @@ ROTATIONS = [
 ]
 
 
-@pytest.mark.parametrize(("function", "name"), ROTATIONS, ids=lambda x: getattr(x, "__name__", x))
+@pytest.mark.parametrize(
+    ("function", "name"), ROTATIONS, ids=lambda x: getattr(x, "__name__", x)
+)
 def test_reflections_and_stretched_matrices_are_refused(function, name):
     assert f"{name}: expected rotation matrices" in spoilt(function, name, 2 * EYE)
     assert f"{name}: expected rotation matrices" in spoilt(function, name, -EYE)

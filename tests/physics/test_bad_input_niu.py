@@ -86,7 +86,10 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any]]] = {
         {"points": SOURCE, "scale": 1.0, "principal_point": PIVOT},
     ),
     "rotary_matrix": (simulate.rotary_matrix, {"external": 0.1, "middle": 0.1}),
-    "rotary_matrix_printed": (simulate.rotary_matrix_printed, {"external": 0.1, "middle": 0.1}),
+    "rotary_matrix_printed": (
+        simulate.rotary_matrix_printed,
+        {"external": 0.1, "middle": 0.1},
+    ),
     "starlight": (simulate.starlight, {"external": 0.1, "middle": 0.1}),
     "similarity": (
         transforms.Registration.similarity,
@@ -104,10 +107,18 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any]]] = {
     "fit_registration": (fit_registration, {**FIT, "weights": np.ones(4)}),
     "registration_bound": (
         calibration.registration_bound,
-        {"source": SOURCE, "similarity": SIMILARITY, "source_sigma": 0.1, "target_sigma": 0.1},
+        {
+            "source": SOURCE,
+            "similarity": SIMILARITY,
+            "source_sigma": 0.1,
+            "target_sigma": 0.1,
+        },
     ),
     "rmse": (transforms.rmse, {"points": SOURCE, "reference": TARGET}),
-    "rmse_per_axis": (transforms.rmse_per_axis, {"points": SOURCE, "reference": TARGET}),
+    "rmse_per_axis": (
+        transforms.rmse_per_axis,
+        {"points": SOURCE, "reference": TARGET},
+    ),
     "paired_points": (transforms.paired_points, {"source": SOURCE, "target": TARGET}),
     "jacobian": (
         calibration.jacobian,
@@ -118,7 +129,12 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any]]] = {
     "gauss_newton_step_printed": (calibration.gauss_newton_step_printed, STEP),
     "starting_values": (
         calibration.starting_values,
-        {"source_line": LINE, "target_line": LINE, "source_zero": PIVOT, "target_zero": PIVOT},
+        {
+            "source_line": LINE,
+            "target_line": LINE,
+            "source_zero": PIVOT,
+            "target_zero": PIVOT,
+        },
     ),
     "random_starts": (
         calibration.random_starts,
@@ -135,7 +151,10 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any]]] = {
         transforms.error_field,
         {"channels": transforms.Channels(CAMERA, CAMERA), "positions": SOURCE * 1e-6},
     ),
-    "even_positions": (transforms.even_positions, {"half_size": np.array([4e-3, 3e-3])}),
+    "even_positions": (
+        transforms.even_positions,
+        {"half_size": np.array([4e-3, 3e-3])},
+    ),
     "channel_centroids": (
         simulate.channel_centroids,
         {"cameras": [CAMERA], "rotations": np.zeros(1), "angles": SOURCE * 1e-4},
@@ -154,7 +173,12 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any]]] = {
     ),
     "spawned_angles": (
         simulate.spawned_angles,
-        {"seeds": SEEDS, "replicates": 2, "count": 3, "half_range": np.array([0.1, 0.1])},
+        {
+            "seeds": SEEDS,
+            "replicates": 2,
+            "count": 3,
+            "half_range": np.array([0.1, 0.1]),
+        },
     ),
 }
 SPOILABLE = [
@@ -169,7 +193,14 @@ COUNTS = [
     for argument, value in arguments.items()
     if isinstance(value, int)
 ]
-LENGTHS = {"focal_length", "reference_focal_length", "pixel_pitch", "scale", "half_x", "step"}
+LENGTHS = {
+    "focal_length",
+    "reference_focal_length",
+    "pixel_pitch",
+    "scale",
+    "half_x",
+    "step",
+}
 
 
 def call(name: str, **changes: Any) -> Any:
@@ -200,7 +231,12 @@ def test_the_table_holds_every_public_function() -> None:
     for module in modules:
         for name, thing in vars(module).items():
             own = getattr(thing, "__module__", None) == module.__name__
-            if own and callable(thing) and not isinstance(thing, type) and name in public:
+            if (
+                own
+                and callable(thing)
+                and not isinstance(thing, type)
+                and name in public
+            ):
                 assert name in CALLS or name in inner, f"{module.__name__}.{name}"
 
 
@@ -239,9 +275,13 @@ def test_a_wrong_shape_is_refused(data: st.DataObject) -> None:
         call(name, **{argument: np.ones(shape)})
 
 
-@pytest.mark.parametrize(("name", "argument"), [pair for pair in SPOILABLE if pair[1] in LENGTHS])
+@pytest.mark.parametrize(
+    ("name", "argument"), [pair for pair in SPOILABLE if pair[1] in LENGTHS]
+)
 @given(value=st.floats(max_value=0, allow_infinity=False))
-def test_a_length_of_zero_or_less_is_refused(name: str, argument: str, value: float) -> None:
+def test_a_length_of_zero_or_less_is_refused(
+    name: str, argument: str, value: float
+) -> None:
     assert "above zero" in refuses(name, argument, value)
 
 
@@ -254,13 +294,23 @@ def test_a_count_that_is_none_is_refused(name: str, argument: str) -> None:
 @given(st.floats(max_value=0, exclude_max=True, allow_infinity=False))
 def test_negative_sigma_weights_and_widths_are_refused(value: float) -> None:
     assert "zero or more" in refuses("noisy_centroids", "sigma", value)
-    assert "zero or more" in refuses("fit_registration", "weights", np.array([1, 1, value, 1]))
+    assert "zero or more" in refuses(
+        "fit_registration", "weights", np.array([1, 1, value, 1])
+    )
     assert "zero or more" in refuses("random_starts", "half_widths", START + value)
-    assert "zero or more" in refuses("spawned_angles", "half_range", np.array([value, 0.1]))
+    assert "zero or more" in refuses(
+        "spawned_angles", "half_range", np.array([value, 0.1])
+    )
 
 
 def test_unlike_counts_are_refused() -> None:
-    for name in ("fit_registration", "rmse", "deviations", "gauss_newton_step", "calibrate"):
+    for name in (
+        "fit_registration",
+        "rmse",
+        "deviations",
+        "gauss_newton_step",
+        "calibrate",
+    ):
         second = "reference" if name == "rmse" else "target"
         assert "4 and 3" in refuses(name, second, TARGET[:3])
     assert "2 cameras" in refuses("channel_centroids", "cameras", [CAMERA, CAMERA])
@@ -296,7 +346,9 @@ def test_unlike_batches_are_refused(name: str, argument: str, value: Any) -> Non
 
 
 @pytest.mark.parametrize("name", ["fit_registration", "calibrate", "gauss_newton_step"])
-@given(point=st.tuples(st.floats(-1e6, 1e6), st.floats(-1e6, 1e6)), count=st.integers(1, 4))
+@given(
+    point=st.tuples(st.floats(-1e6, 1e6), st.floats(-1e6, 1e6)), count=st.integers(1, 4)
+)
 def test_one_point_and_coincident_points_are_refused(
     name: str, point: tuple[float, float], count: int
 ) -> None:
@@ -321,12 +373,16 @@ def test_zero_weights_are_refused_and_one_is_not_enough() -> None:
         call("fit_registration", weights=[0, 0, 1, 0])
 
 
-@given(point=st.tuples(st.floats(-1e6, 1e6), st.floats(-1e6, 1e6)), count=st.integers(1, 5))
+@given(
+    point=st.tuples(st.floats(-1e6, 1e6), st.floats(-1e6, 1e6)), count=st.integers(1, 5)
+)
 def test_a_line_needs_two_points(point: tuple[float, float], count: int) -> None:
     with pytest.raises(DegenerateGeometryError, match=r"expected .*, got .*; \w+"):
         calibration.starting_values(np.tile(point, (count, 1)), LINE, PIVOT, PIVOT)
     with pytest.raises(DegenerateGeometryError, match="alike"):
-        calibration.starting_values(LINE, [[0, 0], [1, 0], [1, 1], [0, 1]], PIVOT, PIVOT)
+        calibration.starting_values(
+            LINE, [[0, 0], [1, 0], [1, 1], [0, 1]], PIVOT, PIVOT
+        )
 
 
 @given(

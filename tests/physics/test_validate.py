@@ -3,11 +3,21 @@
 import numpy as np
 import pytest
 
-from reproduce.physics.validate import Number, Points, Positive, Size, Weights, checked, kernel
+from reproduce.physics.validate import (
+    Number,
+    Points,
+    Positive,
+    Size,
+    Weights,
+    checked,
+    kernel,
+)
 
 
 @checked
-def weighted(points: Points, weights: Weights = None, scale: Positive = 1.0, step: Size = 2):
+def weighted(
+    points: Points, weights: Weights = None, scale: Positive = 1.0, step: Size = 2
+):
     return points, weights, scale, step
 
 
@@ -19,7 +29,9 @@ def test_arguments_become_arrays_and_what_is_left_out_passes():
 
 
 def test_a_named_dimension_is_one_number_in_all_arguments():
-    with pytest.raises(ValueError, match=r"points and weights: expected as many rows, got 2 and 3"):
+    with pytest.raises(
+        ValueError, match=r"points and weights: expected as many rows, got 2 and 3"
+    ):
         weighted(np.zeros((2, 2)), np.ones(3))
 
 
@@ -27,7 +39,10 @@ def test_a_named_dimension_is_one_number_in_all_arguments():
     ("given", "message"),
     [
         ({"points": [1, 2, 3]}, "points: expected shape"),
-        ({"points": np.zeros((4, 1, 2)), "scale": np.ones(3)}, "points .4,., scale .3,."),
+        (
+            {"points": np.zeros((4, 1, 2)), "scale": np.ones(3)},
+            "points .4,., scale .3,.",
+        ),
         ({"points": [[1, 2]], "scale": -1}, "scale: expected values above zero"),
         ({"points": [[1, 2]], "step": [1, 2]}, "step: expected one number"),
     ],

@@ -25,19 +25,25 @@ def test_ends_are_those_of_all_corners(name):
             moved = [sides.get(axis, 0) for axis in "abc"]
             return {name: MONOTONE[name](*(middle + half * moved))}
 
-        every = [result(dict(zip("abc", one, strict=True)))[name]
-                 for one in itertools.product((-1, 1), repeat=3)]  # fmt: skip
+        every = [
+            result(dict(zip("abc", one, strict=True)))[name]
+            for one in itertools.product((-1, 1), repeat=3)
+        ]
         found = corner_intervals(result, "abc")[name]
         assert found[:2] == pytest.approx((min(every), max(every)), rel=1e-12)
 
 
 def test_ties_of_a_smallest_number_move_together():
-    found = corner_intervals(lambda s: {"m": min(1 + s.get("a", 0), 1 + s.get("b", 0))}, "ab")
+    found = corner_intervals(
+        lambda s: {"m": min(1 + s.get("a", 0), 1 + s.get("b", 0))}, "ab"
+    )
     assert found["m"][:2] == (0.0, 2.0)
 
 
 def test_an_input_that_only_raises_a_result_stays_as_printed_for_the_smallest_one():
-    found = corner_intervals(lambda s: {"d": abs(s.get("a", 0) - 2 * s.get("b", 0))}, "ab")
+    found = corner_intervals(
+        lambda s: {"d": abs(s.get("a", 0) - 2 * s.get("b", 0))}, "ab"
+    )
     assert found["d"].low == 0.0
 
 

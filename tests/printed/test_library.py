@@ -31,7 +31,13 @@ def test_the_expected_tables_and_groups_are_there():
         *(f"chen2023/table-{n}" for n in range(1, 6)),
         *(
             f"niu2024/text-{topic}"
-            for topic in ("optics", "simulation", "experiment", "approximations", "context")
+            for topic in (
+                "optics",
+                "simulation",
+                "experiment",
+                "approximations",
+                "context",
+            )
         ),
         *(
             f"chen2023/text-{topic}"
@@ -49,19 +55,25 @@ def test_a_second_entry_agrees_cell_by_cell():
 
 
 def test_the_checksums_hold():
-    assert altered_files() == (), "a printed number changed: check it, then `make checksums`"
+    assert altered_files() == (), (
+        "a printed number changed: check it, then `make checksums`"
+    )
 
 
 def test_files_that_are_missing_or_of_no_checksum_are_altered(tmp_path, monkeypatch):
     shutil.copytree(PRINTED, tmp_path / "printed")
-    (tmp_path / "printed" / "niu2024" / "table-1.toml").rename(tmp_path / "printed" / "more.toml")
+    (tmp_path / "printed" / "niu2024" / "table-1.toml").rename(
+        tmp_path / "printed" / "more.toml"
+    )
     monkeypatch.setattr(cells, "data_folders", lambda: (tmp_path,))
     assert altered_files() == ("more.toml", "niu2024/table-1.toml")
     (tmp_path / "printed" / "SHA256SUMS").unlink()
     with pytest.raises(PrintedFileError, match="SHA256SUMS is missing or no list"):
         altered_files()
     (tmp_path / "printed" / "SHA256SUMS").write_text("no sum\n", encoding="utf-8")
-    with pytest.raises(PrintedFileError, match="no list of checksums: restore it, or run `make"):
+    with pytest.raises(
+        PrintedFileError, match="no list of checksums: restore it, or run `make"
+    ):
         altered_files()
 
 

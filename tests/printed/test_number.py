@@ -74,7 +74,9 @@ def test_qualifiers_shape_the_interval(qualifier, inside, outside):
 def test_what_a_qualifier_leaves_open(text, qualifier, reach):
     number = PrintedNumber(text, qualifier=qualifier)
     assert number.reach == pytest.approx(reach, rel=1e-12)
-    assert (number.low, number.high) == pytest.approx((number.value - reach, number.value + reach))
+    assert (number.low, number.high) == pytest.approx(
+        (number.value - reach, number.value + reach)
+    )
 
 
 @pytest.mark.parametrize("text", ["", "-", "1,5", "0x1", "nan", "inf", "about 3"])

@@ -21,8 +21,20 @@ TABLE = {
     "page": "3",
     "column": [{"id": "x", "label": "X"}, {"id": "y", "label": "Y"}],
     "row": [
-        {"id": "one", "label": "One", "unit": "px", "role": "setting", "cells": ["1.0", "2.0"]},
-        {"id": "two", "label": "Two", "unit": "px", "role": "setting", "cells": ["3", "4"]},
+        {
+            "id": "one",
+            "label": "One",
+            "unit": "px",
+            "role": "setting",
+            "cells": ["1.0", "2.0"],
+        },
+        {
+            "id": "two",
+            "label": "Two",
+            "unit": "px",
+            "role": "setting",
+            "cells": ["3", "4"],
+        },
     ],
 }
 
@@ -39,7 +51,11 @@ FAULTS = [
         lambda c: c["row"][0]["cells"].__setitem__(1, 2.0),
         r"row\.0\.cells\.1.*unquoted number.*2\.0",
     ),
-    (TABLE, lambda c: c["row"][1]["cells"].pop(), r"row 'two': expected 2 cells.*got 1"),
+    (
+        TABLE,
+        lambda c: c["row"][1]["cells"].pop(),
+        r"row 'two': expected 2 cells.*got 1",
+    ),
     (
         GROUP,
         lambda c: c["cell"][0].update(role="result"),
@@ -50,12 +66,20 @@ FAULTS = [
         lambda c: c["cell"][0].update(unit="furlong"),
         r"cell\.0\.unit: .*'furlong'",
     ),
-    (GROUP, lambda c: c["cell"][0].update(colour="red"), r"cell\.0\.colour: Extra inputs"),
+    (
+        GROUP,
+        lambda c: c["cell"][0].update(colour="red"),
+        r"cell\.0\.colour: Extra inputs",
+    ),
     (GROUP, lambda c: c.update(colour="red"), r"colour: Extra inputs"),
     (TABLE, lambda c: c["row"][1].update(id="one"), r"duplicate row one"),
     (TABLE, lambda c: c["column"][1].update(id="x"), r"duplicate column x"),
     (GROUP, lambda c: c["cell"][1].update(id="a"), r"duplicate cell a"),
-    (GROUP, lambda c: c["cell"][0].update(value="1.5 mm"), r"cell\.0.*digits of a number"),
+    (
+        GROUP,
+        lambda c: c["cell"][0].update(value="1.5 mm"),
+        r"cell\.0.*digits of a number",
+    ),
     (
         TABLE,
         lambda c: c["row"][0]["cells"].__setitem__(0, "-"),
@@ -68,9 +92,17 @@ FAULTS = [
         r"qualifier: Input should be",
     ),
     (GROUP, lambda c: c["cell"][0].update(sigma=2), r"sigma: Input should be 1 or 3"),
-    (GROUP, lambda c: c["cell"][0].update(id="A b"), r"id: String should match pattern"),
+    (
+        GROUP,
+        lambda c: c["cell"][0].update(id="A b"),
+        r"id: String should match pattern",
+    ),
     (GROUP, lambda c: c["cell"][0].update(text="and a word"), r"exactly one of value"),
-    (GROUP, lambda c: c["cell"][0].update(value=1.5), r"value: Input should be a valid string"),
+    (
+        GROUP,
+        lambda c: c["cell"][0].update(value=1.5),
+        r"value: Input should be a valid string",
+    ),
     (GROUP, lambda c: c.pop("cell"), r"either \[\[column\]\] and \[\[row\]\]"),
 ]
 
@@ -79,7 +111,9 @@ FAULTS = [
 def test_faults_are_named(base, change, message):
     with pytest.raises(PrintedFileError, match=message) as error:
         build(changed(base, change), "p/text-a", "paper/file.toml")
-    assert all(line.startswith("paper/file.toml: ") for line in str(error.value).splitlines())
+    assert all(
+        line.startswith("paper/file.toml: ") for line in str(error.value).splitlines()
+    )
 
 
 def test_sound_files_pass():
@@ -116,7 +150,11 @@ def test_traits_come_from_cell_then_row_then_column():
         content["column"][0].update(unit="mm", sigma=3)
         content["row"][0].pop("unit")
         content["column"][1].update(unit="um")
-        content["row"][1]["cells"][0] = {"value": "3", "unit": "deg", "qualifier": "about"}
+        content["row"][1]["cells"][0] = {
+            "value": "3",
+            "unit": "deg",
+            "qualifier": "about",
+        }
 
     table = build(changed(TABLE, traits), "p/table-1")
     assert [cell.unit for cell in table.cells] == ["mm", "um", "deg", "px"]

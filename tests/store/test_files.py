@@ -79,7 +79,9 @@ def test_a_full_disk_leaves_the_old_file(tmp_path, what):
     done = subprocess.run(
         [sys.executable, "-c", code + call], capture_output=True, text=True, check=False
     )
-    assert re.search(r"^(OSError|RuntimeError): .*", done.stderr, re.MULTILINE), done.stderr
+    assert re.search(r"^(OSError|RuntimeError): .*", done.stderr, re.MULTILINE), (
+        done.stderr
+    )
     assert sorted(tmp_path.iterdir()) == before
     assert all(path.read_text() == "old" for path in before)
 
@@ -102,5 +104,7 @@ def test_a_folder_of_another_user_is_refused():
     with TemporaryDirectory() as folder:
         Path(folder).chmod(0o755)
         command = [sys.executable, "-c", code]
-        done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=folder)
+        done = subprocess.run(
+            command, capture_output=True, text=True, check=False, cwd=folder
+        )
     assert "ValueError: path: expected a file in a writable folder" in done.stderr

@@ -28,7 +28,9 @@ PACKED = {"fits": bytes, "fits.gz": gzip.compress, "fits.bz2": bz2.compress}
 def test_whole_numbers_come_back_whatever_the_header_states(tmp_path, ending):
     """SATURATE and BAYERPAT are often wrong: only the pixels count."""
     path = tmp_path / f"ramp.{ending}"
-    fits.writeto(tmp_path / "plain.fits", RAMP, fits.Header({"SATURATE": 5, "BAYERPAT": "NONE"}))
+    fits.writeto(
+        tmp_path / "plain.fits", RAMP, fits.Header({"SATURATE": 5, "BAYERPAT": "NONE"})
+    )
     path.write_bytes(PACKED[ending]((tmp_path / "plain.fits").read_bytes()))
     image = read_image(path)
     assert (image.light == RAMP).all()
@@ -55,7 +57,9 @@ def test_touching_pixels_that_share_the_highest_number_are_full():
 def test_masked_and_missing_pixels_are_not_seen(kind):
     image = RAMP.astype(float)
     image[3, 3] = np.inf
-    source = kind(image, mask=RAMP == 7, **{"unit": "adu"} if kind is not np.ma.array else {})
+    source = kind(
+        image, mask=RAMP == 7, **{"unit": "adu"} if kind is not np.ma.array else {}
+    )
     assert is_image(source)
     missing = np.isnan(read_image(source).light)
     assert np.argwhere(missing).tolist() == [[0, 7], [3, 3]]
@@ -68,12 +72,17 @@ def test_the_uncertainty_of_an_image_is_its_deviation():
     for wrong in (StdDevUncertainty(0.0 * RAMP), UnknownUncertainty(RAMP), [1.0, 2.0]):
         with pytest.raises(ImageError, match="uncertainty"):
             read_image(NDData(RAMP, uncertainty=wrong))
-    assert (read_image(NDData(RAMP, uncertainty=StdDevUncertainty(5.0))).sigma == 5).all()
+    assert (
+        read_image(NDData(RAMP, uncertainty=StdDevUncertainty(5.0))).sigma == 5
+    ).all()
 
 
 def test_a_file_of_several_images_asks_for_the_extension(tmp_path):
     path = tmp_path / "mef.fits"
-    units = [fits.ImageHDU(RAMP + i, name=name) for i, name in enumerate(["WHT", "SCI", "A", "A"])]
+    units = [
+        fits.ImageHDU(RAMP + i, name=name)
+        for i, name in enumerate(["WHT", "SCI", "A", "A"])
+    ]
     table = fits.table_to_hdu(Table({"x": [1.0], "y": [2.0]}))
     fits.HDUList([fits.PrimaryHDU(), *units, table]).writeto(path)
     with pytest.raises(ImageError, match=r"mef.fits.* WHT, SCI, 3, 4"):
@@ -88,7 +97,9 @@ def test_a_file_of_several_images_asks_for_the_extension(tmp_path):
 def test_a_huge_image_is_refused_before_its_pixels_are_read(tmp_path, monkeypatch):
     fits.writeto(tmp_path / "a.fits", RAMP)
     monkeypatch.setattr(images, "_MOST_PIXELS", 599)
-    monkeypatch.setattr(fits.PrimaryHDU, "data", property(lambda unit: pytest.fail("read")))
+    monkeypatch.setattr(
+        fits.PrimaryHDU, "data", property(lambda unit: pytest.fail("read"))
+    )
     for source in (tmp_path / "a.fits", RAMP):
         with pytest.raises(ImageError, match="599 px"):
             read_image(source)
@@ -102,7 +113,9 @@ def header(bits, *sides):
         cards += [(f"NAXIS{i}", side) for i, side in enumerate(sides, start=1)]
         lines = [f"{key:8s}= {value:>20}".ljust(80) for key, value in cards]
         content = "".join([*lines, "END".ljust(80)]).ljust(2880).encode()
-        path.write_bytes(gzip.compress(content + bytes(10**6)) if path.suffix == ".gz" else content)
+        path.write_bytes(
+            gzip.compress(content + bytes(10**6)) if path.suffix == ".gz" else content
+        )
 
     return write
 
@@ -128,12 +141,18 @@ BAD = {
     "words.fits": (lambda p: p.write_text("hello"), "words"),
     "none.fits": (lambda p: fits.HDUList([fits.PrimaryHDU()]).writeto(p), "none"),
     "nan.fits": (lambda p: fits.writeto(p, np.full((30, 30), np.nan)), "900 missing"),
-    "full.fits": (lambda p: fits.writeto(p, np.full((30, 30), 65535, np.uint16)), "900 saturated"),
+    "full.fits": (
+        lambda p: fits.writeto(p, np.full((30, 30), 65535, np.uint16)),
+        "900 saturated",
+    ),
     "cube.fits": (lambda p: fits.writeto(p, np.zeros((5, 30, 30))), "shape"),
     "huge.fits": (header(-64, 10**5, 10**5), "truncated"),
     "bomb.fits.gz": (header(-64, 30_000, 30_000), "900,000,000 px"),
     "damaged.fits.gz": (damaged, "CRC"),
-    "cut.fits.gz": (lambda p: p.write_bytes(gzip.compress(RAMP.tobytes())[:50]), "expected"),
+    "cut.fits.gz": (
+        lambda p: p.write_bytes(gzip.compress(RAMP.tobytes())[:50]),
+        "expected",
+    ),
     "large.fits": (lambda p: fits.writeto(p, 1e155 * RAMP), "1e\\+30"),
     "tiny.fits": (lambda p: fits.writeto(p, 1e-155 * RAMP), "1e-30"),
     "zero.fits": (lambda p: p.symlink_to("/dev/zero"), "regular file"),
@@ -172,7 +191,13 @@ def test_a_device_is_no_file():
 
 
 def test_single_precision_is_used_if_it_is_exact():
-    for kind, exact in (("u1", True), (">i2", True), (">f4", True), ("i4", False), ("f8", False)):
+    for kind, exact in (
+        ("u1", True),
+        (">i2", True),
+        (">f4", True),
+        ("i4", False),
+        ("f8", False),
+    ):
         light = read_image(RAMP.astype(kind) // 4).light
         assert light.dtype == (np.float32 if exact else np.float64)
         assert light.dtype.isnative

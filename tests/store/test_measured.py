@@ -64,7 +64,9 @@ def test_the_spectra_have_the_lines_of_their_stars():
 
 def test_a_spoiled_table_of_spectra_is_refused(tmp_path, monkeypatch):
     (tmp_path / "stars").mkdir()
-    (tmp_path / "stars" / "spectra.csv").write_text("wavelength_nm,vega,sun\n390,1\n391,2\n")
+    (tmp_path / "stars" / "spectra.csv").write_text(
+        "wavelength_nm,vega,sun\n390,1\n391,2\n"
+    )
     monkeypatch.setattr(measured, "data_folder", lambda: tmp_path)
     with pytest.raises(ValueError, match="2 columns instead of 3"):
         measured.spectra.__wrapped__()

@@ -55,7 +55,9 @@ def test_errors_name_the_file_and_the_place(tmp_path, text, places):
     path = write(tmp_path, text)
     with pytest.raises(TableFileError) as caught:
         read_table(path, COLUMNS)
-    assert all(place in str(caught.value) for place in [str(path), *places]), caught.value
+    assert all(place in str(caught.value) for place in [str(path), *places]), (
+        caught.value
+    )
     assert "\n" not in str(caught.value)
 
 
@@ -69,7 +71,12 @@ MASKED = pd.concat([STARS, STARS[:1].assign(x=np.nan)]).assign(mask=[0] * 30 + [
         *((STARS, {"sep": sep}) for sep in ";\t "),
         (STARS, {"encoding": "utf-8-sig", "lineterminator": "\r\n"}),
         (STARS, {"compression": "gzip"}),
-        (STARS.rename(columns={"x": " X (px)", "y": "Y", "x_reference": "X reference"}), {}),
+        (
+            STARS.rename(
+                columns={"x": " X (px)", "y": "Y", "x_reference": "X reference"}
+            ),
+            {},
+        ),
         (NAMED[NAMED.columns[::-1]], {}),
         (MASKED, {}),
     ],
@@ -85,7 +92,12 @@ def test_a_text_file_and_its_dataframe_give_the_numbers(tmp_path, frame, setting
 
 @pytest.mark.parametrize(
     ("name", "form"),
-    [("s.ecsv", "ascii.ecsv"), ("s.fits", "fits"), ("s.xyls", "fits"), ("s.vot", "votable")],
+    [
+        ("s.ecsv", "ascii.ecsv"),
+        ("s.fits", "fits"),
+        ("s.xyls", "fits"),
+        ("s.vot", "votable"),
+    ],
 )
 def test_astropy_tables_and_their_files_are_read_in_px_only(tmp_path, name, form):
     table = Table.from_pandas(STARS.rename(columns=str.upper))
@@ -109,7 +121,9 @@ def test_a_sextractor_catalogue_is_read(tmp_path):
 
 
 def test_masked_entries_and_columns_of_other_kinds():
-    table = Table({"x": [1.0, 2], "y": [3.0, 4], "image": np.zeros((2, 5))}, masked=True)
+    table = Table(
+        {"x": [1.0, 2], "y": [3.0, 4], "image": np.zeros((2, 5))}, masked=True
+    )
     table["sky"] = SkyCoord([1, 2], [3, 4], unit="deg")
     assert read_table(table, COLUMNS).values.tolist() == [[1, 3], [2, 4]]
     table["y"].mask[1] = True
@@ -120,8 +134,12 @@ def test_masked_entries_and_columns_of_other_kinds():
             read_table(pd.DataFrame({"x": [1.0, 2], "y": odd}), COLUMNS)
 
 
-@pytest.mark.parametrize("name", ["a.ecsv", "a.fits", "a.vot", "a.xml", "a.cat", "a.csv.gz"])
-@pytest.mark.parametrize("content", [b"", b"x,y\n1,2\n", b"<a>", b"# %ECSV 1.0\n# ---\n# a: [\n"])
+@pytest.mark.parametrize(
+    "name", ["a.ecsv", "a.fits", "a.vot", "a.xml", "a.cat", "a.csv.gz"]
+)
+@pytest.mark.parametrize(
+    "content", [b"", b"x,y\n1,2\n", b"<a>", b"# %ECSV 1.0\n# ---\n# a: [\n"]
+)
 def test_damaged_files_raise_one_error_with_their_name(tmp_path, name, content):
     with pytest.raises(TableFileError, match=name) as caught:
         read_table(write(tmp_path, content, name), COLUMNS)
@@ -148,8 +166,11 @@ def test_masks_and_units_of_arrays_are_honoured_or_refused():
     masked = np.ma.array(source.copy(), mask=False)  # contiguous, for the quick path
     masked[2, 0] = np.ma.masked
     kept = rp.register(masked, target, weights=np.arange(30.0))
-    wanted = rp.register(np.delete(source, 2, 0), np.delete(target, 2, 0),
-                         weights=np.delete(np.arange(30.0), 2))  # fmt: skip
+    wanted = rp.register(
+        np.delete(source, 2, 0),
+        np.delete(target, 2, 0),
+        weights=np.delete(np.arange(30.0), 2),
+    )
     np.testing.assert_array_equal(kept.parameters, wanted.parameters)
     assert any("row 2" in remark for remark in kept.remarks)
     assert len(rp.stars(masked)) == 29
@@ -168,12 +189,16 @@ def test_sigma_and_weight_columns_are_those_of_the_fit():
     sides = {"sigma": np.linspace(0.1, 0.3, 30), "weight": np.arange(30.0)}
     found = rp.register(STARS.assign(**sides))
     target_covariance = np.square(sides["sigma"])[:, None, None] * np.eye(2)
-    wanted = rp.register(STARS, weights=sides["weight"], target_covariance=target_covariance)
+    wanted = rp.register(
+        STARS, weights=sides["weight"], target_covariance=target_covariance
+    )
     np.testing.assert_allclose(found.covariance, wanted.covariance, rtol=1e-12)
     assert not np.allclose(found.covariance, rp.register(STARS).covariance)
 
 
 def test_standard_input(monkeypatch):
-    monkeypatch.setattr("sys.stdin", io.TextIOWrapper(io.BytesIO(b"x,y\n1,2\n3,four\n")))
+    monkeypatch.setattr(
+        "sys.stdin", io.TextIOWrapper(io.BytesIO(b"x,y\n1,2\n3,four\n"))
+    )
     with pytest.raises(TableFileError, match="standard input, row 1, column y"):
         read_table("-", COLUMNS)

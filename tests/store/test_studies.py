@@ -48,7 +48,12 @@ def test_a_note_without_its_command_is_refused(tmp_path):
 
 
 TABLE = pd.DataFrame(
-    {"cell": ["a#b", 'c "d"'], "text": ["1.50", "é"], "seen": [True, False], "size": [0.5, np.nan]}
+    {
+        "cell": ["a#b", 'c "d"'],
+        "text": ["1.50", "é"],
+        "seen": [True, False],
+        "size": [0.5, np.nan],
+    }
 )
 
 
@@ -105,6 +110,8 @@ def test_a_run_that_was_stopped_goes_on_and_stores_the_same(tmp_path, monkeypatc
     found = studies.read("small", tmp_path)
     np.testing.assert_array_equal(found.arrays["numbers"], [[0, 0], [1, 1], [2, 2]])
     assert (found.note["seed"], found.note["replicates"]) == (7, 3)
-    assert not [path for path in tmp_path.iterdir() if path.is_dir()], "finished parts are gone"
+    assert not [path for path in tmp_path.iterdir() if path.is_dir()], (
+        "finished parts are gone"
+    )
     with pytest.raises(KeyError, match="small"):
         slow.run("nothing")

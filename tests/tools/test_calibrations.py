@@ -94,7 +94,10 @@ def test_power_is_the_share_of_calibrations_that_find_a_wrong_width():
     generator = np.random.default_rng(3)
     found = 0
     for _ in range(60):
-        truths, draws = generator.normal(size=(200, 3)), generator.normal(size=(200, 3, DRAWS))
+        truths, draws = (
+            generator.normal(size=(200, 3)),
+            generator.normal(size=(200, 3, DRAWS)),
+        )
         ranks = (0.8 * draws < truths[..., None]).sum(axis=-1)
         found += (replace(even(200), ranks=ranks).probabilities() < 0.05).mean() / 60
     told = power(200, 0.8)
@@ -118,7 +121,9 @@ def test_narrow_and_shifted_ranks_are_seen():
 def test_even_ranks_cover_exactly(level):
     """Each rank once: the ends of an interval that cut a rank in half count half."""
     ranks = np.repeat(np.arange(DRAWS + 1)[:, None], 3, axis=1)
-    np.testing.assert_allclose(replace(even(100), ranks=ranks).coverage(level), level, atol=1e-12)
+    np.testing.assert_allclose(
+        replace(even(100), ranks=ranks).coverage(level), level, atol=1e-12
+    )
 
 
 def test_coverage_is_counted():
@@ -170,10 +175,14 @@ def test_stored_calibrations_know_their_models(name):
 
 def test_every_model_has_random_numbers_of_its_own():
     """The same prior, first in line, and the same seed: another truth."""
-    models = [posteriors()[name].model() for name in ("registration", "registration-distortion")]
+    models = [
+        posteriors()[name].model()
+        for name in ("registration", "registration-distortion")
+    ]
     assert models[0].parameters[0].prior == models[1].parameters[0].prior
     one, other = (
-        [simulated(model, stored.SEED, index)[0][0] for index in range(20)] for model in models
+        [simulated(model, stored.SEED, index)[0][0] for index in range(20)]
+        for model in models
     )
     assert not set(one) & set(other)
 
@@ -234,7 +243,9 @@ def test_every_model_has_its_line_in_the_table_of_its_paper(paper):
     shown = rp.posterior().diagnostics(paper)._repr_html_()
     lines = [
         [name, *re.findall(r"<td>(.*?)</td>", rest)]
-        for name, rest in re.findall(r'<th scope="row">(.*?)</th>(.*?)</tr>', shown, re.DOTALL)
+        for name, rest in re.findall(
+            r'<th scope="row">(.*?)</th>(.*?)</tr>', shown, re.DOTALL
+        )
     ]
     assert [line[0] for line in lines] == [
         key for key, one in posteriors().items() if one.paper == paper
@@ -242,9 +253,15 @@ def test_every_model_has_its_line_in_the_table_of_its_paper(paper):
     for name, rhat, times, size, _, *rest in lines:
         one, found = stored.load(name), book_posterior(name)
         assert float(rhat) == pytest.approx(max(d.rhat for d in found.rows), abs=1e-4)
-        assert float(times) == pytest.approx(found.chain.shape[1] / found.time, abs=0.51)
+        assert float(times) == pytest.approx(
+            found.chain.shape[1] / found.time, abs=0.51
+        )
         smallest = min(min(d.bulk, d.tail) for d in found.rows)
         assert float(size.replace(",", "")) == pytest.approx(smallest, abs=0.51)
-        counts = [f"{one.replicates:,}", str(int(one.failed.sum())), str(len(one.names))]
+        counts = [
+            f"{one.replicates:,}",
+            str(int(one.failed.sum())),
+            str(len(one.names)),
+        ]
         assert rest[:3] == counts
         assert len(rest) == 7

@@ -7,7 +7,11 @@ import pytest
 from drop_stale_pages import State
 
 PAGE = "# A title\n\nA sentence.\n\n(label)=\n## A heading\n"
-NOTEBOOK, READ, _ = KINDS = (".jupyter_cache/executed", ".doctrees/page", "html/index.html")
+NOTEBOOK, READ, _ = KINDS = (
+    ".jupyter_cache/executed",
+    ".doctrees/page",
+    "html/index.html",
+)
 
 
 @pytest.fixture
@@ -48,7 +52,9 @@ def test_a_book_that_stands_is_not_built_again(checkout: Path) -> None:
     assert State(checkout).drop_stale()
 
 
-@pytest.mark.parametrize("name", ["src/module.py", "data/table.toml", "environment.txt"])
+@pytest.mark.parametrize(
+    "name", ["src/module.py", "data/table.toml", "environment.txt"]
+)
 def test_another_number_drops_everything(checkout: Path, name: str) -> None:
     (checkout / name).write_text("changed")
     assert kept(checkout) == ()
@@ -59,17 +65,27 @@ def test_a_renamed_module_drops_everything(checkout: Path) -> None:
     assert kept(checkout) == ()
 
 
-@pytest.mark.parametrize("name", ["book/_ext/role.py", "book/_config.yml", "book/_toc.yml"])
-def test_what_makes_the_pages_leaves_the_notebooks_alone(checkout: Path, name: str) -> None:
+@pytest.mark.parametrize(
+    "name", ["book/_ext/role.py", "book/_config.yml", "book/_toc.yml"]
+)
+def test_what_makes_the_pages_leaves_the_notebooks_alone(
+    checkout: Path, name: str
+) -> None:
     (checkout / name).write_text("changed")
     assert kept(checkout) == (NOTEBOOK,)
 
 
 @pytest.mark.parametrize(
     ("old", "new"),
-    [("# A title", "# Another title"), ("(label)=", "(other)="), ("A sentence", "A {cite}`book`")],
+    [
+        ("# A title", "# Another title"),
+        ("(label)=", "(other)="),
+        ("A sentence", "A {cite}`book`"),
+    ],
 )
-def test_what_other_pages_show_writes_all_of_them(checkout: Path, old: str, new: str) -> None:
+def test_what_other_pages_show_writes_all_of_them(
+    checkout: Path, old: str, new: str
+) -> None:
     (checkout / "book/page.md").write_text(PAGE.replace(old, new))
     assert kept(checkout) == (NOTEBOOK, READ)
 
@@ -94,7 +110,9 @@ def test_a_page_with_numbers_of_sentences_drops_the_facts_alone(checkout: Path) 
     assert kept(checkout) == KINDS
     assert facts.is_file()
     State(checkout).remember()
-    (checkout / "book/instruments/page.md").write_text(PAGE.replace("A sentence", "Another one"))
+    (checkout / "book/instruments/page.md").write_text(
+        PAGE.replace("A sentence", "Another one")
+    )
     assert kept(checkout) == KINDS
     assert not facts.exists()
 
@@ -102,7 +120,9 @@ def test_a_page_with_numbers_of_sentences_drops_the_facts_alone(checkout: Path) 
 def test_a_build_that_failed_is_begun_again(checkout: Path) -> None:
     (checkout / "book/page.md").write_text(PAGE.replace("A sentence", "Another one"))
     assert kept(checkout) == KINDS
-    assert kept(checkout) == (NOTEBOOK,), "what was read without a word is not warned of again"
+    assert kept(checkout) == (NOTEBOOK,), (
+        "what was read without a word is not warned of again"
+    )
 
 
 @pytest.mark.parametrize("content", ["", "{", '{"numbers": '])

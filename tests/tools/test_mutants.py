@@ -8,7 +8,10 @@ from mutants import Mutant, draw, left_out
 
 
 def made(file: str, count: int) -> list[Mutant]:
-    return [Mutant(file, "f", n, "core/AddNot", n, f"if x > {n}:") for n in range(1, count + 1)]
+    return [
+        Mutant(file, "f", n, "core/AddNot", n, f"if x > {n}:")
+        for n in range(1, count + 1)
+    ]
 
 
 MANY = [*made("physics/a.py", 600), *made("physics/b.py", 300), *made("audit/c.py", 99)]
@@ -22,7 +25,11 @@ def test_the_same_seed_draws_the_same_sample_and_another_one_another() -> None:
 def test_every_file_gets_its_share_to_within_one() -> None:
     drawn = [one.file for one in draw(MANY, 100, 1)]
     assert len(drawn) == 100
-    for file, count in {"physics/a.py": 600, "physics/b.py": 300, "audit/c.py": 99}.items():
+    for file, count in {
+        "physics/a.py": 600,
+        "physics/b.py": 300,
+        "audit/c.py": 99,
+    }.items():
         assert abs(drawn.count(file) - 100 * count / 999) < 1
 
 
@@ -38,14 +45,18 @@ def test_any_mutant_of_a_file_is_drawn_as_often_as_another_one() -> None:
         for one in draw(hundred, 10, seed):
             counts[one.line] += 1
     spread = sum((count - 40) ** 2 / (40 * 0.9) for count in counts.values())
-    assert 60 < spread < 145  # chi-square with 99 degrees of freedom, one in a thousand each side
+    assert (
+        60 < spread < 145
+    )  # chi-square with 99 degrees of freedom, one in a thousand each side
 
 
 def test_a_change_elsewhere_in_the_file_leaves_the_names_alone() -> None:
     one = Mutant("physics/a.py", "f", 10, "core/AddNot", 3, "if x > 0:")
     moved = Mutant("physics/a.py", "f", 17, "core/AddNot", 4, "if x > 0:")
     assert one.name == moved.name
-    assert one.name != Mutant("physics/a.py", "f", 10, "core/AddNot", 3, "if x > 1:").name
+    assert (
+        one.name != Mutant("physics/a.py", "f", 10, "core/AddNot", 3, "if x > 1:").name
+    )
 
 
 SOURCE = """\
@@ -86,5 +97,7 @@ def test_only_what_computes_is_changed(text: str, spared: bool) -> None:
 def test_the_folders_to_change_are_there() -> None:
     from mutant_runs import FOLDERS, PACKAGE, ROOT
 
-    assert [(ROOT / PACKAGE / folder).is_dir() for folder in FOLDERS] == [True] * len(FOLDERS)
+    assert [(ROOT / PACKAGE / folder).is_dir() for folder in FOLDERS] == [True] * len(
+        FOLDERS
+    )
     assert Path(__file__).parents[2] == ROOT

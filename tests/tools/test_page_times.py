@@ -29,5 +29,7 @@ def test_a_page_is_run_whole_and_text_is_none(tmp_path):
 def test_every_page_of_the_book_has_its_time():
     stored = studies.table(NAME)
     pages = [page for page in pages_of(BOOK) if read(page)]
-    assert list(stored["page"]) == [p.relative_to(BOOK).with_suffix("").as_posix() for p in pages]
+    assert list(stored["page"]) == [
+        p.relative_to(BOOK).with_suffix("").as_posix() for p in pages
+    ]
     assert (stored["seconds"] > 0).all()

@@ -30,7 +30,10 @@ def test_progress_counts_what_lies_there_already(tmp_path):
     store, seen = Store(tmp_path, {"what": "squares"}), []
     run_parts(squares, range(3), store=store)
     run_parts(
-        squares, range(5), store=store, progress=lambda done, total: seen.append((done, total))
+        squares,
+        range(5),
+        store=store,
+        progress=lambda done, total: seen.append((done, total)),
     )
     assert seen == [(4, 5), (5, 5)]
 
@@ -47,7 +50,9 @@ def test_a_part_that_is_there_is_not_run_again(tmp_path):
 def test_other_work_is_refused(tmp_path):
     run_parts(squares, range(2), store=Store(tmp_path, {"what": "squares", "seed": 1}))
     with pytest.raises(ResumeError, match="differ in seed"):
-        run_parts(squares, range(2), store=Store(tmp_path, {"what": "squares", "seed": 2}))
+        run_parts(
+            squares, range(2), store=Store(tmp_path, {"what": "squares", "seed": 2})
+        )
 
 
 def test_an_error_keeps_what_was_done(tmp_path):

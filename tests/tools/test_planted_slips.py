@@ -7,7 +7,15 @@ from decimal import Decimal
 import pytest
 
 import planted_slips
-from planted_slips import KINDS, SEED, differing, plants, seen_by_relations, seen_by_verdicts, some
+from planted_slips import (
+    KINDS,
+    SEED,
+    differing,
+    plants,
+    seen_by_relations,
+    seen_by_verdicts,
+    some,
+)
 from reproduce.audit.relation import declared
 from reproduce.audit.report import audit_paper
 from reproduce.printed.cells import PAPERS, Cell
@@ -19,7 +27,9 @@ STORED = studies.table(planted_slips.NAME)
 
 def test_every_number_of_both_papers_is_in_the_study():
     planted = [p for paper in PAPERS for p in plants(audit_paper(paper).cells, SEED)]
-    rows = STORED[["cell", "kind", "printed instead"]].itertuples(index=False, name=None)
+    rows = STORED[["cell", "kind", "printed instead"]].itertuples(
+        index=False, name=None
+    )
     assert list(rows) == [(p.address, p.kind, p.text) for p in planted]
     numbers = [address for paper in PAPERS for address in audit_paper(paper).cells]
     assert list(dict.fromkeys(STORED["cell"])) == numbers
@@ -55,13 +65,16 @@ def test_a_verdict_sees_a_wrong_result_and_a_wrong_input():
 def test_a_table_of_sums_sees_nearly_all():
     rng = random.Random(3)
     bills = [
-        [Decimal(rng.randrange(100, 99_999)).scaleb(-2) for _ in ("net", "tax")] for _ in range(9)
+        [Decimal(rng.randrange(100, 99_999)).scaleb(-2) for _ in ("net", "tax")]
+        for _ in range(9)
     ]
     cells = {}
     for row, (net, tax) in enumerate(bills):
         for column, value in {"net": net, "tax": tax, "gross": net + tax}.items():
             name, number = f"{row}.{column}", PrintedNumber(str(value))
-            cells[f"bill#{name}"] = Cell("bill", name, name, number, "1", "derived", "bill")
+            cells[f"bill#{name}"] = Cell(
+                "bill", name, name, number, "1", "derived", "bill"
+            )
     text = """
     [[relations.all]]
     name = "sum-{r}"
@@ -96,7 +109,9 @@ def test_a_check_fails_where_the_study_says_otherwise(monkeypatch, words):
     cells = ["niu2024/table-2#scale.red", "niu2024/table-2#scale.blue"]
     made = STORED[STORED["cell"].isin(cells)].reset_index(drop=True)
     asked = []
-    monkeypatch.setattr(planted_slips, "study", lambda chosen=None: asked.append(chosen) or made)
+    monkeypatch.setattr(
+        planted_slips, "study", lambda chosen=None: asked.append(chosen) or made
+    )
     monkeypatch.setattr("sys.argv", ["planted_slips.py", *words])
     with pytest.raises(SystemExit) as end:
         planted_slips.main()

@@ -43,7 +43,10 @@ def test_address_and_doi_are_told_once_there_are_some(monkeypatch):
     monkeypatch.setattr(release, "DOI", "10.1/x")
     citation, code = yaml.safe_load(release.citation()), json.loads(release.codemeta())
     assert (citation["url"], citation["doi"]) == ("https://example.org/book", "10.1/x")
-    assert (code["url"], code["identifier"]) == (citation["url"], "https://doi.org/10.1/x")
+    assert (code["url"], code["identifier"]) == (
+        citation["url"],
+        "https://doi.org/10.1/x",
+    )
 
 
 # The data as a Frictionless package.
@@ -66,9 +69,15 @@ def faults(data):
 
 def test_the_data_are_a_valid_package_that_leaves_out_no_file(data):
     assert faults(data) == []
-    listed = json.loads((data / "datapackage.json").read_text(encoding="utf-8"))["resources"]
-    files = {path.relative_to(data).as_posix() for path in data.rglob("*") if path.is_file()}
-    described = {path for path in files if path.endswith(("README.md", "datapackage.json"))}
+    listed = json.loads((data / "datapackage.json").read_text(encoding="utf-8"))[
+        "resources"
+    ]
+    files = {
+        path.relative_to(data).as_posix() for path in data.rglob("*") if path.is_file()
+    }
+    described = {
+        path for path in files if path.endswith(("README.md", "datapackage.json"))
+    }
     assert {one["path"] for one in listed} == files - described
     assert len({one["name"] for one in listed}) == len(listed)
 
@@ -77,8 +86,18 @@ def test_the_data_are_a_valid_package_that_leaves_out_no_file(data):
     ("name", "old", "new", "fault"),
     [
         ("stars/spectra.csv", "390,", "red,", "type-error"),
-        ("printed/second-entry.csv", "address,value", "address,number", "incorrect-label"),
-        ("datapackage.json", '"path": "errata.toml"', '"path": "nothing.toml"', "scheme-error"),
+        (
+            "printed/second-entry.csv",
+            "address,value",
+            "address,number",
+            "incorrect-label",
+        ),
+        (
+            "datapackage.json",
+            '"path": "errata.toml"',
+            '"path": "nothing.toml"',
+            "scheme-error",
+        ),
     ],
 )
 def test_a_slip_in_the_data_is_seen(data, name, old, new, fault):
@@ -98,7 +117,9 @@ def known(value, context):
         return all(known(one, context) for one in value)
     if not isinstance(value, dict):
         return True
-    names = {name for name in value if not name.startswith("@")} | {value.get("@type", "name")}
+    names = {name for name in value if not name.startswith("@")} | {
+        value.get("@type", "name")
+    }
     return names <= set(context) and all(known(one, context) for one in value.values())
 
 
@@ -109,7 +130,9 @@ def test_codemeta_says_only_what_its_context_knows():
     text = (CONTEXTS / "codemeta-3.0-context.json").read_text(encoding="utf-8")
     context = json.loads(text)["@context"] | more
     assert known(document, context)
-    assert not known(document | {"author": {"@type": "Organization", "title": "x"}}, context)
+    assert not known(
+        document | {"author": {"@type": "Organization", "title": "x"}}, context
+    )
 
 
 @pytest.mark.filterwarnings("ignore:ConjunctiveGraph is deprecated:DeprecationWarning")
@@ -144,7 +167,9 @@ def crate(tmp_path, monkeypatch):
     folder = tmp_path / "crate"
     folder.mkdir()
     for end in release.FILES:
-        (folder / (end if end in release.TAKEN else f"x{end}")).write_text(end, encoding="utf-8")
+        (folder / (end if end in release.TAKEN else f"x{end}")).write_text(
+            end, encoding="utf-8"
+        )
     release.write_crate(folder)
     return folder
 
@@ -166,9 +191,9 @@ def test_the_crate_is_valid(crate):
     path = crate / "ro-crate-metadata.json"
     document = json.loads(path.read_text(encoding="utf-8"))
     root = next(one for one in document["@graph"] if one["@id"] == "./")
-    assert {part["@id"] for part in root["hasPart"]} == {p.name for p in crate.iterdir()} - {
-        path.name
-    }
+    assert {part["@id"] for part in root["hasPart"]} == {
+        p.name for p in crate.iterdir()
+    } - {path.name}
     del root["license"]
     path.write_text(json.dumps(document), encoding="utf-8")
     (fault,) = missed(crate)
@@ -211,7 +236,9 @@ def test_a_release_made_twice_elsewhere_is_the_same(tmp_path):
         release.make(site(tmp_path / place / "html", names), folder)
         made.append({path.name: path.read_bytes() for path in folder.iterdir()})
     assert made[0] == made[1]
-    absent = {end for end in release.FILES if not any(name.endswith(end) for name in made[0])}
+    absent = {
+        end for end in release.FILES if not any(name.endswith(end) for name in made[0])
+    }
     assert absent == set(release.TAKEN) - set(SITE)
     sums = made[0].pop("SHA256SUMS").decode()
     told = {name: sha256(content).hexdigest() for name, content in made[0].items()}
@@ -222,7 +249,9 @@ def test_a_release_made_twice_elsewhere_is_the_same(tmp_path):
             assert str(ROOT).encode() not in content, name
     packed = insides(folder / f"reproduce-pointing-{__version__}-site.zip")
     start = f"reproduce-pointing-{__version__}-site/"
-    assert packed == {start + name: text.encode() for name, text in sorted(SITE.items())}
+    assert packed == {
+        start + name: text.encode() for name, text in sorted(SITE.items())
+    }
     assert list(packed) == sorted(packed)
 
 
@@ -236,20 +265,26 @@ def test_what_is_not_equal_is_not_kept(tmp_path, monkeypatch):
     with pytest.raises(SystemExit, match="not equal:\nfirst  b\nsecond  b"):
         release.release(tmp_path, target)
     assert not target.exists()
-    monkeypatch.setattr(release, "make", lambda html, folder: folder.mkdir() or "same  a\n")
+    monkeypatch.setattr(
+        release, "make", lambda html, folder: folder.mkdir() or "same  a\n"
+    )
     release.release(tmp_path, target)
     assert target.is_dir()
 
 
 def test_the_verdicts_that_are_kept_are_the_frozen_ones():
     kept = tomllib.loads(release.kept())
-    verdicts = {cell: word for word, cells in kept["verdicts"].items() for cell in cells}
+    verdicts = {
+        cell: word for word, cells in kept["verdicts"].items() for cell in cells
+    }
     assert verdicts == {cell: one.verdict for cell, one in frozen().items()}
     assert kept["version"] == __version__
 
 
 def test_the_marks_of_citations_are_kept_with_those_of_earlier_releases(monkeypatch):
-    monkeypatch.setattr(release, "released", lambda: {"0.0.1, 2026-01-01, commit x": ["rp:0"]})
+    monkeypatch.setattr(
+        release, "released", lambda: {"0.0.1, 2026-01-01, commit x": ["rp:0"]}
+    )
     kept = tomllib.loads(release.kept())["marks"]
     assert kept.pop("0.0.1, 2026-01-01, commit x") == ["rp:0"]
     ((source, marks),) = kept.items()
@@ -265,15 +300,23 @@ def test_the_marks_of_citations_are_kept_with_those_of_earlier_releases(monkeypa
 def test_the_workflow_runs_what_there_is_and_pins_what_it_uses():
     text = (ROOT / ".github/workflows/release.yml").read_text(encoding="utf-8")
     jobs = yaml.safe_load(text)["jobs"]
-    targets = re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.M)
+    targets = re.findall(
+        r"^([a-z-]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.M
+    )
     steps = [step for job in jobs.values() for step in job["steps"]]
     runs = [step["run"].split() for step in steps if "run" in step]
-    assert {tuple(run[:3]) for run in runs if run[0] != "make"} == {("gh", "release", "create")}
+    assert {tuple(run[:3]) for run in runs if run[0] != "make"} == {
+        ("gh", "release", "create")
+    }
     assert {run[1] for run in runs if run[0] == "make"} <= set(targets)
     used = [step["uses"] for step in steps if "uses" in step]
     assert used
-    assert [one for one in used if not re.fullmatch(r"[\w-]+/[\w-]+@[0-9a-f]{40}", one)] == []
-    assert all(set(job.get("needs", "build").split()) <= set(jobs) for job in jobs.values())
+    assert [
+        one for one in used if not re.fullmatch(r"[\w-]+/[\w-]+@[0-9a-f]{40}", one)
+    ] == []
+    assert all(
+        set(job.get("needs", "build").split()) <= set(jobs) for job in jobs.values()
+    )
     told = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
     environments = {job["environment"] for job in jobs.values() if "environment" in job}
     assert [name for name in environments if f"`{name}`" not in told] == []

@@ -16,7 +16,9 @@ def test_only_cells_that_carry_information_count():
     assert niu.cells == ("niu2024/table-2#scale.red", "niu2024/table-2#scale.blue")
     red = (25.0 / 25.0601 - 0.9976) / 1e-4
     assert niu.values[0] == pytest.approx(red, abs=1e-6)
-    assert chen.cells == ()  # exact differences of equal decimals, and numbers printed twice
+    assert (
+        chen.cells == ()
+    )  # exact differences of equal decimals, and numbers printed twice
     assert chen.exact > 10
     assert np.isnan(chen.probability)
 
@@ -33,12 +35,20 @@ def test_every_law_is_the_one_of_its_formula():
     for item in catalogue().values():
         for computation in item.computations:
             if computation.key in {"niu2024/table-2", "chen2023/table-5"}:
-                laws |= _laws(computation, judged, 2000) if not computation.replicates else {}
+                laws |= (
+                    _laws(computation, judged, 2000)
+                    if not computation.replicates
+                    else {}
+                )
     law, seen = laws["niu2024/table-2#scale.red"]
     assert seen == pytest.approx((25.0 / 25.0601 - 0.9976) / 1e-4, abs=1e-6)
     # Focal lengths to a tenth of a micrometre move the scale by a twentieth of its last digit.
-    assert np.quantile(law, [0.25, 0.5, 0.75]) == pytest.approx([-0.25, 0, 0.25], abs=0.05)
-    steps, counts = np.unique(np.round(laws["chen2023/table-5#2.motion-x"][0]), return_counts=True)
+    assert np.quantile(law, [0.25, 0.5, 0.75]) == pytest.approx(
+        [-0.25, 0, 0.25], abs=0.05
+    )
+    steps, counts = np.unique(
+        np.round(laws["chen2023/table-5#2.motion-x"][0]), return_counts=True
+    )
     assert steps.tolist() == [-1, 0, 1]
     # The rounding errors of two numbers differ by half a unit or more in one case of four.
     assert counts / 2000 == pytest.approx([1 / 8, 3 / 4, 1 / 8], abs=0.03)
@@ -48,7 +58,9 @@ def test_transforms_are_even_under_their_own_law_and_leave_repeats_out():
     ledger = build(["chen2023/table-5", "chen2023/text-positioning"])
     found = unrounded(ledger, "chen2023", 400)
     assert not any("text-positioning" in cell for cell in found.cells)
-    assert len(found.cells) == 15  # seven motions and eight differences; the zeros say nothing
+    assert (
+        len(found.cells) == 15
+    )  # seven motions and eight differences; the zeros say nothing
     assert found.exact == residuals(ledger, "chen2023").exact
     assert 0 < found.probability <= 1
     assert ((found.values >= 0) & (found.values <= 1)).all()
@@ -63,4 +75,6 @@ def test_the_distance_from_the_uniform_law():
 
 
 def test_the_stored_study_is_what_is_found_again():
-    pd.testing.assert_frame_equal(study(), studies.table(NAME), check_dtype=False, rtol=1e-9)
+    pd.testing.assert_frame_equal(
+        study(), studies.table(NAME), check_dtype=False, rtol=1e-9
+    )

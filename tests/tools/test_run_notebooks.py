@@ -72,14 +72,19 @@ def shown(book: Path, path: Path) -> str:
     """Return what the cached notebook of a page shows."""
     with cache_of(book) as cache:
         _, notebook = cache.merge_match_into_notebook(read(path))
-    return "".join(output["text"] for cell in notebook.cells for output in cell.get("outputs", []))
+    return "".join(
+        output["text"] for cell in notebook.cells for output in cell.get("outputs", [])
+    )
 
 
 @pytest.mark.slow
 def test_notebooks_run_apart_from_each_other_in_warm_kernels(book, capsys) -> None:
     code = "import os, sys\nleft = globals().get('left', 0) + 1\n"
     code += "print(left, 'pandas' in sys.modules, os.getcwd())"
-    one, two = page(book, "one.md", code), page(book, "part/two.md", code + "  # another")
+    one, two = (
+        page(book, "one.md", code),
+        page(book, "part/two.md", code + "  # another"),
+    )
     assert run_all(book, 2)
     assert shown(book, one) == f"1 True {book}\n"
     assert shown(book, two) == f"1 True {book / 'part'}\n"
@@ -91,16 +96,22 @@ def test_notebooks_run_apart_from_each_other_in_warm_kernels(book, capsys) -> No
 @pytest.mark.slow
 def test_pieces_of_one_stream_are_one_output(book) -> None:
     """Where a kernel cuts a stream hangs on the moment, and the page would differ."""
-    path = page(book, "one.md", "import time\nprint(1, flush=True)\ntime.sleep(1)\nprint(2)")
+    path = page(
+        book, "one.md", "import time\nprint(1, flush=True)\ntime.sleep(1)\nprint(2)"
+    )
     assert run_all(book, 1)
     with cache_of(book) as cache:
         _, notebook = cache.merge_match_into_notebook(read(path))
-    assert [one["text"] for cell in notebook.cells for one in cell.get("outputs", [])] == ["1\n2\n"]
+    assert [
+        one["text"] for cell in notebook.cells for one in cell.get("outputs", [])
+    ] == ["1\n2\n"]
 
 
 @pytest.mark.slow
 def test_a_figure_is_an_output_of_a_warm_kernel(book) -> None:
-    path = page(book, "one.md", "import matplotlib.pyplot as plt\nline = plt.plot([1, 2])")
+    path = page(
+        book, "one.md", "import matplotlib.pyplot as plt\nline = plt.plot([1, 2])"
+    )
     assert run_all(book, 1)
     with cache_of(book) as cache:
         _, notebook = cache.merge_match_into_notebook(read(path))

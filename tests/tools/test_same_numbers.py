@@ -3,7 +3,16 @@
 import pytest
 
 import same_numbers
-from same_numbers import ELSEWHERE, PLAIN, ROOT, USUAL, apart, as_it_is, differences, settings
+from same_numbers import (
+    ELSEWHERE,
+    PLAIN,
+    ROOT,
+    USUAL,
+    apart,
+    as_it_is,
+    differences,
+    settings,
+)
 
 DRAWING = '<b>one</b><svg><path id="p0123456789" d="M 1.5 {} L 3e-05 4"/></svg>'
 
@@ -31,8 +40,14 @@ def test_next_to_nothing_is_no_difference(one, other):
     [
         (1.0, 1.0 + 5e-12),
         (0.0, 1e-30),
-        ({"interval": [1.0, 2.0], "share": 1e-5}, {"interval": [1.0, 2.0], "share": 1e-5 + 1e-15}),
-        ({"interval": None, "tolerance": 1e-5}, {"interval": None, "tolerance": 1e-5 + 1e-15}),
+        (
+            {"interval": [1.0, 2.0], "share": 1e-5},
+            {"interval": [1.0, 2.0], "share": 1e-5 + 1e-15},
+        ),
+        (
+            {"interval": None, "tolerance": 1e-5},
+            {"interval": None, "tolerance": 1e-5 + 1e-15},
+        ),
         (1.0, 1),
         (True, False),
         ([1.0], [1.0, 2.0]),
@@ -55,7 +70,9 @@ def test_at_least_three_settings_are_tried():
 
 
 def test_a_setting_reaches_the_arithmetic():
-    usual, plain = (apart(settings()[name], ROOT, ["notation.md"]) for name in (USUAL, PLAIN))
+    usual, plain = (
+        apart(settings()[name], ROOT, ["notation.md"]) for name in (USUAL, PLAIN)
+    )
     assert plain["arithmetic"]["instructions"] == []
     assert plain["arithmetic"] != usual["arithmetic"]
     assert (
@@ -83,13 +100,21 @@ def test_what_is_put_in_from_outside_is_no_setting(monkeypatch):
 
 @pytest.mark.parametrize(
     ("page", "moved", "wrong"),
-    [("posteriors/own.md", 0.01, 0), ("posteriors/own.md", 0.1, 1), ("data.md", 0.01, 1)],
+    [
+        ("posteriors/own.md", 0.01, 0),
+        ("posteriors/own.md", 0.1, 1),
+        ("data.md", 0.01, 1),
+    ],
 )
-def test_drawings_of_draws_alone_may_move_by_what_nobody_sees(monkeypatch, page, moved, wrong):
+def test_drawings_of_draws_alone_may_move_by_what_nobody_sees(
+    monkeypatch, page, moved, wrong
+):
     def made_up(environment, root, pages):
         away = moved * ("Prescott" in environment.values())
         drawn = f'<svg><path d="M {1 + away:.3f} 2"/></svg>'
-        shown = {one: {"words": {}, "texts": [drawn if one == page else ""]} for one in pages}
+        shown = {
+            one: {"words": {}, "texts": [drawn if one == page else ""]} for one in pages
+        }
         return {"arithmetic": dict(environment), "pages": shown, "ledger": {}}
 
     monkeypatch.setattr(same_numbers, "apart", made_up)

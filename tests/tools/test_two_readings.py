@@ -30,7 +30,9 @@ def test_a_relation_that_no_reading_found_is_refused(monkeypatch):
 
 def test_the_third_reading_is_counted_against_all_others():
     assert by_the_third("third", again=False) == "second"
-    assert {by_the_third(name, again=True) for name in ("first", "both", "merging")} == {"both"}
+    assert {
+        by_the_third(name, again=True) for name in ("first", "both", "merging")
+    } == {"both"}
     assert by_the_third("merging", again=False) == "first"
     row = studies.table(NAME).set_index("what").loc["third"]
     assert (row[["first", "second", "both"]] > 0).all()

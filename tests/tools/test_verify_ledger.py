@@ -18,7 +18,9 @@ def written(tmp_path_factory):
     ledger_file, readings_file = folder / "ledger.json", folder / "readings.csv"
     ledger_file.write_text(ledger.build().model_dump_json(), encoding="utf-8")
     about = {"software": "made here"}
-    readings_file.write_text(export_frame(readings_frame(), "csv", about), encoding="utf-8")
+    readings_file.write_text(
+        export_frame(readings_frame(), "csv", about), encoding="utf-8"
+    )
     return ledger_file, readings_file
 
 
@@ -36,24 +38,34 @@ def follows(record, readings):
     return verify_ledger.follows(record, readings.get(record["cell"], []))
 
 
-def test_every_verdict_follows_from_its_record_and_its_readings(written, records, capsys):
+def test_every_verdict_follows_from_its_record_and_its_readings(
+    written, records, capsys
+):
     assert verify_ledger.main(*written) == 0
     assert capsys.readouterr().out.startswith("343 of 343 verdicts follow")
     assert {one["verdict"] for one in records} == set(ledger.VERDICTS)
 
 
-@pytest.mark.parametrize("word", ["exact", "consistent", "differs", "ambiguous", "unpublished"])
+@pytest.mark.parametrize(
+    "word", ["exact", "consistent", "differs", "ambiguous", "unpublished"]
+)
 def test_another_verdict_does_not_follow(records, readings, word):
     for one in records:
         if one["role"] == "result" and one["verdict"] != word:
             assert not follows(one | {"verdict": word}, readings), one["cell"]
 
 
-def test_other_numbers_do_not_lead_to_the_same_verdict(written, records, tmp_path, capsys):
-    exact = next(r for r in records if r["verdict"] == "exact" and "bound" not in r["flags"])
+def test_other_numbers_do_not_lead_to_the_same_verdict(
+    written, records, tmp_path, capsys
+):
+    exact = next(
+        r for r in records if r["verdict"] == "exact" and "bound" not in r["flags"]
+    )
     far = {"computed": 1e9, "interval": [1e9, 1e9]}
     moved = [exact | far if one is exact else one for one in records]
-    (tmp_path / "ledger.json").write_text(json.dumps({"records": moved}), encoding="utf-8")
+    (tmp_path / "ledger.json").write_text(
+        json.dumps({"records": moved}), encoding="utf-8"
+    )
     assert verify_ledger.main(tmp_path / "ledger.json", written[1]) == 1
     assert exact["cell"] in capsys.readouterr().out
 
@@ -67,8 +79,12 @@ def test_a_reading_left_out_or_changed_is_seen(records, readings):
         assert verify_ledger.follows(one, every)
         assert not verify_ledger.follows(one, every[1:])
         far = {"computed": 1e9, "interval": (1e9, 1e9), "probability": None}
-        agreeing = next(r for r in every if verify_ledger.judged(r, one["stands_for"]) != "differs")
-        assert not verify_ledger.follows(one, [far if r is agreeing else r for r in every])
+        agreeing = next(
+            r for r in every if verify_ledger.judged(r, one["stands_for"]) != "differs"
+        )
+        assert not verify_ledger.follows(
+            one, [far if r is agreeing else r for r in every]
+        )
 
 
 def test_it_needs_python_alone():

@@ -33,7 +33,9 @@ def ids(text):
 
 
 def run(*arguments, columns=80):
-    return CliRunner(env={"COLUMNS": str(columns), "TERM": "dumb"}).invoke(main, arguments)
+    return CliRunner(env={"COLUMNS": str(columns), "TERM": "dumb"}).invoke(
+        main, arguments
+    )
 
 
 def test_the_audit_of_a_paper_fits_the_terminal():
@@ -52,7 +54,9 @@ def test_the_audit_as_json():
     told = json.loads(run("audit", "--json").stdout)
     found = [audit_paper(paper) for paper in ("niu2024", "chen2023")]
     assert [row["name"] for row in told["score"]] == ["niu2024", "chen2023"]
-    assert [row["Held against others"] for row in told["score"]] == [len(a.examined) for a in found]
+    assert [row["Held against others"] for row in told["score"]] == [
+        len(a.examined) for a in found
+    ]
     assert len(told["relations"]) == sum(len(a.findings) for a in found)
     outcomes = Counter(r["outcome"] for r in told["relations"] if not r["supposition"])
     assert outcomes == Counter(f.outcome for a in found for f in a.read)
@@ -85,7 +89,9 @@ def test_a_relation_that_restates_a_cell_links_to_it():
         links = re.findall(r'restates <a href="#([^"]+)"', text)
         findings = audit_paper(paper).findings
         addresses = [f.relation.restates.partition(" (")[0] for f in findings]
-        assert sorted(links) == sorted(anchor(address) for address in addresses if address)
+        assert sorted(links) == sorted(
+            anchor(address) for address in addresses if address
+        )
         cells = {cell.anchor for table in library().values() for cell in table.cells}
         assert set(links) <= cells
 
@@ -99,7 +105,9 @@ def test_a_generated_name_leads_to_its_declaration():
         for finding in audit_paper(paper).findings:
             pattern = finding.relation.declared
             assert f'name = "{pattern}"' in source
-            assert pattern == finding.relation.name or f"<small>{pattern}</small>" in text
+            assert (
+                pattern == finding.relation.name or f"<small>{pattern}</small>" in text
+            )
     found = json.loads(run("audit", "chen2023", "--json").stdout)
     by_name = {r["name"]: r for r in found["relations"]}
     assert by_name["motion-4-y"]["declared"] == "motion-{state}-{axis}"
@@ -108,7 +116,9 @@ def test_a_generated_name_leads_to_its_declaration():
 
 @pytest.mark.parametrize("paper", ["niu2024", "chen2023"])
 def test_every_relation_has_its_anchor_and_every_evidence_its_link(paper):
-    anchors = re.findall(r'<tr id="([^"]+)"', rp.contradictions(paper)["relations"]._repr_html_())
+    anchors = re.findall(
+        r'<tr id="([^"]+)"', rp.contradictions(paper)["relations"]._repr_html_()
+    )
     assert len(anchors) == len(set(anchors)) == len(audit_paper(paper).findings)
     shown = errata() + errata("suppositions")
     links = re.findall(r'href="#([^"]+)"', shown)
@@ -121,13 +131,17 @@ def test_every_erratum_has_a_row_that_leads_to_its_folded_entry(supposed):
     register = errata_register()
     text = errata("suppositions" if supposed else "errata")
     anchors = ids(text)
-    assert sorted(anchors) == sorted(e.id for e in register if bool(e.supposition) == supposed)
+    assert sorted(anchors) == sorted(
+        e.id for e in register if bool(e.supposition) == supposed
+    )
     assert re.findall(r'<tr><th scope="row"><a href="#([^"]+)"', text) == anchors
     entries = re.findall(r"<details(?: [^>]*)?>.*?</details>", text, flags=re.DOTALL)
     assert [re.search(r'id="([^"]+)"', entry).group(1) for entry in entries] == anchors
     assert text.count(">Supposing that</th>") == len(anchors) * supposed
     replies = re.findall('none yet; <a href="#letter-([^"]+)">how to answer</a>', text)
-    unanswered = [e for e in register if bool(e.supposition) == supposed and not e.reply]
+    unanswered = [
+        e for e in register if bool(e.supposition) == supposed and not e.reply
+    ]
     assert sorted(replies) == sorted(e.paper for e in unanswered)
 
 
@@ -141,7 +155,9 @@ def test_errata_come_by_consequence():
     assert ranks == sorted(ranks)
     counts = [resting[name] for name in shown]
     for rank in set(ranks):
-        within = [count for count, own in zip(counts, ranks, strict=True) if own == rank]
+        within = [
+            count for count, own in zip(counts, ranks, strict=True) if own == rank
+        ]
         assert within == sorted(within, reverse=True)
     assert shown[:2] == ["niu2024-table-3-scale", "chen2023-table-5-columns"]
 
@@ -160,10 +176,14 @@ def test_a_differs_links_to_its_erratum():
 @pytest.mark.parametrize("paper", ["niu2024", "chen2023"])
 def test_pages_show_equations_and_sets(paper):
     shown = rp.contradictions(paper)
-    assert shown["equations"]._repr_html_().count("<tr>") == 1 + len(audit_paper(paper).equations)
+    assert shown["equations"]._repr_html_().count("<tr>") == 1 + len(
+        audit_paper(paper).equations
+    )
     sets = shown["sets"]._repr_html_()
     assert sets.count("<tr>") == 1 + len(audit_paper(paper).conflicts)
-    wrong = {f.relation.name for f in audit_paper(paper).read if f.outcome == "contradicts"}
+    wrong = {
+        f.relation.name for f in audit_paper(paper).read if f.outcome == "contradicts"
+    }
     joint = [c for c in audit_paper(paper).conflicts if not wrong & set(c.relations)]
     assert sets.count(JOINT) == len(joint)
 
@@ -171,7 +191,10 @@ def test_pages_show_equations_and_sets(paper):
 def test_an_erratum_shows_the_verdicts_that_rest_on_it():
     section = entry("chen2023-table-5-motion")
     link = '<a href="#chen2023-table-5-4-motion-y">'
-    assert f"{link}<code>table-5#4.motion-y</code></a>: 60.66\u202fµm printed, 60.36" in section
+    assert (
+        f"{link}<code>table-5#4.motion-y</code></a>: 60.66\u202fµm printed, 60.36"
+        in section
+    )
     section = entry("chen2023-table-5-columns")
     assert "2.reference-y</code></a>: −2.006″ printed, agrees with 3 of 6" in section
 
@@ -184,7 +207,9 @@ def test_the_evidence_on_a_shared_number_says_what_each_pair_asks_for():
         entry("chen2023-table-5-columns"),
     )
     ends = [
-        (20.27 + side * 0.005) * 1e-3 / math.tan((2.006 - side * 0.0005) * math.pi / 648000)
+        (20.27 + side * 0.005)
+        * 1e-3
+        / math.tan((2.006 - side * 0.0005) * math.pi / 648000)
         for side in (-1, 1)
     ]
     assert [float(end) for end in told.groups()] == pytest.approx(ends, rel=1e-5)

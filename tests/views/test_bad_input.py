@@ -84,7 +84,9 @@ def test_a_power_stays_a_power_in_plain_signs():
 
 
 @pytest.mark.parametrize("encoding", ["ascii", "cp1252"])
-@pytest.mark.parametrize("command", [["show", "niu2024/table-3"], ["audit", "chen2023"]])
+@pytest.mark.parametrize(
+    "command", [["show", "niu2024/table-3"], ["audit", "chen2023"]]
+)
 def test_a_stream_that_cannot_encode_a_sign_gets_a_plain_one(encoding, command):
     environment = os.environ | {"PYTHONIOENCODING": encoding, "COLUMNS": "80"}
     arguments = [sys.executable, "-m", "reproduce", *command]
@@ -98,7 +100,9 @@ def test_a_stream_that_cannot_encode_a_sign_gets_a_plain_one(encoding, command):
 def test_a_stream_without_room_is_one_line():
     with Path("/dev/full").open("w") as full:
         command = [sys.executable, "-m", "reproduce", "show", "niu2024/table-1"]
-        result = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, check=False)
+        result = subprocess.run(
+            command, stdout=full, stderr=subprocess.PIPE, check=False
+        )
     assert result.returncode == 1
     assert result.stderr.decode().splitlines() == [
         "reproduce: cannot write: No space left on device"
@@ -121,12 +125,16 @@ def test_a_deeply_nested_platform_is_refused(tmp_path):
     path.write_text(f"a={'[' * 5000}{']' * 5000}")
     with pytest.raises(ValueError, match=r"deep\.toml: expected TOML"):
         rp.misalignment("-", platform=path)
-    result = CliRunner().invoke(main, ["misalignment", "-", "--platform", str(path), "--json"])
+    result = CliRunner().invoke(
+        main, ["misalignment", "-", "--platform", str(path), "--json"]
+    )
     assert result.exit_code == 2
     assert "deep.toml" in json.loads(result.stdout)["error"]
 
 
-@pytest.mark.parametrize("value", [10**400, -(10**400), float("inf"), float("nan"), True, "1e999"])
+@pytest.mark.parametrize(
+    "value", [10**400, -(10**400), float("inf"), float("nan"), True, "1e999"]
+)
 def test_a_value_beyond_all_numbers_is_refused(value):
     table = rp.table("niu2024/table-3")
     address = "niu2024/text-simulation#noise"
@@ -145,7 +153,9 @@ def test_a_device_without_an_end_is_refused():
     with pytest.raises(ValueError, match=r"^/dev/zero: expected a"):
         rp.register("/dev/zero")
     assert (
-        CliRunner().invoke(main, ["posterior", "registration", "--data", "/dev/zero"]).exit_code
+        CliRunner()
+        .invoke(main, ["posterior", "registration", "--data", "/dev/zero"])
+        .exit_code
         == 2
     )
 
@@ -159,7 +169,9 @@ def test_a_wide_table_takes_linear_time(tmp_path):
         stars = ("0,0,1,2", "9,0,10,2.1", "0,9,1,11.1", "9,9,10,11")
         path = tmp_path / f"{columns}.csv"
         path.write_text(
-            "\n".join([f"x,y,x_reference,y_reference,{names}", *(s + numbers for s in stars)])
+            "\n".join(
+                [f"x,y,x_reference,y_reference,{names}", *(s + numbers for s in stars)]
+            )
         )
         begin = time.process_time()
         rp.register(path)

@@ -64,8 +64,15 @@ def test_a_page_holds_what_cards_say_without_a_script(key):
         assert f'<a href="#{place}">{one.name}</a> ({one.line})' in made
         assert f'id="{place}">{escape(text_of(one.function))}</pre>' in html
         for number in one.equations:
-            assert f'href="#equation-{key.partition("/")[0]}-{number}">({number})</a>' in made
-        seed = f"{one.entropy[1]} of this function; {one.replicates:,}" if one.replicates else ""
+            assert (
+                f'href="#equation-{key.partition("/")[0]}-{number}">({number})</a>'
+                in made
+            )
+        seed = (
+            f"{one.entropy[1]} of this function; {one.replicates:,}"
+            if one.replicates
+            else ""
+        )
         assert seed in made
     said = unescape(html)
     for cell in library()[key].cells:
@@ -97,9 +104,13 @@ def test_the_book_carries_what_the_bars_offer(tmp_path):
     table = tmp_path / "figures" / "niu2024-fig-2.csv"
     assert list(pd.read_csv(table, comment="#")) == ["panel", "curve", "x", "y"]
     cited = rp.cite("niu2024/fig-2", "text").splitlines()
-    assert table.read_text(encoding="utf-8").splitlines()[1] == f"# citation: {cited[0]}"
+    assert (
+        table.read_text(encoding="utf-8").splitlines()[1] == f"# citation: {cited[0]}"
+    )
     assert cited[1] in table.with_suffix(".svg").read_text(encoding="utf-8")
-    assert (tmp_path / "figures" / "niu2024-fig-2.png").read_bytes().startswith(b"\x89PNG")
+    assert (
+        (tmp_path / "figures" / "niu2024-fig-2.png").read_bytes().startswith(b"\x89PNG")
+    )
 
 
 def test_a_build_draws_a_figure_once(tmp_path, monkeypatch):
@@ -107,7 +118,9 @@ def test_a_build_draws_a_figure_once(tmp_path, monkeypatch):
     computed.kept.cache_clear()
     try:
         figures.write_figure("niu2024/fig-2", tmp_path)
-        monkeypatch.setattr(figures, "painted", lambda paint, **_: pytest.fail("drawn again"))
+        monkeypatch.setattr(
+            figures, "painted", lambda paint, **_: pytest.fail("drawn again")
+        )
         shown = figures._in_build("niu2024/fig-2")
         assert shown.narrow.startswith("<svg")
         file = tmp_path / "figures" / "niu2024-fig-2.svg"

@@ -33,14 +33,18 @@ FIELDS = (
 
 
 def run(*arguments, columns=80):
-    return CliRunner(env={"COLUMNS": str(columns), "TERM": "dumb"}).invoke(main, arguments)
+    return CliRunner(env={"COLUMNS": str(columns), "TERM": "dumb"}).invoke(
+        main, arguments
+    )
 
 
 def test_list_names_every_item_in_order_of_print():
     result = run("list")
     assert result.exit_code == 0
     shown = [
-        line.split()[0] for line in result.stdout.splitlines() if re.search(r"(2024|2023)/", line)
+        line.split()[0]
+        for line in result.stdout.splitlines()
+        if re.search(r"(2024|2023)/", line)
     ]
     assert shown == [*catalogue(), *studies()]
     told = next(line for line in result.stdout.splitlines() if "chen2023/heat" in line)
@@ -57,7 +61,14 @@ def test_check_of_everything_ends_with_zero():
     result = run("check")
     assert result.exit_code == 0, result.output
     assert "All 343 verdicts are as frozen." in result.stdout
-    for verdict in ("exact", "consistent", "differs", "ambiguous", "unpublished", "input"):
+    for verdict in (
+        "exact",
+        "consistent",
+        "differs",
+        "ambiguous",
+        "unpublished",
+        "input",
+    ):
         assert verdict in result.stdout
 
 
@@ -93,7 +104,9 @@ def test_check_ends_with_one_and_names_the_cells_that_differ(monkeypatch):
         ("chen2023/table-3", '"0.057"', '"0.058"'),
     ],
 )
-def test_check_names_the_file_with_a_changed_input(tmp_path, monkeypatch, name, digits, changed):
+def test_check_names_the_file_with_a_changed_input(
+    tmp_path, monkeypatch, name, digits, changed
+):
     """Both are inputs: no verdict notices such a digit."""
     shutil.copytree(data_folder() / "printed", tmp_path / "printed")
     path = tmp_path / "printed" / f"{name}.toml"
@@ -115,7 +128,9 @@ def test_check_takes_the_name_of_a_paper():
     found = front.check("niu2024", "chen2023/table-5").ledger
     own = [key for key in catalogue() if key.startswith("niu2024/")]
     assert found.records == front.check(*own, "chen2023/table-5").ledger.records
-    assert {record.key for record in found.records} == {*own, "chen2023/table-5"} & set(library())
+    assert {record.key for record in found.records} == {*own, "chen2023/table-5"} & set(
+        library()
+    )
 
 
 def test_check_counts_weak_agreement_apart():
@@ -125,7 +140,9 @@ def test_check_counts_weak_agreement_apart():
     assert line.split()[-1] == "17"
 
 
-@pytest.mark.parametrize("command", [["check"], ["show"], ["export", "--format", "csv"], ["cite"]])
+@pytest.mark.parametrize(
+    "command", [["check"], ["show"], ["export", "--format", "csv"], ["cite"]]
+)
 def test_unknown_keys_get_suggestions_and_exit_code_two(command):
     result = run(*command, "niu2024/tabel-3")
     assert result.exit_code == 2
@@ -185,7 +202,9 @@ def test_the_score_of_the_check_breaks_no_word():
 def test_wide_terminals_show_more():
     wide = run("show", "niu2024/table-3", columns=240).stdout
     assert "predicted, central 99 %" in wide
-    assert "allowed by rounded inputs" not in wide, "of a table that is drawn, nothing is"
+    assert "allowed by rounded inputs" not in wide, (
+        "of a table that is drawn, nothing is"
+    )
 
 
 def test_show_of_a_figure_says_how_to_draw_it():
@@ -194,7 +213,10 @@ def test_show_of_a_figure_says_how_to_draw_it():
 
 def test_no_progress_bar_in_a_pipe():
     result = subprocess.run(
-        [sys.executable, "-m", "reproduce", "check"], capture_output=True, text=True, check=True
+        [sys.executable, "-m", "reproduce", "check"],
+        capture_output=True,
+        text=True,
+        check=True,
     )
     assert result.stderr == ""
     assert "\x1b" not in result.stdout
@@ -212,7 +234,11 @@ def test_figures_are_written(tmp_path):
     ("key", "out", "message"),
     [
         ("niu2024/table-1", "x.svg", "has no figure; these have one"),
-        ("niu2024/fig-4", "x.bmp", "--out: expected one of the endings .svg, .pdf, .png"),
+        (
+            "niu2024/fig-4",
+            "x.bmp",
+            "--out: expected one of the endings .svg, .pdf, .png",
+        ),
     ],
 )
 def test_figures_that_cannot_be_drawn_are_told(tmp_path, key, out, message):
@@ -229,7 +255,10 @@ STARS = SKY.uniform(0, 500, (20, 2)).round(2)
 @pytest.fixture
 def lists(tmp_path):
     """Two lists of stars, of which the second is shifted, and a table of matched stars."""
-    for name, points in (("a.csv", STARS), ("b.csv", STARS + SKY.normal((3, -4), 0.01, (20, 2)))):
+    for name, points in (
+        ("a.csv", STARS),
+        ("b.csv", STARS + SKY.normal((3, -4), 0.01, (20, 2))),
+    ):
         rows = (f"{x},{y},{1e4 - i}" for i, (x, y) in enumerate(points))
         (tmp_path / name).write_text("\n".join(["x,y,flux", *rows]))
     (tmp_path / "matched.csv").write_text(LINES)
@@ -245,7 +274,11 @@ OUTPUTS = {
 }
 UNWRITABLE = ("missing/x", "a.csv/x", "folder", "locked/x")
 REFUSED = [
-    *((command, f"{place}.svg") for command in ("figure", "picture") for place in UNWRITABLE),
+    *(
+        (command, f"{place}.svg")
+        for command in ("figure", "picture")
+        for place in UNWRITABLE
+    ),
     *(("posterior", f"{place}.csv") for place in UNWRITABLE),
     *(("write", place) for place in ("a.csv", "a.csv/x", "locked/x", "taken")),
     *((command, "x.bmp") for command in ("figure", "picture", "posterior")),
@@ -253,7 +286,9 @@ REFUSED = [
 
 
 @pytest.mark.parametrize(("command", "place"), REFUSED)
-def test_an_output_is_checked_before_the_computation(lists, monkeypatch, command, place):
+def test_an_output_is_checked_before_the_computation(
+    lists, monkeypatch, command, place
+):
     monkeypatch.chdir(lists)
     for name in ("folder.svg", "folder.csv", "locked", "taken"):
         (lists / name).mkdir()
@@ -291,7 +326,12 @@ def test_json_stays_one_document_if_the_disk_is_full(lists, monkeypatch, command
     assert "parameters" in json.loads(result.stdout)
     assert f"cannot write {old.name}: No space left" in result.stderr
     assert old.read_text() == "old"
-    assert {path.name for path in lists.iterdir()} == {"a.csv", "b.csv", "matched.csv", old.name}
+    assert {path.name for path in lists.iterdir()} == {
+        "a.csv",
+        "b.csv",
+        "matched.csv",
+        old.name,
+    }
 
 
 @pytest.mark.parametrize("columns", ["0", "1", "text", "-4", str(10**9)])
@@ -305,8 +345,14 @@ def test_every_width_of_a_terminal_shows_something(columns, command):
 def closed(stream, *command, **settings):
     """Run a command with a closed standard stream."""
     line = shlex.join([sys.executable, "-m", "reproduce", *command])
-    return subprocess.run(f"{line} {stream}&-", shell=True, capture_output=True, text=True,
-                          check=False, **settings)  # fmt: skip
+    return subprocess.run(
+        f"{line} {stream}&-",
+        shell=True,
+        capture_output=True,
+        text=True,
+        check=False,
+        **settings,
+    )
 
 
 @pytest.mark.parametrize(
@@ -381,7 +427,9 @@ def test_exporting_a_figure_writes_its_data():
 def test_the_version_is_told():
     import reproduce
 
-    assert run("--version").stdout.strip() == f"reproduce, version {reproduce.__version__}"
+    assert (
+        run("--version").stdout.strip() == f"reproduce, version {reproduce.__version__}"
+    )
 
 
 def test_show_takes_a_cell():
@@ -393,9 +441,13 @@ def test_show_takes_a_cell():
 
 def test_show_reruns_under_a_change():
     noise = "niu2024/text-simulation#noise=0.2 px"
-    result = run("show", "niu2024/table-3", "--set", noise, "--seed", "7", "--replicates", "50")
+    result = run(
+        "show", "niu2024/table-3", "--set", noise, "--seed", "7", "--replicates", "50"
+    )
     assert result.exit_code == 0, result.output
-    assert "noise = 0.2 px, seed = 7, replicates = 50" in " ".join(result.output.split())
+    assert "noise = 0.2 px, seed = 7, replicates = 50" in " ".join(
+        result.output.split()
+    )
     assert max(map(len, result.output.splitlines())) <= 80
     for verdict in ("differs", "consistent"):
         assert verdict not in result.output
@@ -405,17 +457,35 @@ def test_show_reruns_under_a_change():
     ("arguments", "message"),
     [
         (["show", "niu2024/table-3#scale.green"], "has no cell 'scale.green'"),
-        (["show", "niu2024/table-3", "--set", "noise"], "--set noise: expected CELL=VALUE"),
+        (
+            ["show", "niu2024/table-3", "--set", "noise"],
+            "--set noise: expected CELL=VALUE",
+        ),
         (["show", "niu2024/table-3", "--option", "noise"], "expected NAME=ALTERNATIVE"),
         (["show", "niu2024/table-3", "--set", "noise=1"], "does not read noise"),
         (["show", "niu2024/fig-4", "--seed", "1"], "fig-4 draws no random numbers"),
         (["show", "niu2024/table-2", "--seed", "1"], "table-2 draws no random numbers"),
-        (["figure", "niu2024/fig-4", "--seed", "1", "--out", "x.svg"], "draws no random numbers"),
-        (["show", "niu2024/table-3", "--option", "angle=square"], "has no option 'angle'; it"),
-        (["show", "niu2024/table-3", "--option", "angles=round"], "angles is one of square,"),
-        (["show", "niu2024/table-3", "--replicates", "100001"], "from 2 to 100,000, got 100001"),
+        (
+            ["figure", "niu2024/fig-4", "--seed", "1", "--out", "x.svg"],
+            "draws no random numbers",
+        ),
+        (
+            ["show", "niu2024/table-3", "--option", "angle=square"],
+            "has no option 'angle'; it",
+        ),
+        (
+            ["show", "niu2024/table-3", "--option", "angles=round"],
+            "angles is one of square,",
+        ),
+        (
+            ["show", "niu2024/table-3", "--replicates", "100001"],
+            "from 2 to 100,000, got 100001",
+        ),
         (["export", "niu2024/table-3#x", "--format", "csv"], "has no cell 'x'"),
-        (["audit", "nobody2000"], "unknown paper 'nobody2000': expected one of niu2024"),
+        (
+            ["audit", "nobody2000"],
+            "unknown paper 'nobody2000': expected one of niu2024",
+        ),
     ],
 )
 def test_slips_in_addresses_and_changes_are_told(arguments, message):
@@ -431,7 +501,9 @@ def test_show_judges_a_reading_of_the_text():
         result = run("show", "niu2024/table-3", "--option", f"translations={way}")
         assert result.exit_code == 0, result.output
         assert max(map(len, result.output.splitlines())) <= 80
-        (row,) = [line for line in result.output.splitlines() if "translation-x.red" in line]
+        (row,) = [
+            line for line in result.output.splitlines() if "translation-x.red" in line
+        ]
         found[way] = row.split()[-2]
     assert found == {"table-1": "differs", "table-2": "consistent"}
 
@@ -461,7 +533,8 @@ def test_a_figure_is_drawn_with_a_seed_and_says_how(tmp_path):
 
 def test_a_table_of_our_own_is_shown_with_a_seed():
     plain, seeded = (
-        run("show", "chen2023/strategies", *more).output for more in ((), ("--seed", "7"))
+        run("show", "chen2023/strategies", *more).output
+        for more in ((), ("--seed", "7"))
     )
     assert "With seed = 7: a reader's own setting" in " ".join(seeded.split())
     numbers = [re.findall(r"\d+\.\d+", shown) for shown in (plain, seeded)]
@@ -497,4 +570,6 @@ def test_a_table_of_our_own_is_cited_beside_its_paper(form):
 def test_a_table_of_our_own_is_not_judged():
     result = run("check", "chen2023/heat")
     assert result.exit_code == 2
-    assert "no printed number to judge" in " ".join(result.stderr.replace("│", " ").split())
+    assert "no printed number to judge" in " ".join(
+        result.stderr.replace("│", " ").split()
+    )

@@ -9,7 +9,9 @@ from reproduce.papers.catalogue import drawings
 from reproduce.views import figure as figures
 
 BOOK = Path(__file__).parents[2] / "book"
-TEXTS = [p.read_text(encoding="utf-8") for p in BOOK.rglob("*.md") if "_build" not in p.parts]
+TEXTS = [
+    p.read_text(encoding="utf-8") for p in BOOK.rglob("*.md") if "_build" not in p.parts
+]
 
 
 @pytest.mark.parametrize("name", drawings())
@@ -27,7 +29,9 @@ def test_drawings_follow_the_theme(name):
 def test_every_axis_has_its_unit_or_counts(name):
     for axes in figures.draw(name).axes:
         labels = [axes.get_xlabel(), axes.get_ylabel()]
-        assert all("(" in label or label == "step" for label in filter(None, labels)), labels
+        assert all("(" in label or label == "step" for label in filter(None, labels)), (
+            labels
+        )
 
 
 def test_unknown_drawings_are_refused():

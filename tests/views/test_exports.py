@@ -59,10 +59,14 @@ def test_csv_carries_every_field_at_full_precision(table):
 
 def test_json_reads_back_as_a_ledger_with_its_reasons(table):
     read = ledger.Ledger.model_validate_json(rp.table(KEY).export("json"))
-    assert [r.model_copy(update={"reason": ""}) for r in read.records] == list(table.records)
+    assert [r.model_copy(update={"reason": ""}) for r in read.records] == list(
+        table.records
+    )
     frame = read_csv(rp.table(KEY).export("csv"), keep_default_na=False)
     assert [one.reason for one in read.records] == list(frame["reason"])
-    assert read.cell(f"{KEY}#2.reference-x").reason.startswith("Four significant digits")
+    assert read.cell(f"{KEY}#2.reference-x").reason.startswith(
+        "Four significant digits"
+    )
     assert read.software == version.software()
     assert read.citation == citation(KEY, "text")
 
@@ -107,10 +111,16 @@ def test_a_cell_has_a_row_per_property_and_a_group_a_row_per_cell():
 
 @pytest.mark.parametrize(
     ("names", "told"),
-    [(["Euler"], "Euler"), (["Euler", "Gauss"], "Euler and Gauss"), (list("ABC"), "A et al.")],
+    [
+        (["Euler"], "Euler"),
+        (["Euler", "Gauss"], "Euler and Gauss"),
+        (list("ABC"), "A et al."),
+    ],
 )
 def test_a_citation_names_the_authors_of_a_paper(monkeypatch, names, told):
-    paper = Entry("article", {"year": "1776"}, {"author": [Person(last=name) for name in names]})
+    paper = Entry(
+        "article", {"year": "1776"}, {"author": [Person(last=name) for name in names]}
+    )
     monkeypatch.setattr(exporting, "_paper", lambda _: paper)
     assert exporting._et_al("any") == f"{told} (1776)"
 
@@ -175,7 +185,9 @@ def test_the_frame_averaging_figure_marks_every_printed_value():
         for line in axes.lines:
             if line.get_label().startswith("printed"):
                 printed += list(line.get_ydata())
-    cells = [r for r in ledger.build(["chen2023/table-4"]).records if r.unit == "arcsec"]
+    cells = [
+        r for r in ledger.build(["chen2023/table-4"]).records if r.unit == "arcsec"
+    ]
     np.testing.assert_allclose(sorted(printed), sorted(float(r.printed) for r in cells))
 
 
@@ -185,7 +197,11 @@ def test_the_commit_of_an_unchanged_checkout_is_named(tmp_path):
     def git(*words):
         me = ("-c", "user.name=A", "-c", "user.email=a@example.org")
         done = subprocess.run(
-            ["git", *me, *words], cwd=tmp_path, check=True, capture_output=True, text=True
+            ["git", *me, *words],
+            cwd=tmp_path,
+            check=True,
+            capture_output=True,
+            text=True,
         )
         return done.stdout.strip()
 
@@ -224,7 +240,8 @@ def said(text, form):
         assert lines[0] == "<!--"
         lines = lines[1 : lines.index("-->")]
     head = [
-        line.removeprefix(lead) for line in takewhile(lambda line: line.startswith(lead), lines)
+        line.removeprefix(lead)
+        for line in takewhile(lambda line: line.startswith(lead), lines)
     ]
     software, citation, *papers = head
     assert software.startswith("software: ")
@@ -236,7 +253,9 @@ def said(text, form):
 @pytest.mark.parametrize("form", FORMATS)
 @pytest.mark.parametrize("address", [KEY, CELLS[0], STUDY])
 @pytest.mark.parametrize("commit", ["", "0123456789"])
-def test_an_export_names_version_commit_and_citation(address, form, commit, monkeypatch):
+def test_an_export_names_version_commit_and_citation(
+    address, form, commit, monkeypatch
+):
     monkeypatch.setattr(version, "commit", lambda root: commit)
     found = said(rp.table(address).export(form), form)
     assert found["software"].endswith(
@@ -255,7 +274,9 @@ def test_a_table_of_our_own_reads_back_equal(key):
     read = read_csv(table.export("csv"), dtype=words)
     pd.testing.assert_frame_equal(read, frame, check_dtype=False, rtol=1e-15)
     rows = json.loads(table.export("json"))["rows"]
-    pd.testing.assert_frame_equal(pd.DataFrame(rows), frame, check_dtype=False, check_exact=True)
+    pd.testing.assert_frame_equal(
+        pd.DataFrame(rows), frame, check_dtype=False, check_exact=True
+    )
     lines = markdown(table.export("markdown"))
     assert len(lines) == 2 + len(frame)
 
@@ -265,7 +286,9 @@ def test_a_readers_own_setting_is_named_in_the_file():
     text = changed.export("csv")
     setting = next(line for line in text.splitlines() if line.startswith("# setting: "))
     assert f"{FOCAL} = 70 mm" in setting
-    assert json.loads(changed.export("json"))["setting"] == setting.removeprefix("# setting: ")
+    assert json.loads(changed.export("json"))["setting"] == setting.removeprefix(
+        "# setting: "
+    )
     assert "# setting" not in rp.table(STUDY).export("csv")
     panels = rp.figure("chen2023/fig-11")
     assert "# setting" not in panels.export("csv")
@@ -276,7 +299,10 @@ def test_a_readers_own_setting_is_named_in_the_file():
 def test_a_fit_of_ones_own_stars_says_what_made_it():
     fit = rp.register([[0, 0], [99, 0], [0, 99]], [[3, 0], [102, 0], [3, 99]])
     found = said(fit.export("csv"), "csv")
-    assert found == {"software": version.software(), "citation": citation("all", "text")}
+    assert found == {
+        "software": version.software(),
+        "citation": citation("all", "text"),
+    }
     assert len(read_csv(fit.export("csv"))) == len(fit.frame())
 
 
@@ -295,7 +321,10 @@ def test_pictures_say_what_made_them(tmp_path):
 def test_ris_and_bibtex_are_read_by_others(address):
     papers = list(PAPERS) if address == "all" else [address.split("/")[0]]
     read = rispy.loads(citation(address, "ris"))
-    assert [one["type_of_reference"] for one in read] == ["COMP", *["JOUR"] * len(papers)]
+    assert [one["type_of_reference"] for one in read] == [
+        "COMP",
+        *["JOUR"] * len(papers),
+    ]
     entries = parse_string(citation(address, "bibtex"), "bibtex").entries
     assert list(entries)[1:] == papers
     for one, entry in zip(read, entries.values(), strict=True):
@@ -308,7 +337,9 @@ def test_ris_and_bibtex_are_read_by_others(address):
 def test_every_table_is_set_by_latex(tmp_path):
     """All of them in one document."""
     if shutil.which("pdflatex") is None:
-        pytest.skip("no LaTeX was found (Debian: apt install texlive-latex-recommended)")
+        pytest.skip(
+            "no LaTeX was found (Debian: apt install texlive-latex-recommended)"
+        )
     exported = [rp.table(key).export("latex") for key in (*library(), *studies())]
     longest = [text for text in exported if text.count("\n") > 300]
     assert len(longest) < 5
@@ -317,11 +348,14 @@ def test_every_table_is_set_by_latex(tmp_path):
         (tmp_path / name).write_text(text, encoding="utf-8")
     inputs = "\\clearpage\n".join(f"\\input{{{name}}}\n" for name in names)
     whole = (
-        "\\documentclass{article}\n\\usepackage{booktabs}\n\\begin{document}\n%s\\end{document}\n"
+        "\\documentclass{article}\n\\usepackage{booktabs}\n"
+        "\\begin{document}\n%s\\end{document}\n"
     )
     (tmp_path / "all.tex").write_text(whole % inputs, encoding="utf-8")
     command = ["pdflatex", "-halt-on-error", "-interaction=nonstopmode", "all.tex"]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        command, cwd=tmp_path, capture_output=True, text=True, check=False
+    )
     assert done.returncode == 0, done.stdout[-3000:]
     assert (tmp_path / "all.pdf").stat().st_size > 10_000
 
@@ -334,10 +368,15 @@ def test_a_cell_is_cited_with_print_result_verdict_and_mark(address):
     assert f", {record.verdict}. reproduce-pointing " in ours
     assert "doi:10." in paper
     entries = parse_string(citation(address, "bibtex"), "bibtex").entries
-    assert re.search(r"rp:[0-9a-f]{12}$", ours)[0] == next(iter(entries.values())).fields["note"]
+    assert (
+        re.search(r"rp:[0-9a-f]{12}$", ours)[0]
+        == next(iter(entries.values())).fields["note"]
+    )
     ris = [line.split("  - ") for line in citation(address, "ris").splitlines() if line]
     assert [value for tag, value in ris if tag == "TY"] == ["COMP", "JOUR"]
-    assert [value for tag, value in ris if tag == "DO"] == [paper.partition("doi:")[2].rstrip(".")]
+    assert [value for tag, value in ris if tag == "DO"] == [
+        paper.partition("doi:")[2].rstrip(".")
+    ]
 
 
 def cited(said, source):
@@ -351,10 +390,16 @@ def test_a_citation_checks_itself(address, monkeypatch):
     assert verify(text.replace("printed ", "printed 1")).startswith("not ours")
     assert verify("some words").startswith("not ours")
     record = ledger.build([address.partition("#")[0]]).cell(address)
-    now, older, source = statement(record), f"{address}: printed 1, exact", "0.0.1, 2026-01-01, x"
+    now, older, source = (
+        statement(record),
+        f"{address}: printed 1, exact",
+        "0.0.1, 2026-01-01, x",
+    )
     gone = older.replace("#", "#no-")
     for said in (older, gone, now):
-        assert verify(cited(said, source)).startswith("well-formed, not known to this package")
+        assert verify(cited(said, source)).startswith(
+            "well-formed, not known to this package"
+        )
     known = {source: [mark(older), mark(gone)], "0.0.2, 2026-01-02, y": [mark(now)]}
     monkeypatch.setattr(exporting, "released", lambda: known)
     told = verify(cited(older, source))
@@ -378,7 +423,9 @@ def test_a_citation_of_an_unknown_source_is_not_unchanged(what, monkeypatch):
     assert verify(cited(said, version.version())).startswith("well-formed, not known")
 
 
-@pytest.mark.parametrize("text", ["a", "#", "a#", "a#: printed ", ". reproduce-pointing ", "rp:"])
+@pytest.mark.parametrize(
+    "text", ["a", "#", "a#", "a#: printed ", ". reproduce-pointing ", "rp:"]
+)
 def test_to_verify_a_long_text_takes_linear_time(text):
     times = []
     for size in (8_000, 128_000):

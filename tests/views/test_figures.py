@@ -23,7 +23,11 @@ from reproduce.views.verdicts import filled
 
 NARROWED = "on a phone"
 # Each as a wide page shows it, and as a narrow one.
-NAMES = [name for key in (*figures.drawable(), *drawings()) for name in (key, f"{key} {NARROWED}")]
+NAMES = [
+    name
+    for key in (*figures.drawable(), *drawings())
+    for name in (key, f"{key} {NARROWED}")
+]
 # The theme's backgrounds, and what it writes with; black in a figure becomes the latter.
 PAGES = {"light": ("#ffffff", "#222832"), "dark": ("#14181e", "#ced6dd")}
 # WCAG 2.1, success criteria 1.4.11 (graphics) and 1.4.3 (text).
@@ -43,7 +47,9 @@ def drawn(name):
 
 def luminance(colour):
     channels = np.asarray(to_rgba(colour)[:3])
-    linear = np.where(channels <= 0.04045, channels / 12.92, ((channels + 0.055) / 1.055) ** 2.4)
+    linear = np.where(
+        channels <= 0.04045, channels / 12.92, ((channels + 0.055) / 1.055) ** 2.4
+    )
     return float(linear @ [0.2126, 0.7152, 0.0722])
 
 
@@ -55,7 +61,9 @@ def contrast(one, other):
 def over(colour, ground):
     """Return what a colour with its alpha looks like on a ground."""
     *rgb, alpha = to_rgba(colour)
-    return tuple(alpha * np.asarray(rgb) + (1 - alpha) * np.asarray(to_rgba(ground)[:3]))
+    return tuple(
+        alpha * np.asarray(rgb) + (1 - alpha) * np.asarray(to_rgba(ground)[:3])
+    )
 
 
 def seen(colour, alpha, page):
@@ -75,14 +83,20 @@ def test_contrast_is_that_of_the_standard():
 def series(axes):
     """Return what carries meaning in some axes: lines, arrows, outlines, points."""
     # The bars of an error go with its marker, which is looked at itself.
-    bars = [bar for group in axes.containers for part in group.lines[1:] for bar in part]
+    bars = [
+        bar for group in axes.containers for part in group.lines[1:] for bar in part
+    ]
     kept = [a for a in (*axes.lines, *axes.patches, *axes.collections) if a not in bars]
-    return [artist for artist in kept if artist.get_visible() and not on_image(axes, artist)]
+    return [
+        artist for artist in kept if artist.get_visible() and not on_image(axes, artist)
+    ]
 
 
 def on_image(axes, artist):
     """Tell whether something lies on a raster, which has a ground of its own."""
-    return bool(axes.images) or any(type(c).__name__ == "QuadMesh" for c in axes.collections)
+    return bool(axes.images) or any(
+        type(c).__name__ == "QuadMesh" for c in axes.collections
+    )
 
 
 def colours(artist):
@@ -152,9 +166,16 @@ def look(artist):
     """Return how a mark looks in grey: dashes, marker, filling, hatch, and roughly how thick."""
     if isinstance(artist, Line2D):
         marker = artist.get_marker()
-        hollow = artist.get_fillstyle() == "none" or artist.get_markerfacecolor() == "none"
+        hollow = (
+            artist.get_fillstyle() == "none" or artist.get_markerfacecolor() == "none"
+        )
         style = artist.get_linestyle()
-        return (style, marker, hollow, thickness(artist) if style not in {"None", ""} else 0)
+        return (
+            style,
+            marker,
+            hollow,
+            thickness(artist) if style not in {"None", ""} else 0,
+        )
     if isinstance(artist, FancyArrowPatch):
         return (artist.get_linestyle(),)
     if isinstance(artist, Patch):
@@ -184,13 +205,20 @@ def test_what_differs_in_colour_differs_without_it(name):
 def boxes(figure):
     """Return every text with its box on the paper, without its margin."""
     renderer = figure.canvas.get_renderer()
-    found = [(text, axes, text.get_window_extent(renderer)) for text, axes in texts(figure)]
-    return [(t, axes, box.padded(-0.12 * min(box.width, box.height))) for t, axes, box in found]
+    found = [
+        (text, axes, text.get_window_extent(renderer)) for text, axes in texts(figure)
+    ]
+    return [
+        (t, axes, box.padded(-0.12 * min(box.width, box.height)))
+        for t, axes, box in found
+    ]
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_no_text_lies_on_another(name):
-    for (one, _, first), (other, _, second) in itertools.combinations(boxes(drawn(name)), 2):
+    for (one, _, first), (other, _, second) in itertools.combinations(
+        boxes(drawn(name)), 2
+    ):
         assert not first.overlaps(second), f"{one.get_text()!r} on {other.get_text()!r}"
 
 
@@ -235,7 +263,9 @@ def test_a_figure_fits_its_page_with_no_text_too_small(name):
 @pytest.mark.parametrize("name", NAMES)
 def test_black_follows_the_page(name):
     html = inline(Vectors(vector_of(drawn(name))), "x", "what it shows")
-    assert re.search(r'<svg [^>]*fill="currentColor"', html), "SVG fills in black by itself"
+    assert re.search(r'<svg [^>]*fill="currentColor"', html), (
+        "SVG fills in black by itself"
+    )
     assert not re.search(r"#000000\b|\bblack\b", html)
 
 
@@ -265,7 +295,9 @@ def test_no_table_shows_an_exponent_as_a_letter():
     """The sources of the printed numbers are shown as they stand, all else is rewritten."""
     key = "niu2024/table-1"
     written = " ".join(cell.shown for cell in library()[key].cells)
-    assert re.search(r"\d[eE][−+-]?\d", written), "nothing to rewrite: this test is void"
+    assert re.search(r"\d[eE][−+-]?\d", written), (
+        "nothing to rewrite: this test is void"
+    )
     html = rp.table(key)._repr_html_()
     prose = re.sub(r"<(code|pre)\b.*?</\1>|<[^>]*>", " ", html, flags=re.DOTALL)
     assert "10⁻" in prose

@@ -25,19 +25,30 @@ FEW = settings(
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )
 # No argument of a process holds a null byte; one that is no UTF-8 comes in as a lone surrogate.
-TEXT = st.text(st.characters(exclude_characters="\0", exclude_categories=[]), max_size=12)
+TEXT = st.text(
+    st.characters(exclude_characters="\0", exclude_categories=[]), max_size=12
+)
 # Values that once ended in a traceback.
 FOUND = ["1e300 px", "-1 px", "0 mm", "1e-300 um"]
 # Items that are computed in a moment: few replicates for those that draw.
-TABLES = ("niu2024/table-2", "niu2024/table-3", "niu2024/text-optics", "chen2023/table-1")
+TABLES = (
+    "niu2024/table-2",
+    "niu2024/table-3",
+    "niu2024/text-optics",
+    "chen2023/table-1",
+)
 FIGURES = ("niu2024/fig-4", "chen2023/fig-2b", "chen2023/fig-1a")
 NUMBERS = st.one_of(
-    st.sampled_from("0 -1 1e400 -0.0 1e-300 1e300 nan inf 1_0 0x1 . − + 1e 9e9999 007".split()),
+    st.sampled_from(
+        "0 -1 1e400 -0.0 1e-300 1e300 nan inf 1_0 0x1 . − + 1e 9e9999 007".split()
+    ),
     st.floats(width=32).map(str),
     st.integers(-(10**6), 10**6).map(str),
     TEXT,
 )
-UNITS = st.sampled_from(["", " px", " mm", "um", " deg", "″", " nm", " km", "%", " parsec", " ms"])
+UNITS = st.sampled_from(
+    ["", " px", " mm", "um", " deg", "″", " nm", " km", "%", " parsec", " ms"]
+)
 VALUES = st.tuples(NUMBERS, UNITS).map("".join)
 
 
@@ -120,18 +131,26 @@ def test_any_value_for_a_cell_that_is_read(data, key, value):
 def test_any_option(key, data, way):
     known = rerun.options(key)
     name = data.draw(st.sampled_from([*known, "angle", ""]))
-    chosen = data.draw(st.sampled_from([*known.get(name, ()), "x"])) if way is None else way
+    chosen = (
+        data.draw(st.sampled_from([*known.get(name, ()), "x"])) if way is None else way
+    )
     check("show", key, "--option", f"{name}={chosen}", "--replicates", "2")
 
 
 @settings(FEW, max_examples=25)
-@given(TEXT, st.sampled_from(["", ".svg", ".png", ".jpg", ".", "/"]), st.sampled_from(["", "none"]))
+@given(
+    TEXT,
+    st.sampled_from(["", ".svg", ".png", ".jpg", ".", "/"]),
+    st.sampled_from(["", "none"]),
+)
 def test_any_file_to_draw_to(tmp_path, name, ending, folder):
     check("figure", FIGURES[0], "--out", f"{tmp_path / folder}/{name}{ending}")
 
 
 ROWS = st.lists(
-    st.lists(st.one_of(st.integers(-1, 4).map(str), NUMBERS), min_size=1, max_size=6).map(",".join),
+    st.lists(
+        st.one_of(st.integers(-1, 4).map(str), NUMBERS), min_size=1, max_size=6
+    ).map(",".join),
     max_size=14,
 )
 
@@ -143,11 +162,17 @@ def test_any_file_of_measurements(tmp_path, data, model, rows, raw):
     head = ",".join(COLUMNS[model])
     content = data.draw(
         st.sampled_from(
-            [raw, "\n".join([head, *rows]).encode(errors="replace"), head.encode() + raw]
+            [
+                raw,
+                "\n".join([head, *rows]).encode(errors="replace"),
+                head.encode() + raw,
+            ]
         )
     )
     path.write_bytes(content)
-    pivot = data.draw(st.sampled_from([[], ["--pivot", "1", "2"], ["--pivot", "nan", "inf"]]))
+    pivot = data.draw(
+        st.sampled_from([[], ["--pivot", "1", "2"], ["--pivot", "nan", "inf"]])
+    )
     check("posterior", model, "--data", str(path), *pivot, *data.draw(JSON))
     check("register", str(path), *pivot, *data.draw(FITS), *data.draw(JSON))
 
@@ -170,15 +195,25 @@ def test_any_numbers_in_the_right_columns(tmp_path, data, model, count):
     """Groups, lasers and counts as they should be, and values from nothing to huge."""
     columns = COLUMNS[model]
     value = st.one_of(
-        st.floats(-1e6, 1e6, allow_subnormal=False), st.sampled_from([0.0, 1.0, 1e12, 1e29, 1e-29])
+        st.floats(-1e6, 1e6, allow_subnormal=False),
+        st.sampled_from([0.0, 1.0, 1e12, 1e29, 1e-29]),
     )
     rows = []
     for row in range(count):
-        regular = {"group": row // 4 % 2, "state": row // 4, "laser": row % 4 + 1, "frames": 2**row}
+        regular = {
+            "group": row // 4 % 2,
+            "state": row // 4,
+            "laser": row % 4 + 1,
+            "frames": 2**row,
+        }
         regular |= {"block": row // 4, "item": row % 4 + 1, "series": 10**6}
-        rows.append([str(regular[c] if c in regular else data.draw(value)) for c in columns])
+        rows.append(
+            [str(regular[c] if c in regular else data.draw(value)) for c in columns]
+        )
     path = tmp_path / "data.csv"
     path.write_text("\n".join(map(",".join, [columns, *rows])))
     check("posterior", model, "--data", str(path))
-    pivot = data.draw(st.sampled_from([[], ["--pivot", "1", "2"], ["--pivot", "1e7", "-1e5"]]))
+    pivot = data.draw(
+        st.sampled_from([[], ["--pivot", "1", "2"], ["--pivot", "1e7", "-1e5"]])
+    )
     check("register", str(path), *pivot, *data.draw(FITS), *data.draw(JSON))

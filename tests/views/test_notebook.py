@@ -16,11 +16,16 @@ OBJECTS = (
 
 @pytest.fixture(scope="module")
 def outputs(tmp_path_factory):
-    cells = [nbformat.v4.new_code_cell(source) for source in ("import reproduce as rp", *OBJECTS)]
+    cells = [
+        nbformat.v4.new_code_cell(source)
+        for source in ("import reproduce as rp", *OBJECTS)
+    ]
     notebook = nbformat.v4.new_notebook(cells=cells)
     folder = tmp_path_factory.mktemp("notebook")
     NotebookClient(notebook, resources={"metadata": {"path": folder}}).execute()
-    return dict(zip(OBJECTS, (cell.outputs for cell in notebook.cells[1:]), strict=True))
+    return dict(
+        zip(OBJECTS, (cell.outputs for cell in notebook.cells[1:]), strict=True)
+    )
 
 
 @pytest.mark.parametrize("source", OBJECTS)

@@ -63,7 +63,9 @@ def test_every_cell_has_its_anchor_and_its_print(key):
     reader = Reader(rp.table(key)._repr_html_())
     for cell in library()[key].cells:
         assert reader.ids.count(cell.anchor) == 1
-    assert reader.printed == [numbers.powers(cell.shown) for cell in library()[key].cells]
+    assert reader.printed == [
+        numbers.powers(cell.shown) for cell in library()[key].cells
+    ]
     assert reader.open == []
 
 
@@ -74,12 +76,17 @@ def test_anchors_are_unique_over_all_tables():
 
 def test_computed_and_verdict_stand_beside_the_print():
     html = rp.table("niu2024/table-2")._repr_html_()
-    (cell,) = re.findall(r'<td id="niu2024-table-2-translation-x-red".*?</td>', html, re.DOTALL)
+    (cell,) = re.findall(
+        r'<td id="niu2024-table-2-translation-x-red".*?</td>', html, re.DOTALL
+    )
     assert "0.3\u202fpx" in cell
     assert "1.90" in cell
     assert ">differs<" in cell
     assert "title=" not in html, "what a tooltip would say stands in the text"
-    assert "calculated according to Table 1" in html[html.index("How each cell was judged") :]
+    assert (
+        "calculated according to Table 1"
+        in html[html.index("How each cell was judged") :]
+    )
 
 
 def test_unknown_keys_are_refused():
@@ -98,8 +105,12 @@ def test_figures_follow_the_theme_and_have_alternative_text(key):
     assert "#000000" not in html
     assert "<text" in html, "text stays text"
     (root,) = re.findall(r"<svg [^>]*>", html)
-    assert 'fill="currentColor"' in root, "text of formulas has no colour of its own and takes this"
-    assert not re.search(r"<g [^>]*fill[^>]*>\s*<text>", html), "nor does what it stands in"
+    assert 'fill="currentColor"' in root, (
+        "text of formulas has no colour of its own and takes this"
+    )
+    assert not re.search(r"<g [^>]*fill[^>]*>\s*<text>", html), (
+        "nor does what it stands in"
+    )
     ids = re.findall(r'\bid="([^"]+)"', html)
     for used in re.findall(r'(?:url\(#|xlink:href="#)([^)"]+)', html):
         assert used in ids
@@ -107,7 +118,9 @@ def test_figures_follow_the_theme_and_have_alternative_text(key):
 
 def test_figures_of_one_page_share_no_name():
     """A drawing, its narrow twin and another figure: each link within one leads to its own part."""
-    shown = [rp.figure(key)._repr_html_() for key in ("niu2024/fig-2", "chen2023/fig-10a")]
+    shown = [
+        rp.figure(key)._repr_html_() for key in ("niu2024/fig-2", "chen2023/fig-10a")
+    ]
     ids = re.findall(r'\bid="([^"]+)"', "".join(shown))
     assert len(ids) == len(set(ids)) > 4
 
@@ -115,14 +128,17 @@ def test_figures_of_one_page_share_no_name():
 def test_the_index_adds_up():
     html = rp.contents().index._repr_html_()
     rows = [
-        re.findall(r"<td(?: class=\"rp-zero\")?>([\d·]+)<", row) for row in html.split("<tr>")[2:]
+        re.findall(r"<td(?: class=\"rp-zero\")?>([\d·]+)<", row)
+        for row in html.split("<tr>")[2:]
     ]
     *found, whole = [[int(n.replace("·", "0")) for n in row] for row in rows if row]
     first = len([key for key in library() if key.startswith(PAPERS[0])])
     counts = [*found[1 : first + 1], *found[first + 2 :]]
     assert len(counts) == len(library())
     parts = [found[0], found[first + 1]]
-    assert [sum(column) for column in zip(*parts, strict=True)] == whole, "a row for each paper"
+    assert [sum(column) for column in zip(*parts, strict=True)] == whole, (
+        "a row for each paper"
+    )
     tally = verdicts.tally(whole_ledger().records)
     sums = [sum(column) for column in zip(*counts, strict=True)]
     assert sums == whole
@@ -136,7 +152,9 @@ def test_facts_of_a_cell_an_item_and_a_paper():
     assert facts_of("niu2024/table-3")["joint"] == "below 1/2,000"
     everything = facts_of("all")
     assert everything["cells"] == "343"
-    judged = sum(int(everything[v].split()[0]) for v in ("exact", "consistent", "differs"))
+    judged = sum(
+        int(everything[v].split()[0]) for v in ("exact", "consistent", "differs")
+    )
     assert int(everything["judged"]) == judged
 
 
@@ -148,8 +166,11 @@ def test_no_count_of_agreement_stands_without_its_weak_part(name):
         if name == "all" or r.cell.startswith((f"{name}#", f"{name}/"))
     ]
     said = facts_of(name)
-    for count, kinds in (("exact", {"exact"}), ("consistent", {"consistent"}),
-                         ("agree", {"exact", "consistent"})):  # fmt: skip
+    for count, kinds in (
+        ("exact", {"exact"}),
+        ("consistent", {"consistent"}),
+        ("agree", {"exact", "consistent"}),
+    ):
         agreeing = [r for r in found if r.verdict in kinds]
         weak = len([r for r in agreeing if set(r.flags) & set(verdicts.WEAK)])
         share = "all" if weak == len(agreeing) else weak
@@ -209,7 +230,9 @@ def test_facts_are_written_like_numbers_of_tables(quoted, text):
 
 def test_shipped_files_are_written(tmp_path):
     write_tables(tmp_path)
-    written = {p.relative_to(tmp_path).as_posix() for p in tmp_path.rglob("*") if p.is_file()}
+    written = {
+        p.relative_to(tmp_path).as_posix() for p in tmp_path.rglob("*") if p.is_file()
+    }
     tables = {path for key in (*library(), *studies()) for path in table_files(key)}
     whole = {f"{name}.{end}" for name in ("ledger", "errata") for end in ENDS}
     whole |= {"readings.csv", "readings.parquet"}
@@ -219,7 +242,9 @@ def test_shipped_files_are_written(tmp_path):
     assert all(one.reason for one in read.records if one.verdict == "differs")
     first = {path.name: path.read_bytes() for path in tmp_path.glob("*.parquet")}
     write_tables(tmp_path)
-    assert first == {path.name: path.read_bytes() for path in tmp_path.glob("*.parquet")}
+    assert first == {
+        path.name: path.read_bytes() for path in tmp_path.glob("*.parquet")
+    }
 
 
 @pytest.fixture(scope="module")
@@ -234,8 +259,13 @@ def test_csv_and_parquet_hold_the_same_and_say_what_made_them(name, whole):
     text = (whole / f"{name}.csv").read_text(encoding="utf-8")
     path = str(whole / f"{name}.parquet")
     types = {"printed": str, "equations": str}
-    frame = pd.read_csv(io.StringIO(text), comment="#", dtype=types, keep_default_na=False,
-                        na_values={one: [""] for one in SPARSE})  # fmt: skip
+    frame = pd.read_csv(
+        io.StringIO(text),
+        comment="#",
+        dtype=types,
+        keep_default_na=False,
+        na_values={one: [""] for one in SPARSE},
+    )
     with duckdb.connect() as base:
         read = base.execute("FROM read_parquet(?)", [path]).df()
         read = read.fillna(dict.fromkeys(("agrees_if", "closest"), ""))
@@ -262,9 +292,14 @@ def test_the_tables_of_the_whole_hold_the_ledger_and_the_register(whole):
 
 
 def test_the_register_fits_its_schema():
-    schema, shipped = Register.model_json_schema(), json.loads(register().model_dump_json())
+    schema, shipped = (
+        Register.model_json_schema(),
+        json.loads(register().model_dump_json()),
+    )
     jsonschema.validate(shipped, schema)
-    assert {one["id"] for one in shipped["errata"]} == {one.id for one in errata_register()}
+    assert {one["id"] for one in shipped["errata"]} == {
+        one.id for one in errata_register()
+    }
     assert shipped["citation"] == citation("all", "text")
     with pytest.raises(jsonschema.ValidationError):
         jsonschema.validate({**shipped, "errata": [{"id": "x"}]}, schema)

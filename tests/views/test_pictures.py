@@ -59,7 +59,9 @@ def test_the_light_of_stars_is_theirs():
 @pytest.mark.slow
 def test_centres_err_as_their_covariance_says():
     """A width of n numbers is known to 1 / sqrt(2 n); what a gain is off by comes on top."""
-    pulls = np.concatenate([evidence.centre_pulls(evidence.simulated(i)) for i in range(60)])
+    pulls = np.concatenate(
+        [evidence.centre_pulls(evidence.simulated(i)) for i in range(60)]
+    )
     error = 1 / np.sqrt(2 * pulls.size)
     assert pulls.std() == pytest.approx(1, abs=4 * error + 0.03)
     assert np.abs(pulls.mean(axis=0)).max() < 4 / np.sqrt(len(pulls))
@@ -88,12 +90,19 @@ def test_our_centres_beat_those_of_the_library():
 def test_the_transform_is_that_of_scikit_image(fit):
     """On the same pairs, unweighted; and the truth lies within the errors."""
     pairs = fit.pairs[fit.pairs["used"]]
-    a, b = pairs[["x", "y"]].to_numpy(), pairs[["x_reference", "y_reference"]].to_numpy()
+    a, b = (
+        pairs[["x", "y"]].to_numpy(),
+        pairs[["x_reference", "y_reference"]].to_numpy(),
+    )
     theirs = SimilarityTransform.from_estimate(a, b)
     ours = rp.register(a, b, evidence.TRUTH.pivot)
-    assert ours.parameters[:2] == pytest.approx([theirs.scale, theirs.rotation], abs=1e-9)
+    assert ours.parameters[:2] == pytest.approx(
+        [theirs.scale, theirs.rotation], abs=1e-9
+    )
     assert np.abs(fit.parameters - TRUTH.parameters).max() < 0.05
-    assert (np.abs(fit.parameters - TRUTH.parameters) < 5 * fit.fit.standard_errors).all()
+    assert (
+        np.abs(fit.parameters - TRUTH.parameters) < 5 * fit.fit.standard_errors
+    ).all()
 
 
 def test_a_mirror_image_is_named():
@@ -104,7 +113,9 @@ def test_a_mirror_image_is_named():
     with pytest.raises(ValueError, match=r"mirror each other: flip one"):
         rp.register(RED[:, ::-1], GREEN)
     affine = rp.register(RED[:, ::-1], GREEN, model="affine")
-    assert np.linalg.det(affine.transform.matrix) == pytest.approx(-(1.002**2), abs=1e-3)
+    assert np.linalg.det(affine.transform.matrix) == pytest.approx(
+        -(1.002**2), abs=1e-3
+    )
 
 
 def test_a_picture_that_is_turned_and_larger_is_matched():
@@ -115,7 +126,9 @@ def test_a_picture_that_is_turned_and_larger_is_matched():
 def test_scatter_beyond_the_errors_is_found():
     """A deviation of 2 n numbers is known to 1 / sqrt(4 n)."""
     rng, count = np.random.default_rng(7), 400
-    source = pd.DataFrame(rng.uniform(0, 999, (count, 2)), columns=["x", "y"]).assign(sigma=0.02)
+    source = pd.DataFrame(rng.uniform(0, 999, (count, 2)), columns=["x", "y"]).assign(
+        sigma=0.02
+    )
     target = source + np.column_stack([rng.normal(0, 0.1, (count, 2)), np.zeros(count)])
     found = rp.register(rp.stars(source), rp.stars(target))
     expected = np.sqrt(0.1**2 - 2 * 0.02**2)
@@ -199,7 +212,9 @@ def test_hot_pixels_alone_are_told():
 
 def test_centroids_of_each_picture_as_tables(tmp_path):
     for name, stars in (("red", rp.stars(RED)), ("green", rp.stars(GREEN))):
-        stars.frame().sample(frac=1, random_state=1).to_csv(tmp_path / f"{name}.csv", index=False)
+        stars.frame().sample(frac=1, random_state=1).to_csv(
+            tmp_path / f"{name}.csv", index=False
+        )
     fit = rp.register(tmp_path / "red.csv", tmp_path / "green.csv", pivot=TRUTH.pivot)
     assert fit.parameters == pytest.approx(rp.register(RED, GREEN).parameters, abs=1e-5)
 
@@ -212,7 +227,9 @@ def test_positions_of_stars_have_the_covariance_of_transform_and_centre(fit):
     part = np.zeros_like(own)
     roots = np.linalg.cholesky(fit.covariance)
     for root in roots.T:
-        moved = type(fit.transform)("similarity", fit.parameters + root, fit.transform.pivot)
+        moved = type(fit.transform)(
+            "similarity", fit.parameters + root, fit.transform.pivot
+        )
         part += np.square(moved.apply(points) - fit.transform.apply(points))
     expected = np.sqrt(1.002**2 * own + part)
     sigma = np.sqrt(np.diagonal(found, axis1=1, axis2=2))
@@ -232,9 +249,12 @@ def test_the_posterior_is_that_of_the_fit(fit):
     used = fit.pairs[fit.pairs["used"]]
     plain = rp.register(used[list(STARS)], pivot=fit.transform.pivot)
     for name, mean, error, other in zip(
-        fit.fit.names, fit.parameters, fit.fit.standard_errors, plain.fit.standard_errors,
+        fit.fit.names,
+        fit.parameters,
+        fit.fit.standard_errors,
+        plain.fit.standard_errors,
         strict=True,
-    ):  # fmt: skip
+    ):
         scale = np.degrees(1) if name == "rotation" else 1.0
         row = found.loc[name, ["mean", "deviation"]].astype(float) / scale
         assert row["mean"] == pytest.approx(mean, abs=0.1 * error)
@@ -243,13 +263,17 @@ def test_the_posterior_is_that_of_the_fit(fit):
     affine = fit.rerun(model="affine")
     rows = affine.posterior(steps=400, seed=1).frame()
     found = rows["mean"].to_numpy(float)[:6]
-    assert np.abs(found - affine.parameters).max() < 0.1 * affine.fit.standard_errors.max()
+    assert (
+        np.abs(found - affine.parameters).max() < 0.1 * affine.fit.standard_errors.max()
+    )
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     made = tmp_path_factory.mktemp("pictures")
-    blue = evidence.exposed(FIELD.source + np.array([2, 1]), FIELD.light, np.random.default_rng(8))
+    blue = evidence.exposed(
+        FIELD.source + np.array([2, 1]), FIELD.light, np.random.default_rng(8)
+    )
     for name, image in (("red", RED), ("green", GREEN), ("blue", blue)):
         fits.writeto(made / f"{name}.fits", image.astype(np.uint16))
     return made
@@ -257,14 +281,24 @@ def folder(tmp_path_factory):
 
 def test_three_images_with_one_command(folder, tmp_path):
     files = [str(folder / f"{name}.fits") for name in ("red", "green", "blue")]
-    found = json.loads(run(*files, "--json", "--picture", tmp_path / "arrows.png").stdout)
+    found = json.loads(
+        run(*files, "--json", "--picture", tmp_path / "arrows.png").stdout
+    )
     assert found["reference"] == files[1]
     assert list(found["pictures"]) == [files[0], files[2]]
-    shift = {p["parameter"]: p["value"] for p in found["pictures"][files[0]]["parameters"]}
+    shift = {
+        p["parameter"]: p["value"] for p in found["pictures"][files[0]]["parameters"]
+    }
     assert shift["shift-x"] == pytest.approx(1.3, abs=0.1)
     assert (tmp_path / "arrows-red.fits.png").stat().st_size > 5000
-    assert f"{files[0]}on{files[1]}:similarity" in "".join(run(*files[:2]).stdout.split())
-    assert {path.name for path in folder.iterdir()} == {"red.fits", "green.fits", "blue.fits"}
+    assert f"{files[0]}on{files[1]}:similarity" in "".join(
+        run(*files[:2]).stdout.split()
+    )
+    assert {path.name for path in folder.iterdir()} == {
+        "red.fits",
+        "green.fits",
+        "blue.fits",
+    }
 
 
 def test_a_reference_is_a_path_also_for_files_with_one_name(folder, tmp_path):
@@ -272,10 +306,14 @@ def test_a_reference_is_a_path_also_for_files_with_one_name(folder, tmp_path):
     for name in ("red", "green", "blue"):
         (tmp_path / name).mkdir()
         files += [str(shutil.copy(folder / f"{name}.fits", tmp_path / name / "m.fits"))]
-    other = json.loads(run(*files, "--json", "--reference", f"{tmp_path}/./blue/m.fits").stdout)
+    other = json.loads(
+        run(*files, "--json", "--reference", f"{tmp_path}/./blue/m.fits").stdout
+    )
     assert other["reference"] == files[2]
     assert list(other["pictures"]) == files[:2]
-    shift = {p["parameter"]: p["value"] for p in other["pictures"][files[0]]["parameters"]}
+    shift = {
+        p["parameter"]: p["value"] for p in other["pictures"][files[0]]["parameters"]
+    }
     assert shift["shift-x"] == pytest.approx(-2, abs=0.1)
     for missing in ("m.fits", "cyan/m.fits"):
         assert "reference: expected" in run(*files, "--reference", missing).stderr
@@ -292,7 +330,9 @@ def test_drawings_do_not_overwrite_each_other(folder, tmp_path, monkeypatch):
     assert drawings == ["p-M31.blue.fits.svg", "p-M31.red.fits.svg"]
     (tmp_path / "other").mkdir()
     same = shutil.copy(files[0], tmp_path / "other")
-    monkeypatch.setattr("reproduce.views.front.register", lambda *_, **__: pytest.fail("computed"))
+    monkeypatch.setattr(
+        "reproduce.views.front.register", lambda *_, **__: pytest.fail("computed")
+    )
     new = tmp_path / "new.svg"
     for arguments in (
         (*files, "--picture", drawing),
@@ -333,15 +373,24 @@ def test_the_extension_and_the_mask_of_an_image_count(tmp_path):
     left[:, :90] = True
     masked = CCDData(RED, unit="adu", mask=left)
     assert rp.stars(masked).points[:, 0].min() > 85
-    fit = rp.register(masked, CCDData(GREEN, unit="adu", mask=np.zeros(GREEN.shape, bool)))
-    assert (np.abs(fit.parameters - TRUTH.parameters) < 5 * fit.fit.standard_errors).all()
+    fit = rp.register(
+        masked, CCDData(GREEN, unit="adu", mask=np.zeros(GREEN.shape, bool))
+    )
+    assert (
+        np.abs(fit.parameters - TRUTH.parameters) < 5 * fit.fit.standard_errors
+    ).all()
 
 
 def test_fits_tables_of_sources_are_registered(tmp_path):
     """With the ending of astrometry.net, and with that of an image."""
     places = np.random.default_rng(1).uniform(0, 1000, (60, 2))
-    for name, (x, y) in (("one.xyls", places.T), ("two.fits", (places + np.array([3, -2])).T)):
-        Table({"X": x, "Y": y, "FLUX": np.arange(60.0)}).write(tmp_path / name, format="fits")
+    for name, (x, y) in (
+        ("one.xyls", places.T),
+        ("two.fits", (places + np.array([3, -2])).T),
+    ):
+        Table({"X": x, "Y": y, "FLUX": np.arange(60.0)}).write(
+            tmp_path / name, format="fits"
+        )
     found = rp.register(str(tmp_path / "one.xyls"), str(tmp_path / "two.fits"))
     np.testing.assert_allclose(found.parameters, [1, 0, -3, 2], atol=1e-6)
 
@@ -381,7 +430,11 @@ def test_weights_of_a_list_beside_a_picture_count():
     listed = rp.stars(RED).frame().drop(columns="flux")
     plain, same, less = (
         rp.register(rp.stars(one), rp.stars(GREEN), robust=False)
-        for one in (listed, listed.assign(weight=3.0), listed.assign(weight=1.0 * (listed.x > 60)))
+        for one in (
+            listed,
+            listed.assign(weight=3.0),
+            listed.assign(weight=1.0 * (listed.x > 60)),
+        )
     )
     np.testing.assert_allclose(same.parameters, plain.parameters, rtol=1e-12)
     out = (less.pairs["x"] <= 60).to_numpy()
@@ -404,7 +457,9 @@ def test_a_fit_of_stars_loads_nothing_that_pictures_need():
         "print([n for n in ('astropy', 'photutils', 'scipy.ndimage',"
         " 'scipy.spatial', 'reproduce.views.pictures') if n in sys.modules])"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    )
     assert done.stdout.strip() == "[]"
 
 

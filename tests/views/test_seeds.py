@@ -30,7 +30,9 @@ def forget():
 def content(shown):
     """Return every number of a figure or a table, to the last bit."""
     axes = shown.drawn.axes if isinstance(shown, Figure) else []
-    images = [np.asarray(one.get_array()).tobytes() for each in axes for one in each.images]
+    images = [
+        np.asarray(one.get_array()).tobytes() for each in axes for one in each.images
+    ]
     return shown.frame().to_csv(), images
 
 
@@ -43,7 +45,9 @@ def test_a_seed_reaches_every_random_number_or_is_refused(find, key, monkeypatch
         project.setattr(declare, "ROOT_SEED", "no seed")
         first = content(shown.rerun(seed=7) if shown.random else shown)
     if not shown.random:
-        with pytest.raises(CannotChangeError, match=f"^{key} draws no random .* takes no seed$"):
+        with pytest.raises(
+            CannotChangeError, match=f"^{key} draws no random .* takes no seed$"
+        ):
             shown.rerun(seed=7)
         return
     forget()

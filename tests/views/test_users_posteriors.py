@@ -42,7 +42,9 @@ def stars(noise=0.05, scale=1.0006, rotation=0.002, wrong=0, count=81):
 
 def written(tmp_path, *columns, head=STAR_COLUMNS, fmt="%.6f"):
     path = tmp_path / "data.csv"
-    np.savetxt(path, np.column_stack(columns), delimiter=",", header=head, comments="", fmt=fmt)
+    np.savetxt(
+        path, np.column_stack(columns), delimiter=",", header=head, comments="", fmt=fmt
+    )
     return path
 
 
@@ -60,7 +62,9 @@ def spots(tmp_path, noise, flip=1, drift=(0, 0), instrument=None):
             at = instrument.predicted(np.zeros((1, 3)), now[None, None])[0, 0]
             image = at + noise * generator.normal(size=at.shape)
             rows += [(group, i + 1, flip * x, y) for i, (x, y) in enumerate(image)]
-    return written(tmp_path, rows, head="group,laser,x,y", fmt=["%d", "%d", "%.6f", "%.6f"])
+    return written(
+        tmp_path, rows, head="group,laser,x,y", fmt=["%d", "%d", "%.6f", "%.6f"]
+    )
 
 
 def supplied(name, path, pivot=None):
@@ -115,8 +119,12 @@ def test_widths_are_those_of_least_squares_however_large_the_noise(
     expected = np.sqrt(np.diagonal(fit.covariance) * freedom / (freedom - 2))
     # The density of the scale k exp(i theta) is flat in k and theta: as good as Student's here.
     assert rows["scale"]["deviation"] == pytest.approx(expected[0], rel=0.04)
-    assert np.radians(rows["rotation"]["deviation"]) == pytest.approx(expected[1], rel=0.04)
-    assert rows["noise"]["mean"] == pytest.approx(np.sqrt(fit.chi_square / freedom), rel=0.02)
+    assert np.radians(rows["rotation"]["deviation"]) == pytest.approx(
+        expected[1], rel=0.04
+    )
+    assert rows["noise"]["mean"] == pytest.approx(
+        np.sqrt(fit.chi_square / freedom), rel=0.02
+    )
     assert record["at_prior_end"] == []
     assert len(record["remarks"]) == (wrong > 0)
 
@@ -154,8 +162,13 @@ def test_spots_that_move_within_a_group_are_named(tmp_path, drift, constant, dri
 
 def test_spots_of_another_platform_make_no_posterior(tmp_path):
     """A file of four other lights, with and without their platform."""
-    other = Platform(0.011 * np.array([[1, 0.2], [-0.4, 1], [-1, -1], [0.3, -0.6]]),
-                     2.0, 0.06, 13e-6, (511.5, 511.5))  # fmt: skip
+    other = Platform(
+        0.011 * np.array([[1, 0.2], [-0.4, 1], [-1, -1], [0.3, -0.6]]),
+        2.0,
+        0.06,
+        13e-6,
+        (511.5, 511.5),
+    )
     path = spots(tmp_path, 0.02, instrument=other)
     found = rp.posterior("misalignment", data=path, platform=other)
     for wrong in (
@@ -172,7 +185,11 @@ def test_a_posterior_on_an_end_of_its_prior_is_named(tmp_path, monkeypatch):
     monkeypatch.setattr(fitted, "_NOISE", (1e-9, 1.0))
     record, rows = sampled("registration", path, "--steps", 400)
     (leaning,) = record["at_prior_end"]
-    end = float(re.fullmatch(r"noise leans on the end ([\d.e-]+) px of its prior .*", leaning)[1])
+    end = float(
+        re.fullmatch(r"noise leans on the end ([\d.e-]+) px of its prior .*", leaning)[
+            1
+        ]
+    )
     assert rows["noise"]["high"] <= end < 1.01 * rows["noise"]["high"]
     shown = run("registration", "--data", path, "--steps", 400)
     assert "Warning: noise leans on the end" in shown.stdout
@@ -201,10 +218,14 @@ def test_a_free_posterior_leans_on_nothing_and_a_cut_one_does():
         ("rotation", Normal(3.0, 1e-3, "a test")),
     ],
 )
-def test_a_prior_that_the_data_contradict_is_sampled_and_reported(tmp_path, name, prior):
+def test_a_prior_that_the_data_contradict_is_sampled_and_reported(
+    tmp_path, name, prior
+):
     """With the distance of the estimate from the nearest bound, or from the mean."""
     source, target = stars()
-    found = rp.posterior("registration", written(tmp_path, source, target), priors={name: prior})
+    found = rp.posterior(
+        "registration", written(tmp_path, source, target), priors={name: prior}
+    )
     mean, deviation = found.frame().loc[name, ["mean", "deviation"]]
     own = 1.0 if isinstance(prior, tuple) else prior.sigma
     assert deviation < 1.5 * own
@@ -229,7 +250,10 @@ def test_a_prior_that_the_data_contradict_is_sampled_and_reported(tmp_path, name
 
 @pytest.mark.parametrize(
     ("model", "name", "unit"),
-    [("registration", "rotation", np.degrees(1)), ("misalignment", "angle-z", ARCSEC_PER_RADIAN)],
+    [
+        ("registration", "rotation", np.degrees(1)),
+        ("misalignment", "angle-z", ARCSEC_PER_RADIAN),
+    ],
 )
 def test_a_prior_has_one_unit_however_it_is_given(model, name, unit):
     """Degrees or arcsec, for two bounds and for a distribution."""
@@ -240,33 +264,51 @@ def test_a_prior_has_one_unit_however_it_is_given(model, name, unit):
     ):
         found = rp.posterior(model, priors={name: prior})
         own = found.model.parameters[found.model.names.index(name)].prior
-        numbers = [own.mean, own.sigma] if isinstance(prior, Normal) else [own.low, own.high]
+        numbers = (
+            [own.mean, own.sigma] if isinstance(prior, Normal) else [own.low, own.high]
+        )
         np.testing.assert_allclose(numbers, np.array(ends) / unit, rtol=1e-12)
         shown = "normal, mean 1, standard deviation 3"
         expected = shown if isinstance(prior, Normal) else "uniform from -6 to 6"
         assert found.priors.loc[name, "prior"] == expected
 
 
-@pytest.mark.parametrize(("scale", "rotation"), [(1.0006, 3.1415), (10.0, 1.0), (0.1, -2.0)])
-def test_any_rotation_and_scale_is_sampled_and_given_as_it_is(tmp_path, scale, rotation):
+@pytest.mark.parametrize(
+    ("scale", "rotation"), [(1.0006, 3.1415), (10.0, 1.0), (0.1, -2.0)]
+)
+def test_any_rotation_and_scale_is_sampled_and_given_as_it_is(
+    tmp_path, scale, rotation
+):
     path = written(tmp_path, *stars(scale=scale, rotation=rotation))
-    record, rows = sampled("registration", path, "--steps", 220, "--pivot", *(FIELD / 2))
-    truth = {"scale": scale, "rotation": np.degrees(rotation), "shift-x": 3.0, "shift-y": 1.0}
+    record, rows = sampled(
+        "registration", path, "--steps", 220, "--pivot", *(FIELD / 2)
+    )
+    truth = {
+        "scale": scale,
+        "rotation": np.degrees(rotation),
+        "shift-x": 3.0,
+        "shift-y": 1.0,
+    }
     for name, value in truth.items():
         assert abs(rows[name]["mean"] - value) < 4 * rows[name]["deviation"]
     assert (rows["scale"]["unit"], rows["rotation"]["unit"]) == ("1", "deg")
     assert rows["scale"]["deviation"] < 1e-5
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
     assert record["data"] == {
-        "kind": "file", "file": str(path), "rows": 81, "sha256": digest,
+        "kind": "file",
+        "file": str(path),
+        "rows": 81,
+        "sha256": digest,
         "pivot": [(FIELD / 2).tolist()],
-    }  # fmt: skip
+    }
 
 
 def test_the_turn_is_cut_opposite_to_the_stars_that_agree(tmp_path):
     """Wrong matches that all turn another way carry least squares along."""
     source, target = stars()
-    target[:24] = Registration.similarity(1.0, -1.5, (0, 0), FIELD / 2).apply(source[:24])
+    target[:24] = Registration.similarity(1.0, -1.5, (0, 0), FIELD / 2).apply(
+        source[:24]
+    )
     path = written(tmp_path, source, target)
     name, middle = "registration-mixture", {}
     for one in ("registration", name):
@@ -319,7 +361,11 @@ def test_honest_stars_are_not_suspected_and_repeated_rows_are_named(tmp_path):
     [
         (1.0, FIELD / 2, None),
         (1.0, FIELD * 1.9, None),
-        (0.0055, FIELD / 2, "the stars span 11[0-9.]* px: are these pixels"),  # stars in mm
+        (
+            0.0055,
+            FIELD / 2,
+            "the stars span 11[0-9.]* px: are these pixels",
+        ),  # stars in mm
         (0.0055, None, "the stars span 11[0-9.]* px: are these pixels"),
         (0.0275, None, None),
     ],
@@ -327,7 +373,9 @@ def test_honest_stars_are_not_suspected_and_repeated_rows_are_named(tmp_path):
 def test_a_unit_that_is_not_the_pixel_is_asked_after(tmp_path, unit, pivot, remark):
     source, target = stars()
     path = written(tmp_path, unit * source, unit * target, fmt="%.9f")
-    found = supplied("registration", path, None if pivot is None else tuple(pivot)).remarks
+    found = supplied(
+        "registration", path, None if pivot is None else tuple(pivot)
+    ).remarks
     assert len(found) == (remark is not None)
     assert remark is None or re.search(remark, found[0])
 
@@ -336,7 +384,9 @@ def test_noiseless_stars_give_the_exact_answer(tmp_path):
     path = written(tmp_path, *stars(noise=0, scale=1.5, rotation=0.5), fmt="%.17g")
     result = run("registration", "--data", path, "--pivot", *(FIELD / 2))
     assert result.exit_code == 2
-    exact = f"scale 1.5, rotation {np.degrees(0.5):.10g} deg, shift-x 3 px, shift-y 1 px"
+    exact = (
+        f"scale 1.5, rotation {np.degrees(0.5):.10g} deg, shift-x 3 px, shift-y 1 px"
+    )
     assert exact in result.stderr
 
 
@@ -347,7 +397,11 @@ def mirrored(tmp_path):
 
 def exchanged(tmp_path):
     source, target = stars()
-    return ["registration-mixture", "--data", written(tmp_path, source[:, ::-1], target)]
+    return [
+        "registration-mixture",
+        "--data",
+        written(tmp_path, source[:, ::-1], target),
+    ]
 
 
 def text(name, lines):
@@ -374,7 +428,10 @@ REFUSED = {
         lambda tmp_path: ["misalignment", "--data", spots(tmp_path, 0.0)],
         "expected spots that scatter",
     ),
-    "one place": (text("registration", [STAR_COLUMNS, *["1,2,3,4"] * 9]), "coincident points"),
+    "one place": (
+        text("registration", [STAR_COLUMNS, *["1,2,3,4"] * 9]),
+        "coincident points",
+    ),
     "few stars": (text("registration", [STAR_COLUMNS, "1,2,3,4"]), "at least 4 points"),
     "one star and a pivot": (
         text("registration --pivot 1032 772", [STAR_COLUMNS, "1,2,3,4"]),
@@ -384,15 +441,27 @@ REFUSED = {
         text("registration --pivot 1032 1e9", [STAR_COLUMNS, *["1,2,3,4"] * 9]),
         "coincident points",
     ),
-    "huge pivot": (with_stars("--pivot", "1e9", "1e9"), "within 100 fields of the stars"),
+    "huge pivot": (
+        with_stars("--pivot", "1e9", "1e9"),
+        "within 100 fields of the stars",
+    ),
     "no number": (with_stars("--pivot", "nan", "0"), "within 100 fields of the stars"),
     "pivot alone": (
         lambda tmp_path: ["registration", "--pivot", "1", "1"],
         "pivot: expected data of your own beside it",
     ),
-    "no ends": (with_stars("--prior", "noise=0.1"), "--prior noise=0.1: expected NAME=LOW,HIGH"),
-    "no name": (with_stars("--prior", "0.1,1"), "--prior 0.1,1: expected NAME=LOW,HIGH"),
-    "ends in words": (with_stars("--prior", "noise=a,b"), "expected NAME=LOW,HIGH, such as"),
+    "no ends": (
+        with_stars("--prior", "noise=0.1"),
+        "--prior noise=0.1: expected NAME=LOW,HIGH",
+    ),
+    "no name": (
+        with_stars("--prior", "0.1,1"),
+        "--prior 0.1,1: expected NAME=LOW,HIGH",
+    ),
+    "ends in words": (
+        with_stars("--prior", "noise=a,b"),
+        "expected NAME=LOW,HIGH, such as",
+    ),
     "ends exchanged": (
         with_stars("--prior", "rotation=2,-2"),
         "prior of rotation: ",
@@ -408,7 +477,14 @@ REFUSED = {
     ),
     "no seed": (with_stars("--seed", "-1"), "--seed"),
     "pivot of spots": (
-        lambda tmp_path: ["misalignment", "--data", spots(tmp_path, 0.02), "--pivot", "1", "1"],
+        lambda tmp_path: [
+            "misalignment",
+            "--data",
+            spots(tmp_path, 0.02),
+            "--pivot",
+            "1",
+            "1",
+        ],
         "pivot: expected none for misalignment",
     ),
     "no folder for a file": (
@@ -417,7 +493,8 @@ REFUSED = {
     ),
     "too few to tell": (
         text(
-            "registration-mixture", [STAR_COLUMNS, *[f"{i},{i * i},{i},{i * i}" for i in range(9)]]
+            "registration-mixture",
+            [STAR_COLUMNS, *[f"{i},{i * i},{i},{i * i}" for i in range(9)]],
         ),
         "expected 10 or more stars, got 9",
     ),
@@ -438,7 +515,11 @@ def test_what_cannot_be_sampled_is_refused_in_one_line(tmp_path, case, as_json):
     assert len(last) < 300 + len(str(tmp_path))
     assert "Warning" not in result.stderr
     stdout = f'"{last.removeprefix("Error: ")}"' if as_json else ""
-    assert stdout in (json.dumps(json.loads(result.stdout)["error"]), "") if as_json else True
+    assert (
+        stdout in (json.dumps(json.loads(result.stdout)["error"]), "")
+        if as_json
+        else True
+    )
     assert bool(result.stdout) == as_json
 
 
@@ -452,7 +533,9 @@ def test_priors_and_seed_are_those_of_python(tmp_path):
     own = rp.posterior(
         "registration", path, priors={"rotation": (0.1145, 0.1147)}, steps=700, seed=5
     )
-    assert own.frame().loc["rotation", "mean"] == pytest.approx(rows["rotation"]["mean"], rel=1e-9)
+    assert own.frame().loc["rotation", "mean"] == pytest.approx(
+        rows["rotation"]["mean"], rel=1e-9
+    )
     prior = own.priors.loc["rotation", "prior"]
     assert prior == "uniform from 0.1145 to 0.1147"
 
@@ -463,7 +546,10 @@ def test_refused_chains_tell_the_steps_that_would_do(tmp_path):
     assert result.exit_code == 1
     record = json.loads(result.stdout)
     assert len(record["error"]) < 300
-    assert f"take about {record['steps_needed']} steps (--steps; there were 60)" in record["error"]
+    assert (
+        f"take about {record['steps_needed']} steps (--steps; there were 60)"
+        in record["error"]
+    )
     assert len(record["missed"]) == 5
     _, rows = sampled("registration", path, "--steps", record["steps_needed"])
     assert rows["scale"]["rhat"] < 1.01
@@ -474,8 +560,12 @@ def test_a_mismatch_among_a_dozen_stars_is_a_misfit_and_the_mixture_names_it(tmp
     path = written(tmp_path, *stars(wrong=1, count=12))
     record, rows = sampled("registration", path, "--steps", 400)
     assert rows["noise"]["mean"] > 20
-    assert record["misfit"].startswith("the model does not fit: star furthest off, over rms is 3.")
-    (check,) = (one for one in record["checks"] if one["name"] == "star furthest off, over rms")
+    assert record["misfit"].startswith(
+        "the model does not fit: star furthest off, over rms is 3."
+    )
+    (check,) = (
+        one for one in record["checks"] if one["name"] == "star furthest off, over rms"
+    )
     assert check["observed"] > check["high"]
     assert check["tail"] < 0.002
     plain = rp.posterior("registration", path, steps=400)
@@ -490,7 +580,9 @@ def test_a_mismatch_among_a_dozen_stars_is_a_misfit_and_the_mixture_names_it(tmp
     assert record["remarks"] == []
     assert rows["noise"]["mean"] == pytest.approx(0.05, rel=0.5)
     assert [one["row"] for one in record["stars"]] == list(range(12))
-    assert [one["probability_false"] > 0.9 for one in record["stars"]] == [True] + [False] * 11
+    assert [one["probability_false"] > 0.9 for one in record["stars"]] == [True] + [
+        False
+    ] * 11
     tree = xarray.open_datatree(out)
     assert tree.attrs["kind_of_data"] == "file"
     assert json.loads(tree.attrs["data"]) == record["data"]
@@ -499,8 +591,9 @@ def test_a_mismatch_among_a_dozen_stars_is_a_misfit_and_the_mixture_names_it(tmp
     for name, row in rows.items():
         found = tree["posterior"][name]
         assert (found.attrs["units"], float(found.mean())) == (
-            row["unit"], pytest.approx(row["mean"], abs=0.05 * row["deviation"])
-        )  # fmt: skip
+            row["unit"],
+            pytest.approx(row["mean"], abs=0.05 * row["deviation"]),
+        )
     assert record["versions"]["emcee"] == version("emcee")
     assert [one["prior"] for one in record["priors"]] == [
         tree["posterior"][name].attrs["prior"] for name in rows
@@ -509,7 +602,9 @@ def test_a_mismatch_among_a_dozen_stars_is_a_misfit_and_the_mixture_names_it(tmp
 
 def test_false_stars_are_named_the_worst_first_and_the_rest_counted(tmp_path):
     """By their rows, from zero."""
-    own = rp.posterior("registration-mixture", written(tmp_path, *stars(wrong=8, count=40)))
+    own = rp.posterior(
+        "registration-mixture", written(tmp_path, *stars(wrong=8, count=40))
+    )
     line = "8 of 40 stars are probably matched wrongly: row 0, 1, 2, 3, 4 and 3 more."
     assert line in " ".join(repr(own).split())
     assert line in own._repr_html_()
@@ -519,15 +614,28 @@ def test_false_stars_are_named_the_worst_first_and_the_rest_counted(tmp_path):
     assert frame["row"].tolist() == list(range(40))
     file = own.save(tmp_path / "p.csv")
     draws = pd.read_csv(file, comment="#")
-    head = [line for line in file.read_text(encoding="utf-8").splitlines() if line.startswith("# ")]
+    head = [
+        line
+        for line in file.read_text(encoding="utf-8").splitlines()
+        if line.startswith("# ")
+    ]
     assert [line.split(": ")[0] for line in head if line.split(": ")[0] in TOLD] == TOLD
     assert f"data {own.told}" in head[-1]
-    units = {"scale": "1", "rotation": "deg", "shift-x": "px", "shift-y": "px", "noise": "px"}
+    units = {
+        "scale": "1",
+        "rotation": "deg",
+        "shift-x": "px",
+        "shift-y": "px",
+        "noise": "px",
+    }
     assert list(draws) == [*(f"{n} ({u})" for n, u in units.items()), "false-share (1)"]
     assert draws["rotation (deg)"].mean() == pytest.approx(
-        own.frame().loc["rotation", "mean"], abs=0.1 * own.frame().loc["rotation", "deviation"]
+        own.frame().loc["rotation", "mean"],
+        abs=0.1 * own.frame().loc["rotation", "deviation"],
     )
-    with pytest.raises(ValueError, match=r"^path: expected one of the endings .csv, .nc"):
+    with pytest.raises(
+        ValueError, match=r"^path: expected one of the endings .csv, .nc"
+    ):
         own.save(tmp_path / "p.npz")
 
 
@@ -548,7 +656,10 @@ def test_honest_stars_fit_and_none_is_named(tmp_path):
 
 
 def test_what_the_data_are_is_said():
-    assert rp.posterior("registration").told == "simulated by us with printed settings of niu2024"
+    assert (
+        rp.posterior("registration").told
+        == "simulated by us with printed settings of niu2024"
+    )
     record = json.loads(run("registration", "--steps", 280, "--json").stdout)
     truth, digest = (record["data"].pop(key) for key in ("truth", "sha256"))
     assert truth == pytest.approx(rp.posterior("registration").truth)

@@ -54,11 +54,15 @@ def test_every_number_is_one_mark_that_leads_to_its_cell(records):
 
 def test_marks_tell_verdicts_by_shape_and_class(records):
     assert len(set(wall.SHAPES.values())) == len(wall.SHAPES)
-    paths = [p for p in Tags(str(wall.wall(records))).all("path") if p["class"] != "rp-hit"]
+    paths = [
+        p for p in Tags(str(wall.wall(records))).all("path") if p["class"] != "rp-hit"
+    ]
     shown = Counter(p["class"].split()[0].removeprefix("rp-mark-") for p in paths)
     assert shown == Counter(record.verdict for record in records)
     for path in paths:
-        assert path["d"] == wall.SHAPES[path["class"].split()[0].removeprefix("rp-mark-")]
+        assert (
+            path["d"] == wall.SHAPES[path["class"].split()[0].removeprefix("rp-mark-")]
+        )
 
 
 def test_a_table_keeps_its_shape(records):
@@ -75,7 +79,9 @@ def test_all_items_are_as_high_and_a_long_one_goes_on_beside_itself():
         str(wall.DEEP * wall.PITCH)
     }
     for key, table in library().items():
-        picture = str(wall.wall(build([key]).records)) if len(table.rows) > wall.DEEP else ""
+        picture = (
+            str(wall.wall(build([key]).records)) if len(table.rows) > wall.DEEP else ""
+        )
         places = marks(picture)
         assert len(set(places)) == len(places)
         assert all(y < wall.DEEP for _, y in places)
@@ -85,14 +91,20 @@ def test_all_items_are_as_high_and_a_long_one_goes_on_beside_itself():
 
 
 def test_the_legend_counts_what_the_wall_shows(records):
-    told = dict(re.findall(r"<strong>(\d+) ([a-z ]+)</strong>", str(wall.legend(records))))
+    told = dict(
+        re.findall(r"<strong>(\d+) ([a-z ]+)</strong>", str(wall.legend(records)))
+    )
     by_verdict = Counter(record.verdict for record in records)
-    assert {name: int(count) for count, name in told.items() if name in by_verdict} == by_verdict
+    assert {
+        name: int(count) for count, name in told.items() if name in by_verdict
+    } == by_verdict
 
 
 def test_contents_show_the_walls_of_their_papers():
     html = rp.contents("niu2024")._repr_html_()
-    cells = sum(len(t.cells) for key, t in library().items() if key.startswith("niu2024/"))
+    cells = sum(
+        len(t.cells) for key, t in library().items() if key.startswith("niu2024/")
+    )
     assert html.count('class="rp-hit"') == cells
     assert "chen2023" not in html
 
@@ -100,8 +112,12 @@ def test_contents_show_the_walls_of_their_papers():
 @pytest.mark.parametrize("paper", ["niu2024", "chen2023"])
 def test_the_index_leads_to_every_item_in_order_of_print(paper):
     keys = [key for key in catalogue() if key.startswith(f"{paper}/")]
-    leads = [a["href"] for a in Tags(str(rp.contents(paper).index._repr_html_())).all("a")]
-    expected = [anchor(key) if key in library() else f"figure-{anchor(key)}" for key in keys]
+    leads = [
+        a["href"] for a in Tags(str(rp.contents(paper).index._repr_html_())).all("a")
+    ]
+    expected = [
+        anchor(key) if key in library() else f"figure-{anchor(key)}" for key in keys
+    ]
     assert leads == [f"#{name}" for name in expected]
 
 
@@ -110,7 +126,9 @@ def test_a_sweep_holds_what_each_rerun_gives():
     frame = swept.frame()
     assert len(frame) == 2 * len(VALUES)
     for value in VALUES:
-        alone = rp.table(TABLE).rerun({FOCAL: value}).frame().loc["scale.red", "changed"]
+        alone = (
+            rp.table(TABLE).rerun({FOCAL: value}).frame().loc["scale.red", "changed"]
+        )
         assert frame.loc[(value, "scale.red"), "computed"] == alone
     assert frame["computed"].xs("scale.red", level="cell").is_monotonic_decreasing
     assert "25.0601 mm (printed)" in repr(swept)
@@ -118,7 +136,10 @@ def test_a_sweep_holds_what_each_rerun_gives():
 
 def test_a_slider_says_that_it_was_computed_and_its_pictures_have_values_and_units():
     swept = rp.table("niu2024/table-3").sweep(
-        "niu2024/text-simulation#noise", ["0.02 px", "0.2 px"], ["rotation.red"], replicates=20
+        "niu2024/text-simulation#noise",
+        ["0.02 px", "0.2 px"],
+        ["rotation.red"],
+        replicates=20,
     )
     html = str(swept._repr_html_())
     assert "all 2 settings were computed beforehand" in html
@@ -128,12 +149,19 @@ def test_a_slider_says_that_it_was_computed_and_its_pictures_have_values_and_uni
     ends = swept.frame()[["low", "high"]].to_numpy()
     assert float(below) == pytest.approx(ends.min(), rel=0.02)
     assert float(above) == pytest.approx(ends.max(), rel=0.02)
-    assert re.search(r"0\.\d+ \(0\.\d+ to 0\.\d+\)°", html), "a unit stays with its number"
+    assert re.search(r"0\.\d+ \(0\.\d+ to 0\.\d+\)°", html), (
+        "a unit stays with its number"
+    )
 
 
 def test_a_sweep_simulates_as_many_tables_as_asked():
-    noise, changes = "niu2024/text-simulation#noise", {"niu2024/text-simulation#noise": "0.1 px"}
-    few = rp.table("niu2024/table-3").sweep(noise, ["0.1 px"], ["scale.red"], replicates=20)
+    noise, changes = (
+        "niu2024/text-simulation#noise",
+        {"niu2024/text-simulation#noise": "0.1 px"},
+    )
+    few = rp.table("niu2024/table-3").sweep(
+        noise, ["0.1 px"], ["scale.red"], replicates=20
+    )
     alone = rp.table("niu2024/table-3").rerun(changes, replicates=20).frame()
     assert few.frame()["computed"].iloc[0] == alone.loc["scale.red", "changed"]
 
@@ -152,7 +180,9 @@ def test_a_sweep_that_is_too_wide_for_a_terminal_is_a_block_for_each_value():
 
 
 def test_a_sweep_is_a_table_first_and_a_slider_with_a_script():
-    html = rp.table(TABLE).sweep(FOCAL, VALUES, ["scale.red", "scale.blue"])._repr_html_()
+    html = (
+        rp.table(TABLE).sweep(FOCAL, VALUES, ["scale.red", "scale.blue"])._repr_html_()
+    )
     tags = Tags(html)
     dial = tags.all("input")[0]
     assert (dial["type"], dial["max"], dial["value"]) == ("range", "2", "1")
@@ -179,7 +209,9 @@ def test_cells_that_depend_on_each_other_move_together():
     """The count of angles follows from their step; the printed pair is found in other units too."""
     moved = [f"niu2024/text-simulation#{name}" for name in ("angle-count", "step")]
     steps = [("37", "1.8 deg"), ("137", "3240 arcsec")]
-    swept = rp.table("niu2024/table-3").sweep(moved, steps, ["scale.red"], replicates=20)
+    swept = rp.table("niu2024/table-3").sweep(
+        moved, steps, ["scale.red"], replicates=20
+    )
     found = swept.frame().loc[(slice(None), "scale.red"), :]
     width = (found["high"] - found["low"]).to_list()
     assert width[0] > width[1]
@@ -194,7 +226,9 @@ STARS, NOISE = "niu2024/stars", "niu2024/text-simulation#noise"
 
 def test_a_sweep_over_a_table_of_our_own_holds_what_each_rerun_gives():
     values = ["0.02 px", "0.05 px", "0.1 px"]
-    swept = rp.table(STARS).sweep(NOISE, values, ["similarity (px)"], {"Stars": [50, 137]})
+    swept = rp.table(STARS).sweep(
+        NOISE, values, ["similarity (px)"], {"Stars": [50, 137]}
+    )
     found = swept.frame()["computed"]
     assert len(found) == 2 * len(values)
     for value in values:
@@ -207,7 +241,9 @@ def test_a_sweep_over_a_table_of_our_own_holds_what_each_rerun_gives():
     tags = Tags(html)
     assert next(one["value"] for one in tags.all("input")) == "1"
     # The dashed line is what the printed noise gives: the mark of the middle lies on it.
-    dashed = [float(y) for y in re.findall(r'class="rp-dashed" d="M\d+ ([\d.]+)H', html)]
+    dashed = [
+        float(y) for y in re.findall(r'class="rp-dashed" d="M\d+ ([\d.]+)H', html)
+    ]
     heights = [float(y) for y in re.findall(r'cy="([\d.]+)"', html)]
     assert dashed == [heights[1], heights[4]]
 
@@ -225,24 +261,35 @@ def test_rows_of_a_sweep_are_told_apart_by_as_few_words_as_it_takes():
     assert not re.search(r"[ ,\"]-?(nan|inf)", html)
     drawn = [part.count("<circle") for part in html.split("<figure>")[1:]]
     assert drawn == [2] * 7 + [0] * 2
-    assert [part.count("rp-dashed") for part in html.split("<figure>")[1:]] == [1] * 7 + [0] * 2
+    assert [part.count("rp-dashed") for part in html.split("<figure>")[1:]] == [
+        1
+    ] * 7 + [0] * 2
 
 
 @pytest.mark.parametrize(
     ("moved", "values", "asked", "told"),
     [
-        (NOISE, ["0.1 px"], {"columns": ["similarity"]}, "no column 'similarity'; it has Stars"),
+        (
+            NOISE,
+            ["0.1 px"],
+            {"columns": ["similarity"]},
+            "no column 'similarity'; it has Stars",
+        ),
         (NOISE, ["0.1 px"], {"rows": {"Star": 50}}, "no column 'Star'"),
         (NOISE, ["0.1 px"], {"rows": {"Stars": 51}}, "same rows"),
         ("wants", [1], {}, "does not read wants"),
         (NOISE, [], {}, "at least one value"),
     ],
 )
-def test_a_sweep_over_a_table_of_our_own_refuses_in_one_sentence(moved, values, asked, told):
+def test_a_sweep_over_a_table_of_our_own_refuses_in_one_sentence(
+    moved, values, asked, told
+):
     with pytest.raises(ValueError, match=re.escape(told)):
         rp.table(STARS).sweep(moved, values, **asked)
 
 
 def test_a_sweep_over_words_is_refused():
     with pytest.raises(ValueError, match="holds words"):
-        rp.table("chen2023/dichroic").sweep(BORESIGHTS, ["90°"], ["Turn of the mirror about"])
+        rp.table("chen2023/dichroic").sweep(
+            BORESIGHTS, ["90°"], ["Turn of the mirror about"]
+        )

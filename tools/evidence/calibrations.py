@@ -100,9 +100,13 @@ class Ranks:
 
         A rank on the end of an interval counts half, so that even ranks cover as often as claimed.
         """
-        beside = np.abs(2 * self.ranks + 1 - (DRAWS + 1))  # the middle of a rank, whole numbers
+        beside = np.abs(
+            2 * self.ranks + 1 - (DRAWS + 1)
+        )  # the middle of a rank, whole numbers
         reach = round(level * (DRAWS + 1), 9)
-        return np.asarray(0.5 * ((beside < reach).mean(axis=0) + (beside <= reach).mean(axis=0)))
+        return np.asarray(
+            0.5 * ((beside < reach).mean(axis=0) + (beside <= reach).mean(axis=0))
+        )
 
     def probabilities(self, seed: int = 1) -> FloatArray:
         """Probability of ranks at least as uneven, for each name, by the simultaneous band."""
@@ -168,12 +172,18 @@ def quantities(model: Model, parameters: FloatArray) -> FloatArray:
 
 def named(model: Model) -> tuple[str, ...]:
     """Names of what is ranked, in the order of `quantities`."""
-    derived = model.derived(drawn_prior(model, Generator(PCG64(0)), 2)) if model.derived else {}
+    derived = (
+        model.derived(drawn_prior(model, Generator(PCG64(0)), 2))
+        if model.derived
+        else {}
+    )
     return (*model.names, *derived, QUANTITY)
 
 
 def _time(chain: FloatArray) -> float:
-    return max(autocorrelation_time(chain[None, ..., i]) for i in range(chain.shape[-1]))
+    return max(
+        autocorrelation_time(chain[None, ..., i]) for i in range(chain.shape[-1])
+    )
 
 
 def _lacking(chain: FloatArray) -> int:
@@ -197,7 +207,9 @@ def _covered(model: Model, truth: FloatArray) -> Covered:
     return np.where(np.isnan(centre), -1, inside).astype(np.int8)
 
 
-def calibrate(model: Model, seed: int, replicates: int, executor: Executor | None = None) -> Ranks:
+def calibrate(
+    model: Model, seed: int, replicates: int, executor: Executor | None = None
+) -> Ranks:
     """Run simulation-based calibration, on any executor; the model's own data play no part."""
     run = partial(replicate, model, seed)
     found = (map if executor is None else executor.map)(run, range(replicates))
@@ -206,7 +218,9 @@ def calibrate(model: Model, seed: int, replicates: int, executor: Executor | Non
 
 
 @lru_cache(maxsize=32)
-def band_statistics(replicates: int, seed: int, simulations: int = SIMULATIONS) -> FloatArray:
+def band_statistics(
+    replicates: int, seed: int, simulations: int = SIMULATIONS
+) -> FloatArray:
     """Smallest pointwise probability along a curve of even ranks, sorted, (simulations,)."""
     generator = Generator(PCG64(seed))
     even = np.full(DRAWS + 1, 1 / (DRAWS + 1))
@@ -239,7 +253,9 @@ def power(replicates: int, stretch: float, level: float = 0.95, seed: int = 2) -
     generator = Generator(PCG64(seed))
     truths = generator.standard_normal((TRIALS, replicates))
     ranks = generator.binomial(DRAWS, ndtr(truths / stretch))
-    counts = np.array([np.bincount(one, minlength=DRAWS + 1) for one in ranks]).cumsum(axis=1)
+    counts = np.array([np.bincount(one, minlength=DRAWS + 1) for one in ranks]).cumsum(
+        axis=1
+    )
     limit = np.quantile(band_statistics(replicates, seed), 1 - level)
     return float((_least(counts) < limit).mean())
 
@@ -253,7 +269,10 @@ def log_posteriors(key: str, points: FloatArray, seed: int) -> FloatArray:
     model = posteriors()[key].model()
     pairs = (simulated(model, seed, index) for index in range(len(points)))
     return np.array(
-        [model.log_posterior(points), [float(fit.log_posterior(t[None])[0]) for t, fit in pairs]]
+        [
+            model.log_posterior(points),
+            [float(fit.log_posterior(t[None])[0]) for t, fit in pairs],
+        ]
     )
 
 
@@ -280,7 +299,9 @@ def load(key: str, where: Path | None = None) -> Ranks:
     """Return the stored calibration of a posterior."""
     study = studies.read(f"sbc-{key}", where)
     names = tuple(str(study.note["names"]).split("\t"))
-    ranks, failed, covered = (study.arrays[name] for name in ("ranks", "failed", "covered"))
+    ranks, failed, covered = (
+        study.arrays[name] for name in ("ranks", "failed", "covered")
+    )
     return Ranks(names, ranks.astype(np.int64), failed.astype(np.bool_), covered)
 
 
@@ -301,12 +322,25 @@ def table() -> pd.DataFrame:
         chances = found.probabilities()
         errors = np.minimum(np.sqrt(chances * (1 - chances) / SIMULATIONS), chances / 5)
         powers = [power(found.replicates, 1 - share) for share in NARROW.values()]
-        columns = zip(found.names, chances, errors, found.coverage(0.95), published, strict=True)
+        columns = zip(
+            found.names, chances, errors, found.coverage(0.95), published, strict=True
+        )
         failed = int(found.failed.sum())
-        rows += [(key, name, found.replicates, failed, *map(float, numbers), *powers)
-                 for name, *numbers in columns]  # fmt: skip
-    heads = ("posterior", "quantity", "replicates", "failed", "even", "even_error", "covers_95",
-             "published_95", *NARROW)  # fmt: skip
+        rows += [
+            (key, name, found.replicates, failed, *map(float, numbers), *powers)
+            for name, *numbers in columns
+        ]
+    heads = (
+        "posterior",
+        "quantity",
+        "replicates",
+        "failed",
+        "even",
+        "even_error",
+        "covers_95",
+        "published_95",
+        *NARROW,
+    )
     return pd.DataFrame(rows, columns=list(heads))
 
 
@@ -322,7 +356,11 @@ def main() -> None:
         with ProcessPoolExecutor(mp_context=get_context("spawn")) as executor:
             for key in asked.posteriors or posteriors():
                 model = posteriors()[key].model()
-                store(key, calibrate(model, asked.seed, asked.replicates, executor), asked.seed)
+                store(
+                    key,
+                    calibrate(model, asked.seed, asked.replicates, executor),
+                    asked.seed,
+                )
     write_table(NAME, table(), {"command": f"{COMMAND} --table", "trials": TRIALS})
 
 

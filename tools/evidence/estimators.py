@@ -68,7 +68,9 @@ def least_squares(likelihood: GaussianRegistration) -> Estimate:
     residual = np.sqrt(fit.chi_square / freedom)
     noise = residual / np.sqrt(1 + fit.parameters[0] ** 2 * likelihood.source_noise)
     errors = residual * np.sqrt(np.diagonal(fit.cofactor))
-    return np.append(fit.parameters, noise), np.append(errors, noise / np.sqrt(2 * freedom))
+    return np.append(fit.parameters, noise), np.append(
+        errors, noise / np.sqrt(2 * freedom)
+    )
 
 
 def _both_channels(likelihood: JointRegistration) -> Estimate:
@@ -77,7 +79,9 @@ def _both_channels(likelihood: JointRegistration) -> Estimate:
     The residuals of the channels share the green noise: their correlation is
     1 / sqrt((1 + k_red^2) (1 + k_blue^2)), and that of the noises its square.
     """
-    (red, red_errors), (blue, blue_errors) = (least_squares(likelihood.single(i)) for i in (0, 1))
+    (red, red_errors), (blue, blue_errors) = (
+        least_squares(likelihood.single(i)) for i in (0, 1)
+    )
     shared = 1 / ((1 + red[0] ** 2) * (1 + blue[0] ** 2))
     squares = red_errors[4] ** 2 + blue_errors[4] ** 2
     error = 0.5 * np.sqrt(squares + 2 * shared * red_errors[4] * blue_errors[4])
@@ -132,7 +136,9 @@ class Quest:
         The scatter is about the mean of the group: whatever drifts counts as noise.
         """
         data = self.statistics
-        squares = data.squares + float(np.square(data.slopes).sum(axis=(-2, -1)) @ data.levers)
+        squares = data.squares + float(
+            np.square(data.slopes).sum(axis=(-2, -1)) @ data.levers
+        )
         freedom = int((data.counts - 1).sum()) * data.means[0].size
         return float(np.sqrt(squares / freedom)), freedom
 
@@ -141,7 +147,9 @@ class Quest:
         """Covariance of the attitude of every group about the camera's axes, (groups, 3, 3)."""
         moves = received_jacobian(self.statistics.means, *self.platform.tracker)
         camera = np.broadcast_to(self.camera, self.received.shape)
-        response = angle_jacobian(camera, self.received, moves).reshape(len(moves), 3, -1)
+        response = angle_jacobian(camera, self.received, moves).reshape(
+            len(moves), 3, -1
+        )
         variance = self.scatter[0] ** 2 / self.statistics.counts
         return np.asarray(variance[:, None, None] * (response @ response.mT))
 
@@ -157,7 +165,9 @@ class Quest:
         """Misalignment angles of a group, in radians; the first group's error adds to its own."""
         turn = _after(self.angles[group])
         covariance = turn @ self.covariances[group] @ turn.T
-        covariance += turn.T @ self.covariances[0] @ turn  # (I - [v ×]) goes before the turn
+        covariance += (
+            turn.T @ self.covariances[0] @ turn
+        )  # (I - [v ×]) goes before the turn
         return np.stack([self.angles[group], np.sqrt(np.diagonal(covariance))])
 
     @property

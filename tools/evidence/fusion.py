@@ -46,7 +46,13 @@ def simulate(
 def _part(trials: int, at: tuple[int, ...]) -> tuple[Array, ...]:
     door, (star, place, magnitude) = given(READS), at
     light = light_of(door, list(STARS)[star], MAGNITUDES[magnitude])
-    return cell(door, list(PLACES.values())[place], light, trials, SeedSequence(SEED, spawn_key=at))
+    return cell(
+        door,
+        list(PLACES.values())[place],
+        light,
+        trials,
+        SeedSequence(SEED, spawn_key=at),
+    )
 
 
 def recomputed(

@@ -36,13 +36,23 @@ CASES: dict[str, dict[str, Any]] = {
 
 
 def field(
-    generator: np.random.Generator, count: int, radial: float = 0, tilt: float = 0, wrong: float = 0
+    generator: np.random.Generator,
+    count: int,
+    radial: float = 0,
+    tilt: float = 0,
+    wrong: float = 0,
 ) -> tuple[FloatArray, FloatArray]:
     """Return the same stars in both images, distorted, some of them matched wrongly."""
     source = generator.uniform(0, SIDE, (count, 2))
     offset = (source - PIVOT) / (SIDE / 2)
-    target = TRUTH.apply(source) + radial * offset * np.square(offset).sum(axis=1, keepdims=True)
-    target = target + tilt * offset * offset[:, :1] + generator.normal(0, NOISE, source.shape)
+    target = TRUTH.apply(source) + radial * offset * np.square(offset).sum(
+        axis=1, keepdims=True
+    )
+    target = (
+        target
+        + tilt * offset * offset[:, :1]
+        + generator.normal(0, NOISE, source.shape)
+    )
     false = generator.random(count) < wrong
     target[false] = generator.uniform(0, SIDE, (np.count_nonzero(false), 2))
     return source, target

@@ -52,7 +52,10 @@ def write_table(
     lines.append(f"rows = [\n{body}]\n")
     for key, value in note.items():
         if isinstance(value, dict):
-            lines += [f"\n[{key}]\n", *(f'"{k}" = {_written(v)}\n' for k, v in value.items())]
+            lines += [
+                f"\n[{key}]\n",
+                *(f'"{k}" = {_written(v)}\n' for k, v in value.items()),
+            ]
     ((where or folder()) / f"{name}.toml").write_text("".join(lines), encoding="utf-8")
 
 

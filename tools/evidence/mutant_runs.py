@@ -39,7 +39,10 @@ LIBRARIES = (
     "scipy.spatial.transform scipy.special scipy.stats erfa pint pydantic pandas networkx "
     "hypothesis.strategies hypothesis.extra.numpy cv2 skimage.transform skimage.measure"
 ).split()
-ALREADY = ("-W", "ignore::pytest.PytestAssertRewriteWarning")  # since they are imported before
+ALREADY = (
+    "-W",
+    "ignore::pytest.PytestAssertRewriteWarning",
+)  # since they are imported before
 # Processor time that a mutant may take: so much, and so many times what its tests take unchanged.
 SECONDS, TIMES = 10, 4
 MEMORY = 6 * 2**30
@@ -68,7 +71,9 @@ class Map:
         """
         lines = self.tests.get(one.file, {})
         first, last = _statement(source, one.line)
-        found = {test for line in range(first, last + 1) for test in lines.get(line, ())}
+        found = {
+            test for line in range(first, last + 1) for test in lines.get(line, ())
+        }
         if not found:
             found = {test for line in lines.values() for test in line}
         return sorted(found, key=lambda test: (self.seconds[test], test))
@@ -78,7 +83,9 @@ def _statement(source: str, line: int) -> tuple[int, int]:
     """Return the first and last line of the innermost statement, without the body, at a line."""
     found = (line, line)
     for node in ast.walk(ast.parse(source)):
-        if isinstance(node, ast.stmt) and node.lineno <= line <= (node.end_lineno or node.lineno):
+        if isinstance(node, ast.stmt) and node.lineno <= line <= (
+            node.end_lineno or node.lineno
+        ):
             body = getattr(node, "body", None)
             last = body[0].lineno - 1 if body else node.end_lineno or node.lineno
             if line <= last or not body:
@@ -98,7 +105,9 @@ class Only:
         """Keep the wanted tests; all of their files where the change has renamed some."""
         known = {item.nodeid: item for item in items}
         wanted = known if self.wanted is None else self.wanted
-        items[:] = [known[name] for name in (wanted if known.keys() >= set(wanted) else known)]
+        items[:] = [
+            known[name] for name in (wanted if known.keys() >= set(wanted) else known)
+        ]
 
     @pytest.hookimpl(wrapper=True)
     def pytest_runtest_protocol(self, item: pytest.Item) -> Generator[None, bool, bool]:
@@ -115,20 +124,34 @@ class Only:
 
     def pytest_sessionfinish(self) -> None:
         """Store the times."""
-        self.note.with_suffix(".json").write_text(json.dumps(self.seconds), encoding="utf-8")
+        self.note.with_suffix(".json").write_text(
+            json.dumps(self.seconds), encoding="utf-8"
+        )
 
 
 def _pytest(tree: Path, wanted: Sequence[str] | None, *options: str) -> None:
     """Run some tests of a copy in this process, and end it."""
     note = tree / "note.txt"
     note.unlink(missing_ok=True)
-    files = TESTS if wanted is None else sorted({name.partition("::")[0] for name in wanted})
+    files = (
+        TESTS
+        if wanted is None
+        else sorted({name.partition("::")[0] for name in wanted})
+    )
     sys.path[:0] = [str(tree / "src")]
     os.chdir(tree)
     with (tree / "log.txt").open("w", encoding="utf-8") as log:
         os.dup2(log.fileno(), 1)
         os.dup2(log.fileno(), 2)
-        quiet = ["-qq", "-x", "--tb=line", "-p", "no:cacheprovider", f"--rootdir={tree}", *ALREADY]
+        quiet = [
+            "-qq",
+            "-x",
+            "--tb=line",
+            "-p",
+            "no:cacheprovider",
+            f"--rootdir={tree}",
+            *ALREADY,
+        ]
         code = pytest.main([*quiet, *options, *files], plugins=[Only(wanted, note)])
         sys.stdout.flush()
         os._exit(code)
@@ -153,7 +176,9 @@ def copy_to(tree: Path) -> Path:
     for name in COPIED:
         source = ROOT / name
         if source.is_dir():
-            shutil.copytree(source, tree / name, ignore=shutil.ignore_patterns("__pycache__"))
+            shutil.copytree(
+                source, tree / name, ignore=shutil.ignore_patterns("__pycache__")
+            )
         else:
             tree.mkdir(parents=True, exist_ok=True)
             shutil.copy2(source, tree / name)
@@ -207,7 +232,10 @@ def _meet(one: Mutant, known: Map) -> Outcome:
     """Let a mutant meet the tests: those that run its line, and then all."""
     tree = _TREES[0]
     path = tree / PACKAGE / one.file
-    source, times = path.read_text(encoding="utf-8"), (path.stat().st_atime, path.stat().st_mtime)
+    source, times = (
+        path.read_text(encoding="utf-8"),
+        (path.stat().st_atime, path.stat().st_mtime),
+    )
     text, after = mutated(one, source)
     nearest = known.of(one, source)
     path.write_text(text, encoding="utf-8")
@@ -249,7 +277,9 @@ def _rounds(nearest: Sequence[str], others: Sequence[str]) -> Iterator[Sequence[
     best = {file for file in files if file.startswith("src")}
     best |= {max(sorted(set(files)), key=files.count)} if files else set()
     first = [name for name, file in zip(nearest, files, strict=True) if file in best]
-    second = [name for name, file in zip(nearest, files, strict=True) if file not in best]
+    second = [
+        name for name, file in zip(nearest, files, strict=True) if file not in best
+    ]
     third = sorted(set(others) - set(nearest))
     yield from (names for names in (first, second, third) if names)
 

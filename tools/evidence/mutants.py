@@ -19,7 +19,8 @@ from pathlib import Path
 # make the share of killed mutants look better.
 _BINARY = "Add_Sub Sub_Add Mul_Div Div_Mul Pow_Mul FloorDiv_Mul Mod_Mul BitAnd_BitOr BitOr_BitAnd"
 _COMPARISON = (
-    "Lt_LtE Lt_GtE LtE_Lt LtE_Gt Gt_GtE Gt_LtE GtE_Gt GtE_Lt Eq_NotEq NotEq_Eq Is_IsNot IsNot_Is"
+    "Lt_LtE Lt_GtE LtE_Lt LtE_Gt Gt_GtE Gt_LtE GtE_Gt GtE_Lt Eq_NotEq NotEq_Eq "
+    "Is_IsNot IsNot_Is"
 )
 OPERATORS = (
     *(f"core/ReplaceBinaryOperator_{kind}" for kind in _BINARY.split()),
@@ -150,7 +151,11 @@ def _of_file(file: str, source: str) -> Iterator[Mutant]:
     nodes = list(ast_nodes(get_ast(source)))
     for name in OPERATORS:
         operator = get_operator(name)()
-        spots = ((node, start) for node in nodes for start, _ in operator.mutation_positions(node))
+        spots = (
+            (node, start)
+            for node in nodes
+            for start, _ in operator.mutation_positions(node)
+        )
         for occurrence, (node, start) in enumerate(spots):
             if not any(low <= start < high for low, high in spared):
                 function = ASTQuery(node).get_definition_name() or ""
@@ -192,7 +197,9 @@ def mutated(one: Mutant, source: str) -> tuple[str, str]:
     for old, new in zip(source.splitlines(), text.splitlines(), strict=False):
         if old != new:
             return text, new.strip()
-    raise ValueError(f"expected {one.operator} to change {one.file}:{one.line}, got no change")
+    raise ValueError(
+        f"expected {one.operator} to change {one.file}:{one.line}, got no change"
+    )
 
 
 def draw(everything: Iterable[Mutant], count: int, seed: int) -> list[Mutant]:
@@ -222,7 +229,9 @@ def draw(everything: Iterable[Mutant], count: int, seed: int) -> list[Mutant]:
     for file, quota in _quotas({f: len(s) for f, s in strata.items()}, count).items():
         ranked = sorted(strata[file], key=lambda one: _rank(one, seed))
         chosen += ranked[:quota]
-    return sorted(chosen, key=lambda one: (one.file, one.line, one.operator, one.occurrence))
+    return sorted(
+        chosen, key=lambda one: (one.file, one.line, one.operator, one.occurrence)
+    )
 
 
 def _rank(one: Mutant, seed: int) -> str:
@@ -235,5 +244,7 @@ def _quotas(sizes: dict[str, int], count: int) -> dict[str, int]:
     count = min(count, total)
     whole = {file: size * count // total for file, size in sizes.items()}
     left = count - sum(whole.values())
-    by_remainder = sorted(sizes, key=lambda file: (-(sizes[file] * count % total), file))
+    by_remainder = sorted(
+        sizes, key=lambda file: (-(sizes[file] * count % total), file)
+    )
     return {file: whole[file] + (file in by_remainder[:left]) for file in sizes}

@@ -33,7 +33,9 @@ def main() -> None:
     for one in found:
         if one.outcome == "survived":
             m = one.mutant
-            print(f"{m.name} survived: {m.file}:{m.line} {m.before.strip()} -> {one.after.strip()}")
+            print(
+                f"{m.name} survived: {m.file}:{m.line} {m.before.strip()} -> {one.after.strip()}"
+            )
     killed = sum(one.outcome != "survived" for one in found)
     print(f"{killed} of {len(found)} killed, drawn from {len(everything)}")
 

@@ -24,7 +24,9 @@ from reproduce.physics.registration import Registration
 FloatArray = NDArray[np.float64]
 ROWS, PITCH, RADIUS = 6, 40, 1.2
 SIDE = ROWS * PITCH
-TRUTH = Registration.similarity(1.002, 0.003, (1.3, -0.7), ((SIDE - 1) / 2, (SIDE - 1) / 2))
+TRUTH = Registration.similarity(
+    1.002, 0.003, (1.3, -0.7), ((SIDE - 1) / 2, (SIDE - 1) / 2)
+)
 DETECTOR = Detector(read_noise=5.0, offset=100.0, bits=16)
 BACKGROUND, LEVELS = 100.0, (0.6827, 0.95)
 # How far a star that is matched wrongly is displaced along each axis, in px.
@@ -42,7 +44,10 @@ class Field:
 
 
 def exposed(
-    points: FloatArray, light: FloatArray, generator: np.random.Generator, radius: float = RADIUS
+    points: FloatArray,
+    light: FloatArray,
+    generator: np.random.Generator,
+    radius: float = RADIUS,
 ) -> FloatArray:
     """Return a picture of stars, in digital numbers."""
     frame = render_frame(points, light, radius, (SIDE, SIDE)) + BACKGROUND
@@ -77,18 +82,26 @@ def recovered(field: Field) -> tuple[FloatArray, FloatArray, float]:
     """Return the pulls of the parameters, whether intervals hold them, and the freedom."""
     fit: Any = rp.register(*field.pictures)
     pulls = (fit.parameters - TRUTH.parameters) / fit.fit.standard_errors
-    held = [(low < TRUTH.parameters) & (TRUTH.parameters < high)
-            for low, high in (fit.interval(level).T for level in LEVELS)]  # fmt: skip
+    held = [
+        (low < TRUTH.parameters) & (TRUTH.parameters < high)
+        for low, high in (fit.interval(level).T for level in LEVELS)
+    ]
     return pulls, np.array(held), float(fit.fit.degrees_of_freedom)
 
 
 def summary(seeds: Iterable[int], wrong: float) -> dict[str, float]:
     """Return the width of the pulls of parameters, over that of Student's law, and the coverage."""
-    pulls, held, freedom = map(np.array, zip(*(recovered(simulated(seed, wrong)) for seed in seeds),
-                                             strict=True))  # fmt: skip
+    pulls, held, freedom = map(
+        np.array,
+        zip(*(recovered(simulated(seed, wrong)) for seed in seeds), strict=True),
+    )
     student = np.sqrt(freedom / (freedom - 2))[:, None]
     shares = 100 * held.mean(axis=(0, 2))
-    return {"width": float(np.std(pulls / student)), "68 %": shares[0], "95 %": shares[1]}
+    return {
+        "width": float(np.std(pulls / student)),
+        "68 %": shares[0],
+        "95 %": shares[1],
+    }
 
 
 def errors(seeds: Iterable[int], radius: float = RADIUS) -> dict[str, float]:
@@ -103,21 +116,31 @@ def errors(seeds: Iterable[int], radius: float = RADIUS) -> dict[str, float]:
         image = field.pictures[0] - found.facts["background"]
         limit = 5 * found.facts["noise"]
         catalogue = SourceCatalog(image, detect_sources(image, limit, 3))
-        others = {"ours": found.points,
-                  "photutils, isophotal": np.asarray(catalogue.centroid),
-                  "photutils, windowed": np.asarray(catalogue.centroid_win)}  # fmt: skip
+        others = {
+            "ours": found.points,
+            "photutils, isophotal": np.asarray(catalogue.centroid),
+            "photutils, windowed": np.asarray(catalogue.centroid_win),
+        }
         half = int(np.ceil(3 * radius))
-        for name, centre in (("centre of gravity", centroid_com), ("parabola", centroid_quadratic),
-                             ("fitted Gaussian", centroid_2dg)):  # fmt: skip
+        for name, centre in (
+            ("centre of gravity", centroid_com),
+            ("parabola", centroid_quadratic),
+            ("fitted Gaussian", centroid_2dg),
+        ):
             corners = np.round(found.points).astype(int) - half
-            parts = [image[y : y + 2 * half + 1, x : x + 2 * half + 1] for x, y in corners]
+            parts = [
+                image[y : y + 2 * half + 1, x : x + 2 * half + 1] for x, y in corners
+            ]
             others[f"photutils, {name}"] = corners + [centre(part) for part in parts]
         for name, points in others.items():
             apart = np.hypot(*np.moveaxis(points[:, None] - field.source, -1, 0))
             near = apart.min(axis=1) < 1
-            left.setdefault(name, []).append((points - field.source[apart.argmin(axis=1)])[near])
+            left.setdefault(name, []).append(
+                (points - field.source[apart.argmin(axis=1)])[near]
+            )
     return {
-        name: float(np.sqrt(np.square(np.concatenate(one)).mean())) for name, one in left.items()
+        name: float(np.sqrt(np.square(np.concatenate(one)).mean()))
+        for name, one in left.items()
     }
 
 
@@ -129,7 +152,9 @@ if __name__ == "__main__":
         told = ", ".join(
             f"{key} {value:.3g}" for key, value in summary(range(count), wrong).items()
         )
-        print(f"parameters, {wrong:.0%} wrong matches, {count} pairs of pictures: {told}")
+        print(
+            f"parameters, {wrong:.0%} wrong matches, {count} pairs of pictures: {told}"
+        )
     for radius in (0.6, 1.2, 2.5):
         for name, value in errors(range(min(count, 50)), radius).items():
             print(f"radius {radius}: {name}: {value:.4f} px")

@@ -48,7 +48,15 @@ ABOUT = (
     "relations that know no more than a sign, a bound or a last digit. refused: a computation "
     "raised an error on the changed input; not counted as seen."
 )
-COLUMNS = ("cell", "kind", "printed instead", "compared", "relation", "verdict", "refused")
+COLUMNS = (
+    "cell",
+    "kind",
+    "printed instead",
+    "compared",
+    "relation",
+    "verdict",
+    "refused",
+)
 Kind = Literal["digit", "swap", "drop", "sign"]
 KINDS: tuple[Kind, ...] = ("digit", "swap", "drop", "sign")
 
@@ -83,10 +91,15 @@ def _ways(text: str, kind: Kind) -> set[str]:
     places = [i for i, character in enumerate(body) if character.isdigit()]
     found: list[str] = []
     if kind == "digit":
-        found = [body[:i] + digit + body[i + 1 :] for i in places for digit in string.digits]
+        found = [
+            body[:i] + digit + body[i + 1 :] for i in places for digit in string.digits
+        ]
     elif kind == "swap":
         pairs = itertools.pairwise(places)
-        found = [body[:i] + body[j] + body[i + 1 : j] + body[i] + body[j + 1 :] for i, j in pairs]
+        found = [
+            body[:i] + body[j] + body[i + 1 : j] + body[i] + body[j + 1 :]
+            for i, j in pairs
+        ]
     elif kind == "drop":
         found = [body[:i] + body[i + 1 :] for i in places if len(places) > 1]
     elif body.strip("0."):
@@ -96,7 +109,9 @@ def _ways(text: str, kind: Kind) -> set[str]:
 
 def _is_printable(body: str) -> bool:
     """Tell whether digits can be printed: they start with a digit, without idle zeros."""
-    return body[0].isdigit() and not (len(body) > 1 and body[0] == "0" and body[1] != ".")
+    return body[0].isdigit() and not (
+        len(body) > 1 and body[0] == "0" and body[1] != "."
+    )
 
 
 def _reprinted(cell: Cell, text: str) -> Cell:
@@ -120,7 +135,9 @@ def seen_by_relations(
 def _touched(address: str, relations: Sequence[Relation]) -> list[Relation]:
     hit = [relation for relation in relations if address in relation.addresses]
     shared = {relation.unknown.name for relation in hit if relation.unknown}
-    return [r for r in relations if r in hit or (r.unknown and r.unknown.name in shared)]
+    return [
+        r for r in relations if r in hit or (r.unknown and r.unknown.name in shared)
+    ]
 
 
 @dataclass(frozen=True)
@@ -137,7 +154,9 @@ class Sight:
 @functools.cache
 def agreeing() -> frozenset[str]:
     """Return the cells whose frozen verdict is an agreement."""
-    return frozenset(a for a, expected in frozen().items() if expected.verdict in AGREES)
+    return frozenset(
+        a for a, expected in frozen().items() if expected.verdict in AGREES
+    )
 
 
 def seen_by_verdicts(address: str, text: str) -> Sight:
@@ -147,7 +166,9 @@ def seen_by_verdicts(address: str, text: str) -> Sight:
     changed = _reprinted(cell, text)
     refused = False
     for computation in _computations():
-        makes = computation.key == key and computation.makes(name) and address in agreeing()
+        makes = (
+            computation.key == key and computation.makes(name) and address in agreeing()
+        )
         door = _door(computation)
         if not makes and address not in door.cells:
             continue
@@ -155,7 +176,13 @@ def seen_by_verdicts(address: str, text: str) -> Sight:
             door = Given({**door.cells, address: changed})
             try:
                 results, intervals = _run(computation, door)
-            except (ArithmeticError, LookupError, ValueError, RuntimeError, StopIteration):
+            except (
+                ArithmeticError,
+                LookupError,
+                ValueError,
+                RuntimeError,
+                StopIteration,
+            ):
                 refused = True
                 continue
         else:
@@ -181,14 +208,18 @@ def _as_printed(computation: Computation) -> tuple[Results, Mapping[str, Propaga
     return _run(computation, _door(computation))
 
 
-def _run(computation: Computation, door: Given) -> tuple[Results, Mapping[str, Propagated]]:
+def _run(
+    computation: Computation, door: Given
+) -> tuple[Results, Mapping[str, Propagated]]:
     if computation.replicates:
         results = computation(door, min(REPLICATES, computation.replicates))
         intervals: Mapping[str, Propagated] = {}
     else:
         results, intervals = computation(door), result_intervals(computation, door)
     if strays := set(results) - set(library()[computation.key].by_name):
-        raise LookupError(f"{computation.name} makes cells that are not printed: {strays}")
+        raise LookupError(
+            f"{computation.name} makes cells that are not printed: {strays}"
+        )
     return results, intervals
 
 
@@ -213,10 +244,16 @@ def study(chosen: set[str] | None = None) -> pd.DataFrame:
     rows: list[tuple[str | bool, ...]] = []
     for paper in PAPERS:
         audit = audit_paper(paper)
-        planted = [p for p in plants(audit.cells, SEED) if chosen is None or p.address in chosen]
+        planted = [
+            p
+            for p in plants(audit.cells, SEED)
+            if chosen is None or p.address in chosen
+        ]
         relations = [finding.relation for finding in audit.findings]
         related = seen_by_relations(audit.cells, relations, planted)
-        compared = seen_by_relations(audit.cells, [r for r in relations if r.compares], planted)
+        compared = seen_by_relations(
+            audit.cells, [r for r in relations if r.compares], planted
+        )
         for plant, one, two in zip(planted, compared, related, strict=True):
             sight = seen_by_verdicts(plant.address, plant.text)
             flags = (one, two, sight.seen, sight.refused)
@@ -239,8 +276,12 @@ def differing(stored: pd.DataFrame, again: pd.DataFrame) -> pd.DataFrame:
 def main() -> None:
     """Make the study and store it, or hold what is stored against it."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--check", action="store_true", help="compare with what is stored")
-    parser.add_argument("--all", action="store_true", help="check everything, not some numbers")
+    parser.add_argument(
+        "--check", action="store_true", help="compare with what is stored"
+    )
+    parser.add_argument(
+        "--all", action="store_true", help="check everything, not some numbers"
+    )
     options = parser.parse_args()
     start = time.process_time()
     if options.check:
@@ -248,11 +289,18 @@ def main() -> None:
         cells = sorted({address for p in PAPERS for address in audit_paper(p).cells})
         again = study(None if options.all else some(cells))
         faults = differing(stored, again)
-        print(f"{len(again)} slips planted again in {time.process_time() - start:.0f} s")
+        print(
+            f"{len(again)} slips planted again in {time.process_time() - start:.0f} s"
+        )
         sys.exit(f"NOT as stored:\n{faults.to_string()}" if len(faults) else 0)
     found = study()
     seconds = round(time.process_time() - start)
-    note = {"about": ABOUT, "command": COMMAND, "version": reproduce.__version__, "seed": SEED}
+    note = {
+        "about": ABOUT,
+        "command": COMMAND,
+        "version": reproduce.__version__,
+        "seed": SEED,
+    }
     write_table(NAME, found, {**note, "processor_seconds": seconds})
 
 

@@ -75,7 +75,9 @@ def _fusion(
     return arrays, {"replicates": replicates}
 
 
-_Recomputed = Callable[[Executor, Path, Mapping[str, str]], tuple[_Arrays, dict[str, str | int]]]
+_Recomputed = Callable[
+    [Executor, Path, Mapping[str, str]], tuple[_Arrays, dict[str, str | int]]
+]
 # Function that computes a slow study, and its seed, by the name of its files.
 SLOW: dict[str, tuple[_Recomputed, int]] = {
     "readings": (_readings, ROOT_SEED),

@@ -54,20 +54,35 @@ def residuals(ledger: Ledger, paper: str) -> Residuals:
     """Collect the residuals of the exact cells whose inputs' rounding contributes little."""
     from scipy import stats
 
-    exact = [r for r in ledger.records if r.key.startswith(f"{paper}/") and r.verdict == "exact"]
+    exact = [
+        r
+        for r in ledger.records
+        if r.key.startswith(f"{paper}/") and r.verdict == "exact"
+    ]
     telling = {r.cell: value for r in exact if (value := _residual(r)) is not None}
     values = np.array(list(telling.values()))
-    fit = stats.kstest(values, stats.uniform(-0.5, 1.0).cdf).pvalue if values.size else np.nan
+    fit = (
+        stats.kstest(values, stats.uniform(-0.5, 1.0).cdf).pvalue
+        if values.size
+        else np.nan
+    )
     return Residuals(tuple(telling), values, len(exact), float(fit))
 
 
 def _residual(record: Record) -> float | None:
     number = library()[record.key].by_name[record.cell.partition("#")[2]].number
     step = 2.0 * number.half_unit
-    if record.computed is None or not step or number.is_bound or number.qualifier == "about":
+    if (
+        record.computed is None
+        or not step
+        or number.is_bound
+        or number.qualifier == "about"
+    ):
         return None
     low, high = record.interval or (record.computed, record.computed)
-    if (high - low) / step > LITTLE or (low == high == 0.0):  # zero by definition tells nothing
+    if (high - low) / step > LITTLE or (
+        low == high == 0.0
+    ):  # zero by definition tells nothing
         return None
     return (record.computed - number.value) / step
 
@@ -93,7 +108,9 @@ def unrounded(ledger: Ledger, paper: str, draws: int = DRAWS) -> Residuals:
             if not computation.replicates and computation.key.startswith(f"{paper}/"):
                 laws |= _laws(computation, exact, draws)
     telling = {cell: law for cell, law in laws.items() if np.ptp(law[0]) > _NOISE}
-    ties = np.random.default_rng([draws, len(telling)]).random((len(telling), draws + 1))
+    ties = np.random.default_rng([draws, len(telling)]).random(
+        (len(telling), draws + 1)
+    )
     placed = np.array(
         [
             _place(np.append(law, seen), tie)
@@ -117,14 +134,23 @@ def _laws(
     # What has several readings has several laws.
     single = [name for name, value in centre.items() if isinstance(value, int | float)]
     cells = [table[name] for name in single if table[name].address in judged]
-    cells = [c for c in cells if not (c.number.is_bound or c.number.qualifier == "about")]
+    cells = [
+        c for c in cells if not (c.number.is_bound or c.number.qualifier == "about")
+    ]
     cells = [c for c in cells if c.number.half_unit]
     if not cells:
         return {}
-    true = {c.address: _true(c, draws) for c in door.numbers() if c.number.qualifier != "nominal"}
+    true = {
+        c.address: _true(c, draws)
+        for c in door.numbers()
+        if c.number.qualifier != "nominal"
+    }
     printed = {address: 2.0 * np.rint(shift / 2.0) for address, shift in true.items()}
     exact, again = (
-        [computation(door.shifted({a: float(s[k]) for a, s in x.items()})) for k in range(draws)]
+        [
+            computation(door.shifted({a: float(s[k]) for a, s in x.items()}))
+            for k in range(draws)
+        ]
         for x in (true, printed)
     )
     found = {}
@@ -180,9 +206,14 @@ def study() -> pd.DataFrame:
     ledger = build(sorted({address.partition("#")[0] for address in exact}))
     rows = []
     for paper in PAPERS:
-        for rule, found in (("print", residuals(ledger, paper)), ("law", unrounded(ledger, paper))):
+        for rule, found in (
+            ("print", residuals(ledger, paper)),
+            ("law", unrounded(ledger, paper)),
+        ):
             rows.append((paper, rule, found.exact, len(found.cells), found.probability))
-    return pd.DataFrame(rows, columns=["paper", "against", "exact", "telling", "probability"])
+    return pd.DataFrame(
+        rows, columns=["paper", "against", "exact", "telling", "probability"]
+    )
 
 
 if __name__ == "__main__":

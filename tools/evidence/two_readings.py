@@ -58,7 +58,9 @@ def study() -> pd.DataFrame:
     for what, finders in found.items():
         counts = Counter(finders)
         if strays := set(counts) - {*FOUND, "third"}:
-            raise ValueError(f"{what}: expected one of {', '.join(FOUND)}, third, got {strays}")
+            raise ValueError(
+                f"{what}: expected one of {', '.join(FOUND)}, third, got {strays}"
+            )
         estimate = missed(counts["first"], counts["second"], counts["both"])
         rows.append((what, *(counts[name] for name in FOUND), *estimate))
     return pd.DataFrame(rows, columns=["what", *FOUND, "missed", "error"])

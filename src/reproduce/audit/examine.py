@@ -26,7 +26,10 @@ _END = 1e-3
 # Name of the tolerance among the inputs of a relation.
 _TOLERANCE = "tolerance"
 RelationOutcome = Literal[
-    "agrees", "agrees only through rounding", "agrees only within a tolerance", "contradicts"
+    "agrees",
+    "agrees only through rounding",
+    "agrees only within a tolerance",
+    "contradicts",
 ]
 OUTCOMES: tuple[RelationOutcome, ...] = (
     "agrees",
@@ -95,7 +98,10 @@ class Agreement:
 
 
 def _gaps(
-    relation: Relation, cells: Sheet, sides: Mapping[str, float], unknown: float = math.nan
+    relation: Relation,
+    cells: Sheet,
+    sides: Mapping[str, float],
+    unknown: float = math.nan,
 ) -> dict[str, float]:
     """Return left minus right in SI, with inputs at the ends of their intervals."""
     values = {}
@@ -103,7 +109,9 @@ def _gaps(
         low, high = cells[address].allowed
         inner = _END * (high - low) * relation.repeats
         low, high = low + inner - _SLACK * abs(low), high - inner + _SLACK * abs(high)
-        values[address] = {-1.0: low, 1.0: high}.get(sides.get(address, 0.0), cells[address].si)
+        values[address] = {-1.0: low, 1.0: high}.get(
+            sides.get(address, 0.0), cells[address].si
+        )
     right = relation.sides(values, unknown)[1]
     if (tolerance := relation.tolerance) and (side := sides.get(_TOLERANCE)):
         right += side * tolerance.si * (1.0 if tolerance.unit else right)
@@ -139,7 +147,9 @@ def _projection(relation: Relation, cells: Sheet) -> Corners | None:
         gaps = [_gaps(relation, cells, sides, end)["0"] for end in (low, high)]
         if gaps[0] * gaps[1] > 0:  # the root is outside of the domain
             return {"root": -math.inf if abs(gaps[0]) < abs(gaps[1]) else math.inf}
-        found = brentq(lambda u: _gaps(relation, cells, sides, u)["0"], low, high, xtol=1e-300)
+        found = brentq(
+            lambda u: _gaps(relation, cells, sides, u)["0"], low, high, xtol=1e-300
+        )
         return {"root": float(found)}
 
     found = corner_intervals(root, (*relation.addresses, _TOLERANCE))["root"]
@@ -155,7 +165,9 @@ def agreements(cells: Sheet, relations: Iterable[Relation]) -> dict[str, Agreeme
             groups.setdefault(relation.unknown, []).append(relation)
     found = {}
     for unknown, group in groups.items():
-        allows = {r.name: own[:2] for r in group if (own := _projection(r, cells)) is not None}
+        allows = {
+            r.name: own[:2] for r in group if (own := _projection(r, cells)) is not None
+        }
         found[unknown.name] = _largest_agreement(unknown, allows)
     return found
 
@@ -204,7 +216,8 @@ def examine(cells: Sheet, relations: Sequence[Relation]) -> list[Examined]:
     strict = [replace(relation, tolerance=None) for relation in relations]
     beyond_rounding = contradicted(narrow, strict)
     lifted = {
-        rule: wrong - contradicted(_printed_by(rule, cells), relations) for rule in _OTHER_RULES
+        rule: wrong - contradicted(_printed_by(rule, cells), relations)
+        for rule in _OTHER_RULES
     }
     shared = agreements(cells, relations)
     findings = []
@@ -217,7 +230,9 @@ def examine(cells: Sheet, relations: Sequence[Relation]) -> list[Examined]:
                 outcome = "agrees"
             elif relation.name in beyond_rounding:
                 outcome = "agrees only within a tolerance"
-        rescue = next((rule for rule, names in lifted.items() if relation.name in names), "")
+        rescue = next(
+            (rule for rule, names in lifted.items() if relation.name in names), ""
+        )
         findings.append(Examined(relation, outcome, left, right, rescue))
     return findings
 
@@ -242,7 +257,9 @@ def _printed_by(rule: str, cells: Sheet) -> Sheet:
     return anew
 
 
-def _sides(relation: Relation, cells: Sheet, shared: dict[str, Agreement]) -> tuple[float, float]:
+def _sides(
+    relation: Relation, cells: Sheet, shared: dict[str, Agreement]
+) -> tuple[float, float]:
     value = _last_digit if relation.kind == "print" else lambda cell: cell.si
     values = {a: value(cells[a]) for a in relation.addresses}
     if relation.unknown is None:
@@ -274,7 +291,9 @@ def groups(cells: Sheet, relations: Sequence[Relation]) -> list[list[Relation]]:
     found: list[list[Relation]] = []
     for relation in (r for r in relations if r.name in wrong):
         shares = set(relation.variables)
-        touching = [group for group in found if any(shares & set(r.variables) for r in group)]
+        touching = [
+            group for group in found if any(shares & set(r.variables) for r in group)
+        ]
         found = [group for group in found if group not in touching]
         found.append([*itertools.chain.from_iterable(touching), relation])
     order = {relation.name: i for i, relation in enumerate(relations)}
@@ -320,4 +339,6 @@ def conflicts(
             both = dict.fromkeys(x for x in (*a.sides, *b.sides) if x != _TOLERANCE)
             found.append(Conflict(tuple(both), (one.name, two.name)))
     unique = {frozenset(conflict.cells): conflict for conflict in reversed(found)}
-    return sorted(unique.values(), key=lambda conflict: (len(conflict.cells), conflict.cells))
+    return sorted(
+        unique.values(), key=lambda conflict: (len(conflict.cells), conflict.cells)
+    )

@@ -32,7 +32,14 @@ from reproduce.printed.number import UNITS, Interval, si_factor
 # Address to printed number.
 Sheet = Mapping[str, Cell]
 _RelationKind = Literal[
-    "equation", "definition", "arithmetic", "statistics", "geometry", "repeat", "order", "print"
+    "equation",
+    "definition",
+    "arithmetic",
+    "statistics",
+    "geometry",
+    "repeat",
+    "order",
+    "print",
 ]
 # Which of two independent readings of a paper found a relation; "merging" if neither did, and the
 # comparison of their lists or a later reader who knew them found it; "third" if a later reader, who
@@ -45,7 +52,9 @@ def functions(known: Mapping[str, Callable[..., Any]]) -> dict[str, Any]:
     """Return what formulas may call in some arithmetic; those of several numbers take lists too."""
 
     def flat(parts: tuple[Any, ...]) -> list[Any]:
-        return [x for part in parts for x in (part if isinstance(part, list) else [part])]
+        return [
+            x for part in parts for x in (part if isinstance(part, list) else [part])
+        ]
 
     def mean(*parts: Any) -> Any:
         return functools.reduce(operator.add, flat(parts)) / len(flat(parts))
@@ -100,7 +109,10 @@ class Formula:
         return {name for side in self._sides for name in side.co_names}
 
     def values(
-        self, values: Mapping[str, Any], known: Mapping[str, Any] = _FLOATS, units: Any = _SI
+        self,
+        values: Mapping[str, Any],
+        known: Mapping[str, Any] = _FLOATS,
+        units: Any = _SI,
     ) -> Iterator[Any]:
         """Yield both sides for what the names stand for, in some arithmetic."""
         scope = {"u": units, **known, **values}
@@ -144,10 +156,14 @@ class _Tolerance:
     @property
     def text(self) -> str:
         """The size as a reader sees it."""
-        return f"{self.size:.3g} {self.unit}" if self.unit else f"{100 * self.size:.3g} %"
+        return (
+            f"{self.size:.3g} {self.unit}" if self.unit else f"{100 * self.size:.3g} %"
+        )
 
 
-@dataclass(frozen=True, eq=False)  # compared by identity, so that work on it can be cached
+@dataclass(
+    frozen=True, eq=False
+)  # compared by identity, so that work on it can be cached
 class Relation:
     """An equation or inequality between printed cells.
 
@@ -188,7 +204,9 @@ class Relation:
         Whatever the rounding rule, one number prints the same digits each time. Two prints that
         differ in the last digit touch at a tie that rounds to one of them, never to both.
         """
-        exact = self.formula.sign == "=" and self.tolerance is None and self.unknown is None
+        exact = (
+            self.formula.sign == "=" and self.tolerance is None and self.unknown is None
+        )
         return exact and self.formula.bare
 
     @cached_property
@@ -208,10 +226,14 @@ class Relation:
         bound = self.binding.get(self.formula.result)
         return bound if isinstance(bound, str) else None
 
-    def values(self, by_address: Mapping[str, Any], unknown: Any = None) -> dict[str, Any]:
+    def values(
+        self, by_address: Mapping[str, Any], unknown: Any = None
+    ) -> dict[str, Any]:
         """Return what the names of the formula stand for."""
         found: dict[str, Any] = {
-            name: [by_address[a] for a in bound] if isinstance(bound, tuple) else by_address[bound]
+            name: [by_address[a] for a in bound]
+            if isinstance(bound, tuple)
+            else by_address[bound]
             for name, bound in self.binding.items()
         }
         return found if self.unknown is None else {**found, self.unknown.name: unknown}
@@ -230,7 +252,10 @@ class Relation:
         """Return both sides at given values of the cells, in SI; NaN if they have none."""
         try:
             left, right = self.formula.values(self.values(by_address, unknown), known)
-        except (ArithmeticError, ValueError):  # a division by zero, a root of a negative number
+        except (
+            ArithmeticError,
+            ValueError,
+        ):  # a division by zero, a root of a negative number
             return math.nan, math.nan
         return float(left), float(right)
 
@@ -246,7 +271,9 @@ def declarations(paper: str) -> dict[str, Any]:
     return tomllib.loads(file.read_text(encoding="utf-8")) if file.is_file() else {}
 
 
-def declared(content: Mapping[str, Any], cells: Sheet, prefix: str = "") -> list[Relation]:
+def declared(
+    content: Mapping[str, Any], cells: Sheet, prefix: str = ""
+) -> list[Relation]:
     """Return relations in order of declaration."""
     named: dict[str | None, Any] = {
         name: kind(**{"name": name, **given} if kind is Unknown else given)
@@ -258,7 +285,9 @@ def declared(content: Mapping[str, Any], cells: Sheet, prefix: str = "") -> list
         for place in _places(line.get("each", {})):
             made = _relation(line, place, cells, prefix, {None: None, **named})
             if made.name in relations:
-                raise ValueError(f"{made.name!r} is declared twice; give each its own name")
+                raise ValueError(
+                    f"{made.name!r} is declared twice; give each its own name"
+                )
             relations[made.name] = made
     return list(relations.values())
 
@@ -271,17 +300,26 @@ def _relation(
     named: Mapping[str | None, Any],
 ) -> Relation:
     own = {name: text for name, text in line.items() if name not in {"cells", "each"}}
-    marks = {key: re.sub(r"[^a-zA-Z0-9]", "-", value).strip("-") for key, value in place.items()}
+    marks = {
+        key: re.sub(r"[^a-zA-Z0-9]", "-", value).strip("-")
+        for key, value in place.items()
+    }
     formula, restates = Formula(own["formula"].format(**place)), own.get("restates", "")
     pairs = (pair.split("=", 1) for pair in line["cells"].format(**place).split())
     bound = {name: _bound(prefix + where, cells) for name, where in pairs}
     restates = restates and prefix + restates.format(**place)
     known = set(bound) | {own.get("unknown")} - {None}
-    if strays := known - formula.names or formula.names - known - {"u", *_FLOATS, *UNITS}:
+    if strays := known - formula.names or formula.names - known - {
+        "u",
+        *_FLOATS,
+        *UNITS,
+    }:
         raise ValueError(f"{own['name']!r}: bound or named only once: {strays}")
     if restates and restates.partition(" (")[0] != bound.get(formula.result):
         raise ValueError(f"{own['name']!r}: the formula is not solved for {restates!r}")
-    if own["kind"] not in get_args(_RelationKind) or own.get("reading", "") not in get_args(Finder):
+    if own["kind"] not in get_args(_RelationKind) or own.get(
+        "reading", ""
+    ) not in get_args(Finder):
         raise ValueError(f"{own['name']!r}: unknown kind or reading")
     return Relation(
         **own

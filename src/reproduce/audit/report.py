@@ -59,7 +59,9 @@ class Demonstration:
 
 def _distortion_ratio(cells: Sheet) -> _Values:
     k = cells["niu2024/table-2#scale.red"].si
-    ours, theirs = (cells[f"niu2024/table-1#radial-distortion.{c}"].si for c in ("green", "red"))
+    ours, theirs = (
+        cells[f"niu2024/table-1#radial-distortion.{c}"].si for c in ("green", "red")
+    )
     right = float(optics.distortion_ratio(k, ours, theirs))
     # The second line of (7) sets y'_g where the first line sets x'_b: one factor k is lost.
     printed = k**2 * ours / theirs
@@ -70,7 +72,10 @@ def _turned_back(cells: Sheet) -> _Values:
     angle = cells["niu2024/table-2#rotation.red"].si
     start = np.array([[3.0, 4.0]])
     cosine, sine = np.cos(angle), np.sin(angle)
-    back = optics.turned_onto_detector(start, angle) @ np.array([[cosine, -sine], [sine, cosine]]).T
+    back = (
+        optics.turned_onto_detector(start, angle)
+        @ np.array([[cosine, -sine], [sine, cosine]]).T
+    )
     left = float(np.abs(back - start).max())
     return left, left, 0.0
 
@@ -97,7 +102,10 @@ def _iteration(cells: Sheet) -> _Values:
     middle = optics.detector_centre(size)
     target = registration.Registration("similarity", truth, middle).apply(source)
     errors = []
-    for step in (registration.gauss_newton_step_printed, registration.gauss_newton_step):
+    for step in (
+        registration.gauss_newton_step_printed,
+        registration.gauss_newton_step,
+    ):
         found = np.array([1.0, 0.0, 0.0, 0.0])
         for _ in range(STEPS):
             found = step(found, source, target, middle)
@@ -112,7 +120,9 @@ def _laser_geometry(cells: Sheet) -> tuple[FloatArray, float]:
 
 
 def _unit_vectors(cells: Sheet) -> _Values:
-    length = float(np.linalg.norm(attitude.emitted_directions(*_laser_geometry(cells)), axis=-1)[0])
+    length = float(
+        np.linalg.norm(attitude.emitted_directions(*_laser_geometry(cells)), axis=-1)[0]
+    )
     return length, length, 1.0
 
 
@@ -141,13 +151,18 @@ def _roll_leak(cells: Sheet) -> _Values:
     """Roll the camera about its boresight, and take the error of (5) in the two orders."""
     t = "chen2023/table-2#tracker-"
     spots = np.array(
-        [[cells[f"chen2023/text-platform#spot-{i}-{a}"].si for a in "xy"] for i in "1234"]
+        [
+            [cells[f"chen2023/text-platform#spot-{i}-{a}"].si for a in "xy"]
+            for i in "1234"
+        ]
     )
     middle = optics.detector_centre([cells[f"{t}pixels-{a}.value"].si for a in "xy"])
     scale = cells[f"{t}pixel-size.value"].si / cells[f"{t}focal-length.value"].si
     across, along = (spots.mean(axis=0) - middle) * scale
     reference = rotation_from_vector(np.array([-along, across, 0.0]))
-    rolled = reference @ rotation_from_vector(np.array([0.0, 0.0, 60 * si_factor("arcsec")]))
+    rolled = reference @ rotation_from_vector(
+        np.array([0.0, 0.0, 60 * si_factor("arcsec")])
+    )
     errors = [
         float(np.hypot(*attitude.misalignment_angles(form(rolled, reference))[:2]))
         / si_factor("arcsec")
@@ -195,7 +210,9 @@ def _misalignment_side(cells: Sheet) -> _Values:
         moved = rotation_from_vector(turn * axis)
         corrected = installed @ moved.T  # (8), inverted
         forms = moved.T, attitude.misalignment_in_tracker(moved, installed)
-        gaps.append([np.linalg.norm((form @ installed - corrected)[:, 2]) for form in forms])
+        gaps.append(
+            [np.linalg.norm((form @ installed - corrected)[:, 2]) for form in forms]
+        )
     printed, right = (float(gap) for gap in np.max(gaps, axis=0) / si_factor("arcsec"))
     return printed, right, 0.0
 
@@ -206,7 +223,11 @@ def _line_of_sight(cells: Sheet) -> _Values:
     bracket = ground.image_vectors(places[:1], focal)[0]
     emitted = attitude.emitted_directions(places[:1], focal)[0]
     cosine = float(bracket @ emitted / np.linalg.norm(bracket))
-    return cosine, -cosine, 1.0  # with a negative scaling factor the bracket changes its sign
+    return (
+        cosine,
+        -cosine,
+        1.0,
+    )  # with a negative scaling factor the bracket changes its sign
 
 
 def _mirrored_pattern(cells: Sheet) -> _Values:
@@ -256,7 +277,12 @@ class Audit:
     @property
     def examined(self) -> tuple[str, ...]:
         """The cells held against another one by some relation, in the order of the sheet."""
-        found = {a for f in self.findings if f.relation.compares for a in f.relation.addresses}
+        found = {
+            a
+            for f in self.findings
+            if f.relation.compares
+            for a in f.relation.addresses
+        }
         return tuple(address for address in self.cells if address in found)
 
     @property
@@ -280,7 +306,9 @@ class Audit:
         """The equations that fail as extracted, without those that rest on a supposition."""
         return tuple(e for e in self.equations if not (e.holds or e.supposition))
 
-    def tally(self, *, restating: bool | None = None) -> dict[examine.RelationOutcome, int]:
+    def tally(
+        self, *, restating: bool | None = None
+    ) -> dict[examine.RelationOutcome, int]:
         """Count the relations without suppositions by outcome, every outcome present.
 
         All of them, or only those that do, or do not, restate a computed number.
@@ -293,7 +321,9 @@ class Audit:
 def audit_paper(paper: str) -> Audit:
     """Audit the printed numbers and equations of a paper."""
     tables = (table for key, table in library().items() if key.startswith(f"{paper}/"))
-    cells = {cell.address: cell for table in tables for cell in table.cells if cell.is_number}
+    cells = {
+        cell.address: cell for table in tables for cell in table.cells if cell.is_number
+    }
     content = declarations(paper)
     joint = {"relations": {"joint": content.get("joint", [])}}
     every = (declared(one, cells, f"{paper}/") for one in (content, joint))
@@ -301,7 +331,10 @@ def audit_paper(paper: str) -> Audit:
 
 
 def audit(
-    name: str, cells: Sheet, relations: Sequence[Relation], joint: Sequence[Relation] = ()
+    name: str,
+    cells: Sheet,
+    relations: Sequence[Relation],
+    joint: Sequence[Relation] = (),
 ) -> Audit:
     """Audit some cells by relations between them, and by declared combinations of relations."""
     read = [relation for relation in relations if not relation.supposition]
@@ -311,9 +344,13 @@ def audit(
         cells=cells,
         findings=tuple(examine.examine(cells, relations)),
         conflicts=tuple(examine.conflicts(cells, read, joint)),
-        groups=tuple(tuple(r.name for r in group) for group in examine.groups(cells, read)),
+        groups=tuple(
+            tuple(r.name for r in group) for group in examine.groups(cells, read)
+        ),
         unknowns=examine.agreements(cells, relations),
-        equations=tuple(Demonstration(n, *_RUNS[n](cells), **t) for n, t in texts.items()),
+        equations=tuple(
+            Demonstration(n, *_RUNS[n](cells), **t) for n, t in texts.items()
+        ),
     )
 
 
@@ -339,26 +376,43 @@ class Erratum(BaseModel):
     paper: str
     place: str = Field(description="where in the paper it stands")
     printed: str = Field(description="what is printed there, in short")
-    problem: str = Field(description="what does not fit, under the most charitable reading")
+    problem: str = Field(
+        description="what does not fit, under the most charitable reading"
+    )
     library: str = Field(description="what the library does about it")
     conclusion: _Conclusion = Field(description="whether the paper's conclusion stands")
     because: str = Field(description="why it does")
     status: Literal["open", "one reading of several", "reported", "confirmed"]
-    reading: Finder = Field(description="which of two independent readings of the paper found it")
-    again: bool = Field(default=False, description="whether a third reading did, without a list")
-    extraction: bool = Field(default=False, description="our text, read by a machine, may be wrong")
-    supposition: str = Field(default="", description="what it supposes that the paper leaves open")
+    reading: Finder = Field(
+        description="which of two independent readings of the paper found it"
+    )
+    again: bool = Field(
+        default=False, description="whether a third reading did, without a list"
+    )
+    extraction: bool = Field(
+        default=False, description="our text, read by a machine, may be wrong"
+    )
+    supposition: str = Field(
+        default="", description="what it supposes that the paper leaves open"
+    )
     evidence: str = Field(default="", description="words that stand against words")
     reply: str = Field(default="", description="what the authors replied")
-    relations: list[str] = Field(default=[], description="relations of the audit that show it")
-    equations: list[str] = Field(default=[], description="equations that show it, as extracted")
+    relations: list[str] = Field(
+        default=[], description="relations of the audit that show it"
+    )
+    equations: list[str] = Field(
+        default=[], description="equations that show it, as extracted"
+    )
 
     def findings(self, audit: Audit) -> list[examine.Examined]:
         """Return the findings of the relations that the entry names."""
         return [
             finding
             for finding in audit.findings
-            if any(fnmatch.fnmatchcase(finding.relation.name, one) for one in self.relations)
+            if any(
+                fnmatch.fnmatchcase(finding.relation.name, one)
+                for one in self.relations
+            )
         ]
 
     def demonstrations(self, audit: Audit) -> list[Demonstration]:

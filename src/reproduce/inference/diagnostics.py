@@ -91,7 +91,9 @@ def _rank_normalised(values: FloatArray) -> FloatArray:
     """
     _, place, counts = np.unique(values, return_inverse=True, return_counts=True)
     ranks = counts.cumsum() - (counts - 1) / 2  # a walker that stays makes ties
-    return np.asarray(ndtri((ranks - 0.375) / (values.size + 0.25)))[place].reshape(values.shape)
+    return np.asarray(ndtri((ranks - 0.375) / (values.size + 0.25)))[place].reshape(
+        values.shape
+    )
 
 
 def _tail_size(chains: FloatArray) -> float:
@@ -132,7 +134,9 @@ def mcse_quantile(chains: FloatArray, probability: float) -> float:
     """
     size = _effective_size((chains <= np.quantile(chains, probability)).astype(float))
     law = size * probability + 1, size * (1 - probability) + 1
-    low, high = (np.quantile(chains, betaincinv(*law, end)) for end in (0.1586553, 0.8413447))
+    low, high = (
+        np.quantile(chains, betaincinv(*law, end)) for end in (0.1586553, 0.8413447)
+    )
     return float((high - low) / 2)
 
 
@@ -227,7 +231,10 @@ def summarised(name: str, unit: str, draws: FloatArray, shown: float = 1.0) -> S
 
 
 def require(
-    rows: Sequence[Summary], steps: int, acceptance: Sequence[float], times: float = Gates.times
+    rows: Sequence[Summary],
+    steps: int,
+    acceptance: Sequence[float],
+    times: float = Gates.times,
 ) -> None:
     """Raise `UnconvergedError` where a gate is missed, or a number is not finite."""
     # How many times more steps each gate needs, and which it is; NaN misses and comes first.
@@ -244,10 +251,14 @@ def require(
             missed.append((_short(times, found), words))
         for kind, size in (("bulk", one.bulk), ("tail", one.tail)):
             if not size >= Gates.size:
-                words = f"{one.name}: {kind} ESS {size:.0f}, at least {Gates.size:g} needed"
+                words = (
+                    f"{one.name}: {kind} ESS {size:.0f}, at least {Gates.size:g} needed"
+                )
                 missed.append((_short(Gates.size, size), words))
     if not min(acceptance) >= Gates.acceptance:
-        words = f"acceptance {min(acceptance):.3f}, at least {Gates.acceptance:g} required"
+        words = (
+            f"acceptance {min(acceptance):.3f}, at least {Gates.acceptance:g} required"
+        )
         missed.append((np.inf, words))
     if missed:
         missed.sort(key=lambda miss: -miss[0])
@@ -258,7 +269,11 @@ def require(
             needed = int(np.ceil(MARGIN * factor * steps / 100)) * 100
             advice = f"take about {needed} steps"
         error = UnconvergedError(f"the chains are refused: {worst}{more}; {advice}")
-        error.steps, error.taken, error.missed = needed, steps, [words for _, words in missed]
+        error.steps, error.taken, error.missed = (
+            needed,
+            steps,
+            [words for _, words in missed],
+        )
         raise error
 
 

@@ -126,7 +126,9 @@ class Normal:
 
     def log_density(self, values: FloatArray) -> FloatArray:
         scaled = (values - self.mean) / self.sigma
-        return np.asarray(-0.5 * scaled**2 - np.log(self.sigma) - 0.5 * np.log(2 * np.pi))
+        return np.asarray(
+            -0.5 * scaled**2 - np.log(self.sigma) - 0.5 * np.log(2 * np.pi)
+        )
 
     def draw(self, generator: Generator, count: int) -> FloatArray:
         return generator.normal(self.mean, self.sigma, count)
@@ -300,7 +302,9 @@ class Model:
                 f"priors: expected names among {', '.join(self.names)}, got "
                 f"{', '.join(sorted(unknown))}; check the spelling"
             )
-        parameters = (replace(p, prior=priors.get(p.name, p.prior)) for p in self.parameters)
+        parameters = (
+            replace(p, prior=priors.get(p.name, p.prior)) for p in self.parameters
+        )
         return replace(self, parameters=tuple(parameters))
 
     def disagreements(self) -> dict[str, tuple[float, float, float]]:
@@ -349,13 +353,19 @@ class Model:
         rough, spread = self.likelihood.start()
         if self.disagreements():
             rough, spread = self._inside(rough, spread, generator)
-        centre = rough + _OVERDISPERSION * spread * generator.normal(size=self.dimension)
+        centre = rough + _OVERDISPERSION * spread * generator.normal(
+            size=self.dimension
+        )
         points = np.empty((0, self.dimension))
         for attempt in range(_TRIES):
             # A displaced centre may lie outside the support: let the scatter grow back to it.
             wider = _OVERDISPERSION * (1 + attempt / 20)
-            tried = centre + wider * spread * generator.normal(size=(walkers, self.dimension))
-            points = np.concatenate([points, tried[np.isfinite(self.log_posterior(tried))]])
+            tried = centre + wider * spread * generator.normal(
+                size=(walkers, self.dimension)
+            )
+            points = np.concatenate(
+                [points, tried[np.isfinite(self.log_posterior(tried))]]
+            )
             if len(points) >= walkers:
                 return points[:walkers]
         raise ValueError(

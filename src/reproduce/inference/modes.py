@@ -53,10 +53,12 @@ def dip(values: FloatArray) -> float:
         else:
             first = middle
     sides = [
-        max(_error(slopes[:mode], widths[:mode], increasing=True),
-            _error(slopes[mode:], widths[mode:], increasing=False))
+        max(
+            _error(slopes[:mode], widths[:mode], increasing=True),
+            _error(slopes[mode:], widths[mode:], increasing=False),
+        )
         for mode in (first, last)
-    ]  # fmt: skip
+    ]
     return 0.5 * min(sides)
 
 

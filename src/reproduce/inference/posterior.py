@@ -84,7 +84,9 @@ class Sampled:
             return []
         stride, rows = max(1, int(np.ceil(self.time))), []
         chain = self.chain[:, ::stride]
-        for name, quantity in self.model.derived(chain.reshape(-1, self.model.dimension)).items():
+        for name, quantity in self.model.derived(
+            chain.reshape(-1, self.model.dimension)
+        ).items():
             values = quantity.values.reshape(chain.shape[:3])
             row = diagnostics.summarised(name, quantity.unit, values)
             rows.append(replace(row, time=stride * row.time))
@@ -104,7 +106,9 @@ class Sampled:
 
     def log_likelihood(self) -> FloatArray:
         """Return that of each observation for these draws, shape (ensembles, n, ...)."""
-        found = self.model.likelihood.pointwise(self.thin.reshape(-1, self.model.dimension))
+        found = self.model.likelihood.pointwise(
+            self.thin.reshape(-1, self.model.dimension)
+        )
         return found.reshape(*self.thin.shape[:2], *found.shape[1:])
 
     def to_datatree(self) -> Any:
@@ -119,34 +123,53 @@ class Sampled:
         model, parameters = self.model, self.model.parameters
         generator = Generator(PCG64(SeedSequence(self.seed, spawn_key=(98,))))
         draws = diagnostics.thinned(self.chain, self.time)
-        prior = np.stack([one.prior.draw(generator, _PRIOR) for one in parameters], axis=-1)[None]
+        prior = np.stack(
+            [one.prior.draw(generator, _PRIOR) for one in parameters], axis=-1
+        )[None]
 
         def named(rows: FloatArray) -> dict[str, FloatArray]:
-            return {one.name: rows[..., i] * one.shown for i, one in enumerate(parameters)}
+            return {
+                one.name: rows[..., i] * one.shown for i, one in enumerate(parameters)
+            }
 
         def simulated(rows: FloatArray, simulate: Simulate) -> dict[str, FloatArray]:
             flat = rows.reshape(-1, model.dimension)
-            found = [model.given(simulate(one, generator)).likelihood.observed for one in flat]
+            found = [
+                model.given(simulate(one, generator)).likelihood.observed
+                for one in flat
+            ]
             return {
-                name: np.stack([one[name] for one in found]).reshape(*rows.shape[:2], *data.shape)
+                name: np.stack([one[name] for one in found]).reshape(
+                    *rows.shape[:2], *data.shape
+                )
                 for name, data in model.likelihood.observed.items()
             }
 
         last = list(model.likelihood.observed)[-1]
         chosen = _spread(draws.shape[1], self.thin.shape[1])
-        tree = xarray.DataTree.from_dict({
-            "posterior": _dataset(named(draws)),
-            "sample_stats": _dataset({"lp": diagnostics.thinned(self.log_posterior, self.time)}),
-            "log_likelihood": _dataset({last: self.log_likelihood()}, chosen),
-            "posterior_predictive": _dataset(simulated(self.thin, model.repeat), chosen),
-            "prior": _dataset(named(prior)),
-            "prior_predictive": _dataset(simulated(prior, model.likelihood.simulate)),
-            "observed_data": _dataset(model.likelihood.observed, sampled=()),
-        })  # fmt: skip
+        tree = xarray.DataTree.from_dict(
+            {
+                "posterior": _dataset(named(draws)),
+                "sample_stats": _dataset(
+                    {"lp": diagnostics.thinned(self.log_posterior, self.time)}
+                ),
+                "log_likelihood": _dataset({last: self.log_likelihood()}, chosen),
+                "posterior_predictive": _dataset(
+                    simulated(self.thin, model.repeat), chosen
+                ),
+                "prior": _dataset(named(prior)),
+                "prior_predictive": _dataset(
+                    simulated(prior, model.likelihood.simulate)
+                ),
+                "observed_data": _dataset(model.likelihood.observed, sampled=()),
+            }
+        )
         for one in parameters:
             text = str(one.prior.in_unit(one.shown))
             attributes = {"units": one.unit, "prior": text, "reason": one.prior.reason}
-            tree["posterior"][one.name].attrs = tree["prior"][one.name].attrs = attributes
+            tree["posterior"][one.name].attrs = tree["prior"][one.name].attrs = (
+                attributes
+            )
         tree["sample_stats"].attrs["acceptance"] = list(self.acceptance)
         tree.attrs |= {"model": model.name, "seed": self.seed}
         return tree
@@ -190,17 +213,23 @@ class PredictiveCheck:
     tail: float
 
 
-def posterior_checks(posterior: Sampled, replicates: int = REPORTED) -> list[PredictiveCheck]:
+def posterior_checks(
+    posterior: Sampled, replicates: int = REPORTED
+) -> list[PredictiveCheck]:
     """Compare every number of `Likelihood.checks` with simulations from the posterior."""
     model = posterior.model
     generator = Generator(PCG64(SeedSequence(posterior.seed, spawn_key=(99,))))
-    chosen = posterior.draws[np.linspace(0, len(posterior.draws) - 1, replicates).astype(int)]
+    chosen = posterior.draws[
+        np.linspace(0, len(posterior.draws) - 1, replicates).astype(int)
+    ]
     found = [model.likelihood.checks(model.repeat(one, generator)) for one in chosen]
     rows = []
     for name, observed in model.likelihood.checks().items():
         values = np.array([one[name] for one in found])
         low, high = np.quantile(values, diagnostics.ENDS).tolist()
-        rows.append(PredictiveCheck(name, observed, low, high, _two_sided(values, observed)))
+        rows.append(
+            PredictiveCheck(name, observed, low, high, _two_sided(values, observed))
+        )
     return rows
 
 
@@ -264,7 +293,9 @@ def _reached(prior: Prior, draws: FloatArray) -> list[float]:
     scale = np.log if isinstance(prior, LogUniform) else np.asarray
     values = scale(draws)
     beside = BESIDE * values.std()
-    near = {end: np.abs(values - scale(end)) < beside for end in (prior.low, prior.high)}
+    near = {
+        end: np.abs(values - scale(end)) < beside for end in (prior.low, prior.high)
+    }
     return [end for end, close in near.items() if close.mean() > LEANING]
 
 

@@ -55,7 +55,9 @@ class _AtOnce(moves.RedBlueMove):  # type: ignore[misc]
         for half in (0, 1):
             moved, rest = halves == half, halves != half
             straight = self.coordinates.straight(coords)
-            new, factors = self.get_proposal(straight[moved], [straight[rest]], model.random)
+            new, factors = self.get_proposal(
+                straight[moved], [straight[rest]], model.random
+            )
             with np.errstate(over="ignore"):  # far outside: infinite, and rejected
                 proposed = self.coordinates.parameters(new)
             values = model.log_prob_fn(proposed)
@@ -69,7 +71,9 @@ class _AtOnce(moves.RedBlueMove):  # type: ignore[misc]
             index = np.flatnonzero(moved)[taken]
             coords[index], log_prob[index] = proposed[taken], values[taken]
             accepted[index] = True
-        return State(coords, log_prob=log_prob, random_state=state.random_state), accepted
+        return State(
+            coords, log_prob=log_prob, random_state=state.random_state
+        ), accepted
 
 
 class _Stretch(_AtOnce, moves.StretchMove):  # type: ignore[misc]
@@ -89,7 +93,10 @@ class _Complement(_AtOnce):
     """
 
     def get_proposal(
-        self, sample: FloatArray, complement: list[FloatArray], random: np.random.RandomState
+        self,
+        sample: FloatArray,
+        complement: list[FloatArray],
+        random: np.random.RandomState,
     ) -> tuple[FloatArray, FloatArray]:
         """Propose for every walker; the factor is the ratio of proposal densities."""
         others = complement[0]
@@ -113,12 +120,15 @@ class _Complement(_AtOnce):
 def _log_proposal(squared: FloatArray, dimension: int) -> FloatArray:
     """Log density of the proposal at a squared distance, but for a constant of the dimension."""
     near, far = (
-        gammaln((degrees + dimension) / 2) - gammaln(degrees / 2)
+        gammaln((degrees + dimension) / 2)
+        - gammaln(degrees / 2)
         - dimension * np.log(np.sqrt(degrees) * width)
         - 0.5 * (degrees + dimension) * np.log1p(squared / (degrees * width**2))
         for degrees, width in (NEAR, FAR)
-    )  # fmt: skip
-    return np.asarray(np.logaddexp(np.log1p(-_FAR_SHARE) + near, np.log(_FAR_SHARE) + far))
+    )
+    return np.asarray(
+        np.logaddexp(np.log1p(-_FAR_SHARE) + near, np.log(_FAR_SHARE) + far)
+    )
 
 
 # Shares of the moves. In the warm-up the stretch and the differential evolution carry a far-off
@@ -165,7 +175,9 @@ class Plan:
 
     def __post_init__(self) -> None:
         for name in ("seed", "ensembles", "walkers", "steps", "warmup"):
-            whole_number(name, getattr(self, name), least=int(name in {"ensembles", "steps"}))
+            whole_number(
+                name, getattr(self, name), least=int(name in {"ensembles", "steps"})
+            )
 
     def walkers_for(self, dimension: int) -> int:
         """Walkers of an ensemble: enough that half of them know the covariance."""
@@ -192,11 +204,15 @@ def sample(
     need, up to `_MOST`. Without an executor the ensembles run here, one after the other.
     """
     run, results = partial(run_ensemble, model, plan), []
-    for result in (map if executor is None else executor.map)(run, range(plan.ensembles)):
+    for result in (map if executor is None else executor.map)(
+        run, range(plan.ensembles)
+    ):
         results.append(result)
         if progress is not None:
             progress(len(results), plan.ensembles)
-    chain, log_posterior, accepted = (np.stack(column) for column in zip(*results, strict=True))
+    chain, log_posterior, accepted = (
+        np.stack(column) for column in zip(*results, strict=True)
+    )
     found = Sampled(model, plan.seed, chain, log_posterior, tuple(accepted.tolist()))
     try:
         require(found.rows, plan.steps, found.acceptance)
@@ -205,13 +221,18 @@ def sample(
     except UnconvergedError as error:
         if not longer or error.steps is None or error.steps > _MOST:
             raise
-        enough = replace(plan, steps=error.steps, warmup=max(plan.warmup, error.steps // 4))
+        enough = replace(
+            plan, steps=error.steps, warmup=max(plan.warmup, error.steps // 4)
+        )
         return sample(model, enough, longer=True, executor=executor, progress=progress)
     return found
 
 
 def run_ensemble(
-    model: Model, plan: Plan, ensemble: int, lacking: Callable[[FloatArray], int] | None = None
+    model: Model,
+    plan: Plan,
+    ensemble: int,
+    lacking: Callable[[FloatArray], int] | None = None,
 ) -> tuple[FloatArray, FloatArray, float]:
     """Run one ensemble.
 
@@ -222,17 +243,28 @@ def run_ensemble(
     walkers = plan.walkers_for(model.dimension)
     warming, sampler = (
         emcee.EnsembleSampler(
-            walkers, model.dimension, model.log_posterior, vectorize=True,
+            walkers,
+            model.dimension,
+            model.log_posterior,
+            vectorize=True,
             moves=mixture(model.coordinates, shares),
         )
         for shares in (INWARD, STEADY)
-    )  # fmt: skip
+    )
     here, there = (SeedSequence(plan.seed, spawn_key=(ensemble, i)) for i in (0, 1))
     random_state = RandomState(MT19937(there)).get_state(legacy=True)
-    state = State(model.start(Generator(PCG64(here)), walkers), random_state=random_state)
+    state = State(
+        model.start(Generator(PCG64(here)), walkers), random_state=random_state
+    )
     if plan.warmup:
-        state = warming.run_mcmc(state, plan.warmup, skip_initial_state_check=True, store=False)
+        state = warming.run_mcmc(
+            state, plan.warmup, skip_initial_state_check=True, store=False
+        )
     sampler.run_mcmc(state, plan.steps, skip_initial_state_check=True)
     while lacking and (more := lacking(sampler.get_chain())) > 0:
         sampler.run_mcmc(None, more)
-    return sampler.get_chain(), sampler.get_log_prob(), float(sampler.acceptance_fraction.mean())
+    return (
+        sampler.get_chain(),
+        sampler.get_log_prob(),
+        float(sampler.acceptance_fraction.mean()),
+    )

@@ -29,7 +29,9 @@ from reproduce.papers.declare import Computation, unpublished
 from reproduce.printed.cells import Cell, PrintedTable, altered_files, find, library
 from reproduce.printed.given import given
 
-_TOGETHER = "probability of a table as far out as the printed one, all cells simulated together"
+_TOGETHER = (
+    "probability of a table as far out as the printed one, all cells simulated together"
+)
 
 
 class Record(Frozen):
@@ -46,8 +48,12 @@ class Record(Frozen):
     stands_for: tuple[float | None, float | None] | None = Field(
         description="interval of values that agree with the printed number; null if open or words"
     )
-    role: Literal["result", "given"] = Field(description="result if a computation makes the cell")
-    computed: float | None = Field(description="value, median of the prediction, or assumed value")
+    role: Literal["result", "given"] = Field(
+        description="result if a computation makes the cell"
+    )
+    computed: float | None = Field(
+        description="value, median of the prediction, or assumed value"
+    )
     interval: tuple[float, float] | None = Field(
         description="results that rounded inputs allow, or the central 99 % of the prediction"
     )
@@ -62,19 +68,29 @@ class Record(Frozen):
         description="|computed - printed| over half the printed interval (exact), "
         "(1 - probability)/0.99 (consistent)"
     )
-    probability: float | None = Field(description="two-sided mid-p over the printed interval")
-    mcse: float | None = Field(description="Monte Carlo standard error of the probability")
-    error: float | None = Field(description="Monte Carlo standard error of a predicted median")
+    probability: float | None = Field(
+        description="two-sided mid-p over the printed interval"
+    )
+    mcse: float | None = Field(
+        description="Monte Carlo standard error of the probability"
+    )
+    error: float | None = Field(
+        description="Monte Carlo standard error of a predicted median"
+    )
     why: str = Field(description="the verdict in words")
     function: str | None = Field(description="the function that computes the cell")
     line: str | None = Field(description="file and line of that function")
     reads: tuple[str, ...] = Field(description="the printed cells that it was given")
     equations: tuple[str, ...] = Field(description="the paper's equations it rests on")
-    seed: tuple[int, ...] | None = Field(description="root and key of the random stream")
+    seed: tuple[int, ...] | None = Field(
+        description="root and key of the random stream"
+    )
     readings: ReadingSummary | None = Field(
         description="all readings of the text in short; null if there is one reading"
     )
-    reason: str = Field(default="", description="why, as written down with the frozen verdict")
+    reason: str = Field(
+        default="", description="why, as written down with the frozen verdict"
+    )
 
 
 class TableRecord(Frozen):
@@ -91,9 +107,13 @@ class TableRecord(Frozen):
     mcse: float
     replicates: int
     readings: int = Field(description="number of readings of the table")
-    fitting: int = Field(description="readings with which all cells agree, each and together")
+    fitting: int = Field(
+        description="readings with which all cells agree, each and together"
+    )
     closest: dict[str, str] = Field(description="choices of the closest reading")
-    closest_agreeing: int = Field(description="cells that agree with the closest reading")
+    closest_agreeing: int = Field(
+        description="cells that agree with the closest reading"
+    )
     closest_probability: float = Field(description="its joint probability")
 
 
@@ -105,8 +125,12 @@ class Ledger(Frozen):
     altered: tuple[str, ...] = Field(
         default=(), description="files of printed numbers with another checksum"
     )
-    software: str = Field(default="", description="name, version, date and commit of the software")
-    citation: str = Field(default="", description="how to cite an export, and the paper")
+    software: str = Field(
+        default="", description="name, version, date and commit of the software"
+    )
+    citation: str = Field(
+        default="", description="how to cite an export, and the paper"
+    )
 
     def of(self, key: str) -> tuple[Record, ...]:
         """Return the records of one item, in printed order."""
@@ -125,7 +149,8 @@ class Ledger(Frozen):
 
 
 def build(
-    keys: Iterable[str] | None = None, progress: Callable[[int, int], None] | None = None
+    keys: Iterable[str] | None = None,
+    progress: Callable[[int, int], None] | None = None,
 ) -> Ledger:
     """Run the computations of the items and judge every printed cell."""
     items = catalogue()
@@ -165,16 +190,24 @@ def _judged(key: str, choices: tuple[tuple[str, str], ...] = ()) -> Ledger:
         made |= records
         joint += _table_records(found)
     if len(joint) > 1:
-        raise ValueError(f"{key}: expected one computation of all its random cells, got several")
+        raise ValueError(
+            f"{key}: expected one computation of all its random cells, got several"
+        )
     return Ledger(
-        records=tuple(made.get(cell.name) or _without_result(cell) for cell in table.cells),
+        records=tuple(
+            made.get(cell.name) or _without_result(cell) for cell in table.cells
+        ),
         tables=tuple(joint),
     )
 
 
 def _records(found: Evaluation, table: PrintedTable) -> dict[str, Record]:
     computation = found.computation
-    plain = {} if computation.replicates else plain_results(computation, given(computation.given))
+    plain = (
+        {}
+        if computation.replicates
+        else plain_results(computation, given(computation.given))
+    )
     return {name: _record(found, table[name], plain.get(name)) for name in found.cells}
 
 
@@ -194,7 +227,11 @@ def _record(found: Evaluation, cell: Cell, plain: Flag | None) -> Record:
     literal = found.cells[cell.name][0]
     made = _source(found.computation)
     if missing := unpublished(cell.key, cell.name):
-        stand_in = {"verdict": "unpublished", "computed": literal.computed, "flags": ("stand_in",)}
+        stand_in = {
+            "verdict": "unpublished",
+            "computed": literal.computed,
+            "flags": ("stand_in",),
+        }
         return _make(cell, f"needs {missing}", {**made, **stand_in})
     summary = found.summary(cell.name)
     fields: dict[str, Any] = {n: getattr(literal, n) for n in Reading.model_fields}
@@ -225,9 +262,18 @@ def _without_result(cell: Cell) -> Record:
 
 
 def _make(cell: Cell, why: str, fields: dict[str, Any]) -> Record:
-    blank = dict.fromkeys(n for n, field in Record.model_fields.items() if field.is_required())
-    own = {"key": cell.key, "cell": cell.address, "printed": cell.text, "unit": cell.unit,
-           "place": cell.place, "stands_for": _ends(cell), "why": why}  # fmt: skip
+    blank = dict.fromkeys(
+        n for n, field in Record.model_fields.items() if field.is_required()
+    )
+    own = {
+        "key": cell.key,
+        "cell": cell.address,
+        "printed": cell.text,
+        "unit": cell.unit,
+        "place": cell.place,
+        "stands_for": _ends(cell),
+        "why": why,
+    }
     empty: dict[str, Any] = {"flags": (), "equations": (), "reads": ()}
     return Record.model_validate(blank | empty | own | fields)
 
@@ -266,11 +312,20 @@ def _table_records(found: Evaluation) -> list[TableRecord]:
         return []
     key = found.computation.key
     cells = {n: rs for n, rs in found.cells.items() if not unpublished(key, n)}
-    agreeing = np.array([[one.agrees for one in readings] for readings in cells.values()]).sum(0)
+    agreeing = np.array(
+        [[one.agrees for one in readings] for readings in cells.values()]
+    ).sum(0)
     probable = found.joint[:, 0] >= 1 - CENTRAL
     distinct = np.unique(_results(found), axis=0, return_index=True)[1]
-    ranks = [(bool(probable[i]) and int(agreeing[i]) == len(cells), int(agreeing[i]),
-              float(found.joint[i, 0]), -int(i)) for i in distinct]  # fmt: skip
+    ranks = [
+        (
+            bool(probable[i]) and int(agreeing[i]) == len(cells),
+            int(agreeing[i]),
+            float(found.joint[i, 0]),
+            -int(i),
+        )
+        for i in distinct
+    ]
     *_, best = max(ranks)
     probability, mcse = found.joint[0].tolist()
     return [
@@ -310,14 +365,24 @@ class Expectation:
 def frozen() -> dict[str, Expectation]:
     """Return the frozen verdicts by address."""
     expectations: dict[str, Expectation] = {}
-    texts = [(one / "verdicts.toml").read_text(encoding="utf-8") for one in data_folders()]
+    texts = [
+        (one / "verdicts.toml").read_text(encoding="utf-8") for one in data_folders()
+    ]
     for entry in (entry for text in texts for entry in tomllib.loads(text)["expect"]):
-        one = Expectation(**{name: text for name, text in entry.items() if name != "cells"})
+        one = Expectation(
+            **{name: text for name, text in entry.items() if name != "cells"}
+        )
         if one.verdict not in VERDICTS:
-            raise ValueError(f"verdicts.toml: unknown verdict {one.verdict!r}; one of {VERDICTS}")
+            raise ValueError(
+                f"verdicts.toml: unknown verdict {one.verdict!r}; one of {VERDICTS}"
+            )
         if one.verdict == "differs" and not one.reason:
-            raise ValueError(f"verdicts.toml: {entry['cells']}: a differs needs its reason")
-        for address in (cell.address for pattern in entry["cells"] for cell in find(pattern)):
+            raise ValueError(
+                f"verdicts.toml: {entry['cells']}: a differs needs its reason"
+            )
+        for address in (
+            cell.address for pattern in entry["cells"] for cell in find(pattern)
+        ):
             if address in expectations:
                 raise ValueError(f"verdicts.toml: {address} stands twice; keep one")
             expectations[address] = one
@@ -337,7 +402,11 @@ def surprises(ledger: Ledger) -> list[Surprise]:
     """Compare the ledger's verdicts with the frozen ones."""
     unknown = Expectation("none")
     wanted = [(r, frozen().get(r.cell, unknown).verdict) for r in ledger.records]
-    return [Surprise(r.cell, verdict, r.verdict) for r, verdict in wanted if verdict != r.verdict]
+    return [
+        Surprise(r.cell, verdict, r.verdict)
+        for r, verdict in wanted
+        if verdict != r.verdict
+    ]
 
 
 def reason(address: str) -> str:
@@ -353,6 +422,8 @@ def erratum(address: str) -> str:
 @cache
 def replies() -> dict[str, str]:
     """Return the reply of the authors to each erratum, by its id; empty without a reply."""
-    texts = [(one / "errata.toml").read_text(encoding="utf-8") for one in data_folders()]
+    texts = [
+        (one / "errata.toml").read_text(encoding="utf-8") for one in data_folders()
+    ]
     entries = (entry for text in texts for entry in tomllib.loads(text)["erratum"])
     return {entry["id"]: entry.get("reply", "") for entry in entries}

@@ -46,7 +46,9 @@ class ReadingSummary(Frozen):
     """All readings of a cell in short."""
 
     count: int = Field(description="number of readings that give different results")
-    agreeing: int = Field(description="number of readings with which the printed number agrees")
+    agreeing: int = Field(
+        description="number of readings with which the printed number agrees"
+    )
     decided_by: tuple[str, ...] = Field(
         description="smallest set of options whose choice decides whether a reading agrees"
     )
@@ -57,7 +59,9 @@ class ReadingSummary(Frozen):
     never: dict[str, tuple[str, ...]] = Field(
         description="alternatives of each option with which no reading agrees"
     )
-    closest: Reading = Field(description="the reading that comes closest to the printed number")
+    closest: Reading = Field(
+        description="the reading that comes closest to the printed number"
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +90,8 @@ class Evaluation:
         groups = self.groups(name)
         affects = [
             np.broadcast_to(
-                (groups != groups.take([0], axis)).any(axis, keepdims=True), groups.shape
+                (groups != groups.take([0], axis)).any(axis, keepdims=True),
+                groups.shape,
             )
             for axis in range(groups.ndim)
         ]
@@ -94,15 +99,21 @@ class Evaluation:
         found = []
         for place in sorted(places.tolist()):
             pairs = zip(self.computation.readings[place].items(), affects, strict=True)
-            choices = dict(choice for choice, affecting in pairs if affecting.flat[place])
-            found.append(self.cells[name][place].model_copy(update={"choices": choices}))
+            choices = dict(
+                choice for choice, affecting in pairs if affecting.flat[place]
+            )
+            found.append(
+                self.cells[name][place].model_copy(update={"choices": choices})
+            )
         return found
 
     def summary(self, name: str) -> ReadingSummary:
         """Return how the readings of a cell fare."""
         found = self.distinct(name)
         agrees = self._shaped([one.agrees for one in self.cells[name]])
-        decisive = next(axes for axes in _subsets(agrees.ndim) if _decides(agrees, axes))
+        decisive = next(
+            axes for axes in _subsets(agrees.ndim) if _decides(agrees, axes)
+        )
         return ReadingSummary(
             count=len(found),
             agreeing=sum(one.agrees for one in found),
@@ -115,7 +126,9 @@ class Evaluation:
     def _closeness(self, name: str, one: Reading) -> tuple[bool, bool, float]:
         """Return a key that is larger for readings closer to the printed number."""
         printed = library()[self.computation.key][name].number.value
-        near = -abs(one.computed - printed) if one.probability is None else one.probability
+        near = (
+            -abs(one.computed - printed) if one.probability is None else one.probability
+        )
         return one.agrees, not one.flags, near
 
     def _conditions(self, agrees: NDArray[np.generic]) -> list[dict[str, str]]:
@@ -140,20 +153,29 @@ class Evaluation:
         """Return the alternatives with which no reading agrees, by option."""
         found = {}
         for axis, (option, ways) in enumerate(self.computation.options.items()):
-            some = np.asarray(np.moveaxis(agrees, axis, 0).reshape(len(ways), -1).any(axis=1))
-            found[option] = tuple(w for w, one in zip(ways, some.tolist(), strict=True) if not one)
+            some = np.asarray(
+                np.moveaxis(agrees, axis, 0).reshape(len(ways), -1).any(axis=1)
+            )
+            found[option] = tuple(
+                w for w, one in zip(ways, some.tolist(), strict=True) if not one
+            )
         return {option: ways for option, ways in found.items() if ways}
 
     def _shaped(self, values: Sequence[object]) -> NDArray[np.generic]:
         """Return one value per reading as an array with an axis for each option."""
-        return np.array(values).reshape([len(ways) for ways in self.computation.options.values()])
+        return np.array(values).reshape(
+            [len(ways) for ways in self.computation.options.values()]
+        )
 
     def groups(self, name: str) -> NDArray[np.int64]:
         """Return the number of the result of each reading, equal for equal results."""
         numbers: dict[tuple[str, ...], int] = {}
         found = [
             numbers.setdefault(
-                tuple(f"{v:.9e}" for v in (one.computed, *one.interval, one.probability or 0.0)),
+                tuple(
+                    f"{v:.9e}"
+                    for v in (one.computed, *one.interval, one.probability or 0.0)
+                ),
                 len(numbers),
             )
             for one in self.cells[name]
@@ -163,7 +185,9 @@ class Evaluation:
 
 def _subsets(count: int) -> Iterator[tuple[int, ...]]:
     """Yield the subsets of so many axes, the smallest first."""
-    return chain.from_iterable(combinations(range(count), size) for size in range(count + 1))
+    return chain.from_iterable(
+        combinations(range(count), size) for size in range(count + 1)
+    )
 
 
 def _without(count: int, axes: tuple[int, ...]) -> tuple[int, ...]:
@@ -189,13 +213,18 @@ def evaluate(computation: Computation) -> Evaluation:
         *summary, probability, _ = stored[name][0].tolist()
         numbers = [live.computed, *live.interval]
         counted = abs((live.probability or 0.0) - probability) * computation.replicates
-        if not np.allclose(numbers, summary, rtol=1e-6, atol=0) or counted > _SAME_DRAWS:
+        if (
+            not np.allclose(numbers, summary, rtol=1e-6, atol=0)
+            or counted > _SAME_DRAWS
+        ):
             raise _stale(f"{computation.key}#{name} is {numbers}, stored {summary}")
     # The stored numbers of the literal reading too: rounding noise must not split readings.
     every = {
         name: [
             _restored(table[name], choices, row, computation.replicates)
-            for choices, row in zip(computation.readings, stored[name].tolist(), strict=True)
+            for choices, row in zip(
+                computation.readings, stored[name].tolist(), strict=True
+            )
         ]
         for name in literal.cells
     }
@@ -214,7 +243,9 @@ def evaluate_readings(
         results = one_reading(inputs)
         ends: dict[str, Propagated] = {}
         if strays := [name for name in results if not computation.makes(name)]:
-            raise ValueError(f"{computation.name} makes cells it does not declare: {strays}")
+            raise ValueError(
+                f"{computation.name} makes cells it does not declare: {strays}"
+            )
         if not computation.replicates:
             ends = result_intervals(one_reading, inputs)
         for name, result in results.items():
@@ -268,11 +299,15 @@ def all_readings() -> Iterator[tuple[str, Reading]]:
 def packed(evaluation: Evaluation) -> dict[str, Array]:
     """Return an evaluation as arrays, by the names under which the study stores them."""
     arrays = {
-        name: np.array([[r.computed, *r.interval, r.probability, r.error] for r in found])
+        name: np.array(
+            [[r.computed, *r.interval, r.probability, r.error] for r in found]
+        )
         for name, found in evaluation.cells.items()
     }
     arrays["joint"] = evaluation.joint
-    return {f"{evaluation.computation.name}:{name}": array for name, array in arrays.items()}
+    return {
+        f"{evaluation.computation.name}:{name}": array for name, array in arrays.items()
+    }
 
 
 def fingerprint(computation: Computation) -> str:

@@ -169,7 +169,9 @@ def in_si(cell: Cell, value: str | float) -> float:
     matched = _VALUE.fullmatch(str(value))
     number = float(matched[1].replace("−", "-")) if matched else math.nan
     written = matched[2].strip() if matched else ""
-    units = {name: name for name in UNITS} | {symbol(name): name for name in UNITS if symbol(name)}
+    units = {name: name for name in UNITS} | {
+        symbol(name): name for name in UNITS if symbol(name)
+    }
     as_printed = not written and (bare or cell.unit in {"1", "count"})
     unit = cell.unit if as_printed else units.get(written, "")
     most = LARGEST * cell.number.value
@@ -218,7 +220,9 @@ def rerun(
             for name, result in run.results(computation).items()
         ]
         ends = {c.cell.address: [c.value or 0.0, *(c.interval or ())] for c in cells}
-        if strays := [address for address, found in ends.items() if not np.isfinite(found).all()]:
+        if strays := [
+            address for address, found in ends.items() if not np.isfinite(found).all()
+        ]:
             raise ArithmeticError(f"no finite number comes out for {', '.join(strays)}")
     order = list(library()[key].by_name)
     cells.sort(key=lambda one: order.index(one.cell.name))
@@ -234,16 +238,28 @@ def by_name(
 
 
 def check_randomness(
-    key: str, random: bool, changes: Iterable[str], seed: int | None, replicates: int | None = None
+    key: str,
+    random: bool,
+    changes: Iterable[str],
+    seed: int | None,
+    replicates: int | None = None,
 ) -> None:
     """Refuse a seed and replicates out of range, or where nothing draws random numbers."""
     for name, number, least, most, span in (
-        ("replicates", replicates, 2, MOST_REPLICATES, f"from 2 to {MOST_REPLICATES:,}"),
+        (
+            "replicates",
+            replicates,
+            2,
+            MOST_REPLICATES,
+            f"from 2 to {MOST_REPLICATES:,}",
+        ),
         ("seed", seed, 0, math.inf, "from zero up"),
     ):
         whole = isinstance(number, int | np.integer)
         if number is not None and not (whole and least <= number <= most):
-            raise CannotChangeError(f"{name}: expected a whole number {span}, got {number!r}")
+            raise CannotChangeError(
+                f"{name}: expected a whole number {span}, got {number!r}"
+            )
     asked = " and no ".join(by_name({}, seed, replicates))
     if asked and not random and not _drawn_above(key, set(changes)):
         raise CannotChangeError(
@@ -267,7 +283,9 @@ def refuse_strays(subject: str, changes: Iterable[str], allowed: Sequence[str]) 
     """Refuse changes of what is not read; name the nearest cells, and how many there are."""
     if not (strays := [address for address in changes if address not in allowed]):
         return
-    near = list(dict.fromkeys(chain.from_iterable(_near(stray, allowed) for stray in strays)))
+    near = list(
+        dict.fromkeys(chain.from_iterable(_near(stray, allowed) for stray in strays))
+    )
     named = near[:_SUGGESTED] or allowed[:_SUGGESTED]
     listed = ", ".join(named) or "nothing"
     told = f"did you mean {listed}?" if near else f"it reads {listed}"
@@ -279,8 +297,12 @@ def refuse_strays(subject: str, changes: Iterable[str], allowed: Sequence[str]) 
 def _near(stray: str, allowed: Sequence[str]) -> list[str]:
     """Return the cells whose name is much like that of a stray."""
     names = [address.partition("#")[2] for address in allowed]
-    alike = difflib.get_close_matches(stray.rpartition("#")[2], names, n=_SUGGESTED, cutoff=0.7)
-    return [address for address, name in zip(allowed, names, strict=True) if name in alike]
+    alike = difflib.get_close_matches(
+        stray.rpartition("#")[2], names, n=_SUGGESTED, cutoff=0.7
+    )
+    return [
+        address for address, name in zip(allowed, names, strict=True) if name in alike
+    ]
 
 
 def under(
@@ -304,7 +326,9 @@ def _told_why(key: str, told: Mapping[str, str]) -> Iterator[None]:
             yield
     except (ValueError, ArithmeticError, IndexError, MemoryError) as error:
         setting = ", ".join(f"{name} = {text}" for name, text in told.items())
-        raise CannotChangeError(f"{key} cannot be computed with {setting}: {error}") from error
+        raise CannotChangeError(
+            f"{key} cannot be computed with {setting}: {error}"
+        ) from error
 
 
 def _check_options(key: str, chosen: Mapping[str, str]) -> None:
@@ -374,7 +398,9 @@ class _Run:
     def door(self, patterns: tuple[str, ...]) -> Given:
         """Return the inputs that match patterns, with the changes and recomputed values."""
         door = given(patterns, self.seed)
-        return door.changed({a: v for a in door.cells if (v := self._input(a)) is not None})
+        return door.changed(
+            {a: v for a in door.cells if (v := self._input(a)) is not None}
+        )
 
     def _input(self, address: str) -> float | None:
         """Return what takes the place of a printed input, if anything does."""

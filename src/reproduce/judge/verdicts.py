@@ -28,7 +28,9 @@ VERDICTS: tuple[Verdict, ...] = (
     "input",
 )
 AGREES = ("exact", "consistent")
-Flag = Literal["rounding", "copy", "difference", "tolerance", "wide", "bound", "stand_in"]
+Flag = Literal[
+    "rounding", "copy", "difference", "tolerance", "wide", "bound", "stand_in"
+]
 
 # The central fraction of the predicted distribution in which a printed value is consistent.
 CENTRAL = 0.99
@@ -48,21 +50,31 @@ class Frozen(BaseModel):
 class Reading(Frozen):
     """Comparison of a cell under one reading of the text; numbers are in the printed unit."""
 
-    choices: dict[str, str] = Field(description="alternative of each option that affects the cell")
+    choices: dict[str, str] = Field(
+        description="alternative of each option that affects the cell"
+    )
     verdict: Verdict = Field(description="exact, consistent or differs")
     computed: float = Field(description="value, or median of the prediction")
     interval: tuple[float, float] = Field(
         description="results that rounded inputs allow, or the central 99 % of the prediction"
     )
     flags: tuple[Flag, ...] = Field(description="qualifications of the verdict")
-    tolerance: float = Field(description="half the printed interval, or half the predicted one")
+    tolerance: float = Field(
+        description="half the printed interval, or half the predicted one"
+    )
     share: float | None = Field(
         description="|computed - printed| over half the printed interval (exact), "
         "(1 - probability)/0.99 (consistent)"
     )
-    probability: float | None = Field(description="two-sided mid-p over the printed interval")
-    mcse: float | None = Field(description="Monte Carlo standard error of the probability")
-    error: float | None = Field(description="Monte Carlo standard error of a predicted median")
+    probability: float | None = Field(
+        description="two-sided mid-p over the printed interval"
+    )
+    mcse: float | None = Field(
+        description="Monte Carlo standard error of the probability"
+    )
+    error: float | None = Field(
+        description="Monte Carlo standard error of a predicted median"
+    )
 
     @property
     def agrees(self) -> bool:
@@ -79,14 +91,19 @@ class Propagated(NamedTuple):
 
 
 def judge(
-    cell: Cell, result: Result, choices: Mapping[str, str], allowed: Propagated | None = None
+    cell: Cell,
+    result: Result,
+    choices: Mapping[str, str],
+    allowed: Propagated | None = None,
 ) -> Reading:
     """Compare the result of one reading with the printed number of a cell."""
     unit = si_factor(cell.unit)
     if isinstance(result, Prediction):
         return judge_prediction(cell.number, result.draws / unit, choices)
     low, high, wide = allowed or (result, result, False)
-    return judge_value(cell.number, result / unit, (low / unit, high / unit), choices, wide=wide)
+    return judge_value(
+        cell.number, result / unit, (low / unit, high / unit), choices, wide=wide
+    )
 
 
 def judge_value(
@@ -164,9 +181,13 @@ def judge_prediction(
     'consistent'
     """
     if draws.size == 0 or not np.isfinite(draws).all():
-        raise ValueError(f"draws: expected finite numbers, got {draws.size} with NaN or infinity")
+        raise ValueError(
+            f"draws: expected finite numbers, got {draws.size} with NaN or infinity"
+        )
     probability = min(1.0, 2.0 * float(tail_mid_p(np.sort(draws), *printed.interval())))
-    near = np.quantile(draws, np.array([0.5, 0.5]) + np.array([-0.5, 0.5]) / math.sqrt(draws.size))
+    near = np.quantile(
+        draws, np.array([0.5, 0.5]) + np.array([-0.5, 0.5]) / math.sqrt(draws.size)
+    )
     return predicted(
         printed,
         dict(choices or {}),
@@ -223,7 +244,9 @@ def tail_mid_p(
     up_to = np.searchsorted(ordered, high, side="right")
     inside = up_to - below
     smaller = np.minimum(below, ordered.size - up_to)
-    return np.asarray((smaller + 0.5 * inside) / ordered.size, dtype=np.float64).clip(max=0.5)
+    return np.asarray((smaller + 0.5 * inside) / ordered.size, dtype=np.float64).clip(
+        max=0.5
+    )
 
 
 def central(draws: NDArray[np.float64]) -> tuple[float, float]:
@@ -251,7 +274,10 @@ def joint_probability(
     """
     from scipy.optimize import lsq_linear  # only now: SciPy's optimisers take long
 
-    mean, sd = draws.mean(axis=1, keepdims=True), draws.std(axis=1, ddof=1, keepdims=True)
+    mean, sd = (
+        draws.mean(axis=1, keepdims=True),
+        draws.std(axis=1, ddof=1, keepdims=True),
+    )
     draws, edges = (draws - mean) / sd, (intervals - mean) / sd
     # Cells that noise moves alike are nearly dependent; lifting the smallest eigenvalues, again,
     # can make a probability too large only.
@@ -272,10 +298,14 @@ def result_intervals(computation: Computation, given: Given) -> dict[str, Propag
     interval with results at random points inside the rounding intervals.
     """
     addresses = [cell.address for cell in given.numbers()]
-    corners = corner_intervals(lambda sides: _values(computation, given.shifted(sides)), addresses)
+    corners = corner_intervals(
+        lambda sides: _values(computation, given.shifted(sides)), addresses
+    )
     return {
         name: Propagated(
-            one.low, one.high, any(given.cells[a].number.qualifier in _WIDE for a in one.sides)
+            one.low,
+            one.high,
+            any(given.cells[a].number.qualifier in _WIDE for a in one.sides),
         )
         for name, one in corners.items()
     }
@@ -284,7 +314,11 @@ def result_intervals(computation: Computation, given: Given) -> dict[str, Propag
 def _values(computation: Computation, given: Given) -> dict[str, float]:
     """Return the results of a computation without random numbers."""
     results = computation(given).items()
-    return {name: float(value) for name, value in results if not isinstance(value, Prediction)}
+    return {
+        name: float(value)
+        for name, value in results
+        if not isinstance(value, Prediction)
+    }
 
 
 def plain_results(computation: Computation, given: Given) -> dict[str, Flag]:
@@ -322,7 +356,9 @@ def plain_results(computation: Computation, given: Given) -> dict[str, Flag]:
 
 def cell_with(cell: Cell, text: str) -> Cell:
     """Return a cell with other printed digits."""
-    return dataclasses.replace(cell, content=dataclasses.replace(cell.number, text=text))
+    return dataclasses.replace(
+        cell, content=dataclasses.replace(cell.number, text=text)
+    )
 
 
 def _plain(value: float, slopes: Mapping[str, set[float]], given: Given) -> Flag | None:

@@ -16,13 +16,17 @@ Made = TypeVar("Made")
 class Declared(Mapping[str, Made]):
     """What is declared, by key; a module is imported when it is used."""
 
-    def __init__(self, modules: Mapping[str, str], make: Callable[[str, str], Made]) -> None:
+    def __init__(
+        self, modules: Mapping[str, str], make: Callable[[str, str], Made]
+    ) -> None:
         self.modules, self._make = modules, cache(make)
 
     def __getitem__(self, key: str) -> Made:
         """Return what is declared under a key."""
         if key not in self.modules:
-            raise KeyError(f"unknown key {key!r}; expected one of {', '.join(self.modules)}")
+            raise KeyError(
+                f"unknown key {key!r}; expected one of {', '.join(self.modules)}"
+            )
         return self._make(key, self.modules[key])
 
     def __iter__(self) -> Iterator[str]:

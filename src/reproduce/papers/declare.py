@@ -102,7 +102,9 @@ _FILE = TypeAdapter(dict[str, Words])
 def unpublished(key: str, name: str) -> str:
     """Return the unpublished data that a cell needs; empty if the paper publishes them."""
     missing = words(key).unpublished.items()
-    return next((data for pattern, data in missing if fnmatch.fnmatchcase(name, pattern)), "")
+    return next(
+        (data for pattern, data in missing if fnmatch.fnmatchcase(name, pattern)), ""
+    )
 
 
 def words(key: str) -> Words:
@@ -190,7 +192,8 @@ class Computation:
     def readings(self) -> list[dict[str, str]]:
         """All readings, the literal one first: every combination of the alternatives."""
         return [
-            dict(zip(self.options, one, strict=True)) for one in product(*self.options.values())
+            dict(zip(self.options, one, strict=True))
+            for one in product(*self.options.values())
         ]
 
     @property
@@ -227,7 +230,9 @@ class Computation:
         """
         chosen = {n: w for n, w in choices.items() if w in self.options.get(n, ())}
         reading = self.literal | chosen
-        return replace(self, options={n: {w: self.options[n][w]} for n, w in reading.items()})
+        return replace(
+            self, options={n: {w: self.options[n][w]} for n, w in reading.items()}
+        )
 
     def __call__(self, given: Given, replicates: int | None = None) -> Results:
         """Return the numbers of the literal reading, with the seed of the computation.
@@ -277,7 +282,9 @@ def seed_of(name: str, root: int | None) -> np.random.SeedSequence:
     return np.random.SeedSequence(ROOT_SEED if root is None else root, spawn_key=(own,))
 
 
-def split_seed(seed: np.random.SeedSequence, count: int) -> list[np.random.SeedSequence]:
+def split_seed(
+    seed: np.random.SeedSequence, count: int
+) -> list[np.random.SeedSequence]:
     """Return independent seeds for the parts of a computation."""
     # spawn() would count up inside `seed`, and a second call would draw other numbers.
     keys = ((*seed.spawn_key, part) for part in range(count))
@@ -398,7 +405,10 @@ class Drawing(Own):
     marks: tuple[str, ...] = ()
 
     def __call__(
-        self, figure: Figure, printed: Mapping[str, float] = _NOTHING, door: Given | None = None
+        self,
+        figure: Figure,
+        printed: Mapping[str, float] = _NOTHING,
+        door: Given | None = None,
     ) -> None:
         """Draw on an empty figure, from the print or from what another door holds."""
         taken = inspect.signature(self.function).parameters
@@ -414,7 +424,9 @@ def draws(
     random: bool = False,
 ) -> Callable[[Callable[..., None]], Drawing]:
     """Declare that a function draws `key`; the arguments are those of `Drawing`."""
-    return lambda function: Drawing(key, function, tuple(given), named, random, tuple(marks))
+    return lambda function: Drawing(
+        key, function, tuple(given), named, random, tuple(marks)
+    )
 
 
 @dataclass(frozen=True)
@@ -455,7 +467,9 @@ class Study(Own):
         """Return rows under the declared heads, with what fills the blanks of the caption."""
         import pandas as pd
 
-        frame = pd.DataFrame(list(rows), columns=[column.name for column in self.columns])
+        frame = pd.DataFrame(
+            list(rows), columns=[column.name for column in self.columns]
+        )
         frame.attrs.update(blanks)
         return frame
 
@@ -475,7 +489,9 @@ def studied(
     """
     text = words(key)
     of_words = {name: getattr(text, name) for name in ("columns", "caption", "folded")}
-    return lambda function: Study(key, function, tuple(given), named, random, **of_words | shown)
+    return lambda function: Study(
+        key, function, tuple(given), named, random, **of_words | shown
+    )
 
 
 @dataclass(frozen=True)

@@ -37,8 +37,14 @@ def posteriors() -> dict[str, Declaration]:
     'registration'
     """
     names = [f"reproduce.papers.{paper}.posteriors" for paper in papers()]
-    found = [importlib.import_module(name) for name in names if importlib.util.find_spec(name)]
-    return {declared.key: declared for module in found for declared in module.POSTERIORS}
+    found = [
+        importlib.import_module(name)
+        for name in names
+        if importlib.util.find_spec(name)
+    ]
+    return {
+        declared.key: declared for module in found for declared in module.POSTERIORS
+    }
 
 
 @dataclass(frozen=True)
@@ -127,7 +133,9 @@ class Declaration:
             raise TableFileError(f"{self.key} takes no file: {self.file}")
         return self.file
 
-    def supplied(self, table: Table, given: Mapping[str, Any]) -> tuple[Model, tuple[str, ...]]:
+    def supplied(
+        self, table: Table, given: Mapping[str, Any]
+    ) -> tuple[Model, tuple[str, ...]]:
         """Return the model of your data, and remarks; a `TableFileError` for unusable data.
 
         The priors of measured quantities follow from the scale of the data. An instrument or a

@@ -47,7 +47,9 @@ def thin(figure: Figure) -> bool:
     return float(figure.get_figwidth()) <= NARROW
 
 
-def sized(figure: Figure, width: float, height: float, narrow: float | None = None) -> bool:
+def sized(
+    figure: Figure, width: float, height: float, narrow: float | None = None
+) -> bool:
     """Give a figure its inches, or its height on a narrow page; tell whether it is for one."""
     if narrowed := thin(figure):
         width, height = NARROW, narrow or height
@@ -98,7 +100,9 @@ class Sketch:
         axes.set_axis_off()
         return cls(axes, narrowed)
 
-    def label(self, place: ArrayLike, text: str, *, size: float = SIZE, **look: object) -> None:
+    def label(
+        self, place: ArrayLike, text: str, *, size: float = SIZE, **look: object
+    ) -> None:
         """Write a label, centred on its place unless `ha` or `va` say otherwise."""
         size = min(size, LEAST) if self.narrow else size
         settings = {"ha": "center", "va": "center", "fontsize": size, **look}
@@ -108,11 +112,15 @@ class Sketch:
 
     def line(self, points: ArrayLike, width: float = 1.0, style: str = "-") -> None:
         """Draw a line through points of shape (n, 2)."""
-        self.axes.plot(*np.asarray(points).T, color=INK, linewidth=width, linestyle=style)
+        self.axes.plot(
+            *np.asarray(points).T, color=INK, linewidth=width, linestyle=style
+        )
 
     def mark(self, place: ArrayLike, look: Look, size: float) -> None:
         """Draw the markers of a look at one place, or at places of shape (n, 2)."""
-        self.axes.plot(*np.transpose(place), look.marker, color=look.colour, markersize=size)
+        self.axes.plot(
+            *np.transpose(place), look.marker, color=look.colour, markersize=size
+        )
 
     def arrow(
         self,
@@ -127,7 +135,9 @@ class Sketch:
         from matplotlib.patches import FancyArrowPatch
 
         ends = np.array([start, end], dtype=np.float64).tolist()
-        patch = FancyArrowPatch(*ends, arrowstyle=style, shrinkA=0, shrinkB=0, mutation_scale=9)
+        patch = FancyArrowPatch(
+            *ends, arrowstyle=style, shrinkA=0, shrinkB=0, mutation_scale=9
+        )
         patch.set(color=look.colour, linestyle=look.line, linewidth=width)
         self.axes.add_patch(patch)
 
@@ -158,7 +168,9 @@ class Sketch:
         if text:
             self.label(centre, text)
 
-    def _join(self, one: tuple[Point, Point], other: tuple[Point, Point], look: Look) -> None:
+    def _join(
+        self, one: tuple[Point, Point], other: tuple[Point, Point], look: Look
+    ) -> None:
         """Draw an arrow from one box to another, each a centre and a size, from edge to edge."""
         (start, width), (end, across) = np.array(one), np.array(other)
         way = end - start
@@ -167,7 +179,10 @@ class Sketch:
         self.arrow(start + out * way, end - into * way, look)
 
     def blocks(
-        self, boxes: Mapping[str, Block], steps: Sequence[str], looks: Mapping[str, Look]
+        self,
+        boxes: Mapping[str, Block],
+        steps: Sequence[str],
+        looks: Mapping[str, Look],
     ) -> None:
         """Draw boxes, dotted where they have no text, and arrows; a step names what it joins."""
         places = {name: layouts[self.narrow] for name, (_, *layouts) in boxes.items()}
@@ -193,7 +208,9 @@ class Sketch:
         # From a few points back: over the last step alone the head would not know its direction.
         self.arrow(points[-6], points[-1], width=1.2)
 
-    def mirror(self, centre: ArrayLike, length: float, degrees: float, style: str = "-") -> None:
+    def mirror(
+        self, centre: ArrayLike, length: float, degrees: float, style: str = "-"
+    ) -> None:
         """Draw a mirror as a thick line."""
         ends = turned([[-length / 2, 0], [length / 2, 0]], degrees) + np.asarray(centre)
         (drawn,) = self.axes.plot(*ends.T, color=INK, linewidth=3, linestyle=style)
@@ -210,9 +227,13 @@ class Sketch:
     def key(self, looks: Sequence[Look], place: Point = (0.0, 1.0)) -> None:
         """Name the kinds of lines; the place of the upper left corner is in shares of the axes."""
         for look in looks:
-            self.axes.plot([], [], color=look.colour, linestyle=look.line, label=look.name)
+            self.axes.plot(
+                [], [], color=look.colour, linestyle=look.line, label=look.name
+            )
         size = LEAST if self.narrow else SIZE
-        self.axes.legend(loc="upper left", bbox_to_anchor=place, borderaxespad=0, fontsize=size)
+        self.axes.legend(
+            loc="upper left", bbox_to_anchor=place, borderaxespad=0, fontsize=size
+        )
 
     def triad(
         self,
@@ -232,12 +253,25 @@ class Sketch:
             if name:
                 away = (end - start) / np.hypot(*(end - start))
                 # Beside an arrow that runs sideways, above or below one that runs up or down.
-                side = "center" if abs(away[0]) < 0.6 else "left" if away[0] > 0 else "right"
-                gap = (0.36 if side == "center" else 0.16) * (1.2 if self.narrow else 1.0)
+                side = (
+                    "center"
+                    if abs(away[0]) < 0.6
+                    else "left"
+                    if away[0] > 0
+                    else "right"
+                )
+                gap = (0.36 if side == "center" else 0.16) * (
+                    1.2 if self.narrow else 1.0
+                )
                 self.label(end + gap * away, name, ha=side)
 
     def sense(
-        self, view: _View, origin: ArrayLike, axis: ArrayLike, start: ArrayLike, angle: float
+        self,
+        view: _View,
+        origin: ArrayLike,
+        axis: ArrayLike,
+        start: ArrayLike,
+        angle: float,
     ) -> None:
         """Draw the sense of a right-handed turn: the way of a vector that turns about an axis."""
         steps = np.linspace(0.0, angle, 60)[:, np.newaxis] * unit("axis", axis)
@@ -262,10 +296,17 @@ def named_below(figure: Figure, columns: int) -> None:
 
 
 def banded(
-    axes: Axes, x: ArrayLike, ends: FloatArray, colour: str, line: str = "-", label: str = ""
+    axes: Axes,
+    x: ArrayLike,
+    ends: FloatArray,
+    colour: str,
+    line: str = "-",
+    label: str = "",
 ) -> None:
     """Draw a median within the band of its low and high ends, of shape (3, n)."""
-    band = axes.fill_between(x, ends[0], ends[2], facecolor=(colour, 0.2), edgecolor=colour)
+    band = axes.fill_between(
+        x, ends[0], ends[2], facecolor=(colour, 0.2), edgecolor=colour
+    )
     band.set(linewidth=0.6, linestyle=line)
     axes.plot(x, ends[1], line, color=colour, label=label)
 

@@ -32,7 +32,9 @@ from reproduce.physics.validate import Direction, Directions, FloatArray, Number
 
 _Train = Annotated[Any, (3, 3)]
 # Three mutually perpendicular mirrors evenly around Z, and two with their edge along Y.
-CORNER = np.array([[2.0, 0.0, 2**0.5], [-1.0, 3**0.5, 2**0.5], [-1.0, -(3**0.5), 2**0.5]])
+CORNER = np.array(
+    [[2.0, 0.0, 2**0.5], [-1.0, 3**0.5, 2**0.5], [-1.0, -(3**0.5), 2**0.5]]
+)
 ROOF = np.array([[1.0, 0.0, 1.0], [-1.0, 0.0, 1.0]])
 _STILL = (0.0, 0.0, 0.0)
 # Planes nearer than this are those just left.
@@ -170,7 +172,9 @@ class Mirrors:
     normals: FloatArray
     turn: ArrayLike = _STILL
 
-    def send(self, places: FloatArray, ways: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def send(
+        self, places: FloatArray, ways: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
         """Return places and directions, (..., 3), of rays as they leave the last mirror.
 
         Places and ways are those of the rays that come in; one that misses a mirror raises a
@@ -211,7 +215,9 @@ class Cone:
     point: FloatArray
     turn: ArrayLike = _STILL
 
-    def send(self, places: FloatArray, ways: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def send(
+        self, places: FloatArray, ways: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
         """Return places and directions of rays as they leave the cone; as `Mirrors.send`."""
         rotation = rotation_from_vector(self.turn)
         # Work in the cone's own frame; rows times R are the columns R' x.
@@ -219,7 +225,12 @@ class Cone:
         for _ in range(2):
             places = places + _to_cone(places, ways)[..., np.newaxis] * ways
             normal = _unit("normal", places * _FORM)
-            ways = ways - 2.0 * np.einsum("...i,...i->...", ways, normal)[..., np.newaxis] * normal
+            ways = (
+                ways
+                - 2.0
+                * np.einsum("...i,...i->...", ways, normal)[..., np.newaxis]
+                * normal
+            )
         return self.point + places @ rotation.T, ways @ rotation.T
 
 
@@ -288,7 +299,9 @@ class LightPath:
         """The dichroic mirror, at the tilt that folds the returned light onto the boresight."""
         tilt = float(fold_mirror_tilt(self.boresight_angle))
         # Its normal stands between where the light comes from and where it goes to.
-        normal = rotation_from_vector([self.boresight_angle - np.pi + tilt, 0.0, 0.0])[:, 2]
+        normal = rotation_from_vector([self.boresight_angle - np.pi + tilt, 0.0, 0.0])[
+            :, 2
+        ]
         return Mirrors(_FOLD, normal[np.newaxis])
 
     def spots(self, lasers: ArrayLike, aperture: ArrayLike) -> FloatArray:

@@ -105,9 +105,13 @@ def number_array(name: str, value: ArrayLike, *, shape: _Shape = ()) -> FloatArr
             "give every row as many numbers"
         ) from None
     if raw.dtype.kind == "c":
-        raise TypeError(f"{name}: expected real numbers, got complex ones; pass the real part")
+        raise TypeError(
+            f"{name}: expected real numbers, got complex ones; pass the real part"
+        )
     if raw.dtype.kind in "USmM":
-        raise TypeError(f"{name}: expected numbers, got {_KINDS[raw.dtype.kind]}; convert them")
+        raise TypeError(
+            f"{name}: expected numbers, got {_KINDS[raw.dtype.kind]}; convert them"
+        )
     try:
         array = np.asarray(raw, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
@@ -163,7 +167,9 @@ def non_negative(name: str, value: ArrayLike, *, shape: _Shape = ()) -> FloatArr
     return array
 
 
-def _refuse_low(name: str, array: FloatArray, low: Any, wanted: str, doubt: str) -> None:
+def _refuse_low(
+    name: str, array: FloatArray, low: Any, wanted: str, doubt: str
+) -> None:
     if low.any():
         raise ValueError(
             f"{name}: expected {wanted}, got a smallest value of {array.min():g}; check {doubt}"
@@ -207,7 +213,11 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
     signature = inspect.signature(function)
     aliases = function.__globals__
     hints = {n: aliases.get(hint, hint) for n, hint in function.__annotations__.items()}
-    kinds = {n: get_args(hint)[1] for n, hint in hints.items() if get_origin(hint) is Annotated}
+    kinds = {
+        n: get_args(hint)[1]
+        for n, hint in hints.items()
+        if get_origin(hint) is Annotated
+    }
 
     @functools.wraps(function)
     def at_the_border(*args: P.args, **kwargs: P.kwargs) -> R:
@@ -222,7 +232,10 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
                     batches[name if name != "self" else type(value).__name__] = batch
                 continue
             if isinstance(kind, str):
-                array, inner = _CHECKS[kind](name, value), 2 if kind == "rotation" else 0
+                array, inner = (
+                    _CHECKS[kind](name, value),
+                    2 if kind == "rotation" else 0,
+                )
             else:
                 array, inner = finite_array(name, value, shape=kind), len(kind)
                 _refuse_other_size(name, kind, array, sizes)
@@ -242,7 +255,9 @@ def kernel(function: Callable[P, R]) -> Callable[P, R]:
 def _size(name: str, value: ArrayLike) -> FloatArray:
     array = positive(name, value)
     if array.ndim:
-        raise ValueError(f"{name}: expected one number, got shape {array.shape}; give one")
+        raise ValueError(
+            f"{name}: expected one number, got shape {array.shape}; give one"
+        )
     return array
 
 
@@ -257,7 +272,9 @@ _CHECKS: dict[str, Callable[[str, ArrayLike], FloatArray]] = {
 def _refuse_other_size(
     name: str, shape: _Shape, array: FloatArray, sizes: dict[str, tuple[str, int]]
 ) -> None:
-    for dimension, size in zip(shape, array.shape[array.ndim - len(shape) :], strict=True):
+    for dimension, size in zip(
+        shape, array.shape[array.ndim - len(shape) :], strict=True
+    ):
         if isinstance(dimension, str):
             first, wanted = sizes.setdefault(dimension, (name, size))
             if size != wanted:
@@ -276,7 +293,9 @@ def weights_for(weights: ArrayLike | None, count: int) -> FloatArray:
         return np.ones(count)
     array = non_negative("weights", weights, shape=(count,))
     if (array.sum(axis=-1) <= 0).any():
-        raise ValueError("weights: expected at least one above zero, got all zero; drop the set")
+        raise ValueError(
+            "weights: expected at least one above zero, got all zero; drop the set"
+        )
     return array
 
 

@@ -25,7 +25,9 @@ from reproduce.printed.number import PrintedNumber, si_factor, symbol
 
 PAPERS = tuple(papers())
 # What a number is in the paper (not what we do with it: that is up to each use).
-Role = Literal["setting", "specification", "measurement", "simulation", "derived", "citation"]
+Role = Literal[
+    "setting", "specification", "measurement", "simulation", "derived", "citation"
+]
 _Qualifier = Literal["about", "nominal", "less", "greater", "at-least", "within"]
 # A no-break space keeps sign and digits on one line.
 _SIGNS = {"less": "<", "greater": ">", "at-least": "≥", "within": "±", "about": "≈"}
@@ -66,13 +68,17 @@ class _Entry(_Traits):
     @classmethod
     def _digits(cls, entry: Any) -> Any:
         if isinstance(entry, int | float):
-            raise ValueError(f'unquoted number: write "{entry}", with all the digits of the print')
+            raise ValueError(
+                f'unquoted number: write "{entry}", with all the digits of the print'
+            )
         return {"value": entry} if isinstance(entry, str) else entry
 
     @model_validator(mode="after")
     def _number_or_text(self) -> _Entry:
         if (self.value is None) == (self.text is None):
-            raise ValueError("expected exactly one of value (digits) and text (words, a dash)")
+            raise ValueError(
+                "expected exactly one of value (digits) and text (words, a dash)"
+            )
         if self.value is not None:
             PrintedNumber(self.value)
         return self
@@ -107,12 +113,24 @@ class _File(_Traits):
     @model_validator(mode="after")
     def _whole(self) -> _File:
         if self.page is None and self.section is None:
-            raise ValueError("missing page or section: say where in the paper the numbers stand")
+            raise ValueError(
+                "missing page or section: say where in the paper the numbers stand"
+            )
         if bool(self.cell) == bool(self.row or self.column):
-            raise ValueError("expected either [[column]] and [[row]] (a table) or [[cell]]")
-        for name, lines in (("column", self.column), ("row", self.row), ("cell", self.cell)):
-            if twice := [i for i, n in Counter(line.id for line in lines).items() if n > 1]:
-                raise ValueError(f"duplicate {name} {', '.join(twice)}: each id may stand once")
+            raise ValueError(
+                "expected either [[column]] and [[row]] (a table) or [[cell]]"
+            )
+        for name, lines in (
+            ("column", self.column),
+            ("row", self.row),
+            ("cell", self.cell),
+        ):
+            if twice := [
+                i for i, n in Counter(line.id for line in lines).items() if n > 1
+            ]:
+                raise ValueError(
+                    f"duplicate {name} {', '.join(twice)}: each id may stand once"
+                )
         for row in self.row:
             if len(row.cells) != len(self.column):
                 raise ValueError(
@@ -173,7 +191,9 @@ class Cell:
     def number(self) -> PrintedNumber:
         """The printed number; raises TypeError on a cell of text."""
         if isinstance(self.content, str):
-            raise TypeError(f"{self.address}: expected a number, the cell prints {self.content!r}")
+            raise TypeError(
+                f"{self.address}: expected a number, the cell prints {self.content!r}"
+            )
         return self.content
 
     @property
@@ -272,13 +292,23 @@ def build(content: Any, key: str, source: str = "") -> PrintedTable:
     try:
         file = _File.model_validate(content)
     except ValidationError as error:
-        faults = [f"{'.'.join(map(str, one['loc']))}: {one['msg']}" for one in error.errors()]
-        raise PrintedFileError("\n".join(f"{source}: {fault}" for fault in faults)) from error
-    cells = [_cell(key, quoted.id, quoted.label, (file, quoted)) for quoted in file.cell]
+        faults = [
+            f"{'.'.join(map(str, one['loc']))}: {one['msg']}" for one in error.errors()
+        ]
+        raise PrintedFileError(
+            "\n".join(f"{source}: {fault}" for fault in faults)
+        ) from error
+    cells = [
+        _cell(key, quoted.id, quoted.label, (file, quoted)) for quoted in file.cell
+    ]
     for row in file.row:
         for column, entry in zip(file.column, row.cells, strict=True):
-            label = row.label if len(file.column) == 1 else f"{row.label}, {column.label}"
-            cells.append(_cell(key, f"{row.id}.{column.id}", label, (file, column, row, entry)))
+            label = (
+                row.label if len(file.column) == 1 else f"{row.label}, {column.label}"
+            )
+            cells.append(
+                _cell(key, f"{row.id}.{column.id}", label, (file, column, row, entry))
+            )
     rows, place = tuple(file.row or file.cell), _place(file, file)
     return PrintedTable(key, file.title, place, rows, tuple(file.column), tuple(cells))
 
@@ -290,7 +320,9 @@ def _cell(key: str, name: str, label: str, above: tuple[Any, ...]) -> Cell:
         traits |= one.model_dump(include=set(_Traits.model_fields), exclude_none=True)
     file, entry = above[0], above[-1]
     if entry.value is not None and (missing := {"unit", "role"} - set(traits)):
-        raise PrintedFileError(f"{key}#{name}: missing {missing.pop()}; give it to the cell or row")
+        raise PrintedFileError(
+            f"{key}#{name}: missing {missing.pop()}; give it to the cell or row"
+        )
     content: PrintedNumber | str = entry.text or ""
     if entry.value is not None:
         exact = traits["unit"] == "count"
@@ -331,20 +363,26 @@ def library() -> dict[str, PrintedTable]:
 
 def altered_files() -> tuple[str, ...]:
     """Return the files of printed numbers that are not those of their checksums."""
-    return tuple(name for folder in data_folders() for name in _altered(folder / "printed"))
+    return tuple(
+        name for folder in data_folders() for name in _altered(folder / "printed")
+    )
 
 
 def _altered(folder: Path) -> list[str]:
     sums = folder / "SHA256SUMS"
     try:
         lines = sums.read_text(encoding="utf-8").splitlines()
-        recorded = {name: digest for digest, name in (line.split("  ", 1) for line in lines)}
+        recorded = {
+            name: digest for digest, name in (line.split("  ", 1) for line in lines)
+        }
     except (FileNotFoundError, ValueError) as error:
         raise PrintedFileError(
             f"{sums} is missing or no list of checksums: restore it, or run `make checksums`"
         ) from error
     found = {
-        path.relative_to(folder).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest()
+        path.relative_to(folder).as_posix(): hashlib.sha256(
+            path.read_bytes()
+        ).hexdigest()
         for path in folder.rglob("*")
         if path.suffix in {".toml", ".csv"}
     }
@@ -364,5 +402,7 @@ def find(pattern: str) -> tuple[Cell, ...]:
     cells = library()[key].cells if key in library() else ()
     found = tuple(c for c in cells if not name or fnmatch.fnmatchcase(c.name, name))
     if not found:
-        raise KeyError(f"no printed cell matches {pattern!r}; see `reproduce list` for the keys")
+        raise KeyError(
+            f"no printed cell matches {pattern!r}; see `reproduce list` for the keys"
+        )
     return found

@@ -54,6 +54,9 @@ def corner_intervals(
                 sides[name][moved] = (-1.0, 1.0) if above > below else (1.0, -1.0)
     found = {}
     for name, own in sides.items():
-        ends = [results({one: pair[end] for one, pair in own.items()})[name] for end in (0, 1)]
+        ends = [
+            results({one: pair[end] for one, pair in own.items()})[name]
+            for end in (0, 1)
+        ]
         found[name] = Corners(min(ends), max(ends), own)
     return found

@@ -75,12 +75,20 @@ class Given:
 
         Shape (n,). The numbers.
         """
-        return np.array([self[cell.address] for cell in find(pattern) if cell.is_number])
+        return np.array(
+            [self[cell.address] for cell in find(pattern) if cell.is_number]
+        )
 
     def numbers(self) -> list[Cell]:
         """Return the declared cells that hold a rounded number."""
-        cells = (c for c in self.cells.values() if c.is_number and c.address not in self.values)
-        return [cell for cell in cells if not (cell.number.exact or cell.number.is_bound)]
+        cells = (
+            c
+            for c in self.cells.values()
+            if c.is_number and c.address not in self.values
+        )
+        return [
+            cell for cell in cells if not (cell.number.exact or cell.number.is_bound)
+        ]
 
     def shifted(self, shifts: Mapping[str, float]) -> Given:
         """Return the same inputs with some moved within their rounding intervals."""

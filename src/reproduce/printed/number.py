@@ -157,7 +157,9 @@ class PrintedNumber:
         >>> PrintedNumber("8", exact=True).format(12, extra=1)
         '12'
         """
-        places = self.exponent - (0 if self.exact and float(value).is_integer() else extra)
+        places = self.exponent - (
+            0 if self.exact and float(value).is_integer() else extra
+        )
         if abs(value) >= 10.0 ** (_MOST_DIGITS + min(places, 0)):
             return f"{value:.6g}"
         if "e" in self.text.lower():
@@ -167,7 +169,9 @@ class PrintedNumber:
 
     @staticmethod
     def _round(value: float, exponent: int) -> Decimal:
-        rounded = Decimal(value).quantize(Decimal(1).scaleb(exponent), rounding=ROUND_HALF_EVEN)
+        rounded = Decimal(value).quantize(
+            Decimal(1).scaleb(exponent), rounding=ROUND_HALF_EVEN
+        )
         return rounded if rounded else abs(rounded)  # no "-0.00"
 
 
@@ -209,7 +213,9 @@ def si_factor(unit: str) -> float:
     0.001
     """
     if unit not in UNITS:
-        raise ValueError(f"unit {unit!r}: expected one of {', '.join(UNITS)}; check the spelling")
+        raise ValueError(
+            f"unit {unit!r}: expected one of {', '.join(UNITS)}; check the spelling"
+        )
     return UNITS[unit][1]
 
 

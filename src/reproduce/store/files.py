@@ -13,7 +13,9 @@ from tempfile import TemporaryDirectory
 FIGURES, DRAWS = (".svg", ".pdf", ".png"), (".csv", ".nc")
 
 
-def check_target(path: str | Path, endings: Collection[str], name: str = "path") -> Path:
+def check_target(
+    path: str | Path, endings: Collection[str], name: str = "path"
+) -> Path:
     """Return `path`, or raise `ValueError` if no file with one of `endings` can be written there.
 
     Errors use `name` for the argument.
@@ -21,7 +23,9 @@ def check_target(path: str | Path, endings: Collection[str], name: str = "path")
     path = Path(path)
     folder = path.parent
     if path.suffix.lower() not in endings:
-        expected = f"one of the endings {', '.join(endings)}, got {path}. Change the ending"
+        expected = (
+            f"one of the endings {', '.join(endings)}, got {path}. Change the ending"
+        )
     elif path.is_dir():
         expected = f"a file, got the folder {path}. Add the name of a file"
     elif not folder.is_dir():

@@ -25,7 +25,8 @@ Mask = NDArray[np.bool_]
 
 # The end of a FITS file name, and the extension in brackets behind it.
 _FITS = re.compile(
-    r"(?P<file>.*\.(?:fits|fit|fts)(?:\.gz|\.bz2|\.fz)?|.*\.fz)(?:\[(?P<extension>[^\]]+)\])?", re.I
+    r"(?P<file>.*\.(?:fits|fit|fts)(?:\.gz|\.bz2|\.fz)?|.*\.fz)(?:\[(?P<extension>[^\]]+)\])?",
+    re.I,
 )
 # Shortest side of an image, in px.
 _SHORTEST = 16
@@ -80,12 +81,20 @@ def is_image(source: Any) -> bool:
     """
     if isinstance(source, str | Path):
         if Path(source).is_char_device():
-            raise ImageError(f"{source}: expected a regular file, got a device. Name a file")
+            raise ImageError(
+                f"{source}: expected a regular file, got a device. Name a file"
+            )
         found = _FITS.fullmatch(str(source))
-        return found is not None and (bool(found["extension"]) or bool(_image_names(found["file"])))
-    shape = np.shape(source.data) if _is_nddata(source) else getattr(source, "shape", ())
+        return found is not None and (
+            bool(found["extension"]) or bool(_image_names(found["file"]))
+        )
+    shape = (
+        np.shape(source.data) if _is_nddata(source) else getattr(source, "shape", ())
+    )
     return (
-        not hasattr(source, "columns") and len(shape) in (2, 3) and sorted(shape)[-2] >= _SHORTEST
+        not hasattr(source, "columns")
+        and len(shape) in (2, 3)
+        and sorted(shape)[-2] >= _SHORTEST
     )
 
 
@@ -120,12 +129,16 @@ def read_image(source: Any, name: str = "array") -> Image:
             f"each side, got {content.shape}. Pass one channel, such as image[..., 1]"
         )
     if content.dtype.kind not in "iufb":
-        raise ImageError(f"{name}: expected real numbers, got {content.dtype}. Convert the image")
+        raise ImageError(
+            f"{name}: expected real numbers, got {content.dtype}. Convert the image"
+        )
     if content.size > _MOST_PIXELS:
         raise _too_large(name, content.size)
     # Single precision if it is exact: it halves the memory.
     exact = np.can_cast(content.dtype, np.float32)
-    light: FloatArray = np.asarray(content.data, dtype=np.float32 if exact else np.float64)
+    light: FloatArray = np.asarray(
+        content.data, dtype=np.float32 if exact else np.float64
+    )
     missing = ~np.isfinite(light) | np.ma.getmask(content)
     if _is_nddata(source) and source.mask is not None:
         with reading(f"{name}: mask"):
@@ -146,10 +159,16 @@ def _sigma(name: str, source: Any, light: FloatArray) -> FloatArray | None:
 
     # Astropy squares in the type of the array, and small integers overflow.
     with reading(f"{name}: uncertainty"):
-        values = type(source.uncertainty)(np.asarray(source.uncertainty.array, dtype=np.float64))
-        found = np.broadcast_to(values.represent_as(StdDevUncertainty).array, light.shape)
+        values = type(source.uncertainty)(
+            np.asarray(source.uncertainty.array, dtype=np.float64)
+        )
+        found = np.broadcast_to(
+            values.represent_as(StdDevUncertainty).array, light.shape
+        )
     if not (found[np.isfinite(light)] > 0).all():
-        raise ImageError(f"{name}: uncertainty: expected values above zero. Mask such pixels")
+        raise ImageError(
+            f"{name}: uncertainty: expected values above zero. Mask such pixels"
+        )
     return found
 
 
@@ -189,7 +208,9 @@ def _highest(light: FloatArray, top: float) -> float:
     most = np.nanmax(light, initial=-math.inf)
     at = light == most
     touching = np.bincount(label(at, np.ones((3, 3)))[0][at])
-    return float(most) if most == top or touching.max(initial=0) >= _PLATEAU else math.inf
+    return (
+        float(most) if most == top or touching.max(initial=0) >= _PLATEAU else math.inf
+    )
 
 
 @contextmanager
@@ -208,8 +229,17 @@ def reading(name: str) -> Iterator[None]:
             f"{name}: expected an image that fits into memory, got a larger one. Use a part of it"
         ) from error
     # Libraries raise several kinds of error for a damaged file.
-    except (OSError, ValueError, TypeError, EOFError, LookupError, ArithmeticError, zlib.error,
-            SyntaxError, Warning) as error:  # fmt: skip
+    except (
+        OSError,
+        ValueError,
+        TypeError,
+        EOFError,
+        LookupError,
+        ArithmeticError,
+        zlib.error,
+        SyntaxError,
+        Warning,
+    ) as error:
         message = " ".join(str(error).split())
         if not re.match(r"(\w+: )?expected ", message):
             message = f"expected a complete and readable image, got {message!r}. Check the file"
@@ -223,7 +253,9 @@ def _units(file: str) -> Iterator[Any]:
 
     path = Path(file)
     if path.exists() and not path.is_file():
-        raise ImageError(f"{path.name}: expected a regular file, got a folder or a device. Copy it")
+        raise ImageError(
+            f"{path.name}: expected a regular file, got a folder or a device. Copy it"
+        )
     with (
         path.open("rb") as stream,
         fits.open(stream, memmap=False, lazy_load_hdus=False) as units,
@@ -238,7 +270,9 @@ def _image_names(file: str) -> list[str]:
         with _units(file) as units:
             names = [unit.name for unit in units]
             return [
-                unit.name if unit.name != "PRIMARY" and names.count(unit.name) == 1 else str(place)
+                unit.name
+                if unit.name != "PRIMARY" and names.count(unit.name) == 1
+                else str(place)
                 for place, unit in enumerate(units)
                 if unit.is_image and unit.header.get("NAXIS", 0) >= 2
             ]
@@ -249,7 +283,9 @@ def _from_fits(path: str) -> Any:
     found = _FITS.fullmatch(path)
     name = Path(path).name
     if found is None:
-        raise ImageError(f"{name}: expected a FITS file. Read other formats into an array")
+        raise ImageError(
+            f"{name}: expected a FITS file. Read other formats into an array"
+        )
     extension, images = found["extension"], _image_names(found["file"])
     if extension is None and len(images) != 1:
         raise ImageError(
@@ -263,7 +299,9 @@ def _from_fits(path: str) -> Any:
         with _units(found["file"]) as units:
             unit = units[int(wanted) if wanted.isdecimal() else wanted]
             if not unit.is_image or not unit.shape:
-                raise ImageError(f"{name}: expected an extension with an image, got {wanted}")
+                raise ImageError(
+                    f"{name}: expected an extension with an image, got {wanted}"
+                )
             if math.prod(unit.shape) > _MOST_PIXELS:
                 raise _too_large(name, math.prod(unit.shape))
             data = np.squeeze(unit.data)

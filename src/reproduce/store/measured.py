@@ -64,10 +64,13 @@ def bright_stars() -> Stars:
     table = table[(table["right_ascension"] != 0) | (table["declination"] != 0)]
     alpha, delta = table["right_ascension"], table["declination"]
     directions = np.stack(
-        [np.cos(delta) * np.cos(alpha), np.cos(delta) * np.sin(alpha), np.sin(delta)], axis=-1
+        [np.cos(delta) * np.cos(alpha), np.cos(delta) * np.sin(alpha), np.sin(delta)],
+        axis=-1,
     )
     return Stars(
-        table["number"].astype(np.int64), directions, table["magnitude"].astype(np.float64) / 100
+        table["number"].astype(np.int64),
+        directions,
+        table["magnitude"].astype(np.float64) / 100,
     )
 
 
@@ -78,6 +81,8 @@ def spectra() -> dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]]:
     ``vega`` and ``sun``, each to wavelengths, in metres, and photons per second, square metre and
     metre of wavelength; both of shape (n,).
     """
-    table = np.genfromtxt(data_folder() / "stars" / "spectra.csv", delimiter=",", names=True)
+    table = np.genfromtxt(
+        data_folder() / "stars" / "spectra.csv", delimiter=",", names=True
+    )
     wavelength = table["wavelength_nm"] * 1e-9
     return {name: (wavelength, table[name] * 1e9) for name in ("vega", "sun")}

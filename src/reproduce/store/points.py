@@ -94,7 +94,9 @@ class Table:
     @cached_property
     def sha256(self) -> str:
         """SHA-256 of the file, or of the numbers of another source."""
-        return sha256(self.values.tobytes() if self._content is None else self._content).hexdigest()
+        return sha256(
+            self.values.tobytes() if self._content is None else self._content
+        ).hexdigest()
 
     def named(self, rows: Sequence[int] | NDArray[np.int64]) -> str:
         """Return the numbers of rows as text: "rows 3, 4"."""
@@ -152,11 +154,19 @@ def read_table(
     label, frame, content = _loaded(source, sep)
     name = label if name is None or isinstance(source, str | Path) else name
     names = [_plain(one) for one in frame.columns]
-    remedy = "" if content is None else " Write them in the first line, and give sep if not a comma"
+    remedy = (
+        ""
+        if content is None
+        else " Write them in the first line, and give sep if not a comma"
+    )
     found = _wanted(name, names, columns, (*optional, _MASK), remedy)
-    values = np.column_stack([_numbers(frame.iloc[:, names.index(one)]) for one in found])
+    values = np.column_stack(
+        [_numbers(frame.iloc[:, names.index(one)]) for one in found]
+    )
     if not len(values):
-        raise TableFileError(f"{name}: expected rows of numbers below the names, got none")
+        raise TableFileError(
+            f"{name}: expected rows of numbers below the names, got none"
+        )
     table = Table(name, found, values, np.arange(len(values)), _content=content)
     gone = np.zeros(len(values), bool)
     if _MASK in found:
@@ -173,7 +183,11 @@ def _numbers(column: pd.Series) -> FloatArray:
 
     if column.dtype.kind in "cmM":  # complex numbers, times
         return np.full(len(column), np.nan)
-    plain = column.astype(object) if isinstance(column.dtype, pd.CategoricalDtype) else column
+    plain = (
+        column.astype(object)
+        if isinstance(column.dtype, pd.CategoricalDtype)
+        else column
+    )
     return pd.to_numeric(plain, errors="coerce").to_numpy(float, na_value=np.nan)
 
 
@@ -184,25 +198,42 @@ def _loaded(source: Any, sep: str | None) -> tuple[str, pd.DataFrame, bytes | No
     if isinstance(source, str | Path):
         name = "standard input" if str(source) == "-" else str(source)
         if Path(source).is_char_device():  # it may never end
-            raise TableFileError(f"{name}: expected a file, got a device. Use - for standard input")
-        content = sys.stdin.buffer.read() if str(source) == "-" else Path(source).read_bytes()
-        form = next((f for end, f in _ASTROPY.items() if name.lower().endswith(end)), "")
+            raise TableFileError(
+                f"{name}: expected a file, got a device. Use - for standard input"
+            )
+        content = (
+            sys.stdin.buffer.read() if str(source) == "-" else Path(source).read_bytes()
+        )
+        form = next(
+            (f for end, f in _ASTROPY.items() if name.lower().endswith(end)), ""
+        )
         form = "fits" if content.startswith(_FITS_START) else form
         zipped = name.lower().endswith(".gz")
         if not form and not zipped and b"\0" in content:
             raise _other_format(name)
         try:
             if form:
-                return name, _from_astropy(name, _astropy_file(BytesIO(content), form)), content
+                return (
+                    name,
+                    _from_astropy(name, _astropy_file(BytesIO(content), form)),
+                    content,
+                )
             with warnings.catch_warnings():
                 # pandas drops columns without a name with this warning.
                 warnings.simplefilter("error", pd.errors.ParserWarning)
-                frame = pd.read_csv(BytesIO(content), sep=sep or ",", comment="#", engine="c",
-                                    skipinitialspace=True, index_col=False,
-                                    compression="gzip" if zipped else None)  # fmt: skip
+                frame = pd.read_csv(
+                    BytesIO(content),
+                    sep=sep or ",",
+                    comment="#",
+                    engine="c",
+                    skipinitialspace=True,
+                    index_col=False,
+                    compression="gzip" if zipped else None,
+                )
         except ImportError as error:
-            raise TableFileError(f"{name}: this format needs Astropy, which is not installed") \
-                from error  # fmt: skip
+            raise TableFileError(
+                f"{name}: this format needs Astropy, which is not installed"
+            ) from error
         except TableFileError:
             raise
         except UnicodeDecodeError as error:
@@ -255,7 +286,9 @@ def _frame(columns: Mapping[str, Any]) -> pd.DataFrame:
     """Return the one-dimensional columns as a DataFrame."""
     import pandas as pd
 
-    return pd.DataFrame({name: one for name, one in columns.items() if np.ndim(one) == 1})
+    return pd.DataFrame(
+        {name: one for name, one in columns.items() if np.ndim(one) == 1}
+    )
 
 
 def _other_unit(name: str, column: str, unit: object) -> TableFileError:
@@ -289,20 +322,34 @@ def table_of(columns: Sequence[str], *blocks: tuple[str, Any]) -> Table:
 
 def _measured(*named: tuple[str, Any]) -> list[tuple[FloatArray, NDArray[np.bool_]]]:
     """Return arrays in px, each with its mask; one in another unit is refused."""
-    units = {name: str(getattr(one, "units", getattr(one, "unit", "px"))) if hasattr(one, "to")
-             else "px" for name, one in named}  # fmt: skip
+    units = {
+        name: str(getattr(one, "units", getattr(one, "unit", "px")))
+        if hasattr(one, "to")
+        else "px"
+        for name, one in named
+    }
     if any(unit not in _PIXELS for unit in units.values()):
-        came = ", ".join(f"{name} in {unit or 'no unit'}" for name, unit in units.items())
-        raise ValueError(f"expected measurements in px, got {came}; convert them to px first")
+        came = ", ".join(
+            f"{name} in {unit or 'no unit'}" for name, unit in units.items()
+        )
+        raise ValueError(
+            f"expected measurements in px, got {came}; convert them to px first"
+        )
     found = []
     for name, one in named:
-        bare = getattr(one, "magnitude", getattr(one, "value", one)) if hasattr(one, "to") else one
+        bare = (
+            getattr(one, "magnitude", getattr(one, "value", one))
+            if hasattr(one, "to")
+            else one
+        )
         bare = bare.to_numpy() if hasattr(bare, "iloc") else bare
         try:
             array = np.ma.asarray(bare, dtype=np.float64)
         except (TypeError, ValueError, OverflowError):
-            raise TypeError(f"{name}: expected an array of numbers, got something else; give each "
-                            "row as many numbers, without text") from None  # fmt: skip
+            raise TypeError(
+                f"{name}: expected an array of numbers, got something else; give each "
+                "row as many numbers, without text"
+            ) from None
         found.append((array.data, np.ma.getmaskarray(array)))
     return found
 
@@ -311,7 +358,9 @@ def _kept(table: Table, count: int, gone: NDArray[np.bool_]) -> Table:
     """Return a table without some rows, the columns after so many being optional ones."""
     lost = int(gone.sum())
     if lost and lost == len(gone):
-        raise TableFileError(f"{table.path}: expected rows that are not masked, got none")
+        raise TableFileError(
+            f"{table.path}: expected rows that are not masked, got none"
+        )
     bad = ~(np.abs(table.values) < _LARGEST) & ~gone[:, None]
     if bad.any():
         row, place = (int(i) for i in np.argwhere(bad)[0])
@@ -324,7 +373,11 @@ def _kept(table: Table, count: int, gone: NDArray[np.bool_]) -> Table:
         verb, which = "are" if lost > 1 else "is", table.named(np.flatnonzero(gone))
         notes = (f"{lost} of {len(gone)} rows {verb} masked ({which}) and left out",)
     values = table.values[~gone] if lost else table.values
-    optional = {n: values[:, i] for i, n in enumerate(table.columns) if i >= count and n != _MASK}
+    optional = {
+        n: values[:, i]
+        for i, n in enumerate(table.columns)
+        if i >= count and n != _MASK
+    }
     return replace(
         table,
         columns=table.columns[:count],
@@ -351,7 +404,9 @@ def _wanted(
     """Return the columns and the optional columns that a source contains."""
     wanted = (*columns, *(one for one in optional if one in names))
     # pandas calls the second column with the name x in a file x.1.
-    if twice := [name for name in wanted if names.count(name) > 1 or f"{name}.1" in names]:
+    if twice := [
+        name for name in wanted if names.count(name) > 1 or f"{name}.1" in names
+    ]:
         raise TableFileError(f"{where}: column {twice[0]!r} appears twice. Remove one")
     if missing := [name for name in columns if name not in names]:
         unit = re.compile(re.escape(missing[0]) + r"_?[\[(](.*)[\])]")
@@ -385,14 +440,20 @@ def read_images(
     """
     if is_table(spots) and zero is None:
         if times is not None:
-            raise ValueError(f"times: expected none beside a table; give it a column {TIME}")
+            raise ValueError(
+                f"times: expected none beside a table; give it a column {TIME}"
+            )
         table = read_table(spots, SPOTS, IMAGES, sep)
         pair = images_of(table, count)
         return pair, _times(table, len(pair[1])), [*table.notes, *lost_spots(pair)]
     if isinstance(spots, str | Path):
-        raise ValueError("zero: expected nothing beside a file, which holds both groups")
+        raise ValueError(
+            "zero: expected nothing beside a file, which holds both groups"
+        )
     if zero is None:
-        raise ValueError("zero: expected the images at the zero point, or a file of both")
+        raise ValueError(
+            "zero: expected the images at the zero point, or a file of both"
+        )
     arrays = _measured(*zip(_GROUPS, (zero, spots), strict=True))
     before, now = (
         _lost(name, np.where(mask, np.nan, one), count)
@@ -400,7 +461,9 @@ def read_images(
     )
     when = None if times is None else np.asarray(times, dtype=np.float64)
     if when is not None and (when.shape != (len(now),) or not np.isfinite(when).all()):
-        raise ValueError(f"times: expected {len(now)} finite numbers, one for each image")
+        raise ValueError(
+            f"times: expected {len(now)} finite numbers, one for each image"
+        )
     return (before, now), when, lost_spots((before, now))
 
 
@@ -423,7 +486,9 @@ def _lost(name: str, images: FloatArray, count: int) -> FloatArray:
             f"{images.shape}; another instrument goes to platform"
         )
     if (np.abs(images) >= _LARGEST).any():
-        raise ValueError(f"{name}: expected numbers below {_LARGEST:g}, or NaN for a lost spot")
+        raise ValueError(
+            f"{name}: expected numbers below {_LARGEST:g}, or NaN for a lost spot"
+        )
     lost = np.isnan(images).any(axis=-1, keepdims=True)
     return np.where(lost, np.nan, images)
 
@@ -434,30 +499,42 @@ def images_of(table: Table, count: int) -> Images:
         values = table.column(name)
         wrong = (values != np.round(values)) | (values < least) | (values > most)
         for row in np.flatnonzero(wrong)[:1].tolist():
-            raise table.wrong(row, name, f"expected a whole number from {least} to {most}")
+            raise table.wrong(
+                row, name, f"expected a whole number from {least} to {most}"
+            )
     named = next((one for one in IMAGES if one in table.optional), None)
     images = []
     for group in range(2):
         rows = np.flatnonzero(table.column("group") == group)
         if not len(rows):
-            raise TableFileError(f"{table.path}: expected spots of the groups 0 (the zero point) "
-                                 f"and 1 (the present), got none of group {group}")  # fmt: skip
+            raise TableFileError(
+                f"{table.path}: expected spots of the groups 0 (the zero point) "
+                f"and 1 (the present), got none of group {group}"
+            )
         light = table.column("laser")[rows].astype(int) - 1
         if named is None:
             frame = _in_order(table, rows, light)
         else:
-            frame = np.unique(table.optional[named][rows], return_inverse=True)[1].reshape(-1)
+            frame = np.unique(table.optional[named][rows], return_inverse=True)[
+                1
+            ].reshape(-1)
         place = frame * count + light
-        again = np.setdiff1d(np.arange(len(rows)), np.unique(place, return_index=True)[1])
+        again = np.setdiff1d(
+            np.arange(len(rows)), np.unique(place, return_index=True)[1]
+        )
         if len(again):
-            raise table.wrong(int(rows[again[0]]), "laser", "expected each light once in an image")
+            raise table.wrong(
+                int(rows[again[0]]), "laser", "expected each light once in an image"
+            )
         spots = np.full((int(frame.max()) + 1, count, 2), np.nan)
         spots[frame, light] = table.values[rows, 2:4]
         images.append(spots)
     return images[0], images[1]
 
 
-def _in_order(table: Table, rows: NDArray[np.int64], light: NDArray[np.int64]) -> NDArray[np.int64]:
+def _in_order(
+    table: Table, rows: NDArray[np.int64], light: NDArray[np.int64]
+) -> NDArray[np.int64]:
     """Return the image of each spot of a group, which come image after image."""
     shown = np.unique(light)
     images = light[: len(light) // len(shown) * len(shown)].reshape(-1, len(shown))
@@ -479,8 +556,12 @@ def lost_spots(pair: Images) -> list[str]:
     if not np.any(of_light):
         return []
     named = ", ".join(
-        f"{lost} of light {number}" for number, lost in enumerate(of_light, start=1) if lost
+        f"{lost} of light {number}"
+        for number, lost in enumerate(of_light, start=1)
+        if lost
     )
     size = sum(one.size for one in gone)
-    return [f"{sum(of_light)} of {size} spots are lost ({named}): an image counts the less the "
-            "fewer it shows"]  # fmt: skip
+    return [
+        f"{sum(of_light)} of {size} spots are lost ({named}): an image counts the less the "
+        "fewer it shows"
+    ]

@@ -9,7 +9,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reproduce.store.points import STARS, Table, TableFileError, is_table, read_table, table_of
+from reproduce.store.points import (
+    STARS,
+    Table,
+    TableFileError,
+    is_table,
+    read_table,
+    table_of,
+)
 
 SIGMAS = ("sigma", "sigma_x", "sigma_y")
 BRIGHTNESS = ("flux", "mag")
@@ -26,10 +33,17 @@ def matched_stars(
         table = read_table(source, STARS, (*SIGMAS, "weight", *BRIGHTNESS), sep)
         return table, settings | _known(table, settings)
     if isinstance(source, str | Path):
-        raise ValueError("target: expected nothing beside a file, which holds both images")
+        raise ValueError(
+            "target: expected nothing beside a file, which holds both images"
+        )
     if target is None:
-        raise ValueError("target: expected the stars of the other image, or a file of both")
-    both = {name: _places(name, one, sep) for name, one in (("source", source), ("target", target))}
+        raise ValueError(
+            "target: expected the stars of the other image, or a file of both"
+        )
+    both = {
+        name: _places(name, one, sep)
+        for name, one in (("source", source), ("target", target))
+    }
     table = table_of(STARS, *both.items())
     if table.notes:  # what is given of each star goes with it
         sizes = {"weights": 1, "source_covariance": 3, "target_covariance": 3}
@@ -42,7 +56,13 @@ def matched_stars(
 
 def brightness(columns: Mapping[str, FloatArray]) -> FloatArray | None:
     """Return a number that increases with the flux of each star, or None if none is known."""
-    return columns["flux"] if "flux" in columns else -columns["mag"] if "mag" in columns else None
+    return (
+        columns["flux"]
+        if "flux" in columns
+        else -columns["mag"]
+        if "mag" in columns
+        else None
+    )
 
 
 def _places(name: str, source: Any, sep: str | None) -> Any:
@@ -68,16 +88,23 @@ def _known(table: Table, settings: Mapping[str, Any]) -> dict[str, Any]:
         found["target_covariance"] = deviations(table)[..., None] ** 2 * np.eye(2)
     for name in found:
         if settings.get(name) is not None:
-            raise ValueError(f"{name}: expected none beside a column of the table; leave one out")
+            raise ValueError(
+                f"{name}: expected none beside a column of the table; leave one out"
+            )
     return found
 
 
 def deviations(table: Table) -> FloatArray:
     """Return the standard deviations along x and y that the columns of a table give, (n, 2)."""
     given = table.optional
-    axes = [next((one for one in (f"sigma_{axis}", "sigma") if one in given), "") for axis in "xy"]
+    axes = [
+        next((one for one in (f"sigma_{axis}", "sigma") if one in given), "")
+        for axis in "xy"
+    ]
     if not all(axes):
-        raise TableFileError(f"{table.path}: expected sigma, or both sigma_x and sigma_y")
+        raise TableFileError(
+            f"{table.path}: expected sigma, or both sigma_x and sigma_y"
+        )
     for name in axes:
         for row in np.flatnonzero(given[name] <= 0)[:1].tolist():
             raise table.wrong(row, name, "expected a standard deviation above zero")

@@ -55,7 +55,10 @@ def folder() -> Path:
 
 def read(name: str, where: Path | None = None) -> Study:
     """Return a stored study after checking that its arrays are those of its note."""
-    note, content = tomllib.loads(_file(name, "toml", where).decode()), _file(name, "npz", where)
+    note, content = (
+        tomllib.loads(_file(name, "toml", where).decode()),
+        _file(name, "npz", where),
+    )
     found = hashlib.sha256(content).hexdigest()
     if found != note.get("sha256"):
         raise StudyError(
@@ -74,7 +77,9 @@ def table(name: str, where: Path | None = None) -> pd.DataFrame:
     note = tomllib.loads(text)
     body = re.search(r"^rows = \[\n(.*?)^\]$", text, flags=re.DOTALL | re.MULTILINE)
     if body is None or digest(body.group(1)) != note.get("sha256"):
-        raise StudyError(f"{name}: the rows were changed by hand; run again: {note.get('command')}")
+        raise StudyError(
+            f"{name}: the rows were changed by hand; run again: {note.get('command')}"
+        )
     frame = pd.DataFrame(note.pop("rows"), columns=note.pop("columns"))
     frame.attrs.update(note)
     return frame

@@ -22,7 +22,9 @@ if TYPE_CHECKING:
     from reproduce.printed.given import Given
 
 
-Change = Mapping[str, str | float]  # address of a printed cell to a value as in the print
+Change = Mapping[
+    str, str | float
+]  # address of a printed cell to a value as in the print
 
 
 class Shown(Display):
@@ -93,7 +95,9 @@ class Item(Shown):
                 with pd.option_context("display.max_colwidth", None):
                     return self.to_html(notebook=True)
 
-        frame = pd.DataFrame(rows, columns=["option", "alternative", "meaning", "passage"])
+        frame = pd.DataFrame(
+            rows, columns=["option", "alternative", "meaning", "passage"]
+        )
         return Words(frame.set_index(["option", "alternative"]))
 
     @property
@@ -112,7 +116,9 @@ class Item(Shown):
         item = catalogue().get(self.key)
         computations = item.computations if item else ()
         draw = item.draw if item else drawings()[self.key]
-        return "\n\n\n".join(text_of(one.function) for one in (*computations, draw) if one)
+        return "\n\n\n".join(
+            text_of(one.function) for one in (*computations, draw) if one
+        )
 
 
 class Changeable(Shown):
@@ -131,7 +137,11 @@ class Changeable(Shown):
     kind = ""
 
     def __init__(
-        self, key: str, changes: Change | None = None, seed: int | None = None, **others: Any
+        self,
+        key: str,
+        changes: Change | None = None,
+        seed: int | None = None,
+        **others: Any,
     ) -> None:
         self.key, self.seed, self._changes = key, seed, dict(changes or {})
         random = self.random  # an unknown key raises an error
@@ -156,7 +166,9 @@ class Changeable(Shown):
     def _made(self) -> tuple[Any, dict[str, float]]:
         if not self.changes:
             return self._compute(None), {}
-        return rerun.under(self.key, self._declared.given, self._changes, self.seed, self._compute)
+        return rerun.under(
+            self.key, self._declared.given, self._changes, self.seed, self._compute
+        )
 
     @property
     def random(self) -> bool:
@@ -169,7 +181,9 @@ class Changeable(Shown):
         return rerun.by_name(self._changes, self.seed)
 
     def _setting(self, remark: str = "a reader's own setting") -> str:
-        return setting("With", self.changes, self.replaced, remark) if self.changes else ""
+        return (
+            setting("With", self.changes, self.replaced, remark) if self.changes else ""
+        )
 
     @property
     def replaced(self) -> dict[str, float]:
@@ -200,7 +214,10 @@ class Changeable(Shown):
             If it does not read the cell, the value does not fit it, it draws no random numbers, or
             anything else is to be changed.
         """
-        cells, seed = {**self._changes, **(changes or {})}, self.seed if seed is None else seed
+        cells, seed = (
+            {**self._changes, **(changes or {})},
+            self.seed if seed is None else seed,
+        )
         return type(self)(self.key, cells, seed, **others)
 
 
@@ -209,7 +226,11 @@ def setting(
 ) -> str:
     """Say what a reader changed, and which recomputed values took the place of printed ones."""
     changed = ", ".join(f"{name} = {text}" for name, text in changes.items())
-    taken = f" Recomputed values took the place of: {', '.join(replaced)}." if replaced else ""
+    taken = (
+        f" Recomputed values took the place of: {', '.join(replaced)}."
+        if replaced
+        else ""
+    )
     return f"{subject} {changed or 'nothing'}: {remark}.{taken}"
 
 

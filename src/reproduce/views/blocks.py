@@ -38,10 +38,36 @@ _COLOURS |= {"ambiguous": "yellow", "unpublished": "cyan", "input": "dim"}
 _SMALL = re.compile("<br><small>(.*?)</small>")
 PLAIN = "reproduce-plain"  # how streams write what they cannot encode
 # What stands in for a sign that a stream cannot encode.
-_SIGNS = {"−": "-", "×": "x", "″": '"', "′": "'", "°": " deg", "±": "+/-", "µ": "u", "μ": "u"}
+_SIGNS = {
+    "−": "-",
+    "×": "x",
+    "″": '"',
+    "′": "'",
+    "°": " deg",
+    "±": "+/-",
+    "µ": "u",
+    "μ": "u",
+}
 _SIGNS |= {"→": "->", "↔": "<->", "≈": "~", "∞": "inf", "√": "sqrt", "∆": "Delta"}
-_SIGNS |= {"≤": "<=", "≥": ">=", "·": ".", "–": "-", "—": "-", "…": "...", "’": "'", "─": "-"}
-_SIGNS |= {"⁻": "-", "σ": "sigma", "τ": "tau", "χ": "chi", "κ": "kappa", "θ": "theta", "Δ": "Delta"}
+_SIGNS |= {
+    "≤": "<=",
+    "≥": ">=",
+    "·": ".",
+    "–": "-",
+    "—": "-",
+    "…": "...",
+    "’": "'",
+    "─": "-",
+}
+_SIGNS |= {
+    "⁻": "-",
+    "σ": "sigma",
+    "τ": "tau",
+    "χ": "chi",
+    "κ": "kappa",
+    "θ": "theta",
+    "Δ": "Delta",
+}
 
 
 @dataclass(frozen=True)
@@ -139,13 +165,19 @@ def grid(
     Columns without any entry are left out.
     """
     written = [[write(row) for row in rows] for write in columns.values()]
-    shown = {head: column for head, column in zip(columns, written, strict=True) if any(column)}
+    shown = {
+        head: column
+        for head, column in zip(columns, written, strict=True)
+        if any(column)
+    }
     return Grid(caption, list(shown), [*zip(*shown.values(), strict=True)], **looks)
 
 
 def badge(word: str, text: str = "") -> Markup:
     """Return a verdict, or a text in its look, as a badge."""
-    return Markup('<span class="rp-badge rp-badge-{}">{}</span>').format(word, text or word)
+    return Markup('<span class="rp-badge rp-badge-{}">{}</span>').format(
+        word, text or word
+    )
 
 
 def link(place: str, text: Entry) -> Markup:
@@ -224,17 +256,27 @@ def _grid_lines(grid: Grid, width: int) -> Iterator[RenderableType]:
     """Yield a table and its caption; where it is too wide, a few lines for each row."""
     head, rows, whole = list(grid.head), [list(row) for row in grid.rows], grid.whole
     if grid.stacked:
-        boxes = [one for row in rows for one in row if isinstance(one, Box) and one.name]
-        head, rows = ["cell", *grid.stacked], [[one.name, *one.content] for one in boxes]
+        boxes = [
+            one for row in rows for one in row if isinstance(one, Box) and one.name
+        ]
+        head, rows = (
+            ["cell", *grid.stacked],
+            [[one.name, *one.content] for one in boxes],
+        )
         whole = range(1, len(head))
     elif grid.names:
         rows = [[name, *row[1:]] for name, row in zip(grid.names, rows, strict=True)]
     texts = [list(map(_text, row)) for row in rows]
-    lined = [[_plain(name) for name in head], *([one.plain for one in row] for row in texts)]
+    lined = [
+        [_plain(name) for name in head],
+        *([one.plain for one in row] for row in texts),
+    ]
     columns = enumerate(zip_longest(*lined, fillvalue=""))
     least = sum(_least(i in whole, column) + 1 for i, column in columns) - 1
     wide = least > width
-    gap = int(least + len(head) - 1 <= width)  # a second blank between columns, if there is room
+    gap = int(
+        least + len(head) - 1 <= width
+    )  # a second blank between columns, if there is room
     table = _columns(map(_plain, head), texts, whole=whole, words=grid.words, gap=gap)
     if wide and grid.spare:
         return
@@ -242,7 +284,9 @@ def _grid_lines(grid: Grid, width: int) -> Iterator[RenderableType]:
     yield from _row_by_row(head, texts) if wide else [table]
 
 
-def _row_by_row(head: Sequence[Entry], rows: Sequence[Sequence[Text]]) -> Iterator[RenderableType]:
+def _row_by_row(
+    head: Sequence[Entry], rows: Sequence[Sequence[Text]]
+) -> Iterator[RenderableType]:
     """Yield a few lines for each row; what heads say in small print is said once, before."""
     names = [_plain(type(name)(_SMALL.sub("", name))) for name in head]
     small = [(n, _SMALL.findall(text)) for n, text in zip(names, head, strict=True)]
@@ -250,11 +294,15 @@ def _row_by_row(head: Sequence[Entry], rows: Sequence[Sequence[Text]]) -> Iterat
     yield from [names[1]] * (len(names) == 2)
     for row in rows:
         yield row[0]
-        named = [(n, text) for n, text in zip(names[1:], row[1:], strict=False) if text.plain]
+        named = [
+            (n, text) for n, text in zip(names[1:], row[1:], strict=False) if text.plain
+        ]
         if len(names) == 2:  # the head of a single column need not be said at every row
             yield from (Padding(text, (0, 0, 0, 2)) for _, text in named)
             continue
-        yield Padding(_columns(("", ""), named, words=2, show_header=False), (0, 0, 0, 2))
+        yield Padding(
+            _columns(("", ""), named, words=2, show_header=False), (0, 0, 0, 2)
+        )
 
 
 def _columns(
@@ -271,9 +319,12 @@ def _columns(
     Columns that are to stay `whole` are not wrapped.
     """
     table = Table(
-        pad_edge=False, box=box.SIMPLE_HEAD if show_header else None, padding=(0, gap, 0, 0),
-        show_header=show_header, show_edge=False,
-    )  # fmt: skip
+        pad_edge=False,
+        box=box.SIMPLE_HEAD if show_header else None,
+        padding=(0, gap, 0, 0),
+        show_header=show_header,
+        show_edge=False,
+    )
     for i, name in enumerate(heads):
         table.add_column(name, no_wrap=i in whole, overflow="fold")
         table.columns[i].justify = "left" if i < words else "right"

@@ -38,8 +38,13 @@ class _Shell(click.Group):
                 raise
             if as_json and _SHOWN not in ctx.meta:
                 told: dict[str, Any] = {"error": refused.format_message()}
-                if missed := getattr(error, "missed", ()):  # by chains that have not converged
-                    told |= {"steps_needed": getattr(error, "steps", None), "missed": missed}
+                if missed := getattr(
+                    error, "missed", ()
+                ):  # by chains that have not converged
+                    told |= {
+                        "steps_needed": getattr(error, "steps", None),
+                        "missed": missed,
+                    }
                 click.echo(json.dumps(told, indent=2))
             raise refused from error
 
@@ -54,9 +59,15 @@ class _Shell(click.Group):
             advice = f" (--steps; there were {error.taken})" if error.steps else ""
             return click.ClickException(f"{error}{advice}")
         if isinstance(error, MemoryError):
-            return click.ClickException("the input does not fit into memory. Use a smaller one")
-        if isinstance(error, OSError) and error.filename:  # `main` reports errors of streams
-            return click.UsageError(printable(f"{error.filename}: {error.strerror}"), ctx)
+            return click.ClickException(
+                "the input does not fit into memory. Use a smaller one"
+            )
+        if (
+            isinstance(error, OSError) and error.filename
+        ):  # `main` reports errors of streams
+            return click.UsageError(
+                printable(f"{error.filename}: {error.strerror}"), ctx
+            )
         return None
 
     def main(self, *arguments: Any, **settings: Any) -> Any:
@@ -75,7 +86,9 @@ class _Shell(click.Group):
             finally:
                 sys.stdout.flush()
         except BrokenPipeError:
-            sys.stdout = io.StringIO()  # nobody reads on; nothing is left to flush at the end
+            sys.stdout = (
+                io.StringIO()
+            )  # nobody reads on; nothing is left to flush at the end
             sys.exit(1)
         except OSError as error:
             sys.stdout = io.StringIO()
@@ -108,7 +121,9 @@ def _pairs(option: str, form: str, texts: tuple[str, ...]) -> dict[str, str]:
 def _bar(what: str) -> Iterator[Callable[[int, int], None]]:
     """Show a bar on a terminal's standard error, and nothing in a pipe."""
     hidden = not sys.stderr.isatty()
-    with click.progressbar(length=100, label=what, file=sys.stderr, hidden=hidden) as shown:
+    with click.progressbar(
+        length=100, label=what, file=sys.stderr, hidden=hidden
+    ) as shown:
         yield lambda done, total: shown.update(100 * done // total - shown.pos)
 
 
@@ -125,7 +140,9 @@ def _save(save: Callable[[Path], Any], out: Path) -> None:
     try:
         save(out)
     except (OSError, RuntimeError) as error:  # the latter of netCDF
-        message = printable(f"cannot write {out}: {getattr(error, 'strerror', '') or error}")
+        message = printable(
+            f"cannot write {out}: {getattr(error, 'strerror', '') or error}"
+        )
         raise click.ClickException(message) from error
 
 
@@ -138,16 +155,32 @@ _FILE = click.Path(path_type=Path)
 _FIGURE = _Target(*FIGURES)
 _ABOVE = click.FloatRange(min=0, min_open=True)
 _ADDRESS = click.argument("address", metavar="KEY[#CELL]")
-_JSON = click.option("--json", "as_json", is_flag=True, help="Print JSON for other programs.")
-_SEED = click.option("--seed", type=click.IntRange(min=0), help="Of the random numbers.")
+_JSON = click.option(
+    "--json", "as_json", is_flag=True, help="Print JSON for other programs."
+)
+_SEED = click.option(
+    "--seed", type=click.IntRange(min=0), help="Of the random numbers."
+)
 _SET = click.option(
-    "--set", "changes", multiple=True, metavar=_CHANGE, help="Another value for a printed cell."
+    "--set",
+    "changes",
+    multiple=True,
+    metavar=_CHANGE,
+    help="Another value for a printed cell.",
 )
 _PIVOT = click.option(
-    "--pivot", type=float, nargs=2, metavar="X Y", help="Principal point of your stars, in px."
+    "--pivot",
+    type=float,
+    nargs=2,
+    metavar="X Y",
+    help="Principal point of your stars, in px.",
 )
-_SEP = click.option("--sep", help="Separator of columns in a text file.  [default: a comma]")
-_PLATFORM = click.option("--platform", type=_FILE, help="TOML file of your lights and tracker.")
+_SEP = click.option(
+    "--sep", help="Separator of columns in a text file.  [default: a comma]"
+)
+_PLATFORM = click.option(
+    "--platform", type=_FILE, help="TOML file of your lights and tracker."
+)
 
 
 @click.group(cls=_Shell, context_settings=_SETTINGS)
@@ -169,7 +202,9 @@ def list_items(as_json: bool) -> None:
 
 @main.command()
 @click.argument("keys", nargs=-1, metavar="[KEY|PAPER]...")
-@click.option("--json", "as_json", is_flag=True, help="Print one record per printed cell.")
+@click.option(
+    "--json", "as_json", is_flag=True, help="Print one record per printed cell."
+)
 def check(keys: tuple[str, ...], as_json: bool) -> None:
     """Judge every printed cell and compare the verdicts with the frozen ones.
 
@@ -192,10 +227,17 @@ def check(keys: tuple[str, ...], as_json: bool) -> None:
 @_ADDRESS
 @_SET
 @_SEED
-@click.option("--replicates", type=click.IntRange(min=2), help="Of a table that draws some.")
-@click.option("--option", "options", multiple=True, metavar=_CHOICE, help="Reading of the text.")
+@click.option(
+    "--replicates", type=click.IntRange(min=2), help="Of a table that draws some."
+)
+@click.option(
+    "--option", "options", multiple=True, metavar=_CHOICE, help="Reading of the text."
+)
 def show(
-    address: str, changes: tuple[str, ...], options: tuple[str, ...], **numbers: int | None
+    address: str,
+    changes: tuple[str, ...],
+    options: tuple[str, ...],
+    **numbers: int | None,
 ) -> None:
     """Show the printed and computed values of an item or a cell, or compute it with a change.
 
@@ -204,7 +246,9 @@ def show(
     its verdict under this reading.
     """
     found, set_to = front.item(address), _pairs("--set", _CHANGE, changes)
-    again: dict[str, Any] = {n: value for n, value in numbers.items() if value is not None}
+    again: dict[str, Any] = {
+        n: value for n, value in numbers.items() if value is not None
+    }
     again |= _pairs("--option", _CHOICE, options)
     (found.rerun(set_to, **again) if set_to or again else found).print()
 
@@ -219,12 +263,16 @@ def export_item(address: str, form: str) -> None:
 
 @main.command()
 @click.argument("key")
-@click.option("--out", type=_FIGURE, required=True, help="Write this .svg, .pdf or .png.")
+@click.option(
+    "--out", type=_FIGURE, required=True, help="Write this .svg, .pdf or .png."
+)
 @_SET
 @_SEED
 def figure(key: str, out: Path, changes: tuple[str, ...], seed: int | None) -> None:
     """Draw an item that draws."""
-    _save(front.figure(key).rerun(_pairs("--set", _CHANGE, changes), seed=seed).save, out)
+    _save(
+        front.figure(key).rerun(_pairs("--set", _CHANGE, changes), seed=seed).save, out
+    )
     click.echo(printable(f"Wrote {out}"))
 
 
@@ -257,15 +305,32 @@ def audit(paper: str | None, as_json: bool) -> None:
 @click.argument("files", type=_FILE, nargs=-1, required=True, metavar="FILE...")
 @_PIVOT
 @click.option("--model", type=click.Choice(list(MODELS)), default="similarity")
-@click.option("--robust", is_flag=True, default=None, help="Guard against wrong matches.")
+@click.option(
+    "--robust", is_flag=True, default=None, help="Guard against wrong matches."
+)
 @_SEP
-@click.option("--reference", help="Reference image, as given.  [default: the second one]")
-@click.option("--threshold", type=_ABOVE, help="Of stars, in standard deviations of the noise.")
-@click.option("--radius", type=_ABOVE, help="How far apart stars of a pair may land, in px.")
-@click.option("--start", type=float, nargs=4, metavar="SCALE ROTATION SHIFT_X SHIFT_Y",
-              help="Rough transform about the pivot, in degrees and px.")  # fmt: skip
-@click.option("--picture", type=_FIGURE, help="Drawing of the residuals: .svg, .pdf or .png.")
-@click.option("--posterior", is_flag=True, help="Sample the same transform with emcee too.")
+@click.option(
+    "--reference", help="Reference image, as given.  [default: the second one]"
+)
+@click.option(
+    "--threshold", type=_ABOVE, help="Of stars, in standard deviations of the noise."
+)
+@click.option(
+    "--radius", type=_ABOVE, help="How far apart stars of a pair may land, in px."
+)
+@click.option(
+    "--start",
+    type=float,
+    nargs=4,
+    metavar="SCALE ROTATION SHIFT_X SHIFT_Y",
+    help="Rough transform about the pivot, in degrees and px.",
+)
+@click.option(
+    "--picture", type=_FIGURE, help="Drawing of the residuals: .svg, .pdf or .png."
+)
+@click.option(
+    "--posterior", is_flag=True, help="Sample the same transform with emcee too."
+)
 @_JSON
 def register(
     files: tuple[Path, ...],
@@ -293,7 +358,9 @@ def register(
     drawings = _drawings(files, settings["reference"], picture) if picture else []
     if posterior and len(files) < 2:
         raise click.UsageError("--posterior: expected two or more FILEs, got one")
-    given: dict[str, Any] = {name: one for name, one in settings.items() if one is not None}
+    given: dict[str, Any] = {
+        name: one for name, one in settings.items() if one is not None
+    }
     if start:
         scale, rotation, *shift = start
         given["start"] = scale, math.radians(rotation), *shift
@@ -311,12 +378,18 @@ def register(
         for one in (found, *sampled.values()):
             one.print()
 
-    _show(as_json, lambda: found.record() | ({"posteriors": records} if records else {}), shown)
+    _show(
+        as_json,
+        lambda: found.record() | ({"posteriors": records} if records else {}),
+        shown,
+    )
     for path, fit in zip(drawings, fits.values(), strict=bool(drawings)):
         _save(fit.save, path)
 
 
-def _drawings(files: tuple[Path, ...], reference: str | None, picture: Path) -> list[Path]:
+def _drawings(
+    files: tuple[Path, ...], reference: str | None, picture: Path
+) -> list[Path]:
     """Return the path of the drawing of each registration; no two are equal."""
     if len(files) < 2:
         raise click.UsageError("--picture: expected two or more FILEs, got one")
@@ -338,7 +411,9 @@ def _drawings(files: tuple[Path, ...], reference: str | None, picture: Path) -> 
 @_PLATFORM
 @_SEP
 @_JSON
-def misalignment(file: Path, platform: Path | None, sep: str | None, as_json: bool) -> None:
+def misalignment(
+    file: Path, platform: Path | None, sep: str | None, as_json: bool
+) -> None:
     """Measure the misalignment of your camera since the zero point, from spots of its lights.
 
     FILE is a table, as for register: one spot per row, in px, with the columns group (0 at
@@ -353,19 +428,31 @@ def misalignment(file: Path, platform: Path | None, sep: str | None, as_json: bo
 
 @main.command()
 @click.argument("model", required=False)
-@click.option("--list", "listed", is_flag=True, help="Name all models, and columns for --data.")
+@click.option(
+    "--list", "listed", is_flag=True, help="Name all models, and columns for --data."
+)
 @click.option("--data", type=_FILE, help="Your table; --list shows its columns.")
 @_PIVOT
 @_PLATFORM
 @_SEP
 @click.option(
-    "--prior", "priors", multiple=True, metavar=_ENDS, help="An even prior, in the unit shown."
+    "--prior",
+    "priors",
+    multiple=True,
+    metavar=_ENDS,
+    help="An even prior, in the unit shown.",
 )
 @_SEED
-@click.option("--steps", type=click.IntRange(min=1), help="Kept steps of each ensemble.")
-@click.option("--walkers", type=click.IntRange(min=1), help="Of each ensemble; an even number.")
 @click.option(
-    "--out", type=_Target(*DRAWS), help="Write the draws to this .csv, or .nc (for ArviZ)."
+    "--steps", type=click.IntRange(min=1), help="Kept steps of each ensemble."
+)
+@click.option(
+    "--walkers", type=click.IntRange(min=1), help="Of each ensemble; an even number."
+)
+@click.option(
+    "--out",
+    type=_Target(*DRAWS),
+    help="Write the draws to this .csv, or .nc (for ArviZ).",
 )
 @_JSON
 def posterior(
@@ -389,7 +476,10 @@ def posterior(
         return
     if model is None:
         raise click.UsageError("name a model, or use --list to see them all")
-    ends = {name: _ends(name, text) for name, text in _pairs("--prior", _ENDS, priors).items()}
+    ends = {
+        name: _ends(name, text)
+        for name, text in _pairs("--prior", _ENDS, priors).items()
+    }
     wanted: Any = front.posterior(model, priors=ends, **asked)
     if out:
         wanted.check_file(out)

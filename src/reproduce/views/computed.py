@@ -33,7 +33,10 @@ def fingerprint() -> str:
     """
     data = data_folder()
     package = Path(__file__).resolve().parent.parent
-    files = [*package.rglob("*.py"), *(path for path in data.rglob("*") if path.is_file())]
+    files = [
+        *package.rglob("*.py"),
+        *(path for path in data.rglob("*") if path.is_file()),
+    ]
     versions = (platform.python_version(), np.__version__, scipy.__version__)
     digest = hashlib.sha256(" ".join(versions).encode())
     for path in [*sorted(files), data.parent / "environment.txt"]:
@@ -90,4 +93,6 @@ def item_ledger(*keys: str) -> Ledger:
 @cache
 def whole_ledger() -> Ledger:
     """Return the ledger of all items."""
-    return once("ledger.json", ledger.build, Ledger.model_dump_json, Ledger.model_validate_json)
+    return once(
+        "ledger.json", ledger.build, Ledger.model_dump_json, Ledger.model_validate_json
+    )

@@ -16,7 +16,18 @@ from reproduce.papers.catalogue import catalogue, studies
 from reproduce.printed.cells import PAPERS, PrintedTable, anchor, library
 from reproduce.views import keys, verdicts
 from reproduce.views.base import by_row
-from reproduce.views.blocks import Block, Blocks, Box, Display, Entry, Fold, Grid, Html, badge, grid
+from reproduce.views.blocks import (
+    Block,
+    Blocks,
+    Box,
+    Display,
+    Entry,
+    Fold,
+    Grid,
+    Html,
+    badge,
+    grid,
+)
 from reproduce.views.computed import item_ledger
 from reproduce.views.export import full_frame
 from reproduce.views.table import EVERY
@@ -51,7 +62,11 @@ class Contents(Display):
     def __init__(self, paper: str | None = None) -> None:
         self.papers = PAPERS if paper is None else (keys.check_paper(paper),)
         self.keys, self.own = (
-            [key for key in found if paper is None or key.partition("/")[0] in self.papers]
+            [
+                key
+                for key in found
+                if paper is None or key.partition("/")[0] in self.papers
+            ]
             for found in (catalogue(), studies())
         )
 
@@ -73,7 +88,10 @@ class Contents(Display):
 
     def frame(self) -> pd.DataFrame:
         """Return one row per item: place, title and the number of cells by verdict."""
-        named = {key: {"place": keys.place(key), "title": keys.title(key)} for key in self.keys}
+        named = {
+            key: {"place": keys.place(key), "title": keys.title(key)}
+            for key in self.keys
+        }
         tallies = {key: verdicts.tally(self._ledger.of(key)) for key in self.keys}
         return by_row(named).join(by_row(tallies))
 
@@ -84,14 +102,22 @@ class Contents(Display):
     @property
     def numbers(self) -> Blocks:
         """Every printed number; a page lets a reader sort and filter them."""
-        what, kind = f"The {len(self._ledger.records)} printed numbers", "rp-small rp-sortable"
-        return Blocks((grid(what, EVERY, self._ledger.records, kind=kind, words=len(EVERY)),))
+        what, kind = (
+            f"The {len(self._ledger.records)} printed numbers",
+            "rp-small rp-sortable",
+        )
+        return Blocks(
+            (grid(what, EVERY, self._ledger.records, kind=kind, words=len(EVERY)),)
+        )
 
     @property
     def listed(self) -> Blocks:
         """The items and the tables of our own, without the score."""
         rows = [(one["key"], one["place"], one["title"]) for one in self.entries()]
-        caption, head = "Items in order of print, then our own tables.", ("key", "place", "what")
+        caption, head = (
+            "Items in order of print, then our own tables.",
+            ("key", "place", "what"),
+        )
         return Blocks((Grid(caption, head, rows, words=3, whole=(0,)),))
 
     @property
@@ -101,10 +127,19 @@ class Contents(Display):
 
     def blocks(self) -> Iterator[Block]:
         """Yield every number as a mark, and the same as lists: items, tables of our own, score."""
-        records, part = self._ledger.records, Markup('<div><p class="rp-wall-paper">{}</p>{}</div>')
+        records, part = (
+            self._ledger.records,
+            Markup('<div><p class="rp-wall-paper">{}</p>{}</div>'),
+        )
         papers = groupby(records, key=lambda record: record.key.partition("/")[0])
-        walls = Markup("\n").join(part.format(paper, wall(own)) for paper, own in papers)
-        yield Html(Markup('<div class="rp-walls">\n{}\n</div>\n{}').format(walls, legend(records)))
+        walls = Markup("\n").join(
+            part.format(paper, wall(own)) for paper, own in papers
+        )
+        yield Html(
+            Markup('<div class="rp-walls">\n{}\n</div>\n{}').format(
+                walls, legend(records)
+            )
+        )
         yield Fold("The same in words", (*self.listed.shown, *self.index.shown))
 
 
@@ -120,10 +155,14 @@ class Check(Display):
     """
 
     def __init__(
-        self, wanted: tuple[str, ...] = (), progress: Callable[[int, int], None] | None = None
+        self,
+        wanted: tuple[str, ...] = (),
+        progress: Callable[[int, int], None] | None = None,
     ) -> None:
         whole = {paper: Contents(paper).keys for paper in PAPERS}
-        listed = [one for key in wanted for one in whole.get(key) or [keys.check_key(key)]]
+        listed = [
+            one for key in wanted for one in whole.get(key) or [keys.check_key(key)]
+        ]
         self.ledger = build(listed or None, progress)
         self.surprises = surprises(self.ledger)
 
@@ -135,11 +174,15 @@ class Check(Display):
         """Return the cells whose verdict is not the frozen one."""
         import pandas as pd
 
-        return pd.DataFrame(map(vars, self.surprises), columns=["cell", "expected", "found"])
+        return pd.DataFrame(
+            map(vars, self.surprises), columns=["cell", "expected", "found"]
+        )
 
     def faults(self) -> list[str]:
         """Return what is not as frozen, and what to do about it."""
-        lines = [f"{s.cell}: expected {s.expected}, found {s.found}" for s in self.surprises]
+        lines = [
+            f"{s.cell}: expected {s.expected}, found {s.found}" for s in self.surprises
+        ]
         if lines:
             lines.append(
                 f"Not as in data/verdicts.toml: {len(lines)} of {len(self.ledger.records)}; find "
@@ -166,7 +209,12 @@ def _score(listed: Sequence[str], ledger: Ledger) -> Grid:
     for key in listed:
         paper, _, name = key.partition("/")
         if not names or paper not in names:
-            rows.append([paper, *_counts([r for r in ledger.records if r.key.startswith(paper)])])
+            rows.append(
+                [
+                    paper,
+                    *_counts([r for r in ledger.records if r.key.startswith(paper)]),
+                ]
+            )
             names.append(paper)
         names.append(f" {name}")
         place, what = keys.place(key).partition(",")[0], keys.title(key)
@@ -178,8 +226,14 @@ def _score(listed: Sequence[str], ledger: Ledger) -> Grid:
         names.append("all")
     head = ["", *map(badge, VERDICTS), "weak"]
     caption = "Cells by verdict, in the order of the papers."
-    return Grid(caption, head, rows, kind="rp-score rp-index", names=names,
-                whole=range(len(head)))  # fmt: skip
+    return Grid(
+        caption,
+        head,
+        rows,
+        kind="rp-score rp-index",
+        names=names,
+        whole=range(len(head)),
+    )
 
 
 def _counts(records: Sequence[Record]) -> list[Box]:
@@ -201,13 +255,19 @@ def legend(records: Sequence[Record]) -> Markup:
         '<path class="rp-mark-{}" d="{}"/></svg> <strong>{}</strong>: {}</li>'
     ).format
     entries = [
-        entry(verdict, SHAPES[verdict], f"{count} {verdict}", verdicts.MEANINGS[verdict])
+        entry(
+            verdict, SHAPES[verdict], f"{count} {verdict}", verdicts.MEANINGS[verdict]
+        )
         for verdict, count in verdicts.tally(records).items()
     ]
     hollow = f"{verdicts.weak(records)} of these weak"
-    weak = "agrees, but in a way that says little: a copy, a difference, a wide interval"
+    weak = (
+        "agrees, but in a way that says little: a copy, a difference, a wide interval"
+    )
     entries.insert(2, entry("exact rp-mark-weak", SHAPES["exact"], hollow, weak))
-    return Markup('<ul class="rp-wall-legend">\n{}\n</ul>').format(Markup("\n").join(entries))
+    return Markup('<ul class="rp-wall-legend">\n{}\n</ul>').format(
+        Markup("\n").join(entries)
+    )
 
 
 def _block(table: PrintedTable, records: Sequence[Record]) -> Markup:
@@ -227,7 +287,19 @@ def _block(table: PrintedTable, records: Sequence[Record]) -> Markup:
         '<div class="rp-wall-item"><a href="#{}" title="{}: {}">{}</a>\n'
         '<svg viewBox="0 0 {} {}" width="{}" height="{}" role="group" aria-label="{}: {}">{}</svg>'
         "</div>"
-    ).format(anchor(table.key), table.title, told, name, wide, high, wide, high, name, told, marks)
+    ).format(
+        anchor(table.key),
+        table.title,
+        told,
+        name,
+        wide,
+        high,
+        wide,
+        high,
+        name,
+        told,
+        marks,
+    )
 
 
 def _mark(record: Record, across: int, down: int) -> Markup:
@@ -241,5 +313,13 @@ def _mark(record: Record, across: int, down: int) -> Markup:
         '<a href="#{}" tabindex="-1"><title>{}, {}</title>'
         '<g transform="translate({} {})"><path class="rp-hit" d="M-7-7h14v14h-14z"/>'
         '<path class="rp-mark-{}{}" d="{}"/></g></a>'
-    ).format(cell.anchor, told, verdicts.qualified(record), x, y, record.verdict, weak,
-             SHAPES[record.verdict])  # fmt: skip
+    ).format(
+        cell.anchor,
+        told,
+        verdicts.qualified(record),
+        x,
+        y,
+        record.verdict,
+        weak,
+        SHAPES[record.verdict],
+    )

@@ -23,7 +23,17 @@ from reproduce.printed.cells import PAPERS, anchor
 from reproduce.printed.number import si_factor, symbol
 from reproduce.version import __version__
 from reproduce.views import verdicts
-from reproduce.views.blocks import Block, Blocks, Display, Entry, Fold, Grid, badge, grid, link
+from reproduce.views.blocks import (
+    Block,
+    Blocks,
+    Display,
+    Entry,
+    Fold,
+    Grid,
+    badge,
+    grid,
+    link,
+)
 from reproduce.views.computed import item_ledger
 from reproduce.views.keys import check_paper
 from reproduce.views.numbers import minus
@@ -99,12 +109,16 @@ class Contradictions(Display):
 @cache
 def errata_register() -> tuple[Erratum, ...]:
     """Return the register of errata of all papers, in the order of its files."""
-    texts = [(one / "errata.toml").read_text(encoding="utf-8") for one in data_folders()]
+    texts = [
+        (one / "errata.toml").read_text(encoding="utf-8") for one in data_folders()
+    ]
     return tuple(one for text in texts for one in register(text))
 
 
 def _grid(caption: str, columns: _Columns, rows: Sequence[_Row], **looks: Any) -> Grid:
-    return grid(caption, columns, rows, kind="rp-small rp-audit", words=len(columns), **looks)
+    return grid(
+        caption, columns, rows, kind="rp-small rp-audit", words=len(columns), **looks
+    )
 
 
 def _folded(what: str, columns: _Columns, rows: Sequence[_Row], **looks: Any) -> Fold:
@@ -114,7 +128,9 @@ def _folded(what: str, columns: _Columns, rows: Sequence[_Row], **looks: Any) ->
 def _score(audits: Sequence[Audit]) -> _Part:
     """Count how much of each paper was cross-examined, and what came of it."""
     rows = list(map(_counts, audits))
-    shown = [[_code(name), *map(str, counts)] for name, *counts in map(dict.values, rows)]
+    shown = [
+        [_code(name), *map(str, counts)] for name, *counts in map(dict.values, rows)
+    ]
     heads = ["Paper", *list(rows[0])[1:]]
     return _Part((Grid("The cross-examination", heads, shown, kind="rp-score"),), rows)
 
@@ -157,7 +173,15 @@ def _relations(audits: Sequence[Audit]) -> _Part:
 def _relation(finding: Examined, audit: Audit) -> _Row:
     """Return what is known of a relation."""
     relation, tolerance = finding.relation, finding.relation.tolerance
-    plain = ("declared", "source", "kind", "claim", "reading", "supposition", "restates")
+    plain = (
+        "declared",
+        "source",
+        "kind",
+        "claim",
+        "reading",
+        "supposition",
+        "restates",
+    )
     return {
         "name": relation.name,
         "paper": audit.name,
@@ -189,7 +213,11 @@ def _kind(row: _Row) -> str:
 
 def _outcome(row: _Row) -> Markup:
     rescue = _RESCUES.get(row["rescued_by"])
-    flag = Markup(' <span class="rp-flag">not if {}</span>').format(rescue) if rescue else ""
+    flag = (
+        Markup(' <span class="rp-flag">not if {}</span>').format(rescue)
+        if rescue
+        else ""
+    )
     return badge(_BADGES[row["outcome"]], row["outcome"]) + flag
 
 
@@ -203,7 +231,8 @@ def _source(row: _Row) -> Markup:
 _DECLARED = Markup("<br><small>{declared}</small>")
 _RELATION: _Columns = {
     "Relation": lambda row: (
-        _code(row["name"]) + _DECLARED.format_map(row) * (row["declared"] != row["name"])
+        _code(row["name"])
+        + _DECLARED.format_map(row) * (row["declared"] != row["name"])
     ),
     "What should hold": lambda row: _code(row["formula"]),
     "With the printed values": itemgetter("sides"),
@@ -246,16 +275,28 @@ _SET: _Columns = {
 
 def _equations(audits: Sequence[Audit]) -> _Part:
     """List the equations, run as extracted."""
-    fields = ("name", "place", "asked", "printed", "right", "wanted", "meaning", "holds")
+    fields = (
+        "name",
+        "place",
+        "asked",
+        "printed",
+        "right",
+        "wanted",
+        "meaning",
+        "holds",
+    )
     found = [one for audit in audits for one in audit.equations]
-    rows = [{name: getattr(one, name) for name in (*fields, "supposition")} for one in found]
+    rows = [
+        {name: getattr(one, name) for name in (*fields, "supposition")} for one in found
+    ]
     return _Part((_grid("Equations run as extracted", _EQUATION, rows),), rows)
 
 
 _EQUATION: _Columns = {
     "Equation": itemgetter("place"),
     "What must hold": lambda row: (
-        row["asked"] + f" (supposing that {row['supposition']})" * bool(row["supposition"])
+        row["asked"]
+        + f" (supposing that {row['supposition']})" * bool(row["supposition"])
     ),
     "What is shown": itemgetter("meaning"),
     "As extracted": lambda row: _digits(row["printed"]),
@@ -268,9 +309,12 @@ def _errata(audits: Sequence[Audit], *, supposed: bool) -> _Part:
     """List entries of the register by consequence: a table, then each entry, folded."""
     by_paper = {audit.name: audit for audit in audits}
     chosen = [e for e in errata_register() if e.paper in by_paper]
-    chosen = sorted((e for e in chosen if bool(e.supposition) == supposed), key=_consequence)
+    chosen = sorted(
+        (e for e in chosen if bool(e.supposition) == supposed), key=_consequence
+    )
     rows: list[_Row] = [
-        {"name": e.id, **e.model_dump(exclude={"id"}), "results": _resting(e)} for e in chosen
+        {"name": e.id, **e.model_dump(exclude={"id"}), "results": _resting(e)}
+        for e in chosen
     ]
     kind = "that suppose something" if supposed else "by consequence"
     table = _grid(f"The {len(rows)} errata {kind}.", _ERRATUM, rows)
@@ -282,7 +326,9 @@ _ERRATUM: _Columns = {
     "Printed": itemgetter("printed"),
     "Results that rest on it": lambda row: str(len(row["results"]) or "none"),
     "The paper's conclusion": itemgetter("conclusion"),
-    "Status": lambda row: row["status"] + "; our text may be at fault" * row["extraction"],
+    "Status": lambda row: (
+        row["status"] + "; our text may be at fault" * row["extraction"]
+    ),
 }
 
 
@@ -293,7 +339,11 @@ def _consequence(entry: Erratum) -> tuple[int, int, bool]:
 
 def _resting(entry: Erratum) -> list[str]:
     """Return the cells whose verdict rests on an entry."""
-    return [address for address, expected in frozen().items() if expected.erratum == entry.id]
+    return [
+        address
+        for address, expected in frozen().items()
+        if expected.erratum == entry.id
+    ]
 
 
 def _erratum(entry: Erratum, audit: Audit) -> Fold:
@@ -312,9 +362,13 @@ def _erratum(entry: Erratum, audit: Audit) -> Fold:
     }
     # The anchor stands inside the fold: a browser opens a fold around the place it is led to.
     table = Grid(
-        entry.problem, ("Erratum", entry.id), [one for one in terms.items() if one[1]], entry.id,
-        "rp-small rp-erratum", words=2,
-    )  # fmt: skip
+        entry.problem,
+        ("Erratum", entry.id),
+        [one for one in terms.items() if one[1]],
+        entry.id,
+        "rp-small rp-erratum",
+        words=2,
+    )
     return Fold(f"{entry.paper}: {entry.place}", (table,))
 
 
@@ -362,10 +416,15 @@ def _sides(finding: Examined, audit: Audit) -> str:
         low, high = (f"{end / si_factor(unknown.unit):.6g}" for end in asked)
         return f"requires the {unknown.label} to lie from {low} to {high} {symbol(unknown.unit)}"
     # In the unit of the result, or of a cell of the same unit throughout; else as it stands.
-    units = {cells[a].unit for a in ([relation.result] if relation.result else relation.addresses)}
+    units = {
+        cells[a].unit
+        for a in ([relation.result] if relation.result else relation.addresses)
+    }
     unit = units.pop() if len(units) == 1 else "1"
     values = (side / si_factor(unit) for side in (finding.left, finding.right))
-    return " against ".join(quantity(minus(f"{value:.6g}"), symbol(unit)) for value in values)
+    return " against ".join(
+        quantity(minus(f"{value:.6g}"), symbol(unit)) for value in values
+    )
 
 
 def _within_paper(address: str) -> str:
@@ -375,7 +434,9 @@ def _within_paper(address: str) -> str:
 def _cell_link(number: str) -> Markup:
     """Link a computed number, a cell or a reading of it, to the cell."""
     address, _, reading = number.partition(" ")
-    return link(anchor(address), _code(_within_paper(address))) + f" {reading}" * bool(reading)
+    return link(anchor(address), _code(_within_paper(address))) + f" {reading}" * bool(
+        reading
+    )
 
 
 def _digits(value: float) -> str:

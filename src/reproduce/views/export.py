@@ -20,7 +20,15 @@ from reproduce.judge.ledger import Ledger, Record, reason
 from reproduce.locate import data_folder, papers
 from reproduce.papers.catalogue import drawings, studies
 from reproduce.printed.cells import PAPERS, anchor, library
-from reproduce.version import ADDRESS, DOI, NAME, RELEASED, __version__, software, version
+from reproduce.version import (
+    ADDRESS,
+    DOI,
+    NAME,
+    RELEASED,
+    __version__,
+    software,
+    version,
+)
 from reproduce.views import keys, verdicts
 from reproduce.views.blocks import PLAIN, Grid, plain
 from reproduce.views.computed import item_ledger, whole_ledger
@@ -43,7 +51,9 @@ def export(ledger: Ledger, address: str, form: str, shown: Grid) -> str:
     records = tuple(r for r in ledger.of(key) if not name or r.cell == address)
     if form == "json":
         tables = tuple(t for t in ledger.tables if t.key == key and not name)
-        return signed(Ledger(records=records, tables=tables), address).model_dump_json(indent=2)
+        return signed(Ledger(records=records, tables=tables), address).model_dump_json(
+            indent=2
+        )
     about = provenance(citation(address, "text"))
     if form == "csv":
         return export_frame(full_frame(records), form, about)
@@ -69,32 +79,51 @@ def provenance(cited: str, setting: str = "") -> dict[str, str]:
 
 def signed(ledger: Ledger, address: str = "all") -> Ledger:
     """Return a ledger with the written reason of each verdict, and its provenance."""
-    told = tuple(r.model_copy(update={"reason": reason(r.cell)}) for r in ledger.records)
-    return ledger.model_copy(update={"records": told} | provenance(citation(address, "text")))
+    told = tuple(
+        r.model_copy(update={"reason": reason(r.cell)}) for r in ledger.records
+    )
+    return ledger.model_copy(
+        update={"records": told} | provenance(citation(address, "text"))
+    )
 
 
-def export_frame(frame: pd.DataFrame, form: str, about: Mapping[str, str] | None = None) -> str:
+def export_frame(
+    frame: pd.DataFrame, form: str, about: Mapping[str, str] | None = None
+) -> str:
     """Write any DataFrame as csv, json, latex or markdown.
 
     Its provenance is a comment before the rows; in JSON it is next to the rows.
     """
     if form not in FORMATS:
-        raise ValueError(f"unknown format {form!r}: expected one of {', '.join(FORMATS)}")
+        raise ValueError(
+            f"unknown format {form!r}: expected one of {', '.join(FORMATS)}"
+        )
     about = about or provenance(citation("all", "text"))
     said = "".join(f"{name}: {text}\n" for name, text in about.items())
     if form == "csv":
         # Words are quoted, since an address holds the sign of a comment.
-        return indent(said, "# ") + str(frame.to_csv(index=False, quoting=csv.QUOTE_NONNUMERIC))
+        return indent(said, "# ") + str(
+            frame.to_csv(index=False, quoting=csv.QUOTE_NONNUMERIC)
+        )
     if form == "json":
         rows = frame.astype(object).where(frame.notna(), None).to_dict("records")
         return json.dumps({**about, "rows": rows}, indent=2, ensure_ascii=False)
     if form == "latex":
         table = frame.to_latex(index=False, escape=True, **frame.attrs.get("latex", {}))
         return (indent(said, "% ") + _in_tex(table)).encode("ascii", PLAIN).decode()
-    lines = [list(frame.columns), ["---"] * len(frame.columns), *frame.to_numpy().tolist()]
+    lines = [
+        list(frame.columns),
+        ["---"] * len(frame.columns),
+        *frame.to_numpy().tolist(),
+    ]
     # Other programs read numbers with a hyphen as the sign.
-    cells = ((str(cell).replace("|", "\\|").replace("−", "-") for cell in line) for line in lines)
-    return "\n".join((f"<!--\n{said}-->\n", *(f"| {' | '.join(line)} |" for line in cells)))
+    cells = (
+        (str(cell).replace("|", "\\|").replace("−", "-") for cell in line)
+        for line in lines
+    )
+    return "\n".join(
+        (f"<!--\n{said}-->\n", *(f"| {' | '.join(line)} |" for line in cells))
+    )
 
 
 def _in_tex(text: str) -> str:
@@ -109,8 +138,21 @@ def _in_tex(text: str) -> str:
 
 
 _TEX = str.maketrans(
-    {"−": "$-$", "×": r"$\times$", "\u202f": r"\,", "″": "$''$", "µ": r"\textmu{}", "–": "--"}
-    | {"°": r"\textdegree{}", "σ": r"$\sigma$", "χ": r"$\chi$", "Δ": r"$\Delta$", "θ": r"$\theta$"}
+    {
+        "−": "$-$",
+        "×": r"$\times$",
+        "\u202f": r"\,",
+        "″": "$''$",
+        "µ": r"\textmu{}",
+        "–": "--",
+    }
+    | {
+        "°": r"\textdegree{}",
+        "σ": r"$\sigma$",
+        "χ": r"$\chi$",
+        "Δ": r"$\Delta$",
+        "θ": r"$\theta$",
+    }
     | {"≈": r"$\approx$", "⁻": "$^{-}$"}
     | {sign: f"$^{{{digit}}}$" for digit, sign in enumerate("⁰¹²³⁴⁵⁶⁷⁸⁹")}
 )
@@ -151,7 +193,12 @@ def _read(record: Record) -> dict[str, Any]:
 
 CITED = ("bibtex", "ris", "csl", "text")
 # The fields of BibTeX that CSL and RIS call otherwise.
-_CSL = {"journal": "container-title", "volume": "volume", "pages": "page", "number": "issue"}
+_CSL = {
+    "journal": "container-title",
+    "volume": "volume",
+    "pages": "page",
+    "number": "issue",
+}
 _CSL |= {"doi": "DOI", "note": "note", "url": "URL"}
 _RIS = {"title": "TI", "year": "PY", "journal": "JO", "volume": "VL", "number": "IS"}
 _RIS |= {"pages": "SP", "doi": "DO", "url": "UR", "note": "N1", "howpublished": "N2"}
@@ -165,11 +212,15 @@ def citation(address: str, form: str) -> str:
     ``all`` is the whole project, with all papers.
     """
     if not isinstance(address, str):
-        raise TypeError(f"address: expected text, such as 'niu2024/table-3', got {address!r}")
+        raise TypeError(
+            f"address: expected text, such as 'niu2024/table-3', got {address!r}"
+        )
     key, _, name = address.partition("#")
     paper = key.partition("/")[0]
     if address == "all":
-        return _written("reproduce-pointing", WHOLE, "All printed numbers", "", form, "")
+        return _written(
+            "reproduce-pointing", WHOLE, "All printed numbers", "", form, ""
+        )
     if key in studies() or key in drawings():
         kind = "Study" if key in studies() else "Drawing"
         return beside(kind, key, paper, keys.title(key), form)
@@ -179,7 +230,11 @@ def citation(address: str, form: str) -> str:
         said = statement(item_ledger(key).cell(library()[key][name].address))
         return _written(named, said, mark(said), paper, form, address)
     place = keys.place(key).partition(",")[0]
-    what = place if place != "Text" else f"the numbers quoted in the text ({key.split('/')[1]})"
+    what = (
+        place
+        if place != "Text"
+        else f"the numbers quoted in the text ({key.split('/')[1]})"
+    )
     title = f"Reproduction of {what} of {_et_al(paper)}: {keys.title(key)}"
     return _written(named, title, f"Item {key}, anchor {anchor(key)}", paper, form, key)
 
@@ -201,7 +256,9 @@ def statement(record: Record) -> str:
         ends = ", ".join(f"{end:.6g}" for end in record.interval or ())
         said.append(f"{what} {record.computed:.6g}{ends and f' [{ends}]'}{unit}")
     if record.verdict == "ambiguous" and record.readings:
-        said.append(f"agrees with {record.readings.agreeing} of {record.readings.count} readings")
+        said.append(
+            f"agrees with {record.readings.agreeing} of {record.readings.count} readings"
+        )
     return ", ".join((*said, record.verdict))
 
 
@@ -213,7 +270,9 @@ def mark(said: str) -> str:
 def verify(text: str) -> str:
     """Compare the statement of a citation with the present and the released statements."""
     if not isinstance(text, str):
-        raise TypeError(f"citation: expected text, got {text!r}. Use the form 'text' of `cite`")
+        raise TypeError(
+            f"citation: expected text, got {text!r}. Use the form 'text' of `cite`"
+        )
     said, _, rest = " ".join(text.split()).partition(f". {NAME} ")
     source, _, rest = rest.partition(". ")
     marked = re.search(r"\brp:\w+", rest)
@@ -258,7 +317,9 @@ def _et_al(paper: str) -> str:
     return f"{told} ({source.fields['year']})"
 
 
-def _written(name: str, title: str, note: str, paper: str, form: str, address: str) -> str:
+def _written(
+    name: str, title: str, note: str, paper: str, form: str, address: str
+) -> str:
     if form not in CITED:
         raise ValueError(f"unknown format {form!r}: expected one of {', '.join(CITED)}")
     # Braces keep a bibliography style from changing the case of names, and BibTeX from taking the
@@ -271,8 +332,11 @@ def _written(name: str, title: str, note: str, paper: str, form: str, address: s
         "doi": DOI,
         "url": _permalink(address),
     }
-    ours = Entry("misc", fields={k: v for k, v in fields.items() if v},
-                 persons={"author": [Person("{" + DEVELOPERS + "}")]})  # fmt: skip
+    ours = Entry(
+        "misc",
+        fields={k: v for k, v in fields.items() if v},
+        persons={"author": [Person("{" + DEVELOPERS + "}")]},
+    )
     theirs = [paper] if paper else PAPERS
     entries = {name: ours} | {one: _paper(one) for one in theirs}
     if form == "bibtex":
@@ -287,7 +351,9 @@ def _written(name: str, title: str, note: str, paper: str, form: str, address: s
     formatted = _style().format_entries(BibliographyData(entries).entries.values())
     texts = [entry.text.render(Backend()).strip() for entry in formatted]
     if note.startswith("rp:"):  # a cell's own statement comes first: `verify` reads it
-        texts[0] = " ".join(filter(None, (f"{title}. {software()}.", _permalink(address), note)))
+        texts[0] = " ".join(
+            filter(None, (f"{title}. {software()}.", _permalink(address), note))
+        )
     return "\n".join(texts)
 
 
@@ -305,7 +371,10 @@ def _permalink(address: str) -> str:
 
 
 def _plain(entry: Entry) -> dict[str, str]:
-    return {field: value.replace("{", "").replace("}", "") for field, value in entry.fields.items()}
+    return {
+        field: value.replace("{", "").replace("}", "")
+        for field, value in entry.fields.items()
+    }
 
 
 def _csl(name: str, entry: Entry) -> dict[str, Any]:
@@ -325,13 +394,21 @@ def _csl_name(person: Person) -> dict[str, str]:
     if not person.first_names:
         return {"literal": " ".join(person.last_names).strip("{}")}
     given = " ".join(person.first_names + person.middle_names)
-    return {"family": " ".join(person.prelast_names + person.last_names), "given": given}
+    return {
+        "family": " ".join(person.prelast_names + person.last_names),
+        "given": given,
+    }
 
 
 def _ris(entry: Entry) -> str:
     fields = _plain(entry)
-    names = [", ".join(_csl_name(person).values()) for person in entry.persons["author"]]
-    lines = [("TY", "JOUR" if entry.type == "article" else "COMP"), *(("AU", n) for n in names)]
+    names = [
+        ", ".join(_csl_name(person).values()) for person in entry.persons["author"]
+    ]
+    lines = [
+        ("TY", "JOUR" if entry.type == "article" else "COMP"),
+        *(("AU", n) for n in names),
+    ]
     lines += [(tag, fields[field]) for field, tag in _RIS.items() if field in fields]
     return "".join(f"{tag}  - {value}\n" for tag, value in (*lines, ("ER", "")))
 
@@ -354,7 +431,9 @@ _BAR = Environment(autoescape=True).from_string(
 )
 
 
-def bar(key: str, anchor: str, files: Iterable[str], source: str, inputs: str = "") -> Markup:
+def bar(
+    key: str, anchor: str, files: Iterable[str], source: str, inputs: str = ""
+) -> Markup:
     """Return the bar below a table or a figure of a page, with an anchor for each function.
 
     Its links lead to files below the root of the built book, ``#tables/KEY.csv``.
@@ -374,7 +453,9 @@ def bar(key: str, anchor: str, files: Iterable[str], source: str, inputs: str = 
     """
     cells = library()[key].cells if key in library() else ()
     lines = [citation(one.address, "text").partition("\n")[0] for one in cells]
-    texts = [citation(key, form) for form in ("bibtex", "text")] + ["\n".join(lines)] * bool(cells)
+    texts = [citation(key, form) for form in ("bibtex", "text")] + [
+        "\n".join(lines)
+    ] * bool(cells)
     kinds = [(path, path.rpartition(".")[2]) for path in files]
     return Markup(
         _BAR.render(
@@ -382,7 +463,9 @@ def bar(key: str, anchor: str, files: Iterable[str], source: str, inputs: str = 
             anchor=anchor,
             citations=texts,
             files=[(path, _NAMES.get(kind, kind.upper())) for path, kind in kinds],
-            functions=[(_name(text), text) for text in source.split("\n\n\n")] if source else (),
+            functions=[(_name(text), text) for text in source.split("\n\n\n")]
+            if source
+            else (),
             inputs=inputs,
         )
     )

@@ -76,15 +76,22 @@ def painted(paint: Paint, *, narrow: bool = False) -> MatplotlibFigure:
     from matplotlib.figure import Figure as MatplotlibFigure
 
     with style.context([_STYLE, _SMALL] if narrow else _STYLE):
-        figure = MatplotlibFigure(figsize=(NARROW, 3.2) if narrow else None, layout="constrained")
+        figure = MatplotlibFigure(
+            figsize=(NARROW, 3.2) if narrow else None, layout="constrained"
+        )
         paint(figure)
     return figure
 
 
-def draw(key: str, door: Given | None = None, *, narrow: bool = False) -> MatplotlibFigure:
+def draw(
+    key: str, door: Given | None = None, *, narrow: bool = False
+) -> MatplotlibFigure:
     """Draw an item, or one of our own drawings, with what it marks as printed."""
     drawing, table = _declared_drawing(key), library().get(key)
-    marked = [*(table.cells if table else ()), *(c for mark in drawing.marks for c in find(mark))]
+    marked = [
+        *(table.cells if table else ()),
+        *(c for mark in drawing.marks for c in find(mark)),
+    ]
     numbers = [cell for cell in marked if cell.is_number]
     printed = {cell.address: cell.si for cell in numbers}
     return painted(lambda figure: drawing(figure, printed, door), narrow=narrow)
@@ -106,7 +113,9 @@ def _data(figure: MatplotlibFigure) -> pd.DataFrame:
     return pd.concat(parts, ignore_index=True) if parts else empty
 
 
-def save(figure: MatplotlibFigure, out: Path | io.StringIO, about: _About = None) -> None:
+def save(
+    figure: MatplotlibFigure, out: Path | io.StringIO, about: _About = None
+) -> None:
     """Write a figure with its metadata to a file, or as SVG to a stream."""
     from matplotlib import style
 
@@ -116,7 +125,11 @@ def save(figure: MatplotlibFigure, out: Path | io.StringIO, about: _About = None
         ending, target = out.suffix.lower(), replacing(check_target(out, FIGURES))
     # Dates and random ids would make every build differ from the last one.
     undated = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}.get(ending, {})
-    told = {"Subject" if ending == ".pdf" else "Description": "\n".join((about or {}).values())}
+    told = {
+        "Subject" if ending == ".pdf" else "Description": "\n".join(
+            (about or {}).values()
+        )
+    }
     with target as part, style.context(_STYLE):
         figure.savefig(part, format=ending[1:], metadata=undated | told)
 
@@ -150,7 +163,9 @@ def write_figure(key: str, root: Path) -> None:
     (root / "figures").mkdir(parents=True, exist_ok=True)
     for path in _figure_files(key):
         if path.endswith(".csv"):
-            (root / path).write_text(export_frame(_data(figure), "csv", about), encoding="utf-8")
+            (root / path).write_text(
+                export_frame(_data(figure), "csv", about), encoding="utf-8"
+            )
         elif path.endswith(".svg"):
             (root / path).write_text(f"{_XML}{shown.wide}", encoding="utf-8")
         else:
@@ -190,15 +205,21 @@ def _followed(svg: str, name: str, alternative: str) -> str:
     mark = f"v{zlib.crc32(name.encode()):x}-"
     named = dict.fromkeys(old for _, old in _LINK.findall(svg))
     short = {old: f"{mark}{n}" for n, old in enumerate(named)}
-    svg = _NAMED.sub(lambda own: f' id="{short[own[1]]}"' if own[1] in short else "", svg)
+    svg = _NAMED.sub(
+        lambda own: f' id="{short[own[1]]}"' if own[1] in short else "", svg
+    )
     svg = _LINK.sub(lambda link: link[1] + short[link[2]], svg)
     label = escape(alternative, quote=True)
-    return svg.replace("<svg ", f'<svg role="img" aria-label="{label}" fill="currentColor" ', 1)
+    return svg.replace(
+        "<svg ", f'<svg role="img" aria-label="{label}" fill="currentColor" ', 1
+    )
 
 
 def _captioned(caption: str) -> Markup:
     """Return a caption with the place into which the book writes the figure's number."""
-    return Markup('<figcaption><span class="rp-number"></span>{}</figcaption>').format(caption)
+    return Markup('<figcaption><span class="rp-number"></span>{}</figcaption>').format(
+        caption
+    )
 
 
 def pictured(name: str, paint: Paint, alternative: str, caption: str) -> Html:
@@ -256,11 +277,17 @@ class Figure(Changeable, Item):
     @cached_property
     def alternative(self) -> str:
         """What a reader who does not see it is told."""
-        return self.caption if self.changes else self._filled(words(self.key).figure.alternative)
+        return (
+            self.caption
+            if self.changes
+            else self._filled(words(self.key).figure.alternative)
+        )
 
     def _filled(self, text: str) -> str:
         named = self._declared.named
-        known = {name: numbers.fact(one) for name, one in named().items()} if named else {}
+        known = (
+            {name: numbers.fact(one) for name, one in named().items()} if named else {}
+        )
         return numbers.powers(filled(text, known))
 
     def blocks(self) -> Iterator[Block]:
@@ -268,7 +295,9 @@ class Figure(Changeable, Item):
         name = f"figure-{anchor(self.key)}"
         if self.key in drawings():
             name = f"drawing-{anchor(self.key.replace('/drawing-', '/'))}"
-        told = "".join(f' --set {address}="{text}"' for address, text in self._changes.items())
+        told = "".join(
+            f' --set {address}="{text}"' for address, text in self._changes.items()
+        )
         told += "" if self.seed is None else f" --seed {self.seed}"
         text = (
             f"{self.key}: {self.title}\n{self.place}; lines and points in .data\n"
@@ -304,7 +333,9 @@ class Panels(Shown):
     @property
     def reads(self) -> tuple[str, ...]:
         """Addresses of all printed cells that any panel reads."""
-        return tuple(dict.fromkeys(address for one in self.panels for address in one.reads))
+        return tuple(
+            dict.fromkeys(address for one in self.panels for address in one.reads)
+        )
 
     @property
     def source(self) -> str:
@@ -325,8 +356,14 @@ class Panels(Shown):
         random = [one for one in self.panels if one.random] or self.panels
         again = []
         for one in self.panels:
-            own = {address: value for address, value in told.items() if address in one.reads}
-            again.append(one.rerun(own, seed=seed if one in random else None, **settings))
+            own = {
+                address: value
+                for address, value in told.items()
+                if address in one.reads
+            }
+            again.append(
+                one.rerun(own, seed=seed if one in random else None, **settings)
+            )
         return Panels(self.key, tuple(again))
 
     def cite(self, form: str = "bibtex") -> str:
@@ -336,7 +373,10 @@ class Panels(Shown):
     def save(self, path: str | Path) -> list[Path]:
         """Write a file for each panel, its letter behind the name: fig.svg becomes fig-a.svg."""
         path = check_target(path, FIGURES)
-        return [one.save(path.with_stem(f"{path.stem}-{one.key[-1]}")) for one in self.panels]
+        return [
+            one.save(path.with_stem(f"{path.stem}-{one.key[-1]}"))
+            for one in self.panels
+        ]
 
     def blocks(self) -> Iterator[Block]:
         """Yield each panel."""

@@ -106,7 +106,9 @@ def item(address: str) -> Table | Cell | StudyTable | Figure | Panels:
 
     address = resolved(address)
     known = address.partition("#")[0]
-    return table(address) if known in library() or known in studies() else figure(address)
+    return (
+        table(address) if known in library() or known in studies() else figure(address)
+    )
 
 
 def check(*keys: str, progress: Callable[[int, int], None] | None = None) -> Check:
@@ -220,14 +222,21 @@ def posterior(
     """
     if name is None:
         if data is not None:
-            raise TypeError("name: expected a model beside data, such as 'registration', got none")
+            raise TypeError(
+                "name: expected a model beside data, such as 'registration', got none"
+            )
         from reproduce.views.posteriors import Posteriors
 
         return Posteriors()
     from reproduce.views.posterior import Posterior
 
     own: dict[str, Any] = {"data": data, "pivot": pivot, "priors": priors}
-    own |= {"data_seed": data_seed, "model": model, "weights": weights, "platform": platform}
+    own |= {
+        "data_seed": data_seed,
+        "model": model,
+        "weights": weights,
+        "platform": platform,
+    }
     own |= {
         "source_covariance": source_covariance,
         "target_covariance": target_covariance,
@@ -331,16 +340,29 @@ def register(
     >>> moved.parameters.round(9) + 0.0
     array([ 1.,  0., -3.,  0.])
     """
-    known: dict[str, Any] = {"weights": weights, "source_covariance": source_covariance,
-                             "target_covariance": target_covariance}  # fmt: skip
-    own: dict[str, Any] = {"start": start, "radius": radius,
-                           "threshold": threshold, "reference": reference}  # fmt: skip
+    known: dict[str, Any] = {
+        "weights": weights,
+        "source_covariance": source_covariance,
+        "target_covariance": target_covariance,
+    }
+    own: dict[str, Any] = {
+        "start": start,
+        "radius": radius,
+        "threshold": threshold,
+        "reference": reference,
+    }
     pictures = _pictures(source, target)
-    given = [name for name, one in (known if pictures else own).items() if one is not None]
+    given = [
+        name for name, one in (known if pictures else own).items() if one is not None
+    ]
     if given and pictures:
-        raise ValueError(f"{given[0]}: expected none beside pictures, whose stars have theirs")
+        raise ValueError(
+            f"{given[0]}: expected none beside pictures, whose stars have theirs"
+        )
     if given:
-        raise ValueError(f"{given[0]}: expected pictures beside it, got stars that are paired")
+        raise ValueError(
+            f"{given[0]}: expected pictures beside it, got stars that are paired"
+        )
     if pictures:
         from reproduce.views.pictures import registered
 
@@ -349,7 +371,9 @@ def register(
     from reproduce.views.measurements import Registered
 
     paired: tuple[Any, Any] = (source, target)
-    return Registered(*paired, pivot, model=model, robust=bool(robust), sep=sep, **known)
+    return Registered(
+        *paired, pivot, model=model, robust=bool(robust), sep=sep, **known
+    )
 
 
 def _pictures(source: Any, target: Any) -> list[Any]:
@@ -363,7 +387,11 @@ def _pictures(source: Any, target: Any) -> list[Any]:
         both = isinstance(source, str | Path) and isinstance(target, str | Path)
         return [source, target] if both or one(source) or one(target) else []
     if isinstance(source, list | tuple) and source:
-        return [*source] if all(isinstance(v, str | Path) or one(v) for v in source) else []
+        return (
+            [*source]
+            if all(isinstance(v, str | Path) or one(v) for v in source)
+            else []
+        )
     return [source] if one(source) else []
 
 
@@ -403,7 +431,9 @@ def stars(
     return stars_of(source, threshold, sep)
 
 
-def match(source: Any, target: Any, start: Any = None, radius: float | None = None) -> pd.DataFrame:
+def match(
+    source: Any, target: Any, start: Any = None, radius: float | None = None
+) -> pd.DataFrame:
     """Match the stars of two images or lists.
 
     Shifts are tried first, then triangles of the brightest stars, then triangles of the most

@@ -22,8 +22,12 @@ def check_key(key: str) -> str:
     if key in known:
         return key
     if key in studies():
-        raise KeyError(f"{key} is a table of our own: it holds no printed number to judge")
-    near = difflib.get_close_matches(key, [*known, *studies(), *drawings()], n=3, cutoff=0.5)
+        raise KeyError(
+            f"{key} is a table of our own: it holds no printed number to judge"
+        )
+    near = difflib.get_close_matches(
+        key, [*known, *studies(), *drawings()], n=3, cutoff=0.5
+    )
     hint = f"; did you mean {', '.join(near)}?" if near else ""
     raise KeyError(f"unknown key {key!r}{hint} (`reproduce list` shows all keys)")
 
@@ -37,14 +41,21 @@ def resolved(text: str) -> str:
     'niu2024/table-3#scale.red'
     """
     address = text.strip().partition(": printed ")[0]
-    names = [*library(), *(cell.address for table in library().values() for cell in table.cells)]
-    return {anchor(name): name for name in names}.get(address.rpartition("#")[2], address)
+    names = [
+        *library(),
+        *(cell.address for table in library().values() for cell in table.cells),
+    ]
+    return {anchor(name): name for name in names}.get(
+        address.rpartition("#")[2], address
+    )
 
 
 def check_paper(paper: str) -> str:
     """Return `paper` if it is the key of one."""
     if paper not in PAPERS:
-        raise ValueError(f"unknown paper {paper!r}: expected one of {', '.join(PAPERS)}")
+        raise ValueError(
+            f"unknown paper {paper!r}: expected one of {', '.join(PAPERS)}"
+        )
     return paper
 
 
@@ -64,4 +75,6 @@ def place(key: str) -> str:
         return "a table of our own"
     if key in drawings():
         return "Our own drawing"
-    return library()[key].place if key in library() else f"Figure {key.rpartition('-')[2]}"
+    return (
+        library()[key].place if key in library() else f"Figure {key.rpartition('-')[2]}"
+    )

@@ -45,12 +45,16 @@ class Remade(Display):
         """Return the numbers as csv, json, latex or markdown."""
         from reproduce.views.export import export_frame  # only now: it loads the ledger
 
-        return export_frame(self.frame().reset_index(), form, getattr(self, "about", None))
+        return export_frame(
+            self.frame().reset_index(), form, getattr(self, "about", None)
+        )
 
     def rerun(self, **changes: Any) -> Self:
         """Return the same of other arguments; those that are not named stay."""
         if unknown := set(changes) - set(self._given):
-            raise TypeError(f"unknown {sorted(unknown)}: expected {', '.join(self._given)}")
+            raise TypeError(
+                f"unknown {sorted(unknown)}: expected {', '.join(self._given)}"
+            )
         make: Any = type(self)
         again: Self = make(**{**self._given, **changes})
         return again
@@ -89,7 +93,9 @@ class _Measured(Remade):
         frame = self.frame().reset_index()
         return {
             **self._facts,
-            self._rows: frame.astype(object).where(frame.notna(), None).to_dict("records"),
+            self._rows: frame.astype(object)
+            .where(frame.notna(), None)
+            .to_dict("records"),
             "findings": [asdict(one) for one in self.findings],
             "remarks": self.remarks,
         }
@@ -136,9 +142,13 @@ class Registered(_Measured):
         middle = source.mean(axis=-2)
         if pivot is not None:
             middle = registration.checked_pivot(pivot, source)
-        known = {name: one for name, one in settings.items() if name.endswith("covariance")}
+        known = {
+            name: one for name, one in settings.items() if name.endswith("covariance")
+        }
         with points.computing(table.path):
-            self.fit: RegistrationFit = fit_registration(source, target, middle, **settings)
+            self.fit: RegistrationFit = fit_registration(
+                source, target, middle, **settings
+            )
             self.findings: list[Finding] = registration.diagnose(
                 source, target, middle, table.named, self.fit, flux, **settings
             )
@@ -157,8 +167,16 @@ class Registered(_Measured):
         self.model, self.transform = str(self.fit.model), self.fit.transform
         self.parameters, self.residuals = self.fit.parameters, self.fit.residuals
         x, y = pivot = self.transform.pivot.tolist()
-        count, rms = len(self.residuals), float(np.sqrt(np.square(self.residuals).mean()))
-        self._facts = {"model": self.model, "stars": count, "pivot": pivot, "residual_rms": rms}
+        count, rms = (
+            len(self.residuals),
+            float(np.sqrt(np.square(self.residuals).mean())),
+        )
+        self._facts = {
+            "model": self.model,
+            "stars": count,
+            "pivot": pivot,
+            "residual_rms": rms,
+        }
         self._facts |= self.consistency
         self.title = f"{self.model} from {count} stars, pivot ({x:.6g}, {y:.6g}) px"
 
@@ -174,7 +192,9 @@ class Registered(_Measured):
 
     def interval(self, level: float = _LEVEL) -> FloatArray:
         """Return the lowest and highest value of each parameter, shape (p, 2)."""
-        half = (self.fit.interval(level) - self.parameters[:, None]) / self._errors[:, None]
+        half = (self.fit.interval(level) - self.parameters[:, None]) / self._errors[
+            :, None
+        ]
         return self.parameters[:, None] + half * self.standard_errors[:, None]
 
     @property
@@ -207,7 +227,10 @@ class Registered(_Measured):
         import pandas as pd
 
         columns = {
-            "bright - faint" if one.term == "brightness" else one.term: [*one.change, one.p_value]
+            "bright - faint" if one.term == "brightness" else one.term: [
+                *one.change,
+                one.p_value,
+            ]
             for one in self._sensitivities
         }
         index = pd.Index([*self.fit.names, "p-value"], name="parameter")
@@ -225,7 +248,9 @@ class Registered(_Measured):
             "{high:.3g}).",
         }
         found = self.consistency
-        yield from (text.format(**found) for name, text in texts.items() if name in found)
+        yield from (
+            text.format(**found) for name, text in texts.items() if name in found
+        )
         if self._sensitivities:
             title = "change of each parameter with one more term, in its standard deviations"
             yield _grid(title, self.sensitivity(), digits=2)
@@ -258,7 +283,12 @@ class Registered(_Measured):
     def grid(self) -> Grid:
         """The parameters as a reader sees them, with two digits of their standard deviations."""
         rows = [
-            (name, unit, moments(value, error), f"{between(low, error)} to {between(high, error)}")
+            (
+                name,
+                unit,
+                moments(value, error),
+                f"{between(low, error)} to {between(high, error)}",
+            )
             if 0 < error < np.inf
             # Further decimals of a fit without an error are rounding.
             else (name, unit, f"{round(value, 12):z.10g}", "")
@@ -285,13 +315,19 @@ class Monitored(_Measured):
         from reproduce.printed.given import given as printed
 
         self._function, self._given = monitored, given
-        own, *arguments = (given[name] for name in ("platform", "spots", "zero", "times", "sep"))
+        own, *arguments = (
+            given[name] for name in ("platform", "spots", "zero", "times", "sep")
+        )
         self.reads = INSTRUMENT if own is None else ()
-        self.platform = as_designed(printed(INSTRUMENT)) if own is None else platform_of(own)
+        self.platform = (
+            as_designed(printed(INSTRUMENT)) if own is None else platform_of(own)
+        )
         images, self.times, notes = read_images(len(self.platform.lasers), *arguments)
         self.diagnosis = found = diagnose(self.platform, images)
         self.findings = found.findings
-        self.found = monitored(*found.images, found.platform, found.widening, found.freedom)
+        self.found = monitored(
+            *found.images, found.platform, found.widening, found.freedom
+        )
         self.angles = self.found.angles
         self.remarks = [*(one.text for one in self.findings), *notes]
         self.stability: Stability | None = None
@@ -302,8 +338,12 @@ class Monitored(_Measured):
                 self.stability = stability(self.times[rows], self.angles[rows])
             except ValueError as error:
                 self.remarks.append(f"drift and averages are unknown: {error}")
-        self._facts = {"images": len(self.angles), "widening": found.widening, **found.agreement,
-                       "over_time": self.over_time().reset_index().to_dict("records")}  # fmt: skip
+        self._facts = {
+            "images": len(self.angles),
+            "widening": found.widening,
+            **found.agreement,
+            "over_time": self.over_time().reset_index().to_dict("records"),
+        }
         self.title = (
             "misalignment in {images} images since the zero point; chi-square per degree of "
             "freedom {chi_square:.2g}, expected {low:.2g} to {high:.2g}"
@@ -326,7 +366,9 @@ class Monitored(_Measured):
         """Yield the angles, the remarks, and the drift if times are known."""
         yield from super().blocks()
         if self.stability is not None:
-            yield _grid("drift in a unit of time, and error of an average", self.over_time())
+            yield _grid(
+                "drift in a unit of time, and error of an average", self.over_time()
+            )
 
     def images(self) -> pd.DataFrame:
         """Return the angles of each image about X, Y and Z of the camera, in arcsec.
@@ -336,7 +378,9 @@ class Monitored(_Measured):
         import pandas as pd
 
         index = pd.RangeIndex(1, len(self.angles) + 1, name="image")
-        found = pd.DataFrame(self.angles * ARCSEC_PER_RADIAN, index, columns=list("XYZ"))
+        found = pd.DataFrame(
+            self.angles * ARCSEC_PER_RADIAN, index, columns=list("XYZ")
+        )
         return found if self.times is None else found.assign(time=self.times)
 
     def covariance(self) -> FloatArray:
@@ -352,16 +396,23 @@ class Monitored(_Measured):
         The error includes the zero point, the correlation of images and the misfit of the pattern.
         The interval uses Student's t-distribution, because the scatter is an estimate.
         """
-        found, names = self.found, ("mean", "scatter", "error of the mean", "95% low", "95% high")
-        return _by_axis(names, found.mean, found.scatter, found.error, *found.interval(_LEVEL))
+        found, names = (
+            self.found,
+            ("mean", "scatter", "error of the mean", "95% low", "95% high"),
+        )
+        return _by_axis(
+            names, found.mean, found.scatter, found.error, *found.interval(_LEVEL)
+        )
 
 
 def _by_axis(names: Sequence[str], *columns: FloatArray) -> pd.DataFrame:
     """Return columns in arcsec, a row for each axis of the camera."""
     import pandas as pd
 
-    shown = {name + " (arcsec)": one * ARCSEC_PER_RADIAN
-             for name, one in zip(names, columns, strict=True)}  # fmt: skip
+    shown = {
+        name + " (arcsec)": one * ARCSEC_PER_RADIAN
+        for name, one in zip(names, columns, strict=True)
+    }
     return pd.DataFrame(shown, pd.Index(list("XYZ"), name="about"))
 
 
@@ -378,7 +429,9 @@ def platform_of(source: Platform | str | Path) -> Platform:
     try:
         table = tomllib.loads(Path(source).read_text(encoding="utf-8"))
         if "lasers" not in table:
-            make = Platform.of_directions if "directions" in table else Platform.of_spots
+            make = (
+                Platform.of_directions if "directions" in table else Platform.of_spots
+            )
         return make(**table)
     except (TypeError, ValueError, RecursionError) as error:
         known = ", ".join(inspect.signature(make).parameters)

@@ -44,7 +44,9 @@ def _number(value: float, form: str, *, zero: float = 0.0) -> str:
     return minus(f"{value:{form}}")
 
 
-def entry(value: float | str, column: Column, error: tuple[float, str] | None = None) -> str:
+def entry(
+    value: float | str, column: Column, error: tuple[float, str] | None = None
+) -> str:
     """Write an entry of a column, with its error and the form of that if it has one.
 
     Examples
@@ -74,7 +76,9 @@ def fact(quoted: Fact) -> str:
     >>> fact(Fact(0.0432, ".2f", "px")), fact(Fact("Table 2"))
     ('0.04\u202fpx', 'Table 2')
     """
-    from reproduce.papers.declare import Column  # only now: a user's own stars need no paper
+    from reproduce.papers.declare import (
+        Column,
+    )  # only now: a user's own stars need no paper
 
     text = entry(quoted.value, Column("", quoted.form, quoted.zero))
     return f"{text}\u202f{quoted.unit}" if quoted.unit else text

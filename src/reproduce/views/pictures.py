@@ -10,7 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reproduce.physics.images import THRESHOLD, find_spots, shape_finding
-from reproduce.physics.registration import Finding, Registration, match_points, pair_weights
+from reproduce.physics.registration import (
+    Finding,
+    Registration,
+    match_points,
+    pair_weights,
+)
 from reproduce.store.images import Image, ImageError, is_image, read_image, reading
 from reproduce.store.points import STARS, is_table, read_table, table_of
 from reproduce.store.stars import SIGMAS, brightness, deviations
@@ -32,9 +37,17 @@ _FEWEST = 4
 # Stars that a display contains, at most.
 _SHOWN = 10
 # Units of the facts of an image.
-_UNITS = {"threshold": " standard deviations", "radius": " px", "angle": " rad", "hot": " px",
-          "gain": " electrons per digital number", "background": " digital numbers",
-          "noise": " digital numbers", "missing": " px", "saturated": " px"}  # fmt: skip
+_UNITS = {
+    "threshold": " standard deviations",
+    "radius": " px",
+    "angle": " rad",
+    "hot": " px",
+    "gain": " electrons per digital number",
+    "background": " digital numbers",
+    "noise": " digital numbers",
+    "missing": " px",
+    "saturated": " px",
+}
 _CENTRE = ("x", "y", "sigma_x", "sigma_y")
 
 
@@ -63,10 +76,16 @@ class Stars(Display):
     """
 
     def __init__(
-        self, name: str, table: pd.DataFrame, covariance: FloatArray, middle: FloatArray,
-        notes: Sequence[str] = (), shapes: FloatArray | None = None,
-        findings: tuple[Finding, ...] = (), **facts: float,
-    ) -> None:  # fmt: skip
+        self,
+        name: str,
+        table: pd.DataFrame,
+        covariance: FloatArray,
+        middle: FloatArray,
+        notes: Sequence[str] = (),
+        shapes: FloatArray | None = None,
+        findings: tuple[Finding, ...] = (),
+        **facts: float,
+    ) -> None:
         if "flux" in table:
             table = table.sort_values("flux", ascending=False, kind="stable")
         elif "mag" in table:
@@ -75,16 +94,23 @@ class Stars(Display):
         self.name, self.facts, self.middle = name, facts, middle
         rows = table.index[used]
         self.covariance: FloatArray = covariance[rows]
-        self.shapes = np.full((len(rows), 5), np.nan) if shapes is None else shapes[rows]
+        self.shapes = (
+            np.full((len(rows), 5), np.nan) if shapes is None else shapes[rows]
+        )
         self.findings = findings
         self._kept = table[used].drop(columns="dropped").reset_index(drop=True)
         self.dropped = table[~used].reset_index(drop=True)
         self.points: FloatArray = self._kept[["x", "y"]].to_numpy(float)
         reasons = self.dropped["dropped"].value_counts()
-        self.log = [*notes, *(one.text for one in findings),
-                    *(minus(f"{key}: {value:.5g}{_UNITS.get(key, '')}")
-                      for key, value in facts.items()),
-                    *(f"dropped, {key}: {value}" for key, value in reasons.items())]  # fmt: skip
+        self.log = [
+            *notes,
+            *(one.text for one in findings),
+            *(
+                minus(f"{key}: {value:.5g}{_UNITS.get(key, '')}")
+                for key, value in facts.items()
+            ),
+            *(f"dropped, {key}: {value}" for key, value in reasons.items()),
+        ]
 
     def __len__(self) -> int:
         """Return the number of stars."""
@@ -102,7 +128,10 @@ class Stars(Display):
 
 
 def stars_of(
-    source: Any, threshold: float | None = None, sep: str | None = None, name: str = "array"
+    source: Any,
+    threshold: float | None = None,
+    sep: str | None = None,
+    name: str = "array",
 ) -> Stars:
     """Return the stars of an image, or of a table or array of positions."""
     import pandas as pd
@@ -121,7 +150,9 @@ def stars_of(
         raise ValueError("source: expected an image or stars, got no star")
     known = {*SIGMAS} & {*table.optional}
     sigma = deviations(table) if known else np.zeros_like(table.values)
-    frame = pd.DataFrame(np.hstack([table.values, sigma]), columns=_CENTRE).assign(dropped="")
+    frame = pd.DataFrame(np.hstack([table.values, sigma]), columns=_CENTRE).assign(
+        dropped=""
+    )
     frame = frame.assign(**table.optional).drop(columns="sigma", errors="ignore")
     covariance = sigma[:, :, None] ** 2 * np.eye(2)
     middle = table.values.mean(axis=0)
@@ -138,18 +169,31 @@ def _detected(image: Image, name: str, threshold: float | None) -> Stars:
     covariance = found.spots.covariance
     sigma = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
     table = pd.DataFrame(np.hstack([found.spots.centre, sigma]), columns=_CENTRE)
-    table = table.assign(flux=found.spots.light / found.facts["gain"], dropped=found.reasons)
-    facts = {"threshold": cut, **found.facts, "missing": np.isnan(image.light).sum(),
-             "saturated": image.full.sum(), "hot": found.hot}  # fmt: skip
+    table = table.assign(
+        flux=found.spots.light / found.facts["gain"], dropped=found.reasons
+    )
+    facts = {
+        "threshold": cut,
+        **found.facts,
+        "missing": np.isnan(image.light).sum(),
+        "saturated": image.full.sum(),
+        "hot": found.hot,
+    }
     middle = (np.array(image.light.shape[::-1]) - 1) / 2
-    result = Stars(name, table, covariance, middle, (), found.shapes, found.remarks, **facts)
+    result = Stars(
+        name, table, covariance, middle, (), found.shapes, found.remarks, **facts
+    )
     if not len(result):
         raise ImageError(f"{name}: expected stars, got {'; '.join(result.log)}")
     return result
 
 
 def paired(
-    source: Stars, target: Stars, start: Any = None, radius: float | None = None, pivot: Any = None
+    source: Stars,
+    target: Stars,
+    start: Any = None,
+    radius: float | None = None,
+    pivot: Any = None,
 ) -> tuple[pd.DataFrame, Registration]:
     """Return the pairs of `reproduce.match`, and the transform under which they are neighbours."""
     import pandas as pd
@@ -163,7 +207,9 @@ def paired(
                 f"start: expected a transform or four numbers, got {start!r}. Give scale, rotation "
                 "in radians, and shift in x and y in px"
             )
-        start = Registration("similarity", start, source.middle if pivot is None else pivot)
+        start = Registration(
+            "similarity", start, source.middle if pivot is None else pivot
+        )
     with reading(f"{source.name} and {target.name}"):
         rows, found = match_points(source.points, target.points, near, start)
     a, b = rows.T
@@ -181,7 +227,9 @@ class RegisteredPictures(Registered):
     with residuals, their scatter ``beyond`` the errors of the centres, in px, and a ``log``.
     """
 
-    def __init__(self, source: Stars, target: Stars, pivot: Any = None, **settings: Any) -> None:
+    def __init__(
+        self, source: Stars, target: Stars, pivot: Any = None, **settings: Any
+    ) -> None:
         given = {"source": source, "target": target, "pivot": pivot, **settings}
         start, radius = (settings.pop(name, None) for name in ("start", "radius"))
         pairs, found = paired(source, target, start, radius, pivot)
@@ -203,7 +251,9 @@ class RegisteredPictures(Registered):
         known_flux = brightness(
             {str(name): one.to_numpy()[a] for name, one in source.frame().items()}
         )
-        super().__init__(*points, pivot, weights=weights, brightness=known_flux, **settings)
+        super().__init__(
+            *points, pivot, weights=weights, brightness=known_flux, **settings
+        )
         self._given = given
         self._compare_shapes(source.shapes[a], target.shapes[b])
         self.title = f"{source.name} on {target.name}: {self.title}"
@@ -215,8 +265,12 @@ class RegisteredPictures(Registered):
             f"scatter of the pairs beyond the errors of the centres: {self.beyond:.2g} px",
             f"pairs that are dropped because they do not fit the others: {np.sum(~used)}",
         ]
-        self._facts |= {"source": source.name, "target": target.name, "log": self.log,
-                        "beyond_px": self.beyond}  # fmt: skip
+        self._facts |= {
+            "source": source.name,
+            "target": target.name,
+            "log": self.log,
+            "beyond_px": self.beyond,
+        }
 
     def _compare_shapes(self, source: FloatArray, target: FloatArray) -> None:
         """Widen the intervals of the shift if the spots of the images differ in shape."""
@@ -259,8 +313,12 @@ class RegisteredPictures(Registered):
         axes = figure.subplots()
         axes.quiver(*columns, angles="xy")
         length = float(np.median(np.hypot(*columns[2:])))
-        axes.set(title=f"residuals, median {length:.2g} px", xlabel="x (px)", ylabel="y (px)",
-                 aspect="equal")  # fmt: skip
+        axes.set(
+            title=f"residuals, median {length:.2g} px",
+            xlabel="x (px)",
+            ylabel="y (px)",
+            aspect="equal",
+        )
         axes.invert_yaxis()
 
 
@@ -279,7 +337,9 @@ class RegisteredChannels(Remade):
         """Return the parameters of all images."""
         import pandas as pd
 
-        return pd.concat({name: fit.frame() for name, fit in self.fits.items()}, names=["picture"])
+        return pd.concat(
+            {name: fit.frame() for name, fit in self.fits.items()}, names=["picture"]
+        )
 
     def record(self) -> dict[str, Any]:
         """Return the reference and the record of each image."""
@@ -313,12 +373,21 @@ def registered(
         names.append(name if name and name not in names else f"image {number}")
     chosen = str(Path(reference or names[1]))
     if chosen not in names:
-        raise ValueError(f"reference: expected one of {', '.join(names)}, got {reference!r}")
+        raise ValueError(
+            f"reference: expected one of {', '.join(names)}, got {reference!r}"
+        )
     found: dict[str, Stars] = {}
     for number, (name, source) in enumerate(zip(names, sources, strict=True), start=1):
         found[name] = stars_of(source, threshold, sep, name)
         if progress is not None:
             progress(number, len(sources))
     target = found.pop(chosen)
-    fits = {name: RegisteredPictures(one, target, pivot, **settings) for name, one in found.items()}
-    return next(iter(fits.values())) if len(fits) == 1 else RegisteredChannels(fits, chosen)
+    fits = {
+        name: RegisteredPictures(one, target, pivot, **settings)
+        for name, one in found.items()
+    }
+    return (
+        next(iter(fits.values()))
+        if len(fits) == 1
+        else RegisteredChannels(fits, chosen)
+    )

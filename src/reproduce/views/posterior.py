@@ -21,7 +21,11 @@ from numpy.typing import NDArray
 
 from reproduce import inference
 from reproduce.inference import Sampled, Summary, bimodal, leanings, misfit, sampling
-from reproduce.inference.models import MixtureRegistration, exact_draws, probability_false
+from reproduce.inference.models import (
+    MixtureRegistration,
+    exact_draws,
+    probability_false,
+)
 from reproduce.inference.modes import Modes
 from reproduce.judge.rerun import check_randomness
 from reproduce.papers.posteriors import posteriors
@@ -45,7 +49,14 @@ if TYPE_CHECKING:
 # In standard deviations: a mark further out would leave no room for the posterior.
 _FAR = 8.0
 # Arguments that belong to your data.
-_OWN = ("pivot", "platform", "model", "weights", "source_covariance", "target_covariance")
+_OWN = (
+    "pivot",
+    "platform",
+    "model",
+    "weights",
+    "source_covariance",
+    "target_covariance",
+)
 # Likely false stars that a line names.
 _SHOWN = 5
 # Arrays of a sampled posterior that a build keeps.
@@ -67,7 +78,9 @@ def book_posterior(name: str) -> Sampled:
             chain, density, acceptance = (arrays[key] for key in _KEPT)
         return Sampled(model, plan.seed, chain, density, tuple(acceptance.tolist()))
 
-    return computed.once(f"posterior-{name}.npz", lambda: sampling.sample(model, plan), dump, load)
+    return computed.once(
+        f"posterior-{name}.npz", lambda: sampling.sample(model, plan), dump, load
+    )
 
 
 class Posterior(Remade):
@@ -78,13 +91,17 @@ class Posterior(Remade):
 
     def __init__(self, name: str, **given: Any) -> None:
         if name not in posteriors():
-            raise ValueError(f"unknown posterior {name!r}: expected one of {list(posteriors())}")
+            raise ValueError(
+                f"unknown posterior {name!r}: expected one of {list(posteriors())}"
+            )
         self.name, self.declared = name, posteriors()[name]
         self._priors = dict(given.get("priors") or {})
         self._given = {**given, "priors": self._priors, "name": name}
         data, data_seed = given.get("data"), given.get("data_seed")
         if data_seed is not None and (data is not None or not self.declared.simulated):
-            raise ValueError(f"data_seed: expected none, the data of {name} are not simulated here")
+            raise ValueError(
+                f"data_seed: expected none, the data of {name} are not simulated here"
+            )
         check_randomness(name, True, (), data_seed)
         self.plan = self.declared.plan(**self._named("steps", "walkers", "seed"))
         self._table, own = self._read(data)
@@ -104,10 +121,14 @@ class Posterior(Remade):
 
     def _read(self, data: Any) -> tuple[Table | None, dict[str, Any]]:
         """Return your data, and the arguments and columns that belong to them."""
-        own = {key: self._given[key] for key in _OWN if self._given.get(key) is not None}
+        own = {
+            key: self._given[key] for key in _OWN if self._given.get(key) is not None
+        }
         if data is None:
             for key in own:
-                raise ValueError(f"{key}: expected data of your own beside it; ours have one")
+                raise ValueError(
+                    f"{key}: expected data of your own beside it; ours have one"
+                )
             return None, {}
         if not is_table(data):
             raise TypeError(
@@ -133,12 +154,16 @@ class Posterior(Remade):
         return ", ".join((*priors, *(f"{key} = {value}" for key, value in numbers)))
 
     def _named(self, *keys: str) -> dict[str, int]:
-        return {key: self._given[key] for key in keys if self._given.get(key) is not None}
+        return {
+            key: self._given[key] for key in keys if self._given.get(key) is not None
+        }
 
     @property
     def about(self) -> dict[str, str]:
         """What its files say of it, and of its data."""
-        return provenance(self.cite("text"), f"data {self.told}; {self.changes or 'no change'}")
+        return provenance(
+            self.cite("text"), f"data {self.told}; {self.changes or 'no change'}"
+        )
 
     @property
     def _in_book(self) -> bool:
@@ -150,7 +175,9 @@ class Posterior(Remade):
         return book_posterior(self.name) if self._in_book else self.sample()
 
     def sample(
-        self, executor: Executor | None = None, progress: inference.Progress | None = None
+        self,
+        executor: Executor | None = None,
+        progress: inference.Progress | None = None,
     ) -> Sampled:
         """Sample now, on an executor if wanted; `progress` is told the ensembles done and all.
 
@@ -169,8 +196,12 @@ class Posterior(Remade):
         The hash is that of the file, or of the printed cells that reach the model.
         """
         declared, own = self.declared, self._table
-        data: dict[str, Any] = {"kind": "simulated" if declared.simulated else "printed"}
-        data |= {"paper": declared.paper} | ({"truth": self.truth} if declared.simulated else {})
+        data: dict[str, Any] = {
+            "kind": "simulated" if declared.simulated else "printed"
+        }
+        data |= {"paper": declared.paper} | (
+            {"truth": self.truth} if declared.simulated else {}
+        )
         if own:
             data = {"kind": "file", "file": own.path, "rows": len(own.rows)}
         data["sha256"] = own.sha256 if own else declared.sha256()
@@ -186,7 +217,9 @@ class Posterior(Remade):
             return simulated if self.declared.simulated else f"as printed in {paper}"
         line = f"of {Path(found['file']).name}, {found['rows']} rows"
         if "pivot" in found:
-            places = dict.fromkeys("({:.6g}, {:.6g})".format(*one) for one in found["pivot"])
+            places = dict.fromkeys(
+                "({:.6g}, {:.6g})".format(*one) for one in found["pivot"]
+            )
             line += f", pivot {' and '.join(places)} px"
             line += "" if self._given.get("pivot") else ", the mean of the stars"
         return line
@@ -207,7 +240,9 @@ class Posterior(Remade):
             If the posterior tells of no star whether it is false.
         """
         if self._stars is None:
-            raise ValueError(f"{self.name} holds all stars for true; take registration-mixture")
+            raise ValueError(
+                f"{self.name} holds all stars for true; take registration-mixture"
+            )
         return self._stars.copy()
 
     @cached_property
@@ -226,13 +261,19 @@ class Posterior(Remade):
         """Which stars are probably false, in one line; empty where the model tells of none."""
         if self._stars is None:
             return ""
-        found = self._stars.sort_values("probability_false", ascending=False, kind="stable")
-        likely = [str(line) for line in found.loc[found["probability_false"] > 0.5].iloc[:, 0]]
+        found = self._stars.sort_values(
+            "probability_false", ascending=False, kind="stable"
+        )
+        likely = [
+            str(line) for line in found.loc[found["probability_false"] > 0.5].iloc[:, 0]
+        ]
         if not likely:
             return f"None of {len(found)} stars is probably matched wrongly"
         rest = f" and {len(likely) - _SHOWN} more" if len(likely) > _SHOWN else ""
         shown = f"{found.columns[0]} {', '.join(likely[:_SHOWN])}{rest}"
-        return f"{len(likely)} of {len(found)} stars are probably matched wrongly: {shown}"
+        return (
+            f"{len(likely)} of {len(found)} stars are probably matched wrongly: {shown}"
+        )
 
     @property
     def source(self) -> str:
@@ -245,7 +286,9 @@ class Posterior(Remade):
         """What is sampled, from which data, under which priors and why; its code unfolds."""
         rows = [(*row[:2], minus(row[2]), row[3]) for row in self.priors.itertuples()]
         heads = ("Parameter", "Unit", "Prior", "Why")
-        priors = Grid(f"What is sampled. Data {self.told}.", heads, rows, kind="rp-small")
+        priors = Grid(
+            f"What is sampled. Data {self.told}.", heads, rows, kind="rp-small"
+        )
         code = Markup('<pre class="rp-source">{}</pre>').format(self.source)
         return Blocks((priors, Fold("The model as code", (Html(code),))))
 
@@ -282,7 +325,9 @@ class Posterior(Remade):
 
     def _framed(self, rows: NDArray[np.float64]) -> pd.DataFrame:
         heads = [f"{one.name} ({one.unit})" for one in self.model.parameters]
-        return pd.DataFrame(rows * [one.shown for one in self.model.parameters], columns=heads)
+        return pd.DataFrame(
+            rows * [one.shown for one in self.model.parameters], columns=heads
+        )
 
     def log_likelihood(self) -> pd.DataFrame:
         """Return the log likelihood of each star or spot, one row for each of some draws."""
@@ -315,24 +360,40 @@ class Posterior(Remade):
         marks = {
             name: value
             for name, value in (self.truth or self._shown(self.model.estimate)).items()
-            if name in chosen and abs(value - rows[name].mean) < _FAR * rows[name].deviation
+            if name in chosen
+            and abs(value - rows[name].mean) < _FAR * rows[name].deviation
         }
-        mark = "truth of the simulation" if self.truth else "least-squares or nominal estimate"
-        caption = f"Posterior of {self.name}, data {self.told}." + f" Orange: {mark}." * bool(marks)
+        mark = (
+            "truth of the simulation"
+            if self.truth
+            else "least-squares or nominal estimate"
+        )
+        caption = (
+            f"Posterior of {self.name}, data {self.told}."
+            + f" Orange: {mark}." * bool(marks)
+        )
         caption += " Contours hold 50 % and 95 % of the draws." * (len(chosen) > 1)
-        alternative = f"Histograms and contours of {', '.join(chosen)} in the posterior."
+        alternative = (
+            f"Histograms and contours of {', '.join(chosen)} in the posterior."
+        )
         paint = partial(_corner_plot, posterior=self.sampled, names=chosen, marks=marks)
         return self._pictured("corner", paint, alternative, caption)
 
     def traces(self) -> Html:
         """Return the chains: the median of the walkers, a line for each ensemble."""
-        alternative = f"One panel for each parameter of {self.name}: lines against the step."
+        alternative = (
+            f"One panel for each parameter of {self.name}: lines against the step."
+        )
         caption = f"Traces of {self.name}: the median of the walkers, a line for each ensemble."
         paint = partial(_traces, posterior=self.sampled)
         return self._pictured("traces", paint, alternative, caption)
 
-    def _pictured(self, kind: str, paint: Paint, alternative: str, caption: str) -> Html:
-        name = f"figure-posterior-{self.model.name}-{kind}" + "-own" * (not self._in_book)
+    def _pictured(
+        self, kind: str, paint: Paint, alternative: str, caption: str
+    ) -> Html:
+        name = f"figure-posterior-{self.model.name}-{kind}" + "-own" * (
+            not self._in_book
+        )
         return pictured(name, paint, alternative, caption)
 
     def save(self, path: str | Path) -> Path:
@@ -353,7 +414,10 @@ class Posterior(Remade):
             write_text(path, export_frame(self.draws, "csv", self.about))
             return path
         tree = self.sampled.to_datatree()
-        facts = {"data": json.dumps(self.provenance), "versions": json.dumps(_versions())}
+        facts = {
+            "data": json.dumps(self.provenance),
+            "versions": json.dumps(_versions()),
+        }
         tree.attrs |= {"kind_of_data": self.provenance["kind"], **facts, **self.about}
         with replacing(path) as part:
             tree.to_netcdf(part)
@@ -363,13 +427,19 @@ class Posterior(Remade):
     def check_file(path: str | Path) -> Path:
         """Return `path`, or raise `ValueError` before the sampling if it cannot be written."""
         path = check_target(path, DRAWS)
-        if path.suffix.lower() == ".nc" and not all(map(find_spec, ("xarray", "h5netcdf"))):
-            raise ValueError(f"path: {path} needs other packages. Install xarray and h5netcdf")
+        if path.suffix.lower() == ".nc" and not all(
+            map(find_spec, ("xarray", "h5netcdf"))
+        ):
+            raise ValueError(
+                f"path: {path} needs other packages. Install xarray and h5netcdf"
+            )
         return path
 
     def cite(self, form: str = "bibtex") -> str:
         """Return how to cite the paper that it rests on: bibtex, ris, csl or text."""
-        return beside("Posterior", self.name, self.declared.paper, self.declared.title, form)
+        return beside(
+            "Posterior", self.name, self.declared.paper, self.declared.title, form
+        )
 
     def rerun(self, **changes: Any) -> Self:
         """Return the same model with other arguments of `reproduce.posterior`, not yet sampled.
@@ -386,7 +456,13 @@ class Posterior(Remade):
         return {
             "model": found.model.name,
             "seed": found.seed,
-            **dict(zip(("ensembles", "steps", "walkers"), found.chain.shape[:3], strict=True)),
+            **dict(
+                zip(
+                    ("ensembles", "steps", "walkers"),
+                    found.chain.shape[:3],
+                    strict=True,
+                )
+            ),
             "acceptance": list(found.acceptance),
             "at_prior_end": leanings(found),
             "modes": {name: modes._asdict() for name, modes in self.modes.items()},
@@ -423,7 +499,11 @@ class Posterior(Remade):
     @property
     def findings(self) -> list[str]:
         """Warnings: priors, modes, stars that a robust fit drops, predictive checks, the data."""
-        found = [*leanings(self.sampled), *map(self._bimodal, self.modes.items()), self._dropped]
+        found = [
+            *leanings(self.sampled),
+            *map(self._bimodal, self.modes.items()),
+            self._dropped,
+        ]
         return [one for one in (*found, misfit(self.checks), *self.remarks) if one]
 
     @cached_property
@@ -433,7 +513,9 @@ class Posterior(Remade):
 
     def _bimodal(self, found: tuple[str, Modes]) -> str:
         name, modes = found
-        unit = next(_unit(one.unit) for one in self.model.parameters if one.name == name)
+        unit = next(
+            _unit(one.unit) for one in self.model.parameters if one.name == name
+        )
         return (
             f"{name} has two modes: {100 * modes.below:.0f} % of the draws near {modes.low:.3g}"
             f"{unit}, {100 * modes.above:.0f} % near {modes.high:.3g}{unit}. Its mean is neither"
@@ -446,7 +528,10 @@ class Posterior(Remade):
         if self._stars is None or not isinstance(likelihood, MixtureRegistration):
             return ""
         fit = robust_similarity(likelihood.source, likelihood.target, likelihood.pivot)
-        dropped, false = ((fit.weights == 0).sum(), (self._stars["probability_false"] > 0.5).sum())
+        dropped, false = (
+            (fit.weights == 0).sum(),
+            (self._stars["probability_false"] > 0.5).sum(),
+        )
         if dropped <= false:
             return ""
         return (
@@ -504,9 +589,13 @@ def _prior(
         low, high = (float(one) for one in prior)
         if low < 0 and isinstance(parameter.prior, inference.LogUniform):
             raise ValueError(f"expected zero or more, got {low:g}")
-        return inference.Uniform(low, high, "a reader's own").in_unit(1 / parameter.shown)
+        return inference.Uniform(low, high, "a reader's own").in_unit(
+            1 / parameter.shown
+        )
     except (TypeError, ValueError) as error:
-        raise ValueError(f"prior of {parameter.name}: {error}. Give two bounds") from error
+        raise ValueError(
+            f"prior of {parameter.name}: {error}. Give two bounds"
+        ) from error
 
 
 _Values = NDArray[np.float64]
@@ -533,7 +622,9 @@ def _traces(figure: Figure, posterior: Sampled) -> None:
     panels = figure.subplots(len(parameters), sharex=True, squeeze=False).ravel()
     for i, (axes, parameter) in enumerate(zip(panels, parameters, strict=True)):
         axes.plot(steps, parameter.shown * medians[..., i].T, linewidth=0.7)
-        axes.set_ylabel(_titled(f"${parameter.label}$", parameter.unit), fontsize=_SMALL)
+        axes.set_ylabel(
+            _titled(f"${parameter.label}$", parameter.unit), fontsize=_SMALL
+        )
         axes.tick_params(labelsize=_SMALL)
         axes.locator_params(axis="y", nbins=2)
         axes.grid(visible=False)
@@ -556,21 +647,39 @@ def _corner_plot(
     figure.set_layout_engine(None)
     figure.set_size_inches(side, side)
     corner.corner(
-        values, range=[_span(*pair) for pair in zip(values.T, marked, strict=True)], fig=figure,
-        labels=[_titled(f"${one.label}$", one.unit).replace(" (", "\n(") for one in chosen],
-        label_kwargs={"fontsize": _SMALL}, max_n_ticks=3,
-        truths=marked, truth_color=_ORANGE, quiet=True,
-        color=_BLUE, bins=20, smooth=1.0, levels=(0.5, 0.95),
-        plot_datapoints=False, plot_density=False, no_fill_contours=True,
-    )  # fmt: skip
+        values,
+        range=[_span(*pair) for pair in zip(values.T, marked, strict=True)],
+        fig=figure,
+        labels=[
+            _titled(f"${one.label}$", one.unit).replace(" (", "\n(") for one in chosen
+        ],
+        label_kwargs={"fontsize": _SMALL},
+        max_n_ticks=3,
+        truths=marked,
+        truth_color=_ORANGE,
+        quiet=True,
+        color=_BLUE,
+        bins=20,
+        smooth=1.0,
+        levels=(0.5, 0.95),
+        plot_datapoints=False,
+        plot_density=False,
+        no_fill_contours=True,
+    )
     below = -_BELOW * len(chosen) / (side - _EDGES)
     for axes in figure.axes:
         axes.tick_params(labelsize=_SMALL)
         axes.grid(visible=False)
         axes.xaxis.set_label_coords(0.5, below)
         axes.yaxis.set_label_coords(below, 0.5)
-        for axis in (axes.xaxis, axes.yaxis):  # numbers near the ends would meet their neighbours
-            ticks, (low, high) = np.asarray(axis.get_majorticklocs()), axis.get_view_interval()
+        for axis in (
+            axes.xaxis,
+            axes.yaxis,
+        ):  # numbers near the ends would meet their neighbours
+            ticks, (low, high) = (
+                np.asarray(axis.get_majorticklocs()),
+                axis.get_view_interval(),
+            )
             axis.set_ticks(ticks[np.abs(ticks - (low + high) / 2) < 0.4 * (high - low)])
     figure.subplots_adjust(
         left=_EDGES / side, bottom=_EDGES / side, right=1 - 0.15 / side, top=0.99
@@ -581,4 +690,8 @@ def _span(values: _Values, mark: float | None) -> tuple[float, float]:
     """Return the ends of an axis: nearly all draws, and the mark."""
     low, high = np.quantile(values, _TAILS).tolist()
     beside = 0.05 * (high - low)
-    return (low, high) if mark is None else (min(low, mark - beside), max(high, mark + beside))
+    return (
+        (low, high)
+        if mark is None
+        else (min(low, mark - beside), max(high, mark + beside))
+    )

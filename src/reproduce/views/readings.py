@@ -35,9 +35,13 @@ class Readings(Display):
         made = (evaluate(one) for one in catalogue()[key].computations if one.options)
         open_cells = ((one, _open_cells(one)) for one in made)
         self._found = [(one, names) for one, names in open_cells if names]
-        self._found.sort(key=lambda pair: len(pair[0].computation.options), reverse=True)
+        self._found.sort(
+            key=lambda pair: len(pair[0].computation.options), reverse=True
+        )
         self._options = list(
-            dict.fromkeys(name for one, _ in self._found for name in one.computation.options)
+            dict.fromkeys(
+                name for one, _ in self._found for name in one.computation.options
+            )
         )
 
     def frame(self) -> pd.DataFrame:
@@ -69,8 +73,16 @@ class Readings(Display):
         if frame.empty:
             yield f"{self.key} has one reading."
             return
-        cells, options = [name for _, names in self._found for name in names], self._options
-        head = [*options, *cells, "cells that agree", *["joint p"] * ("joint p" in frame)]
+        cells, options = (
+            [name for _, names in self._found for name in names],
+            self._options,
+        )
+        head = [
+            *options,
+            *cells,
+            "cells that agree",
+            *["joint p"] * ("joint p" in frame),
+        ]
         rows = [self._texts(row, options, cells) for _, row in frame.iterrows()]
         place = library()[self.key].place
         caption = (
@@ -78,19 +90,33 @@ class Readings(Display):
             "cell has its probability, any other cell its computed value."
         )
         yield Grid(
-            caption, head, rows, kind="rp-small rp-sortable rp-readings-all", words=len(options)
+            caption,
+            head,
+            rows,
+            kind="rp-small rp-sortable rp-readings-all",
+            words=len(options),
         )
 
-    def _texts(self, row: pd.Series[Any], options: list[str], cells: list[str]) -> list[Entry]:
+    def _texts(
+        self, row: pd.Series[Any], options: list[str], cells: list[str]
+    ) -> list[Entry]:
         texts: list[Entry] = [row[name] for name in options]
         for name in cells:
-            if row[name] != row[name]:  # an alternative that the computation of a cell lacks
+            if (
+                row[name] != row[name]
+            ):  # an alternative that the computation of a cell lacks
                 texts.append("")
                 continue
             number = library()[self.key][name].number
             chance = row.get(f"{name} p")
-            text = minus(number.format(row[name], extra=1)) if chance is None else f"{chance:.3g}"
-            texts.append(Markup("<b>{}</b>").format(text) if row[f"{name} agrees"] else text)
+            text = (
+                minus(number.format(row[name], extra=1))
+                if chance is None
+                else f"{chance:.3g}"
+            )
+            texts.append(
+                Markup("<b>{}</b>").format(text) if row[f"{name} agrees"] else text
+            )
         texts.append(str(row["agreeing"]))
         return [*texts, f"{row['joint p']:.2g}"] if "joint p" in row else texts
 
@@ -98,7 +124,9 @@ class Readings(Display):
 def _open_cells(found: Evaluation) -> list[str]:
     """Return the cells of a computation whose result depends on the reading."""
     key = found.computation.key
-    return [n for n in found.cells if not unpublished(key, n) and len(found.distinct(n)) > 1]
+    return [
+        n for n in found.cells if not unpublished(key, n) and len(found.distinct(n)) > 1
+    ]
 
 
 def _frame(found: Evaluation, names: Iterable[str]) -> pd.DataFrame:
@@ -118,14 +146,21 @@ def _frame(found: Evaluation, names: Iterable[str]) -> pd.DataFrame:
 
 def summary(place: str, records: Iterable[Record]) -> Grid:
     """Return the readings of each cell in short."""
-    return grid(f"Readings of {place}, cell by cell", _SHORT, [r for r in records if r.readings],
-                kind="rp-small rp-readings", words=5)  # fmt: skip
+    return grid(
+        f"Readings of {place}, cell by cell",
+        _SHORT,
+        [r for r in records if r.readings],
+        kind="rp-small rp-readings",
+        words=5,
+    )
 
 
 def _closest(record: Record, closest: Reading) -> str:
     """Write the closest reading with its computed value, verdict and probability."""
     chance = verdicts.probability(closest)
-    found = f"{verdicts.choices_text(closest.choices)}: {verdicts.read(record, closest)}"
+    found = (
+        f"{verdicts.choices_text(closest.choices)}: {verdicts.read(record, closest)}"
+    )
     return f"{found}, p = {chance}".replace("= <", "<") if chance else found
 
 
@@ -138,7 +173,9 @@ _SHORT: dict[str, Callable[[Record], Entry]] = {
         anchor(one.cell), Markup("<code>{}</code>").format(verdicts.name_of(one))
     ),
     "printed": lambda one: verdicts.cell_of(one).shown,
-    "readings that agree": _short(lambda one, found: f"{found.agreeing} of {found.count}"),
+    "readings that agree": _short(
+        lambda one, found: f"{found.agreeing} of {found.count}"
+    ),
     "agrees with": _short(lambda one, found: verdicts.deciding(found)),
     "closest reading": _short(lambda one, found: _closest(one, found.closest)),
 }

@@ -76,7 +76,9 @@ class StudyTable(Changeable, Item):
         study, before = self._declared, self.frame()
 
         def compute(step: Change) -> Iterator[Point]:
-            return of_study(study, (before, self.rerun(step).frame()), columns, rows or {})
+            return of_study(
+                study, (before, self.rerun(step).frame()), columns, rows or {}
+            )
 
         return swept(self.key, moved, values, compute, "with what is printed")
 
@@ -95,7 +97,10 @@ class StudyTable(Changeable, Item):
         forms = {column.name: column.form for column in study.columns}
         behind = {*(column.error for column in study.columns), study.folded}
         shown = [column for column in study.columns if column.name not in behind]
-        rows = [[_entry(row, c, forms) for c in shown] for row in frame.to_dict(orient="records")]
+        rows = [
+            [_entry(row, c, forms) for c in shown]
+            for row in frame.to_dict(orient="records")
+        ]
         where = f"study-{anchor(self.key)}" + ("-changed" if self.changes else "")
         return Grid(caption, [column.name for column in shown], rows, where, "rp-study")
 
@@ -107,7 +112,9 @@ class StudyTable(Changeable, Item):
             yield f"{rest:,} more rows, by {folded}, are in its files."
         if not self.changes:
             where = f"study-{anchor(self.key)}"
-            yield Html(bar(self.key, where, table_files(self.key), self.source), self.key)
+            yield Html(
+                bar(self.key, where, table_files(self.key), self.source), self.key
+            )
 
 
 def _entry(row: Mapping[Any, Any], column: Column, forms: Mapping[str, str]) -> Entry:

@@ -29,7 +29,9 @@ _NOTICED = 0.05
 
 
 _OWN = "a reader's own setting, without a verdict"
-_READING = "one reading of the text; the verdict of a cell takes all readings into account"
+_READING = (
+    "one reading of the text; the verdict of a cell takes all readings into account"
+)
 
 
 class Point(NamedTuple):
@@ -64,7 +66,11 @@ class Changed(Display):
 
     def __init__(self, result: Rerun, name: str = "") -> None:
         self.result = result
-        self.changes, self.options, self.replaced = result.changes, result.options, result.replaced
+        self.changes, self.options, self.replaced = (
+            result.changes,
+            result.options,
+            result.replaced,
+        )
         self._cells = [one for one in result.cells if name in {"", one.cell.name}]
 
     def frame(self) -> pd.DataFrame:
@@ -78,8 +84,17 @@ class Changed(Display):
         """
         import pandas as pd
 
-        heads = ("cell", "printed", "unchanged", "changed", "changed - printed", "low", "high",
-                 "unit", "verdict")  # fmt: skip
+        heads = (
+            "cell",
+            "printed",
+            "unchanged",
+            "changed",
+            "changed - printed",
+            "low",
+            "high",
+            "unit",
+            "verdict",
+        )
         frame = pd.DataFrame(map(_row, self._cells), columns=heads).set_index("cell")
         return frame if frame["verdict"].any() else frame.drop(columns="verdict")
 
@@ -100,7 +115,9 @@ class Changed(Display):
         columns: dict[str, Callable[[ChangedCell], str]] = {
             "cell": lambda one: one.cell.name,
             "printed": lambda one: minus(one.cell.text),
-            "from the print": lambda one: "" if reading else _digits(one, one.unchanged),
+            "from the print": lambda one: (
+                "" if reading else _digits(one, one.unchanged)
+            ),
             "computed" if reading else "changed": lambda one: _digits(one, one.value),
             "from": lambda one: _digits(one, one.interval and one.interval[0]),
             "to": lambda one: _digits(one, one.interval and one.interval[1]),
@@ -123,7 +140,12 @@ def _row(one: ChangedCell) -> tuple[Any, ...]:
     value, cell = one.value, one.cell
     apart = value - cell.number.value if value is not None and cell.is_number else None
     told = (cell.name, cell.text, one.unchanged, value, apart)
-    return *told, *(one.interval or (None, None)), cell.unit and symbol(cell.unit), one.verdict
+    return (
+        *told,
+        *(one.interval or (None, None)),
+        cell.unit and symbol(cell.unit),
+        one.verdict,
+    )
 
 
 @dataclass(frozen=True, repr=False)
@@ -184,7 +206,9 @@ class Sweep(Display):
         rows = list(zip(settings, *texts, strict=True))
         caption = f"{self.key} for {len(rows)} values of {' and '.join(self.names)}, all computed"
         predicted = any(one.interval for points in self.quantities for one in points)
-        caption += "; in brackets the central 99 % of the prediction." if predicted else "."
+        caption += (
+            "; in brackets the central 99 % of the prediction." if predicted else "."
+        )
         return Grid(caption, head, rows, whole=range(len(head)))
 
     def blocks(self) -> Iterator[Block]:
@@ -198,7 +222,9 @@ class Sweep(Display):
         yield Html(dial.format(self.label, len(self.steps) - 1, at, len(self.steps)))
         yield self.grid
         pictures = Markup("\n").join(map(self._picture, self.quantities))
-        yield Html(Markup('<div class="rp-sweep-pictures">{}</div></div>').format(pictures))
+        yield Html(
+            Markup('<div class="rp-sweep-pictures">{}</div></div>').format(pictures)
+        )
 
     def _picture(self, points: Sequence[Point]) -> Markup:
         """Draw a number over the values: median, central 99 %, and a dashed line."""
@@ -221,20 +247,34 @@ class Sweep(Display):
             for at, value, end in zip(x, middle, ends, strict=True)
             if np.isfinite(value)
         )
-        told, line = f"{one.cell} from {self.values[0]} to {self.values[-1]}", Markup("")
+        told, line = (
+            f"{one.cell} from {self.values[0]} to {self.values[-1]}",
+            Markup(""),
+        )
         if np.isfinite(one.mark):
             told += f"; dashed: {self.dashed}"
             dashed = Markup('<path class="rp-dashed" d="M{} {}H{}"/>')
             line = dashed.format(LEFT, y(one.mark), WIDE - MARGIN)
         text = Markup('<text x="{}" y="{}" text-anchor="{}">{}</text>').format
-        ends_of = ((LEFT - 4, y(end), "end", between(end, high - low or 1)) for end in (low, high))
+        ends_of = (
+            (LEFT - 4, y(end), "end", between(end, high - low or 1))
+            for end in (low, high)
+        )
         axes = Markup("").join(text(*end) for end in ends_of)
         axes += text(LEFT, HIGH - 3, "start", self.values[0])
         axes += text(WIDE, HIGH - 3, "end", self.values[-1])
         return Markup(
             '<figure><svg viewBox="0 0 {} {}" role="img" aria-label="{}">{}{}{}</svg>'
             "<figcaption>{}</figcaption></figure>"
-        ).format(WIDE, HIGH, told, line, marks, axes, one.cell + f" ({one.unit})" * bool(one.unit))
+        ).format(
+            WIDE,
+            HIGH,
+            told,
+            line,
+            marks,
+            axes,
+            one.cell + f" ({one.unit})" * bool(one.unit),
+        )
 
 
 def swept(
@@ -252,14 +292,18 @@ def swept(
         If there is no value, or not one for each input.
     """
     if isinstance(values, str) or not values:
-        raise ValueError(f"expected a list of values, at least one value; got {values!r}")
+        raise ValueError(
+            f"expected a list of values, at least one value; got {values!r}"
+        )
     names = (moved,) if isinstance(moved, str) else tuple(moved)
     steps = []
     for one in values:
         step = (one,) if isinstance(one, str | int | float) else tuple(one)
         if len(step) != len(names):
             got = ", ".join(map(str, step))
-            raise ValueError(f"expected {len(names)} values for {', '.join(names)}, got {got}")
+            raise ValueError(
+                f"expected {len(names)} values for {', '.join(names)}, got {got}"
+            )
         steps.append(dict(zip(names, step, strict=True)))
     columns = list(zip(*map(compute, steps), strict=True))
     label = ", ".join(find(name)[0].label for name in names)
@@ -301,25 +345,37 @@ def of_study(
     """
     known = {column.name: column for column in study.columns}
     if strays := [name for name in (*wanted, *names) if name not in known]:
-        raise ValueError(f"{study.key}: no column {strays[0]!r}; it has {', '.join(known)}")
+        raise ValueError(
+            f"{study.key}: no column {strays[0]!r}; it has {', '.join(known)}"
+        )
     if words := [name for name in names if not known[name].form]:
-        raise ValueError(f"{study.key}: {words[0]!r} holds words, which no slider can move over")
+        raise ValueError(
+            f"{study.key}: {words[0]!r} holds words, which no slider can move over"
+        )
     before, after = (_chosen(frame, wanted) for frame in frames)
     if not before or len(before) != len(after):
-        raise ValueError(f"{study.key}: expected the same rows at every value, got none or others")
+        raise ValueError(
+            f"{study.key}: expected the same rows at every value, got none or others"
+        )
     behind = {column.error for column in study.columns}
-    shown = names or [c.name for c in study.columns[1:] if c.form and c.name not in behind]
+    shown = names or [
+        c.name for c in study.columns[1:] if c.form and c.name not in behind
+    ]
     for old, new in zip(before, after, strict=True):
         for name in shown:
             value, mark = float(new[name]), float(old[name])
             span = (mark - _NOTICED * abs(mark), mark + _NOTICED * abs(mark))
             text = entry(new[name], known[name])
-            yield Point(_called(study, name, old, before), "", value, None, text, mark, span)
+            yield Point(
+                _called(study, name, old, before), "", value, None, text, mark, span
+            )
 
 
 def _chosen(frame: pd.DataFrame, wanted: Mapping[str, Any]) -> list[dict[Any, Any]]:
     for name, entries in wanted.items():
-        frame = frame[frame[name].isin([entries] if np.isscalar(entries) else list(entries))]
+        frame = frame[
+            frame[name].isin([entries] if np.isscalar(entries) else list(entries))
+        ]
     return frame.to_dict(orient="records")
 
 

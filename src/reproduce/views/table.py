@@ -17,7 +17,18 @@ from reproduce.printed.cells import Cell as PrintedCell
 from reproduce.printed.cells import anchor, library
 from reproduce.views import keys, readings, verdicts
 from reproduce.views.base import Change, Item, Shown, by_row, text_of
-from reproduce.views.blocks import Block, Box, Entry, Fold, Grid, Html, badge, grid, html, link
+from reproduce.views.blocks import (
+    Block,
+    Box,
+    Entry,
+    Fold,
+    Grid,
+    Html,
+    badge,
+    grid,
+    html,
+    link,
+)
 from reproduce.views.computed import item_ledger
 from reproduce.views.export import bar, export, full_frame, table_files
 from reproduce.views.numbers import minus
@@ -78,8 +89,13 @@ class Table(Item):
         if len(table.columns) <= 1:
             return cells
         rows = [row.id for row in table.rows]
-        parts = {c.id: cells.loc[[f"{row}.{c.id}" for row in rows], wanted] for c in table.columns}
-        return pd.concat([one.set_axis(rows) for one in parts.values()], axis=1, keys=parts)
+        parts = {
+            c.id: cells.loc[[f"{row}.{c.id}" for row in rows], wanted]
+            for c in table.columns
+        }
+        return pd.concat(
+            [one.set_axis(rows) for one in parts.values()], axis=1, keys=parts
+        )
 
     def cells(self) -> pd.DataFrame:
         """Return one row per cell, with every field of the ledger."""
@@ -156,7 +172,9 @@ class Table(Item):
             self[name]
 
         def compute(step: Change) -> Iterator[Point]:
-            return of_cells(rerunning.rerun(self.key, step, replicates=replicates), cells)
+            return of_cells(
+                rerunning.rerun(self.key, step, replicates=replicates), cells
+            )
 
         return swept(self.key, address, values, compute)
 
@@ -181,7 +199,10 @@ class Table(Item):
         if results := [record for record in records if record.role == "result"]:
             made = catalogue()[self.key].computations
             yield Fold("How each cell was judged", tuple(_judged(place, results, made)))
-        yield Html(self._bar, f"{self.key}: reproduce show {self.key}#CELL shows all about a cell")
+        yield Html(
+            self._bar,
+            f"{self.key}: reproduce show {self.key}#CELL shows all about a cell",
+        )
 
     def _bar(self) -> Markup:
         inputs = Markup(
@@ -193,7 +214,9 @@ class Table(Item):
 
     def _whole(self) -> Grid:
         printed, records = self._printed, self._records
-        caption = Markup("<strong>{}.</strong> {}.").format(printed.place, printed.title)
+        caption = Markup("<strong>{}.</strong> {}.").format(
+            printed.place, printed.title
+        )
         rows: list[list[Entry | Box]] = []
         if len(printed.columns) <= 1:
             anchors, named = [cell.anchor for cell in printed.cells], [*records]
@@ -203,18 +226,25 @@ class Table(Item):
                 boxes = (Box(part, kind="rp-cell") for part in parts)
                 rows.append([cell.label, *boxes, *[cell.place] * elsewhere])
             head = ["Quantity", *_PARTS, *["Where"] * elsewhere]
-            return Grid(caption, head, rows, anchor(self.key), anchors=anchors, names=named)
+            return Grid(
+                caption, head, rows, anchor(self.key), anchors=anchors, names=named
+            )
         if any(record.role == "result" for record in records.values()):
             caption += " In each cell: printed, then computed, then the verdict."
         for row in printed.rows:
             own = (records[f"{row.id}.{column.id}"] for column in printed.columns)
             rows.append([row.label, *map(_stacked, own)])
         head = ["", *(column.label for column in printed.columns)]
-        return Grid(caption, head, rows, anchor(self.key), stacked=[*map(str.lower, _PARTS)])
+        return Grid(
+            caption, head, rows, anchor(self.key), stacked=[*map(str.lower, _PARTS)]
+        )
 
 
 def _stacked(record: Record) -> Box:
-    cell, (printed, *rest) = verdicts.cell_of(record), (w(record) for w in _PARTS.values())
+    cell, (printed, *rest) = (
+        verdicts.cell_of(record),
+        (w(record) for w in _PARTS.values()),
+    )
     shown = (printed, *rest) if cell.is_number else (printed, "", "")
     return Box(shown, cell.anchor, "rp-cell", cell.name)
 
@@ -224,12 +254,17 @@ def _printed(record: Record) -> Markup:
     shown = Markup('<span class="rp-printed">{}</span>').format(cell.shown)
     if cell.sigma:
         shown += Markup(' <span class="rp-sigma">{}σ</span>').format(cell.sigma)
-    return shown + Markup("").join(Markup(" <small>{}</small>").format(n) for n in _notes(cell))
+    return shown + Markup("").join(
+        Markup(" <small>{}</small>").format(n) for n in _notes(cell)
+    )
 
 
 def _notes(cell: PrintedCell) -> dict[str, str]:
     """Return what stands beside a print in a word or two, and why."""
-    notes = {"unit ours": cell.unit_assumed if cell.is_number else "", "misprint?": cell.misprint}
+    notes = {
+        "unit ours": cell.unit_assumed if cell.is_number else "",
+        "misprint?": cell.misprint,
+    }
     return {word: text for word, text in notes.items() if text}
 
 
@@ -241,8 +276,11 @@ def _noted(cells: Iterable[PrintedCell]) -> Iterator[Markup]:
             shared.setdefault(note, []).append(cell.label)
     line = Markup("<small>{}</small>, {}: {}")
     for (word, text), labels in shared.items():
-        yield line.format(word, "; ".join(labels) if len(labels) < FEW else f"{len(labels)} cells",
-                          text)  # fmt: skip
+        yield line.format(
+            word,
+            "; ".join(labels) if len(labels) < FEW else f"{len(labels)} cells",
+            text,
+        )
 
 
 def _computed(record: Record) -> Entry:
@@ -259,7 +297,9 @@ def _verdict(record: Record) -> Markup:
 _PARTS = {"Printed": _printed, "Computed": _computed, "Verdict": _verdict}
 
 
-def _judged(place: str, records: Sequence[Record], made: Sequence[Computation]) -> Iterator[Block]:
+def _judged(
+    place: str, records: Sequence[Record], made: Sequence[Computation]
+) -> Iterator[Block]:
     """Yield how results were judged: cell by cell, then each reason once, and what made them."""
     looks: dict[str, Any] = {"kind": "rp-small rp-numbers", "spare": True}
     yield grid(f"Details of {place}", {"cell": _link, **_NUMBERS}, records, **looks)
@@ -268,7 +308,9 @@ def _judged(place: str, records: Sequence[Record], made: Sequence[Computation]) 
         if one.verdict in {"differs", "ambiguous", "unpublished"}:
             reasons.setdefault(_reason(one), []).append(one)
     if reasons:
-        yield grid(f"Reasons, {place}", _REASONS, reasons.values(), kind="rp-small", words=3)
+        yield grid(
+            f"Reasons, {place}", _REASONS, reasons.values(), kind="rp-small", words=3
+        )
     makes = {"makes": lambda one: ", ".join(one.cells)}
     yield grid(f"What computes {place}", makes | _MADE, made, words=4, **looks)
 
@@ -277,22 +319,32 @@ def _reason(record: Record) -> Entry:
     why = minus(reason(record.cell) or record.why)
     if known := erratum(record.cell):
         told = "{} {}<br>The authors' reply: {}"
-        return Markup(told).format(why, link(known, f"Erratum {known}"), verdicts.replied(known))
+        return Markup(told).format(
+            why, link(known, f"Erratum {known}"), verdicts.replied(known)
+        )
     return why
 
 
 def _link(record: Record) -> Markup:
-    return link(anchor(record.cell), Markup("<code>{}</code>").format(verdicts.name_of(record)))
+    return link(
+        anchor(record.cell), Markup("<code>{}</code>").format(verdicts.name_of(record))
+    )
 
 
 _SHARE = "share of the tolerance"
 _NUMBERS: dict[str, Callable[[Record], Entry]] = {
     "printed": lambda one: verdicts.cell_of(one).shown,
     "stands for": lambda one: verdicts.between(one, one.stands_for),
-    "computed": lambda one: verdicts.quantity(verdicts.computed(one, extra=1), verdicts.unit(one)),
+    "computed": lambda one: verdicts.quantity(
+        verdicts.computed(one, extra=1), verdicts.unit(one)
+    ),
     "Monte Carlo error": verdicts.error,
-    "allowed by rounded inputs": lambda one: verdicts.interval(one) * (one.probability is None),
-    "predicted, central 99 %": lambda one: verdicts.interval(one) * (one.probability is not None),
+    "allowed by rounded inputs": lambda one: (
+        verdicts.interval(one) * (one.probability is None)
+    ),
+    "predicted, central 99 %": lambda one: (
+        verdicts.interval(one) * (one.probability is not None)
+    ),
     _SHARE: lambda one: "" if one.share is None else f"{one.share:.2f}",
     "probability": verdicts.probability,
     "verdict": lambda one: one.verdict,
@@ -306,7 +358,9 @@ _MADE: dict[str, Callable[[Computation], Entry]] = {
         link(f"equation-{one.key.partition('/')[0]}-{number}", f"({number})")
         for number in one.equations
     ),
-    "seed": lambda one: _SEED.format(*one.entropy, one.replicates) if one.replicates else "",
+    "seed": lambda one: (
+        _SEED.format(*one.entropy, one.replicates) if one.replicates else ""
+    ),
 }
 EVERY: dict[str, Callable[[Record], Entry]] = {
     "Cell": _link,
@@ -431,4 +485,6 @@ class Cell(Shown):
             **_read(record),
         }
         lines = [line for line in told.items() if line[1]]
-        return Grid(self._cell.label, ("Cell", self.address), lines, kind="rp-one", words=2)
+        return Grid(
+            self._cell.label, ("Cell", self.address), lines, kind="rp-one", words=2
+        )

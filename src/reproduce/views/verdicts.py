@@ -50,7 +50,9 @@ def computed(record: Record, extra: int = 0) -> str:
     if record.computed is None:
         return ""
     # One more digit where the printed ones alone could not show the difference.
-    hidden = record.verdict not in AGREES or not {"rounding", "tolerance"}.isdisjoint(record.flags)
+    hidden = record.verdict not in AGREES or not {"rounding", "tolerance"}.isdisjoint(
+        record.flags
+    )
     return minus(cell_of(record).number.format(record.computed, extra=extra + hidden))
 
 
@@ -120,7 +122,9 @@ def choices_text(choices: Mapping[str, str]) -> str:
     >>> choices_text({"noise": "green", "repeats": "one"})
     'noise=green, repeats=one'
     """
-    return ", ".join(f"{name}={way}" for name, way in choices.items()) or "every reading"
+    return (
+        ", ".join(f"{name}={way}" for name, way in choices.items()) or "every reading"
+    )
 
 
 def deciding(summary: ReadingSummary) -> str:
@@ -128,7 +132,9 @@ def deciding(summary: ReadingSummary) -> str:
     if summary.agreeing in {0, summary.count}:
         return ""
     always = "; or ".join(map(choices_text, summary.agrees_if))
-    never = ", ".join(f"{name}={way}" for name, ways in summary.never.items() for way in ways)
+    never = ", ".join(
+        f"{name}={way}" for name, ways in summary.never.items() for way in ways
+    )
     decided = f"Decided by {', '.join(summary.decided_by)}. Always with {always}"
     return f"{decided}. Never with {never}" if never else decided
 
@@ -199,7 +205,9 @@ def facts_of(name: str) -> dict[str, str]:
     if "/" in name:
         return _of_item(name)
     if name not in {*PAPERS, "all"}:
-        raise KeyError(f"expected an address, a key, 'all' or one of {PAPERS}, got {name!r}")
+        raise KeyError(
+            f"expected an address, a key, 'all' or one of {PAPERS}, got {name!r}"
+        )
     return _of_paper(name)
 
 
@@ -235,8 +243,11 @@ def _of_cell(record: Record) -> dict[str, str]:
             "closest-computed": read(record, summary.closest).partition(",")[0],
             "closest-probability": probability(summary.closest) or "none",
         }
-        computation = next(one for one in catalogue()[record.key].computations
-                           if one.makes(name_of(record)))  # fmt: skip
+        computation = next(
+            one
+            for one in catalogue()[record.key].computations
+            if one.makes(name_of(record))
+        )
         found = evaluate(computation)
         for place, choices in enumerate(computation.readings):
             if len(changed := dict(choices.items() - computation.literal.items())) == 1:
@@ -265,14 +276,20 @@ def _of_item(key: str) -> dict[str, str]:
 
 
 def _of_paper(name: str) -> dict[str, str]:
-    chosen = tuple(r for r in whole_ledger().records if name in {"all", r.key.split("/")[0]})
+    chosen = tuple(
+        r for r in whole_ledger().records if name in {"all", r.key.split("/")[0]}
+    )
     by_verdict = tally(chosen)
     counts = {
         "cells": len(chosen),
         "numbers": sum(cell_of(record).is_number for record in chosen),
         "results": sum(record.role == "result" for record in chosen),
-        "unsettled": sum(by_verdict[one] for one in ("differs", "ambiguous", "unpublished")),
-        "judged": sum(by_verdict[verdict] for verdict in ("exact", "consistent", "differs")),
+        "unsettled": sum(
+            by_verdict[one] for one in ("differs", "ambiguous", "unpublished")
+        ),
+        "judged": sum(
+            by_verdict[verdict] for verdict in ("exact", "consistent", "differs")
+        ),
     }
     return _agreement(chosen) | {what: str(count) for what, count in counts.items()}
 
@@ -287,7 +304,9 @@ def _agreement(records: tuple[Record, ...]) -> dict[str, str]:
     for name, found in groups.items():
         doubtful = weak(found)
         share = "all" if doubtful == len(found) else str(doubtful)
-        said[name] = f"{len(found)} ({share} of them weakly)" if doubtful else str(len(found))
+        said[name] = (
+            f"{len(found)} ({share} of them weakly)" if doubtful else str(len(found))
+        )
     doubtful = weak(records)
     said |= {"strong": str(len(groups["agree"]) - doubtful), "weak": str(doubtful)}
     return said

@@ -16,14 +16,20 @@ from reproduce.physics.attitude import (
 from reproduce.printed.given import given
 
 ARCSEC = np.pi / 180 / 3600
-SPOTS = np.array([[544.822, 435.751], [520.724, 459.788], [569.035, 459.876], [544.579, 483.940]])
+SPOTS = np.array(
+    [[544.822, 435.751], [520.724, 459.788], [569.035, 459.876], [544.579, 483.940]]
+)
 
 
 def test_the_orders_of_the_product_are_those_of_simulated_transforms():
     """Whole solutions of Wahba's problem, multiplied either way, for both principal points."""
     study = attitude._orders().set_index(["Principal point", "axes of the error"])
     assert study.loc["printed"].to_numpy().ravel() == pytest.approx([1.16, 1.14])
-    noise = 3 * np.random.default_rng(6).normal(size=(6000, 4, 2)) * scatter(given([SCATTER]), 1)
+    noise = (
+        3
+        * np.random.default_rng(6).normal(size=(6000, 4, 2))
+        * scatter(given([SCATTER]), 1)
+    )
     designed = np.array([[0, -11], [-11, 0], [11, 0], [0, 11]]) * 1e-3
     camera = emitted_directions(designed, 2.0)
     rows = iter(study.to_numpy())

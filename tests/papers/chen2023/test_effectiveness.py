@@ -16,7 +16,9 @@ ARCSEC = np.pi / 180 / 3600
 
 def test_the_zero_state_is_shared_by_all_monitored_angles():
     door = given(effectiveness.monitored_angle.given)
-    one, two = effectiveness._monitoring_errors(door, np.random.SeedSequence(5), 4000)[:, :2, 0].T
+    one, two = effectiveness._monitoring_errors(door, np.random.SeedSequence(5), 4000)[
+        :, :2, 0
+    ].T
     assert np.corrcoef(one, two)[0, 1] == pytest.approx(0.5, abs=0.05)
     noise = np.sqrt((scatter(given([SCATTER]), 2)[:, 1] ** 2).mean())
     expected = np.sqrt(2) * noise / 2 / 20 * np.arctan2(13e-6, 60e-3)
@@ -33,7 +35,9 @@ def result(computation, name, replicates=None, **choices):
 
 def test_the_readings_of_a_reference_angle_by_hand():
     """Motions and angles of Table V as printed; one length from 79.88 or 79.91 um and 8.017."""
-    as_printed, exchanged = (motion / np.tan(8.017 * ARCSEC) for motion in (79.88e-6, 79.91e-6))
+    as_printed, exchanged = (
+        motion / np.tan(8.017 * ARCSEC) for motion in (79.88e-6, 79.91e-6)
+    )
     by_hand = {
         ("printed", "quoted"): 40.38e-6 / 2.0,
         ("printed", "nominal"): 40.38e-6 / 2.0,
@@ -47,7 +51,9 @@ def test_the_readings_of_a_reference_angle_by_hand():
         found = result(effectiveness.reference_angle, "3.reference-x", **choices)
         assert found == pytest.approx(-np.arctan(tangent), rel=1e-9)
     found = result(effectiveness.reference_angle, "2.reference-y")
-    assert found / ARCSEC == pytest.approx(-2.09049, abs=1e-5), "20.27 um; the paper prints 2.006"
+    assert found / ARCSEC == pytest.approx(-2.09049, abs=1e-5), (
+        "20.27 um; the paper prints 2.006"
+    )
 
 
 def test_the_slip_of_one_digit_enters_as_printed_only():
@@ -60,7 +66,9 @@ def test_the_slip_of_one_digit_enters_as_printed_only():
 
 def test_a_monitored_angle_goes_with_the_motion_that_the_reading_gives_it():
     def drawn(**choices):
-        return result(effectiveness.monitored_angle, "3.monitoring-y", 400, **choices).draws
+        return result(
+            effectiveness.monitored_angle, "3.monitoring-y", 400, **choices
+        ).draws
 
     length = 79.91e-6 / np.tan(8.017 * ARCSEC)
     spread = drawn().std()
@@ -71,10 +79,14 @@ def test_a_monitored_angle_goes_with_the_motion_that_the_reading_gives_it():
     ):
         middle = drawn(columns=columns, telescope=telescope).mean()
         assert middle == pytest.approx(-angle, abs=4 * spread / 20)
-    assert drawn(images="smoothed").std() == pytest.approx(2 * spread, rel=1e-6), "400 or 100"
+    assert drawn(images="smoothed").std() == pytest.approx(2 * spread, rel=1e-6), (
+        "400 or 100"
+    )
     nominal = drawn(telescope="nominal").std()
     wide = 0.05 / np.sqrt(3) * 40.29e-6 / 2.0
-    assert nominal == pytest.approx(np.hypot(spread, wide), rel=0.1), "uniform within 5 %"
+    assert nominal == pytest.approx(np.hypot(spread, wide), rel=0.1), (
+        "uniform within 5 %"
+    )
 
 
 def test_every_monitored_angle_depends_on_the_reading():
@@ -115,7 +127,9 @@ def test_the_differences_are_tested_together_with_the_shared_zero_state():
     printed = np.array([-0.040, 0.073, 0.024, -0.072])
     covariance = sigma**2 * (np.eye(4) + 1)
     by_hand = printed @ np.linalg.solve(covariance, printed)
-    assert effectiveness._shared_zero_chi_square(printed, sigma) == pytest.approx(by_hand)
+    assert effectiveness._shared_zero_chi_square(printed, sigma) == pytest.approx(
+        by_hand
+    )
     states = rng.normal(0, sigma, (4000, 5))
     drawn = [effectiveness._shared_zero_chi_square(s[1:] - s[0], sigma) for s in states]
     assert np.mean(drawn) == pytest.approx(4.0, abs=4 * np.sqrt(8 / 4000))
@@ -126,7 +140,9 @@ def test_the_differences_of_table_v_are_no_white_noise_of_means_over_a_state():
     frame = rp.table("chen2023/differences").frame()
     assert frame["χ²"].tolist() == pytest.approx([85.85, 21.46, 16.83], abs=0.01)
     assert (frame["Degrees of freedom"] == 8).all()
-    assert frame["Probability"].tolist() == pytest.approx([3.2e-15, 0.0060, 0.0319], rel=0.02)
+    assert frame["Probability"].tolist() == pytest.approx(
+        [3.2e-15, 0.0060, 0.0319], rel=0.02
+    )
 
 
 def test_a_mean_over_smoothed_angles_with_the_ramp_would_lag_by_more_than_any_difference():
@@ -134,7 +150,9 @@ def test_a_mean_over_smoothed_angles_with_the_ramp_would_lag_by_more_than_any_di
     stage = np.repeat(np.array([0.0, -2.006, -4.046, -6.053, -8.0155]), 400)
     smoothed = np.convolve(stage, np.full(100, 0.01))[: stage.size]
     lags = smoothed.reshape(5, 400).mean(axis=1) - stage[::400]
-    facts = {name: fact.value for name, fact in effectiveness._differences.facts().items()}
+    facts = {
+        name: fact.value for name, fact in effectiveness._differences.facts().items()
+    }
     assert facts["ramp-lag"] == pytest.approx(lags[1:].mean(), rel=1e-6)
     assert facts["mean"] == pytest.approx(0.003 / 8)
     assert facts["largest"] == pytest.approx(0.091)
@@ -165,7 +183,8 @@ def test_one_focal_length_fits_once_the_columns_are_interchanged():
 
     motion_y = column("motion-y")
     motion_y[2] = (
-        printed["chen2023/table-5#4.position-y"] - printed["chen2023/table-5#1.position-y"]
+        printed["chen2023/table-5#4.position-y"]
+        - printed["chen2023/table-5#1.position-y"]
     )
     as_printed = np.r_[
         column("motion-x") / np.tan(-column("reference-y")),
@@ -182,7 +201,10 @@ def test_one_focal_length_fits_once_the_columns_are_interchanged():
 
 def test_table_5_says_one_focal_length_when_the_columns_are_exchanged():
     rows = effectiveness._focal_lengths()
-    own, half = rows["with the motion of its own axis (mm)"], rows["error with the other"]
+    own, half = (
+        rows["with the motion of its own axis (mm)"],
+        rows["error with the other"],
+    )
     other = rows["with that of the other (mm)"]
     assert np.ptp(own) > 50
     assert np.ptp(other) < 1
@@ -191,11 +213,17 @@ def test_table_5_says_one_focal_length_when_the_columns_are_exchanged():
 
 def test_what_sentences_say_of_the_implied_focal_lengths_by_hand():
     """Ends of eight quotients, the band that fits all, one difference under the other heading."""
-    facts = {name: fact.value for name, fact in effectiveness._focal_lengths.facts().items()}
+    facts = {
+        name: fact.value for name, fact in effectiveness._focal_lengths.facts().items()
+    }
     assert facts["printed-least"] == pytest.approx(19.99e-3 / np.tan(2.034 * ARCSEC))
     assert facts["printed-most"] == pytest.approx(20.27e-3 / np.tan(2.006 * ARCSEC))
-    assert facts["interchanged-least"] == pytest.approx(19.99e-3 / np.tan(2.006 * ARCSEC))
-    assert facts["interchanged-most"] == pytest.approx(40.29e-3 / np.tan(4.042 * ARCSEC), abs=0.05)
+    assert facts["interchanged-least"] == pytest.approx(
+        19.99e-3 / np.tan(2.006 * ARCSEC)
+    )
+    assert facts["interchanged-most"] == pytest.approx(
+        40.29e-3 / np.tan(4.042 * ARCSEC), abs=0.05
+    )
     assert facts["interchanged-least"] < facts["shared-low"] < facts["shared-high"]
     assert facts["largest-difference"] == pytest.approx(2.125 - 2.006)
     bound = library()[f"{effectiveness._PLAN}#difference-bound".partition("#")[0]]

@@ -28,7 +28,9 @@ from reproduce.printed.given import given
 
 ARCSEC = np.pi / 180 / 3600
 DOOR = given(platform_twin.READS)
-PRINTED = np.array([[544.822, 435.751], [520.724, 459.788], [569.035, 459.876], [544.579, 483.940]])
+PRINTED = np.array(
+    [[544.822, 435.751], [520.724, 459.788], [569.035, 459.876], [544.579, 483.940]]
+)
 
 
 def full_solution(spots):
@@ -60,9 +62,13 @@ def test_the_tracker_points_through_the_middle_of_its_1024_pixels_numbered_from_
     """At 512, half a pixel aside, the response to a spot differs by more than the tolerance."""
     step = 1e-3
     moves = step * np.eye(8).reshape(8, 4, 2)
-    numeric = (full_solution(PRINTED + moves) - full_solution(PRINTED - moves)) / (2 * step)
+    numeric = (full_solution(PRINTED + moves) - full_solution(PRINTED - moves)) / (
+        2 * step
+    )
     response = angle_response(DOOR)[:2].reshape(2, 8).T
-    np.testing.assert_allclose(response, numeric, rtol=0, atol=1e-6 * np.abs(numeric).max())
+    np.testing.assert_allclose(
+        response, numeric, rtol=0, atol=1e-6 * np.abs(numeric).max()
+    )
     np.testing.assert_array_equal(as_designed(DOOR).principal_point, [511.5, 511.5])
 
 
@@ -78,7 +84,10 @@ def platform():
 @pytest.fixture(scope="module")
 def replicates(platform):
     """Sixty runs of both groups of 800 frames, every frame rendered."""
-    return [platform_twin._two_groups(platform, 800, default_rng([7, run])) for run in range(60)]
+    return [
+        platform_twin._two_groups(platform, 800, default_rng([7, run]))
+        for run in range(60)
+    ]
 
 
 def test_the_mean_spots_are_the_printed_ones(replicates):
@@ -89,7 +98,9 @@ def test_the_mean_spots_are_the_printed_ones(replicates):
 
 
 def test_the_scatter_of_each_laser_is_that_of_table_3_on_average_of_x_and_y(replicates):
-    found = np.mean([series.spots.var(axis=1).mean(axis=-1) for series in replicates], axis=0)
+    found = np.mean(
+        [series.spots.var(axis=1).mean(axis=-1) for series in replicates], axis=0
+    )
     printed = np.stack([(scatter(DOOR, g) ** 2).mean(axis=-1) for g in (1, 2)])
     np.testing.assert_allclose(found, printed, rtol=5 / np.sqrt(60 * 800))
 
@@ -113,7 +124,9 @@ def test_table_4_from_rendered_frames_is_that_of_the_linear_prediction(replicate
             for series in replicates
         ]
     )
-    linear = accuracy._simulated_accuracies(given(accuracy.READS), SeedSequence(5), 600, counts)
+    linear = accuracy._simulated_accuracies(
+        given(accuracy.READS), SeedSequence(5), 600, counts
+    )
     # The twin spreads a laser's scatter evenly over x and y; the mean of both axes is common.
     ours, theirs = ((a**2).mean(axis=-1) for a in (rendered, linear))
     error = np.sqrt(ours.var(axis=0) / 60 + theirs.var(axis=0) / 600)
@@ -149,9 +162,12 @@ def test_a_turn_is_measured_about_its_axis_with_its_sign_and_size(platform, axis
 
 
 @pytest.mark.parametrize(
-    ("telescope", "diagonal", "scale"), [(2.0, 22.0, 0.950), (2.056, 22.0, 0.977), (2.056, 21.5, 1)]
+    ("telescope", "diagonal", "scale"),
+    [(2.0, 22.0, 0.950), (2.056, 22.0, 0.977), (2.056, 21.5, 1)],
 )
-def test_the_spots_fit_the_lasers_within_what_the_print_leaves_open(telescope, diagonal, scale):
+def test_the_spots_fit_the_lasers_within_what_the_print_leaves_open(
+    telescope, diagonal, scale
+):
     """With the length that Table V implies, and the smallest diagonal that prints as 22 mm."""
     design = as_designed(DOOR)
     lasers = designed_positions(design.spots, diagonal * 1e-3)
@@ -203,17 +219,24 @@ def weights_of(target, sigma):
     return np.broadcast_to(sigma**-2.0, target.shape[:-1])
 
 
-def test_noise_explains_the_calibrated_directions_and_not_the_designed_ones(platform, replicates):
+def test_noise_explains_the_calibrated_directions_and_not_the_designed_ones(
+    platform, replicates
+):
     """Shuster's test: with n directions the loss over the variance is chi-square of 2n - 3."""
     noise = np.sqrt((scatter(DOOR, 2) ** 2).mean(axis=-1)) * 13e-6 / 60e-3
-    zero, found = replicates[0].spots[0].mean(axis=0), platform.design.seen(replicates[0].spots[1])
+    zero, found = (
+        replicates[0].spots[0].mean(axis=0),
+        platform.design.seen(replicates[0].spots[1]),
+    )
     aside = zero + 0.1 * np.eye(4, 2)  # one laser, a tenth of a pixel
     refused = [
         (loss(found, directions, noise) > chi2(5).ppf(0.99)).mean()
         for directions in (
-            platform.design.directions, platform.design.seen(aside), platform.design.seen(zero)
+            platform.design.directions,
+            platform.design.seen(aside),
+            platform.design.seen(zero),
         )
-    ]  # fmt: skip
+    ]
     assert refused[:2] == [1.0, 1.0]
     assert refused[2] < 0.025
 
@@ -225,7 +248,9 @@ def test_an_offset_moves_the_series_of_figure_9_and_leaves_its_scatter(offset):
     platform, frames = platform_twin.bench(door), door.count(accuracy.FRAMES)
     generator = np.random.default_rng(3)
     light = platform.light
-    first = platform_twin.centroids(platform, platform.spots, light[0], frames, generator)
+    first = platform_twin.centroids(
+        platform, platform.spots, light[0], frames, generator
+    )
     moved = platform.turned(np.array(offset) * ARCSEC)
     second = platform_twin.centroids(platform, moved, light[1], frames, generator)
     zero = mean_rotation(platform.design.transform(first))
@@ -234,5 +259,7 @@ def test_an_offset_moves_the_series_of_figure_9_and_leaves_its_scatter(offset):
     without = figures._groups(door).misalignment[:, :2] / ARCSEC
     # Both means and both scatters come from as many frames: four standard errors of each.
     spread = without.std(axis=0)
-    assert np.abs(series.mean(axis=0) - offset[:2]).max() < 4 * spread.max() * np.sqrt(2 / frames)
+    assert np.abs(series.mean(axis=0) - offset[:2]).max() < 4 * spread.max() * np.sqrt(
+        2 / frames
+    )
     assert series.std(axis=0) == pytest.approx(spread, rel=4 / np.sqrt(frames))

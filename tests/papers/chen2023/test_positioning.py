@@ -17,7 +17,9 @@ from reproduce.printed.given import given
 ARCSEC = np.pi / 180 / 3600
 DRAWS = 20_000
 DOOR = given((*positioning.READS, *positioning._YEAR_READS))
-BUDGET = {term.name: (term,) for term in positioning._terms(DOOR)} | positioning._together(DOOR)
+BUDGET = {
+    term.name: (term,) for term in positioning._terms(DOOR)
+} | positioning._together(DOOR)
 
 
 def simulated(view, errors, name):
@@ -46,7 +48,9 @@ def test_the_budget_by_formula_and_by_draws_agree(line, name, tilt, off):
     spread = np.sqrt(np.outer(exact.diagonal(), exact.diagonal()) + exact**2)
     error = 4.5 * spread / np.sqrt(DRAWS) + 1e-6
     assert (np.abs(np.cov(drawn.T) - exact) < error).all()
-    assert (np.abs(drawn.mean(axis=0)) < 4.5 * np.sqrt(exact.diagonal() / DRAWS) + 1e-3).all()
+    assert (
+        np.abs(drawn.mean(axis=0)) < 4.5 * np.sqrt(exact.diagonal() / DRAWS) + 1e-3
+    ).all()
     inside = np.linalg.norm(drawn, axis=1) < circular_error(exact)
     if np.trace(exact) > 1e-4:
         assert inside.mean() == pytest.approx(0.9, abs=4.5 * 0.3 / np.sqrt(DRAWS))
@@ -60,7 +64,9 @@ def test_the_budget_holds_every_term_of_the_model_once():
     for errors in positioning._together(DOOR).values():
         assert len(errors) == 6
         assert {term.kind for term in errors} == {"turn", "satellite", "image"}
-        turned = sum(term.sigma[:3] > 0 for term in errors if "misalignment" in term.name)
+        turned = sum(
+            term.sigma[:3] > 0 for term in errors if "misalignment" in term.name
+        )
         np.testing.assert_array_equal(turned, [1, 1, 1])
 
 
@@ -94,7 +100,9 @@ def test_monitoring_lags_by_half_an_average():
     errors = positioning._residuals(DOOR, amplitude)[positioning.CORRECTIONS[-1]]
     true = amplitude * unit[-len(errors) :]
     rate = np.gradient(true, times[-len(errors) :] * 86400.0, axis=0)
-    assert np.median(np.abs(errors)) == pytest.approx(np.median(np.abs(5.0 * rate)), rel=0.15)
+    assert np.median(np.abs(errors)) == pytest.approx(
+        np.median(np.abs(5.0 * rate)), rel=0.15
+    )
 
 
 def test_without_correction_the_errors_are_the_misalignment():
@@ -110,9 +118,15 @@ def test_the_strategies_keep_their_order():
     assert (recent < trend).all()
     assert (trend < single).all()
     # What the page says: a pixel, and what the tracker itself contributes.
-    tracker = positioning._budget().set_index("Term").loc["attitude of the tracker, at its limit"]
+    tracker = (
+        positioning._budget()
+        .set_index("Term")
+        .loc["attitude of the tracker, at its limit"]
+    )
     limit = tracker["nadir, centre (m)"]
     assert laser.iloc[1] < 0.25 < recent.iloc[0]
     assert recent.iloc[0] < limit < min(recent.iloc[1], trend.iloc[0])
     assert laser.iloc[2] < limit
-    assert laser.iloc[3] == pytest.approx(limit, rel=0.1), "about as much as the paper speaks of"
+    assert laser.iloc[3] == pytest.approx(limit, rel=0.1), (
+        "about as much as the paper speaks of"
+    )

@@ -63,7 +63,9 @@ def test_columns_drawn_at_once_follow_the_law_of_whole_windows():
     points = np.stack([phases, np.zeros_like(phases)], axis=-1)
     mean = spot_windows(points, light.signal, 0.5, [-2, -2], 5)
     sensor = Detector(read_noise=light.read_noise)
-    seen = expose(np.broadcast_to(mean, (trials, 10, 5, 5)), sensor, np.random.default_rng(2))
+    seen = expose(
+        np.broadcast_to(mean, (trials, 10, 5, 5)), sensor, np.random.default_rng(2)
+    )
     whole = centre_of_gravity(seen, [-2, -2])[..., 0] - phases
     within, other = (np.sqrt(one.var(axis=0, ddof=1).mean()) for one in (short, whole))
     assert within == pytest.approx(other, rel=4 / np.sqrt(10 * trials))
@@ -72,12 +74,16 @@ def test_columns_drawn_at_once_follow_the_law_of_whole_windows():
 @pytest.mark.parametrize("share", [0.0, 0.5])
 def test_the_light_gives_back_the_variance_of_table_3(share):
     """By simulation at the printed spots: whole windows, no closed form."""
-    light = resolution._light_for_table(DOOR, replace(resolution._LITERAL, read_share=share))
+    light = resolution._light_for_table(
+        DOOR, replace(resolution._LITERAL, read_share=share)
+    )
     spots = DOOR.array("chen2023/text-platform#spot-*").reshape(-1, 2)
     corners = np.round(spots).astype(int) - 2
     mean = spot_windows(spots, light.signal, 7.5 / 13, corners, 5)
     sensor = Detector(read_noise=light.read_noise)
-    seen = expose(np.broadcast_to(mean, (20_000, 4, 5, 5)), sensor, np.random.default_rng(4))
+    seen = expose(
+        np.broadcast_to(mean, (20_000, 4, 5, 5)), sensor, np.random.default_rng(4)
+    )
     found = centre_of_gravity(seen, corners).var(axis=0).mean()
     printed = np.mean((DOOR.array("chen2023/table-3") / 3) ** 2)
     assert found == pytest.approx(printed, rel=0.02)
@@ -105,7 +111,9 @@ def test_replicated_studies_scatter_as_their_size_says():
     relative = found.std(axis=0) / found.mean(axis=0)
     middle = resolution.resolutions(DOOR) / ARCSEC
     unbiased = (middle > 40) & (middle < 50)
-    assert relative[unbiased].mean() == pytest.approx(resolution._relative_error(DOOR), rel=0.1)
+    assert relative[unbiased].mean() == pytest.approx(
+        resolution._relative_error(DOOR), rel=0.1
+    )
 
 
 def best(case):
@@ -118,11 +126,18 @@ def test_what_the_radius_means_moves_the_optimum_past_the_printed_one():
     """The optimum and its error, by every definition of a Gaussian's radius and photon noise."""
     assert [best(case)[0] for case in CASES[:4]] == pytest.approx([57, 42, 49, 31])
     optimum, error = best(CASES[5])
-    assert (optimum, error) == (pytest.approx(43), pytest.approx(0.016, abs=0.0005)), "as printed"
+    assert (optimum, error) == (pytest.approx(43), pytest.approx(0.016, abs=0.0005)), (
+        "as printed"
+    )
 
 
 def test_read_noise_and_light_move_the_optimum_to_finer_pixels():
-    changes = ({"read_share": 0.5}, {"read_share": 0.95}, {"brighter": 2.0}, {"width": 1.2})
+    changes = (
+        {"read_share": 0.5},
+        {"read_share": 0.95},
+        {"brighter": 2.0},
+        {"width": 1.2},
+    )
     assert all(best(replace(CASES[0], **one))[0] < best(CASES[0])[0] for one in changes)
 
 
@@ -174,18 +189,27 @@ def test_no_option_gives_all_three_results():
 
 def test_the_limit_of_gain_depends_on_what_counts_as_a_gain():
     """A verdict that a constant of ours makes: the central 99 %, to the step of one arc second."""
-    wanted = {"1": (35, 38, 41), "2": (36, 40, 42), "3": (39, 41, 44), "5": (41, 44, 46)}
+    wanted = {
+        "1": (35, 38, 41),
+        "2": (36, 40, 42),
+        "3": (39, 41, 44),
+        "5": (41, 44, 46),
+    }
     assert sorted(words(resolution.STUDY).options["threshold"]) == list(wanted)
     for errors, (low, median, high) in wanted.items():
         found = reading("saturation", threshold=errors)
         assert found.interval == pytest.approx((low, high), abs=1.01)
         assert found.computed == pytest.approx(median, abs=0.01)
         assert found.verdict == ("consistent" if errors != "5" else "differs")
-    assert reading("saturation").computed == pytest.approx(41, abs=0.01), "3 is the literal one"
+    assert reading("saturation").computed == pytest.approx(41, abs=0.01), (
+        "3 is the literal one"
+    )
 
 
 def test_even_a_readout_that_makes_all_noise_stops_short():
-    light = resolution._light_for_table(DOOR, replace(resolution._LITERAL, read_share=0.999))
+    light = resolution._light_for_table(
+        DOOR, replace(resolution._LITERAL, read_share=0.999)
+    )
     angles = resolution.resolutions(DOOR)
     law = predicted_errors(PHASES, light, resolution._radii(DOOR, angles), 5)
     best = angles[law.total.argmin()] / ARCSEC

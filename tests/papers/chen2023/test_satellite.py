@@ -22,7 +22,9 @@ def by_name(frame):
 
 
 def test_the_altitude_is_that_of_table_1():
-    assert satellite.altitude(given(satellite.CAMERA)) == pytest.approx(14 / 7e-6 * 0.25)
+    assert satellite.altitude(given(satellite.CAMERA)) == pytest.approx(
+        14 / 7e-6 * 0.25
+    )
 
 
 def test_a_plane_mirror_feigns_twice_its_turn_across_the_plane_of_the_light():
@@ -57,7 +59,9 @@ def test_280_belongs_to_a_tracker_with_the_field_of_table_1():
     assert factors == pytest.approx([280, 14 / 0.06, 2 / 0.06])
     assert flight[1] == pytest.approx(50)
     assert flight[2] == pytest.approx(15.0, abs=0.3)
-    assert mixed[2] == pytest.approx(2 * np.degrees(np.arctan(512 * 13e-6 / 0.06)), abs=0.01)
+    assert mixed[2] == pytest.approx(
+        2 * np.degrees(np.arctan(512 * 13e-6 / 0.06)), abs=0.01
+    )
     # A micrometre at fourteen metres, and the accuracy of 0.15 arcsec at two.
     assert flight[3] == mixed[3] == pytest.approx(1e-6 / 14 / ARCSEC)
     assert bench[4] == pytest.approx(0.15 * ARCSEC * 2 * 1e6)
@@ -74,7 +78,8 @@ def test_how_far_heat_may_move_lasers_and_turn_the_mirror_by_hand():
 
 
 @pytest.mark.parametrize(
-    ("kind", "factor"), [("two mirrors at a right angle", 2.0), ("corner cube", np.sqrt(8 / 3))]
+    ("kind", "factor"),
+    [("two mirrors at a right angle", 2.0), ("corner cube", np.sqrt(8 / 3))],
 )
 def test_an_angle_of_the_reflector_that_opens_mimics_a_tilt(kind, factor):
     """A roof prism deviates by twice the error of its angle, a corner by the root of 8/3 times."""
@@ -102,7 +107,11 @@ def test_the_focal_ratio_agrees_for_the_field_of_table_1_only():
     found = evaluate(satellite.focal_ratio)
     pairs = zip(found.computation.readings, found.cells["focal-ratio"], strict=True)
     for choices, reading in pairs:
-        assert reading.computed == pytest.approx(14 / lengths[choices["tracker"]], rel=1e-9)
+        assert reading.computed == pytest.approx(
+            14 / lengths[choices["tracker"]], rel=1e-9
+        )
         assert reading.agrees == (choices["tracker"] == "table-1-field")
-    record = build(["chen2023/text-satellite"]).cell("chen2023/text-satellite#focal-ratio")
+    record = build(["chen2023/text-satellite"]).cell(
+        "chen2023/text-satellite#focal-ratio"
+    )
     assert record.verdict == "ambiguous"

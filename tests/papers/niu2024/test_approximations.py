@@ -8,9 +8,12 @@ from reproduce.printed.given import given
 
 DOOR = given(approximations.READS)
 NAMES = {title: effect for effect, title in approximations._TITLES.items()}
-COSTS = {(NAMES[title], *names): cost for title, *names, cost in (
-    (*row[:3], row[3:]) for row in approximations._errors(DOOR).to_numpy()
-)}  # fmt: skip
+COSTS = {
+    (NAMES[title], *names): cost
+    for title, *names, cost in (
+        (*row[:3], row[3:]) for row in approximations._errors(DOOR).to_numpy()
+    )
+}
 PEAK, RMS, LEFT = 0, 1, 2
 
 
@@ -19,7 +22,9 @@ def test_the_corner_of_the_unequal_coefficients_by_hand():
     # The middle of the outermost of 200 cells is a two-hundredth short of the corner.
     corner = np.hypot(1032, 772) * 3.45e-6 * (1 - 1 / 200)
     expected = (25 / 24.95) ** 3 * (49 - 36) * corner**3 / 3.45e-6
-    assert COSTS["coefficients", "Table 1", "blue"][PEAK] == pytest.approx(expected, rel=1e-6)
+    assert COSTS["coefficients", "Table 1", "blue"][PEAK] == pytest.approx(
+        expected, rel=1e-6
+    )
 
 
 def test_the_pivot_errs_by_the_printed_difference_of_principal_points_by_hand():

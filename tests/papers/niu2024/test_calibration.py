@@ -4,7 +4,12 @@ import numpy as np
 import pytest
 
 from reproduce.papers.niu2024 import simulation
-from reproduce.physics.optics import Camera, channel_centroids, ideal_positions, starlight
+from reproduce.physics.optics import (
+    Camera,
+    channel_centroids,
+    ideal_positions,
+    starlight,
+)
 from reproduce.physics.registration import (
     Registration,
     calibrate,
@@ -54,7 +59,9 @@ def test_only_unequal_distortions_bias_the_fit(channel, monkeypatch):
 
     def bias():
         green, true, pivot, truth = twin(channel)
-        return np.abs(fit_registration(true, green, pivot).parameters - truth.parameters)
+        return np.abs(
+            fit_registration(true, green, pivot).parameters - truth.parameters
+        )
 
     _, true, _, truth = twin(channel)
     scatter = np.sqrt(registration_bound(true, truth, 0.05, 0.05)[0, 0])
@@ -62,7 +69,8 @@ def test_only_unequal_distortions_bias_the_fit(channel, monkeypatch):
     assert bias()[1:].max() < 1e-9
     cameras = simulation.cameras
     straight = [
-        Camera(one.focal_length, one.principal_point, 0.0, one.pixel_pitch) for one in cameras(DOOR)
+        Camera(one.focal_length, one.principal_point, 0.0, one.pixel_pitch)
+        for one in cameras(DOOR)
     ]
     monkeypatch.setattr(simulation, "cameras", lambda *_: straight)
     assert bias().max() < 1e-9

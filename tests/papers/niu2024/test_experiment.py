@@ -7,7 +7,11 @@ import reproduce as rp
 from reproduce.audit.report import audit_paper
 from reproduce.papers.niu2024 import experiment, simulation
 from reproduce.physics.optics import channel_centroids
-from reproduce.physics.registration import Registration, registration_bound, similarity_between
+from reproduce.physics.registration import (
+    Registration,
+    registration_bound,
+    similarity_between,
+)
 from reproduce.printed.given import given
 
 DOOR = given([*experiment.rmse_before.given, *experiment.INSTRUMENT])
@@ -49,9 +53,14 @@ def by_hand(scale, rotation, shift, half=(8.0, 6.0)):
 
 @pytest.mark.parametrize(
     ("channel", "scale", "rotation", "shift"),
-    [("red", 0.9996, 0.0219, (-0.9178, 0.9364)), ("blue", 1.0012, -0.0351, (-0.9256, 1.0961))],
+    [
+        ("red", 0.9996, 0.0219, (-0.9178, 0.9364)),
+        ("blue", 1.0012, -0.0351, (-0.9256, 1.0961)),
+    ],
 )
-def test_the_prediction_is_that_of_pencil_and_paper(before, channel, scale, rotation, shift):
+def test_the_prediction_is_that_of_pencil_and_paper(
+    before, channel, scale, rotation, shift
+):
     squares = by_hand(scale, np.radians(rotation), shift)
     for axis, square, residual in zip("xy", squares, RESIDUAL[channel], strict=True):
         draws = before[f"rmse-before-{channel}-{axis}"]
@@ -83,7 +92,9 @@ def test_red_is_laid_over_green_by_the_printed_similarity():
 
 def field(across):
     """Table angles evenly over the field."""
-    x, y = np.meshgrid(*(np.linspace(-h, h, across) for h in experiment.half_field(DOOR)))
+    x, y = np.meshgrid(
+        *(np.linspace(-h, h, across) for h in experiment.half_field(DOOR))
+    )
     return np.stack([x, y], axis=-1).reshape(-1, 2)
 
 
@@ -103,9 +114,13 @@ def test_only_positions_in_corners_bring_red_to_the_printed_values(scale, share)
 
 def test_the_printed_residual_rules_out_the_focal_lengths_for_blue():
     """Registered with the printed scale, spots by the focal lengths leave over too much."""
-    true = channel_centroids(experiment.cameras(DOOR), experiment.rotations(DOOR), field(41))
+    true = channel_centroids(
+        experiment.cameras(DOOR), experiment.rotations(DOOR), field(41)
+    )
     shift = (-0.9256, 1.0961)
-    registered = Registration.similarity(1.0012, np.radians(-0.0351), shift, shift).apply(true[2])
+    registered = Registration.similarity(
+        1.0012, np.radians(-0.0351), shift, shift
+    ).apply(true[2])
     left = np.sqrt(np.square(registered - true[0]).mean(axis=0))
     assert (left > 1.5 * np.array(RESIDUAL["blue"])).all()
 
@@ -118,7 +133,9 @@ def test_blue_fits_the_registration_on_one_axis_and_red_on_both_together(by):
     for channel, printed in PRINTED.items():
         inside = []
         for axis, value in zip("xy", printed, strict=True):
-            low, high = np.quantile(found[f"rmse-before-{channel}-{axis}"], [0.005, 0.995])
+            low, high = np.quantile(
+                found[f"rmse-before-{channel}-{axis}"], [0.005, 0.995]
+            )
             inside.append(low < value < high)
         assert all(inside) == (channel == fits)
 
@@ -135,7 +152,9 @@ def test_the_tolerance_of_the_register_is_four_standard_deviations_of_the_twin()
     frame = rp.table("niu2024/scale-errors").frame()
     largest = frame["Standard deviation in the twin"].max()
     findings = audit_paper("niu2024").findings
-    tolerance = next(f for f in findings if f.relation.name == "scale-blue").relation.tolerance
+    tolerance = next(
+        f for f in findings if f.relation.name == "scale-blue"
+    ).relation.tolerance
     assert tolerance.size == pytest.approx(4 * largest, rel=0.05)
     away = frame.set_index("Channel")["Distance (σ)"]
     assert away["red"].max() < 1
@@ -156,7 +175,9 @@ def test_channels_calibrated_alone_differ_far_more_than_the_printed_ones():
     fits, _ = experiment.twin_fits(door, seed, 2000, error)
     for channel, coefficient in (("red", 34.166), ("green", 34.152), ("blue", 34.147)):
         draws = fits[channel].radial_distortion
-        assert draws.mean() == pytest.approx(coefficient, abs=4 * draws.std() / np.sqrt(2000))
+        assert draws.mean() == pytest.approx(
+            coefficient, abs=4 * draws.std() / np.sqrt(2000)
+        )
     apart = np.ptp([fit.radial_distortion for fit in fits.values()], axis=0)
     assert (apart < 34.166 - 34.147).mean() < 0.01
 
@@ -171,11 +192,18 @@ def test_the_registration_of_the_twin_finds_what_the_cameras_imply():
     for place, channel in enumerate(("red", "blue"), start=1):
         implied = similarity_between(used[place], turns[place], used[0])
         found = fits[channel].parameters
-        bound = np.sqrt(registration_bound(true[place], implied, error, error).diagonal())
-        np.testing.assert_allclose(found.std(axis=0), bound, rtol=5 / np.sqrt(2 * replicates))
+        bound = np.sqrt(
+            registration_bound(true[place], implied, error, error).diagonal()
+        )
+        np.testing.assert_allclose(
+            found.std(axis=0), bound, rtol=5 / np.sqrt(2 * replicates)
+        )
         off = (found.mean(axis=0) - implied.parameters) / bound
         assert np.abs(off).max() < 0.5  # distortion, and the luck of 400
-        assert abs(door[f"niu2024/table-4#scale.{channel}"] - implied.scale) > 10 * bound[0]
+        assert (
+            abs(door[f"niu2024/table-4#scale.{channel}"] - implied.scale)
+            > 10 * bound[0]
+        )
 
 
 def test_the_printed_residuals_leave_the_scale_close_to_the_focal_lengths():

@@ -25,7 +25,9 @@ def stored():
 
 def spots(place):
     angles = place * np.array(experiment.half_field(DOOR))
-    return channel_centroids(images._cameras(DOOR), experiment.rotations(DOOR), angles[None])[:, 0]
+    return channel_centroids(
+        images._cameras(DOOR), experiment.rotations(DOOR), angles[None]
+    )[:, 0]
 
 
 def photons(magnitude, star="solar"):
@@ -63,11 +65,15 @@ def test_green_alone_reaches_the_cramer_rao_bound(stored):
             at = 20 + offsets
             corners = window_corners(at, images._WINDOW)
             light = np.full(64, ETA * photons(magnitude, star)[0])
-            bound = cramer_rao_variance(at, light, images.RADIUS, corners, images._WINDOW, DARK)
+            bound = cramer_rao_variance(
+                at, light, images.RADIUS, corners, images._WINDOW, DARK
+            )
             expected = np.sqrt(bound.sum(axis=-1).mean())
             # 480 trials of two axes: 2.3 % by chance; rounding and few photons add some.
             found = stored["error"][i, :, j, 0]
-            np.testing.assert_allclose(found, expected, rtol=0.12, err_msg=f"{star}, {magnitude}")
+            np.testing.assert_allclose(
+                found, expected, rtol=0.12, err_msg=f"{star}, {magnitude}"
+            )
 
 
 def test_without_registration_the_centre_lies_between_the_spots(stored):
@@ -75,11 +81,18 @@ def test_without_registration_the_centre_lies_between_the_spots(stored):
     for i, star in enumerate(images.STARS):
         for j, place in enumerate(images.PLACES.values()):
             where, light = spots(place), photons(4.0, star)
-            expected = np.hypot(*((light[:, None] * where).sum(axis=0) / light.sum() - where[0]))
+            expected = np.hypot(
+                *((light[:, None] * where).sum(axis=0) / light.sum() - where[0])
+            )
             found = stored["bias"][i, j, :, 1]
-            np.testing.assert_allclose(found, expected, rtol=0.12, err_msg=f"{star}, {place}")
+            np.testing.assert_allclose(
+                found, expected, rtol=0.12, err_msg=f"{star}, {place}"
+            )
     corner = stored["bias"][:, -1, :, 1].mean(axis=-1)
-    assert corner[list(images.STARS).index("cool")] > 1.25 * corner[list(images.STARS).index("hot")]
+    assert (
+        corner[list(images.STARS).index("cool")]
+        > 1.25 * corner[list(images.STARS).index("hot")]
+    )
 
 
 def test_with_registration_the_gain_is_the_root_of_the_light(stored):
@@ -87,7 +100,9 @@ def test_with_registration_the_gain_is_the_root_of_the_light(stored):
     for i, star in enumerate(images.STARS):
         light = photons(4.0, star)
         expected = np.sqrt(light.sum() / light[0])
-        gain = stored["signal_to_noise"][i, ..., 2] / stored["signal_to_noise"][i, ..., 0]
+        gain = (
+            stored["signal_to_noise"][i, ..., 2] / stored["signal_to_noise"][i, ..., 0]
+        )
         # 18 ratios of two scatters from 480 trials each: 5 % apiece, 1.1 % for their mean.
         assert gain.mean() == pytest.approx(expected, rel=0.05), star
     assert (stored["error"][..., 2] < 0.75 * stored["error"][..., 0]).all()

@@ -12,5 +12,8 @@ def test_centre_wavelengths_under_both_readings():
     for centre, expected in by_hand.items():
         computation = optics.centre_wavelengths.under({"centre": centre})
         found = computation(given(computation.given))
-        values = [found[f"centre-wavelength-{band}"] * 1e9 for band in ("blue", "green", "red")]
+        values = [
+            found[f"centre-wavelength-{band}"] * 1e9
+            for band in ("blue", "green", "red")
+        ]
         assert values == pytest.approx(expected)

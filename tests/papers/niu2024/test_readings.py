@@ -17,7 +17,9 @@ def among(found, name, **choices):
     return [reading for every, reading in pairs if choices.items() <= every.items()]
 
 
-def test_with_green_without_noise_and_tests_among_the_angles_both_residuals_agree(simulated):
+def test_with_green_without_noise_and_tests_among_the_angles_both_residuals_agree(
+    simulated,
+):
     """Against a referee's own computation: 0.0712 (0.059 to 0.084) and 0.0719 (0.060 to 0.085)."""
     choices = {"tests": "angles", "noise": "red-and-blue", "translations": "table-2"}
     literal = simulated.computation.literal | choices
@@ -48,10 +50,16 @@ def test_with_the_parameters_of_table_3_no_residual_over_the_range_agrees(simula
         assert reading.interval == pytest.approx(ends, abs=0.006)
 
 
-def test_with_angles_over_the_whole_range_the_residual_of_red_before_never_agrees(simulated):
+def test_with_angles_over_the_whole_range_the_residual_of_red_before_never_agrees(
+    simulated,
+):
     found = among(simulated, "rmse-before-red", angles="rectangle")
     assert len(found) == 3 * 2 * 2 * 2 * 2 * 4
     assert not any(reading.agrees for reading in found)
-    others = [one for one in simulated.computation.options["angles"] if one != "rectangle"]
+    others = [
+        one for one in simulated.computation.options["angles"] if one != "rectangle"
+    ]
     for angles in others:
-        assert any(one.agrees for one in among(simulated, "rmse-before-red", angles=angles))
+        assert any(
+            one.agrees for one in among(simulated, "rmse-before-red", angles=angles)
+        )

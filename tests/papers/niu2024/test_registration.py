@@ -17,7 +17,9 @@ def door():
 @pytest.mark.parametrize("channel", ["red", "blue"])
 def test_the_scale_is_greens_focal_length_over_the_channels(door, channel):
     found = registration.true_scale(door)
-    assert found[f"scale.{channel}"] == pytest.approx(FOCAL["green"] / FOCAL[channel], rel=1e-12)
+    assert found[f"scale.{channel}"] == pytest.approx(
+        FOCAL["green"] / FOCAL[channel], rel=1e-12
+    )
 
 
 @pytest.mark.parametrize("channel", ["red", "blue"])

@@ -34,7 +34,9 @@ def prediction():
 
 def noiseless():
     table = simulation.literal(DOOR).angles
-    return channel_centroids(simulation.cameras(DOOR), simulation.rotations(DOOR), table)
+    return channel_centroids(
+        simulation.cameras(DOOR), simulation.rotations(DOOR), table
+    )
 
 
 def test_the_arrangement_has_the_printed_count_and_the_zero_position():
@@ -75,16 +77,24 @@ def test_the_translations_of_table_2_carry_the_whole_calibration_along():
             for way in ("table-1", "table-2")
         )
         expected = first[channel].parameters + np.concatenate([[0, 0], after - before])
-        np.testing.assert_allclose(second[channel].parameters, expected, rtol=0, atol=1e-9)
+        np.testing.assert_allclose(
+            second[channel].parameters, expected, rtol=0, atol=1e-9
+        )
 
 
 def test_the_arrangements_with_137_angles():
     """Pencil and paper: lattice points in a circle of radius 6/0.9, and 11 x 7 + 10 x 6."""
-    names = [(c.lattice.split(",")[0], c.offset, c.window) for c in simulation.candidates(DOOR)]
+    names = [
+        (c.lattice.split(",")[0], c.offset, c.window)
+        for c in simulation.candidates(DOOR)
+    ]
     assert len(names) == 9
     assert names[0] == ("square", "centred", "circle of the smaller half range")
     lattice = [
-        (i, j) for i in range(-9, 10) for j in range(-9, 10) if i * i + j * j <= (6 / 0.9) ** 2
+        (i, j)
+        for i in range(-9, 10)
+        for j in range(-9, 10)
+        if i * i + j * j <= (6 / 0.9) ** 2
     ]
     assert len(lattice) == 137
     assert names[-1] == ("quincunx", "centred", "rectangle")
@@ -94,7 +104,8 @@ def test_the_arrangements_with_137_angles():
 def test_no_full_rectangle_has_137_angles():
     assert all(137 % n for n in range(2, 12)), "137 is prime"
     assert all(
-        "rectangle" not in c.window or "quincunx" in c.lattice for c in simulation.candidates(DOOR)
+        "rectangle" not in c.window or "quincunx" in c.lattice
+        for c in simulation.candidates(DOOR)
     )
 
 
@@ -106,9 +117,13 @@ def test_the_iteration_ends_at_the_closed_form():
     found = simulation._calibrations(DOOR, SEED, 20, 0, LITERAL)
     for position, channel in enumerate(("red", "blue"), start=1):
         source, green = noisy[:, position], noisy[:, 0]
-        start = starting_values(source[:, still], green[:, still], source[:, zero], green[:, zero])
+        start = starting_values(
+            source[:, still], green[:, still], source[:, zero], green[:, zero]
+        )
         end = calibrate(source, green, source[:, zero], start)
-        np.testing.assert_allclose(found[channel].parameters, end.parameters, rtol=0, atol=2e-9)
+        np.testing.assert_allclose(
+            found[channel].parameters, end.parameters, rtol=0, atol=2e-9
+        )
 
 
 @pytest.mark.parametrize("channel", ["red", "blue"])
@@ -116,7 +131,9 @@ def test_the_predictions_centre_is_the_fit_without_noise(prediction, channel):
     """The distortion biases the scale; noise of this size adds no bias of its own."""
     true = noiseless()
     position = ("green", "red", "blue").index(channel)
-    zero = np.flatnonzero(np.isclose(simulation.literal(DOOR).angles, 0).all(axis=1)).item()
+    zero = np.flatnonzero(
+        np.isclose(simulation.literal(DOOR).angles, 0).all(axis=1)
+    ).item()
     clean = fit_registration(true[position], true[0], true[position, zero]).parameters
     for row, value in zip(ROWS, clean, strict=True):
         draws = prediction[f"{row}.{channel}"].draws
@@ -151,7 +168,12 @@ def median_rmse(name, **choices):
 @pytest.mark.parametrize("channel", ["red", "blue"])
 @pytest.mark.parametrize(
     ("choices", "variances"),
-    [({}, 4), ({"noise": "red-and-blue"}, 2), ({"rmse": "one"}, 2), ({"repeats": "ten"}, 0.4)],
+    [
+        ({}, 4),
+        ({"noise": "red-and-blue"}, 2),
+        ({"rmse": "one"}, 2),
+        ({"repeats": "ten"}, 0.4),
+    ],
 )
 def test_the_residual_after_registration_adds_up(channel, choices, variances):
     """Noisy channels times axes, in variances of a coordinate; distortion adds its part."""
@@ -192,7 +214,9 @@ def test_no_green_point_reconciles_tables_1_and_2():
     """What the reason of the verdict says: red less blue is free of it."""
     for axis in "xy":
         apart = {
-            table: np.subtract(*(find(f"niu2024/{table}-{axis}.{c}")[0].number.value for c in pair))
+            table: np.subtract(
+                *(find(f"niu2024/{table}-{axis}.{c}")[0].number.value for c in pair)
+            )
             for table, pair in (
                 ("table-1#principal-point", ("red", "blue")),
                 ("table-2#translation", ("red", "blue")),

@@ -24,7 +24,9 @@ from reproduce.physics.attitude import (
 def test_moving_average_is_a_convolution(count, seed, offset):
     series = offset + np.random.default_rng(seed).standard_normal(50)
     expected = np.convolve(series, np.ones(count) / count, mode="valid")
-    np.testing.assert_allclose(moving_average(series, count), expected, rtol=1e-13, atol=1e-12)
+    np.testing.assert_allclose(
+        moving_average(series, count), expected, rtol=1e-13, atol=1e-12
+    )
 
 
 def test_a_large_common_value_costs_no_digits():
@@ -47,7 +49,9 @@ def test_any_axis_is_a_loop_over_the_others(axis):
 def test_one_frame_changes_nothing_and_all_frames_give_the_mean():
     series = np.random.default_rng(3).standard_normal((4, 20))
     np.testing.assert_allclose(moving_average(series, 1), series, atol=1e-15)
-    np.testing.assert_allclose(moving_average(series, 20)[:, 0], series.mean(axis=1), atol=1e-15)
+    np.testing.assert_allclose(
+        moving_average(series, 20)[:, 0], series.mean(axis=1), atol=1e-15
+    )
 
 
 def test_scatter_is_the_standard_deviation_of_the_averages():
@@ -94,24 +98,32 @@ def test_the_floor_is_what_averaging_leaves():
 
 
 def test_accuracy_has_the_dimension_of_the_pixel_angle():
-    np.testing.assert_allclose(attitude_accuracy([0.1, 0.2], [1, 4], 5e-4), [5e-5, 5e-5])
+    np.testing.assert_allclose(
+        attitude_accuracy([0.1, 0.2], [1, 4], 5e-4), [5e-5, 5e-5]
+    )
     assert attitude_accuracy(0.0, 4, 1.0) == 0
 
 
 def test_what_cannot_be_averaged_is_refused():
-    with pytest.raises(ValueError, match="count: expected at most 5, the number of frames, got 6"):
+    with pytest.raises(
+        ValueError, match="count: expected at most 5, the number of frames, got 6"
+    ):
         moving_average(np.zeros(5), 6)
     with pytest.raises(TypeError, match="count: expected a whole number"):
         moving_average(np.zeros(5), 2.0)
     for counts in ([5], []):
-        with pytest.raises(ValueError, match="counts: expected one number or more, each below"):
+        with pytest.raises(
+            ValueError, match="counts: expected one number or more, each below"
+        ):
             scatter_of_averages(np.zeros(5), counts)
 
 
 @pytest.mark.parametrize("count", [1, 3, 10])
 def test_allan_deviation_is_a_loop(count):
     series = 1e3 + np.random.default_rng(3).standard_normal((47, 2))
-    means = [series[i : i + count].mean(axis=0) for i in range(0, 47 - count + 1, count)]
+    means = [
+        series[i : i + count].mean(axis=0) for i in range(0, 47 - count + 1, count)
+    ]
     squares = [np.square(b - a) / 2 for a, b in pairwise(means)]
     found = allan_deviation(series, [count], axis=0)[0]
     np.testing.assert_allclose(found, np.sqrt(np.mean(squares, axis=0)), rtol=1e-10)
@@ -121,12 +133,16 @@ def test_a_drift_is_found_within_its_error():
     """Also where the noise of neighbours is alike; by Student's law with eight degrees."""
     generator, times = np.random.default_rng(7), np.arange(400) * 2.0
     for memory in (0.0, 0.8):
-        noise = lfilter([1.0], [1.0, -memory], generator.standard_normal((400, 600)), axis=0)
+        noise = lfilter(
+            [1.0], [1.0, -memory], generator.standard_normal((400, 600)), axis=0
+        )
         found = stability(times, noise + 0.05 * times[:, None])
         pulls = (found.rate - 0.05) / found.rate_error
         # Of 600: 95 %, four standard errors to both sides, one per cent more for the memory.
         inside = np.abs(pulls) < 2.306
-        assert inside.mean() == pytest.approx(0.95, abs=4 * np.sqrt(0.05 * 0.95 / 600) + 0.01)
+        assert inside.mean() == pytest.approx(
+            0.95, abs=4 * np.sqrt(0.05 * 0.95 / 600) + 0.01
+        )
 
 
 def test_the_floor_of_white_noise_has_an_honest_interval():
@@ -134,7 +150,9 @@ def test_the_floor_of_white_noise_has_an_honest_interval():
     series = generator.standard_normal((400, 2000))
     deviations = allan_deviation(series, [count], axis=0)
     nothing = np.zeros(2000)
-    found = Stability(nothing, nothing, series, np.array([count]), np.array([25]), deviations)
+    found = Stability(
+        nothing, nothing, series, np.array([count]), np.array([25]), deviations
+    )
     low, high = found.floor_interval(0.95)
     inside = (low < 0.25) & (high > 0.25)
     assert inside.mean() == pytest.approx(0.95, abs=0.02)
@@ -171,7 +189,9 @@ def test_no_average_bridges_a_gap():
 
 
 def test_without_a_gap_all_averages_count():
-    found = stability(np.arange(300.0), np.random.default_rng(11).standard_normal((300, 2)))
+    found = stability(
+        np.arange(300.0), np.random.default_rng(11).standard_normal((300, 2))
+    )
     expected = allan_deviation(found.left, found.counts.tolist(), axis=0)
     np.testing.assert_allclose(found.deviations, expected, rtol=1e-9)
     assert found.averages.tolist() == (300 // found.counts).tolist()

@@ -22,4 +22,6 @@ def test_one_train_answers_every_direction():
     directions = DRAWS.normal(size=(5, 3))
     together = turn_response(mirror_train(ROOF), directions)
     for found, one in zip(together, directions, strict=True):
-        np.testing.assert_allclose(found, turn_response(mirror_train(ROOF), one), atol=1e-15)
+        np.testing.assert_allclose(
+            found, turn_response(mirror_train(ROOF), one), atol=1e-15
+        )

@@ -16,7 +16,9 @@ CENTRE = (511.5, 511.5)
 SQUARE = Platform(CORNERS, 2.0, 0.06, 13e-6, CENTRE, 2180 * CORNERS + [545, 460])
 RAYS = [[0, 0, 1], [0.1, 0, 1], [0, 0.07, 1], [-0.05, -0.06, 1], [0.03, 0.02, 1]]
 WIDE = Platform.of_directions(RAYS, 0.05, 5e-6, (1000, 1000))
-THREE, PAIR = (Platform.of_directions(RAYS[:n], 0.05, 5e-6, (1000, 1000)) for n in (3, 2))
+THREE, PAIR = (
+    Platform.of_directions(RAYS[:n], 0.05, 5e-6, (1000, 1000)) for n in (3, 2)
+)
 TURN = np.array([15, -25, 400]) / ARCSEC_PER_RADIAN
 NOISE = 0.017
 
@@ -54,7 +56,10 @@ def of_both(change):
 
 def order(*lights, both=True):
     place = list(lights)
-    return lambda zero_now: [zero_now[0][:, place] if both else zero_now[0], zero_now[1][:, place]]
+    return lambda zero_now: [
+        zero_now[0][:, place] if both else zero_now[0],
+        zero_now[1][:, place],
+    ]
 
 
 def drifting(images):
@@ -70,30 +75,60 @@ LONGER = replace(SQUARE, tracker_focal_length=0.066)
 LINE = Platform(CORNERS[[1, 0, 2]] * [1, 0], 2.0, 0.06, 13e-6, CENTRE)
 # Platform, change of its images, kind, words; and a wrong factor of the focal length.
 FAULTS = {
-    "displaced since": (SQUARE, moved(2, [3, 0]), "displaced", "present.* light 3 is displ.* 3 px"),
-    "displaced ever": (WIDE, moved(3, [0, 3], (0, 1)), "displaced", "^at the zero.* light 4 is"),
+    "displaced since": (
+        SQUARE,
+        moved(2, [3, 0]),
+        "displaced",
+        "present.* light 3 is displ.* 3 px",
+    ),
+    "displaced ever": (
+        WIDE,
+        moved(3, [0, 3], (0, 1)),
+        "displaced",
+        "^at the zero.* light 4 is",
+    ),
     "one of three": (THREE, moved(2, [3, 0]), "displaced", "light 3 is displ"),
     "focal length": (SQUARE, list, "scale", r"0\.909\d* of its expected size", 1.1),
     "two lights": (PAIR, list, "scale", r"0\.909\d* of its expected size", 1.1),
-    "millimetres": (SQUARE, of_both(lambda one: 0.013 * one), "scale", "unit of the spots"),
+    "millimetres": (
+        SQUARE,
+        of_both(lambda one: 0.013 * one),
+        "scale",
+        "unit of the spots",
+    ),
     "motion": (SQUARE, drifting, "correlated", "drift"),
     "image twice": (SQUARE, twice, "repeated", "^1 images"),
     "two at once": (
-        WIDE, lambda images: moved(1, 2)(moved(3, [-2, 3])(images)), "pattern", "no single light",
+        WIDE,
+        lambda images: moved(1, 2)(moved(3, [-2, 3])(images)),
+        "pattern",
+        "no single light",
     ),
-}  # fmt: skip
+}
 # Faults that leave no angle of any use.
 REFUSED = {
     "sign of x": (WIDE, of_both(lambda one: one * [-1, 1]), "mirrored"),
     "x and y": (SQUARE, of_both(lambda one: one[..., ::-1]), "mirrored"),
     "neighbours": (SQUARE, order(1, 0, 2, 3), "lights 1 and 2 look swapped"),
     "corners": (SQUARE, order(0, 2, 1, 3), "mirrored.* or lights 2 and 3 look swapped"),
-    "now": (SQUARE, order(1, 0, 2, 3, both=False), "present.* lights 1 and 2 look swapped"),
+    "now": (
+        SQUARE,
+        order(1, 0, 2, 3, both=False),
+        "present.* lights 1 and 2 look swapped",
+    ),
     "two of five": (WIDE, order(0, 3, 2, 1, 4), "lights 2 and 4 look swapped"),
     "two of three": (THREE, order(1, 0, 2), "lights 1 and 2 look swapped"),
-    "two of three now": (THREE, order(0, 2, 1, both=False), "lights 2 and 3 look swapped"),
+    "two of three now": (
+        THREE,
+        order(0, 2, 1, both=False),
+        "lights 2 and 3 look swapped",
+    ),
     "ends of a line": (LINE, order(2, 1, 0), "lights 1 and 3 look swapped"),
-    "ends of a line now": (LINE, order(2, 1, 0, both=False), "lights 1 and 3 look swapped"),
+    "ends of a line now": (
+        LINE,
+        order(2, 1, 0, both=False),
+        "lights 1 and 3 look swapped",
+    ),
     "both": (PAIR, order(1, 0), "lights 1 and 2 look swapped"),
     "both now": (PAIR, order(1, 0, both=False), "lights 1 and 2 look swapped"),
     "another instrument": (WIDE, of_both(lambda one: one * [1, 2]), "another platform"),
@@ -155,7 +190,9 @@ def test_the_correlation_has_a_known_false_alarm_rate(frames, jitter):
     """White noise, of which all spots of an image may have a common part."""
     rng, scores = np.random.default_rng(frames), []
     for _ in range(2000):
-        groups = rng.normal(size=(2, frames, 8)) + jitter * rng.normal(size=(2, frames, 1))
+        groups = rng.normal(size=(2, frames, 8)) + jitter * rng.normal(
+            size=(2, frames, 1)
+        )
         scores.append(_correlation(groups - groups.mean(axis=1, keepdims=True))[0])
     # Four standard errors above one in a hundred.
     assert np.mean(np.array(scores) > 2.326) < 0.01 + 4 * np.sqrt(0.01 / 2000)
@@ -205,7 +242,9 @@ def test_intervals_cover_correlated_images_and_small_displacements(
         angle = rng.uniform(0, 2 * np.pi)
         moved(1, shift * NOISE * np.array([np.cos(angle), np.sin(angle)]))(images)
         found = diagnose(platform, tuple(images))
-        low, high = monitored(*images, platform, found.widening, found.freedom).interval(0.95)
+        low, high = monitored(
+            *images, platform, found.widening, found.freedom
+        ).interval(0.95)
         inside.append((low < TURN) & (high > TURN))
     assert np.mean(inside) > least
 
@@ -239,7 +278,9 @@ def test_a_displaced_light_is_said_and_without_it_the_interval_covers():
         low, high = monitored(*found.images, found.platform).interval(0.95)
         inside.append((low < TURN) & (high > TURN))
     assert sum("light 3 is displaced" in one for one in named) == len(inside)
-    np.testing.assert_allclose(np.mean(inside, axis=0), 0.95, atol=3.5 * np.sqrt(0.95 * 0.05 / 60))
+    np.testing.assert_allclose(
+        np.mean(inside, axis=0), 0.95, atol=3.5 * np.sqrt(0.95 * 0.05 / 60)
+    )
 
 
 def test_lights_keep_their_numbers_when_others_are_lost():
@@ -248,7 +289,9 @@ def test_lights_keep_their_numbers_when_others_are_lost():
     (found,) = diagnose(WIDE, tuple(images)).findings
     assert "light 5 is displaced" in found.text
     images[1][:, 1:4] = np.nan
-    with pytest.raises(ValueError, match=r"^spots: expected two lights or more .* got 1"):
+    with pytest.raises(
+        ValueError, match=r"^spots: expected two lights or more .* got 1"
+    ):
         diagnose(WIDE, tuple(images))
 
 
@@ -266,13 +309,31 @@ def test_lost_images_and_uneven_lights_are_no_fault():
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: Platform([[0.0, 0]], 2.0, 0.06, 13e-6, CENTRE), "expected two lights or more"),
-        (lambda: Platform(CORNERS[[0, 1, 0]], 2.0, 0.06, 13e-6, CENTRE), "lights 1 and 3"),
-        (lambda: Platform.of_spots([[9, 4], [9, 4]], 0.06, 13e-6, CENTRE), "lights 1 and 2"),
-        (lambda: Platform(CORNERS, 2.0, 0.06, 13.0, CENTRE), "pixel_pitch: expected metres"),
+        (
+            lambda: Platform([[0.0, 0]], 2.0, 0.06, 13e-6, CENTRE),
+            "expected two lights or more",
+        ),
+        (
+            lambda: Platform(CORNERS[[0, 1, 0]], 2.0, 0.06, 13e-6, CENTRE),
+            "lights 1 and 3",
+        ),
+        (
+            lambda: Platform.of_spots([[9, 4], [9, 4]], 0.06, 13e-6, CENTRE),
+            "lights 1 and 2",
+        ),
+        (
+            lambda: Platform(CORNERS, 2.0, 0.06, 13.0, CENTRE),
+            "pixel_pitch: expected metres",
+        ),
         (lambda: Platform(CORNERS, -2.0, 0.06, 13e-6, CENTRE), "camera_focal_length"),
-        (lambda: Platform(CORNERS, 2.0, 0.06, 13e-6, CENTRE, np.zeros((3, 2))), "expected 4, one"),
-        (lambda: Platform.of_directions([[0, 0, -1], [0, 1, 1]], 1, 1e-6, CENTRE), "above zero"),
+        (
+            lambda: Platform(CORNERS, 2.0, 0.06, 13e-6, CENTRE, np.zeros((3, 2))),
+            "expected 4, one",
+        ),
+        (
+            lambda: Platform.of_directions([[0, 0, -1], [0, 1, 1]], 1, 1e-6, CENTRE),
+            "above zero",
+        ),
     ],
 )
 def test_what_is_no_platform_is_refused(make, message):
@@ -285,4 +346,6 @@ def test_a_platform_is_the_same_however_its_lights_are_known():
     rays = np.column_stack([-CORNERS, np.full(4, 2.0)])
     by_rays = Platform.of_directions(7 * rays, 0.06, 13e-6, CENTRE)
     np.testing.assert_allclose(by_rays.directions, SQUARE.directions, atol=1e-15)
-    np.testing.assert_allclose(Platform.of_spots(spots, 0.06, 13e-6, CENTRE).spots, spots)
+    np.testing.assert_allclose(
+        Platform.of_spots(spots, 0.06, 13e-6, CENTRE).spots, spots
+    )

@@ -31,8 +31,14 @@ from reproduce.physics.validate import DegenerateGeometryError
 ARCSEC = np.pi / 180 / 3600
 
 # The spots as printed, the tracker of Table II; four lasers at the corners of an upright cross.
-SPOTS = np.array([(544.822, 435.751), (520.724, 459.788), (569.035, 459.876), (544.579, 483.940)])
-TRACKER = {"principal_point": (511.5, 511.5), "pixel_pitch": 13e-6, "focal_length": 60e-3}
+SPOTS = np.array(
+    [(544.822, 435.751), (520.724, 459.788), (569.035, 459.876), (544.579, 483.940)]
+)
+TRACKER = {
+    "principal_point": (511.5, 511.5),
+    "pixel_pitch": 13e-6,
+    "focal_length": 60e-3,
+}
 CAMERA_FOCAL_LENGTH = 2.107  # where a cross of 22 mm fits the printed spots
 LASERS = 11e-3 * np.array([(0, -1), (-1, 0), (1, 0), (0, 1)])
 NOISE = 0.017
@@ -64,9 +70,12 @@ def test_the_lens_inverts_the_focal_plane():
 
 def test_the_principal_point_is_the_boresight():
     np.testing.assert_array_equal(
-        emitted_directions([[3e-3, -2e-3]], 2.0, principal_point=(3e-3, -2e-3)), [[0, 0, 1]]
+        emitted_directions([[3e-3, -2e-3]], 2.0, principal_point=(3e-3, -2e-3)),
+        [[0, 0, 1]],
     )
-    np.testing.assert_array_equal(received_directions([[511.5, 511.5]], **TRACKER), [[0, 0, 1]])
+    np.testing.assert_array_equal(
+        received_directions([[511.5, 511.5]], **TRACKER), [[0, 0, 1]]
+    )
 
 
 def test_angles_between_spots_follow_from_the_pinhole():
@@ -81,11 +90,15 @@ def test_cameras_broadcast_against_frames():
     lengths = np.linspace(0.05, 0.07, 7)
     together = received_directions(spots, (511.5, 511.5), 13e-6, lengths)
     for row, focal in zip(together, lengths, strict=True):
-        np.testing.assert_array_equal(row, received_directions(SPOTS, (511.5, 511.5), 13e-6, focal))
+        np.testing.assert_array_equal(
+            row, received_directions(SPOTS, (511.5, 511.5), 13e-6, focal)
+        )
 
 
 def test_spots_come_back_from_their_directions():
-    np.testing.assert_allclose(received_spots(7.0 * RECEIVED, **TRACKER), SPOTS, atol=1e-10)
+    np.testing.assert_allclose(
+        received_spots(7.0 * RECEIVED, **TRACKER), SPOTS, atol=1e-10
+    )
     with pytest.raises(ValueError, match="directions: expected light from in front"):
         received_spots(-RECEIVED, **TRACKER)
 
@@ -95,13 +108,19 @@ def test_received_jacobian_is_the_derivative():
     for axis in range(2):
         step = np.zeros(2)
         step[axis] = 0.5
-        ahead, behind = (received_directions(SPOTS + s * step, **TRACKER) for s in (1, -1))
-        np.testing.assert_allclose(found[..., axis], ahead - behind, rtol=1e-6, atol=1e-12)
+        ahead, behind = (
+            received_directions(SPOTS + s * step, **TRACKER) for s in (1, -1)
+        )
+        np.testing.assert_allclose(
+            found[..., axis], ahead - behind, rtol=1e-6, atol=1e-12
+        )
 
 
 def test_the_angle_of_one_pixel_in_closed_form():
     assert angle_from_pixels(1, 1.0, 1.0) == pytest.approx(np.pi / 4)
-    assert angle_from_pixels(1, 13e-6, 60e-3) / ARCSEC == pytest.approx(44.69, abs=0.005)
+    assert angle_from_pixels(1, 13e-6, 60e-3) / ARCSEC == pytest.approx(
+        44.69, abs=0.005
+    )
 
 
 # The laser transform, (4) and (5)
@@ -111,7 +130,9 @@ def test_the_transform_carries_emitted_into_received():
     truth = turn(0.3, -0.2, 2.0)
     received = EMITTED @ truth.T
     np.testing.assert_allclose(laser_transform(EMITTED, received), truth, atol=1e-9)
-    np.testing.assert_allclose(received @ laser_transform(EMITTED, received), EMITTED, atol=1e-12)
+    np.testing.assert_allclose(
+        received @ laser_transform(EMITTED, received), EMITTED, atol=1e-12
+    )
 
 
 def as_one(received):
@@ -139,7 +160,9 @@ def test_one_laser_leaves_the_roll_free():
 INSTALLED = turn(2.0, 0.1, -0.4)  # camera_zero_from_tracker
 TURN = np.array([3e-5, -5e-5, 8e-5])
 MISALIGNMENT = turn(*-TURN)  # the camera turns by TURN, coordinates the other way
-FIXED_MIRRORS = turn(0.7, -1.1, 0.2)  # what retroreflector and dichroic mirror do together
+FIXED_MIRRORS = turn(
+    0.7, -1.1, 0.2
+)  # what retroreflector and dichroic mirror do together
 
 
 def test_a_turn_of_the_camera_has_the_stated_sign():
@@ -148,7 +171,9 @@ def test_a_turn_of_the_camera_has_the_stated_sign():
         angles[axis] = 1e-4
         # Right-handed turn of the camera's axes, seen from its zero position.
         zero_from_now = turn(*angles)
-        np.testing.assert_allclose(misalignment_angles(zero_from_now.T), angles, atol=1e-16)
+        np.testing.assert_allclose(
+            misalignment_angles(zero_from_now.T), angles, atol=1e-16
+        )
     swings_to_x = turn(0, 1e-4, 0) @ [0, 0, 1]
     assert swings_to_x[0] > 0
 
@@ -233,12 +258,16 @@ def test_the_jacobian_is_the_derivative_of_the_full_solution():
             step[spot, axis] = 0.01
             ahead, behind = (
                 misalignment_angles(
-                    misalignment(EMITTED, received_directions(SPOTS + s * step, **TRACKER), ZERO)
+                    misalignment(
+                        EMITTED, received_directions(SPOTS + s * step, **TRACKER), ZERO
+                    )
                 )
                 for s in (1, -1)
             )
             slope = (ahead - behind) / 0.02
-            np.testing.assert_allclose(jacobian[:, spot, axis], slope, rtol=1e-5, atol=1e-11)
+            np.testing.assert_allclose(
+                jacobian[:, spot, axis], slope, rtol=1e-5, atol=1e-11
+            )
 
 
 def test_the_jacobian_is_exact_where_the_fit_is_poor():
@@ -249,12 +278,16 @@ def test_the_jacobian_is_exact_where_the_fit_is_poor():
     for step in 0.02 * rng.standard_normal((5, 4, 2)):
         ahead, behind = (
             misalignment_angles(
-                misalignment(emitted, received_directions(SPOTS + s * step, **TRACKER), zero)
+                misalignment(
+                    emitted, received_directions(SPOTS + s * step, **TRACKER), zero
+                )
             )
             for s in (1, -1)
         )
         predicted = np.einsum("ink,nk->i", jacobian, step)
-        np.testing.assert_allclose(predicted, (ahead - behind) / 2, rtol=1e-5, atol=1e-9)
+        np.testing.assert_allclose(
+            predicted, (ahead - behind) / 2, rtol=1e-5, atol=1e-9
+        )
 
 
 def test_noise_through_the_jacobian_is_the_scatter_of_quest():
@@ -262,8 +295,12 @@ def test_noise_through_the_jacobian_is_the_scatter_of_quest():
     predicted = NOISE * np.sqrt((jacobian**2).sum(axis=(1, 2)))
     count = 20000
     angles = misalignment_angles(misalignment(EMITTED, frames_of_spots(count), ZERO))
-    np.testing.assert_allclose(angles.std(axis=0), predicted, rtol=4 / np.sqrt(2 * count))
-    np.testing.assert_allclose(angles.mean(axis=0), 0, atol=4 * predicted.max() / np.sqrt(count))
+    np.testing.assert_allclose(
+        angles.std(axis=0), predicted, rtol=4 / np.sqrt(2 * count)
+    )
+    np.testing.assert_allclose(
+        angles.mean(axis=0), 0, atol=4 * predicted.max() / np.sqrt(count)
+    )
 
 
 def test_noise_through_the_jacobian_agrees_with_the_covariance_of_the_attitude():
@@ -271,7 +308,9 @@ def test_noise_through_the_jacobian_agrees_with_the_covariance_of_the_attitude()
     in_pixels = NOISE**2 * np.einsum("ink,jnk->ij", jacobian, jacobian)
     # The covariance of an attitude from directions d that err alike across themselves.
     across = sum(np.eye(3) - np.outer(d, d) for d in EMITTED)
-    in_angles = (NOISE * angle_from_pixels(1, 13e-6, 60e-3)) ** 2 * np.linalg.inv(across)
+    in_angles = (NOISE * angle_from_pixels(1, 13e-6, 60e-3)) ** 2 * np.linalg.inv(
+        across
+    )
     # Pixels off the boresight subtend a little less, and the cross fits the spots to 0.3 %.
     np.testing.assert_allclose(np.diag(in_pixels), np.diag(in_angles), rtol=3e-3)
 
@@ -279,7 +318,9 @@ def test_noise_through_the_jacobian_agrees_with_the_covariance_of_the_attitude()
 def test_in_the_camera_frame_the_error_is_that_of_11_in_the_tracker_frame_roll_leaks_in():
     transforms = laser_transform(EMITTED, frames_of_spots(20000))
     in_camera = misalignment_angles(misalignment_between(transforms, ZERO)).std(axis=0)
-    in_tracker = misalignment_angles(transform_error_printed(transforms, ZERO)).std(axis=0)
+    in_tracker = misalignment_angles(transform_error_printed(transforms, ZERO)).std(
+        axis=0
+    )
     relation = attitude_accuracy(NOISE, 4, angle_from_pixels(1, 13e-6, 60e-3))
     np.testing.assert_allclose(in_camera[:2], relation, rtol=0.02)
     assert 3 * relation / ARCSEC == pytest.approx(1.14, abs=0.005)
@@ -320,7 +361,9 @@ def test_the_printed_stage_relation_is_no_angle():
     # And the unit decides: the same bench in millimetres.
     in_millimetres = stage_angle_printed(20e-3, 2000.0)
     assert in_millimetres == pytest.approx(-40.005, abs=1e-3)
-    assert stage_angle(20e-3, 2000.0) == pytest.approx(stage_angle(20e-6, 2.0), rel=1e-12)
+    assert stage_angle(20e-3, 2000.0) == pytest.approx(
+        stage_angle(20e-6, 2.0), rel=1e-12
+    )
 
 
 def test_moved_lasers_look_like_a_turned_camera():
@@ -339,7 +382,9 @@ def test_10_prints_one_sign_for_two_axes_that_differ():
     assert along_y[0] == pytest.approx(-printed)
     # The emitted light itself: a laser moved along +Y sends its light towards -Y.
     (ahead,) = emitted_directions([(0, 20e-6)], 2.0)
-    np.testing.assert_allclose(rotation_from_vector([1e-5, 0, 0]) @ [0, 0, 1], ahead, atol=1e-12)
+    np.testing.assert_allclose(
+        rotation_from_vector([1e-5, 0, 0]) @ [0, 0, 1], ahead, atol=1e-12
+    )
 
 
 # The accuracy, (11)
@@ -351,4 +396,6 @@ def test_more_spots_and_more_frames_count_alike():
     received = frames_of_spots(4000, seed=8).reshape(400, 10, 4, 3)
     angles = misalignment_angles(misalignment(*as_one(received), ZERO))
     expected = attitude_accuracy(NOISE, 40, angle_from_pixels(1, 13e-6, 60e-3))
-    np.testing.assert_allclose(angles[:, :2].std(axis=0), expected, rtol=4 / np.sqrt(800))
+    np.testing.assert_allclose(
+        angles[:, :2].std(axis=0), expected, rtol=4 / np.sqrt(800)
+    )

@@ -38,8 +38,12 @@ def test_rotation_vector_comes_back_to_the_last_digits():
 def test_quaternion_has_its_scalar_last():
     quaternions = 7.0 * RNG.standard_normal((40, 4))
     expected = Rotation.from_quat(quaternions).as_matrix()
-    np.testing.assert_allclose(_rotation_from_quaternion(quaternions), expected, atol=1e-15)
-    np.testing.assert_allclose(_rotation_from_quaternion(np.array([0, 0, 0, -2.0])), np.eye(3))
+    np.testing.assert_allclose(
+        _rotation_from_quaternion(quaternions), expected, atol=1e-15
+    )
+    np.testing.assert_allclose(
+        _rotation_from_quaternion(np.array([0, 0, 0, -2.0])), np.eye(3)
+    )
 
 
 def test_cross_matrix_is_the_cross_product():
@@ -64,15 +68,23 @@ def test_cofactors_of_a_singular_matrix_need_no_inverse():
 
 @pytest.mark.parametrize("length", [1e-150, 1.0, 1e150])
 def test_unit_vectors_of_any_length(length):
-    np.testing.assert_allclose(unit("v", [0, 3 * length, 4 * length]), [0, 0.6, 0.8], rtol=1e-15)
+    np.testing.assert_allclose(
+        unit("v", [0, 3 * length, 4 * length]), [0, 0.6, 0.8], rtol=1e-15
+    )
 
 
 def test_what_is_no_rotation_is_refused():
-    with pytest.raises(ValueError, match="R: expected rotation matrices, got one whose rows"):
+    with pytest.raises(
+        ValueError, match="R: expected rotation matrices, got one whose rows"
+    ):
         rotations("R", 1.001 * np.eye(3))
-    with pytest.raises(ValueError, match="R: expected rotation matrices, got a reflection"):
+    with pytest.raises(
+        ValueError, match="R: expected rotation matrices, got a reflection"
+    ):
         rotations("R", np.diag([1, 1, -1]))
-    with pytest.raises(ValueError, match=r"expected turns below 179.9 deg, got 180 deg"):
+    with pytest.raises(
+        ValueError, match=r"expected turns below 179.9 deg, got 180 deg"
+    ):
         vector_from_rotation(np.diag([-1, -1, 1]))
     with pytest.raises(ValueError, match=r"got 0 at index \(1,\)"):
         unit("v", [[1, 0, 0], [0, 0, 0]])

@@ -25,7 +25,9 @@ METHODS = ("svd", "quest")
 EPSILON = np.finfo(float).eps
 # The multiple of machine precision over the gap within which all solvers agree; 45 measured.
 ROUNDINGS = 100
-MARKLEY = json.loads((Path(__file__).parents[1] / "data/markley_wahba_12cases.json").read_text())
+MARKLEY = json.loads(
+    (Path(__file__).parents[1] / "data/markley_wahba_12cases.json").read_text()
+)
 
 # Four directions within 0.3 degrees, 0.8 degrees off the boresight, as laser spots are.
 CLUSTER = np.array(
@@ -62,10 +64,14 @@ def profile(target, source, weights):
 def davenport_matrix(profile):
     """K, (..., 4, 4): the gain trace(A B^T) as a form in A's quaternion, scalar last."""
     trace = np.trace(profile, axis1=-2, axis2=-1)[..., None, None]
-    axial = np.stack([profile[..., k, j] - profile[..., j, k] for j, k in CYCLE], axis=-1)
+    axial = np.stack(
+        [profile[..., k, j] - profile[..., j, k] for j, k in CYCLE], axis=-1
+    )
     block = profile + profile.mT - trace * np.eye(3)
     upper = np.concatenate([block, axial[..., None]], axis=-1)
-    return np.concatenate([upper, np.append(axial[..., None, :], trace, axis=-1)], axis=-2)
+    return np.concatenate(
+        [upper, np.append(axial[..., None, :], trace, axis=-1)], axis=-2
+    )
 
 
 CYCLE = ((1, 2), (2, 0), (0, 1))
@@ -76,7 +82,8 @@ def solve(target, source, weights=None, method="svd"):
     """The best rotation, what it leaves, and the gap that Davenport's eigenvalues have."""
     rotation = attitude(target, source, weights, method)
     target, source = (
-        np.asarray(rows) / np.linalg.norm(rows, axis=-1, keepdims=True) for rows in (target, source)
+        np.asarray(rows) / np.linalg.norm(rows, axis=-1, keepdims=True)
+        for rows in (target, source)
     )
     weights = np.ones(source.shape[-2]) if weights is None else np.asarray(weights)
     misses = target - source @ rotation.mT
@@ -92,7 +99,9 @@ TURNS = {
     "half turn about X": np.diag([1.0, -1.0, -1.0]),
     "half turn about Y": np.diag([-1.0, 1.0, -1.0]),
     "half turn about Z": np.diag([-1.0, -1.0, 1.0]),
-    "half turn askew": Rotation.from_rotvec(np.pi * np.array([0.6, 0.0, 0.8])).as_matrix(),
+    "half turn askew": Rotation.from_rotvec(
+        np.pi * np.array([0.6, 0.0, 0.8])
+    ).as_matrix(),
     "nearly half a turn": Rotation.from_rotvec([0, (1 - 1e-9) * np.pi, 0]).as_matrix(),
     "general": Rotation.from_rotvec([0.3, -1.2, 2.0]).as_matrix(),
 }
@@ -125,21 +134,32 @@ def test_svd_agrees_with_scipy_to_a_picoradian():
     target = noisy(source @ np.swapaxes(truth, -1, -2), 0.02, rng)
     weights = rng.uniform(0.1, 10, (200, 5))
     ours = attitude(target, source, weights, "svd")
-    theirs = np.array([scipy_attitude(*row) for row in zip(target, source, weights, strict=True)])
+    theirs = np.array(
+        [scipy_attitude(*row) for row in zip(target, source, weights, strict=True)]
+    )
     assert angle_between(ours, theirs).max() < 1e-12
 
 
 @pytest.mark.parametrize("near", [True, False])
 @pytest.mark.parametrize("seen_from", ["boresight", "aside"])
-def test_on_a_tight_cluster_svd_agrees_with_scipy_and_the_others_to_a_nanoradian(near, seen_from):
+def test_on_a_tight_cluster_svd_agrees_with_scipy_and_the_others_to_a_nanoradian(
+    near, seen_from
+):
     rng = np.random.default_rng(21)
-    source = CLUSTER if seen_from == "boresight" else CLUSTER @ random_rotations(1, 22)[0]
-    turns = 1e-5 * rng.standard_normal((300, 3)) if near else rng.standard_normal((300, 3))
+    source = (
+        CLUSTER if seen_from == "boresight" else CLUSTER @ random_rotations(1, 22)[0]
+    )
+    turns = (
+        1e-5 * rng.standard_normal((300, 3)) if near else rng.standard_normal((300, 3))
+    )
     truth = Rotation.from_rotvec(turns).as_matrix()
     target = noisy(source @ np.swapaxes(truth, -1, -2), 4e-6, rng)
     reference = np.array([scipy_attitude(row, source) for row in target])
     if seen_from == "boresight":
-        assert angle_between(attitude(target, source, method="svd"), reference).max() < 1e-12
+        assert (
+            angle_between(attitude(target, source, method="svd"), reference).max()
+            < 1e-12
+        )
     for method in METHODS:
         solution = solve(target, source, method=method)
         error = angle_between(solution.rotation, reference)
@@ -166,14 +186,20 @@ def test_quest_falls_back_on_svd_only_for_mirrored_data(monkeypatch):
     monkeypatch.setattr(rotations, "by_svd", refuse)
     for name, profile in profiles.items():
         rotation, gap = by_quest(profile)[0], by_svd(profile)[1]
-        assert (angle_between(rotation, expected[name]) < ROUNDINGS * EPSILON / gap).all()
+        assert (
+            angle_between(rotation, expected[name]) < ROUNDINGS * EPSILON / gap
+        ).all()
     with pytest.raises(AssertionError, match="QUEST gave up on 1 sets"):
         by_quest(np.diag([-0.4, -0.3, -0.300001]))
 
 
 def test_the_solvers_agree_from_wide_fields_to_clusters_lost_in_noise():
     rng = np.random.default_rng(25)
-    count, spread, noise = 4000, 10 ** rng.uniform(-4, 0, 4000), 10 ** rng.uniform(-7, 0, 4000)
+    count, spread, noise = (
+        4000,
+        10 ** rng.uniform(-4, 0, 4000),
+        10 ** rng.uniform(-7, 0, 4000),
+    )
     source = np.tile([0.0, 0.0, 1.0], (count, 4, 1))
     source += spread[:, None, None] * rng.standard_normal(source.shape)
     source /= np.linalg.norm(source, axis=-1, keepdims=True)
@@ -187,8 +213,12 @@ def test_the_solvers_agree_from_wide_fields_to_clusters_lost_in_noise():
 def test_the_sign_of_the_rotation_one_sidedly():
     # The target frame sees X where Y was: a right-handed quarter turn about Z.
     for method in METHODS:
-        rotation = attitude([[0, 1, 0], [0, 0, 1]], [[1, 0, 0], [0, 0, 1]], method=method)
-        np.testing.assert_allclose(rotation, [[0, -1, 0], [1, 0, 0], [0, 0, 1]], atol=1e-15)
+        rotation = attitude(
+            [[0, 1, 0], [0, 0, 1]], [[1, 0, 0], [0, 0, 1]], method=method
+        )
+        np.testing.assert_allclose(
+            rotation, [[0, -1, 0], [1, 0, 0], [0, 0, 1]], atol=1e-15
+        )
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -200,7 +230,9 @@ def test_two_noisy_directions_share_their_angle_error(method):
     solution = solve(target, source, method=method)
     expected = Rotation.from_rotvec([0, 0, excess / 2]).as_matrix()
     assert angle_between(solution.rotation, expected) < 1e-14
-    assert float(solution.loss) == pytest.approx(2 * (2 * np.sin(excess / 4)) ** 2, rel=1e-9)
+    assert float(solution.loss) == pytest.approx(
+        2 * (2 * np.sin(excess / 4)) ** 2, rel=1e-9
+    )
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -262,7 +294,9 @@ def test_inverted_directions_still_give_a_proper_rotation(method):
     source = np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [0.6, 0.8, 0]])
     rotation = attitude(-source, source, [1, 2, 4, 3], method)
     assert np.linalg.det(rotation) == pytest.approx(1.0)
-    assert angle_between(rotation, scipy_attitude(-source, source, [1, 2, 4, 3])) < 1e-12
+    assert (
+        angle_between(rotation, scipy_attitude(-source, source, [1, 2, 4, 3])) < 1e-12
+    )
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -292,7 +326,9 @@ def test_an_empty_batch_gives_an_empty_answer_only_with_directions():
     method=st.sampled_from(METHODS),
 )
 @settings(max_examples=60, deadline=None, derandomize=True)
-def test_lengths_and_the_scale_of_the_weights_do_not_matter(lengths, scale, turn, method):
+def test_lengths_and_the_scale_of_the_weights_do_not_matter(
+    lengths, scale, turn, method
+):
     source = np.array([[1, 0.2, 0], [0, 1, 0.3], [0.1, 0, 1], [0.5, 0.5, 0.5]])
     truth = Rotation.from_rotvec(turn).as_matrix()
     target = (source @ truth.T) * np.array(lengths)[:, None]
@@ -312,7 +348,9 @@ def test_turning_the_target_frame_turns_the_answer(turn, seed, method):
     target = noisy(source, 0.05, rng)
     extra = Rotation.from_rotvec(turn).as_matrix()
     turned = attitude(target @ extra.T, source, method=method)
-    assert angle_between(turned, extra @ attitude(target, source, method=method)) < 1e-12
+    assert (
+        angle_between(turned, extra @ attitude(target, source, method=method)) < 1e-12
+    )
 
 
 FREE = {
@@ -320,7 +358,11 @@ FREE = {
     "parallel": ([[0, 0, 1], [0, 0, 2]], [[1, 0, 0], [1, 0, 0]], None),
     "opposite": ([[0, 0, 1], [0, 0, -1]], [[1, 0, 0], [-1, 0, 0]], None),
     "parallel askew": ([[1, 2, 3], [2, 4, 6]], [[3, 1, 1], [3, 1, 1]], None),
-    "coincident": (np.tile([0.1, 0.7, 0.2], (6, 1)), np.tile([0.3, 0.3, 0.1], (6, 1)), None),
+    "coincident": (
+        np.tile([0.1, 0.7, 0.2], (6, 1)),
+        np.tile([0.3, 0.3, 0.1], (6, 1)),
+        None,
+    ),
     "one with weight": (np.eye(3), np.eye(3), [0, 1, 0]),
     "mirrored": (-np.eye(3), np.eye(3), None),
     "cancelling": ([[1, 0, 0], [-1, 0, 0]], [[1, 0, 0], [1, 0, 0]], None),
@@ -331,14 +373,18 @@ FREE = {
 @pytest.mark.parametrize("case", FREE)
 def test_geometry_that_leaves_a_rotation_free_is_refused(method, case):
     target, source, weights = FREE[case]
-    with pytest.raises(DegenerateGeometryError, match=r"leaves a rotation free .* add a direction"):
+    with pytest.raises(
+        DegenerateGeometryError, match=r"leaves a rotation free .* add a direction"
+    ):
         attitude(target, source, weights, method)
 
 
 def test_the_refusal_names_the_set():
     target = np.tile(np.eye(3), (4, 1, 1))
     target[2] = [[1, 0, 0]] * 3
-    with pytest.raises(DegenerateGeometryError, match=r"in 1 of 4 sets, the first at index \(2,\)"):
+    with pytest.raises(
+        DegenerateGeometryError, match=r"in 1 of 4 sets, the first at index \(2,\)"
+    ):
         attitude(target, target)
 
 
@@ -351,7 +397,9 @@ def test_markley_cases(case):
     rng = np.random.default_rng([71, int(case)])
     exact = np.broadcast_to(source @ truth.T, (1000, *source.shape))
     target = noisy(exact, sigma[:, None], rng)
-    solutions = {method: solve(target, source, sigma**-2.0, method) for method in METHODS}
+    solutions = {
+        method: solve(target, source, sigma**-2.0, method) for method in METHODS
+    }
     svd = solutions["svd"]
     relative_gap = svd.eigenvalue_gap / np.sum(sigma**-2.0)
     for solution in solutions.values():
@@ -366,7 +414,8 @@ def test_markley_cases(case):
         turns = Rotation.from_matrix(svd.rotation @ truth.T).as_rotvec()
         # Its inverse: how strongly the directions resist a turn about each axis.
         held = sum(
-            (np.eye(3) - np.outer(d, d)) / s**2 for d, s in zip(exact[0], sigma, strict=True)
+            (np.eye(3) - np.outer(d, d)) / s**2
+            for d, s in zip(exact[0], sigma, strict=True)
         )
         distance = np.einsum("bi,ij,bj->b", turns, held, turns)
         assert kstest(distance, chi2(3).cdf).pvalue > 1e-3
@@ -396,9 +445,19 @@ def test_small_error_as_a_cross_product_is_in_the_target_frame():
 def test_the_mean_rotation_agrees_with_scipy():
     rng = np.random.default_rng(121)
     sample = Rotation.from_rotvec(0.3 * rng.standard_normal((50, 3)))
-    assert angle_between(mean_rotation(sample.as_matrix()), sample.mean().as_matrix()) < 1e-14
+    assert (
+        angle_between(mean_rotation(sample.as_matrix()), sample.mean().as_matrix())
+        < 1e-14
+    )
     with pytest.raises(DegenerateGeometryError):
-        mean_rotation([np.eye(3), np.diag([1, -1, -1]), np.diag([-1, 1, -1]), np.diag([-1, -1, 1])])
+        mean_rotation(
+            [
+                np.eye(3),
+                np.diag([1, -1, -1]),
+                np.diag([-1, 1, -1]),
+                np.diag([-1, -1, 1]),
+            ]
+        )
 
 
 def test_an_unknown_method_is_refused():

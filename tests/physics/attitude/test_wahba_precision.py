@@ -15,14 +15,18 @@ EPSILON = np.finfo(float).eps
 OVER_GAP = {"svd": 60, "quest": 15}
 METHODS = tuple(OVER_GAP)
 
-SPOTS = np.array([[544.822, 435.751], [520.724, 459.788], [569.035, 459.876], [544.579, 483.940]])
+SPOTS = np.array(
+    [[544.822, 435.751], [520.724, 459.788], [569.035, 459.876], [544.579, 483.940]]
+)
 
 exactly = np.vectorize(lambda x: Decimal(float(x)), otypes=[object])
 root = np.vectorize(Decimal.sqrt, otypes=[object])
 
 
 def cross(a, b):
-    return np.stack([a[..., i] * b[..., j] - a[..., j] * b[..., i] for i, j in CYCLE], axis=-1)
+    return np.stack(
+        [a[..., i] * b[..., j] - a[..., j] * b[..., i] for i, j in CYCLE], axis=-1
+    )
 
 
 CYCLE = ((1, 2), (2, 0), (0, 1))
@@ -41,7 +45,11 @@ def exact_attitude(target, source, weights, start):
             (rows := exactly(side)) / root((rows * rows).sum(axis=-1))[:, None]
             for side in (target, source)
         )
-        share, one, rotation = exactly(weights)[:, None], exactly(np.eye(3)), exactly(start)
+        share, one, rotation = (
+            exactly(weights)[:, None],
+            exactly(np.eye(3)),
+            exactly(start),
+        )
         for _ in range(4):
             rotation = rotation.dot(3 * one - rotation.T.dot(rotation)) / 2
         for _ in range(8):
@@ -83,7 +91,9 @@ def printed_spots(frames):
     """Directions of the spots that chen2023 prints, with noise, and of its designed lasers."""
     spots = SPOTS + 0.017 * np.random.default_rng(1).standard_normal((frames, 4, 2))
     lasers = 11e-3 * np.array([[0, -1], [-1, 0], [1, 0], [0, 1]])
-    target = received_directions(spots, (511.5, 511.5), pixel_pitch=13e-6, focal_length=60e-3)
+    target = received_directions(
+        spots, (511.5, 511.5), pixel_pitch=13e-6, focal_length=60e-3
+    )
     return target, emitted_directions(lasers, focal_length=2.0)
 
 
@@ -96,7 +106,9 @@ def turned_aside(frames):
 
 def test_svd_agrees_with_scipy_to_a_picoradian_for_the_printed_spots():
     target, source = printed_spots(800)
-    theirs = np.array([Rotation.align_vectors(row, source)[0].as_matrix() for row in target])
+    theirs = np.array(
+        [Rotation.align_vectors(row, source)[0].as_matrix() for row in target]
+    )
     twist = np.swapaxes(attitude(target, source, method="svd"), -1, -2) @ theirs
     axial = [(twist[:, j, i] - twist[:, i, j]) / 2 for i, j in CYCLE]
     assert np.linalg.norm(axial, axis=0).max() < 1e-14
@@ -144,7 +156,9 @@ def test_each_solver_keeps_its_stated_multiple_over_random_sets(seed, method):
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_parallel_directions_and_mirror_images_are_refused_however_they_are_rounded(method):
+def test_parallel_directions_and_mirror_images_are_refused_however_they_are_rounded(
+    method,
+):
     rng = np.random.default_rng(4)
     line = np.outer([1.0, -2.0, 3.0, 0.1], rng.standard_normal(3))
     turned = Rotation.random(random_state=rng).apply(line)

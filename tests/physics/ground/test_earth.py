@@ -36,7 +36,10 @@ def orientation(case, **changes):
     settings = {
         "ut1_utc": case["ut1_utc_s"],
         "pole": (case["xp_arcsec"] * ARCSEC, case["yp_arcsec"] * ARCSEC),
-        "celestial_pole": (case["dX06_mas"] * ARCSEC / 1e3, case["dY06_mas"] * ARCSEC / 1e3),
+        "celestial_pole": (
+            case["dX06_mas"] * ARCSEC / 1e3,
+            case["dY06_mas"] * ARCSEC / 1e3,
+        ),
     }
     return settings | changes
 
@@ -57,7 +60,9 @@ def test_every_part_of_the_orientation_counts(change):
 
 
 def test_many_times_at_once_are_the_single_ones():
-    times = np.array(["2007-04-05T12:00:00", "2016-12-31T23:59:59.25", "2020-02-29T00:00:00"])
+    times = np.array(
+        ["2007-04-05T12:00:00", "2016-12-31T23:59:59.25", "2020-02-29T00:00:00"]
+    )
     many = earth_from_inertial(times, 0.1)
     for one, time in zip(many, times, strict=True):
         np.testing.assert_array_equal(one, earth_from_inertial(time, 0.1))
@@ -92,7 +97,8 @@ def published():
         @ np.array(case["cradle_from_point"])
     )
     place = 1e3 * (
-        np.array(case["iss_position_km"]) + earth_from_iss @ case["instrument_in_iss_km"]
+        np.array(case["iss_position_km"])
+        + earth_from_iss @ case["instrument_in_iss_km"]
     )
     radii = 1e3 * np.array([case["equatorial_radius_km"], case["polar_radius_km"]])
     ellipsoid = Ellipsoid(radii[0], 1.0 - radii[1] / radii[0])
@@ -154,7 +160,9 @@ def test_the_whole_chain_from_pixel_to_ground_runs_backwards():
     found = imaged_position(image, satellite, chain)
     np.testing.assert_allclose(heights(found), 0.0, atol=1e-7)
     seen = (found - satellite) @ np.array(case["gcrs_to_itrs"])
-    seen = seen @ inertial_attitude(bent, tracker_from_camera.T, inertial_from_tracker.T).T
+    seen = (
+        seen @ inertial_attitude(bent, tracker_from_camera.T, inertial_from_tracker.T).T
+    )
     seen /= np.linalg.norm(seen, axis=-1, keepdims=True)
     expected = -image / np.linalg.norm(image, axis=-1, keepdims=True)
     # The printed matrix agrees with pyerfa's to 1e-11.
@@ -207,9 +215,13 @@ def test_the_jacobian_is_the_derivative(tilt):
         moved = difference(lambda s, at=at: at(satellite_step=s), 10.0)
         np.testing.assert_allclose(found.by_satellite[..., axis], moved, atol=1e-6)
         turned = difference(lambda s, at=at: at(turn=s), 1e-6)
-        np.testing.assert_allclose(found.by_turn[..., axis], turned, rtol=1e-6, atol=0.5)
+        np.testing.assert_allclose(
+            found.by_turn[..., axis], turned, rtol=1e-6, atol=0.5
+        )
         shifted = difference(lambda s, at=at: at(image=s), 1e-5)
-        np.testing.assert_allclose(found.by_image[..., axis], shifted, rtol=1e-6, atol=0.05)
+        np.testing.assert_allclose(
+            found.by_image[..., axis], shifted, rtol=1e-6, atol=0.05
+        )
 
 
 def test_principal_point_and_focal_length_have_their_signs():

@@ -15,7 +15,9 @@ from reproduce.physics.ground import (
 )
 from reproduce.physics.ground.earth import Ellipsoid
 
-DOWN = np.array([[0.0, 0, -1], [0, 1, 0], [1, 0, 0]])  # earth_from_camera above (1, 0, 0)
+DOWN = np.array(
+    [[0.0, 0, -1], [0, 1, 0], [1, 0, 0]]
+)  # earth_from_camera above (1, 0, 0)
 SATELLITE = np.array([WGS84.equatorial_radius + 500e3, 0, 0])
 
 
@@ -51,7 +53,9 @@ def test_a_pointing_error_moves_the_ground_position_by_altitude_times_angle():
     angle = 5e-6
     vectors = image_vectors([[0.0, 0.0]], 10.0)
     turned = DOWN @ Rotation.from_rotvec([0, angle, 0]).as_matrix()
-    still, moved = (imaged_position(vectors, SATELLITE, chain) for chain in (DOWN, turned))
+    still, moved = (
+        imaged_position(vectors, SATELLITE, chain) for chain in (DOWN, turned)
+    )
     apart = np.linalg.norm(moved - still)
     assert apart == pytest.approx(500e3 * angle, rel=1e-6)
 
@@ -59,13 +63,17 @@ def test_a_pointing_error_moves_the_ground_position_by_altitude_times_angle():
 def test_positions_lie_on_the_ellipsoid_and_on_the_line():
     rng = np.random.default_rng(1)
     satellites = rng.standard_normal((300, 3))
-    satellites *= (rng.uniform(6.8e6, 4.2e7, 300) / np.linalg.norm(satellites, axis=-1))[:, None]
+    satellites *= (
+        rng.uniform(6.8e6, 4.2e7, 300) / np.linalg.norm(satellites, axis=-1)
+    )[:, None]
     aim = 3e6 * rng.standard_normal((300, 3))  # points inside the Earth or near it
     inside = on_the_ellipsoid(aim) < 0.9
     satellites, aim = satellites[inside], aim[inside]
     sight = aim - satellites
     reach = distance_to_ground(satellites, sight)
-    ground = satellites + reach[:, None] * sight / np.linalg.norm(sight, axis=-1)[:, None]
+    ground = (
+        satellites + reach[:, None] * sight / np.linalg.norm(sight, axis=-1)[:, None]
+    )
     np.testing.assert_allclose(on_the_ellipsoid(ground), 1, atol=1e-14)
     # The near side: from the ground back to the satellite nothing is in the way.
     assert (reach < np.linalg.norm(sight, axis=-1)).all()
@@ -77,7 +85,11 @@ def test_the_distance_agrees_with_a_root_finder():
     satellite, sight = np.array([3e6, -5e6, 4e6]), np.array([-0.5, 0.7, -0.4])
     sight = sight / np.linalg.norm(sight)
     root = brentq(
-        lambda t: on_the_ellipsoid(satellite + t * sight) - 1, 0, 3e6, xtol=1e-9, rtol=1e-15
+        lambda t: on_the_ellipsoid(satellite + t * sight) - 1,
+        0,
+        3e6,
+        xtol=1e-9,
+        rtol=1e-15,
     )
     assert distance_to_ground(satellite, sight) == pytest.approx(root, abs=1e-6)
 
@@ -105,16 +117,24 @@ def test_grazing_lines_meet_the_horizon_just_or_not():
     past = [-np.cos(dip + 1e-7), np.sin(dip + 1e-7), 0]
     horizon = np.sqrt(7.0e6**2 - WGS84.equatorial_radius**2)
     assert distance_to_ground(satellite, just) == pytest.approx(horizon, rel=1e-3)
-    with pytest.raises(ValueError, match=r"1 of 1 that miss it, 0 of them looking away"):
+    with pytest.raises(
+        ValueError, match=r"1 of 1 that miss it, 0 of them looking away"
+    ):
         distance_to_ground(satellite, past)
 
 
 def test_looking_away_from_the_earth_is_an_error_not_a_place():
-    with pytest.raises(ValueError, match=r"1 of 1 that miss it, 1 of them looking away"):
+    with pytest.raises(
+        ValueError, match=r"1 of 1 that miss it, 1 of them looking away"
+    ):
         distance_to_ground(SATELLITE, [1, 0, 0])
     with pytest.raises(ValueError, match="check the sign of the boresight"):
-        imaged_position(image_vectors([[0, 0]], 1.0), SATELLITE, DOWN @ np.diag([-1, 1, -1]))
-    with pytest.raises(ValueError, match="satellite: expected points outside the ellipsoid"):
+        imaged_position(
+            image_vectors([[0, 0]], 1.0), SATELLITE, DOWN @ np.diag([-1, 1, -1])
+        )
+    with pytest.raises(
+        ValueError, match="satellite: expected points outside the ellipsoid"
+    ):
         distance_to_ground([6e6, 0, 0], [-1, 0, 0])
 
 
@@ -130,13 +150,17 @@ def test_the_printed_model_holds_with_a_negative_scale():
     np.testing.assert_allclose(on_the_ellipsoid(printed), 1, atol=1e-14)
     assert (scale < 0).all()
     sight = emitted_directions(points, 10.0)
-    np.testing.assert_allclose(vectors / np.linalg.norm(vectors, axis=-1)[:, None], -sight)
+    np.testing.assert_allclose(
+        vectors / np.linalg.norm(vectors, axis=-1)[:, None], -sight
+    )
 
 
 def test_principal_point_and_distortion_shift_the_image():
     plain = image_vectors([[0.0, 0.0]], 2.0)
     np.testing.assert_allclose(
-        image_vectors([[0.013, 0.024]], 2.0, (0.01, 0.02), [(0.003, 0.004)]), plain, atol=1e-17
+        image_vectors([[0.013, 0.024]], 2.0, (0.01, 0.02), [(0.003, 0.004)]),
+        plain,
+        atol=1e-17,
     )
     each = image_vectors([[1, 1], [2, 2]], 2.0, (0, 0), [[1, 0], [0, 1]])
     np.testing.assert_array_equal(each, [[0, 1, -2], [2, 1, -2]])
@@ -158,7 +182,9 @@ def test_the_misalignment_of_7_in_the_place_of_r_u_doubles_the_error():
     # The camera turns about its X axis; the tracker is mounted so that its X axis is the same.
     turned = 5e-5
     tracker_from_camera = Rotation.from_rotvec([2.0, 0, 0]).as_matrix()
-    misaligned = Rotation.from_rotvec([-turned, 0, 0]).as_matrix()  # camera_now_from_zero
+    misaligned = Rotation.from_rotvec(
+        [-turned, 0, 0]
+    ).as_matrix()  # camera_now_from_zero
     earth_from_tracker = DOWN @ tracker_from_camera.T
     vectors = image_vectors([[0.0, 0.0]], 10.0)
 
@@ -172,5 +198,7 @@ def test_the_misalignment_of_7_in_the_place_of_r_u_doubles_the_error():
     right = seen(misalignment_in_tracker(misaligned, tracker_from_camera))
     np.testing.assert_allclose(right, truth, atol=1e-6)
     uncorrected, wrong = seen(np.eye(3)), seen(misaligned)
-    assert np.linalg.norm(uncorrected - truth) == pytest.approx(500e3 * turned, rel=1e-3)
+    assert np.linalg.norm(uncorrected - truth) == pytest.approx(
+        500e3 * turned, rel=1e-3
+    )
     assert np.linalg.norm(wrong - truth) == pytest.approx(2 * 500e3 * turned, rel=1e-3)

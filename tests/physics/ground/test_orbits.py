@@ -39,7 +39,8 @@ def test_a_quiet_series_has_its_amplitude_and_repeats(series):
 
 
 @pytest.mark.parametrize(
-    ("change", "value"), [("_WANDER", 0.2), ("_TREND", 50.0), ("_SEASON", 0.3), ("_JUMPS", 900.0)]
+    ("change", "value"),
+    [("_WANDER", 0.2), ("_TREND", 50.0), ("_SEASON", 0.3), ("_JUMPS", 900.0)],
 )
 def test_every_part_is_there(series, change, value):
     quiet, loud = series(orbits=400)[1], series(orbits=400, **{change: value})[1]
@@ -53,15 +54,21 @@ def test_the_wander_has_its_size_and_its_memory(series):
     wander = (loud - quiet)[:, 0]
     assert wander.std() == pytest.approx(0.5, rel=0.15)
     lag = round(0.2 / (times[1] - times[0]))
-    assert np.corrcoef(wander[lag:], wander[:-lag])[0, 1] == pytest.approx(np.exp(-1), abs=0.1)
+    assert np.corrcoef(wander[lag:], wander[:-lag])[0, 1] == pytest.approx(
+        np.exp(-1), abs=0.1
+    )
 
 
 def test_trend_and_fourier_foretells_what_it_can_express():
     times = np.arange(3000) * 0.002
     phase = times / 0.065
     angle = 2 * np.pi * phase
-    true = np.stack([3e-6 * times + 1e-5 * np.cos(angle), 5e-6 * np.sin(2 * angle)], axis=-1)
-    np.testing.assert_allclose(trend_and_fourier(times, phase, true, 1000), true, atol=1e-15)
+    true = np.stack(
+        [3e-6 * times + 1e-5 * np.cos(angle), 5e-6 * np.sin(2 * angle)], axis=-1
+    )
+    np.testing.assert_allclose(
+        trend_and_fourier(times, phase, true, 1000), true, atol=1e-15
+    )
     third = true + np.stack([1e-6 * np.cos(3 * angle)] * 2, axis=-1)
     missed = trend_and_fourier(times, phase, third, 1000) - third
     assert np.abs(missed).max() > 0.9e-6, "a third harmonic is beyond the second degree"

@@ -12,7 +12,11 @@ from reproduce.physics.images import (
     simulated_errors,
     spot_windows,
 )
-from reproduce.physics.optics import Camera, reference_points_scaled, turned_onto_detector
+from reproduce.physics.optics import (
+    Camera,
+    reference_points_scaled,
+    turned_onto_detector,
+)
 from reproduce.physics.registration import gauss_newton_step
 
 DRAWS = np.random.default_rng(4)
@@ -45,7 +49,9 @@ def test_points_of_a_batch_are_the_points_of_its_members():
 def test_a_cluster_a_thousand_times_narrower_than_far_is_still_fitted():
     """The columns are nearly dependent, but still far from where double precision is lost."""
     cluster = 1e3 + np.array([[0.0, 0.0], [0.0, 1.0], [1.0, 0.0], [1.0, 1.0]])
-    step = gauss_newton_step((1, 0, 0, 0), cluster, np.add(cluster, [3.0, -4.0]), (0, 0))
+    step = gauss_newton_step(
+        (1, 0, 0, 0), cluster, np.add(cluster, [3.0, -4.0]), (0, 0)
+    )
     np.testing.assert_allclose(step, [1, 0, -3, 4], atol=1e-6)
 
 
@@ -55,7 +61,9 @@ def test_the_errors_of_many_spots_are_those_of_each():
     for i in np.ndindex(2, 3):
         alone = centre_of_gravity_error(points[i], 1e4, 0.5, (-3, -3), 7, 5.0)
         for name, value in vars(alone).items():
-            np.testing.assert_allclose(vars(together)[name][i], value, atol=1e-12, err_msg=name)
+            np.testing.assert_allclose(
+                vars(together)[name][i], value, atol=1e-12, err_msg=name
+            )
 
 
 def test_every_window_has_its_own_corner():

@@ -16,7 +16,9 @@ from reproduce.physics.images import (
 from reproduce.physics.images.spots import _share_slopes, _shares
 from reproduce.physics.validate import DegenerateGeometryError
 
-ROW = np.array([0.3, 0.7, -1.0])  # a spot's place and radius, and the first pixel of a row
+ROW = np.array(
+    [0.3, 0.7, -1.0]
+)  # a spot's place and radius, and the first pixel of a row
 PHASES = np.linspace(-0.5, 0.5, 21)
 
 
@@ -40,7 +42,9 @@ def test_pixels_far_from_the_spot_tell_nothing_of_it():
         cramer_rao_variance([0.2, 0.0], 1e4, 1.5, [-half, -half], 2 * half + 1)
         for half in (10, 15, 30)
     ]
-    np.testing.assert_allclose(bounds[1:], np.broadcast_to(bounds[0], (2, 2)), rtol=1e-6)
+    np.testing.assert_allclose(
+        bounds[1:], np.broadcast_to(bounds[0], (2, 2)), rtol=1e-6
+    )
 
 
 def test_slopes_are_the_derivative_of_the_shares():
@@ -96,5 +100,7 @@ def test_dark_windows_and_even_ones_are_refused():
 def test_dark_windows_of_a_batch_are_named():
     windows = np.ones((1158, 5, 5))
     windows[[77, 100]] = 0
-    with pytest.raises(ValueError, match=r"got 2 of 1158 with none in sum \(77, 100\); take"):
+    with pytest.raises(
+        ValueError, match=r"got 2 of 1158 with none in sum \(77, 100\); take"
+    ):
         centre_of_gravity(windows, (0, 0))

@@ -6,7 +6,12 @@ import pytest
 from reproduce.physics.images import Detector, electrons, expose
 
 SENSOR = Detector(
-    quantum_efficiency=0.6, gain=0.8, dark_signal=30.0, read_noise=9.0, offset=200.0, bits=14
+    quantum_efficiency=0.6,
+    gain=0.8,
+    dark_signal=30.0,
+    read_noise=9.0,
+    offset=200.0,
+    bits=14,
 )
 TRIALS = 40_000
 

@@ -18,7 +18,9 @@ def stars(seed, rows=ROWS):
     rng = np.random.default_rng([3, seed])
     steps = (np.arange(rows) + 0.5) * SIDE / rows
     places = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
-    return places + rng.uniform(-9, 9, places.shape), 10 ** rng.uniform(3.8, 5, len(places))
+    return places + rng.uniform(-9, 9, places.shape), 10 ** rng.uniform(
+        3.8, 5, len(places)
+    )
 
 
 def moffat(places, light, width=1.5, beta=2.5):
@@ -33,8 +35,8 @@ def moffat(places, light, width=1.5, beta=2.5):
         first = np.round(place).astype(int) - 20
         square = (x - place[0] + first[0]) ** 2 + (y - place[1] + first[1]) ** 2
         spot = (1 + square / scale**2) ** -beta * (beta - 1) / (np.pi * scale**2)
-        padded[first[1] + 40 : first[1] + 81, first[0] + 40 : first[0] + 81] += one * spot.mean(
-            axis=(0, 1)
+        padded[first[1] + 40 : first[1] + 81, first[0] + 40 : first[0] + 81] += (
+            one * spot.mean(axis=(0, 1))
         )
     return padded[40:-40, 40:-40]
 
@@ -65,8 +67,11 @@ def test_a_slope_of_the_background_is_no_noise(slope):
     all_pulls, all_light = [], []
     for seed in range(5):
         places, light = stars(seed)
-        image = exposed(render_frame(places, light, 1.2, (SIDE, SIDE)),
-                        np.random.default_rng(seed), slope)  # fmt: skip
+        image = exposed(
+            render_frame(places, light, 1.2, (SIDE, SIDE)),
+            np.random.default_rng(seed),
+            slope,
+        )
         spots = found(image)
         assert (spots.reasons == "").sum() == len(places)
         noise = np.sqrt(1000 + slope / 2 + READ_NOISE**2)
@@ -78,7 +83,9 @@ def test_a_slope_of_the_background_is_no_noise(slope):
         all_light.append(flux)
     pull, flux = np.concatenate(all_pulls), np.concatenate(all_light)
     for part in (flux > np.median(flux), flux <= np.median(flux)):
-        assert pull[part].std() == pytest.approx(1, abs=4 / np.sqrt(2 * pull[part].size) + 0.03)
+        assert pull[part].std() == pytest.approx(
+            1, abs=4 / np.sqrt(2 * pull[part].size) + 0.03
+        )
 
 
 def test_wings_of_the_spots_are_no_photon_noise():
@@ -95,9 +102,13 @@ def test_wings_of_the_spots_are_no_photon_noise():
 
 def test_implausible_gains_are_reported():
     places, light = stars(0)
-    image = exposed(render_frame(places, light, 1.2, (SIDE, SIDE)), np.random.default_rng(0))
+    image = exposed(
+        render_frame(places, light, 1.2, (SIDE, SIDE)), np.random.default_rng(0)
+    )
     for scale in (1 / 65535, 1000):
-        (remark,) = find_spots(scale * image, np.zeros(image.shape, bool), step=scale).remarks
+        (remark,) = find_spots(
+            scale * image, np.zeros(image.shape, bool), step=scale
+        ).remarks
         assert remark.kind == "gain"
     # A sky that rises by more than its noise allows is not made of photons.
     offset = 2e4 * np.arange(SIDE) / SIDE
@@ -109,8 +120,10 @@ def pair(seed, kernel=((0.0, 1.0),), radius=1.2):
     rng = np.random.default_rng([5, seed])
     places, light = stars(seed)
     first = render_frame(places, light, 1.2, (SIDE, SIDE))
-    second = sum(part * render_frame(places + np.array([step, 0.3]), light, radius, first.shape)
-                 for step, part in kernel)  # fmt: skip
+    second = sum(
+        part * render_frame(places + np.array([step, 0.3]), light, radius, first.shape)
+        for step, part in kernel
+    )
     both = [found(exposed(one, rng)) for one in (first, second)]
     kept = [one.spots.centre[one.reasons == ""] for one in both]
     moved = np.array([sum(step * part for step, part in kernel), 0.3])
@@ -124,14 +137,18 @@ def test_equal_shapes_give_no_warning():
     assert sum(warned) == 0
 
 
-@pytest.mark.parametrize("change", [{"kernel": TRAIL}, {"kernel": TAIL}, {"radius": 1.5}])
+@pytest.mark.parametrize(
+    "change", [{"kernel": TRAIL}, {"kernel": TAIL}, {"radius": 1.5}]
+)
 def test_trailed_and_defocused_images_are_reported(change):
     source, target, error = pair(0, **change)
     finding, covariance = shape_finding(source, target)
     assert finding.kind == "shape"
     # Twice the systematic error, and 0.02 px for the noise of 36 stars.
     assert (np.abs(error) < 2 * np.sqrt(np.diag(covariance)) + 0.02).all()
-    assert (np.sqrt(np.diag(covariance)) < 0.45).all()  # half the displacement of the tail
+    assert (
+        np.sqrt(np.diag(covariance)) < 0.45
+    ).all()  # half the displacement of the tail
 
 
 def test_shapes_turn_with_the_image():
@@ -145,17 +162,23 @@ def test_shapes_turn_with_the_image():
 
 def test_the_elongation_and_its_angle_are_those_of_the_trail():
     places, light = stars(1)
-    parts = [render_frame(places + step * np.array([0.6, 0.8]), light / 7, 1.2, (SIDE, SIDE))
-             for step, _ in TRAIL]  # fmt: skip
+    parts = [
+        render_frame(places + step * np.array([0.6, 0.8]), light / 7, 1.2, (SIDE, SIDE))
+        for step, _ in TRAIL
+    ]
     facts = found(exposed(sum(parts), np.random.default_rng(1))).facts
     variance = np.mean([step**2 for step, _ in TRAIL])
-    assert facts["elongation"] == pytest.approx(np.sqrt(1 + variance / 1.2**2), abs=0.05)
+    assert facts["elongation"] == pytest.approx(
+        np.sqrt(1 + variance / 1.2**2), abs=0.05
+    )
     assert facts["angle"] == pytest.approx(np.arctan2(0.8, 0.6), abs=0.05)
 
 
 def test_the_memory_is_at_most_20_bytes_per_pixel():
     places, light = stars(0)
-    image = exposed(render_frame(places, light, 1.2, (SIDE, SIDE)), np.random.default_rng(0))
+    image = exposed(
+        render_frame(places, light, 1.2, (SIDE, SIDE)), np.random.default_rng(0)
+    )
     image = np.tile(image, (4, 4)).astype(np.float32)
     full = np.zeros(image.shape, bool)
     tracemalloc.start()

@@ -18,13 +18,17 @@ def planck(wavelength, temperature):
 def test_the_spectrum_is_plancks(temperature):
     for wavelength in (400e-9, 680e-9):
         expected = planck(wavelength, temperature) / planck(550e-9, temperature)
-        assert _blackbody_photons(wavelength, temperature) == pytest.approx(expected, rel=1e-8)
+        assert _blackbody_photons(wavelength, temperature) == pytest.approx(
+            expected, rel=1e-8
+        )
 
 
 def test_the_band_is_the_integral():
     value, _ = quad(lambda x: planck(x * 1e-9, 4500) / planck(550e-9, 4500), 580, 680)
     expected = _ZERO_MAGNITUDE * 1e-9 * value
-    assert blackbody_band(0.0, 4500, 580e-9, 680e-9) == pytest.approx(expected, rel=1e-9)
+    assert blackbody_band(0.0, 4500, 580e-9, 680e-9) == pytest.approx(
+        expected, rel=1e-9
+    )
 
 
 def test_five_magnitudes_are_a_factor_of_a_hundred():

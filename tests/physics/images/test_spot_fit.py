@@ -23,7 +23,9 @@ def scene(kind, size, count):
         angle = generator.uniform(0, 2 * np.pi, count)
         beside = middle + 3 * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
         windows += spot_windows(beside, light, RADIUS, [0, 0], size)
-    noisy = generator.poisson(windows) + NOISE * generator.standard_normal(windows.shape)
+    noisy = generator.poisson(windows) + NOISE * generator.standard_normal(
+        windows.shape
+    )
     return noisy - 100.0 if kind == "too much background taken away" else noisy
 
 
@@ -53,19 +55,25 @@ def least(window):
         value, slopes = cost(state * scale, window)
         return value, slopes * scale
 
-    found = minimize(scaled, brightest(window) / scale, jac=True, options={"gtol": 1e-7})
+    found = minimize(
+        scaled, brightest(window) / scale, jac=True, options={"gtol": 1e-7}
+    )
     return found.x * scale, found.fun
 
 
 def brightened(centre, window):
     """Return a centre with the light that the likelihood finds there."""
     found = minimize_scalar(
-        lambda light: cost(np.array([*centre, light]), window)[0], bounds=(0, 1e5), method="bounded"
+        lambda light: cost(np.array([*centre, light]), window)[0],
+        bounds=(0, 1e5),
+        method="bounded",
     )
     return np.array([*centre, found.x])
 
 
-@pytest.mark.parametrize("kind", ["faint", "neighbour", "too much background taken away"])
+@pytest.mark.parametrize(
+    "kind", ["faint", "neighbour", "too much background taken away"]
+)
 @pytest.mark.parametrize("size", [5, 9, 11])
 def test_no_window_is_fitted_worse_than_from_the_brightest_pixel_by_scipy(kind, size):
     windows = scene(kind, size, 60)
@@ -75,7 +83,9 @@ def test_no_window_is_fitted_worse_than_from_the_brightest_pixel_by_scipy(kind, 
         if np.isnan(fit[row]).any():
             assert (np.abs(other[:2] - size // 2) > size / 2 + 0.9).any(), other
             continue
-        assert cost(brightened(fit[row], window), window)[0] <= value + 1e-9 * abs(value)
+        assert cost(brightened(fit[row], window), window)[0] <= value + 1e-9 * abs(
+            value
+        )
         np.testing.assert_allclose(fit[row], other[:2], rtol=0, atol=1e-4)
     assert np.isfinite(fit[:, 0]).mean() > 0.98
 
@@ -90,8 +100,13 @@ def test_the_likelihood_is_at_its_maximum_for_faint_spots_too():
 
     for centre, window in zip(fit, windows, strict=True):
         start = brightened(centre, window)
-        found = minimize(value, start, args=(window,), method="Nelder-Mead",
-                         options={"xatol": 1e-7, "fatol": 1e-10})  # fmt: skip
+        found = minimize(
+            value,
+            start,
+            args=(window,),
+            method="Nelder-Mead",
+            options={"xatol": 1e-7, "fatol": 1e-10},
+        )
         np.testing.assert_allclose(found.x[:2], centre, rtol=0, atol=1e-5)
         far = minimize(value, brightest(window), args=(window,), method="Nelder-Mead")
         assert value(start, window) <= far.fun + 1e-6

@@ -28,7 +28,9 @@ from reproduce.physics.validate import DegenerateGeometryError
 
 CAMERA, TRACKER, BETWEEN = 2.0, 0.06, np.radians(120.0)
 LASERS = 11e-3 * np.array([[0, -1], [-1, 0], [1, 0], [0, 1.0]])
-APERTURE = 0.1 * np.array([[np.cos(a), np.sin(a)] for a in np.arange(24) * np.pi / 12 + 0.05])
+APERTURE = 0.1 * np.array(
+    [[np.cos(a), np.sin(a)] for a in np.arange(24) * np.pi / 12 + 0.05]
+)
 KINDS = tuple(RETROREFLECTORS)
 PLANE = KINDS[:2]
 TURN = 1e-4
@@ -39,7 +41,9 @@ class Bent(LightPath):
 
 
 def path(kind, **changes):
-    return replace(LightPath(CAMERA, TRACKER, BETWEEN, RETROREFLECTORS[kind]), **changes)
+    return replace(
+        LightPath(CAMERA, TRACKER, BETWEEN, RETROREFLECTORS[kind]), **changes
+    )
 
 
 def turned(kind, turn):
@@ -64,13 +68,18 @@ def mirrored(kind):
 @pytest.mark.parametrize("kind", PLANE)
 def test_rays_in_space_do_what_the_product_of_reflections_says(kind):
     light = path(kind)
-    going = emitted_directions(LASERS, CAMERA) @ mirror_train(light.retroreflector.normals).T
+    going = (
+        emitted_directions(LASERS, CAMERA)
+        @ mirror_train(light.retroreflector.normals).T
+    )
     coming = going @ reflection(light.fold.normals[0]).T
     expected = received_spots(
         -coming @ rotation_from_vector([BETWEEN, 0, 0]), (0.0, 0.0), 1.0, TRACKER
     )
     found = light.spots(LASERS, APERTURE)
-    np.testing.assert_allclose(found, np.broadcast_to(expected[:, None], found.shape), atol=1e-15)
+    np.testing.assert_allclose(
+        found, np.broadcast_to(expected[:, None], found.shape), atol=1e-15
+    )
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -82,7 +91,9 @@ def test_the_beam_comes_back_beside_the_camera_and_meets_the_dichroic_mirror(kin
     np.testing.assert_allclose(places.mean(axis=0), [1.0, 0.0, 0.0], atol=1e-3)
     # Down the tracker's boresight, which stands 120 degrees off the camera's.
     boresight = rotation_from_vector([BETWEEN, 0, 0])[:, 2]
-    np.testing.assert_allclose(ways, np.broadcast_to(-boresight, ways.shape), atol=1e-12)
+    np.testing.assert_allclose(
+        ways, np.broadcast_to(-boresight, ways.shape), atol=1e-12
+    )
     assert np.degrees(np.arccos(boresight[2])) == pytest.approx(120.0)
 
 
@@ -174,7 +185,9 @@ def test_a_cone_against_a_root_finder_and_a_numerical_normal():
     _, found = Cone(tip).send(starts, ways)
     for place, way, expected in zip(starts, ways, found, strict=True):
         for far in (1.2, 1.5):
-            length = brentq(lambda t, p=place, w=way: surface(p + t * w), 1e-3, far, xtol=1e-15)
+            length = brentq(
+                lambda t, p=place, w=way: surface(p + t * w), 1e-3, far, xtol=1e-15
+            )
             place = place + length * way
             slope = [surface(place + e) - surface(place - e) for e in step * np.eye(3)]
             normal = np.array(slope) / np.linalg.norm(slope)
@@ -208,7 +221,9 @@ def test_only_two_mirrors_and_the_dichroic_one_carry_the_lasers_by_a_rotation(ki
 def test_a_mirrored_square_leaves_the_roll_free():
     """The misses of a square against its mirror image are the same at every roll."""
     with pytest.raises(DegenerateGeometryError, match="leaves a rotation free"):
-        laser_transform(emitted_directions(LASERS, CAMERA), directions(centres(path(KINDS[0]))))
+        laser_transform(
+            emitted_directions(LASERS, CAMERA), directions(centres(path(KINDS[0])))
+        )
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -217,7 +232,9 @@ def test_a_shift_of_a_laser_shrinks_by_the_ratio_of_the_focal_lengths(kind):
     moved = centres(path(kind), LASERS + shift) - centres(path(kind))
     sizes = np.linalg.norm(moved, axis=-1)
     tolerance = 0.03 if kind == "conical mirror" else 1e-4
-    np.testing.assert_allclose(np.linalg.norm(shift) / sizes, CAMERA / TRACKER, rtol=tolerance)
+    np.testing.assert_allclose(
+        np.linalg.norm(shift) / sizes, CAMERA / TRACKER, rtol=tolerance
+    )
 
 
 @pytest.mark.parametrize(
@@ -225,10 +242,16 @@ def test_a_shift_of_a_laser_shrinks_by_the_ratio_of_the_focal_lengths(kind):
     # Its edge-on axis, the one across the plane of the light, and its normal.
     [("in", np.sqrt(3.0)), ("across", 2.0), ("normal", 0.0)],
 )
-def test_a_turn_of_the_dichroic_mirror_is_taken_for_one_of_the_camera(monkeypatch, axis, expected):
+def test_a_turn_of_the_dichroic_mirror_is_taken_for_one_of_the_camera(
+    monkeypatch, axis, expected
+):
     kind = "corner cube"
     normal = path(kind).fold.normals[0]
-    axes = {"across": np.eye(3)[0], "normal": normal, "in": np.cross(np.eye(3)[0], normal)}
+    axes = {
+        "across": np.eye(3)[0],
+        "normal": normal,
+        "in": np.cross(np.eye(3)[0], normal),
+    }
     turned_mirror = replace(path(kind).fold, turn=TURN * axes[axis])
     monkeypatch.setattr(Bent, "fold", turned_mirror, raising=False)
     bent = Bent(CAMERA, TRACKER, BETWEEN, RETROREFLECTORS[kind])
@@ -251,7 +274,11 @@ def test_light_and_retroreflector_that_turn_together_stay_together(kind):
     ways = np.column_stack([rng.uniform(-0.02, 0.02, (20, 2)), np.ones(20)])
     ways /= np.linalg.norm(ways, axis=1, keepdims=True)
     places, gone = still.send(starts, ways)
-    for turn in (0.05 * np.eye(3)[0], -0.04 * np.eye(3)[1], np.array([0.02, 0.03, 0.3])):
+    for turn in (
+        0.05 * np.eye(3)[0],
+        -0.04 * np.eye(3)[1],
+        np.array([0.02, 0.03, 0.3]),
+    ):
         rotation = rotation_from_vector(turn)
         about = still.point + (starts - still.point) @ rotation.T
         found = replace(still, turn=turn).send(about, ways @ rotation.T)

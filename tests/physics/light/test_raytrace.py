@@ -58,19 +58,25 @@ def test_two_mirrors_turned_about_the_beam_roll_the_pattern():
     assert np.linalg.norm(moved) == pytest.approx(2 * 1e-3 * 0.01, rel=1e-3)
 
 
-@pytest.mark.parametrize("train", [mirror_train(CORNER), mirror_train(ROOF), reflection([1, 2, 3])])
+@pytest.mark.parametrize(
+    "train", [mirror_train(CORNER), mirror_train(ROOF), reflection([1, 2, 3])]
+)
 def test_the_response_is_the_derivative_of_the_turned_train(train):
     step = 1e-6
     for direction in directions(3):
         found = turn_response(train, direction)
         for axis, turn in enumerate(np.eye(3) * step):
             ends = [turned_train(train, sign * turn) @ direction for sign in (1, -1)]
-            np.testing.assert_allclose(found[:, axis], (ends[0] - ends[1]) / (2 * step), atol=1e-9)
+            np.testing.assert_allclose(
+                found[:, axis], (ends[0] - ends[1]) / (2 * step), atol=1e-9
+            )
 
 
 def ring(offset=0.0, count=12):
     around = 2 * np.pi * (np.arange(count) + 0.5) / count
-    origins = np.stack([0.3 * np.cos(around), 0.3 * np.sin(around), np.full(count, -2.0)], axis=-1)
+    origins = np.stack(
+        [0.3 * np.cos(around), 0.3 * np.sin(around), np.full(count, -2.0)], axis=-1
+    )
     beam = np.array([np.sin(offset), 0, np.cos(offset)])
     return origins, np.broadcast_to(beam, origins.shape)
 
@@ -109,7 +115,8 @@ def test_the_fold_mirror_sends_the_light_down_the_boresight(angle):
     tilt = float(fold_mirror_tilt(angle))
     # The mirror's plane leaves the plane across the tracker's boresight by its tilt.
     found = [
-        reflection(rotation_from_vector([angle + sign * tilt, 0, 0]) @ [0, 0, 1.0]) @ [0, 0, -1.0]
+        reflection(rotation_from_vector([angle + sign * tilt, 0, 0]) @ [0, 0, 1.0])
+        @ [0, 0, -1.0]
         for sign in (1, -1)
     ]
     assert min(np.linalg.norm(out + tracker) for out in found) < 1e-12

@@ -15,37 +15,56 @@ FAMILY = list(_arrangements(HALF_X, HALF_Y, STEP))
 
 
 def pick(lattice: str, offset: str, window: str) -> Arrangement:
-    (found,) = (a for a in FAMILY if (a.lattice, a.offset, a.window) == (lattice, offset, window))
+    (found,) = (
+        a
+        for a in FAMILY
+        if (a.lattice, a.offset, a.window) == (lattice, offset, window)
+    )
     return found
 
 
 def test_centred_square_in_a_circle_solves_the_circle_problem() -> None:
-    found = pick("square, step between neighbours", "centred", "circle of the smaller half range")
+    found = pick(
+        "square, step between neighbours", "centred", "circle of the smaller half range"
+    )
     # Integer points with i^2 + j^2 <= (6 / 0.9)^2 = 44.44.
-    assert len(found.angles) == sum(i * i + j * j <= 44 for i in range(-6, 7) for j in range(-6, 7))
+    assert len(found.angles) == sum(
+        i * i + j * j <= 44 for i in range(-6, 7) for j in range(-6, 7)
+    )
 
 
 def test_full_rectangle_never_has_a_prime_count() -> None:
-    for lattice in ("square, step between neighbours", "square, stretched to the edges"):
+    for lattice in (
+        "square, step between neighbours",
+        "square, stretched to the edges",
+    ):
         for found in FAMILY:
             if found.lattice == lattice and found.window == "rectangle":
-                columns, rows = (len(np.unique(found.angles[:, i].round(9))) for i in (0, 1))
+                columns, rows = (
+                    len(np.unique(found.angles[:, i].round(9))) for i in (0, 1)
+                )
                 assert len(found.angles) == columns * rows
                 assert min(columns, rows) > 1
 
 
 def test_square_from_the_corner_is_what_a_ranged_loop_gives() -> None:
-    found = pick("square, step between neighbours", "from the lower left corner", "rectangle")
+    found = pick(
+        "square, step between neighbours", "from the lower left corner", "rectangle"
+    )
     x, y = np.arange(-8, 8.01, 0.9), np.arange(-6, 6.01, 0.9)
     expected = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
     np.testing.assert_allclose(np.degrees(found.angles), expected, atol=1e-12)
 
 
 def test_quincunx_of_eleven_by_seven_and_ten_by_six_fills_the_range() -> None:
-    found = pick("quincunx, stretched to the edges in 20 by 12 spacings", "centred", "rectangle")
+    found = pick(
+        "quincunx, stretched to the edges in 20 by 12 spacings", "centred", "rectangle"
+    )
     angles = np.degrees(found.angles)
     even = np.stack(np.meshgrid(np.linspace(-8, 8, 11), np.linspace(-6, 6, 7)), axis=-1)
-    odd = np.stack(np.meshgrid(np.linspace(-7.2, 7.2, 10), np.linspace(-5, 5, 6)), axis=-1)
+    odd = np.stack(
+        np.meshgrid(np.linspace(-7.2, 7.2, 10), np.linspace(-5, 5, 6)), axis=-1
+    )
     expected = np.concatenate([even.reshape(-1, 2), odd.reshape(-1, 2)])
     expected = expected[np.lexsort((expected[:, 0].round(6), expected[:, 1].round(6)))]
     np.testing.assert_allclose(angles, expected, atol=1e-12)
@@ -71,7 +90,9 @@ def test_every_arrangement_is_different_sorted_and_within_the_range() -> None:
     keys = {np.round(found.angles, 10).tobytes() for found in FAMILY}
     assert len(keys) == len(FAMILY)
     for found in FAMILY:
-        assert (np.abs(found.angles) <= (HALF_X * (1 + 1e-8), HALF_Y * (1 + 1e-8))).all()
+        assert (
+            np.abs(found.angles) <= (HALF_X * (1 + 1e-8), HALF_Y * (1 + 1e-8))
+        ).all()
         order = np.lexsort((found.angles[:, 0], found.angles[:, 1].round(12)))
         np.testing.assert_array_equal(order, np.arange(len(order)))
 
@@ -130,7 +151,9 @@ def test_points_of_a_row_are_a_step_apart_where_the_name_says_so() -> None:
 
 
 def test_spacings_of_the_fitted_quincunxes_average_to_the_step() -> None:
-    fitted = [found for found in _lattices(HALF_X, HALF_Y, STEP) if " by " in found.name]
+    fitted = [
+        found for found in _lattices(HALF_X, HALF_Y, STEP) if " by " in found.name
+    ]
     assert [found.name.split(" in ")[1] for found in fitted] == [
         "16 by 15 spacings",
         "20 by 12 spacings",

@@ -41,11 +41,15 @@ def test_length_of_a_direction_does_not_matter() -> None:
     stars = directions()
     lengths = np.random.default_rng(2).uniform(0.1, 9, (len(stars), 1))
     np.testing.assert_allclose(
-        image_points(stars * lengths, camera()), image_points(stars, camera()), rtol=1e-14
+        image_points(stars * lengths, camera()),
+        image_points(stars, camera()),
+        rtol=1e-14,
     )
 
 
-def test_boresight_meets_the_principal_point_whatever_the_distortion_and_rotation() -> None:
+def test_boresight_meets_the_principal_point_whatever_the_distortion_and_rotation() -> (
+    None
+):
     point = image_points([[0, 0, 1]], camera(radial_distortion=1e4), rotation=1.0)
     np.testing.assert_array_equal(point, [[800.0, 600.0]])
 
@@ -55,15 +59,21 @@ def test_radius_grows_by_the_radial_term_and_the_azimuth_stays() -> None:
     ideal = ideal_positions(stars, 20e-3)
     moved = ideal + radial_displacements(ideal, 40.0)
     radius = np.hypot(*ideal.T)
-    np.testing.assert_allclose(np.hypot(*moved.T), radius + 40.0 * radius**3, rtol=1e-14)
+    np.testing.assert_allclose(
+        np.hypot(*moved.T), radius + 40.0 * radius**3, rtol=1e-14
+    )
     np.testing.assert_allclose(np.arctan2(*moved.T), np.arctan2(*ideal.T), rtol=1e-13)
 
 
 def test_a_turned_detector_is_undone_by_turning_back() -> None:
     positions = np.random.default_rng(3).normal(size=(6, 2))
     theta = 0.3
-    forward = np.array([[np.cos(theta), -np.sin(theta)], [np.sin(theta), np.cos(theta)]])
-    np.testing.assert_allclose(turned_onto_detector(positions, theta) @ forward.T, positions)
+    forward = np.array(
+        [[np.cos(theta), -np.sin(theta)], [np.sin(theta), np.cos(theta)]]
+    )
+    np.testing.assert_allclose(
+        turned_onto_detector(positions, theta) @ forward.T, positions
+    )
 
 
 def test_sign_of_the_detector_rotation() -> None:
@@ -76,7 +86,9 @@ def test_sign_of_the_detector_rotation() -> None:
 def test_without_distortion_and_rotation_it_is_the_pinhole() -> None:
     stars = directions()
     expected = (800, 600) + 20e-3 / PITCH * stars[:, :2]
-    np.testing.assert_allclose(image_points(stars, camera(radial_distortion=0)), expected)
+    np.testing.assert_allclose(
+        image_points(stars, camera(radial_distortion=0)), expected
+    )
 
 
 def test_a_batch_of_cameras_is_a_loop_over_cameras() -> None:
@@ -91,9 +103,13 @@ def test_a_batch_of_cameras_is_a_loop_over_cameras() -> None:
     )
     for i in range(5):
         alone = camera(
-            focal_length=focal[i], radial_distortion=radial[i], principal_point=principal[i]
+            focal_length=focal[i],
+            radial_distortion=radial[i],
+            principal_point=principal[i],
         )
-        np.testing.assert_array_equal(together[i], image_points(stars[i], alone, theta[i]))
+        np.testing.assert_array_equal(
+            together[i], image_points(stars[i], alone, theta[i])
+        )
     assert camera(focal_length=focal).batch == (5,)
 
 
@@ -101,8 +117,12 @@ def test_ratio_of_distortions_is_the_ratio_of_computed_displacements() -> None:
     stars, green, blue = directions(), (21e-3, 50.0), (20e-3, 40.0)
     k = scale_factor(green[0], blue[0])
     ideal_blue = ideal_positions(stars, blue[0])
-    np.testing.assert_allclose(k * ideal_blue, ideal_positions(stars, green[0]), rtol=1e-14)
-    displaced = [radial_displacements(ideal_positions(stars, f), m) for f, m in (green, blue)]
+    np.testing.assert_allclose(
+        k * ideal_blue, ideal_positions(stars, green[0]), rtol=1e-14
+    )
+    displaced = [
+        radial_displacements(ideal_positions(stars, f), m) for f, m in (green, blue)
+    ]
     expected = distortion_ratio(k, green[1], blue[1])
     np.testing.assert_allclose(displaced[0] / displaced[1], expected, rtol=1e-12)
 

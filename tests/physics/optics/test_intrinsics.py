@@ -35,7 +35,13 @@ def test_the_minimum_is_that_of_an_iterating_solver():
     points = CLEAN + 0.1 * GENERATOR.standard_normal(CLEAN.shape)
     start = np.array([25e-3, 1000, 800, 0]) / SCALES
     iterated = least_squares(
-        residuals, start, "3-point", args=(points,), x_scale="jac", xtol=1e-15, ftol=1e-15
+        residuals,
+        start,
+        "3-point",
+        args=(points,),
+        x_scale="jac",
+        xtol=1e-15,
+        ftol=1e-15,
     )
     fit = fit_camera(SLOPES, points, PITCH)
     np.testing.assert_allclose(parameters(fit) / SCALES, iterated.x, rtol=1e-7)
@@ -43,7 +49,9 @@ def test_the_minimum_is_that_of_an_iterating_solver():
 
 def test_clean_points_give_back_the_camera_also_of_a_turned_detector():
     fit = fit_camera(SLOPES, image_points(SLOPES, TRUTH, 0.01), PITCH, 0.01)
-    np.testing.assert_allclose(parameters(fit) / SCALES, [25.03, 1030.2, 771.4, 3.41], rtol=1e-9)
+    np.testing.assert_allclose(
+        parameters(fit) / SCALES, [25.03, 1030.2, 771.4, 3.41], rtol=1e-9
+    )
 
 
 def test_a_batch_gives_what_each_gives_alone():
@@ -51,7 +59,9 @@ def test_a_batch_gives_what_each_gives_alone():
     together = fit_camera(SLOPES, noisy, PITCH)
     for row, points in enumerate(noisy):
         alone = fit_camera(SLOPES, points, PITCH)
-        np.testing.assert_allclose(parameters(together)[row], parameters(alone), rtol=1e-12)
+        np.testing.assert_allclose(
+            parameters(together)[row], parameters(alone), rtol=1e-12
+        )
 
 
 @pytest.mark.parametrize(

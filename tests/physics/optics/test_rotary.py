@@ -13,7 +13,9 @@ ANGLES = np.random.default_rng(1).uniform(-1.2, 1.2, (2, 20))
 def test_matrix_is_a_proper_rotation() -> None:
     matrix = rotary_matrix(*ANGLES)
     np.testing.assert_allclose(
-        matrix @ np.swapaxes(matrix, -1, -2), np.broadcast_to(np.eye(3), (20, 3, 3)), atol=1e-15
+        matrix @ np.swapaxes(matrix, -1, -2),
+        np.broadcast_to(np.eye(3), (20, 3, 3)),
+        atol=1e-15,
     )
     np.testing.assert_allclose(np.linalg.det(matrix), 1)
 
@@ -24,7 +26,9 @@ def test_matrix_agrees_with_scipy() -> None:
     expected = Rotation.from_euler("x", -external[:, None]) * Rotation.from_euler(
         "y", -middle[:, None]
     )
-    np.testing.assert_allclose(rotary_matrix(external, middle), expected.as_matrix(), atol=1e-15)
+    np.testing.assert_allclose(
+        rotary_matrix(external, middle), expected.as_matrix(), atol=1e-15
+    )
 
 
 def test_starlight_is_the_third_column_of_the_matrix() -> None:
@@ -66,4 +70,6 @@ def test_a_batch_is_a_loop() -> None:
     grid = rotary_matrix(external[:, None], middle[:4])
     assert grid.shape == (20, 4, 3, 3)
     np.testing.assert_array_equal(grid[3, 2], rotary_matrix(external[3], middle[2]))
-    np.testing.assert_array_equal(starlight(external, middle)[5], starlight(external[5], middle[5]))
+    np.testing.assert_array_equal(
+        starlight(external, middle)[5], starlight(external[5], middle[5])
+    )

@@ -29,7 +29,9 @@ ANGLES = np.random.default_rng(1).uniform(-0.1, 0.1, (30, 2))
 
 
 def test_x_is_the_middle_frame_and_y_the_external_one() -> None:
-    along_x, along_y = channel_centroids(CAMERAS[1:2], [0.0], [[0.1, 0.0], [0.0, 0.1]])[0]
+    along_x, along_y = channel_centroids(CAMERAS[1:2], [0.0], [[0.1, 0.0], [0.0, 0.1]])[
+        0
+    ]
     assert along_x[1] == 772.0
     assert along_y[0] == 1032.0
 
@@ -56,12 +58,16 @@ def test_a_batch_of_angles_is_a_loop() -> None:
     together = channel_centroids(CAMERAS, ROTATIONS, angles)
     assert together.shape == (4, 3, 7, 2)
     for i in range(4):
-        np.testing.assert_array_equal(together[i], channel_centroids(CAMERAS, ROTATIONS, angles[i]))
+        np.testing.assert_array_equal(
+            together[i], channel_centroids(CAMERAS, ROTATIONS, angles[i])
+        )
 
 
 def test_replicates_do_not_depend_on_batching() -> None:
     whole = spawned_normals(SeedSequence(3), 10, (4, 2))
-    parts = [spawned_normals(SeedSequence(3), 5, (4, 2), first=first) for first in (0, 5)]
+    parts = [
+        spawned_normals(SeedSequence(3), 5, (4, 2), first=first) for first in (0, 5)
+    ]
     np.testing.assert_array_equal(whole, np.concatenate(parts))
     centroids = channel_centroids(CAMERAS, ROTATIONS, ANGLES)
     whole = noisy_centroids(centroids, 0.1, SeedSequence(3), 6, repeats=3)
@@ -76,9 +82,13 @@ def test_seeds_are_not_used_up() -> None:
     np.testing.assert_array_equal(first, spawned_normals(seeds, 2, (3,)))
 
 
-@pytest.mark.parametrize("entropy", [0, 20240102, 2**32, 2**128 - 5, [1, 2**40, 3, 4, 5, 6]])
+@pytest.mark.parametrize(
+    "entropy", [0, 20240102, 2**32, 2**128 - 5, [1, 2**40, 3, 4, 5, 6]]
+)
 @pytest.mark.parametrize("key", [(), (3,), (2**31, 0), (2**33, 1, 2)])
-def test_streams_have_the_states_of_numpys_own_children(entropy: int, key: tuple[int, ...]) -> None:
+def test_streams_have_the_states_of_numpys_own_children(
+    entropy: int, key: tuple[int, ...]
+) -> None:
     numbers = [0, 1, 2**32 - 1]
     for number in numbers:
         (ours,) = spawned_streams(SeedSequence(entropy, spawn_key=key), 1, number)
@@ -90,17 +100,23 @@ def test_uniform_angles_are_numpys_own() -> None:
     half = np.array([0.217, 0.1031])
     stream = next(spawned_streams(SeedSequence(3), 1))
     expected = stream.uniform(-half, half, (52, 2))
-    np.testing.assert_array_equal(spawned_angles(SeedSequence(3), 1, 52, half)[0], expected)
+    np.testing.assert_array_equal(
+        spawned_angles(SeedSequence(3), 1, 52, half)[0], expected
+    )
 
 
 def test_streams_are_those_of_spawned_children() -> None:
     child = SeedSequence(5).spawn(3)[2]
     expected = np.random.Generator(np.random.PCG64(child)).standard_normal(6)
-    np.testing.assert_array_equal(spawned_normals(SeedSequence(5), 3, (6,))[2], expected)
+    np.testing.assert_array_equal(
+        spawned_normals(SeedSequence(5), 3, (6,))[2], expected
+    )
 
 
 def test_different_seeds_and_replicates_differ() -> None:
-    numbers = np.concatenate([spawned_normals(SeedSequence(s), 50, (4,)) for s in (6, 7)])
+    numbers = np.concatenate(
+        [spawned_normals(SeedSequence(s), 50, (4,)) for s in (6, 7)]
+    )
     assert len(np.unique(numbers)) == numbers.size
 
 
@@ -115,8 +131,13 @@ def test_normals_are_normal_and_independent_between_replicates() -> None:
 def test_noise_has_the_sigma_of_its_channel_over_root_repeats(repeats: int) -> None:
     centroids = channel_centroids(CAMERAS, ROTATIONS, ANGLES)
     sigma = np.array([0.05, 0.0, 0.2])
-    noise = noisy_centroids(centroids, sigma, SeedSequence(9), 400, repeats=repeats) - centroids
-    np.testing.assert_allclose(noise.std(axis=(0, 2, 3)), sigma / np.sqrt(repeats), rtol=0.02)
+    noise = (
+        noisy_centroids(centroids, sigma, SeedSequence(9), 400, repeats=repeats)
+        - centroids
+    )
+    np.testing.assert_allclose(
+        noise.std(axis=(0, 2, 3)), sigma / np.sqrt(repeats), rtol=0.02
+    )
     assert np.abs(noise[:, 1]).max() == 0
 
 

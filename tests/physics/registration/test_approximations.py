@@ -19,7 +19,9 @@ HALF = np.array([2064, 1544]) * PITCH / 2
 EVEN = even_positions(HALF)
 SOURCE = Camera(25.0601e-3, (1033.9, 774.3), 57.0, PITCH)
 GREEN = Camera(25.0e-3, (1032.0, 772.0), 49.0, PITCH)
-CHANNELS = Channels(SOURCE, GREEN, np.radians(0.07), (3.0, -4.0), (2e-4, -1e-4), (4e5, 3e5))
+CHANNELS = Channels(
+    SOURCE, GREEN, np.radians(0.07), (3.0, -4.0), (2e-4, -1e-4), (4e5, 3e5)
+)
 
 
 def simulated_bias(channels, positions):
@@ -40,17 +42,23 @@ def analytic_bias(channels, effect, sides):
     a, b = sides**2
     second, fourth = (a + b) / 3, (a**2 + b**2) / 5 + 2 * a * b / 9
     sixth = (a**3 + b**3) / 7 + a * b * (a + b) / 5
-    source, reference = (float(c.radial_distortion) for c in (alone.source, alone.reference))
+    source, reference = (
+        float(c.radial_distortion) for c in (alone.source, alone.reference)
+    )
     bias = np.zeros(4)
     if effect == "coefficients":
         bias[0] = k**3 * (reference - source) * fourth / second
     elif effect == "cube":
         bias[0] = (k**3 - k) * source * fourth / second
     elif effect == "second term":
-        bias[0] = (k**5 * alone.second_term[1] - k * alone.second_term[0]) * sixth / second
+        bias[0] = (
+            (k**5 * alone.second_term[1] - k * alone.second_term[0]) * sixth / second
+        )
     elif effect == "tilt":
         lever = np.asarray(alone.tilt) * sides**2 / 3
-        bias[2:] = k * lever / float(alone.source.focal_length * alone.source.pixel_pitch)
+        bias[2:] = (
+            k * lever / float(alone.source.focal_length * alone.source.pixel_pitch)
+        )
     else:
         moved = np.asarray([alone.pivot_error])
         bias[2:] = (moved - k * _turned(moved, np.asarray(-alone.rotation)))[0]
@@ -60,7 +68,9 @@ def analytic_bias(channels, effect, sides):
 @pytest.mark.parametrize("effect", EFFECTS)
 def test_analytic_and_simulated_bias_agree(effect):
     simulated = simulated_bias(CHANNELS.only(effect), EVEN)
-    if effect == "coefficients":  # the cube is at work in both, and the difference counts
+    if (
+        effect == "coefficients"
+    ):  # the cube is at work in both, and the difference counts
         simulated = simulated - simulated_bias(CHANNELS.only("cube"), EVEN)
     analytic = analytic_bias(CHANNELS, effect, HALF)
     size = np.array([1 / 1e3, 1 / 1e3, 1.0, 1.0])  # a scale acts over a thousand pixels
@@ -72,7 +82,9 @@ def test_analytic_and_simulated_bias_agree(effect):
 @pytest.mark.parametrize("effect", ["coefficients", "cube"])
 def test_the_bias_of_the_scale_holds_far_from_a_scale_of_one(effect):
     """Near one, a power of the scale more or less would pass unseen."""
-    far = Channels(Camera(25e-3, (0, 0), 57.0, PITCH), Camera(15e-3, (0, 0), 49.0, PITCH))
+    far = Channels(
+        Camera(25e-3, (0, 0), 57.0, PITCH), Camera(15e-3, (0, 0), 49.0, PITCH)
+    )
     simulated = simulated_bias(far.only(effect), EVEN)[0]
     if effect == "coefficients":
         simulated -= simulated_bias(far.only("cube"), EVEN)[0]
@@ -108,7 +120,9 @@ def test_a_tilted_detector_is_a_plane_cut_by_rays():
     (found,), _ = _imaged(tilted, [[3e-3, 1e-3]])
     # Plane: z = F + 0.02 x; ray: (3, 1, 25) times s.
     s = 25e-3 / (25e-3 - 0.02 * 3e-3)
-    assert found[0] * PITCH == pytest.approx(np.hypot(3e-3 * s, 0.02 * 3e-3 * s), rel=1e-12)
+    assert found[0] * PITCH == pytest.approx(
+        np.hypot(3e-3 * s, 0.02 * 3e-3 * s), rel=1e-12
+    )
     assert found[1] * PITCH == pytest.approx(1e-3 * s, rel=1e-12)
 
 
@@ -117,7 +131,9 @@ def test_without_tilt_and_second_term_the_camera_images():
     positions = EVEN[:40]
     directions = np.column_stack([positions, np.full(40, 25.0601e-3)])
     source, reference = _imaged(plain, positions)
-    np.testing.assert_allclose(source, image_points(directions, SOURCE, 0.01), atol=1e-9)
+    np.testing.assert_allclose(
+        source, image_points(directions, SOURCE, 0.01), atol=1e-9
+    )
     np.testing.assert_allclose(reference, image_points(directions, GREEN), atol=1e-9)
 
 

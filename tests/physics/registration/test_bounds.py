@@ -25,7 +25,9 @@ def whole_information(source_sigma, target_sigma):
     for i in range(count):
         by_position[np.ix_([i, count + i], [2 * i, 2 * i + 1])] = turn
     target_rows = np.hstack([by_parameters, by_position]) / target_sigma
-    source_rows = np.hstack([np.zeros((2 * count, 4)), np.eye(2 * count)]) / source_sigma
+    source_rows = (
+        np.hstack([np.zeros((2 * count, 4)), np.eye(2 * count)]) / source_sigma
+    )
     return target_rows.T @ target_rows + source_rows.T @ source_rows
 
 
@@ -40,7 +42,9 @@ def test_the_bound_is_that_of_the_whole_problem():
 def test_the_closed_form_reaches_the_bound():
     generator = np.random.default_rng(4)
     source = POINTS + 0.2 * generator.standard_normal((6000, *POINTS.shape))
-    target = TRUTH.apply(POINTS) + 0.3 * generator.standard_normal((6000, *POINTS.shape))
+    target = TRUTH.apply(POINTS) + 0.3 * generator.standard_normal(
+        (6000, *POINTS.shape)
+    )
     scatter = fit_registration(source, target, TRUTH.pivot).parameters.var(axis=0)
     bound = registration_bound(POINTS, TRUTH, 0.2, 0.3).diagonal()
     np.testing.assert_allclose(scatter, bound, rtol=5 * np.sqrt(2 / 6000))

@@ -43,7 +43,9 @@ def test_the_model_takes_a_negative_scale_too() -> None:
     source, target = spots()
     turned = TRUTH.parameters * (-1, 1, 1, 1) + (0, np.pi, 0, 0)
     left = deviations(turned, source, target, PIVOT)
-    np.testing.assert_allclose(left, (target - TRUTH.apply(source)).T.ravel(), atol=1e-10)
+    np.testing.assert_allclose(
+        left, (target - TRUTH.apply(source)).T.ravel(), atol=1e-10
+    )
 
 
 def test_jacobian_agrees_with_finite_differences() -> None:
@@ -51,7 +53,10 @@ def test_jacobian_agrees_with_finite_differences() -> None:
     u = np.array([1.2, 0.4, 3.0, -2.0])
     steps = np.diag([1e-5, 1e-5, 1e-2, 1e-2])
     differences = [
-        (deviations(u - step, source, target, PIVOT) - deviations(u + step, source, target, PIVOT))
+        (
+            deviations(u - step, source, target, PIVOT)
+            - deviations(u + step, source, target, PIVOT)
+        )
         / (2 * step.sum())
         for step in steps
     ]
@@ -72,7 +77,9 @@ def test_iteration_reaches_the_closed_form() -> None:
     source, target = spots()
     closed = fit_registration(source, target, PIVOT)
     result = calibrate(source, target, PIVOT, START)
-    np.testing.assert_allclose(result.parameters, closed.parameters, rtol=1e-10, atol=1e-10)
+    np.testing.assert_allclose(
+        result.parameters, closed.parameters, rtol=1e-10, atol=1e-10
+    )
     assert cost(result.history[-1], source, target) == pytest.approx(closed.chi_square)
 
 
@@ -94,13 +101,17 @@ def test_a_calibration_of_a_batch_comes_out_as_alone() -> None:
     together = calibrate(source, target, PIVOT, starts)
     for i in np.ndindex(2, 3):
         alone = calibrate(source[i], target[i], PIVOT, starts[i[1]])
-        np.testing.assert_allclose(together.parameters[i], alone.parameters, rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(
+            together.parameters[i], alone.parameters, rtol=1e-9, atol=1e-9
+        )
 
 
 def test_a_settled_calibration_stays_put_while_others_move() -> None:
     source, target = spots()
     closed = fit_registration(source, target, PIVOT).parameters
-    result = calibrate(source, target, PIVOT, np.stack([closed, np.add(closed, (0.2, 1.0, 9, 9))]))
+    result = calibrate(
+        source, target, PIVOT, np.stack([closed, np.add(closed, (0.2, 1.0, 9, 9))])
+    )
     settled, moving = result.history[: result.first_stage + 1].swapaxes(0, 1)
     assert len(settled) > 4
     assert (settled[1:] == settled[1]).all()
@@ -127,7 +138,9 @@ def test_printed_sign_walks_away_from_every_start_but_the_solution() -> None:
         u = solution + offset
         for step in range(1, 6):
             u = gauss_newton_step_printed(u, source, target, PIVOT)
-            np.testing.assert_allclose(u - solution, np.multiply(offset, 2.0**step), atol=1e-7)
+            np.testing.assert_allclose(
+                u - solution, np.multiply(offset, 2.0**step), atol=1e-7
+            )
     rng = np.random.default_rng(3)
     for start in solution + rng.normal(size=(20, 4)) * (1e-3, 1e-3, 1, 1):
         u, costs = start, []
@@ -150,7 +163,9 @@ def test_the_two_signs_mirror_each_other() -> None:
 def test_printed_constraint_holds_at_45_degrees_alone() -> None:
     angles = np.radians(np.arange(0, 361, 5))
     np.testing.assert_allclose(constraint(angles), 0, atol=1e-15)
-    np.testing.assert_allclose(constraint_printed(angles), np.cos(2 * angles), atol=1e-15)
+    np.testing.assert_allclose(
+        constraint_printed(angles), np.cos(2 * angles), atol=1e-15
+    )
     held = np.abs(constraint_printed(angles)) < 1e-12
     np.testing.assert_allclose(np.degrees(angles[held]), [45, 135, 225, 315])
 
@@ -180,7 +195,9 @@ def test_one_pair_of_lines_serves_many_shifts_and_many_pairs_one_shift() -> None
     line = np.stack([np.linspace(0, 2000, 9), np.full(9, 770.0)], axis=-1)
     sources = np.stack([TRUTH.inverse().apply(line), line])
     zeros = PIVOT + np.array([[0.0, 0.0], [1.0, -2.0], [3.0, 5.0]])
-    for found, zero in zip(starting_values(line, line, zeros, PIVOT), zeros, strict=True):
+    for found, zero in zip(
+        starting_values(line, line, zeros, PIVOT), zeros, strict=True
+    ):
         np.testing.assert_allclose(found, [1.0, 0.0, *(zero - PIVOT)], atol=1e-12)
     turned = starting_values(sources, np.stack([line, line]), PIVOT, PIVOT)
     np.testing.assert_allclose(turned, [[1, 0.0011, 0, 0], [1, 0, 0, 0]], atol=1e-12)
@@ -195,12 +212,16 @@ def test_two_line_rotation_takes_the_short_way_round() -> None:
 
 def test_random_restarts_all_end_at_the_closed_form() -> None:
     source, target = spots(15, (3,))
-    starts = random_starts(np.tile(START, (3, 1)), (0.5, 3.0, 50, 50), 20, np.random.default_rng(5))
+    starts = random_starts(
+        np.tile(START, (3, 1)), (0.5, 3.0, 50, 50), 20, np.random.default_rng(5)
+    )
     assert starts.shape == (20, 3, 4)
     assert (np.abs(starts - START) <= (0.5, 3.0, 50, 50)).all()
     ends = [calibrate(source, target, PIVOT, start).parameters for start in starts]
     closed = fit_registration(source, target, PIVOT)
-    np.testing.assert_allclose(ends, np.broadcast_to(closed.parameters, (20, 3, 4)), atol=1e-9)
+    np.testing.assert_allclose(
+        ends, np.broadcast_to(closed.parameters, (20, 3, 4)), atol=1e-9
+    )
 
 
 def test_a_start_at_scale_zero_is_reported() -> None:

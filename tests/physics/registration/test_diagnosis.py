@@ -66,7 +66,9 @@ def test_right_fields_get_a_warning_as_often_as_stated():
 )
 def test_a_change_is_that_of_the_richer_fit(model, term, richer):
     source, target, _ = stars(9, 60)
-    target = source + 1e-3 * (target - source)  # a step of Gauss-Newton is exact for small terms
+    target = source + 1e-3 * (
+        target - source
+    )  # a step of Gauss-Newton is exact for small terms
     plain = fit_registration(source, target, PIVOT, model=model)
     rich = fit_registration(source, target, PIVOT, model=richer)
     found = {"rigid": rich.parameters[1:], "shift": rich.parameters[1:]}.get(model)
@@ -74,7 +76,9 @@ def test_a_change_is_that_of_the_richer_fit(model, term, richer):
         found = rich.parameters[:4]
     if richer == "affine":
         matrix = rich.parameters[:4].reshape(2, 2)
-        factor = (matrix[0, 0] + matrix[1, 1]) / 2 + 1j * (matrix[1, 0] - matrix[0, 1]) / 2
+        factor = (matrix[0, 0] + matrix[1, 1]) / 2 + 1j * (
+            matrix[1, 0] - matrix[0, 1]
+        ) / 2
         found = np.array([abs(factor), np.angle(factor), *rich.parameters[4:]])
     expected = (found - plain.parameters) / plain.standard_errors
     assert np.abs(expected).max() > 0.1
@@ -145,7 +149,10 @@ def test_more_stars_than_pairs_can_be_taken_of_are_fitted_robustly():
         ("unit", lambda s, t: (s / 100, t / 100)),
         ("unit", lambda s, t: (s, t / 150)),
         ("duplicate", lambda s, t: (np.vstack([s, s[:2]]), np.vstack([t, t[:2]]))),
-        ("duplicate", lambda s, t: (np.vstack([s, s[:2]]), np.vstack([t, t[:2] + 0.01]))),
+        (
+            "duplicate",
+            lambda s, t: (np.vstack([s, s[:2]]), np.vstack([t, t[:2] + 0.01])),
+        ),
         ("line", lambda s, t: (s * [1, 0], s * [1, 0] + 0.05 * np.sin(s))),
         ("exact", lambda s, _: (s, s + 3)),
         ("few", lambda s, t: (s[:2], t[:2])),
@@ -185,7 +192,9 @@ def test_intervals_cover(count, wrong):
         fit = fit_registration(source, target, PIVOT, robust=robust)
         for level in (0.6827, 0.95):
             low, high = np.moveaxis(fit.interval(level), -1, 0)
-            held = ((low <= TRUE["similarity"]) & (TRUE["similarity"] <= high)).mean(axis=0)
+            held = ((low <= TRUE["similarity"]) & (TRUE["similarity"] <= high)).mean(
+                axis=0
+            )
             # Four deviations: one of some 300 shares would be off with a chance of 0.02.
             assert np.abs(held - level).max() < 4 * np.sqrt(level * (1 - level) / sets)
 

@@ -71,14 +71,20 @@ def test_the_minimum_and_its_covariance_are_those_of_an_iterating_solver(model):
     start = np.array(TRUE[model]) * reach(model)
     found = least_squares(left, start, "3-point", x_scale="jac", xtol=1e-15, ftol=1e-15)
     fit = fit_registration(POINTS, target, PIVOT, weights, model)
-    np.testing.assert_allclose(fit.parameters * reach(model), found.x, rtol=0, atol=1e-6)
-    inverse = np.linalg.inv(found.jac.T @ found.jac) / np.outer(reach(model), reach(model))
+    np.testing.assert_allclose(
+        fit.parameters * reach(model), found.x, rtol=0, atol=1e-6
+    )
+    inverse = np.linalg.inv(found.jac.T @ found.jac) / np.outer(
+        reach(model), reach(model)
+    )
     scale = np.sqrt(np.outer(np.diag(inverse), np.diag(inverse)))
     np.testing.assert_allclose(fit.cofactor / scale, inverse / scale, atol=1e-6)
     np.testing.assert_allclose(fit.chi_square, 2 * found.cost, rtol=1e-9)
     freedom = 2 * len(POINTS) - len(MODELS[model])
     assert int(fit.degrees_of_freedom) == freedom
-    np.testing.assert_allclose(fit.covariance, fit.cofactor * fit.chi_square / freedom, rtol=1e-12)
+    np.testing.assert_allclose(
+        fit.covariance, fit.cofactor * fit.chi_square / freedom, rtol=1e-12
+    )
 
 
 @pytest.mark.parametrize("model", MODELS)
@@ -104,7 +110,9 @@ def test_known_covariances_of_both_images_give_honest_errors(model):
     count = len(MODELS[model])
     assert normal.mean() == pytest.approx(count, abs=5 * np.sqrt(2 * count / trials))
     freedom = 2 * n - count
-    assert fit.chi_square.mean() == pytest.approx(freedom, abs=5 * np.sqrt(2 * freedom / trials))
+    assert fit.chi_square.mean() == pytest.approx(
+        freedom, abs=5 * np.sqrt(2 * freedom / trials)
+    )
     beyond = (fit.chi_square > chi2.ppf(0.95, freedom)).mean()
     assert beyond == pytest.approx(0.05, abs=5 * np.sqrt(0.05 * 0.95 / trials))
 
@@ -124,9 +132,13 @@ def small_field(model, generator):
 
 @pytest.mark.parametrize("model", MODELS)
 @pytest.mark.parametrize("known", ["both", "source", "target"])
-def test_the_maximum_of_the_whole_likelihood_is_that_of_an_iterating_solver(model, known):
+def test_the_maximum_of_the_whole_likelihood_is_that_of_an_iterating_solver(
+    model, known
+):
     """The solver moves the true points too, one by one, and knows no elimination."""
-    source, target, (in_source, in_target) = small_field(model, np.random.default_rng(5))
+    source, target, (in_source, in_target) = small_field(
+        model, np.random.default_rng(5)
+    )
     weights = np.random.default_rng(6).uniform(0.5, 2, len(source))
     given = {
         "source_covariance": None if known == "target" else in_source,
@@ -144,15 +156,24 @@ def test_the_maximum_of_the_whole_likelihood_is_that_of_an_iterating_solver(mode
         points = unknowns[count:].reshape(-1, 2)
         transform = Registration(model, unknowns[:count] * size, np.zeros(2))
         parts = (source - points, target - transform.apply(points))
-        white = [root * (w @ d[..., None])[..., 0] for w, d in zip(whitening, parts, strict=True)]
+        white = [
+            root * (w @ d[..., None])[..., 0]
+            for w, d in zip(whitening, parts, strict=True)
+        ]
         return np.concatenate(white).ravel()
 
     begin = np.concatenate([np.array(TRUE[model]) / size, source.ravel()])
-    found = least_squares(left, begin, "3-point", x_scale="jac", xtol=1e-15, ftol=1e-15, gtol=1e-15)
+    found = least_squares(
+        left, begin, "3-point", x_scale="jac", xtol=1e-15, ftol=1e-15, gtol=1e-15
+    )
     sd = np.sqrt(np.diag(fit.covariance))
-    np.testing.assert_allclose((fit.parameters - found.x[:count] * size) / sd, 0, atol=2e-5)
+    np.testing.assert_allclose(
+        (fit.parameters - found.x[:count] * size) / sd, 0, atol=2e-5
+    )
     assert float(fit.chi_square) == pytest.approx(2 * found.cost, rel=1e-6)
-    whole = np.linalg.inv(found.jac.T @ found.jac)[:count, :count] * np.outer(size, size)
+    whole = np.linalg.inv(found.jac.T @ found.jac)[:count, :count] * np.outer(
+        size, size
+    )
     np.testing.assert_allclose(
         fit.covariance / np.outer(sd, sd), whole / np.outer(sd, sd), atol=1e-4
     )
@@ -162,14 +183,18 @@ def test_errors_of_the_source_do_not_draw_the_scale_towards_zero():
     """In a thousand fits of a small field, beside fits that take the source as free of errors."""
     generator = np.random.default_rng(3)
     points = generator.uniform(-40, 40, (1000, 60, 2))
-    source, target = (points + 4 * generator.standard_normal(points.shape) for _ in range(2))
+    source, target = (
+        points + 4 * generator.standard_normal(points.shape) for _ in range(2)
+    )
     error = 16 * np.eye(2)
     naive = fit_registration(source, target, np.zeros(2), target_covariance=error)
     known = fit_registration(
         source, target, np.zeros(2), source_covariance=error, target_covariance=error
     )
     # k cos(theta), because the length k itself is drawn away from zero by its own scatter.
-    naive, known = (fit.parameters[:, 0] * np.cos(fit.parameters[:, 1]) for fit in (naive, known))
+    naive, known = (
+        fit.parameters[:, 0] * np.cos(fit.parameters[:, 1]) for fit in (naive, known)
+    )
     # By hand: the scale shrinks by the share of the noise in the spread of the measured points.
     shrunk = 16 / (80**2 / 12 + 16)
     luck = known.std() / np.sqrt(1000)
@@ -241,7 +266,9 @@ def test_a_batch_gives_what_each_gives_alone(model):
         alone = fit_registration(POINTS, target, PIVOT, model=model)
         difference = (together.parameters[row] - alone.parameters) * reach(model)
         assert np.abs(difference).max() < 1e-8
-        np.testing.assert_allclose(together.covariance[row], alone.covariance, rtol=1e-6)
+        np.testing.assert_allclose(
+            together.covariance[row], alone.covariance, rtol=1e-6
+        )
 
 
 STRAIGHT = [model for model in MODELS if model != "similarity+radial"]
@@ -252,7 +279,9 @@ def test_transforms_are_undone_and_composed(model):
     transform = Registration(model, np.array(TRUE[model]), PIVOT)
     landed = transform.apply(POINTS)
     np.testing.assert_allclose(transform.inverse().apply(landed), POINTS, atol=1e-9)
-    np.testing.assert_allclose(transform.inverse().inverse().apply(POINTS), landed, atol=1e-9)
+    np.testing.assert_allclose(
+        transform.inverse().inverse().apply(POINTS), landed, atol=1e-9
+    )
     twice = transform.after(transform)
     np.testing.assert_allclose(twice.apply(POINTS), transform.apply(landed), atol=1e-9)
     home = transform.inverse().after(transform)
@@ -263,18 +292,24 @@ def test_the_order_of_a_composition_matters_and_is_kept():
     turn = Registration("rigid", np.array([0.5, 3.0, 4.0]), PIVOT)
     stretch = Registration("affine", np.array(TRUE["affine"]), PIVOT + 50)
     both = stretch.after(turn)
-    np.testing.assert_allclose(both.apply(POINTS), stretch.apply(turn.apply(POINTS)), atol=1e-9)
+    np.testing.assert_allclose(
+        both.apply(POINTS), stretch.apply(turn.apply(POINTS)), atol=1e-9
+    )
     assert np.abs(both.apply(POINTS) - turn.apply(stretch.apply(POINTS))).max() > 1
 
 
 def test_batches_are_undone_and_composed_one_by_one():
-    shifts = Registration("shift", np.array([[1.0, 2.0], [3.0, -4.0], [0.5, 0.0]]), PIVOT)
+    shifts = Registration(
+        "shift", np.array([[1.0, 2.0], [3.0, -4.0], [0.5, 0.0]]), PIVOT
+    )
     turn = Registration("rigid", np.array([0.5, 3.0, 4.0]), PIVOT)
     both = shifts.after(turn)
     np.testing.assert_allclose(
         both.inverse().apply(both.apply(POINTS)), np.stack([POINTS] * 3), atol=1e-9
     )
-    np.testing.assert_allclose(both.apply(POINTS), shifts.apply(turn.apply(POINTS)), atol=1e-9)
+    np.testing.assert_allclose(
+        both.apply(POINTS), shifts.apply(turn.apply(POINTS)), atol=1e-9
+    )
 
 
 def test_what_bends_lines_has_no_inverse():
@@ -285,15 +320,17 @@ def test_what_bends_lines_has_no_inverse():
 
 
 def test_the_repeated_median_bears_almost_half_of_the_points():
-    clean = Registration("similarity", np.array(TRUE["similarity"]), PIVOT).apply(POINTS)
+    clean = Registration("similarity", np.array(TRUE["similarity"]), PIVOT).apply(
+        POINTS
+    )
     clean[:19] = GENERATOR.uniform(0, 2000, (19, 2))
     found = _repeated_median(prepare(POINTS, clean, PIVOT, None, "similarity"))
     # Without noise the right ones agree exactly, and the median is near them, not at them.
     assert (np.abs(found - TRUE["similarity"]) * reach("similarity") < 40).all()
     few = clean.copy()
-    few[10:19] = Registration("similarity", np.array(TRUE["similarity"]), PIVOT).apply(POINTS)[
-        10:19
-    ]
+    few[10:19] = Registration("similarity", np.array(TRUE["similarity"]), PIVOT).apply(
+        POINTS
+    )[10:19]
     found = _repeated_median(prepare(POINTS, few, PIVOT, None, "similarity"))
     assert (np.abs(found - TRUE["similarity"]) * reach("similarity") < 1e-9).all()
 

@@ -13,17 +13,37 @@ from reproduce.physics.registration import Registration, match_points
 FIELD = 1000.0
 
 
-def lists(seed, common, unmatched=0, *, scale=1.0, degrees=0.0, shift=(0, 0), noise=0.05, flip=1):
+def lists(
+    seed,
+    common,
+    unmatched=0,
+    *,
+    scale=1.0,
+    degrees=0.0,
+    shift=(0, 0),
+    noise=0.05,
+    flip=1,
+):
     """Return two lists of stars in random order of rows, and the true row of the target of each."""
     rng = np.random.default_rng([36, seed])
     stars = rng.uniform(0, FIELD, (common, 2))
-    motion = Registration.similarity(scale, np.radians(degrees), shift, (FIELD / 2, FIELD / 2))
-    both = [np.vstack([places + rng.normal(0, noise, places.shape),
-                       rng.uniform(0, FIELD, (unmatched, 2))])
-            for places in (stars, motion.apply(stars * (1, flip)))]  # fmt: skip
+    motion = Registration.similarity(
+        scale, np.radians(degrees), shift, (FIELD / 2, FIELD / 2)
+    )
+    both = [
+        np.vstack(
+            [
+                places + rng.normal(0, noise, places.shape),
+                rng.uniform(0, FIELD, (unmatched, 2)),
+            ]
+        )
+        for places in (stars, motion.apply(stars * (1, flip)))
+    ]
     orders = [rng.permutation(common + unmatched) for _ in both]
-    true = {int(np.flatnonzero(orders[0] == i)[0]): int(np.flatnonzero(orders[1] == i)[0])
-            for i in range(common)}  # fmt: skip
+    true = {
+        int(np.flatnonzero(orders[0] == i)[0]): int(np.flatnonzero(orders[1] == i)[0])
+        for i in range(common)
+    }
     return both[0][orders[0]], both[1][orders[1]], true
 
 
@@ -39,7 +59,15 @@ def found_of(source, target, true):
 @pytest.mark.parametrize("flip", [1, -1])
 def test_few_stars_that_agree_are_found(count, noise, flip):
     for seed in range(10):
-        made = lists(seed, count, scale=1.2, degrees=28.6, shift=(-30, 20), noise=noise, flip=flip)
+        made = lists(
+            seed,
+            count,
+            scale=1.2,
+            degrees=28.6,
+            shift=(-30, 20),
+            noise=noise,
+            flip=flip,
+        )
         assert found_of(*made) == (1, 1)
 
 
@@ -48,10 +76,19 @@ def test_three_stars_are_rejected_with_their_number():
         rp.match(*lists(0, 3, noise=1e-6)[:2])
 
 
-@pytest.mark.parametrize("motion", [
-    {}, {"shift": (13, -8)}, {"degrees": 0.5}, {"degrees": 3}, {"degrees": 90}, {"degrees": 180},
-    {"scale": 1.1, "degrees": 60}, {"degrees": 60, "flip": -1},
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "motion",
+    [
+        {},
+        {"shift": (13, -8)},
+        {"degrees": 0.5},
+        {"degrees": 3},
+        {"degrees": 90},
+        {"degrees": 180},
+        {"scale": 1.1, "degrees": 60},
+        {"degrees": 60, "flip": -1},
+    ],
+)
 @pytest.mark.parametrize("count", [40, 1500])
 def test_lists_in_any_order_of_rows_are_matched(motion, count):
     source, target, true = lists(1, count, count // 10, **motion)
@@ -63,14 +100,19 @@ def test_lists_in_any_order_of_rows_are_matched(motion, count):
 @pytest.mark.parametrize("degrees", [90, 180])
 def test_many_stars_in_the_order_of_y_are_matched_in_seconds(degrees):
     stars = np.random.default_rng(5).uniform(0, FIELD, (5000, 2))
-    turned = Registration.similarity(1, np.radians(degrees), (0, 0), (FIELD / 2, FIELD / 2))
+    turned = Registration.similarity(
+        1, np.radians(degrees), (0, 0), (FIELD / 2, FIELD / 2)
+    )
     noise = np.random.default_rng(6).normal(0, 0.05, stars.shape)
     target = turned.apply(stars) + noise
     source, target = (places[np.argsort(places[:, 1])] for places in (stars, target))
     start = time.process_time()
     pairs = rp.match(source, target)
     assert time.process_time() - start < 4
-    places = pairs[["x", "y"]].to_numpy(), pairs[["x_reference", "y_reference"]].to_numpy()
+    places = (
+        pairs[["x", "y"]].to_numpy(),
+        pairs[["x_reference", "y_reference"]].to_numpy(),
+    )
     assert np.abs(turned.apply(places[0]) - places[1]).max() < 0.5
     assert len(pairs) > 4900
 
@@ -84,7 +126,10 @@ def test_a_shift_is_found_among_many_unmatched_stars(unmatched):
 def test_the_magnitude_selects_the_bright_stars(kind):
     """Twenty bright stars are common, and three hundred faint ones are not."""
     source, target, true = lists(3, 20, 300, degrees=75, noise=0.2)
-    common = np.isin(np.arange(320), list(true)), np.isin(np.arange(320), list(true.values()))
+    common = (
+        np.isin(np.arange(320), list(true)),
+        np.isin(np.arange(320), list(true.values())),
+    )
     faint = [np.where(bright, 10.0, 15.0) + np.linspace(0, 1, 320) for bright in common]
     tables = [kind({"x": x, "y": y}) for x, y in (source.T, target.T)]
     with pytest.raises(ValueError, match="common stars"):
@@ -93,7 +138,11 @@ def test_the_magnitude_selects_the_bright_stars(kind):
     for name, values in named:
         for table, value in zip(tables, values, strict=True):
             table[name] = value
-        assert np.diff(rp.stars(tables[0]).frame()[name]).max() * (1 if name == "flux" else -1) <= 0
+        assert (
+            np.diff(rp.stars(tables[0]).frame()[name]).max()
+            * (1 if name == "flux" else -1)
+            <= 0
+        )
         pairs = rp.match(*tables)
         assert len(pairs) >= 20
         for table in tables:
@@ -105,7 +154,10 @@ def test_unrelated_fields_are_rejected(count):
     """Also if both have a cluster at one place, or whole numbers as positions."""
     for seed in range(6 if count == 300 else 24):
         rng = np.random.default_rng([7, count, seed])
-        uniform, whole = rng.uniform(0, FIELD, (2, count, 2)), rng.integers(0, 60, (2, count, 2))
+        uniform, whole = (
+            rng.uniform(0, FIELD, (2, count, 2)),
+            rng.integers(0, 60, (2, count, 2)),
+        )
         clustered = uniform.copy()
         clustered[:, ::2] = FIELD / 2 + 30 * rng.standard_t(3, clustered[:, ::2].shape)
         for source, target in (uniform, clustered, 1.0 * whole):
@@ -117,6 +169,8 @@ def test_channels_with_other_bright_stars_are_matched():
     """Stars at the same places, of which the bright ones of one channel are the faint others."""
     places, _, _ = lists(4, 600)
     flux = np.where(np.arange(600) < 200, 200.0, 20.0) + np.arange(600) / 100
-    tables = [pd.DataFrame(places, columns=["x", "y"]).assign(flux=one)
-              for one in (flux, flux[::-1])]  # fmt: skip
+    tables = [
+        pd.DataFrame(places, columns=["x", "y"]).assign(flux=one)
+        for one in (flux, flux[::-1])
+    ]
     assert len(rp.match(*tables)) == 600

@@ -13,12 +13,16 @@ FLIPS = [[-1.0, 1.0], [1.0, -1.0]]
 def field(n, noise, seed=0, turn=0.3):
     generator = np.random.default_rng(seed)
     source = generator.uniform((0, 0), (2064, 1544), (n, 2))
-    target = Registration("similarity", np.array([1.002, turn, -3.0, 2.0]), PIVOT).apply(source)
+    target = Registration(
+        "similarity", np.array([1.002, turn, -3.0, 2.0]), PIVOT
+    ).apply(source)
     return source, target + noise * generator.standard_normal(target.shape)
 
 
 @pytest.mark.parametrize("flip", FLIPS)
-@pytest.mark.parametrize(("n", "noise"), [(3, 0.0), (3, 0.02), (4, 0.5), (10, 20.0), (81, 60.0)])
+@pytest.mark.parametrize(
+    ("n", "noise"), [(3, 0.0), (3, 0.02), (4, 0.5), (10, 20.0), (81, 60.0)]
+)
 @pytest.mark.parametrize("model", ["shift", "rigid", "similarity", "similarity+radial"])
 def test_a_mirror_image_is_named(model, n, noise, flip):
     source, target = field(n, noise, seed=n, turn=0.0 if model == "shift" else 2.0)
@@ -40,7 +44,10 @@ def test_a_batch_says_how_many_are_mirrored():
 def test_wrong_matches_do_not_hide_a_mirror_image(wrong):
     source, target = field(81, 0.3)
     target[:wrong] = np.random.default_rng(1).uniform(0, 2000, (wrong, 2))
-    assert fit_registration(source, target, PIVOT, robust=True).residuals.shape == (81, 2)
+    assert fit_registration(source, target, PIVOT, robust=True).residuals.shape == (
+        81,
+        2,
+    )
     with pytest.raises(MirroredPointsError, match="flip one axis"):
         fit_registration(source * FLIPS[0], target, PIVOT, robust=True)
 
@@ -48,7 +55,9 @@ def test_wrong_matches_do_not_hide_a_mirror_image(wrong):
 def test_the_affine_model_may_mirror():
     source, target = field(20, 0.0)
     for robust in (False, True):
-        fit = fit_registration(source * FLIPS[0], target, PIVOT, model="affine", robust=robust)
+        fit = fit_registration(
+            source * FLIPS[0], target, PIVOT, model="affine", robust=robust
+        )
         np.testing.assert_allclose(fit.residuals, 0, atol=1e-9)
         assert np.linalg.det(fit.transform.matrix) < 0
 
@@ -65,9 +74,13 @@ def test_points_that_are_not_mirrored_pass_whatever_their_noise(n, noise, flat):
 
 
 @pytest.mark.parametrize("robust", [False, True])
-@pytest.mark.parametrize("model", ["rigid", "similarity", "similarity+radial", "affine"])
+@pytest.mark.parametrize(
+    "model", ["rigid", "similarity", "similarity+radial", "affine"]
+)
 @pytest.mark.parametrize("scale", [0.1, 1.0, 10.0])
-def test_turns_of_any_size_and_scales_from_a_tenth_to_ten_are_fitted(model, scale, robust):
+def test_turns_of_any_size_and_scales_from_a_tenth_to_ten_are_fitted(
+    model, scale, robust
+):
     generator = np.random.default_rng(4)
     source = generator.uniform((0, 0), (2064, 1544), (25, 2))
     for turn in np.radians([0, 28.7, 90, 179.99, 180, -120]):
@@ -77,4 +90,6 @@ def test_turns_of_any_size_and_scales_from_a_tenth_to_ten_are_fitted(model, scal
         if robust:
             target[:8] += generator.uniform(100, 900, (8, 2)) * scale
         fit = fit_registration(source, target, PIVOT, model=model, robust=robust)
-        np.testing.assert_allclose(fit.transform.apply(source), exact, rtol=0, atol=5e-3)
+        np.testing.assert_allclose(
+            fit.transform.apply(source), exact, rtol=0, atol=5e-3
+        )

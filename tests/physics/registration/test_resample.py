@@ -11,7 +11,9 @@ from reproduce.physics.registration import (
 )
 
 TRANSFORM = Registration.similarity(1.01, 0.02, (1.3, -0.7), (30.0, 20.0))
-BENT = Registration("similarity+radial", np.array([1.05, 0.05, 3.2, -1.4, 2e-4]), np.zeros(2))
+BENT = Registration(
+    "similarity+radial", np.array([1.05, 0.05, 3.2, -1.4, 2e-4]), np.zeros(2)
+)
 SPOT = np.array([[33.3, 27.8]])
 
 
@@ -47,15 +49,20 @@ def test_what_a_fit_returns_carries_an_image(model, parameters):
     np.testing.assert_array_equal(registered_image(image, fit.transform), found)
     part = registered_image(image[10:46, 12:60], fit, order=1, corner=(12, 10))
     whole = registered_image(image, fit, order=1)
-    np.testing.assert_allclose(part[5:-5, 5:-5], whole[15:41, 17:55], rtol=1e-9, atol=1e-6)
+    np.testing.assert_allclose(
+        part[5:-5, 5:-5], whole[15:41, 17:55], rtol=1e-9, atol=1e-6
+    )
 
 
 def test_all_forms_of_one_similarity_give_one_image():
     source = np.random.default_rng(2).uniform(0, 60, (12, 2))
     image = render_frame(SPOT, 1e5, 1.2, (64, 48))
     fit = fit_registration(source, TRANSFORM.apply(source), TRANSFORM.pivot)
-    for form in (fit, fit.transform, fit_registration(source, TRANSFORM.apply(source),
-                                                       TRANSFORM.pivot)):  # fmt: skip
+    for form in (
+        fit,
+        fit.transform,
+        fit_registration(source, TRANSFORM.apply(source), TRANSFORM.pivot),
+    ):
         np.testing.assert_allclose(
             registered_image(image, form), registered_image(image, TRANSFORM), atol=1e-6
         )
@@ -65,7 +72,9 @@ def test_a_window_is_a_part_of_the_whole():
     image = render_frame(SPOT, 1e5, 1.0, (64, 48))
     whole = registered_image(image, TRANSFORM, order=1)
     part = registered_image(image[15:40, 20:50], TRANSFORM, order=1, corner=(20, 15))
-    np.testing.assert_allclose(part[5:-5, 5:-5], whole[20:35, 25:45], rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(
+        part[5:-5, 5:-5], whole[20:35, 25:45], rtol=1e-9, atol=1e-9
+    )
 
 
 def test_nothing_happens_without_a_transform():

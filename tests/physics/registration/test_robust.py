@@ -26,8 +26,15 @@ def efficiency(constant, dimensions):
     """Variance of the mean over that of the biweight's location, for Gaussian vectors."""
 
     def mean(value):
-        return quad(lambda r: value(r, (r / constant) ** 2) * r ** (dimensions - 1)
-                    * np.exp(-(r**2) / 2), 0, constant)[0]  # fmt: skip
+        return quad(
+            lambda r: (
+                value(r, (r / constant) ** 2)
+                * r ** (dimensions - 1)
+                * np.exp(-(r**2) / 2)
+            ),
+            0,
+            constant,
+        )[0]
 
     slope = mean(lambda _, u: (1 - u) ** 2 - 4 * u * (1 - u) / dimensions)
     square = mean(lambda r, u: ((1 - u) ** 2 * r) ** 2 / dimensions)
@@ -53,7 +60,9 @@ def test_one_and_two_sigma_cover_what_is_said_of_them(n, wrong, expected):
     off = np.abs(fit.parameters - TRUE) / sd
     for share, limit in zip(expected, (1.0, norm.ppf(0.975)), strict=True):
         luck = np.sqrt(share * (1 - share) / trials)
-        np.testing.assert_allclose((off < limit).mean(axis=0), share, rtol=0, atol=4 * luck)
+        np.testing.assert_allclose(
+            (off < limit).mean(axis=0), share, rtol=0, atol=4 * luck
+        )
 
 
 @pytest.mark.parametrize("known", ["covariances", "weights"])
@@ -69,19 +78,29 @@ def test_points_are_judged_by_their_own_errors(known):
     assert (fit.weights[:, 0] == 0).all(), "fifty standard deviations off"
     assert (fit.weights[:, 1::2] > 0).mean() > 0.99, "as far off as they may be"
     assert (fit.weights[:, 2::2] > 0).mean() > 0.99
-    best = fit_registration(source[:, 1:], target[:, 1:], PIVOT, target_covariance=errors[1:])
+    best = fit_registration(
+        source[:, 1:], target[:, 1:], PIVOT, target_covariance=errors[1:]
+    )
     normal = np.square(fit.parameters - TRUE).mean(axis=0)
-    np.testing.assert_array_less(normal, 1.4 * np.square(best.parameters - TRUE).mean(axis=0))
+    np.testing.assert_array_less(
+        normal, 1.4 * np.square(best.parameters - TRUE).mean(axis=0)
+    )
     claimed = np.diagonal(fit.covariance, axis1=-2, axis2=-1).mean(axis=0)
     np.testing.assert_allclose(claimed / normal, 1, atol=5 * np.sqrt(2 / len(source)))
 
 
 @pytest.mark.parametrize("known", ["nothing", "weights", "both covariances"])
-def test_a_large_field_is_judged_by_a_part_of_itself_as_by_the_whole(known, monkeypatch):
+def test_a_large_field_is_judged_by_a_part_of_itself_as_by_the_whole(
+    known, monkeypatch
+):
     """Who is drawn decides only on points that lie at the limit, of which there are hardly any."""
     source, target = field(np.random.default_rng(4), 2, 8000, 0.3)
     covariances = ("source_covariance", "target_covariance")
-    errors = dict.fromkeys(covariances, 0.005 * np.eye(2)) if known == "both covariances" else {}
+    errors = (
+        dict.fromkeys(covariances, 0.005 * np.eye(2))
+        if known == "both covariances"
+        else {}
+    )
     weights = np.tile([1.0, 0.0, 2.0, 1.0], 2000) if known == "weights" else None
     part = fit_registration(source, target, PIVOT, weights, robust=True, **errors)
     monkeypatch.setattr("reproduce.physics.registration.fit._SETTLED", 10_000)

@@ -21,13 +21,17 @@ from reproduce.physics.validate import DegenerateGeometryError
 TRUTH = Registration.similarity(1.003, 0.0011, (-0.4, 0.7), (1030.0, 770.0))
 
 
-def spots(count: int = 60, seed: int = 1, sigma: float = 0.05) -> tuple[np.ndarray, np.ndarray]:
+def spots(
+    count: int = 60, seed: int = 1, sigma: float = 0.05
+) -> tuple[np.ndarray, np.ndarray]:
     rng = np.random.default_rng(seed)
     source = rng.uniform((0, 0), (2064, 1544), (count, 2))
     return source, TRUTH.apply(source) + sigma * rng.normal(size=source.shape)
 
 
-def residuals_by_matrix(u: np.ndarray, source: np.ndarray, target: np.ndarray) -> np.ndarray:
+def residuals_by_matrix(
+    u: np.ndarray, source: np.ndarray, target: np.ndarray
+) -> np.ndarray:
     """The model with an explicit matrix, independent of the complex numbers inside."""
     c, s = np.cos(u[1]), np.sin(u[1])
     turned = (source - TRUTH.pivot) @ (u[0] * np.array([[c, s], [-s, c]]))
@@ -36,7 +40,9 @@ def residuals_by_matrix(u: np.ndarray, source: np.ndarray, target: np.ndarray) -
 
 def by_scipy(source: np.ndarray, target: np.ndarray, weights: np.ndarray) -> tuple:
     solved = least_squares(
-        lambda u: (np.sqrt(weights)[:, None] * residuals_by_matrix(u, source, target)).ravel(),
+        lambda u: (
+            np.sqrt(weights)[:, None] * residuals_by_matrix(u, source, target)
+        ).ravel(),
         (1.0, 0.0, 0.0, 0.0),
         x_scale="jac",
         jac="3-point",
@@ -55,7 +61,9 @@ def covariance_units(fit: RegistrationFit) -> np.ndarray:
 
 def test_transform_is_the_matrix_form() -> None:
     source, target = spots(sigma=0)
-    np.testing.assert_allclose(residuals_by_matrix(TRUTH.parameters, source, target), 0, atol=1e-11)
+    np.testing.assert_allclose(
+        residuals_by_matrix(TRUTH.parameters, source, target), 0, atol=1e-11
+    )
 
 
 def test_affine_form_gives_the_same_points() -> None:
@@ -81,9 +89,13 @@ def test_limits_of_the_transform() -> None:
 def test_inverse_and_composition() -> None:
     source, target = spots(sigma=0)
     np.testing.assert_allclose(TRUTH.inverse().apply(target), source, atol=1e-11)
-    np.testing.assert_allclose(TRUTH.inverse().after(TRUTH).parameters, (1, 0, 0, 0), atol=1e-12)
+    np.testing.assert_allclose(
+        TRUTH.inverse().after(TRUTH).parameters, (1, 0, 0, 0), atol=1e-12
+    )
     second = Registration.similarity(0.7, 2.0, (10, 20), (3, 4))
-    np.testing.assert_allclose(second.after(TRUTH).apply(source), second.apply(target), atol=1e-11)
+    np.testing.assert_allclose(
+        second.after(TRUTH).apply(source), second.apply(target), atol=1e-11
+    )
 
 
 @pytest.mark.parametrize("weighted", [False, True])
@@ -95,7 +107,9 @@ def test_fit_agrees_with_scipy(weighted: bool) -> None:
     solution, cofactor, chi_square = by_scipy(source, target, ones)
     np.testing.assert_allclose(fit.parameters, solution, atol=1e-9)
     np.testing.assert_allclose(
-        fit.cofactor / covariance_units(fit), cofactor / covariance_units(fit), atol=1e-7
+        fit.cofactor / covariance_units(fit),
+        cofactor / covariance_units(fit),
+        atol=1e-7,
     )
     assert fit.chi_square == pytest.approx(chi_square, rel=1e-10)
     np.testing.assert_allclose(
@@ -108,13 +122,19 @@ def test_fit_agrees_with_linear_algebra() -> None:
     q = source - TRUTH.pivot
     one, zero = np.ones(len(q)), np.zeros(len(q))
     design = np.concatenate(
-        [np.stack([q[:, 0], -q[:, 1], -one, zero], 1), np.stack([q[:, 1], q[:, 0], zero, -one], 1)]
+        [
+            np.stack([q[:, 0], -q[:, 1], -one, zero], 1),
+            np.stack([q[:, 1], q[:, 0], zero, -one], 1),
+        ]
     )
     observed = (target - TRUTH.pivot).T.ravel()
     (a, b, *shift), chi_square, *_ = np.linalg.lstsq(design, observed)
     fit = fit_registration(source, target, TRUTH.pivot)
     np.testing.assert_allclose(
-        fit.parameters, (np.hypot(a, b), np.arctan2(b, a), *shift), rtol=1e-9, atol=1e-12
+        fit.parameters,
+        (np.hypot(a, b), np.arctan2(b, a), *shift),
+        rtol=1e-9,
+        atol=1e-12,
     )
     assert fit.chi_square == pytest.approx(chi_square[0])
 
@@ -127,14 +147,18 @@ def test_fit_without_noise_returns_the_truth() -> None:
     ):
         source, _ = spots()
         fit = fit_registration(source, truth.apply(source), truth.pivot)
-        np.testing.assert_allclose(fit.parameters, truth.parameters, rtol=1e-12, atol=1e-10)
+        np.testing.assert_allclose(
+            fit.parameters, truth.parameters, rtol=1e-12, atol=1e-10
+        )
         np.testing.assert_allclose(fit.residuals, 0, atol=1e-10)
 
 
 def test_residuals_are_target_minus_transformed_source() -> None:
     source, target = spots()
     fit = fit_registration(source, target, TRUTH.pivot)
-    np.testing.assert_allclose(fit.residuals, target - fit.transform.apply(source), atol=1e-11)
+    np.testing.assert_allclose(
+        fit.residuals, target - fit.transform.apply(source), atol=1e-11
+    )
     np.testing.assert_allclose(fit.residuals.sum(axis=0), 0, atol=1e-9)
 
 
@@ -180,7 +204,9 @@ def test_weights_act_like_repeated_points_and_zero_like_absence() -> None:
     weights = np.array([2, 1, 3, 0, 1, 1])
     weighted = fit_registration(source, target, TRUTH.pivot, weights)
     repeated = fit_registration(
-        np.repeat(source, weights, axis=0), np.repeat(target, weights, axis=0), TRUTH.pivot
+        np.repeat(source, weights, axis=0),
+        np.repeat(target, weights, axis=0),
+        TRUTH.pivot,
     )
     np.testing.assert_allclose(weighted.parameters, repeated.parameters, atol=1e-10)
     np.testing.assert_allclose(
@@ -195,7 +221,9 @@ def test_weights_act_like_repeated_points_and_zero_like_absence() -> None:
 @pytest.mark.parametrize("weighted", [False, True])
 def test_a_batch_is_a_loop(weighted: bool) -> None:
     pairs = [spots(15, seed) for seed in range(6)]
-    source, target = (np.stack(side).reshape(2, 3, 15, 2) for side in zip(*pairs, strict=True))
+    source, target = (
+        np.stack(side).reshape(2, 3, 15, 2) for side in zip(*pairs, strict=True)
+    )
     pivot = np.random.default_rng(4).uniform(0, 1000, (2, 3, 2))
     weights = np.random.default_rng(5).uniform(0, 2, (2, 3, 15)) if weighted else None
     together = fit_registration(source, target, pivot, weights)
@@ -207,7 +235,10 @@ def test_a_batch_is_a_loop(weighted: bool) -> None:
         for name in ("parameters", "covariance", "residuals", "chi_square"):
             # Coordinates of up to 2064 px lie 4.5e-13 px apart; one set is summed in another order.
             np.testing.assert_allclose(
-                getattr(together, name)[i], getattr(alone, name), rtol=1e-12, atol=4.6e-13
+                getattr(together, name)[i],
+                getattr(alone, name),
+                rtol=1e-12,
+                atol=4.6e-13,
             )
 
 
@@ -215,7 +246,9 @@ def test_one_source_serves_many_targets() -> None:
     source, target = spots(10)
     targets = np.stack([target, target + 1])
     fit = fit_registration(source, targets, TRUTH.pivot)
-    np.testing.assert_allclose(fit.parameters[0] - fit.parameters[1], (0, 0, 1, 1), atol=1e-10)
+    np.testing.assert_allclose(
+        fit.parameters[0] - fit.parameters[1], (0, 0, 1, 1), atol=1e-10
+    )
     assert fit.cofactor.shape == (2, 4, 4)
 
 
@@ -242,10 +275,13 @@ def test_similarity_between_cameras_is_exact_without_distortion() -> None:
     theta = 0.02
     between = similarity_between(blue, theta, green)
     np.testing.assert_allclose(
-        between.apply(image_points(stars, blue, theta)), image_points(stars, green), atol=1e-10
+        between.apply(image_points(stars, blue, theta)),
+        image_points(stars, green),
+        atol=1e-10,
     )
     np.testing.assert_array_equal(
-        between.shift, principal_point_shift(blue.principal_point, green.principal_point)
+        between.shift,
+        principal_point_shift(blue.principal_point, green.principal_point),
     )
 
 
@@ -256,7 +292,9 @@ def test_similarity_between_cameras_holds_distortion_scaled_as_assumed() -> None
     blue = Camera(25e-3 / k, (1029, 772), 40.0 * k**2, 4e-6)
     between = similarity_between(blue, theta, green)
     np.testing.assert_allclose(
-        between.apply(image_points(stars, blue, theta)), image_points(stars, green), atol=1e-10
+        between.apply(image_points(stars, blue, theta)),
+        image_points(stars, green),
+        atol=1e-10,
     )
 
 
@@ -265,5 +303,7 @@ def test_rmse_counts_both_axes() -> None:
     points, reference = rng.normal(size=(2, 3, 30, 2))
     per_axis = rmse_per_axis(points, reference)
     assert per_axis.shape == (3, 2)
-    np.testing.assert_allclose(per_axis**2, ((points - reference) ** 2).sum(axis=1) / 30)
+    np.testing.assert_allclose(
+        per_axis**2, ((points - reference) ** 2).sum(axis=1) / 30
+    )
     np.testing.assert_allclose(rmse(points, reference), np.hypot(*per_axis.T))

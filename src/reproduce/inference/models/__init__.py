@@ -6,7 +6,11 @@
 - misalignment, misalignment-drift: `misalignment`, of many images, and without a sampler.
 """
 
-from reproduce.inference.models.fitted import FittedRegistration, exact_draws, fitted_model
+from reproduce.inference.models.fitted import (
+    FittedRegistration,
+    exact_draws,
+    fitted_model,
+)
 from reproduce.inference.models.misalignment import (
     AXES,
     MOUNT,

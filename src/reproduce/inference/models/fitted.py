@@ -98,14 +98,18 @@ class FittedRegistration(GaussianRegistration):
         """Log likelihood, shape (n,)."""
         if self._round:
             return super().__call__(np.column_stack(self._split(parameters)))
-        parts = np.array_split(parameters, -(-parameters.size * len(self.source) // _TOGETHER))
+        parts = np.array_split(
+            parameters, -(-parameters.size * len(self.source) // _TOGETHER)
+        )
         return np.concatenate([self.pointwise(part).sum(axis=-1) for part in parts])
 
     def pointwise(self, parameters: FloatArray) -> FloatArray:
         """Log likelihood of each star, shape (n, points)."""
         moved, noise = self._split(parameters)
         left, inverse = residuals_at(self.problem, moved)
-        squares = self.problem.counts * np.vecdot(left, (inverse @ left[..., None])[..., 0])
+        squares = self.problem.counts * np.vecdot(
+            left, (inverse @ left[..., None])[..., 0]
+        )
         constant = 0.5 * np.linalg.slogdet(self._own)[1] - np.log(2 * np.pi * noise**2)
         return np.asarray(constant - squares / (2 * noise**2))
 
@@ -120,12 +124,18 @@ class FittedRegistration(GaussianRegistration):
         normal = generator.normal(size=(len(parameters), *self.source.shape, 1))
         # Any matrix whose product with its transpose is the covariance.
         root = np.linalg.inv(np.linalg.cholesky(self._own)).mT
-        return np.asarray(self._split(parameters)[1][..., None] * (root @ normal)[..., 0])
+        return np.asarray(
+            self._split(parameters)[1][..., None] * (root @ normal)[..., 0]
+        )
 
     def start(self) -> tuple[FloatArray, FloatArray]:
         """The fit and its standard errors."""
         known = self.problem.errors_known
-        return (self.fit.parameters, self.fit.standard_errors) if known else super().start()
+        return (
+            (self.fit.parameters, self.fit.standard_errors)
+            if known
+            else super().start()
+        )
 
 
 def fitted_model(likelihood: FittedRegistration) -> Model:
@@ -161,16 +171,22 @@ def fitted_model(likelihood: FittedRegistration) -> Model:
     ]
     if not known and fits_exactly(fit, source, target):
         found = zip(parameters, fit.parameters.tolist(), strict=True)
-        told = (f"{one.name} {value * one.shown:.10g} {one.unit}" for one, value in found)
+        told = (
+            f"{one.name} {value * one.shown:.10g} {one.unit}" for one, value in found
+        )
         raise ValueError(
             "the points fit without any error, so there is no noise to sample; exactly: "
             + ", ".join(told).replace(" 1,", ",")
         )
     if not known:
         residual = float(likelihood.start()[0][-1])
-        noise = LogUniform(_NOISE[0] * residual, _NOISE[1] * residual, "no scale preferred: from "
-                           "a billionth of the residuals of least squares to a thousand times "
-                           "them")  # fmt: skip
+        noise = LogUniform(
+            _NOISE[0] * residual,
+            _NOISE[1] * residual,
+            "no scale preferred: from "
+            "a billionth of the residuals of least squares to a thousand times "
+            "them",
+        )
         parameters.append(replace(usual["noise"], prior=noise))
     estimate = dict(zip(names, fit.parameters.tolist(), strict=True))
     return Model("registration", tuple(parameters), likelihood, estimate)
@@ -181,10 +197,16 @@ def _priors(likelihood: FittedRegistration) -> dict[str, Prior]:
     source, target, fit = likelihood.source, likelihood.target, likelihood.fit
     robust = robust_similarity(source, target, likelihood.pivot)
     # No least-squares scale exceeds the ratio of the sizes of both patterns.
-    wide, narrow = (float(np.linalg.norm(one - one.mean(axis=0))) for one in (target, source))
+    wide, narrow = (
+        float(np.linalg.norm(one - one.mean(axis=0))) for one in (target, source)
+    )
     size = max(wide / narrow, float(robust.parameters[0]))
     width = float(np.ptp(target, axis=0).max())
-    reach = {"scale": SCALES * size, "rotation": np.pi, "radial": likelihood.field**-2.0}
+    reach = {
+        "scale": SCALES * size,
+        "rotation": np.pi,
+        "radial": likelihood.field**-2.0,
+    }
     reach |= dict.fromkeys(("shift-x", "shift-y"), FIELDS * width)
     reach |= dict.fromkeys(MODELS["affine"][:4], SCALES * size)
     reasons = {
@@ -228,9 +250,15 @@ def exact_draws(model: Model, count: int, generator: Generator) -> FloatArray:
             f"errors of the source, got {model.name}, {name}. Use the draws of emcee"
         )
     fit, many = model.likelihood_of(GaussianRegistration).fit, _SPARE * count
-    mean, turn, noise = fit.parameters.copy(), np.eye(len(fit.parameters)), np.ones((many, 1))
+    mean, turn, noise = (
+        fit.parameters.copy(),
+        np.eye(len(fit.parameters)),
+        np.ones((many, 1)),
+    )
     if not fit.errors_known:
-        squares = fit.chi_square / generator.chisquare(float(fit.degrees_of_freedom), many)
+        squares = fit.chi_square / generator.chisquare(
+            float(fit.degrees_of_freedom), many
+        )
         noise = np.sqrt(squares)[:, None]
     if name == "similarity":
         scale, angle = mean[:2]
@@ -243,7 +271,10 @@ def exact_draws(model: Model, count: int, generator: Generator) -> FloatArray:
     if name == "similarity":
         factors = rows[:, 0] + 1j * rows[:, 1]
         kept = np.abs(factors).min() / np.abs(factors)
-        rows[:, 0], rows[:, 1] = np.abs(factors), angle + np.angle(factors / np.exp(1j * angle))
+        rows[:, 0], rows[:, 1] = (
+            np.abs(factors),
+            angle + np.angle(factors / np.exp(1j * angle)),
+        )
     rows = np.hstack([rows, noise])[:, : model.dimension]
     # The prior of the noise is that of the closed form within its bounds.
     inside = np.isfinite(model.log_prior(rows)) & (generator.uniform(size=many) < kept)

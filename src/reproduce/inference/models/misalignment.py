@@ -70,11 +70,15 @@ class SpotStatistics:
         """
         means, slopes, levers, squares = [], [], [], 0.0
         for group, (spots, drift) in enumerate(zip(images, drifts, strict=True)):
-            spots = finite_array(f"images of group {group + 1}", spots, shape=(None, None, 2))
+            spots = finite_array(
+                f"images of group {group + 1}", spots, shape=(None, None, 2)
+            )
             times = np.linspace(-1, 1, len(spots))
             lever = float(times @ times) if drift else 0.0
             mean = spots.mean(axis=0)
-            slope = np.tensordot(times, spots - mean, axes=1) / lever if drift else 0 * mean
+            slope = (
+                np.tensordot(times, spots - mean, axes=1) / lever if drift else 0 * mean
+            )
             left = spots - mean - times[:, None, None] * slope
             squares += float(np.square(left).sum())
             means.append(mean)
@@ -83,15 +87,22 @@ class SpotStatistics:
         counts = np.array([float(len(spots)) for spots in images])
         return cls(np.stack(means), np.stack(slopes), counts, np.array(levers), squares)
 
-    def log_likelihood(self, start: FloatArray, end: FloatArray, noise: FloatArray) -> FloatArray:
+    def log_likelihood(
+        self, start: FloatArray, end: FloatArray, noise: FloatArray
+    ) -> FloatArray:
         """Log likelihood of white Gaussian noise about paths that are straight in time.
 
         The spots predicted at u = -1 and u = 1 have shape (n, groups, lasers, 2). Exact for
         straight paths. A path that bends by b px changes it by less than size times b times the
         misfit over noise^2: nothing near the posterior of a camera that turns by arc seconds.
         """
-        off_mean = np.square(self.means - 0.5 * (start + end)).sum(axis=(-2, -1)) @ self.counts
-        off_slope = np.square(self.slopes - 0.5 * (end - start)).sum(axis=(-2, -1)) @ self.levers
+        off_mean = (
+            np.square(self.means - 0.5 * (start + end)).sum(axis=(-2, -1)) @ self.counts
+        )
+        off_slope = (
+            np.square(self.slopes - 0.5 * (end - start)).sum(axis=(-2, -1))
+            @ self.levers
+        )
         squares = self.squares + off_mean + off_slope
         return np.asarray(
             -self.size * np.log(noise)
@@ -131,12 +142,16 @@ class SpotLikelihood:
         angle = parameters[:, 3:6]
         zero = np.zeros_like(angle)
         half = 0.5 * parameters[:, 6:9] if self.drifts else zero
-        return np.stack([zero, angle - half], axis=1), np.stack([zero, angle + half], axis=1)
+        return np.stack([zero, angle - half], axis=1), np.stack(
+            [zero, angle + half], axis=1
+        )
 
     def landed(self, parameters: FloatArray, turn: FloatArray) -> FloatArray:
         """Spots after turns of shape (n, groups, 3), in px."""
         mount, scale = parameters[:, :3], parameters[:, -2]
-        return self.platform.predicted(mount, turn, scale[:, None, None] * self.platform.lasers)
+        return self.platform.predicted(
+            mount, turn, scale[:, None, None] * self.platform.lasers
+        )
 
     def paths(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Predicted spots at the start and at the end of each group, in px."""
@@ -146,7 +161,9 @@ class SpotLikelihood:
 
     def __call__(self, parameters: FloatArray) -> FloatArray:
         """Log likelihood, shape (n,)."""
-        return self.statistics.log_likelihood(*self.paths(parameters), parameters[:, -1])
+        return self.statistics.log_likelihood(
+            *self.paths(parameters), parameters[:, -1]
+        )
 
     @property
     def observed(self) -> dict[str, FloatArray]:
@@ -157,7 +174,10 @@ class SpotLikelihood:
         """Log likelihood of the mean of each spot, shape (n, groups, lasers)."""
         start, end = self.paths(parameters)
         off = np.square(self.statistics.means - 0.5 * (start + end)).sum(axis=-1)
-        variance = np.square(parameters[:, -1])[:, None, None] / self.statistics.counts[:, None]
+        variance = (
+            np.square(parameters[:, -1])[:, None, None]
+            / self.statistics.counts[:, None]
+        )
         return np.asarray(-np.log(2 * np.pi * variance) - off / (2 * variance))
 
     def simulate(self, parameters: FloatArray, generator: Generator) -> SpotStatistics:
@@ -166,7 +186,9 @@ class SpotLikelihood:
         images, counts = [], self.statistics.counts.astype(int)
         for first, last, count in zip(start, end, counts, strict=True):
             path = first + np.linspace(0, 1, count)[:, None, None] * (last - first)
-            images.append(path + float(parameters[-1]) * generator.standard_normal(path.shape))
+            images.append(
+                path + float(parameters[-1]) * generator.standard_normal(path.shape)
+            )
         return SpotStatistics.of(images, tuple(self.statistics.levers > 0))
 
     def given(self, data: SpotStatistics) -> Self:
@@ -178,7 +200,10 @@ class SpotLikelihood:
         noise = np.sqrt(self.statistics.squares / self.statistics.freedom)
         # Rough values and scales of all but the noise: some arc minutes, a tenth.
         angles = 9 if self.drifts else 6
-        rough, scale = np.append(np.zeros(angles), 1.0), np.append(np.full(angles, 1e-2), 0.3)
+        rough, scale = (
+            np.append(np.zeros(angles), 1.0),
+            np.append(np.full(angles, 1e-2), 0.3),
+        )
         centre = rough
         for _ in range(3):
             response, left = self.linearised(np.append(centre, noise), scale)
@@ -189,18 +214,25 @@ class SpotLikelihood:
         noise_error = noise / np.sqrt(2 * self.statistics.freedom)
         return np.append(centre, noise), np.append(errors, noise_error)
 
-    def linearised(self, centre: FloatArray, scale: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def linearised(
+        self, centre: FloatArray, scale: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
         """Response of the weighted statistics to all parameters but the noise, and what is left.
 
         Derivatives, (m, d - 1), of mean times root count, then of slope times root lever; measured
         less predicted, (m,), weighted alike: each has the standard deviation of the noise.
         """
         steps = np.zeros((2 * len(scale), len(centre)))
-        steps[::2, :-1], steps[1::2, :-1] = np.diag(_STEP * scale), -np.diag(_STEP * scale)
+        steps[::2, :-1], steps[1::2, :-1] = (
+            np.diag(_STEP * scale),
+            -np.diag(_STEP * scale),
+        )
         start, end = self.paths(np.concatenate([centre[None], centre + steps]))
         found = self._weigh(0.5 * (start + end), 0.5 * (end - start))
         response = (found[1::2] - found[2::2]) / (2 * _STEP * scale)[:, None]
-        measured = self._weigh(self.statistics.means[None], self.statistics.slopes[None])[0]
+        measured = self._weigh(
+            self.statistics.means[None], self.statistics.slopes[None]
+        )[0]
         return response.T, measured - found[0]
 
     def _weigh(self, means: FloatArray, slopes: FloatArray) -> FloatArray:
@@ -215,7 +247,9 @@ class SpotLikelihood:
         """Standard deviation of a coordinate about least squares, the misfit in it, in px."""
         centre = np.append(self.start()[0][:-1], 1.0)
         # At a noise of one pixel the log likelihood is minus half the squares, and a constant.
-        squares = -2 * float(self(centre[None])[0]) - self.statistics.size * np.log(2 * np.pi)
+        squares = -2 * float(self(centre[None])[0]) - self.statistics.size * np.log(
+            2 * np.pi
+        )
         return float(np.sqrt(squares / self.statistics.size))
 
     def checks(self, data: SpotStatistics | None = None) -> dict[str, float]:
@@ -226,19 +260,26 @@ class SpotLikelihood:
         return {
             "scatter of one image (px)": float(np.sqrt(data.squares / data.freedom)),
             "pattern, wider than high (px)": float(pattern[0] - pattern[1]),
-            "centre, last less first group, x (px)": float(centres[-1, 0] - centres[0, 0]),
-            "centre, last less first group, y (px)": float(centres[-1, 1] - centres[0, 1]),
+            "centre, last less first group, x (px)": float(
+                centres[-1, 0] - centres[0, 0]
+            ),
+            "centre, last less first group, y (px)": float(
+                centres[-1, 1] - centres[0, 1]
+            ),
         }
 
 
 def _angles(name: str, label: str, prior: Prior) -> tuple[Parameter, ...]:
     return tuple(
-        Parameter(f"{name}-{a}", f"{label}_{a}", "arcsec", prior, ARCSEC_PER_RADIAN) for a in AXES
+        Parameter(f"{name}-{a}", f"{label}_{a}", "arcsec", prior, ARCSEC_PER_RADIAN)
+        for a in AXES
     )
 
 
 _MISALIGNED = Normal(
-    0.0, 100 / ARCSEC_PER_RADIAN, "on orbit the misalignment may reach dozens of arc seconds"
+    0.0,
+    100 / ARCSEC_PER_RADIAN,
+    "on orbit the misalignment may reach dozens of arc seconds",
 )
 
 
@@ -257,13 +298,34 @@ def misalignment_model(
     angles = _angles("angle", r"\theta", _MISALIGNED)
     if drifts:
         angles += _angles("drift", r"\dot\theta", _MISALIGNED)
-    mount = Normal(0.0, MOUNT, "the zero attitude is laid over the spots to begin with, so only "
-                   "the misfit of the design is left: a quarter of a degree is "
-                   "generous")  # fmt: skip
-    scale = Parameter("laser-scale", "s", "1", Normal(1.0, 0.1, "a pattern within a tenth or so of "
-                      "its design; the printed spots lie a twentieth off"))  # fmt: skip
-    noise = Parameter("noise", r"\sigma", "px", LogUniform(1e-4, 1.0, "from far finer than any "
-                      "centroid to a whole pixel, no scale preferred"))  # fmt: skip
+    mount = Normal(
+        0.0,
+        MOUNT,
+        "the zero attitude is laid over the spots to begin with, so only "
+        "the misfit of the design is left: a quarter of a degree is "
+        "generous",
+    )
+    scale = Parameter(
+        "laser-scale",
+        "s",
+        "1",
+        Normal(
+            1.0,
+            0.1,
+            "a pattern within a tenth or so of "
+            "its design; the printed spots lie a twentieth off",
+        ),
+    )
+    noise = Parameter(
+        "noise",
+        r"\sigma",
+        "px",
+        LogUniform(
+            1e-4,
+            1.0,
+            "from far finer than any centroid to a whole pixel, no scale preferred",
+        ),
+    )
     parameters = (*_angles("mount", r"\alpha", mount), *angles, scale, noise)
     likelihood = SpotLikelihood(platform, statistics, drifts)
     name = "misalignment-drift" if drifts else "misalignment"
@@ -298,7 +360,9 @@ def _given_noise(model: Model) -> tuple[FloatArray, FloatArray, FloatArray, Floa
     likelihood = model.likelihood_of(SpotLikelihood)
     priors = [parameter.prior for parameter in model.parameters[:-1]]
     if not all(isinstance(prior, Normal) for prior in priors):
-        raise TypeError("model: expected Gaussian priors of all parameters but the noise")
+        raise TypeError(
+            "model: expected Gaussian priors of all parameters but the noise"
+        )
     sigma = np.array([prior.sigma for prior in priors if isinstance(prior, Normal)])
     middle = np.array([prior.mean for prior in priors if isinstance(prior, Normal)])
     centre, spread = likelihood.start()
@@ -314,7 +378,9 @@ def _given_noise(model: Model) -> tuple[FloatArray, FloatArray, FloatArray, Floa
     means = np.einsum("mij,mj->mi", inverse, pull)
     roots = np.linalg.cholesky(inverse)
     statistics = likelihood.statistics
-    logs = -statistics.size * np.log(noise) + model.parameters[-1].prior.log_density(noise)
+    logs = -statistics.size * np.log(noise) + model.parameters[-1].prior.log_density(
+        noise
+    )
     logs -= 0.5 * (statistics.squares + left @ left) / noise**2
     logs += 0.5 * np.einsum("mi,mi->m", means, pull)
     logs += np.log(np.diagonal(roots, axis1=1, axis2=2)).sum(axis=1)

@@ -76,7 +76,9 @@ def distortion_model(base: Model) -> Model:
     With two more parameters, the displacement at the edge of the field in source and target.
     """
     prior = Normal(
-        0.0, 2.0, "a corrected star camera moves its outermost stars by a few px at most"
+        0.0,
+        2.0,
+        "a corrected star camera moves its outermost stars by a few px at most",
     )
     extra = (
         Parameter("source-distortion", "d_s", "px", prior),
@@ -126,9 +128,17 @@ class MixtureRegistration(registration.GaussianRegistration):
 
     def _densities(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Log density of every target, (n, points), as a right match and as a false one."""
-        residual, noise, share = self.residuals(parameters), parameters[:, 4:5], parameters[:, 5:]
-        within = (self.target >= self.corner) & (self.target <= np.add(self.corner, self.side))
-        with np.errstate(divide="ignore"):  # a share of nothing, a star beyond the field
+        residual, noise, share = (
+            self.residuals(parameters),
+            parameters[:, 4:5],
+            parameters[:, 5:],
+        )
+        within = (self.target >= self.corner) & (
+            self.target <= np.add(self.corner, self.side)
+        )
+        with np.errstate(
+            divide="ignore"
+        ):  # a share of nothing, a star beyond the field
             right = np.log1p(-share) - np.log(2 * np.pi * noise**2)
             false = np.log(share) + np.log(within.all(axis=1) / self.side**2)
         squares = residual.real**2 + residual.imag**2
@@ -155,7 +165,9 @@ class MixtureRegistration(registration.GaussianRegistration):
         """The same of a repeat, in which the stars that the data tell to be false are so again."""
         return self._drawn(parameters, self.false(parameters[None])[0], generator)
 
-    def _drawn(self, parameters: FloatArray, share: FloatArray, generator: Generator) -> FloatArray:
+    def _drawn(
+        self, parameters: FloatArray, share: FloatArray, generator: Generator
+    ) -> FloatArray:
         false = generator.uniform(size=len(self.source)) < share
         right = super().simulate(parameters, generator)
         anywhere = self.corner + self.side * generator.uniform(size=right.shape)
@@ -170,20 +182,28 @@ class MixtureRegistration(registration.GaussianRegistration):
         squares then takes in all stars that fit.
         """
         count = len(self.source)
-        first, second = Generator(PCG64(0)).integers(0, (count, count - 1), (_PAIRS, 2)).T
+        first, second = (
+            Generator(PCG64(0)).integers(0, (count, count - 1), (_PAIRS, 2)).T
+        )
         second = (first + 1 + second) % count
         target = as_complex(self.target)
         with np.errstate(divide="ignore", invalid="ignore"):  # two stars in one place
-            factor = (target[second] - target[first]) / (self.offsets[second] - self.offsets[first])
+            factor = (target[second] - target[first]) / (
+                self.offsets[second] - self.offsets[first]
+            )
             moved = factor[:, None] * (self.offsets - self.offsets[first, None])
-            off = np.nan_to_num(np.abs(target - target[first, None] - moved), nan=np.inf)
+            off = np.nan_to_num(
+                np.abs(target - target[first, None] - moved), nan=np.inf
+            )
         rounding = _ROUNDING * float(np.abs([self.source, self.target]).max())
         third = max(4, int(np.ceil(AGREEING * count))) - 1
         best = off[np.partition(off, third)[:, third].argmin()]
         fits = np.asarray(best <= np.partition(best, third)[third], dtype=np.bool_)
         for _ in range(_ROUNDS):
             fit = fit_registration(self.source[fits], self.target[fits], self.pivot)
-            noise = max(float(np.sqrt(fit.chi_square / fit.degrees_of_freedom)), rounding)
+            noise = max(
+                float(np.sqrt(fit.chi_square / fit.degrees_of_freedom)), rounding
+            )
             off = np.hypot(*(self.target - fit.transform.apply(self.source)).T)
             before, fits = fits, np.asarray(off <= FAR * noise)
             if (fits == before).all():
@@ -217,12 +237,19 @@ def mixture_model(base: Model) -> Model:
     low, high = plain.target.min(axis=0), plain.target.max(axis=0)
     side = _WIDER * float((high - low).max())
     x, y = (0.5 * (low + high - side)).tolist()
-    share = Uniform(0.0, 0.5, "from none to half of them: were more of them false, no majority "
-                    "would tell which are right")  # fmt: skip
+    share = Uniform(
+        0.0,
+        0.5,
+        "from none to half of them: were more of them false, no majority "
+        "would tell which are right",
+    )
     return replace(
         base,
         name="registration-mixture",
-        parameters=(*base.parameters, Parameter("false-share", "f", "1", share, natural=(0.0,))),
+        parameters=(
+            *base.parameters,
+            Parameter("false-share", "f", "1", share, natural=(0.0,)),
+        ),
         likelihood=MixtureRegistration(
             plain.source, plain.target, plain.pivot, corner=(x, y), side=side
         ),
@@ -235,4 +262,6 @@ def probability_false(posterior: Sampled) -> FloatArray:
     likelihood = posterior.model.likelihood_of(MixtureRegistration)
     draws = posterior.draws[:: -(-len(posterior.draws) // DRAWS)]
     parts = np.array_split(draws, -(-len(draws) // CHUNK))
-    return np.asarray(sum(likelihood.false(part).sum(axis=0) for part in parts) / len(draws))
+    return np.asarray(
+        sum(likelihood.false(part).sum(axis=0) for part in parts) / len(draws)
+    )

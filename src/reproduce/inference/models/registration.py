@@ -61,7 +61,9 @@ def fit_checks(
         "residual, rms (px)": float(np.sqrt(np.square(fit.residuals).mean())),
         "residual, largest (px)": float(np.abs(fit.residuals).max()),
         # Free of the noise, which follows the size of the residuals, that of a wrong match too.
-        "star furthest off, over rms": float(lengths.max() / np.sqrt(np.square(lengths).mean())),
+        "star furthest off, over rms": float(
+            lengths.max() / np.sqrt(np.square(lengths).mean())
+        ),
         "outer residual, outwards (px)": float((left * unit).sum(axis=1).mean()),
         "outer residual, around (px)": float(
             (unit[:, 0] * left[:, 1] - unit[:, 1] * left[:, 0]).mean()
@@ -126,14 +128,18 @@ class GaussianRegistration:
     def root(self) -> ComplexArray:
         """Triangular factor of the columns (source, one, target) about the pivot, shape (3, 3)."""
         target = as_complex(self.target) - as_complex(self.pivot)
-        columns = (self.precision * one for one in (self.offsets, np.ones(len(target)), target))
+        columns = (
+            self.precision * one for one in (self.offsets, np.ones(len(target)), target)
+        )
         return np.asarray(np.linalg.qr(np.stack([*columns], axis=-1), mode="r"))
 
     def __call__(self, parameters: FloatArray) -> FloatArray:
         """Log likelihood, shape (n,)."""
         factor = parameters[:, 0] * np.exp(1j * parameters[:, 1])
         shift = parameters[:, 2] + 1j * parameters[:, 3]
-        residual = np.stack([-factor, shift, np.ones_like(factor)], axis=-1) @ self.root.T
+        residual = (
+            np.stack([-factor, shift, np.ones_like(factor)], axis=-1) @ self.root.T
+        )
         squares = (residual.real**2 + residual.imag**2).sum(axis=-1)
         wider = 1 + parameters[:, 0] ** 2 if self.source_noise else 1.0
         variance = parameters[:, 4] ** 2 * wider
@@ -152,7 +158,11 @@ class GaussianRegistration:
 
     def residuals(self, parameters: FloatArray) -> ComplexArray:
         """Target minus prediction, shape (n, points), in px."""
-        return as_complex(self.target) - as_complex(self.pivot) - self.predicted(parameters)
+        return (
+            as_complex(self.target)
+            - as_complex(self.pivot)
+            - self.predicted(parameters)
+        )
 
     def deviations(self, parameters: FloatArray) -> FloatArray:
         """Standard deviation of a residual coordinate of each star, shape (n, points), in px."""
@@ -187,10 +197,14 @@ class GaussianRegistration:
     def start(self) -> tuple[FloatArray, FloatArray]:
         """The fit and its standard errors."""
         fit, freedom = self.fit, float(self.fit.degrees_of_freedom)
-        variance = fit.chi_square / freedom / (1 + fit.parameters[0] ** 2 * self.source_noise)
+        variance = (
+            fit.chi_square / freedom / (1 + fit.parameters[0] ** 2 * self.source_noise)
+        )
         noise = max(float(np.sqrt(variance)), 1e-12)
         errors = np.sqrt(np.diagonal(fit.cofactor) * noise**2 * (1 + self.source_noise))
-        return np.append(fit.parameters, noise), np.append(errors, noise / np.sqrt(2 * freedom))
+        return np.append(fit.parameters, noise), np.append(
+            errors, noise / np.sqrt(2 * freedom)
+        )
 
     def checks(self, data: FloatArray | None = None) -> dict[str, float]:
         """Residuals of the fit."""
@@ -203,24 +217,55 @@ def shifts(parameters: FloatArray) -> ComplexArray:
     return np.asarray(parameters[:, 2:3] + 1j * parameters[:, 3:4])
 
 
-def _registration_parameters(source: FloatArray, target: FloatArray) -> tuple[Parameter, ...]:
+def _registration_parameters(
+    source: FloatArray, target: FloatArray
+) -> tuple[Parameter, ...]:
     """Parameters (k, theta, shift x, shift y, noise), priors on the scale of the data alone."""
     source, target = paired_points(source, target)
     extent = float(np.ptp(np.concatenate([source, target]), axis=0).max())
     field = "the field itself: with a larger shift the channels would share no star"
     return (
-        Parameter("scale", "k", "1", Uniform(0.5, 2.0, "between half and double: any pair of "
-            "channels of one telescope; flat, as the closed form needs")),
-        Parameter("rotation", r"\theta", "deg", Uniform(-0.5, 0.5, "half a radian: detectors "
-            "behind one prism are mounted the same way round"), DEGREES_PER_RADIAN),
+        Parameter(
+            "scale",
+            "k",
+            "1",
+            Uniform(
+                0.5,
+                2.0,
+                "between half and double: any pair of "
+                "channels of one telescope; flat, as the closed form needs",
+            ),
+        ),
+        Parameter(
+            "rotation",
+            r"\theta",
+            "deg",
+            Uniform(
+                -0.5,
+                0.5,
+                "half a radian: detectors "
+                "behind one prism are mounted the same way round",
+            ),
+            DEGREES_PER_RADIAN,
+        ),
         Parameter("shift-x", r"\Delta x", "px", Uniform(-extent, extent, field)),
         Parameter("shift-y", r"\Delta y", "px", Uniform(-extent, extent, field)),
-        Parameter("noise", r"\sigma", "px", LogUniform(extent * 1e-7, extent * 1e-2,
-            "no scale preferred between a ten-millionth and a hundredth of the field")),
-    )  # fmt: skip
+        Parameter(
+            "noise",
+            r"\sigma",
+            "px",
+            LogUniform(
+                extent * 1e-7,
+                extent * 1e-2,
+                "no scale preferred between a ten-millionth and a hundredth of the field",
+            ),
+        ),
+    )
 
 
-def registration_model(source: FloatArray, target: FloatArray, pivot: FloatArray) -> Model:
+def registration_model(
+    source: FloatArray, target: FloatArray, pivot: FloatArray
+) -> Model:
     """Registration of one channel with Gaussian noise, from the same stars in both channels.
 
     Parameters scale, rotation (rad), shift-x, shift-y, noise (px). Errors are those of
@@ -267,7 +312,9 @@ class NewStars:
         """RMSE, the same as an angle, and the error of the transform at the outermost star."""
         generator = Generator(PCG64(SEED))
         parameters = parameters[:, self.columns] if self.columns else parameters
-        outermost = np.hypot(*(self.stars.source - self.stars.source.mean(axis=0)).T).argmax()
+        outermost = np.hypot(
+            *(self.stars.source - self.stars.source.mean(axis=0)).T
+        ).argmax()
         errors, moved = [], []
         for first in range(0, len(parameters), CHUNK):
             rows = parameters[first : first + CHUNK]
@@ -293,7 +340,11 @@ class Together:
 
     def __call__(self, parameters: FloatArray) -> dict[str, Consequence]:
         """The consequences of all."""
-        return {name: found for part in self.parts for name, found in part(parameters).items()}
+        return {
+            name: found
+            for part in self.parts
+            for name, found in part(parameters).items()
+        }
 
 
 @dataclass(frozen=True, eq=False)
@@ -336,7 +387,9 @@ class JointRegistration:
             weights = np.zeros((len(parameters), 4), dtype=np.complex128)
             weights[:, channel] = -k * np.exp(1j * theta)
             weights[:, 2] = (
-                x + 1j * y - (as_complex(self.pivots[channel]) - as_complex(self.pivots[0]))
+                x
+                + 1j * y
+                - (as_complex(self.pivots[channel]) - as_complex(self.pivots[0]))
             )
             weights[:, 3] = 1
             found.append(weights)
@@ -362,8 +415,13 @@ class JointRegistration:
 
     def pointwise(self, parameters: FloatArray) -> FloatArray:
         """Log likelihood of each star, shape (n, points)."""
-        stars = zip(*(one[:, None] for one in (*self.sources, self.target)), strict=True)
-        each = (replace(self, sources=(red, blue), target=green) for red, blue, green in stars)
+        stars = zip(
+            *(one[:, None] for one in (*self.sources, self.target)), strict=True
+        )
+        each = (
+            replace(self, sources=(red, blue), target=green)
+            for red, blue, green in stars
+        )
         return np.stack([star(parameters) for star in each], axis=-1)
 
     def simulate(
@@ -372,7 +430,9 @@ class JointRegistration:
         """Blue and green points for one parameter vector, given the red ones; in px."""
         red, blue = (
             Registration.similarity(u[0], u[1], u[2:4], pivot)
-            for u, pivot in zip((parameters[:4], parameters[4:8]), self.pivots, strict=True)
+            for u, pivot in zip(
+                (parameters[:4], parameters[4:8]), self.pivots, strict=True
+            )
         )
         noise = parameters[8] * generator.normal(size=(3, *self.target.shape))
         true = red.apply(self.sources[0] + noise[0])
@@ -384,16 +444,22 @@ class JointRegistration:
 
     def single(self, channel: int) -> GaussianRegistration:
         """One channel alone, red (0) or blue (1), the noise of both its channels in it."""
-        return GaussianRegistration(self.sources[channel], self.target, self.pivots[channel], True)
+        return GaussianRegistration(
+            self.sources[channel], self.target, self.pivots[channel], True
+        )
 
     def start(self) -> tuple[FloatArray, FloatArray]:
         """The least-squares fits of both channels and their standard errors."""
         starts = [self.single(channel).start() for channel in (0, 1)]
-        centre = np.concatenate([c[:4] for c, _ in starts] + [[np.mean([c[4] for c, _ in starts])]])
+        centre = np.concatenate(
+            [c[:4] for c, _ in starts] + [[np.mean([c[4] for c, _ in starts])]]
+        )
         spread = np.concatenate([s[:4] for _, s in starts] + [[starts[0][1][4]]])
         return centre, spread
 
-    def checks(self, data: tuple[FloatArray, FloatArray] | None = None) -> dict[str, float]:
+    def checks(
+        self, data: tuple[FloatArray, FloatArray] | None = None
+    ) -> dict[str, float]:
         """Those of each channel, and the correlation of the two channels' residuals."""
         blue, green = (self.sources[1], self.target) if data is None else data
         found = {}
@@ -402,7 +468,9 @@ class JointRegistration:
             checks = fit_checks(source, green, pivot)
             found.update({f"{name}: {key}": value for key, value in checks.items()})
             left.append(fit_registration(source, green, pivot).residuals.ravel())
-        found["correlation of both residuals"] = float(np.asarray(np.corrcoef(left))[0, 1])
+        found["correlation of both residuals"] = float(
+            np.asarray(np.corrcoef(left))[0, 1]
+        )
         return found
 
 

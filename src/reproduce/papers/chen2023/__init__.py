@@ -3,7 +3,9 @@
 
 def _made(*modules: tuple[str, str]) -> dict[str, str]:
     """Return each key with its module, in order."""
-    return {f"chen2023/{key}": module for module, keys in modules for key in keys.split()}
+    return {
+        f"chen2023/{key}": module for module, keys in modules for key in keys.split()
+    }
 
 
 # The module that makes and draws each item, in order of print; none for one that is only quoted.

@@ -77,7 +77,9 @@ def _simulated_accuracies(
     parts = []
     for first in range(0, replicates, _BATCH):
         batch = min(_BATCH, replicates - first)
-        noise = spawned_normals(seed, batch, (len(spots), frames, turns.shape[-1]), first=first)
+        noise = spawned_normals(
+            seed, batch, (len(spots), frames, turns.shape[-1]), first=first
+        )
         # One angle about X and one about Y for each frame, to first order in the noise: exact to
         # a part in a million here, since the noise turns the camera by a few microradians.
         parts.append(scatter_of_averages(turns @ noise.mT, counts))
@@ -103,8 +105,12 @@ def quoted_accuracy(given: Given) -> Results:
     """First and last row of Table IV, quoted again in the text."""
     smoothed = {matrix: given.array(f"{TABLE}#100.{matrix}-?") for matrix in _MATRICES}
     return {
-        f"{matrix}-single-{axis}": given[f"{TABLE}#1.{matrix}-{axis}"] for matrix, axis in _COLUMNS
-    } | {f"{matrix}-smoothed-bound": float(both.max()) for matrix, both in smoothed.items()}
+        f"{matrix}-single-{axis}": given[f"{TABLE}#1.{matrix}-{axis}"]
+        for matrix, axis in _COLUMNS
+    } | {
+        f"{matrix}-smoothed-bound": float(both.max())
+        for matrix, both in smoothed.items()
+    }
 
 
 @reproduces(TEXT, cells=["centroid-accuracy"], given=[f"{platform.SCATTER}#1-*"])
@@ -129,15 +135,21 @@ def _draw(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     counts, predicted = _counts(door), frame_averaging(door)
     panels = pair(figure, 4.0, 5.6, "accuracy (3σ, arcsec)")
     looks = {"x": ("#0072B2", "-", "o"), "y": ("#D55E00", "--", "s")}
-    for (matrix, axis), axes in zip(_COLUMNS, (p for p in panels for _ in "xy"), strict=True):
+    for (matrix, axis), axes in zip(
+        _COLUMNS, (p for p in panels for _ in "xy"), strict=True
+    ):
         names = [f"{count}.{matrix}-{axis}" for count in counts]
         cells = (predicted[name] for name in names)
         tables = [cell.draws for cell in cells if isinstance(cell, Prediction)]
         ends = np.quantile(tables, [0.005, 0.5, 0.995], axis=1) * ARCSEC_PER_RADIAN
         colour, line, marker = looks[axis]
         banded(axes, counts, ends, colour, line, label=f"predicted, {axis.upper()}")
-        values = np.array([printed[f"{TABLE}#{name}"] for name in names]) * ARCSEC_PER_RADIAN
-        axes.plot(counts, values, marker, color=colour, label=f"printed, {axis.upper()}")
+        values = (
+            np.array([printed[f"{TABLE}#{name}"] for name in names]) * ARCSEC_PER_RADIAN
+        )
+        axes.plot(
+            counts, values, marker, color=colour, label=f"printed, {axis.upper()}"
+        )
     for axes, title in zip(panels, _MATRICES.values(), strict=True):
         axes.set(xlabel="frames averaged", title=title)
         logarithmic(axes, counts, (0.1, 0.2, 0.5, 1.0))

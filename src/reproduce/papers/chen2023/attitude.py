@@ -29,9 +29,21 @@ _NAMES = ("X", "Y", "Z")
 _BEFORE = Look("zero point", INK, "--")
 _TURN = float(np.radians(28.0))
 _ROUTE = {
-    "calibration": ("installation,\nby the stars", "spots at the\nzero point", "laser\ntransform"),
-    "monitoring": ("spots in\nevery frame", "mean over\nmany frames", "misalignment,\nby QUEST"),
-    "correction": ("corrected\ninstallation", "attitude of\ntracker", "attitude of\ncamera"),
+    "calibration": (
+        "installation,\nby the stars",
+        "spots at the\nzero point",
+        "laser\ntransform",
+    ),
+    "monitoring": (
+        "spots in\nevery frame",
+        "mean over\nmany frames",
+        "misalignment,\nby QUEST",
+    ),
+    "correction": (
+        "corrected\ninstallation",
+        "attitude of\ntracker",
+        "attitude of\ncamera",
+    ),
 }
 
 
@@ -65,7 +77,9 @@ def _draw_transform(figure: Figure) -> None:
             direction = emitted_directions([(offset, 0.0)], 3.2)[0][[0, 2]]
             places = [(x + offset, 1.2), (x, 4.4), (x, 4.4) + 2.9 * direction]
             sketch.path(places if vector == "v" else places[::-1], LASER)
-            sketch.label(beside(places[2], 0.0, 0.4), rf"$\mathbf{{{vector}}}_{number}$")
+            sketch.label(
+                beside(places[2], 0.0, 0.4), rf"$\mathbf{{{vector}}}_{number}$"
+            )
         sketch.label((x, 0.5), what)
     sketch.arrow((5.6, 5.9), (8.4, 5.9))
     sketch.label((7.0, 6.4), r"$\mathbf{w} = T\,\mathbf{v}$", size=11)
@@ -136,9 +150,17 @@ def _orders(given: Given) -> list[tuple[str | float, ...]]:
         design = replace(designed, principal_point=point)
         response = design.response(design.spots)
         # One small rotation, seen in the other frame: its vector turns with the laser transform.
-        responses = response, np.tensordot(design.transform(design.spots), response, axes=1)
+        responses = (
+            response,
+            np.tensordot(design.transform(design.spots), response, axes=1),
+        )
         for frame, response in zip(("camera", "tracker"), responses, strict=True):
-            variance = (response**2 * platform.scatter(given, 1) ** 2).sum(axis=(-2, -1))
+            variance = (response**2 * platform.scatter(given, 1) ** 2).sum(
+                axis=(-2, -1)
+            )
             angles = platform.SIGMAS * np.sqrt(variance[:2])
             rows.append((name, frame, *map(float, angles * ARCSEC_PER_RADIAN)))
-    return [*rows, ("printed", "", *map(float, given.array(_PRINTED) * ARCSEC_PER_RADIAN))]
+    return [
+        *rows,
+        ("printed", "", *map(float, given.array(_PRINTED) * ARCSEC_PER_RADIAN)),
+    ]

@@ -34,8 +34,11 @@ _REACH = np.asarray(ndtri(_ENDS))  # the same in standard deviations
 _AXES = {"X": "misalignment-x", "Y": "misalignment-y"}
 _MARKS = tuple(f"{accuracy.TABLE}#*.{column}" for column in _AXES.values())
 _AVERAGES = (f"{accuracy.TABLE}#*.frames", *_MARKS, accuracy.FRAMES)
-_STATES = tuple(f"{effectiveness.TABLE}#*.{what}-{a}"
-                for what in ("reference", "monitoring") for a in "xy")  # fmt: skip
+_STATES = tuple(
+    f"{effectiveness.TABLE}#*.{what}-{a}"
+    for what in ("reference", "monitoring")
+    for a in "xy"
+)
 _FRAME_READS = (*_AVERAGES, *_STATES, effectiveness.FRAMES)
 _COUNTS = (1, 4, 16, 25, 49, 100, 400, 1000)
 # Images after the middle of a calibration.
@@ -71,7 +74,9 @@ def _law(frames: int, counts: tuple[int, ...]) -> tuple[FloatArray, ...]:
     return np.einsum("kii->k", stacked), floor, pairs, bent @ bent.T
 
 
-def _log_likelihood(door: Given, column: str, white: FloatArray, floor: FloatArray) -> FloatArray:
+def _log_likelihood(
+    door: Given, column: str, white: FloatArray, floor: FloatArray
+) -> FloatArray:
     """Log likelihood of a column of Table IV, (n,), for white noises and floors, (n,).
 
     The averages come from the same frames, so their variances are strongly correlated quadratic
@@ -112,7 +117,9 @@ class Column(NamedTuple):
         """Low end, median and high end of what both make, from its values at the nodes."""
         order = np.argsort(values)
         shares = self.shares[order]
-        return np.asarray(np.interp(_ENDS, np.cumsum(shares) - shares / 2, values[order]))
+        return np.asarray(
+            np.interp(_ENDS, np.cumsum(shares) - shares / 2, values[order])
+        )
 
 
 @cache
@@ -121,7 +128,10 @@ def _column(door: Given, axis: str) -> Column:
     name = _AXES[axis]
     (single, *_), half = _printed(door, name)
     nodes, weights = np.polynomial.legendre.leggauss(_NODES)
-    axes = [single * (low + (nodes + 1) / 2 * (high - low)) for low, high in (_WHITES, _FLOORS)]
+    axes = [
+        single * (low + (nodes + 1) / 2 * (high - low))
+        for low, high in (_WHITES, _FLOORS)
+    ]
     white, floor = (one.ravel() for one in np.meshgrid(*axes, indexing="ij"))
     logs = np.add.outer(np.log(weights), np.log(weights)).ravel()
     logs += _log_likelihood(door, name, white, floor)
@@ -191,7 +201,9 @@ def _frames(door: Given) -> pd.DataFrame:
     found = [_averages(door, axis, np.array(_COUNTS))[[1, 0, 2]] for axis in _AXES]
     table = np.concatenate(found).T * ARCSEC_PER_RADIAN
     rows = ((count, *row) for count, row in zip(_COUNTS, table.tolist(), strict=True))
-    return _frames.frame(rows, stops=_stops(door)[1], state=door.count(effectiveness.FRAMES))
+    return _frames.frame(
+        rows, stops=_stops(door)[1], state=door.count(effectiveness.FRAMES)
+    )
 
 
 @draws("chen2023/drawing-frames", given=_FRAME_READS, marks=_MARKS)
@@ -202,14 +214,26 @@ def _draw_frames(figure: Figure, printed: Mapping[str, float], door: Given) -> N
     for axes, (axis, column) in zip(panels, _AXES.items(), strict=True):
         ends = _averages(door, axis, counts) * ARCSEC_PER_RADIAN
         banded(axes, counts, ends, "#0072B2", label="median, with 95 %")
-        axes.plot(counts, ends[1, 0] / np.sqrt(counts), "--", color="#777777", label="white noise")
-        cells = {a: a.split("#")[1].split(".")[0] for a in printed if a.endswith(column)}
-        values = np.array([printed[a] for a in cells]) / platform.SIGMAS * ARCSEC_PER_RADIAN
+        axes.plot(
+            counts,
+            ends[1, 0] / np.sqrt(counts),
+            "--",
+            color="#777777",
+            label="white noise",
+        )
+        cells = {
+            a: a.split("#")[1].split(".")[0] for a in printed if a.endswith(column)
+        }
+        values = (
+            np.array([printed[a] for a in cells]) / platform.SIGMAS * ARCSEC_PER_RADIAN
+        )
         numbers = [int(n) for n in cells.values()]
         axes.plot(numbers, values, "o", color=INK, markersize=4, label="Table IV")
         belt = np.broadcast_to(noise[:, None], ends.shape)
         banded(axes, counts, belt, "#D55E00", "-.", label="one state of Table V")
-        axes.set(title=f"about {axis}", xlabel="frames averaged (count)", ylim=(0.008, 0.6))
+        axes.set(
+            title=f"about {axis}", xlabel="frames averaged (count)", ylim=(0.008, 0.6)
+        )
         logarithmic(axes, (1, 10, 100, 1000), (0.01, 0.02, 0.05, 0.1, 0.2, 0.5))
     named_below(figure, 3)
 
@@ -230,7 +254,9 @@ def _age_facts(door: Given) -> dict[str, Fact]:
     count = door.count(accuracy.FRAMES)
     ends = count * error / (moved + _REACH[::-1] * spread)
     names = ("images-low", "images", "images-high")
-    return {name: Fact(n, ".0f") for name, n in zip(names, ends.tolist(), strict=True)} | {
+    return {
+        name: Fact(n, ".0f") for name, n in zip(names, ends.tolist(), strict=True)
+    } | {
         "error": Fact(error * ARCSEC_PER_RADIAN, ".2g", "arcsec"),
         "ground": Fact(error * satellite.altitude(door), ".2g", "m"),
         "followed": Fact(count * error / spread, ".0f"),

@@ -53,15 +53,26 @@ _WORDS = declare.words(TABLE)
 @declare.reproduces(TABLE, cells=["*.motion-?"], given=[f"{TABLE}#*.position-?"])
 def motion(given: Given) -> declare.Results:
     """Motion of the stage: the position less that of the first state."""
-    return {f"{s}.motion-{axis}": _moved(given, s, axis) for axis in _TURNS for s in STATES}
+    return {
+        f"{s}.motion-{axis}": _moved(given, s, axis) for axis in _TURNS for s in STATES
+    }
 
 
-_MEASURED = (f"{TABLE}#*.position-?", f"{TABLE}#[2-5].motion-?", LAST, platform.TELESCOPE, _QUOTED)
+_MEASURED = (
+    f"{TABLE}#*.position-?",
+    f"{TABLE}#[2-5].motion-?",
+    LAST,
+    platform.TELESCOPE,
+    _QUOTED,
+)
 
 
 def _moved(printed: Given | Mapping[str, float], state: int, axis: str) -> float:
     """Return a motion as the difference of the printed positions: one printed motion is a slip."""
-    return printed[f"{TABLE}#{state}.position-{axis}"] - printed[f"{TABLE}#1.position-{axis}"]
+    return (
+        printed[f"{TABLE}#{state}.position-{axis}"]
+        - printed[f"{TABLE}#1.position-{axis}"]
+    )
 
 
 def _common_length(given: Given, axis: str) -> float:
@@ -112,16 +123,26 @@ _LENGTHS = {n: w for n, w in _WORDS.options["telescope"].items() if n != "common
     equations=["10"],
     options={**_WORDS.options, "telescope": _LENGTHS},
 )
-def last_reference_angle(given: Given, *, columns: str, telescope: str) -> declare.Results:
+def last_reference_angle(
+    given: Given, *, columns: str, telescope: str
+) -> declare.Results:
     """The reference angle that gives the common focal length, by the other two lengths."""
     motion = _motion(given, STATES[-1], "x" if columns == "printed" else "y", columns)
-    return {"5.reference-y": float(stage_angle(motion, _length(given, columns, telescope)))}
+    return {
+        "5.reference-y": float(stage_angle(motion, _length(given, columns, telescope)))
+    }
 
 
 @declare.reproduces(
     TABLE,
     cells=["*.monitoring-?"],
-    given=[*_MEASURED, *platform.INSTRUMENT, f"{platform.SCATTER}#2-*", FRAMES, accuracy.SMOOTHED],
+    given=[
+        *_MEASURED,
+        *platform.INSTRUMENT,
+        f"{platform.SCATTER}#2-*",
+        FRAMES,
+        accuracy.SMOOTHED,
+    ],
     equations=["7", "10"],
     replicates=_REPLICATES,
 )
@@ -140,7 +161,9 @@ def monitored_angle(
     length = np.full(replicates, _length(given, columns, telescope))
     if telescope == "nominal":
         # One telescope for all angles of a replicate, anywhere in the range of a nominal length.
-        spread = np.random.default_rng(declare.split_seed(seed, 1)[0]).uniform(-1, 1, replicates)
+        spread = np.random.default_rng(declare.split_seed(seed, 1)[0]).uniform(
+            -1, 1, replicates
+        )
         length += spread * (given.upper(platform.TELESCOPE) - length)
     results: dict[str, declare.Result] = {}
     for turn, axis in _TURNS.items():
@@ -167,7 +190,9 @@ def _averaging(given: Given, images: str) -> tuple[float, float]:
     if images == "smoothed":
         return 0.0, float(np.sqrt(frames / smoothed))
     # Weight of each image in the mean of `frames` smoothed angles.
-    weights = np.convolve(np.full(frames, 1.0 / frames), np.full(smoothed, 1.0 / smoothed))
+    weights = np.convolve(
+        np.full(frames, 1.0 / frames), np.full(smoothed, 1.0 / smoothed)
+    )
     lag = weights[: smoothed - 1].sum()
     return float(lag), float(np.sqrt(frames * np.square(weights).sum()))
 
@@ -202,7 +227,13 @@ def difference(given: Given) -> declare.Results:
 @declare.reproduces(
     _PLAN,
     cells=["states", "time-per-state"],
-    given=[f"{_PLAN}#travel-*", f"{_PLAN}#step", FRAMES, accuracy.DURATION, accuracy.FRAMES],
+    given=[
+        f"{_PLAN}#travel-*",
+        f"{_PLAN}#step",
+        FRAMES,
+        accuracy.DURATION,
+        accuracy.FRAMES,
+    ],
 )
 def plan(given: Given) -> declare.Results:
     """Number of states, and the time that each one takes at the pace of the first groups."""
@@ -215,7 +246,10 @@ def plan(given: Given) -> declare.Results:
 
 
 @declare.reproduces(
-    _PLAN, cells=["simulated-angle"], given=[f"{_PLAN}#maximum-travel", _QUOTED], equations=["10"]
+    _PLAN,
+    cells=["simulated-angle"],
+    given=[f"{_PLAN}#maximum-travel", _QUOTED],
+    equations=["10"],
 )
 def largest_angle(given: Given) -> declare.Results:
     """Largest misalignment that the stage can simulate, without its sign."""
@@ -223,10 +257,14 @@ def largest_angle(given: Given) -> declare.Results:
     return {"simulated-angle": abs(float(angle))}
 
 
-@declare.reproduces(_PLAN, cells=["difference-bound"], given=[f"{TABLE}#*.difference-?"])
+@declare.reproduces(
+    _PLAN, cells=["difference-bound"], given=[f"{TABLE}#*.difference-?"]
+)
 def bound(given: Given) -> declare.Results:
     """Largest printed difference between reference and monitored angle."""
-    return {"difference-bound": float(np.abs(given.array(f"{TABLE}#*.difference-?")).max())}
+    return {
+        "difference-bound": float(np.abs(given.array(f"{TABLE}#*.difference-?")).max())
+    }
 
 
 @declare.draws("chen2023/table-5", given=monitored_angle.given)
@@ -238,7 +276,9 @@ def _draw(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
         motions = _column(printed, f"motion-{axis}")
         reference = _column(printed, f"reference-{turn}")
         monitoring = _column(printed, f"monitoring-{turn}")
-        noise = np.sqrt(2.0) * sigma["xy".index(turn)]  # of the state and of the zero state
+        noise = (
+            np.sqrt(2.0) * sigma["xy".index(turn)]
+        )  # of the state and of the zero state
         length = _implied(motions, monitoring)
         error = length * noise / np.abs(monitoring)
         left, right = np.add(_MOVED, -0.1), np.add(_MOVED, 0.1)
@@ -247,8 +287,17 @@ def _draw(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
         # Differences of the positions, not the printed motions: one of these holds a slip.
         across = np.array([_moved(printed, state, turn) for state in _MOVED])
         exchanged = _implied(across, reference)
-        axes.plot(left, exchanged, "o", fillstyle="none", color=blue, label="reference, exchanged")
-        axes.errorbar(right, length, error, fmt="s", color="#D55E00", label="monitoring")
+        axes.plot(
+            left,
+            exchanged,
+            "o",
+            fillstyle="none",
+            color=blue,
+            label="reference, exchanged",
+        )
+        axes.errorbar(
+            right, length, error, fmt="s", color="#D55E00", label="monitoring"
+        )
         nominal = door[platform.TELESCOPE] * 1e3
         axes.axhline(nominal, color="#000000", ls="--", lw=1, label="nominal")
         axes.set(xlabel="state", title=f"stage along {axis.upper()}", xticks=_MOVED)
@@ -272,7 +321,9 @@ def _implied_facts(given: Given) -> dict[str, declare.Fact]:
     """
     own, half, other, _ = _focal_lengths(given).iloc[:, 1:].to_numpy(np.float64).T
     away = [
-        np.abs(_column(given, f"monitoring-{turn}") - _column(given, f"reference-{axis}")).max()
+        np.abs(
+            _column(given, f"monitoring-{turn}") - _column(given, f"reference-{axis}")
+        ).max()
         for axis, turn in _TURNS.items()
     ]
     lengths = {
@@ -283,7 +334,9 @@ def _implied_facts(given: Given) -> dict[str, declare.Fact]:
         "shared-low": (other - half).max(),
         "shared-high": (other + half).min(),
     }
-    facts = {name: declare.Fact(float(value), ".1f", "mm") for name, value in lengths.items()}
+    facts = {
+        name: declare.Fact(float(value), ".1f", "mm") for name, value in lengths.items()
+    }
     largest = float(max(away)) / RADIANS_PER_ARCSEC
     return facts | {"largest-difference": declare.Fact(largest, ".3f", "arcsec")}
 
@@ -292,20 +345,27 @@ def _implied_facts(given: Given) -> dict[str, declare.Fact]:
 def _focal_lengths(given: Given) -> Iterator[tuple[str | float, ...]]:
     """Focal lengths that the rows of Table V imply, as printed and with the columns exchanged."""
     for axis, turn in _TURNS.items():
-        motions = [np.array([_moved(given, s, moving) for s in _MOVED]) for moving in (axis, turn)]
+        motions = [
+            np.array([_moved(given, s, moving) for s in _MOVED])
+            for moving in (axis, turn)
+        ]
         angles = _column(given, f"reference-{turn}")
         own, other = (_implied(motion, angles) for motion in motions)
         # What the rounding of both numbers allows; a motion is the difference of two positions,
         # each printed to a hundredth of a micrometre.
         half_motion, half_angle = 1e-8, 0.0005 * RADIANS_PER_ARCSEC
-        error = np.abs(own) * (half_motion / np.abs(motions[0]) + half_angle / np.abs(angles))
+        error = np.abs(own) * (
+            half_motion / np.abs(motions[0]) + half_angle / np.abs(angles)
+        )
         for state, *one in zip(_MOVED, own, error, other, strict=True):
             yield (f"reference about {turn.upper()}, state {state}", *one, one[1])
 
 
 def _shared_zero_chi_square(differences: FloatArray, sigma: float) -> float:
     """Return chi-square of differences that each carry the noise of the same zero state."""
-    total = np.square(differences).sum() - differences.sum() ** 2 / (differences.size + 1)
+    total = np.square(differences).sum() - differences.sum() ** 2 / (
+        differences.size + 1
+    )
     return float(total / sigma**2)
 
 
@@ -318,7 +378,9 @@ def _test_facts(given: Given) -> dict[str, declare.Fact]:
     rows = [tuple(row) for row in _differences(given).itertuples(index=False)]
     # Smaller probabilities say "never", not how rarely.
     chances = [declare.Fact(row[3], "chance", zero=1e-12) for row in rows]
-    facts = dict(zip(("state-chance", "ramp-chance", "printed-chance"), chances, strict=True))
+    facts = dict(
+        zip(("state-chance", "ramp-chance", "printed-chance"), chances, strict=True)
+    )
     few, frames = given.count(accuracy.SMOOTHED), given.count(FRAMES)
     # After a step the mean of the last n images is short of it by (n - 1)/n, ..., 1/n, 0.
     short = (few - 1) / (2 * frames)
@@ -360,6 +422,8 @@ def _differences(given: Given) -> list[tuple[str, float, int, float]]:
         for turn in _TURNS:
             accurate = given[f"{accuracy.TABLE}#{row}.misalignment-{turn}"]
             sigma = accurate / platform.SIGMAS / np.sqrt(averaged)
-            found += _shared_zero_chi_square(_column(given, f"difference-{turn}"), sigma)
+            found += _shared_zero_chi_square(
+                _column(given, f"difference-{turn}"), sigma
+            )
         rows.append((name, found, freedom, float(chdtrc(freedom, found))))
     return rows

@@ -86,7 +86,9 @@ def designed_positions(spots: FloatArray, diagonal: float) -> FloatArray:
     Shape (4, 2). Positions on the camera's focal plane, in metres.
     """
     offsets = spots - spots.mean(axis=0)
-    corners: FloatArray = np.round(offsets / np.abs(offsets).max())  # it stands on a corner
+    corners: FloatArray = np.round(
+        offsets / np.abs(offsets).max()
+    )  # it stands on a corner
     return corners * diagonal / 2
 
 

@@ -30,7 +30,15 @@ from reproduce.papers.chen2023 import accuracy, effectiveness, platform, resolut
 from reproduce.papers.chen2023.attitude import towards
 from reproduce.papers.chen2023.satellite import LASER, STAR, reflected
 from reproduce.papers.declare import draws, seed_of
-from reproduce.papers.sketch import INK, Sketch, beside, named_below, pair, sized, turned
+from reproduce.papers.sketch import (
+    INK,
+    Sketch,
+    beside,
+    named_below,
+    pair,
+    sized,
+    turned,
+)
 from reproduce.physics import attitude, images
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
@@ -132,12 +140,18 @@ def _two_groups(twin: _Bench, frames: int, generator: Generator) -> _Series:
 
 
 _DESIGN = "chen2023/text-satellite"
-_ANGLES = tuple(f"{_DESIGN}#{name}-angle" for name in ("boresight", "table", "dihedral"))
+_ANGLES = tuple(
+    f"{_DESIGN}#{name}-angle" for name in ("boresight", "table", "dihedral")
+)
 # Towards Orion, for no better reason than that everybody knows it: right ascension, declination,
 # turn about the boresight, in degrees; and the faintest magnitude.
 _POINTING, _FAINTEST = (84.6, -0.4, 20.0), 6.0
 _SERIES_READS = (*READS, accuracy.SMOOTHED, accuracy.DURATION)
-_STAGE_READS = (*_SERIES_READS, f"{effectiveness.TABLE}#*.position-?", effectiveness.FRAMES)
+_STAGE_READS = (
+    *_SERIES_READS,
+    f"{effectiveness.TABLE}#*.position-?",
+    effectiveness.FRAMES,
+)
 _MARGIN = 12
 _in_series = partial(draws, given=_SERIES_READS, random=True)
 _in_ride = partial(draws, given=_STAGE_READS, random=True)
@@ -150,7 +164,9 @@ def _draw_frame(figure: Figure, printed: Mapping[str, float], door: Given) -> No
 
     alpha, delta, turn = _POINTING
     turns, stars = [alpha + 90.0, 90.0 - delta, turn], bright_stars()
-    rays = stars.directions @ Rotation.from_euler("ZXZ", turns, degrees=True).as_matrix()
+    rays = (
+        stars.directions @ Rotation.from_euler("ZXZ", turns, degrees=True).as_matrix()
+    )
     seen = (rays[:, 2] > 0.9) & (stars.magnitude <= _FAINTEST)
     spots, size = (
         attitude.received_spots(rays[seen], *platform.as_designed(door).tracker),
@@ -242,12 +258,20 @@ def _ride(door: Given) -> tuple[FloatArray, FloatArray, FloatArray]:
     places = door.array(f"{effectiveness.TABLE}#*.position-?").reshape(-1, 2)
     # A motion along one axis turns the camera about the other; the printed signs are kept.
     angles = np.zeros((len(places), 3))
-    angles[:, :2] = attitude.stage_angle((places - places[0])[:, ::-1], door[platform.TELESCOPE])
-    generator, spots = default_rng(seed_of("chen2023/fig-10b", door.root)), twin.turned(angles)
+    angles[:, :2] = attitude.stage_angle(
+        (places - places[0])[:, ::-1], door[platform.TELESCOPE]
+    )
+    generator, spots = (
+        default_rng(seed_of("chen2023/fig-10b", door.root)),
+        twin.turned(angles),
+    )
     found = centroids(twin, spots, twin.light[1], frames, generator)
     zero = attitude.mean_rotation(twin.design.transform(found[0]))
     single = twin.design.misalignment(found, zero).reshape(-1, 3)[:, :2]
-    count, pace = door.count(accuracy.SMOOTHED), door[accuracy.DURATION] / door[accuracy.FRAMES]
+    count, pace = (
+        door.count(accuracy.SMOOTHED),
+        door[accuracy.DURATION] / door[accuracy.FRAMES],
+    )
     start = np.cumsum(single[: count - 1], axis=0) / np.arange(1, count)[:, np.newaxis]
     monitored = np.concatenate([start, attitude.moving_average(single, count, axis=0)])
     times = np.asarray(np.arange(len(single)) * pace, dtype=np.float64)
@@ -259,10 +283,14 @@ def _draw_spots(figure: Figure, printed: Mapping[str, float], door: Given) -> No
     """Image of the four laser spots in the tracker, rendered at the printed places."""
     twin = bench(door)
     corner = np.floor(twin.spots.min(axis=0)).astype(int) - _MARGIN
-    width, height = (np.ceil(twin.spots.max(axis=0)).astype(int) + _MARGIN - corner).tolist()
+    width, height = (
+        np.ceil(twin.spots.max(axis=0)).astype(int) + _MARGIN - corner
+    ).tolist()
     spots = twin.spots - corner
     mean = images.render_frame(spots, twin.light[0], twin.radius, (width, height))
-    seen = images.expose(mean, images.Detector(), default_rng(seed_of("chen2023/fig-7", door.root)))
+    seen = images.expose(
+        mean, images.Detector(), default_rng(seed_of("chen2023/fig-7", door.root))
+    )
     left, top = corner - 0.5
     sized(figure, 6.4, 5.2, 3.2)
     figure.set_layout_engine("compressed")
@@ -270,7 +298,14 @@ def _draw_spots(figure: Figure, printed: Mapping[str, float], door: Given) -> No
     extent = (left, left + width, top + height, top)
     picture = axes.imshow(seen, extent=extent, cmap="gray", vmin=0.0)
     centres = _pairs(printed)
-    axes.plot(*centres.T, "o", markersize=16, fillstyle="none", color="#D55E00", label="printed")
+    axes.plot(
+        *centres.T,
+        "o",
+        markersize=16,
+        fillstyle="none",
+        color="#D55E00",
+        label="printed",
+    )
     for number, (x, y) in enumerate(centres, start=1):
         axes.annotate(f"{number}", (x + 2.5, y - 1.5), color="#E69F00")
     axes.grid(visible=False)
@@ -286,22 +321,32 @@ def _draw_transform(figure: Figure, printed: Mapping[str, float], door: Given) -
 
 
 @_in_series("chen2023/fig-9", marks=[f"{accuracy.TEXT}#misalignment-single-?"])
-def _draw_misalignment(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
+def _draw_misalignment(
+    figure: Figure, printed: Mapping[str, float], door: Given
+) -> None:
     """Monitored misalignment over the second group, single frames and smoothed.
 
     The bench stood differently in the second group, and the paper prints no number for it. A
     constant misalignment moves the whole series and leaves its scatter as it is; the twin has
     none, and the axis says that it counts from there.
     """
-    _series(figure, door, _groups(door).misalignment, printed, "angle, less offset (arcsec)")
+    _series(
+        figure, door, _groups(door).misalignment, printed, "angle, less offset (arcsec)"
+    )
 
 
 def _series(
-    figure: Figure, door: Given, angles: FloatArray, printed: Mapping[str, float], quantity: str
+    figure: Figure,
+    door: Given,
+    angles: FloatArray,
+    printed: Mapping[str, float],
+    quantity: str,
 ) -> None:
     count, frames = door.count(accuracy.SMOOTHED), np.arange(1, len(angles) + 1)
     panels = pair(figure, 3.4, 5.4, quantity)
-    columns = zip(panels, "XY", angles.T[:2] * ARCSEC_PER_RADIAN, printed.values(), strict=True)
+    columns = zip(
+        panels, "XY", angles.T[:2] * ARCSEC_PER_RADIAN, printed.values(), strict=True
+    )
     for panel, axis, series, limit in columns:
         panel.plot(frames, series, ".", markersize=2.5, label="single frame")
         smoothed, name = attitude.moving_average(series, count), f"mean of {count}"
@@ -322,7 +367,12 @@ def _draw_pattern(figure: Figure, printed: Mapping[str, float]) -> None:
     axes.plot(*places.T, "^", markersize=8, color="#D55E00")
     for state, (x, y) in enumerate(places, start=1):
         axes.annotate(f"state {state}", (x + 3.5, y - 4.0), fontsize=9)
-    axes.set(xlabel="stage along X (µm)", ylabel="stage along Y (µm)", xlim=(0, 112), ylim=(0, 95))
+    axes.set(
+        xlabel="stage along X (µm)",
+        ylabel="stage along Y (µm)",
+        xlim=(0, 112),
+        ylim=(0, 95),
+    )
 
 
 @_in_ride("chen2023/fig-10b", marks=[f"{effectiveness.TABLE}#[2-5].monitoring-y"])
@@ -344,14 +394,22 @@ def _draw_example(figure: Figure, printed: Mapping[str, float], door: Given) -> 
     _ridden(figure, door, "Y", {})
 
 
-def _ridden(figure: Figure, door: Given, axis: str, marked: Mapping[str, float]) -> None:
+def _ridden(
+    figure: Figure, door: Given, axis: str, marked: Mapping[str, float]
+) -> None:
     """Draw the whole test with the printed angles, or one move without any."""
     times, *angles = _ride(door)
     each, axes = len(times) // len(effectiveness.STATES), figure.add_subplot()
     shown = slice(None) if marked else slice(each // 2, 2 * each)
-    reference, monitored = (a[shown, "XY".index(axis)] * ARCSEC_PER_RADIAN for a in angles)
-    axes.plot(times[shown], monitored, label="monitored" + " by the twin" * bool(marked))
-    axes.plot(times[shown], reference, "--", label="reference" + ", (10)" * bool(marked))
+    reference, monitored = (
+        a[shown, "XY".index(axis)] * ARCSEC_PER_RADIAN for a in angles
+    )
+    axes.plot(
+        times[shown], monitored, label="monitored" + " by the twin" * bool(marked)
+    )
+    axes.plot(
+        times[shown], reference, "--", label="reference" + ", (10)" * bool(marked)
+    )
     if marked:
         values = np.array(list(marked.values())) * ARCSEC_PER_RADIAN
         middles = times[each + each // 2 :: each]

@@ -21,7 +21,14 @@ from numpy.random import default_rng
 
 from reproduce.papers.chen2023 import accuracy, platform, satellite
 from reproduce.papers.chen2023.satellite import SCENE, STAR
-from reproduce.papers.declare import Column, Results, draws, reproduces, seed_of, studied
+from reproduce.papers.declare import (
+    Column,
+    Results,
+    draws,
+    reproduces,
+    seed_of,
+    studied,
+)
 from reproduce.papers.sketch import INK, Look, Sketch, beside, seen_from
 from reproduce.physics import ground
 from reproduce.physics.attitude import rotation_from_vector, unit
@@ -49,7 +56,11 @@ LOOKS = (
     ("30° aside, centre", 30.0, 0.0),
 )
 # What an error goes through, and the unit in which it is written.
-_UNITS = {"satellite": (1.0, "m"), "turn": (RADIANS_PER_ARCSEC, "arcsec"), "image": (1e-6, "µm")}
+_UNITS = {
+    "satellite": (1.0, "m"),
+    "turn": (RADIANS_PER_ARCSEC, "arcsec"),
+    "image": (1e-6, "µm"),
+}
 _CALIBRATION = 0.5 * RADIANS_PER_ARCSEC
 _PER_ORBIT = 64
 # Long enough for the trend to stand out from what wanders; a week makes it far worse.
@@ -73,7 +84,9 @@ UNCORRECTED, *CORRECTIONS = (
 def quoted_resolution(given: Given) -> Results:
     """Ground resolutions of Table I, quoted again in the introduction."""
     return {
-        f"{sensor}-resolution": given[f"{satellite.SATELLITE}#{sensor}-ground-resolution.value"]
+        f"{sensor}-resolution": given[
+            f"{satellite.SATELLITE}#{sensor}-ground-resolution.value"
+        ]
         for sensor in ("panchromatic", "multispectral")
     }
 
@@ -121,12 +134,16 @@ def _terms(given: Given) -> tuple[_Term, ...]:
 def _together(given: Given) -> dict[str, tuple[_Term, ...]]:
     """Return the whole budget twice: monitoring with one frame, and with the average of many."""
     return {
-        f"all together, {mean}": tuple(t for t in _terms(given) if not t.name.endswith(other))
+        f"all together, {mean}": tuple(
+            t for t in _terms(given) if not t.name.endswith(other)
+        )
         for mean, other in ((_SINGLE, _AVERAGED), (_AVERAGED, _SINGLE))
     }
 
 
-def _look(given: Given, tilt: float, off: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _look(
+    given: Given, tilt: float, off: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Set the satellite up over a place of middle latitude.
 
     Image vector, place and rotation chain, as the imaging model takes them.
@@ -150,12 +167,18 @@ def _analytic(jacobian: ground.GroundJacobian, term: _Term) -> FloatArray:
 @studied("chen2023/budget", given=READS)
 def _budget(given: Given) -> pd.DataFrame:
     """Error budget of SVGF-1 on the ground, term by term."""
-    jacobians = [ground.ground_jacobian(*_look(given, tilt, off)) for _, tilt, off in LOOKS]
+    jacobians = [
+        ground.ground_jacobian(*_look(given, tilt, off)) for _, tilt, off in LOOKS
+    ]
     rows = []
-    for name, errors in ({term.name: (term,) for term in _terms(given)} | _together(given)).items():
+    for name, errors in (
+        {term.name: (term,) for term in _terms(given)} | _together(given)
+    ).items():
         scale, unit = _UNITS[errors[0].kind] if len(errors) == 1 else (np.nan, "")
         exact = (sum(_analytic(one, error) for error in errors) for one in jacobians)
-        radii = (float(ground.circular_error(np.asarray(covariance))) for covariance in exact)
+        radii = (
+            float(ground.circular_error(np.asarray(covariance))) for covariance in exact
+        )
         rows.append((name, errors[0].sigma.max() / scale, unit, *radii))
     return _budget.frame(rows, altitude=satellite.altitude(given) / 1e3)
 
@@ -190,12 +213,17 @@ def _residuals(given: Given, amplitude: float) -> dict[str, FloatArray]:
     estimates = (
         np.zeros_like(true),
         measured[known - 1],
-        ground.trend_and_fourier(times, np.arange(len(times)) / _PER_ORBIT, measured, known),
+        ground.trend_and_fourier(
+            times, np.arange(len(times)) / _PER_ORBIT, measured, known
+        ),
         ground.last_orbits(measured, _PER_ORBIT),
         delayed + platform.angle_sigma(given, 2, count)[:2] * noise,
     )
     names = (UNCORRECTED, *CORRECTIONS)
-    return {name: (true - found)[known:] for name, found in zip(names, estimates, strict=True)}
+    return {
+        name: (true - found)[known:]
+        for name, found in zip(names, estimates, strict=True)
+    }
 
 
 @studied(
@@ -212,9 +240,13 @@ def _residuals(given: Given, amplitude: float) -> dict[str, FloatArray]:
 def _strategies(given: Given) -> list[tuple[str | float, ...]]:
     """Positioning error over a year, for four corrections and four thermal amplitudes."""
     height = satellite.altitude(given)
-    left = [_residuals(given, amplitude * RADIANS_PER_ARCSEC) for amplitude in _AMPLITUDES]
+    left = [
+        _residuals(given, amplitude * RADIANS_PER_ARCSEC) for amplitude in _AMPLITUDES
+    ]
     lengths = {name: [np.hypot(*errors[name].T) for errors in left] for name in left[0]}
-    return [(name, *(np.quantile(lengths[name], 0.9, axis=1) * height)) for name in lengths]
+    return [
+        (name, *(np.quantile(lengths[name], 0.9, axis=1) * height)) for name in lengths
+    ]
 
 
 # The drawn satellite, its target, and the side they are seen from.
@@ -242,7 +274,11 @@ def _scene(door: Given) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]]:
     inertial_from_tracker = turning.T @ looking @ tracker_from_camera.T
     chain = turning @ inertial_from_tracker @ tracker_from_camera
     centre = ground.image_vectors([(0.0, 0.0)], focal_length=1.0)
-    frames = {"camera": chain, "tracker": turning @ inertial_from_tracker, "stars": turning}
+    frames = {
+        "camera": chain,
+        "tracker": turning @ inertial_from_tracker,
+        "stars": turning,
+    }
     return place, ground.imaged_position(centre, place, chain)[0], frames
 
 

@@ -24,7 +24,14 @@ from reproduce.physics.attitude import Platform
 from reproduce.physics.attitude.diagnosis import diagnose
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given, given
-from reproduce.store.points import IMAGES, SPOTS, Table, TableFileError, images_of, lost_spots
+from reproduce.store.points import (
+    IMAGES,
+    SPOTS,
+    Table,
+    TableFileError,
+    images_of,
+    lost_spots,
+)
 from reproduce.units import ARCSEC_PER_RADIAN
 
 _FRAMES = "chen2023/text-accuracy#frames"
@@ -44,7 +51,10 @@ def _simulated_images(
     given: Given, turns: list[tuple[FloatArray, FloatArray]], stream: int
 ) -> models.SpotStatistics:
     """Simulate images of two groups, of which the second may drift."""
-    generator, frames = Generator(PCG64(data_stream(given, 2, stream))), given.count(_FRAMES)
+    generator, frames = (
+        Generator(PCG64(data_stream(given, 2, stream))),
+        given.count(_FRAMES),
+    )
     design = as_designed(given)
     noise = np.sqrt(np.square(given.array(SCATTER) / SIGMAS).mean())
     # The printed spots fill less than the designed square: simulate what was printed.
@@ -60,7 +70,9 @@ def _simulated_images(
 
 def _pattern_scale(design: Platform) -> float:
     sizes = [np.ptp(points, axis=0).mean() for points in (design.spots, design.lasers)]
-    magnification = design.tracker_focal_length / design.camera_focal_length / design.pixel_pitch
+    magnification = (
+        design.tracker_focal_length / design.camera_focal_length / design.pixel_pitch
+    )
     return float(sizes[0] / (sizes[1] * magnification))
 
 
@@ -85,17 +97,24 @@ class _OnTheGround:
 def _truth(given: Given, drift: bool = False) -> dict[str, float]:
     """The misalignment of the simulation, and how much it drifts through the group."""
     turns = {"angle": _TRUTH, "drift": _DRIFT} if drift else {"angle": _TRUTH}
-    return {f"{name}-{axis}": float(angle) for name, angles in turns.items()
-            for axis, angle in zip("xyz", angles, strict=True)}  # fmt: skip
+    return {
+        f"{name}-{axis}": float(angle)
+        for name, angles in turns.items()
+        for axis, angle in zip("xyz", angles, strict=True)
+    }
 
 
 def _misalignment(given: Given, drift: FloatArray | None = None) -> Model:
     """A misalignment after a calibration group, constant or drifting through its own group."""
     zero, half = np.zeros(3), np.zeros(3) if drift is None else drift / 2
     drifts = drift is not None
-    spots = _simulated_images(given, [(zero, zero), (_TRUTH - half, _TRUTH + half)], int(drifts))
+    spots = _simulated_images(
+        given, [(zero, zero), (_TRUTH - half, _TRUTH + half)], int(drifts)
+    )
     ground = _OnTheGround(satellite.altitude(given))
-    return models.misalignment_model(as_designed(given), spots, drifts=drifts, derived=ground)
+    return models.misalignment_model(
+        as_designed(given), spots, drifts=drifts, derived=ground
+    )
 
 
 def drift(given: Given) -> Model:
@@ -103,7 +122,9 @@ def drift(given: Given) -> Model:
     return _misalignment(given, _DRIFT)
 
 
-def _users_model(table: Table, given: Mapping[str, Any], drifts: bool) -> tuple[Model, list[str]]:
+def _users_model(
+    table: Table, given: Mapping[str, Any], drifts: bool
+) -> tuple[Model, list[str]]:
     """Return a misalignment, constant or drifting through group 1, and the remarks on the spots.
 
     The platform is that of the paper by default. The remarks are those of `reproduce.misalignment`.
@@ -111,7 +132,9 @@ def _users_model(table: Table, given: Mapping[str, Any], drifts: bool) -> tuple[
     instrument, images, remarks = _measured(table, drifts, given.get("platform"))
     priors = _priors(instrument, images)
     if drifts:
-        priors |= {key.replace("angle", "drift"): prior for key, prior in priors.items()}
+        priors |= {
+            key.replace("angle", "drift"): prior for key, prior in priors.items()
+        }
     statistics = models.SpotStatistics.of(images, (False, drifts))
     model = models.misalignment_model(instrument, statistics, drifts=drifts)
     return _noisy(model.with_priors(priors)), remarks
@@ -159,13 +182,28 @@ def _noisy(model: Model) -> Model:
     """The same, noise and zero attitude free on both sides of what least squares leaves."""
     likelihood = model.likelihood_of(models.SpotLikelihood)
     residual = likelihood.residual()
-    noise = LogUniform(_NOISE[0] * residual, _NOISE[1] * residual, "no scale preferred: from a "
-                       "millionth of what least squares leaves to a thousand times it")  # fmt: skip
-    turn = _GENEROUS * residual / float(np.ptp(likelihood.statistics.means[0], axis=0).max())
-    mount = Normal(0.0, max(models.MOUNT, turn), "the zero attitude is laid over the spots to "
-                   "begin with: a quarter of a degree, or twenty times what their noise turns "
-                   "it")  # fmt: skip
-    priors: dict[str, Prior] = {"noise": noise, **{f"mount-{axis}": mount for axis in models.AXES}}
+    noise = LogUniform(
+        _NOISE[0] * residual,
+        _NOISE[1] * residual,
+        "no scale preferred: from a "
+        "millionth of what least squares leaves to a thousand times it",
+    )
+    turn = (
+        _GENEROUS
+        * residual
+        / float(np.ptp(likelihood.statistics.means[0], axis=0).max())
+    )
+    mount = Normal(
+        0.0,
+        max(models.MOUNT, turn),
+        "the zero attitude is laid over the spots to "
+        "begin with: a quarter of a degree, or twenty times what their noise turns "
+        "it",
+    )
+    priors: dict[str, Prior] = {
+        "noise": noise,
+        **{f"mount-{axis}": mount for axis in models.AXES},
+    }
     return model.with_priors(priors)
 
 
@@ -183,11 +221,22 @@ def _file(drifts: bool) -> File:
 
 POSTERIORS = (
     Declaration(
-        "misalignment", "Constant misalignment from laser spots", "chen2023", READS, _misalignment,
-        _file(drifts=False), _truth,
+        "misalignment",
+        "Constant misalignment from laser spots",
+        "chen2023",
+        READS,
+        _misalignment,
+        _file(drifts=False),
+        _truth,
     ),
     Declaration(
-        "misalignment-drift", "Drifting misalignment from laser spots", "chen2023", READS, drift,
-        _file(drifts=True), partial(_truth, drift=True), steps=330,
+        "misalignment-drift",
+        "Drifting misalignment from laser spots",
+        "chen2023",
+        READS,
+        drift,
+        _file(drifts=True),
+        partial(_truth, drift=True),
+        steps=330,
     ),
-)  # fmt: skip
+)

@@ -60,7 +60,13 @@ STUDY = "chen2023/text-resolution"
 SPOT_RADIUS = f"{STUDY}#spot-radius"
 # The spot on pixels of any size, with the light that Table III implies.
 _WINDOW = f"{STUDY}#window-x"
-_SPOT_READS = (SPOT_RADIUS, _WINDOW, *platform.TRACKER, platform.SPOTS, platform.SCATTER)
+_SPOT_READS = (
+    SPOT_RADIUS,
+    _WINDOW,
+    *platform.TRACKER,
+    platform.SPOTS,
+    platform.SCATTER,
+)
 PHASES = f"{STUDY}#phases"
 _STUDIED = ("trials", "lasers", "resolution-low", "resolution-high")
 READS = (*_SPOT_READS, PHASES, *(f"{STUDY}#{name}" for name in _STUDIED))
@@ -97,7 +103,12 @@ _LITERAL = _Case()
 @declare.reproduces(
     STUDY,
     cells=["spot-radius-pixels", "position-*", "optimum-radius"],
-    given=[SPOT_RADIUS, f"{STUDY}#pixel-size", f"{STUDY}#optimum", platform.FOCAL_LENGTH],
+    given=[
+        SPOT_RADIUS,
+        f"{STUDY}#pixel-size",
+        f"{STUDY}#optimum",
+        platform.FOCAL_LENGTH,
+    ],
 )
 def spot(given: Given) -> declare.Results:
     """Spot radius in pixels, here and at the optimum, and the ends of one pixel."""
@@ -146,7 +157,9 @@ def optimum(
 def resolutions(given: Given) -> FloatArray:
     """Return the angular resolutions of the study, one arc second apart, in radians."""
     low, high = given[f"{STUDY}#resolution-low"], given[f"{STUDY}#resolution-high"]
-    return np.asarray(np.linspace(low, high, round((high - low) / RADIANS_PER_ARCSEC) + 1))
+    return np.asarray(
+        np.linspace(low, high, round((high - low) / RADIANS_PER_ARCSEC) + 1)
+    )
 
 
 def _radii(given: Given, angles: FloatArray, case: _Case = _LITERAL) -> FloatArray:
@@ -159,7 +172,10 @@ def spot_laws(spots: FloatArray, radius: float, size: int) -> list[CentroidError
     """Return the errors of spots of one electron: by photons alone, and with as much read noise."""
     corners = window_corners(spots, size)
     noises = (0.0, 1.0)
-    return [centre_of_gravity_error(spots, 1.0, radius, corners, size, noise) for noise in noises]
+    return [
+        centre_of_gravity_error(spots, 1.0, radius, corners, size, noise)
+        for noise in noises
+    ]
 
 
 def _light_for_table(given: Given, case: _Case = _LITERAL) -> Light:
@@ -174,7 +190,9 @@ def _light_for_table(given: Given, case: _Case = _LITERAL) -> Light:
     return Light(float(case.brighter * signal), float(read))
 
 
-def _setting(given: Given, case: _Case = _LITERAL) -> tuple[FloatArray, Light, FloatArray, int]:
+def _setting(
+    given: Given, case: _Case = _LITERAL
+) -> tuple[FloatArray, Light, FloatArray, int]:
     """Return the phases, the light, the radii of the spot at all resolutions, and the window."""
     radius = _radii(given, resolutions(given), case)
     # The middles of so many equal parts of one pixel.
@@ -184,7 +202,9 @@ def _setting(given: Given, case: _Case = _LITERAL) -> tuple[FloatArray, Light, F
 
 def _relative_error(given: Given) -> float:
     """Return the relative standard error of a standard deviation from all phases and trials."""
-    return float(1.0 / np.sqrt(2.0 * given.count(PHASES) * given.count(f"{STUDY}#trials")))
+    return float(
+        1.0 / np.sqrt(2.0 * given.count(PHASES) * given.count(f"{STUDY}#trials"))
+    )
 
 
 @lru_cache(maxsize=1)
@@ -223,10 +243,17 @@ def _saturation(monitoring: FloatArray, relative: float, errors: float) -> Float
 
 def monte_carlo(given: Given) -> FloatArray:
     """Simulate the study as described: the error of all phases and trials at every resolution."""
-    (phases, light, radius, size), trials = _setting(given), given.count(f"{STUDY}#trials")
-    streams = spawned_streams(declare.seed_of("chen2023/fig-11a", given.root), len(radius))
+    (phases, light, radius, size), trials = (
+        _setting(given),
+        given.count(f"{STUDY}#trials"),
+    )
+    streams = spawned_streams(
+        declare.seed_of("chen2023/fig-11a", given.root), len(radius)
+    )
     pairs = zip(radius, streams, strict=True)
-    errors = (simulated_errors(phases, light, wide, size, trials, own) for wide, own in pairs)
+    errors = (
+        simulated_errors(phases, light, wide, size, trials, own) for wide, own in pairs
+    )
     return np.array([drawn.std() for drawn in errors])
 
 
@@ -255,7 +282,9 @@ def _draw_centroids(figure: Figure, printed: Mapping[str, float], door: Given) -
     axes = _curves(figure, curves(door), 1.0)
     optimum, accuracy = (printed[address] for address in _OPTIMUM)
     place = optimum * ARCSEC_PER_RADIAN
-    axes.plot(place, accuracy, "*", markersize=13, color="#000000", label="printed best")
+    axes.plot(
+        place, accuracy, "*", markersize=13, color="#000000", label="printed best"
+    )
     axes.set(ylabel="centroid error (1σ, px)")
     named_below(figure, 3)
 
@@ -272,7 +301,9 @@ def _draw_monitoring(figure: Figure, printed: Mapping[str, float], door: Given) 
     named_below(figure, 3)
 
 
-def _curves(figure: Figure, content: dict[str, FloatArray], scale: FloatArray | float) -> Axes:
+def _curves(
+    figure: Figure, content: dict[str, FloatArray], scale: FloatArray | float
+) -> Axes:
     axes = figure.add_subplot()
     angles, few = content["angles"] * ARCSEC_PER_RADIAN, slice(None, None, 2)
     simulated = (content["simulated"] * scale)[few]

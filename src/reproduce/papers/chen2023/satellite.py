@@ -74,7 +74,9 @@ _INWARDS = turned([0.0, -1.0], 9.0)
 _DETECTORS = "chen2023/text-hardware#detectors"
 _FILTER = "chen2023/text-hardware#filter-wavelength"
 _BANDS = tuple(
-    f"{_TEXT}#{light}-{end}" for light in ("transmission", "reflection") for end in ("low", "high")
+    f"{_TEXT}#{light}-{end}"
+    for light in ("transmission", "reflection")
+    for end in ("low", "high")
 )
 
 
@@ -86,23 +88,34 @@ SCENE = Look("landscape", "#0072B2", ":", "^")
 def reflected(direction: ArrayLike, degrees: float) -> FloatArray:
     """Return where light in the plane of the paper goes after a mirror drawn at some degrees."""
     normal = turned([0.0, 1.0], degrees)
-    return np.asarray(reflection([*normal, 0.0])[:2, :2] @ np.asarray(direction, dtype=np.float64))
+    return np.asarray(
+        reflection([*normal, 0.0])[:2, :2] @ np.asarray(direction, dtype=np.float64)
+    )
 
 
 def altitude(given: Given) -> float:
     """Return the altitude that the panchromatic line of Table I implies, in metres."""
-    return float(ground.altitude_for_resolution(*(given[address] for address in CAMERA)))
+    return float(
+        ground.altitude_for_resolution(*(given[address] for address in CAMERA))
+    )
 
 
 @reproduces(
     SATELLITE,
     cells=["multispectral-ground-resolution.value"],
-    given=[f"{SATELLITE}#*focal-length.value", f"{SATELLITE}#*pixel-size.value", CAMERA[2]],
+    given=[
+        f"{SATELLITE}#*focal-length.value",
+        f"{SATELLITE}#*pixel-size.value",
+        CAMERA[2],
+    ],
 )
 def ground_resolution(given: Given) -> Results:
     """Multispectral ground resolution at the altitude that the panchromatic one implies."""
     camera = f"{SATELLITE}#multispectral"
-    focal, pixel = given[f"{camera}-focal-length.value"], given[f"{camera}-pixel-size.value"]
+    focal, pixel = (
+        given[f"{camera}-focal-length.value"],
+        given[f"{camera}-pixel-size.value"],
+    )
     resolution = ground.ground_resolution(focal, pixel, altitude(given))
     return {"multispectral-ground-resolution.value": float(resolution)}
 
@@ -139,7 +152,9 @@ def table_angle(given: Given) -> Results:
     return {"table-angle": float(np.arcsin(sine))}
 
 
-def _believed(rest: LightPath, kind: str, points: FloatArray, **changes: Any) -> FloatArray:
+def _believed(
+    rest: LightPath, kind: str, points: FloatArray, **changes: Any
+) -> FloatArray:
     """Return the turn of the camera that the system reports when the light path changes.
 
     Shape (3,). Angles about X, Y and Z of the camera, in radians.
@@ -148,7 +163,10 @@ def _believed(rest: LightPath, kind: str, points: FloatArray, **changes: Any) ->
     camera = attitude.emitted_directions(points * mirror, rest.camera_focal_length)
     zero, now = (
         attitude.received_directions(
-            light.spots(points, _APERTURE).mean(axis=1), (0.0, 0.0), 1.0, light.tracker_focal_length
+            light.spots(points, _APERTURE).mean(axis=1),
+            (0.0, 0.0),
+            1.0,
+            light.tracker_focal_length,
         )
         for light in (rest, replace(rest, **changes))
     )
@@ -173,7 +191,9 @@ def _retro_reflectors(given: Given) -> list[tuple[str | float, ...]]:
             turned = replace(rest.retroreflector, turn=turn)
             x, y, z = _believed(rest, kind, points, retroreflector=turned) / _TURN
             shares += [np.hypot(x, y), abs(z)]
-        roll = abs(_believed(rest, kind, points, camera_turn=[_TURN, 0.0, 0.0])[2]) / _TURN
+        roll = (
+            abs(_believed(rest, kind, points, camera_turn=[_TURN, 0.0, 0.0])[2]) / _TURN
+        )
         spots = rest.spots(points, _APERTURE)
         blur = np.linalg.norm(spots - spots.mean(axis=1, keepdims=True), axis=-1).max()
         rows.append((kind, *shares, roll, blur / given[platform.PIXEL], image))
@@ -210,7 +230,9 @@ def _dichroic_response(boresight_angle: float) -> FloatArray:
     """
     tilt = float(fold_mirror_tilt(boresight_angle))
     # The plane of the light is that of both boresights, across X.
-    normal = attitude.rotation_from_vector([boresight_angle - np.pi + tilt, 0.0, 0.0]) @ _OUT
+    normal = (
+        attitude.rotation_from_vector([boresight_angle - np.pi + tilt, 0.0, 0.0]) @ _OUT
+    )
     across = np.array([1.0, 0.0, 0.0])
     axes = np.stack([np.cross(across, normal), across, normal], axis=-1)
     result: FloatArray = turn_response(reflection(normal), -_OUT) @ axes
@@ -233,11 +255,15 @@ def _heat(given: Given) -> list[tuple[str | float, ...]]:
         ("flight camera with the tracker of Table II", flight, short),
         ("ground platform", given[platform.TELESCOPE], short),
     ):
-        view = np.degrees(float(field_of_view(given[_PIXELS], given[platform.PIXEL], tracker)))
+        view = np.degrees(
+            float(field_of_view(given[_PIXELS], given[platform.PIXEL], tracker))
+        )
         angle = 1e-6 / camera / RADIANS_PER_ARCSEC
         motion = float(given.array(_ACCURACY).max()) * camera
         kelvin = motion / (given[_EXPANSION] * given[platform.DIAGONAL])
-        rows.append((name, camera / tracker, tracker * 1e3, view, angle, motion * 1e6, kelvin))
+        rows.append(
+            (name, camera / tracker, tracker * 1e3, view, angle, motion * 1e6, kelvin)
+        )
     return rows
 
 
@@ -274,7 +300,10 @@ def _draw_satellite(figure: Figure) -> None:
         sketch.mirror((x, y), 1.2, degrees)
     sketch.box((6.5, 5.4), (2.4, 0.8), "platform")
     sketch.box((9.4, 5.6), (3.4, 2.0), "star and laser\ntracker")
-    sketch.path([(3.4, 6.8), (3.65, 3.65), (4.5, 6.1), (4.5, 1.2), (9.4, 1.2), (9.4, 4.6)], LASER)
+    sketch.path(
+        [(3.4, 6.8), (3.65, 3.65), (4.5, 6.1), (4.5, 1.2), (9.4, 1.2), (9.4, 4.6)],
+        LASER,
+    )
     sketch.path([(9.9, 10.4), (9.9, 6.7)], STAR)
     sketch.path([(2.2, 0.6), (2.2, 6.1)], SCENE)
     sketch.label((3.4, 8.45), "camera")
@@ -283,18 +312,24 @@ def _draw_satellite(figure: Figure) -> None:
 
 
 @draws("chen2023/fig-2b", given=[_DETECTORS])
-def _draw_focal_plane(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
+def _draw_focal_plane(
+    figure: Figure, printed: Mapping[str, float], door: Given
+) -> None:
     """Focal plane of the camera: detectors in two planes, joined by reflectors, and the lasers."""
     sketch = Sketch.on(figure, 13.6, 5.8)
     count = door.count(_DETECTORS)
     for index in range(count):
         x, upright = 1.0 + 0.7 * index, index % 2 == 0
-        sketch.box((x, 3.9 if upright else 1.5), (0.6, 0.9), look=SCENE if upright else None)
+        sketch.box(
+            (x, 3.9 if upright else 1.5), (0.6, 0.9), look=SCENE if upright else None
+        )
         if upright:
             sketch.box((x, 2.7), (0.45, 0.45), width=0.8)
     for x in (0.2, 1.2 + 0.7 * count):
         sketch.mark((x, 1.5), LASER, 8)
-    sketch.label((1.0 + 0.35 * count, 5.2), f"light from the telescope, on {count} detectors")
+    sketch.label(
+        (1.0 + 0.35 * count, 5.2), f"light from the telescope, on {count} detectors"
+    )
     for y, name in (
         (3.9, "upright plane"),
         (2.7, "reflectors"),
@@ -310,11 +345,18 @@ def _inside(figure: Figure, printed: Mapping[str, float]) -> tuple[Sketch, float
     sketch.mirror(_PLATE, 3.4, tilt)
     sketch.lens(_LENS, 2.6, 90)
     sketch.mirror(
-        _PLATE - 2.5 * came, 1.8, float(np.degrees(np.arctan2(came[1], came[0]))) + 90, ":"
+        _PLATE - 2.5 * came,
+        1.8,
+        float(np.degrees(np.arctan2(came[1], came[0]))) + 90,
+        ":",
     )
     sketch.box((5.0, 1.95), (1.8, 0.3))
     sketch.box((5.0, 0.8), (3.6, 1.0), "processor")
-    for x, y, name in ((4.6, 7.2, "dichroic\nmirror"), (3.0, 3.6, "lens"), (6.9, 1.95, "detector")):
+    for x, y, name in (
+        (4.6, 7.2, "dichroic\nmirror"),
+        (3.0, 3.6, "lens"),
+        (6.9, 1.95, "detector"),
+    ):
         sketch.label((x, y), name)
     sketch.label((8.2, 5.4), "narrow band-pass\nfilter (dots)", ha="left")
     return sketch, tilt
@@ -340,7 +382,10 @@ def _draw_paths(figure: Figure, printed: Mapping[str, float]) -> None:
     star, normal = _INWARDS * [-1.0, 1.0], turned([0.0, 1.0], tilt)
     hit = _LENS - (_LENS - _PLATE) @ normal / (_INWARDS @ normal) * _INWARDS
     sketch.path([_LENS - 5.4 * star, _LENS, _LENS + 1.5 * star], STAR)
-    sketch.path([hit - 4.0 * reflected(_INWARDS, tilt), hit, _LENS, _LENS + 1.5 * _INWARDS], LASER)
+    sketch.path(
+        [hit - 4.0 * reflected(_INWARDS, tilt), hit, _LENS, _LENS + 1.5 * _INWARDS],
+        LASER,
+    )
     sketch.line([_PLATE, beside(_PLATE, 2.9, 0.0)], 0.7)
     sketch.arc(_PLATE, 2.5, (0, tilt), f"{tilt:g}°")
     sketch.key((STAR, LASER))

@@ -65,7 +65,10 @@ def scale_near_one(given: Given) -> Results:
 @reproduces(
     _APPROXIMATIONS,
     cells=["parameters"],
-    given=[f"{_APPROXIMATIONS}#parameters-per-channel", "niu2024/text-context#detectors"],
+    given=[
+        f"{_APPROXIMATIONS}#parameters-per-channel",
+        "niu2024/text-context#detectors",
+    ],
 )
 def parameter_count(given: Given) -> Results:
     """Parameters of the whole model: those of one channel, for every channel but green."""
@@ -83,13 +86,19 @@ def _channels(door: Given, table: str, channel: str) -> Channels:
     """Return a channel beside green, with the printed parameters and our stand-ins."""
     place = simulation.CHANNELS.index(channel)
     cameras: list[Camera] = _TABLES[table].cameras(door)
-    source, green, rotation = cameras[place], cameras[0], _TABLES[table].rotations(door)[place]
+    source, green, rotation = (
+        cameras[place],
+        cameras[0],
+        _TABLES[table].rotations(door)[place],
+    )
     corner, lean = np.hypot(*_half_size(door)), float(np.tan(abs(rotation)))
     # What leaves the first term its share at the corner.
     left = (1 / door[_SHARE] - 1) / corner**2
     second = [round(float(one.radial_distortion) * left, 12) for one in (source, green)]
     x, y = (green.principal_point - source.principal_point).tolist()
-    return Channels(source, green, rotation, (x, y), (lean, lean), (second[0], second[1]))
+    return Channels(
+        source, green, rotation, (x, y), (lean, lean), (second[0], second[1])
+    )
 
 
 def _isolated(whole: Channels, effect: str, positions: FloatArray) -> FloatArray:
@@ -102,7 +111,9 @@ def _isolated(whole: Channels, effect: str, positions: FloatArray) -> FloatArray
 
 def _facts(door: Given) -> dict[str, Fact]:
     """Return what the coefficients and a tilt of Table 1 cost, and the noise over both axes."""
-    errors = _errors(door).set_index(["Left out", "Parameters of", "Channel"])["RMS (px)"]
+    errors = _errors(door).set_index(["Left out", "Parameters of", "Channel"])[
+        "RMS (px)"
+    ]
     return {
         f"{effect}-table-1-{channel}-rms": Fact(
             errors[_TITLES[effect], "Table 1", channel], ".2g", "px"
@@ -118,6 +129,10 @@ def _errors(door: Given) -> Iterator[tuple[object, ...]]:
     for table, channel, effect in product(_TABLES, REGISTERED, EFFECTS):
         error = _isolated(_channels(door, table, channel), effect, positions)
         # The same projection that a fit makes: onto scale, rotation and shift of the positions.
-        left = fit_registration(positions * 1e6, positions * 1e6 + error, (0.0, 0.0)).residuals
-        means = (float(np.sqrt(np.square(one).sum(axis=-1).mean())) for one in (error, left))
+        left = fit_registration(
+            positions * 1e6, positions * 1e6 + error, (0.0, 0.0)
+        ).residuals
+        means = (
+            float(np.sqrt(np.square(one).sum(axis=-1).mean())) for one in (error, left)
+        )
         yield (_TITLES[effect], table, channel, float(np.hypot(*error.T).max()), *means)

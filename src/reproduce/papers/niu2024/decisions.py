@@ -73,7 +73,9 @@ def _designs(door: Given) -> dict[str, _Design]:
     outermost = np.hypot(*(red - middle).T).argmax()
     known = [true[name] for name in (*models.TRANSFORM, "noise")]
     found = {}
-    for name, model in zip(_MODELS, (plain, models.distortion_model(plain)), strict=True):
+    for name, model in zip(
+        _MODELS, (plain, models.distortion_model(plain)), strict=True
+    ):
         likelihood = model.likelihood_of(models.GaussianRegistration)
         extra = model.parameters[5:]
         centre = np.array([*known, *[0.0] * len(extra)])
@@ -123,7 +125,9 @@ def _enough(door: Given) -> dict[str, float]:
     """
     places, wanted = np.log(_TRIED), -np.log(door[NOISE])
     return {
-        name: float(np.ceil(np.exp(np.interp(wanted, -np.log(ends[2]), places, right=np.inf))))
+        name: float(
+            np.ceil(np.exp(np.interp(wanted, -np.log(ends[2]), places, right=np.inf)))
+        )
         for name, ends in _edge_errors(door, _TRIED).items()
     }
 
@@ -140,7 +144,9 @@ def _star_facts(door: Given) -> dict[str, Fact]:
     left = float(np.hypot(*_left_out(door)))
     found["left-out"] = Fact(left, ".2g", "px")
     # Where the mean squares are equal: that of the similarity has what it leaves out as well.
-    plain, free = (np.trace(one.at_edge(np.array([count]))[0]) for one in _designs(door).values())
+    plain, free = (
+        np.trace(one.at_edge(np.array([count]))[0]) for one in _designs(door).values()
+    )
     found["free-from"] = Fact(float(count * (free - plain) / left**2), ".0f")
     return found
 
@@ -149,7 +155,9 @@ def _star_facts(door: Given) -> dict[str, Fact]:
 def _stars(door: Given) -> Iterator[tuple[float, ...]]:
     """With how many stars to calibrate."""
     counts = sorted({*_COUNTS, door.count(_COUNT)})
-    found = np.concatenate([ends[1:] for ends in _edge_errors(door, np.array(counts)).values()])
+    found = np.concatenate(
+        [ends[1:] for ends in _edge_errors(door, np.array(counts)).values()]
+    )
     for count, row in zip(counts, found.T.tolist(), strict=True):
         yield (count, *row)
 
@@ -161,9 +169,13 @@ def _draw_stars(figure: Figure, printed: Mapping[str, float], door: Given) -> No
     sized(figure, 6.0, 3.6, 4.2)
     axes = figure.subplots()
     looks = (("#0072B2", "-"), ("#D55E00", "--"))
-    for (name, ends), look in zip(_edge_errors(door, counts).items(), looks, strict=True):
+    for (name, ends), look in zip(
+        _edge_errors(door, counts).items(), looks, strict=True
+    ):
         banded(axes, counts, ends, *look, label=f"{name}, with 95 %")
-    axes.axvline(door.count(_COUNT), color="#777777", linestyle=":", label="stars of the paper")
+    axes.axvline(
+        door.count(_COUNT), color="#777777", linestyle=":", label="stars of the paper"
+    )
     axes.set(xlabel="stars of the calibration (count)", ylabel="error at the edge (px)")
     logarithmic(axes, (10, 30, 100, 300, 1000), (0.001, 0.01, 0.1))
     named_below(figure, 2)

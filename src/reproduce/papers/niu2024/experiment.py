@@ -93,12 +93,17 @@ def _shift(given: Given, channel: str) -> list[float]:
 
 def rotations(given: Given) -> list[float]:
     """Return the detectors' calibrated angles against green: green, red, blue, in radians."""
-    return [0.0, *(given[f"{_CALIBRATION}#rotation.{channel}"] for channel in REGISTERED)]
+    return [
+        0.0,
+        *(given[f"{_CALIBRATION}#rotation.{channel}"] for channel in REGISTERED),
+    ]
 
 
 def half_field(given: Given) -> tuple[float, float]:
     """Return half the printed field of view along x and y, in radians."""
-    return given[f"{OPTICS}#field-of-view-x"] / 2, given[f"{OPTICS}#field-of-view-y"] / 2
+    return given[f"{OPTICS}#field-of-view-x"] / 2, given[
+        f"{OPTICS}#field-of-view-y"
+    ] / 2
 
 
 def _centroid_errors(given: Given) -> FloatArray:
@@ -109,13 +114,19 @@ def _centroid_errors(given: Given) -> FloatArray:
     ValueError where that is less than nothing.
     """
     after = np.array(
-        [[given[f"{OUTCOME}#rmse-after-{c}-{axis}"] for axis in "xy"] for c in REGISTERED]
+        [
+            [given[f"{OUTCOME}#rmse-after-{c}-{axis}"] for axis in "xy"]
+            for c in REGISTERED
+        ]
     )
     squares = np.square(after)
     green = squares.mean(axis=0) / 2
     for axis in np.flatnonzero((squares < green).any(axis=0)):
         pair = zip(REGISTERED, after[:, axis], strict=True)
-        shown = (f"{OUTCOME}#rmse-after-{c}-{'xy'[axis]} = {value:.4g} px" for c, value in pair)
+        shown = (
+            f"{OUTCOME}#rmse-after-{c}-{'xy'[axis]} = {value:.4g} px"
+            for c, value in pair
+        )
         raise ValueError(
             f"{' and '.join(shown)}: expected neither to be more than √3 times the other; green's "
             "part, half of their mean square, would exceed the whole of the smaller one"
@@ -163,12 +174,16 @@ def rmse_before(
     for_positions, for_errors = declare.split_seed(seed, 2)
     count = given.count(f"{OUTCOME}#test-points")
     angles = optics.spawned_angles(for_positions, replicates, count, half_field(given))
-    errors = _centroid_errors(given) * optics.spawned_normals(for_errors, replicates, (3, count, 2))
+    errors = _centroid_errors(given) * optics.spawned_normals(
+        for_errors, replicates, (3, count, 2)
+    )
     points = _registered_points if scale == "factors" else _by_focal_lengths
     measured = points(given, angles) + errors
     apart = rmse_per_axis(measured[:, 1:], measured[:, :1])
     results = {}
-    for (position, channel), (place, axis) in product(enumerate(REGISTERED), enumerate("xy")):
+    for (position, channel), (place, axis) in product(
+        enumerate(REGISTERED), enumerate("xy")
+    ):
         x_and_y = apart[:, position]
         drawn = x_and_y[:, place] if rmse == "one" else np.hypot(*x_and_y.T)
         results[f"rmse-before-{channel}-{axis}"] = declare.Prediction(drawn)
@@ -184,7 +199,9 @@ def rmse_before(
 def rmse_after(given: Given) -> declare.Results:
     """RMSE after registration with the noise of the simulation, which stands in for the errors."""
     half_x, half_y = half_field(given)
-    grid = np.meshgrid(np.linspace(-half_x, half_x, 33), np.linspace(-half_y, half_y, 25))
+    grid = np.meshgrid(
+        np.linspace(-half_x, half_x, 33), np.linspace(-half_y, half_y, 25)
+    )
     true = _by_focal_lengths(given, np.stack(grid, -1).reshape(-1, 2))
     results = {}
     for position, channel in enumerate(REGISTERED, start=1):
@@ -227,12 +244,25 @@ def twin_fits(
     zero position for a pivot, as in section 3.2. By channel, batch shape (replicates,).
     """
     table = simulation.literal(given).angles
-    noisy = optics.noisy_centroids(_by_focal_lengths(given, table), error, seed, replicates)
-    directions, pitch = optics.starlight(table[:, 1], table[:, 0]), given[f"{OPTICS}#pixel-pitch-x"]
-    spots, [zero] = dict(zip(CHANNELS, noisy.swapaxes(0, 1), strict=True)), zero_places(table)
+    noisy = optics.noisy_centroids(
+        _by_focal_lengths(given, table), error, seed, replicates
+    )
+    directions, pitch = (
+        optics.starlight(table[:, 1], table[:, 0]),
+        given[f"{OPTICS}#pixel-pitch-x"],
+    )
+    spots, [zero] = (
+        dict(zip(CHANNELS, noisy.swapaxes(0, 1), strict=True)),
+        zero_places(table),
+    )
     turns = dict(zip(CHANNELS, rotations(given), strict=True))
-    alone = {c: optics.fit_camera(directions, spots[c], pitch, turns[c]) for c in CHANNELS}
-    laid = {c: fit_registration(spots[c], spots["green"], spots[c][:, zero]) for c in REGISTERED}
+    alone = {
+        c: optics.fit_camera(directions, spots[c], pitch, turns[c]) for c in CHANNELS
+    }
+    laid = {
+        c: fit_registration(spots[c], spots["green"], spots[c][:, zero])
+        for c in REGISTERED
+    }
     return alone, laid
 
 
@@ -276,5 +306,7 @@ def _scale_errors(given: Given) -> list[tuple[str, str, float, float, float]]:
             lengths = (alone[one].focal_length for one in ("green", channel))
             sd = float(np.std(laid[channel].parameters[:, 0] - np.divide(*lengths)))
             apart = given[f"{_CALIBRATION}#scale.{channel}"] - printed[channel]
-            rows.append((channel, name, apart, sd, max(0.0, abs(apart) - _ROUNDING) / sd))
+            rows.append(
+                (channel, name, apart, sd, max(0.0, abs(apart) - _ROUNDING) / sd)
+            )
     return rows

@@ -29,7 +29,11 @@ from reproduce.papers.niu2024.simulation import CHANNELS, OPTICS
 from reproduce.papers.sketch import Look, sized
 from reproduce.physics import images
 from reproduce.physics.optics import Camera, channel_centroids, detector_centre
-from reproduce.physics.registration import Registration, registered_image, similarity_between
+from reproduce.physics.registration import (
+    Registration,
+    registered_image,
+    similarity_between,
+)
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given, given
 from reproduce.store import studies
@@ -93,7 +97,9 @@ def similarities(door: Given) -> list[Registration]:
 
 def _imaged(door: Given, angles: FloatArray) -> FloatArray:
     """Return where the channels image the star at some table angles, shape (3, 2)."""
-    return channel_centroids(_cameras(door), experiment.rotations(door), angles[None])[:, 0]
+    return channel_centroids(_cameras(door), experiment.rotations(door), angles[None])[
+        :, 0
+    ]
 
 
 def light_of(door: Given, star: str, magnitude: float) -> FloatArray:
@@ -131,7 +137,9 @@ def cell(
     pitch = float(green.pixel_pitch / green.focal_length)
     errors, signals = [], []
     for _ in range(PHASES):
-        angles = place * np.array(experiment.half_field(door)) + pitch * generator.uniform(-1, 1, 2)
+        angles = place * np.array(
+            experiment.half_field(door)
+        ) + pitch * generator.uniform(-1, 1, 2)
         spots = _imaged(door, angles)
         windows, corner = _exposures(spots, photons, trials, generator)
         made = _combinations(windows, corner, transforms or similarities(door))
@@ -154,7 +162,9 @@ def _exposures(
     """
     size = _WINDOW + 2 * _MARGIN
     corner = images.window_corners(spots[0], size).astype(np.float64)
-    clean = images.spot_windows(spots, photons, RADIUS, np.broadcast_to(corner, (3, 2)), size)
+    clean = images.spot_windows(
+        spots, photons, RADIUS, np.broadcast_to(corner, (3, 2)), size
+    )
     many = np.broadcast_to(clean[:, None], (3, trials, size, size))
     return images.electrons(images.expose(many, SENSOR, generator), SENSOR), corner
 
@@ -166,7 +176,9 @@ def _combinations(
     at = (int(corner[0]), int(corner[1]))
     moved = np.zeros_like(windows[0])
     for layer, transform in zip(windows[1:], transforms, strict=True):
-        moved += np.stack([registered_image(window, transform, corner=at) for window in layer])
+        moved += np.stack(
+            [registered_image(window, transform, corner=at) for window in layer]
+        )
     made = (windows[0], windows.sum(axis=0), windows[0] + moved)
     return [image[..., _MIDDLE, _MIDDLE] for image in made]
 
@@ -186,7 +198,9 @@ def _centres(made: list[FloatArray], corner: FloatArray) -> FloatArray:
     noise = SENSOR.noise_electrons() * np.sqrt([1, 3, 3])
     pairs = zip(made, noise, strict=True)
     first = corner + _MARGIN
-    return np.array([images.fitted_centre(i, first, RADIUS, read_noise=n) for i, n in pairs])
+    return np.array(
+        [images.fitted_centre(i, first, RADIUS, read_noise=n) for i, n in pairs]
+    )
 
 
 def _stored() -> studies.Study:
@@ -220,7 +234,12 @@ def _centroids() -> Iterator[tuple[object, ...]]:
     arrays = _stored().arrays
     for at in np.ndindex(arrays["error"].shape):
         star, place, magnitude, image = at
-        labels = list(STARS)[star], list(PLACES)[place], MAGNITUDES[magnitude], MADE[image]
+        labels = (
+            list(STARS)[star],
+            list(PLACES)[place],
+            MAGNITUDES[magnitude],
+            MADE[image],
+        )
         yield (*labels, *(arrays[name][at] for name in RESULTS))
 
 
@@ -242,7 +261,9 @@ def _draw_star(figure: Figure) -> None:
     windows, corner = _exposures(spots, photons, 1, np.random.default_rng(9))
     green, plain, registered = _combinations(windows, corner, similarities(door))
     # What is seen, and which spots are marked in it, at which place each.
-    at = dict(zip(("green", "red", "blue"), spots - corner - _MARGIN + 0.5, strict=True))
+    at = dict(
+        zip(("green", "red", "blue"), spots - corner - _MARGIN + 0.5, strict=True)
+    )
     panels = {
         "red": (windows[1, 0, _MIDDLE, _MIDDLE], {"red": at["red"]}),
         "green": (green[0], {"green": at["green"]}),
@@ -256,9 +277,13 @@ def _draw_star(figure: Figure) -> None:
     for axes, (title, (light, marks)) in zip(grid.flat, panels.items(), strict=False):
         root = np.sqrt(np.maximum(light, 0))
         # Never quite black: what is drawn in black follows the page, and is white on a dark one.
-        axes.pcolormesh(root, cmap="gray_r", shading="flat", vmin=0, vmax=1.1 * root.max())
+        axes.pcolormesh(
+            root, cmap="gray_r", shading="flat", vmin=0, vmax=1.1 * root.max()
+        )
         for name, place in marks.items():
-            mark = axes.plot(*place, LOOKS[name].marker, color=LOOKS[name].colour, fillstyle="none")
+            mark = axes.plot(
+                *place, LOOKS[name].marker, color=LOOKS[name].colour, fillstyle="none"
+            )
             mark[0].set(markersize=9, markeredgewidth=1.3, path_effects=halo)
         axes.set(aspect="equal", title=title, xticks=[0, 3, 6, 9], yticks=[0, 3, 6, 9])
         axes.grid(visible=False)
@@ -271,10 +296,15 @@ def _draw_star(figure: Figure) -> None:
 def _draw_errors(figure: Figure) -> None:
     """Centroid error of the solar star over magnitude, with and without registration."""
     sized(figure, 4.9, 4.4)
-    axes, errors = figure.add_subplot(), _stored().arrays["error"][list(STARS).index("solar")]
+    axes, errors = (
+        figure.add_subplot(),
+        _stored().arrays["error"][list(STARS).index("solar")],
+    )
     for kind, (name, look) in enumerate(zip(MADE, _KINDS, strict=True)):
         for place, where, fill in ((0, "centre", "none"), (-1, "corner", look.colour)):
-            (line,) = axes.semilogy(MAGNITUDES, errors[place, :, kind], look.line, c=look.colour)
+            (line,) = axes.semilogy(
+                MAGNITUDES, errors[place, :, kind], look.line, c=look.colour
+            )
             line.set(marker=look.marker, mfc=fill, label=f"{name}, {where}")
     axes.set(xlabel="V (mag)", ylabel="centroid error, RMS (px)")
     figure.legend(loc="outside lower center", fontsize=8)

@@ -13,7 +13,11 @@ _OUTCOME = "niu2024/text-experiment"
 @reproduces(
     _OPTICS,
     cells=["field-of-view-*"],
-    given=[f"{_OPTICS}#focal-length", f"{_OPTICS}#pixels-*", f"{_OPTICS}#pixel-pitch-*"],
+    given=[
+        f"{_OPTICS}#focal-length",
+        f"{_OPTICS}#pixels-*",
+        f"{_OPTICS}#pixel-pitch-*",
+    ],
 )
 def field_of_view(given: Given) -> Results:
     """Field of view from the detector's size and the estimated focal length."""
@@ -22,7 +26,10 @@ def field_of_view(given: Given) -> Results:
         given.array(f"{_OPTICS}#pixel-pitch-?"),
         given[f"{_OPTICS}#focal-length"],
     )
-    return {f"field-of-view-{axis}": float(one) for axis, one in zip("xy", found, strict=True)}
+    return {
+        f"field-of-view-{axis}": float(one)
+        for axis, one in zip("xy", found, strict=True)
+    }
 
 
 @reproduces(
@@ -36,6 +43,10 @@ def centre_wavelengths(given: Given, *, centre: str) -> Results:
     found = {}
     for third, band in enumerate(("blue", "green", "red")):
         edges = (given[f"{_OPTICS}#band-{band}-{end}"] for end in ("low", "high"))
-        middle = sum(edges) / 2 if centre == "band" else low + (high - low) * (2 * third + 1) / 6
+        middle = (
+            sum(edges) / 2
+            if centre == "band"
+            else low + (high - low) * (2 * third + 1) / 6
+        )
         found[f"centre-wavelength-{band}"] = middle
     return found

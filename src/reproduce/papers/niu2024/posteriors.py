@@ -50,7 +50,9 @@ _FITTED = ("model", "weights", "source_covariance", "target_covariance")
 def _centroids(given: Given) -> FloatArray:
     """Simulated centroids of green, red and blue, shape (3, n, 2), in px."""
     noise = given[NOISE]
-    return np.asarray(noisy_centroids(true_centroids(given), noise, data_stream(given, 1), 1)[0])
+    return np.asarray(
+        noisy_centroids(true_centroids(given), noise, data_stream(given, 1), 1)[0]
+    )
 
 
 def true_centroids(given: Given) -> FloatArray:
@@ -68,7 +70,9 @@ def truth(given: Given, channels: tuple[str, ...] = ("red",)) -> dict[str, float
     found, noise = {}, given[NOISE]
     for channel in channels:
         prefix = f"{channel}-" if len(channels) > 1 else ""
-        similarity = similarity_between(cameras[channel], turns[channel], cameras["green"])
+        similarity = similarity_between(
+            cameras[channel], turns[channel], cameras["green"]
+        )
         pairs = zip(models.TRANSFORM, similarity.parameters.tolist(), strict=True)
         found.update({prefix + name: value for name, value in pairs})
     both = 1.0 if len(channels) > 1 else float(np.hypot(1, found["scale"]))
@@ -78,7 +82,9 @@ def truth(given: Given, channels: tuple[str, ...] = ("red",)) -> dict[str, float
 def _registration(given: Given) -> Model:
     """The red channel laid over green."""
     green, red, _ = _centroids(given)
-    return _foretelling(given, models.registration_model(red, green, pivot(given, "red")))
+    return _foretelling(
+        given, models.registration_model(red, green, pivot(given, "red"))
+    )
 
 
 def pivot(given: Given, channel: str) -> FloatArray:
@@ -99,7 +105,9 @@ def _joint(given: Given) -> Model:
     model = models.joint_model((red, blue), green, pivots)
     likelihood = model.likelihood_of(models.JointRegistration)
     parts = [
-        _new_stars(given, likelihood.single(i), channel, _JOINT_COLUMNS[i], f"{channel} ")
+        _new_stars(
+            given, likelihood.single(i), channel, _JOINT_COLUMNS[i], f"{channel} "
+        )
         for i, channel in enumerate(REGISTERED)
     ]
     return replace(model, derived=models.Together(tuple(parts)))
@@ -130,7 +138,9 @@ def _test_points(given: Given) -> FloatArray:
     count, half_ranges = given.count(_TEST_POINTS), simulation.half_ranges(given)
     directions = spawned_angles(data_stream(given, 3, 0), 1, count, half_ranges)[0]
     true = simulation.imaged(given, directions)
-    return np.asarray(noisy_centroids(true, given[NOISE], data_stream(given, 3, 1), 1)[0])
+    return np.asarray(
+        noisy_centroids(true, given[NOISE], data_stream(given, 3, 1), 1)[0]
+    )
 
 
 def _new_stars(
@@ -145,9 +155,13 @@ def _new_stars(
     The transform in use is the least-squares one; where stars may be false, of those that agree.
     """
     true = (
-        likelihood.agreeing if isinstance(likelihood, models.MixtureRegistration) else slice(None)
+        likelihood.agreeing
+        if isinstance(likelihood, models.MixtureRegistration)
+        else slice(None)
     )
-    fit = fit_registration(likelihood.source[true], likelihood.target[true], likelihood.pivot)
+    fit = fit_registration(
+        likelihood.source[true], likelihood.target[true], likelihood.pivot
+    )
     source = _test_points(given)[simulation.CHANNELS.index(channel)]
     registered = fit.transform.apply(source)
     stars = likelihood.elsewhere(source)
@@ -183,7 +197,9 @@ def _fitted(table: Table, given: Mapping[str, Any]) -> models.FittedRegistration
     )
 
 
-def _users_registration(table: Table, given: Mapping[str, Any]) -> tuple[Model, list[str]]:
+def _users_registration(
+    table: Table, given: Mapping[str, Any]
+) -> tuple[Model, list[str]]:
     """Return the registration of your stars, and the findings of `register`."""
     return models.fitted_model(_fitted(table, given)), _findings(table, given)
 
@@ -203,21 +219,30 @@ def _users_mixture(table: Table, given: Mapping[str, Any]) -> tuple[Model, list[
         )
     model = _turning(models.mixture_model(models.fitted_model(_fitted(table, given))))
     # The mixture names mismatches itself.
-    return model, [one for one in _findings(table, given) if "do not fit the others" not in one]
+    return model, [
+        one for one in _findings(table, given) if "do not fit the others" not in one
+    ]
 
 
 def _turning(model: Model) -> Model:
     """Any rotation, about that of the stars that agree: wrong matches may turn least squares."""
     theta = float(model.likelihood.start()[0][1])
-    turn = Uniform(theta - np.pi, theta + np.pi, "any: the full turn, cut opposite to the fit of "
-                   "those stars that agree")  # fmt: skip
+    turn = Uniform(
+        theta - np.pi,
+        theta + np.pi,
+        "any: the full turn, cut opposite to the fit of those stars that agree",
+    )
     return model.with_priors({"rotation": turn})
 
 
 def _centre(table: Table, given: Mapping[str, Any]) -> FloatArray:
     """Return the given pivot, or the mean of the stars of the channel."""
     points = table.values[:, :2]
-    return checked_pivot(given["pivot"], points) if "pivot" in given else points.mean(axis=0)
+    return (
+        checked_pivot(given["pivot"], points)
+        if "pivot" in given
+        else points.mean(axis=0)
+    )
 
 
 def _findings(table: Table, given: Mapping[str, Any]) -> list[str]:
@@ -233,24 +258,49 @@ def _file(read: Callable[..., tuple[Model, list[str]]], *accepts: str) -> File:
     return File(STARS, meaning, read, ("pivot", *accepts))
 
 
-_NO_FILE = "it is for the data of the book; registration and registration-mixture take stars"
+_NO_FILE = (
+    "it is for the data of the book; registration and registration-mixture take stars"
+)
 
 
 POSTERIORS = (
     Declaration(
-        "registration", "Registration of one channel: similarity and Gaussian noise", "niu2024",
-        READS, _registration, _file(_users_registration, *_FITTED), truth, walkers=240,
+        "registration",
+        "Registration of one channel: similarity and Gaussian noise",
+        "niu2024",
+        READS,
+        _registration,
+        _file(_users_registration, *_FITTED),
+        truth,
+        walkers=240,
     ),
     Declaration(
-        "registration-joint", "Registration of both channels: they share the green noise",
-        "niu2024", READS, _joint, _NO_FILE, partial(truth, channels=REGISTERED),
+        "registration-joint",
+        "Registration of both channels: they share the green noise",
+        "niu2024",
+        READS,
+        _joint,
+        _NO_FILE,
+        partial(truth, channels=REGISTERED),
     ),
     Declaration(
-        "registration-mixture", "Registration with wrong matches: a good/bad mixture", "niu2024",
-        READS, _mixture, _file(_users_mixture), _mixture_truth, steps=350, walkers=96,
+        "registration-mixture",
+        "Registration with wrong matches: a good/bad mixture",
+        "niu2024",
+        READS,
+        _mixture,
+        _file(_users_mixture),
+        _mixture_truth,
+        steps=350,
+        walkers=96,
     ),
     Declaration(
-        "registration-distortion", "Registration with both distortions free", "niu2024",
-        READS, _distortion, _NO_FILE, truth,
+        "registration-distortion",
+        "Registration with both distortions free",
+        "niu2024",
+        READS,
+        _distortion,
+        _NO_FILE,
+        truth,
     ),
-)  # fmt: skip
+)

@@ -140,10 +140,14 @@ def cameras(given: Given, translations: str = "table-1") -> list[Camera]:
             return given[f"{IMAGING}#principal-point-{axis}.{channel}"]
         return point("green", axis) + given[f"{TRUTH}#translation-{axis}.{channel}"]
 
-    return cameras_of(given, IMAGING, {c: [point(c, axis) for axis in "xy"] for c in CHANNELS})
+    return cameras_of(
+        given, IMAGING, {c: [point(c, axis) for axis in "xy"] for c in CHANNELS}
+    )
 
 
-def cameras_of(given: Given, table: str, points: Mapping[str, Sequence[float]]) -> list[Camera]:
+def cameras_of(
+    given: Given, table: str, points: Mapping[str, Sequence[float]]
+) -> list[Camera]:
     """Return the cameras of a table by channel, with their principal points."""
     return [
         Camera(
@@ -161,7 +165,9 @@ def rotations(given: Given) -> list[float]:
     return [0.0, *(given[f"{TRUTH}#rotation.{channel}"] for channel in REGISTERED)]
 
 
-def imaged(given: Given, angles: FloatArray, translations: str = "table-1") -> FloatArray:
+def imaged(
+    given: Given, angles: FloatArray, translations: str = "table-1"
+) -> FloatArray:
     """Return where green, red and blue image the star without noise, shape (..., 3, n, 2)."""
     return channel_centroids(cameras(given, translations), rotations(given), angles)
 
@@ -215,7 +221,8 @@ def _in_batches(
 ) -> dict[str, FloatArray]:
     """Compute so many replicates from the first, part by part; by name, along the first axis."""
     parts = [
-        compute(first, min(_BATCH, replicates - first)) for first in range(0, replicates, _BATCH)
+        compute(first, min(_BATCH, replicates - first))
+        for first in range(0, replicates, _BATCH)
     ]
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
@@ -269,7 +276,9 @@ def _tested(
     else:
         table = _arrangement(given, setting.angles).angles
         # The order of independent numbers is a random order.
-        order = spawned_normals(for_angles, replicates, (len(table),), first=first).argsort()
+        order = spawned_normals(
+            for_angles, replicates, (len(table),), first=first
+        ).argsort()
         points = table[order[:, :count]]
     return _measured(given, for_noise, replicates, first, points, setting)
 
@@ -308,10 +317,13 @@ def _residuals(
             transforms = _printed_transforms(given, setting.translations)
         else:
             transforms = _calibrations(given, for_noise, count, first, setting)
-        laid = {channel: transforms[channel].apply(points[channel]) for channel in REGISTERED}
-        return {f"rmse-before-{c}": rmse_per_axis(points[c], green) for c in REGISTERED} | {
-            f"rmse-after-{c}": rmse_per_axis(laid[c], green) for c in REGISTERED
+        laid = {
+            channel: transforms[channel].apply(points[channel])
+            for channel in REGISTERED
         }
+        return {
+            f"rmse-before-{c}": rmse_per_axis(points[c], green) for c in REGISTERED
+        } | {f"rmse-after-{c}": rmse_per_axis(laid[c], green) for c in REGISTERED}
 
     return _in_batches(part, replicates)
 
@@ -327,7 +339,12 @@ def _counted(residuals: FloatArray, axes: str) -> FloatArray:
 @reproduces(
     SETTINGS,
     cells=["rmse-*"],
-    given=[*READS, f"{TRUTH}#translation-*", f"{SETTINGS}#test-points", f"{_RESULTS}#*"],
+    given=[
+        *READS,
+        f"{TRUTH}#translation-*",
+        f"{SETTINGS}#test-points",
+        f"{_RESULTS}#*",
+    ],
     equations=["17", "18", "26"],
     replicates=_REPLICATES,
 )
@@ -355,7 +372,9 @@ def _draw_angles(figure: Figure, printed: Mapping[str, float], door: Given) -> N
     """Rotation angles of the rotary table in the simulation."""
     angles = np.degrees(literal(door).angles)
     axes = figure.add_subplot()
-    axes.plot(*angles.T, "o", markersize=4, label=f"{len(angles)} angles of the simulation")
+    axes.plot(
+        *angles.T, "o", markersize=4, label=f"{len(angles)} angles of the simulation"
+    )
     corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1]])
     outline = np.degrees(corners * half_ranges(door)).T
     axes.plot(*outline, linestyle="--", linewidth=1, label="printed range")

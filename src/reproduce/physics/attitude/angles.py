@@ -42,7 +42,9 @@ _Moves = Annotated[Any, ("n", 3, None)]
 
 
 @checked
-def laser_transform(camera_directions: Directions, tracker_directions: Directions) -> FloatArray:
+def laser_transform(
+    camera_directions: Directions, tracker_directions: Directions
+) -> FloatArray:
     """Return the rotation that carries laser light from the camera into the tracker, by QUEST.
 
     Implements: chen2023 (4), (5).
@@ -325,7 +327,11 @@ def misalignment_in_tracker(
     >>> misalignment_in_tracker(np.eye(3), np.eye(3)).diagonal()
     array([1., 1., 1.])
     """
-    return tracker_from_camera_zero @ camera_now_from_camera_zero.mT @ tracker_from_camera_zero.mT
+    return (
+        tracker_from_camera_zero
+        @ camera_now_from_camera_zero.mT
+        @ tracker_from_camera_zero.mT
+    )
 
 
 @checked
@@ -402,5 +408,6 @@ def stage_angles(shifts: Point, focal_length: Positive) -> FloatArray:
     """
     about_x = np.arctan2(shifts[..., 1], focal_length)
     return np.stack(
-        [about_x, -np.arctan2(shifts[..., 0], focal_length), np.zeros_like(about_x)], axis=-1
+        [about_x, -np.arctan2(shifts[..., 0], focal_length), np.zeros_like(about_x)],
+        axis=-1,
     )

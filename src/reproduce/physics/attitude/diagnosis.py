@@ -140,12 +140,17 @@ def diagnose(
     counts, images = counts[:, kept], (images[0][:, kept], images[1][:, kept])
     means = [np.nanmean(one, axis=0) for one in images]
     _check_distinct("spots", means[0], lights)
-    series = [np.nan_to_num(one - mean).reshape(len(one), -1)
-              for one, mean in zip(images, means, strict=True)]  # fmt: skip
+    series = [
+        np.nan_to_num(one - mean).reshape(len(one), -1)
+        for one, mean in zip(images, means, strict=True)
+    ]
     freedom = 2 * int((counts - 1).sum())
     squares, degrees = sum((one**2).sum() for one in series), freedom or _MANY
     noise = max((squares / freedom) ** 0.5, LEAST) if freedom else UNKNOWN
-    steady, response = series[: 1 if drifts else 2], platform.response(means[0]).reshape(3, -1)
+    steady, response = (
+        series[: 1 if drifts else 2],
+        platform.response(means[0]).reshape(3, -1),
+    )
     angles = [one @ (response.T / np.linalg.norm(response, axis=1)) for one in steady]
     score, lag, widening = max(map(_correlation, (steady, angles)))
     correlated = score > -ndtri(_ALARM / _TESTS)
@@ -160,7 +165,9 @@ def diagnose(
         *since.findings("at the present, the pattern does not fit the zero point"),
     ]
     if copies := sum(len(one) - len(np.unique(one, axis=0)) for one in images):
-        found.append(Finding("repeated", f"{copies} images repeat another one. Remove copies"))
+        found.append(
+            Finding("repeated", f"{copies} images repeat another one. Remove copies")
+        )
     if not freedom:
         found.append(Finding("spare", _SPARE))
     if correlated:
@@ -171,7 +178,12 @@ def diagnose(
     if fit.misfit > high:
         limit = fit.freedom
     factor = max(fit.misfit, 1.0) ** 0.5 * (widening if correlated else 1.0)
-    agreement = {"chi_square": fit.misfit, "low": low, "high": high, "residual_rms": fit.rms}
+    agreement = {
+        "chi_square": fit.misfit,
+        "low": low,
+        "high": high,
+        "residual_rms": fit.rms,
+    }
     return Diagnosis(platform, images, found, agreement, factor, limit)
 
 
@@ -220,20 +232,26 @@ class _Pattern:
             return
         tried = []
         for cause in self.causes():
-            with suppress(DegenerateGeometryError):  # a mirrored square has no unique rotation
+            with suppress(
+                DegenerateGeometryError
+            ):  # a mirrored square has no unique rotation
                 tried.append(self.fit(*cause))
         tried.sort(key=lambda one: (one.kind == "swapped", one.excess))
         good = [one for one in tried if one.excess < 1]
         good = [one for one in good if not one.is_rolled] or good * (not fits)
         kinds = {one.kind for one in good}
-        if "scale" not in kinds and kinds & {*_REFUSED}:  # three lights fit without one light too
+        if "scale" not in kinds and kinds & {
+            *_REFUSED
+        }:  # three lights fit without one light too
             good = [one for one in good if one.kind in _REFUSED]
         if not (good or fits):
             similar = min(one.rms for one in tried if one.kind != "displaced")
             if (left := similar / self.spots.std(axis=0).max()) > _FOREIGN:
                 raise ValueError(f"spots: {problem}: {_FOREIGN_TEXT.format(left)}")
             best = min(tried, key=lambda one: one.misfit)
-            good = [best if best.misfit * _EXPLAINED < self.design.misfit else self.design]
+            good = [
+                best if best.misfit * _EXPLAINED < self.design.misfit else self.design
+            ]
         if good:
             text = f"{problem}: {'; or '.join(one.text for one in good)}"
             if good[0].kind in _REFUSED:
@@ -247,13 +265,25 @@ class _Pattern:
         for pair in combinations(range(len(lasers)), 2):
             order = np.arange(len(lasers))
             order[[*pair]] = pair[::-1]
-            yield "swapped", "{} and {}".format(*self.numbers[[*pair]]), lasers[order], weights
+            yield (
+                "swapped",
+                "{} and {}".format(*self.numbers[[*pair]]),
+                lasers[order],
+                weights,
+            )
         if len(lasers) > 2:
             yield "mirrored", "", lasers * [-1, 1], weights
             for number in self.numbers:
-                yield "displaced", str(number), lasers, weights * (self.numbers != number)
+                yield (
+                    "displaced",
+                    str(number),
+                    lasers,
+                    weights * (self.numbers != number),
+                )
 
-    def fit(self, kind: str, named: str, lasers: FloatArray, weights: FloatArray) -> _Fit:
+    def fit(
+        self, kind: str, named: str, lasers: FloatArray, weights: FloatArray
+    ) -> _Fit:
         """Fit a rotation, and the size for some causes, to lights of some weights."""
         platform, scale = self.platform, 1.0
         is_free = kind not in ("pattern", "displaced")
@@ -267,7 +297,9 @@ class _Pattern:
         # Two lights have no misfit if the size is free.
         freedom = max(2 * int(np.count_nonzero(weights)) - 3 - is_free, 1)
         misfit = float(weights @ off**2 / freedom)
-        expected = max(float(fdtri(freedom, self.freedom, 1 - _ALARM / _TESTS)), self.tolerated)
+        expected = max(
+            float(fdtri(freedom, self.freedom, 1 - _ALARM / _TESTS)), self.tolerated
+        )
         return _Fit(
             kind=kind,
             text=_TEXTS[kind].format(named=named, off=off.max(), scale=scale),

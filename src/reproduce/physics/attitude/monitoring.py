@@ -56,13 +56,17 @@ def moving_average(series: ArrayLike, count: int, axis: int = -1) -> FloatArray:
 
 def _sums(series: ArrayLike, axis: int) -> tuple[FloatArray, FloatArray]:
     """Return frames along the last axis, and their sums less the first: it would cost digits."""
-    frames = np.moveaxis(validate.finite_array("series", series, shape=(None,)), axis, -1)
+    frames = np.moveaxis(
+        validate.finite_array("series", series, shape=(None,)), axis, -1
+    )
     sums = np.zeros((*frames.shape[:-1], frames.shape[-1] + 1))
     np.cumsum(frames - frames[..., :1], axis=-1, out=sums[..., 1:])
     return frames, sums
 
 
-def scatter_of_averages(series: ArrayLike, counts: Sequence[int], axis: int = -1) -> FloatArray:
+def scatter_of_averages(
+    series: ArrayLike, counts: Sequence[int], axis: int = -1
+) -> FloatArray:
     """Return the standard deviation of moving averages over n frames of a series, for each n.
 
     The values for different n come from the same frames, so they are strongly correlated;
@@ -95,7 +99,11 @@ def scatter_of_averages(series: ArrayLike, counts: Sequence[int], axis: int = -1
     """
     frames, sums = _sums(series, axis)
     most = frames.shape[-1]
-    if not 0 < max((validate.whole_number("counts", n) for n in counts), default=0) < most:
+    if (
+        not 0
+        < max((validate.whole_number("counts", n) for n in counts), default=0)
+        < most
+    ):
         raise ValueError(
             f"counts: expected one number or more, each below the {most} frames, got {counts}; "
             "average fewer frames or pass a longer series"
@@ -107,7 +115,9 @@ def scatter_of_averages(series: ArrayLike, counts: Sequence[int], axis: int = -1
     return np.stack(scatters, axis=axis)
 
 
-def allan_deviation(series: ArrayLike, counts: Sequence[int], axis: int = -1) -> FloatArray:
+def allan_deviation(
+    series: ArrayLike, counts: Sequence[int], axis: int = -1
+) -> FloatArray:
     """Return the Allan deviation of averages over n frames of a series, for each n.
 
     It is half the mean square difference of neighbouring averages, under a root: for white noise
@@ -136,9 +146,15 @@ def allan_deviation(series: ArrayLike, counts: Sequence[int], axis: int = -1) ->
     >>> allan_deviation([0, 2, 0, 2, 0, 2], [1, 2]).round(3) + 0.0
     array([1.414, 0.   ])
     """
-    frames = np.moveaxis(validate.finite_array("series", series, shape=(None,)), axis, -1)
+    frames = np.moveaxis(
+        validate.finite_array("series", series, shape=(None,)), axis, -1
+    )
     most = frames.shape[-1] // 2
-    if not 0 < max((validate.whole_number("counts", n) for n in counts), default=0) <= most:
+    if (
+        not 0
+        < max((validate.whole_number("counts", n) for n in counts), default=0)
+        <= most
+    ):
         raise ValueError(
             f"counts: expected one number or more, each at most {most}, half of the frames, got "
             f"{counts}; average fewer frames or pass a longer series"
@@ -149,7 +165,9 @@ def allan_deviation(series: ArrayLike, counts: Sequence[int], axis: int = -1) ->
 
 def _changes(frames: FloatArray, count: int) -> FloatArray:
     """Return how averages over n frames differ from the next ones, along the last axis."""
-    averages = np.add.reduceat(frames, np.arange(0, frames.shape[-1], count), axis=-1) / count
+    averages = (
+        np.add.reduceat(frames, np.arange(0, frames.shape[-1], count), axis=-1) / count
+    )
     return np.diff(averages[..., : frames.shape[-1] // count], axis=-1)
 
 
@@ -246,7 +264,9 @@ def stability(times: ArrayLike, series: ArrayLike) -> Stability:
     values = validate.finite_array("series", series, shape=(None, None))
     when = validate.finite_array("times", times, shape=(len(values),))
     if len(values) < _FEWEST:
-        raise ValueError(f"series: expected {_FEWEST} frames or more, got {len(values)}")
+        raise ValueError(
+            f"series: expected {_FEWEST} frames or more, got {len(values)}"
+        )
     if (np.diff(when) <= 0).any():
         raise ValueError("times: expected each later than the one before; sort them")
     steps = np.diff(when) / np.median(np.diff(when))
@@ -268,7 +288,9 @@ def stability(times: ArrayLike, series: ArrayLike) -> Stability:
     changes = [_changes(broken, int(count)) for count in tried]
     averages = np.array([np.isfinite(one[0]).sum() + 1 for one in changes])
     kept = np.flatnonzero(averages >= _AVERAGES)
-    deviations = np.sqrt([np.nanmean(np.square(changes[at]), axis=1) / 2 for at in kept])
+    deviations = np.sqrt(
+        [np.nanmean(np.square(changes[at]), axis=1) / 2 for at in kept]
+    )
     return Stability(rate, error, left, tried[kept], averages[kept], deviations)
 
 
@@ -285,7 +307,9 @@ def _correlation(groups: Sequence[FloatArray]) -> tuple[float, float, float]:
     parameter of an autoregressive process of first order. The factor is the standard deviation of
     the difference of two means over its estimate for white noise.
     """
-    groups = [one for one in groups if len(one) >= _MIN_IMAGES and one.std(axis=0).any()]
+    groups = [
+        one for one in groups if len(one) >= _MIN_IMAGES and one.std(axis=0).any()
+    ]
     if not groups:
         return 0.0, 0.0, 1.0
     counts = np.array([len(one) for one in groups])
@@ -308,7 +332,9 @@ def _correlation(groups: Sequence[FloatArray]) -> tuple[float, float, float]:
 
 
 @validate.checked
-def averaged_error(count: Positive, single: NonNegative, floor: NonNegative = 0.0) -> FloatArray:
+def averaged_error(
+    count: Positive, single: NonNegative, floor: NonNegative = 0.0
+) -> FloatArray:
     """Return the error of an average in the model E^2 = a^2 / n + b^2.
 
     Parameters
@@ -432,7 +458,8 @@ class Monitoring:
     def _noise(self) -> FloatArray:
         """Noise of a spot as each of the three angles shows it, in px."""
         squares = sum(
-            (np.square(one.angles - one.mean) / one.variance).sum(axis=0) for one in self.groups
+            (np.square(one.angles - one.mean) / one.variance).sum(axis=0)
+            for one in self.groups
         )
         return np.sqrt(squares / self.freedom) if self.freedom else np.full(3, np.nan)
 
@@ -464,7 +491,9 @@ class Monitoring:
 
     def interval(self, share: float) -> FloatArray:
         """Return the central interval of the mean by Student's t-distribution, shape (2, 3)."""
-        from scipy.special import stdtrit  # only now: its import takes longer than most solutions
+        from scipy.special import (
+            stdtrit,
+        )  # only now: its import takes longer than most solutions
 
         freedom = min(self.freedom, self.limit)
         reach = stdtrit(freedom, 0.5 + share / 2) if freedom else np.nan
@@ -518,7 +547,9 @@ def monitored(
         found, response = _turned(zero, images, platform)
         told = np.isfinite(found).all(axis=-1)
         if not told.any():
-            raise ValueError(f"{name}: expected two lights or more in an image, got fewer in all")
+            raise ValueError(
+                f"{name}: expected two lights or more in an image, got fewer in all"
+            )
         angles.append(found)
         groups.append(_Group(found[told], response[told]))
     return Monitoring(angles[0], (groups[0], groups[1]), counts, widening, limit)
@@ -536,7 +567,10 @@ def _turned(
         if lights.sum() < 2:
             continue
         rows = np.flatnonzero(which.reshape(-1) == number)
-        spots, places = images[rows][:, lights], np.ix_(rows, np.arange(3), np.flatnonzero(lights))
+        spots, places = (
+            images[rows][:, lights],
+            np.ix_(rows, np.arange(3), np.flatnonzero(lights)),
+        )
         shows = platform.with_lights(lights)
         angles[rows] = shows.misalignment(spots, shows.transform(zero[lights]))
         response[places] = shows.response(spots)

@@ -64,7 +64,9 @@ def emitted_directions(
     >>> emitted_directions([[3.0, 0.0]], focal_length=4.0)
     array([[-0.6,  0. ,  0.8]])
     """
-    return _unit("points", _outward(principal_point[..., np.newaxis, :] - points, focal_length))
+    return _unit(
+        "points", _outward(principal_point[..., np.newaxis, :] - points, focal_length)
+    )
 
 
 @validate.checked
@@ -95,12 +97,17 @@ def received_directions(
     >>> received_directions([[13.0, 10.0]], (10.0, 10.0), pixel_pitch=1.0, focal_length=4.0)
     array([[-0.6,  0. ,  0.8]])
     """
-    return _unit("spots", _received_rays(spots, principal_point, pixel_pitch, focal_length))
+    return _unit(
+        "spots", _received_rays(spots, principal_point, pixel_pitch, focal_length)
+    )
 
 
 @validate.checked
 def received_spots(
-    directions: Directions, principal_point: Point, pixel_pitch: Positive, focal_length: Positive
+    directions: Directions,
+    principal_point: Point,
+    pixel_pitch: Positive,
+    focal_length: Positive,
 ) -> FloatArray:
     """Return where light from given directions makes spots: `received_directions` turned round.
 
@@ -127,7 +134,10 @@ def received_spots(
             f"{directions[..., 2].min():g}; the tracker looks along its Z axis"
         )
     pixels = (focal_length / pixel_pitch)[..., np.newaxis, np.newaxis]
-    return principal_point[..., np.newaxis, :] - pixels * directions[..., :2] / directions[..., 2:]
+    return (
+        principal_point[..., np.newaxis, :]
+        - pixels * directions[..., :2] / directions[..., 2:]
+    )
 
 
 @validate.checked
@@ -155,7 +165,11 @@ def received_jacobian(
     directions = rays[..., np.newaxis] / lengths
     # Only the part of the ray's motion across the ray turns the direction.
     across = np.eye(3) - directions * directions.mT
-    return -pixel_pitch[..., np.newaxis, np.newaxis, np.newaxis] / lengths * across[..., :, :2]
+    return (
+        -pixel_pitch[..., np.newaxis, np.newaxis, np.newaxis]
+        / lengths
+        * across[..., :, :2]
+    )
 
 
 def _received_rays(
@@ -177,7 +191,9 @@ def _outward(offsets: FloatArray, focal_length: FloatArray) -> FloatArray:
 
 def _check_distinct(name: str, points: FloatArray, numbers: Iterable[int]) -> None:
     """Raise `ValueError` if two lights, called by their numbers, have the same place."""
-    for (one, first), (other, second) in combinations(zip(numbers, points, strict=True), 2):
+    for (one, first), (other, second) in combinations(
+        zip(numbers, points, strict=True), 2
+    ):
         if (first == second).all():
             raise ValueError(
                 f"{name}: expected different places, got lights {one} and {other} at one place. "
@@ -229,22 +245,34 @@ class Platform:
     def __post_init__(self) -> None:
         lasers = validate.finite_array("lasers", self.lasers, shape=(None, 2))
         if lasers.ndim != 2 or len(lasers) < 2:
-            raise ValueError(f"lasers: expected two lights or more, (n, 2), got {lasers.shape}")
+            raise ValueError(
+                f"lasers: expected two lights or more, (n, 2), got {lasers.shape}"
+            )
         _check_distinct("lights", lasers, range(1, len(lasers) + 1))
         for name in ("camera_focal_length", "tracker_focal_length", "pixel_pitch"):
-            object.__setattr__(self, name, float(validate.positive(name, getattr(self, name))))
+            object.__setattr__(
+                self, name, float(validate.positive(name, getattr(self, name)))
+            )
         if self.pixel_pitch > _LARGEST_PITCH:
             raise ValueError(
                 f"pixel_pitch: expected metres, below {_LARGEST_PITCH:g}, "
                 f"got {self.pixel_pitch:g}; give 5.5e-6 for 5.5 micrometres"
             )
-        centre = validate.finite_array("principal_point", self.principal_point, shape=(2,))
+        centre = validate.finite_array(
+            "principal_point", self.principal_point, shape=(2,)
+        )
         spots = centre + lasers / self.camera_focal_length * self.pixels
         if len(self.spots):
             spots = validate.finite_array("spots", self.spots, shape=(None, 2))
         if len(spots) != len(lasers):
-            raise ValueError(f"spots: expected {len(lasers)}, one for each light, got {len(spots)}")
-        for name, array in (("lasers", lasers), ("principal_point", centre), ("spots", spots)):
+            raise ValueError(
+                f"spots: expected {len(lasers)}, one for each light, got {len(spots)}"
+            )
+        for name, array in (
+            ("lasers", lasers),
+            ("principal_point", centre),
+            ("spots", spots),
+        ):
             object.__setattr__(self, name, array)
 
     @classmethod
@@ -278,7 +306,9 @@ class Platform:
                 "lights leave along Z of the camera"
             )
         lasers = -rays[:, :2] / rays[:, 2:]
-        return cls(lasers, 1.0, tracker_focal_length, pixel_pitch, np.asarray(principal_point))
+        return cls(
+            lasers, 1.0, tracker_focal_length, pixel_pitch, np.asarray(principal_point)
+        )
 
     @classmethod
     def of_spots(
@@ -342,7 +372,9 @@ class Platform:
 
     def misalignment(self, spots: ArrayLike, zero: FloatArray) -> FloatArray:
         """Return the misalignment angles, (..., 3), of spots against a laser transform."""
-        return misalignment_angles(misalignment(self.directions, self.seen(spots), zero))
+        return misalignment_angles(
+            misalignment(self.directions, self.seen(spots), zero)
+        )
 
     def response(self, spots: ArrayLike) -> FloatArray:
         """Return how the misalignment angles respond to each spot, (..., 3, n, 2), per px."""
@@ -364,7 +396,9 @@ class Platform:
         rays[..., :2] = -places
         rays[..., 2] = self.camera_focal_length
         zero = self.reference @ _rotation_from_vector(mount)
-        now = zero[:, None] @ _rotation_from_vector(turn)  # (6): the turn of the camera, undone
+        now = zero[:, None] @ _rotation_from_vector(
+            turn
+        )  # (6): the turn of the camera, undone
         arriving = rays[:, None] @ np.swapaxes(now, -1, -2)
         slopes = arriving[..., :2] / arriving[..., 2:]
         return np.asarray(self.principal_point - slopes * self.pixels)

@@ -35,7 +35,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from reproduce.physics import validate
-from reproduce.physics.validate import Direction, Directions, FloatArray, Rotation, Weights
+from reproduce.physics.validate import (
+    Direction,
+    Directions,
+    FloatArray,
+    Rotation,
+    Weights,
+)
 
 # Newton halves the distance to a double root at each step: enough for all 52 bits.
 _NEWTON_STEPS = 60
@@ -46,7 +52,9 @@ _MOST_BLUR = 100 * _ROUNDING
 _SMALLEST_GAP = 1e-12
 
 # Half turns about X, Y and Z; about one of them or none the rotation is below 120 degrees.
-_HALF_TURNS = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]], dtype=np.float64)
+_HALF_TURNS = np.array(
+    [[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]], dtype=np.float64
+)
 
 
 def unit(name: str, vectors: ArrayLike) -> FloatArray:
@@ -249,7 +257,9 @@ def attitude(
     """
     solvers = {"quest": by_quest, "svd": by_svd}
     if method not in solvers:
-        raise ValueError(f"method: expected one of {sorted(solvers)}, got {method!r}; choose one")
+        raise ValueError(
+            f"method: expected one of {sorted(solvers)}, got {method!r}; choose one"
+        )
     target = _unit("target_vectors", target_vectors)
     source = _unit("source_vectors", source_vectors)
     kept = validate.weights_for(weights, target.shape[-2])
@@ -292,7 +302,9 @@ def _fixed(rotation: FloatArray, gap: FloatArray) -> FloatArray:
     free = gap < _SMALLEST_GAP
     if free.any():
         first = tuple(int(i) for i in np.argwhere(free)[0])
-        where = f"in {int(free.sum())} of {free.size} sets, the first at index {first}, "
+        where = (
+            f"in {int(free.sum())} of {free.size} sets, the first at index {first}, "
+        )
         raise validate.DegenerateGeometryError(
             "expected directions that fix all three axes, got a set that leaves a rotation free "
             f"({where if free.ndim else ''}relative eigenvalue gap {gap[free].min():.1e}); add "
@@ -399,10 +411,15 @@ def _rotation_at(profile: FloatArray, root: FloatArray) -> FloatArray:
     minors = _cofactors(block)
     scalar = np.einsum("...i,...i->...", block[..., 0, :], minors[..., 0, :])
     vector = np.einsum("...ij,...j->...i", minors, _axial(turned))
-    quaternion = _take(np.concatenate([vector, scalar[..., np.newaxis]], axis=-1), scalar)
+    quaternion = _take(
+        np.concatenate([vector, scalar[..., np.newaxis]], axis=-1), scalar
+    )
     # With two equal roots all cofactors vanish; the caller refuses that, here it is no error.
     quaternion[..., 3] = np.where(quaternion[..., 3] > 0, quaternion[..., 3], 1.0)
-    return _rotation_from_quaternion(quaternion) * _HALF_TURNS[scalar.argmax(axis=-1), np.newaxis]
+    return (
+        _rotation_from_quaternion(quaternion)
+        * _HALF_TURNS[scalar.argmax(axis=-1), np.newaxis]
+    )
 
 
 def _half_turn_to_z(vector: FloatArray) -> FloatArray:

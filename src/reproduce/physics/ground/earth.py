@@ -155,7 +155,9 @@ def earth_fixed(coordinates: Direction, ellipsoid: Ellipsoid = WGS84) -> FloatAr
             f"{np.abs(coordinates[..., 1]).max():g}; angles are in radians, longitude first"
         )
     return erfa.gd2gce(
-        ellipsoid.equatorial_radius, ellipsoid.flattening, *np.moveaxis(coordinates, -1, 0)
+        ellipsoid.equatorial_radius,
+        ellipsoid.flattening,
+        *np.moveaxis(coordinates, -1, 0),
     )
 
 
@@ -182,7 +184,9 @@ def local_axes(positions: Direction) -> FloatArray:
            [0., 0., 1.],
            [1., 0., 0.]])
     """
-    longitude, latitude, _ = erfa.gc2gde(WGS84.equatorial_radius, WGS84.flattening, positions)
+    longitude, latitude, _ = erfa.gc2gde(
+        WGS84.equatorial_radius, WGS84.flattening, positions
+    )
     (se, ce), (sn, cn) = ((np.sin(one), np.cos(one)) for one in (longitude, latitude))
     east = np.stack([-se, ce, np.zeros_like(se)], axis=-1)
     up = np.stack([cn * ce, cn * se, sn], axis=-1)
@@ -215,7 +219,10 @@ def satellite_from_inertial(position: Direction, velocity: Direction) -> FloatAr
            [-0., -0., -1.],
            [-1., -0., -0.]])
     """
-    down, side = -_unit("position", position), -_unit("velocity", np.cross(position, velocity))
+    down, side = (
+        -_unit("position", position),
+        -_unit("velocity", np.cross(position, velocity)),
+    )
     return np.stack([np.cross(side, down), side, down], axis=-2)
 
 
@@ -272,7 +279,9 @@ def thermal_series(
     >>> times.shape, angles.shape
     ((24,), (24, 2))
     """
-    steps = validate.whole_number("per_orbit", per_orbit) * validate.whole_number("orbits", orbits)
+    steps = validate.whole_number("per_orbit", per_orbit) * validate.whole_number(
+        "orbits", orbits
+    )
     phase = np.arange(steps) / per_orbit
     times = phase * period / DAY
     year = 2.0 * np.pi * times / _YEAR_DAYS
@@ -308,7 +317,11 @@ def _jumps(times: FloatArray, generator: Generator) -> FloatArray:
 
 
 def trend_and_fourier(
-    times: FloatArray, phase: FloatArray, measured: FloatArray, known: int, degree: int = 2
+    times: FloatArray,
+    phase: FloatArray,
+    measured: FloatArray,
+    known: int,
+    degree: int = 2,
 ) -> FloatArray:
     """Return the misalignment that a linear trend plus a Fourier series foretells.
 

@@ -76,7 +76,9 @@ def image_vectors(
     array([[ 0.03,  0.  , -4.  ]])
     """
     offsets = points - principal_point[..., np.newaxis, :]
-    return _outward(offsets if distortion is None else offsets - distortion, -focal_length)
+    return _outward(
+        offsets if distortion is None else offsets - distortion, -focal_length
+    )
 
 
 @checked
@@ -271,7 +273,9 @@ def altitude_for_resolution(
 
 
 @checked
-def ground_covariance(position: Direction, jacobian: _Slopes, covariance: _Spread) -> FloatArray:
+def ground_covariance(
+    position: Direction, jacobian: _Slopes, covariance: _Spread
+) -> FloatArray:
     """Return the covariance of east and north that a term of the imaging model causes.
 
     Parameters
@@ -318,7 +322,9 @@ def circular_error(covariance: _Plane, share: float = 0.9) -> FloatArray:
     array([2.146, 1.645])
     """
     if not 0.0 < share < 1.0:
-        raise ValueError(f"share: expected above 0 and below 1, got {share}; 0.9 is nine tenths")
+        raise ValueError(
+            f"share: expected above 0 and below 1, got {share}; 0.9 is nine tenths"
+        )
     values = np.linalg.eigvalsh(covariance)
     if (values[..., 0] < -1e-9 * np.maximum(values[..., 1], 0.0)).any():
         raise ValueError(
@@ -330,7 +336,10 @@ def circular_error(covariance: _Plane, share: float = 0.9) -> FloatArray:
     scale = np.where(large > 0, large, 1.0)
     # Thinner than a millionth is a line for every purpose, and keeps the integral regular.
     ratio = np.maximum(np.sqrt(values[..., 0]) / scale, 0.0)
-    low, high = np.zeros_like(scale), np.full_like(scale, np.sqrt(-2.0 * np.log1p(-share)))
+    low, high = (
+        np.zeros_like(scale),
+        np.full_like(scale, np.sqrt(-2.0 * np.log1p(-share))),
+    )
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
         inside = _held(middle, ratio) < share

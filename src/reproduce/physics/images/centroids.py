@@ -68,8 +68,15 @@ def _centre_of_gravity(light: FloatArray) -> FloatArray:
 def _refuse_dark(total: FloatArray) -> None:
     dark = total <= 0
     if dark.any():
-        places = [str(tuple(one) if len(one) > 1 else one[0]) for one in np.argwhere(dark).tolist()]
-        named = f" ({', '.join(places[:5])}{', ...' * (len(places) > 5)})" if dark.ndim else ""
+        places = [
+            str(tuple(one) if len(one) > 1 else one[0])
+            for one in np.argwhere(dark).tolist()
+        ]
+        named = (
+            f" ({', '.join(places[:5])}{', ...' * (len(places) > 5)})"
+            if dark.ndim
+            else ""
+        )
         raise validate.DegenerateGeometryError(
             f"windows: expected light in every window, got {len(places)} of {dark.size} with none "
             f"in sum{named}; take less background away, or drop these windows"
@@ -157,12 +164,16 @@ def centre_of_gravity_error(
     offsets = np.arange(size) - (centre - corners)[..., np.newaxis]
     sums = np.stack([windows.sum(axis=-2), windows.sum(axis=-1)], axis=-2)
     read = read_noise[..., np.newaxis] ** 2
-    variance = ((offsets**2 * sums).sum(-1) + read * size * (offsets**2).sum(-1)) / total**2
+    variance = (
+        (offsets**2 * sums).sum(-1) + read * size * (offsets**2).sum(-1)
+    ) / total**2
     # The denominator's own noise, which is correlated with the numerator's: second order.
     push = -read * size * offsets.sum(axis=-1) / total**2
     _, slopes = _gradient(*_state(positions, light, radius, corners), size, size)
     # How the sums of columns and rows change with x and y.
-    moved = np.stack([slopes[..., 0, :, :].sum(-2), slopes[..., 1, :, :].sum(-1)], axis=-2)
+    moved = np.stack(
+        [slopes[..., 0, :, :].sum(-2), slopes[..., 1, :, :].sum(-1)], axis=-2
+    )
     slope = (offsets * moved).sum(axis=-1) / total
     return CentroidError(centre + push - positions, variance, slope)
 
@@ -198,7 +209,9 @@ def cramer_rao_variance(
     array([9.08, 9.08])
     """
     size = validate.whole_number("size", size)
-    model, slopes = _gradient(*_state(positions, light, radius, corners, read_noise), size, size)
+    model, slopes = _gradient(
+        *_state(positions, light, radius, corners, read_noise), size, size
+    )
     variance = model + read_noise[..., np.newaxis, np.newaxis] ** 2
     trust = 1.0 / np.maximum(variance, np.finfo(float).tiny)
     weighted = slopes * trust[..., np.newaxis, :, :]
@@ -207,7 +220,11 @@ def cramer_rao_variance(
 
 
 def _state(
-    points: FloatArray, flux: FloatArray, width: FloatArray, first: FloatArray, *others: FloatArray
+    points: FloatArray,
+    flux: FloatArray,
+    width: FloatArray,
+    first: FloatArray,
+    *others: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
     """Return x, y in the window and light as rows, (..., 3), and the radius of each."""
     places = np.moveaxis(points - first, -1, 0)
@@ -314,7 +331,9 @@ def predicted_errors(
     return CentroidError(law.bias[..., 0], law.variance[..., 0], law.slope[..., 0])
 
 
-def least_variance(phases: ArrayLike, light: Light, radius: ArrayLike, size: int) -> FloatArray:
+def least_variance(
+    phases: ArrayLike, light: Light, radius: ArrayLike, size: int
+) -> FloatArray:
     """Return the Cramér-Rao bound of the same centroids, along x, at each phase.
 
     Arguments are those of `predicted_errors`.
@@ -341,4 +360,11 @@ def _laid_out(
     points = np.stack([offsets, np.zeros_like(offsets)], axis=-1)
     width = validate.positive("radius", radius)[..., np.newaxis]
     corner = np.full(2, -float(validate.whole_number("size", size) // 2))
-    return points, np.asarray(light.signal), width, corner, size, np.asarray(light.read_noise)
+    return (
+        points,
+        np.asarray(light.signal),
+        width,
+        corner,
+        size,
+        np.asarray(light.read_noise),
+    )

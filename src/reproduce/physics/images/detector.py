@@ -77,7 +77,9 @@ class Detector:
 
 
 @validate.checked
-def expose(photons: NonNegative, detector: Detector, generator: Generator) -> FloatArray:
+def expose(
+    photons: NonNegative, detector: Detector, generator: Generator
+) -> FloatArray:
     """Return one exposure: digital numbers with shot noise, read noise, rounding, saturation.
 
     Parameters
@@ -102,7 +104,9 @@ def expose(photons: NonNegative, detector: Detector, generator: Generator) -> Fl
     """
     # Light and dark charge are both Poisson, and so is their sum.
     mean = detector.quantum_efficiency * photons + detector.dark_signal
-    charge = np.asarray(generator.poisson(mean), dtype=np.float64)  # an array, even of one pixel
+    charge = np.asarray(
+        generator.poisson(mean), dtype=np.float64
+    )  # an array, even of one pixel
     if np.isfinite(detector.full_well):
         np.minimum(charge, detector.full_well, out=charge)
     if detector.read_noise:
@@ -150,7 +154,9 @@ _NODES = 40
 
 
 @validate.checked
-def blackbody_band(magnitude: Number, temperature: Positive, low: float, high: float) -> FloatArray:
+def blackbody_band(
+    magnitude: Number, temperature: Positive, low: float, high: float
+) -> FloatArray:
     """Photons of a blackbody star in a band, above the atmosphere.
 
     The magnitude fixes the spectrum at 550 nm. That is V but for a few hundredths, because the band
@@ -178,12 +184,18 @@ def blackbody_band(magnitude: Number, temperature: Positive, low: float, high: f
     middle, half = _band(low, high)
     nodes, weights = np.polynomial.legendre.leggauss(_NODES)
     spectrum = _blackbody_photons(middle + half * nodes, temperature[..., None])
-    return np.asarray(_ZERO_MAGNITUDE * 10 ** (-0.4 * magnitude) * half * (spectrum @ weights))
+    return np.asarray(
+        _ZERO_MAGNITUDE * 10 ** (-0.4 * magnitude) * half * (spectrum @ weights)
+    )
 
 
 @validate.checked
 def tabulated_star(
-    magnitude: Number, wavelength: ArrayLike, photons: ArrayLike, low: float, high: float
+    magnitude: Number,
+    wavelength: ArrayLike,
+    photons: ArrayLike,
+    low: float,
+    high: float,
 ) -> FloatArray:
     """Photons of a star in a band, from a tabulated spectrum that is scaled to a magnitude.
 
@@ -217,18 +229,27 @@ def tabulated_star(
     length = validate.positive("wavelength", wavelength, shape=(None,))
     table = validate.finite_array("photons", photons, shape=(len(length),))
     if length.ndim != 1 or (np.diff(length) <= 0).any():
-        raise ValueError("wavelength: expected one rising column, got another; sort the table")
+        raise ValueError(
+            "wavelength: expected one rising column, got another; sort the table"
+        )
     _band(low, high)
     edges = _V_WAVELENGTH - _V_WIDTH / 2, _V_WAVELENGTH + _V_WIDTH / 2
-    level = validate.positive("photons", _tabulated_band(length, table, *edges) / _V_WIDTH)
+    level = validate.positive(
+        "photons", _tabulated_band(length, table, *edges) / _V_WIDTH
+    )
     share = _tabulated_band(length, table, low, high) / level
     return np.asarray(_ZERO_MAGNITUDE * 10 ** (-0.4 * magnitude) * share)
 
 
 def _band(low: float, high: float) -> tuple[float, float]:
-    first, last = float(validate.positive("low", low)), float(validate.positive("high", high))
+    first, last = (
+        float(validate.positive("low", low)),
+        float(validate.positive("high", high)),
+    )
     if not first < last:
-        raise ValueError(f"band: expected a lower edge below the upper one, got {low} and {high}")
+        raise ValueError(
+            f"band: expected a lower edge below the upper one, got {low} and {high}"
+        )
     return (first + last) / 2, (last - first) / 2
 
 
@@ -241,7 +262,9 @@ def _blackbody_photons(wavelength: FloatArray, temperature: FloatArray) -> Float
     return (_V_WAVELENGTH / wavelength) ** 4 * ratio
 
 
-def _tabulated_band(wavelength: FloatArray, photons: FloatArray, low: float, high: float) -> float:
+def _tabulated_band(
+    wavelength: FloatArray, photons: FloatArray, low: float, high: float
+) -> float:
     """Return the photons of a tabulated spectrum in a band: straight lines between."""
     if wavelength[0] > low or wavelength[-1] < high:
         raise ValueError(

@@ -153,7 +153,9 @@ def find_spots(
     first = np.select(list(reasons.values()), list(reasons), default="")
     # Spots of any shape, the brighter half.
     bright = np.flatnonzero(np.isin(first, ["", _ODD]) & (spots.light > 0))
-    bright = bright[np.argsort(-spots.light[bright], kind="stable")][: (len(bright) + 1) // 2]
+    bright = bright[np.argsort(-spots.light[bright], kind="stable")][
+        : (len(bright) + 1) // 2
+    ]
     shapes = np.full((len(places), 5), np.nan)
     if len(bright):
         brighter = _View(light, full, noise, places[bright], radius)
@@ -172,7 +174,9 @@ def find_spots(
     return Found(spots, first, facts, hot, shapes, remarks)
 
 
-def _without_background(image: NDArray[np.floating], step: float) -> tuple[Float32, Any]:
+def _without_background(
+    image: NDArray[np.floating], step: float
+) -> tuple[Float32, Any]:
     """Return the image minus its background, and the noise of each pixel.
 
     The noise is that of the image minus a first background: a slope within a box is no noise.
@@ -189,7 +193,9 @@ def _without_background(image: NDArray[np.floating], step: float) -> tuple[Float
     for size, side, full in zip(rest.shape, sides, image.shape, strict=True):
         first = np.arange(0, size, side)
         middle = every * (first + np.minimum(first + side, size) - 1) / 2
-        linear = make_interp_spline(middle, np.eye(len(first)), k=min(1, len(first) - 1))
+        linear = make_interp_spline(
+            middle, np.eye(len(first)), k=min(1, len(first) - 1)
+        )
         between.append(linear(np.arange(full)))
     down, across = between
     level: Any = 0.0
@@ -197,12 +203,18 @@ def _without_background(image: NDArray[np.floating], step: float) -> tuple[Float
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # boxes without pixels
             found = Background2D(
-                np.where(missing, 0.0, rest), sides, mask=missing, exclude_percentile=90.0,
-                filter_size=1, bkg_rms_estimator=BiweightScaleBackgroundRMS(),
-            )  # fmt: skip
+                np.where(missing, 0.0, rest),
+                sides,
+                mask=missing,
+                exclude_percentile=90.0,
+                filter_size=1,
+                bkg_rms_estimator=BiweightScaleBackgroundRMS(),
+            )
         # The median of neighbours continues a slope beyond the boxes at the edge.
         meshes = [
-            median_filter(np.pad(mesh, 1, mode="reflect", reflect_type="odd"), 3)[1:-1, 1:-1]
+            median_filter(np.pad(mesh, 1, mode="reflect", reflect_type="odd"), 3)[
+                1:-1, 1:-1
+            ]
             for mesh in (found.background_mesh, found.background_rms_mesh)
         ]
         level = level + meshes[0]
@@ -225,7 +237,9 @@ def _remove_hot(light: Float32, noise: Any) -> int:
     height, width = light.shape
     beside = np.zeros(len(y), light.dtype)
     for down, across in np.argwhere(np.arange(9).reshape(3, 3) != 4) - 1:
-        near = light[np.clip(y + down, 0, height - 1), np.clip(x + across, 0, width - 1)]
+        near = light[
+            np.clip(y + down, 0, height - 1), np.clip(x + across, 0, width - 1)
+        ]
         beside = np.fmax(beside, near)
     alone = beside < np.maximum(_ALONE * light[y, x], 3 * noise[y, x])
     light[y[alone], x[alone]] = np.nan
@@ -271,7 +285,9 @@ class _View:
         """Cut the windows at `places` that contain a spot of a radius."""
         size = 2 * int(np.clip(np.ceil(_HALF * radius), 2, 60)) + 1
         size = min(size, *(side - 1 + side % 2 for side in light.shape))
-        self.corners = np.clip(places - size // 2, 0, np.array(light.shape[::-1]) - size)
+        self.corners = np.clip(
+            places - size // 2, 0, np.array(light.shape[::-1]) - size
+        )
         columns, rows = (self.corners[:, i, None] + np.arange(size) for i in (0, 1))
         at = rows[:, :, None], columns[:, None]
         self.light = light[at].astype(np.float64)
@@ -284,7 +300,9 @@ class _View:
 
     def spots(self, radius: float, gain: float) -> Spots:
         """Return the spots of a radius that fit best."""
-        return fitted_spots(gain * self.light, self.corners, radius, gain * self.noise, self.seen)
+        return fitted_spots(
+            gain * self.light, self.corners, radius, gain * self.noise, self.seen
+        )
 
     def radius(self, guess: float) -> float:
         """Return the radius that fits half of the spots best."""
@@ -315,31 +333,48 @@ class _View:
             spots = self.spots(radius, gain)
             left, dark = spots.residuals / gain, self.noise[:, None, None] ** 2
             model = self.model(left)
-            left, terms = self.common(spots.centre, left, model, dark + model / gain, radius)
+            left, terms = self.common(
+                spots.centre, left, model, dark + model / gain, radius
+            )
             bright = self.seen & (model**2 > dark)
             count = bright.sum(axis=(1, 2))
             kept = np.isfinite(spots.light)
-            free = 1 - min(0.9, (terms + _FREE * kept.sum()) / max(count[kept].sum(), 1))
+            free = 1 - min(
+                0.9, (terms + _FREE * kept.sum()) / max(count[kept].sum(), 1)
+            )
             median = chdtri(np.maximum(count * free, 0.5), 0.5)
             known = bright * left**2, model, dark, median
             guess = float(np.log(np.nanmedian((model / dark).max(axis=(1, 2)))))
             low, high = guess - np.log(_GAINS), guess + np.log(_GAINS)
             within = _excess(low, *known) < 0 < _excess(high, *known)
-            gain = float(np.exp(brentq(_excess, low, high, args=known) if within else high))
+            gain = float(
+                np.exp(brentq(_excess, low, high, args=known) if within else high)
+            )
         return gain
 
     def common(
-        self, centre: FloatArray, left: FloatArray, model: FloatArray, variance: FloatArray,
+        self,
+        centre: FloatArray,
+        left: FloatArray,
+        model: FloatArray,
+        variance: FloatArray,
         radius: float,
-    ) -> tuple[FloatArray, int]:  # fmt: skip
+    ) -> tuple[FloatArray, int]:
         """Return residuals without the part that all spots share, and its number of parameters."""
         x, y = np.moveaxis(self.away(centre), -1, 0) / radius
         square = x[:, None] ** 2 + y[:, :, None] ** 2
         flux = model.sum(axis=(1, 2), keepdims=True) / np.sqrt(variance) * self.seen
-        basis = np.stack([
-            flux * np.exp(-square / (2 * one**2)) * x[:, None] ** i * y[:, :, None] ** j
-            for one in _SCALES for i, j in _POWERS
-        ], axis=-1)  # fmt: skip
+        basis = np.stack(
+            [
+                flux
+                * np.exp(-square / (2 * one**2))
+                * x[:, None] ** i
+                * y[:, :, None] ** j
+                for one in _SCALES
+                for i, j in _POWERS
+            ],
+            axis=-1,
+        )
         kept = np.isfinite(left).all(axis=(1, 2))
         rows = (left / np.sqrt(variance))[kept].ravel()
         shares = np.linalg.lstsq(basis[kept].reshape(len(rows), -1), rows)[0]
@@ -385,21 +420,31 @@ class _View:
                 ]
                 for i, j in _POWERS
             )
-            change = np.stack([one / total[0] - two / total[1] for one, two in moments], axis=1)
+            change = np.stack(
+                [one / total[0] - two / total[1] for one, two in moments], axis=1
+            )
             share = squared / (squared + radius**2)
             offsets.append(change[:, :2] / share)
         narrow, offset = offsets
         second = share * radius**2 * np.eye(2) + change[:, [[2, 3], [3, 4]]]
         second = np.linalg.inv(np.linalg.inv(second) - np.eye(2) / wide)
         known = (weight**2 * self.variance(model, gain) * square).sum(axis=(1, 2))
-        known = known / (total[0] * share) ** 2 - np.trace(spots.covariance, axis1=1, axis2=2)
+        known = known / (total[0] * share) ** 2 - np.trace(
+            spots.covariance, axis1=1, axis2=2
+        )
         apart = np.square(offset - np.median(offset, axis=0)).sum(axis=1)
         scatter = max(0.0, float(np.median(apart / _MEDIAN - known / 2)))
-        return np.hstack([offset - narrow, second.reshape(-1, 4)[:, [0, 1, 3]]]), scatter
+        return np.hstack(
+            [offset - narrow, second.reshape(-1, 4)[:, [0, 1, 3]]]
+        ), scatter
 
 
 def _excess(
-    log_gain: float, squares: FloatArray, model: FloatArray, dark: FloatArray, median: FloatArray
+    log_gain: float,
+    squares: FloatArray,
+    model: FloatArray,
+    dark: FloatArray,
+    median: FloatArray,
 ) -> float:
     """Return the median of chi-square over its expected median, minus one."""
     chi_squares = (squares / (dark + model / np.exp(log_gain))).sum(axis=(1, 2))
@@ -458,7 +503,9 @@ def shape_finding(
     if min(len(first), len(second)) < _COMPARED:
         return None, none
     moments = linear @ first[:, [2, 3, 3, 4]].reshape(-1, 2, 2) @ linear.T
-    first = np.column_stack([first[:, :2] @ linear.T, moments.reshape(-1, 4)[:, [0, 1, 3]]])
+    first = np.column_stack(
+        [first[:, :2] @ linear.T, moments.reshape(-1, 4)[:, [0, 1, 3]]]
+    )
     middle = [np.median(one, axis=0) for one in (first, second)]
     change = middle[1] - middle[0]
     systematic = _BEYOND * change[:2]
@@ -477,7 +524,9 @@ def shape_finding(
     return Finding("shape", text), np.outer(systematic, systematic)
 
 
-def _remarks(gain: float, background: FloatArray, noise: FloatArray) -> tuple[Finding, ...]:
+def _remarks(
+    gain: float, background: FloatArray, noise: FloatArray
+) -> tuple[Finding, ...]:
     """Return a warning if the gain is implausible, or contradicts the noise of the background."""
     low, high = _PLAUSIBLE
     brightest = np.argmax(background)

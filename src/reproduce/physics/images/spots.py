@@ -47,7 +47,9 @@ def window_corners(positions: Point, size: int) -> IntArray:
     array([8, 6])
     """
     if validate.whole_number("size", size) % 2 == 0:
-        raise ValueError(f"size: expected odd, so that a window has a middle, got {size}")
+        raise ValueError(
+            f"size: expected odd, so that a window has a middle, got {size}"
+        )
     return _corners(positions, size)
 
 
@@ -128,7 +130,9 @@ def render_frame(
     >>> float(render_frame([[4.0, 3.0]], 100.0, 0.5, (9, 7)).sum().round(6))
     100.0
     """
-    points = validate.finite_array("positions", positions, shape=(None, 2)).reshape(-1, 2)
+    points = validate.finite_array("positions", positions, shape=(None, 2)).reshape(
+        -1, 2
+    )
     count = len(points)
     light = np.broadcast_to(validate.non_negative("photons", photons), (count,))
     widths = np.broadcast_to(validate.positive("radius", radius), (count,))
@@ -155,7 +159,11 @@ def _gradient(
     The state, (..., 3), is x and y relative to the window's first pixel, in px, and the light.
     The derivatives have shape (..., 3, rows, columns).
     """
-    across, down, flux = state[..., 0], state[..., 1], state[..., 2, np.newaxis, np.newaxis]
+    across, down, flux = (
+        state[..., 0],
+        state[..., 1],
+        state[..., 2, np.newaxis, np.newaxis],
+    )
     start = np.zeros_like(across)
     in_x = _shares(across, radius, start, columns)[..., np.newaxis, :]
     in_y = _shares(down, radius, start, rows)[..., :, np.newaxis]
@@ -304,17 +312,34 @@ def fitted_spots(
     first = validate.finite_array("corners", corners, shape=(2,))
     width = validate.positive("radius", radius)
     noise = validate.non_negative("read_noise", read_noise)
-    mask = np.ones(light.shape[-2:], bool) if seen is None else np.asarray(seen, dtype=bool)
-    shapes = {"windows": light.shape[:-2], "corners": first.shape[:-1], "radius": width.shape}
-    batch = validate.common_batch(**shapes, read_noise=noise.shape, seen=mask.shape[:-2])
+    mask = (
+        np.ones(light.shape[-2:], bool)
+        if seen is None
+        else np.asarray(seen, dtype=bool)
+    )
+    shapes = {
+        "windows": light.shape[:-2],
+        "corners": first.shape[:-1],
+        "radius": width.shape,
+    }
+    batch = validate.common_batch(
+        **shapes, read_noise=noise.shape, seen=mask.shape[:-2]
+    )
     shape = light.shape[-2:]
-    flat, counts = (np.broadcast_to(one, (*batch, *shape)).reshape(-1, *shape)
-                    for one in (light, mask))  # fmt: skip
+    flat, counts = (
+        np.broadcast_to(one, (*batch, *shape)).reshape(-1, *shape)
+        for one in (light, mask)
+    )
     widths, noises = (np.broadcast_to(one, batch).reshape(-1) for one in (width, noise))
     usable = np.flatnonzero((np.isfinite(flat) | ~counts).all(axis=(-2, -1)))
     dark = np.where(counts, flat, 0.0)
-    fit = _Fit(dark[usable], widths[usable], noises[usable] ** 2, counts[usable].astype(float))
-    state, covariance = np.full((len(flat), 3), np.nan), np.full((len(flat), 2, 2), np.nan)
+    fit = _Fit(
+        dark[usable], widths[usable], noises[usable] ** 2, counts[usable].astype(float)
+    )
+    state, covariance = (
+        np.full((len(flat), 3), np.nan),
+        np.full((len(flat), 2, 2), np.nan),
+    )
     residuals = np.full(flat.shape, np.nan)
     state[usable], covariance[usable], residuals[usable] = fit.spots()
     return Spots(
@@ -349,7 +374,9 @@ class _Fit:
 
     def of(self, rows: IntArray) -> _Fit:
         """Return some of the windows."""
-        return _Fit(self.light[rows], self.radius[rows], self.variance[rows], self.counts[rows])
+        return _Fit(
+            self.light[rows], self.radius[rows], self.variance[rows], self.counts[rows]
+        )
 
     def optimum(self) -> FloatArray:
         """Return x, y and light of each spot, (n, 3); not a number where there is no optimum."""
@@ -380,7 +407,9 @@ class _Fit:
     def start(self) -> FloatArray:
         """Return the brightest pixel, and the light that fits best there."""
         rows, columns = self.light.shape[-2:]
-        y, x = np.divmod(self.light.reshape(len(self.light), -1).argmax(axis=-1), columns)
+        y, x = np.divmod(
+            self.light.reshape(len(self.light), -1).argmax(axis=-1), columns
+        )
         state = np.stack([x, y, np.ones(len(x))], axis=-1)
         shape, _ = _gradient(state, self.radius, columns, rows)
         seen = (self.counts * shape**2).sum(axis=(-2, -1))

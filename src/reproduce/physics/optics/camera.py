@@ -27,7 +27,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from reproduce.physics import validate
-from reproduce.physics.validate import Directions, FloatArray, Number, Point, Points, Positive, Size
+from reproduce.physics.validate import (
+    Directions,
+    FloatArray,
+    Number,
+    Point,
+    Points,
+    Positive,
+    Size,
+)
 
 
 def detector_centre(pixels: ArrayLike) -> FloatArray:
@@ -195,7 +203,9 @@ _turned = validate.kernel(turned_onto_detector)
 
 
 @validate.checked
-def image_points(directions: Directions, camera: Camera, rotation: Number = 0.0) -> FloatArray:
+def image_points(
+    directions: Directions, camera: Camera, rotation: Number = 0.0
+) -> FloatArray:
     """Where a channel images the given directions: projection, distortion, rotated detector.
 
     Implements: niu2024 (2), (21), (22), (23).
@@ -229,10 +239,15 @@ def image_points(directions: Directions, camera: Camera, rotation: Number = 0.0)
     """
     ideal = _ideal(directions, camera.focal_length)
     turned = _turned(ideal + _displacements(ideal, camera.radial_distortion), rotation)
-    return turned / camera.pixel_pitch[..., None, None] + camera.principal_point[..., None, :]
+    return (
+        turned / camera.pixel_pitch[..., None, None]
+        + camera.principal_point[..., None, :]
+    )
 
 
-def field_of_view(pixels: ArrayLike, pixel_pitch: ArrayLike, focal_length: ArrayLike) -> FloatArray:
+def field_of_view(
+    pixels: ArrayLike, pixel_pitch: ArrayLike, focal_length: ArrayLike
+) -> FloatArray:
     """The full angle that a row of pixels sees, the boresight at its middle.
 
     Arguments are those of `angle_from_pixels`, with the pixels their number, above zero.
@@ -249,11 +264,15 @@ def field_of_view(pixels: ArrayLike, pixel_pitch: ArrayLike, focal_length: Array
     >>> float(np.degrees(field_of_view(2000, 1e-5, 10e-3)).round(9))
     90.0
     """
-    return 2 * angle_from_pixels(validate.positive("pixels", pixels) / 2, pixel_pitch, focal_length)
+    return 2 * angle_from_pixels(
+        validate.positive("pixels", pixels) / 2, pixel_pitch, focal_length
+    )
 
 
 @validate.checked
-def angle_from_pixels(pixels: Number, pixel_pitch: Positive, focal_length: Positive) -> FloatArray:
+def angle_from_pixels(
+    pixels: Number, pixel_pitch: Positive, focal_length: Positive
+) -> FloatArray:
     """The angle between the boresight and a spot that many pixels from the principal point.
 
     Parameters
@@ -276,7 +295,9 @@ def angle_from_pixels(pixels: Number, pixel_pitch: Positive, focal_length: Posit
 
 
 @validate.checked
-def scale_factor(reference_focal_length: Positive, focal_length: Positive) -> FloatArray:
+def scale_factor(
+    reference_focal_length: Positive, focal_length: Positive
+) -> FloatArray:
     """The scale factor k that lays ideal positions of a channel over those of the reference.
 
     Implements: niu2024 (6).
@@ -334,7 +355,9 @@ def distortion_ratio(
 
 
 @validate.checked
-def reference_points_scaled(points: Points, scale: Positive, principal_point: Point) -> FloatArray:
+def reference_points_scaled(
+    points: Points, scale: Positive, principal_point: Point
+) -> FloatArray:
     """Image points of the reference channel where only focal length and distortion differ.
 
     Implements: niu2024 (9), (10), (11), (12).
@@ -423,4 +446,6 @@ def fit_camera(
             "points: expected an image that grows with the slope of the starlight, got a focal "
             "length of zero or less; check the signs of the axes"
         )
-    return Camera(linear[..., 0], origin, linear[..., 1] / linear[..., 0] ** 3, pixel_pitch)
+    return Camera(
+        linear[..., 0], origin, linear[..., 1] / linear[..., 0] ** 3, pixel_pitch
+    )

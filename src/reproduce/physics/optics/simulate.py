@@ -81,10 +81,14 @@ def channel_centroids(
             f"expected one rotation per camera, got {len(cameras)} cameras and rotations of shape "
             f"{turns.shape}; give zero for the reference channel"
         )
-    middle, external = np.moveaxis(validate.finite_array("angles", angles, shape=(None, 2)), -1, 0)
+    middle, external = np.moveaxis(
+        validate.finite_array("angles", angles, shape=(None, 2)), -1, 0
+    )
     directions = starlight(external, middle)
     channels = zip(cameras, turns, strict=True)
-    return np.stack([image_points(directions, *channel) for channel in channels], axis=-3)
+    return np.stack(
+        [image_points(directions, *channel) for channel in channels], axis=-3
+    )
 
 
 def noisy_centroids(
@@ -130,7 +134,9 @@ def noisy_centroids(
             f"{sigma.shape}; give one, or as many as there are channels"
         )
     noise = np.empty((count, *shape))
-    for row, stream in zip(noise, spawned_streams(seeds, replicates, first), strict=True):
+    for row, stream in zip(
+        noise, spawned_streams(seeds, replicates, first), strict=True
+    ):
         stream.standard_normal(out=row)
         # Averaged in the draw: ten repeats of many replicates would not fit in memory.
         if repeats > 1:
@@ -159,7 +165,9 @@ def spawned_normals(
     """
     shape = tuple(validate.whole_number("shape", side) for side in shape)
     normals = np.empty((validate.whole_number("replicates", replicates), *shape))
-    for row, stream in zip(normals, spawned_streams(seeds, replicates, first), strict=True):
+    for row, stream in zip(
+        normals, spawned_streams(seeds, replicates, first), strict=True
+    ):
         stream.standard_normal(out=row)
     return normals
 
@@ -195,15 +203,21 @@ def spawned_angles(
     """
     half = validate.non_negative("half_range", half_range, shape=(2,))
     if half.shape != (2,):
-        raise ValueError(f"half_range: expected shape (2,), got {half.shape}; one x and one y")
+        raise ValueError(
+            f"half_range: expected shape (2,), got {half.shape}; one x and one y"
+        )
     sizes = {"replicates": replicates, "count": count}
     uniform = np.empty((*(validate.whole_number(*one) for one in sizes.items()), 2))
-    for row, stream in zip(uniform, spawned_streams(seeds, replicates, first), strict=True):
+    for row, stream in zip(
+        uniform, spawned_streams(seeds, replicates, first), strict=True
+    ):
         stream.random(out=row)
     return -half + 2 * half * uniform
 
 
-def spawned_streams(seeds: SeedSequence, replicates: int, first: int = 0) -> Iterator[Generator]:
+def spawned_streams(
+    seeds: SeedSequence, replicates: int, first: int = 0
+) -> Iterator[Generator]:
     """Generators, one for each replicate, for draws that are not normal.
 
     Parameters
@@ -243,12 +257,16 @@ class _Seeded(ISeedSequence):
     def __init__(self, words: NDArray[np.uint64]) -> None:
         self.words = words
 
-    def generate_state(self, n_words: int, dtype: object = np.uint32) -> NDArray[np.uint64]:
+    def generate_state(
+        self, n_words: int, dtype: object = np.uint32
+    ) -> NDArray[np.uint64]:
         """Return the four words that PCG64 asks for."""
         return self.words
 
 
-def _child_states(seeds: SeedSequence, numbers: NDArray[np.int64]) -> NDArray[np.uint64]:
+def _child_states(
+    seeds: SeedSequence, numbers: NDArray[np.int64]
+) -> NDArray[np.uint64]:
     """Return the states of the children of a seed sequence with the given numbers, shape (n, 4).
 
     As NumPy makes them (O'Neill's hash, which NumPy promises not to change), for all children at
@@ -256,7 +274,9 @@ def _child_states(seeds: SeedSequence, numbers: NDArray[np.int64]) -> NDArray[np
     than the draws themselves.
     """
     if numbers[-1] >= _WORD:
-        raise ValueError(f"first: expected replicates below 2**32, got {numbers[-1]}; start lower")
+        raise ValueError(
+            f"first: expected replicates below 2**32, got {numbers[-1]}; start lower"
+        )
     # What a child mixes before its own number: its parent's pool. spawn() would count up there.
     pool = SeedSequence(seeds.entropy, spawn_key=seeds.spawn_key).pool
     before = max(len(pool), _words(seeds.entropy)) + _words(seeds.spawn_key)
@@ -265,9 +285,9 @@ def _child_states(seeds: SeedSequence, numbers: NDArray[np.int64]) -> NDArray[np
     for word in pool.tolist():
         value = numbers.astype(np.uint32) ^ np.uint32(constant)
         constant = constant * 0x931E8875 % _WORD
-        value = np.uint32(0xCA01F9DD * word % _WORD) - np.uint32(0x4973F715) * _scrambled(
-            value * np.uint32(constant)
-        )
+        value = np.uint32(0xCA01F9DD * word % _WORD) - np.uint32(
+            0x4973F715
+        ) * _scrambled(value * np.uint32(constant))
         mixed.append(_scrambled(value))
     constant, states = 0x8B51F9DD, np.empty((len(numbers), 8), dtype="<u4")
     for place in range(8):
@@ -363,12 +383,18 @@ def starlight(external: Number, middle: Number) -> FloatArray:
     external, middle = np.broadcast_arrays(external, middle)
     # Written out instead of multiplied: many thousand angles are turned into starlight at once.
     return np.stack(
-        [-np.sin(middle), np.sin(external) * np.cos(middle), np.cos(external) * np.cos(middle)],
+        [
+            -np.sin(middle),
+            np.sin(external) * np.cos(middle),
+            np.cos(external) * np.cos(middle),
+        ],
         axis=-1,
     )
 
 
-def _rotary(external: FloatArray, middle: FloatArray, bottom_left: FloatArray) -> FloatArray:
+def _rotary(
+    external: FloatArray, middle: FloatArray, bottom_left: FloatArray
+) -> FloatArray:
     """Return [[1, 0, 0], [0, ce, se], [0, -se, ce]] @ [[cm, 0, -sm], [0, 1, 0], [left, 0, cm]]."""
     external, middle, left = np.broadcast_arrays(external, middle, bottom_left)
     sine, cosine, zero = np.sin(external), np.cos(external), np.zeros_like(left)
@@ -427,16 +453,22 @@ def _lattices(half_x: float, half_y: float, step: float) -> list[_Lattice]:
     return [
         *fixed,
         _Lattice("square, stretched to the edges", a, b, False),
-        _Lattice("quincunx, stretched to the edges, spacings nearest the step", a, b, True),
+        _Lattice(
+            "quincunx, stretched to the edges, spacings nearest the step", a, b, True
+        ),
         *(
-            _Lattice(f"quincunx, stretched to the edges in {m} by {n} spacings", dx, dy, True)
+            _Lattice(
+                f"quincunx, stretched to the edges in {m} by {n} spacings", dx, dy, True
+            )
             for m, n, dx, dy in _stretched_to_mean(half_x, half_y, step)
         ),
     ]
 
 
 @validate.checked
-def arrangements_with(count: int, half_x: Size, half_y: Size, step: Size) -> list[Arrangement]:
+def arrangements_with(
+    count: int, half_x: Size, half_y: Size, step: Size
+) -> list[Arrangement]:
     """Every arrangement of the family that has exactly so many angles.
 
     The family is lattices by offsets by windows. Offsets: a point at the middle of the range; half
@@ -505,7 +537,9 @@ def _stretched_to_mean(
             yield m, round(n), a, 2 * half_y / round(n)
 
 
-def _offsets(lattice: _Lattice, half_x: float, half_y: float) -> dict[str, tuple[float, float]]:
+def _offsets(
+    lattice: _Lattice, half_x: float, half_y: float
+) -> dict[str, tuple[float, float]]:
     along = lattice.spacing_x * (1.0 if lattice.chequered else 0.5)
     across = lattice.spacing_y / 2
     return {
@@ -523,7 +557,9 @@ def _nodes(
     """All points of the lattice within the closed rectangle, sorted by y, then x."""
     reach_x = int(2 * half_x / lattice.spacing_x) + 2
     reach_y = int(2 * half_y / lattice.spacing_y) + 2
-    i, j = np.meshgrid(np.arange(-reach_x, reach_x + 1), np.arange(-reach_y, reach_y + 1))
+    i, j = np.meshgrid(
+        np.arange(-reach_x, reach_x + 1), np.arange(-reach_y, reach_y + 1)
+    )
     kept = (i + j) % (2 if lattice.chequered else 1) == 0
     x = origin[0] + lattice.spacing_x * i[kept]
     y = origin[1] + lattice.spacing_y * j[kept]
@@ -531,13 +567,16 @@ def _nodes(
     return np.stack([x[inside], y[inside]], axis=-1)
 
 
-def _windows(nodes: FloatArray, half_x: float, half_y: float) -> dict[str, NDArray[np.bool_]]:
+def _windows(
+    nodes: FloatArray, half_x: float, half_y: float
+) -> dict[str, NDArray[np.bool_]]:
     """Which nodes of the rectangle each window holds."""
     x, y = nodes.T
     small, large = min(half_x, half_y), max(half_x, half_y)
     return {
         "rectangle": np.ones(len(nodes), dtype=bool),
-        "rectangle without its border": np.abs(nodes / [half_x, half_y]).max(axis=1) < 1 - _EDGE,
+        "rectangle without its border": np.abs(nodes / [half_x, half_y]).max(axis=1)
+        < 1 - _EDGE,
         "inscribed ellipse": (x / half_x) ** 2 + (y / half_y) ** 2 <= 1 + _EDGE,
         "circle of the smaller half range": np.hypot(x, y) <= small * (1 + _EDGE),
         "circle of the larger half range": np.hypot(x, y) <= large * (1 + _EDGE),

@@ -26,7 +26,11 @@ from reproduce.physics.registration.diagnosis import (
     tied,
 )
 from reproduce.physics.registration.fit import RegistrationFit, fit_registration
-from reproduce.physics.registration.matching import match_points, neighbours, pair_weights
+from reproduce.physics.registration.matching import (
+    match_points,
+    neighbours,
+    pair_weights,
+)
 from reproduce.physics.registration.transforms import (
     EFFECTS,
     MODELS,

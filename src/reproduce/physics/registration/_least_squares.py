@@ -80,12 +80,18 @@ class Problem:
         axes = {"source": -2, "target": -2, "weights": -1}
         axes |= {"source_covariance": -3, "target_covariance": -3}
         every = ((name, getattr(self, name), axis) for name, axis in axes.items())
-        some: Any = {name: np.take(a, rows, axis=axis) for name, a, axis in every if a is not None}
+        some: Any = {
+            name: np.take(a, rows, axis=axis)
+            for name, a, axis in every
+            if a is not None
+        }
         return replace(self, **some)
 
     def transformed(self, parameters: FloatArray, points: FloatArray) -> FloatArray:
         """Return points, shape (..., n, 2) in px, laid over the target with these parameters."""
-        return Registration._unchecked(self.model, parameters, self.pivot)._apply(points)
+        return Registration._unchecked(self.model, parameters, self.pivot)._apply(
+            points
+        )
 
     def with_weights(self, weights: FloatArray) -> Problem:
         """Return the same problem with these weights times its own."""
@@ -112,14 +118,20 @@ def prepare(
     n = source.shape[-2]
     kept = None if weights is None else validate.weights_for(weights, n)
     shapes = () if kept is None else kept.shape[:-1]
-    batch = np.broadcast_shapes(source.shape[:-2], target.shape[:-2], pivot.shape[:-1], shapes)
+    batch = np.broadcast_shapes(
+        source.shape[:-2], target.shape[:-2], pivot.shape[:-1], shapes
+    )
     return Problem(
         np.broadcast_to(source, (*batch, n, 2)),
         np.broadcast_to(target, (*batch, n, 2)),
         np.broadcast_to(pivot, (*batch, 2)),
         model,
         None if kept is None else np.broadcast_to(kept, (*batch, n)),
-        **{k: _covariance(k, v, (*batch, n)) for k, v in covariances.items() if v is not None},
+        **{
+            k: _covariance(k, v, (*batch, n))
+            for k, v in covariances.items()
+            if v is not None
+        },
     )
 
 
@@ -161,14 +173,20 @@ def solve(problem: Problem) -> Solution:
     limit = _MOVEMENT * (1 + np.abs(problem.target).max())
     flat = (*problem.source.shape[:-2], -1)
     for _ in range(_STEPS):
-        carry = local_matrix(problem.model, parameters, points - problem.pivot[..., None, :])
+        carry = local_matrix(
+            problem.model, parameters, points - problem.pivot[..., None, :]
+        )
         weight = information(problem, carry)
         left = combined_residuals(problem, parameters, points, carry)
-        rows = model_jacobian(problem.model, parameters, points - problem.pivot[..., None, :])
+        rows = model_jacobian(
+            problem.model, parameters, points - problem.pivot[..., None, :]
+        )
         weighted = problem.counts[..., None, None] * weight @ rows
         count = rows.shape[-1]
         step, cofactor = gauss_newton(
-            rows.reshape(*flat, count), left.reshape(flat), weighted.reshape(*flat, count)
+            rows.reshape(*flat, count),
+            left.reshape(flat),
+            weighted.reshape(*flat, count),
         )
         moved = (rows @ step[..., None, :, None])[..., 0]
         renewed = _true_points(problem, carry, weight, left - moved)
@@ -181,7 +199,9 @@ def solve(problem: Problem) -> Solution:
             f"expected the fit to settle within {_STEPS} steps, got a last step of "
             f"{float(largest):g} px; check the matches, or fit a simpler model"
         )
-    carry = local_matrix(problem.model, parameters, points - problem.pivot[..., None, :])
+    carry = local_matrix(
+        problem.model, parameters, points - problem.pivot[..., None, :]
+    )
     left = combined_residuals(problem, parameters, points, carry)
     weighted = information(problem, carry) @ left[..., None]
     chi_square = (problem.counts * (left * weighted[..., 0]).sum(axis=-1)).sum(axis=-1)
@@ -241,7 +261,9 @@ def _closed_similarity(problem: Problem) -> Solution:
     )
 
 
-def _centred(points: FloatArray, weights: FloatArray) -> tuple[ComplexArray, ComplexArray]:
+def _centred(
+    points: FloatArray, weights: FloatArray
+) -> tuple[ComplexArray, ComplexArray]:
     numbers = as_complex(points)
     centroid = (weights * numbers).sum(axis=-1) / weights.sum(axis=-1)
     return numbers - centroid[..., None], centroid
@@ -263,7 +285,9 @@ def _refuse_vanished(
         )
 
 
-def _refuse_mirrored(offsets: ComplexArray, targets: ComplexArray, weights: FloatArray) -> None:
+def _refuse_mirrored(
+    offsets: ComplexArray, targets: ComplexArray, weights: FloatArray
+) -> None:
     """Refuse target points that are a mirror image of the source points; all less their means.
 
     They are if a similarity of the mirrored source leaves so much less than one of the source
@@ -271,14 +295,20 @@ def _refuse_mirrored(offsets: ComplexArray, targets: ComplexArray, weights: Floa
     image, the ratio of what the two leave follows the F law. Two points never tell.
     """
     weighted = weights * targets
-    along, across = (np.abs(np.vecdot(side, weighted)) for side in (offsets, offsets.conj()))
+    along, across = (
+        np.abs(np.vecdot(side, weighted)) for side in (offsets, offsets.conj())
+    )
     suspect = across > along
     if not suspect.any():
         return
-    spread, whole = ((weights * _squared(one)).sum(axis=-1) for one in (offsets, targets))
+    spread, whole = (
+        (weights * _squared(one)).sum(axis=-1) for one in (offsets, targets)
+    )
     freedom = 2 * np.count_nonzero(weights, axis=-1) - 4
     # What is lost in rounding counts as left over.
-    left, mirrored = (whole - part**2 / spread + _ROUNDING * whole for part in (along, across))
+    left, mirrored = (
+        whole - part**2 / spread + _ROUNDING * whole for part in (along, across)
+    )
     found = suspect & (freedom > 0) & (left > mirror_limit(freedom) * mirrored)
     if found.any():
         where = f"in {int(found.sum())} of {found.size} sets: " if found.ndim else ""
@@ -350,7 +380,9 @@ def _true_points(
     return problem.source + (problem.source_covariance @ pulled)[..., 0]
 
 
-def model_jacobian(model: str, parameters: FloatArray, offsets: FloatArray) -> FloatArray:
+def model_jacobian(
+    model: str, parameters: FloatArray, offsets: FloatArray
+) -> FloatArray:
     """Return the derivatives by the parameters of points at offsets from the pivot, (..., n, 2, p).
 
     In px per unit of the parameter.
@@ -405,7 +437,9 @@ def local_matrix(model: str, parameters: FloatArray, offsets: FloatArray) -> Flo
     return matrix @ ((1 + c * squared) * np.eye(2) + bent)
 
 
-def residuals_at(problem: Problem, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
+def residuals_at(
+    problem: Problem, parameters: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Return residuals, (m, n, 2) in px, and their inverse covariances, (..., n, 2, 2).
 
     At any parameters, shape (m, p), of one set of n points. The residual is target minus
@@ -420,7 +454,9 @@ def residuals_at(problem: Problem, parameters: FloatArray) -> tuple[FloatArray, 
     """
     points = np.broadcast_to(problem.source, (len(parameters), *problem.source.shape))
     carry = local_matrix(problem.model, parameters, points - problem.pivot)
-    return problem.target - problem.transformed(parameters, points), information(problem, carry)
+    return problem.target - problem.transformed(parameters, points), information(
+        problem, carry
+    )
 
 
 def _length(movement: FloatArray) -> FloatArray:

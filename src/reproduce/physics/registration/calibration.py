@@ -66,7 +66,9 @@ _jacobian = validate.kernel(jacobian)
 
 
 @validate.checked
-def deviations(parameters: _Vector, source: Points, target: Points, pivot: Point) -> FloatArray:
+def deviations(
+    parameters: _Vector, source: Points, target: Points, pivot: Point
+) -> FloatArray:
     """Observed target minus model, in the order of the rows of `jacobian`.
 
     Implements: niu2024 (25).
@@ -83,7 +85,9 @@ def deviations(parameters: _Vector, source: Points, target: Points, pivot: Point
     >>> deviations((1, 0, 0, 0), [[7, 5]], [[8, 3]], (5, 5))
     array([ 1., -2.])
     """
-    left = target - Registration._unchecked("similarity", parameters, pivot)._apply(source)
+    left = target - Registration._unchecked("similarity", parameters, pivot)._apply(
+        source
+    )
     return np.concatenate([left[..., 0], left[..., 1]], axis=-1)
 
 
@@ -158,7 +162,9 @@ def _correction(
     rows = _jacobian(parameters, source, pivot)[..., :free]
     found, _ = gauss_newton(rows, _deviations(parameters, source, target, pivot), rows)
     moved = np.square((rows @ found[..., None])[..., 0]).sum(axis=-1)
-    step = np.concatenate([found, np.zeros((*found.shape[:-1], _PARAMETERS - free))], axis=-1)
+    step = np.concatenate(
+        [found, np.zeros((*found.shape[:-1], _PARAMETERS - free))], axis=-1
+    )
     return step, np.sqrt(moved / source.shape[-2])
 
 
@@ -192,10 +198,14 @@ def starting_values(
     >>> starting_values([[0, 0], [1, 0]], [[0, 0], [1, 0]], (7, 9), (5, 10))
     array([ 1.,  0.,  2., -1.])
     """
-    between = _direction("target_line", target_line) - _direction("source_line", source_line)
+    between = _direction("target_line", target_line) - _direction(
+        "source_line", source_line
+    )
     rotation = np.angle(np.exp(2j * between)) / 2
     shift = source_zero - target_zero
-    values = np.ones((*np.broadcast_shapes(rotation.shape, shift.shape[:-1]), _PARAMETERS))
+    values = np.ones(
+        (*np.broadcast_shapes(rotation.shape, shift.shape[:-1]), _PARAMETERS)
+    )
     values[..., 1] = rotation
     values[..., 2:] = shift
     return values
@@ -258,12 +268,15 @@ class Calibration:
         # (k, theta) and (-k, theta + pi) are one transform; an iteration may end at either.
         factor = last[..., 0] * np.exp(1j * last[..., 1])
         return np.concatenate(
-            [np.abs(factor)[..., None], np.angle(factor)[..., None], last[..., 2:]], axis=-1
+            [np.abs(factor)[..., None], np.angle(factor)[..., None], last[..., 2:]],
+            axis=-1,
         )
 
 
 @validate.checked
-def calibrate(source: Points, target: Points, pivot: Point, start: _Vector) -> Calibration:
+def calibrate(
+    source: Points, target: Points, pivot: Point, start: _Vector
+) -> Calibration:
     """Calibrate in two stages: scale and rotation first, then all four parameters.
 
     Parameters
@@ -302,7 +315,11 @@ def calibrate(source: Points, target: Points, pivot: Point, start: _Vector) -> C
 
 
 def _iterated(
-    start: FloatArray, source: FloatArray, target: FloatArray, pivot: FloatArray, free: int
+    start: FloatArray,
+    source: FloatArray,
+    target: FloatArray,
+    pivot: FloatArray,
+    free: int,
 ) -> list[FloatArray]:
     """Return the vectors after each step with `free` parameters, until all have settled."""
     path, moving = [start], np.ones(start.shape[:-1], dtype=bool)
@@ -400,7 +417,9 @@ def registration_bound(
     """
     variance = target_sigma**2 + (similarity.scale * source_sigma) ** 2
     if (variance == 0).any():
-        raise ValueError("sigma: expected noise in one channel at least, got none; give one")
+        raise ValueError(
+            "sigma: expected noise in one channel at least, got none; give one"
+        )
     fit = fit_registration(source, similarity._apply(source), similarity.pivot)
     return variance[..., None, None] * fit.cofactor
 

@@ -61,8 +61,13 @@ _RICHER = {
 }
 # Change of a parameter that exceeds the half of its 95 % interval, in standard deviations.
 _MAX_CHANGE = 2.0
-_NAMES = {"radial": "a radial term", "tilt": "a tilt term", "affine": "an affine term",
-          "scale": "a scale", "rotation": "a rotation"}  # fmt: skip
+_NAMES = {
+    "radial": "a radial term",
+    "tilt": "a tilt term",
+    "affine": "an affine term",
+    "scale": "a scale",
+    "rotation": "a rotation",
+}
 _MODELS = {
     "rotation": "rigid",
     "scale": "similarity",
@@ -136,16 +141,24 @@ def sensitivities(
     model, parameters, pivot = fit.model, fit.parameters, fit.transform.pivot
     offsets = source - pivot
     jacobian = model_jacobian(model, parameters, offsets)
-    terms = _terms(model, fit.transform.apply(source) - fit.transform.apply(pivot[None]))
+    terms = _terms(
+        model, fit.transform.apply(source) - fit.transform.apply(pivot[None])
+    )
     if brightness is not None:
         flux = np.asarray(brightness, dtype=np.float64)[some]
-        terms["brightness"] = np.where(flux > np.median(flux), 0.5, -0.5)[:, None, None] * jacobian
-    columns = np.concatenate([jacobian, *terms.values(), fit.residuals[some, :, None]], axis=-1)
+        terms["brightness"] = (
+            np.where(flux > np.median(flux), 0.5, -0.5)[:, None, None] * jacobian
+        )
+    columns = np.concatenate(
+        [jacobian, *terms.values(), fit.residuals[some, :, None]], axis=-1
+    )
     weighted = weights[:, None, None] * columns
     if fit.errors_known:
         known = {name: _rows(one, some) for name, one in covariances.items()}
         problem = prepare(source, target, pivot, None, model, **known)
-        weighted = information(problem, local_matrix(model, parameters, offsets)) @ weighted
+        weighted = (
+            information(problem, local_matrix(model, parameters, offsets)) @ weighted
+        )
     last = columns.shape[-1] - 1
     gram: FloatArray = columns.reshape(-1, last + 1).T @ weighted.reshape(-1, last + 1)
     scale = np.sqrt(np.maximum(np.diagonal(gram), np.finfo(float).tiny))
@@ -187,8 +200,12 @@ def _sensitivity(
         return Sensitivity(
             term, steps / (noise * np.linalg.norm(np.linalg.inv(own), axis=0)), p_value
         )
-    change = -np.linalg.solve(factor[:count, :count].T, factor[count:-1, :count].T @ steps)
-    return Sensitivity(term, (change / units).round(9), p_value)  # zero without rounding errors
+    change = -np.linalg.solve(
+        factor[:count, :count].T, factor[count:-1, :count].T @ steps
+    )
+    return Sensitivity(
+        term, (change / units).round(9), p_value
+    )  # zero without rounding errors
 
 
 def _rows(covariance: ArrayLike | None, some: Any) -> FloatArray | None:
@@ -237,7 +254,8 @@ def chi_square_range(fit: RegistrationFit) -> tuple[float, float]:
 
     freedom = float(fit.degrees_of_freedom)
     low, high = (
-        float(chdtri(freedom, p)) / freedom for p in (1 - FALSE_ALARM / 2, FALSE_ALARM / 2)
+        float(chdtri(freedom, p)) / freedom
+        for p in (1 - FALSE_ALARM / 2, FALSE_ALARM / 2)
     )
     return low, high
 
@@ -262,8 +280,12 @@ def fits_exactly(fit: RegistrationFit, source: FloatArray, target: FloatArray) -
     >>> fits_exactly(fit_registration(square, square + 1 / 3, (0, 0)), square, square + 1 / 3)
     True
     """
-    largest = max(float(np.abs(one).max()) for one in (source, target, fit.transform.pivot))
-    return float(np.abs(fit.residuals[fit.weights > 0]).max()) < _EXACT_FRACTION * largest
+    largest = max(
+        float(np.abs(one).max()) for one in (source, target, fit.transform.pivot)
+    )
+    return (
+        float(np.abs(fit.residuals[fit.weights > 0]).max()) < _EXACT_FRACTION * largest
+    )
 
 
 def checked_pivot(pivot: ArrayLike, points: FloatArray) -> FloatArray:
@@ -325,7 +347,9 @@ def tied(source: FloatArray, target: FloatArray) -> bool:
     steps, counts = np.unique(moved, axis=0, return_counts=True)
     if counts.max() <= max(2, _MAX_TIED * len(moved)):
         return False
-    scale, rotation = robust_similarity(source, source + moved, source.mean(axis=0)).parameters[:2]
+    scale, rotation = robust_similarity(
+        source, source + moved, source.mean(axis=0)
+    ).parameters[:2]
     change = max(abs(scale - 1), abs(rotation)) * float(np.ptp(source, axis=0).max())
     digits = np.diff(np.unique(steps.round(9)))
     # A scale or rotation distributes the displacements over the digits.
@@ -380,17 +404,31 @@ def diagnose(
     """
     settings = {"model": "similarity", "robust": False, **settings}
     fit = fit or fit_registration(source, target, pivot, **settings)
-    found = [*_units(source, target), *_duplicates(source, target, named), *_line(source)]
+    found = [
+        *_units(source, target),
+        *_duplicates(source, target, named),
+        *_line(source),
+    ]
     if fit.errors_known:
         found += _errors(fit)
     elif fit.degrees_of_freedom <= 0:
-        found.append(Finding("few", "the stars leave no degree of freedom to estimate the errors"))
+        found.append(
+            Finding(
+                "few", "the stars leave no degree of freedom to estimate the errors"
+            )
+        )
     if settings["robust"]:
         found += _dropped(fit, settings, named)
     if fits_exactly(fit, source, target):
-        exact = Finding("exact", "the residuals are zero, so the errors cannot be estimated")
+        exact = Finding(
+            "exact", "the residuals are zero, so the errors cannot be estimated"
+        )
         # Without a degree of freedom the residuals are zero by construction.
-        return found if fit.errors_known or fit.degrees_of_freedom <= 0 else [*found, exact]
+        return (
+            found
+            if fit.errors_known or fit.degrees_of_freedom <= 0
+            else [*found, exact]
+        )
     if tied(source, target):
         text = "many stars have exactly equal displacements: rounding hides their noise"
         return [*found, Finding("tied", text)]
@@ -414,10 +452,14 @@ def _misfits(
     known = {name: one for name, one in settings.items() if name.endswith("covariance")}
     terms = sensitivities(right, source, target, brightness, **known)
     limit = FALSE_ALARM / max(len(terms), 1)
-    doubtful = sorted((one for one in terms if one.p_value < limit), key=lambda one: one.p_value)
+    doubtful = sorted(
+        (one for one in terms if one.p_value < limit), key=lambda one: one.p_value
+    )
     found = [_warning(one, right.names, True) for one in doubtful[:1]]
     if terms and not doubtful:
-        most = max(terms, key=lambda one: np.abs(one.change).max() * (one.term != "brightness"))
+        most = max(
+            terms, key=lambda one: np.abs(one.change).max() * (one.term != "brightness")
+        )
         if np.abs(most.change).max() > _MAX_CHANGE:
             found.append(_warning(most, right.names, False))
     # A distortion must not be taken for wrong matches.
@@ -439,14 +481,18 @@ def _warning(term: Sensitivity, names: Sequence[str], significant: bool) -> Find
     if significant:
         text = f"{_NAMES[term.term]} improves the fit (p = {term.p_value:.1g})"
         return Finding("model", f"{text} and changes {change}{remedy}")
-    text = f"the intervals assume no {term.term} term, which would change {change}{remedy}"
+    text = (
+        f"the intervals assume no {term.term} term, which would change {change}{remedy}"
+    )
     return Finding("sensitive", text)
 
 
 def _none_far(fit: RegistrationFit, settings: dict[str, Any]) -> bool:
     """Return whether no residual of a large field without weights is far above the median."""
     keys = ("weights", "source_covariance", "target_covariance")
-    if len(fit.residuals) < _LARGE_FIELD or any(settings.get(key) is not None for key in keys):
+    if len(fit.residuals) < _LARGE_FIELD or any(
+        settings.get(key) is not None for key in keys
+    ):
         return False
     lengths = np.hypot(*fit.residuals.T)
     limit = np.sqrt(2 * np.log(len(lengths) / _ALARM))
@@ -465,13 +511,17 @@ def _robustly(
         return None
 
 
-def _wrong_matches(fit: RegistrationFit, settings: dict[str, Any], named: _Named) -> list[Finding]:
+def _wrong_matches(
+    fit: RegistrationFit, settings: dict[str, Any], named: _Named
+) -> list[Finding]:
     """Return the warning that names the stars that a robust fit left out."""
     out = _left_out(fit, settings)
     if fit.degrees_of_freedom < _MIN_FREEDOM or not out.any():
         return []
     lengths = np.hypot(*fit.residuals.T)
-    noise = np.sqrt(np.square(lengths[fit.weights > 0]).sum() / float(fit.degrees_of_freedom))
+    noise = np.sqrt(
+        np.square(lengths[fit.weights > 0]).sum() / float(fit.degrees_of_freedom)
+    )
     rows = np.flatnonzero(out)
     rows = rows[np.argsort(-lengths[rows])]
     furthest = lengths[rows[0]] / max(float(noise), np.finfo(float).tiny)
@@ -486,15 +536,24 @@ def _wrong_matches(fit: RegistrationFit, settings: dict[str, Any], named: _Named
 def _left_out(fit: RegistrationFit, settings: dict[str, Any]) -> NDArray[np.bool_]:
     """Return the stars that a robust fit left out, (n,)."""
     given = settings.get("weights")
-    return np.asarray((fit.weights == 0) & (np.asarray(1.0 if given is None else given) > 0))
+    return np.asarray(
+        (fit.weights == 0) & (np.asarray(1.0 if given is None else given) > 0)
+    )
 
 
 def _units(source: FloatArray, target: FloatArray) -> list[Finding]:
     """Return the warning of coordinates that are perhaps not in pixels."""
-    spans = [np.ptp(one[thinned(len(one), _LARGE_FIELD)], axis=0).max() for one in (source, target)]
+    spans = [
+        np.ptp(one[thinned(len(one), _LARGE_FIELD)], axis=0).max()
+        for one in (source, target)
+    ]
     if max(spans) < _MIN_SPAN:
-        return [Finding("unit", f"the stars span {max(spans):.4g} px: are these pixels?")]
-    sizes = [np.median(np.abs(one - np.median(one, axis=0))) for one in (source, target)]
+        return [
+            Finding("unit", f"the stars span {max(spans):.4g} px: are these pixels?")
+        ]
+    sizes = [
+        np.median(np.abs(one - np.median(one, axis=0))) for one in (source, target)
+    ]
     ratio = max(sizes) / max(min(sizes), np.finfo(float).tiny)
     if min(sizes) > 0 and ratio > _MAX_RATIO:
         text = f"one image spans {ratio:.3g} times the other: are both in pixels?"
@@ -528,7 +587,9 @@ def _line(source: FloatArray) -> list[Finding]:
     length, width = np.linalg.svd(some - some.mean(axis=0), compute_uv=False)
     if width > _LINE_RATIO * length:
         return []
-    return [Finding("line", "the stars lie in a line: their mirror image would fit as well")]
+    return [
+        Finding("line", "the stars lie in a line: their mirror image would fit as well")
+    ]
 
 
 def _errors(fit: RegistrationFit) -> list[Finding]:
@@ -546,11 +607,15 @@ def _errors(fit: RegistrationFit) -> list[Finding]:
     return [Finding("errors", text)]
 
 
-def _dropped(fit: RegistrationFit, settings: dict[str, Any], named: _Named) -> list[Finding]:
+def _dropped(
+    fit: RegistrationFit, settings: dict[str, Any], named: _Named
+) -> list[Finding]:
     """Return the warnings of a robust fit: the stars that it left out, and too few stars."""
     rows, found = tuple(np.flatnonzero(_left_out(fit, settings)).tolist()), []
     if rows:
-        text = f"{len(rows)} of {len(fit.weights)} stars have zero weight ({named(rows)})"
+        text = (
+            f"{len(rows)} of {len(fit.weights)} stars have zero weight ({named(rows)})"
+        )
         found.append(Finding("dropped", text, rows))
     if len(fit.weights) < _MIN_STARS_ROBUST:
         text = f"with {len(fit.weights)} stars a robust fit can detect one wrong match, not two"
@@ -558,7 +623,9 @@ def _dropped(fit: RegistrationFit, settings: dict[str, Any], named: _Named) -> l
     return found
 
 
-def robust_similarity(source: FloatArray, target: FloatArray, pivot: FloatArray) -> RegistrationFit:
+def robust_similarity(
+    source: FloatArray, target: FloatArray, pivot: FloatArray
+) -> RegistrationFit:
     """Return the robust similarity, or the plain one if the stars are too few or coincide.
 
     Parameters

@@ -151,11 +151,16 @@ class RegistrationFit:
         """
         if not 0 < level < 1:
             raise ValueError(f"level: expected a share between 0 and 1, got {level!r}")
-        from scipy.special import ndtri, stdtrit  # only now: its import takes longer than most fits
+        from scipy.special import (
+            ndtri,
+            stdtrit,
+        )  # only now: its import takes longer than most fits
 
         upper = 0.5 * (1 + level)
         freedom = np.maximum(self.degrees_of_freedom, 1)
-        factor = ndtri(upper) if self.errors_known else stdtrit(freedom, upper)[..., None]
+        factor = (
+            ndtri(upper) if self.errors_known else stdtrit(freedom, upper)[..., None]
+        )
         half = factor * self.standard_errors
         return np.stack([self.parameters - half, self.parameters + half], axis=-1)
 
@@ -243,7 +248,10 @@ def fit_registration(
     >>> fit.transform.apply([[2, 0]])
     array([[7., 0.]])
     """
-    known = {"source_covariance": source_covariance, "target_covariance": target_covariance}
+    known = {
+        "source_covariance": source_covariance,
+        "target_covariance": target_covariance,
+    }
     problem = prepare(source, target, pivot, weights, model, **known)
     if robust:
         problem = problem.with_weights(_outlier_weights(problem))
@@ -265,7 +273,11 @@ def _outlier_weights(problem: Problem) -> FloatArray:
     known, and times the root of the point's own weight. Only their ratios matter.
     """
     n = problem.source.shape[-2]
-    some = problem if n <= _SETTLED else problem.of(np.linspace(0, n - 1, _SETTLED).astype(int))
+    some = (
+        problem
+        if n <= _SETTLED
+        else problem.of(np.linspace(0, n - 1, _SETTLED).astype(int))
+    )
     closed = _repeated_median(some)
     if some.model != "affine":
         _refuse_mirrored(some, closed)
@@ -279,13 +291,17 @@ def _outlier_weights(problem: Problem) -> FloatArray:
     return kept.astype(np.float64)
 
 
-def _fits_others(problem: Problem, some: Problem, kept: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _fits_others(
+    problem: Problem, some: Problem, kept: NDArray[np.bool_]
+) -> NDArray[np.bool_]:
     """Return which points of a large problem fit those of a part of it that are kept, (..., n).
 
     As `_fitting`, but for leverage, of which a point has next to none on so many others.
     """
     found = solve(some.with_weights(kept.astype(np.float64)))
-    own = np.where(kept[..., None], _whitened(some, found.parameters, found.points)[1], 0)
+    own = np.where(
+        kept[..., None], _whitened(some, found.parameters, found.points)[1], 0
+    )
     freedom = 2 * (kept & (some.counts > 0)).sum(axis=-1) - len(MODELS[some.model])
     factor, residuals = _whitened(problem, found.parameters, problem.source)
     rest = np.square(own).sum(axis=(-2, -1))[..., None] / freedom[..., None]
@@ -321,9 +337,15 @@ def _fitting(problem: Problem, kept: NDArray[np.bool_]) -> NDArray[np.bool_]:
     rows = factor @ model_jacobian(problem.model, found.parameters, offsets)
     leverage = rows @ found.cofactor[..., None, :, :] @ rows.mT
     # A point that is kept has drawn the fit to itself by its leverage; another has not.
-    share = (1 + _LEAST) * np.eye(2) + np.where(kept, -1.0, 1.0)[..., None, None] * leverage
-    square = (residuals * np.linalg.solve(share, residuals[..., None])[..., 0]).sum(axis=-1)
-    chi_square = np.where(kept[..., None], residuals**2, 0).sum(axis=(-2, -1))[..., None]
+    share = (1 + _LEAST) * np.eye(2) + np.where(kept, -1.0, 1.0)[
+        ..., None, None
+    ] * leverage
+    square = (residuals * np.linalg.solve(share, residuals[..., None])[..., 0]).sum(
+        axis=-1
+    )
+    chi_square = np.where(kept[..., None], residuals**2, 0).sum(axis=(-2, -1))[
+        ..., None
+    ]
     own = problem.counts > 0
     count = 2 * (kept & own).sum(axis=-1, keepdims=True) - len(MODELS[problem.model])
     freedom = count - 2 * kept
@@ -346,7 +368,9 @@ def _repeated_median(problem: Problem) -> FloatArray:
             "to be wrong; add points, or fit without"
         )
     some = thinned(n, _PAIRED)
-    source, target = (as_complex(p[..., some, :]) for p in (problem.source, problem.target))
+    source, target = (
+        as_complex(p[..., some, :]) for p in (problem.source, problem.target)
+    )
     counts = problem.counts[..., some] > 0
     between = source[..., :, None] - source[..., None, :]
     across = target[..., :, None] - target[..., None, :]
@@ -364,11 +388,15 @@ def _repeated_median(problem: Problem) -> FloatArray:
     source, target = as_complex(problem.source), as_complex(problem.target)
     landed = target - factor[..., None] * (source - pivot[..., None])
     landed = np.where(problem.counts > 0, landed, np.nan)
-    origin = np.nanmedian(landed.real, axis=-1) + 1j * np.nanmedian(landed.imag, axis=-1)
+    origin = np.nanmedian(landed.real, axis=-1) + 1j * np.nanmedian(
+        landed.imag, axis=-1
+    )
     return _similarity(factor, pivot - origin)
 
 
-def _similarity(factor: NDArray[np.complex128], shift: NDArray[np.complex128]) -> FloatArray:
+def _similarity(
+    factor: NDArray[np.complex128], shift: NDArray[np.complex128]
+) -> FloatArray:
     """Return scale, rotation and shifts, shape (..., 4), of complex factors and shifts."""
     return np.stack([np.abs(factor), np.angle(factor), shift.real, shift.imag], axis=-1)
 
@@ -387,9 +415,13 @@ def _refuse_mirrored(problem: Problem, closed: FloatArray) -> None:
     across = replace(problem, source=problem.source * flip, pivot=problem.pivot * flip)
     median = _median_length(problem, closed)
     mirrored = _median_length(across, _repeated_median(across))
-    if (median <= mirrored).all():  # the limit is above one: most fits need no law for it
+    if (
+        median <= mirrored
+    ).all():  # the limit is above one: most fits need no law for it
         return
-    if (median > np.sqrt(mirror_limit(2 * problem.source.shape[-2] - 4)) * mirrored).any():
+    if (
+        median > np.sqrt(mirror_limit(2 * problem.source.shape[-2] - 4)) * mirrored
+    ).any():
         raise validate.MirroredPointsError(_MIRRORED)
 
 
@@ -403,7 +435,9 @@ def _whitened(
     problem: Problem, parameters: FloatArray, points: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return what makes residuals of variance one, (..., n, 2, 2), and the residuals so made."""
-    carry = local_matrix(problem.model, parameters, points - problem.pivot[..., None, :])
+    carry = local_matrix(
+        problem.model, parameters, points - problem.pivot[..., None, :]
+    )
     left = combined_residuals(problem, parameters, points, carry)
     factor = information(problem, carry)
     if problem.errors_known:

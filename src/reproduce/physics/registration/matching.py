@@ -15,7 +15,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from reproduce.physics.registration.fit import fit_registration
-from reproduce.physics.registration.transforms import Registration, as_complex, as_points
+from reproduce.physics.registration.transforms import (
+    Registration,
+    as_complex,
+    as_points,
+)
 from reproduce.physics.validate import FloatArray
 
 # Common stars that identify a transform, at least: three agree too often by chance.
@@ -43,7 +47,10 @@ IntArray = NDArray[np.int64]
 
 
 def match_points(
-    source: FloatArray, target: FloatArray, radius: float, start: Registration | None = None
+    source: FloatArray,
+    target: FloatArray,
+    radius: float,
+    start: Registration | None = None,
 ) -> tuple[IntArray, Registration]:
     """Match two lists of points that are related by a similarity or its mirror image.
 
@@ -88,7 +95,11 @@ def match_points(
                 f"start: expected two or more pairs of stars closer than {radius:.3g} px, got "
                 f"{len(rows)}. Correct it, or enlarge the radius"
             )
-        return _refined(rows, source, target, radius) if len(rows) > _FEW else (rows, start)
+        return (
+            _refined(rows, source, target, radius)
+            if len(rows) > _FEW
+            else (rows, start)
+        )
     if min(len(source), len(target)) < _FEWEST:
         raise ValueError(
             f"expected {_FEWEST} or more stars in each list, got {len(source)} and {len(target)}. "
@@ -117,7 +128,9 @@ def _refined(
     """Return the pairs under the affine transform of pairs, and the transform."""
     for _ in range(_ROUNDS):
         pairs, robust = (source[rows[:, 0]], target[rows[:, 1]]), len(rows) > _FEW
-        fit = fit_registration(*pairs, source.mean(axis=0), model="affine", robust=robust)
+        fit = fit_registration(
+            *pairs, source.mean(axis=0), model="affine", robust=robust
+        )
         rows = neighbours(fit.transform.apply(source), target, radius)
     return rows, fit.transform
 
@@ -170,9 +183,13 @@ def _candidates(
 
 
 def _best(
-    stars: ComplexArray, others: ComplexArray, radius: float,
-    factors: ComplexArray, offsets: ComplexArray, trials: int,
-) -> tuple[IntArray, float]:  # fmt: skip
+    stars: ComplexArray,
+    others: ComplexArray,
+    radius: float,
+    factors: ComplexArray,
+    offsets: ComplexArray,
+    trials: int,
+) -> tuple[IntArray, float]:
     """Return the pairs under the transform with most of them, and their probability by chance."""
     from scipy.spatial import KDTree
     from scipy.special import pdtrc
@@ -211,9 +228,13 @@ def _shifts(
 
     field = np.ptp(target, axis=0).max()
     reach = 2 * radius + field * np.sqrt(_VOTES / (len(source) * len(target)))
-    near = KDTree(source).sparse_distance_matrix(KDTree(target), reach, output_type="ndarray")
+    near = KDTree(source).sparse_distance_matrix(
+        KDTree(target), reach, output_type="ndarray"
+    )
     moves = as_complex(target[near["j"]] - source[near["i"]])
-    _, first, votes = np.unique(np.round(moves / radius), return_index=True, return_counts=True)
+    _, first, votes = np.unique(
+        np.round(moves / radius), return_index=True, return_counts=True
+    )
     chosen = moves[first[np.argsort(-votes, kind="stable")[:_SHIFTS]]]
     return np.ones_like(chosen), chosen, len(votes)
 
@@ -224,7 +245,9 @@ def _similarities(
     """Return the similarities of the triangles that are most alike, and the number of pairs."""
     from scipy.spatial import KDTree
 
-    shapes, there = (KDTree(as_points((c - a) / (b - a))) for a, b, c in (triangles, others))
+    shapes, there = (
+        KDTree(as_points((c - a) / (b - a))) for a, b, c in (triangles, others)
+    )
     alike = shapes.sparse_distance_matrix(there, _ALIKE, output_type="ndarray")
     alike = np.sort(alike, order=("v", "i", "j"))[:_TRIED]
     # By their longest sides: a narrow triangle may fit its own mirror image better.
@@ -252,9 +275,13 @@ def _triangles(stars: ComplexArray) -> ComplexArray:
 
 
 def pair_weights(
-    source: FloatArray, target: FloatArray, pivot: ArrayLike, covariances: FloatArray,
-    start: Registration, **settings: Any,
-) -> tuple[FloatArray, float]:  # fmt: skip
+    source: FloatArray,
+    target: FloatArray,
+    pivot: ArrayLike,
+    covariances: FloatArray,
+    start: Registration,
+    **settings: Any,
+) -> tuple[FloatArray, float]:
     """Return the weights of pairs of points, and their scatter beyond the errors, in px.
 
     With this scatter, chi-square is equal to the degrees of freedom. The scatter is zero if the
@@ -290,7 +317,9 @@ def pair_weights(
     extra = 0.0
     for _ in range(_TIMES):
         weights = 1 / (variance + extra)
-        fit = fit_registration(source, target, pivot, weights / weights.max(), **settings)
+        fit = fit_registration(
+            source, target, pivot, weights / weights.max(), **settings
+        )
         used, freedom = weights * (fit.weights > 0), float(fit.degrees_of_freedom)
         surplus = used @ np.square(fit.residuals).sum(axis=1) - freedom
         # What added to each variance would take the surplus away, were the weights to stay.

@@ -142,7 +142,9 @@ class Registration:
         return cls._unchecked("similarity", np.stack(columns, axis=-1), pivot)
 
     @classmethod
-    def _unchecked(cls, model: str, parameters: FloatArray, pivot: FloatArray) -> Registration:
+    def _unchecked(
+        cls, model: str, parameters: FloatArray, pivot: FloatArray
+    ) -> Registration:
         """Make a registration from what a fit has just computed, without checking it again."""
         registration = object.__new__(cls)
         object.__setattr__(registration, "model", model)
@@ -227,7 +229,9 @@ class Registration:
                 "apply it to points instead"
             )
         matrix = self.matrix
-        return matrix, self.pivot - self.shift - (matrix @ self.pivot[..., None])[..., 0]
+        return matrix, self.pivot - self.shift - (matrix @ self.pivot[..., None])[
+            ..., 0
+        ]
 
     def inverse(self) -> Registration:
         """Return the transform from target to source, about the same pivot.
@@ -236,7 +240,9 @@ class Registration:
         """
         if self.model == "similarity":
             back = 1 / self.factor
-            return _similarity(back, as_points(-back * as_complex(self.shift)), self.pivot)
+            return _similarity(
+                back, as_points(-back * as_complex(self.shift)), self.pivot
+            )
         matrix, _ = self.affine()
         inverse = np.asarray(np.linalg.inv(matrix), dtype=np.float64)
         return _affine(inverse, -(inverse @ self.shift[..., None])[..., 0], self.pivot)
@@ -261,7 +267,9 @@ class Registration:
 
 
 @validate.checked
-def principal_point_shift(principal_point: Point, reference_principal_point: Point) -> FloatArray:
+def principal_point_shift(
+    principal_point: Point, reference_principal_point: Point
+) -> FloatArray:
     """The shift of a channel against the reference: the difference of principal points.
 
     Implements: niu2024 (14).
@@ -284,7 +292,9 @@ def principal_point_shift(principal_point: Point, reference_principal_point: Poi
 
 
 @validate.checked
-def similarity_between(camera: Camera, rotation: Number, reference: Camera) -> Registration:
+def similarity_between(
+    camera: Camera, rotation: Number, reference: Camera
+) -> Registration:
     """The similarity that the imaging parameters of two channels imply, distortion left aside.
 
     Parameters
@@ -412,17 +422,25 @@ def registered_image(
            [0., 8., 0., 0.],
            [0., 0., 0., 0.]])
     """
-    from scipy.ndimage import affine_transform  # only now: registering stars needs no SciPy
+    from scipy.ndimage import (
+        affine_transform,
+    )  # only now: registering stars needs no SciPy
 
     light = validate.finite_array("image", image, shape=(None, None))
     if light.ndim != 2:
-        raise ValueError(f"image: expected one image, got shape {light.shape}; pass them singly")
+        raise ValueError(
+            f"image: expected one image, got shape {light.shape}; pass them singly"
+        )
     # A fit holds its transform, and so does what the front door returns for a user's stars.
     transform = getattr(transform, "transform", transform)
     if not isinstance(transform, Registration):
-        raise TypeError(f"transform: expected a Registration, got {type(transform).__name__}")
+        raise TypeError(
+            f"transform: expected a Registration, got {type(transform).__name__}"
+        )
     if transform.batch:
-        raise ValueError(f"transform: expected one, got a batch of shape {transform.batch}")
+        raise ValueError(
+            f"transform: expected one, got a batch of shape {transform.batch}"
+        )
     first = validate.finite_array("corner", corner, shape=(2,))
     back, origin = transform.inverse().affine()
     # Source position of target pixel p: back (p + corner) + origin - corner; y before x below.
@@ -451,12 +469,16 @@ def _linear_part(model: str, parameters: FloatArray) -> FloatArray:
     return np.stack(rows, axis=-2)
 
 
-def _similarity(factor: ComplexArray, shift: FloatArray, pivot: FloatArray) -> Registration:
+def _similarity(
+    factor: ComplexArray, shift: FloatArray, pivot: FloatArray
+) -> Registration:
     return Registration.similarity(np.abs(factor), np.angle(factor), shift, pivot)
 
 
 def _affine(matrix: FloatArray, shift: FloatArray, pivot: FloatArray) -> Registration:
-    flat = np.broadcast_to(matrix.reshape(*matrix.shape[:-2], 4), (*shift.shape[:-1], 4))
+    flat = np.broadcast_to(
+        matrix.reshape(*matrix.shape[:-2], 4), (*shift.shape[:-1], 4)
+    )
     return Registration("affine", np.concatenate([flat, shift], axis=-1), pivot)
 
 
@@ -508,7 +530,9 @@ class Channels:
         if effect not in EFFECTS:
             raise ValueError(f"effect: expected one of {EFFECTS}, got {effect!r}")
         m = self.source.radial_distortion if effect in EFFECTS[:2] else _NONE
-        shared = {"coefficients": self.reference.radial_distortion, "cube": m}.get(effect, _NONE)
+        shared = {"coefficients": self.reference.radial_distortion, "cube": m}.get(
+            effect, _NONE
+        )
         return Channels(
             replace(self.source, radial_distortion=m),
             replace(self.reference, radial_distortion=shared),
@@ -587,8 +611,12 @@ def _imaged(channels: Channels, positions: Points) -> tuple[FloatArray, FloatArr
     along = np.sqrt(1 + np.square(channels.tilt))
     tilted = source / (1 - lean) * along
     turned = _turned(tilted, np.asarray(channels.rotation))
-    reference = _displaced(positions * channels.scale, channels.reference, channels.second_term[1])
-    return _in_pixels(turned, channels.source), _in_pixels(reference, channels.reference)
+    reference = _displaced(
+        positions * channels.scale, channels.reference, channels.second_term[1]
+    )
+    return _in_pixels(turned, channels.source), _in_pixels(
+        reference, channels.reference
+    )
 
 
 def _displaced(ideal: FloatArray, camera: Camera, second: float) -> FloatArray:

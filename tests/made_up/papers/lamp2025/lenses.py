@@ -14,7 +14,9 @@ def pixel_angle(given):
     return {
         f"angle.{lens}": float(
             angle_from_pixels(
-                1.0, given[f"{LENSES}#pixel.{lens}"], given[f"{LENSES}#focal-length.{lens}"]
+                1.0,
+                given[f"{LENSES}#pixel.{lens}"],
+                given[f"{LENSES}#focal-length.{lens}"],
             )
         )
         for lens in ("near", "far")
