@@ -48,7 +48,7 @@ def locked(lock: str) -> dict[str, str]:
 
 def test_one_version_everywhere() -> None:
     newest = re.search(
-        r"^## (\d\S*), (\d{4}-\d\d-\d\d)$", read("CHANGELOG.md"), re.MULTILINE
+        r"^## \[(\d\S*)\] - (\d{4}-\d\d-\d\d)$", read("CHANGELOG.md"), re.MULTILINE
     )
     citation = yaml.safe_load(read("CITATION.cff"))
     assert newest is not None
