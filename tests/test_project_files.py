@@ -154,7 +154,7 @@ def test_a_reader_installs_nothing_of_the_tests() -> None:
         "scikit-image",
         "dask",
     }
-    ours |= {"opencv-python-headless", "frictionless", "rdflib", "cosmic-ray"}
+    ours |= {"opencv-python-headless", "frictionless", "rdflib"}
     assert ours <= set(locked(TESTS))
     assert not ours & set(locked(READERS))
 

@@ -10,7 +10,6 @@ from sphinx.application import Sphinx
 
 import book_facts as facts
 import page_cells
-from drop_stale_pages import PARTS
 from reproduce.papers.posteriors import posteriors
 from reproduce.views import computed
 
@@ -75,22 +74,16 @@ def test_a_build_computes_the_ledger_once(tmp_path, monkeypatch):
             one.cache_clear()
 
 
-def test_facts_are_computed_once_until_something_changes(tmp_path, monkeypatch):
+def test_facts_are_written(tmp_path, monkeypatch):
     monkeypatch.setattr(facts, "facts", lambda: {"a": "1"})
-    path = tmp_path / "new" / "facts.json"
-    assert facts.write_facts(path)
-    assert not facts.write_facts(path)
-    assert json.loads(path.read_text())["facts"] == {"a": "1"}
-    monkeypatch.setattr(computed, "fingerprint", lambda: "another")
-    assert facts.write_facts(path)
+    facts.write_facts(tmp_path / "new" / "facts.json")
+    assert json.loads((tmp_path / "new" / "facts.json").read_text()) == {"a": "1"}
 
 
 def built(folder: Path, text: str) -> tuple[str, str]:
     """Build a page with the roles; return what the build complains of, and the page."""
     (folder / "_build").mkdir()
-    (folder / "_build" / "facts.json").write_text(
-        json.dumps({"facts": {"k#a computed": "4.2"}})
-    )
+    (folder / "_build" / "facts.json").write_text(json.dumps({"k#a computed": "4.2"}))
     (folder / "index.md").write_text(f"# Page\n\n{text}\n")
     out, complaints = folder / "out", io.StringIO()
     app = Sphinx(
@@ -129,12 +122,3 @@ def test_numbers_that_a_page_collects_are_facts(tmp_path, monkeypatch):
     assert facts.of_pages(sorted(tmp_path.glob("*.md"))) == {
         "one#shift": "−0.10\u202fpx"
     }
-
-
-def test_facts_are_dropped_with_the_pages_that_collect_numbers():
-    collecting = [
-        page for page in PAGES if facts.QUOTED in page.read_text(encoding="utf-8")
-    ]
-    folders = [BOOK.parent / name for name in PARTS["quoted"]]
-    assert len(collecting) == 2
-    assert all(any(page.is_relative_to(one) for one in folders) for page in collecting)

@@ -31,7 +31,7 @@ def app(tmp_path: Path) -> SimpleNamespace:
     (tmp_path / "_build/jupyter_execute/part").mkdir(parents=True)
     (tmp_path / "_build/jupyter_execute/part/two.ipynb").write_text("{}")
     facts = {"k#a computed": "4.2", "k#count": "7"}
-    (tmp_path / "_build/facts.json").write_text(json.dumps({"facts": facts}))
+    (tmp_path / "_build/facts.json").write_text(json.dumps(facts))
     (tmp_path / "refs.bib").write_text(REFERENCES)
     titles = {"notation": "Notation", "part/two": "The second"}
     return SimpleNamespace(
