@@ -60,6 +60,10 @@ def execute(page: Path) -> tuple[Any, dict[str, Any]]:
         If a cell writes to standard error. An exception of a cell passes unchanged.
     """
     notebook, variables = read(page), {"__name__": "__main__"}
+    notebook.metadata["language_info"] = {
+        "name": "python",
+        "pygments_lexer": "ipython3",
+    }
     with _in_folder(page.parent):
         for number, cell in enumerate(code(notebook), start=1):
             name = f"{page.name}, cell {number}"

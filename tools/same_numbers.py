@@ -79,10 +79,17 @@ def results(book: Path) -> dict[str, Any]:
     facts = json.loads((book / "_build" / "facts.json").read_text(encoding="utf-8"))
     with cache_of(book) as cache:
         pages = {
-            page.relative_to(book).as_posix(): outputs(cache, page)
+            page.relative_to(book).as_posix(): list(texts(outputs(cache, page)))
             for page in notebooks(book)
         }
     return {"ledger": ledger, "facts": facts, **pages}
+
+
+def texts(cells: Any) -> Iterator[str]:
+    """Yield the outputs of a page's cells except pixels, whose text differs for a last bit."""
+    for output in (output for cell in cells for output in cell):
+        data = output.get("data", {})
+        yield output.get("text") or data.get("text/html") or data["text/plain"]
 
 
 def copy_checkout(target: Path) -> None:
