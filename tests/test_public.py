@@ -7,6 +7,7 @@ import ast
 import inspect
 import re
 from collections import defaultdict
+from functools import cache
 from importlib import import_module
 from pathlib import Path
 
@@ -101,6 +102,7 @@ def home(module, name):
     return DOORS.get(module, {}).get(name, module), name
 
 
+@cache
 def used():
     """Return who takes each name of each module: files, without the module itself and doors."""
     found = defaultdict(set)
@@ -119,10 +121,13 @@ def used():
     return found
 
 
-USED = used()
-TAKEN = defaultdict(set)
-for _one, _paths in USED.items():
-    TAKEN[home(*_one)] |= _paths
+@cache
+def takers():
+    """Return who takes each name, by the module that defines it."""
+    found = defaultdict(set)
+    for one, paths in used().items():
+        found[home(*one)] |= paths
+    return found
 
 
 def public(module):
@@ -154,8 +159,8 @@ def test_nothing_private_is_taken_by_another_room():
     """Tests and rooms of physics may see a kernel."""
     wrong = [
         (place, name, path)
-        for (place, name), takers in TAKEN.items()
-        for path in takers
+        for (place, name), paths in takers().items()
+        for path in paths
         if name.startswith("_") and not name.startswith("__")
         if path.is_relative_to(SOURCE) and top(path) != top(MODULES[place])
     ]
@@ -167,8 +172,8 @@ def test_others_come_in_by_the_door():
     behind = {module for door in DOORS.values() for module in door.values()} - APART
     wrong = [
         (place, name, path)
-        for (place, name), takers in USED.items()
-        for path in takers
+        for (place, name), paths in used().items()
+        for path in paths
         if place in behind and not name.startswith("_")
         if path.suffix == ".py" and not path.is_relative_to(ROOT / "tests")
         if not (path.is_relative_to(SOURCE) and room(path) == room(MODULES[place]))
@@ -185,7 +190,7 @@ def test_nothing_stands_at_the_door_in_vain():
         if not inspect.isclass(getattr(import_module(module), name))
         if not any(
             not path.is_relative_to(SOURCE) or room(path) != room(MODULES[module])
-            for path in TAKEN[module, name]
+            for path in takers()[module, name]
         )
     ]
     assert idle == []
@@ -198,7 +203,7 @@ def test_nothing_public_is_idle():
         for module in MODULES
         for name, node in public(module).items()
         if isinstance(node, ast.FunctionDef) and not node.decorator_list
-        if not TAKEN[module, name]
+        if not takers()[module, name]
     ]
     assert idle == []
 
