@@ -1,6 +1,6 @@
 """Run the code of the book's pages without a kernel, and keep the outputs of each cell.
 
-The parser of the book reads a page. Its cells run in order, in a namespace of their own. The
+The parser of the book reads a page. Its cells run in order, in a new namespace. The
 outputs are those of a notebook: printed text, the value of the last line and open figures.
 """
 
@@ -103,7 +103,7 @@ def _run_cell(source: str, name: str, namespace: dict[str, Any]) -> Any:
 
 
 def _outputs(printed: str, value: Any, number: int) -> Iterator[Any]:
-    """Yield what a notebook shows below a cell, and close the figures."""
+    """Yield the outputs below a cell, and close the figures."""
     import nbformat.v4
     from matplotlib import pyplot
 

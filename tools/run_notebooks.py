@@ -154,7 +154,7 @@ def run_tasks(tasks: dict[str, Task], book: Path, workers: int) -> bool:
 
 
 def apart(task: Task) -> tuple[float, Any]:
-    """Run a task in a process of its own, and return the seconds and its result.
+    """Run a task in a new process, and return the seconds and its result.
 
     Raises
     ------
