@@ -66,7 +66,7 @@ def check_oldest(wheel: Path, folder: Path) -> None:
 
 
 def check_archive(archive: Path, folder: Path) -> None:
-    """Unpack the archive of the book, install it by the commands in its README, and run notebooks."""
+    """Unpack the archive of the book, install it by its README, and run notebooks."""
     with ZipFile(archive) as file:
         file.extractall(folder)
     inside = folder / "reproduce-book"
