@@ -4,7 +4,7 @@
 SHELL := /bin/sh
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help book pdf lab test coverage check browser-test bench same mutants release lock checksums clean
+.PHONY: help book pdf lab test coverage check browser-test bench same nightly release lock checksums clean
 
 export PYTHON
 # Nothing of the user's own, packages, settings or kernels, reaches the results, and a home that
@@ -51,13 +51,13 @@ browser-test: $(TESTS)  ## read the built pages in a headless Chromium
 bench: $(TESTS)  ## time what should be fast, as ratios to work that runs beside it
 	@$(PY) -m pytest benchmarks --quiet -p no:cacheprovider
 
-same: $(TESTS)  ## compute every number of the book under other arithmetic, and compare
+same: $(TESTS) book  ## compute every number of the book under other arithmetic, and compare
 	@$(PY) tools/same_numbers.py
 
-mutants: $(TESTS)  ## change the code in many places and see whether the tests notice
-	@$(PY) tools/evidence/mutation.py
+nightly: $(TESTS)  ## check what does not depend on a single change; takes long
+	@.ci/nightly
 
-release: pdf  ## make the files of a release in dist/release, twice, and compare
+release: pdf  ## make the files of a release in dist/release
 	@$(PY) tools/release.py
 
 COMPILE = $(PY) -m uv pip compile --universal --python-version 3.11 --fork-strategy fewest \

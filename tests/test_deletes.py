@@ -16,11 +16,8 @@ from reproduce.views.posterior import book_posterior
 ROOT = Path(__file__).parent.parent
 CALLS = {"rmtree", "unlink", "rmdir", "remove", "removedirs"}
 PLACES = {
-    "tools/evidence/recompute.py run": "a folder of its own among temporary ones",
     "book/_ext/notebook_downloads.py write": "book/_build/notebooks, which only a build writes",
-    "tools/drop_stale_pages.py drop_stale": "book/_build, which only a build writes",
-    "tools/evidence/mutant_runs.py _pytest": "a note in a copy of the tree",
-    "tools/release.py release": "a folder of dist, which only a release writes",
+    "tools/build_book.py drop_stale": "book/_build, which only a build writes",
     "tools/pack_book.py build_wheel": "book/_build/wheel, which only a build writes",
 }
 MAKE = [

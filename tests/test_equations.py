@@ -4,8 +4,6 @@ import ast
 import re
 from pathlib import Path
 
-import pytest
-
 from reproduce.papers.catalogue import catalogue
 
 ROOT = Path(__file__).parent.parent
@@ -64,9 +62,8 @@ def test_claims_are_read():
     assert claims("Printed form of niu2024 (24).") == set()
 
 
-@pytest.mark.parametrize("equation", sorted(CITED))
-def test_cited_equations_are_implemented(equation):
-    assert equation in IMPLEMENTED
+def test_cited_equations_are_implemented():
+    assert set(IMPLEMENTED) >= CITED != set()
 
 
 def test_nearly_every_equation_of_both_papers_is_implemented():
@@ -95,13 +92,11 @@ def test_every_mention_of_implementing_is_understood():
             assert claims(text), name
 
 
-@pytest.mark.parametrize("equation", sorted(IMPLEMENTED))
-def test_the_book_shows_the_equation_beside_its_function(equation):
-    page = PAGES[SHOWN[equation]]
-    links = set(re.findall(r"\{py:(?:func|meth|class)\}`~?([\w.]+)`", page))
-    assert links & set(IMPLEMENTED[equation]), (
-        f"{equation}: no link to {IMPLEMENTED[equation]}"
-    )
+def test_the_book_shows_each_equation_beside_its_function():
+    for equation, functions in IMPLEMENTED.items():
+        page = PAGES[SHOWN[equation]]
+        links = set(re.findall(r"\{py:(?:func|meth|class)\}`~?([\w.]+)`", page))
+        assert links & set(functions), equation
 
 
 def test_the_book_shows_no_equation_that_is_not_implemented():

@@ -7,10 +7,9 @@ import ast
 import inspect
 import re
 from collections import defaultdict
+from functools import cache
 from importlib import import_module
 from pathlib import Path
-
-import pytest
 
 import page_cells
 import reproduce
@@ -103,6 +102,7 @@ def home(module, name):
     return DOORS.get(module, {}).get(name, module), name
 
 
+@cache
 def used():
     """Return who takes each name of each module: files, without the module itself and doors."""
     found = defaultdict(set)
@@ -121,10 +121,13 @@ def used():
     return found
 
 
-USED = used()
-TAKEN = defaultdict(set)
-for _one, _paths in USED.items():
-    TAKEN[home(*_one)] |= _paths
+@cache
+def takers():
+    """Return who takes each name, by the module that defines it."""
+    found = defaultdict(set)
+    for one, paths in used().items():
+        found[home(*one)] |= paths
+    return found
 
 
 def public(module):
@@ -141,76 +144,75 @@ def public(module):
     return found
 
 
+def top(path):
+    """Return the folder below the package."""
+    return path.relative_to(SOURCE).parts[0]
+
+
 def room(path):
     """Return the folder below the package, and the one below physics or inference."""
     parts = path.relative_to(SOURCE).parts[:-1]
     return parts[:2] if parts[0] in {"physics", "inference"} else parts[:1]
 
 
-@pytest.mark.parametrize("module", MODULES)
-def test_nothing_private_is_taken_by_another_room(module):
+def test_nothing_private_is_taken_by_another_room():
     """Tests and rooms of physics may see a kernel."""
     wrong = [
-        (name, path)
-        for (place, name), takers in TAKEN.items()
-        for path in takers
-        if place == module and name.startswith("_") and not name.startswith("__")
-        if path.is_relative_to(SOURCE)
-        if path.relative_to(SOURCE).parts[0]
-        != MODULES[module].relative_to(SOURCE).parts[0]
+        (place, name, path)
+        for (place, name), paths in takers().items()
+        for path in paths
+        if name.startswith("_") and not name.startswith("__")
+        if path.is_relative_to(SOURCE) and top(path) != top(MODULES[place])
     ]
     assert wrong == []
 
 
-@pytest.mark.parametrize(
-    "module", sorted({m for door in DOORS.values() for m in door.values()})
-)
-def test_others_come_in_by_the_door(module):
+def test_others_come_in_by_the_door():
     """But for tests, links of pages, and kernels that rooms of physics share."""
+    behind = {module for door in DOORS.values() for module in door.values()} - APART
     wrong = [
-        (name, path)
-        for (place, name), takers in USED.items()
-        for path in takers
-        if place == module and module not in APART and not name.startswith("_")
+        (place, name, path)
+        for (place, name), paths in used().items()
+        for path in paths
+        if place in behind and not name.startswith("_")
         if path.suffix == ".py" and not path.is_relative_to(ROOT / "tests")
-        if not (path.is_relative_to(SOURCE) and room(path) == room(MODULES[module]))
+        if not (path.is_relative_to(SOURCE) and room(path) == room(MODULES[place]))
     ]
     assert wrong == []
 
 
-@pytest.mark.parametrize("door", DOORS)
-def test_nothing_stands_at_the_door_in_vain(door):
+def test_nothing_stands_at_the_door_in_vain():
     """What others take, in code or on a page, stands there; types are met as results."""
-    idle = {
-        name
-        for name, module in DOORS[door].items()
+    idle = [
+        (door, name)
+        for door, names in DOORS.items()
+        for name, module in names.items()
         if not inspect.isclass(getattr(import_module(module), name))
         if not any(
             not path.is_relative_to(SOURCE) or room(path) != room(MODULES[module])
-            for path in TAKEN[module, name]
+            for path in takers()[module, name]
         )
-    }
-    assert idle == set()
-
-
-@pytest.mark.parametrize("module", MODULES)
-def test_nothing_public_is_idle(module):
-    """Types are met as results, what is decorated by its decorator, slow studies by their name."""
-    idle = [
-        name
-        for name, node in public(module).items()
-        if name != "recomputed"  # redoes a slow study, from tools/
-        if isinstance(node, ast.FunctionDef) and not node.decorator_list
-        if not TAKEN[module, name]
     ]
     assert idle == []
 
 
-@pytest.mark.parametrize("module", MODULES)
-def test_every_public_function_and_class_has_its_sentence(module):
-    for name, node in public(module).items():
-        first = (ast.get_docstring(node) or "").partition("\n\n")[0].strip()
-        assert first.endswith((".", ":")), name
+def test_nothing_public_is_idle():
+    """Types are met as results, what is decorated by its decorator."""
+    idle = [
+        (module, name)
+        for module in MODULES
+        for name, node in public(module).items()
+        if isinstance(node, ast.FunctionDef) and not node.decorator_list
+        if not takers()[module, name]
+    ]
+    assert idle == []
+
+
+def test_every_public_function_and_class_has_its_sentence():
+    for module in MODULES:
+        for name, node in public(module).items():
+            first = (ast.get_docstring(node) or "").partition("\n\n")[0].strip()
+            assert first.endswith((".", ":")), (module, name)
 
 
 def test_only_the_front_door_has_a_list():
@@ -230,19 +232,15 @@ def test_a_private_name_is_seen():
     assert list(taken(line)) == [("reproduce.physics.optics.camera", "_turned")]
 
 
-@pytest.mark.parametrize("door", [name for name in DOORS if ".physics." in name])
-def test_functions_of_physics_say_what_they_take_and_return_and_show_it(door):
+def test_functions_of_physics_say_what_they_take_and_return_and_show_it():
     """In sections, in those of a like function, or with the shapes in the first line."""
-    for name, module in DOORS[door].items():
+    doors = [names for door, names in DOORS.items() if ".physics." in door]
+    for name, module in (pair for names in doors for pair in names.items()):
         function = getattr(import_module(module), name)
         if inspect.isfunction(function):
             text = inspect.getdoc(function) or ""
-            like = (
-                re.search(r"(those of|as)\s+`\w+`", text)
-                or "(..." in text.splitlines()[0]
-            )
-            assert like or "Parameters\n---" in text, name
-            assert like or re.search(r"^(Returns|Yields)\n---", text, re.MULTILINE), (
-                name
-            )
+            first = text.partition("\n")[0]
+            if not (re.search(r"(those of|as)\s+`\w+`", text) or "(..." in first):
+                assert "Parameters\n---" in text, name
+                assert re.search(r"^(Returns|Yields)\n---", text, re.MULTILINE), name
             assert ">>> " in text, name

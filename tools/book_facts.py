@@ -66,7 +66,7 @@ def of_pages(pages: Iterable[Path]) -> dict[str, str]:
     for page in pages:
         if any(QUOTED in source for source in page_cells.cells(page)):
             address = page.relative_to(page_cells.BOOK).with_suffix("").as_posix()
-            quoted = page_cells.run(page).variables["quoted"]
+            quoted = page_cells.execute(page)[1]["quoted"]
             found |= {
                 f"{address}#{name}": _written(text) for name, text in quoted.items()
             }
@@ -249,15 +249,11 @@ def _of_audits() -> dict[str, str]:
     return {label: str(count) for label, count in counts.items()}
 
 
-def write_facts(path: Path, *papers: str) -> bool:
-    """Write all facts to a JSON file, unless it holds those of the present files."""
-    key = " ".join((computed.fingerprint(), *papers))
-    if path.is_file() and json.loads(path.read_text(encoding="utf-8"))["key"] == key:
-        return False
+def write_facts(path: Path, *papers: str) -> None:
+    """Write all facts, or those of some papers, to a JSON file."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    found = {"key": key, "facts": facts(*papers)}
-    write_text(path, json.dumps(found, ensure_ascii=False, indent=0) + "\n")
-    return True
+    text = json.dumps(facts(*papers), ensure_ascii=False, indent=0)
+    write_text(path, text + "\n")
 
 
 def card(cell: Cell, place: str) -> str:

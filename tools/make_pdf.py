@@ -20,7 +20,7 @@ from playwright.sync_api import Page, sync_playwright
 from pypdf import PdfReader, PdfWriter
 from pypdf.generic import NameObject, TextStringObject
 
-from drop_stale_pages import ROOT
+from build_book import ROOT
 from reproduce.version import ADDRESS, RELEASED
 from reproduce.views.export import DEVELOPERS
 

@@ -1,93 +1,124 @@
-"""Run the code of the book's pages in this process, and keep what each page shows.
+"""Run the code of the book's pages without a kernel, and keep the outputs of each cell.
 
-A page is read by the parser that the book itself uses; its cells run in order, in a namespace of
-their own, without a kernel. What a cell prints and ends on is what the page shows.
+The parser of the book reads a page. Its cells run in order, in a new namespace. The
+outputs are those of a notebook: printed text, the value of the last line and open figures.
 """
 
 from __future__ import annotations
 
 import ast
-import contextlib
-import io
-import re
-import time
-from dataclasses import dataclass, field
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager, redirect_stderr, redirect_stdout
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
+from IPython.core import formatters, pylabtools
 from myst_nb.core.read import read_myst_markdown_notebook
 
-POSTERIOR = re.compile(r"\{fact\}`posterior/([^#`]+)#")
 BOOK = Path(__file__).resolve().parent.parent / "book"
+NOTEBOOK = "---\nfile_format: mystnb\n"
 
 
-@dataclass
-class Shown:
-    """What the cells of a page show, in order, and the variables that they define."""
+def read(page: Path) -> Any:
+    """Return a page as a notebook, or None if it has no code."""
+    text = page.read_text(encoding="utf-8")
+    return read_myst_markdown_notebook(text) if text.startswith(NOTEBOOK) else None
 
-    texts: list[str] = field(default_factory=list)
-    seconds: float = 0.0
-    variables: dict[str, Any] = field(default_factory=dict)
+
+def notebooks(book: Path = BOOK) -> list[Path]:
+    """Return the pages with code, sorted by name."""
+    found = (path for path in book.rglob("*.md") if "_build" not in path.parts)
+    return sorted(path for path in found if read(path))
 
 
 def cells(page: Path) -> list[str]:
-    """Return the code cells of a page, in order; none where the page is not a notebook."""
-    text = page.read_text(encoding="utf-8")
-    if not text.startswith("---\nfile_format: mystnb\n"):
-        return []
-    notebook = read_myst_markdown_notebook(text)
-    return [cell.source for cell in notebook.cells if cell.cell_type == "code"]
+    """Return the code cells of a page, in order."""
+    notebook = read(page)
+    return [cell.source for cell in code(notebook)] if notebook else []
 
 
-def notebooks() -> list[Path]:
-    """Return the pages that have code, in order of their names."""
-    found = (path for path in BOOK.rglob("*.md") if "_build" not in path.parts)
-    return sorted(path for path in found if cells(path))
+def code(notebook: Any) -> list[Any]:
+    """Return the code cells of a notebook."""
+    return [cell for cell in notebook.cells if cell.cell_type == "code"]
 
 
-def posteriors_on(page: Path) -> list[str]:
-    """Return the posteriors whose numbers stand in the sentences of a page."""
-    return list(dict.fromkeys(POSTERIOR.findall(page.read_text(encoding="utf-8"))))
-
-
-def run(page: Path) -> Shown:
+def execute(page: Path) -> tuple[Any, dict[str, Any]]:
     """Run the cells of a page.
-
-    Parameters
-    ----------
-    page : pathlib.Path
-        A page of the book.
 
     Returns
     -------
-    Shown
-        What they show; an error of a cell passes, with the page and the cell in its traceback.
+    notebook : nbformat.NotebookNode
+        The page with the outputs of its cells.
+    variables : dict
+        Variables that the cells define.
+
+    Raises
+    ------
+    RuntimeError
+        If a cell writes to standard error. An exception of a cell passes unchanged.
     """
-    shown = Shown(variables={"__name__": "__main__"})
-    begin = time.process_time()
-    for number, source in enumerate(cells(page), start=1):
-        with contextlib.redirect_stdout(io.StringIO()) as printed:
-            value = _execute(source, f"{page.name}, cell {number}", shown.variables)
-        shown.texts += [text for text in (printed.getvalue(), _text(value)) if text]
-    shown.seconds = time.process_time() - begin
-    return shown
+    notebook, variables = read(page), {"__name__": "__main__"}
+    notebook.metadata["language_info"] = {
+        "name": "python",
+        "pygments_lexer": "ipython3",
+    }
+    with _in_folder(page.parent):
+        for number, cell in enumerate(code(notebook), start=1):
+            name = f"{page.name}, cell {number}"
+            with (
+                redirect_stdout(StringIO()) as printed,
+                redirect_stderr(StringIO()) as warned,
+            ):
+                value = _run_cell(cell.source, name, variables)
+            if warned.getvalue():
+                raise RuntimeError(f"{name}: {warned.getvalue()}")
+            cell.execution_count = number
+            cell.outputs = list(_outputs(printed.getvalue(), value, number))
+    return notebook, variables
 
 
-def _execute(source: str, name: str, namespace: dict[str, Any]) -> Any:
-    """Run a cell and return what its last line is, as a notebook does."""
+@contextmanager
+def _in_folder(folder: Path) -> Iterator[None]:
+    """Change to a folder, as Jupyter does, and back."""
+    before = Path.cwd()
+    os.chdir(folder)
+    try:
+        yield
+    finally:
+        os.chdir(before)
+
+
+def _run_cell(source: str, name: str, namespace: dict[str, Any]) -> Any:
+    """Run a cell and return the value of its last line, None if it is a statement."""
     tree = ast.parse(source, name)
-    last = tree.body[-1] if tree.body else None
-    if not isinstance(last, ast.Expr):
-        exec(compile(tree, name, "exec"), namespace)
-        return None
-    del tree.body[-1]
+    last = (
+        tree.body.pop() if tree.body and isinstance(tree.body[-1], ast.Expr) else None
+    )
     exec(compile(tree, name, "exec"), namespace)
+    if not isinstance(last, ast.Expr):
+        return None
     return eval(compile(ast.Expression(last.value), name, "eval"), namespace)
 
 
-def _text(value: Any) -> str:
-    """Return what a notebook shows of a value: its HTML, or else its text."""
-    if value is None:
-        return ""
-    html = getattr(value, "_repr_html_", None)
-    return str(html()) if html else value if isinstance(value, str) else repr(value)
+def _outputs(printed: str, value: Any, number: int) -> Iterator[Any]:
+    """Yield the outputs below a cell, and close the figures."""
+    import nbformat.v4
+    from matplotlib import pyplot
+
+    # The functions of Jupyter have no types.
+    new_output: Any = nbformat.v4.new_output
+    formatter: Any = formatters.DisplayFormatter()
+    print_figure: Any = pylabtools.print_figure
+    if printed:
+        yield new_output("stream", text=printed)
+    if value is not None:
+        data, metadata = formatter.format(value)
+        result = {"metadata": metadata, "execution_count": number}
+        yield new_output("execute_result", data, **result)
+    for figure in map(pyplot.figure, pyplot.get_fignums()):
+        image = print_figure(figure, base64=True)
+        data = {"image/png": image, "text/plain": repr(figure)}
+        yield new_output("display_data", data)
+    pyplot.close("all")

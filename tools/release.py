@@ -1,4 +1,4 @@
-"""Make the files of a release twice, and keep them if both are equal: ``make release``.
+"""Make the files of a release: ``make release``.
 
 They lie in ``dist/release``: sdist, wheel, the site as one archive, what of it is also offered by
 itself, a description of all as an RO-Crate, and checksums. The book is taken as it is built.
@@ -13,7 +13,6 @@ import json
 import re
 import shutil
 import sys
-import tempfile
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -266,8 +265,8 @@ def digest(path: Path) -> str:
     return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
-def make(html: Path, folder: Path) -> str:
-    """Make a release with a built site, in a folder, and return its checksums."""
+def make(html: Path, folder: Path) -> None:
+    """Make a release with a built site, in a folder; equal sites give equal files."""
     build_wheel(ROOT, folder, "--sdist")
     name = f"reproduce-pointing-{__version__}-site"
     pages = sorted(path.relative_to(html) for path in html.rglob("*") if path.is_file())
@@ -281,19 +280,6 @@ def make(html: Path, folder: Path) -> str:
         f"{digest(path)}  {path.name}\n" for path in sorted(folder.iterdir())
     )
     (folder / "SHA256SUMS").write_text(sums, encoding="utf-8")
-    return sums
-
-
-def release(html: Path, target: Path) -> None:
-    """Make a release twice, and keep it if both are equal, byte for byte."""
-    with tempfile.TemporaryDirectory() as place:
-        first, second = Path(place) / "first", Path(place) / "second"
-        if unlike := set(make(html, first).splitlines()) ^ set(
-            make(html, second).splitlines()
-        ):
-            sys.exit("\n".join(["Made twice, these are not equal:", *sorted(unlike)]))
-        shutil.rmtree(target, ignore_errors=True)
-        shutil.copytree(first, target)
 
 
 def kept() -> str:
@@ -324,8 +310,9 @@ if __name__ == "__main__":
             (ROOT / name).write_text(text(), encoding="utf-8")
         sys.exit()
     target = ROOT / "dist" / "release"
-    release(ROOT / "book/_build/html", target)
-    print(f"Made twice, equal: {target}")
+    shutil.rmtree(target, ignore_errors=True)
+    make(ROOT / "book/_build/html", target)
+    print(f"The files of the release: {target}")
     for name in TAKEN:
         if not (target / name).is_file():
             print(f"Missing: the site has no {name}")

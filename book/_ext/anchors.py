@@ -1,22 +1,40 @@
-"""Sphinx extension: links to a table, a cell or an erratum find the page that holds it.
+"""Sphinx extension: anchors and figures of the outputs of notebooks.
 
-What a cell of a notebook shows, such as the wall of all printed numbers, links to ``#anchor``. On a
-page that has no such anchor the link is turned into one to the page that has it. ``#tables/x.csv``
-is a file below the root of the site. `goto.html#anchor` leads to the page of an anchor, and where a
-page has become a part of another its old address leads there.
+An output, such as a table, links to ``#anchor``, on whatever page the anchor is, and to files below
+the root of the site, as ``#tables/x.csv``. Both become relative addresses. `goto.html#anchor` leads
+to the page of an anchor. Figures of the papers keep their numbers, which their captions state. The
+other figures are numbered B1, B2, ... in the order of reading.
 """
 
 import json
 import re
+from collections.abc import Iterator
+from html import escape
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict
 
 from docutils import nodes
 from sphinx.application import Sphinx
 from sphinx.environment import BuildEnvironment
+from sphinx.environment.collectors import EnvironmentCollector
 
-HELD = re.compile(r'\bid="([^"]+)"')
-LINK = re.compile(r'\bhref="#([^"]+)"')
+ID = re.compile(r'\bid="([^"]+)"')
+TAG = re.compile(r"<a\b[^>]*>")
+HREF = re.compile(r'\bhref="([^"#]*)#([^"]+)"')
+FIGURE = re.compile(
+    r'<figure class="rp-figure" id="((?!figure-\w+-fig-)[^"]+)".*?</figure>', re.DOTALL
+)
+NUMBER = '<span class="rp-number"></span>'
+# The parts of a figure and of an erratum that a card shows.
+DRAWN = re.compile(
+    r'<figure class="rp-figure" id="([^"]+)".*?<svg role="img" aria-label="([^"]*)".*?'
+    r"<figcaption>(.*?)</figcaption>.*?href=\"[^\"]*?(figures/[^\"]+\.svg)\"",
+    re.DOTALL,
+)
+ERRATUM = re.compile(
+    r'id="([^"]+)"[^>]*>\s*(<table class="[^"]*rp-erratum">.*?</table>)', re.DOTALL
+)
+LINK = re.compile(r"</?a\b[^>]*>")
 GOTO = """<!doctype html>
 <html lang="en"><meta charset="utf-8"><title>To a printed number</title>
 <p>It stands on a page of <a href="index.html">the book</a>.</p>
@@ -25,100 +43,129 @@ GOTO = """<!doctype html>
   if (Object.hasOwn(places, name)) location.replace(`${page}.html${location.hash}`);
 </script></html>
 """
-# Pages that are sections now.
-MOVED = dict.fromkeys(
-    (f"posteriors/diagnostics-{paper}" for paper in ("niu2024", "chen2023")),
-    "posteriors/diagnostics",
-)
-LED = """<!doctype html>
-<html lang="en"><meta charset="utf-8"><title>Moved</title>
-<meta http-equiv="refresh" content="0; url={0}"><p>Now at <a href="{0}">{0}</a>.</p></html>
-"""
 
 
-def collect(app: Sphinx, doctree: nodes.document) -> None:
-    """Note which anchors the outputs of a page hold."""
-    page = app.env.docname
-    drop(app, app.env, page)
-    for output in doctree.findall(nodes.raw):
-        for name in HELD.findall(output.astext()):
-            known(app.env)[name] = page
+class Outputs(TypedDict):
+    """Anchors, numbered figures and cards of a page."""
+
+    anchors: list[str]
+    figures: list[str]
+    cards: dict[str, str]
 
 
-def known(env: BuildEnvironment) -> dict[str, str]:
-    """Return the page of each anchor."""
-    return env.domaindata.setdefault("output_anchors", {})
+def outputs(env: BuildEnvironment) -> dict[str, Outputs]:
+    """Return the outputs of each page."""
+    return env.domaindata.setdefault("outputs", {})
+
+
+class Collector(EnvironmentCollector):
+    """Collects the anchors, figures and equations of each page as it is read."""
+
+    def clear_doc(self, app: Sphinx, env: BuildEnvironment, docname: str) -> None:
+        """Forget a page."""
+        outputs(env).pop(docname, None)
+
+    def merge_other(
+        self,
+        app: Sphinx,
+        env: BuildEnvironment,
+        docnames: set[str],
+        other: BuildEnvironment,
+    ) -> None:
+        """Take over the pages of a parallel reader."""
+        found = outputs(other)
+        outputs(env).update({page: found[page] for page in docnames if page in found})
+
+    def process_doc(self, app: Sphinx, doctree: nodes.document) -> None:
+        """Note the outputs of a page."""
+        text = "".join(output.astext() for output in doctree.findall(nodes.raw))
+        outputs(app.env)[app.env.docname] = {
+            "anchors": ID.findall(text),
+            "figures": FIGURE.findall(text),
+            "cards": dict(cards(doctree, text)),
+        }
+
+
+def cards(doctree: nodes.document, text: str) -> Iterator[tuple[str, str]]:
+    """Yield the anchors and cards of the equations, figures and errata of a page."""
+    for equation in doctree.findall(nodes.math_block):
+        if label := equation.get("label"):
+            tex = escape(equation.astext())
+            yield (
+                f"equation-{label}",
+                rf"<p>\[\begin{{split}}{tex}\end{{split}}\]</p>",
+            )
+    for name, alternative, caption, file in DRAWN.findall(text):
+        image = f'<img data-src="{file}" alt="{alternative}">'
+        yield name, f"{image}<p>{LINK.sub('', caption)}</p>"
+    yield from ERRATUM.findall(text)
 
 
 def pages(env: BuildEnvironment) -> dict[str, str]:
     """Return the page of each anchor, equations among them."""
-    equations = env.get_domain("math").data["objects"]  # label to page and number
-    return {
-        f"equation-{label}": page for label, (page, _) in equations.items()
-    } | known(env)
+    equations: Any = env.get_domain("math").data["objects"]  # label to page, number
+    found = {f"equation-{label}": page for label, (page, _) in equations.items()}
+    return found | {
+        name: page
+        for page in sorted(outputs(env))
+        for name in outputs(env)[page]["anchors"]
+    }
 
 
-def drop(app: Sphinx, env: BuildEnvironment, page: str) -> None:
-    """Forget the anchors of a page that is read again or gone."""
-    for name in [name for name, holder in known(env).items() if holder == page]:
-        del known(env)[name]
+def address(app: Sphinx, page: str, name: str) -> str:
+    """Return the address of an anchor or a file, as a link of a page has it."""
+    if "/" in name:
+        return "../" * page.count("/") + name
+    holder = pages(app.env).get(name, page)
+    if holder == page or name in outputs(app.env)[page]["anchors"]:
+        return f"#{name}"
+    return f"{app.builder.get_relative_uri(page, holder)}#{name}"
 
 
-def merge(
-    app: Sphinx, env: BuildEnvironment, pages: set[str], other: BuildEnvironment
-) -> None:
-    """Take over what a parallel reader found."""
-    known(env).update(
-        {name: page for name, page in known(other).items() if page in pages}
-    )
+def in_order(page: str, below: dict[str, list[str]]) -> Iterator[str]:
+    """Yield a page and those below it in the order of reading.
+
+    >>> list(in_order("a", {"a": ["c", "b"], "c": ["d"]}))
+    ['a', 'c', 'd', 'b']
+    """
+    yield page
+    for one in below.get(page, []):
+        yield from in_order(one, below)
 
 
-def lead(
-    app: Sphinx,
-    page: str,
-    template: str,
-    context: dict[str, Any],
-    doctree: nodes.document | None,
-) -> None:
-    """Turn links to anchors of other pages into links to these pages."""
-    body = context.get("body", "")
-    here, held = set(HELD.findall(body)), pages(app.env)
+def number(app: Sphinx, doctree: nodes.document, page: str) -> None:
+    """Write the numbers of a page's figures, each a link to its figure."""
+    env = app.env
+    every = [
+        name
+        for one in in_order(app.config.root_doc, env.toctree_includes)
+        for name in outputs(env).get(one, {"figures": []})["figures"]
+    ]
 
-    def turned(link: re.Match[str]) -> str:
-        name = link.group(1)
-        if "/" in name:
-            return f'href="{"../" * page.count("/")}{name}"'
-        holder = held.get(name)
-        if name in here or holder in {None, page}:
-            return link.group(0)
-        return f'href="{app.builder.get_relative_uri(page, holder)}#{name}"'
+    shown = outputs(env)[page]["cards"]
 
-    if body:
-        # docutils gives the entries of a bibliography a role that is no longer in use.
-        context["body"] = LINK.sub(turned, body).replace(
-            'role="doc-biblioentry"', 'role="listitem"'
-        )
+    def numbered(figure: re.Match[str]) -> str:
+        name, text = figure[1], f"Figure B{every.index(figure[1]) + 1}."
+        if name in shown:
+            shown[name] = shown[name].replace(NUMBER, f"{text} ")
+        link = f'<a class="rp-number" href="#{name}">{text}</a> '
+        return figure[0].replace(NUMBER, link)
+
+    for raw in doctree.findall(nodes.raw):
+        raw[:] = [nodes.Text(FIGURE.sub(numbered, raw.astext()))]
 
 
 def write(app: Sphinx, error: Exception | None) -> None:
-    """Write the pages that lead on."""
-    if error is not None or app.builder.format != "html":
-        return
-    root = Path(app.outdir)
-    places = json.dumps(known(app.env), ensure_ascii=False)
-    (root / "goto.html").write_text(GOTO.replace("PLACES", places), encoding="utf-8")
-    for old, new in MOVED.items():
-        if new in app.env.found_docs:
-            folder, _, name = old.rpartition("/")
-            target = f"{new.removeprefix(f'{folder}/')}.html#{name}"
-            (root / f"{old}.html").write_text(LED.format(target), encoding="utf-8")
+    """Write the page that leads on to an anchor."""
+    if error is None and app.builder.format == "html":
+        places = json.dumps(pages(app.env), ensure_ascii=False)
+        path = Path(app.outdir) / "goto.html"
+        path.write_text(GOTO.replace("PLACES", places), encoding="utf-8")
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
     """Connect the handlers."""
-    app.connect("doctree-read", collect)
-    app.connect("env-purge-doc", drop)
-    app.connect("env-merge-info", merge)
-    app.connect("html-page-context", lead)
+    app.add_env_collector(Collector)
+    app.connect("doctree-resolved", number)
     app.connect("build-finished", write)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -1,57 +1,37 @@
-"""Sphinx extension: what a link leads to, shown beside it as a card.
+"""Sphinx extension: links with cards.
 
 A link to a printed cell, an equation, a figure, a symbol, an erratum or a reference gets the class
-``rp-has-card``, which is the one sign of it; `cards.js` shows the card. The cards of all cells come
-from `tools/book_facts.py`, all others from the pages themselves. They stand in one script beside
-the pages, since a page that is opened from a disk may load nothing else.
+``rp-has-card``, and `cards.js` shows the card. `tools/book_facts.py` writes the cards of the cells,
+the pages contain the others. All are in one script next to the pages, because a page that is
+opened from a disk can load nothing else.
 """
 
 import json
 import re
-from collections.abc import Iterator
 from functools import cache
-from html import escape, unescape
+from html import escape
 from pathlib import Path
-from posixpath import dirname, join, normpath
-from typing import Any, NamedTuple
+from posixpath import dirname
+from typing import NamedTuple
 
 from docutils import nodes
 from sphinx.application import Sphinx
+from sphinx.builders.html import StandaloneHTMLBuilder
 
-import anchors
+from anchors import HREF, TAG, address, outputs, pages
 
 FILE = Path("_build") / "cards.json"
-LINK = re.compile(r'<a\b([^>]*?)\bhref="([^"#]*)#([^"]+)"([^>]*)>')
-CLASS = re.compile(r'\bclass="')
-SIGN = "rp-has-card"
-# What leads to its own place.
+HAS_CARD = "rp-has-card"
+# A link to its own place.
 OWN = re.compile("headerlink|rp-number|Permalink")
 WITHIN = re.compile(r'\b(href|data-link)="#([^"]+)"')
-HREF = re.compile(r'\bhref="(?!https?:)([^"]*)"')
-ANCHOR = re.compile(r"</?a\b[^>]*>")
-# What a page shows under an anchor of its own.
-EQUATION = re.compile(
-    r'<div class="math[^"]*" id="(equation-[^"]+)">\s*(?:<span class="eqno">.*?</span>)?'
-    r"(.*?)</div>",
-    re.DOTALL,
-)
-REFERENCE = re.compile(r'<div class="citation" id="([^"]+)".*?<p>(.*?)</p>', re.DOTALL)
-FIGURE = re.compile(
-    r'<figure class="rp-figure" id="([^"]+)".*?<svg role="img" aria-label="([^"]*)".*?'
-    r"<figcaption>(.*?)</figcaption>.*?href=\"[^\"]*?(figures/[^\"]+\.svg)\"",
-    re.DOTALL,
-)
-ERRATUM = re.compile(
-    r'id="([^"]+)"[^>]*>\s*(<table class="[^"]*rp-erratum">.*?</table>)', re.DOTALL
-)
 BIBLIOGRAPHY, ERRATA, NOTATION = "bibliography", "audit/errata", "notation"
-INLINE = re.compile(r'<span class="math notranslate nohighlight">\\\((.*?)\\\)</span>')
+WITH_CARDS = ("equation-", "figure-", "drawing-", "symbol-")
 MATH = re.compile(r"\$(.+?)\$")
-ROW = re.compile(r'<tr class="row-(?:even|odd)">(?=<td><p><span class="math)')
 
 
 class Symbol(NamedTuple):
-    """A row of the table of symbols: its anchor, how it is written, what it means, whose it is."""
+    """A row of the table of symbols: anchor, notations, meaning and paper."""
 
     name: str
     written: list[str]
@@ -60,21 +40,15 @@ class Symbol(NamedTuple):
 
 
 @cache
-def cards(path: Path, changed: float) -> dict[str, str]:
-    """Read the cards of all printed cells, by anchor, from a file that last changed at a time."""
-    found: dict[str, str] = json.loads(path.read_text(encoding="utf-8"))
-    return found
-
-
-def cells(app: Sphinx) -> dict[str, str]:
-    """Return the cards of all printed cells; none in a book without any."""
-    path = Path(app.srcdir) / FILE
-    return cards(path, path.stat().st_mtime) if path.is_file() else {}
+def cells(book: Path) -> dict[str, str]:
+    """Return the cards of the printed cells, by anchor; none in a book without cells."""
+    path = book / FILE
+    return dict(json.loads(path.read_text("utf-8"))) if path.is_file() else {}
 
 
 @cache
 def symbols(book: Path) -> list[Symbol]:
-    """Read the table of symbols; a book may have none."""
+    """Return the table of symbols; none in a book without the page."""
     page = book / f"{NOTATION}.md"
     lines = page.read_text(encoding="utf-8").splitlines() if page.is_file() else []
     rows = [
@@ -88,131 +62,106 @@ def symbols(book: Path) -> list[Symbol]:
     ]
 
 
-def plain(tex: str) -> str:
-    """Write a symbol in one way.
-
-    >>> plain(r"\\mathbf R_{\\mathrm{st}}")
-    '\\\\mathbf R_{\\\\text{st}}'
-    """
-    return unescape(tex).replace(r"\mathrm", r"\text")
-
-
-def symbol(app: Sphinx, page: str, tex: str) -> str:
-    """Return the anchor of a symbol that a page shows, empty where it is none of its paper."""
-    known = [
-        one for one in symbols(Path(app.srcdir)) if one.paper in {"both", dirname(page)}
-    ]
-    return next(
-        (one.name for one in known if plain(tex) in map(plain, one.written)), ""
-    )
+def symbol(book: Path, page: str, tex: str) -> str:
+    r"""Return the anchor of a symbol that a page shows, empty if its paper has none."""
+    plain = tex.replace(r"\mathrm", r"\text")
+    for one in symbols(book):
+        written = (known.replace(r"\mathrm", r"\text") for known in one.written)
+        if one.paper in {"both", dirname(page)} and plain in written:
+            return one.name
+    return ""
 
 
-def mark(
-    app: Sphinx,
-    page: str,
-    template: str,
-    context: dict[str, Any],
-    doctree: nodes.document | None,
-) -> None:
-    """Give every link of a page that has a card its sign, and symbols their links."""
-    known, held = cells(app), anchors.pages(app.env)
-    shown = ("equation-", "figure-", "drawing-", "symbol-")
+def mark(app: Sphinx, doctree: nodes.document, page: str) -> None:
+    """Lead the links of a page to their pages, mark those with a card, and link symbols."""
+    book, held = Path(app.srcdir), pages(app.env)
 
-    def signed(link: re.Match[str]) -> str:
-        before, page_of, name, after = link.groups()
-        has = (
-            name in known
-            or page_of.endswith(f"{BIBLIOGRAPHY}.html")
-            or held.get(name) == ERRATA
-        )
-        if not (has or name.startswith(shown)) or OWN.search(before + after):
-            return link.group(0)
-        marks = f'{before}href="{page_of}#{name}"{after}'
-        if CLASS.search(marks):
-            return "<a" + CLASS.sub(f'class="{SIGN} ', marks, count=1) + ">"
-        return f'<a class="{SIGN}"{marks}>'
+    def has_card(uri: str) -> bool:
+        place, _, name = uri.partition("#")
+        cited = place.endswith(f"{BIBLIOGRAPHY}.html")
+        known = name in cells(book) or held.get(name) == ERRATA
+        return bool(name) and (known or cited or name.startswith(WITH_CARDS))
 
-    def named(math: re.Match[str]) -> str:
-        if not (name := symbol(app, page, math[1])):
-            return math[0]
-        # A formula has no text before it is typeset.
-        uri = app.builder.get_relative_uri(page, NOTATION)
-        return f'<a href="{uri}#{name}" aria-label="Symbol {escape(math[1])}">{math[0]}</a>'
+    def marked(tag: re.Match[str]) -> str:
+        found = HREF.search(tag[0])
+        if found is None:
+            return tag[0]
+        uri = f"{found[1]}#{found[2]}" if found[1] else address(app, page, found[2])
+        link = tag[0].replace(found[0], f'href="{uri}"')
+        if OWN.search(link) or not has_card(uri):
+            return link
+        if 'class="' in link:
+            return link.replace('class="', f'class="{HAS_CARD} ', 1)
+        return link.replace("<a", f'<a class="{HAS_CARD}"', 1)
 
-    if body := context.get("body", ""):
-        if page == NOTATION:
-            rows = iter(symbols(Path(app.srcdir)))
-            body = ROW.sub(lambda row: f'{row[0][:-1]} id="{next(rows).name}">', body)
-        context["body"] = LINK.sub(signed, INLINE.sub(named, body))
+    for raw in doctree.findall(nodes.raw):
+        raw[:] = [nodes.Text(TAG.sub(marked, raw.astext()))]
+    for link in doctree.findall(nodes.reference):
+        uri = link.get("refuri") or f"#{link.get('refid', '')}"
+        if uri[:1] == "#" and "refuri" in link:
+            uri = link["refuri"] = address(app, page, uri[1:])
+        if has_card(uri):
+            link["classes"].append(HAS_CARD)
+    if page == NOTATION:
+        rows = (row for row in doctree.findall(nodes.row) if starts_with_math(row))
+        for row, one in zip(rows, symbols(book), strict=True):
+            row["ids"].append(one.name)
+    for math in list(doctree.findall(nodes.math)):
+        if name := symbol(book, page, math.astext()):
+            uri = f"{app.builder.get_relative_uri(page, NOTATION)}#{name}"
+            # A formula has no text before it is typeset.
+            label = escape(f"Symbol {math.astext()}")
+            opening = f'<a class="{HAS_CARD}" href="{uri}" aria-label="{label}">'
+            tags = (nodes.raw("", tag, format="html") for tag in (opening, "</a>"))
+            first, last = tags
+            math.replace_self([first, math.deepcopy(), last])
+
+
+def starts_with_math(row: nodes.row) -> bool:
+    """Return whether the first cell of a row begins with a formula."""
+    text = row.next_node(nodes.paragraph)
+    return text is not None and isinstance(text[0], nodes.math)
+
+
+def cite(app: Sphinx, doctree: nodes.document, page: str) -> None:
+    """Collect the cards of the references."""
+    if page == BIBLIOGRAPHY and isinstance(app.builder, StandaloneHTMLBuilder):
+        found = outputs(app.env)[page]["cards"]
+        for citation in doctree.findall(nodes.citation):
+            text = app.builder.render_partial(citation[-1].deepcopy())["fragment"]
+            found[f"{BIBLIOGRAPHY}-{citation['ids'][0]}"] = text
 
 
 def write(app: Sphinx, error: Exception | None) -> None:
-    """Write the script of all cards, once the pages stand."""
+    """Write the script of all cards."""
     if error is not None or app.builder.format != "html":
         return
-    found = {name: led(app, html) for name, html in cells(app).items()}
-    root = Path(app.outdir)
-    for path in sorted(root.rglob("*.html")):
-        page = path.relative_to(root).as_posix()
-        found |= {
-            n: rooted(page, html) for n, html in shown(page, path.read_text("utf-8"))
-        }
-    for one in symbols(Path(app.srcdir)):
+    book, held = Path(app.srcdir), pages(app.env)
+
+    def from_root(link: re.Match[str]) -> str:
+        kind, name = link.groups()
+        place = name if "/" in name else f"{held[name]}.html#{name}"
+        return f'{kind}="{place}"'
+
+    found = dict(cells(book))
+    for shown in outputs(app.env).values():
+        found |= shown["cards"]
+    for one in symbols(book):
         signs = ", ".join(f"${tex}$" for tex in one.written)
         html = MATH.sub(r"\\(\1\\)", escape(f"{signs}: {one.meaning}"))
         found[one.name] = f"<p>{html}</p>"
+    found = {name: WITHIN.sub(from_root, html) for name, html in found.items()}
     script = f"window.rpCards = {json.dumps(found, ensure_ascii=False)};\n"
-    if (ledger := root / "ledger.json").is_file():
+    if (ledger := Path(app.outdir) / "ledger.json").is_file():
         records = json.loads(ledger.read_text(encoding="utf-8"))["records"]
         by_cell = json.dumps({one["cell"]: one for one in records}, ensure_ascii=False)
         script += f"window.rpLedger = {by_cell};\n"
-    (root / "cards.js").write_text(script, encoding="utf-8")
-
-
-def shown(page: str, text: str) -> Iterator[tuple[str, str]]:
-    """Yield the anchor and the card of what a page shows beside printed cells."""
-    for name, html in EQUATION.findall(text):
-        yield name, f"<p>{html.strip()}</p>"
-    for name, label, caption, file in FIGURE.findall(text):
-        yield (
-            name,
-            f'<img data-src="{file}" alt="{label}"><p>{ANCHOR.sub("", caption)}</p>',
-        )
-    if page == f"{ERRATA}.html":
-        yield from ERRATUM.findall(text)
-    if page == f"{BIBLIOGRAPHY}.html":
-        yield from (
-            (f"{BIBLIOGRAPHY}-{n}", f"<p>{h}</p>") for n, h in REFERENCE.findall(text)
-        )
-
-
-def rooted(page: str, html: str) -> str:
-    """Write the links of a page as links from the root of the site.
-
-    >>> rooted("audit/errata.html", '<a href="../data.html#ledger"><a href="#one">')
-    '<a href="data.html#ledger"><a href="audit/errata.html#one">'
-    """
-
-    def turned(link: re.Match[str]) -> str:
-        own = link[1].startswith("#")
-        return f'href="{page + link[1] if own else normpath(join(dirname(page), link[1]))}"'
-
-    return HREF.sub(turned, html)
-
-
-def led(app: Sphinx, html: str) -> str:
-    """Lead the links of a card to the pages that hold their anchors, from the root of the site."""
-
-    def turned(link: re.Match[str]) -> str:
-        kind, name = link.groups()
-        return f'{kind}="{held[name]}.html#{name}"' if name in held else link.group(0)
-
-    held = anchors.pages(app.env)
-    return WITHIN.sub(turned, html)
+    (Path(app.outdir) / "cards.js").write_text(script, encoding="utf-8")
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
-    """Connect the handlers, the first after links have found their pages."""
-    app.connect("html-page-context", mark, priority=600)
+    """Connect the handlers."""
+    app.connect("doctree-resolved", mark)
+    app.connect("doctree-resolved", cite)
     app.connect("build-finished", write)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

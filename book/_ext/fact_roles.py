@@ -21,7 +21,7 @@ FILE = Path("_build") / "facts.json"
 @cache
 def facts(path: Path, changed: float) -> dict[str, str]:
     """Read the facts from a file that last changed at a time."""
-    found: dict[str, str] = json.loads(path.read_text(encoding="utf-8"))["facts"]
+    found: dict[str, str] = json.loads(path.read_text(encoding="utf-8"))
     return found
 
 

@@ -13,7 +13,8 @@ import re
 import shutil
 from collections.abc import Callable
 from functools import cache
-from pathlib import Path, PurePosixPath
+from pathlib import Path
+from posixpath import dirname, join, normpath
 from typing import Any
 
 import nbformat
@@ -24,7 +25,6 @@ from markdown_it.renderer import RendererHTML
 from markdown_it.token import Token
 from myst_parser.config.main import MdParserConfig
 from myst_parser.parsers.mdit import create_md_parser
-from pybtex.database import Entry, parse_file
 from sphinx.application import Sphinx
 
 from equation_numbers import printed_number
@@ -128,50 +128,20 @@ def spoken_in(app: Sphinx, page: str) -> Spoken:
         if role == "doc":
             return _link(app, page, title, target)
         if role.startswith("cite"):
-            return cited(
-                app.config.bibtex_bibfiles[0], app, text, inside=role.endswith(":p")
-            )
-        return (
-            title
-            or f"`{target.lstrip('~!').rpartition('.')[2] if target[:1] == '~' else target}`"
-        )
+            return f"[{', '.join(key.strip() for key in text.split(','))}]"
+        short = target.rpartition(".")[2] if target[:1] == "~" else target
+        return title or f"`{short.lstrip('!')}`"
 
     return spoken
 
 
-def cited(file: str, app: Sphinx, keys: str, *, inside: bool) -> str:
-    """Return authors and years of references, all inside of brackets or the years alone."""
-    known = _references(Path(app.srcdir) / file)
-    named = [_called(known[key.strip()]) for key in keys.split(",")]
-    if inside:
-        return f"({'; '.join(f'{name}, {year}' for name, year in named)})"
-    return ", ".join(f"{name} ({year})" for name, year in named)
-
-
-@cache
-def _references(path: Path) -> dict[str, Entry]:
-    return dict(parse_file(str(path)).entries)
-
-
-def _called(entry: Entry) -> tuple[str, str]:
-    """Return the first author of a reference, or both of two, and its year."""
-    names = [" ".join(one.last_names) for one in entry.persons.get("author", [])]
-    many = names[0] + " et al." if len(names) > 2 else " and ".join(names)
-    return many or entry.fields["title"], entry.fields["year"]
-
-
 def _link(app: Sphinx, page: str, title: str, target: str) -> str:
-    """Return a link to another notebook, or the words alone where it is none."""
-    base = PurePosixPath("/") if target.startswith("/") else PurePosixPath(page).parent
-    parts: list[str] = []
-    for part in (base / target.lstrip("/")).parts:
-        parts = parts[:-1] if part == ".." else [*parts, part]
-    name = "/".join(part for part in parts if part != "/")
+    """Return a link to another notebook, or only the words if the page is none."""
+    name = normpath(join("/", dirname(page), target)).lstrip("/")
     words = title or app.env.titles[name].astext()
     if not executed(app, name).is_file():
         return f"*{words}*"
-    up = "../" * (len(PurePosixPath(page).parts) - 1)
-    return f"[{words}]({up}{name}.ipynb)"
+    return f"[{words}]({'../' * page.count('/')}{name}.ipynb)"
 
 
 def executed(app: Sphinx, page: str) -> Path:

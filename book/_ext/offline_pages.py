@@ -24,14 +24,9 @@ NAMED = re.compile(r"\bfa-([a-z0-9-]+)")
 # The coordinates of a drawing, and a number with more than one decimal.
 COORDINATES = re.compile(r'(?<= )(d|x|y)="[^"]*"')
 FINE = re.compile(r"-?\d+\.\d{2,}")
-# Blanks about the letters of a path, and after the signs of a style.
-LETTER = re.compile(r"\s*([A-Za-z])\s*")
-SPACED = re.compile(r"(?<=[:;,]) ")
-PATH = re.compile(r'(?<= d=")[^"]*')
-# Points that share a group, and what a drawing can do without.
+# Points that share a group, and their styles.
 POINTS = re.compile(r"<g([^>]*)>((?:\s*<use [^>]*/>){2,})\s*</g>")
 STYLE = re.compile(r' style="([^"]*)"')
-IDLE = re.compile(r' transform="rotate\(-0 [^"]*"|(?<=>)\s*\n\s*(?=<)')
 DRAWING = re.compile(r"<svg .*?</svg>", re.DOTALL)
 # The full build: the smaller one loses a page's mathematics at \boldsymbol.
 MATHJAX = "tex-svg-full.js"
@@ -90,17 +85,15 @@ def drop_icons(app: Sphinx, error: Exception | None) -> None:
 
 
 def coarser(drawing: str) -> str:
-    """Return a drawing with its coordinates to a tenth of a point, and shared styles told once.
+    """Return a drawing with its coordinates to 0.1 pt, and with shared styles written once.
 
     >>> coarser('<svg id="a1.2345"><path d="M 1.23456 -0.00123 L 3.14 2"/></svg>')
-    '<svg id="a1.2345"><path d="M1.2 0L3.1 2"/></svg>'
+    '<svg id="a1.2345"><path d="M 1.2 0 L 3.1 2"/></svg>'
     >>> coarser('<g> <use x="1" style="fill: red"/> <use x="2" style="fill: red"/> </g>')
-    '<g style="fill:red"> <use x="1"/> <use x="2"/></g>'
+    '<g style="fill: red"> <use x="1"/> <use x="2"/></g>'
     """
     drawing = COORDINATES.sub(lambda found: FINE.sub(_rounded, found[0]), drawing)
-    drawing = PATH.sub(lambda path: LETTER.sub(r"\1", path[0]), drawing)
-    drawing = STYLE.sub(lambda found: f' style="{SPACED.sub("", found[1])}"', drawing)
-    return POINTS.sub(_shared, IDLE.sub("", drawing))
+    return POINTS.sub(_shared, drawing)
 
 
 def _shared(group: re.Match[str]) -> str:
@@ -116,59 +109,43 @@ def _rounded(number: re.Match[str]) -> str:
     return f"{float(number[0]):z.1f}".rstrip("0").rstrip(".")
 
 
-def coarsen(
+def lighten(
     app: Sphinx,
     page: str,
     template: str,
     context: dict[str, Any],
     doctree: nodes.document | None,
 ) -> None:
-    """Make the drawings of a page lighter; the downloaded notebook keeps every digit."""
-    if doctree is not None:
-        context["body"] = DRAWING.sub(lambda found: coarser(found[0]), context["body"])
+    """Remove scripts that a page does not need, and coarsen its drawings.
 
-
-def drop_mathjax(
-    app: Sphinx,
-    page: str,
-    template: str,
-    context: dict[str, Any],
-    doctree: nodes.document | None,
-) -> None:
-    """Take MathJax out of a page whose formulas all stand in outputs that are not shown."""
-    if 'class="math' not in context.get("body", ""):
-        scripts = context.get("script_files", [])
-        context["script_files"] = [
-            one for one in scripts if MATHJAX not in str(one.filename or "")
-        ]
-
-
-def drop_thebe(
-    app: Sphinx,
-    page: str,
-    template: str,
-    context: dict[str, Any],
-    doctree: nodes.document | None,
-) -> None:
-    """Take out thebe, which the theme declares twice: an error on every page."""
+    The theme declares thebe twice, which is an error on every page. The downloaded notebook keeps
+    every digit.
+    """
+    body = context.get("body", "")
+    needs_mathjax = 'class="math' in body
+    if body:
+        # The entries of a bibliography have a role of docutils that is no longer in use.
+        body = body.replace('role="doc-biblioentry"', 'role="listitem"')
+        context["body"] = DRAWING.sub(lambda found: coarser(found[0]), body)
     for kind in ("script_files", "css_files"):
         context[kind] = [
-            asset for asset in context.get(kind, []) if not is_thebe(asset)
+            asset
+            for asset in context.get(kind, [])
+            if not is_thebe(asset)
+            and (needs_mathjax or MATHJAX not in str(asset.filename))
         ]
 
 
 def is_thebe(asset: Any) -> bool:
-    """Tell whether a script or a style sheet belongs to thebe."""
+    """Return whether a script or a style sheet belongs to thebe."""
     body = getattr(asset, "attributes", {}).get("body") or ""
     return "thebe" in str(getattr(asset, "filename", "") or "") or "THEBE" in body
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
-    """Connect the handlers; thebe goes after the extension that adds it."""
+    """Connect the handlers; `lighten` goes after the extension that adds thebe."""
     app.connect("builder-inited", point_to_local_mathjax)
-    app.connect("html-page-context", drop_thebe, priority=900)
-    app.connect("html-page-context", coarsen)
-    app.connect("html-page-context", drop_mathjax, priority=901)
+    app.connect("html-page-context", lighten, priority=901)
     app.connect("build-finished", copy_mathjax)
     app.connect("build-finished", drop_icons)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

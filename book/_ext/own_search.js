@@ -35,7 +35,7 @@
     const section = document.createElement("section");
     section.id = "rp-found";
     const heading = document.createElement("h2");
-    heading.textContent = "Tables, equations, numbers and sections";
+    heading.textContent = "Tables, equations and numbers";
     const list = document.createElement("ul");
     for (const [address, shown] of entries.slice(0, SHOWN)) {
       const link = document.createElement("a");

@@ -266,10 +266,6 @@ def test_without_the_script_a_link_leads_to_its_cell(browser: Browser) -> None:
     [
         ("goto.html#niu2024-table-3-scale-red", PLACE),
         ("goto.html#chen2023-table-5", "chen2023/effectiveness.html#chen2023-table-5"),
-        (
-            "posteriors/diagnostics-niu2024.html",
-            "posteriors/diagnostics.html#diagnostics-niu2024",
-        ),
     ],
 )
 def test_addresses_lead_on(wide: Page, old: str, new: str) -> None:

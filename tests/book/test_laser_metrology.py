@@ -11,7 +11,7 @@ from astropy.time import Time
 from photutils.psf import GaussianPRF, PSFPhotometry
 from scipy.spatial.transform import Rotation
 
-from page_cells import BOOK, run
+from page_cells import BOOK, execute
 from reproduce.locate import data_folder
 from reproduce.physics.images import centre_of_gravity, spot_windows
 from reproduce.units import ARCSEC_PER_RADIAN
@@ -25,7 +25,7 @@ RADIUS = 0.7  # standard deviation of the Gaussian that the page fits, in px
 @pytest.fixture(scope="module")
 def page():
     """Return the variables that the cells of the page define."""
-    return run(PAGE).variables
+    return execute(PAGE)[1]
 
 
 def test_sentences_quote_all_numbers_that_the_page_collects(page):

@@ -1,11 +1,10 @@
-"""The cells of a page, run without a kernel. `make book` and `make same` run those of all pages."""
+"""The outputs of a page's cells, run without a kernel."""
 
 from pathlib import Path
 
 import pytest
 
-import page_cells
-from page_cells import BOOK, Shown, cells, notebooks, run
+from page_cells import BOOK, cells, code, execute, notebooks, read
 
 
 def page(folder: Path, *sources: str) -> Path:
@@ -14,13 +13,11 @@ def page(folder: Path, *sources: str) -> Path:
     fences = "".join(
         f"```{{code-cell}} ipython3\n{source}\n```\n\n" for source in sources
     )
-    path.write_text(
-        f"---\nfile_format: mystnb\n---\n\n# A page\n\n{fences}", encoding="utf-8"
-    )
+    path.write_text(f"---\nfile_format: mystnb\n---\n\n# A page\n\n{fences}")
     return path
 
 
-def test_what_a_page_shows_is_what_a_notebook_would(tmp_path: Path) -> None:
+def test_outputs_are_those_of_a_notebook(tmp_path):
     path = page(
         tmp_path,
         ":tags: [remove-cell]\nx = 1.5",
@@ -29,41 +26,43 @@ def test_what_a_page_shows_is_what_a_notebook_would(tmp_path: Path) -> None:
         "a = 3\na",
         "None",
         "a += 1",
-        "'text'",
+        "import matplotlib.pyplot as plt\nline = plt.plot([1, 2])",
     )
     assert len(cells(path)) == 7
-    shown = run(path)
-    assert shown.texts == ["one\n", "<b>2</b>", "3", "text"]
+    notebook, variables = execute(path)
+    assert variables["a"] == 4
+    shown = [
+        one.get("text") or one.data.get("text/html") or sorted(one.data)
+        for cell in code(notebook)
+        for one in cell.outputs
+    ]
+    plot = ["image/png", "text/plain"]
+    assert shown == ["one\n", "<b>2</b>", ["text/plain"], plot]
+    assert [cell.execution_count for cell in code(notebook)] == [*range(1, 8)]
 
 
-def test_pages_do_not_see_each_other(tmp_path: Path) -> None:
-    run(page(tmp_path, "left_behind = 1"))
+def test_pages_do_not_share_variables(tmp_path):
+    execute(page(tmp_path, "left_behind = 1"))
     with pytest.raises(NameError, match="left_behind"):
-        run(page(tmp_path, "left_behind"))
+        execute(page(tmp_path, "left_behind"))
 
 
 @pytest.mark.parametrize(
-    ("sources", "error"),
+    ("source", "error"),
     [
-        (("1 / 0",), ZeroDivisionError),
+        ("1 / 0", ZeroDivisionError),
+        ("import sys\nprint(1, file=sys.stderr)", RuntimeError),
     ],
 )
-def test_a_broken_page_is_an_error(
-    tmp_path: Path, sources: tuple[str, ...], error: type[Exception]
-) -> None:
+def test_an_exception_or_a_warning_stops_a_page(tmp_path, source, error):
+    before = Path.cwd()
     with pytest.raises(error):
-        run(page(tmp_path, *sources))
+        execute(page(tmp_path, source))
+    assert Path.cwd() == before
 
 
-def test_a_page_that_is_no_notebook_has_no_cells() -> None:
-    assert cells(BOOK / "notation.md") == []
-    assert page_cells.Shown() == Shown([], 0.0)
-
-
-def test_every_page_with_code_is_run() -> None:
-    with_code = {
-        p for p in BOOK.rglob("*.md") if "{code-cell}" in p.read_text(encoding="utf-8")
-    }
-    assert set(notebooks()) == {
-        path for path in with_code if "_build" not in path.parts
-    }
+def test_every_page_with_code_is_run():
+    assert read(BOOK / "notation.md") is None
+    pages = (path for path in BOOK.rglob("*.md") if "_build" not in path.parts)
+    with_code = {path for path in pages if "{code-cell}" in path.read_text("utf-8")}
+    assert set(notebooks()) == with_code

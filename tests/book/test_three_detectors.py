@@ -13,7 +13,7 @@ from scipy.spatial import KDTree
 from skimage.registration import phase_cross_correlation
 from skimage.transform import SimilarityTransform
 
-from page_cells import BOOK, run
+from page_cells import BOOK, execute
 from reproduce.physics.images import render_frame
 from reproduce.physics.registration import Registration, fit_registration
 
@@ -27,7 +27,7 @@ PAIRS = ("J to H", "H to K", "J to K")
 @pytest.fixture(scope="module")
 def page():
     """Return the variables that the cells of the page define."""
-    return run(PAGE).variables
+    return execute(PAGE)[1]
 
 
 def test_sentences_quote_all_numbers_that_the_page_collects(page):

@@ -3,8 +3,9 @@
 import os
 import signal
 import time
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from dataclasses import replace
+from multiprocessing import get_context
 
 import numpy as np
 import pytest
@@ -12,7 +13,6 @@ import xarray
 from arviz_stats.base import array_stats
 from scipy.stats import norm
 
-from parts import processes
 from reproduce.inference import UnconvergedError, sampling
 from reproduce.inference.sampling import Plan, sample
 from reproduce.papers.posteriors import posteriors
@@ -41,7 +41,10 @@ def test_starts_are_over_dispersed(registration, alone):
 
 @pytest.mark.parametrize("kind", ["threads", "processes"])
 def test_executors_give_identical_draws(registration, alone, kind):
-    pool = ThreadPoolExecutor(2) if kind == "threads" else processes(2)
+    if kind == "threads":
+        pool = ThreadPoolExecutor(2)
+    else:
+        pool = ProcessPoolExecutor(2, mp_context=get_context("spawn"))
     with pool:
         np.testing.assert_array_equal(
             sample(registration, PLAN, executor=pool).chain, alone.chain

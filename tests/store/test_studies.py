@@ -1,14 +1,11 @@
 """Stored studies: what is written is read, and what was changed is refused."""
 
-from concurrent.futures import ThreadPoolExecutor
-
 import numpy as np
 import pandas as pd
 import pytest
 
 import keep
-import recompute as slow
-from parts import Store, run_parts
+import recompute
 from reproduce.store import studies
 
 NOTE = {"command": "run", "seed": 1, "versions": "none", "share": 0.5}
@@ -58,11 +55,11 @@ TABLE = pd.DataFrame(
 
 
 def test_a_table_comes_back_with_its_note(tmp_path):
-    keep.write_table("small", TABLE, {"command": "run", "made": {"x/y": 3}}, tmp_path)
+    keep.write_table("small", TABLE, {"command": "run", "seed": 3}, tmp_path)
     found = studies.table("small", tmp_path)
     pd.testing.assert_frame_equal(found, TABLE, check_dtype=False)
     assert found["seen"].dtype == bool
-    assert (found.attrs["command"], found.attrs["made"]) == ("run", {"x/y": 3})
+    assert (found.attrs["command"], found.attrs["seed"]) == ("run", 3)
 
 
 def test_a_table_changed_by_hand_is_refused(tmp_path):
@@ -77,41 +74,22 @@ def test_a_table_changed_by_hand_is_refused(tmp_path):
         keep.write_table("small", TABLE, {}, tmp_path)
 
 
-def test_every_study_of_the_project_is_whole():
-    assert slow.SLOW
-    for name in slow.SLOW:
+def test_every_study_that_can_be_recomputed_is_whole():
+    assert recompute.STUDIES
+    for name in recompute.STUDIES:
         found = studies.read(name)
         assert found.arrays
         assert found.note["command"] == f"python tools/evidence/recompute.py {name}"
 
 
-def test_a_run_that_was_stopped_goes_on_and_stores_the_same(tmp_path, monkeypatch):
-    """The second of three parts fails at first; the one before it is not computed again."""
-    computed = []
+def test_a_recomputed_study_is_stored_with_its_note(tmp_path, monkeypatch):
+    def small(executor):
+        return {"numbers": np.arange(3.0)}, {"seed": 7, "replicates": 3}
 
-    def part(number):
-        if number == 1 and computed == [0]:
-            raise KeyboardInterrupt
-        computed.append(number)
-        return (np.full(2, number),)
-
-    def recomputed(executor, folder, note):
-        parts = run_parts(part, range(3), None, Store(folder, note))
-        return {"numbers": np.stack([array for (array,) in parts])}, {"replicates": 3}
-
-    monkeypatch.setattr(slow, "SLOW", {"small": (recomputed, 7)})
-    monkeypatch.setattr(slow.tempfile, "gettempdir", lambda: str(tmp_path))
-    with ThreadPoolExecutor(1) as pool, pytest.raises(KeyboardInterrupt):
-        slow.run("small", tmp_path, pool)
-    computed.append(-1)
-    with ThreadPoolExecutor(1) as pool:
-        slow.run("small", tmp_path, pool)
-    assert computed == [0, -1, 1, 2]
+    monkeypatch.setattr(recompute, "STUDIES", {"small": small})
+    monkeypatch.setattr(keep, "folder", lambda: tmp_path)
+    recompute.main(["small"])
     found = studies.read("small", tmp_path)
-    np.testing.assert_array_equal(found.arrays["numbers"], [[0, 0], [1, 1], [2, 2]])
+    np.testing.assert_array_equal(found.arrays["numbers"], [0, 1, 2])
     assert (found.note["seed"], found.note["replicates"]) == (7, 3)
-    assert not [path for path in tmp_path.iterdir() if path.is_dir()], (
-        "finished parts are gone"
-    )
-    with pytest.raises(KeyError, match="small"):
-        slow.run("nothing")
+    assert found.note["processor_seconds"] >= 0

@@ -255,23 +255,6 @@ def test_a_release_made_twice_elsewhere_is_the_same(tmp_path):
     assert list(packed) == sorted(packed)
 
 
-def test_what_is_not_equal_is_not_kept(tmp_path, monkeypatch):
-    def make(html, folder):
-        folder.mkdir()
-        return f"same  a\n{folder.name}  b\n"
-
-    monkeypatch.setattr(release, "make", make)
-    target = tmp_path / "dist"
-    with pytest.raises(SystemExit, match="not equal:\nfirst  b\nsecond  b"):
-        release.release(tmp_path, target)
-    assert not target.exists()
-    monkeypatch.setattr(
-        release, "make", lambda html, folder: folder.mkdir() or "same  a\n"
-    )
-    release.release(tmp_path, target)
-    assert target.is_dir()
-
-
 def test_the_verdicts_that_are_kept_are_the_frozen_ones():
     kept = tomllib.loads(release.kept())
     verdicts = {

@@ -1,20 +1,14 @@
-"""What counts as the same under another arithmetic, and that a setting changes the arithmetic."""
+"""Differences between two results, and the other arithmetic."""
+
+import json
 
 import pytest
 
 import same_numbers
-from same_numbers import (
-    ELSEWHERE,
-    PLAIN,
-    ROOT,
-    USUAL,
-    apart,
-    as_it_is,
-    differences,
-    settings,
-)
+from same_numbers import arithmetic, differences, is_wrong, other_settings
 
 DRAWING = '<b>one</b><svg><path id="p0123456789" d="M 1.5 {} L 3e-05 4"/></svg>'
+INTERVAL = {"interval": [1.0, 2.0], "tolerance": 1e-5, "share": 1e-5}
 
 
 @pytest.mark.parametrize(
@@ -23,15 +17,12 @@ DRAWING = '<b>one</b><svg><path id="p0123456789" d="M 1.5 {} L 3e-05 4"/></svg>'
         (1.0, 1.0 + 5e-13),
         ({"a": [1, "x", None, True]}, {"a": [1, "x", None, True]}),
         (DRAWING.format("2.5"), DRAWING.format("2.500001")),
-        (
-            {"interval": [1.0, 2.0], "tolerance": 1e-5},
-            {"interval": [1.0, 2.0], "tolerance": 1e-5 + 1e-15},
-        ),
+        (INTERVAL, {**INTERVAL, "tolerance": 1e-5 + 1e-15}),
         (DRAWING.format("2.5"), DRAWING.format("2.5").replace("p012", "p123")),
         (DRAWING.format("2.5"), DRAWING.format("2.5").replace('4"/>', '4\nz"/>')),
     ],
 )
-def test_next_to_nothing_is_no_difference(one, other):
+def test_rounding_is_no_difference(one, other):
     assert list(differences(one, other)) == []
 
 
@@ -40,10 +31,7 @@ def test_next_to_nothing_is_no_difference(one, other):
     [
         (1.0, 1.0 + 5e-12),
         (0.0, 1e-30),
-        (
-            {"interval": [1.0, 2.0], "share": 1e-5},
-            {"interval": [1.0, 2.0], "share": 1e-5 + 1e-15},
-        ),
+        (INTERVAL, {**INTERVAL, "share": 1e-5 + 1e-15}),
         (
             {"interval": None, "tolerance": 1e-5},
             {"interval": None, "tolerance": 1e-5 + 1e-15},
@@ -61,77 +49,67 @@ def test_next_to_nothing_is_no_difference(one, other):
         ("<svg></svg>", "<svg></svg><svg></svg>"),
     ],
 )
-def test_every_kind_of_difference_is_told_with_its_place(one, other):
+def test_every_other_difference_is_returned_with_its_place(one, other):
     assert next(differences({"here": one}, {"here": other})).startswith(" here")
-
-
-def test_at_least_three_settings_are_tried():
-    assert {USUAL, PLAIN, ELSEWHERE} <= set(settings())
-
-
-def test_a_setting_reaches_the_arithmetic():
-    usual, plain = (
-        apart(settings()[name], ROOT, ["notation.md"]) for name in (USUAL, PLAIN)
-    )
-    assert plain["arithmetic"]["instructions"] == []
-    assert plain["arithmetic"] != usual["arithmetic"]
-    assert (
-        plain["pages"]
-        == usual["pages"]
-        == {"notation.md": {"words": {}, "texts": [], "seconds": 0}}
-    )
-
-
-def test_an_error_or_a_warning_of_a_page_stops_the_comparison():
-    with pytest.raises(RuntimeError, match=r"nothing\.md: exit code 1"):
-        apart({}, ROOT, ["nothing.md"])
-
-
-def test_what_is_put_in_from_outside_is_no_setting(monkeypatch):
-    """A kernel that a user chose for all programs is not taken for that of the machine."""
-    monkeypatch.setenv("OPENBLAS_CORETYPE", "Prescott")
-    as_it_is.cache_clear()
-    bare = as_it_is()
-    as_it_is.cache_clear()
-    monkeypatch.delenv("OPENBLAS_CORETYPE")
-    assert bare == as_it_is()
-    assert bare["core"] not in settings()
 
 
 @pytest.mark.parametrize(
     ("page", "moved", "wrong"),
     [
-        ("posteriors/own.md", 0.01, 0),
-        ("posteriors/own.md", 0.1, 1),
-        ("data.md", 0.01, 1),
+        ("posteriors/own.md", 0.01, False),
+        ("posteriors/own.md", 0.1, True),
+        ("data.md", 0.01, True),
     ],
 )
-def test_drawings_of_draws_alone_may_move_by_what_nobody_sees(
-    monkeypatch, page, moved, wrong
-):
-    def made_up(environment, root, pages):
-        away = moved * ("Prescott" in environment.values())
-        drawn = f'<svg><path d="M {1 + away:.3f} 2"/></svg>'
-        shown = {
-            one: {"words": {}, "texts": [drawn if one == page else ""]} for one in pages
-        }
-        return {"arithmetic": dict(environment), "pages": shown, "ledger": {}}
-
-    monkeypatch.setattr(same_numbers, "apart", made_up)
-    monkeypatch.setattr(same_numbers, "NEEDED", ())
-    assert same_numbers.compared() == wrong
+def test_only_drawings_of_random_draws_may_move_visibly_little(page, moved, wrong):
+    one, other = (f'<svg><path d="M {x:.3f} 2"/></svg>' for x in (1, 1 + moved))
+    (found,) = differences({page: one}, {page: other})
+    assert is_wrong(found) == wrong
+    (found,) = differences({page: one}, {page: one.replace("M", "L")})
+    assert is_wrong(found) == (page == "data.md")
 
 
-def test_a_difference_is_counted_and_printed(monkeypatch, capsys):
-    def made_up(environment, root, pages):
-        value = 1.0 + 1e-9 * ("TZ" in environment)
-        shown = {page: {"words": {"x": str(value)}, "texts": []} for page in pages}
-        ledger = {} if pages else {"cell": value}
-        return {"arithmetic": dict(environment), "pages": shown, "ledger": ledger}
+@pytest.fixture
+def checkout(tmp_path, monkeypatch):
+    """A checkout whose only number depends on the instructions of NumPy."""
+    root = tmp_path / "checkout"
+    for folder in ("src/reproduce", "data", "book/_build", "book/_extra", "tools"):
+        (root / folder).mkdir(parents=True)
+    files = {"book/_extra/ledger.json": {"n": 1.0}, "book/_build/facts.json": {}}
+    for name, content in files.items():
+        (root / name).write_text(json.dumps(content))
+    monkeypatch.setattr(same_numbers, "ROOT", root)
+    monkeypatch.setattr(same_numbers, "BOOK", root / "book")
+    path = same_numbers.__file__
+    (root / "tools/same_numbers.py").write_text(
+        f"import sys; sys.path[:0] = {[str(same_numbers.Path(path).parent)]}\n"
+        f"exec(open({path!r}).read())\n"
+    )
+    return root
 
-    monkeypatch.setattr(same_numbers, "apart", made_up)
-    monkeypatch.setattr(same_numbers, "NEEDED", ())
-    wrong = same_numbers.compared()
-    quick = sum(page.parent.name != "posteriors" for page in same_numbers.notebooks())
-    assert wrong == quick + 1, "every page, and the ledger, under one setting"
-    assert "ledger cell: 1.0, 1.000000001" in capsys.readouterr().out
+
+@pytest.mark.parametrize(("value", "code"), [(1.0, 0), (1.1, 1)])
+def test_results_under_other_arithmetic_are_compared(checkout, capfd, value, code):
+    (checkout / "tools/run_notebooks.py").write_text(
+        "import json, os, pathlib, sys\n"
+        "book = pathlib.Path(sys.argv[0]).parent.parent / 'book'\n"
+        "assert os.environ['TZ'] == 'Pacific/Chatham'\n"
+        "(book / '_build').mkdir()\n"
+        "(book / '_build/facts.json').write_text('{}')\n"
+        f"(book / '_extra/ledger.json').write_text(json.dumps(dict(n={value})))\n"
+    )
+    assert same_numbers.main() == code
+    assert ("ledger n: 1.0, 1.1" in capfd.readouterr().out) == bool(code)
+
+
+def test_arithmetic_that_does_not_change_is_an_error(checkout, monkeypatch):
+    monkeypatch.setattr(same_numbers, "other_settings", lambda core: {})
+    with pytest.raises(RuntimeError, match="expected other arithmetic"):
+        same_numbers.main()
+
+
+def test_the_settings_name_the_instructions_in_use():
+    assert other_settings("Haswell")["OPENBLAS_CORETYPE"] == "Haswell"
+    assert {*other_settings("Haswell")["NPY_DISABLE_CPU_FEATURES"].split()} < {
+        *arithmetic()
+    }

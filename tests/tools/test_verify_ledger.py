@@ -8,6 +8,7 @@ import pytest
 import verify_ledger
 from book_facts import readings_frame
 from reproduce.judge import ledger
+from reproduce.views.computed import whole_ledger
 from reproduce.views.export import export_frame
 
 
@@ -16,7 +17,7 @@ def written(tmp_path_factory):
     """The ledger and the readings as the book has them; their paths."""
     folder = tmp_path_factory.mktemp("ledger")
     ledger_file, readings_file = folder / "ledger.json", folder / "readings.csv"
-    ledger_file.write_text(ledger.build().model_dump_json(), encoding="utf-8")
+    ledger_file.write_text(whole_ledger().model_dump_json(), encoding="utf-8")
     about = {"software": "made here"}
     readings_file.write_text(
         export_frame(readings_frame(), "csv", about), encoding="utf-8"

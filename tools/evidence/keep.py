@@ -1,6 +1,6 @@
-"""Keeping a study: its arrays or its table, beside a note that says how they came about.
+"""Write stored studies: arrays or a table, with a note on their origin.
 
-`reproduce.store.studies` reads what is kept here.
+`reproduce.store.studies` reads the files that this module writes.
 """
 
 from __future__ import annotations
@@ -23,55 +23,42 @@ from reproduce.store.studies import Note, StudyError, digest, folder
 def write(
     name: str, arrays: Mapping[str, NDArray[Any]], note: Note, where: Path | None = None
 ) -> None:
-    """Store a study."""
-    if missing := {"command", "seed", "versions"} - set(note):
-        raise StudyError(f"{name}: the note lacks {', '.join(sorted(missing))}; add it")
-    content = _packed(arrays)
-    lines = [
-        f"{json.dumps(key) if '.' in key else key} = {json.dumps(value, ensure_ascii=False)}"
-        for key, value in note.items()
-    ]
-    lines.append(f'sha256 = "{hashlib.sha256(content).hexdigest()}"')
+    """Store arrays and their note; equal arrays give an equal file."""
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
+        for key, array in arrays.items():
+            # NumPy's own writer would store the present date.
+            entry = zipfile.ZipInfo(f"{key}.npy", date_time=(1980, 1, 1, 0, 0, 0))
+            entry.compress_type = zipfile.ZIP_DEFLATED
+            with archive.open(entry, "w") as file:
+                np.lib.format.write_array(file, np.asarray(array), allow_pickle=False)
+    content = buffer.getvalue()
     target = where or folder()
-    target.mkdir(parents=True, exist_ok=True)
+    sha256 = hashlib.sha256(content).hexdigest()
+    _write_note(target / f"{name}.toml", {**note, "sha256": sha256})
     (target / f"{name}.npz").write_bytes(content)
-    (target / f"{name}.toml").write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
 def write_table(
     name: str, table: pd.DataFrame, note: Mapping[str, Any], where: Path | None = None
 ) -> None:
-    """Store a study that is a table; entries of the note that are tables come last."""
-    if "command" not in note:
-        raise StudyError(f"{name}: the note lacks command; add it")
+    """Store a table with its note, in one file."""
     rows = table.to_numpy(object).tolist()
-    body = "".join(f"    [{', '.join(map(_written, row))}],\n" for row in rows)
-    head = {key: value for key, value in note.items() if not isinstance(value, dict)}
-    head |= {"sha256": digest(body), "columns": list(table.columns)}
-    lines = [f"{key} = {_written(value)}\n" for key, value in head.items()]
-    lines.append(f"rows = [\n{body}]\n")
-    for key, value in note.items():
-        if isinstance(value, dict):
-            lines += [
-                f"\n[{key}]\n",
-                *(f'"{k}" = {_written(v)}\n' for k, v in value.items()),
-            ]
-    ((where or folder()) / f"{name}.toml").write_text("".join(lines), encoding="utf-8")
+    body = "".join(f"    [{', '.join(map(_toml, row))}],\n" for row in rows)
+    head = {**note, "sha256": digest(body), "columns": list(table.columns)}
+    _write_note((where or folder()) / f"{name}.toml", head, f"rows = [\n{body}]\n")
 
 
-def _written(value: Any) -> str:
-    """Write a value as TOML, which agrees with JSON in all that a study holds but nan."""
+def _write_note(path: Path, note: Mapping[str, Any], rest: str = "") -> None:
+    if "command" not in note:
+        raise StudyError(f"{path.stem}: expected a note with a command; add it")
+    lines = (
+        f"{json.dumps(key) if '.' in key else key} = {_toml(value)}\n"
+        for key, value in note.items()
+    )
+    path.write_text("".join(lines) + rest, encoding="utf-8")
+
+
+def _toml(value: Any) -> str:
+    """Return a value as TOML, which agrees with JSON except for nan."""
     return "nan" if value != value else json.dumps(value, ensure_ascii=False)
-
-
-def _packed(arrays: Mapping[str, NDArray[Any]]) -> bytes:
-    """Return the arrays as one file; NumPy's own writer would put today's date into it."""
-    buffer = io.BytesIO()
-    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
-        for key, array in arrays.items():
-            one = io.BytesIO()
-            np.save(one, np.asarray(array), allow_pickle=False)
-            entry = zipfile.ZipInfo(f"{key}.npy", date_time=(1980, 1, 1, 0, 0, 0))
-            entry.compress_type = zipfile.ZIP_DEFLATED
-            archive.writestr(entry, one.getvalue())
-    return buffer.getvalue()

@@ -1,40 +1,27 @@
-"""Compute a slow study again: `python tools/evidence/recompute.py NAME`."""
+"""Compute a stored study again: `python tools/evidence/recompute.py NAME`."""
 
 from __future__ import annotations
 
 import os
 import platform
-import shutil
 import sys
-import tempfile
-from collections.abc import Callable, Mapping
-from concurrent.futures import Executor
-from pathlib import Path
-from typing import NamedTuple
+from concurrent.futures import Executor, ProcessPoolExecutor
+from multiprocessing import get_context
 
 import numpy as np
 from numpy.typing import NDArray
 
 import fusion
 from keep import write
-from parts import processes
 from reproduce.judge import readings
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import ROOT_SEED, Computation
+from reproduce.papers.niu2024.images import PHASES
 from reproduce.version import __version__
-from reproduce.views.computed import fingerprint
 
 Array = NDArray[np.float64]
-_Arrays = dict[str, Array]
-_TOGETHER = 32  # readings of a part
-
-
-class _Span(NamedTuple):
-    """Readings of one computation."""
-
-    computation: str
-    first: int
-    last: int
+Study = tuple[dict[str, Array], dict[str, int | str]]
+READINGS_PER_TASK = 32
 
 
 def stored_computations() -> dict[str, Computation]:
@@ -43,73 +30,55 @@ def stored_computations() -> dict[str, Computation]:
     return {one.name: one for one in every if one.replicates and one.options}
 
 
-def _evaluated(span: _Span) -> _Arrays:
-    computation = stored_computations()[span.computation]
-    part = computation.readings[span.first : span.last]
+def _evaluate(task: tuple[str, int]) -> dict[str, Array]:
+    name, first = task
+    computation = stored_computations()[name]
+    part = computation.readings[first : first + READINGS_PER_TASK]
     return readings.packed(readings.evaluate_readings(computation, part))
 
 
-def _readings(
-    executor: Executor, folder: Path, note: Mapping[str, str]
-) -> tuple[_Arrays, dict[str, str | int]]:
+def evaluate_readings(executor: Executor) -> Study:
     """Evaluate every reading of the stored computations."""
-    spans = [
-        _Span(name, first, first + _TOGETHER)
-        for name, one in stored_computations().items()
-        for first in range(0, len(one.readings), _TOGETHER)
+    computations = stored_computations()
+    tasks = [
+        (name, first)
+        for name, one in computations.items()
+        for first in range(0, len(one.readings), READINGS_PER_TASK)
     ]
     found: dict[str, list[Array]] = {}
-    for part in executor.map(_evaluated, spans):
+    for part in executor.map(_evaluate, tasks):
         for name, array in part.items():
             found.setdefault(name, []).append(array)
-    digests: dict[str, str | int] = {
-        n: readings.fingerprint(one) for n, one in stored_computations().items()
-    }
-    return {name: np.concatenate(some) for name, some in found.items()}, digests
+    digests = {name: readings.fingerprint(one) for name, one in computations.items()}
+    arrays = {name: np.concatenate(parts) for name, parts in found.items()}
+    return arrays, {"seed": ROOT_SEED, **digests}
 
 
-def _fusion(
-    executor: Executor, folder: Path, note: Mapping[str, str]
-) -> tuple[_Arrays, dict[str, str | int]]:
-    arrays, replicates = fusion.recomputed(executor, folder, note)
-    return arrays, {"replicates": replicates}
+def simulate_fusion(executor: Executor) -> Study:
+    """Simulate the fused images."""
+    note = {"seed": fusion.SEED, "replicates": PHASES * fusion.TRIALS}
+    return fusion.simulate(executor), {**note}
 
 
-_Recomputed = Callable[
-    [Executor, Path, Mapping[str, str]], tuple[_Arrays, dict[str, str | int]]
-]
-# Function that computes a slow study, and its seed, by the name of its files.
-SLOW: dict[str, tuple[_Recomputed, int]] = {
-    "readings": (_readings, ROOT_SEED),
-    "niu2024-fusion": (_fusion, fusion.SEED),
-}
+STUDIES = {"readings": evaluate_readings, "niu2024-fusion": simulate_fusion}
 
 
-def _processor_seconds() -> float:
-    """Return what this process and its finished children have worked, whatever else ran beside."""
-    spent = os.times()
-    return spent.user + spent.system + spent.children_user + spent.children_system
-
-
-def run(name: str, where: Path | None = None, executor: Executor | None = None) -> None:
-    """Run a study again and store it; the seconds are those of this run alone."""
-    if name not in SLOW:
-        raise KeyError(f"unknown study {name!r}; expected one of {', '.join(SLOW)}")
-    recomputed, seed = SLOW[name]
-    folder = Path(tempfile.gettempdir()) / f"reproduce-{name}-{fingerprint()[:12]}"
-    begin = _processor_seconds()
-    with executor or processes() as pool:
-        arrays, own = recomputed(pool, folder, {"sources": fingerprint()})
-    note: dict[str, str | int | float] = {
-        "command": f"python tools/evidence/recompute.py {name}",
-        "seed": seed,
-        "versions": f"Python {platform.python_version()}, NumPy {np.__version__}, {__version__}",
-        "processor_seconds": round(_processor_seconds() - begin, 1),
-    }
-    write(name, arrays, {**note, **own}, where)
-    shutil.rmtree(folder, ignore_errors=True)
+def main(names: list[str]) -> None:
+    """Compute studies and store them with the processor time that they took."""
+    for name in names:
+        before = sum(os.times()[:4])  # of this process and its finished children
+        with ProcessPoolExecutor(mp_context=get_context("spawn")) as executor:
+            arrays, own = STUDIES[name](executor)
+        seconds = sum(os.times()[:4]) - before
+        versions = (platform.python_version(), np.__version__, __version__)
+        note: dict[str, int | str | float] = {
+            "command": f"python tools/evidence/recompute.py {name}",
+            "seed": own.pop("seed"),
+            "versions": "Python {}, NumPy {}, {}".format(*versions),
+            "processor_seconds": round(seconds, 1),
+        }
+        write(name, arrays, {**note, **own})
 
 
 if __name__ == "__main__":
-    for wanted in sys.argv[1:]:
-        run(wanted)
+    main(sys.argv[1:])

@@ -122,7 +122,7 @@ def test_one_cell_is_recomputed_whole(stored, star):
 def test_a_smaller_run_says_the_same(stored):
     """With a tenth of the trials, on threads: the same to within its own luck."""
     with ThreadPoolExecutor(2) as pool:
-        found = fusion.simulate(6, executor=pool)
+        found = fusion.simulate(pool, 6)
     seed = np.random.SeedSequence(fusion.SEED, spawn_key=(1, 2, 3))
     place, light = images.PLACES["corner"], photons(images.MAGNITUDES[3])
     cell = images.cell(DOOR, place, light, 6, seed)

@@ -1,15 +1,11 @@
-"""What the registration of pictures is worth: over simulated pictures whose transform is known.
+"""Simulated images with a known transform, and the errors of their registration.
 
-Two pictures of one field are simulated, with photon noise, read noise and whole digital numbers;
-some stars of the second are displaced, so that they are matched wrongly. Counted are how far
-centres and parameters lie from the truth in their stated deviations, how often intervals hold the
-truth, and how much larger the errors of other centres are. `python tools/evidence/pictures.py 1000`
-takes some minutes.
+Two images of one field are simulated, with photon noise, read noise and whole digital numbers. Some
+stars of the second image are displaced, so that they are matched wrongly.
 """
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
@@ -142,19 +138,3 @@ def errors(seeds: Iterable[int], radius: float = RADIUS) -> dict[str, float]:
         name: float(np.sqrt(np.square(np.concatenate(one)).mean()))
         for name, one in left.items()
     }
-
-
-if __name__ == "__main__":
-    count = int(sys.argv[1]) if len(sys.argv) > 1 else 100
-    pulls = np.concatenate([centre_pulls(simulated(seed)) for seed in range(count)])
-    print(f"centres: pull width {pulls.std():.3f} of {pulls.size}")
-    for wrong in (0.0, 0.05, 0.2):
-        told = ", ".join(
-            f"{key} {value:.3g}" for key, value in summary(range(count), wrong).items()
-        )
-        print(
-            f"parameters, {wrong:.0%} wrong matches, {count} pairs of pictures: {told}"
-        )
-    for radius in (0.6, 1.2, 2.5):
-        for name, value in errors(range(min(count, 50)), radius).items():
-            print(f"radius {radius}: {name}: {value:.4f} px")
