@@ -21,6 +21,16 @@ from reproduce.physics.validate import FloatArray, Size
 _BORDER_TOLERANCE = 1e-9
 # Steps in half a range, above which the unit of an angle is probably wrong.
 _MAX_STEPS = 2000
+_ROOT2, _ROOT3 = np.sqrt([2.0, 3.0])
+# Spacings of the fine grid of the lattices that are not stretched, in steps.
+_SPACINGS = {
+    "square, step between neighbours": (1, 1),
+    "quincunx, step between rows": (1, 1),
+    "quincunx, step between neighbours": (1 / _ROOT2, 1 / _ROOT2),
+    "quincunx, step along a row": (1 / 2, 1 / 2),
+    "hexagonal, rows along x": (1 / 2, _ROOT3 / 2),
+    "hexagonal, rows along y": (_ROOT3 / 2, 1 / 2),
+}
 
 
 @validate.checked
@@ -92,17 +102,8 @@ def _family(half: FloatArray, step: float) -> Iterator[tuple[str, FloatArray]]:
 
 def _lattices(half: FloatArray, step: float) -> Iterator[tuple[str, FloatArray, bool]]:
     """Yield name, spacings of the fine grid and kind of every lattice."""
-    root2, root3 = np.sqrt(2.0), np.sqrt(3.0)
-    unstretched = (
-        ("square, step between neighbours", 1, 1, False),
-        ("quincunx, step between rows", 1, 1, True),
-        ("quincunx, step between neighbours", 1 / root2, 1 / root2, True),
-        ("quincunx, step along a row", 1 / 2, 1 / 2, True),
-        ("hexagonal, rows along x", 1 / 2, root3 / 2, True),
-        ("hexagonal, rows along y", root3 / 2, 1 / 2, True),
-    )
-    for name, a, b, chequered in unstretched:
-        yield name, np.array([a, b]) * step, chequered
+    for name, (a, b) in _SPACINGS.items():
+        yield name, np.array([a, b]) * step, not name.startswith("square")
     stretched = "stretched to the edges"
     nearest = 2 * half / np.maximum(1, np.rint(2 * half / step))
     yield f"square, {stretched}", nearest, False
