@@ -125,9 +125,9 @@ def _centroid_errors(given: Given) -> FloatArray:
             for name in _cells("rmse-after")
         )
         raise ValueError(
-            f"{OUTCOME}: expected no residual above √3 times the one of the other channel on "
-            f"the same axis, got {', '.join(shown)}. Green's part, half of their mean square, "
-            "would exceed the smaller one."
+            f"{OUTCOME}: expected residuals that leave an error to every channel, got "
+            f"{', '.join(shown)}. Keep each within √3 times the one of the other channel: "
+            "green has half of their mean square."
         )
     return np.asarray(np.sqrt(np.stack([green, *(squares - green)]))[:, None, :])
 

@@ -34,7 +34,7 @@ from numpy.typing import NDArray
 
 from reproduce.papers.declare import Prediction, Results, draws, reproduces, words
 from reproduce.physics import validate
-from reproduce.physics.optics import Camera, arrangements_with, channel_centroids
+from reproduce.physics.optics import Camera, arrangement_angles, channel_centroids
 from reproduce.physics.registration import (
     Registration,
     fit_registration,
@@ -82,17 +82,15 @@ def half_ranges(given: Given) -> FloatArray:
 @cache
 def arrangement(given: Given, name: str = next(iter(_OPTIONS["angles"]))) -> FloatArray:
     """Return the angles of one alternative, shape (n, 2), in radians; default: the literal."""
-    count, step = given.count(f"{SETTINGS}#angle-count"), given[f"{SETTINGS}#step"]
     half_x, half_y = half_ranges(given)
-    every = arrangements_with(count, half_x, half_y, step)
-    full = {short: way.text for short, way in _OPTIONS["angles"].items()}
-    if full[name] not in every:
-        known = [short for short, text in full.items() if text in every]
+    full = _OPTIONS["angles"][name].text
+    angles = arrangement_angles(full, half_x, half_y, given[f"{SETTINGS}#step"])
+    if len(angles) != (count := given.count(f"{SETTINGS}#angle-count")):
         raise ValueError(
-            f"angles: expected an arrangement that has {count} angles over the range, got "
-            f"{name}. These have: {', '.join(known) or 'none'}."
+            f"{SETTINGS}#angle-count: expected {len(angles)}, which the arrangement {name} "
+            f"has over the range, got {count}. Change the count, or choose other angles."
         )
-    return every[full[name]]
+    return angles
 
 
 def numbers(given: Given, name: str, channels: Sequence[str] = CHANNELS) -> FloatArray:
