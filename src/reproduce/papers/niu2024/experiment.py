@@ -230,19 +230,17 @@ def twin_fits(
     noisy = true + error * unit
     directions = optics.starlight(table[:, 1], table[:, 0])
     pitch = given[f"{OPTICS}#pixel-pitch-x"]
-    spots, [zero] = (
-        dict(zip(CHANNELS, noisy.swapaxes(0, 1), strict=True)),
-        zero_places(table),
-    )
-    turns = dict(zip(CHANNELS, rotations(given), strict=True))
-    alone = {
-        c: optics.fit_camera(directions, spots[c], pitch, turns[c]) for c in CHANNELS
-    }
-    laid = {
-        c: fit_registration(spots[c], spots["green"], spots[c][:, zero])
-        for c in REGISTERED
-    }
-    return alone, laid
+    [zero] = zero_places(table)
+    green = noisy[:, 0]
+    alone, registered = {}, {}
+    for place, (channel, turn) in enumerate(
+        zip(CHANNELS, rotations(given), strict=True)
+    ):
+        spots = noisy[:, place]
+        alone[channel] = optics.fit_camera(directions, spots, pitch, turn)
+        if place:
+            registered[channel] = fit_registration(spots, green, spots[:, zero])
+    return alone, registered
 
 
 # Replicates of both kinds of fit, and how much of a printed residual is the error of one centroid.
