@@ -90,16 +90,6 @@ class Camera:
         for name, array in zip(self.__dataclass_fields__, given, strict=True):
             object.__setattr__(self, name, array)
 
-    @property
-    def batch(self) -> tuple[int, ...]:
-        """The batch shape of the parameters; () for a single camera."""
-        return np.broadcast_shapes(
-            self.focal_length.shape,
-            self.principal_point.shape[:-1],
-            self.radial_distortion.shape,
-            self.pixel_pitch.shape,
-        )
-
 
 @validate.checked
 def ideal_positions(directions: Directions, focal_length: Positive) -> FloatArray:
