@@ -78,7 +78,7 @@ def banded(
 
 
 def logarithmic(axes: Axes, x: Sequence[float], y: Sequence[float]) -> None:
-    """Make both axes logarithmic, with these ticks alone, written as they are."""
+    """Make both axes logarithmic, with these ticks only, as they are given."""
     axes.set(xscale="log", yscale="log")
     axes.set_xticks(x, [f"{tick:g}" for tick in x])
     axes.set_yticks(y, [f"{tick:g}" for tick in y])

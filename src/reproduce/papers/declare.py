@@ -277,7 +277,7 @@ class Drawing(Declared):
     ----------
     marks : tuple of str
         Addresses of cells of other items that the drawing marks, such as a printed optimum. All
-        cells of its own item are marked.
+        cells of the item itself are marked.
     """
 
     marks: tuple[str, ...] = ()

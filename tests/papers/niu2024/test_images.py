@@ -57,10 +57,10 @@ def test_green_alone_reaches_the_cramer_rao_bound(stored):
         for j, magnitude in enumerate(images.MAGNITUDES):
             offsets = np.random.default_rng(1).uniform(0, 1, (64, 2))
             at = 20 + offsets
-            corners = window_corners(at, images._WINDOW)
+            corners = window_corners(at, images._WINDOW_PIXELS)
             light = np.full(64, ETA * photons(magnitude, star)[0])
             bound = cramer_rao_variance(
-                at, light, images.RADIUS, corners, images._WINDOW, DARK
+                at, light, images.RADIUS, corners, images._WINDOW_PIXELS, DARK
             )
             expected = np.sqrt(bound.sum(axis=-1).mean())
             # 480 trials of two axes: 2.3 % by chance; rounding and few photons add some.

@@ -1,15 +1,15 @@
 """The experiment with the real camera and its twin in a simulation (niu2024, section 4.3).
 
 The measured centroids are not published. The twin is the same camera, simulated from the printed
-settings. What it takes from the paper:
+settings. The paper gives:
 
-* green spots follow (21) with the focal length and distortion of Table 4; red and blue ones are
-  those that the registration of the paper, (17) and (18) with the four parameters of Table 4, lays
-  over them;
+* green spots follow (21) with the focal length and distortion of Table 4; red and blue spots are
+  those that the registration of the paper, (17) and (18) with the four parameters of Table 4, maps
+  onto them;
 * the test positions are directions at random, uniform over the printed field of view;
-* what is left after registration, per axis and channel, measures the centroid errors: the printed
+* the residual after registration, per axis and channel, measures the centroid errors: the printed
   residuals are inputs here, and split evenly between green and the other channel, so that both
-  channels share the errors of green. The rotary table's own error moves all channels alike;
+  channels share the errors of green. The error of the rotary table moves all channels alike;
 * the RMSE is printed per axis, so the literal reading computes it per axis; (26) counts both.
 
 So the RMSE before registration is predicted, with the RMSE after it as an input. The RMSE after it
@@ -17,13 +17,13 @@ is little more than the centroid errors of the laboratory, which no other printe
 stays without a verdict. As a stand-in it is computed with the noise of the simulation, which the
 paper calls close to the real conditions.
 
-The scale factors of Table 4 are not the ratios of the focal lengths beside them. The twin first had
+The scale factors of Table 4 are not the ratios of the focal lengths in the same table. The twin first had
 the ratios; the printed factors came in when that result was known, because the paper registers
 with them. Both are alternatives of one option, and both ways to count the axes of another.
 
-The paper also fits a focal length and a distortion to every channel alone, whose closeness it takes
-as support for its approximations. The twin does both fits many times, to show how well they can do;
-nothing is judged with them.
+The paper also fits a focal length and a distortion to every single channel, and takes their closeness
+as support for its approximations. The twin does both fits many times, to show their precision.
+No verdict uses them.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ from reproduce.printed.given import Given
 _CALIBRATION = "niu2024/table-4"
 OUTCOME = "niu2024/text-experiment"
 _REPLICATES = 10_000
-# The cameras of all channels, each by its own focal length and distortion.
+# The cameras of all channels, each with a focal length and a distortion.
 CAMERAS = (
     f"{_CALIBRATION}#focal-length.*",
     f"{_CALIBRATION}#radial-distortion.*",
@@ -115,7 +115,7 @@ def _centroid_errors(given: Given) -> FloatArray:
     """Return the centroid errors that the printed residuals imply, shape (3, 1, 2), in px.
 
     Standard deviation by channel (green, red, blue) and axis: green has half the mean squared
-    residual, the others the rest of their own. Raises ValueError if no rest is left.
+    residual, the others the rest of theirs. Raises ValueError if no rest is left.
     """
     squares = np.square(_residuals(given))
     green = squares.mean(axis=0) / 2
@@ -244,14 +244,17 @@ def twin_fits(
 
 
 # Replicates of both kinds of fit, and how much of a printed residual is the error of one centroid.
-_FITS = 1000
+_FIT_REPLICATES = 1000
 # Half the last digit of a scale factor; that of a focal length moves the ratio by far less.
-_ROUNDING = 0.5e-4
-_SHARES = {"half of them green's": np.sqrt(0.5), "all of them in every channel": 1.0}
+_SCALE_ROUNDING = 0.5e-4
+_ERROR_FRACTIONS = {
+    "half of them green's": np.sqrt(0.5),
+    "all of them in every channel": 1.0,
+}
 
 
 def _scale_facts(given: Given) -> dict[str, declare.Fact]:
-    """What sentences say of the scale factors: how far each lies from the ratio, at both noises."""
+    """Return the distance of each scale factor from the ratio, at both noises."""
     far = _scale_errors(given).groupby("Channel")["Distance (σ)"].agg(["min", "max"])
     return {
         f"{channel}-{end}": declare.Fact(value, ".1f")
@@ -277,13 +280,13 @@ def _scale_errors(given: Given) -> list[tuple[str, str, float, float, float]]:
     residual = float(np.sqrt(np.square(given.array(f"{OUTCOME}#rmse-after-*")).mean()))
     printed = registration.scale_factors(given, _CALIBRATION)
     rows = []
-    for name, share in _SHARES.items():
-        alone, laid = twin_fits(given, seed, _FITS, share * residual)
+    for name, share in _ERROR_FRACTIONS.items():
+        alone, laid = twin_fits(given, seed, _FIT_REPLICATES, share * residual)
         for channel in REGISTERED:
             lengths = (alone[one].focal_length for one in ("green", channel))
             sd = float(np.std(laid[channel].parameters[:, 0] - np.divide(*lengths)))
             apart = given[f"{_CALIBRATION}#scale.{channel}"] - printed[channel]
             rows.append(
-                (channel, name, apart, sd, max(0.0, abs(apart) - _ROUNDING) / sd)
+                (channel, name, apart, sd, max(0.0, abs(apart) - _SCALE_ROUNDING) / sd)
             )
     return rows

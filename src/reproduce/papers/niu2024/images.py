@@ -1,7 +1,7 @@
 """From starlight to a fused image, with the camera of niu2024 (section 2).
 
 Bands, detector size, pixel pitch, exposure and the calibrated camera of Table 4 are the paper's.
-What it does not print is ours, in the constants below, and typical of a small camera with a
+What it does not print is assumed in the constants below, and typical of a small camera with a
 modern CMOS sensor: the aperture, what the optics let through, the sensor's parameters, the spot's
 size. The results on these images are therefore examples and carry no verdict.
 
@@ -9,7 +9,7 @@ Images are arrays [y, x] in electrons, dark signal and offset taken away; channe
 order green, red, blue; positions are in px, x before y, the centre of the first pixel at (0, 0).
 
 The stored study exposes windows around one star many times, over kind of star, magnitude and place
-in the field. Three images are compared: green alone, the sum of three as they are, and the sum of
+in the field. Three images are compared: green only, the sum of three as they are, and the sum of
 three after registration. In each the centre is the one of maximum likelihood.
 """
 
@@ -50,7 +50,7 @@ READS = (
 )
 # Diameter in metres: half the focal length, f/2; what the optics let through; of a spot, in px.
 APERTURE, TRANSMISSION, RADIUS = 12.5e-3, 0.8, 0.8
-_WINDOW = 9
+_WINDOW_PIXELS = 9
 # The detector of every channel: a 12-bit sensor of small pixels.
 SENSOR = images.Detector(
     quantum_efficiency=0.6,
@@ -62,7 +62,7 @@ SENSOR = images.Detector(
     bits=12,
 )
 MAGNITUDES = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
-# Places in the field, as shares of the half range to the corner.
+# Places in the field, as fractions of the half range to the corner.
 PLACES = {"centre": 0.0, "half way": 0.5, "corner": 0.95}
 PHASES = 8
 # Blackbodies by their temperature in kelvin, tabulated spectra by their name.
@@ -75,11 +75,11 @@ STARS: dict[str, float | str] = {
 }
 MADE = ("green alone", "fused as they are", "fused after registration")
 RESULTS = ("error", "bias", "signal_to_noise")
-_MARGIN = 12  # px around the star, so that resampling has something to read
-_MIDDLE = slice(_MARGIN, -_MARGIN)
+_MARGIN_PIXELS = 12  # px around the star, so that resampling has something to read
+_MIDDLE_SLICE = slice(_MARGIN_PIXELS, -_MARGIN_PIXELS)
 # px, in which the signal is summed: the width that suits a faint Gaussian spot best, about three
 # and a half of its radii across.
-_SUMMED = 3
+_SUMMED_PIXELS = 3
 
 
 def _cameras(door: Given) -> list[Camera]:
@@ -159,7 +159,7 @@ def _exposures(
 
     In electrons, shape (3, trials, size, size); and the first pixel of the windows.
     """
-    size = _WINDOW + 2 * _MARGIN
+    size = _WINDOW_PIXELS + 2 * _MARGIN_PIXELS
     corner = images.window_corners(spots[0], size).astype(np.float64)
     clean = images.spot_windows(
         spots, photons, RADIUS, np.broadcast_to(corner, (3, 2)), size
@@ -179,16 +179,16 @@ def _combinations(
             [registered_image(window, transform, corner=at) for window in layer]
         )
     made = (windows[0], windows.sum(axis=0), windows[0] + moved)
-    return [image[..., _MIDDLE, _MIDDLE] for image in made]
+    return [image[..., _MIDDLE_SLICE, _MIDDLE_SLICE] for image in made]
 
 
 def _signal_to_noise(image: FloatArray) -> float:
     """Return mean over scatter of the light in an aperture about the brightest pixel."""
     mean = image.mean(axis=0)
-    half = _SUMMED // 2
+    half = _SUMMED_PIXELS // 2
     inner = mean[half:-half, half:-half]
     y, x = np.unravel_index(int(inner.argmax()), inner.shape)
-    sums = image[:, y : y + _SUMMED, x : x + _SUMMED].sum(axis=(-2, -1))
+    sums = image[:, y : y + _SUMMED_PIXELS, x : x + _SUMMED_PIXELS].sum(axis=(-2, -1))
     return float(sums.mean() / sums.std(ddof=1))
 
 
@@ -196,7 +196,7 @@ def _centres(made: list[FloatArray], corner: FloatArray) -> FloatArray:
     """Return centres by image, shape (3, trials, 2)."""
     noise = SENSOR.noise_electrons() * np.sqrt([1, 3, 3])
     pairs = zip(made, noise, strict=True)
-    first = corner + _MARGIN
+    first = corner + _MARGIN_PIXELS
     return np.array(
         [images.fitted_centre(i, first, RADIUS, read_noise=n) for i, n in pairs]
     )
@@ -242,7 +242,7 @@ _CHANNEL_LOOKS = {
     "green": Look("green", "#009E73", "-.", "o"),
     "blue": Look("blue", "#0072B2", ":", "^"),
 }
-_KINDS = (
+_IMAGE_LOOKS = (
     Look("green", "#777777", ":", "^"),
     Look("raw", "#D55E00", "--", "s"),
     Look("fused", "#0072B2", "-", "o"),
@@ -259,11 +259,11 @@ def _draw_star(figure: Figure) -> None:
     photons = light_of(door, "solar", magnitude=3.0)
     windows, corner = _exposures(spots, photons, 1, np.random.default_rng(9))
     green, plain, registered = _combinations(windows, corner, similarities(door))
-    places = dict(zip(CHANNELS, spots - corner - _MARGIN + 0.5, strict=True))
+    places = dict(zip(CHANNELS, spots - corner - _MARGIN_PIXELS + 0.5, strict=True))
     panels = {
-        "red": windows[1][:, _MIDDLE, _MIDDLE],
+        "red": windows[1][:, _MIDDLE_SLICE, _MIDDLE_SLICE],
         "green": green,
-        "blue": windows[2][:, _MIDDLE, _MIDDLE],
+        "blue": windows[2][:, _MIDDLE_SLICE, _MIDDLE_SLICE],
         "fused as they are": plain,
         MADE[2]: registered,
     }
@@ -296,7 +296,7 @@ def _draw_errors(figure: Figure) -> None:
         figure.add_subplot(),
         _stored().arrays["error"][list(STARS).index("solar")],
     )
-    for kind, (name, look) in enumerate(zip(MADE, _KINDS, strict=True)):
+    for kind, (name, look) in enumerate(zip(MADE, _IMAGE_LOOKS, strict=True)):
         for place, where, fill in ((0, "centre", "none"), (-1, "corner", look.colour)):
             (line,) = axes.semilogy(
                 MAGNITUDES, errors[place, :, kind], look.line, c=look.colour
