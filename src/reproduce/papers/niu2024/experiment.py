@@ -18,12 +18,13 @@ stays without a verdict. As a stand-in it is computed with the noise of the simu
 paper calls close to the real conditions.
 
 The scale factors of Table 4 are not the ratios of the focal lengths in the same table. The twin
-first had the ratios; the printed factors came in when that result was known, because the paper registers
-with them. Both are alternatives of one option, and both ways to count the axes of another.
+first had the ratios; the printed factors came in when that result was known, because the paper
+registers with them. Both are alternatives of one option, and both ways to count the axes of
+another.
 
 The paper also fits a focal length and a distortion to every single channel, and takes their
-closeness as support for its approximations. The twin does both fits many times, to show their precision.
-No verdict uses them.
+closeness as support for its approximations. The twin does both fits many times, to show their
+precision. No verdict uses them.
 """
 
 from __future__ import annotations

@@ -14,9 +14,9 @@ The leading axes are a batch: many frames, many simulated calibrations, many cam
 The reference channel is the green one; the other is named by its role.
 
 A channel is calibrated by itself from known starlight: focal length, principal point and
-distortion. The model is linear in F, m F^3 and the principal point. Its least-squares minimum is
-therefore found at once, without starting values, and it is the minimum over F and m too, because the one
-pair follows from the other.
+distortion. The model is linear in F, m F^3 and the principal point. Its least-squares minimum
+is therefore found at once, without starting values, and it is the minimum over F and m too,
+because the one pair follows from the other.
 """
 
 from __future__ import annotations
