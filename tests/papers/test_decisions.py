@@ -136,7 +136,9 @@ def test_the_edge_by_hand_and_by_monte_carlo(stars):
         edge = np.hypot(*(red - pivot).T).argmax()
         length = np.hypot(*(transform.apply(red)[:, edge] - green[edge]).T)
         found = sensor._edge_errors(STARS, np.array([stars]))["similarity"][:, 0]
-        np.testing.assert_allclose(np.quantile(length, sensor._ENDS), found, rtol=0.06)
+        np.testing.assert_allclose(
+            np.quantile(length, sensor._QUANTILES), found, rtol=0.06
+        )
 
 
 def test_how_many_stars_are_enough():
@@ -193,7 +195,9 @@ def test_emcee_finds_the_same_at_the_edge():
         places = likelihood.elsewhere(likelihood.source[[outermost]]).places(
             found.draws
         )[:, 0]
-        sampled = np.quantile(np.hypot(*(places - places.mean(axis=0)).T), sensor._ENDS)
+        sampled = np.quantile(
+            np.hypot(*(places - places.mean(axis=0)).T), sensor._QUANTILES
+        )
         edge = designs[name].at_edge(np.array([137.0]))[0]
-        scatter = [circular_error(edge, share) for share in sensor._ENDS[1:]]
+        scatter = [circular_error(edge, share) for share in sensor._QUANTILES[1:]]
         np.testing.assert_allclose(sampled[1:], ratio * np.array(scatter), rtol=0.05)

@@ -29,7 +29,7 @@ def forget():
 
 def content(shown):
     """Return every number of a figure or a table, to the last bit."""
-    axes = shown.drawn.axes if isinstance(shown, Figure) else []
+    axes = getattr(shown.drawn, "axes", ()) if isinstance(shown, Figure) else ()
     images = [
         np.asarray(one.get_array()).tobytes() for each in axes for one in each.images
     ]

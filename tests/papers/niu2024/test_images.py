@@ -40,12 +40,6 @@ def test_a_magnitude_4_star_by_hand():
     assert photons(4.0)[0] == pytest.approx(by_hand, rel=0.03)
 
 
-def test_stars_are_blackbodies_cool_solar_and_hot_and_tables():
-    heats = [value for value in images.STARS.values() if not isinstance(value, str)]
-    assert min(heats) < 4000 < 5500 < 6000 < 10000 < max(heats)
-    assert sum(isinstance(value, str) for value in images.STARS.values()) == 2
-
-
 def test_light_of_the_tabulated_stars_by_hand():
     """Vega in red by the trapezoid over its table, V = 0.03 of its own; the same optics."""
     wavelength, table = spectra()["vega"]
@@ -63,10 +57,10 @@ def test_green_alone_reaches_the_cramer_rao_bound(stored):
         for j, magnitude in enumerate(images.MAGNITUDES):
             offsets = np.random.default_rng(1).uniform(0, 1, (64, 2))
             at = 20 + offsets
-            corners = window_corners(at, images._WINDOW)
+            corners = window_corners(at, images._WINDOW_PIXELS)
             light = np.full(64, ETA * photons(magnitude, star)[0])
             bound = cramer_rao_variance(
-                at, light, images.RADIUS, corners, images._WINDOW, DARK
+                at, light, images.RADIUS, corners, images._WINDOW_PIXELS, DARK
             )
             expected = np.sqrt(bound.sum(axis=-1).mean())
             # 480 trials of two axes: 2.3 % by chance; rounding and few photons add some.
@@ -119,30 +113,20 @@ def test_one_cell_is_recomputed_whole(stored, star):
         np.testing.assert_allclose(array, stored[name][row, 2, 3], atol=1e-9)
 
 
-def test_a_smaller_run_says_the_same(stored):
-    """With a tenth of the trials, on threads: the same to within its own luck."""
+def test_a_run_on_threads_is_the_run_of_every_cell():
     with ThreadPoolExecutor(2) as pool:
         found = fusion.simulate(pool, 6)
     seed = np.random.SeedSequence(fusion.SEED, spawn_key=(1, 2, 3))
-    place, light = images.PLACES["corner"], photons(images.MAGNITUDES[3])
-    cell = images.cell(DOOR, place, light, 6, seed)
+    light = photons(images.MAGNITUDES[3])
+    cell = images.cell(DOOR, images.PLACES["corner"], light, 6, seed)
     for name, array in zip(images.RESULTS, cell, strict=True):
         np.testing.assert_array_equal(found[name][1, 2, 3], array)
-    large = stored["error"][..., 1]
-    np.testing.assert_allclose(found["error"][..., 1], large, rtol=0.1)
-    ratio = found["error"][..., 2] / stored["error"][..., 2]
-    assert ratio.min() > 0.6
-    assert ratio.max() < 1.6
-    assert np.median(ratio) == pytest.approx(1, abs=0.1)
 
 
-def test_the_table_has_a_row_for_every_star():
-    centroids = studies()["niu2024/fusion"]()
-    cells = len(images.STARS) * len(images.PLACES) * len(images.MAGNITUDES)
-    assert len(centroids) == cells * len(images.MADE)
-    assert list(centroids["Star"].unique()) == list(images.STARS)
-    row = centroids.query("Star == 'Vega' and Place == 'corner'").iloc[-1]
-    stored = images._stored().arrays
+def test_the_table_shows_the_stored_arrays(stored):
+    table = studies()["niu2024/fusion"]()
+    assert len(table) == stored["error"].size
+    row = table.query("Star == 'Vega' and Place == 'corner'").iloc[-1]
     assert row["Bias (px)"] == stored["bias"][-1, -1, -1, -1]
     assert row["Signal over noise"] == stored["signal_to_noise"][-1, -1, -1, -1]
 

@@ -1,11 +1,12 @@
-"""What the approximations of niu2024 cost with the printed parameters of Tables 1 and 4.
+"""Errors of the approximations of niu2024 with the printed parameters of Tables 1 and 4.
 
-The pivot is off by what (10) leaves out: the source's principal point stands where green's belongs,
-and they are as far apart as the tables print. Two of the five effects have a size that the paper
-does not print; the stand-ins are ours:
+The error of the pivot is the term that (10) neglects: the principal point of the source takes the
+place of green's, and the tables give their distance. The paper does not print the size of two of
+the five effects. The assumed values are:
 
-* a detector is tilted about both axes by as much as it is printed to be turned in its plane;
-* the second radial term carries what the printed share of the first one leaves, at the corner.
+* a detector is tilted about both axes by the printed angle of its rotation in its plane;
+* the second radial term is the rest that the printed fraction of the first term leaves at the
+  corner.
 """
 
 from __future__ import annotations
@@ -31,16 +32,16 @@ from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given, given
 
 _APPROXIMATIONS = "niu2024/text-approximations"
-_SHARE = f"{_APPROXIMATIONS}#first-term-share"
+_FIRST_TERM_FRACTION = f"{_APPROXIMATIONS}#first-term-share"
 _TABLES = {"Table 1": simulation, "Table 4": experiment}
 READS = (
     *experiment.CAMERAS,
     IMAGING,
     f"{simulation.TRUTH}#rotation.*",
     f"{OPTICS}#pixels-*",
-    _SHARE,
+    _FIRST_TERM_FRACTION,
 )
-_ACROSS = 200  # positions along either side of the detector
+_POSITIONS_ACROSS = 200  # positions along either side of the detector
 _TITLES = {
     "coefficients": "unequal coefficients",
     "cube": "k³ for k",
@@ -58,8 +59,8 @@ _TITLES = {
 )
 def scale_near_one(given: Given) -> Results:
     """The scale factor of Table 1 that lies farthest from one."""
-    found = scale_factors(given).values()
-    return {"scale-approximation": max(found, key=lambda scale: abs(scale - 1))}
+    scales = scale_factors(given).values()
+    return {"scale-approximation": max(scales, key=lambda scale: abs(scale - 1))}
 
 
 @reproduces(
@@ -83,26 +84,23 @@ def _half_size(door: Given) -> FloatArray:
 
 
 def _channels(door: Given, table: str, channel: str) -> Channels:
-    """Return a channel beside green, with the printed parameters and our stand-ins."""
+    """Return a channel and green, with the printed parameters and the assumed values."""
     place = simulation.CHANNELS.index(channel)
     cameras: list[Camera] = _TABLES[table].cameras(door)
-    source, green, rotation = (
-        cameras[place],
-        cameras[0],
-        _TABLES[table].rotations(door)[place],
+    source, green = cameras[place], cameras[0]
+    rotation = _TABLES[table].rotations(door)[place]
+    lean = float(np.tan(abs(rotation)))
+    # The second term takes the rest that the printed fraction leaves at the corner.
+    rest = (1 / door[_FIRST_TERM_FRACTION] - 1) / np.square(_half_size(door)).sum()
+    second, reference = (
+        round(float(one.radial_distortion) * rest, 12) for one in (source, green)
     )
-    corner, lean = np.hypot(*_half_size(door)), float(np.tan(abs(rotation)))
-    # What leaves the first term its share at the corner.
-    left = (1 / door[_SHARE] - 1) / corner**2
-    second = [round(float(one.radial_distortion) * left, 12) for one in (source, green)]
     x, y = (green.principal_point - source.principal_point).tolist()
-    return Channels(
-        source, green, rotation, (x, y), (lean, lean), (second[0], second[1])
-    )
+    return Channels(source, green, rotation, (x, y), (lean, lean), (second, reference))
 
 
 def _isolated(whole: Channels, effect: str, positions: FloatArray) -> FloatArray:
-    """Return the error field of one effect alone."""
+    """Return the error field of one effect only."""
     found = error_field(whole.only(effect), positions)
     if effect == "coefficients":
         return found - error_field(whole.only("cube"), positions)
@@ -124,15 +122,14 @@ def _facts(door: Given) -> dict[str, Fact]:
 
 @studied("niu2024/approximations", given=READS, named=_facts)
 def _errors(door: Given) -> Iterator[tuple[object, ...]]:
-    """How large each error is over the detector, and what a fit leaves of it."""
-    positions = even_positions(_half_size(door), _ACROSS)
+    """Size of each error over the detector, and its residual after a fit."""
+    positions = even_positions(_half_size(door), _POSITIONS_ACROSS)
     for table, channel, effect in product(_TABLES, REGISTERED, EFFECTS):
         error = _isolated(_channels(door, table, channel), effect, positions)
         # The same projection that a fit makes: onto scale, rotation and shift of the positions.
-        left = fit_registration(
-            positions * 1e6, positions * 1e6 + error, (0.0, 0.0)
-        ).residuals
+        rest = fit_registration(positions * 1e6, positions * 1e6 + error, (0.0, 0.0))
         means = (
-            float(np.sqrt(np.square(one).sum(axis=-1).mean())) for one in (error, left)
+            float(np.sqrt(np.square(one).sum(axis=-1).mean()))
+            for one in (error, rest.residuals)
         )
         yield (_TITLES[effect], table, channel, float(np.hypot(*error.T).max()), *means)

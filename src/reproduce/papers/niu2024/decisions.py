@@ -14,10 +14,10 @@ import numpy as np
 from scipy.special import chndtrix
 
 from reproduce.inference import Normal, models
+from reproduce.papers.charts import banded, logarithmic, named_below, sized
 from reproduce.papers.declare import Fact, draws, studied
 from reproduce.papers.niu2024 import posteriors, simulation
 from reproduce.papers.niu2024.simulation import NOISE
-from reproduce.papers.sketch import banded, logarithmic, named_below, sized
 from reproduce.physics.ground import circular_error
 from reproduce.physics.registration import fit_registration
 from reproduce.physics.validate import FloatArray
@@ -28,15 +28,15 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
-_ENDS = (0.025, 0.5, 0.975)
+_QUANTILES = (0.025, 0.5, 0.975)
 READS = simulation.READS
 _COUNT = f"{simulation.SETTINGS}#angle-count"
 _MODELS = {"similarity": "registration", "distortions free": "registration-distortion"}
-_COUNTS = (10, 20, 50, 100, 200, 500, 1000)
+_STAR_COUNTS = (10, 20, 50, 100, 200, 500, 1000)
 # Steps of the derivatives: scale, rotation, two shifts, two distortions.
-_STEPS = np.array([1e-6, 1e-6, 1e-3, 1e-3, 1e-3, 1e-3])
-_MOST = 1e5
-_TRIED = np.geomspace(4, _MOST, 60)
+_DERIVATIVE_STEPS = np.array([1e-6, 1e-6, 1e-3, 1e-3, 1e-3, 1e-3])
+_MAX_STARS = 1e5
+_STARS_TRIED = np.geomspace(4, _MAX_STARS, 60)
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,42 +70,48 @@ def _designs(door: Given) -> dict[str, _Design]:
     green, red, _ = posteriors.true_centroids(door)
     middle, true = posteriors.pivot(door, "red"), posteriors.truth(door)
     plain = models.registration_model(red, green, middle)
-    outermost = np.hypot(*(red - middle).T).argmax()
     known = [true[name] for name in (*models.TRANSFORM, "noise")]
     found = {}
     for name, model in zip(
         _MODELS, (plain, models.distortion_model(plain)), strict=True
     ):
         likelihood = model.likelihood_of(models.GaussianRegistration)
-        extra = model.parameters[5:]
-        centre = np.array([*known, *[0.0] * len(extra)])
-        free = np.delete(np.arange(len(centre)), 4)
-        steps = np.diag(np.insert(_STEPS, 4, 0.0)[: len(centre)])[free]
-        ahead, behind = (likelihood.places(centre + sign * steps) for sign in (1, -1))
-        response = (ahead - behind) / (2 * _STEPS[: len(free), None, None])
-        sigmas = [p.prior.sigma for p in extra if isinstance(p.prior, Normal)]
-        flat = np.moveaxis(response, 0, -1).reshape(-1, len(free))
+        priors = [one.prior for one in model.parameters[5:]]
+        sigmas = [prior.sigma for prior in priors if isinstance(prior, Normal)]
+        steps = _DERIVATIVE_STEPS[: 4 + len(sigmas)]
+        centre = np.array([*known, *np.zeros(len(sigmas))])
+        # The fifth parameter is the noise, which moves no star.
+        moves = np.insert(np.diag(steps), 4, 0.0, axis=1)
+        ahead, behind = (likelihood.places(centre + sign * moves) for sign in (1, -1))
+        response = (ahead - behind) / (2 * steps[:, None, None])
+        flat = response.reshape(len(steps), -1)
         found[name] = _Design(
-            flat.T @ flat / true["noise"] ** 2,
-            np.diag(np.append(np.zeros(4), np.power(sigmas, -2.0))),
-            response[:, outermost].T,
+            flat @ flat.T / true["noise"] ** 2,
+            np.diag([0.0] * 4 + [sigma**-2 for sigma in sigmas]),
+            response[:, _outermost(red, middle)].T,
             len(red),
         )
     return found
 
 
+def _outermost(points: FloatArray, middle: FloatArray) -> int:
+    """Return the index of the star farthest from the middle."""
+    return int(np.hypot(*(points - middle).T).argmax())
+
+
 def _edge_errors(door: Given, counts: FloatArray) -> dict[str, FloatArray]:
     """How far the outermost star is misplaced: low end, median, high end by model, (3, n), px.
 
-    A similarity scatters alike in all directions, about a place that is off by what it leaves out.
+    A similarity scatters alike in all directions, about a place that the neglected distortion
+    shifts.
     """
     plain, free = (one.at_edge(counts) for one in _designs(door).values())
     variance = np.trace(plain, axis1=1, axis2=2) / 2
     off = np.sum(_left_out(door) ** 2) / variance
     found = [
-        # Rice's law, squared, is a noncentral chi-squared.
-        [np.sqrt(variance * chndtrix(share, 2, off)) for share in _ENDS],
-        [circular_error(free, share) for share in _ENDS],
+        # The square of a Rice variable is noncentral chi-squared.
+        [np.sqrt(variance * chndtrix(share, 2, off)) for share in _QUANTILES],
+        [circular_error(free, share) for share in _QUANTILES],
     ]
     return dict(zip(_MODELS, map(np.stack, found), strict=True))
 
@@ -115,21 +121,22 @@ def _left_out(door: Given) -> FloatArray:
     green, red, _ = posteriors.true_centroids(door)
     middle = posteriors.pivot(door, "red")
     left = fit_registration(red, green, middle).residuals
-    return np.asarray(left[np.hypot(*(red - middle).T).argmax()])
+    return np.asarray(left[_outermost(red, middle)])
 
 
 def _enough(door: Given) -> dict[str, float]:
     """Stars with which 97.5 % of calibrations misplace the outermost one less than the noise.
 
-    By model; infinite where as many as `_MOST` are not enough.
+    By model; infinite where as many as `_MAX_STARS` are not enough.
     """
-    places, wanted = np.log(_TRIED), -np.log(door[NOISE])
-    return {
-        name: float(
-            np.ceil(np.exp(np.interp(wanted, -np.log(ends[2]), places, right=np.inf)))
+    found = {}
+    for name, (_, _, high) in _edge_errors(door, _STARS_TRIED).items():
+        falling = -np.log(high)
+        place = np.interp(
+            -np.log(door[NOISE]), falling, np.log(_STARS_TRIED), right=np.inf
         )
-        for name, ends in _edge_errors(door, _TRIED).items()
-    }
+        found[name] = float(np.ceil(np.exp(place)))
+    return found
 
 
 def _star_facts(door: Given) -> dict[str, Fact]:
@@ -143,7 +150,7 @@ def _star_facts(door: Given) -> dict[str, Fact]:
         found[f"{kind}-all-high"] = Fact(high, ".3f", "px")
     left = float(np.hypot(*_left_out(door)))
     found["left-out"] = Fact(left, ".2g", "px")
-    # Where the mean squares are equal: that of the similarity has what it leaves out as well.
+    # Equal mean squares: the one of the similarity includes the neglected distortion.
     plain, free = (
         np.trace(one.at_edge(np.array([count]))[0]) for one in _designs(door).values()
     )
@@ -154,12 +161,9 @@ def _star_facts(door: Given) -> dict[str, Fact]:
 @studied("niu2024/stars", given=READS, named=_star_facts)
 def _stars(door: Given) -> Iterator[tuple[float, ...]]:
     """With how many stars to calibrate."""
-    counts = sorted({*_COUNTS, door.count(_COUNT)})
-    found = np.concatenate(
-        [ends[1:] for ends in _edge_errors(door, np.array(counts)).values()]
-    )
-    for count, row in zip(counts, found.T.tolist(), strict=True):
-        yield (count, *row)
+    counts = sorted({*_STAR_COUNTS, door.count(_COUNT)})
+    plain, free = _edge_errors(door, np.array(counts)).values()
+    yield from zip(counts, *plain[1:].tolist(), *free[1:].tolist(), strict=True)
 
 
 @draws("niu2024/drawing-stars", given=READS)

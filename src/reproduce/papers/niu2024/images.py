@@ -1,7 +1,7 @@
 """From starlight to a fused image, with the camera of niu2024 (section 2).
 
 Bands, detector size, pixel pitch, exposure and the calibrated camera of Table 4 are the paper's.
-What it does not print is ours, in the constants below, and typical of a small camera with a
+What it does not print is assumed in the constants below, and typical of a small camera with a
 modern CMOS sensor: the aperture, what the optics let through, the sensor's parameters, the spot's
 size. The results on these images are therefore examples and carry no verdict.
 
@@ -9,7 +9,7 @@ Images are arrays [y, x] in electrons, dark signal and offset taken away; channe
 order green, red, blue; positions are in px, x before y, the centre of the first pixel at (0, 0).
 
 The stored study exposes windows around one star many times, over kind of star, magnitude and place
-in the field. Three images are compared: green alone, the sum of three as they are, and the sum of
+in the field. Three images are compared: green only, the sum of three as they are, and the sum of
 three after registration. In each the centre is the one of maximum likelihood.
 """
 
@@ -17,16 +17,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.random import Generator, SeedSequence
 
+from reproduce.papers.charts import Look, sized
 from reproduce.papers.declare import Fact, draws, studied
 from reproduce.papers.niu2024 import experiment
-from reproduce.papers.niu2024.registration import LOOKS
 from reproduce.papers.niu2024.simulation import CHANNELS, OPTICS
-from reproduce.papers.sketch import Look, sized
 from reproduce.physics import images
 from reproduce.physics.optics import Camera, channel_centroids, detector_centre
 from reproduce.physics.registration import (
@@ -50,7 +50,7 @@ READS = (
 )
 # Diameter in metres: half the focal length, f/2; what the optics let through; of a spot, in px.
 APERTURE, TRANSMISSION, RADIUS = 12.5e-3, 0.8, 0.8
-_WINDOW = 9
+_WINDOW_PIXELS = 9
 # The detector of every channel: a 12-bit sensor of small pixels.
 SENSOR = images.Detector(
     quantum_efficiency=0.6,
@@ -62,7 +62,7 @@ SENSOR = images.Detector(
     bits=12,
 )
 MAGNITUDES = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
-# Places in the field, as shares of the half range to the corner.
+# Places in the field, as fractions of the half range to the corner.
 PLACES = {"centre": 0.0, "half way": 0.5, "corner": 0.95}
 PHASES = 8
 # Blackbodies by their temperature in kelvin, tabulated spectra by their name.
@@ -75,11 +75,11 @@ STARS: dict[str, float | str] = {
 }
 MADE = ("green alone", "fused as they are", "fused after registration")
 RESULTS = ("error", "bias", "signal_to_noise")
-_MARGIN = 12  # px around the star, so that resampling has something to read
-_MIDDLE = slice(_MARGIN, -_MARGIN)
+_MARGIN_PIXELS = 12  # px around the star, so that resampling has something to read
+_MIDDLE_SLICE = slice(_MARGIN_PIXELS, -_MARGIN_PIXELS)
 # px, in which the signal is summed: the width that suits a faint Gaussian spot best, about three
 # and a half of its radii across.
-_SUMMED = 3
+_SUMMED_PIXELS = 3
 
 
 def _cameras(door: Given) -> list[Camera]:
@@ -106,11 +106,12 @@ def light_of(door: Given, star: str, magnitude: float) -> FloatArray:
     """Return the photons that one of `STARS` sends to each detector in one exposure, shape (3,)."""
     spectrum, light = STARS[star], []
     for channel in CHANNELS:
-        band = [door[f"{OPTICS}#band-{channel}-{edge}"] for edge in ("low", "high")]
+        low, high = door.array(f"{OPTICS}#band-{channel}-*").tolist()
         if isinstance(spectrum, str):
-            light.append(images.tabulated_star(magnitude, *spectra()[spectrum], *band))
+            table = spectra()[spectrum]
+            light.append(images.tabulated_star(magnitude, *table, low, high))
         else:
-            light.append(images.blackbody_band(magnitude, spectrum, *band))
+            light.append(images.blackbody_band(magnitude, spectrum, low, high))
     # Square metres and seconds that an exposure collects.
     collected = float(
         np.pi / 4 * APERTURE**2 * TRANSMISSION * door[f"{experiment.OUTCOME}#exposure"]
@@ -133,13 +134,11 @@ def cell(
     Registered by `transforms` of red and blue in place of the true ones.
     """
     generator = np.random.default_rng(seed)
-    green = _cameras(door)[0]
+    green, half = _cameras(door)[0], experiment.half_field(door)
     pitch = float(green.pixel_pitch / green.focal_length)
     errors, signals = [], []
     for _ in range(PHASES):
-        angles = place * np.array(
-            experiment.half_field(door)
-        ) + pitch * generator.uniform(-1, 1, 2)
+        angles = place * half + pitch * generator.uniform(-1, 1, 2)
         spots = _imaged(door, angles)
         windows, corner = _exposures(spots, photons, trials, generator)
         made = _combinations(windows, corner, transforms or similarities(door))
@@ -160,7 +159,7 @@ def _exposures(
 
     In electrons, shape (3, trials, size, size); and the first pixel of the windows.
     """
-    size = _WINDOW + 2 * _MARGIN
+    size = _WINDOW_PIXELS + 2 * _MARGIN_PIXELS
     corner = images.window_corners(spots[0], size).astype(np.float64)
     clean = images.spot_windows(
         spots, photons, RADIUS, np.broadcast_to(corner, (3, 2)), size
@@ -180,16 +179,16 @@ def _combinations(
             [registered_image(window, transform, corner=at) for window in layer]
         )
     made = (windows[0], windows.sum(axis=0), windows[0] + moved)
-    return [image[..., _MIDDLE, _MIDDLE] for image in made]
+    return [image[..., _MIDDLE_SLICE, _MIDDLE_SLICE] for image in made]
 
 
 def _signal_to_noise(image: FloatArray) -> float:
     """Return mean over scatter of the light in an aperture about the brightest pixel."""
     mean = image.mean(axis=0)
-    half = _SUMMED // 2
+    half = _SUMMED_PIXELS // 2
     inner = mean[half:-half, half:-half]
     y, x = np.unravel_index(int(inner.argmax()), inner.shape)
-    sums = image[:, y : y + _SUMMED, x : x + _SUMMED].sum(axis=(-2, -1))
+    sums = image[:, y : y + _SUMMED_PIXELS, x : x + _SUMMED_PIXELS].sum(axis=(-2, -1))
     return float(sums.mean() / sums.std(ddof=1))
 
 
@@ -197,7 +196,7 @@ def _centres(made: list[FloatArray], corner: FloatArray) -> FloatArray:
     """Return centres by image, shape (3, trials, 2)."""
     noise = SENSOR.noise_electrons() * np.sqrt([1, 3, 3])
     pairs = zip(made, noise, strict=True)
-    first = corner + _MARGIN
+    first = corner + _MARGIN_PIXELS
     return np.array(
         [images.fitted_centre(i, first, RADIUS, read_noise=n) for i, n in pairs]
     )
@@ -232,18 +231,18 @@ def _facts() -> dict[str, Fact]:
 def _centroids() -> Iterator[tuple[object, ...]]:
     """Centroid error and signal-to-noise ratio by star, place, magnitude and image."""
     arrays = _stored().arrays
-    for at in np.ndindex(arrays["error"].shape):
-        star, place, magnitude, image = at
-        labels = (
-            list(STARS)[star],
-            list(PLACES)[place],
-            MAGNITUDES[magnitude],
-            MADE[image],
-        )
-        yield (*labels, *(arrays[name][at] for name in RESULTS))
+    numbers = np.stack([arrays[name] for name in RESULTS], axis=-1)
+    labels = product(STARS, PLACES, MAGNITUDES, MADE)
+    for label, row in zip(labels, numbers.reshape(-1, len(RESULTS)), strict=True):
+        yield (*label, *row)
 
 
-_KINDS = (
+_CHANNEL_LOOKS = {
+    "red": Look("red", "#D55E00", "--", "s"),
+    "green": Look("green", "#009E73", "-.", "o"),
+    "blue": Look("blue", "#0072B2", ":", "^"),
+}
+_IMAGE_LOOKS = (
     Look("green", "#777777", ":", "^"),
     Look("raw", "#D55E00", "--", "s"),
     Look("fused", "#0072B2", "-", "o"),
@@ -256,35 +255,32 @@ def _draw_star(figure: Figure) -> None:
     from matplotlib.patheffects import withStroke
 
     door = given(READS)
-    spots = _imaged(door, 0.95 * np.array(experiment.half_field(door)))
+    spots = _imaged(door, 0.95 * experiment.half_field(door))
     photons = light_of(door, "solar", magnitude=3.0)
     windows, corner = _exposures(spots, photons, 1, np.random.default_rng(9))
     green, plain, registered = _combinations(windows, corner, similarities(door))
-    # What is seen, and which spots are marked in it, at which place each.
-    at = dict(
-        zip(("green", "red", "blue"), spots - corner - _MARGIN + 0.5, strict=True)
-    )
+    places = dict(zip(CHANNELS, spots - corner - _MARGIN_PIXELS + 0.5, strict=True))
     panels = {
-        "red": (windows[1, 0, _MIDDLE, _MIDDLE], {"red": at["red"]}),
-        "green": (green[0], {"green": at["green"]}),
-        "blue": (windows[2, 0, _MIDDLE, _MIDDLE], {"blue": at["blue"]}),
-        "fused as they are": (plain[0], {name: at[name] for name in LOOKS}),
-        "fused after registration": (registered[0], dict.fromkeys(LOOKS, at["green"])),
+        "red": windows[1][:, _MIDDLE_SLICE, _MIDDLE_SLICE],
+        "green": green,
+        "blue": windows[2][:, _MIDDLE_SLICE, _MIDDLE_SLICE],
+        "fused as they are": plain,
+        MADE[2]: registered,
     }
     halo = [withStroke(linewidth=3.5, foreground="white")]  # for dark pixels
     shape = (3, 2) if sized(figure, 6.4, 4.6, 5.6) else (2, 3)
     grid = figure.subplots(*shape, sharex=True, sharey=True)
-    for axes, (title, (light, marks)) in zip(grid.flat, panels.items(), strict=False):
+    for axes, (title, [light]) in zip(grid.flat, panels.items(), strict=False):
         root = np.sqrt(np.maximum(light, 0))
         # Never quite black: what is drawn in black follows the page, and is white on a dark one.
         axes.pcolormesh(
             root, cmap="gray_r", shading="flat", vmin=0, vmax=1.1 * root.max()
         )
-        for name, place in marks.items():
-            mark = axes.plot(
-                *place, LOOKS[name].marker, color=LOOKS[name].colour, fillstyle="none"
-            )
-            mark[0].set(markersize=9, markeredgewidth=1.3, path_effects=halo)
+        for name, look in _CHANNEL_LOOKS.items():
+            if title in (name, *MADE[1:]):
+                place = places["green" if title == MADE[2] else name]
+                [mark] = axes.plot(*place, look.marker, c=look.colour, mfc="none")
+                mark.set(markersize=9, markeredgewidth=1.3, path_effects=halo)
         axes.set(aspect="equal", title=title, xticks=[0, 3, 6, 9], yticks=[0, 3, 6, 9])
         axes.grid(visible=False)
     figure.supxlabel("x (px)", fontsize=9)
@@ -300,7 +296,7 @@ def _draw_errors(figure: Figure) -> None:
         figure.add_subplot(),
         _stored().arrays["error"][list(STARS).index("solar")],
     )
-    for kind, (name, look) in enumerate(zip(MADE, _KINDS, strict=True)):
+    for kind, (name, look) in enumerate(zip(MADE, _IMAGE_LOOKS, strict=True)):
         for place, where, fill in ((0, "centre", "none"), (-1, "corner", look.colour)):
             (line,) = axes.semilogy(
                 MAGNITUDES, errors[place, :, kind], look.line, c=look.colour

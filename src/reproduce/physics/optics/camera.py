@@ -1,6 +1,6 @@
 """From starlight to image points: the pinhole camera with one radial distortion term.
 
-Frames and units, said once for this module:
+Frames and units of this module:
 
 * directions have shape (..., n, 3) in the camera frame, x along the rows of the detector, y along
   its columns, z along the boresight towards the star; their length does not matter;
@@ -13,10 +13,10 @@ The leading axes are a batch: many frames, many simulated calibrations, many cam
 
 The reference channel is the green one; the other is named by its role.
 
-A channel is calibrated alone from known starlight: focal length, principal point and distortion.
-The model is linear in F, m F^3 and the principal point. Its least-squares minimum is therefore
-found at once, without starting values, and it is the minimum over F and m too, because the one
-pair follows from the other.
+A channel is calibrated by itself from known starlight: focal length, principal point and
+distortion. The model is linear in F, m F^3 and the principal point. Its least-squares minimum
+is therefore found at once, without starting values, and it is the minimum over F and m too,
+because the one pair follows from the other.
 """
 
 from __future__ import annotations
@@ -90,16 +90,6 @@ class Camera:
         for name, array in zip(self.__dataclass_fields__, given, strict=True):
             object.__setattr__(self, name, array)
 
-    @property
-    def batch(self) -> tuple[int, ...]:
-        """The batch shape of the parameters; () for a single camera."""
-        return np.broadcast_shapes(
-            self.focal_length.shape,
-            self.principal_point.shape[:-1],
-            self.radial_distortion.shape,
-            self.pixel_pitch.shape,
-        )
-
 
 @validate.checked
 def ideal_positions(directions: Directions, focal_length: Positive) -> FloatArray:
@@ -134,7 +124,7 @@ def ideal_positions(directions: Directions, focal_length: Positive) -> FloatArra
     if behind.any():
         raise ValueError(
             f"directions: expected stars in front of the camera (z > 0), got {int(behind.sum())} "
-            "beside or behind it; check the frame and its sign, or drop these stars"
+            "next to or behind it; check the frame and its sign, or drop these stars"
         )
     return focal_length[..., None, None] * (across / along)
 
@@ -305,7 +295,7 @@ def scale_factor(
     Parameters
     ----------
     reference_focal_length, focal_length : array_like
-        Of the reference channel and of the other, in the same unit.
+        Focal lengths of the reference channel and of the other, in the same unit.
 
     Returns
     -------
@@ -437,7 +427,7 @@ def fit_camera(
     if not ((a > 0) & (a * d - b**2 > 1e-12 * a * d)).all():
         raise validate.DegenerateGeometryError(
             "directions: expected slopes that fix focal length and distortion, got the same slope "
-            "throughout or two points alone; turn the table to angles near and far from zero"
+            "throughout or only two points; turn the table to angles near and far from zero"
         )
     linear = np.linalg.solve(normal, pull[..., np.newaxis])[..., 0]
     origin = (points - np.einsum("...nij,...j->...ni", columns, linear)).mean(axis=-2)
