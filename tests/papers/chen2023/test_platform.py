@@ -118,7 +118,7 @@ def test_table_4_from_rendered_frames_is_that_of_the_linear_prediction(replicate
     rendered = 3 * np.stack(
         [
             [
-                scatter_of_averages(angles[:, :2], counts, axis=0)
+                scatter_of_averages(angles[:, :2].T, counts)
                 for angles in (series.transform, series.misalignment)
             ]
             for series in replicates
@@ -128,7 +128,7 @@ def test_table_4_from_rendered_frames_is_that_of_the_linear_prediction(replicate
         given(accuracy.READS), SeedSequence(5), 600, counts
     )
     # The twin spreads a laser's scatter evenly over x and y; the mean of both axes is common.
-    ours, theirs = ((a**2).mean(axis=-1) for a in (rendered, linear))
+    ours, theirs = ((a**2).mean(axis=-2) for a in (rendered, linear))
     error = np.sqrt(ours.var(axis=0) / 60 + theirs.var(axis=0) / 600)
     assert (np.abs(ours.mean(axis=0) - theirs.mean(axis=0)) < 4 * error).all()
 

@@ -273,7 +273,7 @@ def _ride(door: Given) -> tuple[FloatArray, FloatArray, FloatArray]:
         door[accuracy.DURATION] / door[accuracy.FRAMES],
     )
     start = np.cumsum(single[: count - 1], axis=0) / np.arange(1, count)[:, np.newaxis]
-    monitored = np.concatenate([start, attitude.moving_average(single, count, axis=0)])
+    monitored = np.concatenate([start, attitude.moving_average(single.T, count).T])
     times = np.asarray(np.arange(len(single)) * pace, dtype=np.float64)
     return times, np.repeat(angles[:, :2], frames, axis=0), monitored
 

@@ -192,7 +192,7 @@ def _year(height: float, root: int | None) -> tuple[FloatArray, FloatArray, Floa
     calibrations and of the monitoring.
     """
     period = float(ground.orbital_period(height))
-    orbits = int(np.ceil((_YEAR_DAYS + _CAMPAIGN_DAYS) * ground.DAY / period))
+    orbits = int(np.ceil((_YEAR_DAYS + _CAMPAIGN_DAYS) * ground.DAY_SECONDS / period))
     generator = default_rng(seed_of("chen2023/year", root))
     times, angles = ground.thermal_series(period, _PER_ORBIT, orbits, generator)
     return times - _CAMPAIGN_DAYS, angles, generator.standard_normal(angles.shape)
@@ -208,7 +208,7 @@ def _residuals(given: Given, amplitude: float) -> dict[str, FloatArray]:
     measured = true + _CALIBRATION * noise
     # The lasers give the misalignment half an average late, with its noise.
     count = given.count(accuracy.SMOOTHED)
-    late = times - 0.5 * count / given[accuracy.RATE] / ground.DAY
+    late = times - 0.5 * count / given[accuracy.RATE] / ground.DAY_SECONDS
     delayed = np.stack([np.interp(late, times, angle) for angle in true.T], axis=-1)
     estimates = (
         np.zeros_like(true),
@@ -252,7 +252,7 @@ def _strategies(given: Given) -> list[tuple[str | float, ...]]:
 # The drawn satellite, its target, and the side they are seen from.
 _INERTIAL = Look("J2000", INK, "--")
 _DATE = "2023-09-22T03:30:00"
-_EARTH = ground.WGS84.equatorial_radius
+_EARTH = ground.EARTH_RADIUS
 _ABOVE = np.array([np.radians(104.0), np.radians(24.0), 1.25 * _EARTH])
 _TARGET = np.array([np.radians(66.0), np.radians(50.0), 0.0])
 _VIEW = seen_from(36.0, 20.0, (4.6, 3.2), 2.8 / _EARTH)
