@@ -159,58 +159,6 @@ def test_a_mean_over_smoothed_angles_with_the_ramp_would_lag_by_more_than_any_di
     assert facts["largest"] < facts["ramp-lag"]
 
 
-def test_interchanged_columns_and_one_focal_length_give_every_reference_angle_to_its_last_digit():
-    """And no focal length does so for the columns as printed, whatever the nominal one."""
-    found = evaluate(effectiveness.reference_angle)
-    assert len(found.cells) == 7
-    for readings in found.cells.values():
-        pairs = zip(found.computation.readings, readings, strict=True)
-        by_choice = {(c["columns"], c["telescope"]): one for c, one in pairs}
-        assert by_choice["printed", "quoted"].verdict == "differs"
-        assert by_choice["printed", "common"].verdict == "differs"
-        assert by_choice["printed", "nominal"].flags == ("tolerance",)
-        for columns in ("motions", "references"):
-            interchanged = by_choice[columns, "common"]
-            assert (interchanged.verdict, interchanged.flags) == ("exact", ())
-
-
-def test_one_focal_length_fits_once_the_columns_are_interchanged():
-    """What the reason for the verdicts says, from the printed numbers alone."""
-    printed = given(["chen2023/table-5"])
-
-    def column(name):
-        return np.array([printed[f"chen2023/table-5#{s}.{name}"] for s in (2, 3, 4, 5)])
-
-    motion_y = column("motion-y")
-    motion_y[2] = (
-        printed["chen2023/table-5#4.position-y"]
-        - printed["chen2023/table-5#1.position-y"]
-    )
-    as_printed = np.r_[
-        column("motion-x") / np.tan(-column("reference-y")),
-        motion_y / np.tan(-column("reference-x")),
-    ]
-    interchanged = np.r_[
-        column("motion-x") / np.tan(-column("reference-x")),
-        motion_y / np.tan(-column("reference-y")),
-    ]
-    assert np.ptp(as_printed) / as_printed.mean() > 0.02
-    assert np.ptp(interchanged) / interchanged.mean() < 0.0005
-    assert 2.05 < interchanged.mean() < 2.06
-
-
-def test_table_5_says_one_focal_length_when_the_columns_are_exchanged():
-    rows = effectiveness._focal_lengths()
-    own, half = (
-        rows["with the motion of its own axis (mm)"],
-        rows["error with the other"],
-    )
-    other = rows["with that of the other (mm)"]
-    assert np.ptp(own) > 50
-    assert np.ptp(other) < 1
-    assert (np.abs(other - np.median(other)) <= half).all()
-
-
 def test_what_sentences_say_of_the_implied_focal_lengths_by_hand():
     """Ends of eight quotients, the band that fits all, one difference under the other heading."""
     facts = {

@@ -105,12 +105,6 @@ def test_monitoring_lags_by_half_an_average():
     )
 
 
-def test_without_correction_the_errors_are_the_misalignment():
-    errors = positioning._residuals(DOOR, ARCSEC)[positioning.UNCORRECTED]
-    true = ARCSEC * positioning._year(satellite.altitude(DOOR), None)[1]
-    np.testing.assert_array_equal(errors, true[-len(errors) :])
-
-
 def test_the_strategies_keep_their_order():
     rows = positioning._strategies().set_index("Correction")
     single, trend, recent, laser = (rows.loc[name] for name in positioning.CORRECTIONS)
