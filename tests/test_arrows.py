@@ -17,7 +17,8 @@ ARROWS = {
     "inference": {"inference", "physics", "units"},
     "papers": {
         *{"papers", "inference", "physics", "store", "printed.given", "units"},
-        *{"locate.papers", "locate.search_path", "locate.words_files"},
+        *{"locate.papers", "locate.search_path"},
+        *{"locate.schematic_files", "locate.words_files"},
     },
     "judge": {"judge", "papers", "printed", "locate", "store.studies"},
     "audit": {"audit", "printed", "physics"},

@@ -50,7 +50,7 @@ for _name, _text in docstrings():
     for _equation in claims(_text):
         IMPLEMENTED.setdefault(_equation, []).append(_name)
 CITED = {
-    f"{item.key.partition('/')[0]}-{number}"
+    f"{computation.key.partition('/')[0]}-{number}"
     for item in catalogue().values()
     for computation in item.computations
     for number in computation.equations

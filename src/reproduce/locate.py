@@ -61,6 +61,13 @@ def words_files(name: str) -> list[Path]:
     return [path for path in paths if path.is_file()]
 
 
+def schematic_files(key: str) -> tuple[Path, ...]:
+    """Return the files of a drawing by hand, shared style first; empty if there is none."""
+    paths = (folder / "schematics" / f"{key}.svg" for folder in data_folders())
+    found = [path for path in paths if path.is_file()]
+    return (data_folder() / "schematics" / "style.svg", found[0]) if found else ()
+
+
 @cache
 def papers() -> dict[str, Path]:
     """Return the key of every paper, with the data folder that holds its printed numbers.

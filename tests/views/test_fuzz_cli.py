@@ -37,7 +37,7 @@ TABLES = (
     "niu2024/text-optics",
     "chen2023/table-1",
 )
-FIGURES = ("niu2024/fig-4", "chen2023/fig-2b", "chen2023/fig-1a")
+FIGURES = ("niu2024/fig-4", "chen2023/fig-1c", "niu2024/drawing-stars")
 NUMBERS = st.one_of(
     st.sampled_from(
         "0 -1 1e400 -0.0 1e-300 1e300 nan inf 1_0 0x1 . − + 1e 9e9999 007".split()

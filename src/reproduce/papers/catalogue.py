@@ -1,4 +1,4 @@
-"""All items of all papers, in order of print; the module of an item is imported when it is used."""
+"""All items of all papers, in the order of the papers; a module is imported on first use."""
 
 from __future__ import annotations
 
@@ -7,98 +7,100 @@ from collections.abc import Callable, Iterator, Mapping
 from functools import cache
 from typing import Any, TypeVar
 
-from reproduce.locate import papers
-from reproduce.papers.declare import Computation, Drawing, Item, Own, Study
+from reproduce.locate import papers, schematic_files
+from reproduce.papers.declare import (
+    Computation,
+    Declared,
+    Drawing,
+    Item,
+    Schematic,
+    Study,
+)
 
 Made = TypeVar("Made")
 
 
-class Declared(Mapping[str, Made]):
-    """What is declared, by key; a module is imported when it is used."""
+class Catalogue(Mapping[str, Made]):
+    """Declarations of one kind, by key."""
 
-    def __init__(
-        self, modules: Mapping[str, str], make: Callable[[str, str], Made]
-    ) -> None:
-        self.modules, self._make = modules, cache(make)
+    def __init__(self, kind: str, make: Callable[[list[Any]], Made]) -> None:
+        self._make = make
+        self.modules: dict[str, str] = {}
+        for paper in papers():
+            package = f"{__package__}.{paper}"
+            keys = getattr(importlib.import_module(package), kind, {})
+            for key, name in keys.items():
+                self.modules[key] = f"{package}.{name}" if name else ""
 
     def __getitem__(self, key: str) -> Made:
-        """Return what is declared under a key."""
+        """Return the declaration of a key."""
         if key not in self.modules:
             raise KeyError(
                 f"unknown key {key!r}; expected one of {', '.join(self.modules)}"
             )
-        return self._make(key, self.modules[key])
+        return self._make(_declarations(key, self.modules[key]))
 
     def __iter__(self) -> Iterator[str]:
-        """Go through the keys, paper by paper, in order of print."""
+        """Iterate over the keys."""
         return iter(self.modules)
 
     def __len__(self) -> int:
-        """Return how many there are."""
+        """Return the number of keys."""
         return len(self.modules)
 
 
 @cache
-def catalogue() -> Declared[Item]:
-    """Return every item by its key, paper by paper, in order of print.
+def catalogue() -> Catalogue[Item]:
+    """Return every item by its key, paper by paper, in the order of the papers.
 
     Examples
     --------
     >>> list(catalogue())[0]
     'niu2024/text-context'
     """
-    return Declared(_modules("ITEMS"), _item)
+    return Catalogue("ITEMS", _item)
 
 
 @cache
-def studies() -> Declared[Study]:
-    """Return the tables of our own that stand beside the papers, by key.
+def studies() -> Catalogue[Study]:
+    """Return the supplementary tables by key.
 
     Examples
     --------
     >>> "chen2023/heat" in studies()
     True
     """
-    return Declared(_modules("STUDIES"), _own)
+    return Catalogue("STUDIES", lambda found: found[0])
 
 
 @cache
-def drawings() -> Declared[Drawing]:
-    """Return the drawings of our own that stand beside the papers, by key.
+def drawings() -> Catalogue[Drawing | Schematic]:
+    """Return the supplementary drawings by key.
 
     Examples
     --------
     >>> "niu2024/drawing-fusion-star" in drawings()
     True
     """
-    return Declared(_modules("DRAWINGS"), _own)
+    return Catalogue("DRAWINGS", lambda found: found[0])
 
 
-def _modules(kind: str) -> dict[str, str]:
-    found = {}
-    for paper in papers():
-        package = f"{__package__}.{paper}"
-        for key, name in getattr(importlib.import_module(package), kind, {}).items():
-            found[key] = f"{package}.{name}" if name else ""
-    return found
-
-
-def _item(key: str, name: str) -> Item:
-    found = _declared(key, name) if name else []
+def _item(found: list[Any]) -> Item:
     computations = tuple(one for one in found if isinstance(one, Computation))
-    return Item(key, computations, *(one for one in found if isinstance(one, Drawing)))
+    drawn = (one for one in found if isinstance(one, Drawing | Schematic))
+    return Item(computations, next(drawn, None))
 
 
-def _own(key: str, name: str) -> Any:
-    """Return the study or the drawing that a module, by its full name, declares under a key."""
-    return _declared(key, name)[0]
-
-
-def _declared(key: str, name: str) -> list[Computation | Own]:
-    """Return what a module declares under a key; not what it imports."""
-    every = vars(importlib.import_module(name)).values()
-    own = (one for one in every if isinstance(one, Computation | Own))
-    found = [one for one in own if one.key == key and one.function.__module__ == name]
-    if not found:
-        raise ValueError(f"{key}: expected its declaration in {name}")
+@cache
+def _declarations(key: str, module: str) -> list[Any]:
+    """Return the declarations of a key: those of its module and its schematic."""
+    files = schematic_files(key)
+    found: list[Any] = [Schematic(key, files)] if files else []
+    if module:
+        for one in vars(importlib.import_module(module)).values():
+            own = isinstance(one, Computation | Declared) and one.key == key
+            if own and one.function.__module__ == module:
+                found.append(one)
+        if not found:
+            raise ValueError(f"{key}: expected its declaration in {module}, got none.")
     return found

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 from reproduce.judge import rerun
 from reproduce.papers.catalogue import catalogue, drawings
+from reproduce.papers.declare import Drawing
 from reproduce.printed.cells import find
 from reproduce.views import keys
 from reproduce.views.blocks import Display
@@ -18,7 +19,7 @@ from reproduce.views.export import citation, export_frame, provenance
 if TYPE_CHECKING:
     import pandas as pd
 
-    from reproduce.papers.declare import Drawing, Study
+    from reproduce.papers.declare import Schematic, Study
     from reproduce.printed.given import Given
 
 
@@ -116,9 +117,10 @@ class Item(Shown):
         item = catalogue().get(self.key)
         computations = item.computations if item else ()
         draw = item.draw if item else drawings()[self.key]
-        return "\n\n\n".join(
-            text_of(one.function) for one in (*computations, draw) if one
-        )
+        functions = [one.function for one in computations]
+        if isinstance(draw, Drawing):
+            functions.append(draw.function)
+        return "\n\n\n".join(map(text_of, functions))
 
 
 class Changeable(Shown):
@@ -155,7 +157,7 @@ class Changeable(Shown):
 
     @property
     @abstractmethod
-    def _declared(self) -> Drawing | Study:
+    def _declared(self) -> Drawing | Schematic | Study:
         """What is declared under its key."""
 
     @abstractmethod

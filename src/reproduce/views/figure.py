@@ -12,7 +12,8 @@ from contextlib import AbstractContextManager, nullcontext
 from functools import cached_property
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+from xml.etree import ElementTree
 
 import numpy as np
 import pandas as pd
@@ -20,10 +21,10 @@ from markupsafe import Markup
 
 from reproduce.judge.rerun import refuse_strays
 from reproduce.papers.catalogue import catalogue, drawings
-from reproduce.papers.declare import Drawing, words
-from reproduce.papers.sketch import NARROW
+from reproduce.papers.charts import NARROW
+from reproduce.papers.declare import Drawing, Schematic, words
 from reproduce.printed.cells import anchor, find, library
-from reproduce.store.files import FIGURES, check_target, replacing
+from reproduce.store.files import FIGURES, check_target, replacing, write_text
 from reproduce.views import computed, keys, numbers
 from reproduce.views.base import Change, Changeable, Item, Shown, text_of
 from reproduce.views.blocks import Block, Html
@@ -44,6 +45,9 @@ _FONTS = re.compile(r"(font-family: 'DejaVu Sans')[^;\"]*")
 _LINK = re.compile(r'(xlink:href="#|url\(#)([\w-]+)')
 _NAMED = re.compile(r' id="([^"]+)"')
 Paint = Callable[["MatplotlibFigure"], None]
+# A matplotlib figure, or the SVG of a schematic.
+Drawn: TypeAlias = "MatplotlibFigure | str"
+_SCHEMATIC = (".svg",)
 _About = Mapping[str, str] | None  # what a file says of itself
 
 
@@ -59,7 +63,7 @@ def drawable() -> list[str]:
     return [key for key, item in catalogue().items() if item.draw is not None]
 
 
-def _declared_drawing(key: str) -> Drawing:
+def _declared_drawing(key: str) -> Drawing | Schematic:
     """Return what draws a key: an item, or a drawing of our own."""
     if key in drawings():
         return drawings()[key]
@@ -83,11 +87,12 @@ def painted(paint: Paint, *, narrow: bool = False) -> MatplotlibFigure:
     return figure
 
 
-def draw(
-    key: str, door: Given | None = None, *, narrow: bool = False
-) -> MatplotlibFigure:
+def draw(key: str, door: Given | None = None, *, narrow: bool = False) -> Drawn:
     """Draw an item, or one of our own drawings, with what it marks as printed."""
     drawing, table = _declared_drawing(key), library().get(key)
+    if isinstance(drawing, Schematic):
+        style, end, body = drawing.text.partition("</style>")
+        return style + end + filled(body, {})
     marked = [
         *(table.cells if table else ()),
         *(c for mark in drawing.marks for c in find(mark)),
@@ -97,8 +102,10 @@ def draw(
     return painted(lambda figure: drawing(figure, printed, door), narrow=narrow)
 
 
-def _data(figure: MatplotlibFigure) -> pd.DataFrame:
+def _data(figure: Drawn) -> pd.DataFrame:
     """Return the lines, points and labels of a figure."""
+    if isinstance(figure, str):
+        return _labels(figure)
     parts = []
     for panel, axes in enumerate(figure.axes, start=1):
         drawn = [(line.get_label(), line.get_xydata()) for line in axes.lines]
@@ -113,11 +120,27 @@ def _data(figure: MatplotlibFigure) -> pd.DataFrame:
     return pd.concat(parts, ignore_index=True) if parts else empty
 
 
-def save(
-    figure: MatplotlibFigure, out: Path | io.StringIO, about: _About = None
-) -> None:
+def _labels(svg: str) -> pd.DataFrame:
+    """Return the labels of a schematic with their places, in units of its view box."""
+    rows = [
+        (1, "".join(one.itertext()), float(one.get("x", 0)), float(one.get("y", 0)))
+        for one in ElementTree.fromstring(svg).iter("{http://www.w3.org/2000/svg}text")
+    ]
+    return pd.DataFrame(rows, columns=["panel", "curve", "x", "y"])
+
+
+def save(figure: Drawn, out: Path | io.StringIO, about: _About = None) -> None:
     """Write a figure with its metadata to a file, or as SVG to a stream."""
     from matplotlib import style
+
+    if isinstance(figure, str):
+        note = escape("\n".join((about or {}).values()))
+        svg = figure.replace("<title>", f"<metadata>{note}</metadata>\n  <title>", 1)
+        if isinstance(out, Path):
+            write_text(check_target(out, _SCHEMATIC), _XML + svg)
+        else:
+            out.write(svg)
+        return
 
     ending = ".svg"
     target: AbstractContextManager[Path | io.StringIO] = nullcontext(out)
@@ -136,10 +159,16 @@ def save(
 
 def _figure_files(key: str) -> list[str]:
     """Return where the book carries the pictures and the data of a figure, below its root."""
-    return [f"figures/{anchor(key)}{ending}" for ending in (*FIGURES, ".csv")]
+    return [f"figures/{anchor(key)}{ending}" for ending in (*_endings(key), ".csv")]
 
 
-def vector_of(figure: MatplotlibFigure, about: _About = None) -> str:
+def _endings(key: str) -> tuple[str, ...]:
+    """Return the endings of the files as which a figure can be written."""
+    is_schematic = isinstance(_declared_drawing(key), Schematic)
+    return _SCHEMATIC if is_schematic else FIGURES
+
+
+def vector_of(figure: Drawn, about: _About = None) -> str:
     """Return a figure as SVG."""
     buffer = io.StringIO()
     save(figure, buffer, about)
@@ -150,16 +179,21 @@ def vector_of(figure: MatplotlibFigure, about: _About = None) -> str:
 def _in_build(key: str) -> Vectors:
     """Draw an item or one of our own drawings for a page; once in a build."""
 
-    def drawn() -> Vectors:
-        return Vectors(vector_of(draw(key)), vector_of(draw(key, narrow=True)))
+    return _once(key, lambda: _vectors(key, draw(key)))
 
-    return _once(key, drawn)
+
+def _vectors(key: str, figure: Drawn, about: _About = None) -> Vectors:
+    """Return a figure for a wide page and for a narrow one; a schematic fits both."""
+    wide = vector_of(figure, about)
+    if isinstance(figure, str):
+        return Vectors(wide)
+    return Vectors(wide, vector_of(draw(key, narrow=True)))
 
 
 def write_figure(key: str, root: Path) -> None:
     """Write the pictures and the data of a figure below the root of the book, and keep its SVG."""
     figure, about = draw(key), provenance(citation(key, "text"))
-    shown = Vectors(vector_of(figure, about), vector_of(draw(key, narrow=True)))
+    shown = _vectors(key, figure, about)
     (root / "figures").mkdir(parents=True, exist_ok=True)
     for path in _figure_files(key):
         if path.endswith(".csv"):
@@ -170,7 +204,8 @@ def write_figure(key: str, root: Path) -> None:
             (root / path).write_text(f"{_XML}{shown.wide}", encoding="utf-8")
         else:
             save(figure, root / path, about)
-            figure.set_layout_engine("none")  # what is laid out keeps its places
+            if not isinstance(figure, str):
+                figure.set_layout_engine("none")  # what is laid out keeps its places
     _once(key, lambda: shown)
 
 
@@ -244,16 +279,16 @@ class Figure(Changeable, Item):
     kind = "a figure"
 
     @property
-    def _declared(self) -> Drawing:
+    def _declared(self) -> Drawing | Schematic:
         return _declared_drawing(self.key)
 
-    def _compute(self, door: Given | None) -> MatplotlibFigure:
+    def _compute(self, door: Given | None) -> Drawn:
         return draw(self.key, door)
 
     @property
-    def drawn(self) -> MatplotlibFigure:
-        """The matplotlib figure."""
-        figure: MatplotlibFigure = self._made[0]
+    def drawn(self) -> Drawn:
+        """The matplotlib figure, or the SVG of a schematic."""
+        figure: Drawn = self._made[0]
         return figure
 
     def frame(self) -> pd.DataFrame:
@@ -261,8 +296,8 @@ class Figure(Changeable, Item):
         return _data(self.drawn)
 
     def save(self, path: str | Path) -> Path:
-        """Write the figure as SVG, PDF or PNG, by the ending of `path`."""
-        path = check_target(path, FIGURES)
+        """Write the figure as SVG, PDF or PNG, by the ending of `path`; a schematic as SVG."""
+        path = check_target(path, _endings(self.key))
         save(self.drawn, path, self.about)
         return path
 
@@ -284,11 +319,7 @@ class Figure(Changeable, Item):
         )
 
     def _filled(self, text: str) -> str:
-        named = self._declared.named
-        known = (
-            {name: numbers.fact(one) for name, one in named().items()} if named else {}
-        )
-        return numbers.powers(filled(text, known))
+        return numbers.powers(filled(text, {}))
 
     def blocks(self) -> Iterator[Block]:
         """Yield the figure with its caption; a terminal is told how to look at it."""
@@ -308,7 +339,8 @@ class Figure(Changeable, Item):
         if self.changes:
             name = f"{name}-changed"
         else:
-            source = text_of(self._declared.function)
+            declared = self._declared
+            source = text_of(declared.function) if isinstance(declared, Drawing) else ""
             below += bar(self.key, name, _figure_files(self.key), source)
         # A page of the book has a narrow drawing beside the wide one; a reader's notebook has one.
         in_book = computed.kept() and not self.changes

@@ -28,8 +28,8 @@ from reproduce.inference.models import (
 )
 from reproduce.inference.modes import Modes
 from reproduce.judge.rerun import check_randomness
+from reproduce.papers.charts import NARROW, sized, thin
 from reproduce.papers.posteriors import posteriors
-from reproduce.papers.sketch import NARROW, sized, thin
 from reproduce.physics.registration import robust_similarity
 from reproduce.store.files import DRAWS, check_target, replacing, write_text
 from reproduce.store.points import STARS, Table, is_table, read_table

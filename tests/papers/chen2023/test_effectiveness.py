@@ -16,7 +16,7 @@ ARCSEC = np.pi / 180 / 3600
 
 def test_the_zero_state_is_shared_by_all_monitored_angles():
     door = given(effectiveness.monitored_angle.given)
-    one, two = effectiveness._monitoring_errors(door, np.random.SeedSequence(5), 4000)[
+    one, two = effectiveness._monitoring_errors(door, np.random.default_rng(5), 4000)[
         :, :2, 0
     ].T
     assert np.corrcoef(one, two)[0, 1] == pytest.approx(0.5, abs=0.05)

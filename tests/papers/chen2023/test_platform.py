@@ -178,7 +178,7 @@ def test_the_twin_monitors_states_as_the_ledger_predicts():
     """Means over a state, from rendered frames, less the reference: within the predicted noise."""
     monitored = figures._ride(given(figures._STAGE_READS))[2]
     door = given(effectiveness.monitored_angle.given)
-    errors = effectiveness._monitoring_errors(door, np.random.SeedSequence(5), 4000)
+    errors = effectiveness._monitoring_errors(door, default_rng(5), 4000)
     for state in (2, 3, 4, 5):
         for index, axis in enumerate("yx"):  # the motion along Y turns about X
             motion = door[f"{effectiveness.TABLE}#{state}.motion-{axis}"]

@@ -36,7 +36,7 @@ def twin(channel):
     """Return where green and a channel image the star, the channel's principal point, the truth."""
     place = simulation.CHANNELS.index(channel)
     cameras, turns = simulation.cameras(DOOR), simulation.rotations(DOOR)
-    true = channel_centroids(cameras, turns, simulation.literal(DOOR).angles)
+    true = channel_centroids(cameras, turns, simulation.arrangement(DOOR))
     truth = similarity_between(cameras[place], turns[place], cameras[0])
     return true[0], true[place], cameras[place].principal_point, truth
 
@@ -44,8 +44,8 @@ def twin(channel):
 def test_the_scheme_reaches_the_cramer_rao_bound():
     """Within what the replicates can tell, for both channels and all parameters."""
     count = 4000
-    setting = simulation._Setting("square", "every-channel", "one", "table-1")
-    found = simulation._calibrations(DOOR, np.random.SeedSequence(8), count, 0, setting)
+    bench = simulation._Bench(DOOR, "square", "every-channel", "one", "table-1")
+    found = bench.calibrated(np.random.default_rng(8), count)
     for channel in simulation.REGISTERED:
         _, true, _, truth = twin(channel)
         bound = registration_bound(true, truth, 0.05, 0.05).diagonal()
@@ -81,7 +81,7 @@ def test_all_starts_end_at_one_point():
     green, true, _, _ = twin("red")
     noise = 0.05 * np.random.default_rng(1).standard_normal((2, *true.shape))
     green, red = np.array([green, true]) + noise
-    table = simulation.literal(DOOR).angles
+    table = simulation.arrangement(DOOR)
     still, [zero] = np.isclose(table[:, 1], 0.0), simulation.zero_places(table)
     start = starting_values(red[still], green[still], red[zero], green[zero])
     widths = (0.1, np.radians(5.0), 50.0, 50.0)

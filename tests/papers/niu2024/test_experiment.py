@@ -188,7 +188,7 @@ def test_the_registration_of_the_twin_finds_what_the_cameras_imply():
     error, replicates = 0.05 / np.sqrt(10), 400
     _, fits = experiment.twin_fits(door, np.random.SeedSequence(3), replicates, error)
     used, turns = experiment.cameras(door), experiment.rotations(door)
-    true = channel_centroids(used, turns, simulation.literal(door).angles)
+    true = channel_centroids(used, turns, simulation.arrangement(door))
     for place, channel in enumerate(("red", "blue"), start=1):
         implied = similarity_between(used[place], turns[place], used[0])
         found = fits[channel].parameters

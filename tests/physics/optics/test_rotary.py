@@ -1,75 +1,73 @@
-"""The rotary table against SciPy's rotations, and what the printed matrix does."""
+"""The rotary table against SciPy's rotations, and the channels that image its star."""
 
 from __future__ import annotations
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from reproduce.physics.optics import rotary_matrix, rotary_matrix_printed, starlight
+from reproduce.physics.optics import (
+    Camera,
+    channel_centroids,
+    image_points,
+    rotary_matrix,
+    rotary_matrix_printed,
+    starlight,
+)
+from reproduce.physics.registration import fit_registration, similarity_between
 
-ANGLES = np.random.default_rng(1).uniform(-1.2, 1.2, (2, 20))
-
-
-def test_matrix_is_a_proper_rotation() -> None:
-    matrix = rotary_matrix(*ANGLES)
-    np.testing.assert_allclose(
-        matrix @ np.swapaxes(matrix, -1, -2),
-        np.broadcast_to(np.eye(3), (20, 3, 3)),
-        atol=1e-15,
+EXTERNAL, MIDDLE = np.random.default_rng(1).uniform(-1.2, 1.2, (2, 20))
+CAMERAS = [
+    Camera(focal, point, 0.0, 4e-6)
+    for focal, point in (
+        (25.1e-3, (1034.0, 774.0)),
+        (25.0e-3, (1032.0, 772.0)),
+        (24.9e-3, (1031.0, 770.0)),
     )
-    np.testing.assert_allclose(np.linalg.det(matrix), 1)
+]
+ROTATIONS = (0.002, 0.0, -0.001)
+ANGLES = np.random.default_rng(1).uniform(-0.1, 0.1, (4, 30, 2))
 
 
 def test_matrix_agrees_with_scipy() -> None:
-    # Both frames are passive turns: SciPy's active ones by the opposite angle.
-    external, middle = ANGLES
-    expected = Rotation.from_euler("x", -external[:, None]) * Rotation.from_euler(
-        "y", -middle[:, None]
-    )
-    np.testing.assert_allclose(
-        rotary_matrix(external, middle), expected.as_matrix(), atol=1e-15
-    )
+    # Both frames are passive rotations: SciPy's active ones by the opposite angle.
+    about_x = Rotation.from_euler("x", -EXTERNAL[:, None])
+    expected = (about_x * Rotation.from_euler("y", -MIDDLE[:, None])).as_matrix()
+    np.testing.assert_allclose(rotary_matrix(EXTERNAL, MIDDLE), expected, atol=5e-16)
+    grid = rotary_matrix(EXTERNAL[:, None], MIDDLE[:4])
+    np.testing.assert_array_equal(grid[3, 2], rotary_matrix(EXTERNAL[3], MIDDLE[2]))
 
 
-def test_starlight_is_the_third_column_of_the_matrix() -> None:
-    light = starlight(*ANGLES)
-    np.testing.assert_allclose(light, rotary_matrix(*ANGLES) @ [0, 0, 1], atol=1e-16)
-    np.testing.assert_allclose(np.linalg.norm(light, axis=-1), 1)
+def test_starlight_is_the_third_column_and_turns_by_the_angle_of_one_frame() -> None:
+    light = starlight(EXTERNAL, MIDDLE)
+    np.testing.assert_allclose(light, rotary_matrix(EXTERNAL, MIDDLE)[..., 2])
+    about_y, about_x = starlight([0.0, 0.1], [0.1, 0.0])
+    np.testing.assert_allclose(about_y, [-np.sin(0.1), 0, np.cos(0.1)])
+    np.testing.assert_allclose(about_x, [0, np.sin(0.1), np.cos(0.1)])
 
 
-def test_signs_of_the_two_frames() -> None:
-    assert starlight(0.0, 0.1)[0] < 0
-    assert starlight(0.1, 0.0)[1] > 0
-    np.testing.assert_array_equal(starlight(0.0, 0.0), [0, 0, 1])
-
-
-def test_starlight_turns_by_the_angle_of_one_frame() -> None:
-    for light in (starlight(0.3, 0.0), starlight(0.0, 0.3)):
-        np.testing.assert_allclose(np.arccos(light[2]), 0.3)
-
-
-def test_printed_matrix_is_no_rotation_away_from_zero() -> None:
-    external, middle = ANGLES
-    printed = rotary_matrix_printed(external, middle)
-    np.testing.assert_allclose(np.linalg.det(printed), np.cos(2 * middle), atol=1e-14)
+def test_printed_matrix_is_no_rotation_but_has_the_same_starlight() -> None:
+    printed = rotary_matrix_printed(EXTERNAL, MIDDLE)
+    np.testing.assert_allclose(np.linalg.det(printed), np.cos(2 * MIDDLE), atol=1e-14)
     first_times_third = (printed[:, :, 0] * printed[:, :, 2]).sum(axis=-1)
-    np.testing.assert_allclose(first_times_third, -np.sin(2 * middle), atol=1e-15)
-    np.testing.assert_array_equal(
-        rotary_matrix_printed(external, 0.0), rotary_matrix(external, 0.0)
-    )
+    np.testing.assert_allclose(first_times_third, -np.sin(2 * MIDDLE), atol=1e-15)
+    np.testing.assert_array_equal(printed[..., 2], starlight(EXTERNAL, MIDDLE))
+    plain = rotary_matrix(EXTERNAL, 0.0)
+    np.testing.assert_array_equal(rotary_matrix_printed(EXTERNAL, 0.0), plain)
 
 
-def test_printed_matrix_gives_the_same_starlight_but_not_of_another_star() -> None:
-    printed, right = rotary_matrix_printed(*ANGLES), rotary_matrix(*ANGLES)
-    np.testing.assert_allclose(printed @ [0, 0, 1], starlight(*ANGLES), atol=1e-16)
-    assert np.abs(printed @ [1, 0, 0] - right @ [1, 0, 0]).max() > 0.1
+def test_every_channel_is_its_own_camera_in_every_replicate() -> None:
+    together = channel_centroids(CAMERAS, ROTATIONS, ANGLES)
+    assert together.shape == (4, 3, 30, 2)
+    for angles, replicate in zip(ANGLES, together, strict=True):
+        stars = starlight(angles[:, 1], angles[:, 0])
+        for found, *channel in zip(replicate, CAMERAS, ROTATIONS, strict=True):
+            np.testing.assert_array_equal(found, image_points(stars, *channel))
 
 
-def test_a_batch_is_a_loop() -> None:
-    external, middle = ANGLES
-    grid = rotary_matrix(external[:, None], middle[:4])
-    assert grid.shape == (20, 4, 3, 3)
-    np.testing.assert_array_equal(grid[3, 2], rotary_matrix(external[3], middle[2]))
-    np.testing.assert_array_equal(
-        starlight(external, middle)[5], starlight(external[5], middle[5])
-    )
+def test_channels_register_onto_the_reference() -> None:
+    centroids = channel_centroids(CAMERAS, ROTATIONS, ANGLES[0])
+    for i in (0, 2):
+        expected = similarity_between(CAMERAS[i], ROTATIONS[i], CAMERAS[1])
+        pivot = CAMERAS[i].principal_point
+        fit = fit_registration(centroids[i], centroids[1], pivot)
+        np.testing.assert_allclose(fit.parameters, expected.parameters, atol=1e-10)

@@ -8,19 +8,17 @@ def _made(*modules: tuple[str, str]) -> dict[str, str]:
     }
 
 
-# The module that makes and draws each item, in order of print; none for one that is only quoted.
+# The module that computes and draws each item, in the order of the paper. Empty if the item is
+# only quoted, or drawn by hand in data/schematics/.
 ITEMS = _made(
     ("", "text-context"),
-    ("positioning", "fig-1a"),
-    ("satellite", "fig-1b"),
+    ("", "fig-1a fig-1b"),
     ("platform_twin", "fig-1c fig-1d"),
     ("satellite", "table-1"),
     ("positioning", "text-positioning"),
-    ("satellite", "fig-2a fig-2b fig-3a fig-3b fig-3c"),
-    ("satellite", "text-satellite"),
-    ("attitude", "fig-4 fig-5"),
-    ("platform_twin", "fig-6a fig-6b"),
-    ("", "text-hardware"),
+    ("", "fig-2a fig-2b fig-3a fig-3b"),
+    ("satellite", "fig-3c text-satellite"),
+    ("", "fig-4 fig-5 fig-6a fig-6b text-hardware"),
     ("platform", "table-2"),
     ("effectiveness", "text-effectiveness"),
     ("platform", "text-platform"),
@@ -45,6 +43,6 @@ STUDIES = _made(
 
 # The modules of our own drawings.
 DRAWINGS = _made(
-    ("attitude", "drawing-misalignment"),
+    ("", "drawing-misalignment"),
     ("decisions", "drawing-frames"),
 )

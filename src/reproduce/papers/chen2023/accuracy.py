@@ -11,13 +11,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.random import SeedSequence
+from numpy.random import SeedSequence, default_rng
 
+from reproduce.papers.charts import banded, logarithmic, named_below, pair
 from reproduce.papers.chen2023 import platform
 from reproduce.papers.declare import Prediction, Results, draws, reproduces
-from reproduce.papers.sketch import banded, logarithmic, named_below, pair
 from reproduce.physics.attitude import scatter_of_averages
-from reproduce.physics.optics import spawned_normals
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 from reproduce.units import ARCSEC_PER_RADIAN
@@ -70,13 +69,11 @@ def _simulated_accuracies(
     spots = np.stack([platform.scatter(given, group) for group in (1, 2)])
     # Turns by unit noise in each coordinate: shape (groups, 2 axes, coordinates).
     turns = (spots[:, None] * response).reshape(len(spots), 2, -1)
-    frames = given.count(FRAMES)
+    frames, generator = given.count(FRAMES), default_rng(seed)
     parts = []
     for first in range(0, replicates, _BATCH):
         batch = min(_BATCH, replicates - first)
-        noise = spawned_normals(
-            seed, batch, (len(spots), frames, turns.shape[-1]), first=first
-        )
+        noise = generator.standard_normal((batch, len(spots), frames, turns.shape[-1]))
         # One angle about X and one about Y for each frame, to first order in the noise: exact to
         # a part in a million here, since the noise turns the camera by a few microradians.
         parts.append(scatter_of_averages(turns @ noise.mT, counts))

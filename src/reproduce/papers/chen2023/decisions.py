@@ -15,10 +15,10 @@ import numpy as np
 from scipy.special import gammaincinv, ndtri
 
 from reproduce.inference.models import small_angle_posterior
+from reproduce.papers.charts import INK, banded, logarithmic, named_below, pair
 from reproduce.papers.chen2023 import accuracy, effectiveness, platform, satellite
 from reproduce.papers.chen2023.posteriors import READS, drift
 from reproduce.papers.declare import Fact, draws, studied
-from reproduce.papers.sketch import INK, banded, logarithmic, named_below, pair
 from reproduce.physics.attitude import averaged_error, moving_average
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given

@@ -18,13 +18,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.random import SeedSequence
+from numpy.random import Generator, SeedSequence, default_rng
 
 from reproduce.papers import declare
+from reproduce.papers.charts import named_below, pair
 from reproduce.papers.chen2023 import accuracy, platform
-from reproduce.papers.sketch import named_below, pair
 from reproduce.physics.attitude import stage_angle
-from reproduce.physics.optics import spawned_normals
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 from reproduce.units import RADIANS_PER_ARCSEC
@@ -153,14 +152,13 @@ def monitored_angle(
     images: str,
 ) -> declare.Results:
     """Monitored angles: the angle of the stage, the noise of its state and of the zero state."""
-    errors = _monitoring_errors(given, seed, replicates)
+    generator = default_rng(seed)
+    errors = _monitoring_errors(given, generator, replicates)
     lag, noise = _averaging(given, images)
     length = np.full(replicates, _length(given, columns, telescope))
     if telescope == "nominal":
         # One telescope for all angles of a replicate, anywhere in the range of a nominal length.
-        spread = np.random.default_rng(declare.split_seed(seed, 1)[0]).uniform(
-            -1, 1, replicates
-        )
+        spread = generator.uniform(-1, 1, replicates)
         length += spread * (given.upper(platform.TELESCOPE) - length)
     results = {}
     for place, (turn, axis) in enumerate(_TURNS.items()):
@@ -191,14 +189,16 @@ def _averaging(given: Given, images: str) -> tuple[float, float]:
     return float(lag), float(np.sqrt(frames * np.square(weights).sum()))
 
 
-def _monitoring_errors(given: Given, seed: SeedSequence, replicates: int) -> FloatArray:
+def _monitoring_errors(
+    given: Given, generator: Generator, replicates: int
+) -> FloatArray:
     """Return the errors of monitored angles by centroid noise, (replicates, states, 2).
 
     They are about X and Y, in radians, for all states but the zero state, whose error they share.
     """
     response = platform.angle_response(given)[:2]
     spots = platform.scatter(given, 2) / np.sqrt(given.count(FRAMES))
-    noise = spawned_normals(seed, replicates, (len(STATES), *spots.shape)) * spots
+    noise = generator.standard_normal((replicates, len(STATES), *spots.shape)) * spots
     angles = np.tensordot(noise, response, axes=([-2, -1], [-2, -1]))
     return np.asarray(angles[:, 1:] - angles[:, :1])
 

@@ -26,19 +26,10 @@ import numpy as np
 from numpy.random import Generator, default_rng
 from numpy.typing import ArrayLike
 
+from reproduce.papers.charts import INK, named_below, pair, sized
 from reproduce.papers.chen2023 import accuracy, effectiveness, platform, resolution
-from reproduce.papers.chen2023.attitude import towards
-from reproduce.papers.chen2023.satellite import LASER, STAR, reflected
+from reproduce.papers.chen2023.satellite import LASER, STAR
 from reproduce.papers.declare import draws, seed_of
-from reproduce.papers.sketch import (
-    INK,
-    Sketch,
-    beside,
-    named_below,
-    pair,
-    sized,
-    turned,
-)
 from reproduce.physics import attitude, images
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
@@ -139,10 +130,6 @@ def _two_groups(twin: _Bench, frames: int, generator: Generator) -> _Series:
     return _Series(found, errors, twin.design.misalignment(found[1], zero))
 
 
-_DESIGN = "chen2023/text-satellite"
-_ANGLES = tuple(
-    f"{_DESIGN}#{name}-angle" for name in ("boresight", "table", "dihedral")
-)
 # Towards Orion, for no better reason than that everybody knows it: right ascension, declination,
 # turn about the boresight, in degrees; and the faintest magnitude.
 _POINTING, _FAINTEST = (84.6, -0.4, 20.0), 6.0
@@ -186,58 +173,6 @@ def _draw_frame(figure: Figure, printed: Mapping[str, float], door: Given) -> No
 
 def _pairs(printed: Mapping[str, float]) -> FloatArray:
     return np.array(list(printed.values())).reshape(-1, 2)
-
-
-@draws("chen2023/fig-6a", marks=[platform.DIAGONAL])
-def _draw_stage(figure: Figure, printed: Mapping[str, float]) -> None:
-    """The stage that moves the lasers, and how the four lasers sit on it."""
-    (diagonal,) = printed.values()
-    sketch, centre = Sketch.on(figure, 10.8, 9.4), np.array([3.8, 5.7])
-    sketch.box(centre, (7.0, 7.0))
-    sketch.box(centre, (3.4, 3.4), turn=45, style=":", width=0.7)
-    sketch.mark(np.array([[0, 1], [1, 0], [0, -1], [-1, 0]]) * 2.4 + centre, LASER, 11)
-    sketch.arrow(beside(centre, -2.1, 0.0), beside(centre, 2.1, 0.0), style="<|-|>")
-    sketch.label(beside(centre, 0.0, 0.35), f"{diagonal * 1e3:g} mm")
-    sketch.label(beside(centre, 0.0, 2.95), "lasers on the stage")
-    corner = beside(centre, 4.3, -1.2)
-    for along, axis, y in zip(np.eye(2), "XY", (1.5, 0.8), strict=True):
-        sketch.arrow(corner, corner + 2.0 * along)
-        sketch.label(corner + 2.3 * along, axis)
-        sense = towards(np.zeros(3), attitude.stage_angles(along, 1.0))
-        text = f"towards {axis}: as if the camera turned about {sense}"
-        sketch.label((0.3, y), text, ha="left")
-
-
-@draws("chen2023/fig-6b", marks=_ANGLES)
-def _draw_bench(figure: Figure, printed: Mapping[str, float]) -> None:
-    """The ground platform: lasers, telescope, two mirrors at a right angle, tracker."""
-    between, table, tilt = (float(np.degrees(printed[address])) for address in _ANGLES)
-    sketch = Sketch.on(figure, 16.0, 11.2, 6.8)
-    out, hit = turned([1.0, 0.0], between), np.array([8.6, 5.6])
-    sketch.box((0.8, 7.6), (0.7, 2.2))
-    sketch.lens((4.6, 7.6), 2.6)
-    sketch.path([(1.2, 7.6), (4.6, 7.6), (13.4, 7.6), (13.4, 5.6), hit], LASER)
-    sketch.mirror((13.4, 7.6), 1.6, -45)
-    sketch.mirror((13.4, 5.6), 1.6, 45)
-    # The mirror stands at its tilt to the plane across the tracker's boresight.
-    stands = between - 90 + tilt
-    detector = hit + 3.0 * reflected([-1.0, 0.0], stands)
-    sketch.mirror(hit, 1.9, stands)
-    sketch.path([hit, detector], LASER)
-    sketch.lens(hit - 1.6 * out, 1.6, between)
-    sketch.box(detector, (0.3, 1.4), turn=between)
-    sketch.path([hit + 4.4 * out, hit], STAR)
-    sketch.arc(hit, 1.2, (0, between), f"{between:g}°")
-    for x, y, text in (
-        (0.2, 5.9, "stage and lasers"),
-        (2.2, 9.4, "telescope"),
-        (14.1, 6.6, "two mirrors\nat a right\nangle"),
-        (11.0, 3.6, "tracker"),
-        (0.2, 1.1, f"tracker against the table: {table:g}°"),
-        (0.2, 0.4, f"mirror against the plane across the tracker: {tilt:g}°"),
-    ):
-        sketch.label((x, y), text, ha="left")
-    sketch.key((LASER, STAR), (0.8, 1.0))
 
 
 @cache

@@ -20,27 +20,21 @@ import numpy as np
 from numpy.random import default_rng
 
 from reproduce.papers.chen2023 import accuracy, platform, satellite
-from reproduce.papers.chen2023.satellite import SCENE, STAR
 from reproduce.papers.declare import (
     Column,
     Results,
-    draws,
     reproduces,
     seed_of,
     studied,
 )
-from reproduce.papers.sketch import INK, Look, Sketch, beside, seen_from
 from reproduce.physics import ground
-from reproduce.physics.attitude import rotation_from_vector, unit
+from reproduce.physics.attitude import rotation_from_vector
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 from reproduce.units import RADIANS_PER_ARCSEC
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     import pandas as pd
-    from matplotlib.figure import Figure
 
 
 _POINTING = f"{satellite.SATELLITE}#tracker-pointing-accuracy.value"
@@ -247,73 +241,3 @@ def _strategies(given: Given) -> list[tuple[str | float, ...]]:
     return [
         (name, *(np.quantile(lengths[name], 0.9, axis=1) * height)) for name in lengths
     ]
-
-
-# The drawn satellite, its target, and the side they are seen from.
-_INERTIAL = Look("J2000", INK, "--")
-_DATE = "2023-09-22T03:30:00"
-_EARTH = ground.EARTH_RADIUS
-_ABOVE = np.array([np.radians(104.0), np.radians(24.0), 1.25 * _EARTH])
-_TARGET = np.array([np.radians(66.0), np.radians(50.0), 0.0])
-_VIEW = seen_from(36.0, 20.0, (4.6, 3.2), 2.8 / _EARTH)
-
-
-def _scene(door: Given) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]]:
-    """Return a satellite that looks at a target, and what the imaging model makes of it.
-
-    Position of the satellite; where equation (1) puts the middle of the image; three frames whose
-    columns are their axes. All Earth-fixed, in metres.
-    """
-    turning = ground.earth_from_inertial(_DATE, ut1_utc=0.0)
-    place = ground.earth_fixed(_ABOVE)
-    z = unit("boresight", ground.earth_fixed(_TARGET) - place)
-    x = unit("level", np.cross([0.0, 0.0, 1.0], z))
-    looking = np.stack([x, np.cross(z, x), z], axis=-1)
-    # The tracker looks away from the Earth: the camera, turned about the X that both share.
-    tracker_from_camera = rotation_from_vector([door[satellite.BORESIGHT], 0.0, 0.0])
-    inertial_from_tracker = turning.T @ looking @ tracker_from_camera.T
-    chain = turning @ inertial_from_tracker @ tracker_from_camera
-    centre = ground.image_vectors([(0.0, 0.0)], focal_length=1.0)
-    frames = {
-        "camera": chain,
-        "tracker": turning @ inertial_from_tracker,
-        "stars": turning,
-    }
-    return place, ground.imaged_position(centre, place, chain)[0], frames
-
-
-@draws("chen2023/fig-1a", given=[satellite.BORESIGHT])
-def _draw_scene(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
-    """Frames of the imaging model, from a point of the image to a place on the Earth."""
-    sketch = Sketch.on(figure, 14.0, 9.6, 6.6)
-    (above, imaged, frames), origin = _scene(door), np.zeros(3)
-    around = np.linspace(0.0, 2.0 * np.pi, 240)
-    circle = _EARTH * np.stack([np.cos(around), np.sin(around), 0 * around], axis=-1)
-    sketch.line(np.asarray(_VIEW.centre) + _VIEW.scale * circle[:, :2], 1.3)
-    sketch.line(_VIEW.point(circle), 0.7, ":")
-    names = [r"$X_\mathrm{WGS84}$", r"$Y_\mathrm{WGS84}$", "$Z$ of both"]
-    sketch.triad(_VIEW, origin, np.diag([1.6, 1.6, 1.3]) * _EARTH, names, width=1.8)
-    names, stars = [r"$X_\mathrm{J2000}$", r"$Y_\mathrm{J2000}$"], frames["stars"].T
-    sketch.triad(_VIEW, origin, 1.6 * _EARTH * stars[:2], names, look=_INERTIAL)
-    turn = float(-np.arctan2(stars[0, 1], stars[0, 0]))
-    sketch.sense(_VIEW, origin, [0.0, 0.0, 1.0], 0.6 * _EARTH * stars[0], turn)
-    place, target = _VIEW.point(above), _VIEW.point(imaged)
-    sketch.arrow(_VIEW.point(origin), place, width=0.8)
-    sketch.path([target, place], SCENE)
-    sketch.mark(target, SCENE, 7)
-    # Beside the camera's frame on the paper, so that both can be read.
-    tracker = above + _EARTH * np.array([0.65, 0.8]) @ _VIEW.matrix
-    for foot, name, names in (
-        (above, "camera", ["$X_c$", "$Y_c$", ""]),
-        (tracker, "tracker", ["$X_s$", "$Y_s$", "$Z_s$"]),
-    ):
-        sketch.triad(_VIEW, foot, 0.4 * _EARTH * frames[name].T, names, width=1.8)
-    # The line of sight runs along the camera's boresight: its name stands above.
-    tip = _VIEW.point(above + 0.4 * _EARTH * frames["camera"][:, 2])
-    sketch.label(beside(tip, -0.1, 0.4), "$Z_c$")
-    boresight = _EARTH * frames["tracker"][:, 2]
-    sketch.path([_VIEW.point(tracker + s * boresight) for s in (1.25, 0.7)], STAR)
-    sketch.label(beside(place, 0.7, 0.2), "camera", ha="left")
-    sketch.label(beside(_VIEW.point(tracker), -0.45, 0.1), "tracker", ha="right")
-    sketch.label(beside(target, -0.2, 0.45), "target")
-    sketch.key((SCENE, STAR, _INERTIAL))

@@ -30,11 +30,11 @@ from functools import cache, lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.random import SeedSequence
+from numpy.random import SeedSequence, default_rng
 
 from reproduce.papers import declare
+from reproduce.papers.charts import named_below
 from reproduce.papers.chen2023 import platform
-from reproduce.papers.sketch import named_below
 from reproduce.physics.attitude import attitude_accuracy
 from reproduce.physics.images import (
     CentroidError,
@@ -45,7 +45,6 @@ from reproduce.physics.images import (
     simulated_errors,
     window_corners,
 )
-from reproduce.physics.optics import spawned_streams
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given
 from reproduce.units import ARCSEC_PER_RADIAN, RADIANS_PER_ARCSEC
@@ -219,15 +218,11 @@ def _replicated_scatter(
     trials = given.count(f"{STUDY}#trials")
     law = predicted_errors(*_setting(given, case))
     deviation = np.sqrt(law.variance / trials)
-    found = []
-    for stream in spawned_streams(seed, replicates):
-        # Mean and variance of normal errors within a phase are independent.
-        noise = stream.standard_normal(law.bias.shape)
-        spread = stream.chisquare(trials - 1, law.bias.shape)
-        means = law.bias + deviation * noise
-        inside = law.variance * spread / trials
-        found.append(np.sqrt(inside.mean(axis=-1) + means.var(axis=-1)))
-    return np.stack(found)
+    generator, shape = default_rng(seed), (replicates, *law.bias.shape)
+    # Mean and variance of normal errors within a phase are independent.
+    means = law.bias + deviation * generator.standard_normal(shape)
+    inside = law.variance * generator.chisquare(trials - 1, shape) / trials
+    return np.asarray(np.sqrt(inside.mean(axis=-1) + means.var(axis=-1)))
 
 
 def _saturation(monitoring: FloatArray, relative: float, errors: float) -> FloatArray:
@@ -247,12 +242,10 @@ def monte_carlo(given: Given) -> FloatArray:
         _setting(given),
         given.count(f"{STUDY}#trials"),
     )
-    streams = spawned_streams(
-        declare.seed_of("chen2023/fig-11a", given.root), len(radius)
-    )
-    pairs = zip(radius, streams, strict=True)
+    generator = default_rng(declare.seed_of("chen2023/fig-11a", given.root))
     errors = (
-        simulated_errors(phases, light, wide, size, trials, own) for wide, own in pairs
+        simulated_errors(phases, light, wide, size, trials, generator)
+        for wide in radius
     )
     return np.array([drawn.std() for drawn in errors])
 

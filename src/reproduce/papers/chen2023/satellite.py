@@ -17,11 +17,10 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
+from reproduce.papers.charts import Look, sized
 from reproduce.papers.chen2023 import platform
 from reproduce.papers.declare import Fact, Results, draws, reproduces, studied
-from reproduce.papers.sketch import Look, Sketch, beside, sized, turned
 from reproduce.physics import attitude, ground
 from reproduce.physics.light import (
     RETROREFLECTORS,
@@ -63,11 +62,6 @@ _APERTURE = 0.1 * np.stack([np.cos(_AROUND), np.sin(_AROUND)], axis=-1)
 _ROUNDING_FACTOR = 1e-9
 _PIXELS = f"{platform.PLATFORM}#tracker-pixels-x.value"
 _FIELD = f"{SATELLITE}#tracker-field-of-view-x.value"
-# Where the dichroic mirror and the lens of the drawn tracker stand.
-_PLATE, _LENS = np.array([5.0, 6.2]), np.array([5.0, 3.6])
-# Laser light comes in a few degrees beside the boresight.
-_INWARDS = turned([0.0, -1.0], 9.0)
-_DETECTORS = "chen2023/text-hardware#detectors"
 _FILTER = "chen2023/text-hardware#filter-wavelength"
 _BANDS = tuple(
     f"{_TEXT}#{light}-{end}"
@@ -78,15 +72,6 @@ _BANDS = tuple(
 
 LASER = Look("laser", "#D55E00", "--", "s")
 STAR = Look("starlight", "#009E73", "-.", "o")
-SCENE = Look("landscape", "#0072B2", ":", "^")
-
-
-def reflected(direction: ArrayLike, degrees: float) -> FloatArray:
-    """Return where light in the plane of the paper goes after a mirror drawn at some degrees."""
-    normal = turned([0.0, 1.0], degrees)
-    return np.asarray(
-        reflection([*normal, 0.0])[:2, :2] @ np.asarray(direction, dtype=np.float64)
-    )
 
 
 def altitude(given: Given) -> float:
@@ -253,130 +238,6 @@ def _heat(given: Given) -> Iterator[tuple[str | float, ...]]:
         kelvin = motion / (given[_EXPANSION] * given[platform.DIAGONAL])
         lengths = (camera / tracker, tracker * 1e3, np.degrees(float(view)))
         yield (name, *lengths, angle, motion * 1e6, kelvin)
-
-
-@draws("chen2023/fig-1b")
-def _draw_system(figure: Figure) -> None:
-    """The monitoring system: what the laser light couples, and what the stars add."""
-    sketch = Sketch.on(figure, 12.0, 6.8)
-    sketch.box((2.4, 3.4), (4.4, 1.7), "camera with lasers\nin its focal plane")
-    sketch.box((6.2, 0.8), (3.4, 1.1), "retro-reflector")
-    sketch.box((9.9, 3.4), (3.4, 1.7), "star and laser\ntracker")
-    sketch.path([(3.5, 2.55), (3.5, 0.8), (4.5, 0.8)], LASER)
-    sketch.path([(7.9, 0.8), (9.8, 0.8), (9.8, 2.55)], LASER)
-    sketch.path([(10.5, 6.5), (10.5, 4.25)], STAR)
-    sketch.path([(1.6, 0.1), (1.6, 2.55)], SCENE)
-    sketch.arrow((4.6, 3.4), (8.2, 3.4), style="<|-|>")
-    sketch.label((6.4, 3.85), "installation,")
-    sketch.label((6.4, 2.95), "bent by heat")
-    sketch.key((LASER, STAR, SCENE))
-
-
-@draws("chen2023/fig-2a")
-def _draw_satellite(figure: Figure) -> None:
-    """The system in the satellite: camera down, tracker up, retro-reflector between."""
-    sketch = Sketch.on(figure, 12.6, 10.8)
-    sketch.box((3.4, 5.4), (3.8, 5.2))
-    sketch.box((3.4, 7.4), (3.2, 1.1), "focal plane,\nlasers")
-    for x, y, degrees in (
-        (2.2, 6.2, 0),
-        (4.6, 6.2, 0),
-        (3.4, 3.6, 0),
-        (4.5, 1.2, -45),
-        (9.4, 1.2, 45),
-    ):
-        sketch.mirror((x, y), 1.2, degrees)
-    sketch.box((6.5, 5.4), (2.4, 0.8), "platform")
-    sketch.box((9.4, 5.6), (3.4, 2.0), "star and laser\ntracker")
-    sketch.path(
-        [(3.4, 6.8), (3.65, 3.65), (4.5, 6.1), (4.5, 1.2), (9.4, 1.2), (9.4, 4.6)],
-        LASER,
-    )
-    sketch.path([(9.9, 10.4), (9.9, 6.7)], STAR)
-    sketch.path([(2.2, 0.6), (2.2, 6.1)], SCENE)
-    sketch.label((3.4, 8.45), "camera")
-    sketch.label((6.95, 1.95), "retro-reflector,\nin section")
-    sketch.key((LASER, STAR, SCENE))
-
-
-@draws("chen2023/fig-2b", given=[_DETECTORS])
-def _draw_focal_plane(
-    figure: Figure, printed: Mapping[str, float], door: Given
-) -> None:
-    """Focal plane of the camera: detectors in two planes, joined by reflectors, and the lasers."""
-    sketch = Sketch.on(figure, 13.6, 5.8)
-    count = door.count(_DETECTORS)
-    for index in range(count):
-        x, upright = 1.0 + 0.7 * index, index % 2 == 0
-        sketch.box(
-            (x, 3.9 if upright else 1.5), (0.6, 0.9), look=SCENE if upright else None
-        )
-        if upright:
-            sketch.box((x, 2.7), (0.45, 0.45), width=0.8)
-    for x in (0.2, 1.2 + 0.7 * count):
-        sketch.mark((x, 1.5), LASER, 8)
-    sketch.label(
-        (1.0 + 0.35 * count, 5.2), f"light from the telescope, on {count} detectors"
-    )
-    for y, name in (
-        (3.9, "upright plane"),
-        (2.7, "reflectors"),
-        (0.5, "flat plane; squares: lasers"),
-    ):
-        sketch.label((13.5, y), name, ha="right")
-
-
-def _inside(figure: Figure, printed: Mapping[str, float]) -> tuple[Sketch, float]:
-    """Draw what both lights meet in the tracker; return the sketch and the mirror's tilt (°)."""
-    (tilt,) = np.degrees(list(printed.values())).tolist()
-    sketch, came = Sketch.on(figure, 11.6, 9.6), reflected(_INWARDS, tilt)
-    sketch.mirror(_PLATE, 3.4, tilt)
-    sketch.lens(_LENS, 2.6, 90)
-    sketch.mirror(
-        _PLATE - 2.5 * came,
-        1.8,
-        float(np.degrees(np.arctan2(came[1], came[0]))) + 90,
-        ":",
-    )
-    sketch.box((5.0, 1.95), (1.8, 0.3))
-    sketch.box((5.0, 0.8), (3.6, 1.0), "processor")
-    for x, y, name in (
-        (4.6, 7.2, "dichroic\nmirror"),
-        (3.0, 3.6, "lens"),
-        (6.9, 1.95, "detector"),
-    ):
-        sketch.label((x, y), name)
-    sketch.label((8.2, 5.4), "narrow band-pass\nfilter (dots)", ha="left")
-    return sketch, tilt
-
-
-@draws("chen2023/fig-3a", marks=[f"{_TEXT}#dihedral-angle"])
-def _draw_tracker(figure: Figure, printed: Mapping[str, float]) -> None:
-    """Structure of the star and laser tracker."""
-    sketch, _ = _inside(figure, printed)
-    sketch.box((3.2, 6.3), (0.4, 2.2), style="--")
-    sketch.box((5.2, 4.7), (5.8, 6.2), style=":")
-    for side in (-1, 1):
-        sketch.line([(5 + side * 1.6, 8.0), (5 + side * 2.4, 9.5)], 1.3)
-    sketch.label((0.1, 6.3), "invar\nsupport\n(dashed)", ha="left")
-    sketch.label((8.2, 7.4), "thermal control\n(dotted)", ha="left")
-    sketch.label((7.6, 8.8), "baffle, held by the\nsatellite alone", ha="left")
-
-
-@draws("chen2023/fig-3b", marks=[f"{_TEXT}#dihedral-angle"])
-def _draw_paths(figure: Figure, printed: Mapping[str, float]) -> None:
-    """Paths of starlight and laser light into the tracker."""
-    sketch, tilt = _inside(figure, printed)
-    star, normal = _INWARDS * [-1.0, 1.0], turned([0.0, 1.0], tilt)
-    hit = _LENS - (_LENS - _PLATE) @ normal / (_INWARDS @ normal) * _INWARDS
-    sketch.path([_LENS - 5.4 * star, _LENS, _LENS + 1.5 * star], STAR)
-    sketch.path(
-        [hit - 4.0 * reflected(_INWARDS, tilt), hit, _LENS, _LENS + 1.5 * _INWARDS],
-        LASER,
-    )
-    sketch.line([_PLATE, beside(_PLATE, 2.9, 0.0)], 0.7)
-    sketch.arc(_PLATE, 2.5, (0, tilt), f"{tilt:g}°")
-    sketch.key((STAR, LASER))
 
 
 @draws("chen2023/fig-3c", marks=[*_BANDS, _FILTER])

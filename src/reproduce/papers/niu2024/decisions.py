@@ -14,10 +14,10 @@ import numpy as np
 from scipy.special import chndtrix
 
 from reproduce.inference import Normal, models
+from reproduce.papers.charts import banded, logarithmic, named_below, sized
 from reproduce.papers.declare import Fact, draws, studied
 from reproduce.papers.niu2024 import posteriors, simulation
 from reproduce.papers.niu2024.simulation import NOISE
-from reproduce.papers.sketch import banded, logarithmic, named_below, sized
 from reproduce.physics.ground import circular_error
 from reproduce.physics.registration import fit_registration
 from reproduce.physics.validate import FloatArray

@@ -31,7 +31,7 @@ from __future__ import annotations
 from itertools import product
 
 import numpy as np
-from numpy.random import SeedSequence
+from numpy.random import SeedSequence, default_rng
 
 from reproduce.papers import declare
 from reproduce.papers.niu2024 import registration, simulation
@@ -171,12 +171,11 @@ def rmse_before(
     given: Given, seed: SeedSequence, replicates: int, *, scale: str, rmse: str
 ) -> declare.Results:
     """RMSE before registration, from the calibrated registration and the printed residuals."""
-    for_positions, for_errors = declare.split_seed(seed, 2)
-    count = given.count(f"{OUTCOME}#test-points")
-    angles = optics.spawned_angles(for_positions, replicates, count, half_field(given))
-    errors = _centroid_errors(given) * optics.spawned_normals(
-        for_errors, replicates, (3, count, 2)
-    )
+    generator, count = default_rng(seed), given.count(f"{OUTCOME}#test-points")
+    half = np.array(half_field(given))
+    angles = generator.uniform(-half, half, (replicates, count, 2))
+    unit = generator.standard_normal((replicates, len(CHANNELS), count, 2))
+    errors = _centroid_errors(given) * unit
     points = _registered_points if scale == "factors" else _by_focal_lengths
     measured = points(given, angles) + errors
     apart = rmse_per_axis(measured[:, 1:], measured[:, :1])
@@ -243,14 +242,12 @@ def twin_fits(
     first rows: by the closed form, which is where the paper's iteration ends, with the spot at the
     zero position for a pivot, as in section 3.2. By channel, batch shape (replicates,).
     """
-    table = simulation.literal(given).angles
-    noisy = optics.noisy_centroids(
-        _by_focal_lengths(given, table), error, seed, replicates
-    )
-    directions, pitch = (
-        optics.starlight(table[:, 1], table[:, 0]),
-        given[f"{OPTICS}#pixel-pitch-x"],
-    )
+    table = simulation.arrangement(given)
+    true = _by_focal_lengths(given, table)
+    unit = default_rng(seed).standard_normal((replicates, *true.shape))
+    noisy = true + error * unit
+    directions = optics.starlight(table[:, 1], table[:, 0])
+    pitch = given[f"{OPTICS}#pixel-pitch-x"]
     spots, [zero] = (
         dict(zip(CHANNELS, noisy.swapaxes(0, 1), strict=True)),
         zero_places(table),

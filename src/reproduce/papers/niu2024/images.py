@@ -22,11 +22,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.random import Generator, SeedSequence
 
+from reproduce.papers.charts import Look, sized
 from reproduce.papers.declare import Fact, draws, studied
 from reproduce.papers.niu2024 import experiment
-from reproduce.papers.niu2024.registration import LOOKS
 from reproduce.papers.niu2024.simulation import CHANNELS, OPTICS
-from reproduce.papers.sketch import Look, sized
 from reproduce.physics import images
 from reproduce.physics.optics import Camera, channel_centroids, detector_centre
 from reproduce.physics.registration import (
@@ -243,6 +242,11 @@ def _centroids() -> Iterator[tuple[object, ...]]:
         yield (*labels, *(arrays[name][at] for name in RESULTS))
 
 
+_CHANNEL_LOOKS = {
+    "red": Look("red", "#D55E00", "--", "s"),
+    "green": Look("green", "#009E73", "-.", "o"),
+    "blue": Look("blue", "#0072B2", ":", "^"),
+}
 _KINDS = (
     Look("green", "#777777", ":", "^"),
     Look("raw", "#D55E00", "--", "s"),
@@ -268,8 +272,11 @@ def _draw_star(figure: Figure) -> None:
         "red": (windows[1, 0, _MIDDLE, _MIDDLE], {"red": at["red"]}),
         "green": (green[0], {"green": at["green"]}),
         "blue": (windows[2, 0, _MIDDLE, _MIDDLE], {"blue": at["blue"]}),
-        "fused as they are": (plain[0], {name: at[name] for name in LOOKS}),
-        "fused after registration": (registered[0], dict.fromkeys(LOOKS, at["green"])),
+        "fused as they are": (plain[0], {name: at[name] for name in _CHANNEL_LOOKS}),
+        "fused after registration": (
+            registered[0],
+            dict.fromkeys(_CHANNEL_LOOKS, at["green"]),
+        ),
     }
     halo = [withStroke(linewidth=3.5, foreground="white")]  # for dark pixels
     shape = (3, 2) if sized(figure, 6.4, 4.6, 5.6) else (2, 3)
@@ -282,7 +289,10 @@ def _draw_star(figure: Figure) -> None:
         )
         for name, place in marks.items():
             mark = axes.plot(
-                *place, LOOKS[name].marker, color=LOOKS[name].colour, fillstyle="none"
+                *place,
+                _CHANNEL_LOOKS[name].marker,
+                color=_CHANNEL_LOOKS[name].colour,
+                fillstyle="none",
             )
             mark[0].set(markersize=9, markeredgewidth=1.3, path_effects=halo)
         axes.set(aspect="equal", title=title, xticks=[0, 3, 6, 9], yticks=[0, 3, 6, 9])

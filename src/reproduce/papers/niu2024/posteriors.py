@@ -16,13 +16,13 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.random import PCG64, Generator
+from numpy.random import PCG64, Generator, default_rng
 
 from reproduce.inference import Model, Uniform, models
 from reproduce.papers.niu2024 import simulation
 from reproduce.papers.niu2024.simulation import IMAGING, NOISE, REGISTERED, SETTINGS
 from reproduce.papers.posteriors import Declaration, File, data_stream
-from reproduce.physics.optics import angle_from_pixels, noisy_centroids, spawned_angles
+from reproduce.physics.optics import angle_from_pixels
 from reproduce.physics.registration import (
     checked_pivot,
     diagnose,
@@ -49,15 +49,15 @@ _FITTED = ("model", "weights", "source_covariance", "target_covariance")
 
 def _centroids(given: Given) -> FloatArray:
     """Simulated centroids of green, red and blue, shape (3, n, 2), in px."""
-    noise = given[NOISE]
+    true, generator = true_centroids(given), default_rng(data_stream(given, 1, 0))
     return np.asarray(
-        noisy_centroids(true_centroids(given), noise, data_stream(given, 1), 1)[0]
+        true + simulation.noise(given) * generator.standard_normal(true.shape)
     )
 
 
 def true_centroids(given: Given) -> FloatArray:
     """Noise-free centroids of green, red and blue, shape (3, n, 2), in px."""
-    return simulation.imaged(given, simulation.literal(given).angles)
+    return simulation.imaged(given, simulation.arrangement(given))
 
 
 def truth(given: Given, channels: tuple[str, ...] = ("red",)) -> dict[str, float]:
@@ -135,11 +135,12 @@ def _mixture_truth(given: Given) -> dict[str, float]:
 
 def _test_points(given: Given) -> FloatArray:
     """Measured test points in green, red and blue, shape (3, points, 2), in px."""
-    count, half_ranges = given.count(_TEST_POINTS), simulation.half_ranges(given)
-    directions = spawned_angles(data_stream(given, 3, 0), 1, count, half_ranges)[0]
+    places, errors = (default_rng(data_stream(given, 3, part, 0)) for part in (0, 1))
+    half = np.array(simulation.half_ranges(given))
+    directions = places.uniform(-half, half, (given.count(_TEST_POINTS), 2))
     true = simulation.imaged(given, directions)
     return np.asarray(
-        noisy_centroids(true, given[NOISE], data_stream(given, 3, 1), 1)[0]
+        true + simulation.noise(given) * errors.standard_normal(true.shape)
     )
 
 

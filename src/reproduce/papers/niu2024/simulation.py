@@ -13,42 +13,28 @@ verdicts were:
 * test points are directions at random, uniform over the printed range, imaged with the same noise;
 * the RMSE is (26): one number for both axes.
 
-Of the angles the text gives a count, a range and a step; no full rectangle has that count, which is
-a prime. The count therefore selects among those of `physics.optics.simulate`, and so it is an
-input. The most literal of those that have it takes the step as the distance between neighbours of a
-square lattice and holds the zero position, which the starting values of section 3.2 need.
+The text gives a count, a range and a step of the angles. No full rectangle has that count, which is
+a prime. The count therefore selects among the arrangements of `physics.optics.arrangements`, and is
+an input. The most literal arrangement takes the step as the distance between neighbours of a square
+lattice and contains the zero position, which the starting values of section 3.2 need.
 
 Each choice is an option of the computations below; the ledger evaluates all combinations.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.random import SeedSequence
+from numpy.random import Generator, SeedSequence, default_rng
 from numpy.typing import NDArray
 
-from reproduce.papers.declare import (
-    Prediction,
-    Results,
-    draws,
-    reproduces,
-    split_seed,
-    words,
-)
-from reproduce.physics.optics import (
-    Arrangement,
-    Camera,
-    arrangements_with,
-    channel_centroids,
-    noisy_centroids,
-    spawned_angles,
-    spawned_normals,
-)
+from reproduce.papers.declare import Prediction, Results, draws, reproduces, words
+from reproduce.physics import validate
+from reproduce.physics.optics import Camera, arrangements_with, channel_centroids
 from reproduce.physics.registration import (
     Registration,
     fit_registration,
@@ -70,18 +56,14 @@ CHANNELS = ("green", "red", "blue")
 REGISTERED = ("red", "blue")
 ROWS = ("scale", "rotation", "translation-x", "translation-y")
 _REPLICATES = 2000
-# Replicates calibrated at once: enough to be fast, few enough to stay in the processor's memory.
-_BATCH = 500
-# What the printed noise is multiplied by in green, red and blue.
-_NOISY = {
+# Factor of the printed noise in green, red and blue.
+_NOISE_FACTORS = {
     "every-channel": (1.0, 1.0, 1.0),
     "red-and-blue": (0.0, 1.0, 1.0),
     "green": (1.0, 0.0, 0.0),
 }
-_DRAWS = {"one": 1, "ten": 10}
+_DRAWS_AVERAGED = {"one": 1, "ten": 10}
 _OPTIONS = words(SETTINGS).options
-# Every arrangement that has the printed count, by the name of its alternative.
-_ARRANGEMENTS = {name: way.text for name, way in _OPTIONS["angles"].items()}
 ANGLES = (
     f"{SETTINGS}#angle-count",
     f"{SETTINGS}#range-x-*",
@@ -91,45 +73,26 @@ ANGLES = (
 READS = (*ANGLES, IMAGING, f"{TRUTH}#rotation.*", f"{OPTICS}#pixel-pitch-x", NOISE)
 
 
-@dataclass(frozen=True)
-class _Setting:
-    """The options of a simulated run, by their alternatives."""
-
-    angles: str
-    noise: str
-    repeats: str
-    translations: str
-
-
-def half_ranges(door: Given) -> tuple[float, float]:
+def half_ranges(given: Given) -> tuple[float, float]:
     """Return half the printed range about x and about y, in radians."""
-    low, high = (door.array(f"{SETTINGS}#range-?-{end}") for end in ("low", "high"))
+    low, high = (given.array(f"{SETTINGS}#range-?-{end}") for end in ("low", "high"))
     x, y = ((high - low) / 2).tolist()
     return x, y
 
 
 @cache
-def candidates(door: Given) -> tuple[Arrangement, ...]:
-    """Return every arrangement that has the printed number of angles, in the family's order."""
-    count = door.count(f"{SETTINGS}#angle-count")
-    return tuple(arrangements_with(count, *half_ranges(door), door[f"{SETTINGS}#step"]))
-
-
-def _arrangement(door: Given, name: str) -> Arrangement:
-    """Return one arrangement."""
-    found = {candidate.name: candidate for candidate in candidates(door)}
-    if _ARRANGEMENTS[name] not in found:
+def arrangement(given: Given, name: str = next(iter(_OPTIONS["angles"]))) -> FloatArray:
+    """Return the angles of one alternative, shape (n, 2), in radians; default: the literal."""
+    count, step = given.count(f"{SETTINGS}#angle-count"), given[f"{SETTINGS}#step"]
+    every = arrangements_with(count, *half_ranges(given), step)
+    full = {short: way.text for short, way in _OPTIONS["angles"].items()}
+    if full[name] not in every:
+        known = [short for short, text in full.items() if text in every]
         raise ValueError(
-            f"angles={name}: this arrangement does not have "
-            f"{door.count(f'{SETTINGS}#angle-count')} angles over the range; these do: "
-            f"{', '.join(n for n, full in _ARRANGEMENTS.items() if full in found) or 'none'}"
+            f"angles: expected an arrangement that has {count} angles over the range, got "
+            f"{name}. These have: {', '.join(known) or 'none'}."
         )
-    return found[_ARRANGEMENTS[name]]
-
-
-def literal(door: Given) -> Arrangement:
-    """Return the arrangement that the ledger uses."""
-    return _arrangement(door, next(iter(_ARRANGEMENTS)))
+    return every[full[name]]
 
 
 def cameras(given: Given, translations: str = "table-1") -> list[Camera]:
@@ -177,54 +140,78 @@ def zero_places(angles: FloatArray) -> NDArray[np.intp]:
     return np.flatnonzero(np.isclose(angles, 0.0).all(axis=-1))
 
 
-def _measured(
-    given: Given,
-    seed: SeedSequence,
-    replicates: int,
-    first: int,
-    angles: FloatArray,
-    setting: _Setting,
-) -> FloatArray:
-    """Return the centroids of some replicates, shape (replicates, 3, n, 2)."""
-    true = imaged(given, angles, setting.translations)
-    sigma = given[NOISE] * np.asarray(_NOISY[setting.noise])
-    repeats = _DRAWS[setting.repeats]
-    return noisy_centroids(true, sigma, seed, replicates, repeats=repeats, first=first)
+def noise(given: Given) -> float:
+    """Return the standard deviation of a centroid's coordinate, in px, zero or more."""
+    return float(validate.non_negative(NOISE, given[NOISE]))
 
 
-def _calibrations(
-    given: Given, seed: SeedSequence, replicates: int, first: int, setting: _Setting
-) -> dict[str, Registration]:
-    """Simulate and calibrate both channels in every replicate.
+@dataclass(frozen=True)
+class _Bench:
+    """The simulated bench under one reading: printed settings and alternatives of its options."""
 
-    The fit is the closed form: that is where the iteration of section 3.2 ends. A zero position
-    that is not in an arrangement is measured in addition to the calibration points.
+    given: Given
+    angles: str
+    noise: str
+    repeats: str
+    translations: str
 
-    Channel to its calibrated transforms, shape (replicates,).
-    """
-    table = _arrangement(given, setting.angles).angles
-    at_zero = zero_places(table)
-    measured_at = table if at_zero.size else np.concatenate([table, np.zeros((1, 2))])
-    zero = at_zero.item() if at_zero.size else len(table)
-    measured = _measured(given, seed, replicates, first, measured_at, setting)
-    pivots, spots = measured[..., zero, :], measured[..., : len(table), :]
-    green = spots[:, 0]
-    found = {}
-    for position, channel in enumerate(REGISTERED, start=1):
-        fit = fit_registration(spots[:, position], green, pivots[:, position])
-        found[channel] = fit.transform
-    return found
+    @property
+    def table(self) -> FloatArray:
+        """Angles of the calibration, shape (n, 2), in radians."""
+        return arrangement(self.given, self.angles)
 
+    def measured(
+        self, generator: Generator, replicates: int, angles: FloatArray
+    ) -> FloatArray:
+        """Return centroids with noise, shape (replicates, 3, n, 2).
 
-def _in_batches(
-    compute: Callable[[int, int], Mapping[str, FloatArray]], replicates: int
-) -> dict[str, FloatArray]:
-    """Compute so many replicates from the first, part by part; by name, along the first axis."""
-    parts = [
-        compute(first, min(_BATCH, replicates - first))
-        for first in range(0, replicates, _BATCH)
-    ]
-    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+        A mean of several draws has their noise divided by the root of their number.
+        """
+        true = imaged(self.given, angles, self.translations)
+        sigma = noise(self.given) / np.sqrt(_DRAWS_AVERAGED[self.repeats])
+        factors = np.array(_NOISE_FACTORS[self.noise])[:, None, None]
+        unit = generator.standard_normal((replicates, *true.shape[-3:]))
+        return np.asarray(true + sigma * factors * unit)
+
+    def calibrated(
+        self, generator: Generator, replicates: int
+    ) -> dict[str, Registration]:
+        """Simulate and calibrate both channels: transforms of shape (replicates,).
+
+        The fit is the closed form, which is where the iteration of section 3.2 ends. A zero
+        position that is not in an arrangement is measured in addition to its points.
+        """
+        count, zero = len(self.table), zero_places(self.table)
+        angles = self.table if zero.size else np.vstack([self.table, np.zeros((1, 2))])
+        measured = self.measured(generator, replicates, angles)
+        pivots = measured[:, :, zero.item() if zero.size else count]
+        spots = measured[:, :, :count]
+        return {
+            channel: fit_registration(spots[:, i], spots[:, 0], pivots[:, i]).transform
+            for i, channel in enumerate(REGISTERED, start=1)
+        }
+
+    def tested(self, generator: Generator, replicates: int, tests: str) -> FloatArray:
+        """Return centroids of random test points, shape (replicates, 3, points, 2)."""
+        count = self.given.count(f"{SETTINGS}#test-points")
+        if tests == "range":
+            half = np.array(half_ranges(self.given))
+            points = generator.uniform(-half, half, (replicates, count, 2))
+        else:
+            rows = np.tile(np.arange(len(self.table)), (replicates, 1))
+            points = self.table[generator.permuted(rows, axis=1)[:, :count]]
+        return self.measured(generator, replicates, points)
+
+    def printed(self) -> dict[str, Registration]:
+        """Return the transforms of Table 3 about the principal points of the channels."""
+        used = dict(zip(CHANNELS, cameras(self.given, self.translations), strict=True))
+        found = {}
+        for channel in REGISTERED:
+            cells = (self.given[f"{_RESULTS}#{row}.{channel}"] for row in ROWS)
+            scale, rotation, *shift = cells
+            pivot = used[channel].principal_point
+            found[channel] = Registration.similarity(scale, rotation, shift, pivot)
+        return found
 
 
 @reproduces(
@@ -246,94 +233,38 @@ def calibrated_parameters(
     translations: str,
 ) -> Results:
     """Registration parameters calibrated from noisy simulated centroids."""
-    setting = _Setting(angles, noise, repeats, translations)
-
-    def part(first: int, count: int) -> dict[str, FloatArray]:
-        found = _calibrations(given, seed, count, first, setting)
-        return {channel: transform.parameters for channel, transform in found.items()}
-
+    bench = _Bench(given, angles, noise, repeats, translations)
+    transforms = bench.calibrated(default_rng(seed), replicates)
     return {
         f"{row}.{channel}": Prediction(draws)
-        for channel, parameters in _in_batches(part, replicates).items()
-        for row, draws in zip(ROWS, parameters.T, strict=True)
+        for channel, transform in transforms.items()
+        for row, draws in zip(ROWS, transform.parameters.T, strict=True)
     }
-
-
-def _tested(
-    given: Given,
-    seed: SeedSequence,
-    replicates: int,
-    first: int,
-    tests: str,
-    setting: _Setting,
-) -> FloatArray:
-    """Simulate the test points, shape (replicates, channels, points, 2)."""
-    _, for_angles, for_noise = split_seed(seed, 3)
-    count = given.count(f"{SETTINGS}#test-points")
-    if tests == "range":
-        half = half_ranges(given)
-        points = spawned_angles(for_angles, replicates, count, half, first=first)
-    else:
-        table = _arrangement(given, setting.angles).angles
-        # The order of independent numbers is a random order.
-        order = spawned_normals(
-            for_angles, replicates, (len(table),), first=first
-        ).argsort()
-        points = table[order[:, :count]]
-    return _measured(given, for_noise, replicates, first, points, setting)
-
-
-def _printed_transforms(given: Given, translations: str) -> dict[str, Registration]:
-    """Return the transforms of Table 3 as printed, about the principal points of the channels."""
-    points = dict(zip(CHANNELS, cameras(given, translations), strict=True))
-    found = {}
-    for channel in REGISTERED:
-        scale, rotation, *shift = (given[f"{_RESULTS}#{row}.{channel}"] for row in ROWS)
-        pivot = points[channel].principal_point
-        found[channel] = Registration.similarity(scale, rotation, shift, pivot)
-    return found
 
 
 @lru_cache(maxsize=2)
 def _residuals(
-    given: Given,
-    seed: SeedSequence,
-    replicates: int,
-    tests: str,
-    parameters: str,
-    setting: _Setting,
+    bench: _Bench, seed: SeedSequence, replicates: int, tests: str, parameters: str
 ) -> dict[str, FloatArray]:
-    """Return the RMSE per axis at test points, before and after registration, for one setting.
+    """Return the RMSE per axis at test points, by cell name, shape (replicates, 2).
 
-    Name of the printed number to its RMSE, shape (replicates, 2).
+    The test points are drawn first: the RMSE before registration is then the same for every
+    calibration.
     """
-    for_noise = split_seed(seed, 3)[0]
-
-    def part(first: int, count: int) -> dict[str, FloatArray]:
-        measured = _tested(given, seed, count, first, tests, setting)
-        points = {channel: measured[:, place] for place, channel in enumerate(CHANNELS)}
-        green = points.pop(CHANNELS[0])
-        if parameters == "table-3":
-            transforms = _printed_transforms(given, setting.translations)
-        else:
-            transforms = _calibrations(given, for_noise, count, first, setting)
-        laid = {
-            channel: transforms[channel].apply(points[channel])
-            for channel in REGISTERED
-        }
-        return {
-            f"rmse-before-{c}": rmse_per_axis(points[c], green) for c in REGISTERED
-        } | {f"rmse-after-{c}": rmse_per_axis(laid[c], green) for c in REGISTERED}
-
-    return _in_batches(part, replicates)
-
-
-def _counted(residuals: FloatArray, axes: str) -> FloatArray:
-    """Return residuals of both axes, shape (replicates, 2), as one alternative counts them."""
-    if axes in {"x", "y"}:
-        return residuals[:, "xy".index(axes)]
-    both = np.hypot(*residuals.T)
-    return np.asarray(both if axes == "both" else both / np.sqrt(2))
+    generator = default_rng(seed)
+    measured = bench.tested(generator, replicates, tests)
+    if parameters == "table-3":
+        transforms = bench.printed()
+    else:
+        transforms = bench.calibrated(generator, replicates)
+    green, *others = np.moveaxis(measured, 1, 0)
+    before = dict(zip(REGISTERED, others, strict=True))
+    after = {c: transforms[c].apply(points) for c, points in before.items()}
+    return {
+        f"rmse-{name}-{channel}": rmse_per_axis(points, green)
+        for name, registered in (("before", before), ("after", after))
+        for channel, points in registered.items()
+    }
 
 
 @reproduces(
@@ -362,15 +293,22 @@ def registration_rmse(
     rmse: str,
 ) -> Results:
     """RMSE at test points before and after registration."""
-    setting = _Setting(angles, noise, repeats, translations)
-    found = _residuals(given, seed, replicates, tests, parameters, setting)
-    return {name: Prediction(_counted(axes, rmse)) for name, axes in found.items()}
+    bench = _Bench(given, angles, noise, repeats, translations)
+    found = _residuals(bench, seed, replicates, tests, parameters)
+    return {
+        name: Prediction(
+            axes[:, "xy".index(rmse)]
+            if rmse in {"x", "y"}
+            else np.hypot(*axes.T) / (1.0 if rmse == "both" else np.sqrt(2))
+        )
+        for name, axes in found.items()
+    }
 
 
 @draws("niu2024/fig-4", given=ANGLES)
 def _draw_angles(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """Rotation angles of the rotary table in the simulation."""
-    angles = np.degrees(literal(door).angles)
+    angles = np.degrees(arrangement(door))
     axes = figure.add_subplot()
     axes.plot(
         *angles.T, "o", markersize=4, label=f"{len(angles)} angles of the simulation"

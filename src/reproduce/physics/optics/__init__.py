@@ -1,5 +1,6 @@
 """Cameras and channels: where a star falls on each detector, in ideal and distorted positions."""
 
+from reproduce.physics.optics.arrangements import arrangements_with
 from reproduce.physics.optics.camera import (
     Camera,
     angle_from_pixels,
@@ -14,15 +15,9 @@ from reproduce.physics.optics.camera import (
     scale_factor,
     turned_onto_detector,
 )
-from reproduce.physics.optics.simulate import (
-    Arrangement,
-    arrangements_with,
+from reproduce.physics.optics.rotary import (
     channel_centroids,
-    noisy_centroids,
     rotary_matrix,
     rotary_matrix_printed,
-    spawned_angles,
-    spawned_normals,
-    spawned_streams,
     starlight,
 )

@@ -1,0 +1,112 @@
+"""Texts of items: captions, columns, options and alternative texts in ``data/words/PAPER.toml``.
+
+A table of the file has the last part of a key as its name and the fields of `Words`.
+"""
+
+from __future__ import annotations
+
+import fnmatch
+import tomllib
+from collections.abc import Mapping
+from dataclasses import field
+from functools import cache
+from pathlib import Path
+
+from pydantic import ConfigDict, TypeAdapter
+from pydantic.dataclasses import dataclass
+
+from reproduce.locate import words_files
+
+_STRICT = ConfigDict(extra="forbid")
+
+
+@dataclass(frozen=True, config=_STRICT)
+class Column:
+    """A column of a supplementary table and the format of its numbers.
+
+    Parameters
+    ----------
+    name : str
+        Head, with the unit in brackets.
+    form : str
+        Format specification for numbers, such as ``.2f``; empty for words; ``±`` for two digits
+        of the error; ``chance`` for a probability, small ones as a power of ten.
+    zero : float
+        Smaller numbers are rounding noise and shown as 0. Smaller probabilities are shown as a
+        bound.
+    error : str
+        Name of the column with the standard error, which is shown after ± in this column's form
+        or with one digit.
+    """
+
+    name: str
+    form: str = ""
+    zero: float = 0.0
+    error: str = ""
+
+
+@dataclass(frozen=True, config=_STRICT)
+class Alternative:
+    """A value of an option: its meaning, and the passage of the paper that allows it."""
+
+    text: str
+    place: str
+
+
+Options = Mapping[str, Mapping[str, Alternative]]
+
+
+@dataclass(frozen=True, config=_STRICT)
+class _FigureText:
+    """Alternative text and caption of a figure."""
+
+    alternative: str
+    caption: str
+
+
+@dataclass(frozen=True, config=_STRICT)
+class Words:
+    """The texts of one key.
+
+    - `caption`, `columns`, `folded`: of a supplementary table, as in `Study`.
+    - `options`: option to its alternatives, the literal one first.
+    - `unpublished`: pattern of cell names to the data that the paper does not publish.
+    - `figure`: texts of a figure; ``{ADDRESS printed}`` is replaced by the printed cell.
+    """
+
+    caption: str = ""
+    columns: tuple[Column, ...] = ()
+    folded: str = ""
+    options: dict[str, dict[str, Alternative]] = field(default_factory=dict)
+    unpublished: dict[str, str] = field(default_factory=dict)
+    figure: _FigureText = _FigureText("", "")
+
+
+def words(key: str) -> Words:
+    """Return the texts of a key; empty texts if the file of its paper has none."""
+    paper, _, name = key.partition("/")
+    return _of_paper(paper).get(name, Words())
+
+
+def unpublished(key: str, name: str) -> str:
+    """Return the unpublished data that a cell needs; empty if the paper publishes them."""
+    missing = words(key).unpublished.items()
+    return next(
+        (data for cells, data in missing if fnmatch.fnmatchcase(name, cells)), ""
+    )
+
+
+@cache
+def _of_paper(paper: str) -> dict[str, Words]:
+    found: dict[str, Words] = {}
+    for path in words_files(paper):
+        found |= parsed(path.read_text(encoding="utf-8"), path)
+    return found
+
+
+def parsed(text: str, path: Path) -> dict[str, Words]:
+    """Return the texts of a file by name; raise ValueError with the place of every fault."""
+    try:
+        return TypeAdapter(dict[str, Words]).validate_python(tomllib.loads(text))
+    except ValueError as error:  # of pydantic or of TOML
+        raise ValueError(f"{path}: {error}") from error
