@@ -10,11 +10,9 @@ from reproduce.papers.chen2023 import resolution
 from reproduce.papers.declare import words
 from reproduce.physics.images import (
     Detector,
-    Light,
     centre_of_gravity,
     expose,
     predicted_errors,
-    simulated_errors,
     spot_windows,
 )
 from reproduce.printed.given import given
@@ -48,21 +46,6 @@ def test_the_monte_carlo_is_what_the_closed_form_predicts(content):
     surprise = (content["simulated"] ** 2 - square) / error
     assert np.abs(surprise).max() < 4
     assert 0.6 < (surprise**2).mean() < 1.5
-
-
-def test_columns_drawn_at_once_follow_the_law_of_whole_windows():
-    """The short cut of the study against pixels drawn one by one."""
-    phases, light, trials = np.linspace(-0.45, 0.45, 10), Light(800.0, 6.0), 6000
-    short = simulated_errors(phases, light, 0.5, 5, trials, np.random.default_rng(1))
-    points = np.stack([phases, np.zeros_like(phases)], axis=-1)
-    mean = spot_windows(points, light.signal, 0.5, [-2, -2], 5)
-    sensor = Detector(read_noise=light.read_noise)
-    seen = expose(
-        np.broadcast_to(mean, (trials, 10, 5, 5)), sensor, np.random.default_rng(2)
-    )
-    whole = centre_of_gravity(seen, [-2, -2])[..., 0] - phases
-    within, other = (np.sqrt(one.var(axis=0, ddof=1).mean()) for one in (short, whole))
-    assert within == pytest.approx(other, rel=4 / np.sqrt(10 * trials))
 
 
 @pytest.mark.parametrize("share", [0.0, 0.5])

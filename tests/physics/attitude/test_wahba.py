@@ -101,6 +101,7 @@ def test_agrees_with_scipy_and_with_the_eigenvector_of_davenport():
     source = noisy(np.zeros((300, 5, 3)), 1.0)
     truth = Rotation.random(300, random_state=12).as_matrix()
     target = noisy(source @ truth.mT, 10 ** RNG.uniform(-6, 0, (300, 1, 1)))
+    target[::10] *= -1  # a reflection would fit these better
     weights = RNG.uniform(0.1, 10, (300, 5))
     found = attitude(target, source, weights)
     theirs = [
@@ -134,20 +135,6 @@ def test_two_noisy_directions_share_their_angle_error():
     target = [[1, 0, 0], [-np.sin(excess), np.cos(excess), 0]]
     expected = Rotation.from_rotvec([0, 0, excess / 2]).as_matrix()
     assert angle_between(attitude(target, np.eye(3)[:2]), expected) < 1e-14
-
-
-def test_a_heavy_direction_is_met_exactly_in_the_limit():
-    one, two = Rotation.random(2, random_state=29).as_matrix()
-    target, source = np.array([[1, 0, 0], [-0.02, 1, 0]]) @ one, np.eye(3)[:2] @ two
-    rotation = attitude(target, source, [1e10, 1])
-    np.testing.assert_allclose(rotation @ source[0], target[0], atol=1e-11)
-
-
-def test_inverted_directions_still_give_a_proper_rotation():
-    source = np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [0.6, 0.8, 0]])
-    weights = [1, 2, 4, 3]
-    theirs = Rotation.align_vectors(-source, source, weights)[0].as_matrix()
-    assert angle_between(attitude(-source, source, weights), theirs) < 1e-12
 
 
 def test_a_batch_is_a_loop():
@@ -222,15 +209,6 @@ def test_markley_cases(case):
         held = ((np.eye(3) - outer) / sigma[:, None, None] ** 2).sum(axis=0)
         distance = np.einsum("bi,ij,bj->b", turns, held, turns)
         assert kstest(distance, chi2(3).cdf).pvalue > 1e-3
-
-
-def test_the_loss_follows_the_chi_square_law():
-    source = noisy(np.zeros((6, 3)), 1.0)
-    sigma = np.geomspace(1e-5, 1e-4, 6)[:, None]
-    target = noisy(np.broadcast_to(source, (4000, 6, 3)), sigma)
-    found = attitude(target, source, sigma[:, 0] ** -2.0)
-    loss = np.square((target - source @ found.mT) / sigma).sum(axis=(-2, -1))
-    assert kstest(loss, chi2(2 * 6 - 3).cdf).pvalue > 1e-3
 
 
 def test_small_error_as_a_cross_product_is_in_the_target_frame():
