@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -57,107 +56,32 @@ def _correlation(groups: Sequence[FloatArray]) -> tuple[float, float, float]:
 
 
 @dataclass(frozen=True, eq=False)
-class _Group:
-    """Angles, (frames, 3), and response, (frames, 3, n, 2), of the usable images of a group."""
-
-    angles: FloatArray
-    response: FloatArray
-
-    @cached_property
-    def variance(self) -> FloatArray:
-        """Variance of the angles for spots of unit variance, (frames, 3)."""
-        return np.square(self.response).sum(axis=(-2, -1))
-
-    @cached_property
-    def weights(self) -> FloatArray:
-        """Weight of each image in the mean, (frames, 3): the inverse variance."""
-        return np.asarray(1 / self.variance / (1 / self.variance).sum(axis=0))
-
-    @cached_property
-    def mean(self) -> FloatArray:
-        """Weighted mean of the angles, (3,)."""
-        return np.asarray((self.weights * self.angles).sum(axis=0))
-
-
-@dataclass(frozen=True, eq=False)
 class Monitoring:
     """Turn of a camera since the zero point, with its errors.
 
     Angles are those of `misalignment_angles`, in radians.
 
-    Parameters
+    Attributes
     ----------
-    angles : ndarray, shape (frames, 3)
+    angles, covariance : ndarray, shape (frames, 3) and (frames, 3, 3)
         Angles of the images at the present; NaN where fewer than two lights are seen.
-    groups : pair
-        Usable images at the present and at the zero point.
-    counts : ndarray, shape (n,)
-        Number of images at the zero point in which each light is seen.
-    widening, limit : float
-        Factor on the standard error of the mean, and upper limit of its degrees of freedom.
-
-    Notes
-    -----
-    Spots may move together from image to image, so errors come from the scatter of the angles, not
-    of the spots. The error of the zero point is that of the lights seen at the present.
+    mean, scatter, error : ndarray, shape (3,)
+        Mean misalignment, standard deviation of one image with all lights, and standard error of
+        the mean, which includes the zero point. Errors are NaN for single images.
+    freedom : float
+        Degrees of freedom of the errors.
     """
 
     angles: FloatArray
-    groups: tuple[_Group, _Group]
-    counts: FloatArray
-    widening: float = 1.0
-    limit: float = np.inf
-
-    @property
-    def mean(self) -> FloatArray:
-        """Mean misalignment, shape (3,)."""
-        return self.groups[0].mean
-
-    @property
-    def freedom(self) -> int:
-        """Degrees of freedom of the scatter: images beyond the first of each group."""
-        return sum(len(one.angles) - 1 for one in self.groups)
-
-    @cached_property
-    def _noise(self) -> FloatArray:
-        """Noise of a spot, in px, from the scatter of each angle, shape (3,)."""
-        squares = sum(
-            (np.square(one.angles - one.mean) / one.variance).sum(axis=0)
-            for one in self.groups
-        )
-        return np.sqrt(squares / self.freedom) if self.freedom else np.full(3, np.nan)
-
-    @property
-    def scatter(self) -> FloatArray:
-        """Standard deviation of one image with all lights, shape (3,); NaN for single images."""
-        least = np.min([one.variance.min(axis=0) for one in self.groups], axis=0)
-        return self._noise * np.sqrt(least)
-
-    def covariance(self) -> FloatArray:
-        """Return the covariance of the angles of each image at the present, (frames, 3, 3).
-
-        It is NaN without angles. The noise is the scatter about the mean, so it includes a drift.
-        """
-        response = self.groups[0].response * self._noise[:, None, None]
-        found = np.full((len(self.angles), 3, 3), np.nan)
-        found[np.isfinite(self.angles[:, 0])] = np.einsum(
-            "faij,fbij->fab", response, response
-        )
-        return found
-
-    @property
-    def error(self) -> FloatArray:
-        """Standard error of the mean, shape (3,); it includes the zero point."""
-        now = self.groups[0]
-        together = np.einsum("fa,faij->aij", now.weights, now.response)
-        zero = np.square(together).sum(axis=-1) @ (1 / self.counts)
-        single = (np.square(now.weights) * now.variance).sum(axis=0)
-        return self.widening * self._noise * np.sqrt(single + zero)
+    covariance: FloatArray
+    mean: FloatArray
+    scatter: FloatArray
+    error: FloatArray
+    freedom: float
 
     def interval(self, share: float) -> FloatArray:
         """Return the central interval of the mean by Student's t-distribution, shape (2, 3)."""
-        freedom = min(self.freedom, self.limit)
-        reach = stdtrit(freedom, 0.5 + share / 2) if freedom else np.nan
+        reach = stdtrit(self.freedom, 0.5 + share / 2) if self.freedom else np.nan
         return self.mean + np.array([[-1.0], [1.0]]) * reach * self.error
 
 
@@ -184,12 +108,18 @@ def monitored(
     Returns
     -------
     Monitoring
-        Angles of both groups, with the mean and its error.
+        Angles of the images at the present, with the mean and its error.
 
     Raises
     ------
     DegenerateGeometryError, ValueError
         As for `laser_transform`; or if no image of a group shows two lights.
+
+    Notes
+    -----
+    Spots may move together from image to image, so errors come from the scatter of the angles about
+    their mean, not of the spots, and include a drift. An image counts by its inverse variance. The
+    error of the zero point is that of the lights seen at the present.
 
     Examples
     --------
@@ -202,16 +132,38 @@ def monitored(
     before = validate.number_array("zero_spots", zero_spots, shape=shape)
     now = validate.number_array("spots", spots, shape=shape)
     zero = np.nanmean(before, axis=0)
-    angles, present = _measured("spots", now, zero, platform)
-    _, past = _measured("zero_spots", before, zero, platform)
+    angles, response = _measured("spots", now, zero, platform)
+    groups = [(angles, response), _measured("zero_spots", before, zero, platform)]
+    squares, freedom, least = np.zeros(3), 0, np.full(3, np.inf)
+    for found, moves in groups[::-1]:
+        # Variance of the angles for spots of unit variance.
+        variance = np.square(moves).sum(axis=(-2, -1))
+        weights = 1 / variance / np.nansum(1 / variance, axis=0)
+        mean = np.nansum(weights * found, axis=0)
+        squares += np.nansum(np.square(found - mean) / variance, axis=0)
+        freedom += np.isfinite(found[:, 0]).sum() - 1
+        least = np.fmin(least, np.nanmin(variance, axis=0))
+    # Noise of a spot, in px, from the scatter of each angle.
+    noise = np.sqrt(squares / freedom) if freedom else np.full(3, np.nan)
     counts = np.isfinite(before).all(axis=-1).sum(axis=0)
-    return Monitoring(angles, (present, past), counts, widening, limit)
+    together = np.nansum(weights[..., None, None] * response, axis=0)
+    past = np.square(together).sum(axis=-1) @ (1 / counts)
+    single = np.nansum(np.square(weights) * variance, axis=0)
+    scaled = response * noise[:, None, None]
+    return Monitoring(
+        angles,
+        np.einsum("faij,fbij->fab", scaled, scaled),
+        mean,
+        noise * np.sqrt(least),
+        widening * noise * np.sqrt(past + single),
+        min(freedom, limit),
+    )
 
 
 def _measured(
     name: str, images: FloatArray, zero: FloatArray, platform: Platform
-) -> tuple[FloatArray, _Group]:
-    """Return the angles of images against a zero point, (n, 2), and the usable images."""
+) -> tuple[FloatArray, FloatArray]:
+    """Return angles of images against a zero point, (n, 2), and their response, or NaN."""
     seen = np.asarray(np.isfinite(images).all(axis=-1))
     usable = seen.sum(axis=-1) > 1
     if not usable.any():
@@ -221,7 +173,9 @@ def _measured(
     weights = seen[usable].astype(np.float64)
     spots = np.where(seen[..., None], images, zero)[usable]
     angles = np.full((len(images), 3), np.nan)
+    response = np.full((len(images), 3, *zero.shape), np.nan)
     # The zero point of an image has the lights of the image.
     before = platform.transform(zero, weights)
     angles[usable] = platform.misalignment(spots, before, weights)
-    return angles, _Group(angles[usable], platform.response(spots, weights))
+    response[usable] = platform.response(spots, weights)
+    return angles, response
