@@ -36,7 +36,7 @@ _MATRICES = {"transform": "laser transform", "misalignment": "misalignment"}
 _REPLICATES = 2000
 READS = (*platform.INSTRUMENT, platform.SCATTER, FRAMES, f"{TABLE}#*.frames")
 # Replicates simulated at once: enough to be fast, few enough to stay small in memory.
-_BATCH = 250
+_BATCH_REPLICATES = 250
 
 
 @reproduces(
@@ -71,8 +71,8 @@ def _simulated_accuracies(
     turns = (spots[:, None] * response).reshape(len(spots), 2, -1)
     frames, generator = given.count(FRAMES), default_rng(seed)
     parts = []
-    for first in range(0, replicates, _BATCH):
-        batch = min(_BATCH, replicates - first)
+    for first in range(0, replicates, _BATCH_REPLICATES):
+        batch = min(_BATCH_REPLICATES, replicates - first)
         noise = generator.standard_normal((batch, len(spots), frames, turns.shape[-1]))
         # One angle about X and one about Y for each frame, to first order in the noise: exact to
         # a part in a million here, since the noise turns the camera by a few microradians.

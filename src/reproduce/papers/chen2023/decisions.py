@@ -42,15 +42,15 @@ _STATES = tuple(
     for a in "xy"
 )
 _FRAME_READS = (_COUNTED, *_MARKS, accuracy.FRAMES, *_STATES, effectiveness.FRAMES)
-_COUNTS = (1, 4, 16, 25, 49, 100, 400, 1000)
+_SHOWN_COUNTS = (1, 4, 16, 25, 49, 100, 400, 1000)
 # Images after the middle of a calibration.
-_AGES = (0, 10, 20, 50, 100, 200, 400, 800)
+_AGES_IMAGES = (0, 10, 20, 50, 100, 200, 400, 800)
 # Scale of the floor's half-normal prior, in halves of the last digit of Table IV: at some tens of
 # them averaging would not pay any more.
 _FLOOR_SCALE = 20.0
 # Nodes of the grid in each direction, and its bounds as fractions of the scatter of one frame; the
 # posterior vanishes beyond them.
-_NODES, _WHITE_BOUNDS, _FLOOR_BOUNDS = 160, (0.85, 1.18), (0.0, 0.3)
+_GRID_NODES, _WHITE_BOUNDS, _FLOOR_BOUNDS = 160, (0.85, 1.18), (0.0, 0.3)
 
 
 @cache
@@ -125,7 +125,7 @@ class _NoisePosterior:
 def _noise(door: Given, axis: str) -> _NoisePosterior:
     """Return the posterior of the noise about an axis from Table IV."""
     (single, *_), half = _printed(door, _AXES[axis])
-    nodes, weights = np.polynomial.legendre.leggauss(_NODES)
+    nodes, weights = np.polynomial.legendre.leggauss(_GRID_NODES)
     white, floor = (
         grid.ravel()
         for grid in np.meshgrid(
@@ -203,9 +203,13 @@ def _frame_facts(door: Given) -> dict[str, Fact]:
 @studied("chen2023/frames", given=_FRAME_READS, named=_frame_facts)
 def _frames(door: Given) -> pd.DataFrame:
     """Number of frames to average."""
-    found = [_averages(door, axis, np.array(_COUNTS))[[1, 0, 2]] for axis in _AXES]
+    found = [
+        _averages(door, axis, np.array(_SHOWN_COUNTS))[[1, 0, 2]] for axis in _AXES
+    ]
     table = np.concatenate(found).T * ARCSEC_PER_RADIAN
-    rows = ((count, *row) for count, row in zip(_COUNTS, table.tolist(), strict=True))
+    rows = (
+        (count, *row) for count, row in zip(_SHOWN_COUNTS, table.tolist(), strict=True)
+    )
     return _frames.frame(
         rows, stops=_stops(door)[1], state=door.count(effectiveness.FRAMES)
     )
@@ -268,6 +272,6 @@ def _ages(door: Given) -> Iterator[tuple[float, ...]]:
     error, moved, spread = _drifting(door)
     # The middle first, then its ends and the error of a drift that is followed.
     drifts = np.array([moved, *(moved + _END_SIGMAS[[0, 2]] * spread), spread])
-    for age in _AGES:
+    for age in _AGES_IMAGES:
         row = np.hypot(error, drifts / door.count(accuracy.FRAMES) * age)
         yield (age, *(row * ARCSEC_PER_RADIAN).tolist())

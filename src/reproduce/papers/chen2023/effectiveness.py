@@ -5,10 +5,10 @@ monitored angle is predicted to be that angle plus the mean centroid noise of it
 of the zero state, which all states share.
 
 Table II gives the nominal focal length; the one that the angles were computed with is not printed.
-As the columns are printed, no one focal length joins all motions and reference angles; with columns
-of the two axes interchanged one does. These choices, and the images that an angle averages, are
-options; the ledger evaluates all combinations. If one focal length stands for the whole table, the
-largest reference angle about Y gives it.
+No single focal length joins all motions and reference angles with the columns as printed. With the
+columns of the two axes interchanged there is one. These choices, and the images that an angle
+averages, are options; the ledger evaluates all combinations. If one focal length stands for the
+whole table, the largest reference angle about Y gives it.
 
 The focal lengths that the rows imply are compared row by row.
 """
@@ -336,7 +336,7 @@ def _implied_facts(given: Given) -> dict[str, declare.Fact]:
 @declare.studied("chen2023/focal-lengths", given=[f"{TABLE}#*"], named=_implied_facts)
 def _focal_lengths(given: Given) -> Iterator[tuple[str | float, ...]]:
     """Focal lengths that the rows of Table V imply, as printed and with the columns exchanged."""
-    # Rounding: a motion is the difference of two positions to a hundredth of a micrometre.
+    # Rounding: a motion is the difference of two positions to 0.01 µm.
     half_motion, half_angle = 1e-8, 0.0005 * RADIANS_PER_ARCSEC
     for axis, turn in _TURNS.items():
         angles, motions = _column(given, f"reference-{turn}"), _motions(given, axis)

@@ -1,13 +1,13 @@
 """From misalignment to metres on the ground: the error budget of SVGF-1, and a year of orbits.
 
-What no paper prints and we choose, here and nowhere else: centimetre orbits are 0.05 m along each
-axis, the principal point moves by one panchromatic pixel, a calibration errs by half an arc second
-at each sample, and heat behaves as in `physics.ground.thermal_series`. Angle errors of the
-monitoring are those of the ground platform.
+The assumptions, which no paper prints: centimetre orbits are 0.05 m along each axis, the principal
+point moves by one panchromatic pixel, a calibration has an error of 0.5 arcsec at each sample, and
+heat behaves as in `physics.ground.thermal_series`. Angle errors of the monitoring are those of the
+ground platform.
 
-The paper argues for monitoring and does not compare. Here four ways to correct a thermal
-misalignment, and none, get the same simulated year; the three methods without lasers are given more
-calibrations than any ground segment has.
+The paper argues for monitoring and does not compare. Here four corrections of a thermal
+misalignment, and no correction, get the same simulated year. The three methods without lasers get
+more calibrations than any ground segment has.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ _POINTING = f"{satellite.SATELLITE}#tracker-pointing-accuracy.value"
 _MONITORING = (*platform.INSTRUMENT, f"{platform.SCATTER}#2-*", accuracy.SMOOTHED)
 READS = (*_MONITORING, *satellite.CAMERA, _POINTING)
 _YEAR_READS = (*_MONITORING, *satellite.CAMERA, accuracy.RATE)
-_ORBIT = 0.05
+_ORBIT_ERROR_M = 0.05
 _SINGLE, _AVERAGED = "one frame", "averaged"
 # Views of the satellite: name, tilt off the nadir in deg, distance of the target from it in m.
 LOOKS = (
@@ -56,12 +56,12 @@ _UNITS = {
     "turn": (RADIANS_PER_ARCSEC, "arcsec"),
     "image": (1e-6, "µm"),
 }
-_CALIBRATION = 0.5 * RADIANS_PER_ARCSEC
-_PER_ORBIT = 64
+_CALIBRATION_ERROR = 0.5 * RADIANS_PER_ARCSEC
+_SAMPLES_PER_ORBIT = 64
 # Long enough for the trend to stand out from what wanders; a week makes it far worse.
 _CAMPAIGN_DAYS = 60.0
 _YEAR_DAYS = 365.0
-_AMPLITUDES = (0.5, 2.0, 10.0, 50.0)
+_AMPLITUDES_ARCSEC = (0.5, 2.0, 10.0, 50.0)
 UNCORRECTED, *CORRECTIONS = (
     "no correction",
     "one calibration",
@@ -99,7 +99,7 @@ def _terms(given: Given) -> dict[str, tuple[str, FloatArray]]:
         sigmas = np.diag(platform.angle_sigma(given, 2, frames))
         for axis, sigma in zip(("X", "Y", "Z (roll)"), sigmas, strict=True):
             terms[f"misalignment about {axis}, {mean}"] = ("turn", sigma)
-    terms["orbit"] = ("satellite", np.full(3, _ORBIT))
+    terms["orbit"] = ("satellite", np.full(3, _ORBIT_ERROR_M))
     pixel = np.array([1.0, 1.0, 0.0]) * given[satellite.CAMERA[1]]
     terms["principal point, one pixel"] = ("image", pixel)
     return terms
@@ -167,18 +167,18 @@ def _year(height: float, root: int | None) -> tuple[FloatArray, FloatArray, Floa
     period = float(ground.orbital_period(height))
     orbits = int(np.ceil((_YEAR_DAYS + _CAMPAIGN_DAYS) * ground.DAY_SECONDS / period))
     generator = default_rng(seed_of("chen2023/year", root))
-    times, angles = ground.thermal_series(period, _PER_ORBIT, orbits, generator)
+    times, angles = ground.thermal_series(period, _SAMPLES_PER_ORBIT, orbits, generator)
     return times - _CAMPAIGN_DAYS, angles, generator.standard_normal(angles.shape)
 
 
 def _residuals(given: Given, amplitude: float) -> dict[str, FloatArray]:
-    """Return what each correction leaves of the misalignment, from the end of the campaign on.
+    """Return the residual misalignment of each correction, from the end of the campaign on.
 
     Name to errors of shape (samples, 2), in radians.
     """
     times, unit, noise = _year(satellite.altitude(given), given.root)
     true, known = amplitude * unit, int(np.searchsorted(times, 0.0))
-    measured = true + _CALIBRATION * noise
+    measured = true + _CALIBRATION_ERROR * noise
     # The lasers give the misalignment half an average late, with its noise.
     count = given.count(accuracy.SMOOTHED)
     late = times - 0.5 * count / given[accuracy.RATE] / ground.DAY_SECONDS
@@ -187,9 +187,9 @@ def _residuals(given: Given, amplitude: float) -> dict[str, FloatArray]:
         np.zeros_like(true),
         measured[known - 1],
         ground.trend_and_fourier(
-            times, np.arange(len(times)) / _PER_ORBIT, measured, known
+            times, np.arange(len(times)) / _SAMPLES_PER_ORBIT, measured, known
         ),
-        ground.last_orbits(measured, _PER_ORBIT),
+        ground.last_orbits(measured, _SAMPLES_PER_ORBIT),
         delayed + platform.angle_sigma(given, 2, count)[:2] * noise,
     )
     names = (UNCORRECTED, *CORRECTIONS)
@@ -205,7 +205,10 @@ def _residuals(given: Given, amplitude: float) -> dict[str, FloatArray]:
     given=_YEAR_READS,
     columns=(
         Column("Correction"),
-        *(Column(f"at {amplitude:g} arcsec (m)", ".2f") for amplitude in _AMPLITUDES),
+        *(
+            Column(f"at {amplitude:g} arcsec (m)", ".2f")
+            for amplitude in _AMPLITUDES_ARCSEC
+        ),
     ),
     caption="CE90 on the ground from the thermal misalignment that is left, over the year after "
     f"a campaign of {_CAMPAIGN_DAYS:g} days, by amplitude of the first thermal harmonic.",
@@ -214,7 +217,8 @@ def _strategies(given: Given) -> Iterator[tuple[str | float, ...]]:
     """Positioning error over a year, for four corrections and four thermal amplitudes."""
     height = satellite.altitude(given)
     left = [
-        _residuals(given, amplitude * RADIANS_PER_ARCSEC) for amplitude in _AMPLITUDES
+        _residuals(given, amplitude * RADIANS_PER_ARCSEC)
+        for amplitude in _AMPLITUDES_ARCSEC
     ]
     for name in (UNCORRECTED, *CORRECTIONS):
         lengths = [np.hypot(*errors[name].T) for errors in left]

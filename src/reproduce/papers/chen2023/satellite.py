@@ -1,14 +1,14 @@
 """The satellite's camera and the monitoring system as designed, its light traced (chen2023, I-II).
 
 The light goes through `physics.light` from the focal plane of the ground platform's telescope
-to the tracker's detector, and the spots are solved as the paper solves them. So every error is the
-turn of the camera, or its roll, that the system would believe. Where a third reflection mirrors the
-image, the designed pattern is mirrored too; nothing could be solved otherwise. What the paper does
-not print: the beam is a fifth of a metre wide, and returns a metre beside the camera.
+to the tracker's detector, and the spots are solved as the paper solves them. Every error is
+therefore the turn or roll of the camera that the system would report. A third reflection mirrors
+the image, and the designed pattern is then mirrored too, because no rotation would fit otherwise.
+The paper does not print the beam: it is 0.2 m wide here, and returns 1 m next to the camera.
 
-II-B gives what heat may do in words. What its numbers allow is how far the lasers may move and the
-dichroic mirror may turn until they mimic as much as the monitoring errs by: the three-sigma
-accuracy of the averaged misalignment.
+II-B describes the effects of heat in words. Its numbers limit the motion of the lasers and the turn
+of the dichroic mirror whose effect equals the error of the monitoring: the three-sigma accuracy of
+the averaged misalignment.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 
 SATELLITE = "chen2023/table-1"
 _TEXT = "chen2023/text-satellite"
-# Of the panchromatic camera: focal length, pixel size, ground resolution.
+# Panchromatic camera: focal length, pixel size, ground resolution.
 CAMERA = tuple(
     f"{SATELLITE}#panchromatic-{name}.value"
     for name in ("focal-length", "pixel-size", "ground-resolution")
@@ -53,8 +53,8 @@ _ACCURACY = "chen2023/table-4#100.misalignment-?"
 _LASERS = (platform.SPOTS, platform.DIAGONAL, platform.TELESCOPE)
 _LIGHT_PATH = (*_LASERS, platform.FOCAL_LENGTH, BORESIGHT)
 # Roll of the tracker about the camera's boresight on the bench: assumed, the paper prints none.
-_ROLL = np.pi / 4
-_TURN = 10 * RADIANS_PER_ARCSEC
+_TRACKER_ROLL = np.pi / 4
+_TEST_TURN = 10 * RADIANS_PER_ARCSEC
 # Points around the edge of the beam in the camera's lens, in metres.
 _AROUND = 2.0 * np.pi * (np.arange(36) + 0.5) / 36
 _APERTURE = 0.1 * np.stack([np.cos(_AROUND), np.sin(_AROUND)], axis=-1)
@@ -128,7 +128,7 @@ def table_angle(given: Given) -> Results:
     multiplies the sine of its elevation by the sine of the roll. The paper prints neither the
     roll nor the level of the camera.
     """
-    sine = np.sin(np.pi - given[BORESIGHT]) * np.sin(_ROLL)
+    sine = np.sin(np.pi - given[BORESIGHT]) * np.sin(_TRACKER_ROLL)
     return {"table-angle": float(np.arcsin(sine))}
 
 
@@ -167,17 +167,19 @@ def _retro_reflectors(given: Given) -> Iterator[tuple[str | float, ...]]:
         is_mirrored = train is None or np.linalg.det(train) < 0
         rest = LightPath(*lengths, given[BORESIGHT], train)
         shares: list[float] = []
-        for turn in _TURN * np.eye(3):
-            x, y, z = _believed(rest, is_mirrored, points, turn=turn) / _TURN
+        for turn in _TEST_TURN * np.eye(3):
+            x, y, z = _believed(rest, is_mirrored, points, turn=turn) / _TEST_TURN
             shares += [np.hypot(x, y), abs(z)]
-        tilted = _believed(rest, is_mirrored, points, camera_turn=[_TURN, 0.0, 0.0])
+        tilted = _believed(
+            rest, is_mirrored, points, camera_turn=[_TEST_TURN, 0.0, 0.0]
+        )
         spots = rest.spots(points, _APERTURE)
         blur = np.linalg.norm(spots - spots.mean(axis=1, keepdims=True), axis=-1).max()
         image = "mirrored" if is_mirrored else "upright"
         yield (
             kind,
             *shares,
-            abs(tilted[2]) / _TURN,
+            abs(tilted[2]) / _TEST_TURN,
             blur / given[platform.PIXEL],
             image,
         )
@@ -185,7 +187,7 @@ def _retro_reflectors(given: Given) -> Iterator[tuple[str | float, ...]]:
 
 def _bench_facts(given: Given) -> dict[str, Fact]:
     """Return the assumed roll of the bench."""
-    return {"assumed-roll": Fact(f"{np.degrees(_ROLL):.0f}°")}
+    return {"assumed-roll": Fact(f"{np.degrees(_TRACKER_ROLL):.0f}°")}
 
 
 @studied(
