@@ -156,12 +156,9 @@ def _draw_frame(figure: Figure, printed: Mapping[str, float], door: Given) -> No
     inside = ((spots > 0) & (spots < door.array(platform.PIXELS) - 1)).all(axis=1)
     sized(figure, 6.0, 6.0, 4.2)
     axes = figure.add_subplot()
+    x, y = spots[inside].T
     axes.scatter(
-        *spots[inside].T,
-        s=sizes[inside],
-        color=STAR.colour,
-        marker=STAR.marker,
-        label="stars",
+        x, y, s=sizes[inside], color=STAR.colour, marker=STAR.marker, label="stars"
     )
     axes.plot(*_pairs(printed).T, LASER.marker, markersize=5, color=LASER.colour)
     axes.lines[0].set_label("laser spots, printed")
@@ -201,7 +198,7 @@ def _ride(door: Given) -> tuple[FloatArray, FloatArray, FloatArray]:
     count = door.count(accuracy.SMOOTHED)
     start = np.cumsum(single[: count - 1], axis=0) / np.arange(1, count)[:, None]
     monitored = np.concatenate([start, attitude.moving_average(single.T, count).T])
-    times = accuracy.time_per_frame(door) * np.arange(len(single))
+    times = np.arange(len(single), dtype=np.float64) * accuracy.time_per_frame(door)
     return times, np.repeat(angles, frames, axis=0), monitored
 
 
