@@ -142,12 +142,6 @@ def test_a_radius_is_where_the_light_has_fallen_as_far_as_its_case_says(case, si
     assert np.exp(-0.5 * (7.5 / (13 * found)) ** 2) == pytest.approx(level, rel=1e-9)
 
 
-def test_the_case_with_more_light_has_it_and_the_same_read_noise():
-    plain, more = (resolution._light_for_table(DOOR, case) for case in CASES[4:6])
-    assert more.signal == pytest.approx(1.1 * plain.signal)
-    assert more.read_noise == plain.read_noise > 0
-
-
 def reading(name, **choices):
     """Return the comparison of a cell under one reading."""
     found = evaluate(resolution.optimum)

@@ -13,7 +13,6 @@ from reproduce.physics.attitude import (
     misalignment,
     misalignment_angles,
     misalignment_between,
-    misalignment_in_tracker,
     moved_laser_transform,
     received_directions,
     received_jacobian,
@@ -164,18 +163,6 @@ def test_the_relations_hold_together_for_a_camera_that_turns():
     np.testing.assert_allclose(
         found, MISALIGNMENT @ INSTALLED @ tracker_attitude, atol=1e-12
     )
-
-
-def test_the_misalignment_of_1_is_another_matrix_than_that_of_7():
-    tracker_from_now = (MISALIGNMENT @ INSTALLED).T
-    in_tracker = misalignment_in_tracker(MISALIGNMENT, INSTALLED.T)
-    np.testing.assert_allclose(in_tracker @ INSTALLED.T, tracker_from_now, atol=1e-15)
-    # Other axes and the other sign: about the tracker's axes it is the turn itself.
-    vector = Rotation.from_matrix(in_tracker).as_rotvec()
-    np.testing.assert_allclose(vector, INSTALLED.T @ TURN, atol=1e-15)
-    wrong = MISALIGNMENT @ INSTALLED.T
-    missed = Rotation.from_matrix(wrong @ tracker_from_now.T).magnitude()
-    assert missed > np.linalg.norm(TURN)
 
 
 # Noise

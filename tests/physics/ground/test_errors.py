@@ -39,15 +39,6 @@ def test_resolution_and_altitude_are_inverses():
     np.testing.assert_allclose(altitude_for_resolution(10.0, 1e-5, pixels), heights)
 
 
-def test_resolution_is_what_two_neighbouring_pixels_see():
-    focal, pitch = 10.0, 1e-5
-    imaged = imaged_position(
-        image_vectors([[-pitch / 2, 0], [pitch / 2, 0]], focal), SATELLITE, DOWN
-    )
-    apart = np.linalg.norm(imaged[1] - imaged[0])
-    assert apart == pytest.approx(ground_resolution(focal, pitch, 500e3), rel=1e-6)
-
-
 def test_positions_lie_on_the_ellipsoid_and_on_the_line():
     rng = np.random.default_rng(1)
     satellites = rng.standard_normal((300, 3))
@@ -125,18 +116,6 @@ def test_principal_point_and_distortion_shift_the_image():
         plain,
         atol=1e-17,
     )
-
-
-def test_a_batch_is_a_loop():
-    rng = np.random.default_rng(3)
-    chains = DOWN @ Rotation.from_rotvec(0.05 * rng.standard_normal((6, 3))).as_matrix()
-    satellites = SATELLITE + 1e4 * rng.standard_normal((6, 3))
-    vectors = image_vectors(0.05 * rng.standard_normal((4, 2)), 10.0)
-    together = imaged_position(vectors, satellites, chains)
-    assert together.shape == (6, 4, 3)
-    for i in range(6):
-        alone = imaged_position(vectors, satellites[i], chains[i])
-        np.testing.assert_allclose(together[i], alone, atol=1e-8)
 
 
 def test_the_misalignment_of_7_in_the_place_of_r_u_doubles_the_error():
