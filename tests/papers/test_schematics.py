@@ -143,11 +143,9 @@ def test_the_scene_is_the_one_of_the_imaging_model():
     every = tree("chen2023/fig-1a").iter(f"{SVG}path")
     paths = {one.get("id"): points(one) for one in every if one.get("id")}
     earth = ground.EARTH_RADIUS
-    scale, centre = 2.8 * 27 / earth, paths["earth-x"][0]
-    page = view(36.0, 20.0) * scale
-    dates = erfa.dtf2d("UTC", 2023, 9, 22, 3, 30, 0.0)
-    assert 0 < erfa.era00(*dates) < np.pi
+    page = view(36.0, 20.0) * 2.8 * 27 / earth
     stars = ground.earth_from_inertial("2023-09-22T03:30:00", ut1_utc=0.0)
+    assert 0 < erfa.era00(*erfa.dtf2d("UTC", 2023, 9, 22, 3, 30, 0.0)) < np.pi
     above = ground.earth_fixed([np.radians(104.0), np.radians(24.0), 1.25 * earth])
     target = ground.earth_fixed([np.radians(66.0), np.radians(50.0), 0.0])
     z = unit("boresight", target - above)
@@ -157,23 +155,21 @@ def test_the_scene_is_the_one_of_the_imaging_model():
     tracker = camera @ rotation_from_vector([boresights, 0.0, 0.0]).T
     rays = ground.image_vectors([(0.0, 0.0)], focal_length=1.0)
     assert ground.imaged_position(rays, above, camera)[0] == pytest.approx(target)
-    drawn = {
-        "earth-x": 1.6 * earth * np.array([1.0, 0.0, 0.0]),
-        "earth-y": 1.6 * earth * np.array([0.0, 1.0, 0.0]),
-        "stars-x": 1.5 * earth * stars[:, 0],
-        "stars-y": 1.6 * earth * stars[:, 1],
-        "position": above,
-        "sight": above - target,
-        **{f"camera-{n}": 0.42 * earth * camera[:, j] for j, n in enumerate("xyz")},
-        **{f"tracker-{n}": 0.42 * earth * tracker[:, j] for j, n in enumerate("xyz")},
-    }
+    drawn = {"position": above, "sight": above - target}
+    for name, axes, length in (
+        ("earth", np.diag([1.6, 1.6, 1.3]), 1.0),
+        ("stars", stars[:, :2] * [1.5, 1.6], 1.0),
+        ("camera", camera, 0.42),
+        ("tracker", tracker, 0.42),
+    ):
+        for letter, axis in zip("xyz", axes.T, strict=False):
+            drawn[f"{name}-{letter}"] = length * earth * axis
     for name, vector in drawn.items():
         start, end = paths[name]
         assert end - start == pytest.approx(page @ vector, abs=0.11), name
-    assert paths["sight"][1] == pytest.approx(centre + page @ above, abs=0.11)
-    first, last = paths["turn"][[0, -1]] - centre
-    assert first == pytest.approx(page @ (0.6 * earth * stars[:, 0]), abs=0.5)
-    assert last == pytest.approx(page @ [0.6 * earth, 0.0, 0.0], abs=0.5)
+    ends = paths["turn"][[0, -1]] - paths["position"][0]
+    wanted = 0.6 * earth * np.array([stars[:, 0], [1.0, 0.0, 0.0]]) @ page.T
+    assert ends == pytest.approx(wanted, abs=0.5)
 
 
 def test_the_mirrors_of_the_tracker_have_the_printed_tilt():

@@ -142,9 +142,14 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any]]] = {
     "calibrate": (calibration.calibrate, {**FIT, "start": START}),
     "constraint": (calibration.constraint, {"rotation": 0.1}),
     "constraint_printed": (calibration.constraint_printed, {"rotation": 0.1}),
-    "arrangements_with": (
-        arrangements.arrangements_with,
-        {"count": 9, "half_x": 8.0, "half_y": 6.0, "step": 0.9},
+    "arrangement_angles": (
+        arrangements.arrangement_angles,
+        {
+            "name": arrangements.arrangement_names()[0],
+            "half_x": 8.0,
+            "half_y": 6.0,
+            "step": 0.9,
+        },
     ),
     "error_field": (
         transforms.error_field,
@@ -205,7 +210,13 @@ def test_the_table_holds_every_public_function() -> None:
     )
     # These take arrays that others have checked, to go fast; test_intrinsics tries the last. An
     # image may have any shape; test_resample spoils it.
-    inner = {"as_complex", "as_points", "fit_camera", "registered_image"}
+    inner = {
+        "arrangement_names",
+        "as_complex",
+        "as_points",
+        "fit_camera",
+        "registered_image",
+    }
     public = {*vars(optics), *vars(registration)}
     for module in modules:
         for name, thing in vars(module).items():
@@ -367,8 +378,8 @@ def test_stars_beside_and_behind_the_camera_are_refused(star: np.ndarray) -> Non
 
 def test_special_refusals() -> None:
     assert "no ratio" in refuses("distortion_ratio", "distortion", 0.0)
-    assert "radians" in refuses("arrangements_with", "step", 1e-5)
-    assert "one number" in refuses("arrangements_with", "step", np.array([0.9, 0.8]))
+    assert "radians" in refuses("arrangement_angles", "step", 1e-5)
+    assert "one number" in refuses("arrangement_angles", "step", np.array([0.9, 0.8]))
 
 
 @given(st.data())

@@ -11,12 +11,10 @@ from reproduce.physics.optics import (
     starlight,
 )
 from reproduce.physics.registration import (
-    Registration,
     calibrate,
     fit_registration,
     random_starts,
     registration_bound,
-    rmse,
     similarity_between,
     starting_values,
 )
@@ -89,8 +87,5 @@ def test_all_starts_end_at_one_point():
     own, restarted = (calibrate(red, green, red[zero], one) for one in (start, starts))
     ends = np.broadcast_to(own.parameters, restarted.parameters.shape)
     np.testing.assert_allclose(restarted.parameters, ends, atol=1e-9)
-    at = Registration("similarity", restarted.history, red[zero]).apply(true)
-    distance = rmse(at, np.broadcast_to(at[-1], at.shape))
-    assert (distance[0] > 10).all()
-    assert (distance[-2] < 1e-6).all()
+    assert np.abs(starts - ends)[:, 2:].max() > 10
     assert len(restarted.history) - restarted.first_stage <= 4

@@ -40,12 +40,6 @@ def test_a_magnitude_4_star_by_hand():
     assert photons(4.0)[0] == pytest.approx(by_hand, rel=0.03)
 
 
-def test_stars_are_blackbodies_cool_solar_and_hot_and_tables():
-    heats = [value for value in images.STARS.values() if not isinstance(value, str)]
-    assert min(heats) < 4000 < 5500 < 6000 < 10000 < max(heats)
-    assert sum(isinstance(value, str) for value in images.STARS.values()) == 2
-
-
 def test_light_of_the_tabulated_stars_by_hand():
     """Vega in red by the trapezoid over its table, V = 0.03 of its own; the same optics."""
     wavelength, table = spectra()["vega"]
@@ -119,30 +113,20 @@ def test_one_cell_is_recomputed_whole(stored, star):
         np.testing.assert_allclose(array, stored[name][row, 2, 3], atol=1e-9)
 
 
-def test_a_smaller_run_says_the_same(stored):
-    """With a tenth of the trials, on threads: the same to within its own luck."""
+def test_a_run_on_threads_is_the_run_of_every_cell():
     with ThreadPoolExecutor(2) as pool:
         found = fusion.simulate(6, executor=pool)
     seed = np.random.SeedSequence(fusion.SEED, spawn_key=(1, 2, 3))
-    place, light = images.PLACES["corner"], photons(images.MAGNITUDES[3])
-    cell = images.cell(DOOR, place, light, 6, seed)
+    light = photons(images.MAGNITUDES[3])
+    cell = images.cell(DOOR, images.PLACES["corner"], light, 6, seed)
     for name, array in zip(images.RESULTS, cell, strict=True):
         np.testing.assert_array_equal(found[name][1, 2, 3], array)
-    large = stored["error"][..., 1]
-    np.testing.assert_allclose(found["error"][..., 1], large, rtol=0.1)
-    ratio = found["error"][..., 2] / stored["error"][..., 2]
-    assert ratio.min() > 0.6
-    assert ratio.max() < 1.6
-    assert np.median(ratio) == pytest.approx(1, abs=0.1)
 
 
-def test_the_table_has_a_row_for_every_star():
-    centroids = studies()["niu2024/fusion"]()
-    cells = len(images.STARS) * len(images.PLACES) * len(images.MAGNITUDES)
-    assert len(centroids) == cells * len(images.MADE)
-    assert list(centroids["Star"].unique()) == list(images.STARS)
-    row = centroids.query("Star == 'Vega' and Place == 'corner'").iloc[-1]
-    stored = images._stored().arrays
+def test_the_table_shows_the_stored_arrays(stored):
+    table = studies()["niu2024/fusion"]()
+    assert len(table) == stored["error"].size
+    row = table.query("Star == 'Vega' and Place == 'corner'").iloc[-1]
     assert row["Bias (px)"] == stored["bias"][-1, -1, -1, -1]
     assert row["Signal over noise"] == stored["signal_to_noise"][-1, -1, -1, -1]
 

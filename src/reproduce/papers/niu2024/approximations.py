@@ -58,8 +58,8 @@ _TITLES = {
 )
 def scale_near_one(given: Given) -> Results:
     """The scale factor of Table 1 that lies farthest from one."""
-    found = scale_factors(given).values()
-    return {"scale-approximation": max(found, key=lambda scale: abs(scale - 1))}
+    scales = scale_factors(given).values()
+    return {"scale-approximation": max(scales, key=lambda scale: abs(scale - 1))}
 
 
 @reproduces(
@@ -86,19 +86,16 @@ def _channels(door: Given, table: str, channel: str) -> Channels:
     """Return a channel beside green, with the printed parameters and our stand-ins."""
     place = simulation.CHANNELS.index(channel)
     cameras: list[Camera] = _TABLES[table].cameras(door)
-    source, green, rotation = (
-        cameras[place],
-        cameras[0],
-        _TABLES[table].rotations(door)[place],
+    source, green = cameras[place], cameras[0]
+    rotation = _TABLES[table].rotations(door)[place]
+    lean = float(np.tan(abs(rotation)))
+    # The second term takes the rest that the printed fraction leaves at the corner.
+    rest = (1 / door[_SHARE] - 1) / np.square(_half_size(door)).sum()
+    second, reference = (
+        round(float(one.radial_distortion) * rest, 12) for one in (source, green)
     )
-    corner, lean = np.hypot(*_half_size(door)), float(np.tan(abs(rotation)))
-    # What leaves the first term its share at the corner.
-    left = (1 / door[_SHARE] - 1) / corner**2
-    second = [round(float(one.radial_distortion) * left, 12) for one in (source, green)]
     x, y = (green.principal_point - source.principal_point).tolist()
-    return Channels(
-        source, green, rotation, (x, y), (lean, lean), (second[0], second[1])
-    )
+    return Channels(source, green, rotation, (x, y), (lean, lean), (second, reference))
 
 
 def _isolated(whole: Channels, effect: str, positions: FloatArray) -> FloatArray:
@@ -129,10 +126,9 @@ def _errors(door: Given) -> Iterator[tuple[object, ...]]:
     for table, channel, effect in product(_TABLES, REGISTERED, EFFECTS):
         error = _isolated(_channels(door, table, channel), effect, positions)
         # The same projection that a fit makes: onto scale, rotation and shift of the positions.
-        left = fit_registration(
-            positions * 1e6, positions * 1e6 + error, (0.0, 0.0)
-        ).residuals
+        rest = fit_registration(positions * 1e6, positions * 1e6 + error, (0.0, 0.0))
         means = (
-            float(np.sqrt(np.square(one).sum(axis=-1).mean())) for one in (error, left)
+            float(np.sqrt(np.square(one).sum(axis=-1).mean()))
+            for one in (error, rest.residuals)
         )
         yield (_TITLES[effect], table, channel, float(np.hypot(*error.T).max()), *means)

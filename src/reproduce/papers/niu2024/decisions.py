@@ -70,28 +70,33 @@ def _designs(door: Given) -> dict[str, _Design]:
     green, red, _ = posteriors.true_centroids(door)
     middle, true = posteriors.pivot(door, "red"), posteriors.truth(door)
     plain = models.registration_model(red, green, middle)
-    outermost = np.hypot(*(red - middle).T).argmax()
     known = [true[name] for name in (*models.TRANSFORM, "noise")]
     found = {}
     for name, model in zip(
         _MODELS, (plain, models.distortion_model(plain)), strict=True
     ):
         likelihood = model.likelihood_of(models.GaussianRegistration)
-        extra = model.parameters[5:]
-        centre = np.array([*known, *[0.0] * len(extra)])
-        free = np.delete(np.arange(len(centre)), 4)
-        steps = np.diag(np.insert(_STEPS, 4, 0.0)[: len(centre)])[free]
-        ahead, behind = (likelihood.places(centre + sign * steps) for sign in (1, -1))
-        response = (ahead - behind) / (2 * _STEPS[: len(free), None, None])
-        sigmas = [p.prior.sigma for p in extra if isinstance(p.prior, Normal)]
-        flat = np.moveaxis(response, 0, -1).reshape(-1, len(free))
+        priors = [one.prior for one in model.parameters[5:]]
+        sigmas = [prior.sigma for prior in priors if isinstance(prior, Normal)]
+        steps = _STEPS[: 4 + len(sigmas)]
+        centre = np.array([*known, *np.zeros(len(sigmas))])
+        # The fifth parameter is the noise, which moves no star.
+        moves = np.insert(np.diag(steps), 4, 0.0, axis=1)
+        ahead, behind = (likelihood.places(centre + sign * moves) for sign in (1, -1))
+        response = (ahead - behind) / (2 * steps[:, None, None])
+        flat = response.reshape(len(steps), -1)
         found[name] = _Design(
-            flat.T @ flat / true["noise"] ** 2,
-            np.diag(np.append(np.zeros(4), np.power(sigmas, -2.0))),
-            response[:, outermost].T,
+            flat @ flat.T / true["noise"] ** 2,
+            np.diag([0.0] * 4 + [sigma**-2 for sigma in sigmas]),
+            response[:, _outermost(red, middle)].T,
             len(red),
         )
     return found
+
+
+def _outermost(points: FloatArray, middle: FloatArray) -> int:
+    """Return the index of the star farthest from the middle."""
+    return int(np.hypot(*(points - middle).T).argmax())
 
 
 def _edge_errors(door: Given, counts: FloatArray) -> dict[str, FloatArray]:
@@ -115,7 +120,7 @@ def _left_out(door: Given) -> FloatArray:
     green, red, _ = posteriors.true_centroids(door)
     middle = posteriors.pivot(door, "red")
     left = fit_registration(red, green, middle).residuals
-    return np.asarray(left[np.hypot(*(red - middle).T).argmax()])
+    return np.asarray(left[_outermost(red, middle)])
 
 
 def _enough(door: Given) -> dict[str, float]:
@@ -123,13 +128,12 @@ def _enough(door: Given) -> dict[str, float]:
 
     By model; infinite where as many as `_MOST` are not enough.
     """
-    places, wanted = np.log(_TRIED), -np.log(door[NOISE])
-    return {
-        name: float(
-            np.ceil(np.exp(np.interp(wanted, -np.log(ends[2]), places, right=np.inf)))
-        )
-        for name, ends in _edge_errors(door, _TRIED).items()
-    }
+    found = {}
+    for name, (_, _, high) in _edge_errors(door, _TRIED).items():
+        falling = -np.log(high)
+        place = np.interp(-np.log(door[NOISE]), falling, np.log(_TRIED), right=np.inf)
+        found[name] = float(np.ceil(np.exp(place)))
+    return found
 
 
 def _star_facts(door: Given) -> dict[str, Fact]:
@@ -155,11 +159,8 @@ def _star_facts(door: Given) -> dict[str, Fact]:
 def _stars(door: Given) -> Iterator[tuple[float, ...]]:
     """With how many stars to calibrate."""
     counts = sorted({*_COUNTS, door.count(_COUNT)})
-    found = np.concatenate(
-        [ends[1:] for ends in _edge_errors(door, np.array(counts)).values()]
-    )
-    for count, row in zip(counts, found.T.tolist(), strict=True):
-        yield (count, *row)
+    plain, free = _edge_errors(door, np.array(counts)).values()
+    yield from zip(counts, *plain[1:].tolist(), *free[1:].tolist(), strict=True)
 
 
 @draws("niu2024/drawing-stars", given=READS)

@@ -28,8 +28,6 @@ nothing is judged with them.
 
 from __future__ import annotations
 
-from itertools import product
-
 import numpy as np
 from numpy.random import SeedSequence, default_rng
 
@@ -41,6 +39,7 @@ from reproduce.papers.niu2024.simulation import (
     REGISTERED,
     SETTINGS,
     cameras_of,
+    numbers,
     zero_places,
 )
 from reproduce.physics import optics
@@ -82,72 +81,68 @@ def scale_factors(given: Given) -> declare.Results:
 
 def cameras(given: Given) -> list[optics.Camera]:
     """Return the cameras of Table 4, image points counted from the green principal point."""
-    return cameras_of(given, _CALIBRATION, {c: _shift(given, c) for c in CHANNELS})
+    origin = np.zeros((1, 2))
+    return cameras_of(given, _CALIBRATION, np.vstack([origin, _shifts(given)]))
 
 
-def _shift(given: Given, channel: str) -> list[float]:
-    if channel == "green":
-        return [0.0, 0.0]
-    return [given[f"{_CALIBRATION}#translation-{axis}.{channel}"] for axis in "xy"]
+def _shifts(given: Given) -> FloatArray:
+    """Return the calibrated translations of red and blue, shape (2, 2), in px."""
+    return simulation.points(given, f"{_CALIBRATION}#translation", REGISTERED)
 
 
 def rotations(given: Given) -> list[float]:
     """Return the detectors' calibrated angles against green: green, red, blue, in radians."""
-    return [
-        0.0,
-        *(given[f"{_CALIBRATION}#rotation.{channel}"] for channel in REGISTERED),
-    ]
+    return simulation.rotations(given, _CALIBRATION)
 
 
-def half_field(given: Given) -> tuple[float, float]:
-    """Return half the printed field of view along x and y, in radians."""
-    return given[f"{OPTICS}#field-of-view-x"] / 2, given[
-        f"{OPTICS}#field-of-view-y"
-    ] / 2
+def half_field(given: Given) -> FloatArray:
+    """Return half the printed field of view along x and y, shape (2,), in radians."""
+    return given.array(f"{OPTICS}#field-of-view-?") / 2
+
+
+def _residuals(given: Given) -> FloatArray:
+    """Return the printed residuals of red and blue along x and y, shape (2, 2), in px."""
+    cells = (f"{OUTCOME}#{name}" for name in _cells("rmse-after"))
+    return np.array([given[cell] for cell in cells]).reshape(2, 2)
+
+
+def _cells(name: str) -> list[str]:
+    """Return the cells of red and blue along x and y."""
+    return [f"{name}-{channel}-{axis}" for channel in REGISTERED for axis in "xy"]
 
 
 def _centroid_errors(given: Given) -> FloatArray:
-    """Return the centroid errors that the printed residuals imply.
+    """Return the centroid errors that the printed residuals imply, shape (3, 1, 2), in px.
 
-    Shape (3, 1, 2). Standard deviation by channel (green, red, blue) and axis, in px: green has
-    half the mean squared residual, the others have what is then missing to their own. Raises
-    ValueError where that is less than nothing.
+    Standard deviation by channel (green, red, blue) and axis: green has half the mean squared
+    residual, the others the rest of their own. Raises ValueError if no rest is left.
     """
-    after = np.array(
-        [
-            [given[f"{OUTCOME}#rmse-after-{c}-{axis}"] for axis in "xy"]
-            for c in REGISTERED
-        ]
-    )
-    squares = np.square(after)
+    squares = np.square(_residuals(given))
     green = squares.mean(axis=0) / 2
-    for axis in np.flatnonzero((squares < green).any(axis=0)):
-        pair = zip(REGISTERED, after[:, axis], strict=True)
+    if (squares < green).any():
         shown = (
-            f"{OUTCOME}#rmse-after-{c}-{'xy'[axis]} = {value:.4g} px"
-            for c, value in pair
+            f"{name} = {given[f'{OUTCOME}#{name}']:.4g} px"
+            for name in _cells("rmse-after")
         )
         raise ValueError(
-            f"{' and '.join(shown)}: expected neither to be more than √3 times the other; green's "
-            "part, half of their mean square, would exceed the whole of the smaller one"
+            f"{OUTCOME}: expected residuals that leave an error to every channel, got "
+            f"{', '.join(shown)}. Keep each within √3 times the one of the other channel: "
+            "green has half of their mean square."
         )
     return np.asarray(np.sqrt(np.stack([green, *(squares - green)]))[:, None, :])
 
 
 def _registered_points(given: Given, angles: FloatArray) -> FloatArray:
-    """Return green points, and those that the similarities of Table 4 lay over them.
+    """Return green points, and those that the similarities of Table 4 register onto them.
 
-    Shape (..., 3, n, 2). In px from the green principal point; channels green, red, blue.
+    Shape (..., 3, n, 2), in px from the green principal point; channels green, red, blue.
     """
-    green = optics.channel_centroids(cameras(given)[:1], [0.0], angles)[..., 0, :, :]
-    points = [green]
-    for position, channel in enumerate(REGISTERED, start=1):
-        # The source's principal point is the shift, as green's is the origin here.
-        shift = _shift(given, channel)
-        scale = given[f"{_CALIBRATION}#scale.{channel}"]
-        laid = Registration.similarity(scale, rotations(given)[position], shift, shift)
-        points.append(laid.inverse().apply(green))
-    return np.stack(points, axis=-3)
+    green = optics.channel_centroids(cameras(given)[:1], [0.0], angles)
+    # The source's principal point is the shift, because green's is the origin here.
+    scales, shifts = numbers(given, f"{_CALIBRATION}#scale", REGISTERED), _shifts(given)
+    turns = rotations(given)[1:]
+    back = Registration.similarity(scales, turns, shifts, shifts).inverse()
+    return np.concatenate([green, back.apply(green)], axis=-3)
 
 
 def _by_focal_lengths(given: Given, angles: FloatArray) -> FloatArray:
@@ -172,21 +167,16 @@ def rmse_before(
 ) -> declare.Results:
     """RMSE before registration, from the calibrated registration and the printed residuals."""
     generator, count = default_rng(seed), given.count(f"{OUTCOME}#test-points")
-    half = np.array(half_field(given))
+    half = half_field(given)
     angles = generator.uniform(-half, half, (replicates, count, 2))
     unit = generator.standard_normal((replicates, len(CHANNELS), count, 2))
-    errors = _centroid_errors(given) * unit
     points = _registered_points if scale == "factors" else _by_focal_lengths
-    measured = points(given, angles) + errors
+    measured = points(given, angles) + _centroid_errors(given) * unit
     apart = rmse_per_axis(measured[:, 1:], measured[:, :1])
-    results = {}
-    for (position, channel), (place, axis) in product(
-        enumerate(REGISTERED), enumerate("xy")
-    ):
-        x_and_y = apart[:, position]
-        drawn = x_and_y[:, place] if rmse == "one" else np.hypot(*x_and_y.T)
-        results[f"rmse-before-{channel}-{axis}"] = declare.Prediction(drawn)
-    return results
+    if rmse == "both":
+        apart[:] = np.linalg.norm(apart, axis=-1, keepdims=True)
+    drawn = apart.reshape(replicates, -1).T
+    return dict(zip(_cells("rmse-before"), map(declare.Prediction, drawn), strict=True))
 
 
 @declare.reproduces(
@@ -197,19 +187,15 @@ def rmse_before(
 )
 def rmse_after(given: Given) -> declare.Results:
     """RMSE after registration with the noise of the simulation, which stands in for the errors."""
-    half_x, half_y = half_field(given)
-    grid = np.meshgrid(
-        np.linspace(-half_x, half_x, 33), np.linspace(-half_y, half_y, 25)
+    x, y = (
+        np.linspace(-half, half, across)
+        for half, across in zip(half_field(given), (33, 25), strict=True)
     )
-    true = _by_focal_lengths(given, np.stack(grid, -1).reshape(-1, 2))
-    results = {}
-    for position, channel in enumerate(REGISTERED, start=1):
-        fit = fit_registration(true[position], true[0], _shift(given, channel))
-        misfit = np.square(fit.residuals).mean(axis=0)
-        expected = np.sqrt(misfit + 2 * given[f"{SETTINGS}#noise"] ** 2)
-        for axis, value in zip("xy", expected, strict=True):
-            results[f"rmse-after-{channel}-{axis}"] = float(value)
-    return results
+    true = _by_focal_lengths(given, np.stack(np.meshgrid(x, y), -1).reshape(-1, 2))
+    fit = fit_registration(true[1:], true[:1], _shifts(given))
+    misfit = np.square(fit.residuals).mean(axis=-2)
+    expected = np.sqrt(misfit + 2 * given[f"{SETTINGS}#noise"] ** 2)
+    return dict(zip(_cells("rmse-after"), expected.ravel().tolist(), strict=True))
 
 
 @declare.reproduces(
@@ -225,12 +211,8 @@ def pointing_errors(given: Given) -> declare.Results:
     """Residuals in pixels as angles: they lie in the green image, so its focal length applies."""
     pitches = given.array(f"{OPTICS}#pixel-pitch-?")
     focal_length = given[f"{_CALIBRATION}#focal-length.green"]
-    results = {}
-    for channel, (axis, pitch) in product(REGISTERED, zip("xy", pitches, strict=True)):
-        residual = given[f"{OUTCOME}#rmse-after-{channel}-{axis}"]
-        angle = optics.angle_from_pixels(residual, pitch, focal_length)
-        results[f"pointing-error-{channel}-{axis}"] = float(angle)
-    return results
+    angles = optics.angle_from_pixels(_residuals(given), pitches, focal_length)
+    return dict(zip(_cells("pointing-error"), angles.ravel().tolist(), strict=True))
 
 
 def twin_fits(
@@ -248,19 +230,17 @@ def twin_fits(
     noisy = true + error * unit
     directions = optics.starlight(table[:, 1], table[:, 0])
     pitch = given[f"{OPTICS}#pixel-pitch-x"]
-    spots, [zero] = (
-        dict(zip(CHANNELS, noisy.swapaxes(0, 1), strict=True)),
-        zero_places(table),
-    )
-    turns = dict(zip(CHANNELS, rotations(given), strict=True))
-    alone = {
-        c: optics.fit_camera(directions, spots[c], pitch, turns[c]) for c in CHANNELS
-    }
-    laid = {
-        c: fit_registration(spots[c], spots["green"], spots[c][:, zero])
-        for c in REGISTERED
-    }
-    return alone, laid
+    [zero] = zero_places(table)
+    green = noisy[:, 0]
+    alone, registered = {}, {}
+    for place, (channel, turn) in enumerate(
+        zip(CHANNELS, rotations(given), strict=True)
+    ):
+        spots = noisy[:, place]
+        alone[channel] = optics.fit_camera(directions, spots, pitch, turn)
+        if place:
+            registered[channel] = fit_registration(spots, green, spots[:, zero])
+    return alone, registered
 
 
 # Replicates of both kinds of fit, and how much of a printed residual is the error of one centroid.

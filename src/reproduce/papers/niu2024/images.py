@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -105,11 +106,12 @@ def light_of(door: Given, star: str, magnitude: float) -> FloatArray:
     """Return the photons that one of `STARS` sends to each detector in one exposure, shape (3,)."""
     spectrum, light = STARS[star], []
     for channel in CHANNELS:
-        band = [door[f"{OPTICS}#band-{channel}-{edge}"] for edge in ("low", "high")]
+        low, high = door.array(f"{OPTICS}#band-{channel}-*").tolist()
         if isinstance(spectrum, str):
-            light.append(images.tabulated_star(magnitude, *spectra()[spectrum], *band))
+            table = spectra()[spectrum]
+            light.append(images.tabulated_star(magnitude, *table, low, high))
         else:
-            light.append(images.blackbody_band(magnitude, spectrum, *band))
+            light.append(images.blackbody_band(magnitude, spectrum, low, high))
     # Square metres and seconds that an exposure collects.
     collected = float(
         np.pi / 4 * APERTURE**2 * TRANSMISSION * door[f"{experiment.OUTCOME}#exposure"]
@@ -132,13 +134,11 @@ def cell(
     Registered by `transforms` of red and blue in place of the true ones.
     """
     generator = np.random.default_rng(seed)
-    green = _cameras(door)[0]
+    green, half = _cameras(door)[0], experiment.half_field(door)
     pitch = float(green.pixel_pitch / green.focal_length)
     errors, signals = [], []
     for _ in range(PHASES):
-        angles = place * np.array(
-            experiment.half_field(door)
-        ) + pitch * generator.uniform(-1, 1, 2)
+        angles = place * half + pitch * generator.uniform(-1, 1, 2)
         spots = _imaged(door, angles)
         windows, corner = _exposures(spots, photons, trials, generator)
         made = _combinations(windows, corner, transforms or similarities(door))
@@ -231,15 +231,10 @@ def _facts() -> dict[str, Fact]:
 def _centroids() -> Iterator[tuple[object, ...]]:
     """Centroid error and signal-to-noise ratio by star, place, magnitude and image."""
     arrays = _stored().arrays
-    for at in np.ndindex(arrays["error"].shape):
-        star, place, magnitude, image = at
-        labels = (
-            list(STARS)[star],
-            list(PLACES)[place],
-            MAGNITUDES[magnitude],
-            MADE[image],
-        )
-        yield (*labels, *(arrays[name][at] for name in RESULTS))
+    numbers = np.stack([arrays[name] for name in RESULTS], axis=-1)
+    labels = product(STARS, PLACES, MAGNITUDES, MADE)
+    for label, row in zip(labels, numbers.reshape(-1, len(RESULTS)), strict=True):
+        yield (*label, *row)
 
 
 _CHANNEL_LOOKS = {
@@ -260,41 +255,32 @@ def _draw_star(figure: Figure) -> None:
     from matplotlib.patheffects import withStroke
 
     door = given(READS)
-    spots = _imaged(door, 0.95 * np.array(experiment.half_field(door)))
+    spots = _imaged(door, 0.95 * experiment.half_field(door))
     photons = light_of(door, "solar", magnitude=3.0)
     windows, corner = _exposures(spots, photons, 1, np.random.default_rng(9))
     green, plain, registered = _combinations(windows, corner, similarities(door))
-    # What is seen, and which spots are marked in it, at which place each.
-    at = dict(
-        zip(("green", "red", "blue"), spots - corner - _MARGIN + 0.5, strict=True)
-    )
+    places = dict(zip(CHANNELS, spots - corner - _MARGIN + 0.5, strict=True))
     panels = {
-        "red": (windows[1, 0, _MIDDLE, _MIDDLE], {"red": at["red"]}),
-        "green": (green[0], {"green": at["green"]}),
-        "blue": (windows[2, 0, _MIDDLE, _MIDDLE], {"blue": at["blue"]}),
-        "fused as they are": (plain[0], {name: at[name] for name in _CHANNEL_LOOKS}),
-        "fused after registration": (
-            registered[0],
-            dict.fromkeys(_CHANNEL_LOOKS, at["green"]),
-        ),
+        "red": windows[1][:, _MIDDLE, _MIDDLE],
+        "green": green,
+        "blue": windows[2][:, _MIDDLE, _MIDDLE],
+        "fused as they are": plain,
+        MADE[2]: registered,
     }
     halo = [withStroke(linewidth=3.5, foreground="white")]  # for dark pixels
     shape = (3, 2) if sized(figure, 6.4, 4.6, 5.6) else (2, 3)
     grid = figure.subplots(*shape, sharex=True, sharey=True)
-    for axes, (title, (light, marks)) in zip(grid.flat, panels.items(), strict=False):
+    for axes, (title, [light]) in zip(grid.flat, panels.items(), strict=False):
         root = np.sqrt(np.maximum(light, 0))
         # Never quite black: what is drawn in black follows the page, and is white on a dark one.
         axes.pcolormesh(
             root, cmap="gray_r", shading="flat", vmin=0, vmax=1.1 * root.max()
         )
-        for name, place in marks.items():
-            mark = axes.plot(
-                *place,
-                _CHANNEL_LOOKS[name].marker,
-                color=_CHANNEL_LOOKS[name].colour,
-                fillstyle="none",
-            )
-            mark[0].set(markersize=9, markeredgewidth=1.3, path_effects=halo)
+        for name, look in _CHANNEL_LOOKS.items():
+            if title in (name, *MADE[1:]):
+                place = places["green" if title == MADE[2] else name]
+                [mark] = axes.plot(*place, look.marker, c=look.colour, mfc="none")
+                mark.set(markersize=9, markeredgewidth=1.3, path_effects=halo)
         axes.set(aspect="equal", title=title, xticks=[0, 3, 6, 9], yticks=[0, 3, 6, 9])
         axes.grid(visible=False)
     figure.supxlabel("x (px)", fontsize=9)

@@ -39,14 +39,11 @@ def field_of_view(given: Given) -> Results:
 )
 def centre_wavelengths(given: Given, *, centre: str) -> Results:
     """Centre wavelengths as the middles of the bands, or of thirds of the starlight's band."""
-    low, high = (given[f"{_OUTCOME}#simulator-band-{end}"] for end in ("low", "high"))
+    low, high = given.array(f"{_OUTCOME}#simulator-band-*")
     found = {}
     for third, band in enumerate(("blue", "green", "red")):
-        edges = (given[f"{_OPTICS}#band-{band}-{end}"] for end in ("low", "high"))
-        middle = (
-            sum(edges) / 2
-            if centre == "band"
-            else low + (high - low) * (2 * third + 1) / 6
-        )
-        found[f"centre-wavelength-{band}"] = middle
+        middle = given.array(f"{_OPTICS}#band-{band}-*").mean()
+        if centre == "third":
+            middle = low + (high - low) * (2 * third + 1) / 6
+        found[f"centre-wavelength-{band}"] = float(middle)
     return found

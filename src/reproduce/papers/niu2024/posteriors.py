@@ -136,7 +136,7 @@ def _mixture_truth(given: Given) -> dict[str, float]:
 def _test_points(given: Given) -> FloatArray:
     """Measured test points in green, red and blue, shape (3, points, 2), in px."""
     places, errors = (default_rng(data_stream(given, 3, part, 0)) for part in (0, 1))
-    half = np.array(simulation.half_ranges(given))
+    half = simulation.half_ranges(given)
     directions = places.uniform(-half, half, (given.count(_TEST_POINTS), 2))
     true = simulation.imaged(given, directions)
     return np.asarray(

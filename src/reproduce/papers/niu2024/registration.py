@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 from reproduce.papers.declare import Results, reproduces
-from reproduce.papers.niu2024.simulation import IMAGING, REGISTERED
+from reproduce.papers.niu2024.simulation import IMAGING, REGISTERED, numbers, points
 from reproduce.physics import optics
 from reproduce.printed.given import Given
 
 
 def scale_factors(given: Given, table: str = IMAGING) -> dict[str, float]:
     """Return the ratio of green's focal length in a table to that of each channel."""
-    green = given[f"{table}#focal-length.green"]
-    lengths = {
-        channel: given[f"{table}#focal-length.{channel}"] for channel in REGISTERED
-    }
-    return {
-        c: float(optics.scale_factor(green, length)) for c, length in lengths.items()
-    }
+    lengths = numbers(given, f"{table}#focal-length")
+    ratios = optics.scale_factor(lengths[0], lengths[1:]).tolist()
+    return dict(zip(REGISTERED, ratios, strict=True))
 
 
 @reproduces(
@@ -27,9 +23,7 @@ def scale_factors(given: Given, table: str = IMAGING) -> dict[str, float]:
 )
 def true_scale(given: Given) -> Results:
     """Scale factors as ratios of the focal lengths of Table 1."""
-    return {
-        f"scale.{channel}": scale for channel, scale in scale_factors(given).items()
-    }
+    return {f"scale.{channel}": k for channel, k in scale_factors(given).items()}
 
 
 @reproduces(
@@ -40,11 +34,9 @@ def true_scale(given: Given) -> Results:
 )
 def true_translation(given: Given) -> Results:
     """Translations as differences of the principal points of Table 1."""
+    green, *others = points(given, f"{IMAGING}#principal-point")
     return {
-        f"translation-{axis}.{channel}": given[
-            f"{IMAGING}#principal-point-{axis}.{channel}"
-        ]
-        - given[f"{IMAGING}#principal-point-{axis}.green"]
-        for axis in "xy"
-        for channel in REGISTERED
+        f"translation-{axis}.{channel}": float(shift)
+        for channel, point in zip(REGISTERED, others, strict=True)
+        for axis, shift in zip("xy", point - green, strict=True)
     }

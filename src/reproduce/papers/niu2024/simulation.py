@@ -34,7 +34,7 @@ from numpy.typing import NDArray
 
 from reproduce.papers.declare import Prediction, Results, draws, reproduces, words
 from reproduce.physics import validate
-from reproduce.physics.optics import Camera, arrangements_with, channel_centroids
+from reproduce.physics.optics import Camera, arrangement_angles, channel_centroids
 from reproduce.physics.registration import (
     Registration,
     fit_registration,
@@ -73,59 +73,56 @@ ANGLES = (
 READS = (*ANGLES, IMAGING, f"{TRUTH}#rotation.*", f"{OPTICS}#pixel-pitch-x", NOISE)
 
 
-def half_ranges(given: Given) -> tuple[float, float]:
-    """Return half the printed range about x and about y, in radians."""
+def half_ranges(given: Given) -> FloatArray:
+    """Return half the printed range about x and about y, shape (2,), in radians."""
     low, high = (given.array(f"{SETTINGS}#range-?-{end}") for end in ("low", "high"))
-    x, y = ((high - low) / 2).tolist()
-    return x, y
+    return np.asarray((high - low) / 2)
 
 
 @cache
 def arrangement(given: Given, name: str = next(iter(_OPTIONS["angles"]))) -> FloatArray:
     """Return the angles of one alternative, shape (n, 2), in radians; default: the literal."""
-    count, step = given.count(f"{SETTINGS}#angle-count"), given[f"{SETTINGS}#step"]
-    every = arrangements_with(count, *half_ranges(given), step)
-    full = {short: way.text for short, way in _OPTIONS["angles"].items()}
-    if full[name] not in every:
-        known = [short for short, text in full.items() if text in every]
+    half_x, half_y = half_ranges(given)
+    full = _OPTIONS["angles"][name].text
+    angles = arrangement_angles(full, half_x, half_y, given[f"{SETTINGS}#step"])
+    if len(angles) != (count := given.count(f"{SETTINGS}#angle-count")):
         raise ValueError(
-            f"angles: expected an arrangement that has {count} angles over the range, got "
-            f"{name}. These have: {', '.join(known) or 'none'}."
+            f"{SETTINGS}#angle-count: expected {len(angles)}, which the arrangement {name} "
+            f"has over the range, got {count}. Change the count, or choose other angles."
         )
-    return every[full[name]]
+    return angles
+
+
+def numbers(given: Given, name: str, channels: Sequence[str] = CHANNELS) -> FloatArray:
+    """Return a printed number of each channel, shape (channels,)."""
+    return np.array([given[f"{name}.{channel}"] for channel in channels])
+
+
+def points(given: Given, name: str, channels: Sequence[str] = CHANNELS) -> FloatArray:
+    """Return a printed point of each channel, shape (channels, 2), in px."""
+    x, y = (numbers(given, f"{name}-{axis}", channels) for axis in "xy")
+    return np.stack([x, y], axis=-1)
 
 
 def cameras(given: Given, translations: str = "table-1") -> list[Camera]:
     """Return the cameras of Table 1, green, red and blue, under one reading of their shifts."""
-
-    def point(channel: str, axis: str) -> float:
-        if translations == "table-1" or channel == "green":
-            return given[f"{IMAGING}#principal-point-{axis}.{channel}"]
-        return point("green", axis) + given[f"{TRUTH}#translation-{axis}.{channel}"]
-
-    return cameras_of(
-        given, IMAGING, {c: [point(c, axis) for axis in "xy"] for c in CHANNELS}
-    )
+    principal = points(given, f"{IMAGING}#principal-point")
+    if translations == "table-2":
+        principal[1:] = principal[0] + points(given, f"{TRUTH}#translation", REGISTERED)
+    return cameras_of(given, IMAGING, principal)
 
 
-def cameras_of(
-    given: Given, table: str, points: Mapping[str, Sequence[float]]
-) -> list[Camera]:
-    """Return the cameras of a table by channel, with their principal points."""
-    return [
-        Camera(
-            given[f"{table}#focal-length.{channel}"],
-            point,
-            given[f"{table}#radial-distortion.{channel}"],
-            given[f"{OPTICS}#pixel-pitch-x"],
-        )
-        for channel, point in points.items()
-    ]
+def cameras_of(given: Given, table: str, principal: FloatArray) -> list[Camera]:
+    """Return the cameras of a table with principal points of shape (3, 2)."""
+    lengths = numbers(given, f"{table}#focal-length")
+    distortions = numbers(given, f"{table}#radial-distortion")
+    every = zip(lengths, principal, distortions, strict=True)
+    return [Camera(*one, given[f"{OPTICS}#pixel-pitch-x"]) for one in every]
 
 
-def rotations(given: Given) -> list[float]:
+def rotations(given: Given, table: str = TRUTH) -> list[float]:
     """Return the detectors' rotation angles against green: green, red, blue, in radians."""
-    return [0.0, *(given[f"{TRUTH}#rotation.{channel}"] for channel in REGISTERED)]
+    return [0.0, *numbers(given, f"{table}#rotation", REGISTERED).tolist()]
 
 
 def imaged(
@@ -184,18 +181,20 @@ class _Bench:
         count, zero = len(self.table), zero_places(self.table)
         angles = self.table if zero.size else np.vstack([self.table, np.zeros((1, 2))])
         measured = self.measured(generator, replicates, angles)
-        pivots = measured[:, :, zero.item() if zero.size else count]
-        spots = measured[:, :, :count]
+        pivots = measured[:, 1:, zero.item() if zero.size else count]
+        green, *others = np.moveaxis(measured[:, :, :count], 1, 0)
         return {
-            channel: fit_registration(spots[:, i], spots[:, 0], pivots[:, i]).transform
-            for i, channel in enumerate(REGISTERED, start=1)
+            channel: fit_registration(points, green, pivot).transform
+            for channel, points, pivot in zip(
+                REGISTERED, others, np.moveaxis(pivots, 1, 0), strict=True
+            )
         }
 
     def tested(self, generator: Generator, replicates: int, tests: str) -> FloatArray:
         """Return centroids of random test points, shape (replicates, 3, points, 2)."""
         count = self.given.count(f"{SETTINGS}#test-points")
         if tests == "range":
-            half = np.array(half_ranges(self.given))
+            half = half_ranges(self.given)
             points = generator.uniform(-half, half, (replicates, count, 2))
         else:
             rows = np.tile(np.arange(len(self.table)), (replicates, 1))
@@ -204,14 +203,16 @@ class _Bench:
 
     def printed(self) -> dict[str, Registration]:
         """Return the transforms of Table 3 about the principal points of the channels."""
-        used = dict(zip(CHANNELS, cameras(self.given, self.translations), strict=True))
-        found = {}
-        for channel in REGISTERED:
-            cells = (self.given[f"{_RESULTS}#{row}.{channel}"] for row in ROWS)
-            scale, rotation, *shift = cells
-            pivot = used[channel].principal_point
-            found[channel] = Registration.similarity(scale, rotation, shift, pivot)
-        return found
+        pivots = [one.principal_point for one in cameras(self.given, self.translations)]
+        scales, turns = (
+            numbers(self.given, f"{_RESULTS}#{row}", REGISTERED) for row in ROWS[:2]
+        )
+        shifts = points(self.given, f"{_RESULTS}#translation", REGISTERED)
+        every = zip(scales, turns, shifts, pivots[1:], strict=True)
+        found = (
+            Registration.similarity(k, turn, *places) for k, turn, *places in every
+        )
+        return dict(zip(REGISTERED, found, strict=True))
 
 
 @reproduces(

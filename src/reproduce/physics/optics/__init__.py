@@ -1,6 +1,9 @@
 """Cameras and channels: where a star falls on each detector, in ideal and distorted positions."""
 
-from reproduce.physics.optics.arrangements import arrangements_with
+from reproduce.physics.optics.arrangements import (
+    arrangement_angles,
+    arrangement_names,
+)
 from reproduce.physics.optics.camera import (
     Camera,
     angle_from_pixels,
