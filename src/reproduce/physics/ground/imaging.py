@@ -215,9 +215,9 @@ def ground_jacobian(
     matrix = earth_from_camera[..., None, :, :]
     # A turn by t moves the line by t × u, so du = -[u ×] R t for a turn about camera axes.
     by_turn = -far @ cross_matrix(sight) @ matrix
-    across = np.eye(3) - sight[..., None] * sight[..., None, :]
+    # Along the line the projection vanishes, so the image vector needs no projection of its own.
     lengths = np.linalg.norm(vectors, axis=-1)[..., None, None]
-    return GroundJacobian(position, slide, by_turn, -far @ across @ matrix / lengths)
+    return GroundJacobian(position, slide, by_turn, -far @ matrix / lengths)
 
 
 @checked
