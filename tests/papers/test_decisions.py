@@ -41,7 +41,7 @@ def test_the_law_of_table_4_is_that_of_simulated_series():
     generator, counts = np.random.default_rng(5), (1, 4, 16, 25, 49, 100)
     drift = np.linspace(-1, 1, 800)
     series = generator.normal(size=(4000, 800)) + 0.1 * drift / drift.std(ddof=1)
-    squares = scatter_of_averages(series, counts, axis=1) ** 2
+    squares = scatter_of_averages(series, counts) ** 2
     white, floor, pairs, bent = camera._law(800, counts)
     np.testing.assert_allclose(squares.mean(axis=0), white + 0.1**2 * floor, rtol=0.02)
     covariance = 2 * pairs + 4 * 0.1**2 * bent

@@ -142,7 +142,7 @@ def test_the_scene_is_the_one_of_the_imaging_model():
     """Frames, target and rotation of the Earth from equation (1), as drawn in Figure 1a."""
     every = tree("chen2023/fig-1a").iter(f"{SVG}path")
     paths = {one.get("id"): points(one) for one in every if one.get("id")}
-    earth = ground.WGS84.equatorial_radius
+    earth = ground.EARTH_RADIUS
     page = view(36.0, 20.0) * 2.8 * 27 / earth
     stars = ground.earth_from_inertial("2023-09-22T03:30:00", ut1_utc=0.0)
     assert 0 < erfa.era00(*erfa.dtf2d("UTC", 2023, 9, 22, 3, 30, 0.0)) < np.pi

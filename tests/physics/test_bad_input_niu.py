@@ -406,12 +406,12 @@ def test_a_fit_of_anything_is_finite_or_refused(data: st.DataObject) -> None:
     ("value", "message"),
     [
         ([[1, 2], [3]], "got rows of unequal length"),
-        ([["1", "2"], ["3", "four"]], "expected numbers, got text"),
-        ([["1", "2"], ["3", "4"]], "expected numbers, got text"),
-        ([[1, {}], [2, 3]], "got an entry that is none"),
-        ([[10**400, 1], [1, 1]], "or too large"),
-        (np.array([["2020-01-01"] * 2] * 2, dtype="M8[D]"), "got dates"),
-        ([[1, 2j], [3, 4]], "expected real numbers"),
+        ([["1", "2"], ["3", "four"]], "real numbers"),
+        ([["1", "2"], ["3", "4"]], "real numbers"),
+        ([[1, {}], [2, 3]], "real numbers"),
+        ([[10**400, 1], [1, 1]], "real numbers"),
+        (np.array([["2020-01-01"] * 2] * 2, dtype="M8[D]"), "real numbers"),
+        ([[1, 2j], [3, 4]], "real numbers"),
     ],
 )
 def test_what_holds_no_numbers_is_refused_in_one_line(value: Any, message: str) -> None:

@@ -1,7 +1,7 @@
-"""Checks on what a public function is given: once, at the border; kernels behind it trust it.
+"""Check the arguments of public functions once; kernels take arrays that are checked.
 
-A function under `checked` declares what it takes by annotations such as `Points` or `Positive`, and
-has float arrays in its body. Every message says what was expected, what came and what to do.
+A function under `checked` declares its arguments by annotations such as `Points` or `Positive`, and
+gets float arrays. A message contains the argument, the expected value, the value and the remedy.
 """
 
 from __future__ import annotations
@@ -19,24 +19,8 @@ FloatArray = NDArray[np.float64]
 _Shape = tuple[int | str | None, ...]
 P = ParamSpec("P")
 R = TypeVar("R")
-
-# What an argument of a `checked` function may be, leading (batch) axes aside: its trailing shape,
-# or what it is. A dimension with a name, such as n, is the same number in all arguments.
-Number = Annotated[Any, ()]
-Positive = Annotated[Any, "positive"]
-NonNegative = Annotated[Any, "non-negative"]
-Size = Annotated[Any, "size"]  # one positive number, which stays a float
-Point = Annotated[Any, (2,)]
-Points = Annotated[Any, ("n", 2)]
-Direction = Annotated[Any, (3,)]
-Directions = Annotated[Any, ("n", 3)]
-Rotation = Annotated[Any, "rotation"]
-Weights = Annotated[Any, ("n",)]
-Image = Annotated[Any, (None, None)]
-# A matrix this far from orthogonal is a transcription error, not a rounding error.
+# Largest error of the products of rows of a rotation matrix: more is no rounding error.
 _ORTHOGONALITY_TOLERANCE = 1e-6
-# What NumPy's kinds of arrays that hold no numbers are called.
-_KINDS = {"U": "text", "S": "bytes", "m": "time differences", "M": "dates"}
 
 
 class DegenerateGeometryError(ValueError):
@@ -49,11 +33,43 @@ class MirroredPointsError(DegenerateGeometryError):
 
 @dataclass(frozen=True)
 class Finding:
-    """What is to be said of measurements: its kind, the sentence, the rows (from 0) it is about."""
+    """A fault of measurements: its kind, a sentence, and the numbers of its rows, from 0."""
 
     kind: str
     text: str
     rows: tuple[int, ...] = ()
+
+
+def number_array(name: str, value: ArrayLike, *, shape: _Shape = ()) -> FloatArray:
+    """Return `value` as `finite_array` does, but accept NaN and infinity."""
+    unit = getattr(value, "units", getattr(value, "unit", None))
+    if np.ma.is_masked(value) or (unit is not None and hasattr(value, "to")):
+        raise (TypeError if unit is not None else ValueError)(
+            f"{name}: expected numbers without a mask or unit, got {type(value).__name__}; "
+            "remove masked rows, and convert a quantity to the unit of the docstring"
+        )
+    got: object = "rows of unequal length"
+    try:
+        raw = np.asarray(value)
+        got = raw.dtype
+        if raw.dtype.kind in "cUSmM":
+            raise TypeError
+        array = raw.astype(np.float64, copy=False)
+    except (TypeError, ValueError, OverflowError):
+        raise TypeError(
+            f"{name}: expected an array of real numbers, got {got}; convert the entries"
+        ) from None
+    fits = array.ndim >= len(shape) and all(
+        not isinstance(want, int) or want == have
+        for want, have in zip(shape[::-1], array.shape[::-1], strict=False)
+    )
+    if not fits or array.size == 0:
+        wanted = ", ".join(str(want or "n") for want in shape)
+        raise ValueError(
+            f"{name}: expected shape (..., {wanted}) and at least one value, got {array.shape}; "
+            "rows are observations, columns are coordinates"
+        )
+    return array
 
 
 def finite_array(name: str, value: ArrayLike, *, shape: _Shape = ()) -> FloatArray:
@@ -62,19 +78,19 @@ def finite_array(name: str, value: ArrayLike, *, shape: _Shape = ()) -> FloatArr
     Parameters
     ----------
     name : str
-        What the caller calls the array; it opens the error message.
+        Name of the argument, the first word of an error message.
     value : array_like
-        Anything NumPy turns into floating point numbers; not copied when it is a float64 array.
+        Real numbers; an array of float64 is not copied.
     shape : tuple of int, str or None
-        The trailing dimensions; a name or None leaves one open, but it must not be empty.
-        Leading (batch) dimensions are always allowed.
+        Trailing dimensions; a name or None stands for any length above zero. Leading (batch)
+        dimensions are always allowed.
 
     Raises
     ------
     TypeError
         If `value` is not numeric.
     ValueError
-        If it has the wrong shape, is empty, or holds NaN or infinity.
+        If it has the wrong shape, is empty, or contains NaN or infinity.
 
     Examples
     --------
@@ -82,125 +98,78 @@ def finite_array(name: str, value: ArrayLike, *, shape: _Shape = ()) -> FloatArr
     array([[1., 2.]])
     """
     array = number_array(name, value, shape=shape)
-    finite = np.isfinite(array)
-    if not finite.all():
-        bad = ~finite
-        first = tuple(int(i) for i in np.argwhere(bad)[0])
-        raise ValueError(
-            f"{name}: expected finite numbers, got {int(bad.sum())} that are NaN or infinite, "
-            f"the first at index {first}; remove or mask these rows first"
-        )
-    return array
-
-
-def number_array(name: str, value: ArrayLike, *, shape: _Shape = ()) -> FloatArray:
-    """Return what `finite_array` does, but let NaN and infinity pass."""
-    if type(value) is not np.ndarray:
-        _refuse_metadata(name, value)
-    try:
-        raw = np.asarray(value)
-    except ValueError:
-        raise TypeError(
-            f"{name}: expected an array of numbers, got rows of unequal length; "
-            "give every row as many numbers"
-        ) from None
-    if raw.dtype.kind == "c":
-        raise TypeError(
-            f"{name}: expected real numbers, got complex ones; pass the real part"
-        )
-    if raw.dtype.kind in "USmM":
-        raise TypeError(
-            f"{name}: expected numbers, got {_KINDS[raw.dtype.kind]}; convert them"
-        )
-    try:
-        array = np.asarray(raw, dtype=np.float64)
-    except (TypeError, ValueError, OverflowError):
-        raise TypeError(
-            f"{name}: expected an array of numbers, got an entry that is none or too large; remove "
-            "or convert it"
-        ) from None
-    fits = array.ndim >= len(shape) and all(
-        not isinstance(want, int) or want == have
-        for want, have in zip(shape[::-1], array.shape[::-1], strict=False)
-    )
-    if not fits:
-        wanted = ", ".join(str(want or "n") for want in shape)
-        raise ValueError(
-            f"{name}: expected shape (..., {wanted}), got {array.shape}; "
-            "rows are observations, columns are coordinates"
-        )
-    if array.size == 0:
-        raise ValueError(
-            f"{name}: expected at least one value, got shape {array.shape}; "
-            "check what was selected before this call"
-        )
-    return array
-
-
-def _refuse_metadata(name: str, value: object) -> None:
-    """Refuse what `numpy.asarray` would drop in silence: a mask, and a unit."""
-    if isinstance(value, np.ma.MaskedArray) and np.ma.is_masked(value):
-        masked = int(np.ma.getmaskarray(value).sum())
-        raise ValueError(
-            f"{name}: expected an array without a mask, got {masked} masked entries; leave "
-            "these rows out first"
-        )
-    unit = getattr(value, "units", getattr(value, "unit", None))
-    if unit is not None and hasattr(value, "to"):
-        raise TypeError(
-            f"{name}: expected plain numbers, got a quantity in {str(unit) or 'no unit'}; convert "
-            "it to the unit of the docstring and pass its magnitude"
-        )
+    return _accepted(name, array, np.isfinite(array), "finite numbers")
 
 
 def positive(name: str, value: ArrayLike, *, shape: _Shape = ()) -> FloatArray:
-    """Return what `finite_array` does, and refuse zero and negative values with a ValueError."""
+    """Return `value` as `finite_array` does; raise ValueError for zero and negative values."""
     array = finite_array(name, value, shape=shape)
-    _refuse_low(name, array, array <= 0, "values above zero", "its sign and its unit")
-    return array
+    return _accepted(name, array, array > 0, "values above zero")
 
 
 def non_negative(name: str, value: ArrayLike, *, shape: _Shape = ()) -> FloatArray:
-    """Return what `finite_array` does, and refuse negative values with a ValueError."""
+    """Return `value` as `finite_array` does; raise ValueError for negative values."""
     array = finite_array(name, value, shape=shape)
-    _refuse_low(name, array, array < 0, "zero or more", "its sign")
+    return _accepted(name, array, array >= 0, "zero or more")
+
+
+def _accepted(name: str, array: FloatArray, valid: Any, wanted: str) -> FloatArray:
+    """Return an array; raise ValueError with the first value that is not valid."""
+    if not valid.all():
+        first = tuple(np.argwhere(~valid)[0].tolist())
+        raise ValueError(
+            f"{name}: expected {wanted}, got {array[first]:g} at index {first}; check its sign and "
+            "its unit, or remove the row"
+        )
     return array
 
 
-def _refuse_low(
-    name: str, array: FloatArray, low: Any, wanted: str, doubt: str
-) -> None:
-    if low.any():
+def size(name: str, value: ArrayLike, *, shape: _Shape = ()) -> float:
+    """Return one number above zero as a float."""
+    array = positive(name, value)
+    if array.ndim:
         raise ValueError(
-            f"{name}: expected {wanted}, got a smallest value of {array.min():g}; check {doubt}"
+            f"{name}: expected one number, got shape {array.shape}; give one number"
         )
+    return float(array)
 
 
 def rotations(name: str, matrices: ArrayLike, *, shape: _Shape = (3, 3)) -> FloatArray:
-    """Return matrices (..., 3, 3) as floats after checking that they are rotations.
+    """Return matrices (..., 3, 3) as floats after checking that they are proper rotations.
 
-    One that is not orthogonal to 1e-6, or a reflection, raises a ValueError. `shape` may ask for
-    more dimensions than the last two.
+    A matrix that is not orthogonal to 1e-6, or a reflection, raises a ValueError. `shape` may
+    contain more dimensions than the last two.
     """
     array = finite_array(name, matrices, shape=shape)
     excess = np.abs(array @ array.mT - np.eye(3)).max()
-    if excess > _ORTHOGONALITY_TOLERANCE:
+    least = np.linalg.det(array).min()
+    if excess > _ORTHOGONALITY_TOLERANCE or least < 0:
         raise ValueError(
-            f"{name}: expected rotation matrices, got one whose rows miss unit length or right "
-            f"angles by {excess:.2g}; check for a missing normalisation or a typing error"
-        )
-    if (np.linalg.det(array) < 0).any():
-        raise ValueError(
-            f"{name}: expected rotation matrices, got a reflection (determinant -1); "
-            "one axis is flipped or two are swapped"
+            f"{name}: expected rotation matrices, got an error of {excess:.2g} in the products of "
+            f"rows and a determinant of {least:.2g}; normalise the rows and check their order"
         )
     return array
 
 
-def checked(function: Callable[P, R]) -> Callable[P, R]:
-    """Check arguments by their annotations, and that batches broadcast; None passes.
+# Annotations of `checked`: the trailing shape, and a check other than `finite_array`. A dimension
+# with a name, such as n, has one length in all arguments.
+Number = Annotated[Any, ()]
+Positive = Annotated[Any, (), positive]
+NonNegative = Annotated[Any, (), non_negative]
+Size = Annotated[Any, (), size]
+Point = Annotated[Any, (2,)]
+Points = Annotated[Any, ("n", 2)]
+Direction = Annotated[Any, (3,)]
+Directions = Annotated[Any, ("n", 3)]
+Rotation = Annotated[Any, (3, 3), rotations]
+Weights = Annotated[Any, ("n",)]
+Image = Annotated[Any, (None, None)]
 
-    The function gets float arrays in their place.
+
+def checked(function: Callable[P, R]) -> Callable[P, R]:
+    """Check the arguments of a function by their annotations, and their batches; None passes.
+
+    The function gets float arrays.
 
     Examples
     --------
@@ -211,40 +180,38 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
     array([[0., 2.]])
     """
     signature = inspect.signature(function)
-    aliases = function.__globals__
-    hints = {n: aliases.get(hint, hint) for n, hint in function.__annotations__.items()}
-    kinds = {
-        n: get_args(hint)[1]
-        for n, hint in hints.items()
-        if get_origin(hint) is Annotated
-    }
+    kinds = {}
+    for name, hint in function.__annotations__.items():
+        alias = function.__globals__.get(hint, hint)
+        if get_origin(alias) is Annotated:
+            _, shape, *check = get_args(alias)
+            kinds[name] = shape, check[0] if check else finite_array
 
     @functools.wraps(function)
-    def at_the_border(*args: P.args, **kwargs: P.kwargs) -> R:
+    def wrapper(*args: P.args, **kwargs: P.kwargs) -> R:
         bound = signature.bind(*args, **kwargs)
         bound.apply_defaults()
-        given = bound.arguments
-        batches, sizes = {}, dict[str, tuple[str, int]]()
-        for name, value in given.items():
-            kind = kinds.get(name)
-            if kind is None or value is None:
-                if isinstance(batch := getattr(value, "batch", None), tuple):
-                    batches[name if name != "self" else type(value).__name__] = batch
-                continue
-            if isinstance(kind, str):
-                array, inner = (
-                    _CHECKS[kind](name, value),
-                    2 if kind == "rotation" else 0,
-                )
-            else:
-                array, inner = finite_array(name, value, shape=kind), len(kind)
-                _refuse_other_size(name, kind, array, sizes)
-            given[name] = float(array) if kind == "size" else array
-            batches[name] = array.shape[: array.ndim - inner]
+        batches, lengths = {}, dict[str, tuple[str, int]]()
+        for name, value in bound.arguments.items():
+            if name in kinds and value is not None:
+                shape, check = kinds[name]
+                bound.arguments[name] = array = check(name, value, shape=shape)
+                came = np.shape(array)
+                inner = len(came) - len(shape)
+                batches[name] = came[:inner]
+                for dimension, length in zip(shape, came[inner:], strict=True):
+                    first, wanted = lengths.setdefault(dimension, (name, length))
+                    if isinstance(dimension, str) and length != wanted:
+                        raise ValueError(
+                            f"{first} and {name}: expected as many rows, got {wanted} and "
+                            f"{length}; row i of both must be the same observation"
+                        )
+            elif isinstance(batch := getattr(value, "batch", None), tuple):
+                batches[name if name != "self" else type(value).__name__] = batch
         common_batch(**batches)
         return function(*bound.args, **bound.kwargs)
 
-    return at_the_border
+    return wrapper
 
 
 def kernel(function: Callable[P, R]) -> Callable[P, R]:
@@ -252,85 +219,53 @@ def kernel(function: Callable[P, R]) -> Callable[P, R]:
     return inspect.unwrap(function)
 
 
-def _size(name: str, value: ArrayLike) -> FloatArray:
-    array = positive(name, value)
-    if array.ndim:
-        raise ValueError(
-            f"{name}: expected one number, got shape {array.shape}; give one"
-        )
-    return array
-
-
-_CHECKS: dict[str, Callable[[str, ArrayLike], FloatArray]] = {
-    "size": _size,
-    "positive": positive,
-    "non-negative": non_negative,
-    "rotation": rotations,
-}
-
-
-def _refuse_other_size(
-    name: str, shape: _Shape, array: FloatArray, sizes: dict[str, tuple[str, int]]
-) -> None:
-    for dimension, size in zip(
-        shape, array.shape[array.ndim - len(shape) :], strict=True
-    ):
-        if isinstance(dimension, str):
-            first, wanted = sizes.setdefault(dimension, (name, size))
-            if size != wanted:
-                raise ValueError(
-                    f"{first} and {name}: expected as many rows, got {wanted} and {size}; row i "
-                    "of both must be the same observation"
-                )
-
-
 def weights_for(weights: ArrayLike | None, count: int) -> FloatArray:
-    """Return `count` relative weights, shape (..., count), all one where none are given.
+    """Return `count` relative weights, shape (..., count); all are 1 by default.
 
-    Weights are zero or more, but not zero for all observations at once; else a ValueError.
+    Negative weights, or weights that are all zero, raise a ValueError.
     """
     if weights is None:
         return np.ones(count)
     array = non_negative("weights", weights, shape=(count,))
     if (array.sum(axis=-1) <= 0).any():
         raise ValueError(
-            "weights: expected at least one above zero, got all zero; drop the set"
+            "weights: expected at least one above zero, got all zero; remove the set"
         )
     return array
 
 
 def whole_number(name: str, value: int, *, least: int = 1) -> int:
-    """Return `value` as an int; a TypeError if it is not whole, a ValueError if below `least`.
+    """Return `value` as an int; raise TypeError if it is not whole, ValueError if too small.
 
-    NumPy's integers are welcome, booleans and floats are not.
+    Integers of NumPy are accepted, booleans and floats are not.
     """
     if isinstance(value, bool) or not isinstance(value, (int, np.integer)):
         raise TypeError(
             f"{name}: expected a whole number, got {value!r} of type {type(value).__name__}; "
-            "pass an int"
+            "give an int"
         )
     if value < least:
-        raise ValueError(f"{name}: expected {least} or more, got {value}; ask for more")
+        raise ValueError(
+            f"{name}: expected {least} or more, got {value}; give a larger one"
+        )
     return int(value)
 
 
 def common_batch(**batches: tuple[int, ...]) -> tuple[int, ...]:
     """Return the shape that leading (batch) shapes, by their arguments' names, broadcast to.
 
-    Raises a ValueError that names them if they do not broadcast together.
+    Shapes that do not broadcast together raise a ValueError that names their arguments.
 
     Examples
     --------
     >>> common_batch(points=(1000,), pivot=())
     (1000,)
     """
-    if not any(batches.values()):
-        return ()
     try:
         return np.broadcast_shapes(*batches.values())
     except ValueError as error:
         came = ", ".join(f"{name} {shape}" for name, shape in batches.items())
         raise ValueError(
-            f"expected leading (batch) shapes that broadcast together, got {came}; "
-            "give each argument the same batch axes, or none"
+            f"expected leading (batch) shapes that broadcast together, got {came}; give each "
+            "argument the same batch axes, or none"
         ) from error

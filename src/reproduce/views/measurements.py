@@ -388,7 +388,7 @@ class Monitored(_Measured):
 
         It attributes the scatter between images to the noise of the spots.
         """
-        return self.found.covariance() * ARCSEC_PER_RADIAN**2
+        return self.found.covariance * ARCSEC_PER_RADIAN**2
 
     def frame(self) -> pd.DataFrame:
         """Return mean, scatter of one image, error and interval of the mean, in arcsec.

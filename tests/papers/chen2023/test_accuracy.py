@@ -40,8 +40,3 @@ def test_long_averages_are_uncertain_by_themselves(predicted):
     for count, low, high in ((1, 0.02, 0.03), (49, 0.12, 0.19), (100, 0.17, 0.28)):
         draws = predicted[f"{count}.transform-x"].draws
         assert low < draws.std() / draws.mean() < high
-
-
-def test_averages_of_the_same_frames_are_correlated(predicted):
-    near = [predicted[f"{count}.transform-x"].draws for count in (49, 100)]
-    assert np.corrcoef(near)[0, 1] > 0.6

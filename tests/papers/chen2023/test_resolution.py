@@ -10,11 +10,9 @@ from reproduce.papers.chen2023 import resolution
 from reproduce.papers.declare import words
 from reproduce.physics.images import (
     Detector,
-    Light,
     centre_of_gravity,
     expose,
     predicted_errors,
-    simulated_errors,
     spot_windows,
 )
 from reproduce.printed.given import given
@@ -48,27 +46,6 @@ def test_the_monte_carlo_is_what_the_closed_form_predicts(content):
     surprise = (content["simulated"] ** 2 - square) / error
     assert np.abs(surprise).max() < 4
     assert 0.6 < (surprise**2).mean() < 1.5
-
-
-def test_the_closed_form_without_its_bias_would_fail(content):
-    ratio = content["simulated"] / content["within"]
-    assert ratio[0] > 3
-    assert ratio[-1] > 2
-
-
-def test_columns_drawn_at_once_follow_the_law_of_whole_windows():
-    """The short cut of the study against pixels drawn one by one."""
-    phases, light, trials = np.linspace(-0.45, 0.45, 10), Light(800.0, 6.0), 6000
-    short = simulated_errors(phases, light, 0.5, 5, trials, np.random.default_rng(1))
-    points = np.stack([phases, np.zeros_like(phases)], axis=-1)
-    mean = spot_windows(points, light.signal, 0.5, [-2, -2], 5)
-    sensor = Detector(read_noise=light.read_noise)
-    seen = expose(
-        np.broadcast_to(mean, (trials, 10, 5, 5)), sensor, np.random.default_rng(2)
-    )
-    whole = centre_of_gravity(seen, [-2, -2])[..., 0] - phases
-    within, other = (np.sqrt(one.var(axis=0, ddof=1).mean()) for one in (short, whole))
-    assert within == pytest.approx(other, rel=4 / np.sqrt(10 * trials))
 
 
 @pytest.mark.parametrize("share", [0.0, 0.5])
@@ -165,12 +142,6 @@ def test_a_radius_is_where_the_light_has_fallen_as_far_as_its_case_says(case, si
     assert np.exp(-0.5 * (7.5 / (13 * found)) ** 2) == pytest.approx(level, rel=1e-9)
 
 
-def test_the_case_with_more_light_has_it_and_the_same_read_noise():
-    plain, more = (resolution._light_for_table(DOOR, case) for case in CASES[4:6])
-    assert more.signal == pytest.approx(1.1 * plain.signal)
-    assert more.read_noise == plain.read_noise > 0
-
-
 def reading(name, **choices):
     """Return the comparison of a cell under one reading."""
     found = evaluate(resolution.optimum)
@@ -204,13 +175,3 @@ def test_the_limit_of_gain_depends_on_what_counts_as_a_gain():
     assert reading("saturation").computed == pytest.approx(41, abs=0.01), (
         "3 is the literal one"
     )
-
-
-def test_even_a_readout_that_makes_all_noise_stops_short():
-    light = resolution._light_for_table(
-        DOOR, replace(resolution._LITERAL, read_share=0.999)
-    )
-    angles = resolution.resolutions(DOOR)
-    law = predicted_errors(PHASES, light, resolution._radii(DOOR, angles), 5)
-    best = angles[law.total.argmin()] / ARCSEC
-    assert 44 < best < 48

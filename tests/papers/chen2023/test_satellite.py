@@ -1,7 +1,5 @@
 """The satellite, its light path and what heat and stray light may do, by independent answers."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -10,7 +8,7 @@ from reproduce.judge.ledger import build
 from reproduce.judge.readings import evaluate
 from reproduce.papers.chen2023 import satellite
 from reproduce.papers.chen2023.platform import lasers
-from reproduce.physics.light import RETROREFLECTORS, LightPath
+from reproduce.physics.light import CORNER, ROOF, LightPath, mirror_train
 from reproduce.printed.given import given
 
 ARCSEC = np.pi / 180 / 3600
@@ -84,12 +82,16 @@ def test_how_far_heat_may_move_lasers_and_turn_the_mirror_by_hand():
 def test_an_angle_of_the_reflector_that_opens_mimics_a_tilt(kind, factor):
     """A roof prism deviates by twice the error of its angle, a corner by the root of 8/3 times."""
     door, opened = given((*satellite._LIGHT_PATH, *satellite.CAMERA)), 1e-5
-    rest = LightPath(14.0, 0.06, door[satellite.BORESIGHT], RETROREFLECTORS[kind])
-    normals = np.array(rest.retroreflector.normals, dtype=float)
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    normals = {"corner cube": CORNER, "two mirrors at a right angle": ROOF}[kind]
+    normals = normals / np.linalg.norm(normals, axis=1, keepdims=True)
+    rest = LightPath(14.0, 0.06, door[satellite.BORESIGHT], mirror_train(normals))
     normals[0] += opened * normals[1]
-    moved = replace(rest.retroreflector, normals=normals)
-    angles = satellite._believed(rest, kind, lasers(door), retroreflector=moved)
+    angles = satellite._believed(
+        rest,
+        kind == "corner cube",
+        lasers(door),
+        retroreflector=mirror_train(normals),
+    )
     assert np.hypot(*angles[:2]) / opened == pytest.approx(factor, rel=1e-3)
 
 

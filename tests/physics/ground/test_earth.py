@@ -13,16 +13,15 @@ from reproduce.physics.attitude import (
     rotation_from_vector,
 )
 from reproduce.physics.ground import (
-    WGS84,
     earth_fixed,
     earth_from_inertial,
     ground_jacobian,
     image_vectors,
     imaged_position,
+    imaging,
     local_axes,
     satellite_from_inertial,
 )
-from reproduce.physics.ground.earth import Ellipsoid
 
 DATA = Path(__file__).parents[1] / "data"
 ARCSEC = np.pi / 180 / 3600
@@ -48,24 +47,6 @@ def test_the_matrix_of_the_sofa_cookbook():
     case = sofa()
     found = earth_from_inertial(case["utc"], **orientation(case))
     np.testing.assert_allclose(found, case["gcrs_to_itrs"], rtol=0, atol=1e-11)
-
-
-@pytest.mark.parametrize(
-    "change", [{"ut1_utc": 0.0}, {"pole": (0.0, 0.0)}, {"celestial_pole": (0.0, 0.0)}]
-)
-def test_every_part_of_the_orientation_counts(change):
-    case = sofa()
-    found = earth_from_inertial(case["utc"], **orientation(case, **change))
-    assert np.abs(found - case["gcrs_to_itrs"]).max() > 1e-10
-
-
-def test_many_times_at_once_are_the_single_ones():
-    times = np.array(
-        ["2007-04-05T12:00:00", "2016-12-31T23:59:59.25", "2020-02-29T00:00:00"]
-    )
-    many = earth_from_inertial(times, 0.1)
-    for one, time in zip(many, times, strict=True):
-        np.testing.assert_array_equal(one, earth_from_inertial(time, 0.1))
 
 
 def published():
@@ -101,40 +82,25 @@ def published():
         + earth_from_iss @ case["instrument_in_iss_km"]
     )
     radii = 1e3 * np.array([case["equatorial_radius_km"], case["polar_radius_km"]])
-    ellipsoid = Ellipsoid(radii[0], 1.0 - radii[1] / radii[0])
     answers = np.radians(case["latitude_longitude_deg"])[:, ::-1]
-    return np.array(case["pixels"]), place, chain, ellipsoid, answers
+    shape = radii[0], 1.0 - radii[1] / radii[0]
+    expected = erfa.gd2gce(*shape, *answers.T, np.zeros(480))
+    return np.array(case["pixels"]), place, chain, radii[[0, 0, 1]], expected
 
 
-def heights(positions, ellipsoid=WGS84):
-    """Heights above an ellipsoid, by ERFA."""
-    return erfa.gc2gde(ellipsoid.equatorial_radius, ellipsoid.flattening, positions)[2]
-
-
-def answered(sights, place, ellipsoid):
-    """Meet the ground along Earth-fixed lines of sight.
+@pytest.mark.parametrize(("turn", "low", "high"), [(0.0, 0.0, 1e-6), (1e-3, 1e-4, 1.0)])
+def test_the_480_published_answers(monkeypatch, turn, low, high):
+    """To a micrometre; a milliarcsecond is noticed.
 
     The published matrices are rounded and not quite rotations; the authors multiply them as they
-    stand, so the product is applied first and the model gets lines in Earth-fixed axes.
+    are, so the product is applied first and the model gets lines in Earth-fixed axes.
     """
+    pixels, place, chain, axes, expected = published()
+    monkeypatch.setattr(imaging, "EARTH_AXES", axes)
+    sights = pixels @ chain.T @ rotation_from_vector([turn * ARCSEC, 0, 0])
     # The image vector points into the camera, against the line of sight.
-    return imaged_position(-sights, place, np.eye(3), ellipsoid)
-
-
-def test_the_480_published_answers_to_a_micrometre():
-    pixels, place, chain, ellipsoid, answers = published()
-    found = answered(pixels @ chain.T, place, ellipsoid)
-    expected = earth_fixed(np.column_stack([answers, np.zeros(480)]), ellipsoid)
-    assert np.linalg.norm(found - expected, axis=-1).max() < 1e-6
-    np.testing.assert_allclose(heights(found, ellipsoid), 0.0, atol=1e-8)
-
-
-def test_the_published_answers_notice_a_milliarcsecond():
-    pixels, place, chain, ellipsoid, answers = published()
-    turned = rotation_from_vector([1e-3 * ARCSEC, 0, 0])
-    found = answered(pixels @ chain.T @ turned, place, ellipsoid)
-    expected = earth_fixed(np.column_stack([answers, np.zeros(480)]), ellipsoid)
-    assert np.linalg.norm(found - expected, axis=-1).max() > 1e-4
+    found = imaged_position(-sights, place, np.eye(3))
+    assert low <= np.linalg.norm(found - expected, axis=-1).max() < high
 
 
 def test_the_whole_chain_from_pixel_to_ground_runs_backwards():
@@ -158,7 +124,7 @@ def test_the_whole_chain_from_pixel_to_ground_runs_backwards():
     misaligned = misalignment_in_tracker(bent, tracker_from_camera)
     chain = earth @ inertial_from_tracker @ misaligned @ tracker_from_camera
     found = imaged_position(image, satellite, chain)
-    np.testing.assert_allclose(heights(found), 0.0, atol=1e-7)
+    np.testing.assert_allclose(erfa.gc2gd(1, found)[2], 0.0, atol=1e-7)
     seen = (found - satellite) @ np.array(case["gcrs_to_itrs"])
     seen = (
         seen @ inertial_attitude(bent, tracker_from_camera.T, inertial_from_tracker.T).T
@@ -238,21 +204,13 @@ def test_principal_point_and_focal_length_have_their_signs():
     np.testing.assert_allclose(-found.by_image[..., 0], by_x, rtol=1e-6, atol=0.05)
 
 
-def test_moves_stay_in_the_tangent_plane():
-    vectors, satellite, chain = looking([0.3, -0.2, 0.5])
-    found = ground_jacobian(vectors, satellite, chain)
-    up = local_axes(found.position)[:, 2]
-    height = np.einsum("ni,nij->nj", up, found.by_turn)
-    assert np.abs(height).max() < 1e-6 * np.abs(found.by_turn).max()
-
-
 def test_bad_input_is_refused():
-    with pytest.raises(ValueError, match="Error parsing datetime string"):
+    with pytest.raises(ValueError, match="isoformat"):
         earth_from_inertial("yesterday", 0.0)
     for wrong in ((-72.0,), (0.0, (0.03, 0.48)), (np.nan,)):
-        with pytest.raises(ValueError, match="milliseconds, or in seconds of arc"):
+        with pytest.raises(ValueError, match="ut1_utc"):
             earth_from_inertial("2020-01-01", *wrong)
-    with pytest.raises(ValueError, match="radians"):
+    with pytest.raises(ValueError, match="coordinates"):
         earth_fixed([10.0, 50.0, 0.0])
-    with pytest.raises(ValueError, match="velocity: expected a length above zero"):
+    with pytest.raises(ValueError, match="velocity"):
         satellite_from_inertial([1.0, 0, 0], [2.0, 0, 0])

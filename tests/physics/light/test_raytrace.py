@@ -1,18 +1,22 @@
-"""Mirrors and retro-reflectors: what is known of them without a program."""
+"""Mirrors and retro-reflectors against identities, the law of reflection and a root finder."""
+
+from itertools import permutations
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 from reproduce.physics.attitude import rotation_from_vector
 from reproduce.physics.light import (
     CORNER,
     ROOF,
-    Cone,
     fold_mirror_tilt,
     mirror_train,
+    reflected_by_cone,
     reflection,
     turn_response,
 )
+from reproduce.physics.validate import DegenerateGeometryError
 
 RNG = np.random.default_rng(4)
 
@@ -22,106 +26,95 @@ def turned_train(train, turn):
     return rotation @ train @ rotation.T
 
 
-def directions(count):
-    rows = RNG.normal(size=(count, 3))
-    return rows / np.linalg.norm(rows, axis=-1, keepdims=True)
-
-
 def test_a_corner_cube_returns_every_direction_however_it_turns():
-    train = mirror_train(CORNER)
-    for turn in RNG.normal(size=(20, 3)):
-        np.testing.assert_allclose(turned_train(train, turn), -np.eye(3), atol=1e-12)
+    for order in permutations(range(3)):
+        train = turned_train(mirror_train(CORNER[[*order]]), RNG.normal(size=3))
+        np.testing.assert_allclose(train, -np.eye(3), atol=1e-12)
 
 
-def test_the_order_of_mirrors_in_a_corner_does_not_matter():
-    for order in ([0, 1, 2], [2, 0, 1], [1, 0, 2]):
-        np.testing.assert_allclose(mirror_train(CORNER[order]), -np.eye(3), atol=1e-12)
-
-
-def test_two_mirrors_at_a_right_angle_turn_about_their_edge_without_effect():
-    train = mirror_train(ROOF)
-    np.testing.assert_allclose(turned_train(train, [0, 0.7, 0]), train, atol=1e-12)
+def test_two_mirrors_at_a_right_angle():
+    train, turn = mirror_train(ROOF), 1e-3
     np.testing.assert_allclose(train, np.diag([-1.0, 1.0, -1.0]), atol=1e-12)
-
-
-def test_two_mirrors_turned_across_their_edge_double_the_turn():
-    turn = 1e-3
-    found = turned_train(mirror_train(ROOF), [turn, 0, 0]) @ [0, 0, 1.0]
+    # Without effect about the edge, twice the turn across it, a roll about the beam.
+    np.testing.assert_allclose(turned_train(train, [0, 0.7, 0]), train, atol=1e-12)
+    found = turned_train(train, [turn, 0, 0]) @ [0, 0, 1.0]
     assert np.arccos(-found[2]) == pytest.approx(2 * turn, rel=1e-6)
+    moved = (turned_train(train, [0, 0, turn]) - train) @ [0.01, 0.0, 1.0]
+    assert np.linalg.norm(moved) == pytest.approx(2 * turn * 0.01, rel=1e-3)
 
 
-def test_two_mirrors_turned_about_the_beam_roll_the_pattern():
-    train = turned_train(mirror_train(ROOF), [0, 0, 1e-3])
-    np.testing.assert_allclose(train @ [0, 0, 1.0], [0, 0, -1.0], atol=1e-12)
-    beam = np.array([0.01, 0.0, 1.0])
-    moved = (train - mirror_train(ROOF)) @ beam
-    assert np.linalg.norm(moved) == pytest.approx(2 * 1e-3 * 0.01, rel=1e-3)
+def test_the_order_of_a_train_is_that_of_the_light():
+    first, second = RNG.normal(size=(2, 3))
+    expected = reflection(second) @ reflection(first)
+    np.testing.assert_allclose(mirror_train([first, second]), expected, atol=1e-15)
 
 
-@pytest.mark.parametrize(
-    "train", [mirror_train(CORNER), mirror_train(ROOF), reflection([1, 2, 3])]
-)
-def test_the_response_is_the_derivative_of_the_turned_train(train):
-    step = 1e-6
-    for direction in directions(3):
-        found = turn_response(train, direction)
+def test_the_response_is_the_derivative_of_the_turned_train():
+    step, directions = 1e-6, RNG.normal(size=(3, 3))
+    directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
+    for train in (mirror_train(CORNER), mirror_train(ROOF), reflection([1, 2, 3])):
+        found = turn_response(train, directions)
         for axis, turn in enumerate(np.eye(3) * step):
-            ends = [turned_train(train, sign * turn) @ direction for sign in (1, -1)]
-            np.testing.assert_allclose(
-                found[:, axis], (ends[0] - ends[1]) / (2 * step), atol=1e-9
-            )
+            plus, minus = (turned_train(train, sign * turn) for sign in (1, -1))
+            slope = directions @ (plus - minus).T / (2 * step)
+            np.testing.assert_allclose(found[..., axis], slope, atol=1e-9)
 
 
 def ring(offset=0.0, count=12):
     around = 2 * np.pi * (np.arange(count) + 0.5) / count
-    origins = np.stack(
-        [0.3 * np.cos(around), 0.3 * np.sin(around), np.full(count, -2.0)], axis=-1
-    )
+    places = [0.3 * np.cos(around), 0.3 * np.sin(around), np.full(count, -2.0)]
     beam = np.array([np.sin(offset), 0, np.cos(offset)])
-    return origins, np.broadcast_to(beam, origins.shape)
-
-
-def returned(origins, beam):
-    return Cone(np.zeros(3)).send(origins, beam)[1]
-
-
-def test_a_cone_returns_light_along_its_axis():
-    origins, beam = ring()
-    np.testing.assert_allclose(returned(origins, beam), -beam, atol=1e-12)
+    return np.stack(places, axis=-1), np.tile(beam, (count, 1))
 
 
 def test_a_cone_turns_light_back_to_first_order_only():
-    """Ten times the angle makes a hundred times the error, and a corner cube none at all."""
+    """Ten times the angle makes a hundred times the error; along the axis there is none."""
     worst = []
-    for offset in (1e-4, 1e-3):
-        origins, beam = ring(offset)
-        worst.append(np.linalg.norm(returned(origins, beam) + beam, axis=1).max())
-    assert worst[1] < 5e-6
-    assert worst[1] / worst[0] == pytest.approx(100, rel=0.02)
+    for offset in (0.0, 1e-4, 1e-3):
+        places, beam = ring(offset)
+        error = reflected_by_cone(places, beam) + beam
+        worst.append(np.linalg.norm(error, axis=1).max())
+    assert worst[0] < 1e-12
+    assert worst[2] < 5e-6
+    assert worst[2] / worst[1] == pytest.approx(100, rel=0.02)
 
 
-def test_turning_the_cone_is_turning_the_light_the_other_way():
-    origins, beam = ring(2e-3)
-    turn = np.array([1e-3, 2e-3, 0.3])
-    rotation = rotation_from_vector(turn)
-    _, found = Cone(np.zeros(3), turn).send(origins @ rotation.T, beam @ rotation.T)
-    np.testing.assert_allclose(found, returned(origins, beam) @ rotation.T, atol=1e-12)
+def test_a_cone_against_a_root_finder_and_a_numerical_normal():
+    """The surface as an implicit function, its gradient by differences: no formula in common."""
+
+    def surface(place):
+        return np.hypot(*place[:2]) + place[2]
+
+    starts = RNG.uniform([-0.6, -0.1, -1.0], [-0.4, 0.1, -1.0], (20, 3))
+    ways = RNG.uniform([-0.01, -0.01, 1.0], [0.01, 0.01, 1.0], (20, 3))
+    ways /= np.linalg.norm(ways, axis=1, keepdims=True)
+    found = reflected_by_cone(starts, ways)
+    for place, way, expected in zip(starts, ways, found, strict=True):
+        for far in (1.2, 1.5):
+            length = brentq(
+                lambda t, p=place, w=way: surface(p + t * w), 1e-3, far, xtol=1e-15
+            )
+            place = place + length * way
+            steps = 1e-6 * np.eye(3)
+            slope = [surface(place + e) - surface(place - e) for e in steps]
+            normal = np.array(slope) / np.linalg.norm(slope)
+            way = way - 2 * (way @ normal) * normal
+        np.testing.assert_allclose(way, expected, atol=1e-9)
 
 
-@pytest.mark.parametrize("angle", np.radians([60.0, 120.0, 150.0]))
+@pytest.mark.parametrize("angle", np.radians([17.0, 60.0, 120.0, 180.0]))
 def test_the_fold_mirror_sends_the_light_down_the_boresight(angle):
-    """The traced light, with the mirror at the tilt that the closed form gives."""
-    tracker = rotation_from_vector([angle, 0, 0]) @ [0, 0, 1.0]
+    camera = np.array([np.sin(angle), 0.0, np.cos(angle)])  # the tracker looks along Z
     tilt = float(fold_mirror_tilt(angle))
-    # The mirror's plane leaves the plane across the tracker's boresight by its tilt.
-    found = [
-        reflection(rotation_from_vector([angle + sign * tilt, 0, 0]) @ [0, 0, 1.0])
-        @ [0, 0, -1.0]
-        for sign in (1, -1)
-    ]
-    assert min(np.linalg.norm(out + tracker) for out in found) < 1e-12
+    found = reflection([-np.sin(tilt), 0.0, np.cos(tilt)]) @ -camera
+    np.testing.assert_allclose(found, [0, 0, -1], atol=1e-12)
 
 
-def test_bad_light_is_refused():
+def test_bad_light_is_an_error():
+    for angle in (0.0, -0.1, 4.0, np.nan):
+        with pytest.raises(ValueError, match="boresight_angle"):
+            fold_mirror_tilt(angle)
     with pytest.raises(ValueError, match="normal"):
         reflection([0.0, 0.0, 0.0])
+    with pytest.raises(DegenerateGeometryError, match="rays"):
+        reflected_by_cone(np.array([0.1, 0, -1.0]), np.array([0, 0, -1.0]))

@@ -5,17 +5,16 @@ monitored angle is predicted to be that angle plus the mean centroid noise of it
 of the zero state, which all states share.
 
 Table II gives the nominal focal length; the one that the angles were computed with is not printed.
-As the columns are printed, no one focal length joins all motions and reference angles; with columns
-of the two axes interchanged one does. These choices, and the images that an angle averages, are
-options; the ledger evaluates all combinations. If one focal length stands for the whole table, the
-largest reference angle about Y gives it.
+No single focal length joins all motions and reference angles with the columns as printed. With the
+columns of the two axes interchanged there is one. These choices, and the images that an angle
+averages, are options; the ledger evaluates all combinations. If one focal length stands for the
+whole table, the largest reference angle about Y gives it.
 
 The focal lengths that the rows imply are compared row by row.
 """
 
 from __future__ import annotations
 
-from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -47,16 +46,7 @@ _REPLICATES = 4000
 # The angle from which one focal length for the whole table is taken.
 LAST = f"{TABLE}#5.reference-y"
 _WORDS = declare.words(TABLE)
-
-
-@declare.reproduces(TABLE, cells=["*.motion-?"], given=[f"{TABLE}#*.position-?"])
-def motion(given: Given) -> declare.Results:
-    """Motion of the stage: the position less that of the first state."""
-    return {
-        f"{s}.motion-{axis}": _moved(given, s, axis) for axis in _TURNS for s in STATES
-    }
-
-
+_LENGTHS = {n: w for n, w in _WORDS.options["telescope"].items() if n != "common"}
 _MEASURED = (
     f"{TABLE}#*.position-?",
     f"{TABLE}#[2-5].motion-?",
@@ -66,31 +56,41 @@ _MEASURED = (
 )
 
 
-def _moved(printed: Given | Mapping[str, float], state: int, axis: str) -> float:
-    """Return a motion as the difference of the printed positions: one printed motion is a slip."""
-    return (
-        printed[f"{TABLE}#{state}.position-{axis}"]
-        - printed[f"{TABLE}#1.position-{axis}"]
-    )
+def _by_state(name: str, values: FloatArray) -> dict[str, float]:
+    """Return the cells of a column for the states with a motion."""
+    return {f"{s}.{name}": v for s, v in zip(_MOVED, values.tolist(), strict=True)}
 
 
-def _common_length(given: Given, axis: str) -> float:
-    """Return the focal length for which (10) joins the last angle about Y with a motion."""
-    return float(-_moved(given, STATES[-1], axis) / np.tan(given[LAST]))
+@declare.reproduces(TABLE, cells=["*.motion-?"], given=[f"{TABLE}#*.position-?"])
+def motion(given: Given) -> declare.Results:
+    """Motion of the stage: the position minus that of the first state."""
+    results = {}
+    for axis in _TURNS:
+        results[f"1.motion-{axis}"] = 0.0
+        results |= _by_state(f"motion-{axis}", _motions(given, axis))
+    return results
+
+
+def _motions(
+    given: Given, axis: str, columns: str = "", states: str = "[2-5]"
+) -> FloatArray:
+    """Return motions of the stage along an axis: as printed, or differences of positions.
+
+    One printed motion has a typographical error, which the differences do not have.
+    """
+    if columns == "printed":
+        return given.array(f"{TABLE}#{states}.motion-{axis}")
+    first = given[f"{TABLE}#1.position-{axis}"]
+    return given.array(f"{TABLE}#{states}.position-{axis}") - first
 
 
 def _length(given: Given, columns: str, telescope: str) -> float:
     """Return the focal length of the telescope in metres."""
     if telescope == "common":
-        return _common_length(given, "x" if columns == "printed" else "y")
+        # (10) joins the last angle about Y with a motion.
+        (motion,) = _motions(given, "x" if columns == "printed" else "y", states="5")
+        return float(-motion / np.tan(given[LAST]))
     return given[{"quoted": _QUOTED, "nominal": platform.TELESCOPE}[telescope]]
-
-
-def _motion(given: Given, state: int, axis: str, columns: str) -> float:
-    """Return the motion of the stage along an axis; as printed, one of them has another digit."""
-    if columns == "printed":
-        return given[f"{TABLE}#{state}.motion-{axis}"]
-    return _moved(given, state, axis)
 
 
 @declare.reproduces(
@@ -102,17 +102,14 @@ def _motion(given: Given, state: int, axis: str, columns: str) -> float:
 def reference_angle(given: Given, *, columns: str, telescope: str) -> declare.Results:
     """Reference angles from the motions of the stage and the focal length of the telescope."""
     length = _length(given, columns, telescope)
-    results = {}
-    for (turn, axis), state in product(_TURNS.items(), _MOVED):
-        if f"{TABLE}#{state}.reference-{turn}" != LAST:
-            # Either interchange pairs an angle with the motion of the other axis.
-            moving = axis if columns == "printed" else turn
-            motion = _motion(given, state, moving, columns)
-            results[f"{state}.reference-{turn}"] = float(stage_angle(motion, length))
+    results: dict[str, float] = {}
+    for turn, axis in _TURNS.items():
+        # Either interchange pairs an angle with the motion of the other axis.
+        moving = axis if columns == "printed" else turn
+        angles = stage_angle(_motions(given, moving, columns), length)
+        results |= _by_state(f"reference-{turn}", angles)
+    del results["5.reference-y"]
     return results
-
-
-_LENGTHS = {n: w for n, w in _WORDS.options["telescope"].items() if n != "common"}
 
 
 @declare.reproduces(
@@ -126,10 +123,10 @@ def last_reference_angle(
     given: Given, *, columns: str, telescope: str
 ) -> declare.Results:
     """The reference angle that gives the common focal length, by the other two lengths."""
-    motion = _motion(given, STATES[-1], "x" if columns == "printed" else "y", columns)
-    return {
-        "5.reference-y": float(stage_angle(motion, _length(given, columns, telescope)))
-    }
+    moving = "x" if columns == "printed" else "y"
+    (motion,) = _motions(given, moving, columns, states="5")
+    angle = stage_angle(motion, _length(given, columns, telescope))
+    return {"5.reference-y": float(angle)}
 
 
 @declare.reproduces(
@@ -163,16 +160,15 @@ def monitored_angle(
         # One telescope for all angles of a replicate, anywhere in the range of a nominal length.
         spread = generator.uniform(-1, 1, replicates)
         length += spread * (given.upper(platform.TELESCOPE) - length)
-    results: dict[str, declare.Result] = {}
-    for turn, axis in _TURNS.items():
-        moving = turn if columns == "motions" else axis
-        motions = [0.0, *(_motion(given, state, moving, columns) for state in _MOVED)]
-        angles = stage_angle(np.array(motions)[:, None], length)
+    results = {}
+    for place, (turn, axis) in enumerate(_TURNS.items()):
+        motions = _motions(given, turn if columns == "motions" else axis, columns)
+        angles = stage_angle(np.insert(motions, 0, 0.0)[:, None], length)
         # A mean that includes the ramp contains a part of the step from the state before.
         means = angles[1:] - lag * np.diff(angles, axis=0)
-        for place, state in enumerate(_MOVED):
-            drawn = means[place] + noise * errors[:, place, "xy".index(turn)]
-            results[f"{state}.monitoring-{turn}"] = declare.Prediction(drawn)
+        drawn = means + noise * errors[..., place].T
+        for state, draws in zip(_MOVED, drawn, strict=True):
+            results[f"{state}.monitoring-{turn}"] = declare.Prediction(draws)
     return results
 
 
@@ -188,9 +184,7 @@ def _averaging(given: Given, images: str) -> tuple[float, float]:
     if images == "smoothed":
         return 0.0, float(np.sqrt(frames / smoothed))
     # Weight of each image in the mean of `frames` smoothed angles.
-    weights = np.convolve(
-        np.full(frames, 1.0 / frames), np.full(smoothed, 1.0 / smoothed)
-    )
+    weights = np.convolve(np.ones(frames), np.ones(smoothed)) / (frames * smoothed)
     lag = weights[: smoothed - 1].sum()
     return float(lag), float(np.sqrt(frames * np.square(weights).sum()))
 
@@ -198,10 +192,9 @@ def _averaging(given: Given, images: str) -> tuple[float, float]:
 def _monitoring_errors(
     given: Given, generator: Generator, replicates: int
 ) -> FloatArray:
-    """Return the errors of monitored angles that centroid noise makes.
+    """Return the errors of monitored angles by centroid noise, (replicates, states, 2).
 
-    Shape (replicates, states, 2). About X and Y, in radians, for all states but the zero state,
-    whose error they share.
+    They are about X and Y, in radians, for all states but the zero state, whose error they share.
     """
     response = platform.angle_response(given)[:2]
     spots = platform.scatter(given, 2) / np.sqrt(given.count(FRAMES))
@@ -217,11 +210,13 @@ def _monitoring_errors(
 )
 def difference(given: Given) -> declare.Results:
     """Difference of the printed monitored and reference angles."""
-    return {
-        f"{state}.difference-{turn}": given[f"{TABLE}#{state}.monitoring-{turn}"]
-        - given[f"{TABLE}#{state}.reference-{turn}"]
-        for turn, state in product(_TURNS.values(), _MOVED)
-    }
+    results: dict[str, float] = {}
+    for turn in _TURNS:
+        monitored, reference = (
+            _column(given, f"{name}-{turn}") for name in ("monitoring", "reference")
+        )
+        results |= _by_state(f"difference-{turn}", monitored - reference)
+    return results
 
 
 @declare.reproduces(
@@ -238,10 +233,9 @@ def difference(given: Given) -> declare.Results:
 def plan(given: Given) -> declare.Results:
     """Number of states, and the time that each one takes at the pace of the first groups."""
     travel = given[f"{_PLAN}#travel-end"] - given[f"{_PLAN}#travel-start"]
-    per_frame = given[accuracy.DURATION] / given.count(accuracy.FRAMES)
     return {
         "states": travel / given[f"{_PLAN}#step"] + 1,
-        "time-per-state": given.count(FRAMES) * per_frame,
+        "time-per-state": given[FRAMES] * accuracy.time_per_frame(given),
     }
 
 
@@ -270,26 +264,22 @@ def bound(given: Given) -> declare.Results:
 @declare.draws("chen2023/table-5", given=monitored_angle.given)
 def _draw(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """Focal length that each printed angle implies for its printed motion."""
-    panels = pair(figure, 3.6, 5.6, "focal length (mm)")
-    sigma = platform.angle_sigma(door, 2, door.count(FRAMES))
+    panels, blue = pair(figure, 3.6, 5.6, "focal length (mm)"), "#0072B2"
+    # Noise of the state and of the zero state.
+    sigmas = np.sqrt(2.0) * platform.angle_sigma(door, 2, door.count(FRAMES))
     for axes, (axis, turn) in zip(panels, _TURNS.items(), strict=True):
         motions = _column(printed, f"motion-{axis}")
         reference = _column(printed, f"reference-{turn}")
         monitoring = _column(printed, f"monitoring-{turn}")
-        noise = (
-            np.sqrt(2.0) * sigma["xy".index(turn)]
-        )  # of the state and of the zero state
         length = _implied(motions, monitoring)
-        error = length * noise / np.abs(monitoring)
+        error = length * sigmas["xy".index(turn)] / np.abs(monitoring)
         left, right = np.add(_MOVED, -0.1), np.add(_MOVED, 0.1)
-        own, blue = _implied(motions, reference), "#0072B2"
-        axes.plot(left, own, "o", color=blue, label="reference")
-        # Differences of the positions, not the printed motions: one of these holds a slip.
-        across = np.array([_moved(printed, state, turn) for state in _MOVED])
-        exchanged = _implied(across, reference)
+        axes.plot(
+            left, _implied(motions, reference), "o", color=blue, label="reference"
+        )
         axes.plot(
             left,
-            exchanged,
+            _implied(_motions(door, turn), reference),
             "o",
             fillstyle="none",
             color=blue,
@@ -314,18 +304,11 @@ def _implied(motions: FloatArray, angles: FloatArray) -> FloatArray:
 
 
 def _implied_facts(given: Given) -> dict[str, declare.Fact]:
-    """What sentences say of the implied focal lengths: their ends, and where all rows meet.
+    """Return the extremes of the implied focal lengths, and the range that fits all rows.
 
-    Of the readings with interchanged columns, also the largest difference between a monitored and a
-    reference angle if the reference columns were the interchanged ones.
+    The largest difference is between monitored and reference angles with interchanged columns.
     """
     own, half, other, _ = _focal_lengths(given).iloc[:, 1:].to_numpy(np.float64).T
-    away = [
-        np.abs(
-            _column(given, f"monitoring-{turn}") - _column(given, f"reference-{axis}")
-        ).max()
-        for axis, turn in _TURNS.items()
-    ]
     lengths = {
         "printed-least": own.min(),
         "printed-most": own.max(),
@@ -334,55 +317,55 @@ def _implied_facts(given: Given) -> dict[str, declare.Fact]:
         "shared-low": (other - half).max(),
         "shared-high": (other + half).min(),
     }
+    largest = max(
+        np.abs(
+            _column(given, f"monitoring-{turn}") - _column(given, f"reference-{axis}")
+        ).max()
+        for axis, turn in _TURNS.items()
+    )
     facts = {
         name: declare.Fact(float(value), ".1f", "mm") for name, value in lengths.items()
     }
-    largest = float(max(away)) / RADIANS_PER_ARCSEC
-    return facts | {"largest-difference": declare.Fact(largest, ".3f", "arcsec")}
+    return facts | {
+        "largest-difference": declare.Fact(
+            float(largest / RADIANS_PER_ARCSEC), ".3f", "arcsec"
+        )
+    }
 
 
 @declare.studied("chen2023/focal-lengths", given=[f"{TABLE}#*"], named=_implied_facts)
 def _focal_lengths(given: Given) -> Iterator[tuple[str | float, ...]]:
     """Focal lengths that the rows of Table V imply, as printed and with the columns exchanged."""
+    # Rounding: a motion is the difference of two positions to 0.01 µm.
+    half_motion, half_angle = 1e-8, 0.0005 * RADIANS_PER_ARCSEC
     for axis, turn in _TURNS.items():
-        motions = [
-            np.array([_moved(given, s, moving) for s in _MOVED])
-            for moving in (axis, turn)
-        ]
-        angles = _column(given, f"reference-{turn}")
-        own, other = (_implied(motion, angles) for motion in motions)
-        # What the rounding of both numbers allows; a motion is the difference of two positions,
-        # each printed to a hundredth of a micrometre.
-        half_motion, half_angle = 1e-8, 0.0005 * RADIANS_PER_ARCSEC
-        error = np.abs(own) * (
-            half_motion / np.abs(motions[0]) + half_angle / np.abs(angles)
-        )
-        for state, *one in zip(_MOVED, own, error, other, strict=True):
-            yield (f"reference about {turn.upper()}, state {state}", *one, one[1])
+        angles, motions = _column(given, f"reference-{turn}"), _motions(given, axis)
+        own, other = (_implied(_motions(given, a), angles) for a in (axis, turn))
+        relative = half_motion / np.abs(motions) + half_angle / np.abs(angles)
+        for state, *row in zip(_MOVED, own, own * relative, other, strict=True):
+            yield (f"reference about {turn.upper()}, state {state}", *row, row[1])
 
 
 def _shared_zero_chi_square(differences: FloatArray, sigma: float) -> float:
     """Return chi-square of differences that each carry the noise of the same zero state."""
-    total = np.square(differences).sum() - differences.sum() ** 2 / (
-        differences.size + 1
-    )
+    count = differences.size + 1
+    total = np.square(differences).sum() - differences.sum() ** 2 / count
     return float(total / sigma**2)
 
 
 def _test_facts(given: Given) -> dict[str, declare.Fact]:
-    """What sentences say of the test: the probability under each noise, chi-square of the first.
+    """Return the probability under each noise, chi-square of the first, and the differences.
 
-    Also the lag of a mean over the smoothed angles of a whole state, with its ramp, and the mean
-    and the largest of the differences, which have no such lag.
+    The lag is that of a mean over the smoothed angles of a whole state, with its ramp.
     """
-    rows = [tuple(row) for row in _differences(given).itertuples(index=False)]
-    # Smaller probabilities say "never", not how rarely.
-    chances = [declare.Fact(row[3], "chance", zero=1e-12) for row in rows]
-    facts = dict(
-        zip(("state-chance", "ramp-chance", "printed-chance"), chances, strict=True)
-    )
+    rows = _differences(given).to_numpy()
+    # A probability below 1e-12 is quoted as zero.
+    facts = {
+        f"{name}-chance": declare.Fact(row[3], "chance", zero=1e-12)
+        for name, row in zip(("state", "ramp", "printed"), rows, strict=True)
+    }
     few, frames = given.count(accuracy.SMOOTHED), given.count(FRAMES)
-    # After a step the mean of the last n images is short of it by (n - 1)/n, ..., 1/n, 0.
+    # After a step the mean of the last n images lacks (n - 1)/n, ..., 1/n, 0 of it.
     short = (few - 1) / (2 * frames)
     step = np.abs([given[f"{TABLE}#{STATES[-1]}.reference-{a}"] for a in _TURNS]).mean()
     differences = given.array(f"{TABLE}#[2-5].difference-?") / RADIANS_PER_ARCSEC
@@ -407,12 +390,12 @@ def _test_facts(given: Given) -> dict[str, declare.Fact]:
     ),
     named=_test_facts,
 )
-def _differences(given: Given) -> list[tuple[str, float, int, float]]:
-    """Whether the differences of Table V are noise: all of them tested together."""
+def _differences(given: Given) -> Iterator[tuple[str, float, int, float]]:
+    """Joint test of the differences of Table V: are they noise?"""
     from scipy.special import chdtrc
 
     few, frames = given.count(accuracy.SMOOTHED), given.count(FRAMES)
-    rows, freedom = [], len(_MOVED) * len(_TURNS)
+    freedom = len(_MOVED) * len(_TURNS)
     for name, row, averaged in (
         (f"one frame of Table IV, means of {frames}", 1, frames),
         (f"one frame of Table IV, means of {few}", 1, few),
@@ -425,5 +408,4 @@ def _differences(given: Given) -> list[tuple[str, float, int, float]]:
             found += _shared_zero_chi_square(
                 _column(given, f"difference-{turn}"), sigma
             )
-        rows.append((name, found, freedom, float(chdtrc(freedom, found))))
-    return rows
+        yield (name, found, freedom, float(chdtrc(freedom, found)))

@@ -1,12 +1,12 @@
 """The ground platform: four lasers, their spots and the scatter of these (chen2023, IV-A, V-A).
 
-What the paper leaves open, and what stands in for it:
+Two assumptions replace numbers that the paper does not print:
 
-* the principal point of the tracker is not printed: the centre of the detector stands in, where
-  the centre of the first pixel is at zero;
-* which laser sits at which corner is read from the spots: each at the corner of the designed
-  square that lies towards its spot. The image of the square is about a twentieth smaller than
-  designed, which moves the angles of a centroid error by far less than a digit of print.
+* the principal point of the tracker is the centre of the detector. The centre of the first pixel is
+  at zero;
+* each laser is at the corner of the designed square that is nearest to its spot. The image of the
+  square is 5 % smaller than designed, which changes the errors of angles by far less than a
+  printed digit.
 """
 
 from __future__ import annotations

@@ -1,19 +1,18 @@
-"""A twin of the ground platform: images in, the camera's misalignment out (chen2023, IV and V).
+"""A simulated bench (digital twin) of the ground platform, from images to the misalignment (IV, V).
 
-Every frame is made as the bench makes it: four spots at their places, light integrated over
-pixels, photon noise drawn, centres of gravity taken, and (2) to (9) solved. What the paper leaves
-open, and how the twin reads it (a choice that came into the history together with its results):
+Every frame is made as on the bench: four spots at their places, light integrated over pixels,
+photon noise, centres of gravity, and (2) to (9). The assumptions, recorded with their results:
 
 * light: each laser of each group has the light that gives the mean variance of its two cells of
-  Table III, with photon noise alone; nothing else is fitted. What photons cannot explain, such as
-  a laser whose x scatters less than its y, the twin does not have;
+  Table III by photon noise. Nothing else is fitted. The twin lacks effects other than photon noise,
+  such as a laser whose x scatters less than its y;
 * the spot's radius is the printed one; it is the same for all lasers;
-* places: the printed centroids, with the bias of their own 5 by 5 window taken off, stand still
-  within a group, and are the same in both groups: the paper does not print how they differ;
-* laser directions are the designed ones, as the calibration takes them, with the nominal focal
-  length and the printed diagonal as they stand. Within the rounding of the diagonal and a few per
-  cent of the focal length they fit the printed spots (a test has it); what is left is the same in
-  all frames and goes into the zero point.
+* places: the printed centroids, minus the bias of their 5 by 5 window, are constant within a group,
+  and are the same in both groups, because the paper does not print the difference;
+* laser directions are the designed ones, as in the calibration, with the printed nominal focal
+  length and diagonal. Within the rounding of the diagonal and a few per cent of the focal length
+  they fit the printed spots, as a test shows. The residual is the same in all frames and belongs
+  to the zero point.
 """
 
 from __future__ import annotations
@@ -59,7 +58,7 @@ class _Bench:
     light : ndarray, shape (2, 4)
         Electrons of each spot, for both groups of images.
     radius : float
-        Of a spot, in px.
+        Radius of a spot, in px.
     window : int
         Width of the window around a spot, in px.
     """
@@ -71,12 +70,10 @@ class _Bench:
     window: int
 
     def turned(self, angles: ArrayLike) -> FloatArray:
-        """Return where the spots stand when the camera has turned by angles of shape (..., 3)."""
+        """Return the spots after a turn of the camera by angles of shape (..., 3)."""
         zero = self.design.transform(self.spots)
-        now = attitude.moved_laser_transform(
-            zero, attitude.rotation_from_vector(-np.asarray(angles))
-        )
-        # The light goes back to the camera of the zero point, then by the present transform.
+        # (6): the light goes back to the camera of the zero point, then by the present transform.
+        now = zero @ attitude.rotation_from_vector(angles)
         moved = self.design.seen(self.spots) @ zero @ now.mT
         return attitude.received_spots(moved, *self.design.tracker)
 
@@ -130,16 +127,17 @@ def _two_groups(twin: _Bench, frames: int, generator: Generator) -> _Series:
     return _Series(found, errors, twin.design.misalignment(found[1], zero))
 
 
-# Towards Orion, for no better reason than that everybody knows it: right ascension, declination,
-# turn about the boresight, in degrees; and the faintest magnitude.
-_POINTING, _FAINTEST = (84.6, -0.4, 20.0), 6.0
+# Towards Orion, a well-known constellation: right ascension, declination and turn about the
+# boresight.
+_POINTING_DEG = (84.6, -0.4, 20.0)
+_FAINTEST_MAGNITUDE = 6.0
 _SERIES_READS = (*READS, accuracy.SMOOTHED, accuracy.DURATION)
 _STAGE_READS = (
     *_SERIES_READS,
     f"{effectiveness.TABLE}#*.position-?",
     effectiveness.FRAMES,
 )
-_MARGIN = 12
+_MARGIN_PX = 12
 _in_series = partial(draws, given=_SERIES_READS, random=True)
 _in_ride = partial(draws, given=_STAGE_READS, random=True)
 
@@ -147,23 +145,21 @@ _in_ride = partial(draws, given=_STAGE_READS, random=True)
 @draws("chen2023/fig-1c", given=platform.INSTRUMENT, marks=[platform.SPOTS])
 def _draw_frame(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """A frame of the star and laser tracker: stars of the catalogue and the four laser spots."""
-    from scipy.spatial.transform import Rotation  # only now: no judged number needs it
-
-    alpha, delta, turn = _POINTING
-    turns, stars = [alpha + 90.0, 90.0 - delta, turn], bright_stars()
-    rays = (
-        stars.directions @ Rotation.from_euler("ZXZ", turns, degrees=True).as_matrix()
-    )
-    seen = (rays[:, 2] > 0.9) & (stars.magnitude <= _FAINTEST)
-    spots, size = (
-        attitude.received_spots(rays[seen], *platform.as_designed(door).tracker),
-        stars.magnitude[seen],
-    )
+    (alpha, delta, turn), stars = _POINTING_DEG, bright_stars()
+    # Intrinsic turns about Z, X and Z.
+    turns = np.radians([[0, 0, alpha + 90], [90 - delta, 0, 0], [0, 0, turn]])
+    about_z, about_x, roll = attitude.rotation_from_vector(turns)
+    rays = stars.directions @ about_z @ about_x @ roll
+    seen = (rays[:, 2] > 0.9) & (stars.magnitude <= _FAINTEST_MAGNITUDE)
+    spots = attitude.received_spots(rays[seen], *platform.as_designed(door).tracker)
+    sizes = 5 * 1.7 ** (_FAINTEST_MAGNITUDE - stars.magnitude[seen])
     inside = ((spots > 0) & (spots < door.array(platform.PIXELS) - 1)).all(axis=1)
-    x, y, size = *spots[inside].T, 5 * 1.7 ** (_FAINTEST - size[inside])
     sized(figure, 6.0, 6.0, 4.2)
     axes = figure.add_subplot()
-    axes.scatter(x, y, s=size, color=STAR.colour, marker=STAR.marker, label="stars")
+    x, y = spots[inside].T
+    axes.scatter(
+        x, y, s=sizes[inside], color=STAR.colour, marker=STAR.marker, label="stars"
+    )
     axes.plot(*_pairs(printed).T, LASER.marker, markersize=5, color=LASER.colour)
     axes.lines[0].set_label("laser spots, printed")
     axes.set(xlim=(-0.5, 1023.5), ylim=(1023.5, -0.5), aspect="equal")
@@ -192,45 +188,36 @@ def _ride(door: Given) -> tuple[FloatArray, FloatArray, FloatArray]:
     twin, frames = bench(door), door.count(effectiveness.FRAMES)
     places = door.array(f"{effectiveness.TABLE}#*.position-?").reshape(-1, 2)
     # A motion along one axis turns the camera about the other; the printed signs are kept.
-    angles = np.zeros((len(places), 3))
-    angles[:, :2] = attitude.stage_angle(
-        (places - places[0])[:, ::-1], door[platform.TELESCOPE]
-    )
-    generator, spots = (
-        default_rng(seed_of("chen2023/fig-10b", door.root)),
-        twin.turned(angles),
-    )
+    motions = (places - places[0])[:, ::-1]
+    angles = attitude.stage_angle(motions, door[platform.TELESCOPE])
+    spots = twin.turned(np.insert(angles, 2, 0.0, axis=1))
+    generator = default_rng(seed_of("chen2023/fig-10b", door.root))
     found = centroids(twin, spots, twin.light[1], frames, generator)
     zero = attitude.mean_rotation(twin.design.transform(found[0]))
     single = twin.design.misalignment(found, zero).reshape(-1, 3)[:, :2]
-    count, pace = (
-        door.count(accuracy.SMOOTHED),
-        door[accuracy.DURATION] / door[accuracy.FRAMES],
-    )
-    start = np.cumsum(single[: count - 1], axis=0) / np.arange(1, count)[:, np.newaxis]
-    monitored = np.concatenate([start, attitude.moving_average(single, count, axis=0)])
-    times = np.asarray(np.arange(len(single)) * pace, dtype=np.float64)
-    return times, np.repeat(angles[:, :2], frames, axis=0), monitored
+    count = door.count(accuracy.SMOOTHED)
+    start = np.cumsum(single[: count - 1], axis=0) / np.arange(1, count)[:, None]
+    monitored = np.concatenate([start, attitude.moving_average(single.T, count).T])
+    times = np.arange(len(single), dtype=np.float64) * accuracy.time_per_frame(door)
+    return times, np.repeat(angles, frames, axis=0), monitored
 
 
 @_in_series("chen2023/fig-7", marks=[platform.SPOTS])
 def _draw_spots(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
     """Image of the four laser spots in the tracker, rendered at the printed places."""
     twin = bench(door)
-    corner = np.floor(twin.spots.min(axis=0)).astype(int) - _MARGIN
-    width, height = (
-        np.ceil(twin.spots.max(axis=0)).astype(int) + _MARGIN - corner
-    ).tolist()
+    corner = np.floor(twin.spots.min(axis=0)).astype(int) - _MARGIN_PX
+    end = np.ceil(twin.spots.max(axis=0)).astype(int) + _MARGIN_PX
+    size = tuple((end - corner).tolist())
     spots = twin.spots - corner
-    mean = images.render_frame(spots, twin.light[0], twin.radius, (width, height))
-    seen = images.expose(
-        mean, images.Detector(), default_rng(seed_of("chen2023/fig-7", door.root))
-    )
-    left, top = corner - 0.5
+    mean = images.render_frame(spots, twin.light[0], twin.radius, size)
+    generator = default_rng(seed_of("chen2023/fig-7", door.root))
+    seen = images.expose(mean, images.Detector(), generator)
+    (left, top), (right, bottom) = corner - 0.5, end - 0.5
     sized(figure, 6.4, 5.2, 3.2)
     figure.set_layout_engine("compressed")
     axes = figure.add_subplot()
-    extent = (left, left + width, top + height, top)
+    extent = (left, right, bottom, top)
     picture = axes.imshow(seen, extent=extent, cmap="gray", vmin=0.0)
     centres = _pairs(printed)
     axes.plot(

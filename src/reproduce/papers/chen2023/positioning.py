@@ -1,18 +1,17 @@
 """From misalignment to metres on the ground: the error budget of SVGF-1, and a year of orbits.
 
-What no paper prints and we choose, here and nowhere else: centimetre orbits are 0.05 m along each
-axis, the principal point moves by one panchromatic pixel, a calibration errs by half an arc second
-at each sample, and heat behaves as in `physics.ground.thermal_series`. Angle errors of the
-monitoring are those of the ground platform.
+The assumptions, which no paper prints: centimetre orbits are 0.05 m along each axis, the principal
+point moves by one panchromatic pixel, a calibration has an error of 0.5 arcsec at each sample, and
+heat behaves as in `physics.ground.thermal_series`. Angle errors of the monitoring are those of the
+ground platform.
 
-The paper argues for monitoring and does not compare. Here four ways to correct a thermal
-misalignment, and none, get the same simulated year; the three methods without lasers are given more
-calibrations than any ground segment has.
+The paper argues for monitoring and does not compare. Here four corrections of a thermal
+misalignment, and no correction, get the same simulated year. The three methods without lasers get
+more calibrations than any ground segment has.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -34,6 +33,8 @@ from reproduce.printed.given import Given
 from reproduce.units import RADIANS_PER_ARCSEC
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     import pandas as pd
 
 
@@ -41,26 +42,26 @@ _POINTING = f"{satellite.SATELLITE}#tracker-pointing-accuracy.value"
 _MONITORING = (*platform.INSTRUMENT, f"{platform.SCATTER}#2-*", accuracy.SMOOTHED)
 READS = (*_MONITORING, *satellite.CAMERA, _POINTING)
 _YEAR_READS = (*_MONITORING, *satellite.CAMERA, accuracy.RATE)
-_ORBIT = 0.05
+_ORBIT_ERROR_M = 0.05
 _SINGLE, _AVERAGED = "one frame", "averaged"
-# Where the satellite stands and how it looks: name, tilt off the nadir, image point off the centre.
+# Views of the satellite: name, tilt off the nadir in deg, distance of the target from it in m.
 LOOKS = (
     ("nadir, centre", 0.0, 0.0),
     ("nadir, 5 km off", 0.0, 5e3),
     ("30° aside, centre", 30.0, 0.0),
 )
-# What an error goes through, and the unit in which it is written.
+# Kinds of errors, with their displayed unit.
 _UNITS = {
     "satellite": (1.0, "m"),
     "turn": (RADIANS_PER_ARCSEC, "arcsec"),
     "image": (1e-6, "µm"),
 }
-_CALIBRATION = 0.5 * RADIANS_PER_ARCSEC
-_PER_ORBIT = 64
+_CALIBRATION_ERROR = 0.5 * RADIANS_PER_ARCSEC
+_SAMPLES_PER_ORBIT = 64
 # Long enough for the trend to stand out from what wanders; a week makes it far worse.
 _CAMPAIGN_DAYS = 60.0
 _YEAR_DAYS = 365.0
-_AMPLITUDES = (0.5, 2.0, 10.0, 50.0)
+_AMPLITUDES_ARCSEC = (0.5, 2.0, 10.0, 50.0)
 UNCORRECTED, *CORRECTIONS = (
     "no correction",
     "one calibration",
@@ -85,54 +86,23 @@ def quoted_resolution(given: Given) -> Results:
     }
 
 
-@dataclass(frozen=True, eq=False)
-class _Term:
-    """One error of the imaging model.
+def _terms(given: Given) -> dict[str, tuple[str, FloatArray]]:
+    """Return the errors of the imaging model for SVGF-1, by name.
 
-    Attributes
-    ----------
-    name : str
-        What errs.
-    kind : str
-        ``satellite``, ``turn`` or ``image``: which derivative it goes through.
-    sigma : ndarray, shape (3,)
-        Standard deviations along or about X, Y, Z, in metres or radians.
+    Each has a kind, ``satellite``, ``turn`` or ``image``, for its derivative, and standard
+    deviations along or about X, Y, Z, in metres or radians. The misalignment is given axis by axis,
+    for one frame and for the average of many.
     """
-
-    name: str
-    kind: str
-    sigma: FloatArray
-
-
-def _terms(given: Given) -> tuple[_Term, ...]:
-    """Return the errors of the imaging model for SVGF-1.
-
-    The misalignment axis by axis, for one frame and for the average of many.
-    """
-    attitude = np.full(3, given[_POINTING] / platform.SIGMAS)
-    turns = (
-        _Term(f"misalignment about {axis}, {mean}", "turn", sigma * unit)
-        for frames, mean in ((1, _SINGLE), (given.count(accuracy.SMOOTHED), _AVERAGED))
-        for sigma in [platform.angle_sigma(given, 2, frames)]
-        for axis, unit in zip(("X", "Y", "Z (roll)"), np.eye(3), strict=True)
-    )
+    limit = np.full(3, given[_POINTING] / platform.SIGMAS)
+    terms = {"attitude of the tracker, at its limit": ("turn", limit)}
+    for frames, mean in ((1, _SINGLE), (given.count(accuracy.SMOOTHED), _AVERAGED)):
+        sigmas = np.diag(platform.angle_sigma(given, 2, frames))
+        for axis, sigma in zip(("X", "Y", "Z (roll)"), sigmas, strict=True):
+            terms[f"misalignment about {axis}, {mean}"] = ("turn", sigma)
+    terms["orbit"] = ("satellite", np.full(3, _ORBIT_ERROR_M))
     pixel = np.array([1.0, 1.0, 0.0]) * given[satellite.CAMERA[1]]
-    return (
-        _Term("attitude of the tracker, at its limit", "turn", attitude),
-        *turns,
-        _Term("orbit", "satellite", np.full(3, _ORBIT)),
-        _Term("principal point, one pixel", "image", pixel),
-    )
-
-
-def _together(given: Given) -> dict[str, tuple[_Term, ...]]:
-    """Return the whole budget twice: monitoring with one frame, and with the average of many."""
-    return {
-        f"all together, {mean}": tuple(
-            t for t in _terms(given) if not t.name.endswith(other)
-        )
-        for mean, other in ((_SINGLE, _AVERAGED), (_AVERAGED, _SINGLE))
-    }
+    terms["principal point, one pixel"] = ("image", pixel)
+    return terms
 
 
 def _look(
@@ -150,30 +120,39 @@ def _look(
     return np.array([[off / height * focal, 0.0, -focal]]), place, chain
 
 
-def _analytic(jacobian: ground.GroundJacobian, term: _Term) -> FloatArray:
-    """Return the covariance of east and north that a term causes, in square metres."""
-    slopes = getattr(jacobian, f"by_{term.kind}")
-    return np.asarray(
-        ground.ground_covariance(jacobian.position, slopes, np.diag(term.sigma**2))[0]
-    )
+def _covariances(given: Given) -> dict[str, FloatArray]:
+    """Return the covariances of east and north of each term, (looks, 2, 2), in square metres.
+
+    The last two are of all terms, with one frame and with the average of many.
+    """
+    jacobians = [
+        ground.ground_jacobian(*_look(given, tilt, off)) for _, tilt, off in LOOKS
+    ]
+    places = np.concatenate([one.position for one in jacobians])
+    found = {}
+    for name, (kind, sigma) in _terms(given).items():
+        slopes = np.concatenate([getattr(one, f"by_{kind}") for one in jacobians])
+        found[name] = ground.ground_covariance(places, slopes, np.diag(sigma**2))
+    together = {
+        f"all together, {mean}": np.sum(
+            [one for name, one in found.items() if not name.endswith(other)], axis=0
+        )
+        for mean, other in ((_SINGLE, _AVERAGED), (_AVERAGED, _SINGLE))
+    }
+    return found | together
 
 
 @studied("chen2023/budget", given=READS)
 def _budget(given: Given) -> pd.DataFrame:
     """Error budget of SVGF-1 on the ground, term by term."""
-    jacobians = [
-        ground.ground_jacobian(*_look(given, tilt, off)) for _, tilt, off in LOOKS
-    ]
-    rows = []
-    for name, errors in (
-        {term.name: (term,) for term in _terms(given)} | _together(given)
-    ).items():
-        scale, unit = _UNITS[errors[0].kind] if len(errors) == 1 else (np.nan, "")
-        exact = (sum(_analytic(one, error) for error in errors) for one in jacobians)
-        radii = (
-            float(ground.circular_error(np.asarray(covariance))) for covariance in exact
-        )
-        rows.append((name, errors[0].sigma.max() / scale, unit, *radii))
+    terms, rows = _terms(given), []
+    for name, covariances in _covariances(given).items():
+        size, unit = np.nan, ""
+        if name in terms:
+            kind, sigma = terms[name]
+            scale, unit = _UNITS[kind]
+            size = sigma.max() / scale
+        rows.append((name, size, unit, *ground.circular_error(covariances).tolist()))
     return _budget.frame(rows, altitude=satellite.altitude(given) / 1e3)
 
 
@@ -186,31 +165,31 @@ def _year(height: float, root: int | None) -> tuple[FloatArray, FloatArray, Floa
     calibrations and of the monitoring.
     """
     period = float(ground.orbital_period(height))
-    orbits = int(np.ceil((_YEAR_DAYS + _CAMPAIGN_DAYS) * ground.DAY / period))
+    orbits = int(np.ceil((_YEAR_DAYS + _CAMPAIGN_DAYS) * ground.DAY_SECONDS / period))
     generator = default_rng(seed_of("chen2023/year", root))
-    times, angles = ground.thermal_series(period, _PER_ORBIT, orbits, generator)
+    times, angles = ground.thermal_series(period, _SAMPLES_PER_ORBIT, orbits, generator)
     return times - _CAMPAIGN_DAYS, angles, generator.standard_normal(angles.shape)
 
 
 def _residuals(given: Given, amplitude: float) -> dict[str, FloatArray]:
-    """Return what each correction leaves of the misalignment, from the end of the campaign on.
+    """Return the residual misalignment of each correction, from the end of the campaign on.
 
     Name to errors of shape (samples, 2), in radians.
     """
     times, unit, noise = _year(satellite.altitude(given), given.root)
     true, known = amplitude * unit, int(np.searchsorted(times, 0.0))
-    measured = true + _CALIBRATION * noise
+    measured = true + _CALIBRATION_ERROR * noise
     # The lasers give the misalignment half an average late, with its noise.
     count = given.count(accuracy.SMOOTHED)
-    late = times - 0.5 * count / given[accuracy.RATE] / ground.DAY
+    late = times - 0.5 * count / given[accuracy.RATE] / ground.DAY_SECONDS
     delayed = np.stack([np.interp(late, times, angle) for angle in true.T], axis=-1)
     estimates = (
         np.zeros_like(true),
         measured[known - 1],
         ground.trend_and_fourier(
-            times, np.arange(len(times)) / _PER_ORBIT, measured, known
+            times, np.arange(len(times)) / _SAMPLES_PER_ORBIT, measured, known
         ),
-        ground.last_orbits(measured, _PER_ORBIT),
+        ground.last_orbits(measured, _SAMPLES_PER_ORBIT),
         delayed + platform.angle_sigma(given, 2, count)[:2] * noise,
     )
     names = (UNCORRECTED, *CORRECTIONS)
@@ -226,18 +205,21 @@ def _residuals(given: Given, amplitude: float) -> dict[str, FloatArray]:
     given=_YEAR_READS,
     columns=(
         Column("Correction"),
-        *(Column(f"at {amplitude:g} arcsec (m)", ".2f") for amplitude in _AMPLITUDES),
+        *(
+            Column(f"at {amplitude:g} arcsec (m)", ".2f")
+            for amplitude in _AMPLITUDES_ARCSEC
+        ),
     ),
     caption="CE90 on the ground from the thermal misalignment that is left, over the year after "
     f"a campaign of {_CAMPAIGN_DAYS:g} days, by amplitude of the first thermal harmonic.",
 )
-def _strategies(given: Given) -> list[tuple[str | float, ...]]:
+def _strategies(given: Given) -> Iterator[tuple[str | float, ...]]:
     """Positioning error over a year, for four corrections and four thermal amplitudes."""
     height = satellite.altitude(given)
     left = [
-        _residuals(given, amplitude * RADIANS_PER_ARCSEC) for amplitude in _AMPLITUDES
+        _residuals(given, amplitude * RADIANS_PER_ARCSEC)
+        for amplitude in _AMPLITUDES_ARCSEC
     ]
-    lengths = {name: [np.hypot(*errors[name].T) for errors in left] for name in left[0]}
-    return [
-        (name, *(np.quantile(lengths[name], 0.9, axis=1) * height)) for name in lengths
-    ]
+    for name in (UNCORRECTED, *CORRECTIONS):
+        lengths = [np.hypot(*errors[name].T) for errors in left]
+        yield (name, *(np.quantile(lengths, 0.9, axis=1) * height))

@@ -20,7 +20,7 @@ coarsest resolution that no finer one beats by more than some standard errors of
 ledger evaluates all combinations.
 
 A study of the printed size is itself random. Its distribution follows from the closed-form bias
-and variance: the Monte Carlo beside it agrees within its error.
+and variance: the Monte Carlo agrees with it within its error.
 """
 
 from __future__ import annotations
@@ -76,10 +76,10 @@ _REPLICATES = 2000
 
 @dataclass(frozen=True)
 class _Case:
-    """What one reading of the study takes as its spot and its noise.
+    """Spot and noise of one reading of the study.
 
     - `width`: the printed radius over the standard deviation of the Gaussian.
-    - `read_share`: share of the variance of Table III that is read noise.
+    - `read_share`: fraction of the variance of Table III that is read noise.
     - `brighter`: the light over that which gives the variance of Table III.
     """
 
@@ -139,10 +139,8 @@ def optimum(
     threshold: str,
 ) -> declare.Results:
     """Best resolution, its centroid error, and the resolution where refining stops to pay."""
-    angles, case = (
-        resolutions(given),
-        _Case(_WIDTHS[radius], _READ_SHARES[noise], _BRIGHTNESS[light]),
-    )
+    angles = resolutions(given)
+    case = _Case(_WIDTHS[radius], _READ_SHARES[noise], _BRIGHTNESS[light])
     scatter = _replicated_scatter(given, seed, replicates, case)
     monitoring = attitude_accuracy(scatter, given.count(f"{STUDY}#lasers"), angles)
     saturation = _saturation(monitoring, _relative_error(given), float(threshold))
@@ -236,32 +234,23 @@ def _saturation(monitoring: FloatArray, relative: float, errors: float) -> Float
     return np.asarray(monitoring.shape[-1] - 1 - unbeaten[..., ::-1].argmax(axis=-1))
 
 
-def monte_carlo(given: Given) -> FloatArray:
-    """Simulate the study as described: the error of all phases and trials at every resolution."""
-    (phases, light, radius, size), trials = (
-        _setting(given),
-        given.count(f"{STUDY}#trials"),
-    )
-    generator = default_rng(declare.seed_of("chen2023/fig-11a", given.root))
-    errors = (
-        simulated_errors(phases, light, wide, size, trials, generator)
-        for wide in radius
-    )
-    return np.array([drawn.std() for drawn in errors])
-
-
 @cache
 def curves(door: Given) -> dict[str, FloatArray]:
-    """Compute what both panels of Figure 11 show.
+    """Return the curves of both panels of Figure 11, with the study simulated as described.
 
     ``angles`` in radians; ``simulated``, ``predicted`` (all errors together), ``within`` (scatter
     without bias), ``bias`` and ``bound`` in px; each of shape (resolutions,).
     """
-    study = _setting(door)
-    law = predicted_errors(*study)
+    phases, light, radius, size = study = _setting(door)
+    law, trials = predicted_errors(*study), door.count(f"{STUDY}#trials")
+    generator = default_rng(declare.seed_of("chen2023/fig-11a", door.root))
+    simulated = [
+        simulated_errors(phases, light, wide, size, trials, generator).std()
+        for wide in radius
+    ]
     return {
         "angles": resolutions(door),
-        "simulated": monte_carlo(door),
+        "simulated": np.array(simulated),
         "predicted": law.total,
         "within": law.within,
         "bias": np.sqrt((law.bias**2).mean(axis=-1)),

@@ -1,14 +1,14 @@
 """The satellite's camera and the monitoring system as designed, its light traced (chen2023, I-II).
 
 The light goes through `physics.light` from the focal plane of the ground platform's telescope
-to the tracker's detector, and the spots are solved as the paper solves them. So every error is the
-turn of the camera, or its roll, that the system would believe. Where a third reflection mirrors the
-image, the designed pattern is mirrored too; nothing could be solved otherwise. What the paper does
-not print: the beam is a fifth of a metre wide, and returns a metre beside the camera.
+to the tracker's detector, and the spots are solved as the paper solves them. Every error is
+therefore the turn or roll of the camera that the system would report. A third reflection mirrors
+the image, and the designed pattern is then mirrored too, because no rotation would fit otherwise.
+The paper does not print the beam: it is 0.2 m wide here, and returns 1 m next to the camera.
 
-II-B gives what heat may do in words. What its numbers allow is how far the lasers may move and the
-dichroic mirror may turn until they mimic as much as the monitoring errs by: the three-sigma
-accuracy of the averaged misalignment.
+II-B describes the effects of heat in words. Its numbers limit the motion of the lasers and the turn
+of the dichroic mirror whose effect equals the error of the monitoring: the three-sigma accuracy of
+the averaged misalignment.
 """
 
 from __future__ import annotations
@@ -35,13 +35,13 @@ from reproduce.printed.given import Given
 from reproduce.units import RADIANS_PER_ARCSEC
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping
 
     from matplotlib.figure import Figure
 
 SATELLITE = "chen2023/table-1"
 _TEXT = "chen2023/text-satellite"
-# Of the panchromatic camera: focal length, pixel size, ground resolution.
+# Panchromatic camera: focal length, pixel size, ground resolution.
 CAMERA = tuple(
     f"{SATELLITE}#panchromatic-{name}.value"
     for name in ("focal-length", "pixel-size", "ground-resolution")
@@ -53,17 +53,13 @@ _ACCURACY = "chen2023/table-4#100.misalignment-?"
 _LASERS = (platform.SPOTS, platform.DIAGONAL, platform.TELESCOPE)
 _LIGHT_PATH = (*_LASERS, platform.FOCAL_LENGTH, BORESIGHT)
 # Roll of the tracker about the camera's boresight on the bench: assumed, the paper prints none.
-_ROLL = np.pi / 4
-_OUT = np.array([0.0, 0.0, 1.0])
-_TURN = 10 * RADIANS_PER_ARCSEC
+_TRACKER_ROLL = np.pi / 4
+_TEST_TURN = 10 * RADIANS_PER_ARCSEC
 # Points around the edge of the beam in the camera's lens, in metres.
 _AROUND = 2.0 * np.pi * (np.arange(36) + 0.5) / 36
 _APERTURE = 0.1 * np.stack([np.cos(_AROUND), np.sin(_AROUND)], axis=-1)
-_PAIR = "two mirrors at a right angle"
-# What each retro-reflector makes of the image: an odd number of reflections mirrors it.
-_IMAGE = {"corner cube": "mirrored", _PAIR: "upright", "conical mirror": "mirrored"}
-# Shares of a turn below this are rounding noise.
-_NOISE = 1e-9
+# A smaller fraction of a turn is rounding noise.
+_ROUNDING_FACTOR = 1e-9
 _PIXELS = f"{platform.PLATFORM}#tracker-pixels-x.value"
 _FIELD = f"{SATELLITE}#tracker-field-of-view-x.value"
 _FILTER = "chen2023/text-hardware#filter-wavelength"
@@ -96,10 +92,9 @@ def altitude(given: Given) -> float:
 )
 def ground_resolution(given: Given) -> Results:
     """Multispectral ground resolution at the altitude that the panchromatic one implies."""
-    camera = f"{SATELLITE}#multispectral"
     focal, pixel = (
-        given[f"{camera}-focal-length.value"],
-        given[f"{camera}-pixel-size.value"],
+        given[f"{SATELLITE}#multispectral-{name}.value"]
+        for name in ("focal-length", "pixel-size")
     )
     resolution = ground.ground_resolution(focal, pixel, altitude(given))
     return {"multispectral-ground-resolution.value": float(resolution)}
@@ -133,19 +128,19 @@ def table_angle(given: Given) -> Results:
     multiplies the sine of its elevation by the sine of the roll. The paper prints neither the
     roll nor the level of the camera.
     """
-    sine = np.sin(np.pi - given[BORESIGHT]) * np.sin(_ROLL)
+    sine = np.sin(np.pi - given[BORESIGHT]) * np.sin(_TRACKER_ROLL)
     return {"table-angle": float(np.arcsin(sine))}
 
 
 def _believed(
-    rest: LightPath, kind: str, points: FloatArray, **changes: Any
+    rest: LightPath, is_mirrored: bool, points: FloatArray, **changes: Any
 ) -> FloatArray:
     """Return the turn of the camera that the system reports when the light path changes.
 
     Shape (3,). Angles about X, Y and Z of the camera, in radians.
     """
-    mirror = [1.0, -1.0 if _IMAGE[kind] == "mirrored" else 1.0]
-    camera = attitude.emitted_directions(points * mirror, rest.camera_focal_length)
+    designed = points * [1.0, -1.0 if is_mirrored else 1.0]
+    camera = attitude.emitted_directions(designed, rest.camera_focal_length)
     zero, now = (
         attitude.received_directions(
             light.spots(points, _APERTURE).mean(axis=1),
@@ -155,39 +150,44 @@ def _believed(
         )
         for light in (rest, replace(rest, **changes))
     )
-    return attitude.misalignment_angles(
-        attitude.misalignment(camera, now, attitude.laser_transform(camera, zero))
-    )
+    transform = attitude.laser_transform(camera, zero)
+    return attitude.misalignment_angles(attitude.misalignment(camera, now, transform))
 
 
 @studied(
     "chen2023/retro-reflectors",
     given=(*_LIGHT_PATH, platform.PIXEL),
 )
-def _retro_reflectors(given: Given) -> list[tuple[str | float, ...]]:
+def _retro_reflectors(given: Given) -> Iterator[tuple[str | float, ...]]:
     """Turns of the camera that a turn of the retro-reflector mimics, for three kinds of it."""
     points = platform.lasers(given)
-    rows: list[tuple[str | float, ...]] = []
-    for kind, image in _IMAGE.items():
-        lengths = given[platform.TELESCOPE], given[platform.FOCAL_LENGTH]
-        rest = LightPath(*lengths, given[BORESIGHT], RETROREFLECTORS[kind])
+    lengths = given[platform.TELESCOPE], given[platform.FOCAL_LENGTH]
+    for kind, train in RETROREFLECTORS.items():
+        # An odd number of reflections mirrors the image.
+        is_mirrored = train is None or np.linalg.det(train) < 0
+        rest = LightPath(*lengths, given[BORESIGHT], train)
         shares: list[float] = []
-        for turn in _TURN * np.eye(3):
-            turned = replace(rest.retroreflector, turn=turn)
-            x, y, z = _believed(rest, kind, points, retroreflector=turned) / _TURN
+        for turn in _TEST_TURN * np.eye(3):
+            x, y, z = _believed(rest, is_mirrored, points, turn=turn) / _TEST_TURN
             shares += [np.hypot(x, y), abs(z)]
-        roll = (
-            abs(_believed(rest, kind, points, camera_turn=[_TURN, 0.0, 0.0])[2]) / _TURN
+        tilted = _believed(
+            rest, is_mirrored, points, camera_turn=[_TEST_TURN, 0.0, 0.0]
         )
         spots = rest.spots(points, _APERTURE)
         blur = np.linalg.norm(spots - spots.mean(axis=1, keepdims=True), axis=-1).max()
-        rows.append((kind, *shares, roll, blur / given[platform.PIXEL], image))
-    return rows
+        image = "mirrored" if is_mirrored else "upright"
+        yield (
+            kind,
+            *shares,
+            abs(tilted[2]) / _TEST_TURN,
+            blur / given[platform.PIXEL],
+            image,
+        )
 
 
 def _bench_facts(given: Given) -> dict[str, Fact]:
-    """Return the number that sentences quote of the layout of the bench, which is assumed."""
-    return {"assumed-roll": Fact(f"{np.degrees(_ROLL):.0f}°")}
+    """Return the assumed roll of the bench."""
+    return {"assumed-roll": Fact(f"{np.degrees(_TRACKER_ROLL):.0f}°")}
 
 
 @studied(
@@ -195,33 +195,27 @@ def _bench_facts(given: Given) -> dict[str, Fact]:
     given=(BORESIGHT, _ACCURACY, _EXPANSION),
     named=_bench_facts,
 )
-def _dichroic(given: Given) -> list[tuple[str, float, float, float]]:
-    """How much a tilt of the dichroic mirror mimics, and the tolerance that follows."""
+def _dichroic(given: Given) -> Iterator[tuple[str, float, float, float]]:
+    """Turn of the camera that a tilt of the dichroic mirror mimics, and the tolerance."""
     accuracy = float(given.array(_ACCURACY).max())
-    axes = ("in the plane of the light", "across it", "its normal")
-    rows = []
     factors = np.linalg.norm(_dichroic_response(given[BORESIGHT]), axis=0)
+    axes = ("in the plane of the light", "across it", "its normal")
     for axis, factor in zip(axes, factors, strict=True):
-        turn = accuracy / factor if factor > _NOISE else np.inf
-        rows.append((axis, factor, turn / RADIANS_PER_ARCSEC, turn / given[_EXPANSION]))
-    return rows
+        turn = accuracy / factor if factor > _ROUNDING_FACTOR else np.inf
+        yield (axis, factor, turn / RADIANS_PER_ARCSEC, turn / given[_EXPANSION])
 
 
 def _dichroic_response(boresight_angle: float) -> FloatArray:
-    """Return how the folded light answers to turns of the dichroic mirror about its own axes.
+    """Return the derivative of the folded light by turns of the mirror about its own axes, (3, 3).
 
-    Shape (3, 3). Columns: about the axis in the mirror and in the plane of the light, about the one
-    in the mirror across that plane, about the mirror's normal.
+    Columns: about the axis in the mirror and in the plane of the light, about the axis in the
+    mirror across that plane, about the mirror's normal.
     """
-    tilt = float(fold_mirror_tilt(boresight_angle))
+    normal = LightPath(1.0, 1.0, boresight_angle, None).fold
     # The plane of the light is that of both boresights, across X.
-    normal = (
-        attitude.rotation_from_vector([boresight_angle - np.pi + tilt, 0.0, 0.0]) @ _OUT
-    )
     across = np.array([1.0, 0.0, 0.0])
     axes = np.stack([np.cross(across, normal), across, normal], axis=-1)
-    result: FloatArray = turn_response(reflection(normal), -_OUT) @ axes
-    return result
+    return np.asarray(turn_response(reflection(normal), [0.0, 0.0, -1.0]) @ axes)
 
 
 @studied(
@@ -231,25 +225,21 @@ def _dichroic_response(boresight_angle: float) -> FloatArray:
         *(_RATIO, _PIXELS, _ACCURACY, _EXPANSION),
     ),
 )
-def _heat(given: Given) -> list[tuple[str | float, ...]]:
-    """What thermal motion of the lasers does, in flight and on the bench."""
+def _heat(given: Given) -> Iterator[tuple[str | float, ...]]:
+    """Effects of thermal motion of the lasers, in flight and on the bench."""
     flight, short = given[CAMERA[0]], given[platform.FOCAL_LENGTH]
-    rows: list[tuple[str | float, ...]] = []
+    accuracy = float(given.array(_ACCURACY).max())
     for name, camera, tracker in (
         ("flight, as printed", flight, flight / given[_RATIO]),
         ("flight camera with the tracker of Table II", flight, short),
         ("ground platform", given[platform.TELESCOPE], short),
     ):
-        view = np.degrees(
-            float(field_of_view(given[_PIXELS], given[platform.PIXEL], tracker))
-        )
+        view = field_of_view(given[_PIXELS], given[platform.PIXEL], tracker)
         angle = 1e-6 / camera / RADIANS_PER_ARCSEC
-        motion = float(given.array(_ACCURACY).max()) * camera
+        motion = accuracy * camera
         kelvin = motion / (given[_EXPANSION] * given[platform.DIAGONAL])
-        rows.append(
-            (name, camera / tracker, tracker * 1e3, view, angle, motion * 1e6, kelvin)
-        )
-    return rows
+        lengths = (camera / tracker, tracker * 1e3, np.degrees(float(view)))
+        yield (name, *lengths, angle, motion * 1e6, kelvin)
 
 
 @draws("chen2023/fig-3c", marks=[*_BANDS, _FILTER])

@@ -1,4 +1,4 @@
-"""Attitude: rotations, Wahba's problem, and the misalignment that lasers show."""
+"""Attitude: rotations, Wahba's problem, and the misalignment of a camera from lasers."""
 
 from reproduce.physics.attitude.angles import (
     angle_jacobian,
@@ -14,16 +14,16 @@ from reproduce.physics.attitude.angles import (
     stage_angles,
     transform_error_printed,
 )
-from reproduce.physics.attitude.monitoring import (
+from reproduce.physics.attitude.averaging import (
     Stability,
     allan_deviation,
     attitude_accuracy,
     averaged_error,
-    monitored,
     moving_average,
     scatter_of_averages,
     stability,
 )
+from reproduce.physics.attitude.monitoring import monitored
 from reproduce.physics.attitude.platform import (
     Platform,
     emitted_directions,
@@ -33,8 +33,6 @@ from reproduce.physics.attitude.platform import (
 )
 from reproduce.physics.attitude.rotations import (
     attitude,
-    by_quest,
-    by_svd,
     cross_matrix,
     mean_rotation,
     rotation_from_vector,

@@ -27,7 +27,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from reproduce.physics.attitude.rotations import _attitude, _unit, _vector_from_rotation
+from reproduce.physics.attitude.rotations import attitude, unit, vector_from_rotation
 from reproduce.physics.validate import (
     Directions,
     FloatArray,
@@ -35,7 +35,9 @@ from reproduce.physics.validate import (
     Point,
     Positive,
     Rotation,
+    Weights,
     checked,
+    weights_for,
 )
 
 _Moves = Annotated[Any, ("n", 3, None)]
@@ -43,9 +45,11 @@ _Moves = Annotated[Any, ("n", 3, None)]
 
 @checked
 def laser_transform(
-    camera_directions: Directions, tracker_directions: Directions
+    camera_directions: Directions,
+    tracker_directions: Directions,
+    weights: Weights = None,
 ) -> FloatArray:
-    """Return the rotation that carries laser light from the camera into the tracker, by QUEST.
+    """Return the rotation that carries laser light from the camera into the tracker.
 
     Implements: chen2023 (4), (5).
 
@@ -58,6 +62,8 @@ def laser_transform(
         Emitted directions v_i,cam in the camera frame, of any length but zero.
     tracker_directions : array_like, shape (..., n, 3)
         Received directions w_i^k in the tracker frame, in the same order.
+    weights : array_like, shape (..., n), optional
+        Relative weights; zero for a light that is lost. Default: all 1.
 
     Returns
     -------
@@ -75,7 +81,7 @@ def laser_transform(
     >>> np.allclose(laser_transform(directions, directions), np.eye(3))
     True
     """
-    return _attitude(tracker_directions, camera_directions)
+    return attitude(tracker_directions, camera_directions, weights)
 
 
 @checked
@@ -83,12 +89,13 @@ def misalignment(
     camera_directions: Directions,
     tracker_directions: Directions,
     tracker_from_camera_zero: Rotation,
+    weights: Weights = None,
 ) -> FloatArray:
-    """Return the camera's misalignment directly from the laser spots, by QUEST.
+    """Return the camera's misalignment directly from the laser spots.
 
     Implements: chen2023 (7).
 
-    Other arguments and errors are those of `laser_transform`; the directions in the tracker are
+    The arguments and errors of `laser_transform` apply. The directions in the tracker are
     those at the present, w_i,t^k.
 
     Parameters
@@ -108,7 +115,8 @@ def misalignment(
     True
     """
     # Rows times T are the columns T' w: what the camera would have to emit at the zero point.
-    return _attitude(camera_directions, tracker_directions @ tracker_from_camera_zero)
+    carried = tracker_directions @ tracker_from_camera_zero
+    return attitude(camera_directions, carried, weights)
 
 
 @checked
@@ -139,7 +147,7 @@ def misalignment_angles(camera_now_from_camera_zero: Rotation) -> FloatArray:
     >>> misalignment_angles([[0, 1, 0], [-1, 0, 0], [0, 0, 1]]) / np.pi
     array([0. , 0. , 0.5])
     """
-    return _vector_from_rotation(camera_now_from_camera_zero.mT)
+    return vector_from_rotation(camera_now_from_camera_zero.mT)
 
 
 @checked
@@ -147,12 +155,13 @@ def angle_jacobian(
     camera_directions: Directions,
     tracker_directions: Directions,
     direction_jacobian: _Moves,
+    weights: Weights = None,
 ) -> FloatArray:
     """Return how the misalignment angles respond to each spot: the exact derivative.
 
-    At the optimum sum b × v vanishes, b a tracker direction carried into the camera.
-    Differentiating that gives theta = H^-1 sum v × db, with the stiffness
-    H = trace(P) I - P and P = sum v b^T. Errors are those of `laser_transform`.
+    At the optimum sum w b × v vanishes, b a tracker direction carried into the camera.
+    Differentiating that gives theta = H^-1 sum w v × db, with the stiffness
+    H = trace(P) I - P and P = sum w v b^T. Weights and errors are those of `laser_transform`.
 
     Parameters
     ----------
@@ -177,15 +186,17 @@ def angle_jacobian(
     >>> np.round(angle_jacobian(np.eye(3)[:2], np.eye(3)[:2], moves)[:, 0, 0], 12)
     array([0. , 0. , 0.5])
     """
-    camera_from_tracker = _attitude(camera_directions, tracker_directions)
-    camera = _unit("camera_directions", camera_directions)
-    carried = _unit("tracker_directions", tracker_directions) @ camera_from_tracker.mT
+    camera_from_tracker = attitude(camera_directions, tracker_directions, weights)
+    kept = weights_for(weights, camera_directions.shape[-2])
+    camera = kept[..., None] * unit("camera_directions", camera_directions)
+    carried = unit("tracker_directions", tracker_directions) @ camera_from_tracker.mT
     product = camera.mT @ carried
-    trace = np.einsum("...ii->...", product)[..., np.newaxis, np.newaxis]
+    trace = np.trace(product, axis1=-2, axis2=-1)[..., None, None]
     stiffness = trace * np.eye(3) - 0.5 * (product + product.mT)
-    moved = np.einsum("...ij,...njk->...nik", camera_from_tracker, direction_jacobian)
-    torque = np.cross(camera[..., np.newaxis, :], moved.mT)
-    return np.einsum("...ij,...nkj->...ink", np.linalg.inv(stiffness), torque)
+    moved = camera_from_tracker[..., None, :, :] @ direction_jacobian
+    torque = np.cross(camera[..., None, :], moved.mT)
+    # The stiffness is symmetric, so rows times its inverse are the turns.
+    return np.moveaxis(torque @ np.linalg.inv(stiffness)[..., None, :, :], -1, -3)
 
 
 @checked
@@ -406,8 +417,5 @@ def stage_angles(shifts: Point, focal_length: Positive) -> FloatArray:
     >>> stage_angles([1.0, 1.0], 1.0) / np.pi
     array([ 0.25, -0.25,  0.  ])
     """
-    about_x = np.arctan2(shifts[..., 1], focal_length)
-    return np.stack(
-        [about_x, -np.arctan2(shifts[..., 0], focal_length), np.zeros_like(about_x)],
-        axis=-1,
-    )
+    angles = np.arctan2(shifts[..., ::-1] * [1, -1], focal_length[..., None])
+    return np.insert(angles, 2, 0.0, axis=-1)

@@ -1,18 +1,14 @@
-"""Directions of laser light: leaving the camera, arriving in the star tracker.
+"""Lights of a camera, the star tracker that sees them, and the directions of their light.
 
-Both instruments use the same frame, said once here: the origin where the boresight meets the
-focal plane, Z along the boresight out of the instrument, X and Y along the axes of the focal
-plane. An image through one lens is inverted, hence the minus signs of (2) and (3): a source
-at positive X sends its light towards negative X. A direction in the tracker points to where
-the light comes from, as for a star.
+Both instruments use the same frame: the origin where the boresight meets the focal plane,
+Z along the boresight out of the instrument, X and Y along the axes of the focal plane. An image
+through one lens is inverted, hence the minus signs of (2) and (3): a source at positive X sends
+its light towards negative X. A direction in the tracker points to the source of the light, as for
+a star.
 
 Points on the camera's focal plane are in metres, spots on the tracker's detector in px, x
 before y; directions are unit vectors of shape (..., n, 3). The paper's v_i,cam are our camera
 directions, its w_i^k our tracker directions. Leading axes are a batch.
-
-Lights of a camera, and the star tracker that sees them: what a misalignment is measured with.
-
-A `Platform` has the same frames and units.
 """
 
 from __future__ import annotations
@@ -32,8 +28,10 @@ from reproduce.physics.attitude.angles import (
     misalignment,
     misalignment_angles,
 )
-from reproduce.physics.attitude.rotations import _rotation_from_vector, _unit
+from reproduce.physics.attitude.rotations import rotation_from_vector, unit
 from reproduce.physics.validate import Directions, FloatArray, Point, Points, Positive
+
+_rotation_from_vector = validate.kernel(rotation_from_vector)
 
 
 @validate.checked
@@ -64,9 +62,7 @@ def emitted_directions(
     >>> emitted_directions([[3.0, 0.0]], focal_length=4.0)
     array([[-0.6,  0. ,  0.8]])
     """
-    return _unit(
-        "points", _outward(principal_point[..., np.newaxis, :] - points, focal_length)
-    )
+    return unit("points", _rays(points, principal_point, 1 / focal_length))
 
 
 @validate.checked
@@ -97,9 +93,7 @@ def received_directions(
     >>> received_directions([[13.0, 10.0]], (10.0, 10.0), pixel_pitch=1.0, focal_length=4.0)
     array([[-0.6,  0. ,  0.8]])
     """
-    return _unit(
-        "spots", _received_rays(spots, principal_point, pixel_pitch, focal_length)
-    )
+    return unit("spots", _rays(spots, principal_point, pixel_pitch / focal_length))
 
 
 @validate.checked
@@ -133,11 +127,9 @@ def received_spots(
             "directions: expected light from in front of the tracker, got a third component of "
             f"{directions[..., 2].min():g}; the tracker looks along its Z axis"
         )
-    pixels = (focal_length / pixel_pitch)[..., np.newaxis, np.newaxis]
-    return (
-        principal_point[..., np.newaxis, :]
-        - pixels * directions[..., :2] / directions[..., 2:]
-    )
+    pixels = (focal_length / pixel_pitch)[..., None, None]
+    slopes = directions[..., :2] / directions[..., 2:]
+    return principal_point[..., None, :] - pixels * slopes
 
 
 @validate.checked
@@ -160,33 +152,19 @@ def received_jacobian(
     >>> float(received_jacobian([[0, 0]], (0, 0), pixel_pitch=1.0, focal_length=4.0)[0, 0, 0])
     -0.25
     """
-    rays = _received_rays(spots, principal_point, pixel_pitch, focal_length)
-    lengths = np.linalg.norm(rays, axis=-1)[..., np.newaxis, np.newaxis]
-    directions = rays[..., np.newaxis] / lengths
+    scale = pixel_pitch / focal_length
+    rays = _rays(spots, principal_point, scale)
+    lengths = np.linalg.norm(rays, axis=-1)[..., None, None]
+    directions = rays[..., None] / lengths
     # Only the part of the ray's motion across the ray turns the direction.
-    across = np.eye(3) - directions * directions.mT
-    return (
-        -pixel_pitch[..., np.newaxis, np.newaxis, np.newaxis]
-        / lengths
-        * across[..., :, :2]
-    )
+    across = np.eye(3, 2) - directions * directions[..., :2, :].mT
+    return -scale[..., None, None, None] / lengths * across
 
 
-def _received_rays(
-    spots: FloatArray, centre: FloatArray, pitch: FloatArray, focal_length: FloatArray
-) -> FloatArray:
-    offsets = centre[..., np.newaxis, :] - spots
-    return _outward(offsets * pitch[..., np.newaxis, np.newaxis], focal_length)
-
-
-def _outward(offsets: FloatArray, focal_length: FloatArray) -> FloatArray:
-    """Return the rays that belong to inverted points on the focal plane, pointing outwards."""
-    depth = focal_length[..., np.newaxis]
-    shape = np.broadcast_shapes(offsets.shape[:-1], depth.shape)
-    rays = np.empty((*shape, 3))
-    rays[..., :2] = offsets
-    rays[..., 2] = depth
-    return rays
+def _rays(points: FloatArray, centre: FloatArray, scale: FloatArray) -> FloatArray:
+    """Return the rays of inverted points, at unit depth; `scale` is one over a focal length."""
+    slopes = (centre[..., None, :] - points) * scale[..., None, None]
+    return np.insert(slopes, 2, 1.0, axis=-1)
 
 
 def _check_distinct(name: str, points: FloatArray, numbers: Iterable[int]) -> None:
@@ -249,31 +227,22 @@ class Platform:
                 f"lasers: expected two lights or more, (n, 2), got {lasers.shape}"
             )
         _check_distinct("lights", lasers, range(1, len(lasers) + 1))
-        for name in ("camera_focal_length", "tracker_focal_length", "pixel_pitch"):
-            object.__setattr__(
-                self, name, float(validate.positive(name, getattr(self, name)))
-            )
-        if self.pixel_pitch > _LARGEST_PITCH:
+        names = ("camera_focal_length", "tracker_focal_length", "pixel_pitch")
+        lengths = {name: validate.size(name, getattr(self, name)) for name in names}
+        if lengths["pixel_pitch"] > _LARGEST_PITCH:
             raise ValueError(
                 f"pixel_pitch: expected metres, below {_LARGEST_PITCH:g}, "
-                f"got {self.pixel_pitch:g}; give 5.5e-6 for 5.5 micrometres"
+                f"got {self.pixel_pitch:g}. Give 5.5e-6 for 5.5 micrometres"
             )
         centre = validate.finite_array(
             "principal_point", self.principal_point, shape=(2,)
         )
         spots = centre + lasers / self.camera_focal_length * self.pixels
         if len(self.spots):
-            spots = validate.finite_array("spots", self.spots, shape=(None, 2))
-        if len(spots) != len(lasers):
-            raise ValueError(
-                f"spots: expected {len(lasers)}, one for each light, got {len(spots)}"
-            )
-        for name, array in (
-            ("lasers", lasers),
-            ("principal_point", centre),
-            ("spots", spots),
-        ):
-            object.__setattr__(self, name, array)
+            spots = validate.finite_array("spots", self.spots, shape=lasers.shape)
+        self.__dict__.update(
+            lengths, lasers=lasers, principal_point=centre, spots=spots
+        )
 
     @classmethod
     def of_directions(
@@ -281,7 +250,7 @@ class Platform:
         directions: ArrayLike,
         tracker_focal_length: float,
         pixel_pitch: float,
-        principal_point: ArrayLike,
+        principal_point: FloatArray,
     ) -> Platform:
         """Return the platform of lights of which the directions are known.
 
@@ -302,13 +271,11 @@ class Platform:
         rays = validate.finite_array("directions", directions, shape=(None, 3))
         if (rays[:, 2] <= 0).any():
             raise ValueError(
-                f"directions: expected a third component above zero, got {rays[:, 2].min():g}; the "
-                "lights leave along Z of the camera"
+                f"directions: expected a third component above zero, got {rays[:, 2].min():g}. "
+                "Lights leave along Z of the camera: check the frame"
             )
         lasers = -rays[:, :2] / rays[:, 2:]
-        return cls(
-            lasers, 1.0, tracker_focal_length, pixel_pitch, np.asarray(principal_point)
-        )
+        return cls(lasers, 1.0, tracker_focal_length, pixel_pitch, principal_point)
 
     @classmethod
     def of_spots(
@@ -316,7 +283,7 @@ class Platform:
         spots: ArrayLike,
         tracker_focal_length: float,
         pixel_pitch: float,
-        principal_point: ArrayLike,
+        principal_point: FloatArray,
     ) -> Platform:
         """Return the platform of lights of which only the spots are known.
 
@@ -334,9 +301,9 @@ class Platform:
                [ 0., 50.]])
         """
         places = validate.finite_array("spots", spots, shape=(None, 2))
-        centre = validate.finite_array("principal_point", principal_point, shape=(2,))
+        lasers = (places - np.asarray(principal_point)) * pixel_pitch
         length = tracker_focal_length
-        return cls((places - centre) * pixel_pitch, length, length, pixel_pitch, centre)
+        return cls(lasers, length, length, pixel_pitch, principal_point)
 
     def with_lights(self, lights: NDArray[np.bool_]) -> Platform:
         """Return the platform with only some lights, from a mask of shape (n,)."""
@@ -366,39 +333,40 @@ class Platform:
         """Return the directions from which spots (..., n, 2), in px, arrive at the tracker."""
         return received_directions(spots, *self.tracker)
 
-    def transform(self, spots: ArrayLike) -> FloatArray:
-        """Return the laser transform that spots (..., n, 2) tell, tracker_from_camera."""
-        return laser_transform(self.directions, self.seen(spots))
+    def transform(
+        self, spots: ArrayLike, weights: ArrayLike | None = None
+    ) -> FloatArray:
+        """Return the laser transform of spots (..., n, 2), tracker_from_camera."""
+        return laser_transform(self.directions, self.seen(spots), weights)
 
-    def misalignment(self, spots: ArrayLike, zero: FloatArray) -> FloatArray:
+    def misalignment(
+        self, spots: ArrayLike, zero: FloatArray, weights: ArrayLike | None = None
+    ) -> FloatArray:
         """Return the misalignment angles, (..., 3), of spots against a laser transform."""
-        return misalignment_angles(
-            misalignment(self.directions, self.seen(spots), zero)
-        )
+        seen = self.seen(spots)
+        return misalignment_angles(misalignment(self.directions, seen, zero, weights))
 
-    def response(self, spots: ArrayLike) -> FloatArray:
-        """Return how the misalignment angles respond to each spot, (..., 3, n, 2), per px."""
-        seen, moves = self.seen(spots), received_jacobian(spots, *self.tracker)
-        return angle_jacobian(np.broadcast_to(self.directions, seen.shape), seen, moves)
+    def response(
+        self, spots: ArrayLike, weights: ArrayLike | None = None
+    ) -> FloatArray:
+        """Return the derivative of the misalignment angles by spots, (..., 3, n, 2), per px."""
+        moves = received_jacobian(spots, *self.tracker)
+        return angle_jacobian(self.directions, self.seen(spots), moves, weights)
 
     def predicted(
         self, mount: FloatArray, turn: FloatArray, lasers: FloatArray | None = None
     ) -> FloatArray:
-        """Where the spots should lie, shape (n, groups, lasers, 2), in px.
+        """Return the expected spots, shape (n, groups, lasers, 2), in px.
 
         The mount, (n, 3), is the rotation vector of the zero attitude against `reference`, in the
-        camera frame; the turn, (n, groups, 3), holds the misalignment angles since the zero point;
-        lasers, (lasers, 2) or (n, lasers, 2), in metres, are the designed ones unless others are
-        given.
+        camera frame. The turn, (n, groups, 3), contains the misalignment angles since the zero
+        point. Lasers, (lasers, 2) or (n, lasers, 2), are in metres. Default: as designed.
         """
         places = self.lasers if lasers is None else lasers
-        rays = np.empty((len(mount), places.shape[-2], 3))
-        rays[..., :2] = -places
-        rays[..., 2] = self.camera_focal_length
+        rays = np.insert(-places, 2, self.camera_focal_length, axis=-1)
         zero = self.reference @ _rotation_from_vector(mount)
-        now = zero[:, None] @ _rotation_from_vector(
-            turn
-        )  # (6): the turn of the camera, undone
-        arriving = rays[:, None] @ np.swapaxes(now, -1, -2)
+        # (6): the light goes through the inverse turn of the camera.
+        now = zero[:, None] @ _rotation_from_vector(turn)
+        arriving = rays[..., None, :, :] @ now.mT
         slopes = arriving[..., :2] / arriving[..., 2:]
         return np.asarray(self.principal_point - slopes * self.pixels)

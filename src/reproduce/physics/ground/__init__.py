@@ -1,16 +1,12 @@
 """Positions on the ground: Earth, orbit, imaging and its errors."""
 
 from reproduce.physics.ground.earth import (
-    DAY,
-    WGS84,
+    EARTH_RADIUS,
     earth_fixed,
     earth_from_inertial,
-    last_orbits,
     local_axes,
     orbital_period,
     satellite_from_inertial,
-    thermal_series,
-    trend_and_fourier,
 )
 from reproduce.physics.ground.imaging import (
     GroundJacobian,
@@ -21,4 +17,10 @@ from reproduce.physics.ground.imaging import (
     ground_resolution,
     image_vectors,
     imaged_position,
+)
+from reproduce.physics.ground.thermal import (
+    DAY_SECONDS,
+    last_orbits,
+    thermal_series,
+    trend_and_fourier,
 )

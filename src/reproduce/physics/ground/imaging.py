@@ -4,9 +4,9 @@ Lengths are in metres, angles in radians. Positions are Earth-fixed (WGS84 axes:
 pole, X to the meridian of zero longitude). The camera frame is that of `attitude.platform`: Z along
 the boresight, out of the camera. Leading axes are a batch.
 
-How a position answers to errors of the model is known exactly (`ground_jacobian`): P = S + l u
-stays on the ellipsoid whatever is varied, so its motion is that of the line of sight, dS + l du,
-slid along the line until it lies in the tangent plane: with the surface's normal n,
+The derivatives of a position are exact (`ground_jacobian`): P = S + l u stays on the ellipsoid, so
+its motion is that of the line of sight, dS + l du, slid along the line until it lies in the tangent
+plane: with the surface's normal n,
 
     dP = (I - u n^T / n·u) (dS + l du).
 
@@ -22,9 +22,8 @@ from typing import Annotated, Any
 import numpy as np
 from scipy.special import ndtr
 
-from reproduce.physics.attitude.platform import _outward
-from reproduce.physics.attitude.rotations import _cross_matrix, _unit
-from reproduce.physics.ground.earth import WGS84, Ellipsoid, local_axes
+from reproduce.physics.attitude import cross_matrix, unit
+from reproduce.physics.ground.earth import EARTH_AXES, local_axes
 from reproduce.physics.validate import (
     Direction,
     Directions,
@@ -33,6 +32,7 @@ from reproduce.physics.validate import (
     Points,
     Positive,
     Rotation,
+    Size,
     checked,
 )
 
@@ -42,12 +42,14 @@ _Plane = Annotated[Any, (2, 2)]
 # Strips over which a normal law in the plane is integrated; enough for five digits.
 _SECTORS = 256
 _HALVINGS = 60
+# Smallest ratio of the semi-axes that differs from a line.
+_MIN_RATIO = 1e-12
 
 
 @checked
 def image_vectors(
     points: Points,
-    focal_length: Positive,
+    focal_length: Size,
     principal_point: Point = (0.0, 0.0),
     distortion: Points = None,
 ) -> FloatArray:
@@ -57,7 +59,7 @@ def image_vectors(
     ----------
     points : array_like, shape (..., n, 2)
         Image coordinates (X, Y) on the focal plane, in metres.
-    focal_length : array_like, shape (...)
+    focal_length : float
         f_cam, in metres.
     principal_point : array_like, shape (..., 2)
         (X_0, Y_0), in metres.
@@ -75,10 +77,10 @@ def image_vectors(
     >>> image_vectors([[0.03, 0.0]], focal_length=4.0)
     array([[ 0.03,  0.  , -4.  ]])
     """
-    offsets = points - principal_point[..., np.newaxis, :]
-    return _outward(
-        offsets if distortion is None else offsets - distortion, -focal_length
-    )
+    offsets = points - principal_point[..., None, :]
+    if distortion is not None:
+        offsets = offsets - distortion
+    return np.insert(offsets, 2, -focal_length, axis=-1)
 
 
 @checked
@@ -86,7 +88,6 @@ def imaged_position(
     vectors: Directions,
     satellite: Direction,
     earth_from_camera: Rotation,
-    ellipsoid: Ellipsoid = WGS84,
 ) -> FloatArray:
     """Return the ground positions that image points show: the rigorous imaging model.
 
@@ -105,8 +106,6 @@ def imaged_position(
         The rotation chain ``earth_from_inertial @ inertial_from_tracker @ tracker_misalignment @
         tracker_from_camera``: R_J2000^WGS84, R_star^J2000, R_U as from
         `attitude.misalignment_in_tracker`, and R_cam^star, the installation at the zero point.
-    ellipsoid : Ellipsoid
-        The surface of the Earth.
 
     Returns
     -------
@@ -126,42 +125,36 @@ def imaged_position(
     >>> imaged_position([[0, 0, -0.5]], [7378137.0, 0, 0], down).round()
     array([[6378137.,       0.,       0.]])
     """
-    return _seen(vectors, satellite, earth_from_camera, ellipsoid)[2]
+    return _seen(vectors, satellite, earth_from_camera)[2]
 
 
 def _seen(
-    vectors: FloatArray, satellite: FloatArray, chain: FloatArray, ellipsoid: Ellipsoid
+    vectors: FloatArray, satellite: FloatArray, chain: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return unit lines of sight, Earth-fixed, how far they reach, and where they end."""
-    sight = _unit("vectors", -(vectors @ chain.mT))
-    origin = satellite[..., np.newaxis, :]
-    reach = _distance(origin, sight, ellipsoid)
-    return sight, reach, origin + reach[..., np.newaxis] * sight
-
-
-def _distance(start: FloatArray, sight: FloatArray, ellipsoid: Ellipsoid) -> FloatArray:
-    axes = ellipsoid.axes
-    # In units of the axes the ellipsoid is a sphere of radius one.
-    start, sight = start / axes, sight / axes
-    height = np.einsum("...i,...i->...", start, start) - 1.0
+    """Return unit lines of sight, Earth-fixed, their lengths, and their ends on the ground."""
+    line = unit("vectors", -(vectors @ chain.mT))
+    origin = satellite[..., None, :]
+    # In units of the semi-axes the ellipsoid is a sphere of radius one.
+    start, sight = origin / EARTH_AXES, line / EARTH_AXES
+    height = np.vecdot(start, start) - 1.0
     if (height <= 0).any():
         raise ValueError(
-            "satellite: expected points outside the ellipsoid, got one on it or inside; positions "
-            "are in metres from the Earth's centre"
+            "satellite: expected points outside the ellipsoid, got a point on it or inside. Give "
+            "positions in metres from the Earth's centre"
         )
-    approach = -np.einsum("...i,...i->...", start, sight)
-    square = np.einsum("...i,...i->...", sight, sight)
+    approach = -np.vecdot(start, sight)
     # Lagrange's identity: no difference of large squares at grazing incidence.
     moment = np.cross(start, sight)
-    discriminant = square - np.einsum("...i,...i->...", moment, moment)
+    discriminant = np.vecdot(sight, sight) - np.vecdot(moment, moment)
     missed = (discriminant < 0) | (approach <= 0)
     if missed.any():
         raise ValueError(
             f"vectors: expected lines of sight that meet the Earth, got {missed.sum()} of "
-            f"{missed.size} that miss it, {(approach <= 0).sum()} of them looking away from it; "
-            "check the sign of the boresight and the order of the rotations, or drop these pixels"
+            f"{missed.size} that miss it, {(approach <= 0).sum()} of them looking away from it. "
+            "Check the sign of the boresight and the order of the rotations, or drop these pixels"
         )
-    return height / (approach + np.sqrt(discriminant))
+    reach = height / (approach + np.sqrt(discriminant))
+    return line, reach, origin + reach[..., None] * line
 
 
 @dataclass(frozen=True, eq=False)
@@ -197,7 +190,7 @@ def ground_jacobian(
 ) -> GroundJacobian:
     """Return ground positions with their derivatives by all terms of the imaging model.
 
-    Arguments and errors are those of `imaged_position`; the surface is that of WGS84.
+    Arguments and errors are those of `imaged_position`.
 
     Returns
     -------
@@ -213,19 +206,18 @@ def ground_jacobian(
     >>> found.by_turn[0, :, 1].round(3) + 0.0
     array([      0.,       0., 1000000.])
     """
-    sight, reach, position = _seen(vectors, satellite, earth_from_camera, WGS84)
-    lengths = np.linalg.norm(vectors, axis=-1)
+    sight, reach, position = _seen(vectors, satellite, earth_from_camera)
     # The projection along the line of sight onto the tangent plane.
-    normal = position / WGS84.axes**2
-    steep = np.einsum("...i,...i->...", normal, sight)[..., np.newaxis, np.newaxis]
-    slide = np.eye(3) - sight[..., :, np.newaxis] * normal[..., np.newaxis, :] / steep
-    far = slide * reach[..., np.newaxis, np.newaxis]
-    matrix = earth_from_camera[..., np.newaxis, :, :]
+    normal = position / EARTH_AXES**2
+    steep = np.vecdot(normal, sight)[..., None, None]
+    slide = np.eye(3) - sight[..., None] * normal[..., None, :] / steep
+    far = slide * reach[..., None, None]
+    matrix = earth_from_camera[..., None, :, :]
     # A turn by t moves the line by t × u, so du = -[u ×] R t for a turn about camera axes.
-    by_turn = -far @ _cross_matrix(sight) @ matrix
-    across = np.eye(3) - sight[..., :, np.newaxis] * sight[..., np.newaxis, :]
-    by_image = -far @ across @ matrix / lengths[..., np.newaxis, np.newaxis]
-    return GroundJacobian(position, slide, by_turn, by_image)
+    by_turn = -far @ cross_matrix(sight) @ matrix
+    # Along the line the projection vanishes, so the image vector needs no projection of its own.
+    lengths = np.linalg.norm(vectors, axis=-1)[..., None, None]
+    return GroundJacobian(position, slide, by_turn, -far @ matrix / lengths)
 
 
 @checked
@@ -301,7 +293,7 @@ def ground_covariance(
 
 @checked
 def circular_error(covariance: _Plane, share: float = 0.9) -> FloatArray:
-    """Return the radius of the circle that holds a share of the errors: CE90 by default.
+    """Return the radius of the circle that contains a share of the errors: CE90 by default.
 
     Parameters
     ----------
@@ -323,37 +315,31 @@ def circular_error(covariance: _Plane, share: float = 0.9) -> FloatArray:
     """
     if not 0.0 < share < 1.0:
         raise ValueError(
-            f"share: expected above 0 and below 1, got {share}; 0.9 is nine tenths"
+            f"share: expected above 0 and below 1, got {share}. Give 0.9 for 90 %"
         )
     values = np.linalg.eigvalsh(covariance)
-    if (values[..., 0] < -1e-9 * np.maximum(values[..., 1], 0.0)).any():
+    if (values[..., 0] < -1e-9 * values[..., 1].clip(0.0)).any():
         raise ValueError(
             "covariance: expected no negative variance in any direction, got "
-            f"{values.min():g}; pass a covariance, not its inverse or a correlation of mixed units"
+            f"{values.min():g}. Give a covariance, not its inverse or a correlation of mixed units"
         )
-    values = np.maximum(values, 0.0)
-    large = np.sqrt(values[..., 1])
-    scale = np.where(large > 0, large, 1.0)
-    # Thinner than a millionth is a line for every purpose, and keeps the integral regular.
-    ratio = np.maximum(np.sqrt(values[..., 0]) / scale, 0.0)
-    low, high = (
-        np.zeros_like(scale),
-        np.full_like(scale, np.sqrt(-2.0 * np.log1p(-share))),
-    )
+    small, large = np.sqrt(np.moveaxis(values.clip(0.0), -1, 0))
+    ratio = small / np.where(large > 0, large, 1.0)
+    low = np.zeros_like(ratio)
+    high = low + np.sqrt(-2.0 * np.log1p(-share))
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
-        inside = _held(middle, ratio) < share
+        inside = _fraction_inside(middle, ratio) < share
         low, high = np.where(inside, middle, low), np.where(inside, high, middle)
-    return np.where(large > 0, high * scale, 0.0)
+    return high * large
 
 
-def _held(radius: FloatArray, ratio: FloatArray) -> FloatArray:
-    """Return the share of a normal law with semi-axes 1 and `ratio` inside a circle."""
+def _fraction_inside(radius: FloatArray, ratio: FloatArray) -> FloatArray:
+    """Return the probability of a circle for a normal law with semi-axes 1 and `ratio`."""
     # Across the long axis: x from -R to R, and |y| below the circle's edge there.
     turn = (np.arange(_SECTORS) + 0.5) / _SECTORS * np.pi - np.pi / 2
-    x = radius[..., np.newaxis] * np.sin(turn)
-    edge = radius[..., np.newaxis] * np.cos(turn)
-    thin = np.maximum(ratio, 1e-12)[..., np.newaxis]
-    within = 2.0 * ndtr(edge / thin) - 1.0
+    x, edge = radius[..., None] * np.sin(turn), radius[..., None] * np.cos(turn)
+    # The limit keeps the integral of a line regular.
+    within = 2.0 * ndtr(edge / ratio[..., None].clip(_MIN_RATIO)) - 1.0
     density = np.exp(-0.5 * x**2) / np.sqrt(2.0 * np.pi)
     return (density * within * edge).mean(axis=-1) * np.pi

@@ -1,0 +1,311 @@
+"""Averages over consecutive frames, and the fall of their scatter with the number of frames.
+
+A series has its frames along the last axis unless a function states otherwise; all other axes
+(replicates, angles) are a batch. Units are those of the series.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.special import gammaincinv
+
+from reproduce.physics import validate
+from reproduce.physics.validate import FloatArray, NonNegative, Positive
+
+# Fewest averages of a deviation, and fewest frames.
+_MIN_AVERAGES = 8
+_MIN_FRAMES = 2 * _MIN_AVERAGES
+# Parts of a series, of which the means give the error of its drift.
+_DRIFT_PARTS = 10
+
+
+def moving_average(series: ArrayLike, count: int) -> FloatArray:
+    """Return the averages over every run of `count` consecutive frames.
+
+    Parameters
+    ----------
+    series : array_like, shape (..., frames)
+    count : int
+        Number of frames in an average; at most all.
+
+    Returns
+    -------
+    ndarray, shape (..., frames - count + 1)
+        Neighbours share frames.
+
+    Examples
+    --------
+    >>> moving_average([1, 2, 6, 10], 2)
+    array([1.5, 4. , 8. ])
+    """
+    frames = validate.finite_array("series", series, shape=(None,))
+    _check_counts("count", [count], frames.shape[-1])
+    # Sums start at the first frame, because a common offset would cost digits.
+    first = frames[..., :1]
+    sums = np.cumsum(np.insert(frames - first, 0, 0.0, axis=-1), axis=-1)
+    return (sums[..., count:] - sums[..., :-count]) / count + first
+
+
+def _check_counts(name: str, counts: Sequence[int], most: int) -> None:
+    whole = [validate.whole_number(name, count) for count in counts]
+    if not 0 < max(whole, default=0) <= most:
+        raise ValueError(
+            f"{name}: expected numbers of frames up to {most}, got {counts}. Average fewer frames "
+            "or give a longer series"
+        )
+
+
+def scatter_of_averages(series: ArrayLike, counts: Sequence[int]) -> FloatArray:
+    """Return the standard deviation of moving averages over n frames of a series, for each n.
+
+    The values for different n come from the same frames, so they are strongly correlated;
+    for n close to the number of frames few averages are independent and the value itself is
+    uncertain. Use many replicates to see both.
+
+    Parameters
+    ----------
+    series : array_like, shape (..., frames)
+    counts : sequence of int
+        The numbers n of frames in an average, each smaller than that of all frames.
+
+    Returns
+    -------
+    ndarray, shape (..., counts)
+        Standard deviations, 1 sigma, with n - 1 in the denominator.
+
+    Raises
+    ------
+    ValueError
+        If no count is given, or a count leaves a single average.
+
+    Examples
+    --------
+    >>> scatter_of_averages([0, 2, 0, 2, 0, 2, 0, 2, 0, 2], [2])
+    array([0.])
+    """
+    frames = validate.finite_array("series", series, shape=(None,))
+    _check_counts("counts", counts, frames.shape[-1] - 1)
+    averages = (moving_average(frames, count) for count in counts)
+    return np.stack([one.std(axis=-1, ddof=1) for one in averages], axis=-1)
+
+
+def allan_deviation(series: ArrayLike, counts: Sequence[int]) -> FloatArray:
+    """Return the Allan deviation of averages over n frames of a series, for each n.
+
+    It is the root of half the mean square difference of neighbouring averages: for white noise
+    the error of an average. Averages share no frames.
+
+    Parameters
+    ----------
+    series : array_like, shape (..., frames)
+        Evenly spaced in time.
+    counts : sequence of int
+        The numbers n of frames in an average, each at most half of all.
+
+    Returns
+    -------
+    ndarray, shape (..., counts)
+
+    Raises
+    ------
+    ValueError
+        If no count is given, or a count leaves a single average.
+
+    Examples
+    --------
+    >>> allan_deviation([0, 2, 0, 2, 0, 2], [1, 2]).round(3) + 0.0
+    array([1.414, 0.   ])
+    """
+    frames = validate.finite_array("series", series, shape=(None,))
+    _check_counts("counts", counts, frames.shape[-1] // 2)
+    squares = [np.square(_changes(frames, count)).mean(axis=-1) for count in counts]
+    return np.sqrt(np.stack(squares, axis=-1) / 2)
+
+
+def _changes(frames: FloatArray, count: int) -> FloatArray:
+    """Return the differences of averages over n frames from the next ones, (..., averages - 1)."""
+    whole = frames[..., : frames.shape[-1] // count * count]
+    averages = whole.reshape(*frames.shape[:-1], -1, count).mean(axis=-1)
+    return np.diff(averages, axis=-1)
+
+
+@dataclass(frozen=True, eq=False)
+class Stability:
+    """Drift of a series of angles, and the errors of averages without the drift.
+
+    Attributes
+    ----------
+    rate, rate_error : ndarray, shape (k,)
+        Drift in a unit of time, by least squares, and its standard error.
+    left : ndarray, shape (frames, k)
+        The series minus the straight drift.
+    counts : ndarray of int, shape (m,)
+        Numbers of averaged frames: powers of two.
+    averages : ndarray of int, shape (m,)
+        Numbers of averages behind each deviation; none lies across a gap.
+    deviations : ndarray, shape (m, k)
+        Allan deviation without the drift.
+
+    Notes
+    -----
+    The error of the rate is that of a line through the means of ten parts of the series. It
+    includes noise that neighbouring frames share, if it is shorter than the parts.
+    """
+
+    rate: FloatArray
+    rate_error: FloatArray
+    left: FloatArray
+    counts: NDArray[np.int64]
+    averages: NDArray[np.int64]
+    deviations: FloatArray
+
+    @property
+    def floor(self) -> FloatArray:
+        """Smallest deviation of an average, shape (k,)."""
+        return np.asarray(self.deviations.min(axis=0))
+
+    @property
+    def reached(self) -> NDArray[np.int64]:
+        """Number of frames in the best average, shape (k,)."""
+        return np.asarray(self.counts[self.deviations.argmin(axis=0)])
+
+    @property
+    def white(self) -> FloatArray:
+        """Deviations if all noise were white, shape (m, k)."""
+        return self.deviations[:1] / np.sqrt(self.counts)[:, None]
+
+    def floor_interval(self, share: float) -> FloatArray:
+        """Return the interval of the deviation at the floor, of nominal share, shape (2, k).
+
+        It is chi-squared with 2 (M - 1)^2 / (3 M - 4) degrees of freedom for M averages, as for
+        white noise. The choice of the smallest deviation biases it a little towards low values.
+        """
+        averages = self.averages[self.deviations.argmin(axis=0)]
+        half = np.square(averages - 1) / (3 * averages - 4)
+        ends = 0.5 + np.array([[share], [-share]]) / 2
+        return self.floor * np.sqrt(half / gammaincinv(half, ends))
+
+
+def stability(times: ArrayLike, series: ArrayLike) -> Stability:
+    """Return the drift of a series of angles, and the number of frames that an average needs.
+
+    Parameters
+    ----------
+    times : array_like, shape (frames,)
+        Increasing, in any unit; evenly spaced to half a frame except for gaps.
+    series : array_like, shape (frames, k)
+        16 frames or more.
+
+    Returns
+    -------
+    Stability
+
+    Raises
+    ------
+    ValueError
+        If there are too few frames, or times do not increase or not evenly.
+
+    Examples
+    --------
+    >>> found = stability(np.arange(20.0), 3.0 * np.arange(20.0)[:, None])
+    >>> found.rate.round(9), found.floor.round(9) + 0.0
+    (array([3.]), array([0.]))
+    """
+    values = validate.finite_array("series", series, shape=(None, None))
+    when = validate.finite_array("times", times, shape=(len(values),))
+    if len(values) < _MIN_FRAMES:
+        raise ValueError(
+            f"series: expected {_MIN_FRAMES} frames or more, got {len(values)}. Add frames"
+        )
+    steps = np.diff(when)
+    usual = np.median(steps)
+    if steps.min() <= 0 or steps.min() < usual / 2:
+        raise ValueError(
+            f"times: expected increasing, evenly spaced frames, got a step of {steps.min():.2g} "
+            f"where {usual:.2g} is usual. Sort them and leave out frames in between"
+        )
+    when = when - when.mean()
+    rate, level = np.polyfit(when, values, 1)
+    left = values - level - when[:, None] * rate
+    parts = np.array_split(np.column_stack([when, values]), _DRIFT_PARTS)
+    means = np.array([part.mean(axis=0) for part in parts])
+    _, covariance = np.polyfit(means[:, 0], means[:, 1:], 1, cov=True)
+    # A lost frame in a gap separates the averages of both sides.
+    gaps = np.flatnonzero(steps > 1.5 * usual) + 1
+    broken = np.insert(left, gaps, np.nan, axis=0).T
+    tried = [2**n for n in range(int(np.log2(len(values) // _MIN_AVERAGES)) + 1)]
+    changes = [_changes(broken, count) for count in tried]
+    averages = np.array([np.isfinite(one[0]).sum() + 1 for one in changes])
+    kept = np.flatnonzero(averages >= _MIN_AVERAGES)
+    squares = [np.nanmean(np.square(changes[place]), axis=1) for place in kept]
+    return Stability(
+        rate,
+        np.sqrt(covariance[0, 0]),
+        left,
+        np.array(tried)[kept],
+        averages[kept],
+        np.sqrt(np.array(squares) / 2),
+    )
+
+
+@validate.checked
+def averaged_error(
+    count: Positive, single: NonNegative, floor: NonNegative = 0.0
+) -> FloatArray:
+    """Return the error of an average in the model E^2 = a^2 / n + b^2.
+
+    Parameters
+    ----------
+    count : array_like
+        n, number of independent frames; above zero.
+    single, floor : array_like, in one unit
+        a, the error of a single frame that averaging reduces, and b, the error that remains.
+
+    Returns
+    -------
+    ndarray
+        E, in the unit of `single`.
+
+    Examples
+    --------
+    >>> float(averaged_error(4, single=6.0, floor=4.0))
+    5.0
+    """
+    return np.asarray(np.hypot(single / np.sqrt(count), floor))
+
+
+@validate.checked
+def attitude_accuracy(
+    centroid_sigma: NonNegative, count: Positive, pixel_angle: Positive
+) -> FloatArray:
+    """Return the accuracy of an attitude about X or Y from centroids of many spots.
+
+    Implements: chen2023 (11).
+
+    It is valid for spots near the boresight, where a turn about X moves all spots equally along Y.
+    About Z the error is larger, by one over the distance of the spots from their centre.
+
+    Parameters
+    ----------
+    centroid_sigma : array_like
+        delta, error of one centroid along one axis, in px; about X it is the error along Y.
+    count : array_like
+        N, number of spots; above zero.
+    pixel_angle : array_like
+        theta_pixel, the angle that a pixel subtends, in radians.
+
+    Returns
+    -------
+    ndarray
+        E = delta / sqrt(N) theta_pixel, in radians, at the same number of sigmas as delta.
+
+    Examples
+    --------
+    >>> float(attitude_accuracy(0.5, count=4, pixel_angle=8.0))
+    2.0
+    """
+    return np.asarray(centroid_sigma / np.sqrt(count) * pixel_angle)
