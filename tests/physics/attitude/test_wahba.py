@@ -14,6 +14,7 @@ from reproduce.physics.attitude import (
     attitude,
     emitted_directions,
     mean_rotation,
+    quest,
 )
 from reproduce.physics.validate import DegenerateGeometryError
 
@@ -114,6 +115,19 @@ def test_agrees_with_scipy_and_with_the_eigenvector_of_davenport():
     misses = np.square(target - source @ found.mT).sum(axis=-1)
     loss = 2 * (weights.sum(axis=-1) - values[:, -1])
     np.testing.assert_allclose((weights * misses).sum(axis=-1), loss, atol=1e-12)
+
+
+def test_quest_agrees_with_singular_values():
+    """QUEST loses the square root of its digits if the gap is small."""
+    for name, source in SETS.items():
+        weights = RNG.uniform(0.5, 2.0, len(source))
+        for turn in TURNS:
+            target = noisy(source @ turn.T, 1e-5)
+            error = angle_between(
+                quest(target, source, weights), attitude(target, source, weights)
+            )
+            limit = 1e3 * EPSILON / gap(target, source, weights) ** 2
+            assert error < max(limit, 1e-12), name
 
 
 def test_clusters_lost_in_noise_agree_with_davenport():

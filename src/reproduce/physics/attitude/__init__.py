@@ -35,6 +35,7 @@ from reproduce.physics.attitude.rotations import (
     attitude,
     cross_matrix,
     mean_rotation,
+    quest,
     rotation_from_vector,
     unit,
     vector_from_rotation,

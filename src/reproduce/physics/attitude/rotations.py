@@ -9,16 +9,18 @@ have shape (..., n, 3): rows are observations. Rotations are named target first:
 `target_from_source` fits `target = target_from_source @ source`.
 
 The solution maximises trace(A B^T), where the profile B = sum w t s^T contains the target
-directions t and the source directions s, with weights of sum 1. QUEST (Shuster and Oh 1981) finds
-the same rotation as the eigenvector of Davenport's matrix K. Here it follows from the singular
-values of B (Markley 1988), with an error of about 60 times machine precision over the gap between
-the two largest eigenvalues of K. Half the gap is the stiffness against a turn about the worst axis.
+directions t and the source directions s, with weights of sum 1. `attitude` computes it from the
+singular values of B (Markley 1988), with an error of about 60 times machine precision over the gap
+between the two largest eigenvalues of Davenport's matrix K. `quest` computes the eigenvector of K
+(Shuster and Oh 1981) and serves as a comparison. Half the gap is the stiffness against a rotation
+about the worst axis.
 """
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.spatial.transform import Rotation as SciPyRotation
 
 from reproduce.physics import validate
 from reproduce.physics.validate import (
@@ -32,6 +34,8 @@ from reproduce.physics.validate import (
 # Relative gap below which rounding turns the result by a milliradian. It belongs to directions
 # about a microradian apart, or to a weight of this fraction.
 _MIN_EIGENVALUE_GAP = 1e-12
+# Newton's iteration of QUEST converges quadratically from above.
+_NEWTON_STEPS = 60
 
 
 def unit(name: str, vectors: ArrayLike) -> FloatArray:
@@ -177,12 +181,70 @@ def attitude(
     >>> np.allclose(target_from_source @ [1, 0, 0], [0, 1, 0])
     True
     """
-    source = unit("source_vectors", source_vectors)
-    kept = validate.weights_for(weights, source.shape[-2])
-    share = (kept / kept.sum(axis=-1, keepdims=True))[..., None]
-    return _nearest_rotation(
-        (share * unit("target_vectors", target_vectors)).mT @ source
+    return _nearest_rotation(_profile(target_vectors, source_vectors, weights))
+
+
+@validate.checked
+def quest(
+    target_vectors: Directions, source_vectors: Directions, weights: Weights = None
+) -> FloatArray:
+    """Return the rotation of `attitude` by QUEST, the solver of chen2023.
+
+    Newton's iteration finds the largest eigenvalue of Davenport's matrix from its
+    characteristic polynomial, and cofactors give its eigenvector, a quaternion. The
+    usual form by an inverse fails for half a turn. The numerical error is larger than
+    the error of `attitude`, about the square of the inverse gap times machine precision.
+
+    Parameters
+    ----------
+    target_vectors, source_vectors : array_like, shape (n, 3)
+        The same directions in two frames, of any length but zero.
+    weights : array_like, shape (n,), optional
+        Relative weights, such as inverse variances, not all zero. Default: all 1.
+
+    Returns
+    -------
+    ndarray, shape (3, 3)
+        target_from_source, a proper rotation.
+
+    Raises
+    ------
+    DegenerateGeometryError
+        As in `attitude`.
+
+    Examples
+    --------
+    >>> target_from_source = quest([[0, 1, 0], [0, 0, 1]], [[1, 0, 0], [0, 0, 1]])
+    >>> np.allclose(target_from_source @ [1, 0, 0], [0, 1, 0])
+    True
+    """
+    profile = _profile(target_vectors, source_vectors, weights)
+    _nearest_rotation(profile)  # raises an error if a rotation is free
+    davenport = np.zeros((4, 4))
+    davenport[:3, :3] = profile + profile.T - np.trace(profile) * np.eye(3)
+    davenport[:3, 3] = (profile.T - profile)[[1, 2, 0], [2, 0, 1]]
+    davenport[3, :3] = davenport[:3, 3]
+    davenport[3, 3] = np.trace(profile)
+    square, volume = np.square(profile).sum(), 8.0 * np.linalg.det(profile)
+    minors = 2.0 * (square**2 - np.square(profile @ profile.T).sum())
+    root = 1.0  # the sum of the weights, an upper bound
+    for _ in range(_NEWTON_STEPS):
+        excess = root**2 - square
+        value = excess**2 - root * volume - minors
+        root -= max(value / (4.0 * root * excess - volume), 0.0)
+    matrix = davenport - root * np.eye(4)
+    rows = [np.delete(np.arange(4), i) for i in range(4)]
+    cofactors = np.array(
+        [
+            [
+                (-1) ** (i + j) * np.linalg.det(matrix[np.ix_(rows[i], rows[j])])
+                for j in range(4)
+            ]
+            for i in range(4)
+        ]
     )
+    quaternion = cofactors[np.abs(cofactors.diagonal()).argmax()]
+    return np.asarray(SciPyRotation.from_quat(quaternion).as_matrix())
 
 
 def mean_rotation(matrices: ArrayLike) -> FloatArray:
@@ -210,6 +272,16 @@ def mean_rotation(matrices: ArrayLike) -> FloatArray:
     """
     array = validate.rotations("matrices", matrices, shape=(None, 3, 3))
     return _nearest_rotation(array.mean(axis=-3))
+
+
+def _profile(
+    target_vectors: ArrayLike, source_vectors: ArrayLike, weights: FloatArray | None
+) -> FloatArray:
+    """Return the attitude profile matrices, with weights of sum 1."""
+    source = unit("source_vectors", source_vectors)
+    kept = validate.weights_for(weights, source.shape[-2])
+    share = (kept / kept.sum(axis=-1, keepdims=True))[..., None]
+    return np.asarray((share * unit("target_vectors", target_vectors)).mT @ source)
 
 
 def _nearest_rotation(profile: FloatArray) -> FloatArray:
