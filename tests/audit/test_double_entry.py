@@ -14,10 +14,9 @@ from made_up import declared
 
 from reproduce.audit.report import audit_paper
 from reproduce.judge.ledger import build
+from reproduce.judge.propagate import result_intervals
 from reproduce.judge.readings import evaluate
-from reproduce.judge.rerun import maker
-from reproduce.judge.verdicts import result_intervals
-from reproduce.papers.catalogue import catalogue
+from reproduce.papers.catalogue import catalogue, maker
 from reproduce.papers.declare import reproduces, unpublished
 from reproduce.printed.cells import PAPERS, find
 from reproduce.printed.given import given
@@ -107,7 +106,7 @@ def test_the_two_entries_give_one_value_wherever_the_inputs_lie(name):
         )
         inputs = {a: shifted[a] for a in relation.addresses if a in door.cells}
         assert set(relation.addresses) - set(inputs) <= {relation.result}
-        right = relation.sides({relation.result: 0.0, **inputs})[1]
+        right = relation.values({relation.result: 0.0, **inputs})[1]
         value = value_of(computation, shifted, name)
         assert right == pytest.approx(value, rel=1e-11, abs=1e-18)
 
@@ -125,7 +124,7 @@ def test_every_relation_that_restates_a_computed_number_says_so():
             door = given(computation.given)
             value = value_of(computation, door, name)
             read = set(relation.addresses) - {relation.result} <= set(door.cells)
-            right = relation.sides({a: SHEET[a].si for a in relation.addresses})[1]
+            right = relation.values({a: SHEET[a].si for a in relation.addresses})[1]
             if read and right == pytest.approx(value, rel=1e-9):
                 assert relation.restates in ours, relation.name
 

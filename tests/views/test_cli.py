@@ -87,7 +87,11 @@ def test_check_of_one_item_as_json():
 
 
 def test_check_ends_with_one_and_names_the_cells_that_differ(monkeypatch):
-    other = {"niu2024/table-2#scale.red": ledger.Expectation("differs", "for the test")}
+    other = {
+        "niu2024/table-2#scale.red": ledger.Expectation(
+            verdict="differs", reason="for the test"
+        )
+    }
     real = ledger.frozen
     monkeypatch.setattr(ledger, "frozen", lambda: real() | other)
     result = run("check", "niu2024/table-2", "niu2024/table-1")
@@ -462,20 +466,20 @@ def test_show_reruns_under_a_change():
             "--set noise: expected CELL=VALUE",
         ),
         (["show", "niu2024/table-3", "--option", "noise"], "expected NAME=ALTERNATIVE"),
-        (["show", "niu2024/table-3", "--set", "noise=1"], "does not read noise"),
-        (["show", "niu2024/fig-4", "--seed", "1"], "fig-4 draws no random numbers"),
-        (["show", "niu2024/table-2", "--seed", "1"], "table-2 draws no random numbers"),
+        (["show", "niu2024/table-3", "--set", "noise=1"], "noise: expected"),
+        (["show", "niu2024/fig-4", "--seed", "1"], "seed: expected"),
+        (["show", "niu2024/table-2", "--seed", "1"], "seed: expected"),
         (
             ["figure", "niu2024/fig-4", "--seed", "1", "--out", "x.svg"],
-            "draws no random numbers",
+            "seed: expected",
         ),
         (
             ["show", "niu2024/table-3", "--option", "angle=square"],
-            "has no option 'angle'; it",
+            "angle: expected",
         ),
         (
             ["show", "niu2024/table-3", "--option", "angles=round"],
-            "angles is one of square,",
+            "angles: expected",
         ),
         (
             ["show", "niu2024/table-3", "--replicates", "100001"],

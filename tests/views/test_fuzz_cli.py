@@ -10,8 +10,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from reproduce.inference import sampling
-from reproduce.judge import rerun
-from reproduce.papers.catalogue import catalogue
+from reproduce.judge.rerun import options
+from reproduce.papers.catalogue import catalogue, changeable
 from reproduce.papers.posteriors import File, posteriors
 from reproduce.physics.registration import MODELS
 from reproduce.printed.cells import find
@@ -73,7 +73,7 @@ def no_sampling(monkeypatch):
 @pytest.mark.parametrize("value", FOUND)
 @pytest.mark.parametrize("key", TABLES)
 def test_values_found_before(key, value):
-    addresses = rerun.changeable(key)
+    addresses = changeable(key)
     unit = value.split()[1]
     (address, *_) = [a for a in addresses if find(a)[0].unit == unit] or addresses
     check("show", key, "--set", f"{address}={value}", "--replicates", "2")
@@ -119,7 +119,7 @@ def test_any_arguments(command, arguments):
 @FEW
 @given(st.data(), st.sampled_from([*TABLES, *FIGURES]), VALUES)
 def test_any_value_for_a_cell_that_is_read(data, key, value):
-    address = data.draw(st.sampled_from(rerun.changeable(key)))
+    address = data.draw(st.sampled_from(changeable(key)))
     arguments = ["show", key, "--set", f"{address}={value}"]
     if any(one.replicates for one in catalogue()[key].computations):
         arguments += ["--replicates", "2"]
@@ -129,7 +129,7 @@ def test_any_value_for_a_cell_that_is_read(data, key, value):
 @settings(FEW, max_examples=30)
 @given(st.sampled_from(TABLES), st.data(), st.one_of(TEXT, st.none()))
 def test_any_option(key, data, way):
-    known = rerun.options(key)
+    known = options(key)
     name = data.draw(st.sampled_from([*known, "angle", ""]))
     chosen = (
         data.draw(st.sampled_from([*known.get(name, ()), "x"])) if way is None else way

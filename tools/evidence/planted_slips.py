@@ -28,7 +28,8 @@ from reproduce.audit.examine import contradicted
 from reproduce.audit.relation import Relation, Sheet
 from reproduce.audit.report import audit_paper
 from reproduce.judge.ledger import frozen
-from reproduce.judge.verdicts import AGREES, Propagated, judge, result_intervals
+from reproduce.judge.propagate import result_intervals
+from reproduce.judge.verdicts import AGREES, Propagated, judge
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import Computation, Results
 from reproduce.printed.cells import PAPERS, Cell, library

@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from markupsafe import Markup
 
-from reproduce.judge.rerun import ChangedCell, Rerun, in_si
+from reproduce.judge.rerun import ChangedCell, Rerun
 from reproduce.papers.declare import Study
 from reproduce.printed.cells import find
 from reproduce.printed.number import Interval, symbol
+from reproduce.printed.quantity import si_value
 from reproduce.views import verdicts
 from reproduce.views.base import Change, setting
 from reproduce.views.blocks import Block, Display, Grid, Html, grid
@@ -311,7 +312,7 @@ def swept(
 
 
 def _as_printed(address: str, value: str | float) -> bool:
-    return isclose(in_si(find(address)[0], value), find(address)[0].si)
+    return isclose(si_value(find(address)[0], value), find(address)[0].si)
 
 
 def of_cells(rerun: Rerun, names: Sequence[str]) -> Iterator[Point]:
