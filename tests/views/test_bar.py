@@ -121,7 +121,7 @@ def test_a_build_draws_a_figure_once(tmp_path, monkeypatch):
         monkeypatch.setattr(
             figures, "painted", lambda paint, **_: pytest.fail("drawn again")
         )
-        shown = figures._in_build("niu2024/fig-2")
+        shown = figures._page_vectors("niu2024/fig-2")
         assert shown.narrow.startswith("<svg")
         file = tmp_path / "figures" / "niu2024-fig-2.svg"
         assert file.read_text(encoding="utf-8") == figures._XML + shown.wide

@@ -166,24 +166,21 @@ def check_randomness(
 
     Random numbers are drawn by the item, or between a change and the inputs of the item.
     """
+    if not random and (seed, replicates) != (None, None):
+        above = [one for one in map(maker, changeable(key)) if one and one.replicates]
+        changed = set(changes)
+        random = any(changed.intersection(upstream(one.given)) for one in above)
     numbers: list[tuple[str, Any, int, float]] = [
         ("seed", seed, 0, math.inf),
         ("replicates", replicates, 2, MAX_REPLICATES),
     ]
     for name, number, least, most in numbers:
-        if number is None:
-            continue
-        if not (isinstance(number, int | np.integer) and least <= number <= most):
-            raise CannotChangeError(
-                f"{name}: expected a whole number from {least} to {most:,}, "
-                f"got {number!r}"
-            )
-        above = (one for one in map(maker, changeable(key)) if one and one.replicates)
-        if not (random or any({*changes} & {*upstream(one.given)} for one in above)):
-            raise CannotChangeError(
-                f"{name}: expected None, since {key} draws no random numbers, "
-                f"got {number}"
-            )
+        whole = isinstance(number, int | np.integer) and least <= number <= most
+        if number is not None and not (whole and random):
+            wanted = f"a whole number from {least} to {most:,}"
+            if not random:
+                wanted = f"None, since {key} draws no random numbers"
+            raise CannotChangeError(f"{name}: expected {wanted}, got {number!r}")
 
 
 def checked_values(key: str, changes: Mapping[str, str | float]) -> dict[str, float]:
