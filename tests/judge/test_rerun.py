@@ -10,7 +10,6 @@ from reproduce.judge.ledger import build
 from reproduce.judge.readings import evaluate
 from reproduce.judge.rerun import CannotChangeError
 from reproduce.papers.catalogue import catalogue, changeable
-from reproduce.papers.niu2024 import simulation
 from reproduce.printed.cells import find
 from reproduce.printed.given import given
 from reproduce.printed.quantity import si_value
@@ -163,12 +162,6 @@ def test_a_rerun_with_options_is_judged_as_the_reading_of_the_ledger(key):
                 assert one.interval == pytest.approx(reading.interval, rel=1e-9), name
 
 
-def test_the_names_of_the_arrangements_are_those_that_have_the_printed_count():
-    assert list(simulation._ARRANGEMENTS.values()) == [
-        one.name for one in simulation.candidates(given(simulation.ANGLES))
-    ]
-
-
 def test_options_beside_a_change_carry_no_verdict():
     found = rerun.rerun(
         "niu2024/table-3", seed=7, replicates=50, chosen={"noise": "green"}
@@ -231,19 +224,3 @@ def test_a_changed_value_is_exact():
         ]
         == 0.03
     )
-
-
-@pytest.mark.parametrize(
-    ("factor", "possible"), [(1.73, True), (1.74, False), (0.58, True), (0.57, False)]
-)
-def test_residuals_that_leave_no_error_to_a_channel_are_named(factor, possible):
-    """Green's part of the squares exceeds the smaller residual from a ratio of √3 on."""
-    blue = find("niu2024/text-experiment#rmse-after-blue-x")[0].number.value
-    changes = {"niu2024/text-experiment#rmse-after-red-x": f"{factor * blue} px"}
-    if possible:
-        assert rerun.rerun("niu2024/text-experiment", changes, replicates=2).cells
-    else:
-        with pytest.raises(
-            CannotChangeError, match=r"rmse-after-blue-x = 0\.2146 px.*√3"
-        ):
-            rerun.rerun("niu2024/text-experiment", changes, replicates=2)

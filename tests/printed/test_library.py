@@ -62,12 +62,6 @@ def test_claimed_misprints_are_shown_and_not_mended():
     assert claimed.text == "60.66"
 
 
-def test_assumed_units_carry_a_reason():
-    radial = [c for c in CELLS.values() if "radial-distortion" in c.name]
-    assert len(radial) == 6
-    assert all(len(cell.unit_assumed or "") > 40 for cell in radial)
-
-
 PINT = {
     "count": "",
     "1": "",
@@ -116,11 +110,6 @@ def test_the_door_hands_out_what_is_declared_and_nothing_else():
 def test_the_door_refuses_patterns_that_match_nothing():
     with pytest.raises(KeyError, match="no printed cell matches"):
         given(["niu2024/table-9"])
-
-
-def test_the_door_tells_counts_from_measures():
-    door = given(["chen2023/table-2"])
-    assert door.count("chen2023/table-2#laser-number.value") == 4
 
 
 def test_shifts_move_an_input_by_half_its_last_digit():

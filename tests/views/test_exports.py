@@ -4,7 +4,6 @@ import io
 import itertools
 import json
 import re
-import shutil
 import subprocess
 import time
 from itertools import takewhile
@@ -92,12 +91,6 @@ def test_markdown_and_latex_keep_the_shape_of_the_table(table):
 def test_latex_is_ascii():
     for key in (*library(), *studies()):
         assert rp.table(key).export("latex").isascii(), key
-
-
-def test_each_printed_value_has_its_unit():
-    text = rp.table("niu2024/table-3").export("markdown")
-    assert "| Translation, x | 0.3012 px, 1.89994, ambiguous |" in text
-    assert "| Scale factor | 0.9973, 0.99756, differs |" in text
 
 
 def test_a_cell_has_a_row_per_property_and_a_group_a_row_per_cell():
@@ -307,33 +300,6 @@ def test_ris_and_bibtex_are_read_by_others(address):
         assert one["title"] == re.sub(r"[{}\\]", "", entry.fields["title"])
         assert one["year"] == entry.fields["year"]
         assert one.get("doi") == entry.fields.get("doi")
-
-
-@pytest.mark.slow
-def test_every_table_is_set_by_latex(tmp_path):
-    """All of them in one document."""
-    if shutil.which("pdflatex") is None:
-        pytest.skip(
-            "no LaTeX was found (Debian: apt install texlive-latex-recommended)"
-        )
-    exported = [rp.table(key).export("latex") for key in (*library(), *studies())]
-    longest = [text for text in exported if text.count("\n") > 300]
-    assert len(longest) < 5
-    names = [f"{number}.tex" for number in range(len(exported))]
-    for name, text in zip(names, exported, strict=True):
-        (tmp_path / name).write_text(text, encoding="utf-8")
-    inputs = "\\clearpage\n".join(f"\\input{{{name}}}\n" for name in names)
-    whole = (
-        "\\documentclass{article}\n\\usepackage{booktabs}\n"
-        "\\begin{document}\n%s\\end{document}\n"
-    )
-    (tmp_path / "all.tex").write_text(whole % inputs, encoding="utf-8")
-    command = ["pdflatex", "-halt-on-error", "-interaction=nonstopmode", "all.tex"]
-    done = subprocess.run(
-        command, cwd=tmp_path, capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, done.stdout[-3000:]
-    assert (tmp_path / "all.pdf").stat().st_size > 10_000
 
 
 def test_a_cell_is_cited_with_print_result_verdict_and_mark():

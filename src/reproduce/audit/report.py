@@ -9,7 +9,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict
 
 from reproduce.audit import examine
 from reproduce.audit.equations import Demonstration, demonstrations
@@ -119,39 +119,42 @@ class Erratum(BaseModel):
     the authors of the paper say to it, with their name and the day; empty until they do.
     """
 
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+    model_config = ConfigDict(
+        extra="forbid", strict=True, frozen=True, use_attribute_docstrings=True
+    )
 
-    id: str = Field(description="its name and anchor")
+    id: str
+    """its name and anchor"""
     paper: str
-    place: str = Field(description="where in the paper it stands")
-    printed: str = Field(description="what is printed there, in short")
-    problem: str = Field(
-        description="what does not fit, under the most charitable reading"
-    )
-    library: str = Field(description="what the library does about it")
-    conclusion: _Conclusion = Field(description="whether the paper's conclusion stands")
-    because: str = Field(description="why it does")
+    place: str
+    """where in the paper it stands"""
+    printed: str
+    """what is printed there, in short"""
+    problem: str
+    """what does not fit, under the most charitable reading"""
+    library: str
+    """what the library does about it"""
+    conclusion: _Conclusion
+    """whether the paper's conclusion stands"""
+    because: str
+    """why it does"""
     status: Literal["open", "one reading of several", "reported", "confirmed"]
-    reading: Finder = Field(
-        description="which of two independent readings of the paper found it"
-    )
-    again: bool = Field(
-        default=False, description="whether a third reading did, without a list"
-    )
-    extraction: bool = Field(
-        default=False, description="our text, read by a machine, may be wrong"
-    )
-    supposition: str = Field(
-        default="", description="what it supposes that the paper leaves open"
-    )
-    evidence: str = Field(default="", description="words that stand against words")
-    reply: str = Field(default="", description="what the authors replied")
-    relations: list[str] = Field(
-        default=[], description="relations of the audit that show it"
-    )
-    equations: list[str] = Field(
-        default=[], description="equations that show it, as extracted"
-    )
+    reading: Finder
+    """which of two independent readings of the paper found it"""
+    again: bool = False
+    """whether a third reading did, without a list"""
+    extraction: bool = False
+    """our text, read by a machine, may be wrong"""
+    supposition: str = ""
+    """what it supposes that the paper leaves open"""
+    evidence: str = ""
+    """words that stand against words"""
+    reply: str = ""
+    """what the authors replied"""
+    relations: list[str] = []
+    """relations of the audit that show it"""
+    equations: list[str] = []
+    """equations that show it, as extracted"""
 
     def findings(self, audit: Audit) -> list[examine.Examined]:
         """Return the findings of the relations that the entry names."""

@@ -20,7 +20,7 @@ from reproduce.judge.verdicts import CENTRAL, Flag, Frozen, Reading, Verdict
 from reproduce.locate import data_folders
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import unpublished
-from reproduce.printed.cells import Cell, PrintedTable, altered_files, find, library
+from reproduce.printed.cells import Cell, PrintedTable, find, library
 from reproduce.printed.given import given
 
 _TOGETHER = (
@@ -34,57 +34,57 @@ class Record(Frozen):
     The fields of `Reading` are those of the literal reading.
     """
 
-    key: str = Field(description="table, figure or group of quoted numbers")
-    cell: str = Field(description="address of the cell: key#row.column or key#name")
-    printed: str = Field(description="the digits or words as printed")
-    unit: str = Field(description="printed unit; empty for words")
-    place: str = Field(description="table or section of the paper")
-    stands_for: tuple[float | None, float | None] | None = Field(
-        description="interval of values that agree with the printed number; null if open or words"
+    key: str
+    """table, figure or group of quoted numbers"""
+    cell: str
+    """address of the cell: key#row.column or key#name"""
+    printed: str
+    """the digits or words as printed"""
+    unit: str
+    """printed unit; empty for words"""
+    place: str
+    """table or section of the paper"""
+    stands_for: tuple[float | None, float | None] | None
+    """interval of values that agree with the printed number; null if open or words"""
+    role: Literal["result", "given"]
+    """result if a computation makes the cell"""
+    computed: float | None
+    """value, median of the prediction, or assumed value"""
+    interval: tuple[float, float] | None
+    """results that rounded inputs allow, or the central 99 % of the prediction"""
+    verdict: Verdict
+    """verdict; the page on verdicts of the book defines each word"""
+    flags: tuple[Flag, ...]
+    """qualifications of the verdict"""
+    tolerance: float | None
+    """half the printed interval, or half the predicted one"""
+    share: float | None
+    (
+        "|computed - printed| over half the printed interval (exact), (1 - "
+        "probability)/0.99 (consistent)"
     )
-    role: Literal["result", "given"] = Field(
-        description="result if a computation makes the cell"
-    )
-    computed: float | None = Field(
-        description="value, median of the prediction, or assumed value"
-    )
-    interval: tuple[float, float] | None = Field(
-        description="results that rounded inputs allow, or the central 99 % of the prediction"
-    )
-    verdict: Verdict = Field(
-        description="verdict; the page on verdicts of the book defines each word"
-    )
-    flags: tuple[Flag, ...] = Field(description="qualifications of the verdict")
-    tolerance: float | None = Field(
-        description="half the printed interval, or half the predicted one"
-    )
-    share: float | None = Field(
-        description="|computed - printed| over half the printed interval (exact), "
-        "(1 - probability)/0.99 (consistent)"
-    )
-    probability: float | None = Field(
-        description="two-sided mid-p over the printed interval"
-    )
-    mcse: float | None = Field(
-        description="Monte Carlo standard error of the probability"
-    )
-    error: float | None = Field(
-        description="Monte Carlo standard error of a predicted median"
-    )
-    why: str = Field(description="the verdict in words")
-    function: str | None = Field(description="the function that computes the cell")
-    line: str | None = Field(description="file and line of that function")
-    reads: tuple[str, ...] = Field(description="the printed cells that it was given")
-    equations: tuple[str, ...] = Field(description="the paper's equations it rests on")
-    seed: tuple[int, ...] | None = Field(
-        description="root and key of the random stream"
-    )
-    readings: ReadingSummary | None = Field(
-        description="all readings of the text in short; null if there is one reading"
-    )
-    reason: str = Field(
-        default="", description="why, as written down with the frozen verdict"
-    )
+    probability: float | None
+    """two-sided mid-p over the printed interval"""
+    mcse: float | None
+    """Monte Carlo standard error of the probability"""
+    error: float | None
+    """Monte Carlo standard error of a predicted median"""
+    why: str
+    """the verdict in words"""
+    function: str | None
+    """the function that computes the cell"""
+    line: str | None
+    """file and line of that function"""
+    reads: tuple[str, ...]
+    """the printed cells that it was given"""
+    equations: tuple[str, ...]
+    """the paper's equations it rests on"""
+    seed: tuple[int, ...] | None
+    """root and key of the random stream"""
+    readings: ReadingSummary | None
+    """all readings of the text in short; null if there is one reading"""
+    reason: str = ""
+    """why, as written down with the frozen verdict"""
 
 
 class TableRecord(Frozen):
@@ -94,21 +94,25 @@ class TableRecord(Frozen):
     """
 
     key: str
-    cells: int = Field(description="cells with a predicted distribution")
-    outside: int = Field(description="of these, cells that differ")
-    expected_outside: float = Field(description="cells expected to differ by chance")
+    cells: int
+    """cells with a predicted distribution"""
+    outside: int
+    """of these, cells that differ"""
+    expected_outside: float
+    """cells expected to differ by chance"""
     joint_probability: float = Field(description=_TOGETHER)
     mcse: float
     replicates: int
-    readings: int = Field(description="number of readings of the table")
-    fitting: int = Field(
-        description="readings with which all cells agree, each and together"
-    )
-    closest: dict[str, str] = Field(description="choices of the closest reading")
-    closest_agreeing: int = Field(
-        description="cells that agree with the closest reading"
-    )
-    closest_probability: float = Field(description="its joint probability")
+    readings: int
+    """number of readings of the table"""
+    fitting: int
+    """readings with which all cells agree, each and together"""
+    closest: dict[str, str]
+    """choices of the closest reading"""
+    closest_agreeing: int
+    """cells that agree with the closest reading"""
+    closest_probability: float
+    """its joint probability"""
 
 
 class Ledger(Frozen):
@@ -116,15 +120,12 @@ class Ledger(Frozen):
 
     records: tuple[Record, ...]
     tables: tuple[TableRecord, ...]
-    altered: tuple[str, ...] = Field(
-        default=(), description="files of printed numbers with another checksum"
-    )
-    software: str = Field(
-        default="", description="name, version, date and commit of the software"
-    )
-    citation: str = Field(
-        default="", description="how to cite an export, and the paper"
-    )
+    altered: tuple[str, ...] = ()
+    """files of printed numbers with another checksum"""
+    software: str = ""
+    """name, version, date and commit of the software"""
+    citation: str = ""
+    """how to cite an export, and the paper"""
 
     def of(self, key: str) -> tuple[Record, ...]:
         """Return the records of one item, in printed order."""
@@ -159,7 +160,6 @@ def build(
     return Ledger(
         records=tuple(chain.from_iterable(one.records for one in found)),
         tables=tuple(chain.from_iterable(one.tables for one in found)),
-        altered=altered_files(),
     )
 
 

@@ -18,7 +18,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
 
 from reproduce.judge.propagate import result_intervals
 from reproduce.judge.verdicts import (
@@ -47,23 +46,21 @@ _MAX_CONDITIONS = 4
 class ReadingSummary(Frozen):
     """All readings of a cell in short."""
 
-    count: int = Field(description="number of readings that give different results")
-    agreeing: int = Field(
-        description="number of readings with which the printed number agrees"
-    )
-    decided_by: tuple[str, ...] = Field(
-        description="smallest set of options whose choice decides whether a reading agrees"
-    )
-    agrees_if: tuple[dict[str, str], ...] = Field(
-        description="smallest choices with which every reading agrees; at most four, those of most "
+    count: int
+    """number of readings that give different results"""
+    agreeing: int
+    """number of readings with which the printed number agrees"""
+    decided_by: tuple[str, ...]
+    """smallest set of options whose choice decides whether a reading agrees"""
+    agrees_if: tuple[dict[str, str], ...]
+    (
+        "smallest choices with which every reading agrees; at most four, those of most "
         "readings first"
     )
-    never: dict[str, tuple[str, ...]] = Field(
-        description="alternatives of each option with which no reading agrees"
-    )
-    closest: Reading = Field(
-        description="the reading that comes closest to the printed number"
-    )
+    never: dict[str, tuple[str, ...]]
+    """alternatives of each option with which no reading agrees"""
+    closest: Reading
+    """the reading that comes closest to the printed number"""
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,7 @@ from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict
 
 from reproduce.papers.declare import Prediction, Result
 from reproduce.printed.cells import Cell
@@ -39,37 +39,37 @@ _MIN_WIDTH_SIGMA = 1e-9
 class Frozen(BaseModel):
     """Base of the records of the ledger."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(
+        extra="forbid", frozen=True, use_attribute_docstrings=True
+    )
 
 
 class Reading(Frozen):
     """Comparison of a cell under one reading of the text; numbers are in the printed unit."""
 
-    choices: dict[str, str] = Field(
-        description="alternative of each option that affects the cell"
+    choices: dict[str, str]
+    """alternative of each option that affects the cell"""
+    verdict: Verdict
+    """exact, consistent or differs"""
+    computed: float
+    """value, or median of the prediction"""
+    interval: tuple[float, float]
+    """results that rounded inputs allow, or the central 99 % of the prediction"""
+    flags: tuple[Flag, ...]
+    """qualifications of the verdict"""
+    tolerance: float
+    """half the printed interval, or half the predicted one"""
+    share: float | None
+    (
+        "|computed - printed| over half the printed interval (exact), (1 - "
+        "probability)/0.99 (consistent)"
     )
-    verdict: Verdict = Field(description="exact, consistent or differs")
-    computed: float = Field(description="value, or median of the prediction")
-    interval: tuple[float, float] = Field(
-        description="results that rounded inputs allow, or the central 99 % of the prediction"
-    )
-    flags: tuple[Flag, ...] = Field(description="qualifications of the verdict")
-    tolerance: float = Field(
-        description="half the printed interval, or half the predicted one"
-    )
-    share: float | None = Field(
-        description="|computed - printed| over half the printed interval (exact), "
-        "(1 - probability)/0.99 (consistent)"
-    )
-    probability: float | None = Field(
-        description="two-sided mid-p over the printed interval"
-    )
-    mcse: float | None = Field(
-        description="Monte Carlo standard error of the probability"
-    )
-    error: float | None = Field(
-        description="Monte Carlo standard error of a predicted median"
-    )
+    probability: float | None
+    """two-sided mid-p over the printed interval"""
+    mcse: float | None
+    """Monte Carlo standard error of the probability"""
+    error: float | None
+    """Monte Carlo standard error of a predicted median"""
 
     @property
     def agrees(self) -> bool:
