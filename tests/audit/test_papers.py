@@ -11,7 +11,7 @@ from types import SimpleNamespace
 import numpy as np
 import pint
 import pytest
-from made_up import PINT, audited_table, declared, finding, printed_cell
+from made_up import PINT, audited_table, finding, printed_cell
 
 from reproduce.audit.examine import contradicted, rounding_interval
 from reproduce.audit.report import audit_paper, register
@@ -258,38 +258,6 @@ def test_errata_that_rest_on_a_formula_of_the_machine_text_say_so():
             assert entry.extraction, entry.id
 
 
-def test_every_relation_and_erratum_says_which_reading_found_it():
-    for paper in PAPERS:
-        assert all(f.relation.reading for f in audit_paper(paper).findings)
-    assert all(entry.reading for entry in ERRATA)
-    assert not [
-        entry.id for entry in ERRATA if entry.again and entry.reading == "third"
-    ]
-
-
-@pytest.mark.parametrize(
-    ("entry", "complaint"),
-    [
-        ('relations = ["a"]\nrelation = "b"', "Extra inputs"),
-        ('relations = ["a"]\nstatus = "sure"', "overwrite|status"),
-    ],
-)
-def test_a_faulty_register_is_refused(entry, complaint):
-    lines = dict.fromkeys(
-        ("id", "place", "printed", "problem", "library", "because"), "x"
-    )
-    lines |= {
-        "paper": "niu2024",
-        "conclusion": "open",
-        "status": "open",
-        "reading": "both",
-    }
-    text = "[[erratum]]\n" + "\n".join(f'{k} = "{v}"' for k, v in lines.items())
-    register(text + '\nrelations = ["a"]')
-    with pytest.raises(ValueError, match=complaint):
-        register(f"{text}\n{entry}")
-
-
 def test_what_the_book_says_of_the_contradictions_of_niu2024():
     """Two contradictions: Table 2 against Table 1, and Table 3 against noise and residuals."""
     audit = audit_paper("niu2024")
@@ -339,20 +307,3 @@ def test_the_papers_relations_have_their_dimensions(paper):
             relation, {a: cells[a].unit for a in relation.addresses}
         )
         assert left == right, relation.name
-
-
-def test_what_has_no_dimension_or_two_is_seen():
-    cells = {"t#a": printed_cell("t#a", "1"), "t#b": printed_cell("t#b", "1")}
-    line = """[[relations.all]]
-name = "mixed"
-formula = "a = b"
-cells = "a=t#a b=t#b"
-kind = "repeat"
-source = "by name"
-"""
-    (relation,) = declared(line, cells)
-    left, right = dimensions(relation, {"t#a": "m", "t#b": "s"})
-    assert left != right
-    (relation,) = declared(line.replace("a = b", "a = tan(b)"), cells)
-    with pytest.raises(pint.DimensionalityError):
-        dimensions(relation, {"t#a": "1", "t#b": "m"})

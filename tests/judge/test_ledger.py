@@ -5,14 +5,13 @@ import json
 import pytest
 
 from reproduce.judge import ledger
-from reproduce.judge.ledger import Ledger, Record, reread
+from reproduce.judge.ledger import Ledger, reread
 from reproduce.judge.readings import evaluate
 from reproduce.locate import data_folder
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.chen2023 import effectiveness
 from reproduce.printed.cells import find, library
 from reproduce.printed.given import given
-from reproduce.views.verdicts import joint_chance
 
 
 @pytest.fixture(scope="module")
@@ -77,12 +76,6 @@ def test_stochastic_tables_get_a_joint_probability(whole):
         assert table.replicates >= 2000
 
 
-def test_a_joint_probability_is_a_bound_where_no_replicate_lies_so_far_out(whole):
-    table = whole.table("niu2024/table-3")
-    assert joint_chance(table.joint_probability, table) == "below 1/2,000"
-    assert joint_chance(0.03, table) == "0.030"
-
-
 def test_a_reading_has_one_joint_probability_wherever_it_is_shown(whole):
     """Of the readings of Table V, and of the same cells under a rerun with that reading."""
     chosen = {"columns": "motions", "telescope": "common", "images": "with-ramp"}
@@ -109,15 +102,6 @@ def test_the_schema_in_data_is_the_ledgers_own():
         (data_folder() / "ledger.schema.json").read_text(encoding="utf-8")
     )
     assert written == Ledger.model_json_schema()
-
-
-def test_every_field_is_documented():
-    undocumented = [
-        name
-        for name, entry in Record.model_json_schema()["properties"].items()
-        if "description" not in entry
-    ]
-    assert undocumented == []
 
 
 def test_unknown_cells_and_keys_are_refused(whole):

@@ -12,7 +12,6 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from reproduce.inference import sampling
-from reproduce.judge.rerun import options
 from reproduce.papers.catalogue import catalogue, changeable
 from reproduce.papers.posteriors import File, posteriors
 from reproduce.physics.registration import MODELS
@@ -123,17 +122,6 @@ def test_any_value_for_a_cell_that_is_read(data, key, value):
     check(*arguments)
 
 
-@settings(FEW, max_examples=30)
-@given(st.sampled_from(TABLES), st.data(), st.one_of(TEXT, st.none()))
-def test_any_option(key, data, way):
-    known = options(key)
-    name = data.draw(st.sampled_from([*known, "angle", ""]))
-    chosen = (
-        data.draw(st.sampled_from([*known.get(name, ()), "x"])) if way is None else way
-    )
-    check("show", key, "--option", f"{name}={chosen}", "--replicates", "2")
-
-
 ROWS = st.lists(
     st.lists(
         st.one_of(st.integers(-1, 4).map(str), NUMBERS), min_size=1, max_size=6
@@ -174,33 +162,3 @@ JSON = st.sampled_from([[], ["--json"]])
 FITS = st.tuples(st.sampled_from(sorted(MODELS)), st.booleans()).map(
     lambda way: ["--model", way[0], *["--robust"] * way[1]]
 )
-
-
-@FEW
-@given(st.data(), st.sampled_from(sorted(COLUMNS)), st.integers(3, 12))
-def test_any_numbers_in_the_right_columns(tmp_path, data, model, count):
-    """Groups, lasers and counts as they should be, and values from nothing to huge."""
-    columns = COLUMNS[model]
-    value = st.one_of(
-        st.floats(-1e6, 1e6, allow_subnormal=False),
-        st.sampled_from([0.0, 1.0, 1e12, 1e29, 1e-29]),
-    )
-    rows = []
-    for row in range(count):
-        regular = {
-            "group": row // 4 % 2,
-            "state": row // 4,
-            "laser": row % 4 + 1,
-            "frames": 2**row,
-        }
-        regular |= {"block": row // 4, "item": row % 4 + 1, "series": 10**6}
-        rows.append(
-            [str(regular[c] if c in regular else data.draw(value)) for c in columns]
-        )
-    path = tmp_path / "data.csv"
-    path.write_text("\n".join(map(",".join, [columns, *rows])))
-    check("posterior", model, "--data", str(path))
-    pivot = data.draw(
-        st.sampled_from([[], ["--pivot", "1", "2"], ["--pivot", "1e7", "-1e5"]])
-    )
-    check("register", str(path), *pivot, *data.draw(FITS), *data.draw(JSON))

@@ -23,7 +23,7 @@ _END_RATIO = 1e-3
 # Name of the tolerance among the inputs of a relation.
 _TOLERANCE = "tolerance"
 # Rules by which a paper may have rounded, besides rounding to the nearest digit.
-OTHER_RULES = ("truncation", "ceiling")
+_OTHER_RULES = ("truncation", "ceiling")
 RelationOutcome = Literal[
     "agrees",
     "agrees only through rounding",
@@ -218,7 +218,7 @@ def examine(cells: Sheet, relations: Sequence[Relation]) -> list[Examined]:
     wrong = contradicted(cells, relations)
     strict = [r.model_copy(update={"tolerance": None}) for r in relations]
     beyond_rounding = contradicted(cells, strict, "digits")
-    by_rule = {rule: contradicted(cells, relations, rule) for rule in OTHER_RULES}
+    by_rule = {rule: contradicted(cells, relations, rule) for rule in _OTHER_RULES}
     shared = agreements(cells, relations)
     findings = []
     for relation in relations:

@@ -210,34 +210,26 @@ def _result(found: Evaluation, cell: Cell, plain: Flag) -> Record:
             f"depends on {', '.join(summary.decided_by)}: the printed number agrees with "
             f"{summary.agreeing} of {summary.count} readings"
         )
-    record = _blank(cell).model_copy(
-        update={
-            "role": "result",
-            "computed": literal.computed,
-            "verdict": verdict,
-            "flags": flags,
-            "why": why,
-            "function": computation.name,
-            "line": computation.line,
-            "reads": tuple(given(computation.given).cells),
-            "equations": computation.equations,
-            "seed": computation.entropy or None,
-        }
-    )
+    fields: dict[str, Any] = {
+        "role": "result",
+        "computed": literal.computed,
+        "verdict": verdict,
+        "flags": flags,
+        "why": why,
+        "function": computation.name,
+        "line": computation.line,
+        "reads": tuple(given(computation.given).cells),
+        "equations": computation.equations,
+        "seed": computation.entropy or None,
+    }
     if missing := unpublished(cell.key, cell.name):
-        stand_in = {"verdict": "unpublished", "flags": ("stand_in",)}
-        return record.model_copy(update={**stand_in, "why": f"needs {missing}"})
-    return record.model_copy(
-        update={
-            "interval": literal.interval,
-            "tolerance": literal.tolerance,
-            "share": share,
-            "probability": literal.probability,
-            "mcse": literal.mcse,
-            "error": literal.error,
-            "readings": summary if summary.count > 1 else None,
-        }
-    )
+        fields |= {"verdict": "unpublished", "flags": ("stand_in",)}
+        fields["why"] = f"needs {missing}"
+    else:
+        numbers = ("interval", "tolerance", "probability", "mcse", "error")
+        fields |= {name: getattr(literal, name) for name in numbers}
+        fields |= {"share": share, "readings": summary if summary.count > 1 else None}
+    return _blank(cell).model_copy(update=fields)
 
 
 def _without_result(cell: Cell) -> Record:
@@ -378,15 +370,14 @@ class Surprise:
 
 def surprises(ledger: Ledger) -> list[Surprise]:
     """Compare the ledger's verdicts with the frozen ones."""
-    found = [
-        Surprise(
-            r.cell,
-            frozen()[r.cell].verdict if r.cell in frozen() else "none",
-            r.verdict,
-        )
-        for r in ledger.records
-    ]
-    return [one for one in found if one.expected != one.found]
+    found = []
+    for record in ledger.records:
+        wanted = "none"
+        if record.cell in frozen():
+            wanted = frozen()[record.cell].verdict
+        if record.verdict != wanted:
+            found.append(Surprise(record.cell, wanted, record.verdict))
+    return found
 
 
 def reason(address: str) -> str:

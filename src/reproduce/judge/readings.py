@@ -1,7 +1,7 @@
 """All readings of a printed cell: every combination of the options of its computation.
 
 Computations with random numbers and options are slow to evaluate under every reading. Their results
-are stored (`STUDY`); the literal reading is always computed and must be the stored one. A test
+are stored (`_STUDY`); the literal reading is always computed and must be the stored one. A test
 recomputes a part of the others.
 """
 
@@ -35,8 +35,8 @@ from reproduce.printed.given import given
 from reproduce.printed.number import si_factor
 from reproduce.store import studies
 
-Array = NDArray[Any]
-STUDY = "readings"
+_Array = NDArray[Any]
+_STUDY = "readings"
 # Draws that rounding noise of another processor may move across the end of a printed interval.
 _NOISE_DRAWS = 4
 # Conditions of agreement that a summary lists.
@@ -79,7 +79,7 @@ class Evaluation:
 
     computation: Computation
     cells: Mapping[str, Sequence[Reading]]
-    joint: Array
+    joint: _Array
 
     def groups(self, name: str) -> NDArray[np.int64]:
         """Return a number for the result of each reading, equal for equal results.
@@ -92,7 +92,7 @@ class Evaluation:
         ]
         return self._shaped(np.unique(results, return_inverse=True)[1])
 
-    def _shaped(self, values: Array) -> Array:
+    def _shaped(self, values: _Array) -> _Array:
         """Return one value per reading as an array with an axis for each option."""
         return values.reshape([len(ways) for ways in self.computation.options.values()])
 
@@ -256,7 +256,7 @@ def _row(reading: Reading) -> list[float]:
     return [number or 0.0 for number in numbers]
 
 
-def packed(evaluation: Evaluation) -> dict[str, Array]:
+def packed(evaluation: Evaluation) -> dict[str, _Array]:
     """Return an evaluation as arrays, by the names under which the study stores them."""
     arrays = {
         name: np.array(list(map(_row, found)))
@@ -278,7 +278,7 @@ def fingerprint(computation: Computation) -> str:
     return hashlib.sha256(json.dumps(content).encode()).hexdigest()
 
 
-def _stored(computation: Computation) -> dict[str, Array]:
+def _stored(computation: Computation) -> dict[str, _Array]:
     """Return the stored results by cell; empty if the computation is not in the study."""
     if not (computation.replicates and len(computation.readings) > 1):
         return {}
@@ -295,9 +295,9 @@ def _stored(computation: Computation) -> dict[str, Array]:
 
 @cache
 def _study() -> studies.Study:
-    return studies.read(STUDY)
+    return studies.read(_STUDY)
 
 
 def _stale(reason: str) -> studies.StudyError:
     command = _study().note["command"]
-    return studies.StudyError(f"{STUDY}: {reason}; run again: {command}")
+    return studies.StudyError(f"{_STUDY}: {reason}; run again: {command}")

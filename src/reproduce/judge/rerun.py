@@ -28,11 +28,11 @@ from reproduce.printed.given import Given, given
 from reproduce.printed.number import Interval, si_factor
 from reproduce.printed.quantity import si_value
 
-Made = TypeVar("Made")
-# Relative difference of two results that rounding noise alone can explain.
+_Made = TypeVar("_Made")
+# Relative difference of two results that rounding noise can explain.
 _NOISE_RATIO = 1e-9
 # More replicates would only fill the memory.
-MAX_REPLICATES = 100_000
+_MAX_REPLICATES = 100_000
 # Cells that a message suggests in place of a cell that is not read.
 _MAX_SUGGESTED = 5
 
@@ -172,7 +172,7 @@ def check_randomness(
         random = any(changed.intersection(upstream(one.given)) for one in above)
     numbers: list[tuple[str, Any, int, float]] = [
         ("seed", seed, 0, math.inf),
-        ("replicates", replicates, 2, MAX_REPLICATES),
+        ("replicates", replicates, 2, _MAX_REPLICATES),
     ]
     for name, number, least, most in numbers:
         whole = isinstance(number, int | np.integer) and least <= number <= most
@@ -210,8 +210,8 @@ def under(
     patterns: tuple[str, ...],
     changes: Mapping[str, str | float],
     seed: int | None,
-    compute: Callable[[Given], Made],
-) -> tuple[Made, dict[str, float]]:
+    compute: Callable[[Given], _Made],
+) -> tuple[_Made, dict[str, float]]:
     """Return the result of `compute` with changed inputs, and the printed inputs replaced."""
     run = _Run(checked_values(key, changes), seed)
     with _explained(key, by_name(changes, seed)):

@@ -12,7 +12,7 @@ _VALUE = re.compile(
     r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?)\s*(.*?)\s*", re.IGNORECASE
 )
 # Largest count, as a multiple of the printed one: more points would only fill the memory.
-MAX_COUNT_RATIO = 20
+_MAX_COUNT_RATIO = 20
 
 
 def si_value(cell: Cell, value: str | float) -> float:
@@ -30,7 +30,7 @@ def si_value(cell: Cell, value: str | float) -> float:
         units[""] = cell.unit
     matched = _VALUE.fullmatch(str(value).replace("−", "-"))
     number, unit = (float(matched[1]), matched[2]) if matched else (math.nan, "")
-    most, wanted = MAX_COUNT_RATIO * cell.number.value, ""
+    most, wanted = _MAX_COUNT_RATIO * cell.number.value, ""
     if not matched:
         wanted = f"a number in the printed format ({cell.shown})"
     elif unit not in units:
@@ -39,7 +39,7 @@ def si_value(cell: Cell, value: str | float) -> float:
         wanted = "a finite number"
     elif cell.unit == "count" and not (number.is_integer() and 0 <= number <= most):
         wanted = (
-            f"a whole number up to {most:.0f}, {MAX_COUNT_RATIO} times the printed one"
+            f"a whole number up to {most:.0f}, {_MAX_COUNT_RATIO} times the printed one"
         )
     if wanted:
         raise ValueError(f"{cell.address}: expected {wanted}, got {value!r}")

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
 FORMATS = ("csv", "json", "latex", "markdown")
 # The endings of their files.
-ENDINGS = {"csv": "csv", "json": "json", "latex": "tex", "markdown": "md"}
+_ENDINGS = {"csv": "csv", "json": "json", "latex": "tex", "markdown": "md"}
 
 
 def export(ledger: Ledger, address: str, form: str, shown: Grid) -> str:
@@ -70,7 +70,7 @@ def export(ledger: Ledger, address: str, form: str, shown: Grid) -> str:
 
 def table_files(key: str) -> dict[str, str]:
     """Return where the book carries the exports of a table: path below its root to format."""
-    return {f"tables/{anchor(key)}.{ending}": form for form, ending in ENDINGS.items()}
+    return {f"tables/{anchor(key)}.{ending}": form for form, ending in _ENDINGS.items()}
 
 
 def provenance(cited: str, setting: str = "") -> dict[str, str]:
@@ -179,7 +179,7 @@ def full_frame(records: Iterable[Record]) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-CITATION_FORMATS = ("bibtex", "ris", "csl", "text")
+_CITATION_FORMATS = ("bibtex", "ris", "csl", "text")
 # Field of BibTeX to its names in CSL and in RIS; empty if RIS has none.
 _FIELDS = {
     "title": ("title", "TI"),
@@ -308,7 +308,7 @@ def _written(
     name: str, title: str, note: str, form: str, paper: str = "", address: str = ""
 ) -> str:
     """Write the entry of an address of the book, and the entries of its papers."""
-    _check_format(form, CITATION_FORMATS)
+    _check_format(form, _CITATION_FORMATS)
     permalink = ADDRESS
     if ADDRESS and address:
         permalink = f"{ADDRESS}/goto.html#{anchor(address)}"
@@ -352,6 +352,7 @@ def _csl(name: str, entry: Entry) -> dict[str, Any]:
     item: dict[str, Any] = {
         "id": name,
         "type": "article-journal" if is_article else "software",
+        "title": "",
         "author": [_names(person) for person in entry.persons["author"]],
     }
     for field, (csl, _) in _FIELDS.items():

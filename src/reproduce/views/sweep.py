@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
 # Size of a picture, its margin, and the space of its axes, in CSS pixels.
-WIDTH_PX, HEIGHT_PX, MARGIN_PX = 220, 110, 8
-LEFT_PX, FOOT_PX = 56, 16
+_WIDTH_PX, _HEIGHT_PX, _MARGIN_PX = 220, 110, 8
+_LEFT_PX, _FOOT_PX = 56, 16
 # Relative change of a number of a supplementary table that fills the height of a picture.
 _MIN_CHANGE_RATIO = 0.05
 _OWN = "a reader's own setting, without a verdict"
@@ -236,29 +236,31 @@ class Sweep(Display):
         seen = np.concatenate([ends.ravel(), first.span])
         seen = seen[np.isfinite(seen)]
         low, high = (seen.min(), seen.max()) if len(seen) else (0.0, 0.0)
-        range_px = HEIGHT_PX - FOOT_PX - 2 * MARGIN_PX
-        x = np.linspace(LEFT_PX + 2 * MARGIN_PX, WIDTH_PX - 2 * MARGIN_PX, len(middle))
+        range_px = _HEIGHT_PX - _FOOT_PX - 2 * _MARGIN_PX
+        x = np.linspace(
+            _LEFT_PX + 2 * _MARGIN_PX, _WIDTH_PX - 2 * _MARGIN_PX, len(middle)
+        )
 
         def y(value: Any) -> Any:
             height = range_px * (value - low) / (high - low or 1)
-            return np.round(HEIGHT_PX - FOOT_PX - MARGIN_PX - height, 1)
+            return np.round(_HEIGHT_PX - _FOOT_PX - _MARGIN_PX - height, 1)
 
         marks = np.column_stack([x.round(1), y(ends), y(middle)])
         texts = [
-            (LEFT_PX - 4, y(end), "end", between(end, high - low or 1))
+            (_LEFT_PX - 4, y(end), "end", between(end, high - low or 1))
             for end in (low, high)
         ]
-        texts.append((LEFT_PX, HEIGHT_PX - 3, "start", self.values[0]))
-        texts.append((WIDTH_PX, HEIGHT_PX - 3, "end", self.values[-1]))
+        texts.append((_LEFT_PX, _HEIGHT_PX - 3, "start", self.values[0]))
+        texts.append((_WIDTH_PX, _HEIGHT_PX - 3, "end", self.values[-1]))
         label, dashed = f"{first.cell} from {self.values[0]} to {self.values[-1]}", None
         if np.isfinite(first.mark):
             label, dashed = f"{label}; dashed: {self.dashed}", y(first.mark)
         return Markup(
             _PICTURE.render(
-                width=WIDTH_PX,
-                height=HEIGHT_PX,
-                left=LEFT_PX,
-                right=WIDTH_PX - MARGIN_PX,
+                width=_WIDTH_PX,
+                height=_HEIGHT_PX,
+                left=_LEFT_PX,
+                right=_WIDTH_PX - _MARGIN_PX,
                 label=label,
                 dashed=dashed,
                 marks=marks[np.isfinite(middle)].tolist(),
