@@ -12,6 +12,7 @@ from reproduce.papers.catalogue import catalogue
 from reproduce.papers.chen2023 import effectiveness
 from reproduce.printed.cells import find, library
 from reproduce.printed.given import given
+from reproduce.views.verdicts import joint_chance
 
 
 @pytest.fixture(scope="module")
@@ -74,6 +75,12 @@ def test_stochastic_tables_get_a_joint_probability(whole):
         assert 0 < table.joint_probability <= 1
         assert table.expected_outside == pytest.approx(0.01 * table.cells)
         assert table.replicates >= 2000
+
+
+def test_a_joint_probability_is_a_bound_where_no_replicate_lies_so_far_out(whole):
+    table = whole.table("niu2024/table-3")
+    assert joint_chance(table.joint_probability, table) == "below 1/2,000"
+    assert joint_chance(0.03, table) == "0.030"
 
 
 def test_a_reading_has_one_joint_probability_wherever_it_is_shown(whole):
