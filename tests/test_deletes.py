@@ -86,7 +86,7 @@ def test_a_damaged_or_planted_file_is_computed_again(
         ),
         "posterior": lambda: book_posterior.__wrapped__("registration").chain.tolist(),
         "ledger": computed.whole_ledger.__wrapped__,
-        "figure": lambda: figure._in_build("niu2024/fig-4"),
+        "figure": lambda: figure._page_vectors("niu2024/fig-4"),
     }[kept]
     if kept == "posterior":
         short = sampling.Plan(seed=1, steps=400, warmup=100, walkers=40)

@@ -213,7 +213,7 @@ def _of_audits() -> dict[str, str]:
     ``PAPER-relations``, ``-agreeing``, ``-rounding``, ``-tolerance``,
     ``-contradicting`` (without those that
     restate computed cells), ``-restating`` and ``-restating-contradicting`` (those alone),
-    ``-examined``, ``-numbers``, ``-groups`` (contradictions that belong together), ``-supposed``
+    ``-examined``, ``-numbers``, ``-supposed``
     (relations that rest on a supposition of ours, in none of the other counts); the same of both
     papers without the paper's name; ``errata``, among them ``errata-standing`` (the paper's
     conclusion stands) and ``errata-extraction``; ``errata-supposed`` apart, of which
@@ -232,7 +232,6 @@ def _of_audits() -> dict[str, str]:
                 "restating-contradicting": again["contradicts"],
                 "examined": len(audit.examined),
                 "numbers": len(audit.cells),
-                "groups": len(audit.groups),
                 "supposed": len(audit.supposed),
             }
             for name, count in found.items():

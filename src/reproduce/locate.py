@@ -15,6 +15,7 @@ from pathlib import Path
 _ENTRY = re.compile(r"^@\w+\{([^,\s]+),", re.MULTILINE)
 
 
+@cache
 def data_folder() -> Path:
     """Return the folder that holds the project's data.
 
@@ -50,6 +51,7 @@ def search_path() -> tuple[Path, ...]:
     return tuple(Path(part) for part in parts if part)
 
 
+@cache
 def data_folders() -> tuple[Path, ...]:
     """Return the project's data folder, then those on the search path."""
     return (data_folder(), *(folder / "data" for folder in search_path()))

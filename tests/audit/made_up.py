@@ -1,7 +1,7 @@
 """Made-up tables without a contradiction, for tests that change a digit.
 
-Three shapes, none of them that of a table in the papers: an invoice with sums along rows and down
-columns, distances and times of cars that share one speed, and readings with their mean and spread.
+Two shapes, none of them that of a table in the papers: an invoice with sums along rows and down
+columns, and distances and times of cars that share one speed.
 """
 
 import tomllib
@@ -111,36 +111,4 @@ def race():
     return cells, declared(text, cells)
 
 
-def readings():
-    """Five readings on each of two days, with mean and range."""
-    days = {"mon": ["4.31", "4.86", "5.12", "4.07", "4.59"]}
-    days["tue"] = ["7.03", "6.48", "6.91", "7.36", "6.72"]
-    cells = {}
-    for day, values in days.items():
-        numbers = [Decimal(v) for v in values]
-        entries = {str(i): v for i, v in enumerate(values, start=1)}
-        entries["mean"] = str(sum(numbers) / 5)
-        entries["range"] = str(max(numbers) - min(numbers))
-        for row, text in entries.items():
-            address = f"log#{row}.{day}"
-            cells[address] = printed_cell(address, text, "mm")
-    text = """
-    [[relations.all]]
-    name = "mean-{d}"
-    formula = "m = mean(x)"
-    cells = "m=log#mean.{d} x=log#[1-5].{d}"
-    each = { d = ["mon", "tue"] }
-    kind = "arithmetic"
-    source = "by name"
-    [[relations.all]]
-    name = "range-{d}"
-    formula = "range = max(x) - min(x)"
-    cells = "range=log#range.{d} x=log#[1-5].{d}"
-    each = { d = ["mon", "tue"] }
-    kind = "arithmetic"
-    source = "by name"
-    """
-    return cells, declared(text, cells)
-
-
-TABLES = {"invoice": invoice, "race": race, "readings": readings}
+TABLES = {"invoice": invoice, "race": race}

@@ -14,10 +14,9 @@ from made_up import declared
 
 from reproduce.audit.report import audit_paper
 from reproduce.judge.ledger import build
+from reproduce.judge.propagate import result_intervals
 from reproduce.judge.readings import evaluate
-from reproduce.judge.rerun import maker
-from reproduce.judge.verdicts import result_intervals
-from reproduce.papers.catalogue import catalogue
+from reproduce.papers.catalogue import catalogue, maker
 from reproduce.papers.declare import reproduces, unpublished
 from reproduce.printed.cells import PAPERS, find
 from reproduce.printed.given import given
@@ -107,27 +106,9 @@ def test_the_two_entries_give_one_value_wherever_the_inputs_lie(name):
         )
         inputs = {a: shifted[a] for a in relation.addresses if a in door.cells}
         assert set(relation.addresses) - set(inputs) <= {relation.result}
-        right = relation.sides({relation.result: 0.0, **inputs})[1]
+        right = relation.values({relation.result: 0.0, **inputs})[1]
         value = value_of(computation, shifted, name)
         assert right == pytest.approx(value, rel=1e-11, abs=1e-18)
-
-
-def test_every_relation_that_restates_a_computed_number_says_so():
-    """One solved for a computed cell, from what its computation reads, with the same value."""
-    for relation in RELATIONS:
-        ours = [
-            name for name in computed() if name.partition(" (")[0] == relation.result
-        ]
-        for name in (
-            ours if relation.kind != "print" and relation.unknown is None else ()
-        ):
-            computation, _ = computed()[name]
-            door = given(computation.given)
-            value = value_of(computation, door, name)
-            read = set(relation.addresses) - {relation.result} <= set(door.cells)
-            right = relation.sides({a: SHEET[a].si for a in relation.addresses})[1]
-            if read and right == pytest.approx(value, rel=1e-9):
-                assert relation.restates in ours, relation.name
 
 
 def test_outcome_and_verdict_are_the_same():
@@ -172,14 +153,3 @@ def turning(door):
 def test_a_computation_that_is_not_monotone_is_seen():
     low, high, _ = result_intervals(turning, given(turning.given))["scale.red"]
     assert strays(turning, f"{turning.key}#scale.red", low, high)
-
-
-def test_restating_relations_are_counted_apart():
-    for paper in PAPERS:
-        audit = audit_paper(paper)
-        own, again = (audit.tally(restating=chosen) for chosen in (False, True))
-        assert {o: own[o] + again[o] for o in own} == audit.tally()
-        assert sum(again.values()) > 0
-        cells = [f.relation.restates for f in audit.read if f.relation.restates]
-        assert sum(again.values()) == len(cells)
-        assert len(set(cells)) == len(cells)

@@ -1,7 +1,6 @@
 """Formulas and declarations: what is read, and what of a line is refused."""
 
 import math
-import pickle
 
 import pytest
 from made_up import declared, printed_cell
@@ -19,7 +18,7 @@ CELLS = {
 
 
 def right(text, **values):
-    return list(Formula(text).values(values))[1]
+    return Formula(text).values(values)[1]
 
 
 def test_functions_take_lists_and_units():
@@ -30,22 +29,29 @@ def test_functions_take_lists_and_units():
     assert right("b = 2 * u.um", b=0.0) == pytest.approx(2e-6)
 
 
-@pytest.mark.parametrize(
-    ("formula", "cells", "complaint"),
-    [
-        ("a = b", {"a": "t#1.length"}, "only once"),
-        ("a = a", {"a": "t#1.length", "b": "t#1.time"}, "only once"),
-        ("a = b", {"a": "t#1.length", "b": "t#9.length"}, "no printed number matches"),
-        ("a = sum(b)", {"a": "t#1.length", "b": "t#9.*"}, "no printed number matches"),
-        ("a + b", {"a": "t#1.length", "b": "t#1.length"}, "unpack"),
-        ("a = b = a", {"a": "t#1.length", "b": "t#1.length"}, "unpack"),
-    ],
-)
-def test_wrong_declarations_are_refused(formula, cells, complaint):
-    with pytest.raises(ValueError, match=complaint):
-        declared(
-            line(formula=formula, cells=" ".join(map("=".join, cells.items()))), CELLS
-        )
+def line(**changes):
+    entry = {"name": "n", "formula": "a <= b", "cells": "a=t#1.length b=t#2.length"}
+    entry |= {"source": "s", "kind": "order"} | changes
+    inside = ", ".join(f'{key} = "{value}"' for key, value in entry.items() if value)
+    return f"[relations]\nall = [ {{ {inside} }} ]"
+
+
+def test_wrong_lines_are_refused():
+    assert [r.name for r in declared(line(), CELLS)] == ["n"]
+    for changes, named in (
+        ({"cells": "a=t#1.length"}, "b"),
+        ({"formula": "a = a"}, "b"),
+        ({"cells": "a=t#1.length b=t#9.length"}, "t#9.length"),
+        ({"formula": "a = sum(b)", "cells": "a=t#1.length b=t#9.*"}, "t#9"),
+        ({"formula": "a + b"}, "unpack"),
+        ({"formula": "a = b = a"}, "unpack"),
+        ({"sorce": "x"}, "sorce"),
+        ({"source": ""}, "source"),
+        ({"kind": "guess"}, "kind"),
+        ({"reading": "fourth"}, "reading"),
+    ):
+        with pytest.raises(ValueError, match=named):
+            declared(line(**changes), CELLS)
 
 
 def test_names_are_unique():
@@ -60,28 +66,6 @@ def test_only_the_cell_that_a_formula_is_solved_for_can_be_restated():
     for formula, restated in (("a = b", "t#2.length"), ("a <= b", "t#1.length")):
         with pytest.raises(ValueError, match="solved for"):
             declared(line(formula=formula, restates=restated), CELLS)
-
-
-def line(**changes):
-    entry = {"name": "n", "formula": "a <= b", "cells": "a=t#1.length b=t#2.length"}
-    entry |= {"source": "s", "kind": "order"} | changes
-    inside = ", ".join(f'{key} = "{value}"' for key, value in entry.items() if value)
-    return f"[relations]\nall = [ {{ {inside} }} ]"
-
-
-@pytest.mark.parametrize(
-    ("changes", "complaint"),
-    [
-        ({"sorce": "x"}, "unexpected keyword argument 'sorce'"),
-        ({"source": ""}, "missing .* 'source'"),
-        ({"kind": "guess"}, "unknown kind"),
-        ({"reading": "fourth"}, "unknown kind or reading"),
-    ],
-)
-def test_wrong_lines_are_refused(changes, complaint):
-    assert [r.name for r in declared(line(), CELLS)] == ["n"]
-    with pytest.raises((TypeError, ValueError), match=complaint):
-        declared(line(**changes), CELLS)
 
 
 def test_placeholders_make_one_relation_each():
@@ -124,10 +108,3 @@ def test_placeholders_make_one_relation_each():
 def test_a_formula_gives_what_python_gives(text, plain):
     values = {"x": -1.7, "y": 0.3, "z": 2.0, "list": [3.0, -4.1, 0.7]}
     assert right(f"z = {text}", **values) == pytest.approx(plain(-1.7, 0.3), rel=1e-12)
-
-
-def test_a_relation_that_was_kept_is_read_again():
-    (relation,) = declared(line(), CELLS)
-    again = pickle.loads(pickle.dumps(relation))
-    assert (again.name, again.formula.text) == (relation.name, relation.formula.text)
-    assert again.sides({"t#1.length": 2.0, "t#2.length": 4.0}) == (2.0, 4.0)

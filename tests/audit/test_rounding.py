@@ -5,64 +5,49 @@ from decimal import ROUND_CEILING, ROUND_DOWN, ROUND_HALF_EVEN, ROUND_HALF_UP, D
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from made_up import printed_cell
 
-from reproduce.audit.examine import _printed_by
-from reproduce.audit.relation import _Tolerance
+from reproduce.audit.examine import rounding_interval
+from reproduce.audit.relation import Tolerance
 from reproduce.printed.cells import library
 from reproduce.printed.given import given as given_cells
-from reproduce.printed.number import si_factor
-
-
-def allowed(cell, rule="nearest"):
-    return (
-        cell.allowed
-        if rule == "nearest"
-        else _printed_by(rule, {"t": cell})["t"].allowed
-    )
+from reproduce.printed.number import PrintedNumber, si_factor
 
 
 @pytest.mark.parametrize(
     ("text", "qualifier", "rule", "wanted"),
     [
-        ("2.0", None, "nearest", (1.95, 2.05)),
+        ("2.0", None, "", (1.95, 2.05)),
         ("2.0", None, "truncation", (2.0, 2.1)),
         ("-2.0", None, "truncation", (-2.1, -2.0)),
         ("0.0", None, "truncation", (-0.1, 0.1)),
         ("2.0", None, "ceiling", (1.9, 2.0)),
         ("-2.0", None, "ceiling", (-2.1, -2.0)),
-        ("2.1", "about", "nearest", (2.0, 2.2)),
+        ("2.1", "about", "", (2.0, 2.2)),
         ("2.1", "about", "ceiling", (2.0, 2.2)),
-        ("2.0", "about", "nearest", (1.5, 2.5)),
-        ("2.0", "within", "nearest", (2.0, 2.0)),
+        ("2.0", "about", "", (1.5, 2.5)),
+        ("2.0", "within", "", (2.0, 2.0)),
+        ("2.0", "about", "digits", (1.95, 2.05)),
+        ("4", "within", "digits", (4.0, 4.0)),
         ("2.0", "less", "truncation", (2.0, 2.0)),
-        ("2.0", "nominal", "nearest", (1.9, 2.1)),
+        ("2.0", "nominal", "", (1.9, 2.1)),
         ("2.0", "nominal", "truncation", (1.9, 2.1)),
     ],
 )
 def test_intervals_of_print(text, qualifier, rule, wanted):
-    assert allowed(printed_cell("t#a", text, "1", qualifier), rule) == pytest.approx(
-        wanted
-    )
+    found = rounding_interval(PrintedNumber(text, qualifier=qualifier), rule)
+    assert found == pytest.approx(wanted)
 
 
 def test_the_ledger_and_the_audit_take_the_same_interval_for_every_printed_number():
     cells = [c for t in library().values() for c in t.cells if c.is_number]
     assert {c.number.qualifier for c in cells} > {None, "about", "nominal"}
-    for cell in cells:
-        if not cell.number.is_bound:
-            low, high = allowed(cell)
-            factor = si_factor(cell.unit)
-            assert (low, high) == tuple(factor * end for end in cell.number.interval())
-            door = given_cells([cell.address])
-            for side, end in ((-1.0, low), (1.0, high)):
-                moved = door.shifted({cell.address: side})[cell.address]
-                assert moved == pytest.approx(end, rel=1e-12)
-
-
-def test_counts_are_exact_and_units_are_si():
-    assert allowed(printed_cell("t#n", "4", "count")) == (4.0, 4.0)
-    assert allowed(printed_cell("t#a", "20", "um")) == pytest.approx((19.5e-6, 20.5e-6))
+    for cell in (cell for cell in cells if not cell.number.is_bound):
+        ends = rounding_interval(cell.number)
+        assert ends == cell.number.interval()
+        door = given_cells([cell.address])
+        for side, end in zip((-1.0, 1.0), ends, strict=True):
+            moved = door.shifted({cell.address: side})[cell.address]
+            assert moved == pytest.approx(end * si_factor(cell.unit), rel=1e-12)
 
 
 @given(
@@ -79,11 +64,11 @@ def test_rules_are_those_of_decimal_arithmetic(value, step):
     }
     for name, way in ways.items():
         text = str(value.quantize(Decimal(step), rounding=way))
-        rule = "nearest" if name.startswith("half") else name
-        low, high = allowed(printed_cell("t#a", text), rule)
+        rule = "" if name.startswith("half") else name
+        low, high = rounding_interval(PrintedNumber(text), rule)
         assert low - 1e-9 <= float(value) <= high + 1e-9
 
 
 def test_tolerances_are_read_in_their_unit_or_in_hundredths():
-    assert _Tolerance(0.025, "small angles").text == "2.5 %"
-    assert _Tolerance(0.3, "nominal", "arcsec").text == "0.3 arcsec"
+    assert Tolerance(size=0.025, reason="small angles").text == "2.5 %"
+    assert Tolerance(size=0.3, reason="nominal", unit="arcsec").text == "0.3 arcsec"

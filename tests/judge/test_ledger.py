@@ -1,26 +1,18 @@
 """The ledger: complete, frozen, documented, and the same however it is built."""
 
 import json
-import re
 
-import numpy as np
 import pytest
 
 from reproduce.judge import ledger
-from reproduce.judge.ledger import Ledger, Record, reread
+from reproduce.judge.ledger import Ledger, reread
 from reproduce.judge.readings import evaluate
 from reproduce.locate import data_folder
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.chen2023 import effectiveness
 from reproduce.printed.cells import find, library
 from reproduce.printed.given import given
-from reproduce.printed.number import si_factor
 from reproduce.views.verdicts import joint_chance
-
-FIELDS = (
-    "key cell printed unit role computed verdict flags tolerance share probability mcse why "
-    "function equations seed"
-).split()
 
 
 @pytest.fixture(scope="module")
@@ -46,29 +38,12 @@ def test_every_frozen_cell_is_printed_and_every_printed_cell_frozen(whole):
     assert set(ledger.frozen()) == {record.cell for record in whole.records}
 
 
-def test_what_differs_has_its_reason(whole):
-    for record in whole.records:
-        if record.verdict == "differs":
-            assert len(ledger.reason(record.cell)) > 60, record.cell
-
-
 def test_a_changed_verdict_is_told(whole):
     changed = whole.records[0].model_copy(update={"verdict": "exact"})
     found = ledger.surprises(Ledger(records=(changed,), tables=()))
     assert [(s.cell, s.expected, s.found) for s in found] == [
         (changed.cell, "input", "exact")
     ]
-
-
-def test_records_carry_the_fields_of_the_design():
-    assert set(FIELDS) <= set(Record.model_fields)
-
-
-def test_roles_follow_from_use(whole):
-    for record in whole.records:
-        made = record.function is not None or record.verdict == "unpublished"
-        assert (record.role == "result") == made, record.cell
-        assert (record.verdict == "input") == (record.role == "given"), record.cell
 
 
 def test_numbers_fit_their_verdicts(whole):
@@ -117,22 +92,6 @@ def test_a_reading_has_one_joint_probability_wherever_it_is_shown(whole):
     assert rerun.joint_probability == pytest.approx(found.joint[place, 0], rel=1e-9)
 
 
-def test_what_repeats_another_cell_is_flagged(whole):
-    """Each flagged cell has the size of one of its inputs, up to sign."""
-    flagged = [record for record in whole.records if "copy" in record.flags]
-    assert flagged
-    for record in flagged:
-        assert record.verdict == "exact", record.cell
-        others = [c for t in library().values() for c in t.cells if c.is_number]
-        values = {
-            abs(c.number.value * si_factor(c.unit))
-            for c in others
-            if c.address in record.reads
-        }
-        size = abs(record.computed * si_factor(record.unit))
-        assert any(size == pytest.approx(value) for value in values), record.cell
-
-
 def test_one_item_alone_is_judged_as_in_the_whole(whole):
     ledger._judged.cache_clear()
     alone = ledger.build(["chen2023/table-5"])
@@ -152,15 +111,6 @@ def test_the_schema_in_data_is_the_ledgers_own():
     assert written == Ledger.model_json_schema()
 
 
-def test_every_field_is_documented():
-    undocumented = [
-        name
-        for name, entry in Record.model_json_schema()["properties"].items()
-        if "description" not in entry
-    ]
-    assert undocumented == []
-
-
 def test_unknown_cells_and_keys_are_refused(whole):
     with pytest.raises(KeyError, match="no record of"):
         whole.cell("niu2024/table-3#scale.green")
@@ -168,40 +118,17 @@ def test_unknown_cells_and_keys_are_refused(whole):
         ledger.build(["niu2024/table-9"])
 
 
-def test_functions_named_in_the_ledger_exist(whole):
-    from importlib import import_module
-
-    for name in {record.function for record in whole.records if record.function}:
-        module, _, function = name.rpartition(".")
-        assert re.fullmatch(r"reproduce\.papers\.(niu2024|chen2023)\.\w+", module)
-        assert hasattr(import_module(module), function)
-
-
-@pytest.mark.parametrize(
-    ("entry", "message"),
-    [
-        ('verdict = "maybe"\ncells = ["niu2024/table-1"]', "unknown verdict 'maybe'"),
-        (
-            'verdict = "differs"\ncells = ["niu2024/table-1"]',
-            "a differs needs its reason",
-        ),
-        (
-            'verdict = "input"\ncells = ["niu2024/table-1", "niu2024/table-1#focal-length.red"]',
-            "stands twice",
-        ),
-    ],
-)
-def test_faults_in_the_frozen_verdicts_are_told(tmp_path, monkeypatch, entry, message):
-    (tmp_path / "verdicts.toml").write_text(f"[[expect]]\n{entry}\n")
+def test_faults_in_the_frozen_verdicts_are_named(tmp_path, monkeypatch):
     monkeypatch.setattr(ledger, "data_folders", lambda: (tmp_path,))
-    with pytest.raises(ValueError, match=message):
-        ledger.frozen.__wrapped__()
-
-
-def test_no_prediction_is_degenerate(whole):
-    for record in whole.records:
-        if record.probability is not None:
-            assert np.ptp(record.interval) > 0, record.cell
+    for verdict, cells, named in (
+        ("maybe", ["niu2024/table-1"], "maybe"),
+        ("differs", ["niu2024/table-1"], "reason"),
+        ("input", ["niu2024/table-1"] * 2, "focal-length.red"),
+    ):
+        entry = f'[[expect]]\nverdict = "{verdict}"\ncells = {cells}'
+        (tmp_path / "verdicts.toml").write_text(entry.replace("'", '"'))
+        with pytest.raises(ValueError, match=named):
+            ledger.frozen.__wrapped__()
 
 
 WEAK = {"rounding", "copy", "difference", "tolerance", "wide"}

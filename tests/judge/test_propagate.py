@@ -2,7 +2,7 @@
 
 import pytest
 
-from reproduce.judge.verdicts import plain_results, result_intervals
+from reproduce.judge.propagate import plain_results, result_intervals
 from reproduce.papers.declare import reproduces
 from reproduce.printed.given import given
 

@@ -9,12 +9,12 @@ import pytest
 
 import recompute
 from reproduce.judge import ledger, readings
-from reproduce.judge.verdicts import cell_with
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import Alternative, reproduces, words
 from reproduce.papers.niu2024 import simulation
 from reproduce.printed.cells import library
 from reproduce.printed.given import Given, given
+from reproduce.printed.number import PrintedNumber
 from reproduce.store.studies import StudyError
 
 TABLE, CELL = "niu2024/table-2", "scale.red"  # prints 0.9976
@@ -42,7 +42,7 @@ def made_up(value):
 def judged(computation):
     """Return the summary and the record of the made-up cell."""
     found = readings.evaluate(computation)
-    return found.summary(CELL), ledger._records(found, library()[TABLE])[CELL]
+    return found.summary(CELL), ledger._results(found, library()[TABLE])[CELL]
 
 
 def conditional(a, b):
@@ -59,17 +59,15 @@ def test_every_combination_is_evaluated():
     assert set(seen) == {(a, b) for a, b, _ in every}
 
 
-@pytest.mark.parametrize("key", [key for key in catalogue() if words(key).options])
-def test_the_readings_of_an_item_are_the_product_of_the_options_in_its_data(key):
-    for computation in catalogue()[key].computations:
-        counts = [len(words(key).options[name]) for name in computation.options]
-        if (
-            computation.function.__name__ != "last_reference_angle"
-        ):  # lacks the length it gives
-            assert len(computation.readings) == np.prod(counts)
-        names = {tuple(one.items()) for one in computation.readings}
-        assert len(names) == len(computation.readings)
-        assert computation.readings[0] == computation.literal
+def test_the_readings_of_an_item_are_the_product_of_the_options_in_its_data():
+    for key in (key for key in catalogue() if words(key).options):
+        for computation in catalogue()[key].computations:
+            counts = [len(words(key).options[name]) for name in computation.options]
+            lacking = computation.function.__name__ == "last_reference_angle"
+            assert lacking or len(computation.readings) == np.prod(counts)
+            names = {tuple(one.items()) for one in computation.readings}
+            assert len(names) == len(computation.readings)
+            assert computation.readings[0] == computation.literal
 
 
 def test_readings_with_one_result_are_one_reading_with_the_choices_that_count():
@@ -160,9 +158,8 @@ def test_a_changed_option_makes_the_stored_readings_stale():
 
 def test_a_changed_input_makes_the_stored_readings_stale(monkeypatch):
     cells, before = given(CAMERA.given).cells, readings.fingerprint(CAMERA)
-    moved = Given(
-        {**cells, simulation.NOISE: cell_with(cells[simulation.NOISE], "0.06")}
-    )
+    noise = replace(cells[simulation.NOISE], content=PrintedNumber("0.06"))
+    moved = Given({**cells, simulation.NOISE: noise})
     monkeypatch.setattr(readings, "given", lambda _: moved)
     assert readings.fingerprint(CAMERA) != before
     with pytest.raises(StudyError, match=STALE):

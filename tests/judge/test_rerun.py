@@ -1,5 +1,7 @@
 """An item computed again under a reader's change."""
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -7,10 +9,11 @@ from reproduce.judge import rerun
 from reproduce.judge.ledger import build
 from reproduce.judge.readings import evaluate
 from reproduce.judge.rerun import CannotChangeError
-from reproduce.papers.catalogue import catalogue
+from reproduce.papers.catalogue import catalogue, changeable
 from reproduce.papers.niu2024 import simulation
 from reproduce.printed.cells import find
 from reproduce.printed.given import given
+from reproduce.printed.quantity import si_value
 
 NOISE = "niu2024/text-simulation#noise"
 TABLE = "chen2023/table-5"
@@ -61,29 +64,24 @@ def test_recomputed_values_take_the_place_of_printed_ones():
 
 
 def test_an_item_reads_through_other_items():
-    reads = rerun.changeable("chen2023/text-effectiveness")
+    reads = changeable("chen2023/text-effectiveness")
     assert f"{TABLE}#2.difference-x" in reads
     assert f"{TABLE}#2.monitoring-x" in reads, "through the difference"
     assert f"{TABLE}#2.position-x" in reads, "through motion, angle and difference"
 
 
-@pytest.mark.parametrize(
-    "key", [key for key, item in catalogue().items() if item.computations]
-)
-def test_only_what_an_item_reads_can_be_changed(key):
-    allowed = rerun.changeable(key)
-    assert allowed
-    assert set(allowed) >= {
-        cell.address
-        for computation in catalogue()[key].computations
-        for pattern in computation.given
-        for cell in find(pattern)
-        if cell.is_number
-    }
-    with pytest.raises(
-        CannotChangeError, match=f"{key} does not read .*; it reads {allowed[0]}"
-    ):
-        rerun.rerun(key, {"niu2024/text-context#matched-stars": "4"})
+def test_only_what_an_item_reads_can_be_changed():
+    for key in (key for key, item in catalogue().items() if item.computations):
+        allowed = changeable(key)
+        assert set(allowed) >= {
+            cell.address
+            for computation in catalogue()[key].computations
+            for pattern in computation.given
+            for cell in find(pattern)
+            if cell.is_number
+        }
+        with pytest.raises(CannotChangeError, match=rf"matched-stars.*{allowed[0]}"):
+            rerun.rerun(key, {"niu2024/text-context#matched-stars": "4"})
 
 
 @pytest.mark.parametrize(
@@ -94,26 +92,21 @@ def test_only_what_an_item_reads_can_be_changed(key):
         ("focal-length", "niu2024/table-1#focal-length.red"),
     ],
 )
-def test_a_stray_change_is_told_the_nearest_cells_and_where_all_are(stray, first):
-    with pytest.raises(CannotChangeError) as told:
+def test_an_error_names_the_nearest_cells(stray, first):
+    with pytest.raises(CannotChangeError, match=rf"^{stray}: .* such as {first}"):
         rerun.rerun("niu2024/table-3", {stray: "1"})
-    message = str(told.value)
-    assert f"does not read {stray}; did you mean {first}" in message
-    assert message.count("niu2024/t") <= 3 + 5
-    count = len(rerun.changeable("niu2024/table-3"))
-    assert f"(.reads lists all {count})" in message
 
 
 def test_a_cell_reads_what_its_own_computation_reads_directly_or_through_others():
-    whole, cell = (rerun.changeable(name) for name in (TABLE, f"{TABLE}#2.motion-x"))
+    whole, cell = (changeable(name) for name in (TABLE, f"{TABLE}#2.motion-x"))
     assert set(cell) < set(whole)
     assert {address.partition(".")[2] for address in cell} == {
         "position-x",
         "position-y",
     }
-    monitored = rerun.changeable(f"{TABLE}#2.monitoring-y")
+    monitored = changeable(f"{TABLE}#2.monitoring-y")
     assert len(monitored) == len(set(monitored))
-    assert rerun.changeable("niu2024/table-1#focal-length.red") == (), (
+    assert changeable("niu2024/table-1#focal-length.red") == (), (
         "an input reads nothing"
     )
 
@@ -127,13 +120,12 @@ def test_seed_and_replicates_are_changes():
     assert cells(first)["scale.red"].value != cells(other)["scale.red"].value
 
 
-@pytest.mark.parametrize("numbers", [{"seed": 7}, {"replicates": 9}])
-def test_what_draws_no_random_numbers_takes_no_seed_and_no_replicates(numbers):
-    (name,) = numbers
-    with pytest.raises(
-        CannotChangeError, match=f"table-2 draws no random .* takes no {name}$"
-    ):
-        rerun.rerun("niu2024/table-2", **numbers)
+def test_an_item_without_random_numbers_takes_no_seed_and_no_replicates():
+    for name in ("seed", "replicates"):
+        with pytest.raises(CannotChangeError, match=f"^{name}: .*table-2"):
+            rerun.rerun("niu2024/table-2", **{name: 9})
+        with pytest.raises(CannotChangeError, match=f"^{name}: "):
+            rerun.rerun("niu2024/table-3", **{name: -1})
 
 
 def test_a_seed_counts_where_random_numbers_are_drawn_between_a_change_and_an_item():
@@ -143,7 +135,7 @@ def test_a_seed_counts_where_random_numbers_are_drawn_between_a_change_and_an_it
     few = {"replicates": 50}
     found = [cells(rerun.rerun(key, {frames: "400"}, seed=s, **few)) for s in (7, 8)]
     assert found[0]["transform-single-x"].value != found[1]["transform-single-x"].value
-    with pytest.raises(CannotChangeError, match=f"{key} draws no random numbers"):
+    with pytest.raises(CannotChangeError, match=r"^seed: "):
         rerun.rerun(key, {single: "0.9″"}, seed=7)
 
 
@@ -185,68 +177,40 @@ def test_options_beside_a_change_carry_no_verdict():
 
 
 def test_rounding_noise_of_a_processor_replaces_nothing(monkeypatch):
-    """What a change does not reach stays as printed, whatever the last bits say."""
+    """An input that no change reaches stays as printed, for any rounding noise."""
     change = {f"{TABLE}#2.position-x": "0 um"}
     before = set(rerun.rerun(TABLE, change).replaced)
-    made = rerun._Run._made
-
-    def noisy(self, computation, cell):
-        found = made(self, computation, cell)
-        return found if found is None or not self.values else found * (1 + 4e-14)
-
-    monkeypatch.setattr(rerun._Run, "_made", noisy)
+    made, noise = rerun._middle, itertools.cycle((1.0, 1 + 4e-14))
+    monkeypatch.setattr(rerun, "_middle", lambda *given: made(*given) * next(noise))
     assert set(rerun.rerun(TABLE, change).replaced) == before != set()
 
 
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        (
-            {"niu2024/text-simulation#test-points": "1041"},
-            "up to 20 times the printed one, 1040",
-        ),
-        (
-            {"niu2024/text-simulation#noise": "-1 px"},
-            "cannot be computed with .*noise = -1 px",
-        ),
-    ],
-)
-def test_what_cannot_be_computed_is_told(changes, message):
-    with pytest.raises(CannotChangeError, match=message):
-        rerun.rerun("niu2024/text-simulation", changes, replicates=5)
+def test_a_change_that_cannot_be_computed_is_named():
+    for cell, value in (("test-points", "1041"), ("noise", "-1 px")):
+        changes = {f"niu2024/text-simulation#{cell}": value}
+        with pytest.raises(CannotChangeError, match=f"{cell}.*{value}"):
+            rerun.rerun("niu2024/text-simulation", changes, replicates=5)
 
 
-@pytest.mark.parametrize(
-    ("value", "message"),
-    [
-        ("0.2", "expected px as printed"),
-        ("0.2 mm", "expected px as printed"),
-        ("0.2 parsec", "expected px as printed"),
-        ("much", "expected a number in the printed format"),
-        ("", "expected a number in the printed format"),
-        ("1e999 px", "expected a finite number"),
-    ],
-)
-def test_values_that_do_not_fit_are_refused(value, message):
-    with pytest.raises(CannotChangeError, match=f"{NOISE}: {message}"):
-        rerun.rerun("niu2024/table-3", {NOISE: value})
+def test_values_that_do_not_fit_are_refused():
+    for value in ("0.2", "0.2 mm", "0.2 parsec", "much", "", "1e999 px", "1.2.3 px"):
+        with pytest.raises(CannotChangeError, match=f"{NOISE}: .*'{value}'"):
+            rerun.rerun("niu2024/table-3", {NOISE: value})
 
 
 def test_values_are_read_in_any_unit_of_their_kind():
     (focal,) = find("niu2024/table-1#focal-length.red")
-    for text in ("60.1 mm", "0.0601 m", "60100 µm", "60100 um", "6.01e1mm"):
-        assert rerun.in_si(focal, text) == pytest.approx(0.0601, rel=1e-12)
-    assert rerun.in_si(focal, 60.1) == pytest.approx(0.0601, rel=1e-12), (
-        "a bare float: as printed"
-    )
+    for value in ("60.1 mm", "0.0601 m", "60100 µm", "60100 um", "6.01e1mm", 60.1):
+        assert si_value(focal, value) == pytest.approx(0.0601, rel=1e-12)
     (count,) = find("niu2024/text-simulation#angle-count")
-    assert rerun.in_si(count, "12") == 12
-    with pytest.raises(CannotChangeError, match="whole number"):
-        rerun.in_si(count, "12.5")
+    assert si_value(count, "12") == 12
     (angle,) = find("niu2024/table-2#rotation.red")
-    assert rerun.in_si(angle, "−0.07°") == pytest.approx(np.radians(-0.07))
-    with pytest.raises(CannotChangeError, match="expected ° as printed"):
-        rerun.in_si(angle, "7 %")
+    assert si_value(angle, "−0.07°") == pytest.approx(np.radians(-0.07))
+    (scale,) = find("niu2024/table-2#scale.red")
+    assert si_value(scale, "99 %") == pytest.approx(0.99)
+    for cell, value in ((count, "12.5"), (count, "-1"), (angle, "7 %")):
+        with pytest.raises(ValueError, match=cell.name):
+            si_value(cell, value)
 
 
 def test_a_changed_value_is_exact():
@@ -266,19 +230,3 @@ def test_a_changed_value_is_exact():
         ]
         == 0.03
     )
-
-
-@pytest.mark.parametrize(
-    ("factor", "possible"), [(1.73, True), (1.74, False), (0.58, True), (0.57, False)]
-)
-def test_residuals_that_leave_no_error_to_a_channel_are_named(factor, possible):
-    """Green's part of the squares exceeds the smaller residual from a ratio of √3 on."""
-    blue = find("niu2024/text-experiment#rmse-after-blue-x")[0].number.value
-    changes = {"niu2024/text-experiment#rmse-after-red-x": f"{factor * blue} px"}
-    if possible:
-        assert rerun.rerun("niu2024/text-experiment", changes, replicates=2).cells
-    else:
-        with pytest.raises(
-            CannotChangeError, match=r"rmse-after-blue-x = 0\.2146 px.*√3"
-        ):
-            rerun.rerun("niu2024/text-experiment", changes, replicates=2)

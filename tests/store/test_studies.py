@@ -35,7 +35,7 @@ def test_changed_arrays_are_refused(tmp_path):
 
 
 def test_a_missing_study_is_named(tmp_path):
-    with pytest.raises(studies.StudyError, match="no such study"):
+    with pytest.raises(studies.StudyError, match=r"nothing\.npz"):
         studies.read("nothing", tmp_path)
 
 
@@ -66,9 +66,9 @@ def test_a_table_changed_by_hand_is_refused(tmp_path):
     keep.write_table("small", TABLE, {"command": "run"}, tmp_path)
     path = tmp_path / "small.toml"
     path.write_text(path.read_text("utf-8").replace("1.50", "1.51"), "utf-8")
-    with pytest.raises(studies.StudyError, match="changed by hand; run again: run"):
+    with pytest.raises(studies.StudyError, match="SHA-256"):
         studies.table("small", tmp_path)
-    with pytest.raises(studies.StudyError, match="no such study"):
+    with pytest.raises(studies.StudyError, match=r"other\.toml"):
         studies.table("other", tmp_path)
     with pytest.raises(studies.StudyError, match="command"):
         keep.write_table("small", TABLE, {}, tmp_path)

@@ -123,7 +123,7 @@ def test_a_build_draws_a_figure_once(tmp_path, monkeypatch):
         monkeypatch.setattr(
             figures, "painted", lambda paint, **_: pytest.fail("drawn again")
         )
-        shown = figures._in_build("niu2024/fig-4")
+        shown = figures._page_vectors("niu2024/fig-4")
         assert shown.narrow.startswith("<svg")
         file = tmp_path / "figures" / "niu2024-fig-4.svg"
         assert file.read_text(encoding="utf-8") == figures._XML + shown.wide

@@ -110,9 +110,7 @@ def test_a_cell_tells_all_that_is_known_of_it():
     assert (cell.printed, cell.verdict) == ("0.9976", "exact")
     assert cell.computed == pytest.approx(0.9976, abs=5e-5)
     assert cell.reads == rp.table("niu2024/table-2")["scale.red"].reads
-    with pytest.raises(
-        ValueError, match=r"#scale.red does not read .*#noise; it reads niu2024"
-    ):
+    with pytest.raises(ValueError, match=r"#noise: expected .*#scale.red"):
         cell.rerun({STRANGER: "1 px"})
     table, other = (
         rp.table("chen2023/table-5"),
@@ -120,7 +118,7 @@ def test_a_cell_tells_all_that_is_known_of_it():
     )
     assert other in table.reads
     assert other not in table["2.motion-x"].reads
-    with pytest.raises(ValueError, match=r"table-5#2\.motion-x does not read"):
+    with pytest.raises(ValueError, match=r"expected .*table-5#2\.motion-x"):
         table["2.motion-x"].rerun({other: "1 m"})
     assert "def true_scale" in cell.source
     shown = " ".join(repr(cell).split())
@@ -247,7 +245,10 @@ def test_the_data_of_a_figure_are_what_is_drawn():
         (lambda: rp.table("niu2024/table-3#scale.green"), "has no cell 'scale.green'"),
         (lambda: rp.table("niu2024/fig-4"), r"try figure\('niu2024/fig-4'\)"),
         (lambda: rp.figure("niu2024/table-3"), "has no figure"),
-        (lambda: rp.table("chen2023/heat").rerun({STRANGER: "1 px"}), "does not read"),
+        (
+            lambda: rp.table("chen2023/heat").rerun({STRANGER: "1 px"}),
+            "expected an input",
+        ),
         (
             lambda: rp.table("chen2023/heat").rerun({FOCAL: "1 px"}),
             "expected m as printed",
@@ -307,7 +308,11 @@ def test_a_verdict_that_is_not_frozen_makes_the_check_false(monkeypatch):
     from reproduce.judge import ledger
     from reproduce.views import front
 
-    other = {"niu2024/table-2#scale.red": ledger.Expectation("differs", "made up")}
+    other = {
+        "niu2024/table-2#scale.red": ledger.Expectation(
+            verdict="differs", reason="made up"
+        )
+    }
     real = ledger.frozen
     monkeypatch.setattr(ledger, "frozen", lambda: real() | other)
     found = front.check("niu2024/table-2")
@@ -432,7 +437,7 @@ def test_a_figure_is_computed_and_drawn_again():
         "half the range, laid about zero"
     )
     assert "10 deg" in repr(wider)
-    with pytest.raises(ValueError, match="does not read nothing#x; it reads"):
+    with pytest.raises(ValueError, match="nothing#x: expected"):
         plain.rerun({"nothing#x": "1"})
 
 

@@ -45,9 +45,7 @@ def test_a_seed_reaches_every_random_number_or_is_refused(find, key, monkeypatch
         project.setattr(declare, "ROOT_SEED", "no seed")
         first = content(shown.rerun(seed=7) if shown.random else shown)
     if not shown.random:
-        with pytest.raises(
-            CannotChangeError, match=f"^{key} draws no random .* takes no seed$"
-        ):
+        with pytest.raises(CannotChangeError, match=f"^seed: .*{key} "):
             shown.rerun(seed=7)
         return
     forget()
@@ -78,11 +76,11 @@ def test_a_seed_stays_through_other_changes():
 def test_panels_that_draw_take_a_seed_and_the_others_stay():
     panels = rp.figure("chen2023/fig-10").rerun(seed=7).panels
     assert [one.changes for one in panels] == [{}, {"seed": "7"}, {"seed": "7"}]
-    with pytest.raises(CannotChangeError, match="fig-2a draws no random numbers"):
+    with pytest.raises(CannotChangeError, match=r"seed: .*fig-2a "):
         rp.figure("chen2023/fig-2").rerun(seed=7)
 
 
 @pytest.mark.parametrize("key", ["chen2023/fig-8", "chen2023/strategies"])
 def test_a_seed_is_zero_or_more(key):
-    with pytest.raises(CannotChangeError, match="whole number from zero up, got -1"):
+    with pytest.raises(CannotChangeError, match=r"^seed: .*got -1"):
         front.item(key).rerun(seed=-1)

@@ -197,7 +197,7 @@ def test_a_sweep_is_a_table_first_and_a_slider_with_a_script():
 
 
 def test_a_sweep_refuses_what_a_rerun_refuses():
-    with pytest.raises(ValueError, match="does not read"):
+    with pytest.raises(ValueError, match="expected an input"):
         rp.table(TABLE).sweep("niu2024/text-simulation#noise", ["0.1 px"])
     with pytest.raises(KeyError):
         rp.table(TABLE).sweep(FOCAL, VALUES, ["scale.green"])
@@ -216,7 +216,7 @@ def test_cells_that_depend_on_each_other_move_together():
     width = (found["high"] - found["low"]).to_list()
     assert width[0] > width[1]
     assert "137, 3240 arcsec (printed)" in str(swept)
-    with pytest.raises(ValueError, match="expected 2 values"):
+    with pytest.raises(ValueError, match="values: expected 2"):
         rp.table("niu2024/table-3").sweep(moved, ["37"])
 
 
@@ -273,11 +273,11 @@ def test_rows_of_a_sweep_are_told_apart_by_as_few_words_as_it_takes():
             NOISE,
             ["0.1 px"],
             {"columns": ["similarity"]},
-            "no column 'similarity'; it has Stars",
+            "similarity: expected a column",
         ),
-        (NOISE, ["0.1 px"], {"rows": {"Star": 50}}, "no column 'Star'"),
+        (NOISE, ["0.1 px"], {"rows": {"Star": 50}}, "Star: expected a column"),
         (NOISE, ["0.1 px"], {"rows": {"Stars": 51}}, "same rows"),
-        ("wants", [1], {}, "does not read wants"),
+        ("wants", [1], {}, "wants: expected"),
         (NOISE, [], {}, "at least one value"),
     ],
 )
@@ -289,7 +289,7 @@ def test_a_sweep_over_a_table_of_our_own_refuses_in_one_sentence(
 
 
 def test_a_sweep_over_words_is_refused():
-    with pytest.raises(ValueError, match="holds words"):
+    with pytest.raises(ValueError, match="Turn of the mirror about: expected"):
         rp.table("chen2023/dichroic").sweep(
             BORESIGHTS, ["90°"], ["Turn of the mirror about"]
         )

@@ -1,7 +1,7 @@
 """All readings of a printed cell: every combination of the options of its computation.
 
 Computations with random numbers and options are slow to evaluate under every reading. Their results
-are stored (`STUDY`); the literal reading is always computed and must be the stored one. A test
+are stored (`_STUDY`); the literal reading is always computed and must be the stored one. A test
 recomputes a part of the others.
 """
 
@@ -9,59 +9,58 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from itertools import chain, combinations
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
 
+from reproduce.judge.propagate import result_intervals
 from reproduce.judge.verdicts import (
     Frozen,
     Propagated,
     Reading,
     joint_probability,
     judge,
-    predicted,
-    result_intervals,
+    judge_summary,
 )
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import Computation, Prediction, Results, unpublished
-from reproduce.printed.cells import Cell, PrintedTable, library
+from reproduce.printed.cells import PrintedTable, library
 from reproduce.printed.given import given
 from reproduce.printed.number import si_factor
 from reproduce.store import studies
 
-Array = NDArray[np.float64]
-STUDY = "readings"
+_Array = NDArray[Any]
+_STUDY = "readings"
 # Draws that rounding noise of another processor may move across the end of a printed interval.
-_SAME_DRAWS = 4
+_NOISE_DRAWS = 4
 # Conditions of agreement that a summary lists.
-_CONDITIONS = 4
+_MAX_CONDITIONS = 4
 
 
 class ReadingSummary(Frozen):
     """All readings of a cell in short."""
 
-    count: int = Field(description="number of readings that give different results")
-    agreeing: int = Field(
-        description="number of readings with which the printed number agrees"
-    )
-    decided_by: tuple[str, ...] = Field(
-        description="smallest set of options whose choice decides whether a reading agrees"
-    )
-    agrees_if: tuple[dict[str, str], ...] = Field(
-        description="smallest choices with which every reading agrees; at most four, those of most "
+    count: int
+    """number of readings that give different results"""
+    agreeing: int
+    """number of readings with which the printed number agrees"""
+    decided_by: tuple[str, ...]
+    """smallest set of options whose choice decides whether a reading agrees"""
+    agrees_if: tuple[dict[str, str], ...]
+    (
+        "smallest choices with which every reading agrees; at most four, those of most "
         "readings first"
     )
-    never: dict[str, tuple[str, ...]] = Field(
-        description="alternatives of each option with which no reading agrees"
-    )
-    closest: Reading = Field(
-        description="the reading that comes closest to the printed number"
-    )
+    never: dict[str, tuple[str, ...]]
+    """alternatives of each option with which no reading agrees"""
+    closest: Reading
+    """the reading that comes closest to the printed number"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +79,22 @@ class Evaluation:
 
     computation: Computation
     cells: Mapping[str, Sequence[Reading]]
-    joint: Array
+    joint: _Array
+
+    def groups(self, name: str) -> NDArray[np.int64]:
+        """Return a number for the result of each reading, equal for equal results.
+
+        There is an axis for each option.
+        """
+        results = [
+            " ".join(f"{v:.9e}" for v in (r.computed, *r.interval, r.probability or 0))
+            for r in self.cells[name]
+        ]
+        return self._shaped(np.unique(results, return_inverse=True)[1])
+
+    def _shaped(self, values: _Array) -> _Array:
+        """Return one value per reading as an array with an axis for each option."""
+        return values.reshape([len(ways) for ways in self.computation.options.values()])
 
     def distinct(self, name: str) -> list[Reading]:
         """Return the readings of a cell that give different results.
@@ -89,146 +103,103 @@ class Evaluation:
         """
         groups = self.groups(name)
         affects = [
-            np.broadcast_to(
-                (groups != groups.take([0], axis)).any(axis, keepdims=True),
-                groups.shape,
-            )
+            np.broadcast_to(np.ptp(groups, axis, keepdims=True) > 0, groups.shape)
             for axis in range(groups.ndim)
         ]
-        _, places = np.unique(groups, return_index=True)
         found = []
-        for place in sorted(places.tolist()):
+        for place in np.sort(np.unique(groups, return_index=True)[1]):
             pairs = zip(self.computation.readings[place].items(), affects, strict=True)
-            choices = dict(
-                choice for choice, affecting in pairs if affecting.flat[place]
-            )
-            found.append(
-                self.cells[name][place].model_copy(update={"choices": choices})
-            )
+            choices = dict(choice for choice, affect in pairs if affect.flat[place])
+            reading = self.cells[name][place]
+            found.append(reading.model_copy(update={"choices": choices}))
         return found
 
     def summary(self, name: str) -> ReadingSummary:
-        """Return how the readings of a cell fare."""
+        """Return the number of readings that agree, and the options that decide."""
         found = self.distinct(name)
-        agrees = self._shaped([one.agrees for one in self.cells[name]])
-        decisive = next(
-            axes for axes in _subsets(agrees.ndim) if _decides(agrees, axes)
-        )
+        options = list(self.computation.options.items())
+        agrees = self._shaped(np.array([one.agrees for one in self.cells[name]]))
+        decided_by: tuple[str, ...] | None = None
+        conditions: list[dict[str, str]] = []
+        never: dict[str, tuple[str, ...]] = {}
+        for axes in _subsets(agrees.ndim):
+            others = tuple(axis for axis in range(agrees.ndim) if axis not in axes)
+            always = np.asarray(agrees.all(axis=others))
+            sometimes = np.asarray(agrees.any(axis=others))
+            if decided_by is None and (always == sometimes).all():
+                decided_by = tuple(options[axis][0] for axis in axes)
+            if len(axes) == 1 and not sometimes.all():
+                option, ways = options[axes[0]]
+                never[option] = tuple(np.array(list(ways))[~sometimes].tolist())
+            full = len(conditions) >= _MAX_CONDITIONS
+            if full and len(axes) > len(conditions[-1]):
+                continue
+            for places in np.argwhere(always):
+                chosen = (options[axis] for axis in axes)
+                one = {
+                    option: list(ways)[place]
+                    for (option, ways), place in zip(chosen, places, strict=True)
+                }
+                if not any(known.items() <= one.items() for known in conditions):
+                    conditions.append(one)
+        conditions.sort(key=self._size)
         return ReadingSummary(
             count=len(found),
             agreeing=sum(one.agrees for one in found),
-            decided_by=tuple(list(self.computation.options)[axis] for axis in decisive),
-            agrees_if=tuple(self._conditions(agrees)),
-            never=self._never(agrees),
+            decided_by=decided_by or (),
+            agrees_if=tuple(conditions[:_MAX_CONDITIONS]),
+            never=never,
             closest=max(found, key=lambda one: self._closeness(name, one)),
         )
 
+    def _size(self, condition: Mapping[str, str]) -> tuple[int, int]:
+        """Return a key that sorts conditions: few choices first, then many readings."""
+        options = self.computation.options
+        return len(condition), math.prod(len(options[option]) for option in condition)
+
     def _closeness(self, name: str, one: Reading) -> tuple[bool, bool, float]:
         """Return a key that is larger for readings closer to the printed number."""
-        printed = library()[self.computation.key][name].number.value
-        near = (
-            -abs(one.computed - printed) if one.probability is None else one.probability
-        )
+        near = one.probability
+        if near is None:
+            printed = library()[self.computation.key][name].number.value
+            near = -abs(one.computed - printed)
         return one.agrees, not one.flags, near
-
-    def _conditions(self, agrees: NDArray[np.generic]) -> list[dict[str, str]]:
-        """Return the smallest choices with which every reading agrees."""
-        options = [(name, [*ways]) for name, ways in self.computation.options.items()]
-        found: list[dict[str, str]] = []
-        sizes: list[int] = []
-        for axes in _subsets(agrees.ndim):
-            if len(found) >= _CONDITIONS and len(axes) > len(found[-1]):
-                break
-            sure = np.asarray(agrees.all(axis=_without(agrees.ndim, axes)))
-            for index in np.argwhere(sure).tolist():
-                pairs = ((options[a], i) for a, i in zip(axes, index, strict=True))
-                one = {name: ways[i] for (name, ways), i in pairs}
-                if not any(known.items() <= one.items() for known in found):
-                    found.append(one)
-                    sizes.append(agrees.size // max(1, sure.size))
-        order = sorted(range(len(found)), key=lambda i: (len(found[i]), -sizes[i]))
-        return [found[i] for i in order[:_CONDITIONS]]
-
-    def _never(self, agrees: NDArray[np.generic]) -> dict[str, tuple[str, ...]]:
-        """Return the alternatives with which no reading agrees, by option."""
-        found = {}
-        for axis, (option, ways) in enumerate(self.computation.options.items()):
-            some = np.asarray(
-                np.moveaxis(agrees, axis, 0).reshape(len(ways), -1).any(axis=1)
-            )
-            found[option] = tuple(
-                w for w, one in zip(ways, some.tolist(), strict=True) if not one
-            )
-        return {option: ways for option, ways in found.items() if ways}
-
-    def _shaped(self, values: Sequence[object]) -> NDArray[np.generic]:
-        """Return one value per reading as an array with an axis for each option."""
-        return np.array(values).reshape(
-            [len(ways) for ways in self.computation.options.values()]
-        )
-
-    def groups(self, name: str) -> NDArray[np.int64]:
-        """Return the number of the result of each reading, equal for equal results."""
-        numbers: dict[tuple[str, ...], int] = {}
-        found = [
-            numbers.setdefault(
-                tuple(
-                    f"{v:.9e}"
-                    for v in (one.computed, *one.interval, one.probability or 0.0)
-                ),
-                len(numbers),
-            )
-            for one in self.cells[name]
-        ]
-        return np.asarray(self._shaped(found), dtype=np.int64)
 
 
 def _subsets(count: int) -> Iterator[tuple[int, ...]]:
-    """Yield the subsets of so many axes, the smallest first."""
+    """Yield the subsets of the given number of axes, the smallest first."""
     return chain.from_iterable(
         combinations(range(count), size) for size in range(count + 1)
     )
 
 
-def _without(count: int, axes: tuple[int, ...]) -> tuple[int, ...]:
-    return tuple(axis for axis in range(count) if axis not in axes)
-
-
-def _decides(agrees: NDArray[np.generic], axes: tuple[int, ...]) -> bool:
-    """Return whether agreement depends on the options of some axes only."""
-    others = _without(agrees.ndim, axes)
-    return bool((agrees.all(axis=others) == agrees.any(axis=others)).all())
-
-
 @cache
 def evaluate(computation: Computation) -> Evaluation:
     """Compare the results of a computation with the printed cells under all its readings."""
-    table = library()[computation.key]
-    several = computation.replicates and len(computation.readings) > 1
-    stored = _stored(computation) if several else None
-    if stored is None:
+    stored = _stored(computation)
+    if not stored:
         return evaluate_readings(computation, computation.readings)
     literal = evaluate_readings(computation, computation.readings[:1])
-    for name, (live,) in literal.cells.items():
-        *summary, probability, _ = stored[name][0].tolist()
-        numbers = [live.computed, *live.interval]
-        counted = abs((live.probability or 0.0) - probability) * computation.replicates
-        if (
-            not np.allclose(numbers, summary, rtol=1e-6, atol=0)
-            or counted > _SAME_DRAWS
+    for name, (reading,) in literal.cells.items():
+        found, known = _row(reading)[:4], stored[name][0][:4]
+        draws = abs(found[3] - known[3]) * computation.replicates
+        if not np.allclose(found[:3], known[:3], rtol=1e-6, atol=0) or (
+            draws > _NOISE_DRAWS
         ):
-            raise _stale(f"{computation.key}#{name} is {numbers}, stored {summary}")
+            raise _stale(f"{computation.key}#{name} is {found}, stored {known}")
     # The stored numbers of the literal reading too: rounding noise must not split readings.
-    every = {
+    joint = stored.pop("joint")
+    table = library()[computation.key]
+    cells = {
         name: [
-            _restored(table[name], choices, row, computation.replicates)
+            judge_summary(table[name].number, choices, row, computation.replicates)
             for choices, row in zip(
                 computation.readings, stored[name].tolist(), strict=True
             )
         ]
         for name in literal.cells
     }
-    return Evaluation(computation, every, stored["joint"])
+    return Evaluation(computation, cells, joint)
 
 
 def evaluate_readings(
@@ -241,67 +212,54 @@ def evaluate_readings(
     for choices in readings:
         one_reading = computation.under(choices)
         results = one_reading(inputs)
-        ends: dict[str, Propagated] = {}
-        if strays := [name for name in results if not computation.makes(name)]:
-            raise ValueError(
-                f"{computation.name} makes cells it does not declare: {strays}"
-            )
+        allowed: Mapping[str, Propagated] = {}
         if not computation.replicates:
-            ends = result_intervals(one_reading, inputs)
+            allowed = result_intervals(one_reading, inputs)
         for name, result in results.items():
-            one = judge(table[name], result, choices, ends.get(name))
-            found.setdefault(name, []).append(one)
+            if not computation.makes(name):
+                raise ValueError(f"{computation.name}: {name} is not declared in cells")
+            reading = judge(table[name], result, choices, allowed.get(name))
+            found.setdefault(name, []).append(reading)
         joint.append(_joint(table, results))
     return Evaluation(computation, found, np.array(joint))
 
 
 def _joint(table: PrintedTable, results: Results) -> tuple[float, float]:
     """Return the joint probability of all predicted cells; NaN if none is predicted."""
-    drawn = [
-        (table[name].number.interval(), result.draws / si_factor(table[name].unit))
+    drawn = {
+        name: result.draws / si_factor(table[name].unit)
         for name, result in results.items()
         if isinstance(result, Prediction)
         and np.ptp(result.draws) > 0
         and not unpublished(table.key, name)
-    ]
+    }
     if not drawn:
-        return np.nan, np.nan
-    intervals, columns = zip(*drawn, strict=True)
-    return joint_probability(np.stack(columns), np.array(intervals))
-
-
-def _restored(
-    cell: Cell, choices: dict[str, str], row: Sequence[float], replicates: int
-) -> Reading:
-    computed, low, high, probability, error = row
-    return predicted(
-        cell.number,
-        choices,
-        computed=computed,
-        interval=(low, high),
-        probability=probability,
-        error=error,
-        replicates=replicates,
-    )
+        return math.nan, math.nan
+    intervals = [table[name].number.interval() for name in drawn]
+    return joint_probability(np.stack(list(drawn.values())), np.array(intervals))
 
 
 def all_readings() -> Iterator[tuple[str, Reading]]:
     """Yield the address and every reading of each cell that has several."""
-    for item in catalogue().values():
-        for computation in item.computations:
-            if computation.options:
-                found = evaluate(computation)
-                for name in found.cells:
-                    if len(own := found.distinct(name)) > 1:
-                        yield from ((f"{computation.key}#{name}", one) for one in own)
+    items = catalogue().values()
+    for computation in chain.from_iterable(item.computations for item in items):
+        evaluation = evaluate(computation)
+        for name in evaluation.cells:
+            readings = evaluation.distinct(name)
+            if len(readings) > 1:
+                yield from ((f"{computation.key}#{name}", one) for one in readings)
 
 
-def packed(evaluation: Evaluation) -> dict[str, Array]:
+def _row(reading: Reading) -> list[float]:
+    """Return the numbers of a predicted cell that the study stores."""
+    numbers = (reading.computed, *reading.interval, reading.probability, reading.error)
+    return [number or 0.0 for number in numbers]
+
+
+def packed(evaluation: Evaluation) -> dict[str, _Array]:
     """Return an evaluation as arrays, by the names under which the study stores them."""
     arrays = {
-        name: np.array(
-            [[r.computed, *r.interval, r.probability, r.error] for r in found]
-        )
+        name: np.array(list(map(_row, found)))
         for name, found in evaluation.cells.items()
     }
     arrays["joint"] = evaluation.joint
@@ -320,26 +278,26 @@ def fingerprint(computation: Computation) -> str:
     return hashlib.sha256(json.dumps(content).encode()).hexdigest()
 
 
-def _stored(computation: Computation) -> dict[str, Array] | None:
-    """Return the stored results by cell, or None if the computation is not in the study."""
-    study = _study()
-    if (recorded := study.note.get(computation.name)) is None:
-        return None
-    if recorded != fingerprint(computation):
+def _stored(computation: Computation) -> dict[str, _Array]:
+    """Return the stored results by cell; empty if the computation is not in the study."""
+    if not (computation.replicates and len(computation.readings) > 1):
+        return {}
+    recorded = _study().note.get(computation.name)
+    if recorded not in {None, fingerprint(computation)}:
         raise _stale(f"{computation.name} has other inputs or options")
     lead = f"{computation.name}:"
     return {
         name.removeprefix(lead): array
-        for name, array in study.arrays.items()
+        for name, array in _study().arrays.items()
         if name.startswith(lead)
     }
 
 
 @cache
 def _study() -> studies.Study:
-    return studies.read(STUDY)
+    return studies.read(_STUDY)
 
 
 def _stale(reason: str) -> studies.StudyError:
     command = _study().note["command"]
-    return studies.StudyError(f"{STUDY}: {reason}; run again: {command}")
+    return studies.StudyError(f"{_STUDY}: {reason}; run again: {command}")

@@ -12,35 +12,29 @@ from __future__ import annotations
 
 import difflib
 import math
-import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from functools import cache, lru_cache
-from itertools import chain
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
 from reproduce.judge.ledger import TableRecord, reread
 from reproduce.judge.verdicts import central
-from reproduce.papers.catalogue import catalogue, drawings, studies
+from reproduce.papers.catalogue import catalogue, changeable, maker, upstream
 from reproduce.papers.declare import Alternative, Computation, Prediction, Result
 from reproduce.printed.cells import Cell, find, library
 from reproduce.printed.given import Given, given
-from reproduce.printed.number import ALIKE, UNITS, Interval, si_factor, symbol
+from reproduce.printed.number import Interval, si_factor
+from reproduce.printed.quantity import si_value
 
-_Replaced = dict[str, float]
-Made = TypeVar("Made")
-_VALUE = re.compile(
-    r"\s*([-+−]?\d[\d_]*\.?\d*(?:[eE][-+−]?\d+)?|[-+−]?\.\d+(?:[eE][-+−]?\d+)?)\s*(.*)"
-)
-# Relative: far above rounding noise, far below what any printed digit shows.
-_NOISE = 1e-9
-# More than so many times a printed count, or so many replicates, would only fill the memory.
-LARGEST, MOST_REPLICATES = 20, 100_000
-# Cells that a message names of those that could be meant.
-_SUGGESTED = 5
+_Made = TypeVar("_Made")
+# Relative difference of two results that rounding noise can explain.
+_NOISE_RATIO = 1e-9
+# More replicates would only fill the memory.
+_MAX_REPLICATES = 100_000
+# Cells that a message suggests in place of a cell that is not read.
+_MAX_SUGGESTED = 5
 
 
 class CannotChangeError(ValueError):
@@ -79,7 +73,7 @@ class Rerun:
     key : str
         The item.
     changes : dict
-        Address to the value as given, and ``seed`` or ``replicates`` where they were.
+        Address to the value as given, and ``seed`` or ``replicates`` if they are changed.
     cells : tuple of ChangedCell
         Every cell that the item computes.
     replaced : dict
@@ -100,14 +94,8 @@ class Rerun:
 
     @property
     def is_reading(self) -> bool:
-        """Whether this is a reading of the paper as printed, with nothing of a reader's own."""
+        """Whether this is a reading of the paper as printed, without changed inputs."""
         return bool(self.options) and not self.changes
-
-
-def maker(address: str) -> Computation | None:
-    """Return the computation that makes a printed cell, if one does."""
-    key, _, name = address.partition("#")
-    return next((one for one in catalogue()[key].computations if one.makes(name)), None)
 
 
 def options(key: str) -> dict[str, dict[str, Alternative]]:
@@ -123,75 +111,8 @@ def options(key: str) -> dict[str, dict[str, Alternative]]:
     found: dict[str, dict[str, Alternative]] = {}
     for computation in catalogue()[key].computations:
         for name, ways in computation.options.items():
-            found[name] = found.get(name, {}) | dict(ways)
+            found.setdefault(name, {}).update(ways)
     return found
-
-
-def changeable(key: str) -> tuple[str, ...]:
-    """Return every cell that an item, a cell or a study reads, directly or through other items.
-
-    Addresses, nearest first.
-
-    Examples
-    --------
-    >>> "niu2024/text-simulation#noise" in changeable("niu2024/table-3")
-    True
-    """
-    for declared in (studies(), drawings()):
-        if key in declared:
-            return _upstream(declared[key].given)
-    if "#" in key:
-        made_by = maker(key)
-        return () if made_by is None else _upstream(made_by.given)
-    item = catalogue()[key]
-    patterns = [one.given for one in item.computations]
-    patterns += [] if item.draw is None else [item.draw.given]
-    return _upstream(tuple(chain.from_iterable(patterns)))
-
-
-@cache
-def _upstream(patterns: tuple[str, ...]) -> tuple[str, ...]:
-    """Return the addresses of the numbers that match, and of all that these are computed from."""
-    found: dict[str, None] = {}
-    waiting = list(patterns)
-    while waiting:
-        for cell in find(waiting.pop(0)):
-            if cell.address not in found and cell.is_number:
-                found[cell.address] = None
-                above = maker(cell.address)
-                waiting += [] if above is None else above.given
-    return tuple(found)
-
-
-def in_si(cell: Cell, value: str | float) -> float:
-    """Return a value in SI units from text in the printed format, such as ``"0.2 px"``."""
-    bare = isinstance(value, int | float)
-    matched = _VALUE.fullmatch(str(value))
-    number = float(matched[1].replace("−", "-")) if matched else math.nan
-    written = matched[2].strip() if matched else ""
-    units = {name: name for name in UNITS} | {
-        symbol(name): name for name in UNITS if symbol(name)
-    }
-    as_printed = not written and (bare or cell.unit in {"1", "count"})
-    unit = cell.unit if as_printed else units.get(written, "")
-    most = LARGEST * cell.number.value
-    wanted = ""
-    if matched is None:
-        wanted = f"a number in the printed format ({cell.shown})"
-    elif not _same_kind(unit, cell.unit):
-        wanted = f"{symbol(cell.unit) or 'no unit'} as printed ({cell.shown})"
-    elif not math.isfinite(number):
-        wanted = "a finite number"
-    elif cell.unit == "count" and not (number == round(number) and 0 <= number <= most):
-        wanted = f"a whole number up to {LARGEST} times the printed one, {most:.0f}"
-    if wanted:
-        raise CannotChangeError(f"{cell.address}: expected {wanted}, got {value!r}")
-    return number * si_factor(unit)
-
-
-def _same_kind(one: str, other: str) -> bool:
-    kinds = ({one}, {"1", "percent"}, *map(set, ALIKE))
-    return any({one, other} <= kind for kind in kinds)
 
 
 def rerun(
@@ -206,33 +127,30 @@ def rerun(
     changes, chosen = dict(changes or {}), dict(chosen or {})
     values = checked_values(key, changes)
     _check_options(key, chosen)
-    random = any(one.replicates for one in catalogue()[key].computations)
+    computations = catalogue()[key].computations
+    random = any(one.replicates for one in computations)
     check_randomness(key, random, changes, seed, replicates)
-    told = by_name(changes, seed, replicates)
-    with _told_why(key, told | chosen):
-        if chosen and not told:
-            return _reading(key, chosen)
-        run = _Run(values, seed, replicates, chosen)
-        plain = _from_print(None, None, tuple(chosen.items()))
-        cells = [
-            _changed(library()[key][name], plain.results(computation)[name], result)
-            for computation in catalogue()[key].computations
-            for name, result in run.results(computation).items()
-        ]
-        ends = {c.cell.address: [c.value or 0.0, *(c.interval or ())] for c in cells}
-        if strays := [
-            address for address, found in ends.items() if not np.isfinite(found).all()
-        ]:
-            raise ArithmeticError(f"no finite number comes out for {', '.join(strays)}")
-    order = list(library()[key].by_name)
-    cells.sort(key=lambda one: order.index(one.cell.name))
-    return Rerun(key, told, tuple(cells), run.replaced, chosen)
+    changed = by_name(changes, seed, replicates)
+    if chosen and not changed:
+        return _reading(key, chosen)
+    run = _Run(values, seed, replicates, chosen)
+    cells = {}
+    with _explained(key, changed | chosen):
+        for computation in computations:
+            before = computation.under(chosen)(given(computation.given))
+            for name, after in run.results(computation).items():
+                cells[name] = _changed(library()[key][name], before[name], after)
+        for one in cells.values():
+            if not np.isfinite([one.value, *(one.interval or ())]).all():
+                raise ArithmeticError(f"{one.cell.address} is not a finite number")
+    ordered = (cells[name] for name in library()[key].by_name if name in cells)
+    return Rerun(key, changed, tuple(ordered), run.replaced, chosen)
 
 
 def by_name(
     changes: Mapping[str, str | float], seed: int | None, replicates: int | None = None
 ) -> dict[str, str]:
-    """Return all that is changed, by name, as given."""
+    """Return all changes as given, by address, ``seed`` or ``replicates``."""
     every = {**changes, "seed": seed, "replicates": replicates}
     return {name: str(value) for name, value in every.items() if value is not None}
 
@@ -244,65 +162,47 @@ def check_randomness(
     seed: int | None,
     replicates: int | None = None,
 ) -> None:
-    """Refuse a seed and replicates out of range, or where nothing draws random numbers."""
-    for name, number, least, most, span in (
-        (
-            "replicates",
-            replicates,
-            2,
-            MOST_REPLICATES,
-            f"from 2 to {MOST_REPLICATES:,}",
-        ),
-        ("seed", seed, 0, math.inf, "from zero up"),
-    ):
-        whole = isinstance(number, int | np.integer)
-        if number is not None and not (whole and least <= number <= most):
-            raise CannotChangeError(
-                f"{name}: expected a whole number {span}, got {number!r}"
-            )
-    asked = " and no ".join(by_name({}, seed, replicates))
-    if asked and not random and not _drawn_above(key, set(changes)):
-        raise CannotChangeError(
-            f"{key} draws no random numbers when it is rerun: it takes no {asked}"
-        )
+    """Raise an error for a seed or a number of replicates that an item cannot take.
 
-
-def _drawn_above(key: str, changes: set[str]) -> bool:
-    """Tell whether random numbers are drawn between a change and what an item reads."""
-    above = filter(None, map(maker, changeable(key)))
-    return any(one.replicates and changes & set(_upstream(one.given)) for one in above)
+    Random numbers are drawn by the item, or between a change and the inputs of the item.
+    """
+    if not random and (seed, replicates) != (None, None):
+        above = [one for one in map(maker, changeable(key)) if one and one.replicates]
+        changed = set(changes)
+        random = any(changed.intersection(upstream(one.given)) for one in above)
+    numbers: list[tuple[str, Any, int, float]] = [
+        ("seed", seed, 0, math.inf),
+        ("replicates", replicates, 2, _MAX_REPLICATES),
+    ]
+    for name, number, least, most in numbers:
+        whole = isinstance(number, int | np.integer) and least <= number <= most
+        if number is not None and not (whole and random):
+            wanted = f"a whole number from {least} to {most:,}"
+            if not random:
+                wanted = f"None, since {key} draws no random numbers"
+            raise CannotChangeError(f"{name}: expected {wanted}, got {number!r}")
 
 
 def checked_values(key: str, changes: Mapping[str, str | float]) -> dict[str, float]:
     """Return the values of a user in SI units; raise an error for a cell that is not an input."""
     refuse_strays(key, changes, changeable(key))
-    return {address: in_si(find(address)[0], text) for address, text in changes.items()}
+    try:
+        return {one: si_value(find(one)[0], text) for one, text in changes.items()}
+    except ValueError as error:
+        raise CannotChangeError(str(error)) from error
 
 
 def refuse_strays(subject: str, changes: Iterable[str], allowed: Sequence[str]) -> None:
-    """Refuse changes of what is not read; name the nearest cells, and how many there are."""
-    if not (strays := [address for address in changes if address not in allowed]):
-        return
-    near = list(
-        dict.fromkeys(chain.from_iterable(_near(stray, allowed) for stray in strays))
-    )
-    named = near[:_SUGGESTED] or allowed[:_SUGGESTED]
-    listed = ", ".join(named) or "nothing"
-    told = f"did you mean {listed}?" if near else f"it reads {listed}"
-    if len(named) < len(allowed):
-        told += f" (.reads lists all {len(allowed)})"
-    raise CannotChangeError(f"{subject} does not read {', '.join(strays)}; {told}")
-
-
-def _near(stray: str, allowed: Sequence[str]) -> list[str]:
-    """Return the cells whose name is much like that of a stray."""
-    names = [address.partition("#")[2] for address in allowed]
-    alike = difflib.get_close_matches(
-        stray.rpartition("#")[2], names, n=_SUGGESTED, cutoff=0.7
-    )
-    return [
-        address for address, name in zip(allowed, names, strict=True) if name in alike
-    ]
+    """Raise an error for the first cell that is not an input; suggest similar inputs."""
+    names = {address.partition("#")[2]: address for address in reversed(allowed)}
+    for stray in (address for address in changes if address not in allowed):
+        name = stray.rpartition("#")[2]
+        near = difflib.get_close_matches(name, names, _MAX_SUGGESTED, cutoff=0.7)
+        listed = [names[one] for one in near] or allowed[:_MAX_SUGGESTED]
+        raise CannotChangeError(
+            f"{stray}: expected an input of {subject}, such as {', '.join(listed)}. "
+            f"All {len(allowed)} are in `.reads`"
+        )
 
 
 def under(
@@ -310,22 +210,22 @@ def under(
     patterns: tuple[str, ...],
     changes: Mapping[str, str | float],
     seed: int | None,
-    compute: Callable[[Given], Made],
-) -> tuple[Made, _Replaced]:
+    compute: Callable[[Given], _Made],
+) -> tuple[_Made, dict[str, float]]:
     """Return the result of `compute` with changed inputs, and the printed inputs replaced."""
     run = _Run(checked_values(key, changes), seed)
-    with _told_why(key, by_name(changes, seed)):
-        return compute(run.door(patterns)), run.replaced
+    with _explained(key, by_name(changes, seed)):
+        return compute(run.inputs(patterns)), run.replaced
 
 
 @contextmanager
-def _told_why(key: str, told: Mapping[str, str]) -> Iterator[None]:
-    """Say in one sentence why an item cannot be computed under a change."""
+def _explained(key: str, changes: Mapping[str, str]) -> Iterator[None]:
+    """Name the item and the changes in an error of a computation."""
     try:
         with np.errstate(all="ignore"):
             yield
     except (ValueError, ArithmeticError, IndexError, MemoryError) as error:
-        setting = ", ".join(f"{name} = {text}" for name, text in told.items())
+        setting = ", ".join(f"{name} = {text}" for name, text in changes.items())
         raise CannotChangeError(
             f"{key} cannot be computed with {setting}: {error}"
         ) from error
@@ -334,40 +234,29 @@ def _told_why(key: str, told: Mapping[str, str]) -> Iterator[None]:
 def _check_options(key: str, chosen: Mapping[str, str]) -> None:
     known = options(key)
     for name, way in chosen.items():
-        if name not in known:
+        if way not in known.get(name, ()):
             listed = "; ".join(f"{n} ({', '.join(ways)})" for n, ways in known.items())
             raise CannotChangeError(
-                f"{key} has no option {name!r}; it leaves open: {listed or 'nothing'}"
-            )
-        if way not in known[name]:
-            raise CannotChangeError(
-                f"{key}: {name} is one of {', '.join(known[name])}, got {way!r}"
+                f"{name}: expected an option of {key}, {listed or 'which has none'}; "
+                f"got {way!r}"
             )
 
 
 def _reading(key: str, chosen: dict[str, str]) -> Rerun:
     """Judge an item under one reading of the text."""
-    found, before = reread(key, chosen), reread(key, {})
+    found, literal = reread(key, chosen), reread(key, {})
     cells = tuple(
         ChangedCell(
-            find(record.cell)[0],
-            before.cell(record.cell).computed,
-            record.computed,
-            record.interval,
-            record.verdict,
+            cell=find(record.cell)[0],
+            unchanged=literal.cell(record.cell).computed,
+            value=record.computed,
+            interval=record.interval,
+            verdict=record.verdict,
         )
-        for record in found.of(key)
+        for record in found.records
         if record.function
     )
     return Rerun(key, {}, cells, {}, chosen, found.table(key))
-
-
-@lru_cache(maxsize=8)
-def _from_print(
-    seed: int | None, replicates: int | None, chosen: tuple[tuple[str, str], ...]
-) -> _Run:
-    """Return the run without changes, for comparison."""
-    return _Run({}, seed, replicates, dict(chosen))
 
 
 def _changed(cell: Cell, before: Result, after: Result) -> ChangedCell:
@@ -377,54 +266,57 @@ def _changed(cell: Cell, before: Result, after: Result) -> ChangedCell:
     return ChangedCell(cell, _middle(before, unit), _middle(after, unit), ends)
 
 
-@dataclass(frozen=True, eq=False)
 class _Run:
-    """Values of cells under one set of changes, every computation run at most once."""
+    """Values of cells under one set of changes; every computation runs at most once."""
 
-    values: Mapping[str, float]
-    seed: int | None = None
-    replicates: int | None = None
-    chosen: Mapping[str, str] = field(default_factory=dict)
-    replaced: _Replaced = field(default_factory=dict)
-    _results: dict[str, Mapping[str, Result]] = field(default_factory=dict)
+    def __init__(
+        self,
+        values: Mapping[str, float],
+        seed: int | None,
+        replicates: int | None = None,
+        chosen: Mapping[str, str] | None = None,
+    ) -> None:
+        self.values, self.seed, self.replicates = values, seed, replicates
+        self.chosen = chosen or {}
+        self.replaced: dict[str, float] = {}
+        self._results: dict[str, Mapping[str, Result]] = {}
 
     def results(self, computation: Computation) -> Mapping[str, Result]:
         """Return the results of a computation whose inputs follow the changes."""
         if computation.name not in self._results:
-            door, under = self.door(computation.given), computation.under(self.chosen)
-            self._results[computation.name] = under(door, self.replicates)
+            inputs = self.inputs(computation.given)
+            found = computation.under(self.chosen)(inputs, self.replicates)
+            self._results[computation.name] = found
         return self._results[computation.name]
 
-    def door(self, patterns: tuple[str, ...]) -> Given:
+    def inputs(self, patterns: tuple[str, ...]) -> Given:
         """Return the inputs that match patterns, with the changes and recomputed values."""
-        door = given(patterns, self.seed)
-        return door.changed(
-            {a: v for a in door.cells if (v := self._input(a)) is not None}
-        )
+        inputs = given(patterns, self.seed)
+        values = {address: self._input(address) for address in inputs.cells}
+        return inputs.changed({a: v for a, v in values.items() if v is not None})
 
     def _input(self, address: str) -> float | None:
-        """Return what takes the place of a printed input, if anything does."""
+        """Return the value that replaces a printed input; None if no value does."""
         if address in self.values:
             return self.values[address]
         above = maker(address)
-        if above is None or not self.values.keys() & set(_upstream(above.given)):
+        if above is None or not self.values.keys() & set(upstream(above.given)):
             return None
         cell = find(address)[0]
-        plain = _from_print(self.seed, self.replicates, tuple(self.chosen.items()))
-        found, unchanged = self._made(above, cell), plain._made(above, cell)
+        found = self.results(above).get(cell.name)
+        plain = above.under(self.chosen)(given(above.given, self.seed), self.replicates)
         if found is None:
             return None
-        low, high = (end * si_factor(cell.unit) for end in cell.number.interval())
-        # No more than rounding noise, which processors differ by: no change reaches this cell.
-        noise = {"rel_tol": _NOISE, "abs_tol": _NOISE * (high - low)}
-        if unchanged is not None and math.isclose(found, unchanged, **noise):
+        value, unit = _middle(found), si_factor(cell.unit)
+        low, high = cell.number.interval()
+        # Rounding noise, which differs between processors, is no change.
+        tolerance = _NOISE_RATIO * unit * (high - low)
+        if math.isclose(
+            value, _middle(plain[cell.name]), rel_tol=_NOISE_RATIO, abs_tol=tolerance
+        ):
             return None
-        self.replaced[address] = found / si_factor(cell.unit)
-        return found
-
-    def _made(self, computation: Computation, cell: Cell) -> float | None:
-        result = self.results(computation).get(cell.name)
-        return None if result is None else _middle(result)
+        self.replaced[address] = value / unit
+        return value
 
 
 def _middle(result: Result, unit: float = 1.0) -> float:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 from collections.abc import Callable, Iterator, Mapping
 from functools import cache
+from itertools import chain
 from typing import Any, TypeVar
 
 from reproduce.locate import papers, schematic_files
@@ -16,6 +17,7 @@ from reproduce.papers.declare import (
     Schematic,
     Study,
 )
+from reproduce.printed.given import given
 
 Made = TypeVar("Made")
 
@@ -104,3 +106,43 @@ def _declarations(key: str, module: str) -> list[Any]:
         if not found:
             raise ValueError(f"{key}: expected its declaration in {module}, got none.")
     return found
+
+
+def maker(address: str) -> Computation | None:
+    """Return the computation that makes a printed cell; None for an input."""
+    key, _, name = address.partition("#")
+    return next((one for one in catalogue()[key].computations if one.makes(name)), None)
+
+
+def changeable(key: str) -> tuple[str, ...]:
+    """Return every number that an item, a cell or a study reads, directly or through other items.
+
+    Addresses, nearest first.
+
+    Examples
+    --------
+    >>> "niu2024/text-simulation#noise" in changeable("niu2024/table-3")
+    True
+    """
+    declared: list[Computation | Declared | Schematic | None]
+    if "#" in key:
+        declared = [maker(key)]
+    elif key in catalogue():
+        declared = [*catalogue()[key].computations, catalogue()[key].draw]
+    else:
+        declared = [studies()[key] if key in studies() else drawings()[key]]
+    return upstream(tuple(chain.from_iterable(one.given for one in declared if one)))
+
+
+@cache
+def upstream(patterns: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the addresses of the numbers that match, and of all that these are computed from."""
+    found: dict[str, None] = {}
+    waiting = list(patterns)
+    while waiting:
+        for address, cell in given([waiting.pop(0)]).cells.items():
+            if address not in found and cell.is_number:
+                found[address] = None
+                above = maker(address)
+                waiting += above.given if above else ()
+    return tuple(found)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import fnmatch
 import hashlib
 import tomllib
-from collections import Counter
 from dataclasses import dataclass
 from functools import cache, cached_property
 from pathlib import Path
@@ -37,17 +36,17 @@ class PrintedFileError(ValueError):
     """A file of printed numbers does not follow the format; the message lists every fault."""
 
 
-def _known(unit: str) -> str:
+def _known_unit(unit: str) -> str:
     si_factor(unit)
     return unit
 
 
 class _Traits(BaseModel):
-    """What can be said of a cell, or once for its row, column or file."""
+    """Traits of a cell, or of all cells of its row, column or file."""
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
 
-    unit: Annotated[str, AfterValidator(_known)] | None = None
+    unit: Annotated[str, AfterValidator(_known_unit)] | None = None
     unit_assumed: str | None = None
     role: Role | None = None
     qualifier: _Qualifier | None = None
@@ -58,34 +57,35 @@ class _Traits(BaseModel):
     misprint: str | None = None
 
 
-class _Entry(_Traits):
-    """One cell of a table: digits or text, with what differs from its row and column."""
+_TRAITS = set(_Traits.model_fields)
 
-    value: str | None = None
+
+class _Entry(_Traits):
+    """One cell of a table: digits or text, and traits that its row and column do not have."""
+
+    value: Annotated[str, AfterValidator(lambda text: PrintedNumber(text).text)] | None
     text: str | None = None
 
     @model_validator(mode="before")
     @classmethod
-    def _digits(cls, entry: Any) -> Any:
+    def _complete(cls, entry: Any) -> Any:
+        """Accept quoted digits in place of an entry, and require digits or text."""
         if isinstance(entry, int | float):
             raise ValueError(
                 f'unquoted number: write "{entry}", with all the digits of the print'
             )
-        return {"value": entry} if isinstance(entry, str) else entry
-
-    @model_validator(mode="after")
-    def _number_or_text(self) -> _Entry:
-        if (self.value is None) == (self.text is None):
+        fields = (
+            {"value": entry} if isinstance(entry, str) else {"value": None, **entry}
+        )
+        if (fields["value"] is None) == ("text" not in fields):
             raise ValueError(
                 "expected exactly one of value (digits) and text (words, a dash)"
             )
-        if self.value is not None:
-            PrintedNumber(self.value)
-        return self
+        return fields
 
 
 class _Line(_Traits):
-    """What rows, columns and quoted numbers have in common: an id and a label."""
+    """Id and label of a row, of a column or of a quoted number."""
 
     id: Annotated[str, StringConstraints(pattern=r"^[a-z0-9]+(-[a-z0-9]+)*$")]
     label: str
@@ -111,26 +111,15 @@ class _File(_Traits):
     cell: list[_Quoted] = []
 
     @model_validator(mode="after")
-    def _whole(self) -> _File:
+    def _is_complete(self) -> _File:
         if self.page is None and self.section is None:
             raise ValueError(
-                "missing page or section: say where in the paper the numbers stand"
+                "missing page or section: state where in the paper the numbers are"
             )
         if bool(self.cell) == bool(self.row or self.column):
             raise ValueError(
                 "expected either [[column]] and [[row]] (a table) or [[cell]]"
             )
-        for name, lines in (
-            ("column", self.column),
-            ("row", self.row),
-            ("cell", self.cell),
-        ):
-            if twice := [
-                i for i, n in Counter(line.id for line in lines).items() if n > 1
-            ]:
-                raise ValueError(
-                    f"duplicate {name} {', '.join(twice)}: each id may stand once"
-                )
         for row in self.row:
             if len(row.cells) != len(self.column):
                 raise ValueError(
@@ -210,12 +199,6 @@ class Cell:
     def si(self) -> float:
         """The number in SI units (pixels stay pixels)."""
         return self.number.value * si_factor(self.unit)
-
-    @cached_property
-    def allowed(self) -> tuple[float, float]:
-        """The values that print so by the usual rounding, in SI units, without slack."""
-        factor = si_factor(self.unit)
-        return self.number.low * factor, self.number.high * factor
 
     @property
     def shown(self) -> str:
@@ -298,41 +281,50 @@ def build(content: Any, key: str, source: str = "") -> PrintedTable:
         raise PrintedFileError(
             "\n".join(f"{source}: {fault}" for fault in faults)
         ) from error
-    cells = [
-        _cell(key, quoted.id, quoted.label, (file, quoted)) for quoted in file.cell
+    lines: list[tuple[str, str, list[Any]]] = [
+        (quoted.id, quoted.label, [quoted]) for quoted in file.cell
     ]
     for row in file.row:
         for column, entry in zip(file.column, row.cells, strict=True):
-            label = (
-                row.label if len(file.column) == 1 else f"{row.label}, {column.label}"
-            )
-            cells.append(
-                _cell(key, f"{row.id}.{column.id}", label, (file, column, row, entry))
-            )
-    rows, place = tuple(file.row or file.cell), _place(file, file)
-    return PrintedTable(key, file.title, place, rows, tuple(file.column), tuple(cells))
+            label = row.label
+            if len(file.column) > 1:
+                label += f", {column.label}"
+            lines.append((f"{row.id}.{column.id}", label, [column, row, entry]))
+    cells = {
+        name: _cell(key, name, label, file, traits) for name, label, traits in lines
+    }
+    if len(cells) < len(lines):
+        raise PrintedFileError(f"{source}: expected each id once, got a duplicate")
+    return PrintedTable(
+        key=key,
+        title=file.title,
+        place=_place(file, file),
+        rows=tuple(file.row or file.cell),
+        columns=tuple(file.column),
+        cells=tuple(cells.values()),
+    )
 
 
-def _cell(key: str, name: str, label: str, above: tuple[Any, ...]) -> Cell:
-    """Return a cell with the traits of its file, column and row where its entry has none."""
+def _cell(key: str, name: str, label: str, file: _File, owners: list[Any]) -> Cell:
+    """Return a cell with the traits of its file, column and row if its entry has none."""
     traits: dict[str, Any] = {}
-    for one in above:
-        traits |= one.model_dump(include=set(_Traits.model_fields), exclude_none=True)
-    file, entry = above[0], above[-1]
-    if entry.value is not None and (missing := {"unit", "role"} - set(traits)):
-        raise PrintedFileError(
-            f"{key}#{name}: missing {missing.pop()}; give it to the cell or row"
-        )
+    for owner in (file, *owners):
+        traits |= owner.model_dump(include=_TRAITS, exclude_none=True)
+    entry = owners[-1]
     content: PrintedNumber | str = entry.text or ""
     if entry.value is not None:
-        exact = traits["unit"] == "count"
-        content = PrintedNumber(entry.value, exact, traits.get("qualifier"))
+        if missing := {"unit", "role"} - set(traits):
+            raise PrintedFileError(
+                f"{key}#{name}: missing {missing.pop()}; give it to the cell or row"
+            )
+        is_count = traits["unit"] == "count"
+        content = PrintedNumber(entry.value, is_count, traits.get("qualifier"))
     return Cell(
         key=key,
         name=name,
         label=label,
         content=content,
-        unit=traits["unit"] if entry.text is None else "",
+        unit=traits["unit"] if entry.value is not None else "",
         role=traits.get("role", "specification"),
         place=_place(file, entry if entry.section or entry.page else file),
         sigma=traits.get("sigma"),
@@ -362,32 +354,20 @@ def library() -> dict[str, PrintedTable]:
 
 
 def altered_files() -> tuple[str, ...]:
-    """Return the files of printed numbers that are not those of their checksums."""
-    return tuple(
-        name for folder in data_folders() for name in _altered(folder / "printed")
-    )
-
-
-def _altered(folder: Path) -> list[str]:
-    sums = folder / "SHA256SUMS"
-    try:
-        lines = sums.read_text(encoding="utf-8").splitlines()
-        recorded = {
-            name: digest for digest, name in (line.split("  ", 1) for line in lines)
+    """Return the files of printed numbers that differ from the list of checksums."""
+    altered: list[str] = []
+    for folder in (one / "printed" for one in data_folders()):
+        recorded = (folder / "SHA256SUMS").read_text(encoding="utf-8").splitlines()
+        found = {
+            f"{hashlib.sha256(path.read_bytes()).hexdigest()}  "
+            f"{path.relative_to(folder).as_posix()}"
+            for path in folder.rglob("*")
+            if path.suffix in {".toml", ".csv"}
         }
-    except (FileNotFoundError, ValueError) as error:
-        raise PrintedFileError(
-            f"{sums} is missing or no list of checksums: restore it, or run `make checksums`"
-        ) from error
-    found = {
-        path.relative_to(folder).as_posix(): hashlib.sha256(
-            path.read_bytes()
-        ).hexdigest()
-        for path in folder.rglob("*")
-        if path.suffix in {".toml", ".csv"}
-    }
-    names = sorted(recorded.keys() | found.keys())
-    return [name for name in names if recorded.get(name) != found.get(name)]
+        altered += sorted(
+            {line.split()[-1] for line in found.symmetric_difference(recorded)}
+        )
+    return tuple(altered)
 
 
 def find(pattern: str) -> tuple[Cell, ...]:

@@ -46,12 +46,11 @@ def corner_intervals(
     for moved in inputs:
         down, up = (results({moved: side}) for side in (-1.0, 1.0))
         for name, value in centre.items():
-            below, above = down[name] - value, up[name] - value
-            if below * above > 0:  # the printed value gives an extreme result
-                far = 1.0 if abs(above) > abs(below) else -1.0
-                sides[name][moved] = (0.0, far) if above > 0 else (far, 0.0)
-            elif below or above:
-                sides[name][moved] = (-1.0, 1.0) if above > below else (1.0, -1.0)
+            # An end goes before the printed value, in case of equal results.
+            by_side = {-1.0: down[name], 1.0: up[name], 0.0: value}
+            low, high = (pick(by_side, key=by_side.__getitem__) for pick in (min, max))
+            if by_side[low] != by_side[high]:
+                sides[name][moved] = (low, high)
     found = {}
     for name, own in sides.items():
         ends = [

@@ -26,7 +26,7 @@ from reproduce.units import RADIANS_PER_ARCSEC
 # slack a computed value that lies exactly on a rounding tie would fall on a random side of it.
 _FLOAT_SLACK = 1e-9
 # More digits than these, and a decimal of the usual precision cannot be rounded.
-_MOST_DIGITS = 25
+_MAX_DIGITS = 25
 _DIGITS = re.compile(r"[-+]?\d+(\.\d*)?([eE][-+]?\d+)?")
 
 Interval = tuple[float, float]
@@ -98,16 +98,6 @@ class PrintedNumber:
         return self.half_unit
 
     @property
-    def low(self) -> float:
-        """The smallest value that prints so, bounds not considered."""
-        return self.value - self.reach
-
-    @property
-    def high(self) -> float:
-        """The largest value that prints so, bounds not considered."""
-        return self.value + self.reach
-
-    @property
     def is_bound(self) -> bool:
         """Whether the print states a limit and not a value."""
         return self.qualifier in _BOUNDS
@@ -131,7 +121,7 @@ class PrintedNumber:
             return self.value, float("inf")
         if self.qualifier == "within":
             return -abs(self.value), abs(self.value)
-        return self.low, self.high
+        return self.value - self.reach, self.value + self.reach
 
     def meets(self, low: float, high: float) -> bool:
         """Tell whether the interval from `low` to `high` shares a point with the printed one.
@@ -157,22 +147,21 @@ class PrintedNumber:
         >>> PrintedNumber("8", exact=True).format(12, extra=1)
         '12'
         """
-        places = self.exponent - (
-            0 if self.exact and float(value).is_integer() else extra
-        )
-        if abs(value) >= 10.0 ** (_MOST_DIGITS + min(places, 0)):
+        places = self.exponent
+        if not (self.exact and float(value).is_integer()):
+            places -= extra
+        if abs(value) >= 10.0 ** (_MAX_DIGITS + min(places, 0)):
             return f"{value:.6g}"
-        if "e" in self.text.lower():
-            power = int(self.text.lower().split("e")[1])
-            return f"{self._round(value, places).scaleb(-power):f}e{power}"
-        return f"{self._round(value, min(places, 0)):f}"
-
-    @staticmethod
-    def _round(value: float, exponent: int) -> Decimal:
+        _, exponent_mark, power = self.text.lower().partition("e")
+        if not exponent_mark:
+            places = min(places, 0)
         rounded = Decimal(value).quantize(
-            Decimal(1).scaleb(exponent), rounding=ROUND_HALF_EVEN
+            Decimal(1).scaleb(places), rounding=ROUND_HALF_EVEN
         )
-        return rounded if rounded else abs(rounded)  # no "-0.00"
+        rounded = rounded or abs(rounded)  # no "-0.00"
+        if exponent_mark:
+            return f"{rounded.scaleb(-int(power)):f}e{int(power)}"
+        return f"{rounded:f}"
 
 
 # Unit as written in the data files -> (how a page shows it, its SI value). A count is exact; "1" is
@@ -199,7 +188,12 @@ UNITS: dict[str, tuple[str, float]] = {
     "mag": ("mag", 1.0),
 }
 # Units of one kind, which a user may give for each other. An angle is no pure number here.
-ALIKE = (("nm", "um", "mm", "m", "km"), ("deg", "arcsec"), ("ms", "s", "min"))
+ALIKE = (
+    ("nm", "um", "mm", "m", "km"),
+    ("deg", "arcsec"),
+    ("ms", "s", "min"),
+    ("1", "percent"),
+)
 
 
 def si_factor(unit: str) -> float:

@@ -49,47 +49,46 @@ class Study:
 
 
 def folder() -> Path:
-    """Return where the studies of the project lie."""
+    """Return the folder of the studies of the project."""
     return data_folder() / "studies"
 
 
 def read(name: str, where: Path | None = None) -> Study:
     """Return a stored study after checking that its arrays are those of its note."""
-    note, content = (
-        tomllib.loads(_file(name, "toml", where).decode()),
-        _file(name, "npz", where),
-    )
-    found = hashlib.sha256(content).hexdigest()
-    if found != note.get("sha256"):
-        raise StudyError(
-            f"{name}: expected arrays with the SHA-256 {note.get('sha256')}, got {found}; "
-            f"run again: {note.get('command')}"
-        )
+    content = _file(f"{name}.npz", where)
+    note = tomllib.loads(_file(f"{name}.toml", where).decode())
+    _check(name, content, note)
     with np.load(io.BytesIO(content), allow_pickle=False) as packed:
-        return Study({key: packed[key] for key in packed.files}, note)
+        return Study(dict(packed), note)
 
 
 def table(name: str, where: Path | None = None) -> pd.DataFrame:
     """Return a stored table after checking that it is the one of its note."""
     import pandas as pd
 
-    text = _file(name, "toml", where).decode()
+    text = _file(f"{name}.toml", where).decode()
     note = tomllib.loads(text)
-    body = re.search(r"^rows = \[\n(.*?)^\]$", text, flags=re.DOTALL | re.MULTILINE)
-    if body is None or digest(body.group(1)) != note.get("sha256"):
-        raise StudyError(
-            f"{name}: the rows were changed by hand; run again: {note.get('command')}"
-        )
+    rows = re.findall(r"^rows = \[\n(.*?)^\]$", text, flags=re.DOTALL | re.MULTILINE)
+    _check(name, "".join(rows).encode(), note)
     frame = pd.DataFrame(note.pop("rows"), columns=note.pop("columns"))
     frame.attrs.update(note)
     return frame
 
 
-def _file(name: str, ending: str, where: Path | None) -> bytes:
+def _file(name: str, where: Path | None) -> bytes:
     try:
-        return ((where or folder()) / f"{name}.{ending}").read_bytes()
+        return ((where or folder()) / name).read_bytes()
     except FileNotFoundError as error:
-        raise StudyError(f"{name}: no such study ({error.filename})") from error
+        raise StudyError(f"{name}: expected a file of {error.filename}") from error
+
+
+def _check(name: str, content: bytes, note: Note) -> None:
+    found = hashlib.sha256(content).hexdigest()
+    if found != note.get("sha256"):
+        raise StudyError(
+            f"{name}: expected the SHA-256 {note.get('sha256')}, got {found}. "
+            f"Run again: {note.get('command')}"
+        )
 
 
 def digest(rows: str) -> str:

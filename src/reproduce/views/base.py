@@ -9,7 +9,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, Self
 
 from reproduce.judge import rerun
-from reproduce.papers.catalogue import catalogue, drawings
+from reproduce.papers.catalogue import catalogue, changeable, drawings
 from reproduce.papers.declare import Drawing
 from reproduce.printed.cells import find
 from reproduce.views import keys
@@ -36,7 +36,7 @@ class Shown(Display):
     @property
     def reads(self) -> tuple[str, ...]:
         """Addresses of all printed cells that it reads, directly or through other items."""
-        return rerun.changeable(self.key)
+        return changeable(self.key)
 
     @property
     def again(self) -> str:

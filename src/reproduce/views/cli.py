@@ -32,49 +32,28 @@ class _Shell(click.Group):
         as_json = "--json" in ctx.args
         try:
             return super().invoke(ctx)
-        except Exception as error:  # an error that is not of the input is raised again
-            refused = self._refused(error, ctx)
-            if refused is None:
+        except Exception as error:
+            message = _message(error)
+            if message is None:  # not an error of the input
                 raise
             if as_json and _SHOWN not in ctx.meta:
-                told: dict[str, Any] = {"error": refused.format_message()}
-                if missed := getattr(
-                    error, "missed", ()
-                ):  # by chains that have not converged
-                    told |= {
+                found: dict[str, Any] = {"error": message}
+                if missed := getattr(error, "missed", ()):
+                    found |= {
                         "steps_needed": getattr(error, "steps", None),
                         "missed": missed,
                     }
-                click.echo(json.dumps(told, indent=2))
-            raise refused from error
-
-    def _refused(self, error: Any, ctx: click.Context) -> click.ClickException | None:
-        """Return the error of the command line for an error of the input."""
-        if isinstance(error, click.ClickException):
-            return error
-        if isinstance(error, ValueError | KeyError):
-            text = str(error.args[0] if isinstance(error, KeyError) else error)
-            return click.UsageError(printable(text), ctx)
-        if hasattr(error, "missed"):
-            advice = f" (--steps; there were {error.taken})" if error.steps else ""
-            return click.ClickException(f"{error}{advice}")
-        if isinstance(error, MemoryError):
-            return click.ClickException(
-                "the input does not fit into memory. Use a smaller one"
-            )
-        if (
-            isinstance(error, OSError) and error.filename
-        ):  # `main` reports errors of streams
-            return click.UsageError(
-                printable(f"{error.filename}: {error.strerror}"), ctx
-            )
-        return None
+                click.echo(json.dumps(found, indent=2))
+            if isinstance(error, click.ClickException):
+                raise
+            kind: type[click.ClickException] = click.UsageError
+            if hasattr(error, "missed") or isinstance(error, MemoryError):
+                kind = click.ClickException
+            raise kind(message) from error
 
     def main(self, *arguments: Any, **settings: Any) -> Any:
         """Run, with plain signs for characters that the stream cannot encode."""
-        if sys.stdout is None:
-            sys.exit("reproduce: cannot write: standard output is closed")
-        for name in ("stdin", "stderr"):
+        for name in ("stdin", "stdout", "stderr"):
             if getattr(sys, name) is None:  # closed by the caller
                 setattr(sys, name, io.TextIOWrapper(io.BytesIO()))
         for stream in (sys.stdout, sys.stderr):
@@ -85,14 +64,28 @@ class _Shell(click.Group):
                 return super().main(*arguments, **settings)
             finally:
                 sys.stdout.flush()
-        except BrokenPipeError:
-            sys.stdout = (
-                io.StringIO()
-            )  # nobody reads on; nothing is left to flush at the end
-            sys.exit(1)
         except OSError as error:
-            sys.stdout = io.StringIO()
+            sys.stdout = io.StringIO()  # nothing is left to flush at the end
+            if isinstance(error, BrokenPipeError):  # the reader has closed the pipe
+                sys.exit(1)
             sys.exit(f"reproduce: cannot write: {error.strerror}")
+
+
+def _message(error: Exception) -> str | None:
+    """Return one line on an error of the input; None for another error."""
+    if isinstance(error, click.ClickException):
+        return error.format_message()
+    if isinstance(error, ValueError | KeyError):
+        return printable(str(error.args[0] if isinstance(error, KeyError) else error))
+    if hasattr(error, "missed"):  # chains that have not converged
+        steps = getattr(error, "steps", None)
+        taken = f" (--steps; there were {getattr(error, 'taken', 0)})" if steps else ""
+        return f"{error}{taken}"
+    if isinstance(error, MemoryError):
+        return "the input does not fit into memory. Use a smaller one"
+    if isinstance(error, OSError) and error.filename:
+        return printable(f"{error.filename}: {error.strerror}")
+    return None
 
 
 class _Target(click.ParamType[Path]):
@@ -108,21 +101,39 @@ class _Target(click.ParamType[Path]):
         return check_target(Path(value), self.endings, param.opts[0])
 
 
-def _pairs(option: str, form: str, texts: tuple[str, ...]) -> dict[str, str]:
+def _pairs(
+    ctx: click.Context, param: click.Parameter, texts: tuple[str, ...]
+) -> dict[str, str]:
     """Return the texts to the left and to the right of the equals signs."""
     parts = [text.partition("=") for text in texts]
     for name, equals, value in parts:
         if not equals or not name.strip():
-            raise click.UsageError(f"{option} {name}{equals}{value}: expected {form}")
+            raise click.UsageError(
+                f"{param.opts[0]} {name}{equals}{value}: expected {param.metavar}"
+            )
     return {name.strip(): value.strip() for name, _, value in parts}
 
 
+def _priors(ctx: click.Context, param: click.Parameter, texts: tuple[str, ...]) -> Any:
+    """Return the lowest and the highest value of each prior."""
+    priors = {}
+    for name, text in _pairs(ctx, param, texts).items():
+        try:
+            low, high = map(float, text.split(","))
+        except ValueError as error:
+            raise click.UsageError(
+                f"--prior {name}={text}: expected {param.metavar}, such as noise=0.01,1"
+            ) from error
+        priors[name] = low, high
+    return priors
+
+
 @contextmanager
-def _bar(what: str) -> Iterator[Callable[[int, int], None]]:
+def _bar(label: str) -> Iterator[Callable[[int, int], None]]:
     """Show a bar on a terminal's standard error, and nothing in a pipe."""
     hidden = not sys.stderr.isatty()
     with click.progressbar(
-        length=100, label=what, file=sys.stderr, hidden=hidden
+        length=100, label=label, file=sys.stderr, hidden=hidden
     ) as shown:
         yield lambda done, total: shown.update(100 * done // total - shown.pos)
 
@@ -140,32 +151,31 @@ def _save(save: Callable[[Path], Any], out: Path) -> None:
     try:
         save(out)
     except (OSError, RuntimeError) as error:  # the latter of netCDF
-        message = printable(
-            f"cannot write {out}: {getattr(error, 'strerror', '') or error}"
-        )
-        raise click.ClickException(message) from error
+        reason = getattr(error, "strerror", "") or error
+        raise click.ClickException(
+            printable(f"cannot write {out}: {reason}")
+        ) from error
 
 
-# Whether the context has printed a JSON document.
+# Key of the context's data which is set after a JSON document is printed.
 _SHOWN = "reproduce.shown"
-_CHANGE, _CHOICE, _ENDS = "CELL=VALUE", "NAME=ALTERNATIVE", "NAME=LOW,HIGH"
-_SETTINGS = {"help_option_names": ["-h", "--help"], "show_default": True}
 # A FITS file may have the name of an extension in brackets behind it.
 _FILE = click.Path(path_type=Path)
 _FIGURE = _Target(*FIGURES)
-_ABOVE = click.FloatRange(min=0, min_open=True)
+_POSITIVE = click.FloatRange(min=0, min_open=True)
 _ADDRESS = click.argument("address", metavar="KEY[#CELL]")
 _JSON = click.option(
     "--json", "as_json", is_flag=True, help="Print JSON for other programs."
 )
 _SEED = click.option(
-    "--seed", type=click.IntRange(min=0), help="Of the random numbers."
+    "--seed", type=click.IntRange(min=0), help="Seed of the random number generator."
 )
 _SET = click.option(
     "--set",
     "changes",
     multiple=True,
-    metavar=_CHANGE,
+    callback=_pairs,
+    metavar="CELL=VALUE",
     help="Another value for a printed cell.",
 )
 _PIVOT = click.option(
@@ -183,7 +193,10 @@ _PLATFORM = click.option(
 )
 
 
-@click.group(cls=_Shell, context_settings=_SETTINGS)
+@click.group(
+    cls=_Shell,
+    context_settings={"help_option_names": ["-h", "--help"], "show_default": True},
+)
 @click.version_option(__version__, prog_name="reproduce")
 def main() -> None:
     """Recompute the printed numbers of niu2024 and chen2023, and judge every one.
@@ -228,15 +241,20 @@ def check(keys: tuple[str, ...], as_json: bool) -> None:
 @_SET
 @_SEED
 @click.option(
-    "--replicates", type=click.IntRange(min=2), help="Of a table that draws some."
+    "--replicates", type=click.IntRange(min=2), help="Number of simulated tables."
 )
 @click.option(
-    "--option", "options", multiple=True, metavar=_CHOICE, help="Reading of the text."
+    "--option",
+    "options",
+    multiple=True,
+    callback=_pairs,
+    metavar="NAME=ALTERNATIVE",
+    help="Reading of the text.",
 )
 def show(
     address: str,
-    changes: tuple[str, ...],
-    options: tuple[str, ...],
+    changes: dict[str, str],
+    options: dict[str, str],
     **numbers: int | None,
 ) -> None:
     """Show the printed and computed values of an item or a cell, or compute it with a change.
@@ -245,12 +263,11 @@ def show(
     selects a reading of the text, such as translations=table-2. With options only, each cell has
     its verdict under this reading.
     """
-    found, set_to = front.item(address), _pairs("--set", _CHANGE, changes)
-    again: dict[str, Any] = {
-        n: value for n, value in numbers.items() if value is not None
-    }
-    again |= _pairs("--option", _CHOICE, options)
-    (found.rerun(set_to, **again) if set_to or again else found).print()
+    found: Any = front.item(address)
+    given = {name: value for name, value in numbers.items() if value is not None}
+    if changes or options or given:
+        found = found.rerun(changes, **given, **options)
+    found.print()
 
 
 @main.command("export")
@@ -268,11 +285,9 @@ def export_item(address: str, form: str) -> None:
 )
 @_SET
 @_SEED
-def figure(key: str, out: Path, changes: tuple[str, ...], seed: int | None) -> None:
-    """Draw an item that draws."""
-    _save(
-        front.figure(key).rerun(_pairs("--set", _CHANGE, changes), seed=seed).save, out
-    )
+def figure(key: str, out: Path, changes: dict[str, str], seed: int | None) -> None:
+    """Draw the figure of an item."""
+    _save(front.figure(key).rerun(changes, seed=seed).save, out)
     click.echo(printable(f"Wrote {out}"))
 
 
@@ -288,8 +303,8 @@ def cite(address: str, form: str) -> None:
 @click.argument("citation")
 def verify(citation: str) -> None:
     """Compare the citation of a cell, as text, with known statements: exit code 0 if unchanged."""
-    click.echo(told := front.verify(citation))
-    sys.exit(0 if told == "unchanged" else 1)
+    click.echo(result := front.verify(citation))
+    sys.exit(result != "unchanged")
 
 
 @main.command()
@@ -313,10 +328,10 @@ def audit(paper: str | None, as_json: bool) -> None:
     "--reference", help="Reference image, as given.  [default: the second one]"
 )
 @click.option(
-    "--threshold", type=_ABOVE, help="Of stars, in standard deviations of the noise."
+    "--threshold", type=_POSITIVE, help="Of stars, in standard deviations of the noise."
 )
 @click.option(
-    "--radius", type=_ABOVE, help="How far apart stars of a pair may land, in px."
+    "--radius", type=_POSITIVE, help="Largest distance of the stars of a pair, in px."
 )
 @click.option(
     "--start",
@@ -328,15 +343,11 @@ def audit(paper: str | None, as_json: bool) -> None:
 @click.option(
     "--picture", type=_FIGURE, help="Drawing of the residuals: .svg, .pdf or .png."
 )
-@click.option(
-    "--posterior", is_flag=True, help="Sample the same transform with emcee too."
-)
 @_JSON
 def register(
     files: tuple[Path, ...],
     as_json: bool,
     picture: Path | None,
-    posterior: bool,
     start: tuple[float, float, float, float] | None,
     **settings: Any,
 ) -> None:
@@ -356,33 +367,15 @@ def register(
     Several drawings have the names of the images behind the name of --picture.
     """
     drawings = _drawings(files, settings["reference"], picture) if picture else []
-    if posterior and len(files) < 2:
-        raise click.UsageError("--posterior: expected two or more FILEs, got one")
-    given: dict[str, Any] = {
-        name: one for name, one in settings.items() if one is not None
-    }
+    given = {name: one for name, one in settings.items() if one is not None}
     if start:
         scale, rotation, *shift = start
         given["start"] = scale, math.radians(rotation), *shift
     with _bar("finding stars") as progress:
         source: Any = files[0] if len(files) == 1 else files
         found: Any = front.register(source, progress=progress, **given)
+    _show(as_json, found.record, found.print)
     fits = getattr(found, "fits", {"": found})
-    sampled = {name: fit.posterior() for name, fit in fits.items()} if posterior else {}
-    for name, one in sampled.items():
-        with _bar(printable(f"sampling {name}").strip()) as progress:
-            one.sample(progress=progress)
-    records = {name: one.record() for name, one in sampled.items()}
-
-    def shown() -> None:
-        for one in (found, *sampled.values()):
-            one.print()
-
-    _show(
-        as_json,
-        lambda: found.record() | ({"posteriors": records} if records else {}),
-        shown,
-    )
     for path, fit in zip(drawings, fits.values(), strict=bool(drawings)):
         _save(fit.save, path)
 
@@ -401,7 +394,7 @@ def _drawings(
     for path in drawings:
         if path.exists() or drawings.count(path) > 1:
             raise click.UsageError(
-                f"--picture: expected new drawings with different names, got {path}. Rename a file"
+                f"--picture: expected new files with different names, got {path}. Rename it"
             )
     return drawings
 
@@ -439,8 +432,9 @@ def misalignment(
     "--prior",
     "priors",
     multiple=True,
-    metavar=_ENDS,
-    help="An even prior, in the unit shown.",
+    callback=_priors,
+    metavar="NAME=LOW,HIGH",
+    help="A uniform prior, in the unit shown.",
 )
 @_SEED
 @click.option(
@@ -460,8 +454,7 @@ def posterior(
     listed: bool,
     as_json: bool,
     out: Path | None,
-    priors: tuple[str, ...],
-    **asked: Any,
+    **settings: Any,
 ) -> None:
     """Sample the posterior of MODEL and print its summary.
 
@@ -476,11 +469,7 @@ def posterior(
         return
     if model is None:
         raise click.UsageError("name a model, or use --list to see them all")
-    ends = {
-        name: _ends(name, text)
-        for name, text in _pairs("--prior", _ENDS, priors).items()
-    }
-    wanted: Any = front.posterior(model, priors=ends, **asked)
+    wanted: Any = front.posterior(model, **settings)
     if out:
         wanted.check_file(out)
     with _bar("sampling") as progress:
@@ -488,13 +477,3 @@ def posterior(
     _show(as_json, wanted.record, wanted.print)
     if out:
         _save(wanted.save, out)
-
-
-def _ends(name: str, text: str) -> tuple[float, float]:
-    """Return the lowest and the highest value of a prior."""
-    try:
-        low, high = map(float, text.split(","))
-    except ValueError as error:
-        told = f"--prior {name}={text}: expected {_ENDS}, such as noise=0.01,1"
-        raise click.UsageError(told) from error
-    return low, high

@@ -13,7 +13,13 @@ from markupsafe import Markup
 from reproduce.judge.ledger import Ledger, Record, build, surprises
 from reproduce.judge.verdicts import VERDICTS
 from reproduce.papers.catalogue import catalogue, studies
-from reproduce.printed.cells import PAPERS, PrintedTable, anchor, library
+from reproduce.printed.cells import (
+    PAPERS,
+    PrintedTable,
+    altered_files,
+    anchor,
+    library,
+)
 from reproduce.views import keys, verdicts
 from reproduce.views.base import by_row
 from reproduce.views.blocks import (
@@ -163,7 +169,8 @@ class Check(Display):
         listed = [
             one for key in wanted for one in whole.get(key) or [keys.check_key(key)]
         ]
-        self.ledger = build(listed or None, progress)
+        found = build(listed or None, progress)
+        self.ledger = found.model_copy(update={"altered": altered_files()})
         self.surprises = surprises(self.ledger)
 
     def __bool__(self) -> bool:

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
 FORMATS = ("csv", "json", "latex", "markdown")
 # The endings of their files.
-ENDINGS = {"csv": "csv", "json": "json", "latex": "tex", "markdown": "md"}
+_ENDINGS = {"csv": "csv", "json": "json", "latex": "tex", "markdown": "md"}
 
 
 def export(ledger: Ledger, address: str, form: str, shown: Grid) -> str:
@@ -48,12 +48,11 @@ def export(ledger: Ledger, address: str, form: str, shown: Grid) -> str:
     JSON and CSV contain every field of each record. LaTeX and Markdown have the layout of `shown`.
     """
     key, _, name = address.partition("#")
-    records = tuple(r for r in ledger.of(key) if not name or r.cell == address)
+    records = [r for r in ledger.of(key) if not name or r.cell == address]
     if form == "json":
-        tables = tuple(t for t in ledger.tables if t.key == key and not name)
-        return signed(Ledger(records=records, tables=tables), address).model_dump_json(
-            indent=2
-        )
+        tables = () if name else tuple(t for t in ledger.tables if t.key == key)
+        part = Ledger(records=tuple(records), tables=tables)
+        return signed(part, address).model_dump_json(indent=2)
     about = provenance(citation(address, "text"))
     if form == "csv":
         return export_frame(full_frame(records), form, about)
@@ -61,14 +60,17 @@ def export(ledger: Ledger, address: str, form: str, shown: Grid) -> str:
 
     rows = [list(map(plain, row)) for row in shown.rows]
     frame = pd.DataFrame(rows, columns=list(map(plain, shown.head)), dtype=str)
-    looks = {"caption": plain(shown.caption), "label": f"tab:{anchor(key)}"}
-    frame.attrs["latex"] = looks | {"column_format": "l" + "r" * (frame.shape[1] - 1)}
+    frame.attrs["latex"] = {
+        "caption": plain(shown.caption),
+        "label": f"tab:{anchor(key)}",
+        "column_format": "l" + "r" * (frame.shape[1] - 1),
+    }
     return export_frame(frame, form, about)
 
 
 def table_files(key: str) -> dict[str, str]:
     """Return where the book carries the exports of a table: path below its root to format."""
-    return {f"tables/{anchor(key)}.{ending}": form for form, ending in ENDINGS.items()}
+    return {f"tables/{anchor(key)}.{ending}": form for form, ending in _ENDINGS.items()}
 
 
 def provenance(cited: str, setting: str = "") -> dict[str, str]:
@@ -94,10 +96,7 @@ def export_frame(
 
     Its provenance is a comment before the rows; in JSON it is next to the rows.
     """
-    if form not in FORMATS:
-        raise ValueError(
-            f"unknown format {form!r}: expected one of {', '.join(FORMATS)}"
-        )
+    _check_format(form, FORMATS)
     about = about or provenance(citation("all", "text"))
     said = "".join(f"{name}: {text}\n" for name, text in about.items())
     if form == "csv":
@@ -111,19 +110,14 @@ def export_frame(
     if form == "latex":
         table = frame.to_latex(index=False, escape=True, **frame.attrs.get("latex", {}))
         return (indent(said, "% ") + _in_tex(table)).encode("ascii", PLAIN).decode()
-    lines = [
-        list(frame.columns),
-        ["---"] * len(frame.columns),
-        *frame.to_numpy().tolist(),
-    ]
+    dashes = ["---"] * len(frame.columns)
+    lines = [frame.columns, dashes, *frame.to_numpy()]
     # Other programs read numbers with a hyphen as the sign.
-    cells = (
-        (str(cell).replace("|", "\\|").replace("−", "-") for cell in line)
+    texts = [
+        " | ".join(str(cell).replace("|", "\\|").replace("−", "-") for cell in line)
         for line in lines
-    )
-    return "\n".join(
-        (f"<!--\n{said}-->\n", *(f"| {' | '.join(line)} |" for line in cells))
-    )
+    ]
+    return "\n".join([f"<!--\n{said}-->\n", *(f"| {text} |" for text in texts)])
 
 
 def _in_tex(text: str) -> str:
@@ -137,7 +131,7 @@ def _in_tex(text: str) -> str:
     return powers(minus(text)).translate(_TEX)
 
 
-_TEX = str.maketrans(
+_TEX: dict[int, str] = str.maketrans(
     {
         "−": "$-$",
         "×": r"$\times$",
@@ -145,16 +139,15 @@ _TEX = str.maketrans(
         "″": "$''$",
         "µ": r"\textmu{}",
         "–": "--",
-    }
-    | {
         "°": r"\textdegree{}",
         "σ": r"$\sigma$",
         "χ": r"$\chi$",
         "Δ": r"$\Delta$",
         "θ": r"$\theta$",
+        "≈": r"$\approx$",
+        "⁻": "$^{-}$",
+        **{sign: f"$^{{{digit}}}$" for digit, sign in enumerate("⁰¹²³⁴⁵⁶⁷⁸⁹")},
     }
-    | {"≈": r"$\approx$", "⁻": "$^{-}$"}
-    | {sign: f"$^{{{digit}}}$" for digit, sign in enumerate("⁰¹²³⁴⁵⁶⁷⁸⁹")}
 )
 
 
@@ -167,8 +160,17 @@ def full_frame(records: Iterable[Record]) -> pd.DataFrame:
 
     rows = []
     for record in records:
-        row = record.model_dump() | {"reason": reason(record.cell)}
-        row |= _read(record)
+        found = record.readings
+        closest = found and found.closest
+        row = record.model_dump() | {
+            "reason": reason(record.cell),
+            "readings": found and found.count,
+            "agreeing": found and found.agreeing,
+            "agrees_if": found and verdicts.deciding(found),
+            "closest": closest and verdicts.choices_text(closest.choices),
+            "closest_computed": closest and closest.computed,
+            "closest_probability": closest and closest.probability,
+        }
         for name in ("stands_for", "interval"):
             row[f"{name}_low"], row[f"{name}_high"] = row.pop(name) or (None, None)
         for name in ("flags", "equations", "seed", "reads"):
@@ -177,31 +179,20 @@ def full_frame(records: Iterable[Record]) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def _read(record: Record) -> dict[str, Any]:
-    """Return the columns on the readings of a cell."""
-    found = record.readings
-    closest = found and found.closest
-    return {
-        "readings": found and found.count,
-        "agreeing": found and found.agreeing,
-        "agrees_if": found and verdicts.deciding(found),
-        "closest": closest and verdicts.choices_text(closest.choices),
-        "closest_computed": closest and closest.computed,
-        "closest_probability": closest and closest.probability,
-    }
-
-
-CITED = ("bibtex", "ris", "csl", "text")
-# The fields of BibTeX that CSL and RIS call otherwise.
-_CSL = {
-    "journal": "container-title",
-    "volume": "volume",
-    "pages": "page",
-    "number": "issue",
+_CITATION_FORMATS = ("bibtex", "ris", "csl", "text")
+# Field of BibTeX to its names in CSL and in RIS; empty if RIS has none.
+_FIELDS = {
+    "title": ("title", "TI"),
+    "year": ("issued", "PY"),
+    "journal": ("container-title", "JO"),
+    "volume": ("volume", "VL"),
+    "number": ("issue", "IS"),
+    "pages": ("page", "SP"),
+    "doi": ("DOI", "DO"),
+    "url": ("URL", "UR"),
+    "note": ("note", "N1"),
+    "howpublished": ("", "N2"),
 }
-_CSL |= {"doi": "DOI", "note": "note", "url": "URL"}
-_RIS = {"title": "TI", "year": "PY", "journal": "JO", "volume": "VL", "number": "IS"}
-_RIS |= {"pages": "SP", "doi": "DO", "url": "UR", "note": "N1", "howpublished": "N2"}
 DEVELOPERS = "The reproduce-pointing developers"
 WHOLE = "Pointing, reproduced: the printed numbers of two papers, recomputed and judged"
 
@@ -215,36 +206,32 @@ def citation(address: str, form: str) -> str:
         raise TypeError(
             f"address: expected text, such as 'niu2024/table-3', got {address!r}"
         )
+    if address == "all":
+        return _written("reproduce-pointing", WHOLE, "All printed numbers", form)
     key, _, name = address.partition("#")
     paper = key.partition("/")[0]
-    if address == "all":
-        return _written(
-            "reproduce-pointing", WHOLE, "All printed numbers", "", form, ""
-        )
     if key in studies() or key in drawings():
         kind = "Study" if key in studies() else "Drawing"
         return beside(kind, key, paper, keys.title(key), form)
     keys.check_key(key)
-    named = f"reproduce-{anchor(address)}"
+    entry = f"reproduce-{anchor(address)}"
     if name:
-        said = statement(item_ledger(key).cell(library()[key][name].address))
-        return _written(named, said, mark(said), paper, form, address)
+        text = statement(item_ledger(key).cell(library()[key][name].address))
+        return _written(entry, text, mark(text), form, paper, address)
     place = keys.place(key).partition(",")[0]
-    what = (
-        place
-        if place != "Text"
-        else f"the numbers quoted in the text ({key.split('/')[1]})"
-    )
-    title = f"Reproduction of {what} of {_et_al(paper)}: {keys.title(key)}"
-    return _written(named, title, f"Item {key}, anchor {anchor(key)}", paper, form, key)
+    if place == "Text":
+        place = f"the numbers quoted in the text ({key.split('/')[1]})"
+    title = f"Reproduction of {place} of {_et_al(paper)}: {keys.title(key)}"
+    note = f"Item {key}, anchor {anchor(key)}"
+    return _written(entry, title, note, form, paper, key)
 
 
 def beside(kind: str, name: str, paper: str, title: str, form: str) -> str:
     """Return the citation of a posterior or a supplementary table, and of its paper."""
     link = "of" if kind == "Posterior" else "beside"
     whole = f"{kind} {link} {_et_al(paper)}: {title}"
-    named = f"reproduce-{kind.lower()}-{anchor(name)}"
-    return _written(named, whole, f"{kind} {name}", paper, form, name)
+    entry = f"reproduce-{kind.lower()}-{anchor(name)}"
+    return _written(entry, whole, f"{kind} {name}", form, paper, name)
 
 
 def statement(record: Record) -> str:
@@ -318,10 +305,13 @@ def _et_al(paper: str) -> str:
 
 
 def _written(
-    name: str, title: str, note: str, paper: str, form: str, address: str
+    name: str, title: str, note: str, form: str, paper: str = "", address: str = ""
 ) -> str:
-    if form not in CITED:
-        raise ValueError(f"unknown format {form!r}: expected one of {', '.join(CITED)}")
+    """Write the entry of an address of the book, and the entries of its papers."""
+    _check_format(form, _CITATION_FORMATS)
+    permalink = ADDRESS
+    if ADDRESS and address:
+        permalink = f"{ADDRESS}/goto.html#{anchor(address)}"
     # Braces keep a bibliography style from changing the case of names, and BibTeX from taking the
     # group's name for a first and a last name.
     fields = {
@@ -330,31 +320,74 @@ def _written(
         "howpublished": software(),
         "note": note,
         "doi": DOI,
-        "url": _permalink(address),
+        "url": permalink,
     }
     ours = Entry(
         "misc",
         fields={k: v for k, v in fields.items() if v},
         persons={"author": [Person("{" + DEVELOPERS + "}")]},
     )
-    theirs = [paper] if paper else PAPERS
-    entries = {name: ours} | {one: _paper(one) for one in theirs}
+    papers = {one: _paper(one) for one in ([paper] if paper else PAPERS)}
+    entries = BibliographyData({name: ours} | papers)
     if form == "bibtex":
-        return str(BibliographyData(entries).to_string("bibtex")).strip()
+        return str(entries.to_string("bibtex")).strip()
     if form == "csl":
-        listed = [_csl(name, entry) for name, entry in entries.items()]
+        listed = [_csl(name, entry) for name, entry in entries.entries.items()]
         return json.dumps(listed, indent=2, ensure_ascii=False)
     if form == "ris":
-        return "\n".join(map(_ris, entries.values()))
+        return "\n".join(map(_ris, entries.entries.values()))
     from pybtex.backends.plaintext import Backend
 
-    formatted = _style().format_entries(BibliographyData(entries).entries.values())
+    formatted = _style().format_entries(entries.entries.values())
     texts = [entry.text.render(Backend()).strip() for entry in formatted]
-    if note.startswith("rp:"):  # a cell's own statement comes first: `verify` reads it
-        texts[0] = " ".join(
-            filter(None, (f"{title}. {software()}.", _permalink(address), note))
-        )
+    if note.startswith("rp:"):  # the statement of a cell comes first: `verify` reads it
+        parts = (f"{title}. {software()}.", permalink, note)
+        texts[0] = " ".join(part for part in parts if part)
     return "\n".join(texts)
+
+
+def _csl(name: str, entry: Entry) -> dict[str, Any]:
+    """Return an entry as an item of the Citation Style Language."""
+    is_article = entry.type == "article"
+    item: dict[str, Any] = {
+        "id": name,
+        "type": "article-journal" if is_article else "software",
+        "title": "",
+        "author": [_names(person) for person in entry.persons["author"]],
+    }
+    for field, (csl, _) in _FIELDS.items():
+        if csl and field in entry.fields:
+            item[csl] = _bare(entry.fields[field])
+    item["issued"] = {"date-parts": [[int(item["issued"])]]}
+    return item if is_article else item | {"version": __version__}
+
+
+def _ris(entry: Entry) -> str:
+    """Return an entry in the format of Research Information Systems."""
+    lines = [("TY", "JOUR" if entry.type == "article" else "COMP")]
+    people = entry.persons["author"]
+    lines += [("AU", ", ".join(_names(person).values())) for person in people]
+    for field, (_, tag) in _FIELDS.items():
+        if field in entry.fields:
+            lines.append((tag, _bare(entry.fields[field])))
+    return "".join(f"{tag}  - {value}\n" for tag, value in (*lines, ("ER", "")))
+
+
+def _names(person: Person) -> dict[str, str]:
+    """Return the family name, then the given names; or the name of a group."""
+    family = _bare(" ".join(person.prelast_names + person.last_names))
+    given = " ".join(person.first_names + person.middle_names)
+    return {"family": family, "given": given} if given else {"literal": family}
+
+
+def _bare(text: str) -> str:
+    """Return a text of BibTeX without braces."""
+    return text.replace("{", "").replace("}", "")
+
+
+def _check_format(form: str, known: tuple[str, ...]) -> None:
+    if form not in known:
+        raise ValueError(f"format: expected one of {', '.join(known)}, got {form!r}")
 
 
 @cache
@@ -365,66 +398,17 @@ def _style() -> Any:
     return find_plugin("pybtex.style.formatting", "unsrt")()
 
 
-def _permalink(address: str) -> str:
-    """Return the address of a place in the published book; empty where the book has none."""
-    return f"{ADDRESS}/goto.html#{anchor(address)}" if ADDRESS and address else ADDRESS
-
-
-def _plain(entry: Entry) -> dict[str, str]:
-    return {
-        field: value.replace("{", "").replace("}", "")
-        for field, value in entry.fields.items()
-    }
-
-
-def _csl(name: str, entry: Entry) -> dict[str, Any]:
-    fields, article = _plain(entry), entry.type == "article"
-    item: dict[str, Any] = {
-        "id": name,
-        "type": "article-journal" if article else "software",
-        "title": fields["title"],
-        "author": [_csl_name(person) for person in entry.persons["author"]],
-        "issued": {"date-parts": [[int(fields["year"])]]},
-    }
-    item |= {csl: fields[field] for field, csl in _CSL.items() if field in fields}
-    return item if article else item | {"version": __version__}
-
-
-def _csl_name(person: Person) -> dict[str, str]:
-    if not person.first_names:
-        return {"literal": " ".join(person.last_names).strip("{}")}
-    given = " ".join(person.first_names + person.middle_names)
-    return {
-        "family": " ".join(person.prelast_names + person.last_names),
-        "given": given,
-    }
-
-
-def _ris(entry: Entry) -> str:
-    fields = _plain(entry)
-    names = [
-        ", ".join(_csl_name(person).values()) for person in entry.persons["author"]
-    ]
-    lines = [
-        ("TY", "JOUR" if entry.type == "article" else "COMP"),
-        *(("AU", n) for n in names),
-    ]
-    lines += [(tag, fields[field]) for field, tag in _RIS.items() if field in fields]
-    return "".join(f"{tag}  - {value}\n" for tag, value in (*lines, ("ER", "")))
-
-
-# Names of formats on a page, by ending.
-_NAMES = {"tex": "LaTeX", "md": "Markdown"}
 _BAR = Environment(autoescape=True).from_string(
     """<div class="rp-bar">\
 <a href="#{{ anchor }}" aria-label="Permalink: {{ key }}"><code>{{ key }}</code></a>
 <details><summary>Cite</summary>\
 {% for text in citations %}<pre tabindex="0">{{ text }}</pre>{% endfor %}</details>
-<span>{% for path, name in files %}{% if not loop.first %} · {% endif %}\
+<span>{% for path, name in files.items() %}{% if not loop.first %} · {% endif %}\
 <a href="#{{ path }}" download>{{ name }}</a>{% endfor %}</span>\
 {% if functions %}
 <details><summary>Function</summary>\
-{% for name, text in functions %}\
+{% for text in functions %}\
+{% set name = text.partition('def ')[2].partition('(')[0] %}\
 <pre tabindex="0" id="function-{{ anchor }}-{{ name }}">{{ text }}</pre>{% endfor %}</details>\
 {% endif %}{% if inputs %}
 <details><summary>Inputs</summary>{{ inputs }}</details>{% endif %}</div>"""
@@ -451,25 +435,19 @@ def bar(
     inputs : str
         Inputs of the computation, as HTML; empty if there are none.
     """
-    cells = library()[key].cells if key in library() else ()
-    lines = [citation(one.address, "text").partition("\n")[0] for one in cells]
-    texts = [citation(key, form) for form in ("bibtex", "text")] + [
-        "\n".join(lines)
-    ] * bool(cells)
-    kinds = [(path, path.rpartition(".")[2]) for path in files]
+    citations = [citation(key, form) for form in ("bibtex", "text")]
+    if key in library():
+        cells = [citation(c.address, "text") for c in library()[key].cells]
+        citations.append("\n".join(text.partition("\n")[0] for text in cells))
+    names = {"tex": "LaTeX", "md": "Markdown"}
+    endings = {path: path.rpartition(".")[2] for path in files}
     return Markup(
         _BAR.render(
             key=key,
             anchor=anchor,
-            citations=texts,
-            files=[(path, _NAMES.get(kind, kind.upper())) for path, kind in kinds],
-            functions=[(_name(text), text) for text in source.split("\n\n\n")]
-            if source
-            else (),
+            citations=citations,
+            files={path: names.get(e, e.upper()) for path, e in endings.items()},
+            functions=source.split("\n\n\n") if source else (),
             inputs=inputs,
         )
     )
-
-
-def _name(source: str) -> str:
-    return source.partition("def ")[2].partition("(")[0]

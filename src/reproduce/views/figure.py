@@ -8,9 +8,10 @@ import re
 import textwrap
 import zlib
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import ExitStack
 from functools import cached_property
 from html import escape
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 from xml.etree import ElementTree
@@ -48,7 +49,7 @@ Paint = Callable[["MatplotlibFigure"], None]
 # A matplotlib figure, or the SVG of a schematic.
 Drawn: TypeAlias = "MatplotlibFigure | str"
 _SCHEMATIC = (".svg",)
-_About = Mapping[str, str] | None  # what a file says of itself
+_Provenance = Mapping[str, str] | None
 
 
 class Vectors(NamedTuple):
@@ -59,19 +60,18 @@ class Vectors(NamedTuple):
 
 
 def drawable() -> list[str]:
-    """Return the keys of the items that draw, in order of print."""
+    """Return the keys of the items with a figure, in order of print."""
     return [key for key, item in catalogue().items() if item.draw is not None]
 
 
 def _declared_drawing(key: str) -> Drawing | Schematic:
-    """Return what draws a key: an item, or a drawing of our own."""
+    """Return the drawing of a key: of an item, or a supplementary one."""
     if key in drawings():
         return drawings()[key]
-    found = catalogue()[keys.check_key(key)].draw
-    if found is None:
-        known = ", ".join((*drawable(), *drawings()))
-        raise ValueError(f"{key} has no figure; these have one: {known}")
-    return found
+    if found := catalogue()[keys.check_key(key)].draw:
+        return found
+    known = ", ".join((*drawable(), *drawings()))
+    raise ValueError(f"{key} has no figure; these have one: {known}")
 
 
 def painted(paint: Paint, *, narrow: bool = False) -> MatplotlibFigure:
@@ -89,16 +89,13 @@ def painted(paint: Paint, *, narrow: bool = False) -> MatplotlibFigure:
 
 def draw(key: str, door: Given | None = None, *, narrow: bool = False) -> Drawn:
     """Draw an item, or one of our own drawings, with what it marks as printed."""
-    drawing, table = _declared_drawing(key), library().get(key)
+    drawing = _declared_drawing(key)
     if isinstance(drawing, Schematic):
         style, end, body = drawing.text.partition("</style>")
         return style + end + filled(body, {})
-    marked = [
-        *(table.cells if table else ()),
-        *(c for mark in drawing.marks for c in find(mark)),
-    ]
-    numbers = [cell for cell in marked if cell.is_number]
-    printed = {cell.address: cell.si for cell in numbers}
+    patterns = [*([key] if key in library() else []), *drawing.marks]
+    marked = (cell for pattern in patterns for cell in find(pattern))
+    printed = {cell.address: cell.si for cell in marked if cell.is_number}
     return painted(lambda figure: drawing(figure, printed, door), narrow=narrow)
 
 
@@ -106,18 +103,18 @@ def _data(figure: Drawn) -> pd.DataFrame:
     """Return the lines, points and labels of a figure."""
     if isinstance(figure, str):
         return _labels(figure)
-    parts = []
+    parts = [pd.DataFrame(columns=["panel", "curve", "x", "y"])]
     for panel, axes in enumerate(figure.axes, start=1):
         drawn = [(line.get_label(), line.get_xydata()) for line in axes.lines]
         drawn += [(one.get_label(), one.get_offsets()) for one in axes.collections]
         drawn += [(one.get_text(), [one.get_position()]) for one in axes.texts]
         for number, (label, points) in enumerate(drawn, start=1):
-            x, y = np.asarray(points, dtype=float).reshape(-1, 2).T
-            named = str(label)
-            curve = f"curve {number}" if named.startswith("_") else named
-            parts.append(pd.DataFrame({"panel": panel, "curve": curve, "x": x, "y": y}))
-    empty = pd.DataFrame(columns=["panel", "curve", "x", "y"])
-    return pd.concat(parts, ignore_index=True) if parts else empty
+            part = pd.DataFrame(np.reshape(points, (-1, 2)), columns=["x", "y"])
+            name = str(label)
+            curve = f"curve {number}" if name.startswith("_") else name
+            parts.append(part.assign(panel=panel, curve=curve))
+    found = [part for part in parts if len(part)] or parts
+    return pd.concat(found, ignore_index=True)[["panel", "curve", "x", "y"]]
 
 
 def _labels(svg: str) -> pd.DataFrame:
@@ -129,7 +126,7 @@ def _labels(svg: str) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=["panel", "curve", "x", "y"])
 
 
-def save(figure: Drawn, out: Path | io.StringIO, about: _About = None) -> None:
+def save(figure: Drawn, out: Path | io.StringIO, about: _Provenance = None) -> None:
     """Write a figure with its metadata to a file, or as SVG to a stream."""
     from matplotlib import style
 
@@ -141,20 +138,16 @@ def save(figure: Drawn, out: Path | io.StringIO, about: _About = None) -> None:
         else:
             out.write(svg)
         return
-
-    ending = ".svg"
-    target: AbstractContextManager[Path | io.StringIO] = nullcontext(out)
-    if isinstance(out, Path):
-        ending, target = out.suffix.lower(), replacing(check_target(out, FIGURES))
+    ending = out.suffix.lower() if isinstance(out, Path) else ".svg"
     # Dates and random ids would make every build differ from the last one.
-    undated = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}.get(ending, {})
-    told = {
-        "Subject" if ending == ".pdf" else "Description": "\n".join(
-            (about or {}).values()
-        )
-    }
-    with target as part, style.context(_STYLE):
-        figure.savefig(part, format=ending[1:], metadata=undated | told)
+    dates = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
+    name = "Subject" if ending == ".pdf" else "Description"
+    metadata = {name: "\n".join((about or {}).values()), **dates.get(ending, {})}
+    with ExitStack() as stack:
+        stack.enter_context(style.context(_STYLE))
+        if isinstance(out, Path):
+            out = stack.enter_context(replacing(check_target(out, FIGURES)))
+        figure.savefig(out, format=ending[1:], metadata=metadata)
 
 
 def _figure_files(key: str) -> list[str]:
@@ -168,7 +161,7 @@ def _endings(key: str) -> tuple[str, ...]:
     return _SCHEMATIC if is_schematic else FIGURES
 
 
-def vector_of(figure: Drawn, about: _About = None) -> str:
+def vector_of(figure: Drawn, about: _Provenance = None) -> str:
     """Return a figure as SVG."""
     buffer = io.StringIO()
     save(figure, buffer, about)
@@ -176,44 +169,40 @@ def vector_of(figure: Drawn, about: _About = None) -> str:
     return _FONTS.sub(r"\1, sans-serif", svg[svg.index("<svg") :])
 
 
-def _in_build(key: str) -> Vectors:
-    """Draw an item or one of our own drawings for a page; once in a build."""
-
-    return _once(key, lambda: _vectors(key, draw(key)))
-
-
-def _vectors(key: str, figure: Drawn, about: _About = None) -> Vectors:
-    """Return a figure for a wide page and for a narrow one; a schematic fits both."""
-    wide = vector_of(figure, about)
-    if isinstance(figure, str):
-        return Vectors(wide)
-    return Vectors(wide, vector_of(draw(key, narrow=True)))
-
-
 def write_figure(key: str, root: Path) -> None:
     """Write the pictures and the data of a figure below the root of the book, and keep its SVG."""
     figure, about = draw(key), provenance(citation(key, "text"))
-    shown = _vectors(key, figure, about)
+    shown = _page_vectors(key, figure, about)
     (root / "figures").mkdir(parents=True, exist_ok=True)
-    for path in _figure_files(key):
-        if path.endswith(".csv"):
-            (root / path).write_text(
-                export_frame(_data(figure), "csv", about), encoding="utf-8"
-            )
-        elif path.endswith(".svg"):
-            (root / path).write_text(f"{_XML}{shown.wide}", encoding="utf-8")
+    for path in (root / name for name in _figure_files(key)):
+        if path.suffix == ".csv":
+            write_text(path, export_frame(_data(figure), "csv", about))
+        elif path.suffix == ".svg":
+            write_text(path, f"{_XML}{shown.wide}")
         else:
-            save(figure, root / path, about)
+            save(figure, path, about)
             if not isinstance(figure, str):
-                figure.set_layout_engine("none")  # what is laid out keeps its places
-    _once(key, lambda: shown)
+                figure.set_layout_engine(
+                    "none"
+                )  # a figure with a layout keeps its places
 
 
-def _once(key: str, drawn: Callable[[], Vectors]) -> Vectors:
+def _page_vectors(
+    key: str, figure: Drawn | None = None, about: _Provenance = None
+) -> Vectors:
+    """Return a figure for a page of the book; in a build it is drawn once."""
+
+    def make() -> Vectors:
+        wide = draw(key) if figure is None else figure
+        vectors = Vectors(vector_of(wide, about))
+        if isinstance(wide, str):  # a schematic fits wide and narrow pages
+            return vectors
+        return vectors._replace(narrow=vector_of(draw(key, narrow=True)))
+
     def load(content: bytes) -> Vectors:
         return Vectors(*json.loads(content))
 
-    shown: Vectors = once(f"figure-{anchor(key)}.json", drawn, json.dumps, load)
+    shown: Vectors = once(f"figure-{anchor(key)}.json", make, json.dumps, load)
     return shown
 
 
@@ -303,7 +292,7 @@ class Figure(Changeable, Item):
 
     @cached_property
     def caption(self) -> str:
-        """What it shows, and of a reader's own setting, what was changed."""
+        """Caption; of a figure with changes, the changes."""
         if self.changes:
             remark = "a reader's own setting; what is marked as printed stays the print"
             return f"{self.title}. {self._setting(remark)}"
@@ -311,12 +300,9 @@ class Figure(Changeable, Item):
 
     @cached_property
     def alternative(self) -> str:
-        """What a reader who does not see it is told."""
-        return (
-            self.caption
-            if self.changes
-            else self._filled(words(self.key).figure.alternative)
-        )
+        """Alternative text."""
+        alternative = self._filled(words(self.key).figure.alternative)
+        return self.caption if self.changes else alternative
 
     def _filled(self, text: str) -> str:
         return numbers.powers(filled(text, {}))
@@ -326,14 +312,13 @@ class Figure(Changeable, Item):
         name = f"figure-{anchor(self.key)}"
         if self.key in drawings():
             name = f"drawing-{anchor(self.key.replace('/drawing-', '/'))}"
-        told = "".join(
-            f' --set {address}="{text}"' for address, text in self._changes.items()
-        )
-        told += "" if self.seed is None else f" --seed {self.seed}"
+        options = [f' --set {one}="{text}"' for one, text in self._changes.items()]
+        if self.seed is not None:
+            options.append(f" --seed {self.seed}")
         text = (
             f"{self.key}: {self.title}\n{self.place}; lines and points in .data\n"
             f"{textwrap.fill(self.caption, 79)}\n"
-            f"Draw it with `reproduce figure {self.key} --out FILE.svg{told}`."
+            f"Draw it with `reproduce figure {self.key} --out FILE.svg{''.join(options)}`."
         )
         below = _captioned(self.caption)
         if self.changes:
@@ -342,9 +327,11 @@ class Figure(Changeable, Item):
             declared = self._declared
             source = text_of(declared.function) if isinstance(declared, Drawing) else ""
             below += bar(self.key, name, _figure_files(self.key), source)
-        # A page of the book has a narrow drawing beside the wide one; a reader's notebook has one.
-        in_book = computed.kept() and not self.changes
-        shown = _in_build(self.key) if in_book else Vectors(vector_of(self.drawn))
+        # A page of the book also has a narrow drawing; a notebook of a reader does not.
+        if computed.kept() and not self.changes:
+            shown = _page_vectors(self.key)
+        else:
+            shown = Vectors(vector_of(self.drawn))
         yield Html(inline(shown, name, self.alternative, below), text)
 
 
@@ -365,9 +352,7 @@ class Panels(Shown):
     @property
     def reads(self) -> tuple[str, ...]:
         """Addresses of all printed cells that any panel reads."""
-        return tuple(
-            dict.fromkeys(address for one in self.panels for address in one.reads)
-        )
+        return tuple(dict.fromkeys(chain.from_iterable(p.reads for p in self.panels)))
 
     @property
     def source(self) -> str:
@@ -381,21 +366,21 @@ class Panels(Shown):
         """Return the lines and points of all panels, with the key of each."""
         return pd.concat([one.frame().assign(figure=one.key) for one in self.panels])
 
-    def rerun(self, changes: Change | None = None, **settings: Any) -> Panels:
+    def rerun(
+        self, changes: Change | None = None, seed: int | None = None, **others: Any
+    ) -> Panels:
         """Return the panels drawn again; each takes what it reads, and a seed where it draws."""
-        told, seed = dict(changes or {}), settings.pop("seed", None)
-        refuse_strays(self.key, told, self.reads)
+        changes = changes or {}
+        refuse_strays(self.key, changes, self.reads)
         random = [one for one in self.panels if one.random] or self.panels
-        again = []
-        for one in self.panels:
-            own = {
-                address: value
-                for address, value in told.items()
-                if address in one.reads
-            }
-            again.append(
-                one.rerun(own, seed=seed if one in random else None, **settings)
+        again = [
+            one.rerun(
+                {a: value for a, value in changes.items() if a in one.reads},
+                seed=seed if one in random else None,
+                **others,
             )
+            for one in self.panels
+        ]
         return Panels(self.key, tuple(again))
 
     def cite(self, form: str = "bibtex") -> str:
@@ -405,12 +390,9 @@ class Panels(Shown):
     def save(self, path: str | Path) -> list[Path]:
         """Write a file for each panel, its letter behind the name: fig.svg becomes fig-a.svg."""
         path = check_target(path, FIGURES)
-        return [
-            one.save(path.with_stem(f"{path.stem}-{one.key[-1]}"))
-            for one in self.panels
-        ]
+        stems = {one: f"{path.stem}-{one.key[-1]}" for one in self.panels}
+        return [one.save(path.with_stem(stem)) for one, stem in stems.items()]
 
     def blocks(self) -> Iterator[Block]:
         """Yield each panel."""
-        for one in self.panels:
-            yield from one.blocks()
+        return chain.from_iterable(one.blocks() for one in self.panels)

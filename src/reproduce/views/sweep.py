@@ -1,4 +1,4 @@
-"""What a rerun changed; and one input moved over several values, on a page with a slider."""
+"""Result of a rerun, and of several values of one input, on a page with a slider."""
 
 from __future__ import annotations
 
@@ -8,12 +8,14 @@ from math import isclose
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from jinja2 import Environment
 from markupsafe import Markup
 
-from reproduce.judge.rerun import ChangedCell, Rerun, in_si
+from reproduce.judge.rerun import ChangedCell, Rerun
 from reproduce.papers.declare import Study
 from reproduce.printed.cells import find
 from reproduce.printed.number import Interval, symbol
+from reproduce.printed.quantity import si_value
 from reproduce.views import verdicts
 from reproduce.views.base import Change, setting
 from reproduce.views.blocks import Block, Display, Grid, Html, grid
@@ -22,23 +24,41 @@ from reproduce.views.numbers import between, entry, minus
 if TYPE_CHECKING:
     import pandas as pd
 
-WIDE, HIGH, MARGIN = 220, 110, 8  # of one picture, in CSS pixels
-LEFT, FOOT = 56, 16  # of that, for the values on its axes
-# A number of our own that moves by a smaller share than this does not fill the height of a picture.
-_NOTICED = 0.05
-
-
+# Size of a picture, its margin, and the space of its axes, in CSS pixels.
+_WIDTH_PX, _HEIGHT_PX, _MARGIN_PX = 220, 110, 8
+_LEFT_PX, _FOOT_PX = 56, 16
+# Relative change of a number of a supplementary table that fills the height of a picture.
+_MIN_CHANGE_RATIO = 0.05
 _OWN = "a reader's own setting, without a verdict"
 _READING = (
     "one reading of the text; the verdict of a cell takes all readings into account"
+)
+_ENVIRONMENT = Environment(autoescape=True)
+_SLIDER = _ENVIRONMENT.from_string(
+    """<div class="rp-sweep">
+<p class="rp-dial" hidden><label>{{ label }}: \
+<input type="range" min="0" max="{{ count - 1 }}" step="1" value="{{ at }}"></label> \
+<output></output>; all {{ count }} settings were computed beforehand</p>"""
+)
+_PICTURE = _ENVIRONMENT.from_string(
+    """<figure><svg viewBox="0 0 {{ width }} {{ height }}" role="img" \
+aria-label="{{ label }}">\
+{% if dashed is not none %}\
+<path class="rp-dashed" d="M{{ left }} {{ dashed }}H{{ right }}"/>{% endif %}\
+{% for x, low, high, y in marks %}<g class="rp-at"><path d="M{{ x }} {{ low }}V{{ high }}"/>\
+<circle cx="{{ x }}" cy="{{ y }}" r="3.5"/></g>{% endfor %}\
+{% for x, y, anchor, text in texts %}\
+<text x="{{ x }}" y="{{ y }}" text-anchor="{{ anchor }}">{{ text }}</text>{% endfor %}\
+</svg><figcaption>{{ caption }}</figcaption></figure>"""
 )
 
 
 class Point(NamedTuple):
     """One number at one value of the input.
 
-    `interval` is its central 99 %, `text` what a reader sees, `mark` where the dashed line of its
-    picture lies, and `span` what the picture shows at least: rounding noise is no difference.
+    `interval` is its central 99 %, `text` the text for readers, `mark` the height of the dashed
+    line of its picture, and `span` the smallest range of the picture: rounding noise is no
+    difference.
     """
 
     cell: str
@@ -66,11 +86,8 @@ class Changed(Display):
 
     def __init__(self, result: Rerun, name: str = "") -> None:
         self.result = result
-        self.changes, self.options, self.replaced = (
-            result.changes,
-            result.options,
-            result.replaced,
-        )
+        self.changes, self.options = result.changes, result.options
+        self.replaced = result.replaced
         self._cells = [one for one in result.cells if name in {"", one.cell.name}]
 
     def frame(self) -> pd.DataFrame:
@@ -84,39 +101,40 @@ class Changed(Display):
         """
         import pandas as pd
 
-        heads = (
-            "cell",
-            "printed",
-            "unchanged",
-            "changed",
-            "changed - printed",
-            "low",
-            "high",
-            "unit",
-            "verdict",
-        )
-        frame = pd.DataFrame(map(_row, self._cells), columns=heads).set_index("cell")
-        return frame if frame["verdict"].any() else frame.drop(columns="verdict")
-
-    def _caption(self) -> str:
-        remark = _READING if self.result.is_reading else _OWN
-        changed = self.changes | self.options
-        told = setting(f"{self.result.key} with", changed, self.replaced, remark)
-        if any(one.interval for one in self._cells):
-            told += " From and to: the central 99 % of the prediction."
-        if self.result.joint:
-            told += f" {verdicts.joint_sentence(self.result.joint)}"
-        return told
+        rows = []
+        for one in self._cells:
+            low, high = one.interval or (None, None)
+            row = {
+                "cell": one.cell.name,
+                "printed": one.cell.text,
+                "unchanged": one.unchanged,
+                "changed": one.value,
+                "changed - printed": None,
+                "low": low,
+                "high": high,
+                "unit": one.cell.unit and symbol(one.cell.unit),
+            }
+            if one.value is not None and one.cell.is_number:
+                row["changed - printed"] = one.value - one.cell.number.value
+            rows.append(row | ({"verdict": one.verdict} if one.verdict else {}))
+        return pd.DataFrame(rows).set_index("cell")
 
     @property
     def grid(self) -> Grid:
-        """The cells and what was changed, as a reader sees them; without empty columns."""
+        """The cells and the changes, as a reader sees them; without empty columns."""
         reading = self.result.is_reading
+        remark = _READING if reading else _OWN
+        changed = self.changes | self.options
+        caption = setting(f"{self.result.key} with", changed, self.replaced, remark)
+        if any(one.interval for one in self._cells):
+            caption += " From and to: the central 99 % of the prediction."
+        if self.result.joint:
+            caption += f" {verdicts.joint_sentence(self.result.joint)}"
         columns: dict[str, Callable[[ChangedCell], str]] = {
             "cell": lambda one: one.cell.name,
             "printed": lambda one: minus(one.cell.text),
-            "from the print": lambda one: (
-                "" if reading else _digits(one, one.unchanged)
+            "from the print": lambda one: _digits(
+                one, None if reading else one.unchanged
             ),
             "computed" if reading else "changed": lambda one: _digits(one, one.value),
             "from": lambda one: _digits(one, one.interval and one.interval[0]),
@@ -125,27 +143,15 @@ class Changed(Display):
             "unit": lambda one: symbol(one.cell.unit),
         }
         rows = [one for one in self._cells if one.cell.is_number]
-        return grid(self._caption(), columns, rows, whole=range(1, len(columns)))
+        return grid(caption, columns, rows, whole=range(1, len(columns)))
 
     def blocks(self) -> Iterator[Block]:
-        """Yield the cells and what was changed."""
+        """Yield the cells and the changes."""
         yield self.grid
 
 
 def _digits(one: ChangedCell, value: float | None) -> str:
     return "" if value is None else minus(one.cell.number.format(value, extra=1))
-
-
-def _row(one: ChangedCell) -> tuple[Any, ...]:
-    value, cell = one.value, one.cell
-    apart = value - cell.number.value if value is not None and cell.is_number else None
-    told = (cell.name, cell.text, one.unchanged, value, apart)
-    return (
-        *told,
-        *(one.interval or (None, None)),
-        cell.unit and symbol(cell.unit),
-        one.verdict,
-    )
 
 
 @dataclass(frozen=True, repr=False)
@@ -182,7 +188,7 @@ class Sweep(Display):
 
     @property
     def _printed(self) -> list[bool]:
-        return [all(_as_printed(*one) for one in step.items()) for step in self.steps]
+        return [all(_is_printed(*one) for one in step.items()) for step in self.steps]
 
     def frame(self) -> pd.DataFrame:
         """Return one row per value and cell: the value, the ends of its central 99 %, the unit."""
@@ -214,12 +220,8 @@ class Sweep(Display):
     def blocks(self) -> Iterator[Block]:
         """Yield the table, and on a page a slider over it with a picture of each number."""
         at = self._printed.index(True) if any(self._printed) else 0
-        dial = Markup(
-            '<div class="rp-sweep">\n<p class="rp-dial" hidden><label>{}: '
-            '<input type="range" min="0" max="{}" step="1" value="{}"></label> '
-            "<output></output>; all {} settings were computed beforehand</p>"
-        )
-        yield Html(dial.format(self.label, len(self.steps) - 1, at, len(self.steps)))
+        slider = _SLIDER.render(label=self.label, count=len(self.steps), at=at)
+        yield Html(Markup(slider))
         yield self.grid
         pictures = Markup("\n").join(map(self._picture, self.quantities))
         yield Html(
@@ -228,52 +230,43 @@ class Sweep(Display):
 
     def _picture(self, points: Sequence[Point]) -> Markup:
         """Draw a number over the values: median, central 99 %, and a dashed line."""
-        one = points[0]
+        first = points[0]
         middle = np.array([point.value for point in points], dtype=float)
-        pairs = zip(points, middle, strict=True)
-        ends = np.array([point.interval or (value, value) for point, value in pairs])
-        seen = np.concatenate([ends.ravel(), one.span])
+        ends = np.array([p.interval or (p.value, p.value) for p in points], dtype=float)
+        seen = np.concatenate([ends.ravel(), first.span])
         seen = seen[np.isfinite(seen)]
         low, high = (seen.min(), seen.max()) if len(seen) else (0.0, 0.0)
-        scale = (HIGH - FOOT - 2 * MARGIN) / (high - low if high > low else 1)
-        x = np.linspace(LEFT + 2 * MARGIN, WIDE - 2 * MARGIN, len(middle)).round(1)
-
-        def y(value: float) -> float:
-            return round(HIGH - FOOT - MARGIN - scale * float(value - low), 1)
-
-        mark = '<g class="rp-at"><path d="M{} {}V{}"/><circle cx="{}" cy="{}" r="3.5"/></g>'
-        marks = Markup("").join(
-            Markup(mark).format(at, y(end[0]), y(end[1]), at, y(value))
-            for at, value, end in zip(x, middle, ends, strict=True)
-            if np.isfinite(value)
+        range_px = _HEIGHT_PX - _FOOT_PX - 2 * _MARGIN_PX
+        x = np.linspace(
+            _LEFT_PX + 2 * _MARGIN_PX, _WIDTH_PX - 2 * _MARGIN_PX, len(middle)
         )
-        told, line = (
-            f"{one.cell} from {self.values[0]} to {self.values[-1]}",
-            Markup(""),
-        )
-        if np.isfinite(one.mark):
-            told += f"; dashed: {self.dashed}"
-            dashed = Markup('<path class="rp-dashed" d="M{} {}H{}"/>')
-            line = dashed.format(LEFT, y(one.mark), WIDE - MARGIN)
-        text = Markup('<text x="{}" y="{}" text-anchor="{}">{}</text>').format
-        ends_of = (
-            (LEFT - 4, y(end), "end", between(end, high - low or 1))
+
+        def y(value: Any) -> Any:
+            height = range_px * (value - low) / (high - low or 1)
+            return np.round(_HEIGHT_PX - _FOOT_PX - _MARGIN_PX - height, 1)
+
+        marks = np.column_stack([x.round(1), y(ends), y(middle)])
+        texts = [
+            (_LEFT_PX - 4, y(end), "end", between(end, high - low or 1))
             for end in (low, high)
-        )
-        axes = Markup("").join(text(*end) for end in ends_of)
-        axes += text(LEFT, HIGH - 3, "start", self.values[0])
-        axes += text(WIDE, HIGH - 3, "end", self.values[-1])
+        ]
+        texts.append((_LEFT_PX, _HEIGHT_PX - 3, "start", self.values[0]))
+        texts.append((_WIDTH_PX, _HEIGHT_PX - 3, "end", self.values[-1]))
+        label, dashed = f"{first.cell} from {self.values[0]} to {self.values[-1]}", None
+        if np.isfinite(first.mark):
+            label, dashed = f"{label}; dashed: {self.dashed}", y(first.mark)
         return Markup(
-            '<figure><svg viewBox="0 0 {} {}" role="img" aria-label="{}">{}{}{}</svg>'
-            "<figcaption>{}</figcaption></figure>"
-        ).format(
-            WIDE,
-            HIGH,
-            told,
-            line,
-            marks,
-            axes,
-            one.cell + f" ({one.unit})" * bool(one.unit),
+            _PICTURE.render(
+                width=_WIDTH_PX,
+                height=_HEIGHT_PX,
+                left=_LEFT_PX,
+                right=_WIDTH_PX - _MARGIN_PX,
+                label=label,
+                dashed=dashed,
+                marks=marks[np.isfinite(middle)].tolist(),
+                texts=texts,
+                caption=f"{first.cell} ({first.unit})" if first.unit else first.cell,
+            )
         )
 
 
@@ -291,40 +284,48 @@ def swept(
     ValueError
         If there is no value, or not one for each input.
     """
-    if isinstance(values, str) or not values:
-        raise ValueError(
-            f"expected a list of values, at least one value; got {values!r}"
-        )
     names = (moved,) if isinstance(moved, str) else tuple(moved)
     steps = []
-    for one in values:
-        step = (one,) if isinstance(one, str | int | float) else tuple(one)
+    for value in () if isinstance(values, str) else values:
+        step = [value] if isinstance(value, str | int | float) else list(value)
         if len(step) != len(names):
-            got = ", ".join(map(str, step))
             raise ValueError(
-                f"expected {len(names)} values for {', '.join(names)}, got {got}"
+                f"values: expected {len(names)} for {', '.join(names)}, got {step}"
             )
         steps.append(dict(zip(names, step, strict=True)))
+    if not steps:
+        raise ValueError(
+            f"values: expected a list of at least one value, got {values!r}"
+        )
     columns = list(zip(*map(compute, steps), strict=True))
     label = ", ".join(find(name)[0].label for name in names)
     return Sweep(key, names, label, steps, columns, dashed)
 
 
-def _as_printed(address: str, value: str | float) -> bool:
-    return isclose(in_si(find(address)[0], value), find(address)[0].si)
+def _is_printed(address: str, value: str | float) -> bool:
+    cell = find(address)[0]
+    return isclose(si_value(cell, value), cell.si)
 
 
 def of_cells(rerun: Rerun, names: Sequence[str]) -> Iterator[Point]:
-    """Yield the numbers of an item under a change: those of some cells, all of them where none."""
+    """Yield the numbers of an item under a change: of the named cells; by default of all cells."""
     for one in rerun.cells:
         if one.cell.is_number and (not names or one.cell.name in names):
             number, unit = one.cell.number, symbol(one.cell.unit)
-            text = _digits(one, one.value) or "none"
-            if one.interval:
-                text += f" ({' to '.join(_digits(one, end) for end in one.interval)})"
-            text = verdicts.quantity(text, unit if one.value is not None else "")
-            place = (one.cell.name, unit, one.value, one.interval)
-            yield Point(*place, text, float(number.value), number.interval())
+            text = "none"
+            if one.value is not None:
+                ends = " to ".join(_digits(one, end) for end in one.interval or ())
+                text = _digits(one, one.value) + (ends and f" ({ends})")
+                text = verdicts.quantity(text, unit)
+            yield Point(
+                cell=one.cell.name,
+                unit=unit,
+                value=one.value,
+                interval=one.interval,
+                text=text,
+                mark=number.value,
+                span=number.interval(),
+            )
 
 
 def of_study(
@@ -333,59 +334,60 @@ def of_study(
     names: Sequence[str],
     wanted: Mapping[str, Any],
 ) -> Iterator[Point]:
-    """Yield the numbers of a table of our own: `frames` are as it is and under a change.
+    """Yield the numbers of a supplementary table; `frames` are without and with a change.
 
-    `names` are the columns to show, and `wanted` says of columns which entry, or entries, the rows
-    to show have.
+    `names` are the columns to show. `wanted` maps columns to the entry, or entries, of the rows to
+    show.
 
     Raises
     ------
     ValueError
-        If there is no such column, it holds no numbers, or no row has such an entry.
+        If there is no such column, it contains no numbers, or no row has such an entry.
     """
     known = {column.name: column for column in study.columns}
-    if strays := [name for name in (*wanted, *names) if name not in known]:
-        raise ValueError(
-            f"{study.key}: no column {strays[0]!r}; it has {', '.join(known)}"
-        )
-    if words := [name for name in names if not known[name].form]:
-        raise ValueError(
-            f"{study.key}: {words[0]!r} holds words, which no slider can move over"
-        )
-    before, after = (_chosen(frame, wanted) for frame in frames)
+    errors = {column.error for column in study.columns}
+    numbers = [c.name for c in study.columns if c.form and c.name not in errors]
+    for name in (*wanted, *names):
+        if name not in known or (name in names and not known[name].form):
+            raise ValueError(
+                f"{name}: expected a column of {study.key}, {', '.join(known)}; columns to "
+                "show contain numbers"
+            )
+    before, after = (_rows(frame, wanted) for frame in frames)
     if not before or len(before) != len(after):
-        raise ValueError(
-            f"{study.key}: expected the same rows at every value, got none or others"
-        )
-    behind = {column.error for column in study.columns}
-    shown = names or [
-        c.name for c in study.columns[1:] if c.form and c.name not in behind
-    ]
+        raise ValueError(f"{study.key}: expected the same rows at every value")
+    first = study.columns[0].name
+    labels = [c.name for c in study.columns if not c.form] or [first]
     for old, new in zip(before, after, strict=True):
-        for name in shown:
-            value, mark = float(new[name]), float(old[name])
-            span = (mark - _NOTICED * abs(mark), mark + _NOTICED * abs(mark))
-            text = entry(new[name], known[name])
+        for name in names or [name for name in numbers if name != first]:
+            mark = float(old[name])
+            room = _MIN_CHANGE_RATIO * abs(mark)
             yield Point(
-                _called(study, name, old, before), "", value, None, text, mark, span
+                cell=": ".join([*_distinguished(old, before, labels), name]),
+                unit="",
+                value=float(new[name]),
+                interval=None,
+                text=entry(new[name], known[name]),
+                mark=mark,
+                span=(mark - room, mark + room),
             )
 
 
-def _chosen(frame: pd.DataFrame, wanted: Mapping[str, Any]) -> list[dict[Any, Any]]:
+def _rows(frame: pd.DataFrame, wanted: Mapping[str, Any]) -> list[dict[Any, Any]]:
+    """Return the rows with the wanted entries."""
     for name, entries in wanted.items():
-        frame = frame[
-            frame[name].isin([entries] if np.isscalar(entries) else list(entries))
-        ]
+        frame = frame[frame[name].isin(np.atleast_1d(entries))]
     return frame.to_dict(orient="records")
 
 
-def _called(
-    study: Study, name: str, row: Mapping[Any, Any], rows: Sequence[Mapping[Any, Any]]
-) -> str:
-    """Return a column's name after as many words of its row as tell it from the others."""
-    told = []
-    for at in [c.name for c in study.columns if not c.form] or [study.columns[0].name]:
+def _distinguished(
+    row: Mapping[Any, Any], rows: Sequence[Mapping[Any, Any]], labels: Sequence[str]
+) -> list[str]:
+    """Return the labels that distinguish a row from the other rows, in one text; or nothing."""
+    texts = []
+    for name in labels:
         if len(rows) > 1:
-            told.append(f"{row[at]}" if isinstance(row[at], str) else f"{at} {row[at]}")
-            rows = [other for other in rows if other[at] == row[at]]
-    return f"{', '.join(told)}: {name}" if told else name
+            value = row[name]
+            texts.append(value if isinstance(value, str) else f"{name} {value}")
+            rows = [other for other in rows if other[name] == value]
+    return [", ".join(texts)] if texts else []

@@ -11,7 +11,7 @@ from markupsafe import Markup
 
 from reproduce.judge import rerun as rerunning
 from reproduce.judge.ledger import Ledger, Record, erratum, reason
-from reproduce.papers.catalogue import catalogue
+from reproduce.papers.catalogue import catalogue, maker
 from reproduce.papers.declare import Computation
 from reproduce.printed.cells import Cell as PrintedCell
 from reproduce.printed.cells import anchor, library
@@ -420,7 +420,7 @@ class Cell(Shown):
         self.table = Table(key)
         self._cell: PrintedCell = library()[self.table.key][name]
         self.key = self.address = self._cell.address
-        self._maker = rerunning.maker(self.address)
+        self._maker = maker(self.address)
 
     @cached_property
     def record(self) -> Record:

@@ -1,0 +1,244 @@
+"""Equations of the papers, run as extracted, on printed numbers.
+
+Each must do something that can be tested: a matrix should be a rotation, an identity should hold,
+an iteration should converge, a chain of frames should close. If the extracted form fails, the form
+of the library runs next to it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from reproduce.physics import attitude, ground, light, optics, registration
+from reproduce.physics.attitude import rotation_from_vector
+from reproduce.printed.cells import Cell
+from reproduce.printed.number import si_factor
+
+# Far above the noise of double precision, far below any printed digit.
+_ZERO = 1e-9
+ITERATION_STEPS = 5
+_ARCSEC = si_factor("arcsec")
+# Returns the number of a printed cell in SI units.
+_Number = Callable[[str], float]
+# Results of the extracted form and of the form of the library, and the wanted result.
+_Values = tuple[Any, Any, Any]
+
+
+@dataclass(frozen=True)
+class Demonstration:
+    """An equation run as printed.
+
+    `right` is the result of the form that the library uses, `asked` the test, `meaning` the
+    quantity, and `supposition` an assumption that the paper does not state.
+    """
+
+    name: str
+    printed: float
+    right: float
+    wanted: float
+    place: str
+    asked: str
+    meaning: str
+    supposition: str = ""
+
+    @property
+    def holds(self) -> bool:
+        """Whether the printed form gives the wanted result."""
+        return abs(self.printed - self.wanted) <= _ZERO * max(1.0, abs(self.wanted))
+
+
+def demonstrations(
+    cells: Mapping[str, Cell], texts: Mapping[str, Any]
+) -> tuple[Demonstration, ...]:
+    """Run the equations that a paper declares, with their texts by name."""
+    return tuple(
+        Demonstration(name, float(printed), float(right), float(wanted), **text)
+        for name, text in texts.items()
+        for printed, right, wanted in [_RUNS[name](lambda a: cells[a].si)]
+    )
+
+
+def _distortion_ratio(number: _Number) -> _Values:
+    k = number("niu2024/table-2#scale.red")
+    green, red = (
+        number(f"niu2024/table-1#radial-distortion.{c}") for c in ("green", "red")
+    )
+    right = optics.distortion_ratio(k, green, red)
+    # The second line of (7) sets y'_g where the first line sets x'_b: one factor k is lost.
+    return k**2 * green / red, right, right
+
+
+def _turned_back(number: _Number) -> _Values:
+    angle = number("niu2024/table-2#rotation.red")
+    start = np.array([[3.0, 4.0]])
+    cosine, sine = np.cos(angle), np.sin(angle)
+    turned = optics.turned_onto_detector(start, angle)
+    back = turned @ np.array([[cosine, sine], [-sine, cosine]])
+    residual = np.abs(back - start).max()
+    return residual, residual, 0.0
+
+
+def _rotary_matrix(number: _Number) -> _Values:
+    turn = number("niu2024/text-simulation#range-x-high")
+    printed = np.linalg.det(optics.rotary_matrix_printed(0.0, turn))
+    return printed, np.linalg.det(optics.rotary_matrix(0.0, turn)), 1.0
+
+
+def _unit_circle(number: _Number) -> _Values:
+    turn = number("niu2024/table-2#rotation.red")
+    return registration.constraint_printed(turn), registration.constraint(turn), 0.0
+
+
+def _iteration(number: _Number) -> _Values:
+    rows = ("scale", "rotation", "translation-x", "translation-y")
+    truth = np.array([number(f"niu2024/table-2#{row}.red") for row in rows])
+    size = np.array([number(f"niu2024/text-optics#pixels-{a}") for a in "xy"])
+    source = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]]) * (size - 1)
+    middle = optics.detector_centre(size)
+    target = registration.Registration("similarity", truth, middle).apply(source)
+    errors = []
+    for step in (
+        registration.gauss_newton_step_printed,
+        registration.gauss_newton_step,
+    ):
+        found = np.array([1.0, 0.0, 0.0, 0.0])
+        for _ in range(ITERATION_STEPS):
+            found = step(found, source, target, middle)
+        errors.append(np.linalg.norm((found - truth)[2:]))
+    return errors[0], errors[1], 0.0
+
+
+def _lasers(number: _Number) -> tuple[Any, float]:
+    """Return the places of the lasers in the focal plane, and the focal length."""
+    half = number("chen2023/text-hardware#laser-diagonal") / 2
+    places = half * np.array([[0.0, -1.0], [-1.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+    return places, number("chen2023/table-2#telescope-focal-length.value")
+
+
+def _unit_vectors(number: _Number) -> _Values:
+    length = np.linalg.norm(attitude.emitted_directions(*_lasers(number))[0])
+    return length, length, 1.0
+
+
+def _chain(number: _Number) -> _Values:
+    """Close the chain (4), (6), (7): the misalignment put in must come out."""
+    camera = attitude.emitted_directions(*_lasers(number))
+    zero = rotation_from_vector(np.array([0.3, -1.2, 0.5]))
+    turned = rotation_from_vector(np.array([1e-5, -2e-5, 3e-5]))
+    seen = camera @ attitude.moved_laser_transform(zero, turned).T
+    residual = np.abs(camera - seen @ (turned @ zero.T).T).max()
+    return residual, residual, 0.0
+
+
+def _retroreflector(number: _Number) -> _Values:
+    """Turn the reflector of the satellite, taken as a corner cube, about three axes."""
+    beam = np.array([0.0, 0.0, -1.0])
+    straight = light.mirror_train(light.CORNER) @ beam
+    moved = [
+        np.linalg.norm(
+            light.mirror_train(light.CORNER @ rotation_from_vector(turn).T) @ beam
+            - straight
+        )
+        for turn in _ARCSEC * np.eye(3)
+    ]
+    return max(moved) / _ARCSEC, max(moved) / _ARCSEC, 0.0
+
+
+def _roll_leak(number: _Number) -> _Values:
+    """Roll the camera about its boresight, and take the error of (5) in the two orders."""
+    tracker = "chen2023/table-2#tracker-"
+    spots = np.array(
+        [[number(f"chen2023/text-platform#spot-{i}-{a}") for a in "xy"] for i in "1234"]
+    )
+    size = [number(f"{tracker}pixels-{a}.value") for a in "xy"]
+    scale = number(f"{tracker}pixel-size.value") / number(
+        f"{tracker}focal-length.value"
+    )
+    across, along = (spots.mean(axis=0) - optics.detector_centre(size)) * scale
+    reference = rotation_from_vector(np.array([-along, across, 0.0]))
+    rolled = reference @ rotation_from_vector(np.array([0.0, 0.0, 60 * _ARCSEC]))
+    forms = attitude.transform_error_printed, attitude.misalignment_between
+    angles = [attitude.misalignment_angles(form(rolled, reference)) for form in forms]
+    return *(np.hypot(*one[:2]) / _ARCSEC for one in angles), 0.0
+
+
+def _stage_angle(number: _Number) -> _Values:
+    travel = number("chen2023/text-effectiveness#maximum-travel")
+    focal = number("chen2023/text-effectiveness#focal-length")
+    forms = attitude.stage_angle_printed, attitude.stage_angle
+    wanted = -np.arctan(travel / focal) / _ARCSEC
+    return *(form(travel, focal) / _ARCSEC for form in forms), wanted
+
+
+def _stage_signs(number: _Number) -> _Values:
+    """Move the lasers along Y; measure with (5) and (7) the direction of the camera's turn."""
+    places, focal = _lasers(number)
+    shift = number("chen2023/text-effectiveness#step")
+    before, after = (
+        attitude.emitted_directions(places + np.array([0.0, moved]), focal)
+        for moved in (0.0, shift)
+    )
+    found = attitude.misalignment(before, after, np.eye(3))
+    return (
+        np.sign(attitude.stage_angle(shift, focal)),
+        np.sign(attitude.stage_angles([0.0, shift], focal)[0]),
+        np.sign(attitude.misalignment_angles(found)[0]),
+    )
+
+
+def _misalignment_side(number: _Number) -> _Values:
+    """Use the inverse of the matrix of (8) as R_U, and compare the lines of sight."""
+    turn = number("chen2023/text-effectiveness#simulated-angle")
+    boresights = number("chen2023/text-satellite#boresight-angle")
+    installed = rotation_from_vector(np.array([boresights, 0.0, 0.0]))
+    gaps = []
+    for axis in np.eye(2, 3):
+        moved = rotation_from_vector(turn * axis)
+        corrected = installed @ moved.T  # (8), inverted
+        forms = moved.T, attitude.misalignment_in_tracker(moved, installed)
+        gaps.append(
+            [np.linalg.norm((form @ installed - corrected)[:, 2]) for form in forms]
+        )
+    return *(np.max(gaps, axis=0) / _ARCSEC), 0.0
+
+
+def _line_of_sight(number: _Number) -> _Values:
+    """Compare the bracket of (1) with the direction (2) of one point of the focal plane."""
+    places, focal = _lasers(number)
+    bracket = ground.image_vectors(places[:1], focal)[0]
+    emitted = attitude.emitted_directions(places[:1], focal)[0]
+    cosine = bracket @ emitted / np.linalg.norm(bracket)
+    # With a negative scaling factor the bracket changes its sign.
+    return cosine, -cosine, 1.0
+
+
+def _mirrored_pattern(number: _Number) -> _Values:
+    """Follow a direction of (2) to that of (3), by a corner cube and the dichroic mirror."""
+    tilt = number("chen2023/text-satellite#dihedral-angle")
+    fold = light.reflection([0.0, np.sin(tilt), np.cos(tilt)])
+    # A received direction points back along the light.
+    satellite = -fold @ light.mirror_train(light.CORNER)
+    mirrored = satellite @ np.diag([1.0, -1.0, 1.0])  # the lasers of a mirrored pattern
+    return np.linalg.det(satellite), np.linalg.det(mirrored), 1.0
+
+
+_RUNS: dict[str, Callable[[_Number], _Values]] = {
+    "distortion-ratio": _distortion_ratio,
+    "turned-back": _turned_back,
+    "rotary-matrix": _rotary_matrix,
+    "unit-circle": _unit_circle,
+    "iteration": _iteration,
+    "unit-vectors": _unit_vectors,
+    "chain": _chain,
+    "misalignment-side": _misalignment_side,
+    "stage-angle": _stage_angle,
+    "stage-signs": _stage_signs,
+    "retroreflector": _retroreflector,
+    "roll-leak": _roll_leak,
+    "line-of-sight": _line_of_sight,
+    "mirrored-pattern": _mirrored_pattern,
+}

@@ -1,0 +1,46 @@
+"""Values that a user gives in place of a printed number."""
+
+from __future__ import annotations
+
+import math
+import re
+
+from reproduce.printed.cells import Cell
+from reproduce.printed.number import ALIKE, si_factor, symbol
+
+_VALUE = re.compile(
+    r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?)\s*(.*?)\s*", re.IGNORECASE
+)
+# Largest count, as a multiple of the printed one: more points would only fill the memory.
+_MAX_COUNT_RATIO = 20
+
+
+def si_value(cell: Cell, value: str | float) -> float:
+    """Return a value in SI units from text in the printed format, such as ``"0.2 px"``.
+
+    Raises
+    ------
+    ValueError
+        If the text is not a finite number, its unit is not of the kind of the printed unit, or a
+        count is not whole or too large.
+    """
+    kind = next((kind for kind in ALIKE if cell.unit in kind), (cell.unit,))
+    units = {name: unit for unit in kind for name in (unit, symbol(unit)) if name}
+    if isinstance(value, int | float) or cell.unit in {"1", "count"}:
+        units[""] = cell.unit
+    matched = _VALUE.fullmatch(str(value).replace("−", "-"))
+    number, unit = (float(matched[1]), matched[2]) if matched else (math.nan, "")
+    most, wanted = _MAX_COUNT_RATIO * cell.number.value, ""
+    if not matched:
+        wanted = f"a number in the printed format ({cell.shown})"
+    elif unit not in units:
+        wanted = f"{symbol(cell.unit) or 'no unit'} as printed ({cell.shown})"
+    elif not math.isfinite(number):
+        wanted = "a finite number"
+    elif cell.unit == "count" and not (number.is_integer() and 0 <= number <= most):
+        wanted = (
+            f"a whole number up to {most:.0f}, {_MAX_COUNT_RATIO} times the printed one"
+        )
+    if wanted:
+        raise ValueError(f"{cell.address}: expected {wanted}, got {value!r}")
+    return number * si_factor(units[unit])
