@@ -1,8 +1,8 @@
-"""The front door: what a notebook, the command line and a user need, one object for each idea.
+"""Functions of the public API, for notebooks and the command line.
 
-Every object shows itself in a notebook and in a terminal, gives its numbers as a DataFrame, says
-which function makes it and what that reads, and can be rerun with something changed. Each function
-loads what it needs when it is called: a user's own stars need no paper.
+Every object displays itself in a notebook and in a terminal, returns its numbers as a DataFrame,
+names its function and its inputs, and can be computed again with changes. Each function imports
+what it needs when it is called.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from reproduce.inference import Prior
-    from reproduce.physics.attitude import Platform as Platform
+    from reproduce.physics.attitude import Platform
     from reproduce.views.contents import Check, Contents
     from reproduce.views.contradictions import Contradictions
     from reproduce.views.figure import Figure, Panels
@@ -26,15 +26,6 @@ if TYPE_CHECKING:
     from reproduce.views.posteriors import Posteriors
     from reproduce.views.study import StudyTable
     from reproduce.views.table import Cell, Table
-
-
-def __getattr__(name: str) -> Any:
-    """Load what describes lights of one's own: a fit of stars needs no attitude."""
-    if name == "Platform":
-        from reproduce.physics.attitude import Platform
-
-        return Platform
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 def contents(paper: str | None = None) -> Contents:
@@ -230,19 +221,22 @@ def posterior(
         return Posteriors()
     from reproduce.views.posterior import Posterior
 
-    own: dict[str, Any] = {"data": data, "pivot": pivot, "priors": priors}
-    own |= {
-        "data_seed": data_seed,
-        "model": model,
-        "weights": weights,
-        "platform": platform,
-    }
-    own |= {
-        "source_covariance": source_covariance,
-        "target_covariance": target_covariance,
-        "sep": sep,
-    }
-    return Posterior(name, **own, steps=steps, walkers=walkers, seed=seed)
+    return Posterior(
+        name,
+        data=data,
+        pivot=pivot,
+        priors=priors,
+        data_seed=data_seed,
+        model=model,
+        weights=weights,
+        platform=platform,
+        source_covariance=source_covariance,
+        target_covariance=target_covariance,
+        sep=sep,
+        steps=steps,
+        walkers=walkers,
+        seed=seed,
+    )
 
 
 def contradictions(paper: str | None = None) -> Contradictions:
@@ -340,59 +334,45 @@ def register(
     >>> moved.parameters.round(9) + 0.0
     array([ 1.,  0., -3.,  0.])
     """
-    known: dict[str, Any] = {
+    known = {
         "weights": weights,
         "source_covariance": source_covariance,
         "target_covariance": target_covariance,
     }
-    own: dict[str, Any] = {
+    own = {
         "start": start,
         "radius": radius,
         "threshold": threshold,
         "reference": reference,
     }
-    pictures = _pictures(source, target)
-    given = [
-        name for name, one in (known if pictures else own).items() if one is not None
-    ]
-    if given and pictures:
-        raise ValueError(
-            f"{given[0]}: expected none beside pictures, whose stars have theirs"
-        )
-    if given:
-        raise ValueError(
-            f"{given[0]}: expected pictures beside it, got stars that are paired"
-        )
-    if pictures:
+    images = _images(source, target)
+    for name, value in (known if images else own).items():
+        if value is not None:
+            kind = "images or lists" if images else "matched stars"
+            raise ValueError(f"{name}: expected none for {kind}, got one. Leave it out")
+    if images:
         from reproduce.views.pictures import registered
 
         own |= {"model": model, "robust": robust is not False, "sep": sep}
-        return registered(pictures, pivot, progress=progress, **own)
+        return registered(images, pivot, progress=progress, **own)
     from reproduce.views.measurements import Registered
 
-    paired: tuple[Any, Any] = (source, target)
-    return Registered(
-        *paired, pivot, model=model, robust=bool(robust), sep=sep, **known
-    )
+    known |= {"model": model, "robust": bool(robust), "sep": sep}
+    return Registered(source, target, pivot, **known)
 
 
-def _pictures(source: Any, target: Any) -> list[Any]:
-    """Return the pictures, stars or tables that are to be paired; none of stars that are."""
+def _images(source: Any, target: Any) -> list[Any]:
+    """Return the images or lists that are to be matched; none for matched stars."""
     from reproduce.store.images import is_image
 
-    def one(value: Any) -> bool:
-        return is_image(value) or hasattr(value, "dropped")
-
-    if target is not None:
-        both = isinstance(source, str | Path) and isinstance(target, str | Path)
-        return [source, target] if both or one(source) or one(target) else []
-    if isinstance(source, list | tuple) and source:
-        return (
-            [*source]
-            if all(isinstance(v, str | Path) or one(v) for v in source)
-            else []
-        )
-    return [source] if one(source) else []
+    sources = [one for one in (source, target) if one is not None]
+    if target is None and isinstance(source, list | tuple):
+        sources = [*source]
+    paths = [isinstance(one, str | Path) for one in sources]
+    if len(paths) > 1 and all(paths):
+        return sources
+    found = (is_image(one) or hasattr(one, "dropped") for one in sources)
+    return sources if any(found) else []
 
 
 def stars(

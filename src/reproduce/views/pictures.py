@@ -17,8 +17,7 @@ from reproduce.physics.registration import (
     pair_weights,
 )
 from reproduce.store.images import Image, ImageError, is_image, read_image, reading
-from reproduce.store.points import STARS, is_table, read_table, table_of
-from reproduce.store.stars import SIGMAS, brightness, deviations
+from reproduce.store.points import SIGMAS, STARS, brightness, deviations, read_table
 from reproduce.views.blocks import Block, Display, Fold
 from reproduce.views.measurements import Registered, Remade, _grid
 from reproduce.views.numbers import minus
@@ -141,13 +140,8 @@ def stars_of(
     if is_image(source):
         name = str(source) if isinstance(source, str | Path) else name
         return _detected(read_image(source, name), name, threshold)
-    table = (
-        read_table(source, _CENTRE[:2], (*SIGMAS, "flux", "mag", "weight"), sep)
-        if is_table(source)
-        else table_of(_CENTRE[:2], ("source", source))
-    )
-    if not len(table.values):
-        raise ValueError("source: expected an image or stars, got no star")
+    columns = (*SIGMAS, "flux", "mag", "weight")
+    table = read_table(source, _CENTRE[:2], columns, sep, "source")
     known = {*SIGMAS} & {*table.optional}
     sigma = deviations(table) if known else np.zeros_like(table.values)
     frame = pd.DataFrame(np.hstack([table.values, sigma]), columns=_CENTRE).assign(

@@ -97,7 +97,7 @@ class Diagnosis:
     freedom: float
 
 
-def diagnose(
+def diagnose_spots(
     platform: Platform, images: tuple[FloatArray, FloatArray], drifts: bool = False
 ) -> Diagnosis:
     """Return the faults of the spots of both groups, without the lights that a group lacks.
@@ -126,7 +126,7 @@ def diagnose(
     >>> lasers = np.array([[1e-3, 0], [0, 1e-3], [-1e-3, 0], [0, -1e-3]])
     >>> spots = np.array([[20.0, 0], [0, 20], [-20, 0], [0, -20]])
     >>> platform = Platform(lasers, 1.0, 0.05, 5e-6, np.zeros(2))
-    >>> [one.kind for one in diagnose(platform, (spots[None], spots[None])).findings]
+    >>> [one.kind for one in diagnose_spots(platform, (spots[None], spots[None])).findings]
     ['scale', 'spare']
     """
     counts = np.array([np.isfinite(one).all(axis=-1).sum(axis=0) for one in images])
