@@ -206,13 +206,6 @@ def test_a_figure_gives_its_data_and_saves_itself(key, tmp_path):
     assert matplotlib.image.imread(path).size
 
 
-def test_the_data_of_a_figure_are_what_is_drawn():
-    """Figure 4 draws the angles: as many points as the text says there are."""
-    data = rp.figure("niu2024/fig-4").data
-    count = library()["niu2024/text-simulation"]["angle-count"].number.value
-    assert count in data.groupby("curve").size().to_numpy()
-
-
 @pytest.mark.parametrize(
     ("call", "message"),
     [
@@ -329,19 +322,6 @@ def test_every_object_has_the_same_verbs(make):
     assert one.export("csv").count("\n") > 1
     if hasattr(one, "cite"):
         assert "@misc" in one.cite()
-
-
-def test_priors_of_ones_own_take_the_place_of_the_books():
-    plain = rp.posterior("misalignment")
-    name = plain.model.names[3]
-    other = plain.rerun(priors={name: (29, 31)})
-    assert other.priors.loc[name, "why"] == "a reader's own"
-    assert plain.priors.loc[name, "why"] != "a reader's own"
-    assert "sampled" not in vars(other)
-    parameter = other.model.parameters[3]
-    assert parameter.prior.high * parameter.shown == pytest.approx(31)
-    with pytest.raises(ValueError, match=r"expected names among .*, got whit"):
-        plain.rerun(priors={"whit": (0, 1)})
 
 
 def test_a_figure_is_computed_and_drawn_again():
@@ -559,18 +539,6 @@ def test_the_command_registers_a_file(tmp_path):
     refused = CliRunner().invoke(main, [*arguments, "--json"])
     assert refused.exit_code == 2
     assert "x_reference" in json.loads(refused.stdout)["error"]
-
-
-def test_a_rerun_shows_no_empty_column():
-    counts = rp.table("niu2024/text-approximations").rerun(
-        {"niu2024/text-context#detectors": "4"}
-    )
-    assert counts.grid.head == ["cell", "printed", "from the print", "changed"]
-    assert list(counts.grid.rows[1]) == ["parameters", "8", "8", "12"]
-    drawn = rp.table("niu2024/table-3").rerun(
-        {"niu2024/text-simulation#noise": "0.1 px"}
-    )
-    assert {"from", "to", "unit"} < set(drawn.grid.head)
 
 
 def test_every_way_of_giving_stars_hears_the_same(tmp_path):

@@ -86,16 +86,10 @@ def test_limits_of_the_transform() -> None:
     np.testing.assert_allclose(scaled, [[5, 6]])
 
 
-def test_inverse_and_composition() -> None:
+def test_the_inverse_is_a_similarity() -> None:
     source, target = spots(sigma=0)
+    assert TRUTH.inverse().model == "similarity"
     np.testing.assert_allclose(TRUTH.inverse().apply(target), source, atol=1e-11)
-    np.testing.assert_allclose(
-        TRUTH.inverse().after(TRUTH).parameters, (1, 0, 0, 0), atol=1e-12
-    )
-    second = Registration.similarity(0.7, 2.0, (10, 20), (3, 4))
-    np.testing.assert_allclose(
-        second.after(TRUTH).apply(source), second.apply(target), atol=1e-11
-    )
 
 
 @pytest.mark.parametrize("weighted", [False, True])
@@ -162,22 +156,6 @@ def test_residuals_are_target_minus_transformed_source() -> None:
     np.testing.assert_allclose(fit.residuals.sum(axis=0), 0, atol=1e-9)
 
 
-def test_covariance_is_the_scatter_of_many_fits() -> None:
-    rng = np.random.default_rng(3)
-    source, target = spots(20, sigma=0)
-    noisy = target + 0.05 * rng.normal(size=(4000, 20, 2))
-    fits = fit_registration(source, noisy, TRUTH.pivot)
-    predicted = 0.05**2 * fit_registration(source, target, TRUTH.pivot).cofactor
-    whitened = np.linalg.solve(
-        np.linalg.cholesky(predicted), (fits.parameters - TRUTH.parameters).T
-    )
-    # 4000 draws: a variance scatters by sqrt(2 / 4000) = 0.022, a correlation by 0.016.
-    np.testing.assert_allclose(np.cov(whitened), np.eye(4), atol=0.09)
-    np.testing.assert_allclose(whitened.mean(axis=1), 0, atol=4.5 / np.sqrt(4000))
-    variance = fits.covariance[:, 0, 0].mean()
-    assert variance == pytest.approx(predicted[0, 0], rel=0.03)
-
-
 def test_scale_and_rotation_do_not_depend_on_pivot_or_translation() -> None:
     source, target = spots()
     fit = fit_registration(source, target, TRUTH.pivot)
@@ -242,29 +220,13 @@ def test_a_batch_is_a_loop(weighted: bool) -> None:
             )
 
 
-def test_one_source_serves_many_targets() -> None:
-    source, target = spots(10)
-    targets = np.stack([target, target + 1])
-    fit = fit_registration(source, targets, TRUTH.pivot)
-    np.testing.assert_allclose(
-        fit.parameters[0] - fit.parameters[1], (0, 0, 1, 1), atol=1e-10
-    )
-    assert fit.cofactor.shape == (2, 4, 4)
-
-
 def test_two_points_fit_exactly_and_tell_no_variance() -> None:
     source, target = spots(2)
     fit = fit_registration(source, target, TRUTH.pivot)
     np.testing.assert_allclose(fit.residuals, 0, atol=1e-10)
     assert fit.cofactor.shape == (4, 4)
-    with pytest.raises(DegenerateGeometryError, match="none to spare"):
+    with pytest.raises(DegenerateGeometryError, match="^covariance: "):
         _ = fit.covariance
-
-
-def test_a_mirror_image_is_refused() -> None:
-    source = np.array([[1.0, 0], [0, 1], [-1, 0], [0, -1]])
-    with pytest.raises(DegenerateGeometryError, match="mirror"):
-        fit_registration(source, source * (1, -1), (0, 0))
 
 
 def test_similarity_between_cameras_is_exact_without_distortion() -> None:
