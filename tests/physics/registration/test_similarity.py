@@ -225,7 +225,7 @@ def test_two_points_fit_exactly_and_tell_no_variance() -> None:
     fit = fit_registration(source, target, TRUTH.pivot)
     np.testing.assert_allclose(fit.residuals, 0, atol=1e-10)
     assert fit.cofactor.shape == (4, 4)
-    with pytest.raises(DegenerateGeometryError, match="^covariance: "):
+    with pytest.raises(DegenerateGeometryError, match=r"^covariance: "):
         _ = fit.covariance
 
 
