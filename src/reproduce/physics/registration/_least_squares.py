@@ -69,15 +69,15 @@ class Problem:
     source_covariance: FloatArray | None = None
 
     def rows(self, rows: Any) -> Problem:
-        """Return the problem of some of the points of one set."""
+        """Return the problem of some of the points."""
         error = self.source_covariance
         return replace(
             self,
-            source=self.source[rows],
-            target=self.target[rows],
-            counts=self.counts[rows],
-            target_covariance=self.target_covariance[rows],
-            source_covariance=None if error is None else error[rows],
+            source=self.source[..., rows, :],
+            target=self.target[..., rows, :],
+            counts=self.counts[..., rows],
+            target_covariance=self.target_covariance[..., rows, :, :],
+            source_covariance=None if error is None else error[..., rows, :, :],
         )
 
     def transformed(self, parameters: FloatArray, points: FloatArray) -> FloatArray:

@@ -40,6 +40,9 @@ from reproduce.physics.validate import FloatArray
 _MAX_ROUNDS = 30
 # Number of points, spread evenly over the rows, of which all pairs give the start.
 _MAX_PAIRED = 600
+# Number of points, spread as evenly, that are tested against each other. Other points are tested
+# against them.
+_MAX_SETTLED = 5_000
 # Probability that a robust fit leaves out any point of a field without wrong matches.
 FALSE_ALARM_ROBUST = 1e-3
 # Smallest variance of a residual, relative to the noise, if the fit follows the point.
@@ -266,20 +269,41 @@ def fit_problem(problem: Problem, robust: bool = False) -> RegistrationFit:
 
 def _right_matches(problem: Problem) -> NDArray[np.bool_]:
     """Return the points that fit each other, shape (..., n)."""
-    closed = _repeated_median(problem)
+    count = problem.source.shape[-2]
+    part = problem.rows(thinned(count, _MAX_SETTLED))
+    closed = _repeated_median(part)
     if problem.model != "affine":
-        _check_medians_not_mirrored(problem, closed)
+        _check_medians_not_mirrored(part, closed)
     start = from_similarity(problem.model, closed)
-    lengths = _norm(whitened(problem, start, problem.source)[1])
-    lengths = np.where(problem.counts > 0, lengths, np.nan)
+    lengths = _norm(whitened(part, start, part.source)[1])
+    lengths = np.where(part.counts > 0, lengths, np.nan)
     kept = lengths <= np.nanquantile(
         lengths, 0.5, axis=-1, keepdims=True, method="higher"
     )
     for _ in range(_MAX_ROUNDS):
-        before, kept = kept, _fitting(problem, kept)
+        before, kept = kept, _fitting(part, kept)
         if (kept == before).all():
             break
-    return kept
+    return kept if count <= _MAX_SETTLED else _fitting_part(problem, part, kept)
+
+
+def _fitting_part(
+    problem: Problem, part: Problem, kept: NDArray[np.bool_]
+) -> NDArray[np.bool_]:
+    """Return the points that fit the kept ones of a large part, (..., n).
+
+    As `_fitting`, without the leverage, which is small.
+    """
+    found = solve(part.with_weights(kept.astype(np.float64)))
+    own = whitened(part, found.parameters, found.points)[1]
+    factor, residuals = whitened(problem, found.parameters, problem.source)
+    freedom = 2 * (kept & (part.counts > 0)).sum(axis=-1) - len(MODELS[part.model])
+    total = (kept * np.square(own).sum(axis=-1)).sum(axis=-1)
+    others = np.maximum(
+        total[..., None], freedom[..., None] * _rounding(problem, factor)
+    )
+    square = np.square(residuals).sum(axis=-1)
+    return _accepted(problem, freedom[..., None], square, others)
 
 
 def _fitting(problem: Problem, kept: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -298,18 +322,30 @@ def _fitting(problem: Problem, kept: NDArray[np.bool_]) -> NDArray[np.bool_]:
     expected = (1 + _MIN_VARIANCE) * np.eye(2) + sign * leverage
     solved = np.linalg.solve(expected, residuals[..., None])[..., 0]
     square = np.maximum(np.vecdot(residuals, solved), 0)
-    used = problem.counts > 0
-    count = 2 * (kept & used).sum(axis=-1, keepdims=True) - len(MODELS[problem.model])
+    used = kept & (problem.counts > 0)
+    count = 2 * used.sum(axis=-1, keepdims=True) - len(MODELS[problem.model])
     freedom = count - 2 * kept
     total = (kept * np.square(residuals).sum(axis=-1)).sum(axis=-1, keepdims=True)
-    # The residuals of exact matches are rounding errors.
+    least = np.maximum(freedom, 1) * _rounding(problem, factor)
+    others = np.maximum(total - kept * square, least)
+    accepted = _accepted(problem, freedom, square, others)
+    return np.where(freedom > 0, accepted, kept)
+
+
+def _rounding(problem: Problem, factor: FloatArray) -> FloatArray:
+    """Return the variance of the residuals of exact matches, (..., n), from rounding."""
     reach = np.abs(problem.source).max() + np.abs(problem.target).max()
     rounding = 1e-12 * (1 + reach) * np.abs(factor).max(axis=(-2, -1))
-    least = np.maximum(freedom, 1) * rounding**2 + _TINY
-    others = np.maximum(total - kept * square, least)
+    return np.asarray(rounding**2 + _TINY)
+
+
+def _accepted(
+    problem: Problem, freedom: NDArray[np.int64], square: FloatArray, others: FloatArray
+) -> NDArray[np.bool_]:
+    """Return whether squared residuals have the probability of right matches, (..., n)."""
+    count = np.count_nonzero(problem.counts, axis=-1, keepdims=True)
     logarithm = -0.5 * freedom * np.log1p(square / others)
-    alarm = np.log(FALSE_ALARM_ROBUST / used.sum(axis=-1, keepdims=True))
-    return np.asarray(np.where(freedom > 0, logarithm > alarm, kept))
+    return np.asarray(logarithm > np.log(FALSE_ALARM_ROBUST / count))
 
 
 def _repeated_median(problem: Problem) -> FloatArray:
