@@ -60,3 +60,16 @@ def test_points_are_judged_by_their_own_errors(known):
     )
     claimed = np.diagonal(fit.covariance, axis1=-2, axis2=-1).mean(axis=0)
     np.testing.assert_allclose(claimed / normal, 1, atol=5 * np.sqrt(2 / len(source)))
+
+
+def test_a_large_field_is_judged_by_a_part_of_itself_as_by_the_whole(monkeypatch):
+    """The part decides only on points at the limit, of which there are hardly any."""
+    source, target = field(np.random.default_rng(4), 2, 8000, 0.3)
+    weights = np.tile([1.0, 0.0, 2.0, 1.0], 2000)
+    part = fit_registration(source, target, PIVOT, weights, robust=True)
+    monkeypatch.setattr("reproduce.physics.registration.fit._MAX_SETTLED", 10_000)
+    whole = fit_registration(source, target, PIVOT, weights, robust=True)
+    assert 0.2 < whole.dropped.mean() < 0.26  # three quarters of 0.3
+    assert (part.dropped != whole.dropped).mean() < 1e-3
+    assert not part.dropped[:, 1::4].any()
+    assert np.abs((part.parameters - TRUE) / part.standard_errors).max() < 5
