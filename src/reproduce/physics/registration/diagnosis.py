@@ -23,6 +23,7 @@ from reproduce.physics.registration.fit import (
     FALSE_ALARM_ROBUST,
     RegistrationFit,
     fit_problem,
+    fit_registration,
 )
 from reproduce.physics.validate import Finding, FloatArray
 
@@ -423,8 +424,8 @@ def robust_similarity(
     >>> float(robust_similarity(square, 2 * square, np.zeros(2)).transform.scale.round(9))
     2.0
     """
-    problem = prepare(source, target, pivot)
-    return _robust(problem) or fit_problem(problem)
+    robust = _robust(prepare(source, target, pivot))
+    return robust or fit_registration(source, target, pivot)
 
 
 def _stars(fit: RegistrationFit, named: Named) -> list[Finding]:
