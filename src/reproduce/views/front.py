@@ -2,7 +2,7 @@
 
 Every object displays itself in a notebook and in a terminal, returns its numbers as a DataFrame,
 names its function and its inputs, and can be computed again with changes. Each function imports
-what it needs when it is called.
+its modules when it is called.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 
 def contents(paper: str | None = None) -> Contents:
-    """Return all items of a paper, or of all, in order of print, with their score.
+    """Return all items of a paper, or of all papers, in their order, with their score.
 
     Examples
     --------
@@ -42,7 +42,7 @@ def contents(paper: str | None = None) -> Contents:
 
 
 def table(address: str) -> Table | Cell | StudyTable:
-    """Return a table, a group of quoted numbers, one cell of it, or a table of our own.
+    """Return a table, a group of quoted numbers, one cell of it, or a supplementary table.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ def table(address: str) -> Table | Cell | StudyTable:
     Returns
     -------
     Table, Cell or StudyTable
-        Printed beside computed, with verdicts; our own numbers, without.
+        Printed next to computed values, with verdicts; a supplementary table has no verdicts.
 
     Examples
     --------
@@ -194,7 +194,7 @@ def posterior(
     data : path or table, optional
         Your data, as in `register`. ``rp.posterior().models`` contains the columns.
     pivot : tuple of float, optional
-        Principal point of stars of a reader's own, in px; their mean by default.
+        Principal point of your stars, in px. Default: their mean.
     priors : mapping, optional
         Name of a parameter to the bounds of a uniform prior, or to a prior of
         `reproduce.inference`. All numbers are in the displayed unit of the parameter.
@@ -207,14 +207,14 @@ def posterior(
     sep : str, optional
         Separator of the columns of a text file. Default: a comma.
     data_seed : int, optional
-        Of the data, where they are simulated by us: another draw of them.
+        Seed of the simulated data of the book.
     steps, walkers, seed : int, optional
-        How it is sampled, in place of the book's own plan.
+        Plan of the sampling. Default: the plan of the book.
     """
     if name is None:
         if data is not None:
             raise TypeError(
-                "name: expected a model beside data, such as 'registration', got none"
+                "name: expected a model of the data, such as 'registration', got none. Add it"
             )
         from reproduce.views.posteriors import Posteriors
 
@@ -240,17 +240,17 @@ def posterior(
 
 
 def contradictions(paper: str | None = None) -> Contradictions:
-    """Return what printed numbers say of each other, and the errata.
+    """Return the consistency checks of the printed numbers, and the errata.
 
     Parameters
     ----------
     paper : str, optional
-        Such as ``chen2023``; all by default.
+        Name such as ``chen2023``. Default: all.
 
     Returns
     -------
     Contradictions
-        The cross-examination.
+        Relations between printed numbers, and the errata.
     """
     from reproduce.views.contradictions import Contradictions
 
@@ -476,13 +476,13 @@ def misalignment(
         image share; without it no spot may be lost), ``time`` and ``mask`` (1 drops a row). A spot
         that is NaN or masked in an array is lost; its image counts less.
     zero : array_like, shape (frames, lights, 2), optional
-        Images at the zero point, where `spots` is an array.
+        Images at the zero point, if `spots` is an array.
     platform : Platform or path, optional
         The lights and the tracker, or a TOML file of the arguments that make one; chen2023's ground
         platform as designed by default.
     times : array_like, shape (frames,), optional
-        Of the images at the present, in any unit, where `spots` is an array. With times there are
-        ``over_time()``, drift and averages, and ``stability``, the numbers behind it.
+        Times of the images at the present, in any unit, if `spots` is an array. They give
+        ``over_time()``, drift and averages, and ``stability``, its numbers.
     sep : str, optional
         Separator of the columns of a text file. Default: a comma.
 

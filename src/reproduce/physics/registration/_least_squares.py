@@ -26,7 +26,7 @@ from reproduce.physics.validate import FloatArray, Point, Points, Weights
 
 # Relative rounding error of a sum of many numbers.
 _ROUNDING_ERROR = 64 * float(np.finfo(np.float64).eps)
-# Probability that noise alone looks like a mirror image.
+# Probability that noise only looks like a mirror image.
 _MIRROR_PROBABILITY = 1e-6
 _MIRRORED = (
     "target: expected no mirror image of the source, got one. Replace x of one image by the width "
@@ -305,7 +305,7 @@ def _check_not_mirrored(
     """Raise `MirroredPointsError` if the target mirrors the source; both minus their means.
 
     The residual of a similarity of the mirrored source is then so much smaller than that of the
-    source itself that chance does not explain it: for noise alone, and a source that is its own
+    source itself that chance does not explain it: for noise only, and a source that is its own
     mirror image, the ratio follows the F distribution. Two points are never a mirror image.
     """
     weighted = weights * targets
