@@ -89,13 +89,17 @@ def _by_image(table: Table, count: int) -> tuple[Images, FloatArray | None]:
         lights = part["laser"].to_numpy()
         shown = max(len(np.unique(lights)), 1)
         label = np.arange(len(part)) // shown if named is None else part[named]
-        if not len(part) or (
-            named is None and (np.resize(lights[:shown], len(part)) != lights).any()
-        ):
+        if not len(part):
             raise TableFileError(
-                f"{table.path}: expected spots of group {group} image after image, with the lights "
-                "in one order, got none or another order. Add a column frame, a number for each "
-                "image"
+                f"{table.path}, column group: expected 0 (the zero point) and 1 (the present), got "
+                f"no {group}. Add its spots"
+            )
+        other = np.resize(lights[:shown], len(part)) != lights
+        if named is None and other.any():
+            raise TableFileError(
+                f"{table.path}, row {part.index[other.argmax()]}: expected images one after the "
+                "other, each with all lights in one order, got another light. Add a column frame, "
+                "a number for each image"
             )
         wanted = pd.MultiIndex.from_product([["x", "y"], range(1, count + 1)])
         part = part.assign(image=label)
