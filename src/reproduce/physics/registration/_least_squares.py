@@ -29,8 +29,8 @@ _ROUNDING_ERROR = 64 * float(np.finfo(np.float64).eps)
 # Probability that noise only looks like a mirror image.
 _MIRROR_PROBABILITY = 1e-6
 _MIRRORED = (
-    "target: expected no mirror image of the source, got one. Replace x of one image by the width "
-    "minus x (flip one axis), or fit the affine model"
+    "target: expected no mirror image, got a mirror image of the source points. Replace x of one "
+    "image by the width minus x (flip one axis), or fit the affine model"
 )
 _MAX_STEPS = 60
 # Root mean square movement at which the iteration stops, in px.

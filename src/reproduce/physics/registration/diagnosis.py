@@ -316,9 +316,16 @@ def tied(source: FloatArray, target: FloatArray) -> bool:
     True
     """
     some = thinned(len(source), _LARGE_FIELD)
-    moved = (target[some] - source[some]).round(9)
-    counts = np.unique(moved, axis=0, return_counts=True)[1]
-    return bool(counts.max() > max(2, _MAX_TIED * len(moved)))
+    source, moved = source[some], (target - source)[some].round(9)
+    steps, counts = np.unique(moved, axis=0, return_counts=True)
+    if counts.max() <= max(2, _MAX_TIED * len(moved)):
+        return False
+    fit = robust_similarity(source, source + moved, source.mean(axis=0))
+    scale, rotation = fit.parameters[:2]
+    change = max(abs(scale - 1), abs(rotation)) * float(np.ptp(source, axis=0).max())
+    digits = np.diff(np.unique(steps.round(9)))
+    # A scale or rotation distributes the displacements over the digits.
+    return bool(change < digits.min(initial=np.inf) / 2)
 
 
 def diagnose_fit(
