@@ -124,6 +124,10 @@ def test_stars_that_move_with_their_flux_are_reported():
     flux = np.arange(40.0)
     target[flux > 20] += [0.3, 0.0]
     assert kinds(source, target, brightness=flux) == ["brightness"]
+    fit = fit_registration(source, target, PIVOT)
+    change = diagnosis.sensitivities(fit, flux)[-1].change
+    # By hand: 0.3 px over the error of the difference of two means of 20 stars.
+    assert abs(change[2]) == pytest.approx(0.3 / (0.05 * np.sqrt(2 / 20)), rel=0.3)
     assert "brightness" not in kinds(source, target, brightness=flux % 2)
 
 
