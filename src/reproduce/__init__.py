@@ -1,7 +1,7 @@
 """Every printed number of two papers on optical pointing, recomputed and judged.
 
 The papers are niu2024 (registration of a three-detector star sensor) and chen2023 (camera
-misalignment seen by a star tracker). This module is the front door::
+misalignment seen by a star tracker). The public API::
 
     import reproduce as rp
 
@@ -18,9 +18,10 @@ misalignment seen by a star tracker). This module is the front door::
     rp.check()                           # all verdicts against the frozen ones
     rp.cite("chen2023/table-5")          # or one cell of it; rp.verify(citation)
 
-The names load when they are used, so that ``import reproduce`` stays cheap.
+Names load on first use, so that ``import reproduce`` is cheap.
 """
 
+from importlib import import_module
 from typing import Any
 
 from reproduce.version import __version__ as __version__
@@ -43,16 +44,15 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    """Load a name of the front door."""
-    if name in __all__:
-        from reproduce.views import front
-
-        return getattr(front, name)
-    raise AttributeError(
-        f"module {__name__!r} has no attribute {name!r}; it has {__all__}"
-    )
+    """Load a name of the public API."""
+    if name not in __all__:
+        raise AttributeError(
+            f"module {__name__!r} has no attribute {name!r}; it has {__all__}"
+        )
+    module = "physics.attitude" if name == "Platform" else "views.front"
+    return getattr(import_module(f"{__name__}.{module}"), name)
 
 
 def __dir__() -> list[str]:
-    """Return the names of the front door."""
+    """Return the names of the public API."""
     return [*__all__, *(name for name in globals() if name.startswith("__"))]

@@ -119,7 +119,7 @@ def replaced(rows, row, column, value):
         ("registration", 4, 1, "nan", r"data.csv, row 4, column y"),
         ("misalignment", 9, 0, 2, r"row 9, column group"),
         ("misalignment-drift", 9, 1, 5, r"row 9, column laser: .* 1 to 4"),
-        ("misalignment", 9, 1, 3, r"row 8: .* column frame"),
+        ("misalignment", 9, 1, 3, r"row 9: .* column frame"),
     ],
 )
 def test_wrong_files_are_refused_by_row_and_column(

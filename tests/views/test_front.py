@@ -21,7 +21,6 @@ from reproduce.judge.ledger import build
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.chen2023.platform import INSTRUMENT, as_designed
 from reproduce.physics.attitude import monitored
-from reproduce.physics.registration import registered_image
 from reproduce.printed.cells import library
 from reproduce.printed.given import given
 from reproduce.units import ARCSEC_PER_RADIAN
@@ -131,25 +130,6 @@ def test_a_cell_tells_all_that_is_known_of_it():
     assert cell.frame().loc["verdict"].item() == "exact"
 
 
-@pytest.mark.parametrize(
-    ("address", "shown"),
-    [
-        ("niu2024/table-3#rotation.red", r"predicted, central 99 % +0\.\d+ to 0\.\d+°"),
-        ("chen2023/table-5#2.motion-x", r"computed +20\.\d+\u202fµm"),
-        ("niu2024/table-2#scale.red", r"allowed by rounded inputs +0\.\d+ to 0\.\d+\n"),
-        ("niu2024/table-2#scale.red", r"stands for +0\.99755 to 0\.99765\n"),
-        ("niu2024/table-3#rotation.red", r"Monte Carlo error +[1-9]e−0\d°"),
-        ("niu2024/table-3#scale.red", "differs: recomputed and does not agree"),
-        (
-            "chen2023/table-5#2.difference-y",
-            r"exact \(difference\): recomputed and rounds",
-        ),
-    ],
-)
-def test_a_cell_says_what_its_interval_is_and_its_unit(address, shown):
-    assert re.search(shown, repr(rp.table(address)))
-
-
 def test_readers_see_a_minus_sign_and_other_programs_a_hyphen():
     table = rp.table("niu2024/table-3")
     changed = table.rerun({STRANGER: "0.2 px"}, replicates=20)
@@ -212,13 +192,6 @@ def test_a_study_is_computed_again_under_a_change():
     assert list(both.changes) == [FOCAL, "chen2023/table-4#100.misalignment-x"]
 
 
-def test_a_study_shows_its_numbers_as_its_columns_say():
-    rows = {row[0]: row[1:] for row in rp.table("chen2023/focal-lengths").grid.rows}
-    assert rows["reference about Y, state 2"] == ["2084.2 ± 1.5", "2055.5 ± 1.5"]
-    mirror = {row[0]: row[1:] for row in rp.table("chen2023/dichroic").grid.rows}
-    assert mirror["its normal"] == ["0", "any", "any"]
-
-
 @pytest.mark.parametrize("key", ["niu2024/fig-4", "chen2023/fig-11a"])
 def test_a_figure_gives_its_data_and_saves_itself(key, tmp_path):
     figure = rp.figure(key)
@@ -231,56 +204,31 @@ def test_a_figure_gives_its_data_and_saves_itself(key, tmp_path):
     assert matplotlib.image.imread(path).size
 
 
-def test_the_data_of_a_figure_are_what_is_drawn():
-    """Figure 4 draws the angles: as many points as the text says there are."""
-    data = rp.figure("niu2024/fig-4").data
-    count = library()["niu2024/text-simulation"]["angle-count"].number.value
-    assert count in data.groupby("curve").size().to_numpy()
-
-
 @pytest.mark.parametrize(
     ("call", "message"),
     [
         (lambda: rp.table("niu2024/tabel-3"), "did you mean niu2024/table-3"),
-        (lambda: rp.table("niu2024/table-3#scale.green"), "has no cell 'scale.green'"),
-        (lambda: rp.table("niu2024/fig-4"), r"try figure\('niu2024/fig-4'\)"),
+        (lambda: rp.table("niu2024/table-3#scale.green"), r"scale\.green"),
+        (lambda: rp.table("niu2024/fig-4"), r"figure\('niu2024/fig-4'\)"),
+        (lambda: rp.table(3), "expected a key"),
+        (lambda: rp.table("niu2024/table-3").rerun(seed="a"), "^seed: "),
+        (lambda: rp.table("niu2024/table-3").sweep(STRANGER, "0.2 px"), "expected"),
         (lambda: rp.figure("niu2024/table-3"), "has no figure"),
-        (
-            lambda: rp.table("chen2023/heat").rerun({STRANGER: "1 px"}),
-            "expected an input",
-        ),
-        (
-            lambda: rp.table("chen2023/heat").rerun({FOCAL: "1 px"}),
-            "expected m as printed",
-        ),
-        (lambda: rp.posterior("nothing"), "unknown posterior"),
-        (
-            lambda: rp.posterior("registration", thin=2),
-            "posterior.. got an unexpected keyword",
-        ),
-        (
-            lambda: rp.posterior("registration").rerun(thin=2),
-            "expected data, pivot, priors, data_seed",
-        ),
-        (
-            lambda: rp.register(SQUARE, SQUARE, modle="rigid"),
-            "register.. got an unexpected key",
-        ),
-        (
-            lambda: rp.register(SQUARE, SQUARE).rerun(modle="rigid"),
-            "expected source, .*robust",
-        ),
-        (
-            lambda: rp.register([], []),
-            r"source: expected one set of stars, shape \(n, 2\), got \(0,\)",
-        ),
-        (lambda: rp.register(SQUARE), "target: expected the stars of the other image"),
-        (
-            lambda: rp.register("stars.csv", SQUARE),
-            "target: expected nothing beside a file",
-        ),
-        (lambda: rp.register([SQUARE] * 2, [SQUARE] * 2), "expected one set of stars"),
-        (lambda: rp.contradictions("nobody1999"), "expected one of niu2024, chen2023"),
+        (lambda: rp.figure(None), "expected a key"),
+        (lambda: rp.table("chen2023/heat").rerun({STRANGER: "1 px"}), "does not read"),
+        (lambda: rp.table("chen2023/heat").rerun({FOCAL: "1 px"}), "expected m as"),
+        (lambda: rp.posterior("nothing"), "nothing"),
+        (lambda: rp.posterior("registration", thin=2), "thin"),
+        (lambda: rp.posterior("registration").rerun(thin=2), "^thin: "),
+        (lambda: rp.posterior("registration", data=SQUARE), "^data: "),
+        (lambda: rp.posterior("registration", steps=0), "^steps: "),
+        (lambda: rp.register(SQUARE, SQUARE, modle="rigid"), "modle"),
+        (lambda: rp.register(SQUARE, SQUARE).rerun(modle="rigid"), "^modle: "),
+        (lambda: rp.register([], []), "^source: expected shape"),
+        (lambda: rp.register(SQUARE), "^target: "),
+        (lambda: rp.register(SQUARE, SQUARE, radius=3), "^radius: "),
+        (lambda: rp.register([SQUARE] * 2, [SQUARE] * 2), "^source: expected shape"),
+        (lambda: rp.contradictions("nobody1999"), "niu2024, chen2023"),
     ],
 )
 def test_slips_are_told(call, message):
@@ -352,42 +300,6 @@ def spots(turn):
     return at + 0.02 * np.random.default_rng(5).normal(size=(20, *at.shape))
 
 
-def test_every_name_works_as_the_design_writes_it(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    stars = written_stars("my_centroids.csv")
-    assert "niu2024/table-3" in repr(rp.contents("niu2024"))
-    t = rp.table("niu2024/table-3")
-    assert len(t.frame()) == 4
-    assert len(t.cells()) == 8
-    assert t["scale.red"].printed == "0.9973"
-    changed = t.rerun({"niu2024/text-simulation#noise": "0.2 px"}, seed=7)
-    assert changed.changes["seed"] == "7"
-    read = t.rerun(angles="rectangle", translations="table-2").frame()
-    assert set(read["verdict"]) == {"differs", "consistent"}
-    f = rp.figure("chen2023/fig-11")
-    assert set(f.data["figure"]) == {"chen2023/fig-11a", "chen2023/fig-11b"}
-    assert [path.name for path in f.save("fig.pdf")] == ["fig-a.pdf", "fig-b.pdf"]
-    assert f.rerun({"chen2023/text-resolution#spot-radius": "20 um"}).panels[0].changes
-    p = rp.posterior("registration")
-    assert "scale" in p.summary().index
-    assert "<svg" in p.corner()._repr_html_()
-    assert len(p.draws) > 1000
-    assert p.save("p.nc").stat().st_size > 1000
-    assert p.rerun(data="my_centroids.csv").frame().loc[
-        "shift-x", "mean"
-    ] == pytest.approx(3, abs=0.1)
-    assert rp.contradictions("niu2024").frame()["paper"].unique().tolist() == [
-        "niu2024"
-    ]
-    assert rp.check("niu2024/table-2")
-    assert rp.register(stars[:, :2], stars[:, 2:]).parameters[2] == pytest.approx(
-        3, abs=0.1
-    )
-    turned = rp.misalignment(spots([20, -20, 0]), spots([0, 0, 0]))
-    assert turned.frame().loc["X", "mean (arcsec)"] == pytest.approx(20, abs=0.1)
-    assert "chen2023/table-5" in rp.cite("chen2023/table-5")
-
-
 @pytest.mark.parametrize(
     "make",
     [
@@ -412,19 +324,6 @@ def test_every_object_has_the_same_verbs(make):
     assert one.export("csv").count("\n") > 1
     if hasattr(one, "cite"):
         assert "@misc" in one.cite()
-
-
-def test_priors_of_ones_own_take_the_place_of_the_books():
-    plain = rp.posterior("misalignment")
-    name = plain.model.names[3]
-    other = plain.rerun(priors={name: (29, 31)})
-    assert other.priors.loc[name, "why"] == "a reader's own"
-    assert plain.priors.loc[name, "why"] != "a reader's own"
-    assert "sampled" not in vars(other)
-    parameter = other.model.parameters[3]
-    assert parameter.prior.high * parameter.shown == pytest.approx(31)
-    with pytest.raises(ValueError, match=r"expected names among .*, got whit"):
-        plain.rerun(priors={"whit": (0, 1)})
 
 
 def test_a_figure_is_computed_and_drawn_again():
@@ -459,27 +358,25 @@ def test_lasers_of_ones_own_may_stand_before_another_instrument(tmp_path):
     now, zero = spots([20, -20, 0]), spots([0, 0, 0])
     plain = rp.misalignment(now, zero)
     longer = plain.rerun(platform=replace(plain.platform, tracker_focal_length=0.12))
-    ratio = (
-        longer.frame().loc["X", "mean (arcsec)"]
-        / plain.frame().loc["X", "mean (arcsec)"]
-    )
-    assert ratio == pytest.approx(plain.platform.tracker_focal_length / 0.12, rel=1e-3)
-    assert "the pattern is 0.5 of its expected size" in " ".join(repr(longer).split())
+    first, second = (one.frame()["mean (arcsec)"]["X"] for one in (longer, plain))
+    ratio = plain.platform.tracker_focal_length / 0.12
+    assert first / second == pytest.approx(ratio, rel=1e-3)
+    assert longer.findings[0].kind == "scale"
     assert plain.findings == []
     path = written_spots(tmp_path / "spots.csv", (zero, now))
-    from_file = rp.misalignment(path)
-    np.testing.assert_allclose(from_file.angles, plain.angles, atol=1e-12)
-    for wrong, message in (
-        (lambda: rp.misalignment(now), "expected the images at the zero point"),
-        (lambda: rp.misalignment(path, zero), "expected nothing beside a file"),
-        (lambda: rp.misalignment(now[:, :3], zero), "expected images of 4 lights"),
-        (lambda: rp.misalignment(now + np.inf, zero), "or NaN for a lost spot"),
-        (
-            lambda: rp.posterior("misalignment", platform=plain.platform),
-            "expected data of your ow",
-        ),
+    np.testing.assert_allclose(rp.misalignment(path).angles, plain.angles, atol=1e-12)
+    infinite = np.where(np.arange(4)[:, None] == 2, np.inf, now)
+    assert rp.misalignment(infinite, zero).found.angles.shape == (20, 3)
+    for argument, wrong in (
+        ("zero", lambda: rp.misalignment(now)),
+        ("zero", lambda: rp.misalignment(path, zero)),
+        ("spots", lambda: rp.misalignment(now[:, :3], zero)),
+        ("spots", lambda: rp.misalignment(now[None], zero)),
+        ("times", lambda: rp.misalignment(now, zero, times=np.arange(19))),
+        ("times", lambda: rp.misalignment(now, zero, times=[np.nan] * 20)),
+        ("platform", lambda: rp.posterior("misalignment", platform=plain.platform)),
     ):
-        with pytest.raises(ValueError, match=message):
+        with pytest.raises(ValueError, match=f"^{argument}: expected"):
             wrong()
 
 
@@ -507,7 +404,7 @@ def measured_lights(tmp_path, displaced):
 
 
 def test_arrays_frames_files_and_commands_hear_the_same(tmp_path):
-    """A light displaced, spots lost, an image that shows one light: the same words on every way."""
+    """A light displaced, spots lost, an image of one light: the same words for any input."""
     toml, (zero, now) = measured_lights(tmp_path, [3, 0])
     path = written_spots(tmp_path / "spots.csv", (zero, now), frames=True)
     lost = np.ma.masked_invalid(now)
@@ -515,33 +412,27 @@ def test_arrays_frames_files_and_commands_hear_the_same(tmp_path):
         rp.misalignment(now, zero, platform=toml),
         rp.misalignment(lost, zero, platform=platform_of(toml)),
         rp.misalignment(path, platform=toml),
-        rp.misalignment(pd.read_csv(path), platform=toml),
+        rp.misalignment(
+            pd.read_csv(path).sample(frac=1, random_state=1), platform=toml
+        ),
     ]
-    command = ["misalignment", str(path), "--platform", str(toml)]
-    asked = CliRunner().invoke(main, [*command, "--json"])
-    piped = CliRunner().invoke(
-        main, ["misalignment", "-", *command[2:]], input=path.read_text()
-    )
-    record = json.loads(asked.stdout)
+    options = ["--platform", str(toml)]
+    asked = CliRunner().invoke(main, ["misalignment", str(path), *options, "--json"])
+    piped = CliRunner().invoke(main, ["misalignment", "-", *options], path.read_text())
     (finding,) = heard[0].findings
     assert finding.kind == "displaced"
     assert "light 4 is displaced by 3 px" in finding.text
-    assert [one["text"] for one in record["findings"]] == [finding.text]
-    assert (
-        heard[0]
-        .remarks[-1]
-        .startswith("5 of 200 spots are lost (1 of light 2, 2 of light 3")
-    )
+    assert heard[0].remarks[-1].startswith("5 of 200 spots are lost")
     posterior = rp.posterior("misalignment", data=path, platform=toml)
     assert set(heard[0].remarks) <= set(posterior.remarks)
+    remarks = [json.loads(asked.stdout)["remarks"], *(one.remarks for one in heard)]
+    assert all(one == heard[0].remarks for one in remarks)
     for one in heard:
-        assert one.remarks == heard[0].remarks == record["remarks"]
         pd.testing.assert_frame_equal(one.frame(), heard[0].frame())
-        assert finding.text in " ".join(repr(one).split())
-        assert finding.text in one._repr_html_()
-    assert finding.text in " ".join(piped.stdout.split())
-    assert heard[0].images().loc[10].isna().all()
-    assert heard[0].images().drop(10).notna().all(axis=None)
+    for shown in (repr(one), one._repr_html_(), piped.stdout):
+        assert finding.text in " ".join(shown.split())
+    lacking = heard[0].images().isna().all(axis=1)
+    assert lacking.index[lacking].tolist() == [10]
 
 
 def test_lights_of_ones_own_are_measured_rightly(tmp_path):
@@ -549,49 +440,42 @@ def test_lights_of_ones_own_are_measured_rightly(tmp_path):
     found = rp.misalignment(now, zero, platform=toml)
     assert found.findings == []
     low, high = found.found.interval(0.999) * ARCSEC_PER_RADIAN
-    assert (low < [15, -25, 40]).all()
-    assert (high > [15, -25, 40]).all()
-    frame = found.frame()
-    assert (frame["95% low (arcsec)"] > low).all()
-    assert (frame["95% high (arcsec)"] < high).all()
-    path = written_spots(tmp_path / "spots.csv", (zero, now), frames=True)
-    model = rp.posterior("misalignment", data=path, platform=toml).model
-    centre, error = (one[3:6] * ARCSEC_PER_RADIAN for one in model.likelihood.start())
-    assert (np.abs(centre - [15, -25, 40]) < 4 * error).all()
+    assert ((low < [15, -25, 40]) & (high > [15, -25, 40])).all()
+    ends = found.frame()[["95% low (arcsec)", "95% high (arcsec)"]].to_numpy().T
+    assert ((ends[0] > low) & (ends[1] < high)).all()
 
 
 def test_correlated_images_widen_the_interval():
-    """The record contains the factor, and the interval covers where white noise would not."""
-    design = rp.Platform.of_spots(
-        [[120, 30], [-90, 160], [10, -140]], 0.05, 5e-6, (0, 0)
-    )
-    generator, noise = np.random.default_rng(3), np.zeros((2, 40, 3, 2))
+    """The record contains the factor; coverage is tested with the diagnosis."""
+    places = [[120, 30], [-90, 160], [10, -140]]
+    design = rp.Platform.of_spots(places, 0.05, 5e-6, (0, 0))
+    noise = np.random.default_rng(3).normal(0, 0.02, (2, 40, 3, 2))
     for image in range(1, 40):
-        noise[:, image] = 0.9 * noise[:, image - 1] + generator.normal(
-            0, 0.02, (2, 3, 2)
-        )
+        noise[:, image] += 0.9 * noise[:, image - 1]
     found = rp.misalignment(*design.spots + noise[::-1], design)
     record = found.record()
     assert [one["kind"] for one in record["findings"]] == ["correlated"]
     assert record["widening"] > 2
-    assert record["low"] < record["chi_square"] < record["high"]
+    plain = monitored(*found.diagnosis.images, design).interval(0.95)
     width = np.ptp(found.frame().iloc[:, 3:].to_numpy(), axis=1)
-    plain = (
-        monitored(*found.diagnosis.images, design).interval(0.95) * ARCSEC_PER_RADIAN
-    )
-    assert (width > 2 * np.ptp(plain, axis=0)).all()
+    assert (width > 2 * np.ptp(plain, axis=0) * ARCSEC_PER_RADIAN).all()
     json.dumps(record, allow_nan=False)
 
 
 def test_spots_without_frames_must_be_whole(tmp_path):
     toml, (zero, now) = measured_lights(tmp_path, [0, 0])
     path = written_spots(tmp_path / "spots.csv", (zero, now))
-    with pytest.raises(ValueError, match=r"row 130.*column frame"):
-        rp.misalignment(path, platform=toml)
-    frame = pd.read_csv(written_spots(path, (zero, np.nan_to_num(now, nan=900.0))))
-    by_light = frame.sort_values(["group", "laser"], kind="stable")
-    with pytest.raises(ValueError, match=r"row 0.*column frame"):
-        rp.misalignment(by_light, platform=toml)
+    lost = pd.read_csv(path)
+    whole = written_spots(path, (zero, np.nan_to_num(now, nan=900.0)))
+    by_light = pd.read_csv(whole).sort_values(["group", "laser"], kind="stable")
+    twice = lost.assign(frame=0)
+    for frame, column in ((lost, "frame"), (by_light, "frame"), (twice, "laser")):
+        with pytest.raises(ValueError, match=f"column {column}"):
+            rp.misalignment(frame, platform=toml)
+    for name, value in (("group", 2), ("laser", 0), ("laser", 2.5)):
+        wrong = lost.assign(**{name: lost[name].where(lost.index != 3, value)})
+        with pytest.raises(ValueError, match=f"row 3, column {name}"):
+            rp.misalignment(wrong, platform=toml)
 
 
 @pytest.mark.parametrize(
@@ -615,16 +499,7 @@ def test_a_wrong_platform_is_refused_in_one_line(tmp_path, text, message):
     assert message in told.stderr
 
 
-def test_contradictions_give_the_register_and_the_relations():
-    found = rp.contradictions("chen2023")
-    assert "chen2023-table-5-motion" in found.frame().index
-    assert "contradicts" in set(found["relations"].frame()["outcome"])
-    assert len(repr(found).splitlines()) > 20
-
-
 def test_stars_of_ones_own_are_registered(tmp_path):
-    fit = rp.register(SQUARE, 1.001 * SQUARE + np.array([3, -2]))
-    assert fit.parameters[0] == pytest.approx(1.001)
     moved = rp.register(SQUARE, np.add(SQUARE, [3, -2]), (0, 0), model="shift")
     np.testing.assert_allclose(moved.parameters, [-3, 2], atol=1e-9)
     stars = written_stars(tmp_path / "stars.csv")
@@ -634,47 +509,23 @@ def test_stars_of_ones_own_are_registered(tmp_path):
     assert fit.frame()["unit"].tolist() == ["1", "rad", "px", "px"]
     shift, deviation = fit.parameters[2], np.sqrt(fit.covariance[2, 2])
     decimals = 1 - int(np.floor(np.log10(deviation)))
-    assert f"px {shift:.{decimals}f} ± {deviation:.{decimals}f} " in " ".join(
-        repr(fit).split()
-    )
+    shown = f"px {shift:.{decimals}f} ± {deviation:.{decimals}f} "
+    assert shown in " ".join(repr(fit).split())
     assert file.remarks == []
     json.dumps(file.record(), allow_nan=False)
 
 
-def test_doubts_about_ones_own_stars_are_told(tmp_path):
-    """Another unit, no error or none that shows, wrong matches by their rows."""
-    stars = written_stars(tmp_path / "stars.csv")
-    in_mm = rp.register(0.0055 * stars[:, :2], 0.0055 * stars[:, 2:], (5.7, 4.2))
-    assert "are these pixels" in in_mm.remarks[0]
-    assert "are these pixels" in in_mm._repr_html_()
+def test_a_fit_without_errors_shows_no_errors():
     exact = rp.register(SQUARE, np.add(SQUARE, [1 / 3, 0]))
-    assert [one.kind for one in exact.findings] == ["exact"]
-    assert exact.frame()["standard deviation"].isna().all()
-    rows = [line.split() for line in repr(exact).splitlines()[-5:-1]]
-    assert exact.consistency == {}
-    assert exact.sensitivity().empty
-    assert rows == [
-        ["scale", "1", "1"],
-        ["rotation", "rad", "0"],
-        ["shift-x", "px", "-0.3333333333"],
-        ["shift-y", "px", "0"],
-    ]
     two = rp.register(SQUARE[:2], np.add(SQUARE[:2], [[0, 1], [1, 1]]))
-    assert [one.kind for one in two.findings] == ["few"]
-    assert two.frame()["standard deviation"].isna().all()
-    stars[3, 2:] += 40
-    np.savetxt(
-        tmp_path / "stars.csv", stars, delimiter=",", comments="", header=STAR_COLUMNS
-    )
-    plain = rp.register(str(tmp_path / "stars.csv"))
-    for fit, kind in (
-        (plain, "mismatched"),
-        (plain.rerun(robust=True), "dropped"),
-        (plain.rerun(model="affine"), "mismatched"),
-    ):
-        (found,) = (one for one in fit.findings if one.kind != "sensitive")
-        assert (found.kind, found.rows) == (kind, (3,))
-        assert "row 3" in found.text
+    for fit, kind in ((exact, "exact"), (two, "few")):
+        assert [one.kind for one in fit.findings] == [kind]
+        assert fit.frame()["standard deviation"].isna().all()
+        assert fit.consistency == {}
+        assert fit.sensitivity().empty
+    rows = [line.split() for line in repr(exact).splitlines()[-5:-1]]
+    values = ["1", "0", "-0.3333333333", "0"]
+    assert [row[-1] for row in rows] == values
 
 
 def test_the_command_registers_a_file(tmp_path):
@@ -684,103 +535,32 @@ def test_the_command_registers_a_file(tmp_path):
     fit = rp.register(path, pivot=(500, 400), model="rigid")
     shown = CliRunner().invoke(main, arguments).output
     assert " ".join(shown.split()) == " ".join(repr(fit).split())
-    assert (
-        json.loads(CliRunner().invoke(main, [*arguments, "--json"]).output)
-        == fit.record()
-    )
+    record = CliRunner().invoke(main, [*arguments, "--json"]).output
+    assert json.loads(record) == fit.record()
     path.write_text("x,y\n1,2\n")
     refused = CliRunner().invoke(main, [*arguments, "--json"])
     assert refused.exit_code == 2
     assert "x_reference" in json.loads(refused.stdout)["error"]
-    described = CliRunner().invoke(main, ["register", "--help"]).output
-    assert set(STAR_COLUMNS.split(",")) <= set(re.findall(r"\w+", described))
-
-
-def test_cells_are_cited_by_their_own_address():
-    text = rp.cite("niu2024/table-3#scale.red")
-    assert "reproduce-niu2024-table-3-scale-red" in text
-    assert r"niu2024/table-3\#scale.red: printed 0.9973, recomputed 0.997564" in text
-    assert "Item niu2024/table-3" in rp.cite("niu2024/table-3")
-
-
-def test_a_rerun_shows_no_empty_column():
-    counts = rp.table("niu2024/text-approximations").rerun(
-        {"niu2024/text-context#detectors": "4"}
-    )
-    assert counts.grid.head == ["cell", "printed", "from the print", "changed"]
-    assert list(counts.grid.rows[1]) == ["parameters", "8", "8", "12"]
-    drawn = rp.table("niu2024/table-3").rerun(
-        {"niu2024/text-simulation#noise": "0.1 px"}
-    )
-    assert {"from", "to", "unit"} < set(drawn.grid.head)
 
 
 def test_every_way_of_giving_stars_hears_the_same(tmp_path):
-    """Wrong matches in arrays, a frame, a file, the terminal, JSON and the posterior."""
-    import pandas as pd
-
-    stars = written_stars(tmp_path / "stars.csv")
+    """Wrong matches in arrays, a frame, a file and the posterior, by their rows."""
+    path = tmp_path / "stars.csv"
+    stars = written_stars(path)
     stars[[3, 9], 2:] += [[40, 0], [0, 60]]
-    np.savetxt(
-        tmp_path / "stars.csv", stars, delimiter=",", comments="", header=STAR_COLUMNS
-    )
-    arrays = rp.register(stars[:, :2], stars[:, 2:])
-    frame = rp.register(pd.DataFrame(stars, columns=STAR_COLUMNS.split(",")))
-    file = rp.register(str(tmp_path / "stars.csv"))
-    (found,) = arrays.findings
-    assert (found.kind, found.rows) == ("mismatched", (9, 3))
-    assert arrays.remarks == frame.remarks == file.remarks == [found.text]
-    assert file.record()["findings"][0]["rows"] == (9, 3)
-    assert (
-        list(rp.posterior("registration", str(tmp_path / "stars.csv")).remarks)
-        == file.remarks
-    )
-
-
-@pytest.mark.parametrize(
-    ("call", "message"),
-    [
-        (lambda: rp.table(3), "expected a key such as"),
-        (lambda: rp.figure(None), "expected a key such as"),
-        (
-            lambda: rp.table("niu2024/table-3").rerun(seed="a"),
-            "seed: expected a whole number",
-        ),
-        (lambda: rp.posterior("registration", data=SQUARE), "data: expected a file"),
-        (lambda: rp.posterior("registration", steps=0), "steps: expected 1 or more"),
-        (
-            lambda: rp.table("niu2024/table-3").sweep(STRANGER, "0.2 px"),
-            "expected a list of val",
-        ),
-        (
-            lambda: registered_image(np.ones((5, 5)), 3),
-            "transform: expected a Registration",
-        ),
-    ],
-)
-def test_another_type_is_told_what_was_expected(call, message):
-    with pytest.raises((ValueError, TypeError), match=message):
-        call()
-
-
-def test_what_a_fit_of_ones_own_stars_returns_registers_an_image(tmp_path):
-    stars = written_stars(tmp_path / "stars.csv")
-    fit = rp.register(stars[:, :2], stars[:, 2:])
-    image = np.arange(1200.0).reshape(30, 40)
-    shown = registered_image(image, fit)
-    np.testing.assert_array_equal(shown, registered_image(image, fit.transform))
-
-
-def test_a_posterior_takes_a_dataframe_as_it_takes_its_file(tmp_path):
-    stars = written_stars(tmp_path / "stars.csv")
     frame = pd.DataFrame(stars, columns=STAR_COLUMNS.split(","))
-    frame.to_csv(tmp_path / "exact.csv", index=False)
-    first, second = (
-        rp.posterior("registration", data=data, pivot=(500, 400), steps=400, seed=3)
-        for data in (frame, tmp_path / "exact.csv")
-    )
-    assert "of the DataFrame, 60 rows" in first.told
-    pd.testing.assert_frame_equal(first.frame(), second.frame())
+    frame.to_csv(path, index=False)
+    fits = [rp.register(frame), rp.register(path)]
+    fits.append(rp.register(stars[:, :2], stars[:, 2:]))
+    (found,) = fits[0].findings
+    assert (found.kind, found.rows) == ("mismatched", (9, 3))
+    heard = [one.remarks for one in fits]
+    heard.append(list(rp.posterior("registration", str(path)).remarks))
+    assert heard == [[found.text]] * 4
+    robust, affine = fits[1].rerun(robust=True), fits[1].rerun(model="affine")
+    for fit, kind in ((robust, "dropped"), (affine, "mismatched")):
+        (found,) = (one for one in fit.findings if one.kind != "sensitive")
+        assert (found.kind, {*found.rows}) == (kind, {3, 9})
 
 
 @pytest.mark.parametrize("columns", [60, 80, 200])
@@ -807,10 +587,7 @@ def drifting_pair(frames):
 
 def test_images_with_times_tell_drift_and_what_averages_reach(tmp_path):
     design, zero, now, times = drifting_pair(64)
-    (tmp_path / "platform.toml").write_text(
-        "spots = [[120, 30], [-90, 160]]\ntracker_focal_length = 0.05\n"
-        "pixel_pitch = 5e-6\nprincipal_point = [0, 0]\n"
-    )
+    found = rp.misalignment(now, zero, design, times)
     rows = [
         (group, laser + 1, *image[laser], time)
         for group, images, when in ((0, zero, np.arange(10)), (1, now, times))
@@ -819,18 +596,9 @@ def test_images_with_times_tell_drift_and_what_averages_reach(tmp_path):
         if np.isfinite(image[laser]).all()
     ]
     np.random.default_rng(0).shuffle(rows)
-    path = tmp_path / "spots.csv"
-    np.savetxt(
-        path,
-        rows,
-        delimiter=",",
-        header="group,laser,x,y,time",
-        comments="",
-        fmt="%.17g",
-    )
-    found = rp.misalignment(now, zero, design, times)
-    read = rp.misalignment(path, platform=tmp_path / "platform.toml")
-    # A file contains no image without any spot.
+    table = pd.DataFrame(rows, columns=["group", "laser", "x", "y", "time"])
+    read = rp.misalignment(table, platform=design)
+    # A table contains no image without any spot.
     seen = np.isfinite(now).all(axis=-1).any(axis=1)
     np.testing.assert_array_equal(read.times, times[seen])
     np.testing.assert_allclose(read.angles, found.angles[seen], atol=1e-12)
@@ -839,45 +607,29 @@ def test_images_with_times_tell_drift_and_what_averages_reach(tmp_path):
     off = (series["drift (arcsec)"] - [4.0, -6.0, 0.0]) / series["its error (arcsec)"]
     assert (off.abs() < 4).all()
     assert (series["its error (arcsec)"][:2] < 0.2).all()
-    command = ["misalignment", str(path), "--platform", str(tmp_path / "platform.toml")]
-    record = json.loads(CliRunner().invoke(main, [*command, "--json"]).stdout)
-    assert record["over_time"] == read.record()["over_time"]
-    assert [one["drift (arcsec)"] for one in record["over_time"]] == series.iloc[
-        :, 0
-    ].tolist()
-    assert "drift in a unit of time" in CliRunner().invoke(main, command).stdout
     assert found.images()["time"].tolist() == times.tolist()
-
-
-def test_without_times_or_with_few_images_no_drift_is_told():
-    design, zero, now, times = drifting_pair(15)
-    for found, said in (
-        (rp.misalignment(now, zero, design), False),
-        (rp.misalignment(now, zero, design, times), True),
-    ):
-        assert found.over_time().empty
-        assert any("frames or more, got 13" in one for one in found.remarks) == said
-        assert found.record()["over_time"] == []
-    with pytest.raises(ValueError, match="times: expected 15 finite numbers"):
-        rp.misalignment(now, zero, design, times[:-1])
+    assert "drift in a unit of time" in repr(found)
+    assert len(found.record()["over_time"]) == 3
 
 
 def test_times_that_tell_no_average_are_said():
-    """The angles are told all the same; where images are lost, so are the averages."""
+    """The angles stay; too few images, or times that do not increase evenly, are named."""
     design, zero, now, times = drifting_pair(64)
-    whole = rp.misalignment(now, zero, design, times)
-    for wrong, said in (
-        (np.repeat(times[::2], 2), "later than the one before"),
-        (np.sort(np.r_[times[:-1], times[20] + 0.01]), "evenly spaced"),
+    whole = rp.misalignment(now, zero, design)
+    assert whole.over_time().empty
+    assert whole.record()["over_time"] == []
+    for count, wrong, said in (
+        (64, np.repeat(times[::2], 2), "later than the one before"),
+        (64, np.sort(np.r_[times[:-1], times[20] + 0.01]), "evenly spaced"),
+        (15, times[:15], "frames or more, got 13"),
     ):
-        found = rp.misalignment(now, zero, design, wrong)
+        found = rp.misalignment(now[:count], zero, design, wrong)
         assert found.over_time().empty
         assert any(said in one for one in found.remarks)
-        np.testing.assert_array_equal(found.angles, whole.angles)
-    lost = np.r_[0:30, 40:64]
-    found = rp.misalignment(now[lost], zero, design, times[lost])
-    assert found.stability.averages[0] == len(lost) - 5
-    assert not any("told" in one for one in found.remarks)
+        np.testing.assert_array_equal(found.angles, whole.angles[:count])
+    kept = np.r_[0:30, 40:64]
+    found = rp.misalignment(now[kept], zero, design, times[kept])
+    assert found.stability.averages[0] == len(kept) - 5
 
 
 def test_angles_of_an_image_have_a_covariance():

@@ -222,7 +222,8 @@ def test_centroids_of_each_picture_as_tables(tmp_path):
 def test_positions_of_stars_have_the_covariance_of_transform_and_centre(fit):
     """The part of the transform by differences of its parameters."""
     points, covariance = fit.source_stars.points, fit.source_stars.covariance
-    found = fit.fit.landed_covariance(points, covariance)
+    matrix = fit.transform.matrix
+    found = fit.fit.landed_covariance(points) + matrix @ covariance @ matrix.T
     own = np.diagonal(covariance, axis1=1, axis2=2)
     part = np.zeros_like(own)
     roots = np.linalg.cholesky(fit.covariance)

@@ -1,8 +1,8 @@
-"""The front door: what a notebook, the command line and a user need, one object for each idea.
+"""Functions of the public API, for notebooks and the command line.
 
-Every object shows itself in a notebook and in a terminal, gives its numbers as a DataFrame, says
-which function makes it and what that reads, and can be rerun with something changed. Each function
-loads what it needs when it is called: a user's own stars need no paper.
+Every object displays itself in a notebook and in a terminal, returns its numbers as a DataFrame,
+names its function and its inputs, and can be computed again with changes. Each function imports
+its modules when it is called.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from reproduce.inference import Prior
-    from reproduce.physics.attitude import Platform as Platform
+    from reproduce.physics.attitude import Platform
     from reproduce.views.contents import Check, Contents
     from reproduce.views.contradictions import Contradictions
     from reproduce.views.figure import Figure, Panels
@@ -28,17 +28,8 @@ if TYPE_CHECKING:
     from reproduce.views.table import Cell, Table
 
 
-def __getattr__(name: str) -> Any:
-    """Load what describes lights of one's own: a fit of stars needs no attitude."""
-    if name == "Platform":
-        from reproduce.physics.attitude import Platform
-
-        return Platform
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-
-
 def contents(paper: str | None = None) -> Contents:
-    """Return all items of a paper, or of all, in order of print, with their score.
+    """Return all items of a paper, or of all papers, in their order, with their score.
 
     Examples
     --------
@@ -51,7 +42,7 @@ def contents(paper: str | None = None) -> Contents:
 
 
 def table(address: str) -> Table | Cell | StudyTable:
-    """Return a table, a group of quoted numbers, one cell of it, or a table of our own.
+    """Return a table, a group of quoted numbers, one cell of it, or a supplementary table.
 
     Parameters
     ----------
@@ -62,7 +53,7 @@ def table(address: str) -> Table | Cell | StudyTable:
     Returns
     -------
     Table, Cell or StudyTable
-        Printed beside computed, with verdicts; our own numbers, without.
+        Printed next to computed values, with verdicts; a supplementary table has no verdicts.
 
     Examples
     --------
@@ -203,7 +194,7 @@ def posterior(
     data : path or table, optional
         Your data, as in `register`. ``rp.posterior().models`` contains the columns.
     pivot : tuple of float, optional
-        Principal point of stars of a reader's own, in px; their mean by default.
+        Principal point of your stars, in px. Default: their mean.
     priors : mapping, optional
         Name of a parameter to the bounds of a uniform prior, or to a prior of
         `reproduce.inference`. All numbers are in the displayed unit of the parameter.
@@ -216,47 +207,50 @@ def posterior(
     sep : str, optional
         Separator of the columns of a text file. Default: a comma.
     data_seed : int, optional
-        Of the data, where they are simulated by us: another draw of them.
+        Seed of the simulated data of the book.
     steps, walkers, seed : int, optional
-        How it is sampled, in place of the book's own plan.
+        Plan of the sampling. Default: the plan of the book.
     """
     if name is None:
         if data is not None:
             raise TypeError(
-                "name: expected a model beside data, such as 'registration', got none"
+                "name: expected a model of the data, such as 'registration', got none. Add it"
             )
         from reproduce.views.posteriors import Posteriors
 
         return Posteriors()
     from reproduce.views.posterior import Posterior
 
-    own: dict[str, Any] = {"data": data, "pivot": pivot, "priors": priors}
-    own |= {
-        "data_seed": data_seed,
-        "model": model,
-        "weights": weights,
-        "platform": platform,
-    }
-    own |= {
-        "source_covariance": source_covariance,
-        "target_covariance": target_covariance,
-        "sep": sep,
-    }
-    return Posterior(name, **own, steps=steps, walkers=walkers, seed=seed)
+    return Posterior(
+        name,
+        data=data,
+        pivot=pivot,
+        priors=priors,
+        data_seed=data_seed,
+        model=model,
+        weights=weights,
+        platform=platform,
+        source_covariance=source_covariance,
+        target_covariance=target_covariance,
+        sep=sep,
+        steps=steps,
+        walkers=walkers,
+        seed=seed,
+    )
 
 
 def contradictions(paper: str | None = None) -> Contradictions:
-    """Return what printed numbers say of each other, and the errata.
+    """Return the consistency checks of the printed numbers, and the errata.
 
     Parameters
     ----------
     paper : str, optional
-        Such as ``chen2023``; all by default.
+        Name such as ``chen2023``. Default: all.
 
     Returns
     -------
     Contradictions
-        The cross-examination.
+        Relations between printed numbers, and the errata.
     """
     from reproduce.views.contradictions import Contradictions
 
@@ -340,59 +334,45 @@ def register(
     >>> moved.parameters.round(9) + 0.0
     array([ 1.,  0., -3.,  0.])
     """
-    known: dict[str, Any] = {
+    known = {
         "weights": weights,
         "source_covariance": source_covariance,
         "target_covariance": target_covariance,
     }
-    own: dict[str, Any] = {
+    own = {
         "start": start,
         "radius": radius,
         "threshold": threshold,
         "reference": reference,
     }
-    pictures = _pictures(source, target)
-    given = [
-        name for name, one in (known if pictures else own).items() if one is not None
-    ]
-    if given and pictures:
-        raise ValueError(
-            f"{given[0]}: expected none beside pictures, whose stars have theirs"
-        )
-    if given:
-        raise ValueError(
-            f"{given[0]}: expected pictures beside it, got stars that are paired"
-        )
-    if pictures:
+    images = _images(source, target)
+    for name, value in (known if images else own).items():
+        if value is not None:
+            kind = "images or lists" if images else "matched stars"
+            raise ValueError(f"{name}: expected none for {kind}, got one. Leave it out")
+    if images:
         from reproduce.views.pictures import registered
 
         own |= {"model": model, "robust": robust is not False, "sep": sep}
-        return registered(pictures, pivot, progress=progress, **own)
+        return registered(images, pivot, progress=progress, **own)
     from reproduce.views.measurements import Registered
 
-    paired: tuple[Any, Any] = (source, target)
-    return Registered(
-        *paired, pivot, model=model, robust=bool(robust), sep=sep, **known
-    )
+    known |= {"model": model, "robust": bool(robust), "sep": sep}
+    return Registered(source, target, pivot, **known)
 
 
-def _pictures(source: Any, target: Any) -> list[Any]:
-    """Return the pictures, stars or tables that are to be paired; none of stars that are."""
+def _images(source: Any, target: Any) -> list[Any]:
+    """Return the images or lists that are to be matched; none for matched stars."""
     from reproduce.store.images import is_image
 
-    def one(value: Any) -> bool:
-        return is_image(value) or hasattr(value, "dropped")
-
-    if target is not None:
-        both = isinstance(source, str | Path) and isinstance(target, str | Path)
-        return [source, target] if both or one(source) or one(target) else []
-    if isinstance(source, list | tuple) and source:
-        return (
-            [*source]
-            if all(isinstance(v, str | Path) or one(v) for v in source)
-            else []
-        )
-    return [source] if one(source) else []
+    sources = [one for one in (source, target) if one is not None]
+    if target is None and isinstance(source, list | tuple):
+        sources = [*source]
+    paths = [isinstance(one, str | Path) for one in sources]
+    if len(paths) > 1 and all(paths):
+        return sources
+    found = (is_image(one) or hasattr(one, "dropped") for one in sources)
+    return sources if any(found) else []
 
 
 def stars(
@@ -496,13 +476,13 @@ def misalignment(
         image share; without it no spot may be lost), ``time`` and ``mask`` (1 drops a row). A spot
         that is NaN or masked in an array is lost; its image counts less.
     zero : array_like, shape (frames, lights, 2), optional
-        Images at the zero point, where `spots` is an array.
+        Images at the zero point, if `spots` is an array.
     platform : Platform or path, optional
         The lights and the tracker, or a TOML file of the arguments that make one; chen2023's ground
         platform as designed by default.
     times : array_like, shape (frames,), optional
-        Of the images at the present, in any unit, where `spots` is an array. With times there are
-        ``over_time()``, drift and averages, and ``stability``, the numbers behind it.
+        Times of the images at the present, in any unit, if `spots` is an array. They give
+        ``over_time()``, drift and averages, and ``stability``, its numbers.
     sep : str, optional
         Separator of the columns of a text file. Default: a comma.
 

@@ -11,13 +11,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from reproduce.physics import registration
-from reproduce.physics.registration import Finding, RegistrationFit, fit_registration
-from reproduce.store import points
-from reproduce.store.points import TableFileError, read_images
-from reproduce.store.stars import brightness, matched_stars
+from reproduce.physics.registration import fit_registration
+from reproduce.store.points import (
+    TableFileError,
+    brightness,
+    computing,
+    matched_stars,
+)
 from reproduce.units import ARCSEC_PER_RADIAN
 from reproduce.views.blocks import Block, Display, Grid
 from reproduce.views.numbers import between, minus, moments
@@ -39,21 +42,21 @@ class Remade(Display):
 
     @abstractmethod
     def frame(self) -> pd.DataFrame:
-        """Return the numbers, a row for each."""
+        """Return the numbers as a table."""
 
     def export(self, form: str) -> str:
         """Return the numbers as csv, json, latex or markdown."""
-        from reproduce.views.export import export_frame  # only now: it loads the ledger
+        from reproduce.views.export import export_frame  # it loads the ledger
 
         return export_frame(
             self.frame().reset_index(), form, getattr(self, "about", None)
         )
 
     def rerun(self, **changes: Any) -> Self:
-        """Return the same of other arguments; those that are not named stay."""
+        """Return the result of other arguments; the others stay the same."""
         if unknown := set(changes) - set(self._given):
             raise TypeError(
-                f"unknown {sorted(unknown)}: expected {', '.join(self._given)}"
+                f"{sorted(unknown)[0]}: expected {', '.join(self._given)}, got another name"
             )
         make: Any = type(self)
         again: Self = make(**{**self._given, **changes})
@@ -65,7 +68,7 @@ class _Measured(Remade):
 
     title: str
     reads: tuple[str, ...] = ()
-    findings: Sequence[Any]
+    findings: list[Any]
     remarks: list[str]
     _function: Callable[..., Any]
     _rows: str
@@ -73,12 +76,12 @@ class _Measured(Remade):
 
     @property
     def source(self) -> str:
-        """The text of the function that computes it."""
+        """Source text of the function that computes it."""
         return inspect.getsource(inspect.unwrap(self._function)).rstrip()
 
     @property
     def grid(self) -> Grid:
-        """The numbers as a reader sees them."""
+        """The numbers in the displayed format."""
         return _grid(self.title, self.frame())
 
     def blocks(self) -> Iterator[Block]:
@@ -89,13 +92,11 @@ class _Measured(Remade):
             yield f"{'Note' if line in notes else 'Warning'}: {line}."
 
     def record(self) -> dict[str, Any]:
-        """Return everything for other programs: `frame` by rows; what is not known is None."""
-        frame = self.frame().reset_index()
+        """Return everything for other programs: `frame` by rows; unknown numbers are None."""
+        frame = self.frame().reset_index().astype(object)
         return {
             **self._facts,
-            self._rows: frame.astype(object)
-            .where(frame.notna(), None)
-            .to_dict("records"),
+            self._rows: frame.where(frame.notna(), None).to_dict("records"),
             "findings": [asdict(one) for one in self.findings],
             "remarks": self.remarks,
         }
@@ -127,58 +128,33 @@ class Registered(_Measured):
     _rows = "parameters"
 
     def __init__(
-        self,
-        source: str | Path | ArrayLike,
-        target: ArrayLike | None = None,
-        pivot: ArrayLike | None = None,
-        **settings: Any,
+        self, source: Any, target: Any = None, pivot: Any = None, **settings: Any
     ) -> None:
         self._given = {"source": source, "target": target, "pivot": pivot, **settings}
-        flux = settings.pop("brightness", None)
         table, settings = matched_stars(source, target, settings)
-        flux = brightness(table.optional) if flux is None else flux
-        # Arrays are C-contiguous for the quick path of the fit.
-        source, target = (table.values[:, i : i + 2].copy() for i in (0, 2))
-        middle = source.mean(axis=-2)
-        if pivot is not None:
-            middle = registration.checked_pivot(pivot, source)
-        known = {
-            name: one for name, one in settings.items() if name.endswith("covariance")
-        }
-        with points.computing(table.path):
-            self.fit: RegistrationFit = fit_registration(
-                source, target, middle, **settings
-            )
-            self.findings: list[Finding] = registration.diagnose(
-                source, target, middle, table.named, self.fit, flux, **settings
-            )
-            exact = registration.fits_exactly(self.fit, source, target)
-            errors = self.fit.standard_errors
-            if exact and not self.fit.errors_known:
-                errors = np.full_like(errors, np.nan)
-            self._errors: FloatArray = errors
-            self._sensitivities: list[registration.Sensitivity] = []
-            if not exact:
-                self._sensitivities = registration.sensitivities(
-                    self.fit, source, target, flux, **known
-                )
-        self.remarks = [*table.notes, *(one.text for one in self.findings)]
-        self.systematic: FloatArray = np.zeros(2 * errors.shape)
-        self.model, self.transform = str(self.fit.model), self.fit.transform
-        self.parameters, self.residuals = self.fit.parameters, self.fit.residuals
-        x, y = pivot = self.transform.pivot.tolist()
-        count, rms = (
-            len(self.residuals),
-            float(np.sqrt(np.square(self.residuals).mean())),
-        )
+        flux = settings.pop("brightness", brightness(table.numbers))
+        points = table.points("x", "y"), table.points("x_reference", "y_reference")
+        with computing(table.path):
+            pivot = registration.checked_pivot(pivot, points[0])
+            self.fit = fit = fit_registration(*points, pivot, **settings)
+            found, terms = registration.diagnose_fit(fit, flux, table.named)
+        self.findings, self._sensitivities = found, terms
+        self.remarks = [*table.notes, *(one.text for one in found)]
+        exact = any(one.kind == "exact" for one in found)
+        self._errors: FloatArray = np.where(exact, np.nan, fit.standard_errors)
+        self.systematic: FloatArray = np.zeros(fit.cofactor.shape)
+        self.model, self.transform = str(fit.model), fit.transform
+        self.parameters, self.residuals = fit.parameters, fit.residuals
         self._facts = {
             "model": self.model,
-            "stars": count,
-            "pivot": pivot,
-            "residual_rms": rms,
+            "stars": len(fit.residuals),
+            "pivot": pivot.tolist(),
+            "residual_rms": float(np.sqrt(np.square(fit.residuals).mean())),
+            **self.consistency,
         }
-        self._facts |= self.consistency
-        self.title = f"{self.model} from {count} stars, pivot ({x:.6g}, {y:.6g}) px"
+        self.title = (
+            "{model} from {stars} stars, pivot ({pivot[0]:.6g}, {pivot[1]:.6g}) px"
+        ).format(**self._facts)
 
     @property
     def covariance(self) -> FloatArray:
@@ -187,15 +163,14 @@ class Registered(_Measured):
 
     @property
     def standard_errors(self) -> FloatArray:
-        """Standard deviations of the parameters, shape (p,); NaN if unknown."""
+        """Standard errors of the parameters, shape (p,); NaN if unknown."""
         return np.sqrt(self._errors**2 + np.diagonal(self.systematic))
 
     def interval(self, level: float = _LEVEL) -> FloatArray:
         """Return the lowest and highest value of each parameter, shape (p, 2)."""
-        half = (self.fit.interval(level) - self.parameters[:, None]) / self._errors[
-            :, None
-        ]
-        return self.parameters[:, None] + half * self.standard_errors[:, None]
+        centre = self.parameters[:, None]
+        wider = self.standard_errors / self._errors
+        return centre + (self.fit.interval(level) - centre) * wider[:, None]
 
     @property
     def consistency(self) -> dict[str, float]:
@@ -205,9 +180,10 @@ class Registered(_Measured):
         from ``low`` to ``high``. Otherwise ``noise`` is the standard deviation of one coordinate
         of weight one, in px, from the residuals, and its 95 % interval is ``low`` to ``high``.
         """
-        if np.isnan(self._errors).any() or not self.fit.degrees_of_freedom:
+        freedom = float(self.fit.degrees_of_freedom)
+        if np.isnan(self._errors).any() or not freedom:
             return {}
-        ratio = float(self.fit.chi_square) / float(self.fit.degrees_of_freedom)
+        ratio = float(self.fit.chi_square) / freedom
         low, high = registration.chi_square_range(self.fit)
         if self.fit.errors_known:
             return {"chi_square_per_freedom": ratio, "low": low, "high": high}
@@ -215,7 +191,7 @@ class Registered(_Measured):
         return {"noise": noise, "low": noise / high**0.5, "high": noise / low**0.5}
 
     def sensitivity(self) -> pd.DataFrame:
-        """Return the change of each parameter under richer models, in its standard deviations.
+        """Return the change of each parameter under richer models, in its standard errors.
 
         Returns
         -------
@@ -226,31 +202,27 @@ class Registered(_Measured):
         """
         import pandas as pd
 
-        columns = {
-            "bright - faint" if one.term == "brightness" else one.term: [
-                *one.change,
-                one.p_value,
-            ]
-            for one in self._sensitivities
-        }
+        columns = {one.term: [*one.change, one.p_value] for one in self._sensitivities}
         index = pd.Index([*self.fit.names, "p-value"], name="parameter")
-        return pd.DataFrame(columns, index)
+        return pd.DataFrame(columns, index).rename(
+            columns={"brightness": "bright - faint"}
+        )
 
     def blocks(self) -> Iterator[Block]:
         """Yield the parameters, their consistency and sensitivity, and the warnings."""
         mean, *others = super().blocks()
         yield mean
-        texts = {
-            "noise": "Noise of one coordinate, from the residuals: {noise:.3g} px (95 % interval "
-            "{low:.3g} to {high:.3g}).",
-            "chi_square_per_freedom": "Chi-square per degree of freedom: "
-            "{chi_square_per_freedom:.3g} (95 % of fields with these errors: {low:.3g} to "
-            "{high:.3g}).",
-        }
         found = self.consistency
-        yield from (
-            text.format(**found) for name, text in texts.items() if name in found
-        )
+        if "noise" in found:
+            yield (
+                "Noise of one coordinate, from the residuals: {noise:.3g} px (95 % interval "
+                "{low:.3g} to {high:.3g})."
+            ).format(**found)
+        elif found:
+            yield (
+                "Chi-square per degree of freedom: {chi_square_per_freedom:.3g} (95 % of fields "
+                "with these errors: {low:.3g} to {high:.3g})."
+            ).format(**found)
         if self._sensitivities:
             title = "change of each parameter with one more term, in its standard deviations"
             yield _grid(title, self.sensitivity(), digits=2)
@@ -263,37 +235,31 @@ class Registered(_Measured):
     def frame(self) -> pd.DataFrame:
         """Return one row per parameter: unit, value, standard deviation and 95 % interval.
 
-        Returns
-        -------
-        pandas.DataFrame
-            The deviation is NaN where the stars leave none to spare, or fit without any error. The
-            interval follows Student's t with the degrees of freedom.
+        The standard deviation is NaN if the stars leave no degree of freedom, or fit exactly. The
+        interval follows Student's t-distribution with the degrees of freedom.
         """
         import pandas as pd
 
+        names = pd.Index(self.fit.names, name="parameter")
         columns = {
-            "unit": [registration.UNITS.get(name, "1") for name in self.fit.names],
+            "unit": [registration.UNITS.get(name, "1") for name in names],
             "value": self.parameters,
             "standard deviation": self.standard_errors,
-            **dict(zip(_ENDS, self.interval().T, strict=True)),
         }
-        return pd.DataFrame(columns, index=pd.Index(self.fit.names, name="parameter"))
+        ends = dict(zip(_ENDS, self.interval().T, strict=True))
+        return pd.DataFrame(columns | ends, names)
 
     @property
     def grid(self) -> Grid:
-        """The parameters as a reader sees them, with two digits of their standard deviations."""
-        rows = [
-            (
-                name,
-                unit,
-                moments(value, error),
-                f"{between(low, error)} to {between(high, error)}",
-            )
-            if 0 < error < np.inf
+        """The parameters, with two digits of their standard deviations."""
+        rows = []
+        for name, unit, value, error, low, high in self.frame().itertuples():
             # Further decimals of a fit without an error are rounding.
-            else (name, unit, f"{round(value, 12):z.10g}", "")
-            for name, unit, value, error, low, high in self.frame().itertuples()
-        ]
+            texts = (f"{round(value, 12):z.10g}", "")
+            if 0 < error < np.inf:
+                ends = f"{between(low, error)} to {between(high, error)}"
+                texts = (moments(value, error), ends)
+            rows.append((name, unit, *texts))
         heads = ("parameter", "unit", "value ± standard deviation", "95 % interval")
         return Grid(self.title, heads, rows)
 
@@ -310,9 +276,9 @@ class Monitored(_Measured):
     def __init__(self, **given: Any) -> None:
         # These imports are slow, and a registration does not need them.
         from reproduce.papers.chen2023.platform import INSTRUMENT, as_designed
-        from reproduce.physics.attitude import monitored, stability
-        from reproduce.physics.attitude.diagnosis import diagnose
+        from reproduce.physics.attitude import diagnosis, monitored, stability
         from reproduce.printed.given import given as printed
+        from reproduce.store.spots import read_images
 
         self._function, self._given = monitored, given
         own, *arguments = (
@@ -323,7 +289,7 @@ class Monitored(_Measured):
             as_designed(printed(INSTRUMENT)) if own is None else platform_of(own)
         )
         images, self.times, notes = read_images(len(self.platform.lasers), *arguments)
-        self.diagnosis = found = diagnose(self.platform, images)
+        self.diagnosis = found = diagnosis.diagnose_spots(self.platform, images)
         self.findings = found.findings
         self.found = monitored(
             *found.images, found.platform, found.widening, found.freedom

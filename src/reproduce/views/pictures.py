@@ -17,8 +17,14 @@ from reproduce.physics.registration import (
     pair_weights,
 )
 from reproduce.store.images import Image, ImageError, is_image, read_image, reading
-from reproduce.store.points import STARS, is_table, read_table, table_of
-from reproduce.store.stars import SIGMAS, brightness, deviations
+from reproduce.store.points import (
+    SIGMAS,
+    STARS,
+    Table,
+    brightness,
+    deviations,
+    read_table,
+)
 from reproduce.views.blocks import Block, Display, Fold
 from reproduce.views.measurements import Registered, Remade, _grid
 from reproduce.views.numbers import minus
@@ -134,26 +140,26 @@ def stars_of(
     name: str = "array",
 ) -> Stars:
     """Return the stars of an image, or of a table or array of positions."""
-    import pandas as pd
-
     if isinstance(source, Stars):
         return source
-    if is_image(source):
-        name = str(source) if isinstance(source, str | Path) else name
-        return _detected(read_image(source, name), name, threshold)
-    table = (
-        read_table(source, _CENTRE[:2], (*SIGMAS, "flux", "mag", "weight"), sep)
-        if is_table(source)
-        else table_of(_CENTRE[:2], ("source", source))
-    )
-    if not len(table.values):
-        raise ValueError("source: expected an image or stars, got no star")
-    known = {*SIGMAS} & {*table.optional}
-    sigma = deviations(table) if known else np.zeros_like(table.values)
-    frame = pd.DataFrame(np.hstack([table.values, sigma]), columns=_CENTRE).assign(
-        dropped=""
-    )
-    frame = frame.assign(**table.optional).drop(columns="sigma", errors="ignore")
+    name = str(source) if isinstance(source, str | Path) else name
+    image = read_image(source, name) if is_image(source) else None
+    if image is None:
+        columns = (*SIGMAS, "flux", "mag", "weight")
+        table = read_table(source, _CENTRE[:2], columns, sep, "source")
+        known = {*SIGMAS} & {*table.optional}
+        sigma = deviations(table) if known else np.zeros_like(table.values)
+        return _listed(table, sigma)
+    return _detected(image, name, threshold)
+
+
+def _listed(table: Table, sigma: FloatArray) -> Stars:
+    """Return the stars of a table of positions with their standard deviations."""
+    import pandas as pd
+
+    frame = pd.DataFrame(np.hstack([table.values, sigma]), columns=_CENTRE)
+    frame = frame.assign(dropped="", **table.optional)
+    frame = frame.drop(columns="sigma", errors="ignore")
     covariance = sigma[:, :, None] ** 2 * np.eye(2)
     middle = table.values.mean(axis=0)
     return Stars(table.path, frame, covariance, middle, table.notes)

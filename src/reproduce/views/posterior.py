@@ -32,8 +32,7 @@ from reproduce.papers.charts import NARROW, sized, thin
 from reproduce.papers.posteriors import posteriors
 from reproduce.physics.registration import robust_similarity
 from reproduce.store.files import DRAWS, check_target, replacing, write_text
-from reproduce.store.points import STARS, Table, is_table, read_table
-from reproduce.store.stars import matched_stars
+from reproduce.store.points import STARS, Table, is_table, matched_stars, read_table
 from reproduce.version import __version__
 from reproduce.views import computed
 from reproduce.views.base import by_row, text_of

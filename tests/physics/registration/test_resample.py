@@ -86,13 +86,13 @@ def test_nothing_happens_without_a_transform():
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: registered_image(np.ones((2, 3, 3)), TRANSFORM), "singly"),
+        (lambda: registered_image(np.ones((2, 3, 3)), TRANSFORM), "^image: "),
         (lambda: registered_image(np.ones((3, 3)), BENT), "radial term"),
         (
             lambda: registered_image(
                 np.ones((3, 3)), Registration.similarity([1, 1], 0, (0, 0), (0, 0))
             ),
-            "batch",
+            "^image: ",
         ),
     ],
 )

@@ -21,17 +21,11 @@ from reproduce.papers.chen2023 import satellite
 from reproduce.papers.chen2023.platform import INSTRUMENT, SCATTER, SIGMAS, as_designed
 from reproduce.papers.posteriors import Declaration, File, data_stream
 from reproduce.physics.attitude import Platform
-from reproduce.physics.attitude.diagnosis import diagnose
+from reproduce.physics.attitude.diagnosis import diagnose_spots
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.given import Given, given
-from reproduce.store.points import (
-    IMAGES,
-    SPOTS,
-    Table,
-    TableFileError,
-    images_of,
-    lost_spots,
-)
+from reproduce.store.points import Table, TableFileError
+from reproduce.store.spots import IMAGES, SPOTS, images_of, lost_spots
 from reproduce.units import ARCSEC_PER_RADIAN
 
 _FRAMES = "chen2023/text-accuracy#frames"
@@ -147,7 +141,7 @@ def _measured(
     instrument = as_designed(given(INSTRUMENT)) if design is None else design
     pair = images_of(table, len(instrument.lasers))
     notes = lost_spots(pair)
-    found = diagnose(instrument, pair, drifts)
+    found = diagnose_spots(instrument, pair, drifts)
     instrument, pair = found.platform, found.images
     images = [one[np.isfinite(one).all(axis=(-2, -1))] for one in pair]
     if lost := sum(map(len, pair)) - sum(map(len, images)):

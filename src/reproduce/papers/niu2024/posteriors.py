@@ -25,7 +25,7 @@ from reproduce.papers.posteriors import Declaration, File, data_stream
 from reproduce.physics.optics import angle_from_pixels
 from reproduce.physics.registration import (
     checked_pivot,
-    diagnose,
+    diagnose_fit,
     fit_registration,
     similarity_between,
     tied,
@@ -238,19 +238,15 @@ def _turning(model: Model) -> Model:
 
 def _centre(table: Table, given: Mapping[str, Any]) -> FloatArray:
     """Return the given pivot, or the mean of the stars of the channel."""
-    points = table.values[:, :2]
-    return (
-        checked_pivot(given["pivot"], points)
-        if "pivot" in given
-        else points.mean(axis=0)
-    )
+    return checked_pivot(given.get("pivot"), table.values[:, :2])
 
 
 def _findings(table: Table, given: Mapping[str, Any]) -> list[str]:
     """Return the findings of `register` for your stars."""
     source, target = np.split(table.values, 2, axis=1)
     settings = {key: value for key, value in given.items() if key != "pivot"}
-    found = diagnose(source, target, _centre(table, given), table.named, **settings)
+    fit = fit_registration(source, target, _centre(table, given), **settings)
+    found, _ = diagnose_fit(fit, named=table.named)
     return list(dict.fromkeys(one.text for one in found if one.kind != "sensitive"))
 
 

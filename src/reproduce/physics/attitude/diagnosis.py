@@ -2,7 +2,7 @@
 
 Spots have shape (frames, n, 2), in px, and are NaN if lost. Group 0 is the zero point, group 1 the
 present. Lights and images are counted from one. Spots without a fault and with white noise cause
-a finding in about ``_ALARM`` of all data sets.
+a finding in about ``_FALSE_ALARM`` of all data sets.
 """
 
 from __future__ import annotations
@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import cached_property
 from itertools import combinations
 
 import numpy as np
@@ -29,20 +28,20 @@ from reproduce.physics.validate import DegenerateGeometryError, Finding, FloatAr
 
 # Probability of a finding without a fault, and the number of tests that share it: two patterns, and
 # the correlation of spots and of angles.
-_ALARM, _TESTS = 1e-3, 4
+_FALSE_ALARM, _TEST_COUNT = 1e-3, 4
 # Smallest noise that matters, and the assumed noise of single images, in px.
-LEAST, UNKNOWN = 1e-3, 1.0
+_MIN_NOISE_PX, _UNKNOWN_NOISE_PX = 1e-3, 1.0
 # Degrees of freedom of a known noise.
-_MANY = 1e9
+_KNOWN_FREEDOM = 1e9
 # A cause is named if it reduces the misfit by this factor, although some misfit remains. Correlated
 # images need a misfit of this size, because the variance of their mean is uncertain.
-_EXPLAINED = 20.0
+_MISFIT_FACTOR = 20.0
 # Residual of spots of another platform, as a fraction of the size of the pattern.
-_FOREIGN = 0.1
+_FOREIGN_FRACTION = 0.1
 # Iterations of a fit of rotation and size.
-_ROUNDS = 5
+_SIZE_ROUNDS = 5
 # Causes that leave no usable angle.
-_REFUSED = ("mirrored", "swapped")
+_REFUSED_KINDS = ("mirrored", "swapped")
 _TEXTS = {
     "pattern": "lights are up to {off:.2g} px off, and no single light or scale explains it. "
     "Measure the lights of the platform",
@@ -57,8 +56,7 @@ _FOREIGN_TEXT = (
     "the best fit leaves residuals of {:.0%} of the size of the pattern. The spots belong to "
     "another platform, or several lights are in another order: give their own platform"
 )
-_SPARE = "no group has two images of a light, so the noise is unknown. Add images"
-_CORRELATED = (
+_CORRELATED_TEXT = (
     "neighbouring images have common errors, or the spots drift (correlation {:.2g}): the standard "
     "deviation of a mean of independent images is too small by a factor of {:.2g}. "
     "Take images further apart, or use misalignment-drift for a linear drift"
@@ -97,7 +95,7 @@ class Diagnosis:
     freedom: float
 
 
-def diagnose(
+def diagnose_spots(
     platform: Platform, images: tuple[FloatArray, FloatArray], drifts: bool = False
 ) -> Diagnosis:
     """Return the faults of the spots of both groups, without the lights that a group lacks.
@@ -126,7 +124,7 @@ def diagnose(
     >>> lasers = np.array([[1e-3, 0], [0, 1e-3], [-1e-3, 0], [0, -1e-3]])
     >>> spots = np.array([[20.0, 0], [0, 20], [-20, 0], [0, -20]])
     >>> platform = Platform(lasers, 1.0, 0.05, 5e-6, np.zeros(2))
-    >>> [one.kind for one in diagnose(platform, (spots[None], spots[None])).findings]
+    >>> [one.kind for one in diagnose_spots(platform, (spots[None], spots[None])).findings]
     ['scale', 'spare']
     """
     counts = np.array([np.isfinite(one).all(axis=-1).sum(axis=0) for one in images])
@@ -136,8 +134,8 @@ def diagnose(
         raise ValueError(
             f"spots: expected two lights or more in both groups, got {len(lights)}. Add lights"
         )
-    platform = platform.with_lights(kept)
-    counts, images = counts[:, kept], (images[0][:, kept], images[1][:, kept])
+    platform, counts = platform.with_lights(kept), counts[:, kept]
+    images = images[0][:, kept], images[1][:, kept]
     means = [np.nanmean(one, axis=0) for one in images]
     _check_distinct("spots", means[0], lights)
     series = [
@@ -145,35 +143,46 @@ def diagnose(
         for one, mean in zip(images, means, strict=True)
     ]
     freedom = 2 * int((counts - 1).sum())
-    squares, degrees = sum((one**2).sum() for one in series), freedom or _MANY
-    noise = max((squares / freedom) ** 0.5, LEAST) if freedom else UNKNOWN
-    steady, response = (
-        series[: 1 if drifts else 2],
-        platform.response(means[0]).reshape(3, -1),
+    squares, degrees = sum((one**2).sum() for one in series), freedom or _KNOWN_FREEDOM
+    noise = (
+        max((squares / freedom) ** 0.5, _MIN_NOISE_PX) if freedom else _UNKNOWN_NOISE_PX
     )
+    steady = series[: 1 if drifts else 2]
+    response = platform.response(means[0]).reshape(3, -1)
     angles = [one @ (response.T / np.linalg.norm(response, axis=1)) for one in steady]
     score, lag, widening = max(map(_correlation, (steady, angles)))
-    correlated = score > -ndtri(_ALARM / _TESTS)
+    correlated = score > -ndtri(_FALSE_ALARM / _TEST_COUNT)
     variance = (noise * widening) ** 2 / counts
-    rest = (degrees, _EXPLAINED * correlated, lights)
+    found, limit = list[Finding](), np.inf
     zero = Platform.of_spots(means[0], *platform.tracker[::-1])
-    since, limit = _Pattern(zero, means[1], variance.sum(axis=0), *rest), np.inf
-    found = [
-        *_Pattern(platform, means[0], variance[0], *rest).findings(
-            "at the zero point, the pattern does not fit the design"
+    for model, spots, errors, problem in (
+        (
+            platform,
+            means[0],
+            variance[0],
+            "at the zero point, the pattern does not fit the design",
         ),
-        *since.findings("at the present, the pattern does not fit the zero point"),
-    ]
-    if copies := sum(len(one) - len(np.unique(one, axis=0)) for one in images):
-        found.append(
-            Finding("repeated", f"{copies} images repeat another one. Remove copies")
+        (
+            zero,
+            means[1],
+            variance.sum(axis=0),
+            "at the present, the pattern does not fit the zero point",
+        ),
+    ):
+        pattern = _Pattern(
+            model, spots, errors, degrees, _MISFIT_FACTOR * correlated, lights
         )
+        fit = pattern.fit("pattern", "", model.lasers, 1 / errors)
+        found += pattern.findings(fit, problem)
+    if copies := sum(len(one) - len(np.unique(one, axis=0)) for one in images):
+        text = f"{copies} images repeat another one. Remove copies"
+        found.append(Finding("repeated", text))
     if not freedom:
-        found.append(Finding("spare", _SPARE))
+        text = "no group has two images of a light, so the noise is unknown. Add images"
+        found.append(Finding("spare", text))
     if correlated:
         limit = sum(map(len, images)) * (1 - lag**2) / (1 + lag**2)
-        found.append(Finding("correlated", _CORRELATED.format(lag, widening)))
-    fit = since.design
+        found.append(Finding("correlated", _CORRELATED_TEXT.format(lag, widening)))
     low, high = fdtri(fit.freedom, degrees, [0.025, 0.975]).tolist()
     if fit.misfit > high:
         limit = fit.freedom
@@ -220,66 +229,47 @@ class _Pattern:
     tolerated: float
     numbers: NDArray[np.int64]
 
-    @cached_property
-    def design(self) -> _Fit:
-        """Fit of the platform as it is."""
-        return self.fit("pattern", "", self.platform.lasers, 1 / self.variance)
-
-    def findings(self, problem: str) -> Iterator[Finding]:
-        """Yield the causes of a misfit, or of a rotation by more than 120 deg."""
-        fits = self.design.excess < 1
-        if fits and not self.design.is_rolled:
-            return
+    def findings(self, design: _Fit, problem: str) -> list[Finding]:
+        """Return the causes of a misfit, or of a rotation by more than 120 deg."""
+        fits = design.excess < 1
+        if fits and not design.is_rolled:
+            return []
         tried = []
         for cause in self.causes():
-            with suppress(
-                DegenerateGeometryError
-            ):  # a mirrored square has no unique rotation
+            # A mirrored square has no unique rotation.
+            with suppress(DegenerateGeometryError):
                 tried.append(self.fit(*cause))
         tried.sort(key=lambda one: (one.kind == "swapped", one.excess))
         good = [one for one in tried if one.excess < 1]
         good = [one for one in good if not one.is_rolled] or good * (not fits)
-        kinds = {one.kind for one in good}
-        if "scale" not in kinds and kinds & {
-            *_REFUSED
-        }:  # three lights fit without one light too
-            good = [one for one in good if one.kind in _REFUSED]
+        refused = [one for one in good if one.kind in _REFUSED_KINDS]
+        # Three lights fit without one light too.
+        if refused and all(one.kind != "scale" for one in good):
+            good = refused
         if not (good or fits):
             similar = min(one.rms for one in tried if one.kind != "displaced")
-            if (left := similar / self.spots.std(axis=0).max()) > _FOREIGN:
-                raise ValueError(f"spots: {problem}: {_FOREIGN_TEXT.format(left)}")
+            fraction = similar / self.spots.std(axis=0).max()
+            if fraction > _FOREIGN_FRACTION:
+                raise ValueError(f"spots: {problem}: {_FOREIGN_TEXT.format(fraction)}")
             best = min(tried, key=lambda one: one.misfit)
-            good = [
-                best if best.misfit * _EXPLAINED < self.design.misfit else self.design
-            ]
-        if good:
-            text = f"{problem}: {'; or '.join(one.text for one in good)}"
-            if good[0].kind in _REFUSED:
-                raise ValueError(f"spots: {text}")
-            yield Finding(good[0].kind, text)
+            good = [best if best.misfit * _MISFIT_FACTOR < design.misfit else design]
+        text = f"{problem}: {'; or '.join(one.text for one in good)}"
+        if good and good[0].kind in _REFUSED_KINDS:
+            raise ValueError(f"spots: {text}")
+        return [Finding(one.kind, text) for one in good[:1]]
 
     def causes(self) -> Iterator[tuple[str, str, FloatArray, FloatArray]]:
         """Yield the possible causes of a misfit, as arguments of `fit`."""
-        lasers, weights = self.platform.lasers, 1 / self.variance
+        lasers, weights, numbers = self.platform.lasers, 1 / self.variance, self.numbers
         yield "scale", "", lasers, weights
-        for pair in combinations(range(len(lasers)), 2):
-            order = np.arange(len(lasers))
-            order[[*pair]] = pair[::-1]
-            yield (
-                "swapped",
-                "{} and {}".format(*self.numbers[[*pair]]),
-                lasers[order],
-                weights,
-            )
+        for one, other in combinations(range(len(lasers)), 2):
+            swapped = lasers.copy()
+            swapped[[one, other]] = lasers[[other, one]]
+            yield "swapped", f"{numbers[one]} and {numbers[other]}", swapped, weights
         if len(lasers) > 2:
             yield "mirrored", "", lasers * [-1, 1], weights
-            for number in self.numbers:
-                yield (
-                    "displaced",
-                    str(number),
-                    lasers,
-                    weights * (self.numbers != number),
-                )
+            for number in numbers:
+                yield "displaced", str(number), lasers, weights * (numbers != number)
 
     def fit(
         self, kind: str, named: str, lasers: FloatArray, weights: FloatArray
@@ -287,7 +277,7 @@ class _Pattern:
         """Fit a rotation, and the size for some causes, to lights of some weights."""
         platform, scale = self.platform, 1.0
         is_free = kind not in ("pattern", "displaced")
-        for _ in range(_ROUNDS if is_free else 1):
+        for _ in range(_SIZE_ROUNDS if is_free else 1):
             rays = emitted_directions(scale * lasers, platform.camera_focal_length)
             turn = attitude(platform.seen(self.spots), rays, weights)
             places = received_spots(rays @ turn.T, *platform.tracker)
@@ -297,14 +287,12 @@ class _Pattern:
         # Two lights have no misfit if the size is free.
         freedom = max(2 * int(np.count_nonzero(weights)) - 3 - is_free, 1)
         misfit = float(weights @ off**2 / freedom)
-        expected = max(
-            float(fdtri(freedom, self.freedom, 1 - _ALARM / _TESTS)), self.tolerated
-        )
+        largest = float(fdtri(freedom, self.freedom, 1 - _FALSE_ALARM / _TEST_COUNT))
         return _Fit(
             kind=kind,
             text=_TEXTS[kind].format(named=named, off=off.max(), scale=scale),
             misfit=misfit,
-            excess=misfit / expected,
+            excess=misfit / max(largest, self.tolerated),
             freedom=freedom,
             rms=float(off @ off / off.size / 2) ** 0.5,
             is_rolled=np.trace(platform.reference.T @ turn) < 0,

@@ -19,7 +19,7 @@ from reproduce.physics.registration.diagnosis import (
     Sensitivity,
     checked_pivot,
     chi_square_range,
-    diagnose,
+    diagnose_fit,
     fits_exactly,
     robust_similarity,
     sensitivities,

@@ -1,15 +1,13 @@
-"""Registering anyone's points: five models, errors in both images, outliers.
+"""Registration of points: five models, errors in both images, wrong matches.
 
 Image points have shape (..., n, 2), in px, x before y, with the centre of the first pixel at
 (0, 0); the leading axes are a batch of registrations. Models, parameters and their order are those
 of `transforms`.
 
-A robust fit finds wrong matches without drawing random samples. It starts from Siegel's repeated
-median: every pair of points gives a scale and a rotation, each point keeps the median over its
-partners, and the median over the points is taken. It tolerates almost half of the points being
-wrong, and the same points always give the same answer. Biweights lead from there to the fit of the
-majority; then each point is tested against the others, and what remains is plain least squares with
-its plain errors.
+A robust fit draws no random samples. It starts from Siegel's repeated median: every pair of points
+gives a scale and a rotation, each point takes the median over its partners, and the median over the
+points follows. This tolerates wrong matches of almost half of the points. The half of the points
+closest to it is fitted. Then each point is tested against the others, until the same points remain.
 """
 
 from __future__ import annotations
@@ -23,15 +21,13 @@ from reproduce.physics import validate
 from reproduce.physics.registration._least_squares import (
     _MIRRORED,
     Problem,
-    combined_residuals,
     from_similarity,
-    information,
-    local_matrix,
     mirror_limit,
     model_jacobian,
     prepare,
     solve,
     thinned,
+    whitened,
 )
 from reproduce.physics.registration.transforms import (
     MODELS,
@@ -41,53 +37,62 @@ from reproduce.physics.registration.transforms import (
 )
 from reproduce.physics.validate import FloatArray
 
-# Tukey's biweight with this constant is 95 % efficient for Gaussian residuals in one dimension, and
-# 92.9 % for the length of a residual in two.
-_TUKEY = 4.685
-# The median length of a two-dimensional Gaussian residual, in standard deviations of a coordinate.
-_MEDIAN_LENGTH = float(np.sqrt(2 * np.log(2)))
-_ROUNDS = 30
-# The start takes all pairs of so many points, spread evenly over the rows.
-_PAIRED = 600
-# So many points at most, spread as evenly, decide what fits; each other one is tested against them.
-_SETTLED = 5_000
-# The chance that any point of a field of right matches is taken for wrong.
-_ALARM = 1e-3
-# What is left of a residual that the fit follows wholly: that point cannot be tested.
-_LEAST = 1e-9
+_MAX_ROUNDS = 30
+# Number of points, spread evenly over the rows, of which all pairs give the start.
+_MAX_PAIRED = 600
+# Number of points, spread as evenly, that are tested against each other. Other points are tested
+# against them.
+_MAX_SETTLED = 5_000
+# Probability that a robust fit leaves out any point of a field without wrong matches.
+FALSE_ALARM_ROBUST = 1e-3
+# Smallest variance of a residual, relative to the noise, if the fit follows the point.
+_MIN_VARIANCE = 1e-9
 _TINY = float(np.finfo(float).tiny)
 
 
 @dataclass(frozen=True, eq=False)
 class RegistrationFit:
-    """A fitted registration, its uncertainty and what it leaves over.
+    """A fitted registration, its uncertainty and its residuals.
 
     Attributes
     ----------
+    problem : Problem
+        The points of the fit with their errors and weights.
     transform : Registration
         Can be applied, inverted and composed.
     residuals : ndarray, shape (..., n, 2)
         Target minus transformed source, in px.
     chi_square : ndarray, shape (...)
-        Weighted sum of squared deviations, of both images where covariances are known.
+        Weighted sum of squared deviations, of both images if covariances are known.
     cofactor : ndarray, shape (..., p, p)
         Inverse normal matrix.
-    weights : ndarray, shape (..., n)
-        How much each point counted: those given, and zero where a robust fit left a point out.
-    errors_known : bool
-        Whether covariances of the points were given.
+    robust : bool
+        Whether wrong matches were left out.
+    dropped : ndarray of bool, shape (..., n)
+        Points that a robust fit left out.
     """
 
+    problem: Problem
     transform: Registration
     residuals: FloatArray
     chi_square: FloatArray
     cofactor: FloatArray
-    weights: FloatArray
-    errors_known: bool
+    robust: bool
+    dropped: NDArray[np.bool_]
+
+    @property
+    def weights(self) -> FloatArray:
+        """Relative weights of the points, zero if left out, shape (..., n)."""
+        return self.problem.counts
+
+    @property
+    def errors_known(self) -> bool:
+        """Whether covariances of the points were given."""
+        return self.problem.errors_known
 
     @property
     def model(self) -> str:
-        """The model's name."""
+        """Name of the model."""
         return self.transform.model
 
     @property
@@ -102,12 +107,12 @@ class RegistrationFit:
 
     @property
     def degrees_of_freedom(self) -> NDArray[np.int64]:
-        """Two per point that counts, less the parameters."""
+        """Two per point of weight above zero, minus the number of parameters."""
         return np.asarray(2 * np.count_nonzero(self.weights, axis=-1) - len(self.names))
 
     @property
     def _variance(self) -> FloatArray:
-        """Of a coordinate of weight one, shape (...); NaN where no point is to spare."""
+        """Variance of a coordinate of weight one, shape (...); NaN if unknown."""
         if self.errors_known:
             return np.ones_like(self.chi_square)
         freedom = self.degrees_of_freedom
@@ -117,44 +122,44 @@ class RegistrationFit:
     def covariance(self) -> FloatArray:
         """Covariance of the parameters, shape (..., p, p).
 
-        From the points' covariances where these were given, otherwise from the scatter of the
-        residuals of those points that count.
+        From the covariances of the points if they were given, otherwise from the scatter of the
+        residuals of the points of weight above zero.
 
         Raises
         ------
         DegenerateGeometryError
-            If the scatter is needed and the points are too few to show it.
+            If the scatter is needed and no degree of freedom is left to estimate it.
         """
         if np.isnan(self._variance).any():
             raise validate.DegenerateGeometryError(
                 f"covariance: expected more coordinates than the {len(self.names)} parameters, "
-                "got none to spare; add points, or give their covariances"
+                "got no more. Add points, or pass their covariances"
             )
         return self._variance[..., None, None] * self.cofactor
 
     @property
     def standard_errors(self) -> FloatArray:
-        """Standard deviations of the parameters, shape (..., p); NaN where no point is to spare."""
+        """Standard errors of the parameters, shape (..., p); NaN if unknown."""
         variances = np.diagonal(self.cofactor, axis1=-2, axis2=-1)
         return np.sqrt(self._variance[..., None] * variances)
 
     def interval(self, level: float = 0.95) -> FloatArray:
         """Return the lowest and highest value of each parameter, shape (..., p, 2).
 
-        By Student's t with the degrees of freedom, since the scatter of few points is itself
-        uncertain; by the normal law where covariances were given. NaN where no point is to spare.
+        The interval follows Student's t-distribution, because the scatter of few points is an
+        estimate, or the normal distribution if covariances were given. It is NaN if no degree of
+        freedom is left.
 
         Parameters
         ----------
         level : float
-            How often such an interval holds the true value, between 0 and 1.
+            Probability that such an interval contains the true value, between 0 and 1.
         """
         if not 0 < level < 1:
-            raise ValueError(f"level: expected a share between 0 and 1, got {level!r}")
-        from scipy.special import (
-            ndtri,
-            stdtrit,
-        )  # only now: its import takes longer than most fits
+            raise ValueError(
+                f"level: expected a probability between 0 and 1, got {level!r}"
+            )
+        from scipy.special import ndtri, stdtrit  # this import takes longer than a fit
 
         upper = 0.5 * (1 + level)
         freedom = np.maximum(self.degrees_of_freedom, 1)
@@ -164,29 +169,18 @@ class RegistrationFit:
         half = factor * self.standard_errors
         return np.stack([self.parameters - half, self.parameters + half], axis=-1)
 
-    def landed_covariance(
-        self, points: ArrayLike, covariance: ArrayLike | None = None
-    ) -> FloatArray:
-        """Return the covariance of where source points land, shape (..., n, 2, 2), in px^2.
-
-        Of the transform's own errors, and of the points' where these are given.
+    def landed_covariance(self, points: ArrayLike) -> FloatArray:
+        """Return the covariance of registered points due to the transform, (..., n, 2, 2), in px^2.
 
         Parameters
         ----------
         points : array_like, shape (..., n, 2)
-            In the source, in px.
-        covariance : array_like, shape (..., n, 2, 2), optional
-            Of the points, in px^2; independent of the stars that were fitted.
+            Source points without errors, in px.
         """
         places = validate.finite_array("points", points, shape=(None, 2))
         offsets = places - self.transform.pivot[..., None, :]
         rows = model_jacobian(self.model, self.parameters, offsets)
-        landed = rows @ self.covariance[..., None, :, :] @ rows.mT
-        if covariance is None:
-            return landed
-        carry = local_matrix(self.model, self.parameters, offsets)
-        own = validate.finite_array("covariance", covariance, shape=(2, 2))
-        return landed + carry @ own @ carry.mT
+        return rows @ self.covariance[..., None, :, :] @ rows.mT
 
 
 def fit_registration(
@@ -200,32 +194,31 @@ def fit_registration(
     target_covariance: ArrayLike | None = None,
     robust: bool = False,
 ) -> RegistrationFit:
-    """Fit the transform that lays source points over target points.
+    """Fit the transform that maps source points onto target points.
 
-    By weighted least squares; with covariances, by maximum likelihood. Where the source has errors
-    its true points are then unknowns too, and chi-square counts how far they lie from the measured
-    ones as well. So a scale or an affine matrix is not drawn towards zero, as
-    it is where errors of the source are ignored.
+    The fit is weighted least squares, or maximum likelihood if covariances are given. If the source
+    has errors, its true points are unknowns too, and chi-square includes their distance from the
+    measured points. So a scale or an affine matrix is not biased towards zero.
 
-    A robust fit starts from medians, which tolerate almost half of the points being wrong, and
-    leaves out each point that does not fit the others; nothing in it is random, and one field in a
-    thousand loses a right match. How far a residual is, is counted in the standard deviations of
-    its point, where covariances or weights say them.
+    A robust fit starts from medians, which tolerate wrong matches of almost half of the points, and
+    leaves out each point that does not fit the others. It draws no random samples. In one field of
+    a thousand it leaves out a right match. A residual is compared with the standard deviation of
+    its point, if covariances or weights are given.
 
     Parameters
     ----------
     source, target : array_like, shape (..., n, 2)
         The same n spots in both images, in px.
     pivot : array_like, shape (..., 2)
-        The point turned and scaled about, in px: the source's principal point, for one.
+        Centre of rotation and scale, in px, such as the principal point of the source.
     weights : array_like, shape (..., n), optional
-        Relative weights, inverse variances for one; zero drops a point. One by default.
+        Relative weights, such as inverse variances; zero drops a point. Default: one.
     model : {"shift", "rigid", "similarity", "similarity+radial", "affine"}
-        What the transform may do.
+        Model of `Registration`.
     source_covariance, target_covariance : array_like, shape (..., n, 2, 2), optional
-        Known covariances of the points, in px^2; a missing one counts as zero beside the other.
+        Known covariances of the points, in px^2. If only one is given, the other is zero.
     robust : bool
-        Whether to guard against wrong matches.
+        Whether to exclude wrong matches.
 
     Returns
     -------
@@ -236,7 +229,7 @@ def fit_registration(
     ValueError
         If the counts differ, the model is unknown, or a covariance is not symmetric and positive.
     MirroredPointsError
-        If the target mirrors the source and the model may not.
+        If the target mirrors the source and the model is not affine.
     DegenerateGeometryError
         If the points do not fix every parameter of the model.
 
@@ -248,220 +241,171 @@ def fit_registration(
     >>> fit.transform.apply([[2, 0]])
     array([[7., 0.]])
     """
-    known = {
-        "source_covariance": source_covariance,
-        "target_covariance": target_covariance,
-    }
-    problem = prepare(source, target, pivot, weights, model, **known)
+    problem = prepare(
+        source, target, pivot, weights, model, source_covariance, target_covariance
+    )
+    return fit_problem(problem, robust)
+
+
+def fit_problem(problem: Problem, robust: bool = False) -> RegistrationFit:
+    """Return the fit of checked points, see `fit_registration`."""
+    dropped = np.zeros(problem.counts.shape, dtype=bool)
     if robust:
-        problem = problem.with_weights(_outlier_weights(problem))
+        kept = _right_matches(problem)
+        dropped = ~kept & (problem.counts > 0)
+        problem = problem.with_weights(kept.astype(np.float64))
     found = solve(problem)
+    transform = Registration._unchecked(problem.model, found.parameters, problem.pivot)
     return RegistrationFit(
-        Registration._unchecked(model, found.parameters, problem.pivot),
+        problem,
+        transform,
         found.residuals,
         found.chi_square,
         found.cofactor,
-        problem.counts,
-        problem.errors_known,
+        robust,
+        dropped,
     )
 
 
-def _outlier_weights(problem: Problem) -> FloatArray:
-    """Return weights, (..., n): one for a right match, zero for a wrong one.
-
-    A residual counts in standard deviations: those of the points' covariances where they are
-    known, and times the root of the point's own weight. Only their ratios matter.
-    """
-    n = problem.source.shape[-2]
-    some = (
-        problem
-        if n <= _SETTLED
-        else problem.of(np.linspace(0, n - 1, _SETTLED).astype(int))
+def _right_matches(problem: Problem) -> NDArray[np.bool_]:
+    """Return the points that fit each other, shape (..., n)."""
+    count = problem.source.shape[-2]
+    part = problem.rows(thinned(count, _MAX_SETTLED))
+    closed = _repeated_median(part)
+    if problem.model != "affine":
+        _check_medians_not_mirrored(part, closed)
+    start = from_similarity(problem.model, closed)
+    lengths = _norm(whitened(part, start, part.source)[1])
+    lengths = np.where(part.counts > 0, lengths, np.nan)
+    kept = lengths <= np.nanquantile(
+        lengths, 0.5, axis=-1, keepdims=True, method="higher"
     )
-    closed = _repeated_median(some)
-    if some.model != "affine":
-        _refuse_mirrored(some, closed)
-    kept = _majority(some, from_similarity(some.model, closed))
-    for _ in range(_ROUNDS):
-        before, kept = kept, _fitting(some, kept)
+    for _ in range(_MAX_ROUNDS):
+        before, kept = kept, _fitting(part, kept)
         if (kept == before).all():
             break
-    if some is not problem:
-        kept = _fits_others(problem, some, kept)
-    return kept.astype(np.float64)
+    return kept if count <= _MAX_SETTLED else _fitting_part(problem, part, kept)
 
 
-def _fits_others(
-    problem: Problem, some: Problem, kept: NDArray[np.bool_]
+def _fitting_part(
+    problem: Problem, part: Problem, kept: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
-    """Return which points of a large problem fit those of a part of it that are kept, (..., n).
+    """Return the points that fit the kept ones of a large part, (..., n).
 
-    As `_fitting`, but for leverage, of which a point has next to none on so many others.
+    As `_fitting`, without the leverage, which is small.
     """
-    found = solve(some.with_weights(kept.astype(np.float64)))
-    own = np.where(
-        kept[..., None], _whitened(some, found.parameters, found.points)[1], 0
+    found = solve(part.with_weights(kept.astype(np.float64)))
+    own = whitened(part, found.parameters, found.points)[1]
+    factor, residuals = whitened(problem, found.parameters, problem.source)
+    freedom = 2 * (kept & (part.counts > 0)).sum(axis=-1) - len(MODELS[part.model])
+    total = (kept * np.square(own).sum(axis=-1)).sum(axis=-1)
+    others = np.maximum(
+        total[..., None], freedom[..., None] * _rounding(problem, factor)
     )
-    freedom = 2 * (kept & (some.counts > 0)).sum(axis=-1) - len(MODELS[some.model])
-    factor, residuals = _whitened(problem, found.parameters, problem.source)
-    rest = np.square(own).sum(axis=(-2, -1))[..., None] / freedom[..., None]
-    rest = np.maximum(np.maximum(rest, _rounding(problem, factor) ** 2), _TINY)
-    square = np.square(residuals).sum(axis=-1) / (freedom[..., None] * rest)
-    alarm = np.log(_ALARM / (problem.counts > 0).sum(axis=-1, keepdims=True))
-    return np.asarray(-0.5 * freedom[..., None] * np.log1p(square) > alarm)
-
-
-def _majority(problem: Problem, parameters: FloatArray) -> NDArray[np.bool_]:
-    """Return the points that Tukey's biweights keep when they have settled, (..., n)."""
-    points, before = problem.source, np.full(problem.counts.shape, np.inf)
-    for _ in range(_ROUNDS):
-        lengths = _lengths(problem, *_whitened(problem, parameters, points))
-        weights = np.clip(1 - (lengths / _TUKEY) ** 2, 0, None) ** 2
-        if np.abs(weights - before).max() < 1e-9:
-            break
-        found = solve(problem.with_weights(weights))
-        parameters, points, before = found.parameters, found.points, weights
-    half = problem.source.shape[-2] // 2
-    return (weights > 0) | (lengths <= np.partition(lengths, half)[..., half, None])
+    square = np.square(residuals).sum(axis=-1)
+    return _accepted(problem, freedom[..., None], square, others)
 
 
 def _fitting(problem: Problem, kept: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return which points fit those that are kept, (..., n).
+    """Return the points that fit the kept ones, (..., n).
 
-    The square of a point's residual over its expected share, two variances of the others, follows
-    the F law with 2 and the others' degrees of freedom, whose tail is a power.
+    The squared residual of a point over its expected variance, divided by two variances of the
+    other points, follows the F distribution with 2 and their degrees of freedom.
     """
     found = solve(problem.with_weights(kept.astype(np.float64)))
-    factor, residuals = _whitened(problem, found.parameters, found.points)
+    factor, residuals = whitened(problem, found.parameters, found.points)
     offsets = found.points - problem.pivot[..., None, :]
     rows = factor @ model_jacobian(problem.model, found.parameters, offsets)
     leverage = rows @ found.cofactor[..., None, :, :] @ rows.mT
-    # A point that is kept has drawn the fit to itself by its leverage; another has not.
-    share = (1 + _LEAST) * np.eye(2) + np.where(kept, -1.0, 1.0)[
-        ..., None, None
-    ] * leverage
-    square = (residuals * np.linalg.solve(share, residuals[..., None])[..., 0]).sum(
-        axis=-1
-    )
-    chi_square = np.where(kept[..., None], residuals**2, 0).sum(axis=(-2, -1))[
-        ..., None
-    ]
-    own = problem.counts > 0
-    count = 2 * (kept & own).sum(axis=-1, keepdims=True) - len(MODELS[problem.model])
+    # The fit follows a kept point by its leverage, but no other point.
+    sign = np.where(kept, -1.0, 1.0)[..., None, None]
+    expected = (1 + _MIN_VARIANCE) * np.eye(2) + sign * leverage
+    solved = np.linalg.solve(expected, residuals[..., None])[..., 0]
+    square = np.maximum(np.vecdot(residuals, solved), 0)
+    used = kept & (problem.counts > 0)
+    count = 2 * used.sum(axis=-1, keepdims=True) - len(MODELS[problem.model])
     freedom = count - 2 * kept
-    least = freedom * _rounding(problem, factor) ** 2
-    rest = np.maximum(chi_square - np.where(kept, square, 0), np.maximum(least, _TINY))
-    beyond = -0.5 * freedom * np.log1p(square / rest)
-    alarm = np.log(_ALARM / own.sum(axis=-1, keepdims=True))
-    return np.asarray(np.where(freedom > 0, beyond > alarm, kept))
+    total = (kept * np.square(residuals).sum(axis=-1)).sum(axis=-1, keepdims=True)
+    least = np.maximum(freedom, 1) * _rounding(problem, factor)
+    others = np.maximum(total - kept * square, least)
+    accepted = _accepted(problem, freedom, square, others)
+    return np.where(freedom > 0, accepted, kept)
+
+
+def _rounding(problem: Problem, factor: FloatArray) -> FloatArray:
+    """Return the variance of the residuals of exact matches, (..., n), from rounding."""
+    reach = np.abs(problem.source).max() + np.abs(problem.target).max()
+    rounding = 1e-12 * (1 + reach) * np.abs(factor).max(axis=(-2, -1))
+    return np.asarray(rounding**2 + _TINY)
+
+
+def _accepted(
+    problem: Problem, freedom: NDArray[np.int64], square: FloatArray, others: FloatArray
+) -> NDArray[np.bool_]:
+    """Return whether squared residuals have the probability of right matches, (..., n)."""
+    count = np.count_nonzero(problem.counts, axis=-1, keepdims=True)
+    logarithm = -0.5 * freedom * np.log1p(square / others)
+    return np.asarray(logarithm > np.log(FALSE_ALARM_ROBUST / count))
 
 
 def _repeated_median(problem: Problem) -> FloatArray:
-    """Return the similarity of the repeated median, shape (..., 4); weights of zero drop points.
+    """Return the similarity of the repeated median, shape (..., 4).
 
-    Fewer than four points, or half of them in one place, are refused.
+    Points of weight zero are ignored. Fewer than four points, or half of them in one place, raise
+    `DegenerateGeometryError`.
     """
     n = problem.source.shape[-2]
     if n < 4:
         raise validate.DegenerateGeometryError(
-            f"expected four or more points for a robust fit, got {n}: of so few none can be told "
-            "to be wrong; add points, or fit without"
+            f"source: expected four or more points for a robust fit, got {n}. Add points, or pass "
+            "robust=False"
         )
-    some = thinned(n, _PAIRED)
-    source, target = (
-        as_complex(p[..., some, :]) for p in (problem.source, problem.target)
+    some, used = thinned(n, _MAX_PAIRED), problem.counts > 0
+    source, target = as_complex(problem.source), as_complex(problem.target)
+    between, across = (
+        one[..., some, None] - one[..., None, some] for one in (source, target)
     )
-    counts = problem.counts[..., some] > 0
-    between = source[..., :, None] - source[..., None, :]
-    across = target[..., :, None] - target[..., None, :]
-    apart = (np.abs(between) > 0) & counts[..., None, :] & counts[..., :, None]
-    ratio = np.where(apart, across / np.where(apart, between, 1), np.nan)
-    # A point without partners has no median; it is left out of the next one.
+    pairs = used[..., some, None] & used[..., None, some] & (between != 0)
+    ratio = np.where(pairs, across / np.where(pairs, between, 1), np.nan)
+    # A point without partners has no median and is left out of the next one.
     real, imaginary = (_median(_median(part)) for part in (ratio.real, ratio.imag))
     factor = real + 1j * imaginary
-    if not (np.isfinite(factor) & (np.abs(factor) > 0)).all():
+    if not (np.isfinite(factor) & (factor != 0)).all():
         raise validate.DegenerateGeometryError(
-            "expected points that are apart from each other, got half of them or more in one "
-            "place; check the matches"
+            "source: expected points apart from each other, got half of them or more in one "
+            "place. Check the matches"
         )
     pivot = as_complex(problem.pivot)
-    source, target = as_complex(problem.source), as_complex(problem.target)
-    landed = target - factor[..., None] * (source - pivot[..., None])
-    landed = np.where(problem.counts > 0, landed, np.nan)
-    origin = np.nanmedian(landed.real, axis=-1) + 1j * np.nanmedian(
-        landed.imag, axis=-1
+    registered = target - factor[..., None] * (source - pivot[..., None])
+    x, y = (
+        _median(np.where(used, part, np.nan))
+        for part in (registered.real, registered.imag)
     )
-    return _similarity(factor, pivot - origin)
-
-
-def _similarity(
-    factor: NDArray[np.complex128], shift: NDArray[np.complex128]
-) -> FloatArray:
-    """Return scale, rotation and shifts, shape (..., 4), of complex factors and shifts."""
-    return np.stack([np.abs(factor), np.angle(factor), shift.real, shift.imag], axis=-1)
+    return np.stack(
+        [np.abs(factor), np.angle(factor), pivot.real - x, pivot.imag - y], axis=-1
+    )
 
 
 def _median(values: FloatArray) -> FloatArray:
-    """Return the medians along the last axis but for NaN; faster than NumPy's, row by row."""
+    """Return the medians along the last axis without NaN; faster than NumPy's by rows."""
     ordered = np.sort(values, axis=-1)  # NaN come last
     count = np.isfinite(ordered).sum(axis=-1, keepdims=True)
     middle = np.concatenate([np.maximum(count - 1, 0), count], axis=-1) // 2
     return np.asarray(np.take_along_axis(ordered, middle, axis=-1).mean(axis=-1))
 
 
-def _refuse_mirrored(problem: Problem, closed: FloatArray) -> None:
-    """Refuse a mirror image, wrong matches or not: by medians of what two similarities leave."""
+def _check_medians_not_mirrored(problem: Problem, closed: FloatArray) -> None:
+    """Raise `MirroredPointsError` by the median residuals of two similarities."""
     flip = np.array([-1.0, 1.0])
-    across = replace(problem, source=problem.source * flip, pivot=problem.pivot * flip)
-    median = _median_length(problem, closed)
-    mirrored = _median_length(across, _repeated_median(across))
-    if (
-        median <= mirrored
-    ).all():  # the limit is above one: most fits need no law for it
-        return
-    if (
-        median > np.sqrt(mirror_limit(2 * problem.source.shape[-2] - 4)) * mirrored
-    ).any():
-        raise validate.MirroredPointsError(_MIRRORED)
-
-
-def _median_length(problem: Problem, closed: FloatArray) -> FloatArray:
-    # Of the similarity, whatever the model of the problem.
-    landed = replace(problem, model="similarity").transformed(closed, problem.source)
-    return np.median(_norm(problem.target - landed), axis=-1)
-
-
-def _whitened(
-    problem: Problem, parameters: FloatArray, points: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return what makes residuals of variance one, (..., n, 2, 2), and the residuals so made."""
-    carry = local_matrix(
-        problem.model, parameters, points - problem.pivot[..., None, :]
+    plain = replace(problem, model="similarity")
+    across = replace(plain, source=plain.source * flip, pivot=plain.pivot * flip)
+    median, mirrored = (
+        np.median(_norm(one.target - one.transformed(parameters, one.source)), axis=-1)
+        for one, parameters in ((plain, closed), (across, _repeated_median(across)))
     )
-    left = combined_residuals(problem, parameters, points, carry)
-    factor = information(problem, carry)
-    if problem.errors_known:
-        factor = np.asarray(np.linalg.cholesky(factor).mT, dtype=np.float64)
-    factor = np.sqrt(problem.counts)[..., None, None] * factor
-    return factor, (factor @ left[..., None])[..., 0]
-
-
-def _lengths(problem: Problem, factor: FloatArray, residuals: FloatArray) -> FloatArray:
-    """Return the lengths of whitened residuals over their spread, shape (..., n)."""
-    length = _norm(residuals)
-    kept = problem.counts > 0
-    median = np.nanmedian(np.where(kept, length, np.nan), axis=-1, keepdims=True)
-    # Residuals are smaller than errors, because the parameters follow the errors.
-    count = 2 * kept.sum(axis=-1, keepdims=True)
-    freedom = np.maximum(count - len(MODELS[problem.model]), 1)
-    spread = median / _MEDIAN_LENGTH * np.sqrt(count / freedom)
-    return length / np.maximum(np.maximum(spread, _rounding(problem, factor)), _TINY)
-
-
-def _rounding(problem: Problem, factor: FloatArray) -> FloatArray:
-    """Return the spread of exact matches, (..., n), which is that of rounding."""
-    reach = np.abs(problem.source).max() + np.abs(problem.target).max()
-    return np.asarray(1e-12 * (1 + reach) * np.abs(factor).max(axis=(-2, -1)))
+    limit = mirror_limit(2 * problem.source.shape[-2] - 4)
+    if (median > np.sqrt(limit) * mirrored).any():
+        raise validate.MirroredPointsError(_MIRRORED)
 
 
 def _norm(vectors: FloatArray) -> FloatArray:

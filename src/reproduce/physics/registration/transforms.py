@@ -236,28 +236,21 @@ class Registration:
     def inverse(self) -> Registration:
         """Return the transform from target to source, about the same pivot.
 
-        Of a similarity a similarity, of others affine; one with a radial term has none.
+        The inverse of a similarity is a similarity, the inverse of other models is affine. A model
+        with a radial term raises ValueError.
         """
         if self.model == "similarity":
             back = 1 / self.factor
-            return _similarity(
-                back, as_points(-back * as_complex(self.shift)), self.pivot
+            shift = as_points(-back * as_complex(self.shift))
+            return Registration.similarity(
+                np.abs(back), np.angle(back), shift, self.pivot
             )
-        matrix, _ = self.affine()
-        inverse = np.asarray(np.linalg.inv(matrix), dtype=np.float64)
-        return _affine(inverse, -(inverse @ self.shift[..., None])[..., 0], self.pivot)
-
-    def after(self, first: Registration) -> Registration:
-        """Return the composition, about the pivot of the first: apply `first`, then this one.
-
-        Two similarities make a similarity, others an affine transform; a radial term is refused.
-        """
-        validate.common_batch(registration=self.batch, first=first.batch)
-        landed = self._apply(first._apply(first.pivot[..., None, :]))[..., 0, :]
-        shift = first.pivot - landed
-        if self.model == first.model == "similarity":
-            return _similarity(self.factor * first.factor, shift, first.pivot)
-        return _affine(self.affine()[0] @ first.affine()[0], shift, first.pivot)
+        inverse = np.asarray(np.linalg.inv(self.affine()[0]), dtype=np.float64)
+        shift = -(inverse @ self.shift[..., None])[..., 0]
+        flat = inverse.reshape(*inverse.shape[:-2], 4)
+        return Registration(
+            "affine", np.concatenate([flat, shift], axis=-1), self.pivot
+        )
 
     def _named(self, name: str) -> FloatArray:
         names = MODELS[self.model]
@@ -422,24 +415,19 @@ def registered_image(
            [0., 8., 0., 0.],
            [0., 0., 0., 0.]])
     """
-    from scipy.ndimage import (
-        affine_transform,
-    )  # only now: registering stars needs no SciPy
+    from scipy.ndimage import affine_transform  # registering stars does not need it
 
     light = validate.finite_array("image", image, shape=(None, None))
-    if light.ndim != 2:
-        raise ValueError(
-            f"image: expected one image, got shape {light.shape}; pass them singly"
-        )
-    # A fit holds its transform, and so does what the front door returns for a user's stars.
+    # A fit and the result of `reproduce.register` contain their transform.
     transform = getattr(transform, "transform", transform)
     if not isinstance(transform, Registration):
         raise TypeError(
-            f"transform: expected a Registration, got {type(transform).__name__}"
+            f"transform: expected a Registration, got {type(transform).__name__}. Pass a fit"
         )
-    if transform.batch:
+    if transform.batch or light.ndim != 2:
         raise ValueError(
-            f"transform: expected one, got a batch of shape {transform.batch}"
+            f"image: expected one image and one transform, got shapes {light.shape} and "
+            f"{transform.batch}. Pass one of them at a time"
         )
     first = validate.finite_array("corner", corner, shape=(2,))
     back, origin = transform.inverse().affine()
@@ -462,24 +450,11 @@ def _linear_part(model: str, parameters: FloatArray) -> FloatArray:
         return parameters[..., :4].reshape(*batch, 2, 2)
     if model == "shift":
         return np.broadcast_to(np.eye(2), (*batch, 2, 2))
-    scale = np.ones(batch) if model == "rigid" else parameters[..., 0]
+    scale = 1.0 if model == "rigid" else parameters[..., 0]
     turn = parameters[..., 0 if model == "rigid" else 1]
     cosine, sine = scale * np.cos(turn), scale * np.sin(turn)
-    rows = [np.stack([cosine, -sine], axis=-1), np.stack([sine, cosine], axis=-1)]
-    return np.stack(rows, axis=-2)
-
-
-def _similarity(
-    factor: ComplexArray, shift: FloatArray, pivot: FloatArray
-) -> Registration:
-    return Registration.similarity(np.abs(factor), np.angle(factor), shift, pivot)
-
-
-def _affine(matrix: FloatArray, shift: FloatArray, pivot: FloatArray) -> Registration:
-    flat = np.broadcast_to(
-        matrix.reshape(*matrix.shape[:-2], 4), (*shift.shape[:-1], 4)
-    )
-    return Registration("affine", np.concatenate([flat, shift], axis=-1), pivot)
+    rows = np.stack([cosine, -sine, sine, cosine], axis=-1)
+    return rows.reshape(*batch, 2, 2)
 
 
 @dataclass(frozen=True, eq=False)
