@@ -13,7 +13,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Any
 
 from jinja2 import Environment, PackageLoader
 from markupsafe import Markup, escape
@@ -32,7 +32,7 @@ _WIDTH_COLUMNS, _MIN_COLUMNS, _MAX_COLUMNS = 80, 20, 1000  # of a terminal
 # A column is at least as wide as its longest entry or this many characters.
 _WRAPPED_CHARACTERS = 14
 _CONTROL = re.compile(r"[\x00-\x09\x0b-\x1f\x7f-\x9f]")
-_NUMBER = re.compile(r"[−<(]?[\s\d.]|·?$")  # the start of a number, or no entry
+_NUMBER = re.compile(r"[−<(≈]?\s?[\d.](?!.*[a-z]{5})|·?$")  # or no entry
 # Style of the name of a verdict on a terminal.
 _STYLES = {"exact": "green", "consistent": "green", "differs": "bold red"}
 _STYLES |= {"ambiguous": "yellow", "unpublished": "cyan", "input": "dim"}
@@ -79,20 +79,6 @@ class Html:
             yield _renderable(self.words)
 
 
-class Box(NamedTuple):
-    """An entry of one or more lines, with an anchor and a class."""
-
-    content: Entry | tuple[Entry, ...]
-    identifier: str = ""
-    kind: str = ""
-
-    @property
-    def lines(self) -> tuple[Entry, ...]:
-        """The lines that are not empty."""
-        lines = self.content if isinstance(self.content, tuple) else (self.content,)
-        return tuple(line for line in lines if line)
-
-
 @dataclass(frozen=True)
 class Fold:
     """Blocks that a page shows on demand. With `page`, a terminal shows the summary only."""
@@ -128,18 +114,15 @@ class Grid:
         Anchor of the table.
     kind : str
         Further classes of its HTML.
-    anchors : sequence of str
-        Anchor of each row, if rows have anchors.
     whole, words
         Ignored.
     """
 
     caption: Entry
     head: Sequence[Entry]
-    rows: Sequence[Sequence[Entry | Box]]
+    rows: Sequence[Sequence[Entry]]
     identifier: str = ""
     kind: str = ""
-    anchors: Sequence[str] = ()
     whole: Collection[int] = ()
     words: int = 1
 
@@ -160,9 +143,7 @@ class Grid:
     @property
     def markup(self) -> Markup:
         """HTML of the table."""
-        rows = [(row[0], [*map(_boxed, row[1:])]) for row in self.rows]
-        parts = vars(self) | {"caption": escape(self.caption), "rows": rows}
-        return rendered("grid", grid=parts)
+        return rendered("grid", grid=self, caption=escape(self.caption))
 
     def __rich_console__(self, console: Console, size: ConsoleOptions) -> RenderResult:
         """Yield the caption and the table; if it is too wide, a small table for each row."""
@@ -183,18 +164,14 @@ class Grid:
             yield Padding(_table((), named), (0, 0, 0, 2))
 
 
-def _text(value: object) -> Entry | Box:
-    if isinstance(value, str | Box):
+def _text(value: object) -> Entry:
+    if isinstance(value, str):
         return value
     if isinstance(value, float):
         return minus(f"{value:.5g}")
     if isinstance(value, dict):
         value = list(map(": ".join, value.items()))
     return ", ".join(map(str, value)) if isinstance(value, list) else str(value)
-
-
-def _boxed(entry: Entry | Box) -> Box:
-    return entry if isinstance(entry, Box) else Box(entry)
 
 
 def _table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
@@ -226,7 +203,7 @@ Block = str | Markup | Html | Grid | Fold
 
 def grid(
     caption: Entry,
-    columns: Mapping[Any, Callable[[Any], Entry | Box]],
+    columns: Mapping[Any, Callable[[Any], Entry]],
     rows: Collection[Any],
     **looks: Any,
 ) -> Grid:
@@ -279,10 +256,8 @@ def printable(text: str) -> str:
     return _CONTROL.sub(lambda found: repr(found[0])[1:-1], text)
 
 
-def plain(entry: Entry | Box) -> str:
+def plain(entry: Entry) -> str:
     """Return the text of an entry, without HTML."""
-    if isinstance(entry, Box):
-        return ", ".join(map(plain, entry.lines))
     if isinstance(entry, Markup):
         text = entry.replace("<br><small>", " ").replace("<br>", "; ")
         entry = Markup(text).striptags()
@@ -310,8 +285,9 @@ class Display(ABC):
     def __repr__(self) -> str:
         """Return the blocks as text without colour."""
         file = io.StringIO()
-        settings = {"no_color": True, "force_jupyter": False, "force_terminal": False}
-        Console(file=file, width=_WIDTH_COLUMNS, **settings).print(self)
+        console = Console(file=file, width=_WIDTH_COLUMNS, no_color=True)
+        console.is_jupyter = False
+        console.print(self)
         return "\n".join(line.rstrip() for line in file.getvalue().splitlines())
 
 

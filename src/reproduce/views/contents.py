@@ -71,12 +71,11 @@ class Contents(Display):
         """Return one row per item: place, title and the number of cells by verdict."""
         import pandas as pd
 
-        rows = [
-            {"place": keys.place(key), "title": keys.title(key)}
-            | verdicts.tally(self._ledger.of(key))
-            for key in self.keys
-        ]
-        return pd.DataFrame(rows, index=self.keys)
+        frame = pd.DataFrame(_tallies(self.keys, self._ledger)).set_index("key")
+        frame = frame[["place", "title", *VERDICTS]].rename_axis(None)
+        return frame.fillna(dict.fromkeys(VERDICTS, 0)).astype(
+            dict.fromkeys(VERDICTS, int)
+        )
 
     def cells(self) -> pd.DataFrame:
         """Return one row per cell, with every field of the ledger."""
@@ -85,8 +84,8 @@ class Contents(Display):
     @property
     def numbers(self) -> Blocks:
         """Every printed number, in a table that a page can sort and filter."""
-        columns = ("cell", "table", "place", "printed", "computed")
-        columns += ("share of the tolerance", "verdict", "why")
+        columns = ["cell", "table", "place", "printed", "computed"]
+        columns += ["share of the tolerance", "verdict", "why"]
         texts = map(verdicts.texts, self._ledger.records)
         rows = [[row[name] for name in columns] for row in texts]
         head, kind = [*map(str.capitalize, columns)], "rp-small rp-sortable"
@@ -171,37 +170,30 @@ class Check(Display):
         return [_index(listed, self.ledger), *(self.faults() or unchanged)]
 
 
+def _tallies(listed: Sequence[str], ledger: Ledger) -> list[dict[str, Any]]:
+    """Return a record for each item, with its number of cells by verdict if it has cells."""
+    rows = []
+    for key in listed:
+        records, printed = ledger.of(key), key in library()
+        row = {"key": key, "paper": key.partition("/")[0], "place": keys.place(key)}
+        row["title"], row["cells"] = keys.title(key), _counted(records)
+        row["target"] = anchor(key) if printed else f"figure-{anchor(key)}"
+        counts = verdicts.tally(records) | {"weak": verdicts.weak(records)}
+        rows.append(row | (counts if printed else {}))
+    return rows
+
+
+def _counted(records: Sequence[Record]) -> str:
+    counts = verdicts.tally(records) | {"weak": verdicts.weak(records)}
+    return ", ".join(f"{count} {word}" for word, count in counts.items() if count)
+
+
 def _index(listed: Sequence[str], ledger: Ledger) -> Html:
-    """Return the number of cells by verdict for each paper and item."""
-    rows: list[dict[str, Any]] = []
-    for paper, items in groupby(listed, lambda key: key.partition("/")[0]):
-        records = [one for one in ledger.records if one.key.startswith(paper)]
-        rows.append({"key": paper, "name": paper, "counts": _counts(records)})
-        for key in items:
-            printed = key in library()
-            rows.append(
-                {
-                    "key": key,
-                    "name": f" {key.partition('/')[2]}",
-                    "place": keys.place(key).partition(",")[0],
-                    "title": keys.title(key),
-                    "target": anchor(key) if printed else f"figure-{anchor(key)}",
-                    "counts": _counts(ledger.of(key)) if printed else [],
-                }
-            )
-    if len({row["key"] for row in rows if "place" not in row}) > 1:
-        counts = _counts(ledger.records)
-        rows.append({"key": "all", "name": "all", "counts": counts})
-    caption = "Cells by verdict, in the order of the papers."
-    empty = [""] * (len(VERDICTS) + 1)
-    lines = [[row["name"], *(row["counts"] or empty)] for row in rows]
-    page = rendered("index", caption=caption, verdicts=VERDICTS, rows=rows)
-    return Html(page, Grid(caption, ["", *VERDICTS, "weak"], lines))
-
-
-def _counts(records: Sequence[Record]) -> list[str]:
-    counts = [*verdicts.tally(records).values(), verdicts.weak(records)]
-    return [str(count or "·") for count in counts]
+    """Return the number of cells by verdict, for a page also by paper."""
+    rows = _tallies(listed, ledger)
+    page = rendered("index", rows=rows, columns=(*VERDICTS, "weak"))
+    total = {"key": "all", "cells": _counted(ledger.records)}
+    return Html(page, Grid.of("Cells by verdict.", ("key", "cells"), [*rows, total]))
 
 
 def wall(records: Sequence[Record]) -> Markup:
@@ -225,12 +217,11 @@ def _drawn(records: Iterable[Record]) -> Iterable[dict[str, Any]]:
         deep = ceil(rows / ceil(rows / MAX_ROWS))
         name = table.place.partition(",")[0]
         topic = key.partition("/")[2].removeprefix("text-")
-        counts = verdicts.tally(own).items()
         yield {
             "anchor": anchor(key),
             "title": table.title,
             "name": topic if name == "Text" else name,
-            "counts": ", ".join(f"{count} {word}" for word, count in counts if count),
+            "counts": _counted(own),
             "width": PITCH_PIXELS * across * ceil(rows / deep),
             "height": PITCH_PIXELS * MAX_ROWS,
             "marks": [

@@ -164,8 +164,7 @@ def _relations(audits: Sequence[Audit]) -> _Part:
 def _relation(finding: Examined, audit: Audit) -> _Row:
     """Return the record of a relation."""
     relation, tolerance = finding.relation, finding.relation.tolerance
-    fields = ("declared", "source", "kind", "claim", "reading")
-    fields += ("supposition", "restates")
+    fields = "declared source kind claim reading supposition restates".split()
     return {
         "name": relation.name,
         "paper": audit.name,
@@ -239,10 +238,9 @@ def _errata(audits: Sequence[Audit], *, supposed: bool) -> _Part:
                 }
     rows.sort(key=_consequence)
     kind = "that suppose something" if supposed else "by consequence"
-    columns = ("name", "paper", "place", "printed", "problem", "sides", "verdicts")
-    columns += ("library", "conclusion", "because", "status", "supposition")
+    columns = "name place problem printed sides verdicts library conclusion status"
     shown = [row | evidence[row["name"]] for row in rows]
-    table = _table("errata", f"The {len(rows)} errata {kind}.", columns, shown)
+    table = _table("errata", f"The {len(rows)} errata {kind}.", columns.split(), shown)
     return _Part((table,), rows)
 
 

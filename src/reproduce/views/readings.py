@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import TYPE_CHECKING
-
-from markupsafe import Markup
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, Any
 
 from reproduce.judge.ledger import Record
 from reproduce.judge.readings import Evaluation, evaluate
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import unpublished
-from reproduce.printed.cells import library
+from reproduce.printed.cells import Cell, library
 from reproduce.views import verdicts
-from reproduce.views.blocks import Block, Display, Entry, Grid
+from reproduce.views.blocks import Block, Display, Grid, Html, rendered
 from reproduce.views.numbers import minus
 
 if TYPE_CHECKING:
@@ -65,26 +63,29 @@ class Readings(Display):
         frame = self.frame()
         if frame.empty:
             return [f"{self.key} has one reading."]
-        columns: dict[str, list[Entry]] = {n: [*frame[n]] for n in self._options}
-        for name in (name for _, names in self._found for name in names):
-            number, drawn = library()[self.key][name].number, f"{name} p"
-            columns[name] = [
-                f"{value:.3g}" if drawn in frame else minus(number.format(value, 1))
-                for value in frame[drawn if drawn in frame else name].fillna(0)
-            ]
-            known, agrees = frame[name].notna(), frame[f"{name} agrees"].eq(True)
-            for row, text in enumerate(columns[name]):
-                bold = Markup("<b>{}</b>").format(text) if agrees[row] else text
-                columns[name][row] = bold if known[row] else ""
-        columns["cells that agree"] = [*frame["agreeing"].map(str)]
-        if "joint p" in frame:
-            columns["joint p"] = [*frame["joint p"].map("{:.2g}".format)]
-        caption = (
-            f"All {len(frame)} readings of {library()[self.key].place}. Bold: the printed number "
-            "agrees. A predicted cell has its probability, any other cell its computed value."
-        )
-        rows, kind = [*zip(*columns.values(), strict=True)], "rp-readings-all"
-        return [Grid(caption, [*columns], rows, kind=f"rp-small rp-sortable {kind}")]
+        cells = [library()[self.key][n] for _, names in self._found for n in names]
+        shown: dict[str, Any] = {
+            "caption": f"All {len(frame)} readings of {library()[self.key].place}. Bold: the "
+            "printed number agrees. A predicted cell has its probability, any other cell its "
+            "computed value.",
+            "options": self._options,
+            "cells": cells,
+            "rows": [
+                row | {cell.name: _text(cell, row) for cell in cells}
+                for row in frame.to_dict("records")
+            ],
+            "joint": "joint p" in frame,
+        }
+        names = [*self._options, *(cell.name for cell in cells), "agreeing", "joint p"]
+        terminal = Grid.of(shown["caption"], names, shown["rows"])
+        return [Html(rendered("readings", **shown), terminal)]
+
+
+def _text(cell: Cell, row: Mapping[Any, Any]) -> str:
+    """Return the probability of a predicted cell, or its value; nothing if it has none."""
+    p = row.get(f"{cell.name} p")
+    value = minus(cell.number.format(row[cell.name], 1)) if p is None else f"{p:.3g}"
+    return value if row[cell.name] == row[cell.name] else ""
 
 
 def _open_cells(found: Evaluation) -> list[str]:

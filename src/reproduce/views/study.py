@@ -6,11 +6,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from reproduce.papers.catalogue import studies
-from reproduce.papers.declare import Column, Study
+from reproduce.papers.declare import Study
 from reproduce.printed.cells import anchor
 from reproduce.views import numbers
 from reproduce.views.base import Change, Changeable, Item, text_of
-from reproduce.views.blocks import Block, Entry, Fold, Grid, Html
+from reproduce.views.blocks import Block, Fold, Grid, Html
 from reproduce.views.export import bar, table_files
 from reproduce.views.sweep import Point, Sweep, of_study, swept
 
@@ -96,13 +96,19 @@ class StudyTable(Changeable, Item):
             frame = frame[frame[study.folded] == frame[study.folded].iloc[0]]
         forms = {column.name: column.form for column in study.columns}
         behind = {*(column.error for column in study.columns), study.folded}
-        shown = [column for column in study.columns if column.name not in behind]
-        rows = [
-            [_entry(row, c, forms) for c in shown]
-            for row in frame.to_dict(orient="records")
-        ]
+        texts = {}
+        for one in study.columns:
+            if one.name not in behind:
+                errors = frame.get(one.error, [None] * len(frame))
+                texts[one.name] = [
+                    numbers.entry(
+                        value, one, (error, forms[one.error]) if one.error else None
+                    )
+                    for value, error in zip(frame[one.name], errors, strict=True)
+                ]
         where = f"study-{anchor(self.key)}" + ("-changed" if self.changes else "")
-        return Grid(caption, [column.name for column in shown], rows, where, "rp-study")
+        rows = [*zip(*texts.values(), strict=True)]
+        return Grid(caption, [*texts], rows, where, "rp-study")
 
     def blocks(self) -> Iterator[Block]:
         """Yield the table; a reader sees the first part of a long one, and takes the whole away."""
@@ -115,8 +121,3 @@ class StudyTable(Changeable, Item):
             yield Html(
                 bar(self.key, where, table_files(self.key), self.source), self.key
             )
-
-
-def _entry(row: Mapping[Any, Any], column: Column, forms: Mapping[str, str]) -> Entry:
-    error = (row[column.error], forms[column.error]) if column.error else None
-    return numbers.entry(row[column.name], column, error)

@@ -286,8 +286,8 @@ def _judged(place: str, records: Sequence[Record]) -> Iterator[Block]:
     doubtful = [row for row, record in pairs if record.verdict not in AGREES]
     if doubtful:
         yield _grouped(f"Reasons, {place}", ("verdict", "why"), doubtful)
-    columns = ("function", "equations", "seed")
-    yield Html(_grouped(f"What computes {place}", columns, rows).markup)
+    made = ("function", "equations", "seed")
+    yield Html(_grouped(f"What computes {place}", made, rows).markup)
 
 
 def _grouped(

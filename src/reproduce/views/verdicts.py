@@ -146,14 +146,28 @@ def _probability(record: Record | Reading) -> str:
     return chance(record.probability, record.mcse)
 
 
+def joint_facts(joint: TableRecord) -> dict[str, str]:
+    """Return the facts of a table on all its predicted cells together."""
+    return {
+        "joint": joint_chance(joint.joint_probability, joint),
+        "replicates": f"{joint.replicates:,}",
+        "readings": f"{joint.readings:,}",
+        "fitting": str(joint.fitting or "none"),
+        "closest": choices_text(joint.closest),
+        "closest-agreeing": str(joint.closest_agreeing),
+        "closest-joint": joint_chance(joint.closest_probability, joint),
+        "predicted": str(joint.cells),
+    }
+
+
 def joint_sentence(joint: TableRecord) -> str:
     """Return a sentence on all cells of a table together."""
     return (
-        f"Outside the central 99 % of the prediction lie {joint.outside} of {joint.cells} "
+        f"Outside the central 99 % of the prediction lie {joint.outside} of {{predicted}} "
         f"predicted cells; {joint.expected_outside:.2g} are expected by chance. The "
         "probability of a table as far from the prediction as the printed one, or farther, is "
-        f"{joint_chance(joint.joint_probability, joint)} ({joint.replicates:,} simulated tables)."
-    )
+        "{joint} ({replicates} simulated tables)."
+    ).format_map(joint_facts(joint))
 
 
 def joint_chance(probability: float, joint: TableRecord) -> str:
@@ -166,13 +180,12 @@ def joint_chance(probability: float, joint: TableRecord) -> str:
 
 def fitting(joint: TableRecord) -> str:
     """Return a sentence on the readings of a table, all cells together."""
-    chance = f"of {joint_chance(joint.closest_probability, joint)}"
-    return (
-        f"{joint.fitting or 'None'} of {joint.readings} readings of the text fits all "
-        f"{joint.cells} predicted cells together. Closest: {choices_text(joint.closest)}, with "
-        f"{joint.closest_agreeing} cells and a joint probability "
-        f"{chance.removeprefix('of ') if 'below' in chance else chance}."
+    text = (
+        "Readings of the text that fit all {predicted} predicted cells together: {fitting} of "
+        "{readings}. Closest: {closest}, with {closest-agreeing} cells and a joint probability "
+        "of {closest-joint}."
     )
+    return text.format_map(joint_facts(joint)).replace("of below", "below")
 
 
 def choices_text(choices: Mapping[str, str]) -> str:
@@ -312,18 +325,8 @@ def _facts_of_cell(record: Record) -> dict[str, str]:
 def _facts_of_item(key: str) -> dict[str, str]:
     found = item_ledger(key)
     facts = _counts(found.of(key))
-    if joint := found.table(key):
-        facts |= {
-            "joint": joint_chance(joint.joint_probability, joint),
-            "replicates": f"{joint.replicates:,}",
-            "readings": f"{joint.readings:,}",
-            "fitting": str(joint.fitting or "none"),
-            "closest": choices_text(joint.closest),
-            "closest-agreeing": str(joint.closest_agreeing),
-            "closest-joint": joint_chance(joint.closest_probability, joint),
-            "predicted": str(joint.cells),
-        }
-    return facts
+    joint = found.table(key)
+    return facts | joint_facts(joint) if joint else facts
 
 
 def _facts_of_paper(name: str) -> dict[str, str]:
@@ -341,17 +344,12 @@ def _facts_of_paper(name: str) -> dict[str, str]:
 
 def _counts(records: Collection[Record]) -> dict[str, str]:
     """Count verdicts; a count of agreement includes the number of weak agreements."""
-    groups = {
-        verdict: [r for r in records if r.verdict == verdict] for verdict in VERDICTS
-    }
-    groups["agree"] = groups["exact"] + groups["consistent"]
-    facts = {
-        "results": str(sum(record.role == "result" for record in records)),
-        "strong": str(len(groups["agree"]) - weak(records)),
-        "weak": str(weak(records)),
-    }
-    for name, found in groups.items():
-        share = "all" if weak(found) == len(found) else weak(found)
-        remark = f" ({share} of them weakly)" if weak(found) else ""
+    marks = [(record.verdict, weak_agreement(record)) for record in records]
+    kinds = {verdict: {verdict} for verdict in VERDICTS} | {"agree": {*AGREES}}
+    facts = {"results": str(sum(record.role == "result" for record in records))}
+    for name, kind in kinds.items():
+        found = [is_weak for verdict, is_weak in marks if verdict in kind]
+        share = "all" if all(found) else sum(found)
+        remark = f" ({share} of them weakly)" if any(found) else ""
         facts[name] = f"{len(found)}{remark}"
-    return facts
+    return facts | {"strong": str(len(found) - sum(found)), "weak": str(sum(found))}
