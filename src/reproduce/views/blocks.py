@@ -185,12 +185,13 @@ def _table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
     )
     for name, *texts in zip(heads or ("", ""), *rows, strict=True):
         longest = max(map(cell_len, (name, *texts)))
+        word = max(map(cell_len, " ".join((name, *texts)).split(" ")))
         numeric = bool(heads) and all(map(_NUMBER.match, texts))
         table.add_column(
             name,
             justify="right" if numeric else "left",
             overflow="fold",
-            min_width=min(longest, _WRAPPED_CHARACTERS),
+            min_width=max(word, min(longest, _WRAPPED_CHARACTERS)),
         )
     for row in rows:
         styles = (_STYLES.get(text.partition(" ")[0], "") for text in row)

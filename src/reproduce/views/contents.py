@@ -57,15 +57,7 @@ class Contents(Display):
 
     def entries(self) -> list[dict[str, Any]]:
         """Return a record for each item and supplementary table, without computing it."""
-        return [
-            {
-                "key": key,
-                "place": keys.place(key),
-                "title": keys.title(key),
-                "draws": key in catalogue() and catalogue()[key].draw is not None,
-            }
-            for key in (*self.keys, *self.own)
-        ]
+        return list(map(_entry, (*self.keys, *self.own)))
 
     def frame(self) -> pd.DataFrame:
         """Return one row per item: place, title and the number of cells by verdict."""
@@ -170,16 +162,26 @@ class Check(Display):
         return [_index(listed, self.ledger), *(self.faults() or unchanged)]
 
 
+def _entry(key: str) -> dict[str, Any]:
+    return {
+        "key": key,
+        "place": keys.place(key),
+        "title": keys.title(key),
+        "draws": key in catalogue() and catalogue()[key].draw is not None,
+    }
+
+
 def _tallies(listed: Sequence[str], ledger: Ledger) -> list[dict[str, Any]]:
     """Return a record for each item, with its number of cells by verdict if it has cells."""
     rows = []
     for key in listed:
-        records, printed = ledger.of(key), key in library()
-        row = {"key": key, "paper": key.partition("/")[0], "place": keys.place(key)}
-        row["title"], row["cells"] = keys.title(key), _counted(records)
-        row["target"] = anchor(key) if printed else f"figure-{anchor(key)}"
+        records, target = ledger.of(key), anchor(key)
         counts = verdicts.tally(records) | {"weak": verdicts.weak(records)}
-        rows.append(row | (counts if printed else {}))
+        if not records:
+            counts, target = {}, f"figure-{target}"
+        paper, cells = key.partition("/")[0], _counted(records)
+        row = {"paper": paper, "cells": cells, "target": target}
+        rows.append(_entry(key) | row | counts)
     return rows
 
 
@@ -203,9 +205,8 @@ def wall(records: Sequence[Record]) -> Markup:
         "wall",
         papers=((paper, _drawn(own)) for paper, own in papers),
         shapes=SHAPES,
-        tally=verdicts.tally(records),
-        meanings=verdicts.MEANINGS,
-        weak=verdicts.weak(records),
+        verdicts=verdicts,
+        records=records,
     )
 
 
@@ -214,7 +215,7 @@ def _drawn(records: Iterable[Record]) -> Iterable[dict[str, Any]]:
     for key, group in groupby(records, key=lambda record: record.key):
         table, own = library()[key], tuple(group)
         across, rows = max(1, len(table.columns)), len(table.rows)
-        deep = ceil(rows / ceil(rows / MAX_ROWS))
+        deep, half = ceil(rows / ceil(rows / MAX_ROWS)), PITCH_PIXELS // 2
         name = table.place.partition(",")[0]
         topic = key.partition("/")[2].removeprefix("text-")
         yield {
@@ -225,24 +226,12 @@ def _drawn(records: Iterable[Record]) -> Iterable[dict[str, Any]]:
             "width": PITCH_PIXELS * across * ceil(rows / deep),
             "height": PITCH_PIXELS * MAX_ROWS,
             "marks": [
-                _mark(
-                    one, i // across // deep * across + i % across, i // across % deep
+                (
+                    cell,
+                    record,
+                    PITCH_PIXELS * (i // across // deep * across + i % across) + half,
+                    PITCH_PIXELS * (i // across % deep) + half,
                 )
-                for i, one in enumerate(own)
+                for i, (cell, record) in enumerate(zip(table.cells, own, strict=True))
             ],
         }
-
-
-def _mark(record: Record, across: int, down: int) -> dict[str, Any]:
-    cell, value = verdicts.cell_of(record), verdicts.computed(record)
-    text = f"{cell.label}: {cell.shown} printed"
-    if value and record.role == "result":
-        text += f", {value} computed"
-    return {
-        "anchor": cell.anchor,
-        "text": f"{text}, {verdicts.qualified(record)}",
-        "x": PITCH_PIXELS * across + PITCH_PIXELS // 2,
-        "y": PITCH_PIXELS * down + PITCH_PIXELS // 2,
-        "verdict": record.verdict,
-        "weak": verdicts.weak_agreement(record),
-    }

@@ -1,4 +1,4 @@
-"""A table of our own, which no paper prints: what `table` shows for the key of a study."""
+"""A supplementary table, which is not in a paper."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ if TYPE_CHECKING:
 
 
 class StudyTable(Changeable, Item):
-    """A table that stands beside a paper, judged against nothing.
+    """A supplementary table of a paper, without verdicts.
 
     Parameters
     ----------
     key : str
         Such as ``chen2023/heat``.
     changes : mapping, optional
-        Address of any cell in `reads` to a value as in the print.
+        Address of any cell in `reads` to a value as printed.
     seed : int, optional
-        Of its random numbers, in place of the project's own.
+        Seed of the random number generator.
     """
 
     kind = "a table of our own"
@@ -41,7 +41,7 @@ class StudyTable(Changeable, Item):
 
     @property
     def source(self) -> str:
-        """The text of the function that computes it."""
+        """Source code of the function that computes it."""
         return text_of(self._declared.function)
 
     def _compute(self, door: Given | None) -> pd.DataFrame:
@@ -54,24 +54,23 @@ class StudyTable(Changeable, Item):
         columns: Sequence[str] = (),
         rows: Mapping[str, Any] | None = None,
     ) -> Sweep:
-        """Compute the table again for several values of one printed input.
+        """Compute the table for several values of a printed input.
 
         Parameters
         ----------
         moved : str or sequence of str
-            One of the cells in `reads`, or several that move together.
+            A cell in `reads`, or several cells that change together.
         values : sequence
-            Values as in the print: ``["0.02 px", "0.05 px"]``; one for each cell where several
-            move together.
+            Values as printed: ``["0.02 px", "0.05 px"]``; a tuple of values for several cells.
         columns : sequence of str, optional
-            Columns to show; all that hold numbers by default.
+            Columns to show; all columns with numbers by default.
         rows : mapping, optional
-            Name of a column to the entry, or entries, of the rows to show; all rows by default.
+            Column to the entries of the rows to show; all rows by default.
 
         Returns
         -------
         Sweep
-            One row per value; on a page a slider.
+            One row per value, with a slider on a page.
         """
         study, before = self._declared, self.frame()
 
@@ -83,13 +82,13 @@ class StudyTable(Changeable, Item):
         return swept(self.key, moved, values, compute, "with what is printed")
 
     def frame(self) -> pd.DataFrame:
-        """Return the numbers, a row for each row of the table, in the units of the heads."""
+        """Return the numbers, in the units of the column names."""
         frame: pd.DataFrame = self._made[0]
         return frame.copy()
 
     @property
     def grid(self) -> Grid:
-        """The table as a reader sees it; of one that is folded, its first part."""
+        """The formatted table; the first part of a folded table."""
         study, frame = self._declared, self.frame()
         caption = f"{frame.attrs['caption']} {self._setting()}".rstrip()
         if study.folded:
@@ -111,7 +110,7 @@ class StudyTable(Changeable, Item):
         return Grid(caption, [*texts], rows, where, "rp-study")
 
     def blocks(self) -> Iterator[Block]:
-        """Yield the table; a reader sees the first part of a long one, and takes the whole away."""
+        """Yield the table, or the first part of a folded table."""
         frame, grid, folded = self.frame(), self.grid, self._declared.folded
         yield Fold(str(frame[folded].iloc[0]), (grid,), opened=True) if folded else grid
         if rest := len(frame) - len(grid.rows):

@@ -38,7 +38,7 @@ MIN_CELLS_COUNTED = 4  # a note names fewer cells, and counts more
 
 
 class Table(Item):
-    """A table or a group of quoted numbers: printed beside computed, with verdicts.
+    """A table or a group of quoted numbers: printed and computed values with verdicts.
 
     Parameters
     ----------
@@ -66,13 +66,13 @@ class Table(Item):
         return Cell(self._printed[name].address)
 
     def frame(self) -> pd.DataFrame:
-        """Return the table in its own shape.
+        """Return the table in the layout of the paper.
 
         Returns
         -------
         pandas.DataFrame
-            Rows as in print. A table has columns as in print, each with printed, computed and
-            verdict; a group of quoted numbers has these and the unit.
+            Rows and columns as in the paper, each column with printed, computed and verdict. A
+            group of quoted numbers has these columns and the unit.
         """
         import pandas as pd
 
@@ -114,29 +114,28 @@ class Table(Item):
         replicates: int | None = None,
         **options: str,
     ) -> Changed:
-        """Compute the table again with something changed, or under a reading of the text.
+        """Compute the table with changed inputs, or under a reading of the text.
 
         Parameters
         ----------
         changes : mapping, optional
-            Address of any cell in `reads` to a value as in the print: ``"0.2 px"``.
+            Address of any cell in `reads` to a value as printed: ``"0.2 px"``.
         seed, replicates : int, optional
-            Of the random numbers, where the table draws some.
+            Seed and number of the simulated tables, if the table draws random numbers.
         **options : str
-            What the text leaves open, one of its alternatives each: ``angles="rectangle"``;
-            `options` lists them.
+            An alternative for an option of the text: ``angles="rectangle"``. `options` lists
+            them.
 
         Returns
         -------
         Changed
-            The computed values from the print and under the change, without a verdict; with
-            options alone, what each cell would be judged as under that reading.
+            The computed values without and with the change, without a verdict. With options
+            only, the verdict of each cell under that reading.
 
         Raises
         ------
         ValueError
-            If the table does not read the cell, a value does not fit it, or there is no such
-            option; the message lists what there is.
+            If a cell is not an input, a value does not fit its cell, or an option is unknown.
         """
         numbers = {"seed": seed, "replicates": replicates}
         return Changed(rerunning.rerun(self.key, changes, **numbers, chosen=options))
@@ -149,24 +148,24 @@ class Table(Item):
         *,
         replicates: int | None = None,
     ) -> Sweep:
-        """Compute the table again for several values of one printed input.
+        """Compute the table for several values of a printed input.
 
         Parameters
         ----------
         address : str or sequence of str
-            One of the cells in `reads`, or several that move together.
+            A cell in `reads`, or several cells that change together.
         values : sequence of str, or of sequences of str
-            Values as in the print: ``["0.02 px", "0.05 px", "0.2 px"]``; one for each cell where
-            several move together.
+            Values as printed: ``["0.02 px", "0.05 px", "0.2 px"]``; a tuple of values for
+            several cells.
         cells : sequence of str, optional
             Names of the cells to show; all of them by default.
         replicates : int, optional
-            Tables simulated for each value; those of the book by default.
+            Number of tables simulated for each value; that of the book by default.
 
         Returns
         -------
         Sweep
-            One row per value; on a page a slider.
+            One row per value, with a slider on a page.
         """
         for name in cells:
             self[name]
@@ -207,34 +206,31 @@ class Table(Item):
         return f"{table.place}. {table.title}.{shown}"
 
     @cached_property
-    def _texts(self) -> dict[str, dict[str, Any]]:
-        """Texts of each cell by its name, for the template and by name of the column."""
-        found: dict[str, dict[str, Any]] = {}
+    def _texts(self) -> dict[str, dict[str, str]]:
+        """Texts of each cell by its name and by column."""
+        found: dict[str, dict[str, str]] = {}
         for name, record in self._records.items():
-            cell, computed = self._printed[name], verdicts.computed(record)
-            notes, sigma = [*_notes(cell)], f"{cell.sigma}σ" if cell.sigma else ""
-            printed = " ".join(filter(None, (cell.shown, sigma, *notes)))
-            parts = (printed, computed, verdicts.qualified(record))
+            cell, flags = self._printed[name], verdicts.flags(record.flags)
+            sigma = [f"{cell.sigma}σ"] if cell.sigma else []
+            printed = " ".join((*cell.shown.split(), *sigma, *_notes(cell)))
+            verdict = f"{record.verdict} {flags}".strip()
+            parts = (printed, verdicts.computed(record), verdict)
             found[name] = {
                 "cell": name,
                 "Quantity": cell.label,
                 **dict(zip(_HEADS, parts, strict=True)),
                 "Where": cell.place if cell.place != self._printed.place else "",
                 "all": ", ".join(filter(None, parts[: 3 if cell.is_number else 1])),
-                "verdict": record.verdict,
-                "flags": verdicts.flags(record.flags),
-                "notes": notes,
             }
         return found
 
     def blocks(self) -> Iterator[Block]:
         """Yield the table with its notes, readings, reasons and sources."""
         table, records, caption = self._printed, self._ledger.records, self._caption
-        where, cells = anchor(self.key), self._texts
-        page = rendered(
-            "table", table=table, cells=cells, anchor=where, caption=caption
-        )
-        yield Html(page, Grid.of(caption, ("cell", *_HEADS), [*cells.values()]))
+        where, texts = anchor(self.key), [*self._texts.values()]
+        parts = {"table": table, "records": self._records, "verdicts": verdicts}
+        page = rendered("table", **parts, notes=_notes, anchor=where, caption=caption)
+        yield Html(page, Grid.of(caption, ("cell", *_HEADS), texts))
         yield from _noted(table.cells)
         if joint := self._ledger.table(self.key):
             yield verdicts.joint_sentence(joint)
@@ -299,11 +295,10 @@ def _grouped(
         texts = tuple(row.get(column, "") for column in columns)
         groups.setdefault(texts, []).append(row["cell"])
     lines = [
-        [Markup(", ").join(cells), *texts]
+        {"cells": Markup(", ").join(cells), **dict(zip(columns, texts, strict=True))}
         for texts, cells in groups.items()
-        if any(texts)
     ]
-    return Grid(caption, ("cells", *columns), lines, kind="rp-small")
+    return Grid.of(caption, ("cells", *columns), lines, kind="rp-small")
 
 
 class Cell(Shown):

@@ -11,7 +11,6 @@ from reproduce.judge.ledger import Record, TableRecord, erratum, reason, replies
 from reproduce.judge.readings import ReadingSummary, evaluate
 from reproduce.judge.rerun import maker
 from reproduce.judge.verdicts import AGREES, VERDICTS, Flag, Reading
-from reproduce.papers.catalogue import catalogue
 from reproduce.printed.cells import PAPERS, Cell, anchor, library
 from reproduce.printed.number import symbol
 from reproduce.views.blocks import Entry, badge, code, link
@@ -48,14 +47,14 @@ NUMBERS = (
 )
 
 
-def cell_of(record: Record) -> Cell:
+def _cell_of(record: Record) -> Cell:
     """Return the printed cell of a record."""
     return library()[record.key][record.cell.partition("#")[2]]
 
 
 def texts(record: Record) -> dict[str, Entry]:
     """Return the texts of a record by name of the column."""
-    cell, found, unit = cell_of(record), record.readings, _unit(record)
+    cell, found, unit = _cell_of(record), record.readings, symbol(record.unit or "1")
     interval = "" if record.interval is None else _between(record, record.interval)
     drawn = record.probability is not None
     shown: dict[str, Entry] = {
@@ -127,7 +126,7 @@ def computed(record: Record, extra: int = 0) -> str:
         return ""
     hidden = record.verdict not in AGREES or {"rounding", "tolerance"} & {*record.flags}
     return minus(
-        cell_of(record).number.format(record.computed, extra=extra + bool(hidden))
+        _cell_of(record).number.format(record.computed, extra=extra + bool(hidden))
     )
 
 
@@ -135,9 +134,9 @@ def _between(record: Record, ends: Sequence[float | None]) -> str:
     """Return an interval of a record, or nothing for a point."""
     if None in ends or len({*ends}) < 2:
         return ""
-    number = cell_of(record).number
+    number = _cell_of(record).number
     text = " to ".join(number.format(end, extra=1) for end in ends if end is not None)
-    return quantity(minus(text), _unit(record))
+    return quantity(minus(text), symbol(record.unit or "1"))
 
 
 def _probability(record: Record | Reading) -> str:
@@ -146,7 +145,7 @@ def _probability(record: Record | Reading) -> str:
     return chance(record.probability, record.mcse)
 
 
-def joint_facts(joint: TableRecord) -> dict[str, str]:
+def _joint_facts(joint: TableRecord) -> dict[str, str]:
     """Return the facts of a table on all its predicted cells together."""
     return {
         "joint": joint_chance(joint.joint_probability, joint),
@@ -167,7 +166,7 @@ def joint_sentence(joint: TableRecord) -> str:
         f"predicted cells; {joint.expected_outside:.2g} are expected by chance. The "
         "probability of a table as far from the prediction as the printed one, or farther, is "
         "{joint} ({replicates} simulated tables)."
-    ).format_map(joint_facts(joint))
+    ).format_map(_joint_facts(joint))
 
 
 def joint_chance(probability: float, joint: TableRecord) -> str:
@@ -185,7 +184,7 @@ def fitting(joint: TableRecord) -> str:
         "{readings}. Closest: {closest}, with {closest-agreeing} cells and a joint probability "
         "of {closest-joint}."
     )
-    return text.format_map(joint_facts(joint)).replace("of below", "below")
+    return text.format_map(_joint_facts(joint)).replace("of below", "below")
 
 
 def choices_text(choices: Mapping[str, str]) -> str:
@@ -215,12 +214,8 @@ def _read(record: Record, reading: Reading) -> str:
     """Return the computed value and the verdict of a cell under one reading."""
     marks = flags(reading.flags)
     extra = int(not reading.agrees or bool(marks))
-    value = minus(cell_of(record).number.format(reading.computed, extra=extra))
-    return f"{quantity(value, _unit(record))}, {qualified(reading)}"
-
-
-def _unit(record: Record) -> str:
-    return symbol(record.unit) if record.unit else ""
+    value = minus(_cell_of(record).number.format(reading.computed, extra=extra))
+    return f"{quantity(value, symbol(record.unit or '1'))}, {qualified(reading)}"
 
 
 def quantity(value: str, mark: str) -> str:
@@ -234,14 +229,14 @@ def tally(records: Collection[Record]) -> dict[str, int]:
     return {verdict: sum(r.verdict == verdict for r in records) for verdict in VERDICTS}
 
 
-def weak_agreement(record: Record) -> bool:
+def _is_weak(record: Record) -> bool:
     """Return whether a record agrees weakly."""
     return record.verdict in AGREES and not {*WEAK}.isdisjoint(record.flags)
 
 
 def weak(records: Iterable[Record]) -> int:
     """Count the records that agree weakly."""
-    return sum(map(weak_agreement, records))
+    return sum(map(_is_weak, records))
 
 
 def flags(names: Iterable[Flag]) -> str:
@@ -299,26 +294,27 @@ def filled(text: str, known: Mapping[str, str]) -> str:
 
 def _facts_of_cell(record: Record) -> dict[str, str]:
     facts = {
-        "printed": cell_of(record).shown,
-        "computed": quantity(computed(record), _unit(record)) or "nothing",
+        "printed": _cell_of(record).shown,
+        "computed": quantity(computed(record), symbol(record.unit or "1")) or "nothing",
         "verdict": record.verdict,
         "probability": _probability(record) or "none",
     }
-    if (summary := record.readings) is None:
+    found, made = record.readings, maker(record.cell)
+    if found is None or made is None:
         return facts
-    name = record.cell.partition("#")[2]
-    [made] = (c for c in catalogue()[record.key].computations if c.makes(name))
-    for choices, one in zip(made.readings, evaluate(made).cells[name], strict=True):
-        if len(changed := dict(choices.items() - made.literal.items())) == 1:
-            [(option, way)] = changed.items()
-            facts[f"if-{option}-{way}"] = _read(record, one).partition(",")[0]
+    cells = evaluate(made).cells[_cell_of(record).name]
+    for choices, one in zip(made.readings, cells, strict=True):
+        changed = choices.items() - made.literal.items()
+        if len(changed) == 1:
+            name = "-".join(("if", *next(iter(changed))))
+            facts[name] = _read(record, one).partition(",")[0]
     return facts | {
-        "readings": str(summary.count),
-        "agreeing": str(summary.agreeing),
-        "agrees-if": deciding(summary) or "no reading decides",
-        "closest": choices_text(summary.closest.choices),
-        "closest-computed": _read(record, summary.closest).partition(",")[0],
-        "closest-probability": _probability(summary.closest) or "none",
+        "readings": str(found.count),
+        "agreeing": str(found.agreeing),
+        "agrees-if": deciding(found) or "no reading decides",
+        "closest": choices_text(found.closest.choices),
+        "closest-computed": _read(record, found.closest).partition(",")[0],
+        "closest-probability": _probability(found.closest) or "none",
     }
 
 
@@ -326,7 +322,7 @@ def _facts_of_item(key: str) -> dict[str, str]:
     found = item_ledger(key)
     facts = _counts(found.of(key))
     joint = found.table(key)
-    return facts | joint_facts(joint) if joint else facts
+    return facts | _joint_facts(joint) if joint else facts
 
 
 def _facts_of_paper(name: str) -> dict[str, str]:
@@ -335,7 +331,7 @@ def _facts_of_paper(name: str) -> dict[str, str]:
     count = tally(chosen)
     counts = {
         "cells": len(chosen),
-        "numbers": sum(cell_of(record).is_number for record in chosen),
+        "numbers": sum(_cell_of(record).is_number for record in chosen),
         "unsettled": count["differs"] + count["ambiguous"] + count["unpublished"],
         "judged": count["exact"] + count["consistent"] + count["differs"],
     }
@@ -344,7 +340,7 @@ def _facts_of_paper(name: str) -> dict[str, str]:
 
 def _counts(records: Collection[Record]) -> dict[str, str]:
     """Count verdicts; a count of agreement includes the number of weak agreements."""
-    marks = [(record.verdict, weak_agreement(record)) for record in records]
+    marks = [(record.verdict, _is_weak(record)) for record in records]
     kinds = {verdict: {verdict} for verdict in VERDICTS} | {"agree": {*AGREES}}
     facts = {"results": str(sum(record.role == "result" for record in records))}
     for name, kind in kinds.items():
