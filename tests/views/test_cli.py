@@ -16,7 +16,6 @@ from click.testing import CliRunner
 
 import reproduce as rp
 from reproduce.judge import ledger
-from reproduce.judge.verdicts import VERDICTS
 from reproduce.locate import data_folder
 from reproduce.papers.catalogue import catalogue, studies
 from reproduce.printed import cells
@@ -136,8 +135,8 @@ def test_check_takes_the_name_of_a_paper():
 def test_check_counts_weak_agreement_apart():
     """Table V's motions are differences of the positions beside them, its first less itself."""
     output = run("check", "chen2023/table-5").stdout
-    (line,) = [line for line in output.splitlines() if line.startswith("chen2023 ")]
-    assert line.split()[-1] == "17"
+    (line,) = re.findall("^chen2023/table-5 +(.*)", output, re.MULTILINE)
+    assert line.endswith(", 17 weak")
 
 
 @pytest.mark.parametrize(
@@ -186,25 +185,10 @@ def test_show_gives_the_readings_of_each_cell_in_short(key):
         assert summary.closest.verdict in row[4]
 
 
-def test_the_score_of_the_check_breaks_no_word():
-    """Each verdict of the head and each item is a whole word, and an item is below its paper."""
+def test_the_score_of_the_check_names_every_item():
     lines = run("check").stdout.splitlines()
-    top = next(at for at, line in enumerate(lines) if "consistent" in line)
-    rows = [line.split()[0] for line in lines[top + 2 :]]
-    assert lines[top].split() == [*VERDICTS, "weak"]
-    papers = {paper: rows.index(paper) for paper in PAPERS}
-    for key in library():
-        paper, _, name = key.partition("/")
-        assert name in rows[papers[paper] :], key
-    assert not any(line.endswith("-") for line in lines)
-
-
-def test_wide_terminals_show_more():
-    wide = run("show", "niu2024/table-3", columns=240).stdout
-    assert "predicted, central 99 %" in wide
-    assert "allowed by rounded inputs" not in wide, (
-        "of a table that is drawn, nothing is"
-    )
+    rows = [line.split()[0] for line in lines if line.startswith(PAPERS)]
+    assert set(library()) <= set(rows)
 
 
 def test_show_of_a_figure_says_how_to_draw_it():

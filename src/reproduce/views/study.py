@@ -106,7 +106,7 @@ class StudyTable(Changeable, Item):
                     for value, error in zip(frame[one.name], errors, strict=True)
                 ]
         where = f"study-{anchor(self.key)}" + ("-changed" if self.changes else "")
-        rows = [*zip(*texts.values(), strict=True)]
+        rows = [list(row) for row in zip(*texts.values(), strict=True)]
         return Grid(caption, [*texts], rows, where, "rp-study")
 
     def blocks(self) -> Iterator[Block]:

@@ -180,11 +180,11 @@ def joint_chance(probability: float, joint: TableRecord) -> str:
 def fitting(joint: TableRecord) -> str:
     """Return a sentence on the readings of a table, all cells together."""
     text = (
-        "Readings of the text that fit all {predicted} predicted cells together: {fitting} of "
-        "{readings}. Closest: {closest}, with {closest-agreeing} cells and a joint probability "
+        "{fitting} of {readings} readings of the text fits all {predicted} predicted cells "
+        "together. Closest: {closest}, with {closest-agreeing} cells and a joint probability "
         "of {closest-joint}."
-    )
-    return text.format_map(_joint_facts(joint)).replace("of below", "below")
+    ).format_map(_joint_facts(joint))
+    return (text[0].upper() + text[1:]).replace("of below", "below")
 
 
 def choices_text(choices: Mapping[str, str]) -> str:
