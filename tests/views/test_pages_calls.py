@@ -159,6 +159,7 @@ def test_no_count_of_agreement_stands_without_its_weak_part():
     ("write", "arguments", "text"),
     [
         (numbers.chance, (0.4321, 0.01), "0.43"),
+        (numbers.chance, (0.4321, 0.04), "0.43"),
         (numbers.chance, (0.05, 0.01), "0.05"),
         (numbers.chance, (0.0, 0.0004), "<\u00a00.0008"),
         (numbers.chance, (1.0, 0.02), "1.00"),
