@@ -89,7 +89,7 @@ class Contents(Display):
     def listed(self) -> Blocks:
         """The items and the supplementary tables, without verdicts."""
         rows = [(one["key"], one["place"], one["title"]) for one in self.entries()]
-        caption = "Items in order of print, then our own tables."
+        caption = "Items in printed order, then supplementary tables."
         return Blocks((Grid(caption, ("key", "place", "what"), rows),))
 
     @property

@@ -1,4 +1,4 @@
-"""Keys as a reader may type them, with suggestions for slips, and what they name."""
+"""Validation of keys with suggestions, and the items that keys name."""
 
 from __future__ import annotations
 
