@@ -97,6 +97,19 @@ def test_relations_lead_to_their_cells_and_declarations():
         assert links <= set(anchors)
 
 
+def test_relations_are_grouped_and_their_sides_have_units():
+    for audit in AUDITS:
+        doubtful = [one for one in audit.read if one.outcome != "agrees"]
+        agreeing = [one for one in audit.read if one.outcome == "agrees"]
+        restating = [one for one in agreeing if one.relation.restates]
+        counts = [len(doubtful), len(agreeing) - len(restating), len(restating)]
+        pattern = r"<caption>The (\d+) relations of"
+        shown = re.findall(pattern, page("relations", audit.name))
+        assert [*map(int, shown)] == [*counts, len(audit.supposed)]
+    sides = {one["name"]: one["sides"] for one in rp.contradictions()["relations"].rows}
+    assert sides["pixel-angle"] == "44.6″ against 44.6907″"
+
+
 @pytest.mark.parametrize("part", ["errata", "suppositions"])
 def test_every_erratum_has_a_row_that_leads_to_its_folded_entry(part):
     """In the order of their consequence."""
