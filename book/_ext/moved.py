@@ -52,7 +52,7 @@ class MovedDirective(SphinxDirective):
         from reproduce.judge.ledger import frozen, reason
         from reproduce.locate import data_folder
         from reproduce.printed.cells import anchor
-        from reproduce.views.blocks import Block, Box, Grid, badge, html
+        from reproduce.views.blocks import Block, Grid, badge, html
         from reproduce.views.computed import item_ledger
 
         path = data_folder() / "last-release.toml"
@@ -79,7 +79,7 @@ class MovedDirective(SphinxDirective):
             lines = [
                 (
                     Markup("{}: {}").format(key, Markup(", ").join(links)),
-                    Box(tuple(map(badge, words))),
+                    Markup("<br>").join(map(badge, words)),
                     why,
                 )
                 for (key, *words, why), links in rows.items()

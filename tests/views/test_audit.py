@@ -1,4 +1,4 @@
-"""The audit as a reader meets it: in the terminal, as JSON, and on the book's pages."""
+"""The audit in a terminal, as JSON and on a page."""
 
 import json
 import math
@@ -12,196 +12,155 @@ from click.testing import CliRunner
 import reproduce as rp
 from reproduce.audit import relation
 from reproduce.audit.report import audit_paper
-from reproduce.judge.ledger import erratum, frozen
-from reproduce.printed.cells import anchor, library
+from reproduce.judge.ledger import frozen
+from reproduce.printed.cells import PAPERS, anchor, library
 from reproduce.views.cli import main
-from reproduce.views.contradictions import JOINT, errata_register
+from reproduce.views.contradictions import errata_register
+
+AUDITS = [audit_paper(paper) for paper in PAPERS]
 
 
-def errata(part="errata"):
-    return rp.contradictions()[part]._repr_html_()
+def page(part, paper=None):
+    """Return the HTML of a part."""
+    return rp.contradictions(paper)[part]._repr_html_()
 
 
 def entry(name):
-    """Return the unfolded text of an entry."""
-    return re.search(rf'id="{name}".*?</table>', errata(), flags=re.DOTALL).group()
+    """Return the unfolded text of an erratum."""
+    return re.search(rf'id="{name}".*?</table>', page("errata"), re.DOTALL).group()
 
 
-def ids(text):
-    """Return the anchors of entries, as they stand."""
-    return re.findall(r'<div class="rp-scroll" id="([^"]+)"', text)
-
-
-def run(*arguments, columns=80):
-    return CliRunner(env={"COLUMNS": str(columns), "TERM": "dumb"}).invoke(
-        main, arguments
-    )
+def run(*arguments):
+    return CliRunner(env={"COLUMNS": "80", "TERM": "dumb"}).invoke(main, arguments)
 
 
 def test_the_audit_of_a_paper_fits_the_terminal():
     result = run("audit", "chen2023")
     assert result.exit_code == 0, result.output
     assert max(map(len, result.stdout.splitlines())) <= 80
-    found = " ".join(result.stdout.split())
-    assert "motion-4-y" in found
-    assert "Equations run as extracted" in found
-    assert "relations of chen2023 that rest on a supposition of ours" in found
-    assert "niu2024" not in found
-
-
-def test_the_audit_as_json():
-    """One table for each part, a record for each row."""
-    told = json.loads(run("audit", "--json").stdout)
-    found = [audit_paper(paper) for paper in ("niu2024", "chen2023")]
-    assert [row["name"] for row in told["score"]] == ["niu2024", "chen2023"]
-    assert [row["Held against others"] for row in told["score"]] == [
-        len(a.examined) for a in found
-    ]
-    assert len(told["relations"]) == sum(len(a.findings) for a in found)
-    outcomes = Counter(r["outcome"] for r in told["relations"] if not r["supposition"])
-    assert outcomes == Counter(f.outcome for a in found for f in a.read)
-    assert len(told["errata"]) + len(told["suppositions"]) == len(errata_register())
-
-
-def test_an_unknown_paper_is_refused():
+    for name in ("motion-4-y", "chen2023-table-5-motion", "60.66 µm printed, 60.36"):
+        assert name in " ".join(result.stdout.split())
+    assert "niu2024" not in result.stdout
     assert run("audit", "nobody2000").exit_code == 2
-
-
-def test_the_score_counts_what_the_audit_found():
-    text = rp.contradictions()["score"]._repr_html_()
-    for paper in ("niu2024", "chen2023"):
-        found = audit_paper(paper)
-        own, again = (found.tally(restating=chosen) for chosen in (False, True))
-        row = re.search(rf"<code>{paper}</code></th>(.*?)</tr>", text).group(1)
-        counts = [int(n) for n in re.findall(r"<td>(\d+)</td>", row)]
-        assert counts[:3] == [len(found.cells), len(found.examined), len(found.bounded)]
-        assert counts[3:8] == [sum(own.values()), *own.values()]
-        assert counts[8:10] == [sum(again.values()), again["contradicts"]]
-        assert counts[3] + counts[8] == len(found.read)
-        supposing = [shown for shown in found.equations if shown.supposition]
-        assert counts[-1] == len(found.supposed) + len(supposing)
-
-
-def test_a_relation_that_restates_a_cell_links_to_it():
-    """By the anchor of the cell, which the book turns into a link to its page."""
-    for paper in ("niu2024", "chen2023"):
-        text = rp.contradictions(paper)["relations"]._repr_html_()
-        links = re.findall(r'restates <a href="#([^"]+)"', text)
-        findings = audit_paper(paper).findings
-        addresses = [f.relation.restates.partition(" (")[0] for f in findings]
-        assert sorted(links) == sorted(
-            anchor(address) for address in addresses if address
-        )
-        cells = {cell.anchor for table in library().values() for cell in table.cells}
-        assert set(links) <= cells
-
-
-def test_a_generated_name_leads_to_its_declaration():
-    """The line is found by the pattern that the page and the data show beside it."""
-    folder = Path(relation.__file__).parent / "relations"
-    for paper in ("niu2024", "chen2023"):
-        source = (folder / f"{paper}.toml").read_text()
-        text = rp.contradictions(paper)["relations"]._repr_html_()
-        for finding in audit_paper(paper).findings:
-            pattern = finding.relation.declared
-            assert f'name = "{pattern}"' in source
-            assert (
-                pattern == finding.relation.name or f"<small>{pattern}</small>" in text
-            )
-    found = json.loads(run("audit", "chen2023", "--json").stdout)
-    by_name = {r["name"]: r for r in found["relations"]}
-    assert by_name["motion-4-y"]["declared"] == "motion-{state}-{axis}"
-    assert by_name["motion-4-y"]["restates"] == "chen2023/table-5#4.motion-y"
-
-
-@pytest.mark.parametrize("paper", ["niu2024", "chen2023"])
-def test_every_relation_has_its_anchor_and_every_evidence_its_link(paper):
-    anchors = re.findall(
-        r'<tr id="([^"]+)"', rp.contradictions(paper)["relations"]._repr_html_()
-    )
-    assert len(anchors) == len(set(anchors)) == len(audit_paper(paper).findings)
-    shown = errata() + errata("suppositions")
-    links = re.findall(r'href="#([^"]+)"', shown)
-    assert {link for link in links if f"-{paper}-" in link} <= set(anchors)
-    assert any(f"-{paper}-" in link for link in links)
-
-
-@pytest.mark.parametrize("supposed", [False, True])
-def test_every_erratum_has_a_row_that_leads_to_its_folded_entry(supposed):
-    register = errata_register()
-    text = errata("suppositions" if supposed else "errata")
-    anchors = ids(text)
-    assert sorted(anchors) == sorted(
-        e.id for e in register if bool(e.supposition) == supposed
-    )
-    assert re.findall(r'<tr><th scope="row"><a href="#([^"]+)"', text) == anchors
-    entries = re.findall(r"<details(?: [^>]*)?>.*?</details>", text, flags=re.DOTALL)
-    assert [re.search(r'id="([^"]+)"', entry).group(1) for entry in entries] == anchors
-    assert text.count(">Supposing that</th>") == len(anchors) * supposed
-    replies = re.findall('none yet; <a href="#letter-([^"]+)">how to answer</a>', text)
-    unanswered = [
-        e for e in register if bool(e.supposition) == supposed and not e.reply
-    ]
-    assert sorted(replies) == sorted(e.paper for e in unanswered)
-
-
-def test_errata_come_by_consequence():
-    """Those that move a conclusion first, then by the number of results that rest on them."""
-    by_id = {entry.id: entry for entry in errata_register()}
-    shown = ids(errata())
-    resting = Counter(e.erratum for e in frozen().values() if e.erratum)
-    order = ("moves", "not supported as printed", "open", "stands")
-    ranks = [order.index(by_id[name].conclusion) for name in shown]
-    assert ranks == sorted(ranks)
-    counts = [resting[name] for name in shown]
-    for rank in set(ranks):
-        within = [
-            count for count, own in zip(counts, ranks, strict=True) if own == rank
-        ]
-        assert within == sorted(within, reverse=True)
-    assert shown[:2] == ["niu2024-table-3-scale", "chen2023-table-5-columns"]
-
-
-def test_a_differs_links_to_its_erratum():
-    known = {entry.id for entry in errata_register()}
-    linked = {a: e.erratum for a, e in frozen().items() if e.erratum}
-    assert set(linked.values()) <= known
-    text = rp.table("niu2024/table-2")._repr_html_()
-    assert text.count('href="#niu2024-table-2-translation"') == 1
-    assert erratum("niu2024/table-1#focal-length.red") == ""
+    # A verdict names its erratum.
     shown = " ".join(run("show", "niu2024/table-2").stdout.split())
     assert "Erratum niu2024-table-2-translation" in shown
 
 
-@pytest.mark.parametrize("paper", ["niu2024", "chen2023"])
-def test_pages_show_equations_and_sets(paper):
-    shown = rp.contradictions(paper)
-    assert shown["equations"]._repr_html_().count("<tr>") == 1 + len(
-        audit_paper(paper).equations
+def test_json_has_a_record_for_each_row():
+    found = json.loads(run("audit", "--json").stdout)
+    assert [row["name"] for row in found["score"]] == list(PAPERS)
+    assert len(found["relations"]) == sum(len(a.findings) for a in AUDITS)
+    outcomes = Counter(r["outcome"] for r in found["relations"] if not r["supposition"])
+    assert outcomes == Counter(f.outcome for a in AUDITS for f in a.read)
+    assert len(found["errata"]) + len(found["suppositions"]) == len(errata_register())
+    assert len(found["equations"]) == sum(len(a.equations) for a in AUDITS)
+    by_name = {row["name"]: row for row in found["relations"]}
+    assert by_name["motion-4-y"]["restates"] == "chen2023/table-5#4.motion-y"
+
+
+def test_the_score_counts_the_findings():
+    for audit, row in zip(AUDITS, rp.contradictions()["score"].rows, strict=True):
+        own, again = (audit.tally(restating=chosen) for chosen in (False, True))
+        supposing = [shown for shown in audit.equations if shown.supposition]
+        counts = [audit.cells, audit.examined, audit.bounded]
+        expected = [*map(len, counts), sum(own.values()), *own.values()]
+        expected += [sum(again.values()), again["contradicts"]]
+        expected += [len(audit.equations) - len(supposing), len(audit.failing)]
+        expected += [len(audit.supposed) + len(supposing)]
+        assert list(row.values()) == [audit.name, *expected]
+        cells = "".join(f"<td>{count}</td>" for count in expected)
+        assert f"<code>{audit.name}</code></th>{cells}" in page("score")
+
+
+def test_relations_lead_to_their_cells_and_declarations():
+    """Each has an anchor, a link to the cell that it restates, and its declared name."""
+    cells = {cell.anchor for table in library().values() for cell in table.cells}
+    for audit in AUDITS:
+        shown = page("relations", audit.name)
+        anchors = re.findall(r'<tr id="([^"]+)"', shown)
+        relations = [finding.relation for finding in audit.findings]
+        expected = [f"relation-{audit.name}-{one.name}" for one in relations]
+        assert sorted(anchors) == sorted(expected)
+        restated = re.findall(r'restates <a href="#([^"]+)"', shown)
+        addresses = (one.restates.partition(" (")[0] for one in relations)
+        assert sorted(restated) == sorted(anchor(one) for one in addresses if one)
+        assert set(restated) <= cells
+        folder = Path(relation.__file__).parent / "relations"
+        source = (folder / f"{audit.name}.toml").read_text()
+        for one in relations:
+            assert f'name = "{one.declared}"' in source
+            assert (one.declared == one.name) != (f"<small>{one.declared}<" in shown)
+        errata = page("errata", audit.name) + page("suppositions", audit.name)
+        links = set(re.findall(r'href="#(relation-[^"]+)"', errata))
+        assert links
+        assert links <= set(anchors)
+
+
+def test_relations_are_grouped_and_their_sides_have_units():
+    for audit in AUDITS:
+        doubtful = [one for one in audit.read if one.outcome != "agrees"]
+        agreeing = [one for one in audit.read if one.outcome == "agrees"]
+        restating = [one for one in agreeing if one.relation.restates]
+        counts = [len(doubtful), len(agreeing) - len(restating), len(restating)]
+        pattern = r"<caption>The (\d+) relations of"
+        shown = re.findall(pattern, page("relations", audit.name))
+        assert [*map(int, shown)] == [*counts, len(audit.supposed)]
+    sides = {one["name"]: one["sides"] for one in rp.contradictions()["relations"].rows}
+    assert sides["pixel-angle"] == "44.6″ against 44.6907″"
+
+
+@pytest.mark.parametrize("part", ["errata", "suppositions"])
+def test_every_erratum_has_a_row_that_leads_to_its_folded_entry(part):
+    """In the order of their consequence."""
+    register = [
+        e for e in errata_register() if bool(e.supposition) == (part != "errata")
+    ]
+    resting = Counter(one.erratum for one in frozen().values() if one.erratum)
+    order = ("moves", "not supported as printed", "open", "stands")
+    register.sort(
+        key=lambda e: (order.index(e.conclusion), -resting[e.id], e.extraction)
     )
-    sets = shown["sets"]._repr_html_()
-    assert sets.count("<tr>") == 1 + len(audit_paper(paper).conflicts)
-    wrong = {
-        f.relation.name for f in audit_paper(paper).read if f.outcome == "contradicts"
-    }
-    joint = [c for c in audit_paper(paper).conflicts if not wrong & set(c.relations)]
-    assert sets.count(JOINT) == len(joint)
+    shown, expected = page(part), [e.id for e in register]
+    assert re.findall(r'<tr><th scope="row"><a href="#([^"]+)"', shown) == expected
+    entries = re.findall(r"<details(?: [^>]*)?>.*?</details>", shown, re.DOTALL)
+    assert [re.search(r'id="([^"]+)"', one).group(1) for one in entries] == expected
+    for erratum, text in zip(register, entries, strict=True):
+        assert text.count(">Supposing that</th>") == bool(erratum.supposition)
+        replies = re.findall('none yet; <a href="#letter-([^"]+)">', text)
+        assert replies == ([] if erratum.reply else [erratum.paper])
+
+
+def test_an_unsettled_verdict_links_to_its_erratum():
+    known = {one.id for one in errata_register()}
+    assert {one.erratum for one in frozen().values() if one.erratum} <= known
+    shown = rp.table("niu2024/table-2")._repr_html_()
+    assert shown.count('href="#niu2024-table-2-translation"') == 1
+
+
+def test_pages_show_equations_and_sets():
+    for audit in AUDITS:
+        equations, sets = page("equations", audit.name), page("sets", audit.name)
+        assert equations.count("<tr>") == 1 + len(audit.equations)
+        assert sets.count("<tr>") == 1 + len(audit.conflicts)
+        wrong = {f.relation.name for f in audit.read if f.outcome == "contradicts"}
+        joint = [c for c in audit.conflicts if wrong.isdisjoint(c.relations)]
+        assert sets.count('class="rp-flag"') == len(joint)
 
 
 def test_an_erratum_shows_the_verdicts_that_rest_on_it():
-    section = entry("chen2023-table-5-motion")
-    link = '<a href="#chen2023-table-5-4-motion-y">'
-    assert (
-        f"{link}<code>table-5#4.motion-y</code></a>: 60.66\u202fµm printed, 60.36"
-        in section
+    link = (
+        '<a href="#chen2023-table-5-4-motion-y"><code>table-5#4.motion-y</code></a>: '
     )
-    section = entry("chen2023-table-5-columns")
-    assert "2.reference-y</code></a>: −2.006″ printed, agrees with 3 of 6" in section
+    shown = entry("chen2023-table-5-motion")
+    assert f"{link}60.66\u202fµm printed, 60.36" in shown
+    shown = entry("chen2023-table-5-columns")
+    assert "2.reference-y</code></a>: −2.006″ printed, agrees with 3 of 6" in shown
 
 
-def test_the_evidence_on_a_shared_number_says_what_each_pair_asks_for():
-    """20.27 um and 2.006 arcsec ask for 2084.3 mm, with the rounding of both, and for no other."""
-    told = re.search(
+def test_the_evidence_on_a_shared_number_gives_the_values_that_each_pair_requires():
+    """20.27 µm and 2.006 arcsec require 2084.3 mm, with the rounding of both."""
+    found = re.search(
         r"reference-2-x-y</code></a>: requires the focal length of the telescope to lie from "
         r"([\d.]+) to ([\d.]+) mm",
         entry("chen2023-table-5-columns"),
@@ -212,4 +171,4 @@ def test_the_evidence_on_a_shared_number_says_what_each_pair_asks_for():
         / math.tan((2.006 - side * 0.0005) * math.pi / 648000)
         for side in (-1, 1)
     ]
-    assert [float(end) for end in told.groups()] == pytest.approx(ends, rel=1e-5)
+    assert [float(end) for end in found.groups()] == pytest.approx(ends, rel=1e-5)

@@ -118,6 +118,13 @@ def test_check_takes_the_name_of_a_paper():
     )
 
 
+def test_check_counts_weak_agreement_apart():
+    """Table V's motions are differences of the positions beside them, its first less itself."""
+    output = run("check", "chen2023/table-5").stdout
+    (line,) = re.findall("^chen2023/table-5 +(.*)", output, re.MULTILINE)
+    assert line.endswith(", 17 weak")
+
+
 def test_unknown_keys_get_suggestions_and_exit_code_two():
     for command in ("check", "show", "export --format csv", "cite"):
         result = run(*command.split(), "niu2024/tabel-3")
@@ -131,6 +138,12 @@ def test_tables_fit_80_columns_uncut():
         assert result.exit_code == 0
         assert max(len(line) for line in result.stdout.splitlines()) <= 80, command
         assert "…" not in result.stdout
+
+
+def test_show_puts_computed_beside_printed():
+    lines = run("show", "niu2024/table-3").stdout.splitlines()
+    row = next(line for line in lines if line.startswith("rotation.red "))
+    assert row.split() == ["rotation.red", "0.0698°", "0.0700", "consistent"]
 
 
 def test_figures_are_written(tmp_path):

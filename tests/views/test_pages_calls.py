@@ -16,7 +16,7 @@ from book_facts import Register, register, write_tables, write_whole
 from reproduce.judge.ledger import erratum
 from reproduce.papers.catalogue import studies
 from reproduce.papers.declare import Column, Fact
-from reproduce.printed.cells import PAPERS, library
+from reproduce.printed.cells import PAPERS, anchor, library
 from reproduce.views import numbers, verdicts
 from reproduce.views.computed import whole_ledger
 from reproduce.views.contradictions import errata_register
@@ -24,7 +24,7 @@ from reproduce.views.export import citation, provenance, signed, table_files
 from reproduce.views.figure import drawable
 from reproduce.views.verdicts import facts_of
 
-TABLES = list(library())
+CHANCE = Column("p", "chance", 1e-12)
 ENDS = ("csv", "json", "parquet", "schema.json")
 SPARSE = "computed error tolerance share probability mcse stands_for_low stands_for_high".split()
 SPARSE += ["interval_low", "interval_high", "function", "line", "readings", "agreeing"]
@@ -58,174 +58,127 @@ class Reader(HTMLParser):
             self.printed.append(data)
 
 
-@pytest.mark.parametrize("key", TABLES)
-def test_every_cell_has_its_anchor_and_its_print(key):
-    reader = Reader(rp.table(key)._repr_html_())
-    for cell in library()[key].cells:
-        assert reader.ids.count(cell.anchor) == 1
-    assert reader.printed == [
-        numbers.powers(cell.shown) for cell in library()[key].cells
-    ]
-    assert reader.open == []
-
-
-def test_anchors_are_unique_over_all_tables():
-    ids = [name for key in TABLES for name in Reader(rp.table(key)._repr_html_()).ids]
+def test_every_cell_has_its_anchor_and_its_print():
+    """An anchor is unique over all tables."""
+    ids = []
+    for key, table in library().items():
+        reader = Reader(rp.table(key)._repr_html_())
+        assert {cell.anchor for cell in table.cells} <= set(reader.ids)
+        assert reader.printed == [numbers.powers(cell.shown) for cell in table.cells]
+        assert reader.open == []
+        ids += reader.ids
     assert len(ids) == len(set(ids))
 
 
 def test_computed_and_verdict_stand_beside_the_print():
     html = rp.table("niu2024/table-2")._repr_html_()
-    (cell,) = re.findall(
-        r'<td id="niu2024-table-2-translation-x-red".*?</td>', html, re.DOTALL
-    )
-    assert "0.3\u202fpx" in cell
-    assert "1.90" in cell
-    assert ">differs<" in cell
+    pattern = r'<td id="niu2024-table-2-translation-x-red".*?</td>'
+    (cell,) = re.findall(pattern, html, re.DOTALL)
+    for text in ("0.3\u202fpx", "1.90", ">differs<"):
+        assert text in cell
     assert "title=" not in html, "what a tooltip would say stands in the text"
-    assert (
-        "calculated according to Table 1"
-        in html[html.index("How each cell was judged") :]
-    )
-
-
-def test_unknown_keys_are_refused():
-    with pytest.raises(KeyError, match="did you mean niu2024/table-3"):
+    judged = html[html.index("How each cell was judged") :]
+    assert "calculated according to Table 1" in judged
+    with pytest.raises(KeyError, match="niu2024/table-3"):
         rp.table("niu2024/tabel-3")
 
 
-@pytest.mark.parametrize("key", drawable())
-def test_figures_follow_the_theme_and_have_alternative_text(key):
-    figure = rp.figure(key)
-    figure.alternative = 'a "quoted" text'
-    html = figure._repr_html_().partition("</svg>")[0]
-    assert 'role="img"' in html
-    assert 'aria-label="a &quot;quoted&quot; text"' in html
-    assert "currentColor" in html
-    assert "#000000" not in html
-    assert "<text" in html, "text stays text"
-    (root,) = re.findall(r"<svg [^>]*>", html)
-    assert 'fill="currentColor"' in root, (
-        "text of formulas has no colour of its own and takes this"
-    )
-    assert not re.search(r"<g [^>]*fill[^>]*>\s*<text>", html), (
-        "nor does what it stands in"
-    )
-    ids = re.findall(r'\bid="([^"]+)"', html)
-    for used in re.findall(r'(?:url\(#|xlink:href="#)([^)"]+)', html):
-        assert used in ids
-
-
-def test_figures_of_one_page_share_no_name():
-    """A drawing, its narrow twin and another figure: each link within one leads to its own part."""
-    shown = [
-        rp.figure(key)._repr_html_() for key in ("niu2024/fig-2", "chen2023/fig-10a")
-    ]
-    ids = re.findall(r'\bid="([^"]+)"', "".join(shown))
-    assert len(ids) == len(set(ids)) > 4
+def test_figures_follow_the_theme_and_have_alternative_text():
+    """Text stays text and takes its colour from the page; no two figures share an id."""
+    seen = set()
+    for key in drawable():
+        figure = rp.figure(key)
+        figure.alternative = 'a "quoted" text'
+        html = figure._repr_html_()
+        first = html.partition("</svg>")[0]
+        for text in ('role="img"', "currentColor", "<text"):
+            assert text in first
+        assert 'aria-label="a &quot;quoted&quot; text"' in first
+        assert "#000000" not in first
+        (root,) = re.findall(r"<svg [^>]*>", first)
+        assert 'fill="currentColor"' in root
+        assert not re.search(r"<g [^>]*fill[^>]*>\s*<text>", first)
+        used = re.findall(r'(?:url\(#|xlink:href="#)([^)"]+)', first)
+        assert set(used) <= set(re.findall(r'\bid="([^"]+)"', first))
+        ids = re.findall(r'\bid="([^"]+)"', html)
+        assert len(ids) == len(set(ids))
+        assert seen.isdisjoint(ids)
+        seen |= set(ids)
 
 
 def test_the_index_adds_up():
+    """A row for each paper, for each of its items, and for all."""
     html = rp.contents().index._repr_html_()
-    rows = [
-        re.findall(r"<td(?: class=\"rp-zero\")?>([\d·]+)<", row)
-        for row in html.split("<tr>")[2:]
-    ]
-    *found, whole = [[int(n.replace("·", "0")) for n in row] for row in rows if row]
-    first = len([key for key in library() if key.startswith(PAPERS[0])])
-    counts = [*found[1 : first + 1], *found[first + 2 :]]
-    assert len(counts) == len(library())
-    parts = [found[0], found[first + 1]]
-    assert [sum(column) for column in zip(*parts, strict=True)] == whole, (
-        "a row for each paper"
-    )
-    tally = verdicts.tally(whole_ledger().records)
-    sums = [sum(column) for column in zip(*counts, strict=True)]
-    assert sums == whole
-    assert sums[:-1] == list(tally.values())
+    rows = re.findall(r'<tr><th scope="row">(.*?)</tr>', html, re.DOTALL)
+    found = {}
+    for row in rows:
+        counts = re.findall(r"<td[^>]*>([\d·]+)<", row)
+        name = re.findall(r"<code>(.*?)</code>|^(\w+)<", row)[0]
+        found["".join(name)] = [int(count.replace("·", "0")) for count in counts]
+    records = whole_ledger().records
+    for name, counts in found.items():
+        own = [
+            r for r in records if name == "all" or f"{r.key}/".startswith(f"{name}/")
+        ]
+        expected = [*verdicts.tally(own).values(), verdicts.weak(own)]
+        assert counts == (expected if own else [])
+    assert set(found) >= {*PAPERS, *library(), "all"}
 
 
 def test_facts_of_a_cell_an_item_and_a_paper():
     cell = facts_of("niu2024/table-3#rotation.red")
-    assert cell["printed"] == "0.0698°"
-    assert cell["verdict"] == "consistent"
+    assert (cell["printed"], cell["verdict"]) == ("0.0698°", "consistent")
     assert facts_of("niu2024/table-3")["joint"] == "below 1/2,000"
     everything = facts_of("all")
     assert everything["cells"] == "343"
-    judged = sum(
-        int(everything[v].split()[0]) for v in ("exact", "consistent", "differs")
-    )
+    kinds = ("exact", "consistent", "differs")
+    judged = sum(int(everything[kind].split()[0]) for kind in kinds)
     assert int(everything["judged"]) == judged
+    for name in ("nobody1999", "niu2024/table-3#scale.green"):
+        with pytest.raises(KeyError):
+            facts_of(name)
 
 
-@pytest.mark.parametrize("name", ["all", *PAPERS, *library()])
-def test_no_count_of_agreement_stands_without_its_weak_part(name):
-    found = [
-        r
-        for r in whole_ledger().records
-        if name == "all" or r.cell.startswith((f"{name}#", f"{name}/"))
-    ]
-    said = facts_of(name)
-    for count, kinds in (
-        ("exact", {"exact"}),
-        ("consistent", {"consistent"}),
-        ("agree", {"exact", "consistent"}),
-    ):
-        agreeing = [r for r in found if r.verdict in kinds]
-        weak = len([r for r in agreeing if set(r.flags) & set(verdicts.WEAK)])
-        share = "all" if weak == len(agreeing) else weak
-        told = f" ({share} of them weakly)" if weak else ""
-        assert said[count] == f"{len(agreeing)}{told}"
-    assert int(said["strong"]) + int(said["weak"]) == int(said["agree"].split()[0])
-
-
-@pytest.mark.parametrize("name", ["nobody1999", "niu2024/table-3#scale.green"])
-def test_nothing_can_be_said_of_what_does_not_exist(name):
-    with pytest.raises(KeyError):
-        facts_of(name)
+def test_no_count_of_agreement_stands_without_its_weak_part():
+    for name in ("all", *PAPERS, *library()):
+        records = whole_ledger().records
+        found = [r for r in records if name in {"all", r.key, r.key.split("/")[0]}]
+        facts = facts_of(name)
+        for count in ("exact", "consistent", "agree"):
+            kinds = {"exact", "consistent"} if count == "agree" else {count}
+            agreeing = [r for r in found if r.verdict in kinds]
+            weak = len([r for r in agreeing if set(r.flags) & set(verdicts.WEAK)])
+            share = "all" if weak == len(agreeing) else weak
+            remark = f" ({share} of them weakly)" if weak else ""
+            assert facts[count] == f"{len(agreeing)}{remark}"
+        agree = int(facts["agree"].split()[0])
+        assert int(facts["strong"]) + int(facts["weak"]) == agree
 
 
 @pytest.mark.parametrize(
-    ("value", "mcse", "shown"),
+    ("write", "arguments", "text"),
     [
-        (0.4321, 0.01, "0.43"),
-        (0.05, 0.01, "0.05"),
-        (0.0, 0.0004, "<\u00a00.0008"),
-        (1.0, 0.02, "1.00"),
+        (numbers.chance, (0.4321, 0.01), "0.43"),
+        (numbers.chance, (0.4321, 0.04), "0.43"),
+        (numbers.chance, (0.05, 0.01), "0.05"),
+        (numbers.chance, (0.0, 0.0004), "<\u00a00.0008"),
+        (numbers.chance, (1.0, 0.02), "1.00"),
+        (numbers.entry, (0.4312, CHANCE), "0.4"),
+        (numbers.entry, (10**-7.6, CHANCE), "10⁻⁸"),
+        (numbers.entry, (0.0, CHANCE), "<\u202f10⁻¹²"),
+        (numbers.entry, (0.0021, CHANCE), "0.002"),
+        (numbers.entry, (10**-2.6, CHANCE), "0.003"),
+        (numbers.entry, (0.0012, CHANCE), "0.001"),
+        (numbers.fact, (Fact(0.0432, ".3f", "px"),), "0.043\u202fpx"),
+        (numbers.fact, (Fact(-4e-10, ".2g", "px", 1e-9),), "0\u202fpx"),
+        (numbers.fact, (Fact(10_000, ","),), "10,000"),
+        (numbers.fact, (Fact("Table 2"),), "Table 2"),
+        (numbers.fact, (Fact(3e-13, "chance", zero=1e-9),), "<\u202f10⁻⁹"),
     ],
 )
-def test_probabilities_show_no_more_digits_than_their_error_allows(value, mcse, shown):
-    assert numbers.chance(value, mcse) == shown
-
-
-@pytest.mark.parametrize(
-    ("probability", "text"),
-    [
-        (0.4312, "0.4"),
-        (10**-7.6, "10⁻⁸"),
-        (0.0, "<\u202f10⁻¹²"),
-        (0.0021, "0.002"),
-        (10**-2.6, "0.003"),
-        (0.0012, "0.001"),
-    ],
-)
-def test_small_probabilities_are_powers_of_ten(probability, text):
-    column = Column("p", "chance", 1e-12)
-    assert numbers.entry(probability, column) == text
-
-
-@pytest.mark.parametrize(
-    ("quoted", "text"),
-    [
-        (Fact(0.0432, ".3f", "px"), "0.043\u202fpx"),
-        (Fact(-4e-10, ".2g", "px", 1e-9), "0\u202fpx"),
-        (Fact(10_000, ","), "10,000"),
-        (Fact("Table 2"), "Table 2"),
-        (Fact(3e-13, "chance", zero=1e-9), "<\u202f10⁻⁹"),
-    ],
-)
-def test_facts_are_written_like_numbers_of_tables(quoted, text):
-    assert numbers.fact(quoted) == text
+def test_numbers_have_the_digits_that_their_errors_allow(write, arguments, text):
+    """Small probabilities are powers of ten; facts are written as entries of tables."""
+    assert write(*arguments) == text
 
 
 def test_shipped_files_are_written(tmp_path):
@@ -306,10 +259,8 @@ def test_the_register_fits_its_schema():
 
 
 def test_all_numbers_stand_in_one_table():
-    text = rp.contents().numbers._repr_html_()
-    cells = [cell for table in library().values() for cell in table.cells]
-    assert text.count("<tr>") == 1 + len(cells) == 1 + len(rp.contents().cells())
-    assert all(f'href="#{cell.anchor}"' in text for cell in cells)
-    alone = rp.contents("niu2024").numbers._repr_html_()
-    assert 'href="#niu2024-table-3-scale-red"' in alone
-    assert 'href="#chen2023' not in alone
+    for contents in (rp.contents(), rp.contents("niu2024")):
+        text, cells = contents.numbers._repr_html_(), contents.cells()
+        found = re.findall(r'<th scope="row"><a href="#([^"]+)"', text)
+        assert found == [anchor(cell) for cell in cells["cell"]]
+        assert text.count("<tr>") == 1 + len(cells)

@@ -1,4 +1,4 @@
-"""What the objects of the front door share: reading printed cells, export, citation, change."""
+"""Base classes of tables, figures and studies: inputs, export, citation, changes."""
 
 from __future__ import annotations
 
@@ -23,24 +23,22 @@ if TYPE_CHECKING:
     from reproduce.printed.given import Given
 
 
-Change = Mapping[
-    str, str | float
-]  # address of a printed cell to a value as in the print
+Change = Mapping[str, str | float]  # address of a printed cell to a value as printed
 
 
 class Shown(Display):
-    """What has an address, reads printed cells and gives its numbers."""
+    """An object with a key, printed cells as inputs, and numbers."""
 
     key: str
 
     @property
     def reads(self) -> tuple[str, ...]:
-        """Addresses of all printed cells that it reads, directly or through other items."""
+        """Addresses of its inputs, direct or through other items."""
         return changeable(self.key)
 
     @property
     def again(self) -> str:
-        """The line that computes it again, with a place for another value of what it reads."""
+        """A line of code that computes it with another value of its first input."""
         line, numbers = f'rp.table("{self.key}")', (find(one)[0] for one in self.reads)
         read = next((cell for cell in numbers if cell.is_number), None)
         return line + (f'.rerun({{"{read.address}": "{read.text}"}})' if read else "")
@@ -51,7 +49,7 @@ class Shown(Display):
 
     @property
     def data(self) -> pd.DataFrame:
-        """The numbers, as of `frame`."""
+        """The numbers, as in `frame`."""
         return self.frame()
 
     def export(self, form: str) -> str:
@@ -60,23 +58,23 @@ class Shown(Display):
 
     @property
     def about(self) -> dict[str, str]:
-        """What its files say of it, and of what was changed."""
+        """Provenance of its exports, with its changes."""
         return provenance(self.cite("text"), self._setting())
 
     def _setting(self) -> str:
         return ""
 
     def cite(self, form: str = "bibtex") -> str:
-        """Return how to cite this and its paper: bibtex, ris, csl or text."""
+        """Return the citation of this and of its paper as bibtex, ris, csl or text."""
         return citation(self.key, form)
 
 
 class Item(Shown):
-    """What tables and figures share, ours too: where they come from."""
+    """A table or a figure, of a paper or supplementary."""
 
     @property
     def options(self) -> pd.DataFrame:
-        """Options of the text: one row for each alternative, the literal one first."""
+        """Alternatives of each option of the text, the literal one first."""
         import pandas as pd
 
         rows = [
@@ -86,7 +84,7 @@ class Item(Shown):
         ]
 
         class Words(pd.DataFrame):
-            """A DataFrame whose sentences a notebook shows whole, and so do parts of it."""
+            """A DataFrame whose sentences a notebook does not shorten."""
 
             @property
             def _constructor(self) -> type[Words]:
@@ -103,17 +101,17 @@ class Item(Shown):
 
     @property
     def title(self) -> str:
-        """What the item holds, in our words."""
+        """Title of the item."""
         return keys.title(self.key)
 
     @property
     def place(self) -> str:
-        """Where it stands in the paper."""
+        """Place in the paper."""
         return keys.place(self.key)
 
     @property
     def source(self) -> str:
-        """The text of the functions that compute and draw it."""
+        """Source code of the functions that compute and draw it."""
         item = catalogue().get(self.key)
         computations = item.computations if item else ()
         draw = item.draw if item else drawings()[self.key]
@@ -124,16 +122,16 @@ class Item(Shown):
 
 
 class Changeable(Shown):
-    """What can be computed again with other values for printed cells that it reads, or a seed.
+    """An object that can be computed again with other inputs or another seed.
 
     Parameters
     ----------
     key : str
-        Its only name.
+        Key of the object.
     changes : mapping, optional
-        Address of any cell in `reads` to a value as in the print.
+        Address of any cell in `reads` to a value as printed.
     seed : int, optional
-        Of its random numbers, in place of the project's own.
+        Seed of the random number generator.
     """
 
     kind = ""
@@ -158,11 +156,11 @@ class Changeable(Shown):
     @property
     @abstractmethod
     def _declared(self) -> Drawing | Schematic | Study:
-        """What is declared under its key."""
+        """The declaration of its key."""
 
     @abstractmethod
     def _compute(self, door: Given | None) -> Any:
-        """Compute from the print, or from what another door holds."""
+        """Compute from the printed values, or from changed inputs."""
 
     @cached_property
     def _made(self) -> tuple[Any, dict[str, float]]:
@@ -174,12 +172,12 @@ class Changeable(Shown):
 
     @property
     def random(self) -> bool:
-        """Whether it draws random numbers, so that it can be rerun with another seed."""
+        """Whether it draws random numbers."""
         return self._declared.random
 
     @property
     def changes(self) -> dict[str, str]:
-        """What was changed: address or ``seed`` to the value as given."""
+        """The changes: address or ``seed`` to the value as given."""
         return rerun.by_name(self._changes, self.seed)
 
     def _setting(self, remark: str = "a reader's own setting") -> str:
@@ -189,32 +187,32 @@ class Changeable(Shown):
 
     @property
     def replaced(self) -> dict[str, float]:
-        """Printed inputs whose place a recomputed value took, in the unit of print."""
+        """Printed inputs that recomputed values replaced, in the printed unit."""
         return self._made[1]
 
     def rerun(
         self, changes: Change | None = None, *, seed: int | None = None, **others: Any
     ) -> Self:
-        """Return the same computed again with other values for cells that it reads, or a seed.
+        """Return the object computed with other inputs or another seed.
 
         Parameters
         ----------
         changes : mapping
-            Address of any cell in `reads` to a value as in the print. What a figure marks as
-            printed stays the print.
+            Address of any cell in `reads` to a value as printed. The marks of printed values in a
+            figure do not change.
         seed : int, optional
-            Of the random numbers, where it draws some.
+            Seed of the random number generator.
 
         Returns
         -------
         Figure or StudyTable
-            With `changes`, and the printed inputs that recomputed values `replaced`.
+            The object with its `changes`.
 
         Raises
         ------
         ValueError
-            If it does not read the cell, the value does not fit it, it draws no random numbers, or
-            anything else is to be changed.
+            If a cell is not an input, a value does not fit its cell, or there are no random
+            numbers.
         """
         cells, seed = (
             {**self._changes, **(changes or {})},
@@ -226,18 +224,14 @@ class Changeable(Shown):
 def setting(
     subject: str, changes: Mapping[str, str], replaced: Mapping[str, float], remark: str
 ) -> str:
-    """Say what a reader changed, and which recomputed values took the place of printed ones."""
-    changed = ", ".join(f"{name} = {text}" for name, text in changes.items())
-    taken = (
-        f" Recomputed values took the place of: {', '.join(replaced)}."
-        if replaced
-        else ""
-    )
-    return f"{subject} {changed or 'nothing'}: {remark}.{taken}"
+    """Return a sentence on changes and on the recomputed values that replaced printed ones."""
+    changed = ", ".join(map(" = ".join, changes.items())) or "nothing"
+    names = f" Recomputed values took the place of: {', '.join(replaced)}."
+    return f"{subject} {changed}: {remark}.{names if replaced else ''}"
 
 
 def text_of(function: Callable[..., Any]) -> str:
-    """Return the text of a function."""
+    """Return the source code of a function."""
     return inspect.getsource(inspect.unwrap(function)).rstrip()
 
 

@@ -1,7 +1,6 @@
-"""What is shown, described once as blocks: sentences, a `Grid`, a `Fold` around others, `Html`.
+"""Blocks of output: sentences, a `Grid`, a `Fold` around other blocks, and `Html`.
 
-One writer makes them HTML for a page or a notebook, another text for a terminal's columns; a
-`Display` shows itself so.
+A template writes each block as HTML for a page, and rich writes it for a terminal.
 """
 
 from __future__ import annotations
@@ -11,144 +10,193 @@ import io
 import re
 import unicodedata
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import zip_longest
-from typing import Any, NamedTuple
+from functools import cache
+from typing import Any
 
+from jinja2 import Environment, PackageLoader
 from markupsafe import Markup, escape
 from rich import box
 from rich.cells import cell_len
-from rich.console import Console, RenderableType
+from rich.console import Console, ConsoleOptions, RenderableType, RenderResult
+from rich.measure import Measurement
 from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from reproduce.views.numbers import powers_in_html
+from reproduce.views.numbers import minus, powers_in_html
 
 Entry = str | Markup
-_WIDTH = 80
-# Columns of a terminal, at least and at most.
-_NARROWEST, _WIDEST = 20, 1000
-_TOWER = 14  # columns that a wrapped sentence takes at least
+_WIDTH_COLUMNS, _MIN_COLUMNS, _MAX_COLUMNS = 80, 20, 1000  # of a terminal
+# A column is at least as wide as its longest entry or this many characters.
+_WRAPPED_CHARACTERS = 14
 _CONTROL = re.compile(r"[\x00-\x09\x0b-\x1f\x7f-\x9f]")
-# How a terminal shows the badge of a verdict.
-_COLOURS = {"exact": "green", "consistent": "green", "differs": "bold red"}
-_COLOURS |= {"ambiguous": "yellow", "unpublished": "cyan", "input": "dim"}
-_SMALL = re.compile("<br><small>(.*?)</small>")
-PLAIN = "reproduce-plain"  # how streams write what they cannot encode
-# What stands in for a sign that a stream cannot encode.
-_SIGNS = {
-    "−": "-",
-    "×": "x",
-    "″": '"',
-    "′": "'",
-    "°": " deg",
-    "±": "+/-",
-    "µ": "u",
-    "μ": "u",
-}
-_SIGNS |= {"→": "->", "↔": "<->", "≈": "~", "∞": "inf", "√": "sqrt", "∆": "Delta"}
-_SIGNS |= {
-    "≤": "<=",
-    "≥": ">=",
-    "·": ".",
-    "–": "-",
-    "—": "-",
-    "…": "...",
-    "’": "'",
-    "─": "-",
-}
-_SIGNS |= {
-    "⁻": "-",
-    "σ": "sigma",
-    "τ": "tau",
-    "χ": "chi",
-    "κ": "kappa",
-    "θ": "theta",
-    "Δ": "Delta",
-}
+_NUMBER = re.compile(r"[−<(≈]?\s?[\d.](?!.*[a-z]{5})|·?$")  # or no entry
+# Style of the name of a verdict on a terminal.
+_STYLES = {"exact": "green", "consistent": "green", "differs": "bold red"}
+_STYLES |= {"ambiguous": "yellow", "unpublished": "cyan", "input": "dim"}
+PLAIN = "reproduce-plain"  # name of the error handler of streams
+_ASCII = str.maketrans("−⁻–—─×·″′’…µμ", "-----x.\"''~uu") | {177: "+/-", 176: " deg"}
+
+
+@cache
+def _templates() -> Environment:
+    return Environment(
+        loader=PackageLoader("reproduce.views"),
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+
+
+def rendered(template: str, **context: Any) -> Markup:
+    """Return the HTML of a template of the folder ``templates``."""
+    return Markup(_templates().get_template(f"{template}.html").render(context))
 
 
 @dataclass(frozen=True)
 class Html:
-    """A piece of a page, or what writes it; a terminal shows `words` in its place."""
+    """Part of a page, or a function that returns it. A terminal shows `words` instead."""
 
     text: str | Callable[[], str]
-    words: str = ""
+    words: str | Grid = ""
 
     @property
     def markup(self) -> Markup:
-        """The piece itself."""
+        """HTML of the part."""
         return Markup(self.text if isinstance(self.text, str) else self.text())
 
     def _repr_html_(self) -> str:
         return powers_in_html(self.markup)
 
     def __repr__(self) -> str:
-        """Return the words, where it has some: the HTML is what counts."""
-        return self.words or "<HTML>"
+        """Return the words, if there are any."""
+        return str(self.words) or "<HTML>"
+
+    def __rich_console__(self, _: Console, __: ConsoleOptions) -> RenderResult:
+        if self.words:
+            yield _renderable(self.words)
 
 
-class Box(NamedTuple):
-    """An entry with an anchor, a class and a name of its own; it may hold several, stacked."""
-
-    content: Entry | tuple[Entry, ...]
-    identifier: str = ""
-    kind: str = ""
-    name: str = ""
-
-
-class Fold(NamedTuple):
-    """Blocks that a page shows when it is asked to; of some a terminal says the summary alone."""
+@dataclass(frozen=True)
+class Fold:
+    """Blocks that a page shows on demand. With `page`, a terminal shows the summary only."""
 
     summary: Entry
     blocks: tuple[Block, ...]
     opened: bool = False
     page: bool = False
 
+    @property
+    def markup(self) -> Markup:
+        """HTML of the fold."""
+        return rendered("fold", fold=self, content=_markup(self.blocks))
+
+    def __rich_console__(self, _: Console, __: ConsoleOptions) -> RenderResult:
+        yield Text(f"\n{plain(self.summary)}")
+        yield from () if self.page else map(_renderable, self.blocks)
+
 
 @dataclass(frozen=True)
 class Grid:
-    """A table of texts; the first entry of each row names it.
+    """A table of texts; the first entry of each row is its name.
 
     Parameters
     ----------
     caption : str
-        What it shows; also its name for a reader who cannot see it.
+        Caption, also the label for screen readers.
     head : sequence of str
         Names of the columns.
     rows : sequence of sequences of str
-        Entries; those that are `markupsafe.Markup` are HTML already.
+        Entries; an entry that is `markupsafe.Markup` is HTML.
     identifier : str
-        The anchor of the table on a page.
+        Anchor of the table.
     kind : str
-        A further class of its HTML.
-    anchors : sequence of str
-        The anchor of each row, where rows have one.
-    names : sequence of str
-        What a terminal calls each row in place of its first entry.
-    whole : collection of int
-        Columns that a terminal does not wrap.
-    stacked : sequence of str
-        What the stacked entries of a box are; a terminal shows a row for each box.
-    words : int
-        So many columns are words, which a terminal aligns at the left.
-    spare : bool
-        Whether a terminal that is too narrow may leave it out.
+        Further classes of its HTML.
+    whole, words
+        Ignored.
     """
 
     caption: Entry
     head: Sequence[Entry]
-    rows: Sequence[Sequence[Entry | Box]]
+    rows: Sequence[Sequence[Entry]]
     identifier: str = ""
     kind: str = ""
-    anchors: Sequence[str] = ()
-    names: Sequence[str] = ()
     whole: Collection[int] = ()
-    stacked: Sequence[str] = ()
     words: int = 1
-    spare: bool = False
+
+    @classmethod
+    def of(
+        cls,
+        caption: Entry,
+        columns: Iterable[str],
+        rows: Sequence[Mapping[str, Any]],
+        **looks: Any,
+    ) -> Grid:
+        """Return some columns of records, without empty columns."""
+        texts = {n: [_text(row.get(n, "")) for row in rows] for n in columns}
+        shown = {name: column for name, column in texts.items() if any(column)}
+        lines = [*zip(*shown.values(), strict=True)]
+        return cls(caption, [*shown], lines, **looks)
+
+    @property
+    def markup(self) -> Markup:
+        """HTML of the table."""
+        return rendered("grid", grid=self, caption=escape(self.caption))
+
+    def __rich_console__(self, console: Console, size: ConsoleOptions) -> RenderResult:
+        """Yield the caption and the table; if it is too wide, a small table for each row."""
+        if self.caption:
+            yield Text(f"\n{plain(self.caption)}")
+        heads, rows = (
+            [*map(plain, self.head)],
+            [[*map(plain, row)] for row in self.rows],
+        )
+        table = _table(heads, rows)
+        room = size.update_width(_MAX_COLUMNS)
+        if Measurement.get(console, room, table).minimum <= size.max_width:
+            yield table
+            return
+        for name, *texts in rows:
+            yield Text(name)
+            named = [pair for pair in zip(heads[1:], texts, strict=True) if pair[1]]
+            yield Padding(_table((), named), (0, 0, 0, 2))
+
+
+def _text(value: object) -> Entry:
+    if isinstance(value, str):
+        return value
+    if isinstance(value, float):
+        return minus(f"{value:.5g}")
+    if isinstance(value, dict):
+        value = list(map(": ".join, value.items()))
+    return ", ".join(map(str, value)) if isinstance(value, list) else str(value)
+
+
+def _table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
+    """Return a table for a terminal, with numbers at the right."""
+    table = Table(
+        pad_edge=False,
+        box=box.SIMPLE_HEAD if heads else None,
+        padding=(0, 1, 0, 0),
+        show_header=bool(heads),
+        show_edge=False,
+    )
+    for name, *texts in zip(heads or ("", ""), *rows, strict=True):
+        longest = max(map(cell_len, (name, *texts)))
+        word = max(map(cell_len, " ".join((name, *texts)).split(" ")))
+        numeric = bool(heads) and all(map(_NUMBER.match, texts))
+        table.add_column(
+            name,
+            justify="right" if numeric else "left",
+            overflow="fold",
+            min_width=max(word, min(longest, _WRAPPED_CHARACTERS)),
+        )
+    for row in rows:
+        styles = (_STYLES.get(text.partition(" ")[0], "") for text in row)
+        table.add_row(*map(Text, row, styles))
+    return table
 
 
 Block = str | Markup | Html | Grid | Fold
@@ -156,197 +204,46 @@ Block = str | Markup | Html | Grid | Fold
 
 def grid(
     caption: Entry,
-    columns: Mapping[Any, Callable[[Any], Entry | Box]],
+    columns: Mapping[Any, Callable[[Any], Entry]],
     rows: Collection[Any],
     **looks: Any,
 ) -> Grid:
-    """Return a table from what writes the entries of each column, by its head, and the rows.
-
-    Columns without any entry are left out.
-    """
-    written = [[write(row) for row in rows] for write in columns.values()]
-    shown = {
-        head: column
-        for head, column in zip(columns, written, strict=True)
-        if any(column)
-    }
-    return Grid(caption, list(shown), [*zip(*shown.values(), strict=True)], **looks)
+    """Return a table from the function of each column."""
+    texts = [{name: write(row) for name, write in columns.items()} for row in rows]
+    return Grid.of(caption, columns, texts, **looks)
 
 
 def badge(word: str, text: str = "") -> Markup:
-    """Return a verdict, or a text in its look, as a badge."""
+    """Return a verdict, or a text in the style of a verdict, as a badge."""
     return Markup('<span class="rp-badge rp-badge-{}">{}</span>').format(
         word, text or word
     )
 
 
+def code(text: str) -> Markup:
+    """Return a text as code."""
+    return Markup("<code>{}</code>").format(text)
+
+
 def link(place: str, text: Entry) -> Markup:
-    """Return a text that leads to an anchor, on whatever page it is."""
+    """Return a text with a link to an anchor of any page."""
     return Markup('<a href="#{}">{}</a>').format(place, text)
 
 
 def html(blocks: Iterable[Block]) -> str:
-    """Write blocks as HTML."""
-    return powers_in_html(_joined(blocks))
+    """Return blocks as HTML."""
+    return powers_in_html(_markup(blocks))
 
 
-def _joined(blocks: Iterable[Block]) -> Markup:
-    return Markup("\n").join(map(_block_html, blocks))
-
-
-def _block_html(block: Block) -> Markup:
-    if isinstance(block, Html):
-        return block.markup
-    if isinstance(block, Grid):
-        return _table_html(block)
-    if isinstance(block, Fold):
-        fold = '<details class="rp-details"{}>\n<summary>{}</summary>\n{}\n</details>'
-        opened = Markup(" open" if block.opened else "")
-        return Markup(fold).format(opened, block.summary, _joined(block.blocks))
-    return Markup('<p class="rp-joint">{}</p>').format(block)
-
-
-def _table_html(grid: Grid) -> Markup:
-    th = '<th scope="{}">{}</th>'.format
-    head = "".join(th("col", escape(name)) for name in grid.head)
-    marks = [f' id="{escape(name)}"' for name in grid.anchors] or [""] * len(grid.rows)
-    rows = "\n".join(
-        f"<tr{mark}>{th('row', escape(row[0]))}{''.join(map(_td, row[1:]))}</tr>"
-        for mark, row in zip(marks, grid.rows, strict=True)
-    )
-    anchor = f' id="{escape(grid.identifier)}"' if grid.identifier else ""
-    label = escape(Markup(escape(grid.caption)).striptags())
-    return Markup(
-        f'<div class="rp-scroll"{anchor} tabindex="0" role="region" aria-label="{label}">'
-        f'\n<table class="{f"rp-table {grid.kind}".strip()}">'
-        f"<caption>{escape(grid.caption)}</caption>"
-        f"<thead><tr>{head}</tr></thead>\n<tbody>\n{rows}\n</tbody></table></div>"
+def _markup(blocks: Iterable[Block]) -> Markup:
+    sentence = Markup('<p class="rp-joint">{}</p>')
+    return Markup("\n").join(
+        sentence.format(one) if isinstance(one, str) else one.markup for one in blocks
     )
 
 
-def _td(entry: Entry | Box) -> str:
-    one = entry if isinstance(entry, Box) else Box(entry)
-    named = (("id", one.identifier), ("class", one.kind))
-    marks = "".join(f' {name}="{escape(value)}"' for name, value in named if value)
-    lines = one.content if isinstance(one.content, tuple) else (one.content,)
-    return f"<td{marks}>{Markup('<br>').join(line for line in lines if line)}</td>"
-
-
-def _write(blocks: Iterable[Block], console: Console) -> None:
-    """Write blocks on a terminal."""
-    for part in _terminal(blocks, console.width):
-        console.print(Text(part) if isinstance(part, str) else part)
-
-
-def _terminal(blocks: Iterable[Block], width: int) -> Iterator[RenderableType]:
-    """Write blocks as aligned text for a terminal of this many columns."""
-    for block in blocks:
-        if isinstance(block, Grid):
-            yield from _grid_lines(block, width)
-        elif isinstance(block, Fold):
-            yield f"\n{_plain(block.summary)}"
-            yield from () if block.page else _terminal(block.blocks, width)
-        elif isinstance(block, Html):
-            yield from [block.words] * bool(block.words)
-        else:
-            yield _plain(block)
-
-
-def _grid_lines(grid: Grid, width: int) -> Iterator[RenderableType]:
-    """Yield a table and its caption; where it is too wide, a few lines for each row."""
-    head, rows, whole = list(grid.head), [list(row) for row in grid.rows], grid.whole
-    if grid.stacked:
-        boxes = [
-            one for row in rows for one in row if isinstance(one, Box) and one.name
-        ]
-        head, rows = (
-            ["cell", *grid.stacked],
-            [[one.name, *one.content] for one in boxes],
-        )
-        whole = range(1, len(head))
-    elif grid.names:
-        rows = [[name, *row[1:]] for name, row in zip(grid.names, rows, strict=True)]
-    texts = [list(map(_text, row)) for row in rows]
-    lined = [
-        [_plain(name) for name in head],
-        *([one.plain for one in row] for row in texts),
-    ]
-    columns = enumerate(zip_longest(*lined, fillvalue=""))
-    least = sum(_least(i in whole, column) + 1 for i, column in columns) - 1
-    wide = least > width
-    gap = int(
-        least + len(head) - 1 <= width
-    )  # a second blank between columns, if there is room
-    table = _columns(map(_plain, head), texts, whole=whole, words=grid.words, gap=gap)
-    if wide and grid.spare:
-        return
-    yield from [f"\n{_plain(grid.caption)}"] * bool(grid.caption)
-    yield from _row_by_row(head, texts) if wide else [table]
-
-
-def _row_by_row(
-    head: Sequence[Entry], rows: Sequence[Sequence[Text]]
-) -> Iterator[RenderableType]:
-    """Yield a few lines for each row; what heads say in small print is said once, before."""
-    names = [_plain(type(name)(_SMALL.sub("", name))) for name in head]
-    small = [(n, _SMALL.findall(text)) for n, text in zip(names, head, strict=True)]
-    yield from (f"{name}: {_plain(Markup(found[0]))}" for name, found in small if found)
-    yield from [names[1]] * (len(names) == 2)
-    for row in rows:
-        yield row[0]
-        named = [
-            (n, text) for n, text in zip(names[1:], row[1:], strict=False) if text.plain
-        ]
-        if len(names) == 2:  # the head of a single column need not be said at every row
-            yield from (Padding(text, (0, 0, 0, 2)) for _, text in named)
-            continue
-        yield Padding(
-            _columns(("", ""), named, words=2, show_header=False), (0, 0, 0, 2)
-        )
-
-
-def _columns(
-    heads: Iterable[str],
-    rows: Iterable[Iterable[str | Text]],
-    *,
-    words: int = 1,
-    whole: Collection[int] = (),
-    show_header: bool = True,
-    gap: int = 1,
-) -> Table:
-    """Return a table for a terminal: numbers to the right, after so many columns of words.
-
-    Columns that are to stay `whole` are not wrapped.
-    """
-    table = Table(
-        pad_edge=False,
-        box=box.SIMPLE_HEAD if show_header else None,
-        padding=(0, gap, 0, 0),
-        show_header=show_header,
-        show_edge=False,
-    )
-    for i, name in enumerate(heads):
-        table.add_column(name, no_wrap=i in whole, overflow="fold")
-        table.columns[i].justify = "left" if i < words else "right"
-    for row in rows:
-        table.add_row(*row)
-    return table
-
-
-def _least(whole: bool, texts: Sequence[str]) -> int:
-    """Return how narrow a column may be: no word is broken, and no sentence is a tower."""
-    longest = max(map(cell_len, texts))
-    words = [cell_len(word) for text in texts for word in text.split(" ")]
-    return longest if whole else max(*words, min(longest, _TOWER))
-
-
-def _plain(entry: Entry) -> str:
-    """Return an entry without its marks."""
-    if isinstance(entry, Markup):
-        # Markup would escape what stands in for a break.
-        text = str(entry).replace("<br><small>", " ").replace("<br>", "; ")
-        entry = Markup(text).striptags()
-    return printable(entry)
+def _renderable(block: Block) -> RenderableType:
+    return Text(plain(block)) if isinstance(block, str) else block
 
 
 def printable(text: str) -> str:
@@ -360,40 +257,39 @@ def printable(text: str) -> str:
     return _CONTROL.sub(lambda found: repr(found[0])[1:-1], text)
 
 
-def plain(entry: Entry | Box) -> str:
-    """Return the text of an entry, without marks."""
-    content = entry.content if isinstance(entry, Box) else entry
-    lines = content if isinstance(content, tuple) else (content,)
-    return ", ".join(_plain(line) for line in lines if line)
-
-
-def _text(entry: Entry | Box) -> Text:
-    text = plain(entry)
-    return Text(text, style=_COLOURS.get(text.partition(" ")[0], ""))
+def plain(entry: Entry) -> str:
+    """Return the text of an entry, without HTML."""
+    if isinstance(entry, Markup):
+        text = entry.replace("<br><small>", " ").replace("<br>", "; ")
+        entry = Markup(text).striptags()
+    return printable(entry)
 
 
 class Display(ABC):
-    """What shows itself by its blocks, in a notebook and in a terminal."""
+    """An object that shows its blocks in a notebook and in a terminal."""
 
     @abstractmethod
     def blocks(self) -> Iterable[Block]:
-        """Return what is shown."""
+        """Return the blocks."""
 
     def _repr_html_(self) -> str:
         return html(self.blocks())
 
+    def __rich_console__(self, _: Console, __: ConsoleOptions) -> RenderResult:
+        yield from map(_renderable, self.blocks())
+
     def print(self) -> None:
         """Write the blocks on the terminal."""
-        console = Console()
-        console.width = min(max(console.width or _WIDTH, _NARROWEST), _WIDEST)
-        _write(self.blocks(), console)
+        width = Console().width or _WIDTH_COLUMNS
+        Console(width=min(max(width, _MIN_COLUMNS), _MAX_COLUMNS)).print(self)
 
     def __repr__(self) -> str:
-        """Return the blocks as text, without colour."""
-        shown = io.StringIO()
-        console = Console(file=shown, width=_WIDTH, no_color=True, force_jupyter=False)
-        _write(self.blocks(), console)
-        return "\n".join(line.rstrip() for line in shown.getvalue().splitlines())
+        """Return the blocks as text without colour."""
+        file = io.StringIO()
+        console = Console(file=file, width=_WIDTH_COLUMNS, no_color=True)
+        console.is_jupyter = False
+        console.print(self)
+        return "\n".join(line.rstrip() for line in file.getvalue().splitlines())
 
 
 @dataclass(frozen=True, repr=False)
@@ -403,22 +299,23 @@ class Blocks(Display):
     shown: tuple[Block, ...]
 
     def blocks(self) -> tuple[Block, ...]:
-        """Return them."""
+        """Return the blocks."""
         return self.shown
 
 
-def _encodable(error: UnicodeError) -> tuple[str, int]:
-    """Write what a stream cannot encode in plain signs."""
+def _in_ascii(error: UnicodeError) -> tuple[str, int]:
+    """Return characters that a stream cannot encode in ASCII, or their names."""
     if not isinstance(error, UnicodeEncodeError):
         raise error
     signs = error.object[error.start : error.end]
     raised = unicodedata.decomposition(signs[0]).startswith("<super>")
-    return "^" * raised + "".join(map(_plain_sign, signs)), error.end
+    return "^" * raised + "".join(map(_ascii, signs)), error.end
 
 
-def _plain_sign(sign: str) -> str:
-    letters = unicodedata.normalize("NFKD", sign).encode("ascii", "ignore").decode()
-    return _SIGNS.get(sign) or letters or "?"
+def _ascii(sign: str) -> str:
+    text = unicodedata.normalize("NFKD", sign.translate(_ASCII))
+    name = unicodedata.name(sign, "?").lower()
+    return text.encode("ascii", "ignore").decode() or name.rpartition("letter ")[2]
 
 
-codecs.register_error(PLAIN, _encodable)
+codecs.register_error(PLAIN, _in_ascii)

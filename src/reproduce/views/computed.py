@@ -31,16 +31,12 @@ def fingerprint() -> str:
 
     All numbers depend on them.
     """
-    data = data_folder()
-    package = Path(__file__).resolve().parent.parent
-    files = [
-        *package.rglob("*.py"),
-        *(path for path in data.rglob("*") if path.is_file()),
-    ]
+    package, data = Path(__file__).resolve().parent.parent, data_folder()
+    files = [*package.rglob("*"), *data.rglob("*"), data.parent / "environment.txt"]
     versions = (platform.python_version(), np.__version__, scipy.__version__)
     digest = hashlib.sha256(" ".join(versions).encode())
-    for path in [*sorted(files), data.parent / "environment.txt"]:
-        if path.is_file():
+    for path in sorted(files):
+        if path.is_file() and path.suffix != ".pyc":
             digest.update(path.name.encode() + path.read_bytes())
     return digest.hexdigest()
 
@@ -84,8 +80,8 @@ def item_ledger(*keys: str) -> Ledger:
         return ledger.build(keys)
     whole = whole_ledger()
     parts = {
-        name: tuple(one for one in getattr(whole, name) if one.key in keys)
-        for name in ("records", "tables")
+        "records": tuple(one for one in whole.records if one.key in keys),
+        "tables": tuple(one for one in whole.tables if one.key in keys),
     }
     return whole.model_copy(update=parts)
 

@@ -1,23 +1,18 @@
-"""What the printed numbers say of each other: the cross-examination part by part, and the errata.
-
-A part is rows for programs, and the columns that a reader sees of them.
-"""
+"""Consistency of the printed numbers of a paper, part by part, and the errata."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
 from itertools import product
-from operator import itemgetter
 from typing import Any
 
 import pandas as pd
-from markupsafe import Markup
 
 from reproduce.audit.examine import Examined
 from reproduce.audit.report import Audit, Erratum, audit_paper, register
-from reproduce.judge.ledger import Record, frozen
+from reproduce.judge.ledger import frozen
 from reproduce.locate import data_folders
 from reproduce.printed.cells import PAPERS, anchor
 from reproduce.printed.number import si_factor, symbol
@@ -27,12 +22,11 @@ from reproduce.views.blocks import (
     Block,
     Blocks,
     Display,
-    Entry,
     Fold,
     Grid,
-    badge,
-    grid,
-    link,
+    Html,
+    code,
+    rendered,
 )
 from reproduce.views.computed import item_ledger
 from reproduce.views.keys import check_paper
@@ -40,26 +34,20 @@ from reproduce.views.numbers import minus
 from reproduce.views.verdicts import quantity
 
 _Row = dict[str, Any]
-_Columns = Mapping[str, Callable[[_Row], Entry]]
 
-JOINT = "hold one by one, but not together"
-_BADGES = {
-    "agrees": "exact",
-    "agrees only through rounding": "input",
-    "agrees only within a tolerance": "input",
-    "contradicts": "differs",
-}
-_RESCUES = {
-    "truncation": "all numbers were cut off after their last digit",
-    "ceiling": "all numbers were rounded upwards",
-}
-# From the gravest consequence to none.
+# In decreasing order of the consequence.
 _CONCLUSIONS = ("moves", "not supported as printed", "open", "stands")
+_GROUPS = (
+    "do not simply agree",
+    "agree",
+    "restate a computed cell, and agree",
+    "rest on a supposition of ours",
+)
 
 
 @dataclass(frozen=True, repr=False)
 class _Part(Blocks):
-    """A part of the cross-examination: its rows, and what shows them."""
+    """A part of the audit: its records, and the blocks that show them."""
 
     rows: list[_Row]
 
@@ -70,7 +58,7 @@ class _Part(Blocks):
 
 
 class Contradictions(Display):
-    """What the printed numbers of papers say of each other, and the errata.
+    """The audit of the printed numbers of papers, and the errata.
 
     Its parts are ``score``, ``relations``, ``sets`` (the sets of numbers that cannot all
     be right), ``equations`` (run as extracted), ``errata`` and ``suppositions`` (entries that
@@ -93,11 +81,11 @@ class Contradictions(Display):
         return _PARTS[name]([audit_paper(paper) for paper in self.papers])
 
     def frame(self) -> pd.DataFrame:
-        """Return the register: one row per entry, with what is printed and why it is there."""
+        """Return the register: one row per entry."""
         return pd.concat([self[name].frame() for name in ("errata", "suppositions")])
 
     def as_json(self) -> dict[str, list[_Row]]:
-        """Return everything that was found, for other programs: the rows of each part."""
+        """Return the rows of each part."""
         return {name: self[name].rows for name in _PARTS}
 
     def blocks(self) -> Iterator[Block]:
@@ -115,73 +103,68 @@ def errata_register() -> tuple[Erratum, ...]:
     return tuple(one for text in texts for one in register(text))
 
 
-def _grid(caption: str, columns: _Columns, rows: Sequence[_Row], **looks: Any) -> Grid:
-    return grid(
-        caption, columns, rows, kind="rp-small rp-audit", words=len(columns), **looks
+def _table(part: str, caption: str, columns: Iterable[str], rows: list[_Row]) -> Html:
+    """Return the table of a part: its template for a page, columns for a terminal."""
+    page = rendered(
+        part,
+        caption=caption,
+        rows=rows,
+        anchor=anchor,
+        digits=_digits,
+        replied=verdicts.replied,
+        version=__version__,
     )
-
-
-def _folded(what: str, columns: _Columns, rows: Sequence[_Row], **looks: Any) -> Fold:
-    return Fold(what, (_grid(what, columns, rows, **looks),), page=True)
+    return Html(page, Grid.of(caption, columns, rows))
 
 
 def _score(audits: Sequence[Audit]) -> _Part:
-    """Count how much of each paper was cross-examined, and what came of it."""
-    rows = list(map(_counts, audits))
-    shown = [
-        [_code(name), *map(str, counts)] for name, *counts in map(dict.values, rows)
-    ]
+    """Count the checked numbers, relations and equations of each paper."""
+    rows: list[_Row] = []
+    for audit in audits:
+        own, again = (list(audit.tally(restating=x).values()) for x in (False, True))
+        supposing = sum(bool(shown.supposition) for shown in audit.equations)
+        rows.append(
+            {
+                "name": audit.name,
+                "Numbers": len(audit.cells),
+                "Held against others": len(audit.examined),
+                "Only bounded": len(audit.bounded),
+                "Relations": sum(own),
+                "Agree": own[0],
+                "Only through rounding": own[1],
+                "Only within a tolerance": own[2],
+                "Contradict": own[3],
+                "Restate computed cells": sum(again),
+                "Contradict among these": again[3],
+                "Equations run": len(audit.equations) - supposing,
+                "Fail as extracted": len(audit.failing),
+                "Rest on suppositions of ours": len(audit.supposed) + supposing,
+            }
+        )
     heads = ["Paper", *list(rows[0])[1:]]
-    return _Part((Grid("The cross-examination", heads, shown, kind="rp-score"),), rows)
-
-
-def _counts(audit: Audit) -> _Row:
-    own, again = (list(audit.tally(restating=x).values()) for x in (False, True))
-    supposing = sum(bool(shown.supposition) for shown in audit.equations)
-    agree, rounding, tolerance, contradict = own
-    return {
-        "name": audit.name,
-        "Numbers": len(audit.cells),
-        "Held against others": len(audit.examined),
-        "Only bounded": len(audit.bounded),
-        "Relations": sum(own),
-        "Agree": agree,
-        "Only through rounding": rounding,
-        "Only within a tolerance": tolerance,
-        "Contradict": contradict,
-        "Restate computed cells": sum(again),
-        "Contradict among these": again[-1],
-        "Equations run": len(audit.equations) - supposing,
-        "Fail as extracted": len(audit.failing),
-        "Rest on suppositions of ours": len(audit.supposed) + supposing,
-    }
+    shown = [row | {"Paper": code(row["name"])} for row in rows]
+    grid = Grid.of("The cross-examination", heads, shown, kind="rp-score")
+    return _Part((grid,), rows)
 
 
 def _relations(audits: Sequence[Audit]) -> _Part:
-    """List all relations: first those that do not simply agree, then the others, folded."""
-    rows = [_relation(finding, audit) for audit in audits for finding in audit.findings]
-    shown: list[Block] = []
-    for audit, kind in product(audits, _KINDS):
-        some = [row for row in rows if (row["paper"], _kind(row)) == (audit.name, kind)]
-        anchors = ["relation-{paper}-{name}".format_map(row) for row in some]
-        what = f"The {len(some)} relations of {audit.name} that {kind}"
-        folded = _folded(what, _RELATION, some, anchors=anchors)
-        shown += folded.blocks if kind == _KINDS[0] else [folded]
-    return _Part(tuple(shown), rows)
+    """List the relations that do not simply agree, and the others in folds."""
+    rows = [_relation(one, audit) for audit in audits for one in audit.findings]
+    blocks: list[Block] = []
+    columns = ("name", "formula", "sides", "outcome", "source")
+    for audit, group in product(audits, _GROUPS):
+        some = [r for r in rows if (r["paper"], _group(r)) == (audit.name, group)]
+        caption = f"The {len(some)} relations of {audit.name} that {group}"
+        table = _table("relations", caption, columns, some)
+        folded = Fold(caption, (table,), page=True)
+        blocks.append(table if group == _GROUPS[0] else folded)
+    return _Part(tuple(blocks), rows)
 
 
 def _relation(finding: Examined, audit: Audit) -> _Row:
-    """Return what is known of a relation."""
+    """Return the record of a relation."""
     relation, tolerance = finding.relation, finding.relation.tolerance
-    plain = (
-        "declared",
-        "source",
-        "kind",
-        "claim",
-        "reading",
-        "supposition",
-        "restates",
-    )
+    fields = "declared source kind claim reading supposition restates".split()
     return {
         "name": relation.name,
         "paper": audit.name,
@@ -189,61 +172,23 @@ def _relation(finding: Examined, audit: Audit) -> _Row:
         "formula": relation.formula.text,
         "sides": _sides(finding, audit),
         "cells": list(relation.addresses),
-        **{name: getattr(relation, name) for name in plain},
+        **{name: getattr(relation, name) for name in fields},
         "tolerance": f"{tolerance.text}: {tolerance.reason}" if tolerance else "",
         "rescued_by": finding.rescued_by,
     }
 
 
-_KINDS = (
-    "do not simply agree",
-    "agree",
-    "restate a computed cell, and agree",
-    "rest on a supposition of ours",
-)
-
-
-def _kind(row: _Row) -> str:
+def _group(row: _Row) -> str:
     if row["supposition"]:
-        return _KINDS[3]
+        return _GROUPS[3]
     if row["outcome"] != "agrees":
-        return _KINDS[0]
-    return _KINDS[2] if row["restates"] else _KINDS[1]
-
-
-def _outcome(row: _Row) -> Markup:
-    rescue = _RESCUES.get(row["rescued_by"])
-    flag = (
-        Markup(' <span class="rp-flag">not if {}</span>').format(rescue)
-        if rescue
-        else ""
-    )
-    return badge(_BADGES[row["outcome"]], row["outcome"]) + flag
-
-
-def _source(row: _Row) -> Markup:
-    told = {"restates": row["restates"] and _cell_link(row["restates"])}
-    told |= {"tolerance": row["tolerance"], "supposing that": row["supposition"]}
-    parts = [Markup("{} {}").format(word, text) for word, text in told.items() if text]
-    return Markup("; ").join([row["source"], *parts])
-
-
-_DECLARED = Markup("<br><small>{declared}</small>")
-_RELATION: _Columns = {
-    "Relation": lambda row: (
-        _code(row["name"])
-        + _DECLARED.format_map(row) * (row["declared"] != row["name"])
-    ),
-    "What should hold": lambda row: _code(row["formula"]),
-    "With the printed values": itemgetter("sides"),
-    "Outcome": _outcome,
-    "Source": _source,
-}
+        return _GROUPS[0]
+    return _GROUPS[2] if row["restates"] else _GROUPS[1]
 
 
 def _sets(audits: Sequence[Audit]) -> _Part:
     """List the sets of cells that cannot all be right."""
-    shown, rows = [], []
+    blocks, rows = [], list[_Row]()
     for audit in audits:
         wrong = {f.relation.name for f in audit.read if f.outcome == "contradicts"}
         own: list[_Row] = [
@@ -251,162 +196,77 @@ def _sets(audits: Sequence[Audit]) -> _Part:
                 "paper": audit.name,
                 "cells": list(conflict.cells),
                 "relations": list(conflict.relations),
-                "only together": not wrong & set(conflict.relations),
+                "only together": wrong.isdisjoint(conflict.relations),
             }
             for conflict in audit.conflicts
         ]
-        what = f"All {len(own)} sets of {audit.name} that cannot all be right"
-        shown.append(_folded(what, _SET, own))
+        caption = f"All {len(own)} sets of {audit.name} that cannot all be right"
+        table = _table("sets", caption, ("cells", "relations"), own)
+        blocks.append(Fold(caption, (table,), page=True))
         rows += own
-    return _Part(tuple(shown), rows)
-
-
-def _because(row: _Row) -> Markup:
-    flag = Markup('<br><span class="rp-flag">{}</span>').format(JOINT)
-    return _codes(row["relations"]) + (flag if row["only together"] else "")
-
-
-_SET: _Columns = {
-    "Size": lambda row: str(len(row["cells"])),
-    "Numbers": lambda row: _codes(map(_within_paper, row["cells"])),
-    "By the relations": _because,
-}
+    return _Part(tuple(blocks), rows)
 
 
 def _equations(audits: Sequence[Audit]) -> _Part:
     """List the equations, run as extracted."""
-    fields = (
-        "name",
-        "place",
-        "asked",
-        "printed",
-        "right",
-        "wanted",
-        "meaning",
-        "holds",
-    )
-    found = [one for audit in audits for one in audit.equations]
+    fields = ("name", "place", "asked", "printed", "right", "wanted", "meaning")
     rows = [
-        {name: getattr(one, name) for name in (*fields, "supposition")} for one in found
+        {name: getattr(one, name) for name in (*fields, "holds", "supposition")}
+        for audit in audits
+        for one in audit.equations
     ]
-    return _Part((_grid("Equations run as extracted", _EQUATION, rows),), rows)
-
-
-_EQUATION: _Columns = {
-    "Equation": itemgetter("place"),
-    "What must hold": lambda row: (
-        row["asked"]
-        + f" (supposing that {row['supposition']})" * bool(row["supposition"])
-    ),
-    "What is shown": itemgetter("meaning"),
-    "As extracted": lambda row: _digits(row["printed"]),
-    "In the library": lambda row: _digits(row["right"]),
-    "Wanted": lambda row: _digits(row["wanted"]),
-}
+    columns = ("place", "asked", "meaning", "printed", "right", "wanted")
+    return _Part(
+        (_table("equations", "Equations run as extracted", columns, rows),), rows
+    )
 
 
 def _errata(audits: Sequence[Audit], *, supposed: bool) -> _Part:
-    """List entries of the register by consequence: a table, then each entry, folded."""
-    by_paper = {audit.name: audit for audit in audits}
-    chosen = [e for e in errata_register() if e.paper in by_paper]
-    chosen = sorted(
-        (e for e in chosen if bool(e.supposition) == supposed), key=_consequence
-    )
-    rows: list[_Row] = [
-        {"name": e.id, **e.model_dump(exclude={"id"}), "results": _resting(e)}
-        for e in chosen
-    ]
+    """List entries of the register by consequence."""
+    rows, evidence = list[_Row](), dict[str, _Row]()
+    for entry in errata_register():
+        for audit in audits:
+            if entry.paper == audit.name and bool(entry.supposition) == supposed:
+                cells = [c for c, one in frozen().items() if one.erratum == entry.id]
+                texts = {"name": entry.id, **entry.model_dump(exclude={"id"})}
+                rows.append(texts | {"results": cells})
+                found = entry.findings(audit)
+                evidence[entry.id] = {
+                    "sides": {f.relation.name: _sides(f, audit) for f in found},
+                    "runs": entry.demonstrations(audit),
+                    "verdicts": {cell: _judged(cell) for cell in cells},
+                }
+    rows.sort(key=_consequence)
     kind = "that suppose something" if supposed else "by consequence"
-    table = _grid(f"The {len(rows)} errata {kind}.", _ERRATUM, rows)
-    return _Part((table, *(_erratum(e, by_paper[e.paper]) for e in chosen)), rows)
+    columns = "name place problem printed sides verdicts library conclusion status"
+    shown = [row | evidence[row["name"]] for row in rows]
+    table = _table("errata", f"The {len(rows)} errata {kind}.", columns.split(), shown)
+    return _Part((table,), rows)
 
 
-_ERRATUM: _Columns = {
-    "Where": Markup('<a href="#{name}">{paper}: {place}</a>').format_map,
-    "Printed": itemgetter("printed"),
-    "Results that rest on it": lambda row: str(len(row["results"]) or "none"),
-    "The paper's conclusion": itemgetter("conclusion"),
-    "Status": lambda row: (
-        row["status"] + "; our text may be at fault" * row["extraction"]
-    ),
-}
-
-
-def _consequence(entry: Erratum) -> tuple[int, int, bool]:
-    """Order errata: what moves a conclusion, what many results rest on, faults of our text last."""
-    return _CONCLUSIONS.index(entry.conclusion), -len(_resting(entry)), entry.extraction
-
-
-def _resting(entry: Erratum) -> list[str]:
-    """Return the cells whose verdict rests on an entry."""
-    return [
-        address
-        for address, expected in frozen().items()
-        if expected.erratum == entry.id
-    ]
-
-
-def _erratum(entry: Erratum, audit: Audit) -> Fold:
-    fault = "Our text of the paper was extracted by machine; the fault may lie there."
-    terms: dict[str, Entry] = {
-        "Printed": entry.printed,
-        "Evidence": _evidence(entry, audit),
-        "Verdicts": _verdicts(entry),
-        "What the library does": entry.library,
-        "The paper's conclusion": f"{entry.conclusion}: {entry.because}",
-        "Status": entry.status,
-        "The authors' reply": verdicts.replied(entry.id),
-        "Supposing that": entry.supposition,
-        "Caution": fault if entry.extraction else "",
-        "Cite as": f"Erratum {entry.id}, Pointing, reproduced, version {__version__}",
-    }
-    # The anchor stands inside the fold: a browser opens a fold around the place it is led to.
-    table = Grid(
-        entry.problem,
-        ("Erratum", entry.id),
-        [one for one in terms.items() if one[1]],
-        entry.id,
-        "rp-small rp-erratum",
-        words=2,
+def _consequence(row: _Row) -> tuple[int, int, bool]:
+    """Order errata by conclusion, number of results, and faults of the extracted text."""
+    return (
+        _CONCLUSIONS.index(row["conclusion"]),
+        -len(row["results"]),
+        row["extraction"],
     )
-    return Fold(f"{entry.paper}: {entry.place}", (table,))
 
 
-def _evidence(entry: Erratum, audit: Audit) -> Markup:
-    """Write what the relations and equations behind an entry give, computed now."""
-    pieces = [Markup("{}").format(entry.evidence)] if entry.evidence else []
-    for finding in entry.findings(audit):
-        name = finding.relation.name
-        where = link(f"relation-{entry.paper}-{name}", _code(name))
-        pieces.append(Markup("{}: {}").format(where, _sides(finding, audit)))
-    for run in entry.demonstrations(audit):
-        values = f"{_digits(run.printed)} as extracted, {_digits(run.wanted)} wanted"
-        pieces.append(Markup("{}: {}: {}").format(run.place, run.meaning, values))
-    return Markup("<br>").join(pieces)
-
-
-def _verdicts(entry: Erratum) -> Markup:
-    """Write the cells of the ledger whose verdict rests on an entry."""
-    lines = []
-    for address in _resting(entry):
-        record = item_ledger(address.partition("#")[0]).cell(address)
-        told = f"{verdicts.cell_of(record).shown} printed, {_judged(record)}"
-        lines.append(Markup("{}: {}").format(_cell_link(address), told))
-    return Markup("<br>").join(lines)
-
-
-def _judged(record: Record) -> str:
+def _judged(address: str) -> str:
+    """Return the printed value of a cell and the computed value."""
+    record = item_ledger(address.partition("#")[0]).cell(address)
+    shown = verdicts.texts(record)
+    found = f"{shown['computed']} computed"
     if record.verdict == "ambiguous" and record.readings:
-        return f"agrees with {record.readings.agreeing} of {record.readings.count} readings"
-    value = verdicts.computed(record, extra=1)
-    return f"{quantity(value, verdicts.unit(record))} computed"
+        found = f"agrees with {shown['readings that agree']} readings"
+    return f"{shown['printed']} printed, {found}"
 
 
 def _sides(finding: Examined, audit: Audit) -> str:
-    """Write both sides of a relation with the printed values inserted.
+    """Return both sides of a relation with the printed values.
 
-    A relation that shares a number which is not printed is not worked out with some value of it:
-    what it requires of that number, by itself, is written instead.
+    If a relation contains a number that is not printed, return the values that it requires.
     """
     relation, cells = finding.relation, audit.cells
     if unknown := relation.unknown:
@@ -415,11 +275,9 @@ def _sides(finding: Examined, audit: Audit) -> str:
             return f"no {unknown.label} fits"
         low, high = (f"{end / si_factor(unknown.unit):.6g}" for end in asked)
         return f"requires the {unknown.label} to lie from {low} to {high} {symbol(unknown.unit)}"
-    # In the unit of the result, or of a cell of the same unit throughout; else as it stands.
-    units = {
-        cells[a].unit
-        for a in ([relation.result] if relation.result else relation.addresses)
-    }
+    # The unit of the result, or of all cells if they have one unit.
+    shown = [relation.result] if relation.result else relation.addresses
+    units = {cells[address].unit for address in shown}
     unit = units.pop() if len(units) == 1 else "1"
     values = (side / si_factor(unit) for side in (finding.left, finding.right))
     return " against ".join(
@@ -427,28 +285,8 @@ def _sides(finding: Examined, audit: Audit) -> str:
     )
 
 
-def _within_paper(address: str) -> str:
-    return address.partition("/")[2] or address
-
-
-def _cell_link(number: str) -> Markup:
-    """Link a computed number, a cell or a reading of it, to the cell."""
-    address, _, reading = number.partition(" ")
-    return link(anchor(address), _code(_within_paper(address))) + f" {reading}" * bool(
-        reading
-    )
-
-
 def _digits(value: float) -> str:
     return minus(f"{0.0 if abs(value) < 1e-9 else value:.5g}")
-
-
-def _code(text: str) -> Markup:
-    return Markup("<code>{}</code>").format(text)
-
-
-def _codes(texts: Iterable[str]) -> Markup:
-    return Markup("<br>").join(map(_code, texts))
 
 
 _PARTS: dict[str, Callable[[Sequence[Audit]], _Part]] = {

@@ -1,4 +1,4 @@
-"""Keys as a reader may type them, with suggestions for slips, and what they name."""
+"""Validation of keys with suggestions, and the items that keys name."""
 
 from __future__ import annotations
 
@@ -41,13 +41,12 @@ def resolved(text: str) -> str:
     'niu2024/table-3#scale.red'
     """
     address = text.strip().partition(": printed ")[0]
-    names = [
-        *library(),
-        *(cell.address for table in library().values() for cell in table.cells),
-    ]
-    return {anchor(name): name for name in names}.get(
-        address.rpartition("#")[2], address
-    )
+    target = address.rpartition("#")[2]
+    for key, table in library().items():
+        for name in (key, *(cell.address for cell in table.cells)):
+            if anchor(name) == target:
+                return name
+    return address
 
 
 def check_paper(paper: str) -> str:
@@ -60,21 +59,17 @@ def check_paper(paper: str) -> str:
 
 
 def title(key: str) -> str:
-    """Return the title of an item, or of a table or drawing of our own, in our words."""
-    if key in library():
-        return library()[key].title
-    if key in studies():
-        return studies()[key].title
-    draw = drawings()[key] if key in drawings() else catalogue()[key].draw
-    return "" if draw is None else draw.title
+    """Return the title of an item, a supplementary table or a drawing."""
+    named = library().get(key) or studies().get(key) or drawings().get(key)
+    named = named or catalogue()[key].draw
+    return named.title if named else ""
 
 
 def place(key: str) -> str:
-    """Return where an item stands in its paper, such as ``Table 3`` or ``Figure 4``."""
+    """Return the place of an item in its paper, such as ``Table 3`` or ``Figure 4``."""
     if key in studies():
         return "a table of our own"
     if key in drawings():
         return "Our own drawing"
-    return (
-        library()[key].place if key in library() else f"Figure {key.rpartition('-')[2]}"
-    )
+    figure = f"Figure {key.rpartition('-')[2]}"
+    return library()[key].place if key in library() else figure

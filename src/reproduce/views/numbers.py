@@ -1,4 +1,4 @@
-"""How a number is written, wherever it is shown: minus signs, powers of ten, errors, chances."""
+"""Texts of numbers: minus signs, powers of ten, errors and probabilities."""
 
 from __future__ import annotations
 
@@ -11,13 +11,14 @@ if TYPE_CHECKING:
 
 _EXPONENT = re.compile(r"(?<![\w.])(\d+(?:\.\d+)?)[eE]([−+-]?)0*(\d+)(?!\w|\.\d)")
 _SUPERSCRIPTS = str.maketrans("−-0123456789", "⁻⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-# A hyphen that is the sign of a number or of its exponent, not one within a word or a range.
+# A hyphen that is the sign of a number or of its exponent, not part of a word or a range.
 _HYPHEN = re.compile(r"(?<![\w.)])-(?=\.?\d|inf)|(?<=\d[eE])-(?=\d)")
-_TAGS = re.compile(r"(<[^>]*>)")
+# Code, a tag, or text of HTML.
+_PIECES = re.compile(r"<(code|pre|script|style)\b.*?</\1>|<[^>]*>|[^<]+", re.DOTALL)
 
 
 def minus(text: str) -> str:
-    """Write the numbers of a text with a true minus sign, as every reader sees them.
+    """Return a text whose numbers have a true minus sign.
 
     Examples
     --------
@@ -27,27 +28,12 @@ def minus(text: str) -> str:
     return _HYPHEN.sub("−", text)
 
 
-def _number(value: float, form: str, *, zero: float = 0.0) -> str:
-    """Write a number by a format specification, with a true minus sign.
-
-    What is smaller than `zero` is the rounding of nothing; what has no limit is named.
-
-    Examples
-    --------
-    >>> _number(-0.25, ".1f"), _number(3e-16, ".2e", zero=1e-12), _number(float("inf"), ".1f")
-    ('−0.2', '0', 'any')
-    """
-    if math.isinf(value):
-        return "any"
-    if abs(value) < zero:
-        return "0"
-    return minus(f"{value:{form}}")
-
-
 def entry(
     value: float | str, column: Column, error: tuple[float, str] | None = None
 ) -> str:
-    """Write an entry of a column, with its error and the form of that if it has one.
+    """Return an entry of a column, with its error in the given format.
+
+    An infinite value is ``any``. A value below the zero of the column is 0.
 
     Examples
     --------
@@ -55,20 +41,21 @@ def entry(
     >>> entry(1.0, Column("RMSE (px)", "±"), (0.0423, "")), entry(2e-9, Column("p", "chance"))
     ('1.000 ± 0.042', '10⁻⁹')
     """
-    if isinstance(value, float) and math.isnan(value):
+    if isinstance(value, str) or not column.form:
+        return "" if value != value else str(value)
+    if math.isnan(value):
         return ""
-    if not column.form or isinstance(value, str):
-        return str(value)
     if column.form == "chance":
         return _power(value, column.zero)
     if column.form == "±" and error:
         return moments(value, error[0])
-    text = _number(value, column.form, zero=column.zero)
-    return f"{text} ± {_number(error[0], error[1] or '.1g')}" if error else text
+    small, limit = abs(value) < column.zero, math.isinf(value)
+    text = "0" if small else "any" if limit else minus(f"{value:{column.form}}")
+    return f"{text} ± {minus(format(error[0], error[1] or '.1g'))}" if error else text
 
 
 def fact(quoted: Fact) -> str:
-    """Write a fact with its unit.
+    """Return a fact with its unit.
 
     Examples
     --------
@@ -76,16 +63,14 @@ def fact(quoted: Fact) -> str:
     >>> fact(Fact(0.0432, ".2f", "px")), fact(Fact("Table 2"))
     ('0.04\u202fpx', 'Table 2')
     """
-    from reproduce.papers.declare import (
-        Column,
-    )  # only now: a user's own stars need no paper
+    from reproduce.papers.declare import Column  # a fit of stars needs no paper
 
     text = entry(quoted.value, Column("", quoted.form, quoted.zero))
     return f"{text}\u202f{quoted.unit}" if quoted.unit else text
 
 
 def powers(text: str) -> str:
-    """Write the exponents of a text as powers of ten.
+    """Return a text whose exponents are powers of ten.
 
     Examples
     --------
@@ -93,33 +78,27 @@ def powers(text: str) -> str:
     'from 10⁻⁶ to −5.7\u202f×\u202f10¹² px, not 2\u202f×\u202f10⁻⁵.'
     """
 
-    def write(found: re.Match[str]) -> str:
+    def power(found: re.Match[str]) -> str:
         digits, sign, size = found.groups()
-        power = f"{'−' if sign in ('-', '−') else ''}{size}".translate(_SUPERSCRIPTS)
-        return f"10{power}" if digits == "1" else f"{digits}\u202f×\u202f10{power}"
+        raised = f"10{f'{sign}{size}'.lstrip('+').translate(_SUPERSCRIPTS)}"
+        return raised if digits == "1" else f"{digits}\u202f×\u202f{raised}"
 
-    return _EXPONENT.sub(write, text)
+    return _EXPONENT.sub(power, text)
 
 
 def powers_in_html(html: str) -> str:
-    """Write exponents as powers of ten wherever HTML shows a sentence or a number.
+    """Return HTML whose exponents are powers of ten, except in code.
 
     Examples
     --------
     >>> powers_in_html('<b id="x-2e-05">2e-05</b> <code>2e-05</code>')
     '<b id="x-2e-05">2\u202f×\u202f10⁻⁵</b> <code>2e-05</code>'
     """
-    pieces, verbatim = _TAGS.split(html), 0
-    for index, piece in enumerate(pieces):
-        if re.match(r"</?(code|pre|script|style)\b", piece):
-            verbatim += -1 if piece.startswith("</") else 1
-        elif not piece.startswith("<") and not verbatim:
-            pieces[index] = powers(piece)
-    return "".join(pieces)
+    return _PIECES.sub(lambda one: one[0] if one[0][0] == "<" else powers(one[0]), html)
 
 
 def chance(value: float, mcse: float) -> str:
-    """Write a probability with no more digits than its Monte Carlo error allows.
+    """Return a probability with no more digits than its Monte Carlo error allows.
 
     Examples
     --------
@@ -128,24 +107,22 @@ def chance(value: float, mcse: float) -> str:
     """
     if value < mcse:
         return f"<\u00a0{2 * mcse:.1g}"
-    decimals = 1
-    while decimals < 6 and 10.0**-decimals > 2 * mcse:
-        decimals += 1
-    return f"{value:.{decimals}f}"
+    decimals = -math.floor(math.log10(2 * mcse)) if mcse > 0 else 6
+    return f"{value:.{min(max(decimals, 1), 6)}f}"
 
 
 def _power(probability: float, least: float) -> str:
-    """Write a probability, a small one as a power of ten."""
+    """Return a probability, a small one as a power of ten, or a bound below `least`."""
     if probability >= 1e-3:
         return f"{probability:.1g}"
     bound = round(math.log10(least or 1e-300))
     power = round(math.log10(max(probability, 1e-300)))
-    text = f"10{str(max(power, bound)).translate(_SUPERSCRIPTS)}"
-    return text if power >= bound else f"<\u202f{text}"
+    sign = "" if power >= bound else "<\u202f"
+    return f"{sign}10{str(max(power, bound)).translate(_SUPERSCRIPTS)}"
 
 
 def digits(value: float, mcse: float) -> str:
-    """Write a number with no more digits than its Monte Carlo standard error allows.
+    """Return a number with no more digits than its Monte Carlo standard error allows.
 
     The last digit is the first that is larger than two standard errors, so that a second run
     changes it by one at most, nearly always; but a number that is larger than its error keeps its
@@ -163,13 +140,11 @@ def digits(value: float, mcse: float) -> str:
     decimals = -math.ceil(math.log10(2 * mcse))
     if abs(value) > mcse:
         decimals = max(decimals, -math.floor(math.log10(abs(value))))
-    if decimals >= 0:
-        return f"{value:z.{min(decimals, 12)}f}"
-    return f"{round(value, decimals):z.0f}"
+    return f"{round(value, decimals):z.{min(max(decimals, 0), 12)}f}"
 
 
 def percent(share: float, count: int) -> str:
-    """Write a share of so many simulations with its binomial error.
+    """Return a fraction of `count` simulations in percent, with its binomial error.
 
     Examples
     --------
@@ -181,7 +156,7 @@ def percent(share: float, count: int) -> str:
 
 
 def moments(mean: float, deviation: float) -> str:
-    """Write mean ± standard deviation, to two digits of the latter.
+    """Return mean ± standard deviation, to two digits of the latter.
 
     Examples
     --------
@@ -192,6 +167,6 @@ def moments(mean: float, deviation: float) -> str:
 
 
 def between(end: float, deviation: float) -> str:
-    """Write an end of an interval, to two digits of the standard deviation."""
+    """Return an end of an interval, to two digits of the standard deviation."""
     decimals = max(0, 1 - math.floor(math.log10(deviation)))
     return minus(f"{end:z.{decimals}f}")

@@ -1,20 +1,17 @@
-"""The readings of a table: in short, cell by cell, and all of them."""
+"""The readings of a table: all of them, and a summary for each cell."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
-
-from markupsafe import Markup
 
 from reproduce.judge.ledger import Record
 from reproduce.judge.readings import Evaluation, evaluate
-from reproduce.judge.verdicts import Reading
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import unpublished
-from reproduce.printed.cells import anchor, library
+from reproduce.printed.cells import Cell, library
 from reproduce.views import verdicts
-from reproduce.views.blocks import Block, Display, Entry, Grid, grid, link
+from reproduce.views.blocks import Block, Display, Grid, Html, rendered
 from reproduce.views.numbers import minus
 
 if TYPE_CHECKING:
@@ -32,17 +29,11 @@ class Readings(Display):
 
     def __init__(self, key: str) -> None:
         self.key = key
-        made = (evaluate(one) for one in catalogue()[key].computations if one.options)
-        open_cells = ((one, _open_cells(one)) for one in made)
-        self._found = [(one, names) for one, names in open_cells if names]
-        self._found.sort(
-            key=lambda pair: len(pair[0].computation.options), reverse=True
-        )
-        self._options = list(
-            dict.fromkeys(
-                name for one, _ in self._found for name in one.computation.options
-            )
-        )
+        made = [evaluate(one) for one in catalogue()[key].computations if one.options]
+        made.sort(key=lambda found: len(found.computation.options), reverse=True)
+        self._found = [(one, names) for one in made if (names := _open_cells(one))]
+        options = (name for one, _ in self._found for name in one.computation.options)
+        self._options = list(dict.fromkeys(options))
 
     def frame(self) -> pd.DataFrame:
         """Return one row per reading.
@@ -67,58 +58,34 @@ class Readings(Display):
         effects = frame.drop(columns=self._options).round(12)
         return frame[~effects.duplicated()].reset_index(drop=True)
 
-    def blocks(self) -> Iterator[Block]:
-        """Yield all readings, as a table that a page sorts."""
+    def blocks(self) -> list[Block]:
+        """Return the table of all readings, which a page can sort."""
         frame = self.frame()
         if frame.empty:
-            yield f"{self.key} has one reading."
-            return
-        cells, options = (
-            [name for _, names in self._found for name in names],
-            self._options,
-        )
-        head = [
-            *options,
-            *cells,
-            "cells that agree",
-            *["joint p"] * ("joint p" in frame),
-        ]
-        rows = [self._texts(row, options, cells) for _, row in frame.iterrows()]
-        place = library()[self.key].place
-        caption = (
-            f"All {len(rows)} readings of {place}. Bold: the printed number agrees. A predicted "
-            "cell has its probability, any other cell its computed value."
-        )
-        yield Grid(
-            caption,
-            head,
-            rows,
-            kind="rp-small rp-sortable rp-readings-all",
-            words=len(options),
-        )
+            return [f"{self.key} has one reading."]
+        cells = [library()[self.key][n] for _, names in self._found for n in names]
+        shown: dict[str, Any] = {
+            "caption": f"All {len(frame)} readings of {library()[self.key].place}. Bold: the "
+            "printed number agrees. A predicted cell has its probability, any other cell its "
+            "computed value.",
+            "options": self._options,
+            "cells": cells,
+            "rows": [
+                row | {cell.name: _text(cell, row) for cell in cells}
+                for row in frame.to_dict("records")
+            ],
+            "joint": "joint p" in frame,
+        }
+        names = [*self._options, *(cell.name for cell in cells), "agreeing", "joint p"]
+        terminal = Grid.of(shown["caption"], names, shown["rows"])
+        return [Html(rendered("readings", **shown), terminal)]
 
-    def _texts(
-        self, row: pd.Series[Any], options: list[str], cells: list[str]
-    ) -> list[Entry]:
-        texts: list[Entry] = [row[name] for name in options]
-        for name in cells:
-            if (
-                row[name] != row[name]
-            ):  # an alternative that the computation of a cell lacks
-                texts.append("")
-                continue
-            number = library()[self.key][name].number
-            chance = row.get(f"{name} p")
-            text = (
-                minus(number.format(row[name], extra=1))
-                if chance is None
-                else f"{chance:.3g}"
-            )
-            texts.append(
-                Markup("<b>{}</b>").format(text) if row[f"{name} agrees"] else text
-            )
-        texts.append(str(row["agreeing"]))
-        return [*texts, f"{row['joint p']:.2g}"] if "joint p" in row else texts
+
+def _text(cell: Cell, row: Mapping[Any, Any]) -> str:
+    """Return the probability of a predicted cell, or its value; nothing if it has none."""
+    p = row.get(f"{cell.name} p")
+    value = minus(cell.number.format(row[cell.name], 1)) if p is None else f"{p:.3g}"
+    return value if row[cell.name] == row[cell.name] else ""
 
 
 def _open_cells(found: Evaluation) -> list[str]:
@@ -145,37 +112,11 @@ def _frame(found: Evaluation, names: Iterable[str]) -> pd.DataFrame:
 
 
 def summary(place: str, records: Iterable[Record]) -> Grid:
-    """Return the readings of each cell in short."""
-    return grid(
+    """Return a summary of the readings of each cell."""
+    columns = ("cell", "printed", "readings that agree", "agrees with")
+    return Grid.of(
         f"Readings of {place}, cell by cell",
-        _SHORT,
-        [r for r in records if r.readings],
+        (*columns, "closest reading"),
+        [verdicts.texts(record) for record in records if record.readings],
         kind="rp-small rp-readings",
-        words=5,
     )
-
-
-def _closest(record: Record, closest: Reading) -> str:
-    """Write the closest reading with its computed value, verdict and probability."""
-    chance = verdicts.probability(closest)
-    found = (
-        f"{verdicts.choices_text(closest.choices)}: {verdicts.read(record, closest)}"
-    )
-    return f"{found}, p = {chance}".replace("= <", "<") if chance else found
-
-
-def _short(write: Callable[[Record, Any], Entry]) -> Callable[[Record], Entry]:
-    return lambda record: write(record, record.readings)
-
-
-_SHORT: dict[str, Callable[[Record], Entry]] = {
-    "cell": lambda one: link(
-        anchor(one.cell), Markup("<code>{}</code>").format(verdicts.name_of(one))
-    ),
-    "printed": lambda one: verdicts.cell_of(one).shown,
-    "readings that agree": _short(
-        lambda one, found: f"{found.agreeing} of {found.count}"
-    ),
-    "agrees with": _short(lambda one, found: verdicts.deciding(found)),
-    "closest reading": _short(lambda one, found: _closest(one, found.closest)),
-}

@@ -1,4 +1,4 @@
-"""A table of our own, which no paper prints: what `table` shows for the key of a study."""
+"""A supplementary table, which is not in a paper."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from reproduce.papers.catalogue import studies
-from reproduce.papers.declare import Column, Study
+from reproduce.papers.declare import Study
 from reproduce.printed.cells import anchor
 from reproduce.views import numbers
 from reproduce.views.base import Change, Changeable, Item, text_of
-from reproduce.views.blocks import Block, Entry, Fold, Grid, Html
+from reproduce.views.blocks import Block, Fold, Grid, Html
 from reproduce.views.export import bar, table_files
 from reproduce.views.sweep import Point, Sweep, of_study, swept
 
@@ -21,16 +21,16 @@ if TYPE_CHECKING:
 
 
 class StudyTable(Changeable, Item):
-    """A table that stands beside a paper, judged against nothing.
+    """A supplementary table of a paper, without verdicts.
 
     Parameters
     ----------
     key : str
         Such as ``chen2023/heat``.
     changes : mapping, optional
-        Address of any cell in `reads` to a value as in the print.
+        Address of any cell in `reads` to a value as printed.
     seed : int, optional
-        Of its random numbers, in place of the project's own.
+        Seed of the random number generator.
     """
 
     kind = "a table of our own"
@@ -41,7 +41,7 @@ class StudyTable(Changeable, Item):
 
     @property
     def source(self) -> str:
-        """The text of the function that computes it."""
+        """Source code of the function that computes it."""
         return text_of(self._declared.function)
 
     def _compute(self, door: Given | None) -> pd.DataFrame:
@@ -54,24 +54,23 @@ class StudyTable(Changeable, Item):
         columns: Sequence[str] = (),
         rows: Mapping[str, Any] | None = None,
     ) -> Sweep:
-        """Compute the table again for several values of one printed input.
+        """Compute the table for several values of a printed input.
 
         Parameters
         ----------
         moved : str or sequence of str
-            One of the cells in `reads`, or several that move together.
+            A cell in `reads`, or several cells that change together.
         values : sequence
-            Values as in the print: ``["0.02 px", "0.05 px"]``; one for each cell where several
-            move together.
+            Values as printed: ``["0.02 px", "0.05 px"]``; a tuple of values for several cells.
         columns : sequence of str, optional
-            Columns to show; all that hold numbers by default.
+            Columns to show; all columns with numbers by default.
         rows : mapping, optional
-            Name of a column to the entry, or entries, of the rows to show; all rows by default.
+            Column to the entries of the rows to show; all rows by default.
 
         Returns
         -------
         Sweep
-            One row per value; on a page a slider.
+            One row per value, with a slider on a page.
         """
         study, before = self._declared, self.frame()
 
@@ -83,29 +82,35 @@ class StudyTable(Changeable, Item):
         return swept(self.key, moved, values, compute, "with what is printed")
 
     def frame(self) -> pd.DataFrame:
-        """Return the numbers, a row for each row of the table, in the units of the heads."""
+        """Return the numbers, in the units of the column names."""
         frame: pd.DataFrame = self._made[0]
         return frame.copy()
 
     @property
     def grid(self) -> Grid:
-        """The table as a reader sees it; of one that is folded, its first part."""
+        """The formatted table; the first part of a folded table."""
         study, frame = self._declared, self.frame()
         caption = f"{frame.attrs['caption']} {self._setting()}".rstrip()
         if study.folded:
             frame = frame[frame[study.folded] == frame[study.folded].iloc[0]]
         forms = {column.name: column.form for column in study.columns}
         behind = {*(column.error for column in study.columns), study.folded}
-        shown = [column for column in study.columns if column.name not in behind]
-        rows = [
-            [_entry(row, c, forms) for c in shown]
-            for row in frame.to_dict(orient="records")
-        ]
+        texts = {}
+        for one in study.columns:
+            if one.name not in behind:
+                errors = frame.get(one.error, [None] * len(frame))
+                texts[one.name] = [
+                    numbers.entry(
+                        value, one, (error, forms[one.error]) if one.error else None
+                    )
+                    for value, error in zip(frame[one.name], errors, strict=True)
+                ]
         where = f"study-{anchor(self.key)}" + ("-changed" if self.changes else "")
-        return Grid(caption, [column.name for column in shown], rows, where, "rp-study")
+        rows = [list(row) for row in zip(*texts.values(), strict=True)]
+        return Grid(caption, [*texts], rows, where, "rp-study")
 
     def blocks(self) -> Iterator[Block]:
-        """Yield the table; a reader sees the first part of a long one, and takes the whole away."""
+        """Yield the table, or the first part of a folded table."""
         frame, grid, folded = self.frame(), self.grid, self._declared.folded
         yield Fold(str(frame[folded].iloc[0]), (grid,), opened=True) if folded else grid
         if rest := len(frame) - len(grid.rows):
@@ -115,8 +120,3 @@ class StudyTable(Changeable, Item):
             yield Html(
                 bar(self.key, where, table_files(self.key), self.source), self.key
             )
-
-
-def _entry(row: Mapping[Any, Any], column: Column, forms: Mapping[str, str]) -> Entry:
-    error = (row[column.error], forms[column.error]) if column.error else None
-    return numbers.entry(row[column.name], column, error)

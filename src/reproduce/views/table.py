@@ -1,49 +1,45 @@
-"""A table or a cell: printed beside computed, with where each comes from."""
+"""A table or a cell: printed and computed values with verdicts and sources."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
-from itertools import groupby
 from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
 
 from reproduce.judge import rerun as rerunning
-from reproduce.judge.ledger import Ledger, Record, erratum, reason
-from reproduce.papers.catalogue import catalogue, maker
-from reproduce.papers.declare import Computation
+from reproduce.judge.ledger import Ledger, Record
+from reproduce.judge.verdicts import AGREES
+from reproduce.papers.catalogue import maker
 from reproduce.printed.cells import Cell as PrintedCell
 from reproduce.printed.cells import anchor, library
-from reproduce.views import keys, readings, verdicts
-from reproduce.views.base import Change, Item, Shown, by_row, text_of
+from reproduce.printed.number import symbol
+from reproduce.views import keys, verdicts
+from reproduce.views.base import Change, Item, Shown, text_of
 from reproduce.views.blocks import (
     Block,
-    Box,
     Entry,
     Fold,
     Grid,
     Html,
-    badge,
-    grid,
     html,
-    link,
+    rendered,
 )
 from reproduce.views.computed import item_ledger
 from reproduce.views.export import bar, export, full_frame, table_files
-from reproduce.views.numbers import minus
-from reproduce.views.readings import Readings
+from reproduce.views.readings import Readings, summary
 from reproduce.views.sweep import Changed, Point, Sweep, of_cells, swept
 
 if TYPE_CHECKING:
     import pandas as pd
 
-# Cells that share a note are counted from here on.
-FEW = 4
+
+MIN_CELLS_COUNTED = 4  # a note names fewer cells, and counts more
 
 
 class Table(Item):
-    """A table or a group of quoted numbers: printed beside computed, with verdicts.
+    """A table or a group of quoted numbers: printed and computed values with verdicts.
 
     Parameters
     ----------
@@ -63,38 +59,43 @@ class Table(Item):
 
     @property
     def _records(self) -> dict[str, Record]:
-        return {verdicts.name_of(one): one for one in self._ledger.of(self.key)}
+        names = self._printed.by_name
+        return dict(zip(names, self._ledger.of(self.key), strict=True))
 
     def __getitem__(self, name: str) -> Cell:
         """Return one cell by its name, such as ``scale.red``."""
         return Cell(self._printed[name].address)
 
     def frame(self) -> pd.DataFrame:
-        """Return the table in its own shape.
+        """Return the table in the layout of the paper.
 
         Returns
         -------
         pandas.DataFrame
-            Rows as in print. A table has columns as in print, each with printed, computed and
-            verdict; a group of quoted numbers has these and the unit.
+            Rows and columns as in the paper, each column with printed, computed and verdict. A
+            group of quoted numbers has these columns and the unit.
         """
         import pandas as pd
 
-        table, wanted = self._printed, ["printed", "computed", "verdict"]
-        entries = {
-            name: (one.printed, verdicts.computed(one), one.verdict, verdicts.unit(one))
-            for name, one in self._records.items()
-        }
-        cells = by_row(entries, [*wanted, "unit"])
+        rows = [
+            {
+                "printed": r.printed,
+                "computed": verdicts.computed(r),
+                "verdict": r.verdict,
+            }
+            for r in self._records.values()
+        ]
+        frame = pd.DataFrame(rows, index=list(self._records))
+        table, labels = self._printed, [row.id for row in self._printed.rows]
         if len(table.columns) <= 1:
-            return cells
-        rows = [row.id for row in table.rows]
+            units = (one.unit for one in self._records.values())
+            return frame.assign(unit=[unit and symbol(unit) for unit in units])
         parts = {
-            c.id: cells.loc[[f"{row}.{c.id}" for row in rows], wanted]
-            for c in table.columns
+            column.id: frame.loc[[f"{row}.{column.id}" for row in labels]]
+            for column in table.columns
         }
         return pd.concat(
-            [one.set_axis(rows) for one in parts.values()], axis=1, keys=parts
+            {n: part.set_axis(labels) for n, part in parts.items()}, axis=1
         )
 
     def cells(self) -> pd.DataFrame:
@@ -114,29 +115,28 @@ class Table(Item):
         replicates: int | None = None,
         **options: str,
     ) -> Changed:
-        """Compute the table again with something changed, or under a reading of the text.
+        """Compute the table with changed inputs, or under a reading of the text.
 
         Parameters
         ----------
         changes : mapping, optional
-            Address of any cell in `reads` to a value as in the print: ``"0.2 px"``.
+            Address of any cell in `reads` to a value as printed: ``"0.2 px"``.
         seed, replicates : int, optional
-            Of the random numbers, where the table draws some.
+            Seed and number of the simulated tables, if the table draws random numbers.
         **options : str
-            What the text leaves open, one of its alternatives each: ``angles="rectangle"``;
-            `options` lists them.
+            An alternative for an option of the text: ``angles="rectangle"``. `options` lists
+            them.
 
         Returns
         -------
         Changed
-            The computed values from the print and under the change, without a verdict; with
-            options alone, what each cell would be judged as under that reading.
+            The computed values without and with the change, without a verdict. With options
+            only, the verdict of each cell under that reading.
 
         Raises
         ------
         ValueError
-            If the table does not read the cell, a value does not fit it, or there is no such
-            option; the message lists what there is.
+            If a cell is not an input, a value does not fit its cell, or an option is unknown.
         """
         numbers = {"seed": seed, "replicates": replicates}
         return Changed(rerunning.rerun(self.key, changes, **numbers, chosen=options))
@@ -149,24 +149,24 @@ class Table(Item):
         *,
         replicates: int | None = None,
     ) -> Sweep:
-        """Compute the table again for several values of one printed input.
+        """Compute the table for several values of a printed input.
 
         Parameters
         ----------
         address : str or sequence of str
-            One of the cells in `reads`, or several that move together.
+            A cell in `reads`, or several cells that change together.
         values : sequence of str, or of sequences of str
-            Values as in the print: ``["0.02 px", "0.05 px", "0.2 px"]``; one for each cell where
-            several move together.
+            Values as printed: ``["0.02 px", "0.05 px", "0.2 px"]``; a tuple of values for
+            several cells.
         cells : sequence of str, optional
             Names of the cells to show; all of them by default.
         replicates : int, optional
-            Tables simulated for each value; those of the book by default.
+            Number of tables simulated for each value; that of the book by default.
 
         Returns
         -------
         Sweep
-            One row per value; on a page a slider.
+            One row per value, with a slider on a page.
         """
         for name in cells:
             self[name]
@@ -180,234 +180,130 @@ class Table(Item):
 
     def export(self, form: str) -> str:
         """Return the table as csv, json, latex or markdown."""
-        return export(self._ledger, self.key, form, self._whole())
+        return export(self._ledger, self.key, form, self._layout)
+
+    @property
+    def _layout(self) -> Grid:
+        """The table in the layout of the paper."""
+        table, texts = self._printed, self._texts
+        if len(table.columns) <= 1:
+            heads = ("Quantity", *_HEADS, "Where")
+            return Grid.of(self._caption, heads, [*texts.values()])
+        rows = [
+            {
+                "": row.label,
+                **{c.label: texts[f"{row.id}.{c.id}"]["all"] for c in table.columns},
+            }
+            for row in table.rows
+        ]
+        return Grid.of(self._caption, rows[0], rows)
+
+    @property
+    def _caption(self) -> str:
+        table = self._printed
+        results = any(record.role == "result" for record in self._ledger.records)
+        legend = " In each cell: printed, then computed, then the verdict."
+        shown = legend if results and len(table.columns) > 1 else ""
+        return f"{table.place}. {table.title}.{shown}"
+
+    @cached_property
+    def _texts(self) -> dict[str, dict[str, str]]:
+        """Texts of each cell by its name and by column."""
+        found: dict[str, dict[str, str]] = {}
+        for name, record in self._records.items():
+            cell, flags = self._printed[name], verdicts.flags(record.flags)
+            sigma = [f"{cell.sigma}σ"] if cell.sigma else []
+            printed = " ".join((*cell.shown.split(), *sigma, *_notes(cell)))
+            verdict = f"{record.verdict} {flags}".strip()
+            parts = (printed, verdicts.computed(record), verdict)
+            found[name] = {
+                "cell": name,
+                "Quantity": cell.label,
+                **dict(zip(_HEADS, parts, strict=True)),
+                "Where": cell.place if cell.place != self._printed.place else "",
+                "all": ", ".join(filter(None, parts[: 3 if cell.is_number else 1])),
+            }
+        return found
 
     def blocks(self) -> Iterator[Block]:
-        """Yield the table with its notes, readings, reasons and where it comes from."""
-        place, records = self._printed.place, self._ledger.of(self.key)
-        yield self._whole()
-        yield from _noted(self._printed.cells)
+        """Yield the table with its notes, readings, reasons and sources."""
+        table, records, caption = self._printed, self._ledger.records, self._caption
+        where, texts = anchor(self.key), [*self._texts.values()]
+        parts = {"table": table, "records": self._records, "verdicts": verdicts}
+        page = rendered("table", **parts, notes=_notes, anchor=where, caption=caption)
+        yield Html(page, Grid.of(caption, ("cell", *_HEADS), texts))
+        yield from _noted(table.cells)
         if joint := self._ledger.table(self.key):
             yield verdicts.joint_sentence(joint)
         if any(record.readings for record in records):
             if joint and joint.readings > 1:
                 yield verdicts.fitting(joint)
-            yield readings.summary(place, records)
+            yield summary(table.place, records)
             listed = f'rp.table("{self.key}").readings lists them'
             whole = Html(lambda: html(self.readings.blocks()), listed)
             yield Fold("All readings of the text", (whole,))
         if results := [record for record in records if record.role == "result"]:
-            made = catalogue()[self.key].computations
-            yield Fold("How each cell was judged", tuple(_judged(place, results, made)))
+            yield Fold("How each cell was judged", tuple(_judged(table.place, results)))
+        inputs = rendered("inputs", table=self, cells=verdicts.linked(self.reads))
+        shown, files = inputs if self.reads else "", table_files(self.key)
         yield Html(
-            self._bar,
+            lambda: bar(self.key, where, files, self.source, shown),
             f"{self.key}: reproduce show {self.key}#CELL shows all about a cell",
         )
 
-    def _bar(self) -> Markup:
-        inputs = Markup(
-            "<p>Printed in {}. Again: <code>{}</code></p>"
-            "<p>Reads, directly or through other items: {}</p>"
-        ).format(self.place, self.again, _linked(self.reads))
-        files, where = table_files(self.key), anchor(self.key)
-        return bar(self.key, where, files, self.source, inputs if self.reads else "")
 
-    def _whole(self) -> Grid:
-        printed, records = self._printed, self._records
-        caption = Markup("<strong>{}.</strong> {}.").format(
-            printed.place, printed.title
-        )
-        rows: list[list[Entry | Box]] = []
-        if len(printed.columns) <= 1:
-            anchors, named = [cell.anchor for cell in printed.cells], [*records]
-            elsewhere = any(cell.place != printed.place for cell in printed.cells)
-            for cell in printed.cells:
-                parts = (write(records[cell.name]) for write in _PARTS.values())
-                boxes = (Box(part, kind="rp-cell") for part in parts)
-                rows.append([cell.label, *boxes, *[cell.place] * elsewhere])
-            head = ["Quantity", *_PARTS, *["Where"] * elsewhere]
-            return Grid(
-                caption, head, rows, anchor(self.key), anchors=anchors, names=named
-            )
-        if any(record.role == "result" for record in records.values()):
-            caption += " In each cell: printed, then computed, then the verdict."
-        for row in printed.rows:
-            own = (records[f"{row.id}.{column.id}"] for column in printed.columns)
-            rows.append([row.label, *map(_stacked, own)])
-        head = ["", *(column.label for column in printed.columns)]
-        return Grid(
-            caption, head, rows, anchor(self.key), stacked=[*map(str.lower, _PARTS)]
-        )
-
-
-def _stacked(record: Record) -> Box:
-    cell, (printed, *rest) = (
-        verdicts.cell_of(record),
-        (w(record) for w in _PARTS.values()),
-    )
-    shown = (printed, *rest) if cell.is_number else (printed, "", "")
-    return Box(shown, cell.anchor, "rp-cell", cell.name)
-
-
-def _printed(record: Record) -> Markup:
-    cell = verdicts.cell_of(record)
-    shown = Markup('<span class="rp-printed">{}</span>').format(cell.shown)
-    if cell.sigma:
-        shown += Markup(' <span class="rp-sigma">{}σ</span>').format(cell.sigma)
-    return shown + Markup("").join(
-        Markup(" <small>{}</small>").format(n) for n in _notes(cell)
-    )
+_HEADS = ("Printed", "Computed", "Verdict")
 
 
 def _notes(cell: PrintedCell) -> dict[str, str]:
-    """Return what stands beside a print in a word or two, and why."""
-    notes = {
-        "unit ours": cell.unit_assumed if cell.is_number else "",
-        "misprint?": cell.misprint,
-    }
+    """Return the notes on a printed value, by the words next to it."""
+    unit = cell.unit_assumed if cell.is_number else ""
+    notes = {"unit ours": unit, "misprint?": cell.misprint}
     return {word: text for word, text in notes.items() if text}
 
 
 def _noted(cells: Iterable[PrintedCell]) -> Iterator[Markup]:
-    """Yield in full what stands beside the prints, once for all cells that share it."""
-    shared: dict[tuple[str, str], list[str]] = {}
+    """Yield the notes on printed values, each once for all its cells."""
+    notes: dict[tuple[str, str], list[str]] = {}
     for cell in cells:
         for note in _notes(cell).items():
-            shared.setdefault(note, []).append(cell.label)
-    line = Markup("<small>{}</small>, {}: {}")
-    for (word, text), labels in shared.items():
-        yield line.format(
-            word,
-            "; ".join(labels) if len(labels) < FEW else f"{len(labels)} cells",
-            text,
-        )
+            notes.setdefault(note, []).append(cell.label)
+    for (word, text), labels in notes.items():
+        counted = len(labels) >= MIN_CELLS_COUNTED
+        which = f"{len(labels)} cells" if counted else "; ".join(labels)
+        yield Markup("<small>{}</small>, {}: {}").format(word, which, text)
 
 
-def _computed(record: Record) -> Entry:
-    text = verdicts.computed(record)
-    return Markup('<span class="rp-computed">{}</span>').format(text) if text else ""
+def _judged(place: str, records: Sequence[Record]) -> Iterator[Block]:
+    """Yield the numbers of results, the reasons of verdicts, and the computations."""
+    rows = [verdicts.texts(record) for record in records]
+    columns, kind = ("cell", *verdicts.NUMBERS, "verdict"), "rp-small rp-numbers"
+    yield Html(Grid.of(f"Details of {place}", columns, rows, kind=kind).markup)
+    pairs = zip(rows, records, strict=True)
+    doubtful = [row for row, record in pairs if record.verdict not in AGREES]
+    if doubtful:
+        yield _grouped(f"Reasons, {place}", ("verdict", "why"), doubtful)
+    made = ("function", "equations", "seed")
+    yield Html(_grouped(f"What computes {place}", made, rows).markup)
 
 
-def _verdict(record: Record) -> Markup:
-    marks = verdicts.flags(record.flags)
-    flag = Markup(' <span class="rp-flag">{}</span>').format(marks) if marks else ""
-    return link(anchor(record.cell), badge(record.verdict)) + flag
-
-
-_PARTS = {"Printed": _printed, "Computed": _computed, "Verdict": _verdict}
-
-
-def _judged(
-    place: str, records: Sequence[Record], made: Sequence[Computation]
-) -> Iterator[Block]:
-    """Yield how results were judged: cell by cell, then each reason once, and what made them."""
-    looks: dict[str, Any] = {"kind": "rp-small rp-numbers", "spare": True}
-    yield grid(f"Details of {place}", {"cell": _link, **_NUMBERS}, records, **looks)
-    reasons: dict[Entry, list[Record]] = {}
-    for one in records:
-        if one.verdict in {"differs", "ambiguous", "unpublished"}:
-            reasons.setdefault(_reason(one), []).append(one)
-    if reasons:
-        yield grid(
-            f"Reasons, {place}", _REASONS, reasons.values(), kind="rp-small", words=3
-        )
-    makes = {"makes": lambda one: ", ".join(one.cells)}
-    yield grid(f"What computes {place}", makes | _MADE, made, words=4, **looks)
-
-
-def _reason(record: Record) -> Entry:
-    why = minus(reason(record.cell) or record.why)
-    if known := erratum(record.cell):
-        told = "{} {}<br>The authors' reply: {}"
-        return Markup(told).format(
-            why, link(known, f"Erratum {known}"), verdicts.replied(known)
-        )
-    return why
-
-
-def _link(record: Record) -> Markup:
-    return link(
-        anchor(record.cell), Markup("<code>{}</code>").format(verdicts.name_of(record))
-    )
-
-
-_SHARE = "share of the tolerance"
-_NUMBERS: dict[str, Callable[[Record], Entry]] = {
-    "printed": lambda one: verdicts.cell_of(one).shown,
-    "stands for": lambda one: verdicts.between(one, one.stands_for),
-    "computed": lambda one: verdicts.quantity(
-        verdicts.computed(one, extra=1), verdicts.unit(one)
-    ),
-    "Monte Carlo error": verdicts.error,
-    "allowed by rounded inputs": lambda one: (
-        verdicts.interval(one) * (one.probability is None)
-    ),
-    "predicted, central 99 %": lambda one: (
-        verdicts.interval(one) * (one.probability is not None)
-    ),
-    _SHARE: lambda one: "" if one.share is None else f"{one.share:.2f}",
-    "probability": verdicts.probability,
-    "verdict": lambda one: one.verdict,
-}
-_SEED = "{} of the project, {} of this function; {:,} replicates"
-_MADE: dict[str, Callable[[Computation], Entry]] = {
-    "function": lambda one: Markup("{} ({})").format(
-        link(f"function-{anchor(one.key)}-{one.function.__name__}", one.name), one.line
-    ),
-    "equations": lambda one: Markup(", ").join(
-        link(f"equation-{one.key.partition('/')[0]}-{number}", f"({number})")
-        for number in one.equations
-    ),
-    "seed": lambda one: (
-        _SEED.format(*one.entropy, one.replicates) if one.replicates else ""
-    ),
-}
-EVERY: dict[str, Callable[[Record], Entry]] = {
-    "Cell": _link,
-    "Table": lambda one: one.key,
-    "Place": lambda one: one.place,
-    **{head.capitalize(): _NUMBERS[head] for head in ("printed", "computed", _SHARE)},
-    "Verdict": lambda one: badge(one.verdict, verdicts.qualified(one)),
-    "Why": _reason,
-}
-_REASONS: dict[str, Callable[[Sequence[Record]], Entry]] = {
-    "Cells": lambda some: Markup(", ").join(map(_link, some)),
-    "Verdict": lambda some: some[0].verdict,
-    "Why": lambda some: _reason(some[0]),
-}
-
-
-def _linked(addresses: Iterable[str]) -> Markup:
-    """Write addresses, each a link; what several in a row begin with is said once."""
-
-    def lead(address: str) -> str:
-        name = address.partition("#")[2]
-        return address.removesuffix(name.rpartition("." if "." in name else "-")[2])
-
-    parts = []
-    for start, some in groupby(addresses, lead):
-        links = {one: link(anchor(one), one.removeprefix(start)) for one in some}
-        alone = [link(anchor(one), one) for one in links if len(links) == 1]
-        together = Markup("{}{{{}}}").format(start, Markup(",").join(links.values()))
-        parts += alone or [together]
-    return Markup(", ").join(parts)
-
-
-def _read(record: Record) -> dict[str, Entry]:
-    """Return the lines on the readings of a cell."""
-    if record.readings is None:
-        return {}
-    found = record.readings
-    closest = f"{verdicts.choices_text(found.closest.choices)}: "
-    return {
-        "readings": f"{found.agreeing} of {found.count} agree",
-        "agrees with": verdicts.deciding(found),
-        "closest reading": closest + verdicts.read(record, found.closest),
-    }
+def _grouped(
+    caption: str, columns: Sequence[str], rows: Iterable[Mapping[str, Entry]]
+) -> Grid:
+    """Return a table with a row for each combination of texts, and its cells."""
+    groups: dict[tuple[Entry, ...], list[Entry]] = {}
+    for row in rows:
+        texts = tuple(row.get(column, "") for column in columns)
+        groups.setdefault(texts, []).append(row["cell"])
+    lines = [
+        {"cells": Markup(", ").join(cells), **dict(zip(columns, texts, strict=True))}
+        for texts, cells in groups.items()
+    ]
+    return Grid.of(caption, ("cells", *columns), lines, kind="rp-small")
 
 
 class Cell(Shown):
-    """One printed number: what the paper prints, what we compute, the verdict and why.
+    """One printed number: the printed value, the computed value, the verdict and its reason.
 
     Parameters
     ----------
@@ -424,17 +320,17 @@ class Cell(Shown):
 
     @cached_property
     def record(self) -> Record:
-        """Everything that the ledger says of it."""
+        """The record of the ledger."""
         return item_ledger(self.table.key).cell(self.address)
 
     @property
     def printed(self) -> str:
-        """As a reader sees it, with its unit."""
+        """The printed value with its unit."""
         return self._cell.shown
 
     @property
     def computed(self) -> float | None:
-        """Recomputed value or median of the prediction, in the unit of print."""
+        """Computed value or median of the prediction, in the printed unit."""
         return self.record.computed
 
     @property
@@ -444,12 +340,12 @@ class Cell(Shown):
 
     @property
     def source(self) -> str:
-        """The text of the function that makes it, empty for an input."""
+        """Source code of the function that computes the cell, empty for an input."""
         return "" if self._maker is None else text_of(self._maker.function)
 
     @property
     def options(self) -> pd.DataFrame:
-        """What the text leaves open of its table."""
+        """Options of its table."""
         return self.table.options
 
     def frame(self) -> pd.DataFrame:
@@ -459,32 +355,22 @@ class Cell(Shown):
         return pd.DataFrame({self.address: self.record.model_dump()})
 
     def rerun(self, changes: Change | None = None, **settings: Any) -> Changed:
-        """Compute the cell again with something that it reads changed, as `Table.rerun` does."""
+        """Compute the cell again with changed inputs, as `Table.rerun`."""
         rerunning.checked_values(self.address, changes or {})
         return Changed(self.table.rerun(changes, **settings).result, self._cell.name)
 
     def export(self, form: str) -> str:
         """Return its record as csv, json, latex or markdown."""
-        return export(item_ledger(self.table.key), self.address, form, self._whole())
+        [grid] = self.blocks()
+        return export(item_ledger(self.table.key), self.address, form, grid)
 
-    def blocks(self) -> Iterator[Block]:
-        """Yield all that is known of the cell, a line each."""
-        yield self._whole()
-
-    def _whole(self) -> Grid:
-        record, maker, known = self.record, self._maker, erratum(self.address)
-        made = {head: write(maker) for head, write in _MADE.items()} if maker else {}
-        told: dict[str, Entry] = {
-            **{head: write(record) for head, write in _NUMBERS.items()},
-            "verdict": f"{verdicts.qualified(record)}: {verdicts.MEANINGS[record.verdict]}",
-            "why": minus(reason(self.address) or record.why),
-            **made,
-            "reads": _linked(self.reads),
-            "erratum": link(known, known) if known else "",
-            "the authors' reply": verdicts.replied(known) if known else "",
-            **_read(record),
-        }
-        lines = [line for line in told.items() if line[1]]
-        return Grid(
-            self._cell.label, ("Cell", self.address), lines, kind="rp-one", words=2
-        )
+    def blocks(self) -> list[Grid]:
+        """Return a table with a row for each property of the cell."""
+        record, shown = self.record, verdicts.texts(self.record)
+        meaning = verdicts.MEANINGS[record.verdict]
+        shown["verdict"] = f"{verdicts.qualified(record)}: {meaning}"
+        shown["reads"] = verdicts.linked(self.reads)
+        names = [*shown][3:]  # without the cell, its table and its place
+        lines = [(name, shown[name]) for name in names if shown[name]]
+        head = ("Cell", self.address)
+        return [Grid(self._cell.label, head, lines, kind="rp-one")]

@@ -1,4 +1,4 @@
-"""How a cell's numbers and its verdict are written, and what a sentence may say of them by name."""
+"""Texts of cells and verdicts, and the facts that a sentence may quote by name."""
 
 from __future__ import annotations
 
@@ -7,12 +7,13 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 
 from markupsafe import Markup, escape
 
-from reproduce.judge.ledger import Record, TableRecord, replies
+from reproduce.judge.ledger import Record, TableRecord, erratum, reason, replies
 from reproduce.judge.readings import ReadingSummary, evaluate
 from reproduce.judge.verdicts import AGREES, VERDICTS, Flag, Reading
-from reproduce.papers.catalogue import catalogue
-from reproduce.printed.cells import PAPERS, Cell, library
+from reproduce.papers.catalogue import maker
+from reproduce.printed.cells import PAPERS, Cell, anchor, library
 from reproduce.printed.number import symbol
+from reproduce.views.blocks import Entry, badge, code, link
 from reproduce.views.computed import item_ledger, whole_ledger
 from reproduce.views.numbers import chance, minus
 
@@ -33,67 +34,143 @@ WEAK: dict[Flag, str] = {
     "tolerance": "wide tolerance",
     "wide": "wide prediction",
 }
+# Columns of `texts` with the numbers of a cell.
+NUMBERS = (
+    "printed",
+    "stands for",
+    "computed",
+    "Monte Carlo error",
+    "allowed by rounded inputs",
+    "predicted, central 99 %",
+    "share of the tolerance",
+    "probability",
+)
 
 
-def name_of(record: Record) -> str:
-    """Return the name of a record's cell within its item."""
-    return record.cell.partition("#")[2]
+def _cell_of(record: Record) -> Cell:
+    """Return the printed cell of a record."""
+    return library()[record.key][record.cell.partition("#")[2]]
 
 
-def cell_of(record: Record) -> Cell:
-    """Return the printed cell that a record judges."""
-    return library()[record.key].by_name[name_of(record)]
+def texts(record: Record) -> dict[str, Entry]:
+    """Return the texts of a record by name of the column."""
+    cell, found, unit = _cell_of(record), record.readings, symbol(record.unit or "1")
+    interval = "" if record.interval is None else _between(record, record.interval)
+    drawn = record.probability is not None
+    shown: dict[str, Entry] = {
+        "cell": link(cell.anchor, code(cell.name)),
+        "table": record.key,
+        "place": record.place,
+        "printed": cell.shown,
+        "stands for": _between(record, record.stands_for or ()),
+        "computed": quantity(computed(record, extra=1), unit),
+        "Monte Carlo error": quantity(
+            minus(f"{record.error:.1g}") if record.error else "", unit
+        ),
+        "allowed by rounded inputs": "" if drawn else interval,
+        "predicted, central 99 %": interval if drawn else "",
+        "share of the tolerance": "" if record.share is None else f"{record.share:.2f}",
+        "probability": _probability(record),
+        "verdict": badge(record.verdict, qualified(record)),
+        "why": _why(record),
+    }
+    if made := maker(record.cell):
+        paper, name = record.key.partition("/")[0], made.function.__name__
+        function = link(f"function-{anchor(record.key)}-{name}", made.name)
+        equations = (link(f"equation-{paper}-{n}", f"({n})") for n in made.equations)
+        seed = "{} of the project, {} of this function; {:,} replicates"
+        shown |= {
+            "function": Markup("{} ({})").format(function, made.line),
+            "equations": Markup(", ").join(equations),
+            "seed": seed.format(*made.entropy, made.replicates)
+            if made.replicates
+            else "",
+        }
+    if found is not None:
+        closest = (
+            f"{choices_text(found.closest.choices)}: {_read(record, found.closest)}"
+        )
+        p = _probability(found.closest)
+        shown |= {
+            "readings that agree": f"{found.agreeing} of {found.count}",
+            "agrees with": deciding(found),
+            "closest reading": f"{closest}, p = {p}".replace("= <", "<")
+            if p
+            else closest,
+        }
+    return shown
+
+
+def linked(addresses: Iterable[str]) -> Markup:
+    """Return addresses with links to the cells."""
+    return Markup(", ").join(link(anchor(one), one) for one in addresses)
+
+
+def _why(record: Record) -> Entry:
+    """Return the reason of a verdict, with its erratum and the reply of the authors."""
+    why, known = minus(reason(record.cell) or record.why), erratum(record.cell)
+    text = Markup("{} {}<br>The authors' reply: {}")
+    return (
+        text.format(why, link(known, f"Erratum {known}"), replied(known))
+        if known
+        else why
+    )
 
 
 def computed(record: Record, extra: int = 0) -> str:
-    """Write a record's computed value with as many decimals as the print."""
+    """Return the computed value of a record with the decimals of the printed value.
+
+    One more digit is shown where the printed digits do not show the difference.
+    """
     if record.computed is None:
         return ""
-    # One more digit where the printed ones alone could not show the difference.
-    hidden = record.verdict not in AGREES or not {"rounding", "tolerance"}.isdisjoint(
-        record.flags
+    hidden = record.verdict not in AGREES or {"rounding", "tolerance"} & {*record.flags}
+    return minus(
+        _cell_of(record).number.format(record.computed, extra=extra + bool(hidden))
     )
-    return minus(cell_of(record).number.format(record.computed, extra=extra + hidden))
 
 
-def error(record: Record) -> str:
-    """Write the Monte Carlo error of a computed value, empty where nothing is drawn."""
-    return quantity(minus(f"{record.error:.1g}") if record.error else "", unit(record))
-
-
-def interval(record: Record) -> str:
-    """Write the interval of a computed value, empty where there is none."""
-    return between(record, record.interval)
-
-
-def between(record: Record, ends: Sequence[float | None] | None) -> str:
-    """Write an interval of a record, empty where there is none."""
-    if ends is None or None in ends or ends[0] == ends[1]:
+def _between(record: Record, ends: Sequence[float | None]) -> str:
+    """Return an interval of a record, or nothing for a point."""
+    if None in ends or len({*ends}) < 2:
         return ""
-    number = cell_of(record).number
+    number = _cell_of(record).number
     text = " to ".join(number.format(end, extra=1) for end in ends if end is not None)
-    return quantity(minus(text), unit(record))
+    return quantity(minus(text), symbol(record.unit or "1"))
 
 
-def probability(record: Record | Reading) -> str:
-    """Write a probability with no more digits than its Monte Carlo error allows."""
+def _probability(record: Record | Reading) -> str:
     if record.probability is None or record.mcse is None:
         return ""
     return chance(record.probability, record.mcse)
 
 
+def _joint_facts(joint: TableRecord) -> dict[str, str]:
+    """Return the facts of a table on all its predicted cells together."""
+    return {
+        "joint": joint_chance(joint.joint_probability, joint),
+        "replicates": f"{joint.replicates:,}",
+        "readings": f"{joint.readings:,}",
+        "fitting": str(joint.fitting or "none"),
+        "closest": choices_text(joint.closest),
+        "closest-agreeing": str(joint.closest_agreeing),
+        "closest-joint": joint_chance(joint.closest_probability, joint),
+        "predicted": str(joint.cells),
+    }
+
+
 def joint_sentence(joint: TableRecord) -> str:
     """Return a sentence on all cells of a table together."""
     return (
-        f"Outside the central 99 % of the prediction lie {joint.outside} of {joint.cells} "
+        f"Outside the central 99 % of the prediction lie {joint.outside} of {{predicted}} "
         f"predicted cells; {joint.expected_outside:.2g} are expected by chance. The "
         "probability of a table as far from the prediction as the printed one, or farther, is "
-        f"{joint_chance(joint.joint_probability, joint)} ({joint.replicates:,} simulated tables)."
-    )
+        "{joint} ({replicates} simulated tables)."
+    ).format_map(_joint_facts(joint))
 
 
 def joint_chance(probability: float, joint: TableRecord) -> str:
-    """Write a joint probability; a bound if next to no replicates are as far out."""
+    """Return a joint probability; a bound if fewer than two replicates are as far out."""
     if probability * (joint.replicates + 1) < 1.5:
         return f"below 1/{joint.replicates:,}"
     error = (probability * (1 - probability) / joint.replicates) ** 0.5
@@ -101,34 +178,28 @@ def joint_chance(probability: float, joint: TableRecord) -> str:
 
 
 def fitting(joint: TableRecord) -> str:
-    """Return a sentence on the readings of a table, all cells at once."""
-    return (
-        f"{joint.fitting or 'None'} of {joint.readings} readings of the text fits all "
-        f"{joint.cells} predicted cells together. Closest: {choices_text(joint.closest)}, with "
-        f"{joint.closest_agreeing} cells and a joint probability "
-        f"{_of_chance(joint_chance(joint.closest_probability, joint))}."
-    )
-
-
-def _of_chance(text: str) -> str:
-    return text if text.startswith("below") else f"of {text}"
+    """Return a sentence on the readings of a table, all cells together."""
+    text = (
+        "{fitting} of {readings} readings of the text fits all {predicted} predicted cells "
+        "together. Closest: {closest}, with {closest-agreeing} cells and a joint probability "
+        "of {closest-joint}."
+    ).format_map(_joint_facts(joint))
+    return (text[0].upper() + text[1:]).replace("of below", "below")
 
 
 def choices_text(choices: Mapping[str, str]) -> str:
-    """Write the choices of a reading as on the command line.
+    """Return the choices of a reading as on the command line.
 
     Examples
     --------
     >>> choices_text({"noise": "green", "repeats": "one"})
     'noise=green, repeats=one'
     """
-    return (
-        ", ".join(f"{name}={way}" for name, way in choices.items()) or "every reading"
-    )
+    return ", ".join(map("=".join, choices.items())) or "every reading"
 
 
 def deciding(summary: ReadingSummary) -> str:
-    """Write the options that decide, and choices with which a number agrees or never does."""
+    """Return the options that decide, and choices with which a number agrees or never does."""
     if summary.agreeing in {0, summary.count}:
         return ""
     always = "; or ".join(map(choices_text, summary.agrees_if))
@@ -139,61 +210,55 @@ def deciding(summary: ReadingSummary) -> str:
     return f"{decided}. Never with {never}" if never else decided
 
 
-def read(record: Record, reading: Reading) -> str:
-    """Write the computed value and the verdict of a cell under one reading."""
+def _read(record: Record, reading: Reading) -> str:
+    """Return the computed value and the verdict of a cell under one reading."""
     marks = flags(reading.flags)
-    hidden = not reading.agrees or bool(marks)
-    value = minus(cell_of(record).number.format(reading.computed, extra=int(hidden)))
-    return f"{quantity(value, unit(record))}, {reading.verdict}{f' ({marks})' * bool(marks)}"
-
-
-def unit(record: Record) -> str:
-    """Write the unit of a record, empty for pure numbers, counts and words."""
-    return symbol(record.unit) if record.unit else ""
+    extra = int(not reading.agrees or bool(marks))
+    value = minus(_cell_of(record).number.format(reading.computed, extra=extra))
+    return f"{quantity(value, symbol(record.unit or '1'))}, {qualified(reading)}"
 
 
 def quantity(value: str, mark: str) -> str:
-    """Write a number before the sign of its unit; nothing for nothing."""
+    """Return a number with its unit; nothing without a number."""
     gap = "" if mark in {"", "°", "″"} else "\u202f"
     return f"{value}{gap}{mark}" if value else ""
 
 
 def tally(records: Collection[Record]) -> dict[str, int]:
-    """Count records by verdict, every verdict present, in the order in which they are shown."""
+    """Count records by verdict, all verdicts in the order in which they are shown."""
     return {verdict: sum(r.verdict == verdict for r in records) for verdict in VERDICTS}
 
 
-def weak_agreement(record: Record) -> bool:
-    """Tell whether a record agrees in a way that says little."""
+def _is_weak(record: Record) -> bool:
+    """Return whether a record agrees weakly."""
     return record.verdict in AGREES and not {*WEAK}.isdisjoint(record.flags)
 
 
 def weak(records: Iterable[Record]) -> int:
-    """Count the records that agree in a way that says little."""
-    return sum(map(weak_agreement, records))
+    """Count the records that agree weakly."""
+    return sum(map(_is_weak, records))
 
 
 def flags(names: Iterable[Flag]) -> str:
-    """Write the flags of a verdict in words."""
+    """Return the flags of a verdict in words."""
     shown = {**WEAK, "stand_in": "assumed value"}
     return ", ".join(shown[name] for name in names if name in shown)
 
 
-def qualified(record: Record) -> str:
-    """Write a verdict with what makes it weak."""
+def qualified(record: Record | Reading) -> str:
+    """Return a verdict with its flags."""
     marks = flags(record.flags)
     return f"{record.verdict} ({marks})" if marks else record.verdict
 
 
 def replied(erratum: str) -> Markup:
-    """Write the reply of the authors to an erratum, or where they can reply."""
-    paper = erratum.partition("-")[0]
-    place = Markup('none yet; <a href="#letter-{}">how to answer</a>').format(paper)
-    return escape(replies()[erratum]) or place
+    """Return the reply of the authors to an erratum, or a link to the letter to them."""
+    letter = link(f"letter-{erratum.partition('-')[0]}", "how to answer")
+    return escape(replies()[erratum]) or Markup("none yet; {}").format(letter)
 
 
 def facts_of(name: str) -> dict[str, str]:
-    """Return what a sentence may say of a cell, an item, a paper or everything.
+    """Return the facts of a cell, an item, a paper or ``all``, by name.
 
     Examples
     --------
@@ -201,18 +266,18 @@ def facts_of(name: str) -> dict[str, str]:
     '0.9976'
     """
     if "#" in name:
-        return _of_cell(item_ledger(name.partition("#")[0]).cell(name))
+        return _facts_of_cell(item_ledger(name.partition("#")[0]).cell(name))
     if "/" in name:
-        return _of_item(name)
+        return _facts_of_item(name)
     if name not in {*PAPERS, "all"}:
         raise KeyError(
             f"expected an address, a key, 'all' or one of {PAPERS}, got {name!r}"
         )
-    return _of_paper(name)
+    return _facts_of_paper(name)
 
 
 def filled(text: str, known: Mapping[str, str]) -> str:
-    """Fill the blanks of an alternative text, so that no number is typed into it.
+    """Fill the placeholders of a text with facts.
 
     Examples
     --------
@@ -221,92 +286,66 @@ def filled(text: str, known: Mapping[str, str]) -> str:
     """
 
     def fill(blank: re.Match[str]) -> str:
-        name, _, what = blank.group(1).partition(" ")
+        name, _, what = blank[1].partition(" ")
         return facts_of(name)[what] if what else known[name]
 
     return re.sub(r"\{([^{}]+)\}", fill, text)
 
 
-def _of_cell(record: Record) -> dict[str, str]:
-    said = {
-        "printed": cell_of(record).shown,
-        "computed": quantity(computed(record), unit(record)) or "nothing",
+def _facts_of_cell(record: Record) -> dict[str, str]:
+    facts = {
+        "printed": _cell_of(record).shown,
+        "computed": quantity(computed(record), symbol(record.unit or "1")) or "nothing",
         "verdict": record.verdict,
-        "probability": probability(record) or "none",
+        "probability": _probability(record) or "none",
     }
-    if (summary := record.readings) is not None:
-        said |= {
-            "readings": str(summary.count),
-            "agreeing": str(summary.agreeing),
-            "agrees-if": deciding(summary) or "no reading decides",
-            "closest": choices_text(summary.closest.choices),
-            "closest-computed": read(record, summary.closest).partition(",")[0],
-            "closest-probability": probability(summary.closest) or "none",
-        }
-        computation = next(
-            one
-            for one in catalogue()[record.key].computations
-            if one.makes(name_of(record))
-        )
-        found = evaluate(computation)
-        for place, choices in enumerate(computation.readings):
-            if len(changed := dict(choices.items() - computation.literal.items())) == 1:
-                [(option, way)] = changed.items()
-                one = found.cells[name_of(record)][place]
-                said[f"if-{option}-{way}"] = read(record, one).partition(",")[0]
-    return said
+    found, made = record.readings, maker(record.cell)
+    if found is None or made is None:
+        return facts
+    cells = evaluate(made).cells[_cell_of(record).name]
+    for choices, one in zip(made.readings, cells, strict=True):
+        changed = choices.items() - made.literal.items()
+        if len(changed) == 1:
+            name = "-".join(("if", *next(iter(changed))))
+            facts[name] = _read(record, one).partition(",")[0]
+    return facts | {
+        "readings": str(found.count),
+        "agreeing": str(found.agreeing),
+        "agrees-if": deciding(found) or "no reading decides",
+        "closest": choices_text(found.closest.choices),
+        "closest-computed": _read(record, found.closest).partition(",")[0],
+        "closest-probability": _probability(found.closest) or "none",
+    }
 
 
-def _of_item(key: str) -> dict[str, str]:
+def _facts_of_item(key: str) -> dict[str, str]:
     found = item_ledger(key)
-    said = _agreement(found.of(key))
-    said["results"] = str(sum(record.role == "result" for record in found.of(key)))
-    if joint := found.table(key):
-        said |= {
-            "joint": joint_chance(joint.joint_probability, joint),
-            "replicates": f"{joint.replicates:,}",
-            "readings": f"{joint.readings:,}",
-            "fitting": str(joint.fitting or "none"),
-            "closest": choices_text(joint.closest),
-            "closest-agreeing": str(joint.closest_agreeing),
-            "closest-joint": joint_chance(joint.closest_probability, joint),
-            "predicted": str(joint.cells),
-        }
-    return said
+    facts = _counts(found.of(key))
+    joint = found.table(key)
+    return facts | _joint_facts(joint) if joint else facts
 
 
-def _of_paper(name: str) -> dict[str, str]:
-    chosen = tuple(
-        r for r in whole_ledger().records if name in {"all", r.key.split("/")[0]}
-    )
-    by_verdict = tally(chosen)
+def _facts_of_paper(name: str) -> dict[str, str]:
+    records = whole_ledger().records
+    chosen = [r for r in records if name in {"all", r.key.partition("/")[0]}]
+    count = tally(chosen)
     counts = {
         "cells": len(chosen),
-        "numbers": sum(cell_of(record).is_number for record in chosen),
-        "results": sum(record.role == "result" for record in chosen),
-        "unsettled": sum(
-            by_verdict[one] for one in ("differs", "ambiguous", "unpublished")
-        ),
-        "judged": sum(
-            by_verdict[verdict] for verdict in ("exact", "consistent", "differs")
-        ),
+        "numbers": sum(_cell_of(record).is_number for record in chosen),
+        "unsettled": count["differs"] + count["ambiguous"] + count["unpublished"],
+        "judged": count["exact"] + count["consistent"] + count["differs"],
     }
-    return _agreement(chosen) | {what: str(count) for what, count in counts.items()}
+    return _counts(chosen) | {what: str(number) for what, number in counts.items()}
 
 
-def _agreement(records: tuple[Record, ...]) -> dict[str, str]:
-    """Count verdicts; what agrees never stands without the part of it that is weak."""
-    groups: dict[str, list[Record]] = {
-        verdict: [r for r in records if r.verdict == verdict] for verdict in VERDICTS
-    }
-    groups["agree"] = groups["exact"] + groups["consistent"]
-    said: dict[str, str] = {}
-    for name, found in groups.items():
-        doubtful = weak(found)
-        share = "all" if doubtful == len(found) else str(doubtful)
-        said[name] = (
-            f"{len(found)} ({share} of them weakly)" if doubtful else str(len(found))
-        )
-    doubtful = weak(records)
-    said |= {"strong": str(len(groups["agree"]) - doubtful), "weak": str(doubtful)}
-    return said
+def _counts(records: Collection[Record]) -> dict[str, str]:
+    """Count verdicts; a count of agreement includes the number of weak agreements."""
+    marks = [(record.verdict, _is_weak(record)) for record in records]
+    kinds = {verdict: {verdict} for verdict in VERDICTS} | {"agree": {*AGREES}}
+    facts = {"results": str(sum(record.role == "result" for record in records))}
+    for name, kind in kinds.items():
+        found = [is_weak for verdict, is_weak in marks if verdict in kind]
+        share = "all" if all(found) else sum(found)
+        remark = f" ({share} of them weakly)" if any(found) else ""
+        facts[name] = f"{len(found)}{remark}"
+    return facts | {"strong": str(len(found) - sum(found)), "weak": str(sum(found))}
