@@ -7,7 +7,7 @@ loads what it needs when it is called: a user's own stars need no paper.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from reproduce.views.contradictions import Contradictions
     from reproduce.views.figure import Figure, Panels
     from reproduce.views.measurements import Monitored, Registered
-    from reproduce.views.pictures import RegisteredChannels, Stars
+    from reproduce.views.pictures import Stars
     from reproduce.views.posterior import Posterior
     from reproduce.views.posteriors import Posteriors
     from reproduce.views.study import StudyTable
@@ -264,7 +264,7 @@ def contradictions(paper: str | None = None) -> Contradictions:
 
 
 def register(
-    source: str | Path | pd.DataFrame | ArrayLike | Stars | Sequence[Any],
+    source: str | Path | pd.DataFrame | ArrayLike | Stars,
     target: str | Path | ArrayLike | Stars | None = None,
     pivot: ArrayLike | None = None,
     *,
@@ -273,13 +273,11 @@ def register(
     weights: ArrayLike | None = None,
     source_covariance: ArrayLike | None = None,
     target_covariance: ArrayLike | None = None,
-    reference: str | None = None,
     start: Any = None,
     radius: float | None = None,
     threshold: float | None = None,
     sep: str | None = None,
-    progress: Callable[[int, int], None] | None = None,
-) -> Registered | RegisteredChannels:
+) -> Registered:
     """Fit the transform that maps source stars onto the same stars of a target.
 
     For images, the stars are found and matched first (`stars`, `match`), which needs Astropy and
@@ -295,7 +293,7 @@ def register(
         DataFrame, an Astropy table, a text file with the names in its first line ("-" is standard
         input), or an ECSV, FITS, VOTable or SExtractor file. An image is an array of shape
         (height, width), a `CCDData`, or a FITS file (``field.fits[SCI]`` if it contains several
-        images). Also a list of images, or `Stars`. Rows are counted from zero.
+        images). Also `Stars`. Rows are counted from zero.
     target : array_like, shape (n, 2)
         The same stars in the other image, in px, if `source` is an array of stars. Otherwise an
         image, `Stars`, or a table with the columns ``x`` and ``y``, as in `stars`.
@@ -310,20 +308,16 @@ def register(
         Relative weights of the stars, such as inverse variances; zero drops a star.
     source_covariance, target_covariance : array_like, shape (n, 2, 2) or (2, 2), optional
         Known covariances of the places, in px^2.
-    reference : str, optional
-        Reference image: the path as given, or "image 1" for an array. Default: the second image.
     start, radius : optional
         Parameters of `match`, for images and lists.
     threshold : float, optional
         Parameter of `stars`, for images.
     sep : str, optional
         Separator of the columns of a text file, as in `pandas.read_csv`. Default: a comma.
-    progress : callable, optional
-        Function of the number of images read and of all images.
 
     Returns
     -------
-    Registered, or RegisteredChannels for three or more images
+    Registered
         Scale, rotation in radians, positive from x towards y, and shift in px: where the pivot was
         minus where it lands. With covariance, residuals and the transform for other points.
 
@@ -349,9 +343,8 @@ def register(
         "start": start,
         "radius": radius,
         "threshold": threshold,
-        "reference": reference,
     }
-    pictures = _pictures(source, target)
+    pictures = _has_pictures(source, target)
     given = [
         name for name, one in (known if pictures else own).items() if one is not None
     ]
@@ -367,7 +360,7 @@ def register(
         from reproduce.views.pictures import registered
 
         own |= {"model": model, "robust": robust is not False, "sep": sep}
-        return registered(pictures, pivot, progress=progress, **own)
+        return registered(source, target, pivot, **own)
     from reproduce.views.measurements import Registered
 
     paired: tuple[Any, Any] = (source, target)
@@ -376,23 +369,14 @@ def register(
     )
 
 
-def _pictures(source: Any, target: Any) -> list[Any]:
-    """Return the pictures, stars or tables that are to be paired; none of stars that are."""
+def _has_pictures(source: Any, target: Any) -> bool:
+    """Return whether the stars of an image, file or `Stars` are to be paired with the target."""
     from reproduce.store.images import is_image
 
-    def one(value: Any) -> bool:
-        return is_image(value) or hasattr(value, "dropped")
-
-    if target is not None:
-        both = isinstance(source, str | Path) and isinstance(target, str | Path)
-        return [source, target] if both or one(source) or one(target) else []
-    if isinstance(source, list | tuple) and source:
-        return (
-            [*source]
-            if all(isinstance(v, str | Path) or one(v) for v in source)
-            else []
-        )
-    return [source] if one(source) else []
+    both = [source, target]
+    if target is not None and all(isinstance(one, str | Path) for one in both):
+        return True
+    return any(is_image(one) or hasattr(one, "dropped") for one in both)
 
 
 def stars(

@@ -20,7 +20,7 @@ from numpy.random import Generator
 from numpy.typing import ArrayLike
 
 from reproduce.physics import validate
-from reproduce.physics.images.spots import _gradient, _shares, spot_windows
+from reproduce.physics.images.spots import _edges, _gradient, _shares, spot_windows
 from reproduce.physics.validate import FloatArray, Image, NonNegative, Point, Positive
 
 
@@ -293,8 +293,8 @@ def simulated_errors(
     offsets = validate.finite_array("phases", phases, shape=(None,))
     width = validate.positive("radius", radius)
     first = np.array(-(validate.whole_number("size", size) // 2))
-    columns = light.signal * _shares(offsets, width, first, size)
-    columns = columns * _shares(np.zeros(()), width, first, size).sum()
+    columns = light.signal * _shares(_edges(offsets - first, width, size))
+    columns = columns * _shares(_edges(-first, width, size)).sum()
     shape = (validate.whole_number("trials", trials), *columns.shape)
     seen = generator.poisson(columns, size=shape).astype(np.float64)
     if light.read_noise:
