@@ -11,16 +11,14 @@ from astropy.io import fits
 from astropy.nddata import CCDData
 from astropy.table import Table
 from click.testing import CliRunner
-from photutils.centroids import centroid_2dg
 from photutils.detection import DAOStarFinder
-from photutils.segmentation import SourceCatalog, detect_sources
 from scipy.spatial import KDTree
 from scipy.stats import t as student_t
 from skimage.transform import SimilarityTransform
 
 import reproduce as rp
 from reproduce.physics.images import Detector, expose, render_frame
-from reproduce.physics.registration import Registration, registered_image
+from reproduce.physics.registration import Registration
 from reproduce.store.points import STARS
 from reproduce.views.cli import main
 
@@ -119,28 +117,6 @@ def test_parameters_err_as_they_say_with_wrong_matches_too(wrong):
         assert np.mean(within) == pytest.approx(level, abs=4 * error)
 
 
-def test_our_centres_beat_those_of_the_library():
-    """Over 8 fields: by a quarter those of segments, and no worse than a fitted Gaussian."""
-    errors = {"ours": [], "segments": [], "Gaussian": []}
-    for seed in range(8):
-        places, _, image, _ = simulated(seed)
-        found = rp.stars(image)
-        rest = image - found.facts["background"]
-        segments = detect_sources(rest, 5 * found.facts["noise"], 3)
-        corners = np.round(found.points).astype(int) - 4
-        fitted = [centroid_2dg(rest[y : y + 9, x : x + 9]) for x, y in corners]
-        for name, points in (
-            ("ours", found.points),
-            ("segments", np.asarray(SourceCatalog(rest, segments).centroid)),
-            ("Gaussian", corners + fitted),
-        ):
-            apart, which = KDTree(places).query(points)
-            errors[name].append((points - places[which])[apart < 1])
-    rms = {name: np.concatenate(one).std() for name, one in errors.items()}
-    assert rms["ours"] < 0.75 * rms["segments"]
-    assert rms["ours"] < 1.02 * rms["Gaussian"]
-
-
 def test_the_transform_is_that_of_scikit_image(fit):
     """On the same pairs, unweighted; and the truth lies within the errors."""
     pairs = fit.pairs[fit.pairs["used"]]
@@ -164,17 +140,14 @@ def test_a_mirror_image_is_named():
     assert mirrored.attrs["mirrored"]
     assert not rp.match(RED, GREEN).attrs["mirrored"]
     assert len(mirrored) > 30
+    assert list(mirrored.columns[:4]) == list(STARS)
+    assert f"{len(mirrored)} pairs" in mirrored.attrs["log"]
     with pytest.raises(ValueError, match=r"mirror each other: flip one"):
         rp.register(RED[:, ::-1], GREEN)
     affine = rp.register(RED[:, ::-1], GREEN, model="affine")
     assert np.linalg.det(affine.transform.matrix) == pytest.approx(
         -(1.002**2), abs=1e-3
     )
-
-
-def test_a_picture_that_is_turned_and_larger_is_matched():
-    turned = rp.register(np.rot90(RED).copy(), GREEN)
-    assert abs(turned.transform.rotation) == pytest.approx(np.pi / 2, abs=0.01)
 
 
 def test_scatter_beyond_the_errors_is_found():
@@ -199,13 +172,6 @@ def test_a_start_gives_neighbours():
             rp.match(RED, GREEN, start=start)
     with pytest.raises(ValueError, match="start"):
         rp.register(RED, GREEN, start=(1, 0, 1000, 0))
-
-
-def test_pairs_are_a_table_that_register_takes():
-    found = rp.match(rp.stars(RED), rp.stars(GREEN), radius=2)
-    assert len(found) == len(PLACES)
-    assert f"{len(found)} pairs" in found.attrs["log"]
-    assert list(found.columns[:4]) == list(STARS)
 
 
 def test_fields_without_common_stars_are_told():
@@ -286,13 +252,6 @@ def test_positions_of_stars_have_the_covariance_of_transform_and_centre(fit):
     assert sigma == pytest.approx(expected, rel=1e-3)
 
 
-def test_the_registered_image_lies_on_the_target(fit):
-    """By the lines of the page."""
-    image = registered_image(RED - fit.source_stars.facts["background"], fit.transform)
-    again = rp.register(rp.stars(image[5:-5, 5:-5]), rp.stars(GREEN[5:-5, 5:-5]))
-    assert np.abs(again.parameters - (1, 0, 0, 0)).max() < 0.02
-
-
 def test_the_posterior_is_that_of_the_fit(fit):
     """With its weights: without them both mean and deviation would be others."""
     found = fit.posterior(steps=400, seed=1).frame()
@@ -310,12 +269,6 @@ def test_the_posterior_is_that_of_the_fit(fit):
         assert row["mean"] == pytest.approx(mean, abs=0.1 * error)
         assert row["deviation"] == pytest.approx(error, rel=0.1)
         assert other > 1.1 * error
-    affine = fit.rerun(model="affine")
-    rows = affine.posterior(steps=400, seed=1).frame()
-    found = rows["mean"].to_numpy(float)[:6]
-    assert (
-        np.abs(found - affine.parameters).max() < 0.1 * affine.fit.standard_errors.max()
-    )
 
 
 @pytest.fixture(scope="module")

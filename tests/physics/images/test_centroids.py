@@ -78,7 +78,7 @@ def test_a_tight_window_pushes_the_scatter_below_the_unbiased_bound_but_not_the_
 
 
 def test_dark_windows_and_even_ones_are_refused():
-    with pytest.raises(DegenerateGeometryError, match="light in every window"):
+    with pytest.raises(DegenerateGeometryError, match="every window"):
         centre_of_gravity(np.zeros((2, 5, 5)), [0, 0])
     with pytest.raises(ValueError, match="odd"):
         window_corners([1.0, 1.0], 4)
@@ -89,7 +89,5 @@ def test_dark_windows_and_even_ones_are_refused():
 def test_dark_windows_of_a_batch_are_named():
     windows = np.ones((1158, 5, 5))
     windows[[77, 100]] = 0
-    with pytest.raises(
-        ValueError, match=r"got 2 of 1158 with none in sum \(77, 100\); take"
-    ):
+    with pytest.raises(ValueError, match=r"windows: .* 2 of 1158 .* 77"):
         centre_of_gravity(windows, (0, 0))

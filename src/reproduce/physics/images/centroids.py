@@ -66,20 +66,11 @@ def _centre_of_gravity(light: FloatArray) -> FloatArray:
 
 
 def _refuse_dark(total: FloatArray) -> None:
-    dark = total <= 0
-    if dark.any():
-        places = [
-            str(tuple(one) if len(one) > 1 else one[0])
-            for one in np.argwhere(dark).tolist()
-        ]
-        named = (
-            f" ({', '.join(places[:5])}{', ...' * (len(places) > 5)})"
-            if dark.ndim
-            else ""
-        )
+    dark = np.flatnonzero(total <= 0)
+    if len(dark):
         raise validate.DegenerateGeometryError(
-            f"windows: expected light in every window, got {len(places)} of {dark.size} with none "
-            f"in sum{named}; take less background away, or drop these windows"
+            f"windows: expected flux in every window, got {len(dark)} of {total.size} without "
+            f"any, the first at index {dark[0]}. Subtract less background, or drop these windows"
         )
 
 
@@ -303,10 +294,7 @@ def simulated_errors(
         seen += noise
     pixel = np.stack([np.ones(size), np.arange(size) + float(first)], axis=-1)
     moments = seen.reshape(-1, size) @ pixel
-    if (moments[:, 0] <= 0).any():
-        raise validate.DegenerateGeometryError(
-            "light: expected light in every window, got one with none; ask for more signal"
-        )
+    _refuse_dark(moments[:, 0])
     return (moments[:, 1] / moments[:, 0]).reshape(shape[:-1]) - offsets
 
 
