@@ -201,6 +201,11 @@ def paired(
     near = radius or _PAIR_PX + _PAIR_FRACTION * float(field)
     start = getattr(start, "transform", start)
     if start is not None and not isinstance(start, Registration):
+        if np.shape(start) != (4,):
+            raise ValueError(
+                f"start: expected a transform or four numbers, got {start!r}. Give scale, rotation "
+                "in radians, and shift in x and y in px"
+            )
         pivot = source.middle if pivot is None else pivot
         start = Registration("similarity", start, pivot)
     with reading(f"{source.name} and {target.name}"):
