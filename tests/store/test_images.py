@@ -32,25 +32,19 @@ def test_whole_numbers_come_back_whatever_the_header_states(tmp_path, ending):
         tmp_path / "plain.fits", RAMP, fits.Header({"SATURATE": 5, "BAYERPAT": "NONE"})
     )
     path.write_bytes(PACKED[ending]((tmp_path / "plain.fits").read_bytes()))
-    image = read_image(path)
-    assert (image.light == RAMP).all()
-    assert image.step == 1
-    assert not image.full.any()
-
-
-@pytest.mark.parametrize("gap", [1, 64])
-def test_the_step_is_that_of_the_numbers_whatever_their_type(gap):
-    noise = np.random.default_rng(1).normal(500, 3, (200, 300))
-    assert read_image(gap * noise.round()).step == gap
-    assert read_image(gap * noise).step < 0.01 * gap
+    pixels, saturation, sigma = read_image(path)
+    assert (pixels == RAMP).all()
+    assert (saturation, sigma) == (np.inf, None)
 
 
 def test_touching_pixels_that_share_the_highest_number_are_full():
     rng = np.random.default_rng(1)
     image = rng.uniform(0, 100, (40, 40))
-    assert not read_image(image).full.any()
+    image[7, 7] = image[9, 7] = 4000.0
+    assert read_image(image)[1] == np.inf
     image[3:6, 3:6] = image[20:23, 30:33] = 4000.0
-    assert read_image(image).full.sum() == 18
+    assert read_image(image)[1] == 4000
+    assert read_image(np.where(image > 200, 255, image).astype(np.uint8))[1] == 255
 
 
 @pytest.mark.parametrize("kind", [np.ma.array, CCDData, NDData])
@@ -61,20 +55,19 @@ def test_masked_and_missing_pixels_are_not_seen(kind):
         image, mask=RAMP == 7, **{"unit": "adu"} if kind is not np.ma.array else {}
     )
     assert is_image(source)
-    missing = np.isnan(read_image(source).light)
+    missing = np.isnan(read_image(source)[0])
     assert np.argwhere(missing).tolist() == [[0, 7], [3, 3]]
 
 
 def test_the_uncertainty_of_an_image_is_its_deviation():
     for given in (StdDevUncertainty(2 + RAMP), VarianceUncertainty((2.0 + RAMP) ** 2)):
-        found = read_image(CCDData(RAMP, unit="adu", uncertainty=given)).sigma
+        found = read_image(CCDData(RAMP, unit="adu", uncertainty=given))[2]
         np.testing.assert_allclose(found, 2.0 + RAMP)
     for wrong in (StdDevUncertainty(0.0 * RAMP), UnknownUncertainty(RAMP), [1.0, 2.0]):
         with pytest.raises(ImageError, match="uncertainty"):
             read_image(NDData(RAMP, uncertainty=wrong))
-    assert (
-        read_image(NDData(RAMP, uncertainty=StdDevUncertainty(5.0))).sigma == 5
-    ).all()
+    constant = read_image(NDData(RAMP, uncertainty=StdDevUncertainty(5.0)))[2]
+    assert (constant == 5).all()
 
 
 def test_a_file_of_several_images_asks_for_the_extension(tmp_path):
@@ -88,7 +81,7 @@ def test_a_file_of_several_images_asks_for_the_extension(tmp_path):
     with pytest.raises(ImageError, match=r"mef.fits.* WHT, SCI, 3, 4"):
         read_image(path)
     for name, image in (("SCI", RAMP + 1), ("sci", RAMP + 1), ("4", RAMP + 3)):
-        assert (read_image(f"{path}[{name}]").light == image).all()
+        assert (read_image(f"{path}[{name}]")[0] == image).all()
     for wrong in ("ERR", "9", "5", "0"):
         with pytest.raises(ImageError, match=rf"mef.fits\[{wrong}\]"):
             read_image(f"{path}[{wrong}]")
@@ -96,7 +89,7 @@ def test_a_file_of_several_images_asks_for_the_extension(tmp_path):
 
 def test_a_huge_image_is_refused_before_its_pixels_are_read(tmp_path, monkeypatch):
     fits.writeto(tmp_path / "a.fits", RAMP)
-    monkeypatch.setattr(images, "_MOST_PIXELS", 599)
+    monkeypatch.setattr(images, "_MAX_PIXELS", 599)
     monkeypatch.setattr(
         fits.PrimaryHDU, "data", property(lambda unit: pytest.fail("read"))
     )
@@ -140,10 +133,13 @@ BAD = {
     "empty.fits": (lambda p: p.write_bytes(b""), "empty"),
     "words.fits": (lambda p: p.write_text("hello"), "words"),
     "none.fits": (lambda p: fits.HDUList([fits.PrimaryHDU()]).writeto(p), "none"),
-    "nan.fits": (lambda p: fits.writeto(p, np.full((30, 30), np.nan)), "900 missing"),
+    "nan.fits": (
+        lambda p: fits.writeto(p, np.full((30, 30), np.nan)),
+        "different pixels",
+    ),
     "full.fits": (
         lambda p: fits.writeto(p, np.full((30, 30), 65535, np.uint16)),
-        "900 saturated",
+        "different pixels",
     ),
     "cube.fits": (lambda p: fits.writeto(p, np.zeros((5, 30, 30))), "shape"),
     "huge.fits": (header(-64, 10**5, 10**5), "truncated"),
@@ -154,7 +150,7 @@ BAD = {
         "expected",
     ),
     "large.fits": (lambda p: fits.writeto(p, 1e155 * RAMP), "1e\\+30"),
-    "tiny.fits": (lambda p: fits.writeto(p, 1e-155 * RAMP), "1e-30"),
+    "tiny.fits": (lambda p: fits.writeto(p, 1e-155 * RAMP), "different pixels"),
     "zero.fits": (lambda p: p.symlink_to("/dev/zero"), "regular file"),
     "folder.fits": (lambda p: p.mkdir(), "regular file"),
     "missing.fits": (lambda p: None, "No such file"),
@@ -173,34 +169,17 @@ def test_a_bad_file_raises_one_line_with_its_name(tmp_path, name):
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("damage", range(40))
-def test_damaged_headers_raise_the_error_of_an_image(tmp_path, damage):
-    rng = np.random.default_rng(damage)
+def test_damaged_headers_raise_the_error_of_an_image(tmp_path):
+    rng = np.random.default_rng(1)
     fits.writeto(tmp_path / "a.fits", RAMP)
-    content = bytearray((tmp_path / "a.fits").read_bytes())
-    for place in rng.integers(0, 700, 4):
-        content[place] = rng.integers(32, 127)
-    (tmp_path / "a.fits").write_bytes(content)
-    with contextlib.suppress(ImageError):
-        read_image(tmp_path / "a.fits")
-
-
-def test_a_device_is_no_file():
-    with pytest.raises(ImageError, match="/dev/zero: expected a regular file"):
-        is_image("/dev/zero")
-
-
-def test_single_precision_is_used_if_it_is_exact():
-    for kind, exact in (
-        ("u1", True),
-        (">i2", True),
-        (">f4", True),
-        ("i4", False),
-        ("f8", False),
-    ):
-        light = read_image(RAMP.astype(kind) // 4).light
-        assert light.dtype == (np.float32 if exact else np.float64)
-        assert light.dtype.isnative
+    content = (tmp_path / "a.fits").read_bytes()
+    for _ in range(40):
+        damaged = bytearray(content)
+        for place in rng.integers(0, 700, 4):
+            damaged[place] = rng.integers(32, 127)
+        (tmp_path / "a.fits").write_bytes(damaged)
+        with contextlib.suppress(ImageError):
+            read_image(tmp_path / "a.fits")
 
 
 def test_stars_are_no_image():

@@ -325,9 +325,6 @@ def audit(paper: str | None, as_json: bool) -> None:
 )
 @_SEP
 @click.option(
-    "--reference", help="Reference image, as given.  [default: the second one]"
-)
-@click.option(
     "--threshold", type=_POSITIVE, help="Of stars, in standard deviations of the noise."
 )
 @click.option(
@@ -359,44 +356,26 @@ def register(
     columns are sigma (px, one coordinate of the difference; or sigma_x, sigma_y), weight and mask
     (1 drops the row). The default pivot is the mean of the source stars.
 
-    Two or more FILEs are FITS images, such as field.fits or field.fits[SCI], or tables with the
-    columns x, y, and flux or mag if known. Their stars are found and matched, and the fit is
-    robust. The default reference is the second image, and the default pivot is the middle of the
-    image. If the match fails, give a rough transform by --start.
-
-    Several drawings have the names of the images behind the name of --picture.
+    Two FILEs are FITS images, such as field.fits or field.fits[SCI], or tables with the columns
+    x, y, and flux or mag if known. Their stars are found and matched, and the fit is robust. The
+    second FILE is the target, and the default pivot is the middle of the first image. If the match
+    fails, give a rough transform by --start.
     """
-    drawings = _drawings(files, settings["reference"], picture) if picture else []
+    if len(files) > 2:
+        raise click.UsageError(
+            f"expected one or two FILEs, got {len(files)}. Register each image in its own command"
+        )
+    if picture and len(files) < 2:
+        raise click.UsageError("--picture: expected two FILEs, got one")
     given = {name: one for name, one in settings.items() if one is not None}
     if start:
         scale, rotation, *shift = start
         given["start"] = scale, math.radians(rotation), *shift
-    with _bar("finding stars") as progress:
-        source: Any = files[0] if len(files) == 1 else files
-        found: Any = front.register(source, progress=progress, **given)
+    target = files[1] if len(files) > 1 else None
+    found: Any = front.register(files[0], target, **given)
     _show(as_json, found.record, found.print)
-    fits = getattr(found, "fits", {"": found})
-    for path, fit in zip(drawings, fits.values(), strict=bool(drawings)):
-        _save(fit.save, path)
-
-
-def _drawings(
-    files: tuple[Path, ...], reference: str | None, picture: Path
-) -> list[Path]:
-    """Return the path of the drawing of each registration; no two are equal."""
-    if len(files) < 2:
-        raise click.UsageError("--picture: expected two or more FILEs, got one")
-    others = [one for one in files if one != Path(reference or files[1])]
-    if len(others) == 1:
-        return [picture]
-    # The whole name of a FILE: the part behind a dot may be the only difference.
-    drawings = [picture.with_stem(f"{picture.stem}-{one.name}") for one in others]
-    for path in drawings:
-        if path.exists() or drawings.count(path) > 1:
-            raise click.UsageError(
-                f"--picture: expected new files with different names, got {path}. Rename it"
-            )
-    return drawings
+    if picture:
+        _save(found.save, picture)
 
 
 @main.command()

@@ -7,7 +7,7 @@ its modules when it is called.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from reproduce.views.contradictions import Contradictions
     from reproduce.views.figure import Figure, Panels
     from reproduce.views.measurements import Monitored, Registered
-    from reproduce.views.pictures import RegisteredChannels, Stars
+    from reproduce.views.pictures import Stars
     from reproduce.views.posterior import Posterior
     from reproduce.views.posteriors import Posteriors
     from reproduce.views.study import StudyTable
@@ -258,7 +258,7 @@ def contradictions(paper: str | None = None) -> Contradictions:
 
 
 def register(
-    source: str | Path | pd.DataFrame | ArrayLike | Stars | Sequence[Any],
+    source: str | Path | pd.DataFrame | ArrayLike | Stars,
     target: str | Path | ArrayLike | Stars | None = None,
     pivot: ArrayLike | None = None,
     *,
@@ -267,13 +267,11 @@ def register(
     weights: ArrayLike | None = None,
     source_covariance: ArrayLike | None = None,
     target_covariance: ArrayLike | None = None,
-    reference: str | None = None,
     start: Any = None,
     radius: float | None = None,
     threshold: float | None = None,
     sep: str | None = None,
-    progress: Callable[[int, int], None] | None = None,
-) -> Registered | RegisteredChannels:
+) -> Registered:
     """Fit the transform that maps source stars onto the same stars of a target.
 
     For images, the stars are found and matched first (`stars`, `match`), which needs Astropy and
@@ -289,7 +287,7 @@ def register(
         DataFrame, an Astropy table, a text file with the names in its first line ("-" is standard
         input), or an ECSV, FITS, VOTable or SExtractor file. An image is an array of shape
         (height, width), a `CCDData`, or a FITS file (``field.fits[SCI]`` if it contains several
-        images). Also a list of images, or `Stars`. Rows are counted from zero.
+        images). Also `Stars`. Rows are counted from zero.
     target : array_like, shape (n, 2)
         The same stars in the other image, in px, if `source` is an array of stars. Otherwise an
         image, `Stars`, or a table with the columns ``x`` and ``y``, as in `stars`.
@@ -304,20 +302,16 @@ def register(
         Relative weights of the stars, such as inverse variances; zero drops a star.
     source_covariance, target_covariance : array_like, shape (n, 2, 2) or (2, 2), optional
         Known covariances of the places, in px^2.
-    reference : str, optional
-        Reference image: the path as given, or "image 1" for an array. Default: the second image.
     start, radius : optional
         Parameters of `match`, for images and lists.
     threshold : float, optional
         Parameter of `stars`, for images.
     sep : str, optional
         Separator of the columns of a text file, as in `pandas.read_csv`. Default: a comma.
-    progress : callable, optional
-        Function of the number of images read and of all images.
 
     Returns
     -------
-    Registered, or RegisteredChannels for three or more images
+    Registered
         Scale, rotation in radians, positive from x towards y, and shift in px: where the pivot was
         minus where it lands. With covariance, residuals and the transform for other points.
 
@@ -343,9 +337,8 @@ def register(
         "start": start,
         "radius": radius,
         "threshold": threshold,
-        "reference": reference,
     }
-    images = _images(source, target)
+    images = _has_images(source, target)
     for name, value in (known if images else own).items():
         if value is not None:
             kind = "images or lists" if images else "matched stars"
@@ -354,25 +347,21 @@ def register(
         from reproduce.views.pictures import registered
 
         own |= {"model": model, "robust": robust is not False, "sep": sep}
-        return registered(images, pivot, progress=progress, **own)
+        return registered(source, target, pivot, **own)
     from reproduce.views.measurements import Registered
 
     known |= {"model": model, "robust": bool(robust), "sep": sep}
     return Registered(source, target, pivot, **known)
 
 
-def _images(source: Any, target: Any) -> list[Any]:
-    """Return the images or lists that are to be matched; none for matched stars."""
+def _has_images(source: Any, target: Any) -> bool:
+    """Return whether stars of an image, a file or `Stars` are to be matched."""
     from reproduce.store.images import is_image
 
-    sources = [one for one in (source, target) if one is not None]
-    if target is None and isinstance(source, list | tuple):
-        sources = [*source]
-    paths = [isinstance(one, str | Path) for one in sources]
-    if len(paths) > 1 and all(paths):
-        return sources
-    found = (is_image(one) or hasattr(one, "dropped") for one in sources)
-    return sources if any(found) else []
+    both = [source, target]
+    if target is not None and all(isinstance(one, str | Path) for one in both):
+        return True
+    return any(is_image(one) or hasattr(one, "dropped") for one in both)
 
 
 def stars(

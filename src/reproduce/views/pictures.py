@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from reproduce.physics.images import THRESHOLD, find_spots, shape_finding
+from reproduce.physics.images import find_spots, shape_finding
 from reproduce.physics.registration import (
     Finding,
     Registration,
     match_points,
     pair_weights,
 )
-from reproduce.store.images import Image, ImageError, is_image, read_image, reading
+from reproduce.store.images import ImageError, is_image, read_image, reading
 from reproduce.store.points import (
     SIGMAS,
     STARS,
@@ -26,7 +27,7 @@ from reproduce.store.points import (
     read_table,
 )
 from reproduce.views.blocks import Block, Display, Fold
-from reproduce.views.measurements import Registered, Remade, _grid
+from reproduce.views.measurements import Registered, _grid
 from reproduce.views.numbers import minus
 
 if TYPE_CHECKING:
@@ -37,99 +38,85 @@ if TYPE_CHECKING:
 
 FloatArray = NDArray[np.float64]
 # Default distance of the stars of a pair, at most: in px, and as a fraction of the field.
-_NEAR, _FRACTION = 2.0, 1e-3
+_PAIR_PX, _PAIR_FRACTION = 2.0, 1e-3
 # Pairs of a robust fit, at least.
-_FEWEST = 4
+_MIN_PAIRS_ROBUST = 4
 # Stars that a display contains, at most.
-_SHOWN = 10
+_MAX_SHOWN = 10
 # Units of the facts of an image.
 _UNITS = {
-    "threshold": " standard deviations",
-    "radius": " px",
-    "angle": " rad",
-    "hot": " px",
-    "gain": " electrons per digital number",
-    "background": " digital numbers",
-    "noise": " digital numbers",
-    "missing": " px",
-    "saturated": " px",
+    "threshold": "standard deviations of the noise",
+    "gain": "electrons per digital number",
+    "background": "digital numbers",
+    "noise": "digital numbers",
 }
-_CENTRE = ("x", "y", "sigma_x", "sigma_y")
+_CENTRE = ["x", "y", "sigma_x", "sigma_y"]
 
 
+@dataclass(frozen=True, eq=False, repr=False)
 class Stars(Display):
     """Stars of one image or list: centres with covariance, and the dropped detections.
 
     Attributes
     ----------
     name : str
-    points : ndarray, shape (n, 2)
-        Centres, in px, the brightest first if the brightness is known.
+        Name of the image or list.
+    table : DataFrame
+        x, y, sigma_x and sigma_y in px, and the other known columns of each star. The brightest
+        star comes first if the brightness is known.
     covariance : ndarray, shape (n, 2, 2)
         Covariance of the centres, in px^2; zero if unknown.
-    dropped : DataFrame
-        Other detections, with the reason.
-    log : list of str
-        Facts and remarks, and numbers of dropped detections.
     middle : ndarray, shape (2,)
         Middle of the image or mean of the stars of a list, in px.
+    shapes : ndarray, shape (n, 3, 2)
+        Shapes of the spots of an image, as in `physics.images.finding.Found`; NaN for a list.
+    dropped : DataFrame
+        Other detections, with the reason.
     facts : dict of str to float
-        Of an image: radius of a spot in px, background, noise, gain, and numbers of pixels.
-    shapes : ndarray, shape (n, 5)
-        Shapes of the spots of an image, as `physics.images.finding.Found`; NaN for a list.
+        Facts of an image, as in `physics.images.finding.Found`.
     findings : tuple of Finding
         Warnings about an image.
     """
 
-    def __init__(
-        self,
-        name: str,
-        table: pd.DataFrame,
-        covariance: FloatArray,
-        middle: FloatArray,
-        notes: Sequence[str] = (),
-        shapes: FloatArray | None = None,
-        findings: tuple[Finding, ...] = (),
-        **facts: float,
-    ) -> None:
-        if "flux" in table:
-            table = table.sort_values("flux", ascending=False, kind="stable")
-        elif "mag" in table:
-            table = table.sort_values("mag", kind="stable")
-        used = table["dropped"] == ""
-        self.name, self.facts, self.middle = name, facts, middle
-        rows = table.index[used]
-        self.covariance: FloatArray = covariance[rows]
-        self.shapes = (
-            np.full((len(rows), 5), np.nan) if shapes is None else shapes[rows]
-        )
-        self.findings = findings
-        self._kept = table[used].drop(columns="dropped").reset_index(drop=True)
-        self.dropped = table[~used].reset_index(drop=True)
-        self.points: FloatArray = self._kept[["x", "y"]].to_numpy(float)
+    name: str
+    table: pd.DataFrame
+    covariance: FloatArray
+    middle: FloatArray
+    shapes: FloatArray
+    dropped: pd.DataFrame
+    facts: dict[str, float]
+    findings: tuple[Finding, ...]
+
+    @property
+    def points(self) -> FloatArray:
+        """Centres, in px, shape (n, 2)."""
+        return self.table[["x", "y"]].to_numpy(float)
+
+    @property
+    def log(self) -> list[str]:
+        """Warnings, facts, and numbers of dropped detections."""
         reasons = self.dropped["dropped"].value_counts()
-        self.log = [
-            *notes,
-            *(one.text for one in findings),
-            *(
-                minus(f"{key}: {value:.5g}{_UNITS.get(key, '')}")
-                for key, value in facts.items()
-            ),
-            *(f"dropped, {key}: {value}" for key, value in reasons.items()),
+        facts = {
+            f"{key}, {_UNITS.get(key, 'px')}": one for key, one in self.facts.items()
+        }
+        counts = {f"dropped, {key}": count for key, count in reasons.items()}
+        lines = [
+            f"{key}: {minus(f'{one:.5g}')}" for key, one in (facts | counts).items()
         ]
+        return [one.text for one in self.findings] + lines
 
     def __len__(self) -> int:
         """Return the number of stars."""
-        return len(self.points)
+        return len(self.table)
 
     def frame(self) -> pd.DataFrame:
-        """Return x, y, sigma_x and sigma_y in px, and the other known columns of each star."""
-        return self._kept.copy()
+        """Return a copy of the table."""
+        return self.table.copy()
 
     def blocks(self) -> Iterator[Block]:
         """Yield the first stars and the log."""
-        title = f"{len(self)} stars of {self.name}, in px, of which {_SHOWN} or fewer are shown"
-        yield _grid(title, self._kept.head(_SHOWN).rename_axis("star"))
+        title = f"{len(self)} stars of {self.name}, in px, of which {_MAX_SHOWN} or fewer are shown"
+        yield _grid(title, self.table.head(_MAX_SHOWN).rename_axis("star"))
         yield "; ".join(self.log)
 
 
@@ -142,56 +129,61 @@ def stars_of(
     """Return the stars of an image, or of a table or array of positions."""
     if isinstance(source, Stars):
         return source
+    if is_image(source):
+        return _stars_of_image(source, threshold, name)
+    columns = (*SIGMAS, "flux", "mag", "weight")
+    name = "source" if name == "array" else name
+    return _stars_of_list(read_table(source, _CENTRE[:2], columns, sep, name))
+
+
+def _stars_of_image(source: Any, threshold: float | None, name: str) -> Stars:
+    import pandas as pd
+
     name = str(source) if isinstance(source, str | Path) else name
-    image = read_image(source, name) if is_image(source) else None
-    if image is None:
-        columns = (*SIGMAS, "flux", "mag", "weight")
-        table = read_table(source, _CENTRE[:2], columns, sep, "source")
-        known = {*SIGMAS} & {*table.optional}
-        sigma = deviations(table) if known else np.zeros_like(table.values)
-        return _listed(table, sigma)
-    return _detected(image, name, threshold)
+    light, saturation, noise = read_image(source, name)
+    with reading(name):
+        found = find_spots(light, threshold, noise, saturation)
+    sigma = np.sqrt(np.diagonal(found.covariance, axis1=1, axis2=2))
+    table = pd.DataFrame(np.hstack([found.centre, sigma]), columns=_CENTRE)
+    table = table.assign(flux=found.flux, dropped=found.reasons)
+    order = np.argsort(-found.flux, kind="stable")
+    kept = order[found.reasons[order] == ""]
+    stars = Stars(
+        name,
+        table.iloc[kept].drop(columns="dropped").reset_index(drop=True),
+        found.covariance[kept],
+        (np.array(light.shape[::-1]) - 1) / 2,
+        found.shapes[kept],
+        table[found.reasons != ""],
+        found.facts,
+        found.findings,
+    )
+    if not len(kept):
+        raise ImageError(f"{name}: expected stars, got {'; '.join(stars.log)}")
+    return stars
 
 
-def _listed(table: Table, sigma: FloatArray) -> Stars:
+def _stars_of_list(table: Table) -> Stars:
     """Return the stars of a table of positions with their standard deviations."""
     import pandas as pd
 
+    count = len(table.values)
+    known = {*SIGMAS} & {*table.optional}
+    sigma = deviations(table) if known else np.zeros((count, 2))
     frame = pd.DataFrame(np.hstack([table.values, sigma]), columns=_CENTRE)
-    frame = frame.assign(dropped="", **table.optional)
-    frame = frame.drop(columns="sigma", errors="ignore")
-    covariance = sigma[:, :, None] ** 2 * np.eye(2)
-    middle = table.values.mean(axis=0)
-    return Stars(table.path, frame, covariance, middle, table.notes)
-
-
-def _detected(image: Image, name: str, threshold: float | None) -> Stars:
-    """Return the stars that are found in an image."""
-    import pandas as pd
-
-    cut = THRESHOLD if threshold is None else threshold
-    with reading(name):
-        found = find_spots(image.light, image.full, cut, image.step, image.sigma)
-    covariance = found.spots.covariance
-    sigma = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
-    table = pd.DataFrame(np.hstack([found.spots.centre, sigma]), columns=_CENTRE)
-    table = table.assign(
-        flux=found.spots.light / found.facts["gain"], dropped=found.reasons
+    frame = frame.assign(**table.optional).drop(columns="sigma", errors="ignore")
+    flux = brightness(table.optional)
+    order = np.arange(count) if flux is None else np.argsort(-flux, kind="stable")
+    return Stars(
+        table.path,
+        frame.iloc[order].reset_index(drop=True),
+        (sigma[:, :, None] ** 2 * np.eye(2))[order],
+        table.values.mean(axis=0),
+        np.full((count, 3, 2), np.nan),
+        frame[:0].assign(dropped=""),
+        {},
+        tuple(Finding("masked", note) for note in table.notes),
     )
-    facts = {
-        "threshold": cut,
-        **found.facts,
-        "missing": np.isnan(image.light).sum(),
-        "saturated": image.full.sum(),
-        "hot": found.hot,
-    }
-    middle = (np.array(image.light.shape[::-1]) - 1) / 2
-    result = Stars(
-        name, table, covariance, middle, (), found.shapes, found.remarks, **facts
-    )
-    if not len(result):
-        raise ImageError(f"{name}: expected stars, got {'; '.join(result.log)}")
-    return result
 
 
 def paired(
@@ -205,7 +197,7 @@ def paired(
     import pandas as pd
 
     field = np.ptp(np.vstack([source.points, target.points]), axis=0).max()
-    near = radius or _NEAR + _FRACTION * float(field)
+    near = radius or _PAIR_PX + _PAIR_FRACTION * float(field)
     start = getattr(start, "transform", start)
     if start is not None and not isinstance(start, Registration):
         if np.shape(start) != (4,):
@@ -213,9 +205,8 @@ def paired(
                 f"start: expected a transform or four numbers, got {start!r}. Give scale, rotation "
                 "in radians, and shift in x and y in px"
             )
-        start = Registration(
-            "similarity", start, source.middle if pivot is None else pivot
-        )
+        pivot = source.middle if pivot is None else pivot
+        start = Registration("similarity", start, pivot)
     with reading(f"{source.name} and {target.name}"):
         rows, found = match_points(source.points, target.points, near, start)
     a, b = rows.T
@@ -234,10 +225,15 @@ class RegisteredPictures(Registered):
     """
 
     def __init__(
-        self, source: Stars, target: Stars, pivot: Any = None, **settings: Any
+        self,
+        source: Stars,
+        target: Stars,
+        pivot: Any = None,
+        start: Any = None,
+        radius: float | None = None,
+        robust: bool = True,
+        **settings: Any,
     ) -> None:
-        given = {"source": source, "target": target, "pivot": pivot, **settings}
-        start, radius = (settings.pop(name, None) for name in ("start", "radius"))
         pairs, found = paired(source, target, start, radius, pivot)
         if pairs.attrs["mirrored"] and settings.get("model") != "affine":
             raise ValueError(
@@ -245,48 +241,45 @@ class RegisteredPictures(Registered):
                 "affine"
             )
         pivot = source.middle if pivot is None else pivot
-        self.source_stars, self.target_stars = source, target
-        a, b = pairs["row"], pairs["row_reference"]
-        points = source.points[a], target.points[b]
-        settings["robust"] = settings.get("robust", True) and len(pairs) >= _FEWEST
-        known = np.stack([source.covariance[a], target.covariance[b]])
-        weights, self.beyond = pair_weights(*points, pivot, known, found, **settings)
-        for stars, rows in ((source, a), (target, b)):
-            if "weight" in stars.frame():
-                weights = weights * stars.frame()["weight"].to_numpy()[rows]
-        known_flux = brightness(
-            {str(name): one.to_numpy()[a] for name, one in source.frame().items()}
-        )
+        used = settings | {"robust": robust and len(pairs) >= _MIN_PAIRS_ROBUST}
+        both = [(source, pairs["row"]), (target, pairs["row_reference"])]
+        points, other = (stars.points[rows] for stars, rows in both)
+        known = np.stack([stars.covariance[rows] for stars, rows in both])
+        weights, self.beyond = pair_weights(points, other, pivot, known, found, **used)
+        frames = [stars.frame().iloc[rows] for stars, rows in both]
+        for frame in frames:
+            weights = weights * frame.get("weight", 1.0)
+        flux = brightness({str(key): one.to_numpy() for key, one in frames[0].items()})
         super().__init__(
-            *points, pivot, weights=weights, brightness=known_flux, **settings
+            points, other, pivot, weights=np.array(weights), brightness=flux, **used
         )
-        self._given = given
-        self._compare_shapes(source.shapes[a], target.shapes[b])
+        self._given = {
+            "source": source,
+            "target": target,
+            "pivot": pivot,
+            "start": start,
+        }
+        self._given |= {"radius": radius, "robust": robust, **settings}
+        self.source_stars, self.target_stars = source, target
+        shapes, others = (stars.shapes[rows] for stars, rows in both)
+        finding, covariance = shape_finding(shapes, others, self.transform.matrix)
+        warnings = [*source.findings, *target.findings, *([finding] if finding else [])]
+        self.findings += warnings
+        self.remarks += [one.text for one in warnings]
+        # An unknown displacement of the centres widens the interval of the shift.
+        shift = [self.fit.names.index(f"shift-{axis}") for axis in "xy"]
+        self.systematic[np.ix_(shift, shift)] = covariance
         self.title = f"{source.name} on {target.name}: {self.title}"
-        used, (x, y) = self.fit.weights > 0, self.residuals.T
-        self.pairs = pairs.assign(residual_x=x, residual_y=y, used=used)
+        fitted, (x, y) = self.fit.weights > 0, self.residuals.T
+        self.pairs = pairs.assign(residual_x=x, residual_y=y, used=fitted)
         self.log = [
             *(f"{one.name}: {'; '.join(one.log)}" for one in (source, target)),
             pairs.attrs["log"],
             f"scatter of the pairs beyond the errors of the centres: {self.beyond:.2g} px",
-            f"pairs that are dropped because they do not fit the others: {np.sum(~used)}",
+            f"pairs that are dropped because they do not fit the others: {np.sum(~fitted)}",
         ]
-        self._facts |= {
-            "source": source.name,
-            "target": target.name,
-            "log": self.log,
-            "beyond_px": self.beyond,
-        }
-
-    def _compare_shapes(self, source: FloatArray, target: FloatArray) -> None:
-        """Widen the intervals of the shift if the spots of the images differ in shape."""
-        finding, covariance = shape_finding(source, target, self.transform.matrix)
-        warnings = [*self.source_stars.findings, *self.target_stars.findings]
-        warnings += [finding] if finding else []
-        self.findings += warnings
-        self.remarks += [one.text for one in warnings]
-        shift = [self.fit.names.index(f"shift-{axis}") for axis in "xy"]
-        self.systematic[np.ix_(shift, shift)] = covariance
+        self._facts |= {"source": source.name, "target": target.name}
+        self._facts |= {"log": self.log, "beyond_px": self.beyond}
 
     def blocks(self) -> Iterator[Block]:
         """Yield the parameters, the remarks, and the log."""
@@ -328,72 +321,18 @@ class RegisteredPictures(Registered):
         axes.invert_yaxis()
 
 
-class RegisteredChannels(Remade):
-    """Several images of one field, each registered to the reference: a `Registered` by name."""
-
-    def __init__(self, fits: Mapping[str, RegisteredPictures], reference: str) -> None:
-        self.fits, self.reference = fits, reference
-        self._given = {"fits": fits, "reference": reference}
-
-    def __getitem__(self, name: str) -> RegisteredPictures:
-        """Return the registration of one image."""
-        return self.fits[name]
-
-    def frame(self) -> pd.DataFrame:
-        """Return the parameters of all images."""
-        import pandas as pd
-
-        return pd.concat(
-            {name: fit.frame() for name, fit in self.fits.items()}, names=["picture"]
-        )
-
-    def record(self) -> dict[str, Any]:
-        """Return the reference and the record of each image."""
-        pictures = {name: fit.record() for name, fit in self.fits.items()}
-        return {"reference": self.reference, "pictures": pictures}
-
-    def blocks(self) -> Iterator[Block]:
-        """Yield the blocks of each registration."""
-        for fit in self.fits.values():
-            yield from fit.blocks()
-
-
 def registered(
-    sources: Sequence[Any],
+    source: Any,
+    target: Any,
     pivot: Any,
-    reference: str | None,
     threshold: float | None,
-    progress: Callable[[int, int], None] | None = None,
     sep: str | None = None,
     **settings: Any,
-) -> RegisteredPictures | RegisteredChannels:
-    """Register images to one of them. Default: the second one.
+) -> RegisteredPictures:
+    """Register an image or list of stars to another one.
 
     The arguments are those of `reproduce.register`; `settings` are of `RegisteredPictures`.
     """
-    if len(sources) < 2:
-        raise ValueError("target: expected a second image")
-    names: list[str] = []
-    for number, source in enumerate(sources, start=1):
-        name = str(Path(source)) if isinstance(source, str | Path) else ""
-        names.append(name if name and name not in names else f"image {number}")
-    chosen = str(Path(reference or names[1]))
-    if chosen not in names:
-        raise ValueError(
-            f"reference: expected one of {', '.join(names)}, got {reference!r}"
-        )
-    found: dict[str, Stars] = {}
-    for number, (name, source) in enumerate(zip(names, sources, strict=True), start=1):
-        found[name] = stars_of(source, threshold, sep, name)
-        if progress is not None:
-            progress(number, len(sources))
-    target = found.pop(chosen)
-    fits = {
-        name: RegisteredPictures(one, target, pivot, **settings)
-        for name, one in found.items()
-    }
-    return (
-        next(iter(fits.values()))
-        if len(fits) == 1
-        else RegisteredChannels(fits, chosen)
-    )
+    first = stars_of(source, threshold, sep, "source")
+    second = stars_of(target, threshold, sep, "target")
+    return RegisteredPictures(first, second, pivot, **settings)

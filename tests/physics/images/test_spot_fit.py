@@ -116,7 +116,7 @@ def test_a_bad_window_is_named_and_spoils_no_other():
     windows = scene("faint", 7, 5)
     alone = fitted_centre(windows, [3, 4], RADIUS)
     spoiled = windows.copy()
-    spoiled[1], spoiled[2], spoiled[3, 2, 2] = 0.0, -5.0, np.nan
+    spoiled[1], spoiled[2], spoiled[3] = 0.0, -5.0, np.nan
     fit = fitted_centre(spoiled, [3, 4], RADIUS)
     assert np.isnan(fit[1:4]).all()
     np.testing.assert_allclose(fit[[0, 4]], alone[[0, 4]], rtol=0, atol=1e-9)
@@ -139,3 +139,15 @@ def test_a_batch_over_radii_gives_what_each_gives_alone():
         for column in range(3):
             alone = fitted_centre(windows[row, column], [0, 0], radius)
             np.testing.assert_allclose(fit[row, column], alone, rtol=0, atol=1e-7)
+
+
+@pytest.mark.parametrize("missing", [np.nan, np.inf])
+def test_pixels_that_are_not_finite_do_not_count(missing):
+    """A missing column at the edge is as good as a narrower window."""
+    windows = scene("faint", 9, 20)
+    narrow = fitted_centre(windows[..., 1:], [1, 0], RADIUS, NOISE)
+    windows[..., 0] = missing
+    found = fitted_centre(windows, [0, 0], RADIUS, NOISE)
+    inside = (found[:, 0] > 1) & (narrow[:, 0] > 1)
+    assert inside.sum() > 15
+    np.testing.assert_allclose(found[inside], narrow[inside], rtol=0, atol=1e-6)

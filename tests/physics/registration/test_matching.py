@@ -72,7 +72,7 @@ def test_few_stars_that_agree_are_found(count, noise, flip):
 
 
 def test_three_stars_are_rejected_with_their_number():
-    with pytest.raises(ValueError, match=r"4 or more stars .* got 3 and 3"):
+    with pytest.raises(ValueError, match=r"4 or more .* 3 and 3"):
         rp.match(*lists(0, 3, noise=1e-6)[:2])
 
 

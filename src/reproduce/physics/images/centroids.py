@@ -20,7 +20,7 @@ from numpy.random import Generator
 from numpy.typing import ArrayLike
 
 from reproduce.physics import validate
-from reproduce.physics.images.spots import _gradient, _shares, spot_windows
+from reproduce.physics.images.spots import _edges, _gradient, _shares, spot_windows
 from reproduce.physics.validate import FloatArray, Image, NonNegative, Point, Positive
 
 
@@ -66,20 +66,11 @@ def _centre_of_gravity(light: FloatArray) -> FloatArray:
 
 
 def _refuse_dark(total: FloatArray) -> None:
-    dark = total <= 0
-    if dark.any():
-        places = [
-            str(tuple(one) if len(one) > 1 else one[0])
-            for one in np.argwhere(dark).tolist()
-        ]
-        named = (
-            f" ({', '.join(places[:5])}{', ...' * (len(places) > 5)})"
-            if dark.ndim
-            else ""
-        )
+    dark = np.flatnonzero(total <= 0)
+    if len(dark):
         raise validate.DegenerateGeometryError(
-            f"windows: expected light in every window, got {len(places)} of {dark.size} with none "
-            f"in sum{named}; take less background away, or drop these windows"
+            f"windows: expected flux in every window, got {len(dark)} of {total.size} without "
+            f"any, the first at index {dark[0]}. Subtract less background, or drop these windows"
         )
 
 
@@ -293,8 +284,8 @@ def simulated_errors(
     offsets = validate.finite_array("phases", phases, shape=(None,))
     width = validate.positive("radius", radius)
     first = np.array(-(validate.whole_number("size", size) // 2))
-    columns = light.signal * _shares(offsets, width, first, size)
-    columns = columns * _shares(np.zeros(()), width, first, size).sum()
+    columns = light.signal * _shares(_edges(offsets - first, width, size))
+    columns = columns * _shares(_edges(-first, width, size)).sum()
     shape = (validate.whole_number("trials", trials), *columns.shape)
     seen = generator.poisson(columns, size=shape).astype(np.float64)
     if light.read_noise:
@@ -303,10 +294,7 @@ def simulated_errors(
         seen += noise
     pixel = np.stack([np.ones(size), np.arange(size) + float(first)], axis=-1)
     moments = seen.reshape(-1, size) @ pixel
-    if (moments[:, 0] <= 0).any():
-        raise validate.DegenerateGeometryError(
-            "light: expected light in every window, got one with none; ask for more signal"
-        )
+    _refuse_dark(moments[:, 0])
     return (moments[:, 1] / moments[:, 0]).reshape(shape[:-1]) - offsets
 
 

@@ -1,56 +1,49 @@
-"""Finding the spots of a whole image, and measuring their centres with a covariance.
+"""Spots of a whole image: detected by photutils, and measured with a covariance.
 
-The background is subtracted before its noise is measured. Centres are those of `spots`, whose
-shapes, units and radius apply here too. The flux is in digital numbers, and the gain is estimated.
+Noise is that of the image minus its background. Centres are those of `spots.fitted_spots`, whose
+units apply here too. Images are in digital numbers, and the gain is estimated.
 """
 
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.polynomial.polynomial import polyvander2d
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import chdtri
 
-from reproduce.physics.images.spots import IntArray, Mask, Spots, fitted_spots
+from reproduce.physics.images.spots import IntArray, fitted_spots
 from reproduce.physics.validate import Finding, FloatArray, positive
 
-Float32 = NDArray[np.float32]
-# A spot has at least 3 touching pixels above the threshold, in standard deviations of the noise.
-_TOUCHING, THRESHOLD = 3, 5.0
+# Touching pixels above the detection threshold, at least.
+_MIN_PIXELS = 3
 # A hot pixel exceeds 10 standard deviations, and its neighbours have less than 10 % of its flux.
-_GLARING, _ALONE = 10.0, 0.1
-# Side of the boxes of the background, in px. Large images are sampled at each third pixel.
-_BOX, _EVERY, _LARGE = 64, 3, 768
-# Rows whose background is computed at once, to save memory.
-_ROWS = 256
-# Spots at most, the brightest; spots that determine the radius, and the gain.
-_MOST, _MEASURED, _TYPICAL = 20_000, 9, 400
-# Half side of a window, reach of the tail of a neighbour, radius of the weights of the moments, in
-# radii of a spot.
-_HALF, _TAIL, _WIDE = 3.0, 2.0, 2.0
-# Largest misfit of the shape of a spot, as a fraction of its squared flux: absolute, in medians of
-# the image, and an allowance; and its significance in standard deviations.
-_MISFIT, _UNUSUAL, _SLIGHT, _SURELY = 0.1, 4.0, 2e-3, 5.0
-_ODD = "not the shape of a spot"
-# Number of fits from which the gain is found; range of plausible gains, in electrons per number.
-_FITS, _PLAUSIBLE = 4, (0.01, 1000.0)
-# Photon variance of the background that contradicts the gain, in squares of the noise.
-_NOISIER = 3.0
-# Range of gains around a first guess; parameters of the fit of a spot.
-_GAINS, _FREE = 1e6, 3
-# Median of chi-square with two degrees of freedom.
-_MEDIAN = 2 * np.log(2)
-# Powers of x and y of the moments; radii of the Gaussians that describe a common shape.
-_POWERS, _SCALES = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2)), (0.5, 1.0, 2.0)
-# Difference in shape that matters, as a fraction of the width; probability of a false warning.
-_DIFFERENT, _FALSE = 0.05, 0.01
+_HOT_SIGMAS, _HOT_FRACTION = 10.0, 0.1
+# Side of the boxes of the background, in px. Images whose sides are longer than 768 px are sampled
+# at each third pixel.
+_BOX_PX, _STRIDE, _LARGE_PX = 64, 3, 768
+# Spots at most, the brightest; and spots that determine the radius and the gain.
+_MAX_SPOTS, _MAX_TYPICAL = 20_000, 100
+# Half side of a window, reach of the tail of a neighbour, and weights of moments, in radii.
+_HALF_RADII, _TAIL_RADII, _WEIGHT_RADII = 3.0, 2.0, (1.0, 2.0)
+# Misfit of the shape of a spot, as a fraction of its squared flux: at most, in medians of the
+# image, and an allowance; and its significance in standard deviations.
+_MAX_MISFIT, _MISFIT_MEDIANS, _MISFIT_OFFSET, _MISFIT_SIGMAS = 0.1, 4.0, 2e-3, 5.0
+# Fits from which the gain is found; range of plausible gains, in electrons per digital number.
+_GAIN_FITS, _MIN_GAIN, _MAX_GAIN = 4, 0.01, 1000.0
+# Gain that makes photon noise negligible, over the inverse variance of the noise.
+_DARK_GAIN = 1e6
+# Degrees in x and y, and radii of the Gaussians, of the common shape of the spots.
+_DEGREES, _SCALES = (2, 2), (0.5, 1.0, 2.0)
+# Difference in width that matters, as a fraction; probability of a false warning.
+_MIN_DIFFERENCE, _FALSE_WARNING = 0.05, 0.01
 # Stars at least of each image, and the fraction of them that is trimmed from each end.
-_COMPARED, _TRIMMED = 4, 0.2
+_MIN_STARS_COMPARED, _TRIMMED = 4, 0.2
 # Systematic error of the shift, in changes of the asymmetry.
-_BEYOND = 2.0
+_ERROR_PER_ASYMMETRY = 2.0
+_ODD = "not the shape of a spot"
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,39 +52,40 @@ class Found:
 
     Attributes
     ----------
-    spots : Spots
-        Flux and residuals in electrons. The covariance contains the scatter of the centres that
-        the noise does not explain.
+    centre : ndarray, shape (n, 2)
+        Centres, in px.
+    covariance : ndarray, shape (n, 2, 2)
+        Covariance of the centres, in px^2.
+    flux : ndarray, shape (n,)
+        Flux, in digital numbers.
     reasons : ndarray of str, shape (n,)
         Why a spot cannot be measured; empty if it can.
-    facts : dict of str to float
-        ``radius`` of all spots, in px; median ``background`` and ``noise``, in digital numbers;
-        ``gain``, in electrons per digital number; ``elongation``, the ratio of the axes of the
-        spots, and ``angle``, that of the long axis from x towards y, in radians.
-    hot : int
-        Number of hot pixels.
-    shapes : ndarray, shape (n, 5)
-        Asymmetry in x and y, in px, and second moments xx, xy and yy, in px^2; NaN except for the
+    shapes : ndarray, shape (n, 3, 2)
+        Asymmetry in x and y, in px, and the matrix of second moments, in px^2; NaN except for the
         brighter half of the measured spots. The asymmetry is the centre of gravity with weights
         of twice the radius of a spot minus that with weights of one radius.
-    remarks : tuple of Finding
-        Warnings about the gain and the shape of the spots.
+    facts : dict of str to float
+        ``radius`` of all spots, in px; median ``background`` and ``noise``, in digital numbers;
+        ``gain``, in electrons per digital number; numbers of ``missing`` and ``saturated`` pixels;
+        ``threshold``, in standard deviations of the noise.
+    findings : tuple of Finding
+        Warning with the kind "gain" if the gain is implausible.
     """
 
-    spots: Spots
+    centre: FloatArray
+    covariance: FloatArray
+    flux: FloatArray
     reasons: NDArray[np.str_]
-    facts: dict[str, float]
-    hot: int
     shapes: FloatArray
-    remarks: tuple[Finding, ...] = ()
+    facts: dict[str, float]
+    findings: tuple[Finding, ...]
 
 
 def find_spots(
-    image: NDArray[np.floating],
-    full: Mask,
-    threshold: float = THRESHOLD,
-    step: float = 0.0,
-    sigma: NDArray[np.floating] | None = None,
+    image: NDArray[Any],
+    threshold: float | None = None,
+    sigma: ArrayLike | None = None,
+    saturation: float = np.inf,
 ) -> Found:
     """Find the spots of an image and measure them.
 
@@ -99,14 +93,12 @@ def find_spots(
     ----------
     image : ndarray, shape (height, width)
         Digital numbers; NaN if a pixel is missing.
-    full : ndarray of bool, shape (height, width)
-        Saturated pixels.
-    threshold : float
-        Detection limit, in standard deviations of the noise.
-    step : float
-        Step between two digital numbers; nearly zero for real numbers.
-    sigma : ndarray, shape (height, width), optional
+    threshold : float, optional
+        Detection limit, in standard deviations of the noise. Default: 5.
+    sigma : array_like, shape (height, width), optional
         Standard deviations of the pixels, in digital numbers. Default: from the background.
+    saturation : float
+        Digital number of saturated pixels.
 
     Returns
     -------
@@ -122,343 +114,256 @@ def find_spots(
     >>> y, x = np.indices((64, 64))
     >>> light = 500 * np.exp(-((x - 30.2) ** 2 + (y - 20.7) ** 2) / 4)
     >>> sky = np.random.default_rng(1).normal(100, 1, light.shape)
-    >>> find_spots(sky + light, np.zeros(light.shape, dtype=bool)).spots.centre.round(1)
+    >>> find_spots(sky + light).centre.round(1)
     array([[30.2, 20.7]])
     """
     from scipy.spatial import KDTree
 
-    positive("threshold", threshold)
-    light, noise = _without_background(image, step)
-    noise = noise if sigma is None else np.asarray(sigma)
-    hot = _remove_hot(light, noise)
-    places, guess = _segments(light, noise, threshold)
-    # The very brightest half would contain artefacts: the sample covers all.
-    some = places[: max(_MEASURED, len(places) // 2)]
-    some = some[:: max(1, len(some) // _MEASURED)]
-    radius = _View(light, full, noise, some, guess).radius(guess)
-    typical = places[:: len(places) // _TYPICAL + 1]
-    gain = _View(light, full, noise, typical, radius).gain(radius)
-    view = _View(light, full, noise, places, radius)
-    spots = view.spots(radius, gain)
-    size, last = view.light.shape[-1], np.array(image.shape[::-1]) - 1 - radius
-    reach = size // 2 + _TAIL * radius
-    close: Any = KDTree(places).query_pairs(reach, np.inf, output_type="ndarray")
-    reasons = {
-        "saturated": view.full,
+    limit = positive("threshold", 5.0 if threshold is None else threshold)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # boxes without pixels
+        light, noise = _without_background(image)
+        light[image >= saturation] = np.inf
+        noise = noise if sigma is None else np.array(sigma, dtype=np.float32)
+        _remove_hot_pixels(light, noise)
+        noise *= limit
+        places, guess = _detected(light, noise)
+    at = tuple(places.T[::-1])
+    deviations = noise[at] / limit
+    del noise
+    typical = slice(0, (len(places) + 1) // 2, len(places) // (2 * _MAX_TYPICAL) + 1)
+    radius = _Windows(light, deviations[typical], places[typical], guess).radius(guess)
+    gain = _Windows(light, deviations[typical], places[typical], radius).gain(radius)
+    windows = _Windows(light, deviations, places, radius)
+    fit, side = _Fit(windows, radius, gain), windows.light.shape[-1]
+    last = np.array(image.shape[::-1]) - 1 - radius
+    reach: Any = side // 2 + _TAIL_RADII * radius
+    close = KDTree(places).query_pairs(reach, np.inf, output_type="ndarray")
+    checks = {
+        "saturated": windows.saturated,
         "at the edge": ((places < radius) | (places > last)).any(axis=1),
         "another close by": np.isin(np.arange(len(places)), close),
-        _ODD: view.odd(spots.residuals / gain, gain),
-        "no centre found": ~(np.abs(spots.centre - places).max(axis=1) < size / 2),
+        _ODD: fit.has_odd_shape(),
+        "no centre found": ~(np.abs(fit.centre - places).max(axis=1) < side / 2),
     }
-    first = np.select(list(reasons.values()), list(reasons), default="")
-    # Spots of any shape, the brighter half.
-    bright = np.flatnonzero(np.isin(first, ["", _ODD]) & (spots.light > 0))
-    bright = bright[np.argsort(-spots.light[bright], kind="stable")][
-        : (len(bright) + 1) // 2
-    ]
-    shapes = np.full((len(places), 5), np.nan)
-    if len(bright):
-        brighter = _View(light, full, noise, places[bright], radius)
-        shapes[bright], scatter = brighter.shapes(radius, gain)
-        spots = replace(spots, covariance=spots.covariance + scatter * np.eye(2))
-    y, x = places.T[::-1]
-    background = image[y, x] - light[y, x]
+    reasons = np.select(list(checks.values()), list(checks), default="")
+    flux = np.where(np.isin(reasons, ["", _ODD]), fit.flux, -np.inf)
+    faint = np.argsort(-flux)[(np.isfinite(flux).sum() + 1) // 2 :]
+    shapes = fit.shapes()
+    shapes[faint] = np.nan
     facts = {
+        "threshold": float(limit),
         "radius": radius,
-        "background": float(np.median(background)),
-        "noise": float(np.median(view.noise)),
+        "background": float(np.nanmedian(image[at] - light[at])),
+        "noise": float(np.median(deviations)),
         "gain": gain,
-        **_axes(shapes),
+        "missing": float(np.isnan(image).sum()),
+        "saturated": float((image >= saturation).sum()),
     }
-    remarks = _remarks(gain, background, view.noise)
-    return Found(spots, first, facts, hot, shapes, remarks)
+    text = (
+        f"gain: expected {_MIN_GAIN:g} to {_MAX_GAIN:g} electrons per digital number, got "
+        f"{gain:.2g}; the standard deviations of bright stars are uncertain. Check whether the "
+        "image was scaled, averaged or smoothed"
+    )
+    findings = () if _MIN_GAIN <= gain <= _MAX_GAIN else (Finding("gain", text),)
+    return Found(fit.centre, fit.covariance, fit.flux, reasons, shapes, facts, findings)
 
 
-def _without_background(
-    image: NDArray[np.floating], step: float
-) -> tuple[Float32, Any]:
+def _without_background(image: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
     """Return the image minus its background, and the noise of each pixel.
 
     The noise is that of the image minus a first background: a slope within a box is no noise.
     """
     from photutils.background import Background2D, BiweightScaleBackgroundRMS
-    from scipy.interpolate import make_interp_spline
-    from scipy.ndimage import median_filter
+    from scipy.ndimage import median_filter, zoom
 
-    every = _EVERY if min(image.shape) > _LARGE else 1
-    rest = image[::every, ::every].astype(np.float64)
-    missing = np.isnan(rest)
-    sides = [-(-size // -(-size * every // _BOX)) for size in rest.shape]
-    between = []
-    for size, side, full in zip(rest.shape, sides, image.shape, strict=True):
-        first = np.arange(0, size, side)
-        middle = every * (first + np.minimum(first + side, size) - 1) / 2
-        linear = make_interp_spline(
-            middle, np.eye(len(first)), k=min(1, len(first) - 1)
-        )
-        between.append(linear(np.arange(full)))
-    down, across = between
-    level: Any = 0.0
-    for _ in range(2):
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # boxes without pixels
-            found = Background2D(
-                np.where(missing, 0.0, rest),
-                sides,
-                mask=missing,
-                exclude_percentile=90.0,
-                filter_size=1,
-                bkg_rms_estimator=BiweightScaleBackgroundRMS(),
-            )
+    stride = _STRIDE if min(image.shape) > _LARGE_PX else 1
+    sample = image[::stride, ::stride].astype(np.float64)
+    values = np.unique(sample[np.isfinite(sample)])
+    light = (image - float(np.median(values))).astype(np.float32, copy=False)
+    boxes = -(-np.array(sample.shape) // -(-np.array(image.shape) // _BOX_PX))
+
+    def enlarged(mesh: FloatArray) -> NDArray[Any]:
         # The median of neighbours continues a slope beyond the boxes at the edge.
-        meshes = [
-            median_filter(np.pad(mesh, 1, mode="reflect", reflect_type="odd"), 3)[
-                1:-1, 1:-1
-            ]
-            for mesh in (found.background_mesh, found.background_rms_mesh)
-        ]
-        level = level + meshes[0]
-        rest -= down[::every] @ meshes[0] @ across[::every].T
-    light, noise = (np.empty(image.shape, np.float32) for _ in range(2))
-    least = 1e-3 * max(float(np.nanmax(rest)), 0.0)  # of an image without noise
-    deviation = np.maximum(meshes[1], step / np.sqrt(12))
-    deviation = np.where(deviation > 0, deviation, least)
-    level, deviation = level @ across.T, deviation @ across.T
-    for start in range(0, len(image), _ROWS):
-        rows = slice(start, start + _ROWS)
-        light[rows] = image[rows] - down[rows] @ level
-        noise[rows] = down[rows] @ deviation
-    return light, noise
+        wide = np.pad(mesh, 2, mode="reflect", reflect_type="odd").astype(np.float32)
+        wide = median_filter(wide, 3)[1:-1, 1:-1]
+        y, x = sides = stride * boxes
+        full = zoom(wide, sides, order=1, mode="nearest", grid_mode=True)
+        return full[y : y + len(image), x : x + len(image.T)]
 
-
-def _remove_hot(light: Float32, noise: Any) -> int:
-    """Set hot pixels, whose neighbours have almost no flux, to NaN, and return their number."""
-    y, x = np.nonzero(light > _GLARING * noise)
-    height, width = light.shape
-    beside = np.zeros(len(y), light.dtype)
-    for down, across in np.argwhere(np.arange(9).reshape(3, 3) != 4) - 1:
-        near = light[
-            np.clip(y + down, 0, height - 1), np.clip(x + across, 0, width - 1)
-        ]
-        beside = np.fmax(beside, near)
-    alone = beside < np.maximum(_ALONE * light[y, x], 3 * noise[y, x])
-    light[y[alone], x[alone]] = np.nan
-    return int(alone.sum())
-
-
-def _segments(light: Float32, noise: Any, threshold: float) -> tuple[IntArray, float]:
-    """Return the brightest pixels of the spots, the most flux first, and a radius.
-
-    `scipy.ndimage` takes a third of the time and memory of the segments of photutils.
-    """
-    from scipy.ndimage import binary_dilation, label
-
-    bright, around = light > threshold * noise, np.ones((3, 3), bool)
-    missing = np.isnan(light)
-    if missing.any():  # a missing pixel does not split a spot
-        bright |= missing & binary_dilation(bright, around)
-    y, x = np.divmod(np.flatnonzero(bright), light.shape[1])
-    names, count = label(bright, around)
-    names, flux = names[y, x] - 1, np.nan_to_num(light[y, x])
-    sums = np.bincount(names, flux, count)
-    order = np.lexsort((-flux, names))
-    peaks = order[np.unique(names[order], return_index=True)[1]]
-    spots = np.flatnonzero(np.bincount(names, flux > 0, count) >= _TOUCHING)
-    if not len(spots):
-        raise ValueError(
-            f"threshold: expected stars above {threshold:g} standard deviations of the noise, "
-            "got none. Lower the threshold, or check the image"
+    for _ in range(2):
+        rest = light[::stride, ::stride]
+        found = Background2D(
+            rest,
+            tuple(boxes),
+            mask=np.isnan(rest),
+            exclude_percentile=90.0,
+            filter_size=1,
+            bkg_rms_estimator=BiweightScaleBackgroundRMS(),
         )
-    spots = spots[np.argsort(-sums[spots], kind="stable")[:_MOST]]
-    peaks = peaks[spots]
+        light -= enlarged(found.background_mesh)
+    # Rounding to whole numbers is noise, too. The last term is for images without noise.
+    rounding = float(np.diff(values).min()) / np.sqrt(12)
+    noise = np.maximum(found.background_rms_mesh, rounding)
+    least = 0.0 if noise.all() else 1e-3 * float(np.nanmax(rest))
+    return light, enlarged(np.maximum(noise, least))
+
+
+def _remove_hot_pixels(light: NDArray[Any], noise: NDArray[Any]) -> None:
+    """Set bright pixels to NaN if their neighbours have almost no flux."""
+    from scipy.ndimage import maximum_filter
+
+    ring = np.arange(9).reshape(3, 3) != 4
+    bright = np.nonzero(light > _HOT_SIGMAS * noise)
+    beside = maximum_filter(light, footprint=ring)[bright]
+    faint = np.maximum(_HOT_FRACTION * light[bright], 3 * noise[bright])
+    light[bright] = np.where(beside < faint, np.nan, light[bright])
+
+
+def _detected(light: NDArray[Any], limit: NDArray[Any]) -> tuple[IntArray, float]:
+    """Return the brightest pixels of the spots, the most flux first, and a radius."""
+    from photutils.segmentation import SourceCatalog, detect_sources
+
+    segments = detect_sources(light, limit, _MIN_PIXELS)
+    if segments is None:
+        raise ValueError(
+            "threshold: expected stars above the noise, got none. Lower the threshold, or check "
+            "the image"
+        )
+    catalogue = SourceCatalog(light, segments)
+    flux = catalogue.segment_flux
+    order = np.argsort(-flux, kind="stable")[: min(_MAX_SPOTS, np.isfinite(flux).sum())]
     # A Gaussian has 2 pi radius^2 times the flux of its brightest pixel.
-    radius = np.sqrt(np.median(sums[spots] / flux[peaks]) / (2 * np.pi))
-    return np.stack([x[peaks], y[peaks]], axis=-1), float(radius)
+    ratio = np.median((flux / catalogue.max_value)[order])
+    places = np.stack([catalogue.max_value_xindex, catalogue.max_value_yindex], axis=-1)
+    return places[order].astype(np.int64), float(np.sqrt(ratio / (2 * np.pi)))
 
 
-class _View:
-    """Windows in digital numbers, the pixels that count, noise, and which have a full pixel."""
+class _Windows:
+    """Windows around spots and their noise, in digital numbers, without saturated pixels."""
 
     def __init__(
-        self, light: Float32, full: Mask, noise: Any, places: IntArray, radius: float
+        self, light: NDArray[Any], noise: FloatArray, places: IntArray, radius: float
     ) -> None:
         """Cut the windows at `places` that contain a spot of a radius."""
-        size = 2 * int(np.clip(np.ceil(_HALF * radius), 2, 60)) + 1
+        size = 2 * int(np.clip(np.ceil(_HALF_RADII * radius), 2, 60)) + 1
         size = min(size, *(side - 1 + side % 2 for side in light.shape))
-        self.corners = np.clip(
-            places - size // 2, 0, np.array(light.shape[::-1]) - size
-        )
-        columns, rows = (self.corners[:, i, None] + np.arange(size) for i in (0, 1))
-        at = rows[:, :, None], columns[:, None]
-        self.light = light[at].astype(np.float64)
-        self.seen = np.isfinite(self.light) & ~full[at]
-        self.light[~self.seen] = 0.0
-        self.full = full[at].any(axis=(1, 2))
-        self.noise = noise[*places.T[::-1]].astype(np.float64)
-        # With this gain the photon noise is negligible.
-        self.dark_gain = _GAINS / float(self.noise.min()) ** 2
-
-    def spots(self, radius: float, gain: float) -> Spots:
-        """Return the spots of a radius that fit best."""
-        return fitted_spots(
-            gain * self.light, self.corners, radius, gain * self.noise, self.seen
-        )
+        last = np.array(light.shape[::-1]) - size
+        self.corners = np.clip(places - size // 2, 0, last)
+        x, y = (self.corners[:, axis, None] + np.arange(size) for axis in (0, 1))
+        pixels = light[y[:, :, None], x[:, None]].astype(np.float64)
+        self.saturated = np.isinf(pixels).any(axis=(1, 2))
+        self.light = np.where(np.isfinite(pixels), pixels, np.nan)
+        self.noise = noise.astype(np.float64)
+        self.dark_gain = _DARK_GAIN / float(self.noise.min()) ** 2
 
     def radius(self, guess: float) -> float:
         """Return the radius that fits half of the spots best."""
         from scipy.optimize import minimize_scalar
 
+        flux = np.nansum(self.light**2, axis=(1, 2))
+
         def misfit(radius: float) -> float:
-            left = self.spots(radius, self.dark_gain).residuals / self.dark_gain
-            part = (left**2).sum(axis=(1, 2)) / (self.light**2).sum(axis=(1, 2))
-            return float(np.median(np.nan_to_num(part, nan=1.0)))
+            left = _Fit(self, radius, self.dark_gain).left
+            part = np.nansum(left**2, axis=(1, 2)) / flux
+            return float(np.median(np.where(part > 0, part, 1.0)))
 
         bounds = (0.2, 3 * guess)
         return float(minimize_scalar(misfit, bounds=bounds, options={"xatol": 1e-3}).x)
 
-    def model(self, left: FloatArray) -> FloatArray:
-        """Return the flux of the fitted spots, from their residuals."""
-        return np.maximum((self.light - left) * self.seen, 0.0)
-
     def gain(self, radius: float) -> float:
-        """Return electrons per digital number with which half of the spots fit as they should.
+        """Return electrons per digital number that explain the residuals of half of the spots.
 
         The residuals are those of the common shape, which need not be a Gaussian. Pixels count if
         their flux exceeds the noise. Blended spots do not change the median.
         """
-        from scipy.optimize import brentq
-
-        gain = self.dark_gain
-        for _ in range(_FITS):
-            spots = self.spots(radius, gain)
-            left, dark = spots.residuals / gain, self.noise[:, None, None] ** 2
-            model = self.model(left)
-            left, terms = self.common(
-                spots.centre, left, model, dark + model / gain, radius
+        gain, dark = self.dark_gain, self.noise[:, None, None] ** 2
+        for _ in range(_GAIN_FITS):
+            fit = _Fit(self, radius, gain)
+            left, terms = fit.without_common_shape()
+            bright = fit.model**2 > dark
+            freedom = 1 - (terms + 3 * len(left)) / max(bright.sum(), 1)
+            photons, flux = (
+                np.sum(one, axis=(1, 2), where=bright)
+                for one in (left**2 / max(freedom, 0.1) - dark, fit.model)
             )
-            bright = self.seen & (model**2 > dark)
-            count = bright.sum(axis=(1, 2))
-            kept = np.isfinite(spots.light)
-            free = 1 - min(
-                0.9, (terms + _FREE * kept.sum()) / max(count[kept].sum(), 1)
-            )
-            median = chdtri(np.maximum(count * free, 0.5), 0.5)
-            known = bright * left**2, model, dark, median
-            guess = float(np.log(np.nanmedian((model / dark).max(axis=(1, 2)))))
-            low, high = guess - np.log(_GAINS), guess + np.log(_GAINS)
-            within = _excess(low, *known) < 0 < _excess(high, *known)
-            gain = float(
-                np.exp(brentq(_excess, low, high, args=known) if within else high)
-            )
+            slopes = photons[flux > 0] / flux[flux > 0]
+            slope = float(np.median(slopes)) if len(slopes) else 0.0
+            gain = 1 / max(slope, 1 / self.dark_gain)
         return gain
 
-    def common(
-        self,
-        centre: FloatArray,
-        left: FloatArray,
-        model: FloatArray,
-        variance: FloatArray,
-        radius: float,
-    ) -> tuple[FloatArray, int]:
-        """Return residuals without the part that all spots share, and its number of parameters."""
-        x, y = np.moveaxis(self.away(centre), -1, 0) / radius
-        square = x[:, None] ** 2 + y[:, :, None] ** 2
-        flux = model.sum(axis=(1, 2), keepdims=True) / np.sqrt(variance) * self.seen
-        basis = np.stack(
-            [
-                flux
-                * np.exp(-square / (2 * one**2))
-                * x[:, None] ** i
-                * y[:, :, None] ** j
-                for one in _SCALES
-                for i, j in _POWERS
-            ],
-            axis=-1,
+
+class _Fit:
+    """Spots of a radius that fit windows best, in digital numbers."""
+
+    def __init__(self, windows: _Windows, radius: float, gain: float) -> None:
+        spots = fitted_spots(
+            gain * windows.light, windows.corners, radius, gain * windows.noise
         )
-        kept = np.isfinite(left).all(axis=(1, 2))
-        rows = (left / np.sqrt(variance))[kept].ravel()
-        shares = np.linalg.lstsq(basis[kept].reshape(len(rows), -1), rows)[0]
-        return left - basis @ shares * np.sqrt(variance), len(shares)
+        self.centre, self.covariance = spots.centre, spots.covariance
+        self.flux, self.left = spots.light / gain, spots.residuals / gain
+        self.model = np.maximum(windows.light - self.left, 0.0)
+        self.variance = windows.noise[:, None, None] ** 2 + self.model / gain
+        self.radius = radius
+        offsets = spots.centre - windows.corners
+        steps = np.arange(self.left.shape[-1])
+        # In radii, from the centre.
+        self.x = (steps - offsets[:, None, None, 0]) / radius + 0 * self.left
+        self.y = (steps[:, None] - offsets[:, None, None, 1]) / radius + 0 * self.left
 
-    def away(self, centre: FloatArray) -> FloatArray:
-        """Return the distances of columns and rows from the centres, (n, size, 2)."""
-        steps = np.arange(self.light.shape[-1])
-        return steps[:, None] - (centre - self.corners)[:, None]
+    def weight(self, width: float) -> FloatArray:
+        """Return a Gaussian around the centre, whose width is in radii."""
+        return np.exp(-(self.x**2 + self.y**2) / (2 * width**2))
 
-    def variance(self, model: FloatArray, gain: float) -> FloatArray:
-        """Return the variance of the pixels that count."""
-        return (self.noise[:, None, None] ** 2 + model / gain) * self.seen
+    def without_common_shape(self) -> tuple[FloatArray, int]:
+        """Return residuals without the part that all spots share, and its number of terms."""
+        kept, sigma = np.isfinite(self.left), np.sqrt(self.variance)
+        flux = self.flux[:, None, None] / sigma
+        powers = polyvander2d(self.x[kept], self.y[kept], _DEGREES)
+        basis = np.hstack(
+            [powers * (flux * self.weight(scale))[kept][:, None] for scale in _SCALES]
+        )
+        terms = np.linalg.lstsq(basis, (self.left / sigma)[kept])[0]
+        left = self.left.copy()
+        left[kept] -= basis @ terms * sigma[kept]
+        return left, len(terms)
 
-    def odd(self, left: FloatArray, gain: float) -> Mask:
-        """Return which spots differ surely, and by more than others do, from the common shape."""
-        model = self.model(left)
-        variance = self.variance(model, gain)
-        excess = (left**2 - variance).sum(axis=(1, 2))
-        spread = np.sqrt(2 * (variance**2).sum(axis=(1, 2)))
-        misfit = excess / (model**2).sum(axis=(1, 2))
-        limit = min(_MISFIT, _UNUSUAL * max(float(np.nanmedian(misfit)), 0.0) + _SLIGHT)
-        return np.asarray((misfit > limit) & (excess > _SURELY * spread))
+    def has_odd_shape(self) -> NDArray[np.bool_]:
+        """Return which spots differ surely, and by more than others do, from a Gaussian."""
+        excess, spread, flux = (
+            np.nansum(one, axis=(1, 2))
+            for one in (
+                self.left**2 - self.variance,
+                2 * self.variance**2,
+                self.model**2,
+            )
+        )
+        misfit = excess / np.maximum(flux, np.finfo(float).tiny)
+        limit = _MISFIT_MEDIANS * max(float(np.median(misfit)), 0.0) + _MISFIT_OFFSET
+        surely = excess > _MISFIT_SIGMAS * np.sqrt(spread)
+        return np.asarray((misfit > min(limit, _MAX_MISFIT)) & surely)
 
-    def shapes(self, radius: float, gain: float) -> tuple[FloatArray, float]:
-        """Return `Found.shapes`, and the variance of the centres that noise does not explain.
+    def shapes(self) -> FloatArray:
+        """Return `Found.shapes` of all spots.
 
         Moments have Gaussian weights about the fitted centre. Those of the fitted Gaussian are
         subtracted, so that effects of pixels and of the edge of the window cancel.
         """
-        spots = self.spots(radius, gain)
-        left = spots.residuals / gain
-        model = self.model(left)
-        x, y = np.moveaxis(self.away(spots.centre), -1, 0)
-        square, wide = x[:, None] ** 2 + y[:, :, None] ** 2, (_WIDE * radius) ** 2
-        offsets = []
-        for squared in (radius**2, wide):  # narrow weights, then wide ones
-            weight = np.exp(-square / (2 * squared))
-            total, *moments = (
-                [
-                    np.einsum("nyx,nx,ny->n", weight * one, x**i, y**j)
-                    for one in (model + left, model)
-                ]
-                for i, j in _POWERS
-            )
-            change = np.stack(
-                [one / total[0] - two / total[1] for one, two in moments], axis=1
-            )
-            share = squared / (squared + radius**2)
-            offsets.append(change[:, :2] / share)
-        narrow, offset = offsets
-        second = share * radius**2 * np.eye(2) + change[:, [[2, 3], [3, 4]]]
-        second = np.linalg.inv(np.linalg.inv(second) - np.eye(2) / wide)
-        known = (weight**2 * self.variance(model, gain) * square).sum(axis=(1, 2))
-        known = known / (total[0] * share) ** 2 - np.trace(
-            spots.covariance, axis1=1, axis2=2
+        axes, offsets = (self.x, self.y), []
+        for width in _WEIGHT_RADII:
+            weight, fraction = self.weight(width), width**2 / (width**2 + 1)
+            total = np.nansum(weight * (self.model + self.left), axis=(1, 2))
+            part = np.nan_to_num(weight * self.left / total[:, None, None])
+            first = np.array([(part * one).sum(axis=(1, 2)) for one in axes])
+            offsets.append(first.T / fraction)
+        second = np.array(
+            [[(part * a * b).sum(axis=(1, 2)) for a in axes] for b in axes]
         )
-        apart = np.square(offset - np.median(offset, axis=0)).sum(axis=1)
-        scatter = max(0.0, float(np.median(apart / _MEDIAN - known / 2)))
-        return np.hstack(
-            [offset - narrow, second.reshape(-1, 4)[:, [0, 1, 3]]]
-        ), scatter
-
-
-def _excess(
-    log_gain: float,
-    squares: FloatArray,
-    model: FloatArray,
-    dark: FloatArray,
-    median: FloatArray,
-) -> float:
-    """Return the median of chi-square over its expected median, minus one."""
-    chi_squares = (squares / (dark + model / np.exp(log_gain))).sum(axis=(1, 2))
-    return float(np.nanmedian(chi_squares / median)) - 1
-
-
-def _axes(shapes: FloatArray) -> dict[str, float]:
-    """Return the elongation and the angle of the median spot."""
-    if np.isnan(shapes).all():
-        return {"elongation": np.nan, "angle": np.nan}
-    _, _, xx, xy, yy = np.nanmedian(shapes, axis=0)
-    short, long = np.linalg.eigvalsh([[xx, xy], [xy, yy]])
-    angle = float(np.arctan2(2 * xy, xx - yy) / 2)
-    return {"elongation": float(np.sqrt(long / short)), "angle": angle}
+        expected = fraction * (1 - part.sum(axis=(1, 2)))
+        second = second.T + expected[:, None, None] * np.eye(2)
+        second = np.linalg.inv(np.linalg.inv(second) - np.eye(2) / width**2)
+        asymmetry = (offsets[1] - offsets[0])[:, None]
+        return np.hstack([asymmetry * self.radius, second * self.radius**2])
 
 
 def shape_finding(
@@ -472,7 +377,7 @@ def shape_finding(
 
     Parameters
     ----------
-    source, target : ndarray, shape (n, 5), (m, 5)
+    source, target : ndarray, shape (n, 3, 2), (m, 3, 2)
         `Found.shapes` of both images, for example of the paired stars.
     matrix : array_like, shape (2, 2)
         Linear part of the transform from source to target.
@@ -487,10 +392,10 @@ def shape_finding(
 
     Examples
     --------
-    >>> round_spots = np.random.default_rng(1).normal((0, 0, 1, 0, 1), 0.01, (20, 5))
-    >>> shape_finding(round_spots, round_spots)[0] is None
+    >>> same = np.random.default_rng(1).normal([[0, 0], [1, 0], [0, 1]], 0.01, (20, 3, 2))
+    >>> shape_finding(same, same)[0] is None
     True
-    >>> finding, covariance = shape_finding(round_spots, round_spots + (0.5, 0, 1, 0, 0))
+    >>> finding, covariance = shape_finding(same, same + [[0.5, 0], [1, 0], [0, 0]])
     >>> finding.kind, covariance.round(2)
     ('shape', array([[1., 0.],
            [0., 0.]]))
@@ -498,44 +403,30 @@ def shape_finding(
     from scipy.stats import ttest_ind
 
     linear = np.asarray(matrix, dtype=np.float64)
-    first, second = (one[np.isfinite(one).all(axis=1)] for one in (source, target))
-    none = np.zeros((2, 2))
-    if min(len(first), len(second)) < _COMPARED:
-        return None, none
-    moments = linear @ first[:, [2, 3, 3, 4]].reshape(-1, 2, 2) @ linear.T
-    first = np.column_stack(
-        [first[:, :2] @ linear.T, moments.reshape(-1, 4)[:, [0, 1, 3]]]
+    first, second = (one[np.isfinite(one).all(axis=(1, 2))] for one in (source, target))
+    if min(len(first), len(second)) < _MIN_STARS_COMPARED:
+        return None, np.zeros((2, 2))
+    first = first @ linear.T
+    first[:, 1:] = linear @ first[:, 1:]
+    middles = [np.median(one, axis=0) for one in (first, second)]
+    change = middles[1] - middles[0]
+    axes = [np.sqrt(np.diagonal(one[1:])) for one in middles]
+    # Any asymmetry counts, but moments only if the width changes.
+    least = (
+        2
+        * _MIN_DIFFERENCE
+        * float(np.mean(np.square(axes)))
+        * np.array([[0], [1], [1]])
     )
-    middle = [np.median(one, axis=0) for one in (first, second)]
-    change = middle[1] - middle[0]
-    systematic = _BEYOND * change[:2]
-    widths = [float(np.sqrt((one[2] + one[4]) / 2)) for one in middle]
-    chance = np.asarray(ttest_ind(first, second, equal_var=False, trim=_TRIMMED).pvalue)
-    # Any offset counts, but moments only if the width changes.
-    least = np.array([0, 0, 1, 1, 1]) * 2 * _DIFFERENT * widths[0] * widths[1]
-    if not ((chance < _FALSE / chance.size) & (np.abs(change) > least)).any():
-        return None, none
-    axes = [_axes(one)["elongation"] for one in (first, second)]
+    test = ttest_ind(first, second, equal_var=False, trim=_TRIMMED)
+    differs = np.asarray(test.pvalue) < _FALSE_WARNING / change.size
+    if not (differs & (np.abs(change) > least)).any():
+        return None, np.zeros((2, 2))
+    systematic = _ERROR_PER_ASYMMETRY * change[0]
+    widths = " and ".join(f"{x:.3g} x {y:.3g} px" for x, y in axes)
     text = (
-        f"the spots of the images differ in shape: width {widths[0]:.3g} and {widths[1]:.3g} px, "
-        f"elongation {axes[0]:.3g} and {axes[1]:.3g}; their asymmetry displaces the shift by "
-        f"about {np.hypot(*systematic):.2g} px. Use images of the same focus and tracking"
+        f"the spots of the images differ in shape: radii along x and y {widths}; their asymmetry "
+        f"displaces the shift by about {np.hypot(*systematic):.2g} px. Use images of the same "
+        "focus and tracking"
     )
     return Finding("shape", text), np.outer(systematic, systematic)
-
-
-def _remarks(
-    gain: float, background: FloatArray, noise: FloatArray
-) -> tuple[Finding, ...]:
-    """Return a warning if the gain is implausible, or contradicts the noise of the background."""
-    low, high = _PLAUSIBLE
-    brightest = np.argmax(background)
-    photons = (background[brightest] - background.min()) / gain
-    if low <= gain <= high and photons < _NOISIER * noise[brightest] ** 2:
-        return ()
-    text = (
-        f"gain: expected {low:g} to {high:g} electrons per digital number, and photon noise of the "
-        f"background below its noise, got {gain:.2g}; the standard deviations of bright stars are "
-        "uncertain. Check whether the image was scaled, averaged or smoothed"
-    )
-    return (Finding("gain", text),)

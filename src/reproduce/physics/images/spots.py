@@ -1,17 +1,17 @@
-"""Gaussian spots integrated over pixels: rendered and fitted.
+"""Gaussian spots integrated over pixels: simulated and fitted.
 
-Positions are in px, x before y, the centre of the first pixel at (0, 0): a pixel reaches half a
-pixel to both sides of its number. Images and windows are arrays [..., y, x], rows from the first
-upwards. Leading axes are a batch (frames, spots, trials). The radius of a spot is the standard
-deviation of its Gaussian, in px. Light is in photons.
+Positions are in px, x before y, with the centre of the first pixel at (0, 0). Images and windows
+are arrays [..., y, x]. Leading axes are a batch, for example of frames, spots and trials. The
+radius of a spot is the standard deviation of its Gaussian, in px.
 
-Centres are fitted by maximum likelihood: to windows in electrons, without background; `corners`
-holds x and y of the first pixel of each.
+Windows for a fit are in electrons, without background. `corners` contains x and y of their first
+pixels.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,25 +21,30 @@ from reproduce.physics import validate
 from reproduce.physics.validate import FloatArray, NonNegative, Point, Positive
 
 IntArray = NDArray[np.int64]
-Mask = NDArray[np.bool_]
-# How far from its centre a spot is drawn in a frame, in standard deviations.
-_REACH = 6.0
+# Largest distance from its centre at which a spot adds flux to a frame, in radii.
+_REACH_RADII = 6.0
 
 
 @validate.checked
 def window_corners(positions: Point, size: int) -> IntArray:
-    """Return the first pixel of a window around each spot, centred on the pixel that holds it.
+    """Return the first pixels of windows that are centred on spots.
 
     Parameters
     ----------
-    positions : array_like, shape (..., 2), in px
+    positions : array_like, shape (..., 2)
+        Centres of the spots, in px.
     size : int
-        Width and height of the window, in px; odd, so that it has a middle pixel.
+        Width and height of a window, in px. The size is odd.
 
     Returns
     -------
     ndarray of int, shape (..., 2)
-        x and y of the pixel with the smallest numbers.
+        Smallest x and y of each window, in px.
+
+    Raises
+    ------
+    ValueError
+        If the size is even.
 
     Examples
     --------
@@ -48,14 +53,14 @@ def window_corners(positions: Point, size: int) -> IntArray:
     """
     if validate.whole_number("size", size) % 2 == 0:
         raise ValueError(
-            f"size: expected odd, so that a window has a middle, got {size}"
+            f"size: expected an odd number, got {size}. Add or remove a pixel"
         )
-    return _corners(positions, size)
+    return (_nearest_pixels(positions) - size // 2).astype(np.int64)
 
 
-def _corners(points: FloatArray, size: int) -> IntArray:
-    # Half up everywhere, not half to even: neighbouring pixels must be treated alike.
-    return (np.floor(points + 0.5) - size // 2).astype(np.int64)
+def _nearest_pixels(positions: FloatArray) -> FloatArray:
+    """Return the pixels that contain points, with halves rounded up."""
+    return np.floor(positions + 0.5)
 
 
 @validate.checked
@@ -66,25 +71,25 @@ def spot_windows(
     corners: Point,
     size: int,
 ) -> FloatArray:
-    """Return the mean light in a window around each spot.
+    """Return the mean flux in a window around each spot.
 
     Parameters
     ----------
     positions : array_like, shape (..., 2)
         Centres of the spots, in px.
     photons : array_like, shape (...)
-        Light of the whole spot.
+        Flux of a whole spot, in photons.
     radius : array_like, shape (...)
         Standard deviation of the Gaussian, in px.
     corners : array_like, shape (..., 2)
-        First pixel of each window, from `window_corners`.
+        First pixels of the windows, from `window_corners`.
     size : int
-        Width and height of the window, in px.
+        Width and height of the windows, in px.
 
     Returns
     -------
     ndarray, shape (..., size, size)
-        Photons per pixel, without noise; see `detector.expose`.
+        Photons per pixel, without noise. `detector.expose` adds noise.
 
     Examples
     --------
@@ -94,29 +99,29 @@ def spot_windows(
            [ 25., 107.,  25.]])
     """
     count = validate.whole_number("size", size)
-    across = _shares(positions[..., 0], radius, corners[..., 0], count)
-    down = _shares(positions[..., 1], radius, corners[..., 1], count)
-    # A Gaussian is the product of its rows and columns, integrals included.
+    across, down = (
+        _shares(_edges(positions[..., axis] - corners[..., axis], radius, count))
+        for axis in (0, 1)
+    )
     scaled = photons[..., np.newaxis] * down
     return scaled[..., :, np.newaxis] * across[..., np.newaxis, :]
 
 
-_windows = validate.kernel(spot_windows)
-
-
+@validate.checked
 def render_frame(
-    positions: ArrayLike,
-    photons: ArrayLike,
-    radius: ArrayLike,
+    positions: Point,
+    photons: NonNegative,
+    radius: Positive,
     size: tuple[int, int],
 ) -> FloatArray:
-    """Return the mean light in a whole frame of spots; spots outside leave only their tails.
+    """Return the mean flux in a frame of spots.
 
     Parameters
     ----------
-    positions : array_like, shape (n, 2), in px
+    positions : array_like, shape (n, 2)
+        Centres of the spots, in px, inside or outside of the frame.
     photons, radius : array_like, shape () or (n,)
-        Light of each spot, and its standard deviation in px.
+        Flux of each spot, in photons, and its standard deviation, in px.
     size : (int, int)
         Width and height of the frame, in px.
 
@@ -130,121 +135,85 @@ def render_frame(
     >>> float(render_frame([[4.0, 3.0]], 100.0, 0.5, (9, 7)).sum().round(6))
     100.0
     """
-    points = validate.finite_array("positions", positions, shape=(None, 2)).reshape(
-        -1, 2
-    )
-    count = len(points)
-    light = np.broadcast_to(validate.non_negative("photons", photons), (count,))
-    widths = np.broadcast_to(validate.positive("radius", radius), (count,))
-    half = int(np.ceil(_REACH * widths.max() + 0.5))
-    columns, rows = (validate.whole_number("size", side) for side in size)
-    near = (points > -half - 0.5) & (points < np.array([columns, rows]) + half - 0.5)
-    kept = near.all(axis=-1)
-    padded = np.zeros((rows + 4 * half + 2, columns + 4 * half + 2))
-    margin = 2 * half + 1
-    corners = _corners(points[kept], margin)
-    windows = _windows(points[kept], light[kept], widths[kept], corners, margin)
-    steps = np.arange(margin)
-    y = (corners[:, 1, np.newaxis] + steps + margin)[:, :, np.newaxis]
-    x = (corners[:, 0, np.newaxis] + steps + margin)[:, np.newaxis, :]
-    np.add.at(padded, (y, x), windows)
-    return padded[margin : margin + rows, margin : margin + columns]
+    points = positions.reshape(-1, 2)
+    widths = np.broadcast_to(radius, len(points))
+    reach = np.ceil(_REACH_RADII * widths.max() + 0.5)
+    profiles = []
+    for axis, side in enumerate(size):
+        count = validate.whole_number("size", side)
+        offsets = np.arange(count) - _nearest_pixels(points[:, axis, np.newaxis])
+        shares = _shares(_edges(points[:, axis], widths, count))
+        profiles.append(np.where(np.abs(offsets) <= reach, shares, 0.0))
+    across, down = profiles
+    return (down.T * photons) @ across
+
+
+def _edges(position: FloatArray, radius: FloatArray, count: int) -> FloatArray:
+    """Return the edges of pixels 0 to count - 1, from the spot and in radii, (..., count + 1)."""
+    edges = np.arange(count + 1) - 0.5 - position[..., np.newaxis]
+    return np.asarray(edges / radius[..., np.newaxis])
+
+
+def _shares(edges: FloatArray) -> FloatArray:
+    """Return the fraction of the flux in each pixel of a row, (..., count)."""
+    # Differences in the lower tail keep their digits.
+    below, above = np.diff(ndtr(edges)), -np.diff(ndtr(-edges))
+    return np.where(edges[..., 1:] < 0, below, above)
 
 
 def _gradient(
     state: FloatArray, radius: FloatArray, columns: int, rows: int
 ) -> tuple[FloatArray, FloatArray]:
-    """Return spots in windows, (..., rows, columns), and their derivatives by x, y and light.
+    """Return spots in windows, (..., rows, columns), and their derivatives by x, y and flux.
 
-    The state, (..., 3), is x and y relative to the window's first pixel, in px, and the light.
-    The derivatives have shape (..., 3, rows, columns).
+    The state, (..., 3), is x and y relative to the first pixel, in px, and the flux. The
+    derivatives have shape (..., 3, rows, columns).
     """
-    across, down, flux = (
-        state[..., 0],
-        state[..., 1],
-        state[..., 2, np.newaxis, np.newaxis],
-    )
-    start = np.zeros_like(across)
-    in_x = _shares(across, radius, start, columns)[..., np.newaxis, :]
-    in_y = _shares(down, radius, start, rows)[..., :, np.newaxis]
-    moved_x = _share_slopes(across, radius, start, columns)[..., np.newaxis, :]
-    moved_y = _share_slopes(down, radius, start, rows)[..., :, np.newaxis]
-    shape = in_x * in_y
-    slopes = np.stack([flux * moved_x * in_y, flux * in_x * moved_y, shape], axis=-3)
-    return flux * shape, slopes
+    edges = [
+        _edges(state[..., 0], radius, columns),
+        _edges(state[..., 1], radius, rows),
+    ]
+    root = -np.sqrt(2 * np.pi) * radius[..., np.newaxis]
+    in_x, in_y = (_shares(one) for one in edges)
+    slope_x, slope_y = (np.diff(np.exp(-0.5 * one**2)) / root for one in edges)
+    flux = state[..., 2, np.newaxis]
+    down = np.stack([flux * in_y, flux * slope_y, in_y], axis=-2)
+    across = np.stack([slope_x, in_x, in_x], axis=-2)
+    slopes = down[..., :, np.newaxis] * across[..., np.newaxis, :]
+    return flux[..., np.newaxis] * slopes[..., 2, :, :], slopes
 
 
-def _shares(
-    position: FloatArray, radius: FloatArray, first: FloatArray | IntArray, count: int
-) -> FloatArray:
-    """Return the share of a spot's light in each pixel of a row: the Gaussian, integrated.
-
-    The row begins at pixel `first`; the shares, (..., count), fall short of one by what lies
-    outside it.
-    """
-    offset = (first - position)[..., np.newaxis] + (np.arange(count + 1) - 0.5)
-    scaled = offset / radius[..., np.newaxis]
-    # What lies beyond each edge, away from the spot: both tails keep their digits this way.
-    beyond = ndtr(-np.abs(scaled))
-    near, far = beyond[..., :-1], beyond[..., 1:]
-    astride = (scaled[..., :-1] < 0) & (scaled[..., 1:] > 0)
-    return np.where(astride, 1.0 - near - far, np.abs(near - far))
-
-
-def _share_slopes(
-    position: FloatArray, radius: FloatArray, first: FloatArray, count: int
-) -> FloatArray:
-    """Return the derivatives of `_shares` by the position, in 1/px."""
-    size = radius[..., np.newaxis]
-    offset = ((first - position)[..., np.newaxis] + (np.arange(count + 1) - 0.5)) / size
-    return -np.diff(np.exp(-0.5 * offset**2) / (np.sqrt(2 * np.pi) * size), axis=-1)
-
-
-# Most steps from the brightest pixel; between two spots it takes hundreds.
-_STEPS = 500
-# A movement of the centre, in px, below which a fit has come to rest.
-_AT_REST = 1e-8
-# How far beyond the edge of its last pixel a spot may be centred, in px.
-_BEYOND = 1.0
-# Light below which a pixel's variance is not taken smaller, in electrons squared: a pixel that
-# should be dark must not count without limit.
-_DARKEST = 1e-3
-_TINY = float(np.finfo(float).tiny)
+# Iterations of a fit, at most: between two spots it takes hundreds.
+_MAX_STEPS = 500
+# Movement of the centre at which a fit has converged, in px.
+_CONVERGED_PX = 1e-8
+# Largest distance of a centre from the outer edge of the window, in px.
+_OUTSIDE_PX = 1.0
+# Least variance of a pixel, in electrons squared: the weight of a dark pixel is finite.
+_MIN_VARIANCE = 1e-3
+# Relative rounding error of the cost; damping at the start, at least, and at most.
+_COST_ROUNDING, _DAMPING, _MIN_DAMPING, _MAX_DAMPING = 1e-13, 1e-3, 1e-9, 1e12
 
 
 def fitted_centre(
     windows: ArrayLike,
     corners: ArrayLike,
     radius: ArrayLike,
-    read_noise: float = 0.0,
+    read_noise: ArrayLike = 0.0,
 ) -> FloatArray:
     """Return the centre of the pixel-integrated Gaussian that fits each window best.
 
-    It is the maximum-likelihood estimate under photon and read noise (the sum is taken as Poisson,
-    shifted by the read noise's variance, which is exact without read noise). Where a window holds
-    several spots, the one of the brightest pixel is fitted.
-
-    Parameters
-    ----------
-    windows : array_like, shape (..., height, width)
-        Light without background, in electrons.
-    corners : array_like, shape (..., 2)
-        First pixel of each window.
-    radius : array_like, shape (...)
-        Standard deviation of the spot, in px; known.
-    read_noise : float
-        Noise of a pixel without light, in electrons.
+    Same parameters as `fitted_spots`.
 
     Returns
     -------
     ndarray, shape (..., 2)
-        In px; not a number where the fit did not come to rest at an optimum inside the window or
-        less than a pixel beyond its edge. It does not in a window that is dark, flat, or holds a
-        value that is not finite.
+        Centres, in px. NaN if a fit did not converge to an optimum inside of the window or less
+        than a pixel outside of it, for example in a dark or flat window.
 
     Examples
     --------
-    A spot spread evenly about the pixel (4, 7), and a dark window.
+    A spot around the pixel (4, 7), and a dark window.
 
     >>> spot = np.array([[0, 1, 0], [1, 6, 1], [0, 1, 0.0]])
     >>> fitted_centre([spot, 0 * spot], (3, 6), 0.6).round(6)
@@ -256,16 +225,18 @@ def fitted_centre(
 
 @dataclass(frozen=True, eq=False)
 class Spots:
-    """Spots fitted to windows; not a number where a fit did not come to rest.
+    """Spots fitted to windows, NaN if a fit did not converge.
 
     Attributes
     ----------
-    centre : ndarray, shape (..., 2), in px
-    light : ndarray, shape (...), in electrons
+    centre : ndarray, shape (..., 2)
+        Centres, in px.
+    light : ndarray, shape (...)
+        Flux, in electrons.
     covariance : ndarray, shape (..., 2, 2)
-        Of the centre, in px squared: the inverse of the information, the light unknown too.
+        Covariance of the centre, in px^2: the inverse of the information, with unknown flux.
     residuals : ndarray, shape (..., height, width)
-        Window less spot, in electrons; zero where nothing was seen.
+        Window minus spot, in electrons.
     """
 
     centre: FloatArray
@@ -274,25 +245,29 @@ class Spots:
     residuals: FloatArray
 
 
+@validate.checked
 def fitted_spots(
     windows: ArrayLike,
-    corners: ArrayLike,
-    radius: ArrayLike,
-    read_noise: ArrayLike = 0.0,
-    seen: ArrayLike | None = None,
+    corners: Point,
+    radius: Positive,
+    read_noise: NonNegative = 0.0,
 ) -> Spots:
-    """Return centre, light and covariance of the spot that fits each window best.
+    """Return centre, flux and covariance of the spot that fits each window best.
 
-    As `fitted_centre`, whose arguments these are, and further:
+    The fit is the maximum of the likelihood under photon and read noise. The sum of both is taken
+    as Poisson noise, shifted by the variance of the read noise, which is exact without read noise.
+    If a window contains several spots, the spot of the brightest pixel is fitted.
 
     Parameters
     ----------
-    windows, corners, radius
-        As there.
+    windows : array_like, shape (..., height, width)
+        Flux without background, in electrons. Pixels that are not finite do not count.
+    corners : array_like, shape (..., 2)
+        First pixels of the windows.
+    radius : array_like, shape (...)
+        Known standard deviation of the spot, in px.
     read_noise : array_like, shape (...)
-        Noise of a pixel without light, in electrons, of each window.
-    seen : array_like of bool, shape (..., height, width), optional
-        Pixels that count: not those that are saturated, or under a filter of another colour.
+        Noise of a pixel without flux, in electrons.
 
     Returns
     -------
@@ -300,156 +275,109 @@ def fitted_spots(
 
     Examples
     --------
-    A spot whose right half is not seen is known less well along x.
+    A spot whose right half is missing is known less well along x.
 
-    >>> half = np.arange(9) < 5
     >>> window = spot_windows([4.0, 4.0], 1000.0, 1.0, [0, 0], 9)
-    >>> found = fitted_spots(window, (0, 0), 1.0, 3.0, half & np.ones((9, 9), bool))
+    >>> window[:, 5:] = np.nan
+    >>> found = fitted_spots(window, (0, 0), 1.0, 3.0)
     >>> found.centre.round(6), np.sqrt(np.diag(found.covariance)).round(3)
     (array([4., 4.]), array([0.072, 0.048]))
     """
     light = validate.number_array("windows", windows, shape=(None, None))
-    first = validate.finite_array("corners", corners, shape=(2,))
-    width = validate.positive("radius", radius)
-    noise = validate.non_negative("read_noise", read_noise)
-    mask = (
-        np.ones(light.shape[-2:], bool)
-        if seen is None
-        else np.asarray(seen, dtype=bool)
-    )
-    shapes = {
-        "windows": light.shape[:-2],
-        "corners": first.shape[:-1],
-        "radius": width.shape,
-    }
-    batch = validate.common_batch(
-        **shapes, read_noise=noise.shape, seen=mask.shape[:-2]
-    )
     shape = light.shape[-2:]
-    flat, counts = (
-        np.broadcast_to(one, (*batch, *shape)).reshape(-1, *shape)
-        for one in (light, mask)
+    batch = validate.common_batch(
+        windows=light.shape[:-2],
+        corners=corners.shape[:-1],
+        radius=radius.shape,
+        read_noise=read_noise.shape,
     )
-    widths, noises = (np.broadcast_to(one, batch).reshape(-1) for one in (width, noise))
-    usable = np.flatnonzero((np.isfinite(flat) | ~counts).all(axis=(-2, -1)))
-    dark = np.where(counts, flat, 0.0)
-    fit = _Fit(
-        dark[usable], widths[usable], noises[usable] ** 2, counts[usable].astype(float)
+    flat = np.broadcast_to(light, (*batch, *shape)).reshape(-1, *shape)
+    widths, noises = (
+        np.broadcast_to(one, batch).reshape(-1) for one in (radius, read_noise)
     )
-    state, covariance = (
-        np.full((len(flat), 3), np.nan),
-        np.full((len(flat), 2, 2), np.nan),
-    )
-    residuals = np.full(flat.shape, np.nan)
-    state[usable], covariance[usable], residuals[usable] = fit.spots()
+    state, information = _optimum(flat, widths, np.maximum(noises**2, _MIN_VARIANCE))
+    covariance = np.asarray(np.linalg.inv(information)[:, :2, :2])
+    residuals = flat - _gradient(state, widths, *shape[::-1])[0]
     return Spots(
-        state.reshape(*batch, 3)[..., :2] + first,
-        state.reshape(*batch, 3)[..., 2],
+        state[:, :2].reshape(*batch, 2) + corners,
+        state[:, 2].reshape(batch),
         covariance.reshape(*batch, 2, 2),
         residuals.reshape(*batch, *shape),
     )
 
 
-@dataclass(frozen=True, eq=False)
-class _Fit:
-    """Windows (n, height, width), radii and variances of a dark pixel (n,), and what counts."""
+def _optimum(
+    light: FloatArray, radius: FloatArray, variance: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return x, y and flux, (n, 3), and the information matrix of each spot.
 
-    light: FloatArray
-    radius: FloatArray
-    variance: FloatArray
-    counts: FloatArray
-
-    def spots(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return x, y and light, (n, 3), the covariance of x and y, and the residuals."""
-        state = self.optimum()
-        rest = np.flatnonzero(np.isfinite(state).all(axis=-1))
-        part = self.of(rest)
-        _, _, matrix = part.look(state[rest])
-        model, _ = _gradient(state[rest], part.radius, *self.light.shape[:0:-1])
-        covariance = np.full((len(state), 2, 2), np.nan)
-        covariance[rest] = np.linalg.inv(matrix)[:, :2, :2]
-        residuals = np.full(self.light.shape, np.nan)
-        residuals[rest] = (part.light - model) * part.counts
-        return state, covariance, residuals
-
-    def of(self, rows: IntArray) -> _Fit:
-        """Return some of the windows."""
-        return _Fit(
-            self.light[rows], self.radius[rows], self.variance[rows], self.counts[rows]
+    Levenberg-Marquardt steps begin at the brightest pixel, with the flux that fits best there.
+    """
+    count, height, width = light.shape
+    seen = np.isfinite(light)
+    bright = np.where(seen, light, -np.inf).reshape(count, -1).argmax(axis=1)
+    state = np.stack([bright % width, bright // width, np.ones(count)], axis=-1)
+    shape = seen * _gradient(state, radius, width, height)[0]
+    flux = np.where(seen, light, 0.0) * shape
+    squares = np.maximum((shape**2).sum(axis=(1, 2)), _MIN_VARIANCE)
+    state[:, 2] = flux.sum(axis=(1, 2)) / squares
+    found, information = np.full((count, 3), np.nan), np.full((count, 3, 3), np.nan)
+    rows: Any
+    rows, damping = np.arange(count), np.full(count, _DAMPING)
+    cost, moved, score, matrix = _likelihood(state, light, radius, variance)
+    for _ in range(_MAX_STEPS):
+        possible = np.isfinite(cost)
+        done = possible & (moved < _CONVERGED_PX)
+        found[rows[done]], information[rows[done]] = state[done], matrix[done]
+        kept = possible & ~done & (damping < _MAX_DAMPING)
+        rows, damping, state, cost, moved, score, matrix = (
+            one[kept] for one in (rows, damping, state, cost, moved, score, matrix)
         )
+        if not len(rows):
+            break
+        trial = state + _step(matrix, score, damping)
+        values = _likelihood(trial, light[rows], radius[rows], variance[rows])
+        # Close to the optimum, rounding hides the change of the cost.
+        rounding = _COST_ROUNDING * np.where(values[1] < moved, 1, -1) * np.abs(cost)
+        better = values[0] <= cost + rounding
+        for old, new in zip(
+            (state, cost, moved, score, matrix), (trial, *values), strict=True
+        ):
+            old[better] = new[better]
+        damping = np.maximum(damping * np.where(better, 0.1, 10.0), _MIN_DAMPING)
+    return found, information
 
-    def optimum(self) -> FloatArray:
-        """Return x, y and light of each spot, (n, 3); not a number where there is no optimum."""
-        found = np.full((len(self.light), 3), np.nan)
-        index, state = np.arange(len(found)), self.start()
-        cost, score, matrix = self.look(state)
-        damping = np.full(len(found), 1e-3)
-        for _ in range(_STEPS):
-            # Close to the optimum a gain is lost in the last digits of the cost.
-            blur = 1e-13 * np.abs(cost)
-            rest = (_movement(matrix, score) < _AT_REST) & np.isfinite(cost)
-            found[index[rest]] = state[rest]
-            kept = ~rest & np.isfinite(cost) & (damping < 1e12)
-            index, state, cost, blur = index[kept], state[kept], cost[kept], blur[kept]
-            score, matrix, damping = score[kept], matrix[kept], damping[kept]
-            if not len(index):
-                break
-            part = self.of(index)
-            trial = state + _step(matrix, score, damping)
-            then, pulled, turned = part.look(trial)
-            nearer = _movement(turned, pulled) < _movement(matrix, score)
-            better = (then < cost - blur) | ((then <= cost + blur) & nearer)
-            state[better], cost[better] = trial[better], then[better]
-            score[better], matrix[better] = pulled[better], turned[better]
-            damping = np.maximum(damping * np.where(better, 0.1, 10.0), 1e-9)
-        return found
 
-    def start(self) -> FloatArray:
-        """Return the brightest pixel, and the light that fits best there."""
-        rows, columns = self.light.shape[-2:]
-        y, x = np.divmod(
-            self.light.reshape(len(self.light), -1).argmax(axis=-1), columns
-        )
-        state = np.stack([x, y, np.ones(len(x))], axis=-1)
-        shape, _ = _gradient(state, self.radius, columns, rows)
-        seen = (self.counts * shape**2).sum(axis=(-2, -1))
-        state[:, 2] = (self.light * shape).sum(axis=(-2, -1)) / np.maximum(seen, _TINY)
-        return state
+def _likelihood(
+    state: FloatArray, light: FloatArray, radius: FloatArray, variance: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return minus the log-likelihood, the distance in px to its estimated minimum, and more.
 
-    def look(self, state: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return the cost (n,), its fall (n, 3), and the information (n, 3, 3).
-
-        The cost is infinite without light and far off.
-        """
-        rows, columns = self.light.shape[-2:]
-        last = np.array([columns, rows]) - 0.5 + _BEYOND
-        inside = ((state[:, :2] > -0.5 - _BEYOND) & (state[:, :2] < last)).all(axis=-1)
-        allowed = inside & (state[:, 2] > 0)
-        safe = np.where(allowed[:, np.newaxis], state, 1.0)
-        model, slopes = _gradient(safe, self.radius, columns, rows)
-        dark = self.variance[:, np.newaxis, np.newaxis]
-        level, seen = model + dark, self.light + dark
-        bright = np.maximum(level, _DARKEST)
-        # Below the least variance, the parabola that goes on with the same slope.
-        low = np.minimum(level - _DARKEST, 0.0)
-        each = bright - seen * np.log(bright)
-        each += low * (_DARKEST - seen) / _DARKEST + low**2 / (2 * _DARKEST)
-        each, trust = each * self.counts, self.counts / bright
-        score = np.einsum("nkyx,nyx->nk", slopes, (self.light - model) * trust)
-        flat = slopes.reshape(len(slopes), 3, rows * columns)
-        matrix = (flat * trust.reshape(len(flat), 1, rows * columns)) @ flat.mT
-        return np.where(allowed, each.sum(axis=(-2, -1)), np.inf), score, matrix
+    These have the shape (n,). The slope of the log-likelihood, (n, 3), and the information follow.
+    Minus the log-likelihood is infinite without flux, and for a centre far outside.
+    """
+    height, width = light.shape[1:]
+    low = -0.5 - _OUTSIDE_PX
+    high = np.array([width, height]) + (_OUTSIDE_PX - 0.5)
+    inside = ((state[:, :2] > low) & (state[:, :2] < high)).all(axis=-1)
+    allowed = inside & (state[:, 2] > 0)
+    model, slopes = _gradient(
+        np.where(allowed[:, np.newaxis], state, 1.0), radius, width, height
+    )
+    dark, seen = variance[:, np.newaxis, np.newaxis], np.isfinite(light)
+    values, level = np.where(seen, light, 0.0), model + dark
+    cost = (seen * (level - (values + dark) * np.log(level))).sum(axis=(1, 2))
+    weights = seen / level
+    score = np.einsum("nkyx,nyx->nk", slopes, (values - model) * weights)
+    flat = slopes.reshape(len(state), 3, -1)
+    matrix = (flat * weights.reshape(len(state), 1, -1)) @ flat.mT
+    moved = np.abs(_step(matrix, score, np.zeros(len(score)))[:, :2]).max(axis=1)
+    return np.where(allowed, cost, np.inf), moved, score, matrix
 
 
 def _step(matrix: FloatArray, score: FloatArray, damping: FloatArray) -> FloatArray:
-    """Return the step, damped in each parameter's own size."""
-    size = np.sqrt(np.maximum(np.diagonal(matrix, axis1=-2, axis2=-1), 1e-300))
-    scaled = matrix / (size[..., :, np.newaxis] * size[..., np.newaxis, :])
-    scaled = scaled + (damping + 1e-12)[..., np.newaxis, np.newaxis] * np.eye(3)
-    return np.linalg.solve(scaled, (score / size)[..., np.newaxis])[..., 0] / size
-
-
-def _movement(matrix: FloatArray, score: FloatArray) -> FloatArray:
-    """Return how far a step without damping moves the centre along x or y, in px."""
-    step = _step(matrix, score, np.zeros(len(score)))
-    return np.abs(step[:, :2]).max(axis=-1, initial=0.0)
+    """Return the step, damped in the unit of each parameter."""
+    diagonal = np.diagonal(matrix, axis1=1, axis2=2)
+    added = diagonal * (damping[:, np.newaxis] + 1e-12) + np.finfo(float).tiny
+    damped = matrix + added[..., np.newaxis] * np.eye(3)
+    return np.asarray(np.linalg.solve(damped, score[..., np.newaxis])[..., 0])

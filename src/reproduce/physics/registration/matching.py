@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import combinations
-from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -23,24 +22,22 @@ from reproduce.physics.registration.transforms import (
 from reproduce.physics.validate import FloatArray
 
 # Common stars that identify a transform, at least: three agree too often by chance.
-_FEWEST = 4
+_MIN_COMMON = 4
 # Stars of a sample whose triangles are compared, at most, and triangles of a sample, about.
-_SAMPLE, _TRIANGLES = 150, 10_000
+_SAMPLE_STARS, _SAMPLE_TRIANGLES = 150, 10_000
 # Largest difference in shape of two triangles, and pairs of triangles that are tried, at most.
-_ALIKE, _TRIED = 0.02, 4_000
+_MAX_DIFFERENCE, _MAX_TRIED = 0.02, 4_000
 # Differences of positions that vote for a shift, about, and shifts that are tried, at most.
-_VOTES, _SHIFTS = 60_000, 20
+_VOTES, _MAX_SHIFTS = 60_000, 20
 # Probability that unrelated stars are matched, at most.
-_CHANCE = 1e-6
+_MAX_CHANCE = 1e-6
 # Agreement of positions that counts as exact, in px, also if all positions are whole numbers:
 # rounded positions agree by chance.
-_ROUNDED, _WHOLE = 0.1, 0.5
-# Up to this number of pairs a fit to all pairs is not robust. Rounds of such fits.
-_FEW, _ROUNDS = 6, 2
-# Iterations of the scatter beyond the errors.
-_TIMES = 6
-# Variance of a position that is known exactly, in px^2.
-_EXACT = 1e-12
+_ROUNDED_PX, _WHOLE_PX = 0.1, 0.5
+# Pairs of a robust fit, at least; rounds of fits that add neighbours.
+_MIN_ROBUST, _ROUNDS = 7, 4
+# Iterations of the scatter beyond the errors; variance of an exact position, in px^2.
+_SCATTER_STEPS, _EXACT_VARIANCE = 6, 1e-12
 
 ComplexArray = NDArray[np.complex128]
 IntArray = NDArray[np.int64]
@@ -95,31 +92,16 @@ def match_points(
                 f"start: expected two or more pairs of stars closer than {radius:.3g} px, got "
                 f"{len(rows)}. Correct it, or enlarge the radius"
             )
-        return (
-            _refined(rows, source, target, radius)
-            if len(rows) > _FEW
-            else (rows, start)
-        )
-    if min(len(source), len(target)) < _FEWEST:
-        raise ValueError(
-            f"expected {_FEWEST} or more stars in each list, got {len(source)} and {len(target)}. "
-            "Give a start"
-        )
-    found: list[tuple[int, IntArray, Registration]] = []
-    for rows, chance in _candidates(source, target, radius):
-        if chance < _CHANCE:
-            rows, transform = _refined(rows, source, target, radius)
-            # A transform that is right in a part of the field leaves distant pairs.
-            close = len(neighbours(transform.apply(source), target, radius / 3))
-            found.append((close, rows, transform))
-            if 2 * close > min(len(source), len(target)):
-                break
-    if not found:
-        raise ValueError(
-            f"expected {_FEWEST} or more common stars, got lists of {len(source)} and "
-            f"{len(target)} stars that agree no better than by chance. Give a start"
-        )
-    return max(found, key=itemgetter(0))[1:]
+        few = len(rows) < _MIN_ROBUST
+        return (rows, start) if few else _refined(rows, source, target, radius)
+    if min(len(source), len(target)) >= _MIN_COMMON:
+        for rows, chance in _candidates(source, target, radius):
+            if chance < _MAX_CHANCE:
+                return _refined(rows, source, target, radius)
+    raise ValueError(
+        f"expected {_MIN_COMMON} or more common stars, got lists of {len(source)} and "
+        f"{len(target)} stars that agree no better than by chance. Give a start"
+    )
 
 
 def _refined(
@@ -127,9 +109,12 @@ def _refined(
 ) -> tuple[IntArray, Registration]:
     """Return the pairs under the affine transform of pairs, and the transform."""
     for _ in range(_ROUNDS):
-        pairs, robust = (source[rows[:, 0]], target[rows[:, 1]]), len(rows) > _FEW
         fit = fit_registration(
-            *pairs, source.mean(axis=0), model="affine", robust=robust
+            source[rows[:, 0]],
+            target[rows[:, 1]],
+            source.mean(axis=0),
+            model="affine",
+            robust=len(rows) >= _MIN_ROBUST,
         )
         rows = neighbours(fit.transform.apply(source), target, radius)
     return rows, fit.transform
@@ -169,92 +154,94 @@ def _candidates(
 ) -> Iterator[tuple[IntArray, float]]:
     """Yield the pairs under the best transform of each kind and sample, and their probability."""
     first, other = as_complex(source), as_complex(target)
-    yield _best(first, other, radius, *_shifts(source, target, radius))
+    yield _best(first, other, radius, _shifts(source, target, radius))
     # The first stars, then those with the most distant nearest neighbour: two lists of the same
     # stars have this order in common for any rotation and any order of rows.
     given = np.arange(len(source)), np.arange(len(target))
-    for i, j in (given, (_isolated(source), _isolated(target))):
-        i, j = i[:_SAMPLE], j[:_SAMPLE]
+    for samples in (given, (_isolated(source), _isolated(target))):
+        i, j = (sample[:_SAMPLE_STARS] for sample in samples)
         # A mirror image has the conjugate positions.
         for stars in (first[i], first[i].conj()):
             similarities = _similarities(_triangles(stars), _triangles(other[j]))
-            rows, chance = _best(stars, other[j], radius, *similarities)
+            rows, chance = _best(stars, other[j], radius, similarities)
             yield np.stack([i[rows[:, 0]], j[rows[:, 1]]], axis=-1), chance
-
-
-def _best(
-    stars: ComplexArray,
-    others: ComplexArray,
-    radius: float,
-    factors: ComplexArray,
-    offsets: ComplexArray,
-    trials: int,
-) -> tuple[IntArray, float]:
-    """Return the pairs under the transform with most of them, and their probability by chance."""
-    from scipy.spatial import KDTree
-    from scipy.special import pdtrc
-
-    if not len(factors):
-        return np.zeros((0, 2), int), 1.0
-    tree = KDTree(as_points(others))
-    landed = as_points(factors[:, None] * stars + offsets[:, None])
-    hit = tree.query(landed, distance_upper_bound=radius)[1]
-    # Several stars near one star of the target count once; the last index is no star.
-    best = landed[(np.diff(np.sort(hit), append=tree.n) > 0).sum(axis=1).argmax()]
-    rows = neighbours(best, tree.data, radius)
-    apart = np.asarray(tree.query(best, 3)[0])
-    # Two stars agree by the transform itself. Density from the third nearest.
-    agreement = np.sort(apart[rows[:, 0], 0])[_FEWEST - 1 :]
-    least = _ROUNDED if (tree.data % 1).any() else _WHOLE
-    density = (np.maximum(apart[:, 2], least) ** -2.0).sum()
-    expected = 2 * density * np.maximum(agreement, least) ** 2
-    chances = pdtrc(np.arange(len(agreement)) + _FEWEST - 3, expected)
-    return rows, trials * len(rows) * float(chances.min(initial=1.0))
 
 
 def _isolated(points: FloatArray) -> IntArray:
     """Return the rows of points, that with the most distant nearest neighbour first."""
     from scipy.spatial import KDTree
 
-    apart = np.asarray(KDTree(points).query(points, 2)[0])[:, 1]
-    return np.argsort(-apart, kind="stable")
+    apart = np.asarray(KDTree(points).query(points, 2)[0])
+    return np.argsort(-apart[:, 1], kind="stable")
+
+
+def _best(
+    stars: ComplexArray,
+    others: ComplexArray,
+    radius: float,
+    transforms: tuple[ComplexArray, ComplexArray, int],
+) -> tuple[IntArray, float]:
+    """Return the pairs under the transform with most of them, and their probability by chance."""
+    from scipy.spatial import KDTree
+    from scipy.special import pdtrc
+
+    factors, offsets, trials = transforms
+    if not len(factors):
+        return np.zeros((0, 2), int), 1.0
+    tree = KDTree(as_points(others))
+    images = as_points(factors[:, None] * stars + offsets[:, None])
+    hit = tree.query(images, distance_upper_bound=radius)[1]
+    # Several stars near one star of the target count once; the last index is no star.
+    best = images[(np.diff(np.sort(hit), append=tree.n) > 0).sum(axis=1).argmax()]
+    rows = neighbours(best, tree.data, radius)
+    # Two stars agree by the transform itself. Density from the third nearest.
+    apart = np.asarray(tree.query(best, 3)[0])
+    least = _ROUNDED_PX if (tree.data % 1).any() else _WHOLE_PX
+    agreement, third = (
+        np.maximum(one, least)
+        for one in (np.sort(apart[rows[:, 0], 0])[3:], apart[:, 2])
+    )
+    expected = 2 * (third**-2.0).sum() * agreement**2
+    chances = pdtrc(np.arange(len(agreement)) + 1, expected)
+    return rows, trials * len(rows) * float(chances.min(initial=1.0))
 
 
 def _shifts(
     source: FloatArray, target: FloatArray, radius: float
 ) -> tuple[ComplexArray, ComplexArray, int]:
     """Return the shifts for which most differences of positions vote, and the number of shifts."""
-    from scipy.spatial import KDTree
 
     field = np.ptp(target, axis=0).max()
     reach = 2 * radius + field * np.sqrt(_VOTES / (len(source) * len(target)))
-    near = KDTree(source).sparse_distance_matrix(
-        KDTree(target), reach, output_type="ndarray"
-    )
+    near = _close_pairs(source, target, reach)
     moves = as_complex(target[near["j"]] - source[near["i"]])
     _, first, votes = np.unique(
         np.round(moves / radius), return_index=True, return_counts=True
     )
-    chosen = moves[first[np.argsort(-votes, kind="stable")[:_SHIFTS]]]
+    chosen = moves[first[np.argsort(-votes, kind="stable")[:_MAX_SHIFTS]]]
     return np.ones_like(chosen), chosen, len(votes)
+
+
+def _close_pairs(first: FloatArray, second: FloatArray, reach: float) -> Any:
+    """Return the rows ``i`` and ``j`` of points that are close, and their distance ``v``."""
+    from scipy.spatial import KDTree
+
+    return KDTree(first).sparse_distance_matrix(
+        KDTree(second), reach, output_type="ndarray"
+    )
 
 
 def _similarities(
     triangles: ComplexArray, others: ComplexArray
 ) -> tuple[ComplexArray, ComplexArray, int]:
     """Return the similarities of the triangles that are most alike, and the number of pairs."""
-    from scipy.spatial import KDTree
-
-    shapes, there = (
-        KDTree(as_points((c - a) / (b - a))) for a, b, c in (triangles, others)
-    )
-    alike = shapes.sparse_distance_matrix(there, _ALIKE, output_type="ndarray")
-    alike = np.sort(alike, order=("v", "i", "j"))[:_TRIED]
+    shapes, there = (as_points((c - a) / (b - a)) for a, b, c in (triangles, others))
+    alike = np.sort(_close_pairs(shapes, there, _MAX_DIFFERENCE), order=("v", "i", "j"))
     # By their longest sides: a narrow triangle may fit its own mirror image better.
-    a, b, _ = triangles[:, alike["i"]]
-    c, d, _ = others[:, alike["j"]]
+    a, b, _ = triangles[:, alike["i"][:_MAX_TRIED]]
+    c, d, _ = others[:, alike["j"][:_MAX_TRIED]]
     factors = (d - c) / (b - a)
-    return factors, c - factors * a, shapes.n * there.n
+    return factors, c - factors * a, len(shapes) * len(there)
 
 
 def _triangles(stars: ComplexArray) -> ComplexArray:
@@ -265,9 +252,9 @@ def _triangles(stars: ComplexArray) -> ComplexArray:
     from scipy.spatial import KDTree
 
     points = as_points(stars)
-    wanted = min(len(points), round(np.cbrt(6 * _TRIANGLES / len(points))))
-    near = np.asarray(KDTree(points).query(points, wanted)[1])
-    rows = near[:, list(combinations(range(wanted), 3))].reshape(-1, 3)
+    count = min(len(points), round(np.cbrt(6 * _SAMPLE_TRIANGLES / len(points))))
+    near = np.asarray(KDTree(points).query(points, count)[1])
+    rows = near[:, list(combinations(range(count), 3))].reshape(-1, 3)
     corners = stars[np.unique(np.sort(rows), axis=0)]
     corners = corners[np.ptp(corners, axis=1) != 0]
     sides = np.abs(np.roll(corners, 1, axis=1) - np.roll(corners, -1, axis=1))
@@ -313,9 +300,9 @@ def pair_weights(
     (array([1., 1., 1., 1.]), 0.0)
     """
     spread = start.matrix @ covariances[0] @ start.matrix.T + covariances[1]
-    variance = np.maximum(np.trace(spread, axis1=1, axis2=2) / 2, _EXACT)
+    variance = np.maximum(np.trace(spread, axis1=1, axis2=2) / 2, _EXACT_VARIANCE)
     extra = 0.0
-    for _ in range(_TIMES):
+    for _ in range(_SCATTER_STEPS):
         weights = 1 / (variance + extra)
         fit = fit_registration(
             source, target, pivot, weights / weights.max(), **settings
