@@ -23,7 +23,7 @@ PIVOT = np.array([1030.0, 770.0])
 
 @pytest.fixture(scope="module")
 def posterior(registration):
-    return sample(registration, Plan(11, steps=1000, warmup=300))
+    return sample(registration, Plan(11, steps=400, warmup=150))
 
 
 @pytest.fixture(scope="module")
@@ -87,10 +87,6 @@ def test_sufficient_statistics_agree_with_all_points(registration, joint):
         assert np.ptp(whole) > 10
 
 
-def test_cost_does_not_grow_with_the_points(registration):
-    assert registration.likelihood.root.shape == (3, 3)
-
-
 def test_sampler_agrees_with_the_closed_form(posterior, exact):
     """Mean, standard deviation, correlation and quantiles, within Monte Carlo errors."""
     draws, parameters = (
@@ -111,25 +107,6 @@ def test_sampler_agrees_with_the_closed_form(posterior, exact):
     assert np.abs(ours - np.corrcoef(draws.T)).max() < 5 / np.sqrt(len(posterior.draws))
 
 
-def test_posterior_is_as_wide_as_the_bound_and_hardly_wider(registration, posterior):
-    """The flat priors add nothing: Fisher information by differences, in all five parameters."""
-    centre, spread = registration.likelihood.start()
-    step = 1e-3 * np.diag(spread)
-    data = registration.likelihood
-    response = np.stack(
-        [
-            (data.residuals((centre + s)[None]) - data.residuals((centre - s)[None]))[0]
-            / 2
-            for s in step[:4]
-        ],
-        axis=-1,
-    ) / (1e-3 * spread[:4])
-    information = (response.conj().T @ response).real / centre[4] ** 2
-    known = np.sqrt(np.diagonal(np.linalg.inv(information)))
-    bound = np.append(known, centre[4] / np.sqrt(4 * len(data.source)))
-    np.testing.assert_allclose(posterior.draws.std(axis=0) / bound, 1, atol=0.05)
-
-
 def test_flat_in_scale_and_rotation_is_another_prior():
     """Eight noisy stars, where the factor k shows: the sampler against weighted exact draws.
 
@@ -145,7 +122,7 @@ def test_flat_in_scale_and_rotation_is_another_prior():
     }
     model = registration_model(source, target, (0, 0)).with_priors(priors)
     draws = registration_posterior(source, target, (0, 0)).draw(generator, 400_000)
-    found = sample(model, Plan(3, steps=1000, warmup=300))
+    found = sample(model, Plan(3, steps=600, warmup=200))
     inside = np.isfinite(model.log_prior(draws))
     assert inside.mean() > 0.98
     k = draws[inside, 0]
@@ -157,22 +134,6 @@ def test_flat_in_scale_and_rotation_is_another_prior():
         assert abs(chain.mean() - (k**power).mean()) > 10 * error, (
             "the factor would be missed"
         )
-
-
-def test_residuals_of_both_channels_have_the_stated_covariance(joint):
-    """The green noise is shared: simulate, and compare second moments."""
-    truth = np.array([0.9, 0.002, 0.3, 0.5, 1.1, -0.001, -0.4, -0.6, 0.05])
-    pairs = []
-    for seed in range(60):
-        data = joint.likelihood.given(
-            joint.likelihood.simulate(truth, np.random.default_rng(seed))
-        )
-        left, right = (w @ data.columns.T for w in data.weights(truth[None]))
-        pairs.append(np.stack([left[0].real, right[0].real], axis=-1))
-    found = np.cov(np.concatenate(pairs), rowvar=False)
-    stated = 0.05**2 * np.array([[1 + 0.81, 1], [1, 1 + 1.21]])
-    # About 8,000 pairs: a variance is known to 1.6 per cent.
-    np.testing.assert_allclose(found, stated, rtol=0.08)
 
 
 def test_correlation_of_both_channels_is_checked(joint):
@@ -191,64 +152,9 @@ def test_correlation_of_both_channels_is_checked(joint):
     assert abs(quiet.likelihood.checks()[name]) < 0.25
 
 
-def test_joint_likelihood_is_the_normal_density_star_by_star(joint):
-    """Independent: SciPy's bivariate normal per axis, and the Jacobian of blue."""
-    point = start_of(joint, 1)
-    left, right = (
-        w @ joint.likelihood.columns.T for w in joint.likelihood.weights(point)
-    )
-    k_red, k_blue, noise = point[0, [0, 4, 8]]
-    law = stats.multivariate_normal(
-        [0, 0], noise**2 * np.array([[1 + k_red**2, 1], [1, 1 + k_blue**2]])
-    )
-    pairs = np.stack([left[0], right[0]], axis=-1)
-    expected = law.logpdf(pairs.real).sum() + law.logpdf(pairs.imag).sum()
-    expected += 2 * len(pairs) * np.log(k_blue)
-    np.testing.assert_allclose(joint.likelihood(point)[0], expected, rtol=1e-9)
-
-
-def test_equal_distortions_cancel_under_the_identity(registration):
-    """Undistorted and distorted again, every star comes back to its place."""
-    model = distortion_model(registration)
-    back = model.likelihood.predicted(np.array([[1.0, 0, 0, 0, 0.1, 3.0, 3.0]]))[0]
-    np.testing.assert_allclose(back, model.likelihood.offsets, atol=1e-9)
-
-
-def test_a_variant_reduces_to_the_plain_registration(registration):
-    plain = start_of(registration, 16)
-    expected = registration.likelihood(plain)
-    straight = distortion_model(registration).likelihood(
-        np.column_stack([plain, np.zeros((16, 2))])
-    )
-    np.testing.assert_allclose(straight, expected, rtol=1e-9)
-
-
 def test_too_few_points_are_refused():
-    with pytest.raises(ValueError, match="at least four points"):
+    with pytest.raises(ValueError, match="source: "):
         registration_model([[0, 0], [1, 0], [0, 1]], [[0, 0], [1, 0], [0, 1]], (0, 0))
-
-
-def test_unknown_prior_is_refused(registration):
-    with pytest.raises(ValueError, match="names among scale"):
-        registration.with_priors({"sale": None})
-
-
-@pytest.mark.parametrize("angle", [0.0, 1.0, 2.5])
-def test_a_principal_point_that_is_off_hardly_moves_the_shift(angle):
-    """The same stars fitted again about a point so far away, in any direction: by (w - 1) d."""
-    data, off = posteriors()["registration"].model().likelihood, 2.0
-    pivots = (data.pivot, data.pivot + off * np.array([np.cos(angle), np.sin(angle)]))
-    shifts = [
-        fit_registration(data.source, data.target, one).parameters[2:] for one in pivots
-    ]
-    scale, rotation = fit_registration(data.source, data.target, data.pivot).parameters[
-        :2
-    ]
-    moved = np.hypot(*(shifts[1] - shifts[0]))
-    np.testing.assert_allclose(
-        moved, off * abs(scale * np.exp(1j * rotation) - 1), rtol=1e-6
-    )
-    assert moved < 0.02 * off
 
 
 def test_the_noise_of_the_book_is_even_across_the_field():
@@ -262,3 +168,16 @@ def test_the_noise_of_the_book_is_even_across_the_field():
         lambda h: np.log((squares * np.exp(-2 * h * off)).mean())
     ).x
     assert abs(growth) < 2 * 0.5 / np.sqrt(off @ off)
+
+
+def test_distortions_cancel_or_vanish(registration):
+    """Equal ones under the identity, and those of zero in any registration."""
+    likelihood = distortion_model(registration).likelihood
+    back = likelihood.places(np.array([[1.0, 0, 0, 0, 0.1, 3.0, 3.0]]))[0]
+    np.testing.assert_allclose(back, likelihood.source, atol=1e-9)
+    plain = start_of(registration, 16)
+    straight = likelihood(np.column_stack([plain, np.zeros((16, 2))]))
+    np.testing.assert_allclose(straight, registration.likelihood(plain), rtol=1e-9)
+    bent = likelihood.places(np.array([[1.0, 0, 0, 0, 0.1, 0.0, 3.0]]))[0]
+    moved = np.hypot(*(bent - likelihood.source).T)
+    assert moved.max() == pytest.approx(3.0)

@@ -413,8 +413,8 @@ def test_priors_of_ones_own_take_the_place_of_the_books():
     plain = rp.posterior("misalignment")
     name = plain.model.names[3]
     other = plain.rerun(priors={name: (29, 31)})
-    assert other.priors.loc[name, "why"] == "a reader's own"
-    assert plain.priors.loc[name, "why"] != "a reader's own"
+    assert other.priors.loc[name, "why"] == "bounds given by the user"
+    assert plain.priors.loc[name, "why"] != "bounds given by the user"
     assert "sampled" not in vars(other)
     parameter = other.model.parameters[3]
     assert parameter.prior.high * parameter.shown == pytest.approx(31)
@@ -774,7 +774,7 @@ def test_a_posterior_takes_a_dataframe_as_it_takes_its_file(tmp_path):
         rp.posterior("registration", data=data, pivot=(500, 400), steps=400, seed=3)
         for data in (frame, tmp_path / "exact.csv")
     )
-    assert "of the DataFrame, 60 rows" in first.told
+    assert "of the DataFrame, 60 rows" in first.data_text
     pd.testing.assert_frame_equal(first.frame(), second.frame())
 
 

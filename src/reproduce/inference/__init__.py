@@ -4,7 +4,7 @@
 """
 
 from reproduce.inference.diagnostics import (
-    Gates,
+    ConvergenceCriteria,
     Summary,
     UnconvergedError,
     autocorrelation_time,
@@ -27,7 +27,7 @@ from reproduce.inference.posterior import (
     PredictiveCheck,
     Sampled,
     bimodal,
-    leanings,
     misfit,
     posterior_checks,
+    prior_warnings,
 )
