@@ -39,18 +39,6 @@ def stars_file(tmp_path, shift=3.0):
     return path
 
 
-def spots_file(tmp_path):
-    generator = np.random.default_rng(1)
-    corners = np.array([[544.8, 435.8], [520.7, 459.8], [569.0, 459.9], [544.6, 483.9]])
-    lines = ["group,laser,x,y"]
-    for group, moved in ((0, 0.0), (1, 0.5)):
-        for spots in corners + [0, moved] + 0.02 * generator.normal(size=(50, 4, 2)):
-            lines += [f"{group},{i + 1},{x},{y}" for i, (x, y) in enumerate(spots)]
-    path = tmp_path / "spots.csv"
-    path.write_text("\n".join(lines))
-    return path
-
-
 def test_models_are_listed():
     listed = run("posterior", "--list").output
     pairs = re.findall(r"^ ?(\S+) +(niu2024|chen2023)", listed, re.MULTILINE)
@@ -64,18 +52,6 @@ def test_models_are_listed():
     assert list(json.loads(run("posterior", "--list", "--json").output)) == list(
         posteriors()
     )
-
-
-def test_users_spots_take_the_place_of_ours(tmp_path):
-    path = spots_file(tmp_path)
-    result = run(
-        "posterior", "misalignment", "--data", str(path), "--steps", "700", "--json"
-    )
-    assert result.exit_code == 0, result.output
-    rows = {row["name"]: row for row in json.loads(result.output)["parameters"]}
-    # Half a pixel is half of 44.7 arcsec, and the image moves against the camera's X turn.
-    assert abs(abs(rows["angle-x"]["mean"]) - 22.3) < 0.5
-    assert abs(rows["angle-y"]["mean"]) < 0.5
 
 
 @pytest.mark.parametrize("name", list(posteriors()))

@@ -107,13 +107,14 @@ def test_wrong_files_are_refused_by_row_and_column(
 
 def test_priors_follow_the_data_and_not_the_paper(tmp_path):
     """A field ten times as large: priors in px ten times as wide."""
-    widths = []
+    widths, columns = [], READERS["registration"].columns
     for size in (1, 10):
-        rows = (np.array(star_rows(READERS["registration"].columns)) * size).tolist()
-        path = written(tmp_path, READERS["registration"].columns, rows)
-        widths.append(
-            [one.prior.high for one in from_file("registration", path).parameters[2:4]]
-        )
+        rows = (np.array(star_rows(columns)) * size).tolist()
+        model = from_file("registration", written(tmp_path, columns, rows))
+        widths.append([one.prior.high for one in model.parameters[2:]])
+        fit = model.likelihood.fit
+        residual = np.sqrt(fit.chi_square / fit.degrees_of_freedom)
+        np.testing.assert_allclose(widths[-1][-1], 1e3 * residual)
     np.testing.assert_allclose(np.array(widths[1]) / widths[0], 10)
 
 

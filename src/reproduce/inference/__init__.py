@@ -1,6 +1,6 @@
-"""Posteriors: models with priors, what draws say, diagnostics, checks.
+"""Posteriors: models with priors, summaries of draws, convergence criteria, checks.
 
-`sampling` stands apart: it loads emcee.
+`sampling` is imported separately, because it loads emcee.
 """
 
 from reproduce.inference.diagnostics import (

@@ -19,7 +19,7 @@ from reproduce.physics.validate import FloatArray
 # Sokal's window: the sum stops at this many times the autocorrelation time found so far.
 _WINDOW_TIMES = 5.0
 _TAILS = (0.05, 0.95)
-# Of the central 95 %.
+# Probabilities of the bounds of the central 95 %.
 ENDS = (0.025, 0.975)
 # Advised steps: the margin over those that the criteria need, since short chains underestimate the
 # time, and the factor for ensembles that differ.
@@ -196,7 +196,7 @@ class UnconvergedError(ArithmeticError):
 def thinned(chains: FloatArray, time: float) -> FloatArray:
     """Draws of each ensemble in time order, thinned by the autocorrelation time, rounded up.
 
-    Shape (ensembles, draws, ...): step by step, all walkers of a step beside each other.
+    Shape (ensembles, draws, ...): step by step, all walkers of a step in sequence.
     """
     kept = chains[:, :: max(1, int(np.ceil(time)))]
     return kept.reshape(len(kept), -1, *kept.shape[3:])

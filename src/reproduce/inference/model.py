@@ -186,7 +186,7 @@ class Likelihood(Protocol):
         """Return a rough estimate and its rough standard error, both of shape (d,)."""
 
     def checks(self, data: Any | None = None) -> dict[str, float]:
-        """Return numbers of other data, or of its own, that predictive checks compare."""
+        """Return numbers of other data, or of the present data, that predictive checks compare."""
 
     def pointwise(self, parameters: FloatArray) -> FloatArray:
         """Return that of each observation, shape (n, observations) or (n, groups, lights)."""
@@ -237,7 +237,7 @@ Derived = Callable[[FloatArray], dict[str, Consequence]]
 class Model:
     """A model with its data.
 
-    - `name`: what it is called in tables, messages and stored runs.
+    - `name`: its name in tables, messages and stored runs.
     - `parameters`: in the order of the columns of every parameter array.
     - `likelihood`: the log likelihood with its data.
     - `estimate`: the published or least-squares point estimate, by parameter, where there is one;

@@ -138,7 +138,7 @@ def sample(
     executor: Executor | None = None,
     progress: Progress | None = None,
 ) -> Sampled:
-    """Sample the posterior of a model, and refuse chains that miss the gates.
+    """Sample the posterior of a model, and reject chains that fail a convergence criterion.
 
     Chains that are too short may be run again, `longer`: with as many steps as they are found to
     need, up to `_MAX_STEPS`. Without an executor the ensembles run here, one after the other.

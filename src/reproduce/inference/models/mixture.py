@@ -132,7 +132,7 @@ class _NoiseAndShare(Coordinates):
 
 @dataclass(frozen=True, eq=False)
 class MixtureRegistration(GaussianRegistration):
-    """One more parameter, the share of false stars.
+    """One more parameter, the fraction of false stars.
 
     - `corner`, (2,), and `side`: the square in which a false star lies, in px; it is part of the
       design and stays when the data change.
@@ -148,7 +148,9 @@ class MixtureRegistration(GaussianRegistration):
         share = parameters[:, 5:]
         away = (self.target - self.corner) / self.side
         within = ((away >= 0) & (away <= 1)).all(axis=1)
-        with np.errstate(divide="ignore"):  # a share of zero, a star beyond the field
+        with np.errstate(
+            divide="ignore"
+        ):  # a fraction of zero, a star beyond the field
             false = np.log(share) + np.log(within / self.side**2)
         return np.log1p(-share) + super().pointwise(parameters), np.asarray(false)
 
@@ -210,7 +212,7 @@ class MixtureRegistration(GaussianRegistration):
         return fit_registration(self.source[stars], self.target[stars], self.pivot)
 
     def start(self) -> tuple[FloatArray, FloatArray]:
-        """Return least squares of the stars that agree, and the share of the others."""
+        """Return least squares of the stars that agree, and the fraction of the others."""
         fits, count = self.agreeing, len(self.source)
         right = GaussianRegistration(self.source[fits], self.target[fits], self.pivot)
         centre, spread = right.start()
@@ -227,7 +229,7 @@ class MixtureRegistration(GaussianRegistration):
 def mixture_model(base: Model) -> Model:
     """Return the registration in which some stars are wrongly matched.
 
-    With one more parameter, the share of false stars. The square in which they lie contains all
+    With one more parameter, the fraction of false stars. The square in which they lie contains all
     stars of the reference channel.
     """
     plain = base.likelihood_of(GaussianRegistration)

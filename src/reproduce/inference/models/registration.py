@@ -9,7 +9,7 @@ flat prior the estimate of the scale would be inconsistent (Neyman and Scott, 19
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Self
@@ -318,10 +318,13 @@ def registration_model(
     likelihood = GaussianRegistration(
         source, target, finite_array("pivot", pivot, shape=(2,))
     )
-    return _model(likelihood, _default_priors(source, target))
+    return _model(likelihood, lambda _: _default_priors(source, target))
 
 
-def _model(likelihood: GaussianRegistration, priors: Mapping[str, Prior]) -> Model:
+def _model(
+    likelihood: GaussianRegistration,
+    priors: Callable[[GaussianRegistration], dict[str, Prior]],
+) -> Model:
     """Return the model, if its stars are enough."""
     names = MODELS[likelihood.model]
     least = (len(names) + 1) // 2 + (0 if likelihood.problem.errors_known else 2)
@@ -331,7 +334,8 @@ def _model(likelihood: GaussianRegistration, priors: Mapping[str, Prior]) -> Mod
             "or give their errors"
         )
     estimate = dict(zip(names, likelihood.fit.parameters.tolist(), strict=True))
-    return Model("registration", tuple(_parameters(priors)), likelihood, estimate)
+    parameters = _parameters(priors(likelihood))
+    return Model("registration", tuple(parameters), likelihood, estimate)
 
 
 def fitted_model(likelihood: GaussianRegistration) -> Model:
@@ -349,7 +353,7 @@ def fitted_model(likelihood: GaussianRegistration) -> Model:
     uniform from -3.14159 to 3.14159
     """
     source, target = paired_points(likelihood.source, likelihood.target)
-    model = _model(likelihood, _wide_priors(likelihood))
+    model = _model(likelihood, _wide_priors)
     if likelihood.problem.errors_known:
         return model
     if fits_exactly(likelihood.fit, source, target):
