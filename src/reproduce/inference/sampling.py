@@ -31,7 +31,7 @@ NEAR, FAR = (30.0, 1.05), (4.0, 1.5)
 _FAR_SHARE = 0.2
 
 
-class ComplementMove(moves.RedBlueMove):  # type: ignore[misc]  # emcee has no types
+class _ComplementMove(moves.RedBlueMove):  # type: ignore[misc]  # emcee has no types
     """Propose an independent draw from two Student-t with the moments of the other half.
 
     The proposal depends only on the other half of the ensemble, so the step leaves any posterior
@@ -88,7 +88,7 @@ def move_mixture(
     shares: tuple[float, float, float] = STEADY_SHARES,
 ) -> list[tuple[moves.Move, float]]:
     """Return the moves of an ensemble for emcee, with their shares."""
-    kinds = (moves.StretchMove(), moves.DEMove(), ComplementMove())
+    kinds = (moves.StretchMove(), moves.DEMove(), _ComplementMove())
     return list(zip(kinds, shares, strict=True))
 
 
