@@ -117,7 +117,7 @@ class Posterior(Remade):
             model, self.remarks = self.declared.supplied(self._table, own)
         elif own:
             raise ValueError(
-                f"{next(iter(own))}: expected data next to it, got none. Add data"
+                f"{next(iter(own))}: expected data of your own next to it, got none"
             )
         else:
             model = self.declared.model(data_seed)
