@@ -64,18 +64,19 @@ class _DistortedRegistration(GaussianRegistration):
             for p in (self.source if source is None else source, self.source)
         )
         edge = float(np.abs(own).max())
-        bend, bent = (parameters[:, i : i + 1] / edge for i in (5, 6))
+        undo, bend = (parameters[:, i : i + 1] / edge for i in (5, 6))
         radius = np.abs(offsets) / edge
         ideal = radius * np.ones((len(parameters), 1))
         for _ in range(_NEWTON_STEPS):
-            slope = 1 + 3 * bend * ideal**2
-            ideal = ideal - (ideal + bend * ideal**3 - radius) / slope
+            term = undo * ideal**2
+            ideal = ideal - (ideal + term * ideal - radius) / (1 + 3 * term)
         with np.errstate(invalid="ignore"):
             ratio = np.where(radius > 0, ideal / radius, 1.0)
         factor = parameters[:, :1] * np.exp(1j * parameters[:, 1:2])
         carried = factor * ratio * offsets
-        carried = carried * (1 + bent * np.abs(carried / edge) ** 2)
-        return as_points(carried) + self.pivot - parameters[:, None, 2:4]
+        carried = carried * (1 + bend * np.abs(carried / edge) ** 2)
+        shift = parameters[:, 2:3] + 1j * parameters[:, 3:4]
+        return np.asarray(as_points(carried - shift) + self.pivot)
 
     def start(self) -> tuple[FloatArray, FloatArray]:
         """Return the least-squares fit and its standard errors, and no distortion."""
