@@ -157,10 +157,10 @@ def _new_stars(
     )
 
 
-def _your_stars(
+def _your_registration(
     table: Table, given: Mapping[str, Any]
-) -> tuple[models.GaussianRegistration, list[str]]:
-    """Return your stars with their errors, and the findings of `register`.
+) -> tuple[Model, list[str]]:
+    """Return the registration of your stars, and the findings of `register`.
 
     A star of weight zero is left out. An unknown noise is that of a star of mean weight.
     """
@@ -169,7 +169,6 @@ def _your_stars(
     centre = source.mean(axis=0)
     if "pivot" in given:
         centre = checked_pivot(given["pivot"], source)
-    found = diagnose(source, target, centre, table.named, **settings)
     weights = weights_for(given.get("weights"), len(source))
     used = weights > 0
     errors: dict[str, Any] = {
@@ -185,16 +184,10 @@ def _your_stars(
         model=given.get("model", "similarity"),
         **errors,
     )
+    model = models.fitted_model(likelihood)
+    found = diagnose(source, target, centre, table.named, **settings)
     texts = (one.text for one in found if one.kind != "sensitive")
-    return likelihood, list(dict.fromkeys(texts))
-
-
-def _your_registration(
-    table: Table, given: Mapping[str, Any]
-) -> tuple[Model, list[str]]:
-    """Return the registration of your stars, and the findings of `register`."""
-    likelihood, remarks = _your_stars(table, given)
-    return models.fitted_model(likelihood), remarks
+    return model, list(dict.fromkeys(texts))
 
 
 def _your_mixture(table: Table, given: Mapping[str, Any]) -> tuple[Model, list[str]]:
