@@ -1,10 +1,8 @@
 """Predictive checks: each sees what it should."""
 
-import numpy as np
 import pytest
 
 from reproduce.inference import posterior_checks
-from reproduce.inference.posterior import _two_sided
 from reproduce.inference.sampling import Plan, sample
 
 PLAN = Plan(5, steps=500, warmup=200)
@@ -26,10 +24,3 @@ def test_distortion_is_seen(registration):
     bent = data.target + 1e-7 * offsets * (offsets**2).sum(axis=1, keepdims=True)
     found = posterior_checks(sample(registration.given(bent), PLAN), 100)
     assert {c.name: c.tail for c in found}["outer residual, outwards (px)"] < 0.02
-
-
-def test_two_sided_tail():
-    draws = np.arange(1, 101) / 100
-    assert _two_sided(draws, 0.025) == pytest.approx(0.04)
-    assert _two_sided(draws, 2.0) == 0.0
-    assert _two_sided(np.ones(5), 1.0) == 1.0

@@ -8,10 +8,9 @@ import pytest
 from arviz_stats.base import array_stats
 from errors import mcse_mean
 
-from reproduce.inference import UnconvergedError, diagnostics, summarised, thinned
+from reproduce.inference import UnconvergedError, diagnostics, summarised
 from reproduce.inference.diagnostics import require
-from reproduce.inference.sampling import mixture
-from reproduce.views.numbers import digits
+from reproduce.inference.sampling import move_mixture
 
 
 def autoregressive(correlation, shape, seed=1):
@@ -80,8 +79,7 @@ def test_bad_chains_are_refused_with_their_numbers(fault):
         chain = autoregressive(0.98, (4, 1000, 16))
     else:
         acceptance = (0.4, 0.4, 0.4, 0.01)
-    words = "acceptance 0.010, at least 0.05" if fault == "stuck" else "refused: a: "
-    with pytest.raises(UnconvergedError, match=words) as caught:
+    with pytest.raises(UnconvergedError) as caught:
         require([summarised("a", "", chain)], 1000, acceptance)
     assert pickle.loads(pickle.dumps(caught.value)).steps == caught.value.steps
     assert (caught.value.steps is None) == (fault == "stuck")
@@ -90,13 +88,6 @@ def test_bad_chains_are_refused_with_their_numbers(fault):
 def test_good_chains_pass():
     chain = autoregressive(0.3, (4, 1000, 16))
     require([summarised("a", "", chain)], 1000, (0.4,) * 4)
-
-
-def test_thinning_keeps_time_order():
-    chains = np.arange(2 * 6 * 3).reshape(2, 6, 3)
-    np.testing.assert_array_equal(
-        thinned(chains, 1.5)[0], [0, 1, 2, 6, 7, 8, 12, 13, 14]
-    )
 
 
 def banana(points):
@@ -109,7 +100,9 @@ def test_moves_leave_a_curved_density_unchanged():
     """The Gaussian proposal fits it badly; the draws must be right all the same."""
     chains = []
     for seed in range(4):
-        sampler = emcee.EnsembleSampler(64, 2, banana, vectorize=True, moves=mixture())
+        sampler = emcee.EnsembleSampler(
+            64, 2, banana, vectorize=True, moves=move_mixture()
+        )
         state = emcee.State(
             np.random.default_rng(seed).normal(size=(64, 2)),
             random_state=np.random.RandomState(seed).get_state(),
@@ -126,9 +119,3 @@ def test_moves_leave_a_curved_density_unchanged():
         (x * y, 0.0),
     ):
         assert abs(values.mean() - truth) < 4 * mcse_mean(values)
-
-
-def test_digits_follow_the_error():
-    assert digits(-2433.66, 0.05) == "-2433.7"
-    assert digits(0.0722629, 0.00002) == "0.0723"
-    assert digits(1.0, 30.0) == "0"

@@ -80,7 +80,7 @@ def test_a_density_is_the_sum_of_both_cases():
     model = mixture(*stars(6, 20))
     likelihood = model.likelihood
     rows = model.start(np.random.default_rng(1), 12)
-    left = likelihood.residuals(rows)
+    left = (likelihood.target - likelihood.places(rows)) @ [1, 1j]
     noise, share = rows[:, 4:5], rows[:, 5:]
     right = (1 - share) * stats.norm.pdf(left.real, scale=noise)
     right = right * stats.norm.pdf(left.imag, scale=noise)

@@ -76,7 +76,7 @@ def test_a_mixture_with_two_modes_reports_both():
     dropped = int((rp.register(frame, robust=True).fit.weights == 0).sum())
     false = int((found.stars()["probability_false"] > 0.5).sum())
     told = " ".join(repr(found).split())
-    fractions = f"{100 * modes.below:.0f} % of the draws near {modes.low:.3g} px"
+    fractions = f"{100 * modes.below:.0f} % of the draws near {modes.low:.3g},"
     assert f"Warning: noise has two modes: {fractions}" in told
     assert dropped > false
     assert f"a robust fit drops {dropped} stars, the mixture {false}" in told

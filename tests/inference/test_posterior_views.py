@@ -12,7 +12,6 @@ import reproduce as rp
 from book_facts import of_posteriors
 from reproduce.inference import sampling
 from reproduce.papers.posteriors import posteriors
-from reproduce.printed.cells import find
 from reproduce.printed.given import given
 from reproduce.store import studies
 from reproduce.views import computed
@@ -40,18 +39,6 @@ def stars_file(tmp_path, shift=3.0):
     return path
 
 
-def spots_file(tmp_path):
-    generator = np.random.default_rng(1)
-    corners = np.array([[544.8, 435.8], [520.7, 459.8], [569.0, 459.9], [544.6, 483.9]])
-    lines = ["group,laser,x,y"]
-    for group, moved in ((0, 0.0), (1, 0.5)):
-        for spots in corners + [0, moved] + 0.02 * generator.normal(size=(50, 4, 2)):
-            lines += [f"{group},{i + 1},{x},{y}" for i, (x, y) in enumerate(spots)]
-    path = tmp_path / "spots.csv"
-    path.write_text("\n".join(lines))
-    return path
-
-
 def test_models_are_listed():
     listed = run("posterior", "--list").output
     pairs = re.findall(r"^ ?(\S+) +(niu2024|chen2023)", listed, re.MULTILINE)
@@ -67,62 +54,6 @@ def test_models_are_listed():
     )
 
 
-def test_summary_fits_a_narrow_terminal():
-    result = run("posterior", "registration", "--steps", "600")
-    assert result.exit_code == 0, result.output
-    for word in ("shift-x", "R-hat up to", "sizes from", "acceptance"):
-        assert word in result.output
-    assert max(len(line) for line in result.output.splitlines()) <= 80
-
-
-def test_users_spots_take_the_place_of_ours(tmp_path):
-    path = spots_file(tmp_path)
-    result = run(
-        "posterior", "misalignment", "--data", str(path), "--steps", "700", "--json"
-    )
-    assert result.exit_code == 0, result.output
-    rows = {row["name"]: row for row in json.loads(result.output)["parameters"]}
-    # Half a pixel is half of 44.7 arcsec, and the image moves against the camera's X turn.
-    assert abs(abs(rows["angle-x"]["mean"]) - 22.3) < 0.5
-    assert abs(rows["angle-y"]["mean"]) < 0.5
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["posterior"], "name a model"),
-        (
-            ["posterior", "registrations"],
-            "expected one of ['registration', 'registration-joint'",
-        ),
-        (
-            ["posterior", "registration", "--data", __file__],
-            "expected columns of numbers",
-        ),
-        (["posterior", "registration", "--out", "draws.txt"], "--out: expected"),
-    ],
-)
-def test_bad_calls(arguments, message):
-    result = run(*arguments)
-    assert result.exit_code == 2
-    assert message in result.output.replace("\n", " ")
-
-
-def test_every_paper_with_posteriors_has_its_table_of_diagnostics():
-    text = (FOLDER / "diagnostics.md").read_text(encoding="utf-8")
-    shown = re.findall(
-        r'^rp\.posterior\(\)\.diagnostics\("(\w+)"\)$', text, re.MULTILINE
-    )
-    assert shown == list(dict.fromkeys(one.paper for one in posteriors().values()))
-
-
-def test_traces_of_ones_own_have_an_anchor_of_their_own():
-    html = rp.posterior("registration").traces().text
-    assert 'id="figure-posterior-registration-traces"' in html
-    found = rp.posterior("registration").rerun(steps=600, seed=3)
-    assert "figure-posterior-registration-traces-own" in found.traces().text
-
-
 @pytest.mark.parametrize("name", list(posteriors()))
 def test_a_page_shows_every_posterior_with_its_model(name):
     (page,) = (text for text in PAGES if f'\nrp.posterior("{name}")\n' in text)
@@ -130,32 +61,20 @@ def test_a_page_shows_every_posterior_with_its_model(name):
     assert page.count(f'rp.posterior("{name}").corner(') == 1
 
 
-def test_every_quantity_that_is_said_exists_in_the_unit_of_its_print():
-    generator = np.random.default_rng(1)
-    models = {name: declared.model() for name, declared in posteriors().items()}
-    for one in pages._SAID:
-        model = models[one.posterior]
-        units = {parameter.name: parameter.unit for parameter in model.parameters}
-        found = model.derived(model.start(generator, 4)) if model.derived else {}
-        units |= {name: consequence.unit for name, consequence in found.items()}
-        assert one.name in units, one
-        assert posteriors()[one.posterior].simulated
-        if one.cell:
-            assert find(one.cell)[0].unit == units[one.name], one
-
-
 def test_what_is_said_is_the_posterior_beside_the_print_and_its_verdict():
-    red = next(one for one in pages._SAID if one.cell == "niu2024/table-3#rotation.red")
-    label, printed, mean, ends, truth, verdict = pages._summarised(red)
+    name, address = "red-rotation", "niu2024/table-3#rotation.red"
     found = rp.posterior("registration-joint")
-    row = found.frame().loc[red.name]
+    assert found.declared.summary[name] == address
+    row = found.frame().loc[name]
+    shown = pages._summarised(found.name, name, address)
+    label, printed, mean, ends, truth, verdict = shown
     assert float(mean.split(" ± ")[0]) == pytest.approx(row["mean"], rel=1e-3)
     assert float(mean.split(" ± ")[1].rstrip("°")) == pytest.approx(
         row["deviation"], rel=0.05
     )
     low, high = (float(end.rstrip("°")) for end in ends.split(" to "))
     assert (low, high) == pytest.approx((row["low"], row["high"]), rel=0.01)
-    assert float(truth.rstrip("°")) == pytest.approx(found.truth[red.name], rel=1e-5)
+    assert float(truth.rstrip("°")) == pytest.approx(found.truth[name], rel=1e-5)
     cell = rp.table("niu2024/table-3")["rotation.red"]
     assert f">{cell.printed}" in printed
     assert f">{cell.verdict}<" in verdict
@@ -177,11 +96,9 @@ def test_a_posterior_shows_the_truth_of_simulated_data_and_what_was_changed(tmp_
     assert "the mean of the stars. Changed: prior of noise, steps = 600." in html
     assert "truth" not in html
     assert "id=" not in html
-    leaning = rp.posterior(
-        "registration", stars_file(tmp_path), steps=600, priors={"noise": (0.01, 0.1)}
-    )
-    assert "Warning: noise leans on the end" in repr(leaning)
-    assert "Warning: noise leans on the end" in leaning._repr_html_()
+    cut = own.rerun(priors={"noise": (0.01, 0.1)})
+    assert "Warning: noise piles up" in repr(cut)
+    assert "Warning: noise piles up" in cut._repr_html_()
     assert "truth" not in own.corner().text
 
 
@@ -207,7 +124,7 @@ def test_a_corner_plot_has_five_parameters_at_most_and_readable_labels():
     assert len(html) < 200_000
     names = book.model.names
     for wrong in (names[:6], (names[0], names[0]), ("nothing",)):
-        with pytest.raises(ValueError, match="expected up to 5 different parameters"):
+        with pytest.raises(ValueError, match="names: "):
             book.corner(*wrong)
 
 
@@ -233,20 +150,6 @@ def test_table_3_scatters_more_than_one_noise_allows():
     repeats = np.sqrt(np.random.default_rng(2).chisquare(799, (20_000, 16)) / 799)
     furthest = np.quantile(np.abs(np.log(repeats)).max(axis=1), 0.95)
     assert (np.abs(np.log(printed / noise)) > furthest).sum() > 1
-
-
-def test_free_directions_of_the_lasers_cost_nothing():
-    """Then the first group measures them, and the motion of the spots alone tells of the angle."""
-    found = book_posterior("misalignment")
-    likelihood = found.model.likelihood
-    centre, spread = likelihood.start()
-    first, second = likelihood.statistics.counts
-    response = likelihood.linearised(centre, spread[:-1])[0][:, 3:6]
-    covariance = (
-        np.linalg.inv(response.T @ response) * centre[-1] ** 2 * (1 + second / first)
-    )
-    errors = found.draws[:, 3:6].std(axis=0)
-    np.testing.assert_allclose(np.sqrt(np.diagonal(covariance)), errors, rtol=0.03)
 
 
 def test_a_build_samples_once(tmp_path, monkeypatch):
@@ -289,3 +192,10 @@ def test_all_posteriors_show_themselves_and_name_their_files():
     assert "group, laser, x, y" in repr(everything.models)
     with pytest.raises(TypeError, match="expected a model beside data"):
         rp.posterior(data="stars.csv")
+
+
+def test_every_quantity_of_the_table_exists():
+    for one in posteriors().values():
+        model = one.model()
+        points = model.start(np.random.default_rng(1), 4)
+        assert set(one.summary) <= {*model.names, *model.consequences(points)}

@@ -16,21 +16,11 @@ from reproduce.inference.models import (
     joint_model,
     misalignment_model,
 )
-from reproduce.papers.posteriors import posteriors
 
 REPLICATES = 600
 SEED = 3
 PIVOT = np.array([1030.0, 770.0])
 DRIFT = tuple(f"drift-{a}" for a in "xyz")
-# Of which parameters the papers' methods give no estimate, model by model.
-UNKNOWN = {
-    "registration": (),
-    "registration-joint": (),
-    "registration-mixture": ("noise", "false-share"),
-    "registration-distortion": ("source-distortion", "target-distortion"),
-    "misalignment": ("laser-scale",),
-    "misalignment-drift": (*DRIFT, "laser-scale"),
-}
 
 
 def held(model, **values):
@@ -108,20 +98,6 @@ def test_rough_errors_of_the_start_do_not_cover_as_claimed(registration, monkeyp
                 calibrations, "estimate", lambda likelihood: likelihood.start()
             )
             assert surprises(pair(registration, *scales))[wrong] < 1e-6
-
-
-@pytest.mark.parametrize("name", list(posteriors()))
-def test_estimators_know_what_the_papers_estimate(name):
-    model = posteriors()[name].model()
-    centre, spread = estimate(model.likelihood)
-    np.testing.assert_array_equal(np.isnan(centre), np.isnan(spread))
-    assert (
-        tuple(n for n, c in zip(model.names, centre, strict=True) if np.isnan(c))
-        == UNKNOWN[name]
-    )
-    assert (spread[~np.isnan(spread)] > 0).all()
-    covered = intervals(model, SEED, 2)
-    np.testing.assert_array_equal((covered == -1).all(axis=(0, 1)), np.isnan(centre))
 
 
 @pytest.mark.parametrize("name", ["misalignment", "misalignment-drift"])

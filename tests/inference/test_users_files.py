@@ -1,7 +1,5 @@
 """A user's own files: every model that takes one gets the truth back, and says what is wrong."""
 
-import re
-
 import numpy as np
 import pandas as pd
 import pytest
@@ -69,27 +67,6 @@ def rows_for(name):
     return spot_rows(columns)
 
 
-def test_the_models_and_their_files_are_shown():
-    shown = rp.posterior().models._repr_html_().partition("</table>")[2]
-    rows = re.findall(r'<th scope="row">(.*?)</th><td>(.*?)</td><td>(.*?)</td>', shown)
-    told = {name: columns for names, columns, _ in rows for name in names.split(", ")}
-    assert set(told) == set(posteriors())
-    assert all(told[name] == ", ".join(file.columns) for name, file in READERS.items())
-
-
-@pytest.mark.parametrize("name", list(READERS))
-def test_users_data_make_a_model_that_starts(tmp_path, name):
-    path = written(tmp_path, READERS[name].columns, rows_for(name))
-    model = from_file(name, path)
-    assert model.name == name
-    assert model.names == posteriors()[name].model().names
-    start = model.start(np.random.default_rng(1), 8)
-    assert np.isfinite(model.log_posterior(start)).all()
-    assert not set(model.estimate.values()) & set(
-        posteriors()[name].model().estimate.values()
-    )
-
-
 @pytest.mark.parametrize(
     ("name", "parameter", "truth"),
     [
@@ -116,7 +93,6 @@ def replaced(rows, row, column, value):
 @pytest.mark.parametrize(
     ("name", "row", "column", "value", "message"),
     [
-        ("registration", 4, 1, "nan", r"data.csv, row 4, column y"),
         ("misalignment", 9, 0, 2, r"row 9, column group"),
         ("misalignment-drift", 9, 1, 5, r"row 9, column laser: .* 1 to 4"),
         ("misalignment", 9, 1, 3, r"row 9: .* column frame"),
@@ -132,13 +108,14 @@ def test_wrong_files_are_refused_by_row_and_column(
 
 def test_priors_follow_the_data_and_not_the_paper(tmp_path):
     """A field ten times as large: priors in px ten times as wide."""
-    widths = []
+    widths, columns = [], READERS["registration"].columns
     for size in (1, 10):
-        rows = (np.array(star_rows(READERS["registration"].columns)) * size).tolist()
-        path = written(tmp_path, READERS["registration"].columns, rows)
-        widths.append(
-            [one.prior.high for one in from_file("registration", path).parameters[2:4]]
-        )
+        rows = (np.array(star_rows(columns)) * size).tolist()
+        model = from_file("registration", written(tmp_path, columns, rows))
+        widths.append([one.prior.high for one in model.parameters[2:]])
+        fit = model.likelihood.fit
+        residual = np.sqrt(fit.chi_square / fit.degrees_of_freedom)
+        np.testing.assert_allclose(widths[-1][-1], 1e3 * residual)
     np.testing.assert_allclose(np.array(widths[1]) / widths[0], 10)
 
 

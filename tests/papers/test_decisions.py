@@ -192,9 +192,8 @@ def test_emcee_finds_the_same_at_the_edge():
         found = book_posterior(key)
         likelihood = found.model.likelihood
         outermost = np.hypot(*(likelihood.source - likelihood.pivot).T).argmax()
-        places = likelihood.elsewhere(likelihood.source[[outermost]]).places(
-            found.draws
-        )[:, 0]
+        star = likelihood.source[[outermost]]
+        places = likelihood.places(found.draws, star)[:, 0]
         sampled = np.quantile(
             np.hypot(*(places - places.mean(axis=0)).T), sensor._QUANTILES
         )

@@ -165,18 +165,14 @@ def quantities(model: Model, parameters: FloatArray) -> FloatArray:
     A consequence may take its zero point from all vectors together, that of the truth among them:
     ranks of the truth are even all the same, since it is one of a kind with the draws.
     """
-    derived = model.derived(parameters) if model.derived else {}
-    columns = [*parameters.T, *(one.values for one in derived.values())]
+    derived = model.consequences(parameters).values()
+    columns = [*parameters.T, *(one.values for one in derived)]
     return np.stack([*columns, model.likelihood(parameters)], axis=-1)
 
 
 def named(model: Model) -> tuple[str, ...]:
     """Names of what is ranked, in the order of `quantities`."""
-    derived = (
-        model.derived(drawn_prior(model, Generator(PCG64(0)), 2))
-        if model.derived
-        else {}
-    )
+    derived = model.consequences(drawn_prior(model, Generator(PCG64(0)), 2))
     return (*model.names, *derived, QUANTITY)
 
 

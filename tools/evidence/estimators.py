@@ -60,14 +60,12 @@ def estimate(likelihood: Any) -> Estimate:
 def least_squares(likelihood: GaussianRegistration) -> Estimate:
     """Return the least-squares (k, theta, shift x, shift y, noise) and their standard errors, (5,).
 
-    Those of the similarity take the residuals' own variance, whatever is in it; the noise is the
-    share of one coordinate in it.
+    The errors are those of the variance of the residuals, and the noise is its root.
     """
     fit = fit_registration(likelihood.source, likelihood.target, likelihood.pivot)
     freedom = float(fit.degrees_of_freedom)
-    residual = np.sqrt(fit.chi_square / freedom)
-    noise = residual / np.sqrt(1 + fit.parameters[0] ** 2 * likelihood.source_noise)
-    errors = residual * np.sqrt(np.diagonal(fit.cofactor))
+    noise = np.sqrt(fit.chi_square / freedom)
+    errors = noise * np.sqrt(np.diagonal(fit.cofactor))
     return np.append(fit.parameters, noise), np.append(
         errors, noise / np.sqrt(2 * freedom)
     )
@@ -79,9 +77,10 @@ def _both_channels(likelihood: JointRegistration) -> Estimate:
     The residuals of the channels share the green noise: their correlation is
     1 / sqrt((1 + k_red^2) (1 + k_blue^2)), and that of the noises its square.
     """
-    (red, red_errors), (blue, blue_errors) = (
-        least_squares(likelihood.single(i)) for i in (0, 1)
-    )
+    (red, red_errors), (blue, blue_errors) = map(least_squares, likelihood.channels)
+    for centre, errors in ((red, red_errors), (blue, blue_errors)):
+        share = np.sqrt(1 + centre[0] ** 2)  # of both images in the residual
+        centre[4], errors[4] = centre[4] / share, errors[4] / share
     shared = 1 / ((1 + red[0] ** 2) * (1 + blue[0] ** 2))
     squares = red_errors[4] ** 2 + blue_errors[4] ** 2
     error = 0.5 * np.sqrt(squares + 2 * shared * red_errors[4] * blue_errors[4])

@@ -1,10 +1,10 @@
-"""Posteriors: models with priors, what draws say, diagnostics, checks.
+"""Posteriors: models with priors, summaries of draws, convergence criteria, checks.
 
-`sampling` stands apart: it loads emcee.
+`sampling` is imported separately, because it loads emcee.
 """
 
 from reproduce.inference.diagnostics import (
-    Gates,
+    ConvergenceCriteria,
     Summary,
     UnconvergedError,
     autocorrelation_time,
@@ -27,7 +27,7 @@ from reproduce.inference.posterior import (
     PredictiveCheck,
     Sampled,
     bimodal,
-    leanings,
     misfit,
     posterior_checks,
+    prior_warnings,
 )

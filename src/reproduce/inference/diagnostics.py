@@ -1,9 +1,8 @@
-"""How far draws of several independent ensembles can be trusted, and the gates that refuse them.
+"""Convergence criteria of draws of several independent ensembles.
 
 Chains have shape (ensembles, steps, walkers) for one quantity. One ensemble counts as one chain:
-its walkers steer each other and are no chains of their own. The autocorrelation time is therefore
-also measured on the mean of the ensemble, where walkers that move together show. A chain that
-misses a gate is refused, with its numbers.
+its walkers depend on each other. The autocorrelation time is therefore also measured on the mean of
+the ensemble, which shows walkers that move together.
 """
 
 from __future__ import annotations
@@ -12,15 +11,19 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import betaincinv, ndtri
+from scipy.special import betaincinv, ndtr, ndtri
+from scipy.stats import rankdata
 
 from reproduce.physics.validate import FloatArray
 
 # Sokal's window: the sum stops at this many times the autocorrelation time found so far.
-_WINDOW = 5.0
+_WINDOW_TIMES = 5.0
 _TAILS = (0.05, 0.95)
-# Of the central 95 %.
+# Probabilities of the bounds of the central 95 %.
 ENDS = (0.025, 0.975)
+# Advised steps: the margin over those that the criteria need, since short chains underestimate the
+# time, and the factor for ensembles that differ.
+_MARGIN, _MIXING = 1.5, 2.0
 
 
 def _autocorrelation(series: FloatArray) -> FloatArray:
@@ -47,7 +50,7 @@ def _integrated_time(function: FloatArray) -> float:
     1.0
     """
     times = 2.0 * np.cumsum(function) - 1.0
-    outside = np.arange(len(times)) >= _WINDOW * times
+    outside = np.arange(len(times)) >= _WINDOW_TIMES * times
     window = int(np.argmax(outside)) if outside.any() else len(times) - 1
     return max(float(times[window]), 0.5)
 
@@ -82,18 +85,15 @@ def _effective_size(chains: FloatArray) -> float:
 
 
 def _rank_normalised(values: FloatArray) -> FloatArray:
-    """Normal scores of the ranks of all values together, same shape.
+    """Return normal scores of the ranks of all values together, same shape.
 
     Examples
     --------
     >>> _rank_normalised(np.array([3.0, 1.0, 2.0])).round(2)
     array([ 0.87, -0.87,  0.  ])
     """
-    _, place, counts = np.unique(values, return_inverse=True, return_counts=True)
-    ranks = counts.cumsum() - (counts - 1) / 2  # a walker that stays makes ties
-    return np.asarray(ndtri((ranks - 0.375) / (values.size + 0.25)))[place].reshape(
-        values.shape
-    )
+    ranks = rankdata(values, axis=None).reshape(values.shape)
+    return np.asarray(ndtri((ranks - 0.375) / (values.size + 0.25)))
 
 
 def _tail_size(chains: FloatArray) -> float:
@@ -133,25 +133,18 @@ def mcse_quantile(chains: FloatArray, probability: float) -> float:
     Half the distance between the quantiles that bound it with one standard error.
     """
     size = _effective_size((chains <= np.quantile(chains, probability)).astype(float))
-    law = size * probability + 1, size * (1 - probability) + 1
-    low, high = (
-        np.quantile(chains, betaincinv(*law, end)) for end in (0.1586553, 0.8413447)
-    )
+    first, second = size * probability + 1, size * (1 - probability) + 1
+    low, high = np.quantile(chains, betaincinv(first, second, ndtr([-1.0, 1.0])))
     return float((high - low) / 2)
 
 
-# Steps advised: so many times those that the gates need, since short chains tell of too short a
-# time; and how many times more where ensembles differ, which no size tells.
-MARGIN, MIXING = 1.5, 2.0
-
-
-class Gates:
-    """What a set of ensembles must reach.
+class ConvergenceCriteria:
+    """Limits for a set of ensembles.
 
     - `rhat`: largest rank-normalised split R-hat over ensembles (Vehtari et al., 2021).
-    - `times`: smallest number of autocorrelation times in the steps kept (emcee's own gate).
+    - `times`: smallest number of autocorrelation times in the steps kept (recommended by emcee).
     - `size`: smallest bulk and tail effective sample size: 100 per chain of four.
-    - `acceptance`: smallest share of accepted moves: below it an ensemble may be stuck.
+    - `acceptance`: smallest fraction of accepted moves: below it an ensemble may be stuck.
     """
 
     rhat = 1.01
@@ -166,7 +159,7 @@ class Summary:
 
     - `name`, `unit`: which, and its unit.
     - `mean`, `deviation`, `low`, `median`, `high`: mean, standard deviation, and the median between
-      the ends of the central 95 %.
+      the bounds of the central 95 %.
     - `mcse`, `mcse_end`: Monte Carlo standard error of the mean, and the larger one of the two
       ends.
     - `rhat`, `bulk`, `tail`, `time`: split R-hat, effective sample sizes, autocorrelation time in
@@ -189,10 +182,10 @@ class Summary:
 
 
 class UnconvergedError(ArithmeticError):
-    """Chains that miss the gates.
+    """Chains that fail a convergence criterion.
 
-    `missed` has every gate that was missed, the worst first. `taken` says how many steps were
-    kept, `steps` how many would do, by the autocorrelation found; none where more do not help.
+    `missed` lists the failures, the worst first. `taken` is the number of steps kept, and `steps`
+    the number that would be enough by the autocorrelation found; None if more steps do not help.
     """
 
     missed: list[str]
@@ -203,7 +196,7 @@ class UnconvergedError(ArithmeticError):
 def thinned(chains: FloatArray, time: float) -> FloatArray:
     """Draws of each ensemble in time order, thinned by the autocorrelation time, rounded up.
 
-    Shape (ensembles, draws, ...): step by step, all walkers of a step beside each other.
+    Shape (ensembles, draws, ...): step by step, all walkers of a step in sequence.
     """
     kept = chains[:, :: max(1, int(np.ceil(time)))]
     return kept.reshape(len(kept), -1, *kept.shape[3:])
@@ -234,49 +227,40 @@ def require(
     rows: Sequence[Summary],
     steps: int,
     acceptance: Sequence[float],
-    times: float = Gates.times,
+    times: float = ConvergenceCriteria.times,
 ) -> None:
-    """Raise `UnconvergedError` where a gate is missed, or a number is not finite."""
-    # How many times more steps each gate needs, and which it is; NaN misses and comes first.
+    """Raise `UnconvergedError` if a criterion is not met, or a number is not finite."""
+    limits = ConvergenceCriteria
+    # Sizes and their limits. More steps increase the sizes, and mix ensembles that differ.
+    sizes = [("acceptance", min(acceptance), limits.acceptance)]
     missed: list[tuple[float, str]] = []
     for one in rows:
-        if not one.rhat <= Gates.rhat:
-            words = f"{one.name}: R-hat {one.rhat:.4f}, at most {Gates.rhat:g} allowed"
-            missed.append((MIXING if np.isfinite(one.rhat) else np.inf, words))
-        if not (found := steps / one.time) >= times:
-            words = (
-                f"{one.name}: {found:.1f} autocorrelation times (one is {one.time:.1f} steps), "
-                f"at least {times:g} required"
-            )
-            missed.append((_short(times, found), words))
-        for kind, size in (("bulk", one.bulk), ("tail", one.tail)):
-            if not size >= Gates.size:
-                words = (
-                    f"{one.name}: {kind} ESS {size:.0f}, at least {Gates.size:g} needed"
-                )
-                missed.append((_short(Gates.size, size), words))
-    if not min(acceptance) >= Gates.acceptance:
-        words = (
-            f"acceptance {min(acceptance):.3f}, at least {Gates.acceptance:g} required"
-        )
-        missed.append((np.inf, words))
-    if missed:
-        missed.sort(key=lambda miss: -miss[0])
-        factor, worst = missed[0]
-        more = f" (and {len(missed) - 1} more)" if len(missed) > 1 else ""
-        needed, advice = None, "find out what keeps the ensembles from mixing"
-        if np.isfinite(factor):
-            needed = int(np.ceil(MARGIN * factor * steps / 100)) * 100
-            advice = f"take about {needed} steps"
-        error = UnconvergedError(f"the chains are refused: {worst}{more}; {advice}")
-        error.steps, error.taken, error.missed = (
-            needed,
-            steps,
-            [words for _, words in missed],
-        )
-        raise error
-
-
-def _short(needed: float, found: float) -> float:
-    """How many times more steps are needed; infinite where that cannot be told."""
-    return needed / found if found > 0 else np.inf
+        # NaN fails.
+        if not one.rhat <= limits.rhat:
+            factor = _MIXING if np.isfinite(one.rhat) else np.inf
+            text = f"{one.name}: R-hat {one.rhat:.4f}, at most {limits.rhat:g} allowed"
+            missed.append((factor, text))
+        times_name = f"{one.name}: autocorrelation times ({one.time:.1f} steps each)"
+        sizes += [
+            (times_name, steps / one.time, times),
+            (f"{one.name}: bulk effective sample size", one.bulk, limits.size),
+            (f"{one.name}: tail effective sample size", one.tail, limits.size),
+        ]
+    for name, size, least in sizes:
+        if not size >= least:
+            grows = size > 0 and name != "acceptance"
+            text = f"{name} {size:.3g}, at least {least:g} required"
+            missed.append((least / size if grows else np.inf, text))
+    if not missed:
+        return
+    missed.sort(key=lambda miss: -miss[0])
+    factor, worst = missed[0]
+    needed, advice = None, "find out what keeps the ensembles from mixing"
+    if np.isfinite(factor):
+        needed = int(np.ceil(_MARGIN * factor * steps / 100)) * 100
+        advice = f"take about {needed} steps"
+    more = f" (and {len(missed) - 1} more)" if len(missed) > 1 else ""
+    error = UnconvergedError(f"the chains are rejected: {worst}{more}; {advice}")
+    error.steps, error.taken = needed, steps
+    error.missed = [text for _, text in missed]
+    raise error

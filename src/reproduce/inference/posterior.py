@@ -23,19 +23,19 @@ from reproduce.inference.modes import Modes, two_modes
 from reproduce.physics.validate import FloatArray
 
 Simulate = Callable[[FloatArray, Generator], Any]
-# Draws of each ensemble, numbers of a group, and draws of the prior in a saved file.
-_DRAWS, _VALUES, _PRIOR = 250, 2_000_000, 250
-# Simulated data sets of a predictive check; a misfit is told that is so improbable, shared among
-# all numbers, by chance.
-REPORTED, MISSED = 1000, 0.01
-# A Gaussian that an end cuts two standard deviations from its mean has so large a share of its
-# draws within so many standard deviations of the end; one that the end does not reach has none.
-BESIDE, LEANING = 0.1, 0.005
+# Draws per ensemble and values per group in a saved file.
+_MAX_DRAWS, _MAX_VALUES = 250, 2_000_000
+# Simulated data sets of the predictive checks, and the probability of a misfit by chance, of all
+# numbers together.
+REPLICATES, MISFIT_PROBABILITY = 1000, 0.01
+# Draws pile up at a bound if more than this fraction lies within so many standard deviations. A
+# Gaussian that a bound cuts two standard deviations from its mean has that fraction.
+BOUND_DISTANCE, BOUND_FRACTION = 0.1, 0.005
 
 
 @dataclass(frozen=True, eq=False)
 class Sampled:
-    """Draws that passed the gates.
+    """Draws that met the convergence criteria.
 
     - `model`: what was sampled.
     - `seed`: root of its random numbers.
@@ -77,16 +77,13 @@ class Sampled:
     def consequences(self) -> list[Summary]:
         """The summary of every derived quantity, of draws thinned as `draws` are.
 
-        One that misses a gate, but for the number of autocorrelation times, which is that of the
-        parameters, is an `UnconvergedError`.
+        One that fails a criterion is an `UnconvergedError`; the number of autocorrelation times is
+        that of the parameters.
         """
-        if self.model.derived is None:
-            return []
         stride, rows = max(1, int(np.ceil(self.time))), []
         chain = self.chain[:, ::stride]
-        for name, quantity in self.model.derived(
-            chain.reshape(-1, self.model.dimension)
-        ).items():
+        draws = chain.reshape(-1, self.model.dimension)
+        for name, quantity in self.model.consequences(draws).items():
             values = quantity.values.reshape(chain.shape[:3])
             row = diagnostics.summarised(name, quantity.unit, values)
             rows.append(replace(row, time=stride * row.time))
@@ -94,22 +91,24 @@ class Sampled:
         return rows
 
     @cached_property
-    def thin(self) -> FloatArray:
-        """Some nearly independent draws of each ensemble, shape (ensembles, n, d).
+    def selected(self) -> tuple[NDArray[np.int64], FloatArray]:
+        """Numbers and values of some of `draws` per ensemble, (n,), (ensembles, n, d).
 
         There are fewer of them if the observations are many.
         """
-        size = sum(one.size for one in self.model.likelihood.observed.values())
         draws = diagnostics.thinned(self.chain, self.time)
-        most = min(_DRAWS, max(_VALUES // (size * len(draws)), 1))
-        return draws[:, _spread(draws.shape[1], most)]
+        size = len(draws) * sum(
+            one.size for one in self.model.likelihood.observed.values()
+        )
+        most = min(_MAX_DRAWS, max(_MAX_VALUES // size, 1))
+        rows = _spread(draws.shape[1], most)
+        return rows, draws[:, rows]
 
     def log_likelihood(self) -> FloatArray:
         """Return that of each observation for these draws, shape (ensembles, n, ...)."""
-        found = self.model.likelihood.pointwise(
-            self.thin.reshape(-1, self.model.dimension)
-        )
-        return found.reshape(*self.thin.shape[:2], *found.shape[1:])
+        draws = self.selected[1]
+        found = self.model.likelihood.pointwise(draws.reshape(-1, draws.shape[-1]))
+        return found.reshape(*draws.shape[:2], *found.shape[1:])
 
     def to_datatree(self) -> Any:
         """Convert to the groups that ArviZ reads; a chain is an ensemble, thinned by its time.
@@ -122,55 +121,45 @@ class Sampled:
 
         model, parameters = self.model, self.model.parameters
         generator = Generator(PCG64(SeedSequence(self.seed, spawn_key=(98,))))
-        draws = diagnostics.thinned(self.chain, self.time)
-        prior = np.stack(
-            [one.prior.draw(generator, _PRIOR) for one in parameters], axis=-1
-        )[None]
+        prior = [one.prior.draw(generator, _MAX_DRAWS) for one in parameters]
+        priors, (rows, selected) = np.stack(prior, axis=-1)[None], self.selected
+        observed = model.likelihood.observed
 
-        def named(rows: FloatArray) -> dict[str, FloatArray]:
-            return {
-                one.name: rows[..., i] * one.shown for i, one in enumerate(parameters)
-            }
+        def named(draws: FloatArray) -> Any:
+            columns = zip(parameters, np.moveaxis(draws, -1, 0), strict=True)
+            found = _dataset({one.name: one.shown * values for one, values in columns})
+            for one in parameters:
+                found[one.name].attrs = {
+                    "units": one.unit,
+                    "prior": str(one.prior.in_unit(one.shown)),
+                    "reason": one.prior.reason,
+                }
+            return found
 
-        def simulated(rows: FloatArray, simulate: Simulate) -> dict[str, FloatArray]:
-            flat = rows.reshape(-1, model.dimension)
-            found = [
-                model.given(simulate(one, generator)).likelihood.observed
-                for one in flat
-            ]
+        def simulated(draws: FloatArray, simulate: Simulate) -> dict[str, FloatArray]:
+            flat = draws.reshape(-1, model.dimension)
+            data = [model.likelihood.given(simulate(one, generator)) for one in flat]
             return {
-                name: np.stack([one[name] for one in found]).reshape(
-                    *rows.shape[:2], *data.shape
+                name: np.reshape(
+                    [one.observed[name] for one in data],
+                    (*draws.shape[:2], *values.shape),
                 )
-                for name, data in model.likelihood.observed.items()
+                for name, values in observed.items()
             }
 
-        last = list(model.likelihood.observed)[-1]
-        chosen = _spread(draws.shape[1], self.thin.shape[1])
-        tree = xarray.DataTree.from_dict(
-            {
-                "posterior": _dataset(named(draws)),
-                "sample_stats": _dataset(
-                    {"lp": diagnostics.thinned(self.log_posterior, self.time)}
-                ),
-                "log_likelihood": _dataset({last: self.log_likelihood()}, chosen),
-                "posterior_predictive": _dataset(
-                    simulated(self.thin, model.repeat), chosen
-                ),
-                "prior": _dataset(named(prior)),
-                "prior_predictive": _dataset(
-                    simulated(prior, model.likelihood.simulate)
-                ),
-                "observed_data": _dataset(model.likelihood.observed, sampled=()),
-            }
-        )
-        for one in parameters:
-            text = str(one.prior.in_unit(one.shown))
-            attributes = {"units": one.unit, "prior": text, "reason": one.prior.reason}
-            tree["posterior"][one.name].attrs = tree["prior"][one.name].attrs = (
-                attributes
-            )
-        tree["sample_stats"].attrs["acceptance"] = list(self.acceptance)
+        log_posterior = diagnostics.thinned(self.log_posterior, self.time)
+        repeats = simulated(selected, model.repeat)
+        groups = {
+            "posterior": named(diagnostics.thinned(self.chain, self.time)),
+            "sample_stats": _dataset({"lp": log_posterior}),
+            "log_likelihood": _dataset({[*observed][-1]: self.log_likelihood()}, rows),
+            "posterior_predictive": _dataset(repeats, rows),
+            "prior": named(priors),
+            "prior_predictive": _dataset(simulated(priors, model.likelihood.simulate)),
+            "observed_data": _dataset(observed, sampled=()),
+        }
+        groups["sample_stats"].attrs["acceptance"] = list(self.acceptance)
+        tree = xarray.DataTree.from_dict(groups)
         tree.attrs |= {"model": model.name, "seed": self.seed}
         return tree
 
@@ -183,12 +172,11 @@ def _dataset(
     """Return variables as an xarray Dataset, with the numbers of their draws."""
     import xarray
 
-    found, coordinates = {}, {"draw": draws} if draws is not None else {}
+    found = {}
     for name, values in variables.items():
         axes = ("group", "light", "axis") if name == "spots" else ("star", "axis")
-        dimensions = (*sampled, *axes)
-        found[name] = (dimensions[: values.ndim], values)
-    return xarray.Dataset(found, coordinates)
+        found[name] = ((*sampled, *axes)[: values.ndim], values)
+    return xarray.Dataset(found, {} if draws is None else {"draw": draws})
 
 
 def _spread(count: int, most: int) -> NDArray[np.int64]:
@@ -214,93 +202,78 @@ class PredictiveCheck:
 
 
 def posterior_checks(
-    posterior: Sampled, replicates: int = REPORTED
+    posterior: Sampled, replicates: int = REPLICATES
 ) -> list[PredictiveCheck]:
-    """Compare every number of `Likelihood.checks` with simulations from the posterior."""
-    model = posterior.model
+    """Compare each number of `Likelihood.checks` with simulations from the posterior."""
+    model, draws = posterior.model, posterior.draws
     generator = Generator(PCG64(SeedSequence(posterior.seed, spawn_key=(99,))))
-    chosen = posterior.draws[
-        np.linspace(0, len(posterior.draws) - 1, replicates).astype(int)
-    ]
+    chosen = draws[np.linspace(0, len(draws) - 1, replicates).astype(int)]
     found = [model.likelihood.checks(model.repeat(one, generator)) for one in chosen]
     rows = []
     for name, observed in model.likelihood.checks().items():
         values = np.array([one[name] for one in found])
         low, high = np.quantile(values, diagnostics.ENDS).tolist()
-        rows.append(
-            PredictiveCheck(name, observed, low, high, _two_sided(values, observed))
-        )
+        # Two-sided, ties counted half.
+        below = float((values < observed).mean() + 0.5 * (values == observed).mean())
+        tail = min(1.0, 2 * min(below, 1 - below))
+        rows.append(PredictiveCheck(name, observed, low, high, tail))
     return rows
 
 
 def misfit(checks: Sequence[PredictiveCheck]) -> str:
-    """Say in one line which numbers of the data the model would not give; empty if there is none.
+    """Return a warning of the numbers that the model would not give; empty if there is none.
 
     Examples
     --------
     >>> misfit([PredictiveCheck("rms (px)", 4.0, 0.9, 1.1, 0.0)])
     'the model does not fit: rms (px) is 4, in 95 % of its repeats 0.9 to 1.1'
     """
-    told = [
+    found = [
         f"{one.name} is {one.observed:.3g}, in 95 % of its repeats {one.low:.3g} to {one.high:.3g}"
         for one in checks
-        if one.tail < MISSED / len(checks)
+        if one.tail < MISFIT_PROBABILITY / len(checks)
     ]
-    return f"the model does not fit: {'; '.join(told)}" if told else ""
+    return f"the model does not fit: {'; '.join(found)}" if found else ""
 
 
-def _two_sided(values: FloatArray, observed: float) -> float:
-    """Two-sided tail probability of a number among draws, ties counted half.
-
-    Examples
-    --------
-    >>> _two_sided(np.array([1.0, 2.0, 3.0, 4.0]), 2.5)
-    1.0
-    """
-    below = (values < observed).mean() + 0.5 * (values == observed).mean()
-    return float(min(1.0, 2 * min(below, 1 - below)))
-
-
-def leanings(posterior: Sampled) -> list[str]:
+def prior_warnings(posterior: Sampled) -> list[str]:
     """Return a warning for each prior that the data contradict, or at whose bound draws pile up."""
-    found, disagreements = [], posterior.model.disagreements()
-    for one, column in zip(
-        posterior.model.parameters, np.moveaxis(posterior.chain, -1, 0), strict=True
-    ):
-        unit = "" if one.unit == "1" else f" {one.unit}"
-        prior = f"its prior ({one.prior.in_unit(one.shown)}{unit})"
-        if one.name in disagreements:
-            value, error, distance = disagreements[one.name]
+    found, apart = [], posterior.model.disagreements()
+    for i, one in enumerate(posterior.model.parameters):
+        unit, prior = one.shown_unit, one.prior.in_unit(one.shown)
+        if one.name in apart:
+            value, error, distance = apart[one.name]
             found.append(
                 f"prior and data disagree on {one.name}: from the data {one.shown * value:.6g} ± "
-                f"{one.shown * error:.2g}{unit}, {distance:.3g} standard deviations from {prior}"
+                f"{one.shown * error:.2g}{unit}, {distance:.3g} standard deviations from its prior "
+                f"({prior}{unit})"
             )
             continue
         found += [
-            f"{one.name} leans on the end {end * one.shown:.4g}{unit} of {prior}: what "
-            "is printed of it is a limit, not an estimate"
-            for end in _reached(one.prior, column.ravel())
-            if end not in one.natural
+            f"{one.name} piles up at the bound {bound * one.shown:.4g}{unit} of its prior ("
+            f"{prior}{unit}): what is printed of it is a limit, not an estimate"
+            for bound in _reached(one.prior, posterior.chain[..., i])
+            if bound not in one.natural
         ]
     return found
 
 
 def _reached(prior: Prior, draws: FloatArray) -> list[float]:
-    """Return the bounds of a prior at which draws pile up."""
+    """Return the bounds of a prior at which draws pile up, in the scale of a flat prior."""
     if isinstance(prior, Normal):
         return []
-    # In the scale in which the prior is flat.
     scale = np.log if isinstance(prior, LogUniform) else np.asarray
     values = scale(draws)
-    beside = BESIDE * values.std()
-    near = {
-        end: np.abs(values - scale(end)) < beside for end in (prior.low, prior.high)
-    }
-    return [end for end, close in near.items() if close.mean() > LEANING]
+    width = BOUND_DISTANCE * values.std()
+    return [
+        bound
+        for bound in (prior.low, prior.high)
+        if (np.abs(values - scale(bound)) < width).mean() > BOUND_FRACTION
+    ]
 
 
 def bimodal(posterior: Sampled) -> dict[str, Modes]:
-    """Return the modes of each parameter with two modes, in the unit shown."""
+    """Return the modes of each parameter with two modes, in the displayed unit."""
     parameters = zip(posterior.model.parameters, posterior.draws.T, strict=True)
     modes = {one.name: two_modes(one.shown * column) for one, column in parameters}
     return {name: found for name, found in modes.items() if found}

@@ -1,12 +1,8 @@
 """Sampling a model with several independent emcee ensembles, on any executor.
 
-Every ensemble has its own stream of random numbers, spawned from one seed: the draws do not depend
-on the order of the ensembles, or on how many processes carry them.
-
-The moves accept or reject a whole half-ensemble at once: emcee decides walker by walker in Python,
-which for likelihoods that cost next to nothing is most of the time. `_Complement` adds a proposal
-for the nearly Gaussian posteriors of this book; those that are far from it are moved in coordinates
-of their own (`inference.model`).
+Each ensemble has its own stream of random numbers, spawned from one seed: the draws do not depend
+on the order of the ensembles, or on the number of processes. The moves are the stretch and the
+differential evolution of emcee, and a proposal for the nearly Gaussian posteriors of this book.
 """
 
 from __future__ import annotations
@@ -15,7 +11,6 @@ from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
 
 import emcee
 import numpy as np
@@ -25,84 +20,35 @@ from numpy.random import MT19937, PCG64, Generator, RandomState, SeedSequence
 from scipy.special import gammaln
 
 from reproduce.inference.diagnostics import UnconvergedError, require
-from reproduce.inference.model import Coordinates, Model, Progress
+from reproduce.inference.model import Model, Progress
 from reproduce.inference.posterior import Sampled
 from reproduce.physics.validate import FloatArray, whole_number
 
-# Two widths of the proposal: degrees of freedom of a Student-t, and its width over the ensemble's.
-# The near one fits a nearly Gaussian posterior; the far one, with its share, is heavier and wider
-# than any posterior that is met here, so that no walker is left behind in a tail.
+# Degrees of freedom and relative width of two Student-t proposals. The near one fits a nearly
+# Gaussian posterior. The far one is heavier and wider than the posteriors of this book, so that no
+# walker is left behind in a tail.
 NEAR, FAR = (30.0, 1.05), (4.0, 1.5)
 _FAR_SHARE = 0.2
 
 
-# emcee has no types: what stands on its classes is of an unknown kind to mypy.
-class _AtOnce(moves.RedBlueMove):  # type: ignore[misc]
-    """A red-blue move, made in coordinates, whose acceptance is decided for a half at once."""
+class _ComplementMove(moves.RedBlueMove):  # type: ignore[misc]  # emcee has no types
+    """Propose an independent draw from two Student-t with the moments of the other half.
 
-    def __init__(self, coordinates: Coordinates) -> None:
-        self.coordinates = coordinates
-        super().__init__()
-
-    def propose(self, model: Any, state: State) -> tuple[State, Any]:
-        """Move one half of the ensemble after the other, each given its complement."""
-        self.setup(state.coords)
-        walkers = len(state.coords)
-        halves = np.arange(walkers) % 2
-        model.random.shuffle(halves)
-        accepted = np.zeros(walkers, dtype=bool)
-        coords, log_prob = state.coords.copy(), np.array(state.log_prob)
-        for half in (0, 1):
-            moved, rest = halves == half, halves != half
-            straight = self.coordinates.straight(coords)
-            new, factors = self.get_proposal(
-                straight[moved], [straight[rest]], model.random
-            )
-            with np.errstate(over="ignore"):  # far outside: infinite, and rejected
-                proposed = self.coordinates.parameters(new)
-            values = model.log_prob_fn(proposed)
-            inside, density = np.isfinite(values), np.full(len(values), -np.inf)
-            volume = self.coordinates.log_volume(proposed[inside])
-            density[inside] = values[inside] + volume
-            # Minus infinity less minus infinity cannot occur: a walker never stands on it.
-            before = log_prob[moved] + self.coordinates.log_volume(coords[moved])
-            gain = factors + density - before
-            taken = np.log(model.random.rand(len(gain))) < gain
-            index = np.flatnonzero(moved)[taken]
-            coords[index], log_prob[index] = proposed[taken], values[taken]
-            accepted[index] = True
-        return State(
-            coords, log_prob=log_prob, random_state=state.random_state
-        ), accepted
-
-
-class _Stretch(_AtOnce, moves.StretchMove):  # type: ignore[misc]
-    """The affine-invariant stretch of Goodman and Weare, decided at once."""
-
-
-class _DifferentialEvolution(_AtOnce, moves.DEMove):  # type: ignore[misc]
-    """A step along the difference of two other walkers, decided at once."""
-
-
-class _Complement(_AtOnce):
-    """An independent draw from two Student-t with mean and covariance of the other half.
-
-    The proposal depends on the other half alone, so the step leaves the posterior unchanged for
-    any shape of it; the nearer to Gaussian, the more often it is accepted. It is affine
-    invariant, as the stretch is.
+    The proposal depends only on the other half of the ensemble, so the step leaves any posterior
+    unchanged. It is affine invariant, as the stretch is.
     """
 
     def get_proposal(
         self,
         sample: FloatArray,
         complement: list[FloatArray],
-        random: np.random.RandomState,
+        random: RandomState,
     ) -> tuple[FloatArray, FloatArray]:
-        """Propose for every walker; the factor is the ratio of proposal densities."""
+        """Return proposals and the log ratios of proposal densities."""
         others = complement[0]
         count, dimension = sample.shape
         mean = others.mean(axis=0)
-        # Scales differ by many orders of magnitude; factorise the correlation, not the covariance.
+        # Scales differ by orders of magnitude: factorise the correlation, not the covariance.
         scale = others.std(axis=0) + np.finfo(float).tiny
         scaled = (others - mean) / scale
         correlation = scaled.T @ scaled / len(others) + 1e-10 * np.eye(dimension)
@@ -112,13 +58,14 @@ class _Complement(_AtOnce):
         reach = width / np.sqrt(random.chisquare(degrees) / degrees)
         steps = reach[:, None] * random.standard_normal(sample.shape)
         before = ((sample - mean) / scale) @ np.linalg.inv(root).T
-        squares = [np.square(points).sum(axis=1) for points in (before, steps)]
-        old, new = (_log_proposal(distance, dimension) for distance in squares)
-        return mean + scale * (steps @ root.T), old - new
+        return mean + scale * (steps @ root.T), _log_proposal(before) - _log_proposal(
+            steps
+        )
 
 
-def _log_proposal(squared: FloatArray, dimension: int) -> FloatArray:
-    """Log density of the proposal at a squared distance, but for a constant of the dimension."""
+def _log_proposal(steps: FloatArray) -> FloatArray:
+    """Return the log density of scaled proposals, (n, d), without a constant."""
+    squared, dimension = np.square(steps).sum(axis=1), steps.shape[1]
     near, far = (
         gammaln((degrees + dimension) / 2)
         - gammaln(degrees / 2)
@@ -131,29 +78,22 @@ def _log_proposal(squared: FloatArray, dimension: int) -> FloatArray:
     )
 
 
-# Shares of the moves. In the warm-up the stretch and the differential evolution carry a far-off
-# ensemble in; later they keep curved or heavy-tailed posteriors moving, and the complement makes
-# draws nearly independent.
-INWARD, STEADY = (0.3, 0.4, 0.3), (0.05, 0.1, 0.85)
+# Shares of stretch, differential evolution and complement. In the warm-up the first two move a
+# distant ensemble in; later they keep curved or heavy-tailed posteriors moving, and the complement
+# makes draws nearly independent.
+WARMUP_SHARES, STEADY_SHARES = (0.3, 0.4, 0.3), (0.05, 0.1, 0.85)
 
 
-def mixture(
-    coordinates: Coordinates | None = None, shares: tuple[float, float, float] = STEADY
+def move_mixture(
+    shares: tuple[float, float, float] = STEADY_SHARES,
 ) -> list[tuple[moves.Move, float]]:
-    """Return the moves of an ensemble for emcee, with their shares.
-
-    Examples
-    --------
-    >>> [share for _, share in mixture()]
-    [0.05, 0.1, 0.85]
-    """
-    kinds = (_Stretch, _DifferentialEvolution, _Complement)
-    made = [kind(coordinates or Coordinates()) for kind in kinds]
-    return list(zip(made, shares, strict=True))
+    """Return the moves of an ensemble for emcee, with their shares."""
+    kinds = (moves.StretchMove(), moves.DEMove(), _ComplementMove())
+    return list(zip(kinds, shares, strict=True))
 
 
-# Steps beyond which a chain that asks for more is refused.
-_MOST = 20_000
+# A chain that needs more steps is rejected.
+_MAX_STEPS = 20_000
 
 
 @dataclass(frozen=True)
@@ -198,10 +138,10 @@ def sample(
     executor: Executor | None = None,
     progress: Progress | None = None,
 ) -> Sampled:
-    """Sample the posterior of a model, and refuse chains that miss the gates.
+    """Sample the posterior of a model, and reject chains that fail a convergence criterion.
 
     Chains that are too short may be run again, `longer`: with as many steps as they are found to
-    need, up to `_MOST`. Without an executor the ensembles run here, one after the other.
+    need, up to `_MAX_STEPS`. Without an executor the ensembles run here, one after the other.
     """
     run, results = partial(run_ensemble, model, plan), []
     for result in (map if executor is None else executor.map)(
@@ -219,7 +159,7 @@ def sample(
         if longer:
             found.summaries()
     except UnconvergedError as error:
-        if not longer or error.steps is None or error.steps > _MOST:
+        if not longer or error.steps is None or error.steps > _MAX_STEPS:
             raise
         enough = replace(
             plan, steps=error.steps, warmup=max(plan.warmup, error.steps // 4)
@@ -232,39 +172,39 @@ def run_ensemble(
     model: Model,
     plan: Plan,
     ensemble: int,
-    lacking: Callable[[FloatArray], int] | None = None,
+    missing_steps: Callable[[FloatArray], int] | None = None,
 ) -> tuple[FloatArray, FloatArray, float]:
     """Run one ensemble.
 
-    Returns its chain (steps, walkers, d), log posterior (steps, walkers) and the share of moves
-    that were accepted, all after the warm-up. `lacking`, if given, says of the chain how many
-    steps more it needs; it goes on until that is none.
+    Returns its chain (steps, walkers, d), log posterior (steps, walkers) and the fraction of
+    accepted moves, all after the warm-up. `missing_steps`, if given, returns the number of further
+    steps that a chain needs; the ensemble goes on until it is zero.
     """
     walkers = plan.walkers_for(model.dimension)
     warming, sampler = (
         emcee.EnsembleSampler(
             walkers,
             model.dimension,
-            model.log_posterior,
+            model.log_density,
             vectorize=True,
-            moves=mixture(model.coordinates, shares),
+            moves=move_mixture(shares),
         )
-        for shares in (INWARD, STEADY)
+        for shares in (WARMUP_SHARES, STEADY_SHARES)
     )
     here, there = (SeedSequence(plan.seed, spawn_key=(ensemble, i)) for i in (0, 1))
-    random_state = RandomState(MT19937(there)).get_state(legacy=True)
+    points = model.start(Generator(PCG64(here)), walkers)
     state = State(
-        model.start(Generator(PCG64(here)), walkers), random_state=random_state
+        model.coordinates.straight(points),
+        random_state=RandomState(MT19937(there)).get_state(legacy=True),
     )
     if plan.warmup:
         state = warming.run_mcmc(
             state, plan.warmup, skip_initial_state_check=True, store=False
         )
-    sampler.run_mcmc(state, plan.steps, skip_initial_state_check=True)
-    while lacking and (more := lacking(sampler.get_chain())) > 0:
-        sampler.run_mcmc(None, more)
-    return (
-        sampler.get_chain(),
-        sampler.get_log_prob(),
-        float(sampler.acceptance_fraction.mean()),
-    )
+    more = plan.steps
+    while more > 0:
+        state = sampler.run_mcmc(state, more, skip_initial_state_check=True)
+        chain = model.coordinates.parameters(sampler.get_chain())
+        more = missing_steps(chain) if missing_steps else 0
+    log_posterior = sampler.get_log_prob() - model.coordinates.log_volume(chain)
+    return chain, log_posterior, float(sampler.acceptance_fraction.mean())

@@ -1,13 +1,10 @@
-"""How a posterior is declared: once, beside the function that makes its model; and all of them.
-
-Command line, pages, calibrations and the formats of a user's files follow from the declaration.
-"""
+"""Declarations of the posteriors: model, data, sampling, and the format of your data."""
 
 from __future__ import annotations
 
 import importlib.util
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from hashlib import sha256
 from typing import Any
@@ -21,7 +18,7 @@ from reproduce.papers.declare import ROOT_SEED
 from reproduce.printed.given import Given, given
 from reproduce.store.points import Table, TableFileError, computing
 
-# Kept steps of an ensemble: fifty autocorrelation times with room.
+# Kept steps of an ensemble: more than fifty autocorrelation times.
 _STEPS = 270
 
 
@@ -64,21 +61,26 @@ class File:
     accepts: tuple[str, ...] = ()
     optional: tuple[str, ...] = ()
 
+    @property
+    def texts(self) -> tuple[str, str]:
+        """The columns and their meaning."""
+        return ", ".join(self.columns), self.meaning
+
 
 @dataclass(frozen=True)
 class Declaration:
     """A posterior of the book.
 
-    - `key`: its only name: on the command line, in the book, of its stored calibration.
-    - `title`: what it is about, in one line.
-    - `paper`: whose numbers it takes.
+    - `key`: its name on the command line, in the book, and of its stored calibration.
+    - `title`: its subject, in one line.
+    - `paper`: the paper whose numbers it uses.
     - `given`: every printed cell (or group) that reaches the model, as data, setting or prior.
-    - `build`: makes the model from the door.
-    - `file`: the format of a user's own data, or why there is none.
-    - `truth`, optional: the parameters with which the data were simulated, by name, of the door; SI
-      units or px. None where the data are as printed.
-    - `steps`, `walkers`: how it is sampled: kept steps and walkers of an ensemble, zero for the
-      usual number.
+    - `build`: makes the model with its data.
+    - `file`: the format of your data, or the reason why it accepts none.
+    - `truth`: the parameters of the simulation; None if the data are printed.
+    - `steps`, `walkers`: kept steps and walkers of an ensemble; zero walkers is the default number.
+    - `summary`: names of quantities for the table of all posteriors, each with the address of its
+      printed cell or with a label.
     """
 
     key: str
@@ -90,6 +92,7 @@ class Declaration:
     truth: Callable[[Given], dict[str, float]] | None = None
     steps: int = _STEPS
     walkers: int = 0
+    summary: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def simulated(self) -> bool:
@@ -101,7 +104,7 @@ class Declaration:
         return self.build(given(self.given, data_seed))
 
     def true_values(self) -> dict[str, float]:
-        """Return the parameters with which the data were simulated; none where they were not."""
+        """Return the parameters of the simulation; empty if the data are not simulated."""
         return {} if self.truth is None else self.truth(given(self.given))
 
     def sha256(self) -> str:
@@ -113,19 +116,13 @@ class Declaration:
     def plan(
         self,
         steps: int | None = None,
-        ensembles: int = 4,
         walkers: int | None = None,
-        seed: int | None = None,
+        seed: int = ROOT_SEED,
     ) -> Plan:
-        """Return how it is sampled in the book, or otherwise where something is given."""
-        steps = self.steps if steps is None else steps
-        return Plan(
-            ROOT_SEED if seed is None else seed,
-            ensembles=ensembles,
-            walkers=self.walkers if walkers is None else walkers,
-            steps=steps,
-            warmup=max(100, steps // 4),
-        )
+        """Return how it is sampled in the book, or with other numbers."""
+        kept = self.steps if steps is None else steps
+        count = self.walkers if walkers is None else walkers
+        return Plan(seed, walkers=count, steps=kept, warmup=max(100, kept // 4))
 
     def format(self) -> File:
         """Return the format of your data; a `TableFileError` if there is none."""
@@ -156,5 +153,5 @@ class Declaration:
 
 
 def data_stream(given: Given, *key: int) -> SeedSequence:
-    """Return the seed of some simulated data: the project's, or that of the door."""
+    """Return the seed of simulated data: the root seed, or that of the inputs."""
     return SeedSequence(ROOT_SEED if given.root is None else given.root, spawn_key=key)

@@ -1,9 +1,9 @@
-"""A posterior of the book, or the same model on a reader's data. Sampled when looked at."""
+"""A posterior of the book, or the same model for your data. It is sampled on first use."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from concurrent.futures import Executor
 from dataclasses import asdict
 from functools import cache, cached_property, partial
@@ -12,7 +12,7 @@ from importlib.util import find_spec
 from io import BytesIO
 from pathlib import Path
 from textwrap import dedent
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 import numpy as np
 import pandas as pd
@@ -20,7 +20,14 @@ from markupsafe import Markup
 from numpy.typing import NDArray
 
 from reproduce import inference
-from reproduce.inference import Sampled, Summary, bimodal, leanings, misfit, sampling
+from reproduce.inference import (
+    Sampled,
+    Summary,
+    bimodal,
+    misfit,
+    prior_warnings,
+    sampling,
+)
 from reproduce.inference.models import (
     MixtureRegistration,
     exact_draws,
@@ -28,7 +35,6 @@ from reproduce.inference.models import (
 )
 from reproduce.inference.modes import Modes
 from reproduce.judge.rerun import check_randomness
-from reproduce.papers.charts import NARROW, sized, thin
 from reproduce.papers.posteriors import posteriors
 from reproduce.physics.registration import robust_similarity
 from reproduce.store.files import DRAWS, check_target, replacing, write_text
@@ -37,18 +43,16 @@ from reproduce.version import __version__
 from reproduce.views import computed
 from reproduce.views.base import by_row, text_of
 from reproduce.views.blocks import Block, Blocks, Fold, Grid, Html
+from reproduce.views.corner import MAX_PARAMETERS, draw_corner
 from reproduce.views.export import beside, export_frame, provenance
-from reproduce.views.figure import Paint, pictured
+from reproduce.views.figure import pictured
 from reproduce.views.measurements import Remade, platform_of
 from reproduce.views.numbers import digits, minus, moments
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-# In standard deviations: a mark further out would leave no room for the posterior.
-_FAR = 8.0
+# A mark that is further out, in standard deviations, would leave no room for the posterior.
+_MAX_MARK = 8.0
 # Arguments that belong to your data.
-_OWN = (
+_DATA_ARGUMENTS = (
     "pivot",
     "platform",
     "model",
@@ -56,10 +60,11 @@ _OWN = (
     "source_covariance",
     "target_covariance",
 )
-# Likely false stars that a line names.
-_SHOWN = 5
-# Arrays of a sampled posterior that a build keeps.
-_KEPT = ("chain", "log_posterior", "acceptance")
+_SAMPLING_ARGUMENTS = ("steps", "walkers", "seed")
+# Probably false stars that a line names.
+_MAX_NAMED = 5
+# Arrays of a sampled posterior that a build stores.
+_STORED_ARRAYS = ("chain", "log_posterior", "acceptance")
 
 
 @cache
@@ -69,12 +74,12 @@ def book_posterior(name: str) -> Sampled:
 
     def dump(found: Sampled) -> bytes:
         content = BytesIO()
-        np.savez(content, **{key: getattr(found, key) for key in _KEPT})
+        np.savez(content, **{key: getattr(found, key) for key in _STORED_ARRAYS})
         return content.getvalue()
 
     def load(content: bytes) -> Sampled:
         with np.load(BytesIO(content), allow_pickle=False) as arrays:
-            chain, density, acceptance = (arrays[key] for key in _KEPT)
+            chain, density, acceptance = (arrays[key] for key in _STORED_ARRAYS)
         return Sampled(model, plan.seed, chain, density, tuple(acceptance.tolist()))
 
     return computed.once(
@@ -83,9 +88,9 @@ def book_posterior(name: str) -> Sampled:
 
 
 class Posterior(Remade):
-    """A posterior of the book, or the same model on a reader's data. Sampled when looked at.
+    """A posterior of the book, or the same model for your data, sampled on first use.
 
-    It is made from the arguments of `reproduce.posterior`.
+    The arguments are those of `reproduce.posterior`.
     """
 
     def __init__(self, name: str, **given: Any) -> None:
@@ -102,33 +107,35 @@ class Posterior(Remade):
                 f"data_seed: expected none, the data of {name} are not simulated here"
             )
         check_randomness(name, True, (), data_seed)
-        self.plan = self.declared.plan(**self._named("steps", "walkers", "seed"))
-        self._table, own = self._read(data)
+        self.plan = self.declared.plan(**self._arguments(_SAMPLING_ARGUMENTS))
+        self._table: Table | None = None
         self.remarks: tuple[str, ...] = ()
-        if self._table is None:
-            model = self.declared.model(data_seed)
-        else:
+        own = self._arguments(_DATA_ARGUMENTS)
+        if data is not None:
+            self._table, own = self._read(data, own)
             model, self.remarks = self.declared.supplied(self._table, own)
-        own = {
-            p.name: _prior(p, self._priors[p.name])
-            for p in model.parameters
-            if p.name in self._priors
+        elif own:
+            raise ValueError(
+                f"{next(iter(own))}: expected data of your own next to it, got none"
+            )
+        else:
+            model = self.declared.model(data_seed)
+        shown = {one.name: one for one in model.parameters}
+        priors = {
+            key: _prior(shown[key], one) if key in shown else one
+            for key, one in self._priors.items()
         }
-        self.model = model.with_priors({**self._priors, **own})
+        self.model = model.with_priors(priors)
         # Printed cells that reach the model.
         self.reads = self.declared.given if self._table is None else ()
 
-    def _read(self, data: Any) -> tuple[Table | None, dict[str, Any]]:
+    def _arguments(self, names: tuple[str, ...]) -> dict[str, Any]:
+        """Return those of the named arguments that are given."""
+        given = {name: self._given.get(name) for name in names}
+        return {name: value for name, value in given.items() if value is not None}
+
+    def _read(self, data: Any, own: dict[str, Any]) -> tuple[Table, dict[str, Any]]:
         """Return your data, and the arguments and columns that belong to them."""
-        own = {
-            key: self._given[key] for key in _OWN if self._given.get(key) is not None
-        }
-        if data is None:
-            for key in own:
-                raise ValueError(
-                    f"{key}: expected data of your own beside it; ours have one"
-                )
-            return None, {}
         if not is_table(data):
             raise TypeError(
                 f"data: expected a file or a table with named columns, got "
@@ -147,22 +154,16 @@ class Posterior(Remade):
 
     @property
     def changes(self) -> str:
-        """What a reader changed, in one line; empty for the posterior of the book."""
-        numbers = self._named("data_seed", "steps", "walkers", "seed").items()
+        """The arguments that differ from the posterior of the book, in one line."""
+        numbers = self._arguments(("data_seed", *_SAMPLING_ARGUMENTS)).items()
         priors = (f"prior of {name}" for name in self._priors)
         return ", ".join((*priors, *(f"{key} = {value}" for key, value in numbers)))
 
-    def _named(self, *keys: str) -> dict[str, int]:
-        return {
-            key: self._given[key] for key in keys if self._given.get(key) is not None
-        }
-
     @property
     def about(self) -> dict[str, str]:
-        """What its files say of it, and of its data."""
-        return provenance(
-            self.cite("text"), f"data {self.told}; {self.changes or 'no change'}"
-        )
+        """The provenance in its files."""
+        setting = f"data {self.data_text}; {self.changes or 'no change'}"
+        return provenance(self.cite("text"), setting)
 
     @property
     def _in_book(self) -> bool:
@@ -178,9 +179,9 @@ class Posterior(Remade):
         executor: Executor | None = None,
         progress: inference.Progress | None = None,
     ) -> Sampled:
-        """Sample now, on an executor if wanted; `progress` is told the ensembles done and all.
+        """Sample now, on an executor if given; `progress` receives the ensembles done and all.
 
-        Where no number of steps was asked for, chains that are too short are run again, longer.
+        If no number of steps is given, chains that are too short are run again, longer.
         """
         longer = self._given.get("steps") is None
         self.sampled = sampling.sample(
@@ -190,42 +191,37 @@ class Posterior(Remade):
 
     @property
     def provenance(self) -> dict[str, Any]:
-        """What the data are, for programs: their kind, the paper, truth or file, hash and pivot.
+        """The data for programs: kind, paper, truth or file, hash and pivot.
 
         The hash is that of the file, or of the printed cells that reach the model.
         """
         declared, own = self.declared, self._table
-        data: dict[str, Any] = {
-            "kind": "simulated" if declared.simulated else "printed"
-        }
-        data |= {"paper": declared.paper} | (
-            {"truth": self.truth} if declared.simulated else {}
-        )
         if own:
             data = {"kind": "file", "file": own.path, "rows": len(own.rows)}
-        data["sha256"] = own.sha256 if own else declared.sha256()
-        pivots = [one.tolist() for one in getattr(self.model.likelihood, "pivots", ())]
-        return data | ({"pivot": pivots} if pivots else {})
+            data["sha256"] = own.sha256
+        else:
+            kind = "simulated" if declared.simulated else "printed"
+            data = {"kind": kind, "paper": declared.paper, "truth": self.truth}
+            data["sha256"] = declared.sha256()
+        pivots = getattr(self.model.likelihood, "pivots", ())
+        return data | ({"pivot": [one.tolist() for one in pivots]} if pivots else {})
 
     @property
-    def told(self) -> str:
-        """What the data are, in one line."""
+    def data_text(self) -> str:
+        """The data in one line."""
         found, paper = self.provenance, self.declared.paper
         if self._table is None:
             simulated = f"simulated by us with printed settings of {paper}"
             return simulated if self.declared.simulated else f"as printed in {paper}"
         line = f"of {Path(found['file']).name}, {found['rows']} rows"
-        if "pivot" in found:
-            places = dict.fromkeys(
-                "({:.6g}, {:.6g})".format(*one) for one in found["pivot"]
-            )
-            line += f", pivot {' and '.join(places)} px"
+        for x, y in found.get("pivot", ()):
+            line += f", pivot ({x:.6g}, {y:.6g}) px"
             line += "" if self._given.get("pivot") else ", the mean of the stars"
         return line
 
     @cached_property
     def checks(self) -> list[inference.PredictiveCheck]:
-        """Numbers of the data beside those of data simulated from the posterior."""
+        """Numbers of the data compared with those of simulations from the posterior."""
         return inference.posterior_checks(self.sampled)
 
     def stars(self) -> pd.DataFrame:
@@ -236,63 +232,61 @@ class Posterior(Remade):
         Raises
         ------
         ValueError
-            If the posterior tells of no star whether it is false.
+            If the model has no false stars.
         """
         if self._stars is None:
             raise ValueError(
-                f"{self.name} holds all stars for true; take registration-mixture"
+                f"{self.name} takes all stars as true. Use registration-mixture"
             )
         return self._stars.copy()
 
     @cached_property
     def _stars(self) -> pd.DataFrame | None:
-        likelihood = self.model.likelihood
+        likelihood, table = self.model.likelihood, self._table
         if not isinstance(likelihood, MixtureRegistration):
             return None
-        x, y = likelihood.source.T
-        table = self._table
-        rows = table.rows if table else range(1, len(x) + 1)
-        false = {"x": x, "y": y, "probability_false": probability_false(self.sampled)}
-        return pd.DataFrame({"row" if table else "star": rows, **false})
+        found = pd.DataFrame(likelihood.source, columns=["x", "y"])
+        found["probability_false"] = probability_false(self.sampled)
+        rows = table.rows if table else range(1, len(found) + 1)
+        found.insert(0, "row" if table else "star", rows)
+        return found
 
     @property
     def false_stars(self) -> str:
-        """Which stars are probably false, in one line; empty where the model tells of none."""
+        """The stars that are probably false, in one line; empty if the model has none."""
         if self._stars is None:
             return ""
         found = self._stars.sort_values(
             "probability_false", ascending=False, kind="stable"
         )
-        likely = [
-            str(line) for line in found.loc[found["probability_false"] > 0.5].iloc[:, 0]
-        ]
-        if not likely:
+        likely = found[found["probability_false"] > 0.5].iloc[:, 0]
+        if likely.empty:
             return f"None of {len(found)} stars is probably matched wrongly"
-        rest = f" and {len(likely) - _SHOWN} more" if len(likely) > _SHOWN else ""
-        shown = f"{found.columns[0]} {', '.join(likely[:_SHOWN])}{rest}"
+        rest = f" and {len(likely) - _MAX_NAMED} more" * (len(likely) > _MAX_NAMED)
         return (
-            f"{len(likely)} of {len(found)} stars are probably matched wrongly: {shown}"
+            f"{len(likely)} of {len(found)} stars are probably matched wrongly: "
+            f"{likely.name} {', '.join(map(str, likely[:_MAX_NAMED]))}{rest}"
         )
 
     @property
     def source(self) -> str:
         """The text of the function that makes the model, and of its likelihood."""
-        likelihood = dedent(text_of(type(self.model.likelihood).__call__))
-        return f"{text_of(self.declared.build)}\n\n{likelihood}"
+        kind = type(self.model.likelihood)
+        parts = (self.declared.build, kind.__call__, kind.pointwise)
+        return "\n\n".join(dedent(text_of(part)) for part in parts)
 
     @property
     def setup(self) -> Blocks:
-        """What is sampled, from which data, under which priors and why; its code unfolds."""
+        """Data, priors with their reasons, and the code of the model."""
         rows = [(*row[:2], minus(row[2]), row[3]) for row in self.priors.itertuples()]
         heads = ("Parameter", "Unit", "Prior", "Why")
-        priors = Grid(
-            f"What is sampled. Data {self.told}.", heads, rows, kind="rp-small"
-        )
+        title = f"What is sampled. Data {self.data_text}."
         code = Markup('<pre class="rp-source">{}</pre>').format(self.source)
-        return Blocks((priors, Fold("The model as code", (Html(code),))))
+        fold = Fold("The model as code", (Html(code),))
+        return Blocks((Grid(title, heads, rows, kind="rp-small"), fold))
 
     def frame(self) -> pd.DataFrame:
-        """Return the summary: one row per parameter and consequence, in the unit shown."""
+        """Return the summary: one row per parameter and consequence, in the displayed unit."""
         rows = {row.name: vars(row) for row in self.sampled.summaries()}
         return by_row(rows).drop(columns="name").rename_axis("parameter")
 
@@ -300,7 +294,7 @@ class Posterior(Remade):
 
     @property
     def priors(self) -> pd.DataFrame:
-        """Every parameter with its unit, its prior and the reason for it."""
+        """Unit and prior of each parameter, with the reason."""
         rows = {
             one.name: (one.unit, str(one.prior.in_unit(one.shown)), one.prior.reason)
             for one in self.model.parameters
@@ -309,7 +303,7 @@ class Posterior(Remade):
 
     @property
     def draws(self) -> pd.DataFrame:
-        """All draws, one column per parameter, in the unit shown."""
+        """All draws, one column per parameter, in the displayed unit."""
         return self._framed(self.sampled.draws)
 
     def exact(self, draws: int = 10_000, seed: int = 0) -> pd.DataFrame:
@@ -323,10 +317,9 @@ class Posterior(Remade):
         return self._framed(exact_draws(self.model, draws, np.random.default_rng(seed)))
 
     def _framed(self, rows: NDArray[np.float64]) -> pd.DataFrame:
-        heads = [f"{one.name} ({one.unit})" for one in self.model.parameters]
-        return pd.DataFrame(
-            rows * [one.shown for one in self.model.parameters], columns=heads
-        )
+        parameters = self.model.parameters
+        heads = [f"{one.name} ({one.unit})" for one in parameters]
+        return pd.DataFrame(rows * [one.shown for one in parameters], columns=heads)
 
     def log_likelihood(self) -> pd.DataFrame:
         """Return the log likelihood of each star or spot, one row for each of some draws."""
@@ -335,68 +328,47 @@ class Posterior(Remade):
 
     @property
     def truth(self) -> dict[str, float]:
-        """The parameters with which the data were simulated, in the unit shown; none otherwise."""
+        """The parameters of the simulation, in the displayed unit; empty for other data."""
         return {} if self._table else self._shown(self.declared.true_values())
 
     def _shown(self, values: Mapping[str, float]) -> dict[str, float]:
-        """Return values of parameters in the unit shown."""
         factors = {one.name: one.shown for one in self.model.parameters}
         return {name: value * factors[name] for name, value in values.items()}
 
     def corner(self, *names: str) -> Html:
         """Return the corner plot of up to five parameters, the first ones by default.
 
-        Where the data are simulated the truth is marked, else a least-squares or nominal estimate.
+        The truth of simulated data is marked, else a least-squares or nominal estimate.
         """
         known = self.model.names
-        chosen = names or known[:_MOST]
-        if len(set(chosen) & set(known)) < len(chosen) or len(chosen) > _MOST:
+        names = names or known[:MAX_PARAMETERS]
+        if len({*names} & {*known}) < len(names) or len(names) > MAX_PARAMETERS:
             raise ValueError(
-                f"expected up to {_MOST} different parameters of {', '.join(known)}; got "
-                f"{', '.join(chosen)}; all draws are in `draws`"
+                f"names: expected up to {MAX_PARAMETERS} different parameters of "
+                f"{', '.join(known)}, got {', '.join(names)}. All draws are in `draws`"
             )
-        rows = {row.name: row for row in self.sampled.rows}
+        kind, found = "truth of the simulation", self.truth
+        if not found:
+            kind = "least-squares or nominal estimate"
+            found = self._shown(self.model.estimate)
+        rows = {row.name: row for row in self.sampled.rows if row.name in names}
         marks = {
-            name: value
-            for name, value in (self.truth or self._shown(self.model.estimate)).items()
-            if name in chosen
-            and abs(value - rows[name].mean) < _FAR * rows[name].deviation
+            name: found[name]
+            for name, row in rows.items()
+            if name in found and abs(found[name] - row.mean) < _MAX_MARK * row.deviation
         }
-        mark = (
-            "truth of the simulation"
-            if self.truth
-            else "least-squares or nominal estimate"
+        caption = f"Posterior of {self.name}, data {self.data_text}."
+        caption += f" Orange: {kind}." * bool(marks)
+        caption += " Contours hold 50 % and 95 % of the draws." * (len(names) > 1)
+        return pictured(
+            f"figure-posterior-{self.model.name}-corner" + "-own" * (not self._in_book),
+            partial(draw_corner, posterior=self.sampled, names=names, marks=marks),
+            f"Histograms and contours of {', '.join(names)} in the posterior.",
+            caption,
         )
-        caption = (
-            f"Posterior of {self.name}, data {self.told}."
-            + f" Orange: {mark}." * bool(marks)
-        )
-        caption += " Contours hold 50 % and 95 % of the draws." * (len(chosen) > 1)
-        alternative = (
-            f"Histograms and contours of {', '.join(chosen)} in the posterior."
-        )
-        paint = partial(_corner_plot, posterior=self.sampled, names=chosen, marks=marks)
-        return self._pictured("corner", paint, alternative, caption)
-
-    def traces(self) -> Html:
-        """Return the chains: the median of the walkers, a line for each ensemble."""
-        alternative = (
-            f"One panel for each parameter of {self.name}: lines against the step."
-        )
-        caption = f"Traces of {self.name}: the median of the walkers, a line for each ensemble."
-        paint = partial(_traces, posterior=self.sampled)
-        return self._pictured("traces", paint, alternative, caption)
-
-    def _pictured(
-        self, kind: str, paint: Paint, alternative: str, caption: str
-    ) -> Html:
-        name = f"figure-posterior-{self.model.name}-{kind}" + "-own" * (
-            not self._in_book
-        )
-        return pictured(name, paint, alternative, caption)
 
     def save(self, path: str | Path) -> Path:
-        """Write the draws, in the units shown: ``.csv``, or ``.nc`` for ArviZ.
+        """Write the draws, in the displayed units: ``.csv``, or ``.nc`` for ArviZ.
 
         The draws are nearly independent. An ``.nc`` file has the groups of ArviZ: posterior,
         sample_stats, log_likelihood, posterior_predictive, prior, prior_predictive and
@@ -412,12 +384,9 @@ class Posterior(Remade):
         if path.suffix.lower() == ".csv":
             write_text(path, export_frame(self.draws, "csv", self.about))
             return path
-        tree = self.sampled.to_datatree()
-        facts = {
-            "data": json.dumps(self.provenance),
-            "versions": json.dumps(_versions()),
-        }
-        tree.attrs |= {"kind_of_data": self.provenance["kind"], **facts, **self.about}
+        tree, data = self.sampled.to_datatree(), self.provenance
+        facts = {"data": json.dumps(data), "versions": json.dumps(_versions())}
+        tree.attrs |= {"kind_of_data": data["kind"], **facts, **self.about}
         with replacing(path) as part:
             tree.to_netcdf(part)
         return path
@@ -426,19 +395,17 @@ class Posterior(Remade):
     def check_file(path: str | Path) -> Path:
         """Return `path`, or raise `ValueError` before the sampling if it cannot be written."""
         path = check_target(path, DRAWS)
-        if path.suffix.lower() == ".nc" and not all(
-            map(find_spec, ("xarray", "h5netcdf"))
-        ):
+        packages = ("xarray", "h5netcdf") if path.suffix.lower() == ".nc" else ()
+        if not all(map(find_spec, packages)):
             raise ValueError(
                 f"path: {path} needs other packages. Install xarray and h5netcdf"
             )
         return path
 
     def cite(self, form: str = "bibtex") -> str:
-        """Return how to cite the paper that it rests on: bibtex, ris, csl or text."""
-        return beside(
-            "Posterior", self.name, self.declared.paper, self.declared.title, form
-        )
+        """Return its citation with that of the paper: bibtex, ris, csl or text."""
+        declared = self.declared
+        return beside("Posterior", self.name, declared.paper, declared.title, form)
 
     def rerun(self, **changes: Any) -> Self:
         """Return the same model with other arguments of `reproduce.posterior`, not yet sampled.
@@ -450,20 +417,14 @@ class Posterior(Remade):
 
     def record(self) -> dict[str, Any]:
         """Return everything of the summary for other programs."""
-        found = self.sampled
-        stars = {} if self._stars is None else {"stars": self._stars.to_dict("records")}
+        found, stars = self.sampled, self._stars
+        sizes = zip(("ensembles", "steps", "walkers"), found.chain.shape, strict=False)
         return {
             "model": found.model.name,
             "seed": found.seed,
-            **dict(
-                zip(
-                    ("ensembles", "steps", "walkers"),
-                    found.chain.shape[:3],
-                    strict=True,
-                )
-            ),
+            **dict(sizes),
             "acceptance": list(found.acceptance),
-            "at_prior_end": leanings(found),
+            "at_prior_end": prior_warnings(found),
             "modes": {name: modes._asdict() for name, modes in self.modes.items()},
             "parameters": [asdict(row) for row in found.rows],
             "consequences": [asdict(row) for row in found.consequences],
@@ -473,23 +434,30 @@ class Posterior(Remade):
             "misfit": misfit(self.checks),
             "versions": _versions(),
             "remarks": list(self.remarks),
-        } | stars
+        } | ({} if stars is None else {"stars": stars.to_dict("records")})
 
     def blocks(self) -> Iterator[Block]:
-        """Yield the summary, what follows from it, how precise it is, and warnings."""
-        true, found = self.truth, self.sampled.summaries()
-        head = ("Quantity", *(["truth"] if true else []), "mean ± sd", "95 % interval")
-        marks = {name: (minus(f"{value:.6g}"),) for name, value in true.items()}
-        none = ("",) if true else ()
+        """Yield the summary, the convergence, the false stars, and warnings."""
+        truth = {name: minus(f"{value:.6g}") for name, value in self.truth.items()}
         rows = [
-            (_titled(row.name, row.unit), *marks.get(row.name, none), *interval(row))
-            for row in found
+            (
+                row.name if row.unit == "1" else f"{row.name} ({row.unit})",
+                *((truth.get(row.name, ""),) if truth else ()),
+                *interval(row),
+            )
+            for row in self.sampled.summaries()
         ]
+        head = (
+            "Quantity",
+            *(("truth",) if truth else ()),
+            "mean ± sd",
+            "95 % interval",
+        )
         changed = f" Changed: {self.changes}." if self.changes else ""
         identifier = f"posterior-{self.name}" if self._in_book else ""
-        caption = f"Posterior {self.name}, data {self.told}.{changed}"
+        caption = f"Posterior {self.name}, data {self.data_text}.{changed}"
         yield Grid(caption, head, rows, identifier, whole=range(1, len(head)))
-        yield self._precision
+        yield self._convergence
         if false := self.false_stars:
             yield f"{false}."
         if not self._in_book:
@@ -498,27 +466,19 @@ class Posterior(Remade):
     @property
     def findings(self) -> list[str]:
         """Warnings: priors, modes, stars that a robust fit drops, predictive checks, the data."""
-        found = [
-            *leanings(self.sampled),
-            *map(self._bimodal, self.modes.items()),
-            self._dropped,
-        ]
+        modes = (
+            f"{name} has two modes: {100 * one.below:.0f} % of the draws near {one.low:.3g}, "
+            f"{100 * one.above:.0f} % near {one.high:.3g} (in {self.priors['unit'][name]}). Its "
+            "mean is neither"
+            for name, one in self.modes.items()
+        )
+        found = [*prior_warnings(self.sampled), *modes, self._dropped]
         return [one for one in (*found, misfit(self.checks), *self.remarks) if one]
 
     @cached_property
     def modes(self) -> dict[str, Modes]:
         """Two modes of each parameter that has two, with the fractions of the draws, by name."""
         return bimodal(self.sampled)
-
-    def _bimodal(self, found: tuple[str, Modes]) -> str:
-        name, modes = found
-        unit = next(
-            _unit(one.unit) for one in self.model.parameters if one.name == name
-        )
-        return (
-            f"{name} has two modes: {100 * modes.below:.0f} % of the draws near {modes.low:.3g}"
-            f"{unit}, {100 * modes.above:.0f} % near {modes.high:.3g}{unit}. Its mean is neither"
-        )
 
     @property
     def _dropped(self) -> str:
@@ -527,10 +487,8 @@ class Posterior(Remade):
         if self._stars is None or not isinstance(likelihood, MixtureRegistration):
             return ""
         fit = robust_similarity(likelihood.source, likelihood.target, likelihood.pivot)
-        dropped, false = (
-            (fit.weights == 0).sum(),
-            (self._stars["probability_false"] > 0.5).sum(),
-        )
+        dropped = (fit.weights == 0).sum()
+        false = (self._stars["probability_false"] > 0.5).sum()
         if dropped <= false:
             return ""
         return (
@@ -539,14 +497,15 @@ class Posterior(Remade):
         )
 
     @property
-    def _precision(self) -> str:
+    def _convergence(self) -> str:
         found, frame = self.sampled, self.frame()
         ensembles, steps, walkers = found.chain.shape[:3]
+        size = frame[["bulk", "tail"]].to_numpy().min()
         return (
             f"{ensembles} ensembles of {walkers} walkers, {steps} steps each, seed {found.seed}; "
             f"acceptance {min(found.acceptance):.2f} to {max(found.acceptance):.2f}, R-hat up to "
-            f"{frame['rhat'].max():.3f}, effective sample sizes from "
-            f"{frame[['bulk', 'tail']].to_numpy().min():.0f}; frame() has them of each quantity."
+            f"{frame['rhat'].max():.3f}, effective sample sizes from {size:.0f}; frame() has them "
+            "of each quantity."
         )
 
 
@@ -556,141 +515,29 @@ def _versions() -> dict[str, str]:
     return {"reproduce-pointing": __version__, **found}
 
 
-def _titled(name: str, unit: str) -> str:
-    """Write a name with its unit, if it has one."""
-    return name if unit == "1" else f"{name} ({unit})"
-
-
-def _unit(unit: str) -> str:
-    """Write a unit after a number."""
-    return "" if unit == "1" else f" {unit}"
-
-
 def spread(row: Summary) -> tuple[str, str, str, str]:
-    """Write the mean of a summary, its standard deviation and the ends of its 95 %."""
-    ends = (digits(row.low, row.mcse_end), digits(row.high, row.mcse_end))
-    return (digits(row.mean, row.mcse), f"{row.deviation:.2g}", *ends)
+    """Write the mean of a summary, its standard deviation and the bounds of its 95 %."""
+    low, high = (digits(bound, row.mcse_end) for bound in (row.low, row.high))
+    return digits(row.mean, row.mcse), f"{row.deviation:.2g}", low, high
 
 
 def interval(row: Summary) -> tuple[str, str]:
-    """Write mean ± standard deviation of a summary, and the ends of its 95 %."""
-    _, _, low, high = spread(row)
-    return moments(row.mean, row.deviation), minus(f"{low} to {high}")
+    """Write mean ± standard deviation of a summary, and the bounds of its 95 %."""
+    return moments(row.mean, row.deviation), minus(" to ".join(spread(row)[2:]))
 
 
 def _prior(
     parameter: inference.Parameter, prior: inference.Prior | tuple[float, float]
 ) -> inference.Prior:
-    """Return a user's prior in SI units; its numbers are in the displayed unit."""
-    if isinstance(prior, inference.Prior):
-        return prior.in_unit(1 / parameter.shown)
-    try:
-        low, high = (float(one) for one in prior)
-        if low < 0 and isinstance(parameter.prior, inference.LogUniform):
-            raise ValueError(f"expected zero or more, got {low:g}")
-        return inference.Uniform(low, high, "a reader's own").in_unit(
-            1 / parameter.shown
-        )
-    except (TypeError, ValueError) as error:
-        raise ValueError(
-            f"prior of {parameter.name}: {error}. Give two bounds"
-        ) from error
-
-
-_Values = NDArray[np.float64]
-# More draws than this do not change the contours, nor more points a trace.
-_POINTS, _TRACE_POINTS = 10_000, 45
-# Parameters of a corner plot: with more its labels could not be read.
-_MOST = 5
-# What of the draws an axis leaves out on either side.
-_TAILS = (0.002, 0.998)
-# Of a corner plot, in inches: the room for ticks and labels, and how far out a label clears ticks
-# of seven digits, as of a scale.
-_EDGES, _BELOW = 1.1, 0.68
-_SMALL = 8.0  # points
-_BLUE, _ORANGE = "#0072B2", "#D55E00"
-
-
-def _traces(figure: Figure, posterior: Sampled) -> None:
-    """Draw the median of the walkers of every ensemble against its steps."""
-    parameters = posterior.model.parameters
-    stride = max(1, posterior.chain.shape[1] // _TRACE_POINTS)
-    medians = np.median(posterior.chain[:, ::stride], axis=2)
-    steps = np.arange(medians.shape[1]) * stride
-    sized(figure, 6.8, 0.9 * len(parameters) + 0.6)
-    panels = figure.subplots(len(parameters), sharex=True, squeeze=False).ravel()
-    for i, (axes, parameter) in enumerate(zip(panels, parameters, strict=True)):
-        axes.plot(steps, parameter.shown * medians[..., i].T, linewidth=0.7)
-        axes.set_ylabel(
-            _titled(f"${parameter.label}$", parameter.unit), fontsize=_SMALL
-        )
-        axes.tick_params(labelsize=_SMALL)
-        axes.locator_params(axis="y", nbins=2)
-        axes.grid(visible=False)
-    panels[-1].set_xlabel("step", fontsize=_SMALL)
-
-
-def _corner_plot(
-    figure: Figure, posterior: Sampled, names: Sequence[str], marks: Mapping[str, float]
-) -> None:
-    """Draw the corner plot of some parameters, with marks in the unit shown where there are any."""
-    import corner
-
-    columns = [posterior.model.names.index(name) for name in names]
-    chosen = [posterior.model.parameters[i] for i in columns]
-    rows = posterior.draws[:, columns]
-    rows = rows[np.linspace(0, len(rows) - 1, min(_POINTS, len(rows))).astype(int)]
-    values = rows * [one.shown for one in chosen]
-    marked = [marks.get(one) for one in names]
-    side = NARROW if thin(figure) else min(6.8, 1.3 * len(chosen) + 1.2)
-    figure.set_layout_engine(None)
-    figure.set_size_inches(side, side)
-    corner.corner(
-        values,
-        range=[_span(*pair) for pair in zip(values.T, marked, strict=True)],
-        fig=figure,
-        labels=[
-            _titled(f"${one.label}$", one.unit).replace(" (", "\n(") for one in chosen
-        ],
-        label_kwargs={"fontsize": _SMALL},
-        max_n_ticks=3,
-        truths=marked,
-        truth_color=_ORANGE,
-        quiet=True,
-        color=_BLUE,
-        bins=20,
-        smooth=1.0,
-        levels=(0.5, 0.95),
-        plot_datapoints=False,
-        plot_density=False,
-        no_fill_contours=True,
-    )
-    below = -_BELOW * len(chosen) / (side - _EDGES)
-    for axes in figure.axes:
-        axes.tick_params(labelsize=_SMALL)
-        axes.grid(visible=False)
-        axes.xaxis.set_label_coords(0.5, below)
-        axes.yaxis.set_label_coords(below, 0.5)
-        for axis in (
-            axes.xaxis,
-            axes.yaxis,
-        ):  # numbers near the ends would meet their neighbours
-            ticks, (low, high) = (
-                np.asarray(axis.get_majorticklocs()),
-                axis.get_view_interval(),
-            )
-            axis.set_ticks(ticks[np.abs(ticks - (low + high) / 2) < 0.4 * (high - low)])
-    figure.subplots_adjust(
-        left=_EDGES / side, bottom=_EDGES / side, right=1 - 0.15 / side, top=0.99
-    )
-
-
-def _span(values: _Values, mark: float | None) -> tuple[float, float]:
-    """Return the ends of an axis: nearly all draws, and the mark."""
-    low, high = np.quantile(values, _TAILS).tolist()
-    beside = 0.05 * (high - low)
-    return (
-        (low, high)
-        if mark is None
-        else (min(low, mark - beside), max(high, mark + beside))
-    )
+    """Return your prior in SI units; its numbers are in the displayed unit."""
+    if not isinstance(prior, inference.Prior):
+        try:
+            low, high = (float(one) for one in prior)
+            if low < 0 and isinstance(parameter.prior, inference.LogUniform):
+                raise ValueError(f"expected zero or more, got {low:g}")
+            prior = inference.Uniform(low, high, "bounds given by the user")
+        except (TypeError, ValueError) as error:
+            raise ValueError(
+                f"prior of {parameter.name}: {error}. Give two bounds"
+            ) from error
+    return prior.in_unit(1 / parameter.shown)

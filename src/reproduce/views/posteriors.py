@@ -1,14 +1,13 @@
-"""All posteriors of the book at once: what they say, how far to trust them, files they take."""
+"""All posteriors of the book: results, diagnostics, and the tables that they accept."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import NamedTuple
 
 import pandas as pd
 from markupsafe import Markup
 
-from reproduce.inference import Gates
+from reproduce.inference import ConvergenceCriteria
 from reproduce.papers.declare import words
 from reproduce.papers.posteriors import posteriors
 from reproduce.printed.cells import find
@@ -20,50 +19,14 @@ from reproduce.views.numbers import digits, minus, percent
 from reproduce.views.posterior import Posterior, book_posterior, interval
 from reproduce.views.verdicts import quantity
 
-# Standard deviations too small by a share in %: columns of the calibrations that tell their power.
-_NARROW = {"10": "narrow_10", "5": "narrow_5"}
-# The share of right curves that leave their own band.
+# Standard deviations too small by 10 and 5 %: columns of the calibrations with their power.
+_POWERS = {"10": "narrow_10", "5": "narrow_5"}
+# The fraction of right curves that leave their own band.
 _OUTSIDE = 0.05
 
 
-class _Said(NamedTuple):
-    """A quantity of `_SAID`: a label, a posterior, its name there, the cell that prints it.
-
-    What a cell prints has the label of the cell.
-    """
-
-    label: str
-    posterior: str
-    name: str
-    cell: str = ""
-
-
-_SAID = (
-    *(
-        _Said(
-            "",
-            "registration-joint",
-            f"{channel}-{row.replace('translation', 'shift')}",
-            f"niu2024/table-3#{row}.{channel}",
-        )
-        for channel in ("red", "blue")
-        for row in ("scale", "rotation", "translation-x", "translation-y")
-    ),
-    _Said("", "registration-joint", "noise", "niu2024/text-simulation#noise"),
-    *(
-        _Said(f"Misalignment about {axis.upper()}", "misalignment", f"angle-{axis}")
-        for axis in "xyz"
-    ),
-    *(
-        _Said(f"Drift about {axis.upper()}", "misalignment-drift", f"drift-{axis}")
-        for axis in "xyz"
-    ),
-    _Said("Position on the ground, corrected", "misalignment", "position error"),
-)
-
-
 class Posteriors(Display):
-    """Every posterior of the book: what all say, beside the print and the verdict of the print."""
+    """Every posterior of the book, with the printed values and their verdicts."""
 
     def blocks(self) -> Iterator[Block]:
         """Yield one table of all."""
@@ -75,45 +38,45 @@ class Posteriors(Display):
             "Truth of our simulation",
             "Verdict of the print",
         )
-        yield Grid(
-            words("posteriors/all").caption,
-            head,
-            list(map(_summarised, _SAID)),
-            "posteriors",
-        )
+        rows = [
+            _summarised(key, name, text)
+            for key, one in posteriors().items()
+            for name, text in one.summary.items()
+        ]
+        yield Grid(words("posteriors/all").caption, head, rows, "posteriors")
 
     @property
     def models(self) -> Blocks:
-        """What each is about, and the columns of a file of one's own that it takes."""
+        """Titles of the models, and the columns of a table of your data."""
         about = [(name, one.paper, one.title) for name, one in posteriors().items()]
+        files: dict[tuple[str, str], list[str]] = {}
+        for key, one in posteriors().items():
+            known = ("none", one.file) if isinstance(one.file, str) else one.file.texts
+            files.setdefault(known, []).append(key)
+        columns = [(", ".join(keys), *known) for known, keys in files.items()]
         heads = ("Models", "Columns", "What they hold")
+        models = ("Model", "Paper", "About")
         return Blocks(
             (
-                Grid(
-                    "The models.",
-                    ("Model", "Paper", "About"),
-                    about,
-                    words=3,
-                    whole=(0, 1),
-                ),
-                Grid(words("posteriors/models").caption, heads, _files(), words=3),
+                Grid("The models.", models, about, words=3, whole=(0, 1)),
+                Grid(words("posteriors/models").caption, heads, columns, words=3),
             )
         )
 
     def titles(self) -> dict[str, str]:
-        """Return what each is about, by its name."""
+        """Return the titles by name."""
         return {name: one.title for name, one in posteriors().items()}
 
     def diagnostics(self, paper: str) -> Blocks:
-        """Show how far the posteriors of a paper can be trusted: chains and calibration of each."""
+        """Return chains and calibration of each posterior of a paper."""
         stored = studies.table("calibrations")
         trials = stored.attrs["trials"]
         names = [name for name, one in posteriors().items() if one.paper == paper]
         stored = stored[stored["posterior"].isin(names)]
         models = stored.groupby("posterior", sort=False)
-        rows = [_trusted(str(name), one, trials) for name, one in models]
-        least, count, gates = stored["even"].min(), len(stored), Gates()
-        found_out = (f"sd {share} % too small leaves its band" for share in _NARROW)
+        rows = [_diagnosed(str(name), one, trials) for name, one in models]
+        least, count, limits = stored["even"].min(), len(stored), ConvergenceCriteria
+        powers = (f"sd {share} % too small leaves its band" for share in _POWERS)
         head = (
             "Model",
             "R-hat, largest",
@@ -125,14 +88,14 @@ class Posteriors(Display):
             "quantities",
             "smallest p (even)",
             "95 % covers",
-            *found_out,
+            *powers,
         )
         caption = words("posteriors/diagnostics").caption.format(
             paper=paper,
-            rhat=gates.rhat,
-            times=gates.times,
-            size=gates.size,
-            acceptance=gates.acceptance,
+            rhat=limits.rhat,
+            times=limits.times,
+            size=limits.size,
+            acceptance=limits.acceptance,
             count=count,
             band=100 * (1 - _OUTSIDE),
             outside=(stored["even"] < _OUTSIDE).sum(),
@@ -143,32 +106,27 @@ class Posteriors(Display):
         return Blocks((Grid(caption, head, rows),))
 
 
-def _summarised(one: _Said) -> tuple[Entry, ...]:
-    """Return the row of a quantity: label, print, mean ± sd, interval, truth, verdict."""
-    row = next(
-        row for row in book_posterior(one.posterior).summaries() if row.name == one.name
-    )
+def _summarised(key: str, name: str, text: str) -> tuple[Entry, ...]:
+    """Return the row of a quantity: label, print, mean ± sd, interval, truth, verdict.
+
+    `text` is the address of the printed cell, or a label.
+    """
+    row = next(row for row in book_posterior(key).summaries() if row.name == name)
     mark = symbol(row.unit) if row.unit in UNITS else row.unit
-    mean, ends = (quantity(text, mark) for text in interval(row))
-    truth = Posterior(one.posterior).truth.get(one.name)
+    mean, ends = (quantity(one, mark) for one in interval(row))
+    truth = Posterior(key).truth.get(name)
     known = "" if truth is None else minus(quantity(f"{truth:.6g}", mark))
-    label, printed, verdict = one.label, Markup(""), Markup("")
-    if one.cell:
-        (cell,) = find(one.cell)
-        label, printed = cell.label, link(cell.anchor, cell.shown)
-        verdict = badge(item_ledger(one.cell.partition("#")[0]).cell(one.cell).verdict)
-    return (
-        link(f"posterior-{one.posterior}", label),
-        printed,
-        mean,
-        ends,
-        known,
-        verdict,
-    )
+    printed, verdict = Markup(""), Markup("")
+    if "#" in text:
+        (cell,) = find(text)
+        printed = link(cell.anchor, cell.shown)
+        verdict = badge(item_ledger(text.partition("#")[0]).cell(text).verdict)
+        text = cell.label
+    return link(f"posterior-{key}", text), printed, mean, ends, known, verdict
 
 
-def _trusted(name: str, stored: pd.DataFrame, trials: int) -> tuple[str, ...]:
-    """Return the line of a posterior: its chains, then its calibration."""
+def _diagnosed(name: str, stored: pd.DataFrame, trials: int) -> tuple[str, ...]:
+    """Return the row of a posterior: chains, then calibration."""
     found = book_posterior(name)
     least, wide = stored.sort_values("even").iloc[0], 100 * stored["covers_95"]
     return (
@@ -182,19 +140,5 @@ def _trusted(name: str, stored: pd.DataFrame, trials: int) -> tuple[str, ...]:
         str(len(stored)),
         digits(least["even"], least["even_error"]),
         f"{wide.min():.1f} to {wide.max():.1f} %",
-        *(percent(least[column], trials) for column in _NARROW.values()),
+        *(percent(least[column], trials) for column in _POWERS.values()),
     )
-
-
-def _files() -> list[tuple[str, str, str]]:
-    """Say for a user's own files: models, their columns, what these hold, or why there are none."""
-    found: dict[tuple[str, str], list[str]] = {}
-    for key, declared in posteriors().items():
-        file = declared.file
-        known = (
-            ("none", file)
-            if isinstance(file, str)
-            else (", ".join(file.columns), file.meaning)
-        )
-        found.setdefault(known, []).append(key)
-    return [(", ".join(keys), *known) for known, keys in found.items()]

@@ -1,16 +1,11 @@
 """Models of the posteriors: which file serves which posterior.
 
-- registration, registration-joint, and their predictions of new stars: `registration`.
-- registration of your stars, with any model and known errors: `fitted`.
+- registration of the book and of your stars, registration-joint, predictions of new stars:
+  `registration`.
 - registration-distortion, registration-mixture: `mixture`, star by star.
 - misalignment, misalignment-drift: `misalignment`, of many images, and without a sampler.
 """
 
-from reproduce.inference.models.fitted import (
-    FittedRegistration,
-    exact_draws,
-    fitted_model,
-)
 from reproduce.inference.models.misalignment import (
     AXES,
     MOUNT,
@@ -30,7 +25,8 @@ from reproduce.inference.models.registration import (
     GaussianRegistration,
     JointRegistration,
     NewStars,
-    Together,
+    exact_draws,
+    fitted_model,
     joint_model,
     registration_model,
 )

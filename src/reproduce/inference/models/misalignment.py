@@ -1,22 +1,11 @@
-"""The camera's misalignment from laser centroids in pixels: still, or drifting.
+"""Misalignment of a camera from laser spots in pixels: constant, or with a linear drift.
 
-The calibration group is data like any other: the zero attitude is a parameter, so its error is
-in the posterior of the misalignment. Angles in radians, right-handed about the camera's axes
-(`physics.attitude.angles` states the sign); spots in px.
-
-The posterior of a misalignment in the small-angle limit: exact, without a sampler.
-
-About its best fit the prediction of the spots is linear in the angles, in the scale and in the
-directions, all their priors are Gaussian, and only the noise is left: given it the posterior is
-Gaussian, and the noise itself has a density of one dimension. With a flat prior this would be the
-Student-t of the registration; here the priors are kept.
-
-What the likelihood needs of many images.
-
-A group is a run of images of the same lasers. While the camera stands still, the mean of every
-spot and the pooled scatter are sufficient; while it drifts evenly, the slope of every spot joins
-them. Times within a group run as u from -1 to 1. Spots have shape (groups, lasers, 2), in px;
-angles in radians; frames and signs are those of `physics.attitude`.
+The calibration group is data like any other: the zero attitude is a parameter, so its error is in
+the posterior of the misalignment. A group is a run of images of the same lasers. For a camera at
+rest, the mean of each spot and the pooled scatter are sufficient; with a linear drift, the slope
+of each spot is needed too. Times within a group run as u from -1 to 1. Spots have shape
+(groups, lasers, 2), in px; angles are in radians, right-handed about the axes of the camera;
+frames and signs are those of `physics.attitude`.
 """
 
 from __future__ import annotations
@@ -30,8 +19,16 @@ from scipy.special import logsumexp
 
 from reproduce.inference import Derived, LogUniform, Model, Normal, Parameter, Prior
 from reproduce.physics.attitude import Platform
-from reproduce.physics.validate import FloatArray, finite_array
+from reproduce.physics.validate import FloatArray
 from reproduce.units import ARCSEC_PER_RADIAN
+
+AXES = "xyz"
+# Standard deviation of the prior of the zero attitude, in radians.
+MOUNT = 5e-3
+# Steps of the central differences, as fractions of the scale of each parameter.
+_STEP = 1e-3
+# Points over the noise of the small-angle posterior, and their range in its standard errors.
+POINTS, REACH = 401, 9.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +38,7 @@ class SpotStatistics:
     - `means`, `slopes`, (groups, lasers, 2): mean of each coordinate over the images, and its slope
       against u; in px.
     - `counts`, (groups,): images in each group.
-    - `levers`, (groups,): sum of the squared u of each group; zero where no slope was taken.
+    - `levers`, (groups,): sum of the squared u of each group; zero for a camera at rest.
     - `squares`: sum of all squared deviations from means (and slopes), in px^2.
     """
 
@@ -54,73 +51,45 @@ class SpotStatistics:
     @property
     def freedom(self) -> int:
         """Degrees of freedom of `squares`."""
-        per_group = self.counts - 1 - (self.levers > 0)
-        return int(per_group.sum() * self.means[0].size)
+        return self.size - self.means.size - self.slopes[self.levers > 0].size
 
     @property
     def size(self) -> int:
-        """Number of coordinates measured."""
+        """Number of measured coordinates."""
         return int(self.counts.sum() * self.means[0].size)
 
     @classmethod
     def of(cls, images: list[FloatArray], drifts: tuple[bool, ...]) -> SpotStatistics:
         """Reduce images (frames, lasers, 2) of each group, evenly spaced in time, in px.
 
-        `drifts` says within which groups the camera may drift.
+        `drifts` contains for each group whether the camera may drift in it.
         """
-        means, slopes, levers, squares = [], [], [], 0.0
-        for group, (spots, drift) in enumerate(zip(images, drifts, strict=True)):
-            spots = finite_array(
-                f"images of group {group + 1}", spots, shape=(None, None, 2)
-            )
-            times = np.linspace(-1, 1, len(spots))
-            lever = float(times @ times) if drift else 0.0
-            mean = spots.mean(axis=0)
-            slope = (
-                np.tensordot(times, spots - mean, axes=1) / lever if drift else 0 * mean
-            )
+        rows, squares = [], 0.0
+        for spots, drift in zip(images, drifts, strict=True):
+            times = drift * np.linspace(-1, 1, len(spots))
+            lever, mean = float(times @ times), spots.mean(axis=0)
+            slope = np.tensordot(times, spots - mean, axes=1) / (lever or 1.0)
             left = spots - mean - times[:, None, None] * slope
             squares += float(np.square(left).sum())
-            means.append(mean)
-            slopes.append(slope)
-            levers.append(lever)
-        counts = np.array([float(len(spots)) for spots in images])
-        return cls(np.stack(means), np.stack(slopes), counts, np.array(levers), squares)
-
-    def log_likelihood(
-        self, start: FloatArray, end: FloatArray, noise: FloatArray
-    ) -> FloatArray:
-        """Log likelihood of white Gaussian noise about paths that are straight in time.
-
-        The spots predicted at u = -1 and u = 1 have shape (n, groups, lasers, 2). Exact for
-        straight paths. A path that bends by b px changes it by less than size times b times the
-        misfit over noise^2: nothing near the posterior of a camera that turns by arc seconds.
-        """
-        off_mean = (
-            np.square(self.means - 0.5 * (start + end)).sum(axis=(-2, -1)) @ self.counts
+            rows.append((mean, slope, float(len(spots)), lever))
+        means, slopes, counts, levers = (
+            np.array(column) for column in zip(*rows, strict=True)
         )
-        off_slope = (
-            np.square(self.slopes - 0.5 * (end - start)).sum(axis=(-2, -1))
-            @ self.levers
-        )
-        squares = self.squares + off_mean + off_slope
-        return np.asarray(
-            -self.size * np.log(noise)
-            - squares / (2 * noise**2)
-            - 0.5 * self.size * np.log(2 * np.pi)
-        )
+        return cls(means, slopes, counts, levers, squares)
 
-
-AXES = "xyz"
-# Width of the prior of the zero attitude, in radians.
-MOUNT = 5e-3
-# Steps of the central differences, as shares of each parameter's own scale.
-_STEP = 1e-3
+    def weighted(self, means: FloatArray, slopes: FloatArray) -> FloatArray:
+        """Return (n, groups, lasers, 2) as (n, m), each with the variance of one image."""
+        roots = (np.sqrt(self.counts), np.sqrt(self.levers))
+        parts = (
+            (part * root[:, None, None]).reshape(len(part), -1)
+            for part, root in zip((means, slopes), roots, strict=True)
+        )
+        return np.concatenate([*parts], axis=1)
 
 
 @dataclass(frozen=True, eq=False)
 class SpotLikelihood:
-    """Spots of two groups: the zero point, and a misalignment that may drift evenly.
+    """Spots of two groups: the zero point, and a misalignment that may drift linearly.
 
     - `platform`: the instrument.
     - `statistics`: the data.
@@ -137,33 +106,34 @@ class SpotLikelihood:
     statistics: SpotStatistics
     drifts: bool = False
 
-    def turns(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Misalignment at the start and at the end of each group, (n, groups, 3)."""
-        angle = parameters[:, 3:6]
-        zero = np.zeros_like(angle)
-        half = 0.5 * parameters[:, 6:9] if self.drifts else zero
-        return np.stack([zero, angle - half], axis=1), np.stack(
-            [zero, angle + half], axis=1
-        )
-
-    def landed(self, parameters: FloatArray, turn: FloatArray) -> FloatArray:
-        """Spots after turns of shape (n, groups, 3), in px."""
-        mount, scale = parameters[:, :3], parameters[:, -2]
-        return self.platform.predicted(
-            mount, turn, scale[:, None, None] * self.platform.lasers
-        )
-
     def paths(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Predicted spots at the start and at the end of each group, in px."""
-        first, last = self.turns(parameters)
-        start = self.landed(parameters, first)
-        return start, self.landed(parameters, last) if self.drifts else start
+        """Return spots at the start and the end, (n, groups, lasers, 2), in px."""
+        mount, angle = parameters[:, :3], parameters[:, 3:6]
+        lasers = parameters[:, -2, None, None] * self.platform.lasers
+        turns = [angle]
+        if self.drifts:
+            half = 0.5 * parameters[:, 6:9]
+            turns = [angle - half, angle + half]
+        found = [
+            self.platform.predicted(mount, np.stack([0 * one, one], axis=1), lasers)
+            for one in turns
+        ]
+        return found[0], found[-1]
 
     def __call__(self, parameters: FloatArray) -> FloatArray:
-        """Log likelihood, shape (n,)."""
-        return self.statistics.log_likelihood(
-            *self.paths(parameters), parameters[:, -1]
-        )
+        """Return the log likelihood of white Gaussian noise, shape (n,).
+
+        Exact for straight paths. A path that bends by b px changes it by less than size times b
+        times the misfit over noise^2: nothing near the posterior of a camera that turns by arc
+        seconds.
+        """
+        data, noise = self.statistics, parameters[:, -1]
+        start, end = self.paths(parameters)
+        off_mean = np.square(data.means - 0.5 * (start + end)).sum(axis=(-2, -1))
+        off_slope = np.square(data.slopes - 0.5 * (end - start)).sum(axis=(-2, -1))
+        squares = data.squares + off_mean @ data.counts + off_slope @ data.levers
+        constant = -data.size * (np.log(noise) + 0.5 * np.log(2 * np.pi))
+        return np.asarray(constant - squares / (2 * noise**2))
 
     @property
     def observed(self) -> dict[str, FloatArray]:
@@ -171,39 +141,34 @@ class SpotLikelihood:
         return {"spots": self.statistics.means}
 
     def pointwise(self, parameters: FloatArray) -> FloatArray:
-        """Log likelihood of the mean of each spot, shape (n, groups, lasers)."""
+        """Return the log likelihood of the mean of each spot, shape (n, groups, lasers)."""
         start, end = self.paths(parameters)
         off = np.square(self.statistics.means - 0.5 * (start + end)).sum(axis=-1)
-        variance = (
-            np.square(parameters[:, -1])[:, None, None]
-            / self.statistics.counts[:, None]
-        )
+        variance = parameters[:, -1, None, None] ** 2 / self.statistics.counts[:, None]
         return np.asarray(-np.log(2 * np.pi * variance) - off / (2 * variance))
 
     def simulate(self, parameters: FloatArray, generator: Generator) -> SpotStatistics:
-        """Statistics of as many images for one parameter vector."""
+        """Return the statistics of as many images for one parameter vector."""
         (start,), (end,) = self.paths(parameters[None])
         images, counts = [], self.statistics.counts.astype(int)
         for first, last, count in zip(start, end, counts, strict=True):
             path = first + np.linspace(0, 1, count)[:, None, None] * (last - first)
-            images.append(
-                path + float(parameters[-1]) * generator.standard_normal(path.shape)
-            )
+            noise = generator.standard_normal(path.shape)
+            images.append(path + float(parameters[-1]) * noise)
         return SpotStatistics.of(images, tuple(self.statistics.levers > 0))
 
     def given(self, data: SpotStatistics) -> Self:
-        """The same instrument with other spots."""
+        """Return the same instrument with other spots."""
         return replace(self, statistics=data)
 
     def start(self) -> tuple[FloatArray, FloatArray]:
-        """Three Gauss-Newton steps from rough values, ridged by their scales; and errors."""
-        noise = np.sqrt(self.statistics.squares / self.statistics.freedom)
-        # Rough values and scales of all but the noise: some arc minutes, a tenth.
+        """Return three Gauss-Newton steps from rough values, and standard errors."""
+        freedom = self.statistics.freedom
+        noise = np.sqrt(self.statistics.squares / freedom)
+        # Rough values and scales of all parameters but the noise: some arc minutes, a tenth.
         angles = 9 if self.drifts else 6
-        rough, scale = (
-            np.append(np.zeros(angles), 1.0),
-            np.append(np.full(angles, 1e-2), 0.3),
-        )
+        rough, scale = np.zeros(angles + 1), np.full(angles + 1, 1e-2)
+        rough[-1], scale[-1] = 1.0, 0.3
         centre = rough
         for _ in range(3):
             response, left = self.linearised(np.append(centre, noise), scale)
@@ -211,61 +176,45 @@ class SpotLikelihood:
             pull = response.T @ left / noise**2 - (centre - rough) / scale**2
             centre = centre + np.linalg.solve(normal, pull)
         errors = np.sqrt(np.diagonal(np.linalg.inv(normal)))
-        noise_error = noise / np.sqrt(2 * self.statistics.freedom)
-        return np.append(centre, noise), np.append(errors, noise_error)
+        return np.append(centre, noise), np.append(errors, noise / np.sqrt(2 * freedom))
 
     def linearised(
         self, centre: FloatArray, scale: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Response of the weighted statistics to all parameters but the noise, and what is left.
+        """Return derivatives and residuals of the weighted statistics, (m, d - 1) and (m,).
 
-        Derivatives, (m, d - 1), of mean times root count, then of slope times root lever; measured
-        less predicted, (m,), weighted alike: each has the standard deviation of the noise.
+        Derivatives by all parameters but the noise. Each residual, measured minus predicted, has
+        the standard deviation of the noise.
         """
-        steps = np.zeros((2 * len(scale), len(centre)))
-        steps[::2, :-1], steps[1::2, :-1] = (
-            np.diag(_STEP * scale),
-            -np.diag(_STEP * scale),
-        )
-        start, end = self.paths(np.concatenate([centre[None], centre + steps]))
-        found = self._weigh(0.5 * (start + end), 0.5 * (end - start))
-        response = (found[1::2] - found[2::2]) / (2 * _STEP * scale)[:, None]
-        measured = self._weigh(
-            self.statistics.means[None], self.statistics.slopes[None]
-        )[0]
-        return response.T, measured - found[0]
-
-    def _weigh(self, means: FloatArray, slopes: FloatArray) -> FloatArray:
-        roots = (np.sqrt(self.statistics.counts), np.sqrt(self.statistics.levers))
-        parts = [
-            (part * root[:, None, None]).reshape(len(part), -1)
-            for part, root in zip((means, slopes), roots, strict=True)
-        ]
-        return np.concatenate(parts, axis=1)
+        steps = np.zeros((2, len(scale), len(centre)))
+        steps[:, :, :-1] = np.multiply.outer([1, -1], np.diag(_STEP * scale))
+        start, end = self.paths(np.vstack([centre, *(centre + steps)]))
+        data = self.statistics
+        found = data.weighted(0.5 * (start + end), 0.5 * (end - start))
+        ahead, behind = np.split(found[1:], 2)
+        response = (ahead - behind) / (2 * _STEP * scale)[:, None]
+        return response.T, data.weighted(data.means[None], data.slopes[None])[
+            0
+        ] - found[0]
 
     def residual(self) -> float:
-        """Standard deviation of a coordinate about least squares, the misfit in it, in px."""
-        centre = np.append(self.start()[0][:-1], 1.0)
-        # At a noise of one pixel the log likelihood is minus half the squares, and a constant.
-        squares = -2 * float(self(centre[None])[0]) - self.statistics.size * np.log(
-            2 * np.pi
+        """Return the standard deviation of a coordinate about least squares, in px."""
+        centre, spread = self.start()
+        left = self.linearised(centre, spread[:-1])[1]
+        return float(
+            np.sqrt((self.statistics.squares + left @ left) / self.statistics.size)
         )
-        return float(np.sqrt(squares / self.statistics.size))
 
     def checks(self, data: SpotStatistics | None = None) -> dict[str, float]:
-        """Scatter, shape of the pattern and motion of its centre, in px."""
+        """Return scatter, shape of the pattern and motion of its centre, in px."""
         data = data or self.statistics
-        pattern = np.ptp(data.means.mean(axis=0), axis=0)
-        centres = data.means.mean(axis=1)
+        width, height = np.ptp(data.means.mean(axis=0), axis=0)
+        x, y = (data.means[-1] - data.means[0]).mean(axis=0)
         return {
             "scatter of one image (px)": float(np.sqrt(data.squares / data.freedom)),
-            "pattern, wider than high (px)": float(pattern[0] - pattern[1]),
-            "centre, last less first group, x (px)": float(
-                centres[-1, 0] - centres[0, 0]
-            ),
-            "centre, last less first group, y (px)": float(
-                centres[-1, 1] - centres[0, 1]
-            ),
+            "pattern, wider than high (px)": float(width - height),
+            "centre, last less first group, x (px)": float(x),
+            "centre, last less first group, y (px)": float(y),
         }
 
 
@@ -288,7 +237,7 @@ def misalignment_model(
     statistics: SpotStatistics,
     *,
     drifts: bool = False,
-    derived: Derived | None = None,
+    derived: tuple[Derived, ...] = (),
 ) -> Model:
     """A misalignment from two groups of images, the first at the zero point.
 
@@ -332,22 +281,18 @@ def misalignment_model(
     return Model(name, parameters, likelihood, {}, derived)
 
 
-# Points over the noise, and how many of its own errors they reach.
-POINTS, REACH = 401, 9.0
-
-
 def small_angle_posterior(model: Model) -> tuple[FloatArray, FloatArray]:
     """Return the posterior of a misalignment whose prediction is replaced by its tangent.
 
     Mean, (d,), and covariance, (d, d), of all parameters, the noise last. Exact in the limit of
-    small angles; every prior but that of the noise has to be a `Normal`.
+    small angles; each prior but that of the noise has to be a `Normal`.
     """
     noise, weight, means, roots = _given_noise(model)
-    mean = np.append(weight @ means, weight @ noise)
-    rows = np.column_stack([means, noise]) - mean
-    covariance = np.einsum("m,mi,mj->ij", weight, rows, rows)
+    rows = np.column_stack([means, noise])
+    mean = weight @ rows
+    covariance = ((rows - mean).T * weight) @ (rows - mean)
     covariance[:-1, :-1] += np.einsum("m,mik,mjk->ij", weight, roots, roots)
-    return mean, np.asarray(covariance)
+    return mean, covariance
 
 
 def _given_noise(model: Model) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
@@ -358,13 +303,13 @@ def _given_noise(model: Model) -> tuple[FloatArray, FloatArray, FloatArray, Floa
     whose product with its transpose is the covariance.
     """
     likelihood = model.likelihood_of(SpotLikelihood)
-    priors = [parameter.prior for parameter in model.parameters[:-1]]
-    if not all(isinstance(prior, Normal) for prior in priors):
+    *others, last = (one.prior for one in model.parameters)
+    priors = [(one.mean, one.sigma) for one in others if isinstance(one, Normal)]
+    if len(priors) < len(others):
         raise TypeError(
             "model: expected Gaussian priors of all parameters but the noise"
         )
-    sigma = np.array([prior.sigma for prior in priors if isinstance(prior, Normal)])
-    middle = np.array([prior.mean for prior in priors if isinstance(prior, Normal)])
+    middle, sigma = np.array(priors).T
     centre, spread = likelihood.start()
     scale = spread[:-1]
     response, left = likelihood.linearised(centre, scale)
@@ -377,12 +322,9 @@ def _given_noise(model: Model) -> tuple[FloatArray, FloatArray, FloatArray, Floa
     pull = response.T @ left * precise + held * off
     means = np.einsum("mij,mj->mi", inverse, pull)
     roots = np.linalg.cholesky(inverse)
-    statistics = likelihood.statistics
-    logs = -statistics.size * np.log(noise) + model.parameters[-1].prior.log_density(
-        noise
-    )
-    logs -= 0.5 * (statistics.squares + left @ left) / noise**2
-    logs += 0.5 * np.einsum("mi,mi->m", means, pull)
+    squares = likelihood.statistics.squares + left @ left
+    logs = last.log_density(noise) - likelihood.statistics.size * np.log(noise)
+    logs += 0.5 * (np.vecdot(means, pull) - squares / noise**2)
     logs += np.log(np.diagonal(roots, axis1=1, axis2=2)).sum(axis=1)
     weight = np.exp(logs - logsumexp(logs))
     return noise, weight, centre[:-1] + means * scale, roots * scale[:, None]

@@ -1,9 +1,9 @@
-"""Posteriors of chen2023: the misalignment of the simulated platform, still or drifting.
+"""Posteriors of chen2023: the misalignment of the simulated platform, constant or drifting.
 
 The spots of single images are not published. The misalignments therefore take one simulation of
-the platform, with the printed spots, their printed scatter and a seed of our own.
+the platform, with the printed spots, their printed scatter and a seed of this project.
 
-The images of a group of a user's spots are in the order of time, evenly spaced.
+The images of a group of your spots are in the order of time, evenly spaced.
 """
 
 from __future__ import annotations
@@ -33,41 +33,33 @@ READS = (*INSTRUMENT, SCATTER, _FRAMES, *satellite.CAMERA)
 # The misalignment of the simulation: as large as the text expects on orbit, with a roll.
 _TRUTH = np.array([20.0, -15.0, 30.0]) / ARCSEC_PER_RADIAN
 _DRIFT = np.array([1.0, 0.5, 0.0]) / ARCSEC_PER_RADIAN
-# A prior this many times as wide as what the data show is hardly felt, yet proper.
-_GENEROUS = 20.0
-# Of the residual of least squares: ends of the noise, as good as none.
-_NOISE = (1e-6, 1e3)
-# Images of a group that tell its scatter.
-_LEAST = 3
+# Width of a prior relative to the data: proper, with hardly any influence.
+_PRIOR_WIDTHS = 20.0
+# Images of a group that determine its scatter.
+_MIN_IMAGES = 3
 
 
 def _simulated_images(
-    given: Given, turns: list[tuple[FloatArray, FloatArray]], stream: int
+    given: Given, turns: list[tuple[FloatArray, FloatArray]], drifts: bool
 ) -> models.SpotStatistics:
     """Simulate images of two groups, of which the second may drift."""
-    generator, frames = (
-        Generator(PCG64(data_stream(given, 2, stream))),
-        given.count(_FRAMES),
-    )
-    design = as_designed(given)
+    generator = Generator(PCG64(data_stream(given, 2, int(drifts))))
+    frames, design = given.count(_FRAMES), as_designed(given)
     noise = np.sqrt(np.square(given.array(SCATTER) / SIGMAS).mean())
     # The printed spots fill less than the designed square: simulate what was printed.
-    lasers = _pattern_scale(design) * design.lasers
+    printed, designed = (
+        np.ptp(points, axis=0).mean() for points in (design.spots, design.lasers)
+    )
+    magnification = (
+        design.tracker_focal_length / design.camera_focal_length / design.pixel_pitch
+    )
+    lasers = printed / (designed * magnification) * design.lasers
     groups = []
     for first, last in turns:
         turn = first + np.linspace(0, 1, frames)[:, None] * (last - first)
         true = design.predicted(np.zeros((frames, 3)), turn[:, None], lasers)[:, 0]
         groups.append(true + noise * generator.normal(size=true.shape))
-    first, last = turns[1]
-    return models.SpotStatistics.of(groups, (False, bool((first != last).any())))
-
-
-def _pattern_scale(design: Platform) -> float:
-    sizes = [np.ptp(points, axis=0).mean() for points in (design.spots, design.lasers)]
-    magnification = (
-        design.tracker_focal_length / design.camera_focal_length / design.pixel_pitch
-    )
-    return float(sizes[0] / (sizes[1] * magnification))
+    return models.SpotStatistics.of(groups, (False, drifts))
 
 
 @dataclass(frozen=True)
@@ -88,117 +80,96 @@ class _OnTheGround:
         }
 
 
-def _truth(given: Given, drift: bool = False) -> dict[str, float]:
-    """The misalignment of the simulation, and how much it drifts through the group."""
-    turns = {"angle": _TRUTH, "drift": _DRIFT} if drift else {"angle": _TRUTH}
-    return {
-        f"{name}-{axis}": float(angle)
-        for name, angles in turns.items()
-        for axis, angle in zip("xyz", angles, strict=True)
-    }
+def _truth(given: Given, drifts: bool = False) -> dict[str, float]:
+    """Return the misalignment of the simulation, and its drift through the group."""
+    values = np.append(_TRUTH, _DRIFT if drifts else ())
+    names = (f"{name}-{axis}" for name in ("angle", "drift") for axis in models.AXES)
+    return dict(zip(names, values.tolist(), strict=False))
 
 
-def _misalignment(given: Given, drift: FloatArray | None = None) -> Model:
-    """A misalignment after a calibration group, constant or drifting through its own group."""
-    zero, half = np.zeros(3), np.zeros(3) if drift is None else drift / 2
-    drifts = drift is not None
-    spots = _simulated_images(
-        given, [(zero, zero), (_TRUTH - half, _TRUTH + half)], int(drifts)
-    )
-    ground = _OnTheGround(satellite.altitude(given))
+def _misalignment(given: Given, drifts: bool = False) -> Model:
+    """Return a misalignment after a calibration group, constant or with a drift."""
+    zero, half = np.zeros(3), _DRIFT / 2 if drifts else np.zeros(3)
+    turns = [(zero, zero), (_TRUTH - half, _TRUTH + half)]
     return models.misalignment_model(
-        as_designed(given), spots, drifts=drifts, derived=ground
+        as_designed(given),
+        _simulated_images(given, turns, drifts),
+        drifts=drifts,
+        derived=(_OnTheGround(satellite.altitude(given)),),
     )
 
 
 def drift(given: Given) -> Model:
-    """A misalignment that drifts through the monitoring group."""
-    return _misalignment(given, _DRIFT)
+    """Return a misalignment that drifts through the monitoring group."""
+    return _misalignment(given, drifts=True)
 
 
-def _users_model(
+def _your_model(
     table: Table, given: Mapping[str, Any], drifts: bool
 ) -> tuple[Model, list[str]]:
-    """Return a misalignment, constant or drifting through group 1, and the remarks on the spots.
+    """Return a misalignment, constant or with a drift in group 1, and remarks on the spots.
 
     The platform is that of the paper by default. The remarks are those of `reproduce.misalignment`.
     """
     instrument, images, remarks = _measured(table, drifts, given.get("platform"))
-    priors = _priors(instrument, images)
-    if drifts:
-        priors |= {
-            key.replace("angle", "drift"): prior for key, prior in priors.items()
-        }
     statistics = models.SpotStatistics.of(images, (False, drifts))
     model = models.misalignment_model(instrument, statistics, drifts=drifts)
-    return _noisy(model.with_priors(priors)), remarks
+    return model.with_priors(_priors(model, images)), remarks
 
 
 def _measured(
     table: Table, drifts: bool, design: Platform | None
 ) -> tuple[Platform, list[FloatArray], list[str]]:
-    """Return the platform, whole images of every group, and what is to be said of them."""
+    """Return the platform, whole images of each group, and remarks."""
     instrument = as_designed(given(INSTRUMENT)) if design is None else design
     pair = images_of(table, len(instrument.lasers))
-    notes = lost_spots(pair)
     found = diagnose_spots(instrument, pair, drifts)
-    instrument, pair = found.platform, found.images
-    images = [one[np.isfinite(one).all(axis=(-2, -1))] for one in pair]
-    if lost := sum(map(len, pair)) - sum(map(len, images)):
+    notes = [*(one.text for one in found.findings), *lost_spots(pair)]
+    images = [one[np.isfinite(one).all(axis=(-2, -1))] for one in found.images]
+    counts = [len(one) for one in images]
+    if lost := sum(map(len, found.images)) - sum(counts):
         notes.append(f"{lost} images that lack a spot are left out")
-    if min(map(len, images)) < _LEAST:
+    if min(counts) < _MIN_IMAGES:
         raise TableFileError(
-            f"{table.path}: expected three whole images or more in each group, got "
-            f"{' and '.join(str(len(one)) for one in images)}; the scatter needs them"
+            f"{table.path}: expected {_MIN_IMAGES} whole images or more in each group, got "
+            f"{' and '.join(map(str, counts))}. Add images, which determine the scatter"
         )
     if not any(np.ptp(one, axis=0).any() for one in images):
         raise TableFileError(
             f"{table.path}: expected spots that scatter from image to image, got the same ones in "
-            "all images of a group: without noise there is nothing to sample"
+            "all images of a group. Without noise there is nothing to sample"
         )
-    instrument = replace(instrument, spots=images[0].mean(axis=0))
-    return instrument, images, [*(one.text for one in found.findings), *notes]
+    return replace(found.platform, spots=images[0].mean(axis=0)), images, notes
 
 
-def _priors(instrument: Platform, images: list[FloatArray]) -> dict[str, Prior]:
-    """Angles as wide as the pattern's motion against its own size allows, many times over."""
-    means = [one.mean(axis=0) for one in images]
-    size = float(np.ptp(means[0], axis=0).max())
-    motion = float(np.abs(means[1] - means[0]).max() + images[0].std(axis=0).max())
-    pixel = instrument.pixel_pitch / instrument.tracker_focal_length
-    reason = "twenty times what the spots moved"
-    across = Normal(0.0, _GENEROUS * motion * pixel, reason)
-    roll = Normal(0.0, _GENEROUS * motion / size, reason + ", as a roll of the pattern")
-    return {"angle-x": across, "angle-y": across, "angle-z": roll}
-
-
-def _noisy(model: Model) -> Model:
-    """The same, noise and zero attitude free on both sides of what least squares leaves."""
+def _priors(model: Model, images: list[FloatArray]) -> dict[str, Prior]:
+    """Return priors on the scale of the motion of your spots and of their residuals."""
     likelihood = model.likelihood_of(models.SpotLikelihood)
-    residual = likelihood.residual()
-    noise = LogUniform(
-        _NOISE[0] * residual,
-        _NOISE[1] * residual,
-        "no scale preferred: from a "
-        "millionth of what least squares leaves to a thousand times it",
-    )
-    turn = (
-        _GENEROUS
-        * residual
-        / float(np.ptp(likelihood.statistics.means[0], axis=0).max())
-    )
+    platform, residual = likelihood.platform, likelihood.residual()
+    first, last = likelihood.statistics.means
+    size = float(np.ptp(first, axis=0).max())
+    motion = float(np.abs(last - first).max() + images[0].std(axis=0).max())
+    pixel = platform.pixel_pitch / platform.tracker_focal_length
+    reason = "twenty times what the spots moved"
+    across = Normal(0.0, _PRIOR_WIDTHS * motion * pixel, reason)
+    reason += ", as a roll of the pattern"
+    roll = Normal(0.0, _PRIOR_WIDTHS * motion / size, reason)
     mount = Normal(
         0.0,
-        max(models.MOUNT, turn),
-        "the zero attitude is laid over the spots to "
-        "begin with: a quarter of a degree, or twenty times what their noise turns "
-        "it",
+        max(models.MOUNT, _PRIOR_WIDTHS * residual / size),
+        "the zero attitude is fitted to the spots first: a quarter of a degree, or twenty times "
+        "the rotation by their noise",
     )
-    priors: dict[str, Prior] = {
-        "noise": noise,
-        **{f"mount-{axis}": mount for axis in models.AXES},
-    }
-    return model.with_priors(priors)
+    noise = LogUniform(
+        1e-6 * residual,
+        1e3 * residual,
+        "no scale preferred: a millionth to a thousand times the residual of least squares",
+    )
+    found: dict[str, Prior] = {"noise": noise}
+    for axis in models.AXES:
+        turn = roll if axis == "z" else across
+        found |= {f"mount-{axis}": mount, f"angle-{axis}": turn, f"drift-{axis}": turn}
+    return {name: prior for name, prior in found.items() if name in model.names}
 
 
 _SPOT_LINES = (
@@ -209,7 +180,7 @@ _SPOT_LINES = (
 
 
 def _file(drifts: bool) -> File:
-    read = partial(_users_model, drifts=drifts)
+    read = partial(_your_model, drifts=drifts)
     return File(SPOTS, _SPOT_LINES, read, ("platform",), IMAGES)
 
 
@@ -222,6 +193,10 @@ POSTERIORS = (
         _misalignment,
         _file(drifts=False),
         _truth,
+        summary={
+            **{f"angle-{axis}": f"Misalignment about {axis.upper()}" for axis in "xyz"},
+            "position error": "Position on the ground, corrected",
+        },
     ),
     Declaration(
         "misalignment-drift",
@@ -230,7 +205,8 @@ POSTERIORS = (
         READS,
         drift,
         _file(drifts=True),
-        partial(_truth, drift=True),
+        partial(_truth, drifts=True),
         steps=330,
+        summary={f"drift-{axis}": f"Drift about {axis.upper()}" for axis in "xyz"},
     ),
 )
