@@ -241,6 +241,7 @@ def test_functions_of_physics_say_what_they_take_and_return_and_show_it():
             text = inspect.getdoc(function) or ""
             first = text.partition("\n")[0]
             if not (re.search(r"(those of|as)\s+`\w+`", text) or "(..." in first):
-                assert "Parameters\n---" in text, name
+                if inspect.signature(function).parameters:
+                    assert "Parameters\n---" in text, name
                 assert re.search(r"^(Returns|Yields)\n---", text, re.MULTILINE), name
             assert ">>> " in text, name

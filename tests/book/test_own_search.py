@@ -33,7 +33,7 @@ def test_both_kinds_of_numerals_are_known() -> None:
 def test_supplementary_tables_are_found_by_key_and_title() -> None:
     ((address, shown, names, _),) = of_studies({"study-chen2023-frames": "there"})
     assert address == "there.html#study-chen2023-frames"
-    assert names == ["chen2023/frames", "How many frames to average"]
+    assert names == ["chen2023/frames", "Number of frames to average"]
     assert shown.startswith(names[1])
 
 

@@ -27,6 +27,11 @@ GOOD = {
         "source_vectors": EYE,
         "weights": [1.0, 2, 3],
     },
+    rotations.quest: {
+        "target_vectors": EYE,
+        "source_vectors": EYE,
+        "weights": [1.0, 2, 3],
+    },
     rotations.mean_rotation: {"matrices": [EYE, EYE]},
     validate.rotations: {"name": "R", "matrices": EYE},
     rotations.unit: {"name": "v", "vectors": EYE},

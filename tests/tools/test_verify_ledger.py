@@ -7,7 +7,7 @@ import pytest
 
 import verify_ledger
 from book_facts import readings_frame
-from reproduce.judge import ledger
+from reproduce.judge.verdicts import VERDICTS
 from reproduce.views.computed import whole_ledger
 from reproduce.views.export import export_frame
 
@@ -44,7 +44,7 @@ def test_every_verdict_follows_from_its_record_and_its_readings(
 ):
     assert verify_ledger.main(*written) == 0
     assert capsys.readouterr().out.startswith("343 of 343 verdicts follow")
-    assert {one["verdict"] for one in records} == set(ledger.VERDICTS)
+    assert {one["verdict"] for one in records} == set(VERDICTS)
 
 
 @pytest.mark.parametrize(

@@ -235,10 +235,11 @@ def _errata(audits: Sequence[Audit], *, supposed: bool) -> _Part:
                     "sides": {f.relation.name: _sides(f, audit) for f in found},
                     "runs": entry.demonstrations(audit),
                     "verdicts": {cell: _judged(cell) for cell in cells},
+                    "reply": verdicts.replies()[entry.id],
                 }
     rows.sort(key=_consequence)
     kind = "that suppose something" if supposed else "by consequence"
-    columns = "name place problem printed sides verdicts library conclusion status"
+    columns = "name place problem printed sides verdicts library conclusion status reply"
     shown = [row | evidence[row["name"]] for row in rows]
     table = _table("errata", f"The {len(rows)} errata {kind}.", columns.split(), shown)
     return _Part((table,), rows)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from reproduce.inference import Sampled
-from reproduce.papers.sketch import NARROW, thin
+from reproduce.papers.charts import NARROW, thin
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

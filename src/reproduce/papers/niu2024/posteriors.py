@@ -172,6 +172,8 @@ def _your_registration(
     source, target = np.split(table.values, 2, axis=1)
     settings = {key: value for key, value in given.items() if key != "pivot"}
     centre = checked_pivot(given.get("pivot"), source)
+    # The fit checks the settings.
+    fit = fit_registration(source, target, centre, **settings)
     weights = weights_for(given.get("weights"), len(source))
     used = weights > 0
     errors: dict[str, Any] = {
@@ -188,7 +190,6 @@ def _your_registration(
         **errors,
     )
     model = models.fitted_model(likelihood)
-    fit = fit_registration(source, target, centre, **settings)
     found, _ = diagnose_fit(fit, named=table.named)
     texts = (one.text for one in found if one.kind != "sensitive")
     return model, list(dict.fromkeys(texts))

@@ -102,6 +102,10 @@ def arrangement_angles(name: str, half_x: Size, half_y: Size, step: Size) -> Flo
 def arrangement_names() -> list[str]:
     """Return the names of all arrangements: every lattice, offset and window.
 
+    Returns
+    -------
+    list of str
+
     Examples
     --------
     >>> arrangement_names()[0]

@@ -383,7 +383,8 @@ def diagnose_fit(
         # Wrong matches must not hide a distortion.
         robust = _robust(fit.problem)
     right = robust or fit
-    terms = sensitivities(right, brightness)
+    # A few stars that fit each other may be too few for any term.
+    terms = sensitivities(right, brightness) or sensitivities(fit, brightness)
     limit = FALSE_ALARM / max(len(terms), 1)
     doubtful = sorted(
         (one for one in terms if one.p_value < limit), key=lambda one: one.p_value
