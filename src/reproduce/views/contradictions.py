@@ -239,7 +239,9 @@ def _errata(audits: Sequence[Audit], *, supposed: bool) -> _Part:
                 }
     rows.sort(key=_consequence)
     kind = "that suppose something" if supposed else "by consequence"
-    columns = "name place problem printed sides verdicts library conclusion status reply"
+    columns = (
+        "name place problem printed sides verdicts library conclusion status reply"
+    )
     shown = [row | evidence[row["name"]] for row in rows]
     table = _table("errata", f"The {len(rows)} errata {kind}.", columns.split(), shown)
     return _Part((table,), rows)
