@@ -190,7 +190,7 @@ def test_all_posteriors_show_themselves_and_name_their_files():
     everything = rp.posterior()
     assert "centroid noise" in repr(everything)
     assert "group, laser, x, y" in repr(everything.models)
-    with pytest.raises(TypeError, match="^name: "):
+    with pytest.raises(TypeError, match=r"^name: "):
         rp.posterior(data="stars.csv")
 
 

@@ -411,7 +411,7 @@ def test_settings_of_pictures_are_refused_beside_pairs():
     square = np.array([[0.0, 0], [99, 0], [0, 99], [99, 99]])
     with pytest.raises(ValueError, match="threshold"):
         rp.register(square, square + 1, threshold=5)
-    with pytest.raises(ValueError, match="^weights: "):
+    with pytest.raises(ValueError, match=r"^weights: "):
         rp.register(RED, GREEN, weights=[1, 2])
 
 

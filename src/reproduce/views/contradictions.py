@@ -12,7 +12,7 @@ import pandas as pd
 
 from reproduce.audit.examine import Examined
 from reproduce.audit.report import Audit, Erratum, audit_paper, register
-from reproduce.judge.ledger import frozen
+from reproduce.judge.ledger import frozen, replies
 from reproduce.locate import data_folders
 from reproduce.printed.cells import PAPERS, anchor
 from reproduce.printed.number import si_factor, symbol
@@ -235,7 +235,7 @@ def _errata(audits: Sequence[Audit], *, supposed: bool) -> _Part:
                     "sides": {f.relation.name: _sides(f, audit) for f in found},
                     "runs": entry.demonstrations(audit),
                     "verdicts": {cell: _judged(cell) for cell in cells},
-                    "reply": verdicts.replies()[entry.id],
+                    "reply": replies()[entry.id],
                 }
     rows.sort(key=_consequence)
     kind = "that suppose something" if supposed else "by consequence"
