@@ -129,18 +129,28 @@ def stars_of(
     """Return the stars of an image, or of a table or array of positions."""
     if isinstance(source, Stars):
         return source
-    if is_image(source):
-        return _stars_of_image(source, threshold, name)
-    columns = (*SIGMAS, "flux", "mag", "weight")
-    name = "source" if name == "array" else name
-    return _stars_of_list(read_table(source, _CENTRE[:2], columns, sep, name))
+    name = str(source) if isinstance(source, str | Path) else name
+    image = read_image(source, name) if is_image(source) else None
+    if image is None:
+        name = "source" if name == "array" else name
+        columns = (*SIGMAS, "flux", "mag", "weight")
+        table = read_table(source, _CENTRE[:2], columns, sep, name)
+        known = {*SIGMAS} & {*table.optional}
+        sigma = deviations(table) if known else np.zeros_like(table.values)
+        return _stars_of_list(table, sigma)
+    return _stars_of_image(*image, name, threshold)
 
 
-def _stars_of_image(source: Any, threshold: float | None, name: str) -> Stars:
+def _stars_of_image(
+    light: NDArray[Any],
+    saturation: float,
+    noise: NDArray[Any] | None,
+    name: str,
+    threshold: float | None,
+) -> Stars:
+    """Return the stars that are detected in an image."""
     import pandas as pd
 
-    name = str(source) if isinstance(source, str | Path) else name
-    light, saturation, noise = read_image(source, name)
     with reading(name):
         found = find_spots(light, threshold, noise, saturation)
     sigma = np.sqrt(np.diagonal(found.covariance, axis1=1, axis2=2))
@@ -163,13 +173,11 @@ def _stars_of_image(source: Any, threshold: float | None, name: str) -> Stars:
     return stars
 
 
-def _stars_of_list(table: Table) -> Stars:
+def _stars_of_list(table: Table, sigma: FloatArray) -> Stars:
     """Return the stars of a table of positions with their standard deviations."""
     import pandas as pd
 
     count = len(table.values)
-    known = {*SIGMAS} & {*table.optional}
-    sigma = deviations(table) if known else np.zeros((count, 2))
     frame = pd.DataFrame(np.hstack([table.values, sigma]), columns=_CENTRE)
     frame = frame.assign(**table.optional).drop(columns="sigma", errors="ignore")
     flux = brightness(table.optional)
