@@ -61,7 +61,7 @@ class Reading(Frozen):
     """half the printed interval, or half the predicted one"""
     share: float | None
     (
-        "|computed - printed| over half the printed interval (exact), (1 - "
+        "abs(computed - printed) over half the printed interval (exact), (1 - "
         "probability)/0.99 (consistent)"
     )
     probability: float | None
