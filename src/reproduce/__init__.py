@@ -6,15 +6,15 @@ misalignment seen by a star tracker). The public API::
     import reproduce as rp
 
     rp.contents()                        # both papers, item by item, with the score
-    rp.table("niu2024/table-3")          # printed beside computed; also one cell, KEY#CELL
+    rp.table("niu2024/table-3")          # printed and computed; also one cell, KEY#CELL
     rp.table("niu2024/table-3").rerun({"niu2024/text-simulation#noise": "0.2 px"}, seed=7)
     rp.table("niu2024/table-3").rerun(angles="rectangle", translations="table-2")
     rp.figure("chen2023/fig-11")         # draws itself
     rp.posterior("registration")         # sampled when it is looked at
     rp.contradictions("chen2023")        # what contradicts what, and the register of errata
-    rp.register(source, target)          # a user's own stars
+    rp.register(source, target)          # your stars
     rp.register("red.fits", "green.fits")    # or images: rp.stars, then rp.match, in one
-    rp.misalignment("spots.csv", platform=rp.Platform(...))  # a user's own lasers
+    rp.misalignment("spots.csv", platform=rp.Platform(...))  # your laser spots
     rp.check()                           # all verdicts against the frozen ones
     rp.cite("chen2023/table-5")          # or one cell of it; rp.verify(citation)
 

@@ -148,7 +148,7 @@ class Relation(_Declared):
     formula: Formula
     # The address (or, for a list, the addresses) behind each name of the formula.
     binding: Mapping[str, str | tuple[str, ...]]
-    # Where the paper says so: an equation, a definition, geometry.
+    # Source in the paper: an equation, a definition, geometry.
     source: str
     kind: Literal[
         "equation",
@@ -162,7 +162,7 @@ class Relation(_Declared):
     ]
     unknown: Unknown | None = None
     tolerance: Tolerance | None = None
-    # The number that the library computes by a function of its own, a cell or one reading of it.
+    # The number that the package computes by another function, a cell or one reading of it.
     # Such a relation is a second entry of that computation, and no further evidence.
     restates: str = ""
     # The paper's conclusion that rests on it.

@@ -19,9 +19,9 @@ from reproduce.printed.cells import library
 
 @dataclass(frozen=True)
 class Audit:
-    """What the relations say of a paper, and its equations run as printed.
+    """Results of the relations and of the equations of a paper.
 
-    There is a finding for each relation, with and without a supposition.
+    There is a finding for each relation, with and without an assumption.
     """
 
     name: str
@@ -48,23 +48,23 @@ class Audit:
 
     @property
     def read(self) -> tuple[examine.Examined, ...]:
-        """The findings on what the paper says, without those that rest on a supposition of ours."""
+        """The findings that do not depend on an assumption of this project."""
         return tuple(f for f in self.findings if not f.relation.supposition)
 
     @property
     def supposed(self) -> tuple[examine.Examined, ...]:
-        """The findings that rest on a supposition of ours."""
+        """The findings that depend on an assumption of this project."""
         return tuple(f for f in self.findings if f.relation.supposition)
 
     @property
     def failing(self) -> tuple[Demonstration, ...]:
-        """The equations that fail as extracted, without those that rest on a supposition."""
+        """The equations that fail as extracted, without those that depend on an assumption."""
         return tuple(e for e in self.equations if not (e.holds or e.supposition))
 
     def tally(
         self, *, restating: bool | None = None
     ) -> dict[examine.RelationOutcome, int]:
-        """Count the relations without suppositions by outcome, every outcome present.
+        """Count the relations without assumptions by outcome, every outcome present.
 
         All of them, or only those that do, or do not, restate a computed number.
         """

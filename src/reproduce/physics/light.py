@@ -7,7 +7,7 @@ Small turns are right-handed rotation vectors; lengths are in metres, angles in 
 
 One frame for all: the origin in the middle of the camera's lens, Z along its boresight out of the
 camera. Lasers sit behind the lens, at -Z. The retro-reflector hangs in front of it, to one side.
-The light comes back beside the camera, where the dichroic mirror folds it into the tracker.
+The light returns next to the camera, where the dichroic mirror folds it into the tracker.
 Both lenses are ideal: a point of the focal plane is a direction outside. The tracker's boresight
 lies in the plane of Y and Z.
 """

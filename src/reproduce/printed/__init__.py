@@ -1,1 +1,1 @@
-"""The numbers as the papers print them, and the door that hands out inputs."""
+"""The printed numbers, and access to the declared inputs."""

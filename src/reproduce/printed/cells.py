@@ -131,7 +131,7 @@ class _File(_Traits):
 
 @dataclass(frozen=True)
 class Cell:
-    """One printed cell with its address and all that the print says of it.
+    """One printed cell with its address and its attributes.
 
     Parameters
     ----------
@@ -144,15 +144,15 @@ class Cell:
     content : PrintedNumber or str
         The digits, or a text such as a dash.
     unit : str
-        The unit of print, empty for text.
+        The printed unit, empty for text.
     role : str
         What the number is in the paper: setting, specification, measurement, ...
     place : str
         Table or text, with page or section.
     sigma : int, optional
-        1 or 3 where the print gives the number as that many standard deviations.
+        1 or 3 if the paper gives the number as one or three standard deviations.
     unit_assumed, misprint : str, optional
-        Why the unit is ours; the misprint we claim.
+        Reason for an assumed unit, and for a suspected typographical error.
     """
 
     key: str
@@ -223,9 +223,9 @@ class PrintedTable:
     title, place : str
         What it holds, in our words; where it stands.
     rows, columns : tuple of _Line
-        Ids and labels in the order of print; a group of quoted numbers has no columns.
+        Ids and labels in printed order; a group of quoted numbers has no columns.
     cells : tuple of Cell
-        All cells in the order of print.
+        All cells in printed order.
     """
 
     key: str
@@ -371,7 +371,7 @@ def altered_files() -> tuple[str, ...]:
 
 
 def find(pattern: str) -> tuple[Cell, ...]:
-    """Return the printed cells whose addresses match `pattern`, in order of print.
+    """Return the printed cells whose addresses match `pattern`, in printed order.
 
     Examples
     --------

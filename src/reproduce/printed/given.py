@@ -1,7 +1,7 @@
-"""The door through which printed numbers reach a computation.
+"""Access of a computation to its declared printed numbers.
 
 A computation declares the cells that it reads; it gets these and nothing else, so that no
-answer can leak into it. Where it draws random numbers, a reader's own seed comes through it too.
+answer can leak into it. It also contains the seed of a user for random numbers.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ class Given:
     cells : mapping of str to Cell
         The declared cells by address.
     shifts : mapping of str to float
-        For interval propagation: cells moved off their printed value, in shares of what the
+        For interval propagation: cells moved off their printed value, in fractions of the
         print leaves open (`PrintedNumber.reach`, half the last digit of a plain number).
     values : mapping of str to float
         For what-if questions: values in SI units that take the place of printed ones, exact.
     root : int, optional
-        What all random seeds come from: a reader's own, or none for the project's.
+        Root of all random seeds: a user's, or None for the seed of the project.
     """
 
     cells: Mapping[str, Cell]
@@ -43,7 +43,7 @@ class Given:
     root: int | None = None
 
     def __hash__(self) -> int:
-        """Return one number for doors that hold the same, so that results can be kept by door."""
+        """Return equal numbers for equal inputs, so results can be cached by inputs."""
         held = (self.cells, self.shifts, self.values)
         return hash((self.root, *(frozenset(one.items()) for one in held)))
 
@@ -71,7 +71,7 @@ class Given:
         return round(self[address])
 
     def array(self, pattern: str) -> NDArray[np.float64]:
-        """Return the numbers that match `pattern`, in order of print and SI units.
+        """Return the numbers that match `pattern`, in printed order and SI units.
 
         Shape (n,). The numbers.
         """
@@ -108,7 +108,7 @@ class Given:
 
 
 def given(patterns: Iterable[str], root: int | None = None) -> Given:
-    """Open the door for the cells that match `patterns`, and for a seed of a reader's own.
+    """Return access to the cells that match `patterns`, with an optional seed of a user.
 
     Examples
     --------

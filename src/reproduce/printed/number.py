@@ -1,6 +1,6 @@
-"""A printed number: the digits on the page and the interval of values that print so.
+"""A printed number: its digits, and the interval of values that round to them.
 
-What a print may mean is said here alone, for the ledger and the audit alike:
+The intervals are defined only here, for the ledger and the audit:
 
 * a number without a qualifier was rounded to its last digit: half a unit of it to either side;
 * ``about`` leaves open how it was rounded. Either its last digit counts, and it was rounded up or
@@ -31,7 +31,7 @@ _DIGITS = re.compile(r"[-+]?\d+(\.\d*)?([eE][-+]?\d+)?")
 
 Interval = tuple[float, float]
 _BOUNDS = ("less", "greater", "at-least", "within")
-# How far an instrument may lie from its design value, as a share of that.
+# How far an instrument may lie from its design value, as a fraction of the value.
 _NOMINAL = 0.05
 
 
@@ -70,7 +70,7 @@ class PrintedNumber:
 
     @cached_property
     def value(self) -> float:
-        """The number itself, in the unit of print."""
+        """The number, in the printed unit."""
         return float(Decimal(self.text))
 
     @cached_property
@@ -99,11 +99,11 @@ class PrintedNumber:
 
     @property
     def is_bound(self) -> bool:
-        """Whether the print states a limit and not a value."""
+        """Whether the number is a limit and not a value."""
         return self.qualifier in _BOUNDS
 
     def interval(self) -> tuple[float, float]:
-        """Return the closed interval of values that agree with the print.
+        """Return the closed interval of values that agree with the printed number.
 
         Lower and upper end. A bound reaches to infinity; ``within`` lies around zero. The limit
         itself is taken as stated, not widened by half its last digit.
@@ -136,7 +136,7 @@ class PrintedNumber:
         return low <= theirs + slack and high >= ours - slack
 
     def format(self, value: float, extra: int = 0) -> str:
-        """Return `value` written with as many decimals as the print, plus `extra`.
+        """Return `value` with the printed number of decimals, plus `extra`.
 
         A count stays whole as long as its value is.
 

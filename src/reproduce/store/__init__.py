@@ -1,1 +1,1 @@
-"""What lies in files beside the print: a reader's points, the star catalogue, slow studies."""
+"""Files other than printed numbers: measurements, the star catalogue, slow studies."""

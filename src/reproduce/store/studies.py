@@ -1,4 +1,4 @@
-"""Results of slow studies: arrays or a table, beside a note that says how they came about.
+"""Results of slow studies: arrays or a table, with a note on their computation.
 
 A study called `name` is `data/studies/name.npz` and `data/studies/name.toml`. The note holds the
 command that redoes it, its seed, the versions it was run with, and the SHA-256 of the arrays'
@@ -92,5 +92,5 @@ def _check(name: str, content: bytes, note: Note) -> None:
 
 
 def digest(rows: str) -> str:
-    """Return the SHA-256 of the rows of a table, as they stand in its note."""
+    """Return the SHA-256 of the rows of a table, as in its note."""
     return hashlib.sha256(rows.encode()).hexdigest()

@@ -60,7 +60,7 @@ class Vectors(NamedTuple):
 
 
 def drawable() -> list[str]:
-    """Return the keys of the items with a figure, in order of print."""
+    """Return the keys of the items with a figure, in printed order."""
     return [key for key, item in catalogue().items() if item.draw is not None]
 
 
@@ -88,7 +88,7 @@ def painted(paint: Paint, *, narrow: bool = False) -> MatplotlibFigure:
 
 
 def draw(key: str, door: Given | None = None, *, narrow: bool = False) -> Drawn:
-    """Draw an item, or one of our own drawings, with what it marks as printed."""
+    """Draw an item or a supplementary drawing, with its printed values."""
     drawing = _declared_drawing(key)
     if isinstance(drawing, Schematic):
         style, end, body = drawing.text.partition("</style>")
@@ -213,7 +213,7 @@ def inline(shown: Vectors, name: str, alternative: str, below: str = "") -> str:
     """
     parts = [f'<div class="rp-wide">{_followed(shown.wide, name, alternative)}</div>']
     if shown.narrow:
-        # Without the book's style sheet, as in a notebook, the wide one alone is seen.
+        # Without the book's style sheet, as in a notebook, only the wide figure is visible.
         svg = _followed(shown.narrow, f"{name}-narrow", alternative)
         parts.append(f'<div class="rp-narrow" hidden>{svg}</div>')
     return f'<figure class="rp-figure" id="{name}">{"".join(parts)}{below}</figure>'
@@ -253,16 +253,16 @@ def pictured(name: str, paint: Paint, alternative: str, caption: str) -> Html:
 
 
 class Figure(Changeable, Item):
-    """A figure of a paper, drawn from its caption and the text, or a drawing of our own.
+    """A figure of a paper, drawn from its caption and the text, or a supplementary drawing.
 
     Parameters
     ----------
     key : str
         Such as ``chen2023/fig-11a``, or ``niu2024/drawing-fusion-star``.
     changes : mapping, optional
-        Address of any cell in `reads` to a value as in the print.
+        Address of any cell in `reads` to a value in the printed format.
     seed : int, optional
-        Of its random numbers, in place of the project's own.
+        Seed of the random number generator. Default: the seed of the project.
     """
 
     kind = "a figure"
@@ -308,7 +308,7 @@ class Figure(Changeable, Item):
         return numbers.powers(filled(text, {}))
 
     def blocks(self) -> Iterator[Block]:
-        """Yield the figure with its caption; a terminal is told how to look at it."""
+        """Yield the figure with its caption; a terminal shows the command that draws it."""
         name = f"figure-{anchor(self.key)}"
         if self.key in drawings():
             name = f"drawing-{anchor(self.key.replace('/drawing-', '/'))}"
@@ -369,7 +369,7 @@ class Panels(Shown):
     def rerun(
         self, changes: Change | None = None, seed: int | None = None, **others: Any
     ) -> Panels:
-        """Return the panels drawn again; each takes what it reads, and a seed where it draws."""
+        """Return the panels with changed inputs, and with a seed if they draw random numbers."""
         changes = changes or {}
         refuse_strays(self.key, changes, self.reads)
         random = [one for one in self.panels if one.random] or self.panels

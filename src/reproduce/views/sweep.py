@@ -71,7 +71,7 @@ class Point(NamedTuple):
 
 
 class Changed(Display):
-    """A table or cell computed again under a reader's own change, which has no verdict.
+    """A table or cell recomputed with changed inputs, without a verdict.
 
     With options only it is one reading of the text, with the verdict of each cell.
 
@@ -91,12 +91,12 @@ class Changed(Display):
         self._cells = [one for one in result.cells if name in {"", one.cell.name}]
 
     def frame(self) -> pd.DataFrame:
-        """Return printed, computed from the print, value under the change and difference.
+        """Return the printed, computed and changed values, and their difference.
 
         Returns
         -------
         pandas.DataFrame
-            One row per computed cell, in the unit of print, with the central 99 % where it is a
+            One row per computed cell, in the printed unit, with the central 99 % where it is a
             prediction; a reading of the text has the ``verdict`` of each cell.
         """
         import pandas as pd

@@ -32,7 +32,7 @@ ITEMS = _made(
     ("resolution", "text-resolution fig-11a fig-11b"),
 )
 
-# The modules of our own tables beside the paper's.
+# The modules of the supplementary tables.
 STUDIES = _made(
     ("satellite", "retro-reflectors dichroic heat"),
     ("positioning", "budget strategies"),
@@ -41,7 +41,7 @@ STUDIES = _made(
     ("decisions", "frames drift"),
 )
 
-# The modules of our own drawings.
+# The modules of the supplementary drawings.
 DRAWINGS = _made(
     ("", "drawing-misalignment"),
     ("decisions", "drawing-frames"),

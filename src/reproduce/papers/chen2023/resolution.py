@@ -166,7 +166,7 @@ def _radii(given: Given, angles: FloatArray, case: _Case = _LITERAL) -> FloatArr
 
 
 def spot_laws(spots: FloatArray, radius: float, size: int) -> list[CentroidError]:
-    """Return the errors of spots of one electron: by photons alone, and with as much read noise."""
+    """Return the errors of spots of one electron: by photon noise, and with equal read noise."""
     corners = window_corners(spots, size)
     noises = (0.0, 1.0)
     return [

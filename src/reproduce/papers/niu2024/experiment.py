@@ -116,7 +116,7 @@ def _centroid_errors(given: Given) -> FloatArray:
     """Return the centroid errors that the printed residuals imply, shape (3, 1, 2), in px.
 
     Standard deviation by channel (green, red, blue) and axis: green has half the mean squared
-    residual, the others the rest of theirs. Raises ValueError if no rest is left.
+    residual, the others the remaining parts. Raises ValueError if no part remains.
     """
     squares = np.square(_residuals(given))
     green = squares.mean(axis=0) / 2

@@ -168,7 +168,7 @@ def angle_jacobian(
     camera_directions, tracker_directions : array_like, shape (..., n, 3)
         Emitted and received directions at the point of differentiation.
     direction_jacobian : array_like, shape (..., n, 3, k)
-        Derivative of each tracker direction by k parameters of its own; for the spots in
+        Derivative of each tracker direction by k parameters; for the spots in
         px see `received_jacobian`.
 
     Returns
@@ -374,7 +374,7 @@ def stage_angle(shift: Number, focal_length: Positive) -> FloatArray:
 
 @checked
 def stage_angle_printed(shift: Number, focal_length: Positive) -> FloatArray:
-    """Return what the relation gives as it is printed, -tan(L) f.
+    """Return the angle by the relation as extracted, -tan(L) f.
 
     Printed form of chen2023 (10). It takes the tangent of a length and multiplies where it
     should divide: for small shifts the result is -L f, in square metres, larger than the

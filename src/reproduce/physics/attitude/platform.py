@@ -196,7 +196,7 @@ class Platform:
     pixel_pitch : float
         Distance between the tracker's neighbouring pixels, in metres.
     principal_point : array_like, shape (2,)
-        Of the tracker, in px.
+        Principal point of the tracker, in px.
     spots : array_like, shape (n, 2), optional
         Rough positions of the spots, in px: they fix the attitude about which angles are small.
         Without them the two boresights are taken for parallel.
@@ -326,7 +326,7 @@ class Platform:
 
     @cached_property
     def reference(self) -> FloatArray:
-        """tracker_from_camera that lays the designed lasers over the rough spots best, (3, 3)."""
+        """Return tracker_from_camera, (3, 3), fitted to the rough spots of the lasers."""
         return self.transform(self.spots)
 
     def seen(self, spots: ArrayLike) -> FloatArray:

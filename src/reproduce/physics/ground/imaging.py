@@ -39,7 +39,7 @@ from reproduce.physics.validate import (
 _Slopes = Annotated[Any, (3, "k")]
 _Spread = Annotated[Any, ("k", "k")]
 _Plane = Annotated[Any, (2, 2)]
-# Strips over which a normal law in the plane is integrated; enough for five digits.
+# Strips over which a normal distribution in the plane is integrated; enough for five digits.
 _SECTORS = 256
 _HALVINGS = 60
 # Smallest ratio of the semi-axes that differs from a line.
@@ -215,7 +215,7 @@ def ground_jacobian(
     matrix = earth_from_camera[..., None, :, :]
     # A turn by t moves the line by t × u, so du = -[u ×] R t for a turn about camera axes.
     by_turn = -far @ cross_matrix(sight) @ matrix
-    # Along the line the projection vanishes, so the image vector needs no projection of its own.
+    # Along the line the projection vanishes, so the image vector needs no projection.
     lengths = np.linalg.norm(vectors, axis=-1)[..., None, None]
     return GroundJacobian(position, slide, by_turn, -far @ matrix / lengths)
 
@@ -293,12 +293,12 @@ def ground_covariance(
 
 @checked
 def circular_error(covariance: _Plane, share: float = 0.9) -> FloatArray:
-    """Return the radius of the circle that contains a share of the errors: CE90 by default.
+    """Return the radius of the circle that contains a fraction of the errors: CE90 by default.
 
     Parameters
     ----------
     covariance : array_like, shape (..., 2, 2)
-        Of east and north about the true place, in square metres; negative in no direction.
+        Covariance of east and north about the true position, in m^2, positive semidefinite.
     share : float
         Above 0 and below 1.
 
@@ -308,7 +308,7 @@ def circular_error(covariance: _Plane, share: float = 0.9) -> FloatArray:
 
     Examples
     --------
-    Equal errors of 1 m: the Rayleigh law's 2.146 m. Along one line only: 1.645 m.
+    Equal errors of 1 m: 2.146 m by the Rayleigh distribution. Along one line only: 1.645 m.
 
     >>> circular_error([np.eye(2), np.diag([1.0, 0.0])]).round(3)
     array([2.146, 1.645])
@@ -335,7 +335,7 @@ def circular_error(covariance: _Plane, share: float = 0.9) -> FloatArray:
 
 
 def _fraction_inside(radius: FloatArray, ratio: FloatArray) -> FloatArray:
-    """Return the probability of a circle for a normal law with semi-axes 1 and `ratio`."""
+    """Return the probability of a circle for a normal distribution with semi-axes 1 and `ratio`."""
     # Across the long axis: x from -R to R, and |y| below the circle's edge there.
     turn = (np.arange(_SECTORS) + 0.5) / _SECTORS * np.pi - np.pi / 2
     x, edge = radius[..., None] * np.sin(turn), radius[..., None] * np.cos(turn)

@@ -81,9 +81,9 @@ class CentroidError:
     Attributes
     ----------
     bias : ndarray, shape (..., 2)
-        Expected less true position, in px.
+        Expected minus true position, in px.
     variance : ndarray, shape (..., 2)
-        Of the scatter about the expected position, in px squared.
+        Variance about the expected position, in px^2.
     slope : ndarray, shape (..., 2)
         How far the expected position moves for one px of the true one; 1 without bias.
     """
@@ -112,7 +112,7 @@ def centre_of_gravity_error(
     size: int,
     read_noise: NonNegative = 0.0,
 ) -> CentroidError:
-    """Return what the centre of gravity in a fixed window errs by: bias and variance.
+    """Return the bias and variance of the centre of gravity in a fixed window.
 
     The bias holds the S-curve, what the window cuts off, and the push of read noise away
     from the window's middle. The variance is photon noise plus read noise, to first order.
@@ -182,7 +182,7 @@ def cramer_rao_variance(
 
     Under photon noise and Gaussian read noise, with the light of the spot unknown too. The
     information of a pixel is taken as that of a normal variable with the pixel's variance, which
-    is exact for photon noise alone.
+    is exact for photon noise only.
 
     Arguments are those of `centre_of_gravity_error`, the light above zero.
 
@@ -269,7 +269,7 @@ def simulated_errors(
     Returns
     -------
     ndarray, shape (trials, n)
-        Found less true position, in px.
+        Measured minus true position, in px.
 
     Raises
     ------

@@ -160,7 +160,7 @@ def blackbody_band(
     """Photons of a blackbody star in a band, above the atmosphere.
 
     The magnitude fixes the spectrum at 550 nm. That is V but for a few hundredths, because the band
-    V is narrow beside the features of a blackbody.
+    V is narrow compared with the features of a blackbody.
 
     Parameters
     ----------

@@ -130,7 +130,7 @@ def gauss_newton_step(
 def gauss_newton_step_printed(
     parameters: _Vector, source: Points, target: Points, pivot: Point
 ) -> FloatArray:
-    """One update with the sign as extracted from the print, u - (J^T J)^-1 J^T T.
+    """One update with the sign as extracted, u - (J^T J)^-1 J^T T.
 
     Printed form of niu2024 (24).
 
@@ -177,8 +177,8 @@ def starting_values(
     Parameters
     ----------
     source_line, target_line : array_like, shape (..., n, 2)
-        Centroids while the middle frame of the rotary table turns alone, in px. The number of
-        spots may differ.
+        Centroids while the middle frame of the rotary table rotates and the external frame is at
+        rest, in px. The number of spots may differ.
     source_zero, target_zero : array_like, shape (..., 2)
         Centroids at the table's zero position, in px: each channel's principal point, nearly.
 
@@ -252,7 +252,7 @@ class Calibration:
         The vector u before the first step and after each of the m steps. A calibration that has
         settled stays put while others of its batch still move.
     first_stage : int
-        How many of the steps moved scale and rotation alone.
+        Number of steps that change only scale and rotation.
     pivot : ndarray, shape (..., 2)
         The source channel's principal point, in px.
     """
@@ -330,7 +330,7 @@ def _iterated(
                 f"{moving.size} that did not; start closer"
             )
         step, movement = _correction(path[-1], source, target, pivot, free)
-        # Those that have settled are held, so that a batch gives what each would give alone.
+        # Converged calibrations stay, so a batch equals separate calibrations.
         path.append(path[-1] + np.where(moving[..., None], step, 0.0))
         moving &= movement >= _MOVEMENT
     return path[1:]
@@ -361,7 +361,7 @@ def constraint(rotation: Number) -> FloatArray:
 def constraint_printed(rotation: Number) -> FloatArray:
     """The constraint as extracted from section 3.2: cos^2 + cos^2 - 1, which is cos(2 theta).
 
-    It is zero at odd multiples of 45 degrees alone; a detector turned by a fraction of a degree
+    It is zero only at odd multiples of 45 degrees; a detector turned by a fraction of a degree
     misses it by almost one. Arguments are those of `constraint`.
 
     Returns

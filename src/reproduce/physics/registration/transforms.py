@@ -1,4 +1,4 @@
-"""Transforms that lay one image over another: apply, invert, compose; and how far it is off.
+"""Transforms between two images: application, inverse, composition and residuals.
 
 Image points have shape (..., n, 2), in px, x before y, with the centre of the first pixel at
 (0, 0); the leading axes are a batch of transforms. A `Registration` is one of five models about a
@@ -129,7 +129,7 @@ class Registration:
         Returns
         -------
         Registration
-            Of the model "similarity".
+            Parameters of the model "similarity".
 
         Examples
         --------
@@ -390,7 +390,7 @@ def registered_image(
     transform : Registration, or what a fit returns
         From source to target; a single one, without a radial term.
     order : int
-        Of the splines: 0 for the nearest pixel, 1 for straight lines, 3 for cubic ones.
+        Order of the splines: 0 for the nearest pixel, 1 for linear, 3 for cubic splines.
     corner : tuple of int
         x and y of the image's first pixel, where it is a window of a larger one.
 
@@ -459,7 +459,7 @@ def _linear_part(model: str, parameters: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class Channels:
-    """A source channel and the reference, with what the model leaves out.
+    """A source channel and the reference, with the effects that the model neglects.
 
     Attributes
     ----------
@@ -533,7 +533,7 @@ def error_field(channels: Channels, positions: ArrayLike) -> FloatArray:
 
     Examples
     --------
-    Alike channels without distortion leave nothing to err about.
+    Equal channels without distortion have no error.
 
     >>> camera = Camera(25e-3, (1000, 700), 0, 1e-5)
     >>> error_field(Channels(camera, camera), [[1e-3, 2e-3]])
