@@ -21,6 +21,7 @@ from reproduce.papers.catalogue import catalogue, studies
 from reproduce.printed import cells
 from reproduce.printed.cells import library
 from reproduce.views import front
+from reproduce.views.blocks import Grid, plain
 from reproduce.views.cli import main
 from reproduce.views.export import FORMATS
 
@@ -432,3 +433,19 @@ def test_a_table_of_our_own_is_not_judged():
     assert "no printed number to judge" in " ".join(
         result.stderr.replace("│", " ").split()
     )
+
+
+def test_terminals_lose_no_word():
+    """Every word of every entry appears at 80, 60 and 40 columns."""
+    cells = [f"niu2024/table-3#{name}" for name in ("scale.red", "rotation.blue")]
+    for address in (*cells, "chen2023/table-5#3.monitoring-x", "chen2023/table-4"):
+        grids = [b for b in rp.table(address).blocks() if isinstance(b, Grid)]
+        entries = [entry for grid in grids for row in grid.rows for entry in row]
+        words = {word for entry in entries for word in plain(entry).split()}
+        for width in (80, 60, 40):
+            shown = run("show", address, columns=width).stdout
+            # A word that is longer than the terminal continues on the next line.
+            joined = re.sub(r"\s+", "", shown)
+            lost = {word for word in words if word not in shown and word not in joined}
+            assert lost == set(), (address, width)
+            assert max(map(len, shown.splitlines())) <= width

@@ -13,14 +13,13 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Any
+from typing import Any, Literal
 
 from jinja2 import Environment, PackageLoader
 from markupsafe import Markup, escape
 from rich import box
 from rich.cells import cell_len
 from rich.console import Console, ConsoleOptions, RenderableType, RenderResult
-from rich.measure import Measurement
 from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
@@ -31,6 +30,8 @@ Entry = str | Markup
 _WIDTH_COLUMNS, _MIN_COLUMNS, _MAX_COLUMNS = 80, 20, 1000  # of a terminal
 # A column is at least as wide as its longest entry or this many characters.
 _WRAPPED_CHARACTERS = 14
+# Names of rows have at most this many characters, as a rule.
+_NAME_CHARACTERS = 24
 _CONTROL = re.compile(r"[\x00-\x09\x0b-\x1f\x7f-\x9f]")
 _NUMBER = re.compile(r"[−<(≈]?\s?[\d.](?!.*[a-z]{5})|·?$")  # or no entry
 # Style of the name of a verdict on a terminal.
@@ -153,15 +154,16 @@ class Grid:
             [*map(plain, self.head)],
             [[*map(plain, row)] for row in self.rows],
         )
-        table = _table(heads, rows)
-        room = size.update_width(_MAX_COLUMNS)
-        if Measurement.get(console, room, table).minimum <= size.max_width:
+        table = _table(heads, rows, size.max_width)
+        if table is not None:
             yield table
             return
         for name, *texts in rows:
             yield Text(name)
             named = [pair for pair in zip(heads[1:], texts, strict=True) if pair[1]]
-            yield Padding(_table((), named), (0, 0, 0, 2))
+            narrow = _table((), named, size.max_width - 2)
+            lines = narrow or Text("\n".join(map(": ".join, named)))
+            yield Padding(lines, (0, 0, 0, 2))
 
 
 def _text(value: object) -> Entry:
@@ -174,8 +176,10 @@ def _text(value: object) -> Entry:
     return ", ".join(map(str, value)) if isinstance(value, list) else str(value)
 
 
-def _table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
-    """Return a table for a terminal, with numbers at the right."""
+def _table(
+    heads: Sequence[str], rows: Sequence[Sequence[str]], width: int
+) -> Table | None:
+    """Return a table for a terminal, with numbers at the right; None if a word does not fit."""
     table = Table(
         pad_edge=False,
         box=box.SIMPLE_HEAD if heads else None,
@@ -183,16 +187,27 @@ def _table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
         show_header=bool(heads),
         show_edge=False,
     )
-    for name, *texts in zip(heads or ("", ""), *rows, strict=True):
-        longest = max(map(cell_len, (name, *texts)))
-        word = max(map(cell_len, " ".join((name, *texts)).split(" ")))
+    columns = [*zip(heads or ("", ""), *rows, strict=True)]
+    longest = [max(map(cell_len, texts)) for texts in columns]
+    words = [max(map(cell_len, " ".join(texts).split())) for texts in columns]
+    widths = [
+        max(word, min(length, _WRAPPED_CHARACTERS))
+        for word, length in zip(words, longest, strict=True)
+    ]
+    # A blank at the right of each column, and another one between columns under a head.
+    spare = width - sum(widths) - len(columns) * (2 if heads else 1) + 1
+    if spare < 0:
+        return None
+    # Names and numbers are widened before sentences, and long sentences before short ones.
+    needs = [(min(length, _NAME_CHARACTERS), i) for i, length in enumerate(longest)]
+    needs += sorted(((length, i) for i, length in enumerate(longest)), reverse=True)
+    for length, i in needs:
+        more = max(0, min(length - widths[i], spare))
+        widths[i], spare = widths[i] + more, spare - more
+    for (name, *texts), size in zip(columns, widths, strict=True):
         numeric = bool(heads) and all(map(_NUMBER.match, texts))
-        table.add_column(
-            name,
-            justify="right" if numeric else "left",
-            overflow="fold",
-            min_width=max(word, min(longest, _WRAPPED_CHARACTERS)),
-        )
+        justify: Literal["left", "right"] = "right" if numeric else "left"
+        table.add_column(name, justify=justify, overflow="fold", width=size)
     for row in rows:
         styles = (_STYLES.get(text.partition(" ")[0], "") for text in row)
         table.add_row(*map(Text, row, styles))
