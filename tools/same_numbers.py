@@ -121,10 +121,12 @@ def differences(
         Place and both values.
     """
     if isinstance(one, dict) and isinstance(other, dict) and one.keys() == other.keys():
-        # A tolerance is half the width of an interval, and no better than its ends.
+        # A tolerance is half the width of an interval, and the error of a median is half the
+        # distance of two quantiles inside it. They are no better than the ends of the interval.
         ends = one["interval"] or () if "tolerance" in one else ()
+        widest = max(map(abs, ends), default=0.0)
         for key in one:
-            size = max(map(abs, ends), default=0.0) if key == "tolerance" else 0.0
+            size = widest if key in {"tolerance", "error"} else 0.0
             yield from differences(one[key], other[key], f"{place} {key}", size)
     elif isinstance(one, list) and isinstance(other, list) and len(one) == len(other):
         for index, pair in enumerate(zip(one, other, strict=True)):

@@ -8,7 +8,10 @@ import same_numbers
 from same_numbers import arithmetic, differences, is_wrong, other_settings
 
 DRAWING = '<b>one</b><svg><path id="p0123456789" d="M 1.5 {} L 3e-05 4"/></svg>'
-INTERVAL = {"interval": [1.0, 2.0], "tolerance": 1e-5, "share": 1e-5}
+INTERVAL = {
+    "interval": [1.0, 2.0],
+    **dict.fromkeys(("tolerance", "error", "share"), 1e-5),
+}
 
 
 @pytest.mark.parametrize(
@@ -18,6 +21,7 @@ INTERVAL = {"interval": [1.0, 2.0], "tolerance": 1e-5, "share": 1e-5}
         ({"a": [1, "x", None, True]}, {"a": [1, "x", None, True]}),
         (DRAWING.format("2.5"), DRAWING.format("2.500001")),
         (INTERVAL, {**INTERVAL, "tolerance": 1e-5 + 1e-15}),
+        (INTERVAL, {**INTERVAL, "error": 1e-5 + 1e-15}),
         (DRAWING.format("2.5"), DRAWING.format("2.5").replace("p012", "p123")),
         (DRAWING.format("2.5"), DRAWING.format("2.5").replace('4"/>', '4\nz"/>')),
     ],
