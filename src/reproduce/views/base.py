@@ -233,10 +233,3 @@ def setting(
 def text_of(function: Callable[..., Any]) -> str:
     """Return the source code of a function."""
     return inspect.getsource(inspect.unwrap(function)).rstrip()
-
-
-def by_row(rows: Mapping[str, Any], columns: list[str] | None = None) -> pd.DataFrame:
-    """Return a DataFrame with a named row for each entry."""
-    import pandas as pd
-
-    return pd.DataFrame.from_dict(dict(rows), orient="index", columns=columns)

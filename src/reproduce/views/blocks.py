@@ -10,7 +10,7 @@ import io
 import re
 import unicodedata
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Any, Literal
@@ -115,8 +115,6 @@ class Grid:
         Anchor of the table.
     kind : str
         Further classes of its HTML.
-    whole, words
-        Ignored.
     """
 
     caption: Entry
@@ -124,8 +122,6 @@ class Grid:
     rows: Sequence[Sequence[Entry]]
     identifier: str = ""
     kind: str = ""
-    whole: Collection[int] = ()
-    words: int = 1
 
     @classmethod
     def of(
@@ -215,17 +211,6 @@ def _table(
 
 
 Block = str | Markup | Html | Grid | Fold
-
-
-def grid(
-    caption: Entry,
-    columns: Mapping[Any, Callable[[Any], Entry]],
-    rows: Collection[Any],
-    **looks: Any,
-) -> Grid:
-    """Return a table from the function of each column."""
-    texts = [{name: write(row) for name, write in columns.items()} for row in rows]
-    return Grid.of(caption, columns, texts, **looks)
 
 
 def badge(word: str, text: str = "") -> Markup:

@@ -41,7 +41,7 @@ from reproduce.store.files import DRAWS, check_target, replacing, write_text
 from reproduce.store.points import STARS, Table, is_table, matched_stars, read_table
 from reproduce.version import __version__
 from reproduce.views import computed
-from reproduce.views.base import by_row, text_of
+from reproduce.views.base import text_of
 from reproduce.views.blocks import Block, Blocks, Fold, Grid, Html
 from reproduce.views.corner import MAX_PARAMETERS, draw_corner
 from reproduce.views.export import beside, export_frame, provenance
@@ -288,7 +288,8 @@ class Posterior(Remade):
     def frame(self) -> pd.DataFrame:
         """Return the summary: one row per parameter and consequence, in the displayed unit."""
         rows = {row.name: vars(row) for row in self.sampled.summaries()}
-        return by_row(rows).drop(columns="name").rename_axis("parameter")
+        frame = pd.DataFrame.from_dict(rows, orient="index")
+        return frame.drop(columns="name").rename_axis("parameter")
 
     summary = frame
 
@@ -299,7 +300,8 @@ class Posterior(Remade):
             one.name: (one.unit, str(one.prior.in_unit(one.shown)), one.prior.reason)
             for one in self.model.parameters
         }
-        return by_row(rows, ["unit", "prior", "why"])
+        columns = ["unit", "prior", "why"]
+        return pd.DataFrame.from_dict(rows, orient="index", columns=columns)
 
     @property
     def draws(self) -> pd.DataFrame:
@@ -456,7 +458,7 @@ class Posterior(Remade):
         changed = f" Changed: {self.changes}." if self.changes else ""
         identifier = f"posterior-{self.name}" if self._in_book else ""
         caption = f"Posterior {self.name}, data {self.data_text}.{changed}"
-        yield Grid(caption, head, rows, identifier, whole=range(1, len(head)))
+        yield Grid(caption, head, rows, identifier)
         yield self._convergence
         if false := self.false_stars:
             yield f"{false}."

@@ -58,8 +58,8 @@ class Posteriors(Display):
         models = ("Model", "Paper", "About")
         return Blocks(
             (
-                Grid("The models.", models, about, words=3, whole=(0, 1)),
-                Grid(words("posteriors/models").caption, heads, columns, words=3),
+                Grid("The models.", models, about),
+                Grid(words("posteriors/models").caption, heads, columns),
             )
         )
 

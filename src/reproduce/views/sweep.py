@@ -18,7 +18,7 @@ from reproduce.printed.number import Interval, symbol
 from reproduce.printed.quantity import si_value
 from reproduce.views import verdicts
 from reproduce.views.base import Change, setting
-from reproduce.views.blocks import Block, Display, Grid, Html, grid
+from reproduce.views.blocks import Block, Display, Grid, Html
 from reproduce.views.numbers import between, entry, minus
 
 if TYPE_CHECKING:
@@ -143,7 +143,8 @@ class Changed(Display):
             "unit": lambda one: symbol(one.cell.unit),
         }
         rows = [one for one in self._cells if one.cell.is_number]
-        return grid(caption, columns, rows, whole=range(1, len(columns)))
+        texts = [{name: write(row) for name, write in columns.items()} for row in rows]
+        return Grid.of(caption, columns, texts)
 
     def blocks(self) -> Iterator[Block]:
         """Yield the cells and the changes."""
@@ -215,7 +216,7 @@ class Sweep(Display):
         caption += (
             "; in brackets the central 99 % of the prediction." if predicted else "."
         )
-        return Grid(caption, head, rows, whole=range(len(head)))
+        return Grid(caption, head, rows)
 
     def blocks(self) -> Iterator[Block]:
         """Yield the table, and on a page a slider over it with a picture of each number."""
