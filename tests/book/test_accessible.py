@@ -105,7 +105,7 @@ MARKS = """() => {
 }"""
 SHOWN = {
     "exact": {"rp-mark-exact", "rp-mark-exact rp-mark-weak"},
-    "consistent": {"rp-mark-consistent"},
+    "consistent": {"rp-mark-consistent", "rp-mark-consistent rp-mark-weak"},
     "weak": {"rp-mark-exact rp-mark-weak", "rp-mark-consistent rp-mark-weak"},
     "differs": {"rp-mark-differs"},
     "ambiguous": {"rp-mark-ambiguous"},
