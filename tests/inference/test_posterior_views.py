@@ -199,3 +199,16 @@ def test_every_quantity_of_the_table_exists():
         model = one.model()
         points = model.start(np.random.default_rng(1), 4)
         assert set(one.summary) <= {*model.names, *model.consequences(points)}
+
+
+def test_free_directions_of_the_lasers_leave_the_uncertainties():
+    """The first group then measures the directions, and the motion of the spots the angle."""
+    found = book_posterior("misalignment")
+    likelihood = found.model.likelihood
+    centre, spread = likelihood.start()
+    first, second = likelihood.statistics.counts
+    response = likelihood.linearised(centre, spread[:-1])[0][:, 3:6]
+    noise = centre[-1] ** 2 * (1 + second / first)
+    covariance = np.linalg.inv(response.T @ response) * noise
+    errors = found.draws[:, 3:6].std(axis=0)
+    np.testing.assert_allclose(np.sqrt(np.diagonal(covariance)), errors, rtol=0.03)

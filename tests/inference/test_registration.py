@@ -3,12 +3,15 @@
 import numpy as np
 import pytest
 from scipy import stats
+from scipy.optimize import minimize_scalar
 
 from reproduce.inference.models import (
     distortion_model,
     joint_model,
     registration_model,
 )
+from reproduce.papers.posteriors import posteriors
+from reproduce.physics.registration import fit_registration
 
 PIVOT = np.array([1030.0, 770.0])
 
@@ -96,3 +99,29 @@ def test_distortions_cancel_or_vanish(registration):
     bent = likelihood.places(np.array([[1.0, 0, 0, 0, 0.1, 0.0, 3.0]]))[0]
     moved = np.hypot(*(bent - likelihood.source).T)
     assert moved.max() == pytest.approx(3.0)
+
+
+def test_an_error_of_the_pivot_moves_the_shift_by_a_small_part():
+    """The stars of the book, fitted about a displaced point: by (w - 1) d."""
+    data, off = posteriors()["registration"].model().likelihood, 2.0
+    plain = fit_registration(data.source, data.target, data.pivot).parameters
+    for angle in (0.0, 1.0, 2.5):
+        aside = data.pivot + off * np.array([np.cos(angle), np.sin(angle)])
+        shift = fit_registration(data.source, data.target, aside).parameters[2:]
+        moved = np.hypot(*(shift - plain[2:]))
+        expected = off * abs(plain[0] * np.exp(1j * plain[1]) - 1)
+        np.testing.assert_allclose(moved, expected, rtol=1e-6)
+        assert moved < 0.02 * off
+
+
+def test_the_noise_of_the_book_is_homogeneous():
+    """The likeliest growth h of a noise sigma exp(h rho^2) is within two of its errors."""
+    data = posteriors()["registration"].model().likelihood
+    fit = fit_registration(data.source, data.target, data.pivot)
+    squares = np.square(fit.residuals).sum(axis=1)
+    rho = np.square(data.source - data.pivot).sum(axis=1)
+    off = (rho - rho.mean()) / rho.max()
+    growth = minimize_scalar(
+        lambda h: np.log((squares * np.exp(-2 * h * off)).mean())
+    ).x
+    assert abs(growth) < 2 * 0.5 / np.sqrt(off @ off)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import reproduce as rp
+from reproduce.judge.ledger import build
 from reproduce.judge.readings import evaluate
 from reproduce.papers.chen2023 import effectiveness
 from reproduce.papers.chen2023.platform import SCATTER, scatter
@@ -160,3 +161,14 @@ def test_what_sentences_say_of_the_implied_focal_lengths_by_hand():
     assert facts["largest-difference"] == pytest.approx(2.125 - 2.006)
     bound = library()[f"{effectiveness._PLAN}#difference-bound".partition("#")[0]]
     assert facts["largest-difference"] > bound["difference-bound"].number.interval()[1]
+
+
+def test_a_mean_with_the_ramp_decides_the_angle_of_state_2_about_y():
+    """It lags by 0.25 arcsec, more than the columns change this angle."""
+    records = build([effectiveness.TABLE]).records
+    found = {one.cell.partition("#")[2]: one for one in records}
+    angles = [one for name, one in found.items() if ".monitoring-" in name]
+    results = [one.verdict for one in angles if one.role == "result"]
+    assert results == ["ambiguous"] * 8
+    expected = ({"images": "state"}, {"images": "smoothed"})
+    assert found["2.monitoring-y"].readings.agrees_if == expected

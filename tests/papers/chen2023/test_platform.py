@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from numpy.random import SeedSequence, default_rng
+from scipy.stats import chi2
 
 from reproduce.papers.chen2023 import accuracy, effectiveness, platform_twin
 from reproduce.papers.chen2023 import platform_twin as figures
@@ -176,3 +177,28 @@ def test_the_twin_monitors_states_as_the_ledger_predicts():
             draws = -np.arctan(motion / 2.0) + errors[:, state - 2, index]
             # The last average holds a quarter of the state's frames.
             assert abs(last - draws.mean()) < 4 * 2 * draws.std()
+
+
+def test_photons_cannot_make_x_and_y_of_a_spot_differ_as_printed(replicates):
+    """Laser 4 of the first group scatters less along x, by more than 800 frames allow."""
+    printed = scatter(DOOR, 1)[3]
+    ratios = [one.spots[0, :, 3].std(axis=0) for one in replicates]
+    ratio = np.array([along_x / along_y for along_x, along_y in ratios])
+    assert abs(printed[0] / printed[1] - ratio.mean()) > 3 * ratio.std()
+
+
+def test_noise_explains_the_calibrated_directions_and_not_the_designed_ones(
+    platform, replicates
+):
+    """Shuster's test: the loss of n directions over the variance is chi-square of 2n - 3."""
+    noise = np.sqrt((scatter(DOOR, 2) ** 2).mean(axis=-1)) * 13e-6 / 60e-3
+    design, (first, second) = platform.design, replicates[0].spots
+    found, zero = design.seen(second), first.mean(axis=0)
+    aside = zero + 0.1 * np.eye(4, 2)  # one laser, a tenth of a pixel
+    refused = []
+    for directions in (design.directions, design.seen(aside), design.seen(zero)):
+        rotation = attitude(found, directions, np.full(found.shape[:-1], noise**-2.0))
+        misses = np.square(found - directions @ rotation.mT).sum(axis=-1) / noise**2
+        refused.append((misses.sum(axis=-1) > chi2(5).ppf(0.99)).mean())
+    assert refused[:2] == [1.0, 1.0]
+    assert refused[2] < 0.025

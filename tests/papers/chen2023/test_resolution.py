@@ -175,3 +175,10 @@ def test_the_limit_of_gain_depends_on_what_counts_as_a_gain():
     assert reading("saturation").computed == pytest.approx(41, abs=0.01), (
         "3 is the literal one"
     )
+
+
+def test_without_bias_the_scatter_has_no_optimum(content):
+    assert content["within"].argmin() == len(content["within"]) - 1
+    ratio = content["simulated"] / content["within"]
+    assert ratio[0] > 3
+    assert ratio[-1] > 2
