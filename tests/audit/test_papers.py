@@ -4,6 +4,7 @@ import functools
 import itertools
 import math
 import operator
+import tomllib
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -307,3 +308,19 @@ def test_the_papers_relations_have_their_dimensions(paper):
             relation, {a: cells[a].unit for a in relation.addresses}
         )
         assert left == right, relation.name
+
+
+def test_verdicts_name_known_errata_of_their_paper():
+    content = tomllib.loads((DATA / "verdicts.toml").read_text(encoding="utf-8"))
+    known = {entry.id for entry in ERRATA}
+    named = [(e["erratum"], e["cells"]) for e in content["expect"] if "erratum" in e]
+    assert named
+    for erratum, cells in named:
+        assert erratum in known
+        assert all(cell.startswith(erratum.partition("-")[0]) for cell in cells)
+
+
+def test_the_register_is_about_the_work_and_not_about_people():
+    entries = [str(entry.model_dump()).lower() for entry in ERRATA]
+    for word in ("prize", "biograph", "award", "professor", " et al", "author of"):
+        assert not any(word in entry for entry in entries), word
