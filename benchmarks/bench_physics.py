@@ -26,7 +26,7 @@ from reproduce.physics.registration import (
     Registration,
     fit_registration,
 )
-from reproduce.printed.given import given
+from reproduce.printed.inputs import load_inputs
 
 Array = NDArray[np.float64]
 Promise = Callable[..., None]
@@ -125,7 +125,7 @@ def bench_centre_of_gravity(promise: Promise) -> None:
 
 def bench_frames_of_the_bench(promise: Promise) -> None:
     """800 frames of four spots rendered, extracted and solved; photutils only extracts."""
-    platform, frames = platform_twin.bench(given(platform_twin.READS)), 800
+    platform, frames = platform_twin.bench(load_inputs(platform_twin.READS)), 800
     window = default_rng(1).uniform(size=(7, 7))
 
     def ours() -> Array:
@@ -143,9 +143,9 @@ def bench_frames_of_the_bench(promise: Promise) -> None:
 
 def bench_study_of_figure_11(promise: Promise) -> None:
     """71 resolutions, 50 phases, 500 trials, against the photons of their pixels alone."""
-    door = given(resolution.READS)
-    size = len(resolution.resolutions(door)), door.count(resolution.PHASES)
-    trials = door.count(f"{resolution.STUDY}#trials")
+    inputs = load_inputs(resolution.READS)
+    size = len(resolution.resolutions(inputs)), inputs.count(resolution.PHASES)
+    trials = inputs.count(f"{resolution.STUDY}#trials")
 
     def photons() -> None:
         for row in range(size[0]):
@@ -153,7 +153,7 @@ def bench_study_of_figure_11(promise: Promise) -> None:
 
     promise(
         "study of Figure 11",
-        lambda: resolution.curves.__wrapped__(door),
+        lambda: resolution.curves.__wrapped__(inputs),
         photons,
         0.5,
         rounds=3,

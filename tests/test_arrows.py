@@ -16,14 +16,14 @@ ARROWS = {
     "store": {"store", "locate", "physics.validate"},
     "inference": {"inference", "physics", "units"},
     "papers": {
-        *{"papers", "inference", "physics", "store", "printed.given", "units"},
+        *{"papers", "inference", "physics", "store", "printed.inputs", "units"},
         *{"locate.papers", "locate.search_path"},
-        *{"locate.schematic_files", "locate.words_files"},
+        *{"locate.schematic_files", "locate.caption_files"},
     },
     "judge": {"judge", "papers", "printed", "locate", "store.studies"},
-    "audit": {"audit", "printed", "physics"},
+    "consistency": {"consistency", "printed", "physics"},
     "views": {
-        *{"views", "judge", "audit", "inference", "store", "printed", "papers"},
+        *{"views", "judge", "consistency", "inference", "store", "printed", "papers"},
         *{"locate", "units", "version"},
         *{"physics.registration", "physics.attitude", "physics.images"},
     },
@@ -34,7 +34,7 @@ ROOMS = {
     "attitude": {"attitude"},
     "images": {"images"},
     "registration": {"registration", "optics"},
-    "light": {"light", "attitude"},
+    "raytrace": {"raytrace", "attitude"},
     "ground": {"ground", "attitude"},
 }
 PHYSICS_MAY_NOT = {
@@ -128,7 +128,7 @@ def test_physics_opens_no_file():
         ("judge", "from reproduce.views import keys"),
         ("store", "from reproduce.papers import catalogue"),
         ("views", "from reproduce.physics import camera"),
-        ("views", "from . import words"),
+        ("views", "from . import captions"),
         ("views", "import reproduce"),
     ],
 )
@@ -171,7 +171,7 @@ def test_one_cell_is_judged_without_the_audit():
     """In a fresh process: reading a verdict starts no search for contradictions."""
     code = (
         "import sys, reproduce as rp; print(rp.table('niu2024/table-3')['scale.red'].verdict); "
-        "print([name for name in sys.modules if name.startswith('reproduce.audit')])"
+        "print([name for name in sys.modules if name.startswith('reproduce.consistency')])"
     )
     run = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True

@@ -7,7 +7,7 @@ import pytest
 import yaml
 
 from reproduce.papers.catalogue import catalogue, drawings, studies
-from reproduce.papers.declare import words
+from reproduce.papers.declare import item_text
 from reproduce.printed.cells import library
 from reproduce.views.figure import drawable
 
@@ -129,7 +129,7 @@ NAMED = re.compile(r"\b(?:Table|Figure|equation) \(?\d+[a-d]?\)?")
 def alternatives():
     """Return every alternative text with its caption: key, text with its blanks."""
     for key in (*drawable(), *drawings()):
-        text = words(key).figure
+        text = item_text(key).figure
         yield key, f"{text.alternative} {text.caption}"
 
 
@@ -163,8 +163,8 @@ def test_no_number_is_typed_into_an_alternative_text():
 def test_alternative_texts_say_what_is_drawn():
     """Whoever cannot see a figure gets sentences, not a title."""
     for key in (*drawable(), *drawings()):
-        assert len(BLANK.sub("", words(key).figure.alternative).split()) >= 15, key
-        assert words(key).figure.caption, key
+        assert len(BLANK.sub("", item_text(key).figure.alternative).split()) >= 15, key
+        assert item_text(key).figure.caption, key
 
 
 def test_every_physics_module_is_documented():

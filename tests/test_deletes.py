@@ -81,7 +81,7 @@ def test_a_damaged_or_planted_file_is_computed_again(
     folder, monkeypatch, content, kept
 ):
     made = {
-        "numbers": lambda: computed.once(
+        "numbers": lambda: computed.cached(
             "numbers.json", lambda: [1], json.dumps, json.loads
         ),
         "posterior": lambda: book_posterior.__wrapped__("registration").chain.tolist(),

@@ -107,7 +107,7 @@ def used():
     """Return who takes each name of each module: files, without the module itself and doors."""
     found = defaultdict(set)
     for path in OTHERS:
-        if path in {MODULES[door] for door in DOORS}:
+        if path in {MODULES[inputs] for inputs in DOORS}:
             continue
         for one in taken(path.read_text(encoding="utf-8")):
             if MODULES[one[0]] != path:
@@ -169,7 +169,7 @@ def test_nothing_private_is_taken_by_another_room():
 
 def test_others_come_in_by_the_door():
     """But for tests, links of pages, and kernels that rooms of physics share."""
-    behind = {module for door in DOORS.values() for module in door.values()} - APART
+    behind = {module for inputs in DOORS.values() for module in inputs.values()} - APART
     wrong = [
         (place, name, path)
         for (place, name), paths in used().items()
@@ -184,8 +184,8 @@ def test_others_come_in_by_the_door():
 def test_nothing_stands_at_the_door_in_vain():
     """What others take, in code or on a page, stands there; types are met as results."""
     idle = [
-        (door, name)
-        for door, names in DOORS.items()
+        (inputs, name)
+        for inputs, names in DOORS.items()
         for name, module in names.items()
         if not inspect.isclass(getattr(import_module(module), name))
         if not any(
@@ -234,7 +234,7 @@ def test_a_private_name_is_seen():
 
 def test_functions_of_physics_say_what_they_take_and_return_and_show_it():
     """In sections, in those of a like function, or with the shapes in the first line."""
-    doors = [names for door, names in DOORS.items() if ".physics." in door]
+    doors = [names for inputs, names in DOORS.items() if ".physics." in inputs]
     for name, module in (pair for names in doors for pair in names.items()):
         function = getattr(import_module(module), name)
         if inspect.isfunction(function):

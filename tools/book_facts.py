@@ -25,7 +25,7 @@ from markupsafe import Markup
 from pydantic import BaseModel, Field
 
 import page_cells
-from reproduce.audit.report import Erratum, audit_paper
+from reproduce.consistency.report import Erratum, audit_paper
 from reproduce.judge.ledger import erratum
 from reproduce.judge.readings import all_readings
 from reproduce.locate import data_folder
@@ -36,14 +36,14 @@ from reproduce.store.files import write_text
 from reproduce.views import computed, numbers, verdicts
 from reproduce.views.blocks import html
 from reproduce.views.computed import item_ledger, whole_ledger
+from reproduce.views.consistency import ConsistencyAudit, errata_register
 from reproduce.views.contents import Contents
-from reproduce.views.contradictions import Contradictions, errata_register
 from reproduce.views.export import (
     citation,
     export_frame,
-    provenance,
-    signed,
+    provenance_of,
     table_files,
+    with_provenance,
 )
 from reproduce.views.study import StudyTable
 from reproduce.views.table import Cell, Table
@@ -214,7 +214,7 @@ def _of_audits() -> dict[str, str]:
     ``-contradicting`` (without those that
     restate computed cells), ``-restating`` and ``-restating-contradicting`` (those alone),
     ``-examined``, ``-numbers``, ``-supposed``
-    (relations that rest on a supposition of ours, in none of the other counts); the same of both
+    (relations that rest on a assumption of ours, in none of the other counts); the same of both
     papers without the paper's name; ``errata``, among them ``errata-standing`` (the paper's
     conclusion stands) and ``errata-extraction``; ``errata-supposed`` apart, of which
     ``errata-supposed-standing``.
@@ -236,11 +236,11 @@ def _of_audits() -> dict[str, str]:
             }
             for name, count in found.items():
                 counts[start + name] = counts.get(start + name, 0) + count
-    read = [entry for entry in errata_register() if not entry.supposition]
+    read = [entry for entry in errata_register() if not entry.assumption]
     counts["errata"] = len(read)
     counts["errata-standing"] = sum(entry.conclusion == "stands" for entry in read)
     counts["errata-extraction"] = sum(entry.extraction for entry in read)
-    supposed = [entry for entry in errata_register() if entry.supposition]
+    supposed = [entry for entry in errata_register() if entry.assumption]
     counts["errata-supposed"] = len(supposed)
     counts["errata-supposed-standing"] = sum(
         one.conclusion == "stands" for one in supposed
@@ -260,7 +260,7 @@ def card(cell: Cell, place: str) -> str:
     button = Markup('<button type="button" data-{}="{}">Copy {}</button>').format
     forms = {"citation": "text", "BibTeX": "bibtex", "RIS": "ris"}
     copied = {name: cell.cite(form) for name, form in forms.items()} | {
-        "code": cell.again
+        "code": cell.rerun_code
     }
     taken = [
         button("link", f"#{place}", "link"),
@@ -300,14 +300,14 @@ class Register(BaseModel):
 
 def register() -> Register:
     """Return the register of errata as it is shipped."""
-    rows = Contradictions().frame().reset_index(names="id").to_dict("records")
-    whole = {**provenance(citation("all", "text")), "errata": rows}
+    rows = ConsistencyAudit().frame().reset_index(names="id").to_dict("records")
+    whole = {**provenance_of(citation("all", "text")), "errata": rows}
     return Register.model_validate(whole)
 
 
 def write_whole(folder: Path) -> None:
     """Write all printed cells, all readings and all errata as CSV and Parquet."""
-    about = provenance(citation("all", "text"))
+    about = provenance_of(citation("all", "text"))
     errata = pd.DataFrame([one.model_dump() for one in register().errata])
     for name in ("relations", "equations", "results"):
         errata[name] = errata[name].map(" ".join)
@@ -360,7 +360,7 @@ def write_tables(folder: Path) -> None:
     """Write the ledger, the errata and every table in all forms."""
     whole = computed.whole_ledger()
     texts = {
-        "ledger.json": signed(whole).model_dump_json(indent=2),
+        "ledger.json": with_provenance(whole).model_dump_json(indent=2),
         "ledger.schema.json": (data_folder() / "ledger.schema.json").read_text(
             encoding="utf-8"
         ),

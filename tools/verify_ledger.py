@@ -87,6 +87,8 @@ def main(ledger: str | Path, readings: str | Path) -> int:
 
 
 if __name__ == "__main__":
-    given = [Path(__file__).with_name(name) for name in ("ledger.json", "readings.csv")]
-    given[: len(sys.argv) - 1] = map(Path, sys.argv[1:])
-    sys.exit(main(*given))
+    inputs = [
+        Path(__file__).with_name(name) for name in ("ledger.json", "readings.csv")
+    ]
+    inputs[: len(sys.argv) - 1] = map(Path, sys.argv[1:])
+    sys.exit(main(*inputs))

@@ -11,7 +11,7 @@ misalignment seen by a star tracker). The public API::
     rp.table("niu2024/table-3").rerun(angles="rectangle", translations="table-2")
     rp.figure("chen2023/fig-11")         # draws itself
     rp.posterior("registration")         # sampled when it is looked at
-    rp.contradictions("chen2023")        # what contradicts what, and the register of errata
+    rp.audit("chen2023")                 # consistency of the printed numbers, and the errata
     rp.register(source, target)          # your stars
     rp.register("red.fits", "green.fits")    # or images: rp.stars, then rp.match, in one
     rp.misalignment("spots.csv", platform=rp.Platform(...))  # your laser spots
@@ -21,6 +21,7 @@ misalignment seen by a star tracker). The public API::
 Names load on first use, so that ``import reproduce`` is cheap.
 """
 
+import warnings
 from importlib import import_module
 from typing import Any
 
@@ -28,10 +29,10 @@ from reproduce.version import __version__ as __version__
 
 __all__ = [
     "Platform",
+    "audit",
     "check",
     "cite",
     "contents",
-    "contradictions",
     "figure",
     "match",
     "misalignment",
@@ -45,6 +46,13 @@ __all__ = [
 
 def __getattr__(name: str) -> Any:
     """Load a name of the public API."""
+    if name == "contradictions":
+        warnings.warn(
+            "rp.contradictions is deprecated. Use rp.audit.",
+            DeprecationWarning,
+            stacklevel=2,
+        )
+        name = "audit"
     if name not in __all__:
         raise AttributeError(
             f"module {__name__!r} has no attribute {name!r}; it has {__all__}"

@@ -57,9 +57,9 @@ def data_folders() -> tuple[Path, ...]:
     return (data_folder(), *(folder / "data" for folder in search_path()))
 
 
-def words_files(name: str) -> list[Path]:
+def caption_files(name: str) -> list[Path]:
     """Return the files of texts of a paper, or of what shows all papers: one, or none."""
-    paths = (folder / "words" / f"{name}.toml" for folder in data_folders())
+    paths = (folder / "captions" / f"{name}.toml" for folder in data_folders())
     return [path for path in paths if path.is_file()]
 
 

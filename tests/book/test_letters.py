@@ -9,7 +9,7 @@ from reading import DESKTOP, HTML
 from letters import complete, place, questions, settles
 from reproduce.judge.ledger import frozen
 from reproduce.printed.cells import PAPERS, anchor
-from reproduce.views.contradictions import errata_register
+from reproduce.views.consistency import errata_register
 
 ASKED = {paper: questions(paper) for paper in PAPERS}
 

@@ -5,7 +5,7 @@ from scipy.stats import chi2
 
 from reproduce.papers.chen2023 import effectiveness
 from reproduce.printed.cells import library
-from reproduce.printed.given import given
+from reproduce.printed.inputs import load_inputs
 from reproduce.views.verdicts import facts_of
 
 ARCSEC = np.pi / 180 / 3600
@@ -30,7 +30,9 @@ def test_one_pointing_error_agrees_within_the_rounding_of_the_residuals():
 
 def test_the_differences_are_within_the_central_99_percent_and_beyond_the_upper_percent():
     """The register on Table V: means of 100 images of white noise, all eight differences."""
-    row = effectiveness._differences(given(effectiveness._differences.given)).iloc[1]
+    row = effectiveness._differences(
+        load_inputs(effectiveness._differences.inputs)
+    ).iloc[1]
     _, found, freedom, chance = row
     assert chi2.ppf(0.99, freedom) < found < chi2.ppf(0.995, freedom)
     assert abs(chance - chi2.sf(found, freedom)) < 1e-9
@@ -47,7 +49,7 @@ def test_focal_length_and_columns_do_not_settle_the_monitored_angles():
     """The front page: with the interchanged columns and one length, four of seven still differ."""
     monitored = effectiveness.monitored_angle
     reading = {"columns": "motions", "telescope": "common", "images": "state"}
-    drawn = monitored.under(reading)(given(monitored.given))
+    drawn = monitored.with_options(reading)(load_inputs(monitored.inputs))
     table, outside = library()[effectiveness.TABLE], 0
     for name, one in drawn.items():
         low, high = np.quantile(one.draws / ARCSEC, [0.005, 0.995])

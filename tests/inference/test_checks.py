@@ -22,5 +22,5 @@ def test_distortion_is_seen(registration):
     data = registration.likelihood
     offsets = data.source - data.pivot
     bent = data.target + 1e-7 * offsets * (offsets**2).sum(axis=1, keepdims=True)
-    found = posterior_checks(sample(registration.given(bent), PLAN), 100)
+    found = posterior_checks(sample(registration.with_data(bent), PLAN), 100)
     assert {c.name: c.tail for c in found}["outer residual, outwards (px)"] < 0.02

@@ -12,7 +12,7 @@ def test_the_map_is_one_to_one_with_the_stated_volume(seed):
     generator = np.random.default_rng(seed)
     model = posteriors()["registration-mixture"].model()
     data = model.likelihood.simulate(drawn_prior(model, generator, 1)[0], generator)
-    points, there = model.given(data).start(generator, 6), model.coordinates
+    points, there = model.with_data(data).start(generator, 6), model.coordinates
     straight = there.straight(points)
     assert not np.allclose(straight[:, 4:], points[:, 4:])
     np.testing.assert_allclose(there.parameters(straight), points, rtol=1e-9)

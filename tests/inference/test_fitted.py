@@ -186,7 +186,7 @@ def test_leaving_a_star_out_agrees_with_its_exact_prediction(tmp_path):
         fit = fit_registration(SOURCE[rest], target[rest], pivot)
         freedom = float(fit.degrees_of_freedom)
         noise = fit.chi_square / freedom * np.eye(2)
-        spread = fit.landed_covariance(SOURCE[star][None])[0] + noise
+        spread = fit.prediction_covariance(SOURCE[star][None])[0] + noise
         place = fit.transform.apply(SOURCE[star][None])[0]
         exact.append(multivariate_t(place, spread, df=freedom).logpdf(target[star]))
     good = shape < 0.5

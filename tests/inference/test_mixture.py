@@ -88,7 +88,7 @@ def test_a_density_is_the_sum_of_both_cases():
     np.testing.assert_allclose(likelihood(rows), np.log(both).sum(axis=1), rtol=1e-10)
     np.testing.assert_allclose(likelihood.false(rows), 1 - right / both, atol=1e-10)
     # Beyond the square there are no false stars.
-    far = likelihood.given(likelihood.target + 3 * likelihood.side)
+    far = likelihood.with_data(likelihood.target + 3 * likelihood.side)
     assert (far.false(rows) == 0).all()
 
 

@@ -12,7 +12,7 @@ import reproduce as rp
 from book_facts import of_posteriors
 from reproduce.inference import sampling
 from reproduce.papers.posteriors import posteriors
-from reproduce.printed.given import given
+from reproduce.printed.inputs import load_inputs
 from reproduce.store import studies
 from reproduce.views import computed
 from reproduce.views import posteriors as pages
@@ -144,7 +144,7 @@ def test_facts_are_the_numbers_of_the_object():
 
 def test_table_3_scatters_more_than_one_noise_allows():
     """Against repeats of the whole table, with the noise of the posterior."""
-    printed = given(["chen2023/table-3"]).array("chen2023/table-3") / 3
+    printed = load_inputs(["chen2023/table-3"]).array("chen2023/table-3") / 3
     found = book_posterior("misalignment")
     noise = found.draws[:, found.model.names.index("noise")].mean()
     repeats = np.sqrt(np.random.default_rng(2).chisquare(799, (20_000, 16)) / 799)

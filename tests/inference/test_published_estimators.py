@@ -131,7 +131,7 @@ def test_drift_is_taken_for_noise(platform):
     """The scatter about the mean of a drifting group holds the drift."""
     model = misalignment_model(platform, group(lever=134.0), drifts=True)
     truth = np.array([0, 0, 0, 0, 0, 0, 4e-4, 0, 0, 1.0, 0.017])
-    data = model.likelihood.given(
+    data = model.likelihood.with_data(
         model.likelihood.simulate(truth, np.random.default_rng(1))
     )
     noise = estimate(data)[0][-1]

@@ -9,7 +9,7 @@ from reproduce.papers.chen2023.platform import INSTRUMENT, as_designed
 from reproduce.papers.posteriors import posteriors
 from reproduce.physics.attitude import stage_angles
 from reproduce.physics.registration import fit_registration
-from reproduce.printed.given import given
+from reproduce.printed.inputs import load_inputs
 from reproduce.store.points import STARS as COLUMNS
 from reproduce.store.points import TableFileError
 
@@ -46,7 +46,7 @@ def star_rows(columns):
 
 def spot_rows(columns):
     """Twenty images in each of two groups."""
-    instrument = as_designed(given(INSTRUMENT))
+    instrument = as_designed(load_inputs(INSTRUMENT))
     generator = np.random.default_rng(1)
     turns = stage_angles(
         np.array([[0.0, 0.0], [20e-6, 0.0]]), instrument.camera_focal_length

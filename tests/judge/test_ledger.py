@@ -11,7 +11,7 @@ from reproduce.locate import data_folder
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.chen2023 import effectiveness
 from reproduce.printed.cells import find, library
-from reproduce.printed.given import given
+from reproduce.printed.inputs import load_inputs
 from reproduce.views.verdicts import joint_chance
 
 
@@ -31,7 +31,7 @@ def cells(key):
 
 
 def test_every_verdict_is_as_frozen(whole):
-    assert ledger.surprises(whole) == []
+    assert ledger.changed_verdicts(whole) == []
 
 
 def test_every_frozen_cell_is_printed_and_every_printed_cell_frozen(whole):
@@ -40,7 +40,7 @@ def test_every_frozen_cell_is_printed_and_every_printed_cell_frozen(whole):
 
 def test_a_changed_verdict_is_told(whole):
     changed = whole.records[0].model_copy(update={"verdict": "exact"})
-    found = ledger.surprises(Ledger(records=(changed,), tables=()))
+    found = ledger.changed_verdicts(Ledger(records=(changed,), tables=()))
     assert [(s.cell, s.expected, s.found) for s in found] == [
         (changed.cell, "input", "exact")
     ]
@@ -146,7 +146,7 @@ def test_39_of_79_cells_that_agree_are_strong(whole):
             off = abs(record.computed - number.value)
             assert number.is_bound or off <= number.half_unit * (1 + 1e-9), record.cell
             if number.qualifier in QUALIFIED:
-                assert number.reach <= abs(number.value) / 10, record.cell
+                assert number.half_width <= abs(number.value) / 10, record.cell
         else:
             assert high - low <= abs(number.value), record.cell
 
@@ -161,7 +161,7 @@ def test_rounding_is_never_the_word_for_a_wider_tolerance(whole):
         computation = next(
             one for one in catalogue()[record.key].computations if one.makes(cell.name)
         )
-        inputs = given(computation.given)
+        inputs = load_inputs(computation.inputs)
         centre = computation(inputs)[cell.name]
         for other in inputs.numbers():
             if other.number.qualifier in QUALIFIED:

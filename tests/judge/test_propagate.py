@@ -4,26 +4,26 @@ import pytest
 
 from reproduce.judge.propagate import plain_results, result_intervals
 from reproduce.papers.declare import reproduces
-from reproduce.printed.given import given
+from reproduce.printed.inputs import load_inputs
 
 RED, GREEN = (f"niu2024/table-1#focal-length.{channel}" for channel in ("red", "green"))
 
 
-@reproduces("niu2024/table-2", given=[RED, GREEN])
-def ratio(door):
+@reproduces("niu2024/table-2", inputs=[RED, GREEN])
+def ratio(inputs):
     """Ratio of two focal lengths, falling in one and rising in the other."""
-    return {"scale.red": door[GREEN] / door[RED], "scale.blue": 1.0}
+    return {"scale.red": inputs[GREEN] / inputs[RED], "scale.blue": 1.0}
 
 
 def test_the_corners_of_a_ratio():
-    low, high, wide = result_intervals(ratio, given(ratio.given))["scale.red"]
+    low, high, wide = result_intervals(ratio, load_inputs(ratio.inputs))["scale.red"]
     assert low == pytest.approx(24.99995 / 25.06015, rel=1e-14)
     assert high == pytest.approx(25.00005 / 25.06005, rel=1e-14)
     assert not wide
 
 
 def test_a_result_without_inputs_is_a_point():
-    assert result_intervals(ratio, given(ratio.given))["scale.blue"] == (
+    assert result_intervals(ratio, load_inputs(ratio.inputs))["scale.blue"] == (
         1.0,
         1.0,
         False,
@@ -34,11 +34,14 @@ NOMINAL = "chen2023/table-2#telescope-focal-length.value"
 
 
 def test_an_input_printed_as_nominal_makes_the_results_that_follow_it_wide():
-    @reproduces("niu2024/table-2", given=[GREEN, NOMINAL])
-    def mixed(door):
-        return {"scale.red": door[GREEN] / door[NOMINAL], "scale.blue": door[GREEN]}
+    @reproduces("niu2024/table-2", inputs=[GREEN, NOMINAL])
+    def mixed(inputs):
+        return {
+            "scale.red": inputs[GREEN] / inputs[NOMINAL],
+            "scale.blue": inputs[GREEN],
+        }
 
-    found = result_intervals(mixed, given(mixed.given))
+    found = result_intervals(mixed, load_inputs(mixed.inputs))
     assert (found["scale.red"].wide, found["scale.blue"].wide) == (True, False)
 
 
@@ -48,16 +51,16 @@ BLUE, PER_CHANNEL = (
 )
 
 
-@reproduces("niu2024/table-2", given=[RED, GREEN, BLUE, PER_CHANNEL])
-def plain(door):
+@reproduces("niu2024/table-2", inputs=[RED, GREEN, BLUE, PER_CHANNEL])
+def plain(inputs):
     """Copies and differences, and what only looks like them."""
-    red, green, blue = door[RED], door[GREEN], door[BLUE]
+    red, green, blue = inputs[RED], inputs[GREEN], inputs[BLUE]
     return {
         "copy": green,
         "largest": max(red, green, blue),
         "smallest": min(red, green, blue),
         "size": abs(-green),
-        "count": float(door.count(PER_CHANNEL)),
+        "count": float(inputs.count(PER_CHANNEL)),
         "difference": red - blue,
         "nothing": green - green,
         "negative": -green,
@@ -74,7 +77,7 @@ def plain(door):
 
 def test_copies_and_differences_are_told_from_computations():
     """By how a result moves with its inputs, whatever the function looks like."""
-    assert plain_results(plain, given(plain.given)) == {
+    assert plain_results(plain, load_inputs(plain.inputs)) == {
         "copy": "copy",
         "negative": "copy",
         "size": "copy",

@@ -10,10 +10,10 @@ import pytest
 import recompute
 from reproduce.judge import ledger, readings
 from reproduce.papers.catalogue import catalogue
-from reproduce.papers.declare import Alternative, reproduces, words
+from reproduce.papers.declare import Alternative, item_text, reproduces
 from reproduce.papers.niu2024 import simulation
 from reproduce.printed.cells import library
-from reproduce.printed.given import Given, given
+from reproduce.printed.inputs import Inputs, load_inputs
 from reproduce.printed.number import PrintedNumber
 from reproduce.store.studies import StudyError
 
@@ -33,7 +33,7 @@ def made_up(value):
     """Return a computation with three options whose result is a function of the first two."""
 
     @reproduces(TABLE, cells=[CELL], options=OPTIONS)
-    def computation(given, *, a, b, c):
+    def computation(inputs, *, a, b, c):
         return {CELL: value(a, b)}
 
     return computation
@@ -60,9 +60,9 @@ def test_every_combination_is_evaluated():
 
 
 def test_the_readings_of_an_item_are_the_product_of_the_options_in_its_data():
-    for key in (key for key in catalogue() if words(key).options):
+    for key in (key for key in catalogue() if item_text(key).options):
         for computation in catalogue()[key].computations:
-            counts = [len(words(key).options[name]) for name in computation.options]
+            counts = [len(item_text(key).options[name]) for name in computation.options]
             lacking = computation.function.__name__ == "last_reference_angle"
             assert lacking or len(computation.readings) == np.prod(counts)
             names = {tuple(one.items()) for one in computation.readings}
@@ -157,10 +157,10 @@ def test_a_changed_option_makes_the_stored_readings_stale():
 
 
 def test_a_changed_input_makes_the_stored_readings_stale(monkeypatch):
-    cells, before = given(CAMERA.given).cells, readings.fingerprint(CAMERA)
+    cells, before = load_inputs(CAMERA.inputs).cells, readings.fingerprint(CAMERA)
     noise = replace(cells[simulation.NOISE], content=PrintedNumber("0.06"))
-    moved = Given({**cells, simulation.NOISE: noise})
-    monkeypatch.setattr(readings, "given", lambda _: moved)
+    moved = Inputs({**cells, simulation.NOISE: noise})
+    monkeypatch.setattr(readings, "load_inputs", lambda _: moved)
     assert readings.fingerprint(CAMERA) != before
     with pytest.raises(StudyError, match=STALE):
         readings.evaluate.__wrapped__(CAMERA)

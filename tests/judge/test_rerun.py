@@ -12,7 +12,7 @@ from reproduce.judge.rerun import CannotChangeError
 from reproduce.papers.catalogue import catalogue, changeable
 from reproduce.papers.niu2024 import simulation
 from reproduce.printed.cells import find
-from reproduce.printed.given import given
+from reproduce.printed.inputs import load_inputs
 from reproduce.printed.quantity import si_value
 
 NOISE = "niu2024/text-simulation#noise"
@@ -76,7 +76,7 @@ def test_only_what_an_item_reads_can_be_changed():
         assert set(allowed) >= {
             cell.address
             for computation in catalogue()[key].computations
-            for pattern in computation.given
+            for pattern in computation.inputs
             for cell in find(pattern)
             if cell.is_number
         }
@@ -152,7 +152,7 @@ def test_a_rerun_with_options_is_judged_as_the_reading_of_the_ledger(key):
     )
     assert found.is_reading
     for computation in catalogue()[key].computations:
-        wanted = computation.under(found.options).literal
+        wanted = computation.with_options(found.options).literal
         place = computation.readings.index(wanted)
         stored = evaluate(computation)
         for name, readings in stored.cells.items():
@@ -165,7 +165,7 @@ def test_a_rerun_with_options_is_judged_as_the_reading_of_the_ledger(key):
 
 def test_the_names_of_the_arrangements_are_those_that_have_the_printed_count():
     for name in simulation._OPTIONS["angles"]:
-        assert len(simulation.arrangement(given(simulation.ANGLES), name)) == 137
+        assert len(simulation.arrangement(load_inputs(simulation.ANGLES), name)) == 137
 
 
 def test_options_beside_a_change_carry_no_verdict():
@@ -181,7 +181,7 @@ def test_rounding_noise_of_a_processor_replaces_nothing(monkeypatch):
     change = {f"{TABLE}#2.position-x": "0 um"}
     before = set(rerun.rerun(TABLE, change).replaced)
     made, noise = rerun._middle, itertools.cycle((1.0, 1 + 4e-14))
-    monkeypatch.setattr(rerun, "_middle", lambda *given: made(*given) * next(noise))
+    monkeypatch.setattr(rerun, "_middle", lambda *inputs: made(*inputs) * next(noise))
     assert set(rerun.rerun(TABLE, change).replaced) == before != set()
 
 
@@ -215,17 +215,17 @@ def test_values_are_read_in_any_unit_of_their_kind():
 
 def test_a_changed_value_is_exact():
     """It has no rounding interval: nothing was printed."""
-    door = given(["niu2024/table-1#focal-length.red"]).changed(
+    inputs = load_inputs(["niu2024/table-1#focal-length.red"]).changed(
         {
             "niu2024/table-1#focal-length.red": 0.03,
             "niu2024/table-1#focal-length.blue": 1.0,
         }
     )
-    assert door["niu2024/table-1#focal-length.red"] == 0.03
-    assert door.numbers() == []
-    assert "niu2024/table-1#focal-length.blue" not in door.cells
+    assert inputs["niu2024/table-1#focal-length.red"] == 0.03
+    assert inputs.numbers() == []
+    assert "niu2024/table-1#focal-length.blue" not in inputs.cells
     assert (
-        door.shifted({"niu2024/table-1#focal-length.red": 1.0})[
+        inputs.shifted({"niu2024/table-1#focal-length.red": 1.0})[
             "niu2024/table-1#focal-length.red"
         ]
         == 0.03

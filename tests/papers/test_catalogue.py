@@ -9,7 +9,7 @@ import pytest
 from reproduce.papers.catalogue import catalogue, studies
 from reproduce.papers.declare import Prediction, reproduces
 from reproduce.printed.cells import find, library
-from reproduce.printed.given import UndeclaredInputError, given
+from reproduce.printed.inputs import UndeclaredInputError, load_inputs
 
 ITEMS = catalogue()
 COMPUTATIONS = [c for item in ITEMS.values() for c in item.computations]
@@ -18,27 +18,27 @@ NAMES = [c.name.split(".", 2)[-1] for c in COMPUTATIONS]
 
 def edges():
     """Map every computed cell to the cells that it is computed from."""
-    reads = {}
+    inputs = {}
     for computation in COMPUTATIONS:
         sources = {
-            cell.address for pattern in computation.given for cell in find(pattern)
+            cell.address for pattern in computation.inputs for cell in find(pattern)
         }
         for cell in library()[computation.key].cells:
             if computation.makes(cell.name):
-                reads.setdefault(cell.address, set()).update(sources)
-    return reads
+                inputs.setdefault(cell.address, set()).update(sources)
+    return inputs
 
 
-def reaches_itself(address, reads):
+def reaches_itself(address, inputs):
     """Tell whether following the inputs of a cell leads back to it."""
-    seen, ahead = set(), list(reads.get(address, ()))
+    seen, ahead = set(), list(inputs.get(address, ()))
     while ahead:
         here = ahead.pop()
         if here == address:
             return True
         if here not in seen:
             seen.add(here)
-            ahead.extend(reads.get(here, ()))
+            ahead.extend(inputs.get(here, ()))
     return False
 
 
@@ -54,8 +54,8 @@ def test_items_and_computations_carry_the_same_key():
 
 
 def test_no_cell_reaches_itself():
-    reads = edges()
-    assert [address for address in reads if reaches_itself(address, reads)] == []
+    inputs = edges()
+    assert [address for address in inputs if reaches_itself(address, inputs)] == []
 
 
 def test_a_circle_would_be_seen():
@@ -73,7 +73,7 @@ def test_no_cell_is_made_twice():
 @pytest.mark.parametrize("computation", COMPUTATIONS, ids=NAMES)
 def test_results_are_cells_of_the_item(computation):
     few = 3 if computation.replicates else None
-    results = computation(given(computation.given), few)
+    results = computation(load_inputs(computation.inputs), few)
     table = library()[computation.key]
     assert results
     for name, result in results.items():
@@ -93,16 +93,16 @@ def test_results_are_cells_of_the_item(computation):
 @pytest.mark.parametrize("computation", COMPUTATIONS, ids=NAMES)
 def test_every_declared_input_is_needed(computation):
     """Without any one of its inputs, a computation fails at the door, under some reading."""
-    for pattern in computation.given:
-        others = [p for p in computation.given if p != pattern]
+    for pattern in computation.inputs:
+        others = [p for p in computation.inputs if p != pattern]
         dropped = {c.address for c in find(pattern)} - {
             c.address for other in others for c in find(other)
         }
         assert dropped, f"{pattern} is covered by another pattern"
         for choices in computation.readings:
             try:
-                computation.under(choices)(
-                    given(others), 3 if computation.replicates else None
+                computation.with_options(choices)(
+                    load_inputs(others), 3 if computation.replicates else None
                 )
             except UndeclaredInputError:
                 break
@@ -127,19 +127,19 @@ def test_a_study_computes_what_it_declares(key):
         assert column.error in {"", *frame.columns}
 
 
-def computed(study, door):
+def computed(study, inputs):
     """Compute a study and the facts that sentences quote of it."""
-    return study(door), study.named and study.named(door)
+    return study(inputs), study.named and study.named(inputs)
 
 
 @pytest.mark.parametrize("key", studies())
 def test_every_declared_input_of_a_study_is_needed(key):
     study = studies()[key]
-    assert len(set(study.given)) == len(study.given)
-    for pattern in study.given:
-        others = [p for p in study.given if p != pattern]
+    assert len(set(study.inputs)) == len(study.inputs)
+    for pattern in study.inputs:
+        others = [p for p in study.inputs if p != pattern]
         with pytest.raises(UndeclaredInputError):
-            computed(study, given(others))
+            computed(study, load_inputs(others))
 
 
 def test_seeds_differ_between_computations():
@@ -150,7 +150,7 @@ def test_seeds_differ_between_computations():
 def test_draws_repeat_with_a_root_seed_and_change_with_another():
     for computation in COMPUTATIONS:
         if computation.replicates:
-            inputs = given(computation.given)
+            inputs = load_inputs(computation.inputs)
             one, same, other = (
                 computation(replace(inputs, root=root), 3) for root in (None, None, 7)
             )
@@ -168,7 +168,7 @@ def test_stochastic_computations_draw_at_least_2000_replicates():
 
 def test_patterns_match_names_only():
     @reproduces("niu2024/table-3", cells=["scale.*"])
-    def scales(door):
+    def scales(inputs):
         return {}
 
     assert scales.makes("scale.red")

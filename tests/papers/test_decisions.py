@@ -13,11 +13,11 @@ from reproduce.papers.posteriors import posteriors
 from reproduce.physics.attitude import scatter_of_averages
 from reproduce.physics.ground import circular_error
 from reproduce.physics.registration import fit_registration
-from reproduce.printed.given import given
+from reproduce.printed.inputs import load_inputs
 from reproduce.units import ARCSEC_PER_RADIAN
 
-FRAMES = given(camera._FRAME_READS)
-STARS = given(sensor.READS)
+FRAMES = load_inputs(camera._FRAME_READS)
+STARS = load_inputs(sensor.READS)
 
 
 def fact(key, name):
@@ -96,9 +96,9 @@ def test_the_average_of_frames(white_and_floor):
 
 def test_the_age_of_a_calibration_is_that_of_least_squares():
     """A line through the angles frame by frame: its middle, its slope and their errors."""
-    door = given(camera.READS)
-    error, moved, spread = camera._drifting(door)
-    frames = door.count("chen2023/text-accuracy#frames")
+    inputs = load_inputs(camera.READS)
+    error, moved, spread = camera._drifting(inputs)
+    frames = inputs.count("chen2023/text-accuracy#frames")
     # Over a group a slope errs by the root of twelve times its middle, and the angle about X holds
     # the error of the calibration group as well.
     assert spread == pytest.approx(np.sqrt(12 / 2) * error, rel=0.01)

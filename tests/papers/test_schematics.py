@@ -18,7 +18,7 @@ from reproduce.physics.attitude import (
     rotation_from_vector,
     unit,
 )
-from reproduce.physics.light import fold_mirror_tilt, mirror_train
+from reproduce.physics.raytrace import fold_mirror_tilt, mirror_train
 from reproduce.physics.registration import fit_registration
 from reproduce.printed.cells import find
 

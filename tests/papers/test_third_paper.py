@@ -32,14 +32,14 @@ print(json.dumps({
     "changed": changed["changed"].to_dict(),
     "check": bool(rp.check("lamp2025/table-1", "lamp2025/table-2")),
     "figure": [one.data["y"].tolist() for one in (figure, wider)],
-    "errata": list(rp.contradictions("lamp2025").frame().index),
-    "audit": repr(rp.contradictions("lamp2025")),
+    "errata": list(rp.audit("lamp2025").frame().index),
+    "audit": repr(rp.audit("lamp2025")),
     "cite": rp.cite("lamp2025/table-2#angle.far", "text"),
     "study": [
         table.frame().to_dict("records")
         for table in (ratio, ratio.rerun({"lamp2025/table-1#focal-length.far": "150 mm"}))
     ],
-    "reads": rp.posterior("lamp-registration").reads,
+    "inputs": rp.posterior("lamp-registration").inputs,
     "posteriors": [name for name in posteriors() if name.startswith("lamp")],
     "model": list(posteriors()["lamp-registration"].model().names),
 }))
@@ -104,7 +104,7 @@ def test_a_reply_of_its_authors_stands_beside_the_verdict_and_the_erratum(found)
 
 def test_its_posterior_is_found(found):
     assert found["posteriors"] == ["lamp-registration"]
-    assert found["reads"] == ["lamp2025/table-1#focal-length.*"]
+    assert found["inputs"] == ["lamp2025/table-1#focal-length.*"]
     assert "scale" in found["model"]
 
 

@@ -11,7 +11,7 @@ import pytest
 from reproduce.locate import data_folder
 from reproduce.printed import cells
 from reproduce.printed.cells import altered_files, anchor, find, library
-from reproduce.printed.given import UndeclaredInputError, given
+from reproduce.printed.inputs import UndeclaredInputError, load_inputs
 from reproduce.printed.number import ALIKE, UNITS, si_factor
 
 PRINTED = data_folder() / "printed"
@@ -98,25 +98,25 @@ def test_unknown_units_are_refused():
 
 
 def test_the_door_hands_out_what_is_declared_and_nothing_else():
-    door = given(["niu2024/table-1#focal-length.*"])
-    assert door["niu2024/table-1#focal-length.red"] == pytest.approx(0.0250601)
-    assert "niu2024/table-1#focal-length.red" in door.cells
+    inputs = load_inputs(["niu2024/table-1#focal-length.*"])
+    assert inputs["niu2024/table-1#focal-length.red"] == pytest.approx(0.0250601)
+    assert "niu2024/table-1#focal-length.red" in inputs.cells
     with pytest.raises(UndeclaredInputError, match="not declared"):
-        door["niu2024/table-2#scale.red"]
+        inputs["niu2024/table-2#scale.red"]
     with pytest.raises(UndeclaredInputError):
-        door.array("niu2024/table-1#*.red")
+        inputs.array("niu2024/table-1#*.red")
 
 
 def test_the_door_refuses_patterns_that_match_nothing():
     with pytest.raises(KeyError, match="no printed cell matches"):
-        given(["niu2024/table-9"])
+        load_inputs(["niu2024/table-9"])
 
 
 def test_shifts_move_an_input_by_half_its_last_digit():
     address = "chen2023/table-2#tracker-focal-length.value"
-    door = given([address])
-    assert door.shifted({address: 1.0})[address] == pytest.approx(0.0605)
-    assert door[address] == pytest.approx(0.060)
+    inputs = load_inputs([address])
+    assert inputs.shifted({address: 1.0})[address] == pytest.approx(0.0605)
+    assert inputs[address] == pytest.approx(0.060)
 
 
 def test_cells_of_text_have_no_number():
@@ -128,15 +128,15 @@ def test_cells_of_text_have_no_number():
 def test_only_numbers_whose_rounding_can_move_a_result_are_moved():
     kept = left = 0
     for key in library():
-        door = given([key])
-        movable = {cell.address for cell in door.numbers()}
-        for address, cell in door.cells.items():
+        inputs = load_inputs([key])
+        movable = {cell.address for cell in inputs.numbers()}
+        for address, cell in inputs.cells.items():
             if not cell.is_number:
                 assert address not in movable
                 continue
             low, high = cell.number.interval()
             # A count is a point, and a limit has no end on one side or is even around zero.
-            rounded = np.isclose(high - low, 2 * cell.number.reach) and high > low
+            rounded = np.isclose(high - low, 2 * cell.number.half_width) and high > low
             assert (address in movable) == rounded, address
             kept, left = kept + rounded, left + (not rounded)
     assert min(kept, left) > 10

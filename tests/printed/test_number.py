@@ -25,13 +25,13 @@ def test_trailing_zeros_set_the_last_digit(text, value, half_unit):
 def test_a_count_is_a_point():
     number = PrintedNumber("137", exact=True)
     assert number.interval() == (137.0, 137.0)
-    assert not number.meets(137.4, 137.4)
+    assert not number.overlaps(137.4, 137.4)
 
 
 def test_a_count_computed_in_floating_point_is_met_but_for_its_last_bits():
     number = PrintedNumber("137", exact=True)
-    assert number.meets(137 * (1 + 1e-13), 137 * (1 + 1e-13))
-    assert not number.meets(137 * (1 + 1e-8), 137 * (1 + 1e-8))
+    assert number.overlaps(137 * (1 + 1e-13), 137 * (1 + 1e-13))
+    assert not number.overlaps(137 * (1 + 1e-8), 137 * (1 + 1e-8))
 
 
 @pytest.mark.parametrize(
@@ -50,8 +50,8 @@ def test_a_count_computed_in_floating_point_is_met_but_for_its_last_bits():
 )
 def test_qualifiers_shape_the_interval(qualifier, inside, outside):
     number = PrintedNumber("1.0", qualifier=qualifier)
-    assert number.meets(inside, inside)
-    assert not number.meets(outside, outside)
+    assert number.overlaps(inside, inside)
+    assert not number.overlaps(outside, outside)
 
 
 @pytest.mark.parametrize(
@@ -71,11 +71,11 @@ def test_qualifiers_shape_the_interval(qualifier, inside, outside):
         ("0.1", "within", 0.0),
     ],
 )
-def test_what_a_qualifier_leaves_open(text, qualifier, reach):
+def test_what_a_qualifier_leaves_open(text, qualifier, half_width):
     number = PrintedNumber(text, qualifier=qualifier)
-    assert number.reach == pytest.approx(reach, rel=1e-12)
+    assert number.half_width == pytest.approx(half_width, rel=1e-12)
     if qualifier != "within":
-        ends = (number.value - reach, number.value + reach)
+        ends = (number.value - half_width, number.value + half_width)
         assert number.interval() == pytest.approx(ends)
 
 
@@ -89,7 +89,7 @@ def test_words_are_refused(text):
 def test_every_value_inside_the_interval_prints_the_same(decimal, part):
     number = PrintedNumber(f"{decimal:.3f}")
     value = number.value + 2 * part * number.half_unit
-    assert number.meets(value, value)
+    assert number.overlaps(value, value)
     assert float(number.format(value)) == number.value
 
 
@@ -98,7 +98,7 @@ def test_no_value_outside_the_interval_is_accepted(decimal, part):
     number = PrintedNumber(f"{decimal:.3f}")
     for side in (-1, 1):
         value = number.value + side * part * number.half_unit
-        assert not number.meets(value, value)
+        assert not number.overlaps(value, value)
 
 
 @pytest.mark.parametrize(

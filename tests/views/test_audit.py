@@ -10,19 +10,19 @@ import pytest
 from click.testing import CliRunner
 
 import reproduce as rp
-from reproduce.audit import relation
-from reproduce.audit.report import audit_paper
+from reproduce.consistency import relation
+from reproduce.consistency.report import audit_paper
 from reproduce.judge.ledger import frozen
 from reproduce.printed.cells import PAPERS, anchor, library
 from reproduce.views.cli import main
-from reproduce.views.contradictions import errata_register
+from reproduce.views.consistency import errata_register
 
 AUDITS = [audit_paper(paper) for paper in PAPERS]
 
 
 def page(part, paper=None):
     """Return the HTML of a part."""
-    return rp.contradictions(paper)[part]._repr_html_()
+    return rp.audit(paper)[part]._repr_html_()
 
 
 def entry(name):
@@ -51,18 +51,18 @@ def test_json_has_a_record_for_each_row():
     found = json.loads(run("audit", "--json").stdout)
     assert [row["name"] for row in found["score"]] == list(PAPERS)
     assert len(found["relations"]) == sum(len(a.findings) for a in AUDITS)
-    outcomes = Counter(r["outcome"] for r in found["relations"] if not r["supposition"])
+    outcomes = Counter(r["outcome"] for r in found["relations"] if not r["assumption"])
     assert outcomes == Counter(f.outcome for a in AUDITS for f in a.read)
-    assert len(found["errata"]) + len(found["suppositions"]) == len(errata_register())
+    assert len(found["errata"]) + len(found["assumptions"]) == len(errata_register())
     assert len(found["equations"]) == sum(len(a.equations) for a in AUDITS)
     by_name = {row["name"]: row for row in found["relations"]}
     assert by_name["motion-4-y"]["restates"] == "chen2023/table-5#4.motion-y"
 
 
 def test_the_score_counts_the_findings():
-    for audit, row in zip(AUDITS, rp.contradictions()["score"].rows, strict=True):
+    for audit, row in zip(AUDITS, rp.audit()["score"].rows, strict=True):
         own, again = (audit.tally(restating=chosen) for chosen in (False, True))
-        supposing = [shown for shown in audit.equations if shown.supposition]
+        supposing = [shown for shown in audit.equations if shown.assumption]
         counts = [audit.cells, audit.examined, audit.bounded]
         expected = [*map(len, counts), sum(own.values()), *own.values()]
         expected += [sum(again.values()), again["contradicts"]]
@@ -91,7 +91,7 @@ def test_relations_lead_to_their_cells_and_declarations():
         for one in relations:
             assert f'name = "{one.declared}"' in source
             assert (one.declared == one.name) != (f"<small>{one.declared}<" in shown)
-        errata = page("errata", audit.name) + page("suppositions", audit.name)
+        errata = page("errata", audit.name) + page("assumptions", audit.name)
         links = set(re.findall(r'href="#(relation-[^"]+)"', errata))
         assert links
         assert links <= set(anchors)
@@ -106,15 +106,15 @@ def test_relations_are_grouped_and_their_sides_have_units():
         pattern = r"<caption>The (\d+) relations of"
         shown = re.findall(pattern, page("relations", audit.name))
         assert [*map(int, shown)] == [*counts, len(audit.supposed)]
-    sides = {one["name"]: one["sides"] for one in rp.contradictions()["relations"].rows}
+    sides = {one["name"]: one["sides"] for one in rp.audit()["relations"].rows}
     assert sides["pixel-angle"] == "44.6″ against 44.6907″"
 
 
-@pytest.mark.parametrize("part", ["errata", "suppositions"])
+@pytest.mark.parametrize("part", ["errata", "assumptions"])
 def test_every_erratum_has_a_row_that_leads_to_its_folded_entry(part):
     """In the order of their consequence."""
     register = [
-        e for e in errata_register() if bool(e.supposition) == (part != "errata")
+        e for e in errata_register() if bool(e.assumption) == (part != "errata")
     ]
     resting = Counter(one.erratum for one in frozen().values() if one.erratum)
     order = ("moves", "not supported as printed", "open", "stands")
@@ -126,7 +126,7 @@ def test_every_erratum_has_a_row_that_leads_to_its_folded_entry(part):
     entries = re.findall(r"<details(?: [^>]*)?>.*?</details>", shown, re.DOTALL)
     assert [re.search(r'id="([^"]+)"', one).group(1) for one in entries] == expected
     for erratum, text in zip(register, entries, strict=True):
-        assert text.count(">Supposing that</th>") == bool(erratum.supposition)
+        assert text.count(">Supposing that</th>") == bool(erratum.assumption)
         replies = re.findall('none yet; <a href="#letter-([^"]+)">', text)
         assert replies == ([] if erratum.reply else [erratum.paper])
 

@@ -47,12 +47,12 @@ def test_a_table_that_is_only_quoted_has_no_function_and_no_inputs():
 def test_a_table_can_be_followed_to_its_inputs_its_seed_and_its_place(key):
     html = rp.table(key)._repr_html_()
     (inputs,) = re.findall(r"<summary>Inputs</summary>(.*?)</details>", html)
-    reads = {anchor(address) for address in rp.table(key).reads}
+    reads = {anchor(address) for address in rp.table(key).inputs}
     linked = re.findall(r'<a href="#([^"]+)">', inputs)
     assert len(linked) == len(reads)
     assert set(linked) == reads
     assert f"Printed in {library()[key].place}." in inputs
-    assert str(escape(rp.table(key).again)) in inputs
+    assert str(escape(rp.table(key).rerun_code)) in inputs
 
 
 @pytest.mark.parametrize("key", [KEY, "niu2024/table-3", "chen2023/table-5"])
@@ -81,7 +81,7 @@ def test_a_page_holds_what_cards_say_without_a_script(key):
 
 def test_a_card_offers_the_line_that_computes_its_cell_again():
     for address in ("niu2024/table-3#scale.red", "niu2024/table-1#focal-length.red"):
-        again = eval(rp.table(address).again, {"rp": rp})
+        again = eval(rp.table(address).rerun_code, {"rp": rp})
         assert address.partition("#")[2] in repr(again)
 
 
@@ -121,7 +121,7 @@ def test_a_build_draws_a_figure_once(tmp_path, monkeypatch):
     try:
         figures.write_figure("niu2024/fig-4", tmp_path)
         monkeypatch.setattr(
-            figures, "painted", lambda paint, **_: pytest.fail("drawn again")
+            figures, "styled_figure", lambda paint, **_: pytest.fail("drawn again")
         )
         shown = figures._page_vectors("niu2024/fig-4")
         assert shown.narrow.startswith("<svg")

@@ -311,7 +311,8 @@ def test_control_characters_of_a_file_name_are_escaped(lists, monkeypatch, name)
 def test_exporting_a_figure_writes_its_data():
     text = run("export", "niu2024/fig-4", "--format", "csv").stdout.strip()
     comments = "".join(
-        f"{name}: {said}\n" for name, said in rp.figure("niu2024/fig-4").about.items()
+        f"{name}: {said}\n"
+        for name, said in rp.figure("niu2024/fig-4").provenance.items()
     )
     assert text.startswith("".join(f"# {line}\n" for line in comments.splitlines()))
     lines = [line for line in text.splitlines() if not line.startswith("#")]

@@ -22,7 +22,7 @@ from reproduce.papers.catalogue import catalogue, studies
 from reproduce.printed.cells import PAPERS, library
 from reproduce.version import RELEASED, __version__
 from reproduce.views import export as exporting
-from reproduce.views.export import FORMATS, citation, mark, statement, verify
+from reproduce.views.export import FORMATS, citation, citation_digest, mark, verify
 from reproduce.views.figure import draw, drawable, save
 
 KEY = "chen2023/table-5"
@@ -262,7 +262,7 @@ def test_a_readers_own_setting_is_named_in_the_file():
     assert "# setting" not in rp.table(STUDY).export("csv")
     panels = rp.figure("chen2023/fig-11")
     assert "# setting" not in panels.export("csv")
-    cell = panels.reads[0]
+    cell = panels.inputs[0]
     assert cell in panels.rerun({cell: rp.table(cell).printed}).export("csv")
 
 
@@ -327,7 +327,7 @@ def test_a_citation_checks_itself(address, monkeypatch):
     assert verify("some words").startswith("not ours")
     record = ledger.build([address.partition("#")[0]]).cell(address)
     now, older, source = (
-        statement(record),
+        citation_digest(record),
         f"{address}: printed 1, exact",
         "0.0.1, 2026-01-01, x",
     )

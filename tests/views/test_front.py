@@ -22,7 +22,7 @@ from reproduce.papers.catalogue import catalogue
 from reproduce.papers.chen2023.platform import INSTRUMENT, as_designed
 from reproduce.physics.attitude import monitored
 from reproduce.printed.cells import library
-from reproduce.printed.given import given
+from reproduce.printed.inputs import load_inputs
 from reproduce.units import ARCSEC_PER_RADIAN
 from reproduce.views.cli import main
 from reproduce.views.measurements import platform_of
@@ -107,20 +107,20 @@ def test_a_cell_tells_all_that_is_known_of_it():
     cell = rp.table("niu2024/table-2#scale.red")
     assert (cell.printed, cell.verdict) == ("0.9976", "exact")
     assert cell.computed == pytest.approx(0.9976, abs=5e-5)
-    assert cell.reads == rp.table("niu2024/table-2")["scale.red"].reads
+    assert cell.inputs == rp.table("niu2024/table-2")["scale.red"].inputs
     with pytest.raises(ValueError, match=r"#noise: expected .*#scale.red"):
         cell.rerun({STRANGER: "1 px"})
     table, other = (
         rp.table("chen2023/table-5"),
         "chen2023/table-2#telescope-focal-length.value",
     )
-    assert other in table.reads
-    assert other not in table["2.motion-x"].reads
+    assert other in table.inputs
+    assert other not in table["2.motion-x"].inputs
     with pytest.raises(ValueError, match=r"expected .*table-5#2\.motion-x"):
         table["2.motion-x"].rerun({other: "1 m"})
     assert "def true_scale" in cell.source
     shown = " ".join(repr(cell).split())
-    assert "reads niu2024/table-1#focal-length.red, niu2024/table-1#" in shown
+    assert "inputs niu2024/table-1#focal-length.red, niu2024/table-1#" in shown
     drawn = " ".join(repr(rp.table("niu2024/table-3#scale.red")).split())
     assert re.search(
         r"seed \d+ of the project, \d+ of this function; [\d,]+ replicates", drawn
@@ -230,7 +230,7 @@ def test_a_figure_gives_its_data_and_saves_itself(key, tmp_path):
         (lambda: rp.register(SQUARE), "^target: "),
         (lambda: rp.register(SQUARE, SQUARE, radius=3), "^radius: "),
         (lambda: rp.register([SQUARE] * 2, [SQUARE] * 2), "^source: expected shape"),
-        (lambda: rp.contradictions("nobody1999"), "niu2024, chen2023"),
+        (lambda: rp.audit("nobody1999"), "niu2024, chen2023"),
     ],
 )
 def test_slips_are_told(call, message):
@@ -274,7 +274,7 @@ def test_a_verdict_that_is_not_frozen_makes_the_check_false(monkeypatch):
 def test_a_posterior_is_sampled_when_looked_at_and_rerun_with_a_change():
     plain = rp.posterior("registration")
     assert "sampled" not in vars(plain), "nothing is sampled yet"
-    assert plain.reads
+    assert plain.inputs
     assert list(plain.frame().index)[:2] == list(plain.priors.index)[:2]
     assert len(plain.draws) == plain.sampled.draws.shape[0]
     assert "simulated by us" in repr(plain)
@@ -296,7 +296,7 @@ def written_stars(path):
 
 def spots(turn):
     """Twenty images of the four lasers for a camera turned by so many arc seconds."""
-    design = as_designed(given(INSTRUMENT))
+    design = as_designed(load_inputs(INSTRUMENT))
     angles = np.array(turn)[None, None] / ARCSEC_PER_RADIAN
     at = design.predicted(np.zeros((1, 3)), angles)[0, 0]
     return at + 0.02 * np.random.default_rng(5).normal(size=(20, *at.shape))
@@ -321,7 +321,7 @@ def test_every_object_has_the_same_verbs(make):
     assert "<" in one._repr_html_()
     assert len(one.frame())
     assert "def " in one.source
-    assert isinstance(one.reads, tuple)
+    assert isinstance(one.inputs, tuple)
     assert callable(one.rerun)
     assert one.export("csv").count("\n") > 1
     if hasattr(one, "cite"):
@@ -332,7 +332,7 @@ def test_a_figure_is_computed_and_drawn_again():
     address = "niu2024/text-simulation#range-x-high"
     plain = rp.figure("niu2024/fig-4")
     wider = plain.rerun({address: "10 deg"})
-    assert address in plain.reads
+    assert address in plain.inputs
     frame = wider.data[wider.data["curve"] == "printed range"]
     assert frame["x"].max() == pytest.approx((10 + 8) / 2), (
         "half the range, laid about zero"

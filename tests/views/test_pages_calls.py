@@ -19,8 +19,8 @@ from reproduce.papers.declare import Column, Fact
 from reproduce.printed.cells import PAPERS, anchor, library
 from reproduce.views import numbers, verdicts
 from reproduce.views.computed import whole_ledger
-from reproduce.views.contradictions import errata_register
-from reproduce.views.export import citation, provenance, signed, table_files
+from reproduce.views.consistency import errata_register
+from reproduce.views.export import citation, provenance_of, table_files, with_provenance
 from reproduce.views.figure import drawable
 from reproduce.views.verdicts import facts_of
 
@@ -191,7 +191,7 @@ def test_shipped_files_are_written(tmp_path):
     whole |= {"readings.csv", "readings.parquet"}
     assert written == {"verify_ledger.py", *whole, *tables}
     read = whole_ledger().model_validate_json((tmp_path / "ledger.json").read_text())
-    assert read == signed(whole_ledger())
+    assert read == with_provenance(whole_ledger())
     assert all(one.reason for one in read.records if one.verdict == "differs")
     first = {path.name: path.read_bytes() for path in tmp_path.glob("*.parquet")}
     write_tables(tmp_path)
@@ -225,7 +225,7 @@ def test_csv_and_parquet_hold_the_same_and_say_what_made_them(name, whole):
         metadata = "SELECT decode(key), decode(value) FROM parquet_kv_metadata(?)"
         told = dict(base.execute(metadata, [path]).fetchall())
     pd.testing.assert_frame_equal(read, frame, check_dtype=False, check_exact=True)
-    assert told == provenance(citation("all", "text"))
+    assert told == provenance_of(citation("all", "text"))
     lines = "".join(f"{key}: {value}\n" for key, value in told.items()).splitlines()
     assert text.splitlines()[: len(lines)] == [f"# {line}" for line in lines]
 

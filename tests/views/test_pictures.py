@@ -159,7 +159,7 @@ def test_scatter_beyond_the_errors_is_found():
     target = source + np.column_stack([rng.normal(0, 0.1, (count, 2)), np.zeros(count)])
     found = rp.register(rp.stars(source), rp.stars(target))
     expected = np.sqrt(0.1**2 - 2 * 0.02**2)
-    assert found.beyond == pytest.approx(expected, rel=4 / np.sqrt(4 * count))
+    assert found.extra_scatter == pytest.approx(expected, rel=4 / np.sqrt(4 * count))
 
 
 def test_a_start_gives_neighbours():
@@ -187,7 +187,7 @@ def test_dropped_stars_have_their_reason():
     lost = PLACES[12].round().astype(int)
     image[lost[1] - 6 : lost[1] + 7, lost[0] - 6 : lost[0] + 7] = np.nan
     found = rp.stars(image)
-    gone = found.dropped.set_index("dropped")
+    gone = found.rejected.set_index("dropped")
     apart = np.hypot(gone["x"] - x, gone["y"] - y)
     assert apart.idxmin() == "saturated"
     assert any("saturated" in line and "dropped" in line for line in found.log)
@@ -239,7 +239,7 @@ def test_positions_of_stars_have_the_covariance_of_transform_and_centre(fit):
     """The part of the transform by differences of its parameters."""
     points, covariance = fit.source_stars.points, fit.source_stars.covariance
     matrix = fit.transform.matrix
-    found = fit.fit.landed_covariance(points) + matrix @ covariance @ matrix.T
+    found = fit.fit.prediction_covariance(points) + matrix @ covariance @ matrix.T
     own = np.diagonal(covariance, axis1=1, axis2=2)
     part = np.zeros_like(own)
     roots = np.linalg.cholesky(fit.covariance)

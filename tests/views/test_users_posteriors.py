@@ -11,14 +11,20 @@ import xarray
 from click.testing import CliRunner
 
 import reproduce as rp
-from reproduce.inference import LogUniform, Normal, Sampled, Uniform, prior_warnings
+from reproduce.inference import (
+    LogUniform,
+    Normal,
+    PosteriorSamples,
+    Uniform,
+    prior_warnings,
+)
 from reproduce.inference.models import registration_model
 from reproduce.inference.sampling import Plan, run_ensemble
 from reproduce.papers.chen2023.platform import INSTRUMENT, as_designed
 from reproduce.papers.posteriors import posteriors
 from reproduce.physics.attitude import Platform
 from reproduce.physics.registration import Registration, fit_registration
-from reproduce.printed.given import given
+from reproduce.printed.inputs import load_inputs
 from reproduce.store.points import TableFileError
 from reproduce.units import ARCSEC_PER_RADIAN
 from reproduce.views.cli import main
@@ -52,7 +58,7 @@ def spots(tmp_path, noise, flip=1, drift=(0, 0), instrument=None):
 
     Within a group it turns further about X, by so many arcsec.
     """
-    instrument = instrument or as_designed(given(INSTRUMENT))
+    instrument = instrument or as_designed(load_inputs(INSTRUMENT))
     generator = np.random.default_rng(3)
     rows = []
     for group, turn in enumerate(np.array([[0, 0, 0], [20, -20, 0]])):
@@ -91,7 +97,7 @@ def sampled(name, path, *arguments):
 def drawn(model, steps=250):
     """Return the draws of one ensemble, ungated: for widths to a few per cent."""
     chain, log, acceptance = run_ensemble(model, Plan(1, 1, 0, steps, 150), 0)
-    return Sampled(model, 1, chain[None], log[None], (acceptance,))
+    return PosteriorSamples(model, 1, chain[None], log[None], (acceptance,))
 
 
 def moments(found, name):
@@ -431,14 +437,14 @@ def test_honest_stars_fit_and_none_is_named(tmp_path):
 
 def test_what_the_data_are_is_said():
     found = rp.posterior("registration")
-    data = found.provenance
+    data = found.data_record
     pivot = found.model.likelihood.pivot.tolist()
     known = {"kind": "simulated", "paper": "niu2024", "pivot": [pivot]}
     assert {key: data[key] for key in known} == known
-    cells = given(posteriors()["registration"].given).cells
+    cells = load_inputs(posteriors()["registration"].inputs).cells
     lines = "".join(f"{address} {cells[address].text}\n" for address in sorted(cells))
     assert data["sha256"] == hashlib.sha256(lines.encode()).hexdigest()
-    assert rp.posterior("misalignment").provenance["sha256"] != data["sha256"]
+    assert rp.posterior("misalignment").data_record["sha256"] != data["sha256"]
     frame = found.frame()
     for name in ("rotation", "shift-x", "shift-y", "noise"):
         off = abs(frame.loc[name, "mean"] - data["truth"][name])

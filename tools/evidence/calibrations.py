@@ -124,7 +124,7 @@ def simulated(model: Model, seed: int, index: int) -> tuple[FloatArray, Model]:
     """Draw the truth of one replicate, (d,), and the model with data simulated from it."""
     generator = Generator(PCG64(_stream(model, seed, index, 0)))
     truth = drawn_prior(model, generator, 1)[0]
-    return truth, model.given(model.likelihood.simulate(truth, generator))
+    return truth, model.with_data(model.likelihood.simulate(truth, generator))
 
 
 def drawn_prior(model: Model, generator: Generator, count: int) -> FloatArray:

@@ -18,7 +18,7 @@ from reproduce.papers.niu2024.images import (
     cell,
     light_of,
 )
-from reproduce.printed.given import given
+from reproduce.printed.inputs import load_inputs
 
 Array = NDArray[np.float64]
 SEED = 2024_0103
@@ -35,7 +35,7 @@ def simulate(executor: Executor, trials: int = TRIALS) -> dict[str, Array]:
 
 
 def _simulate_cell(trials: int, at: tuple[int, ...]) -> tuple[Array, ...]:
-    door, (star, place, magnitude) = given(READS), at
-    light = light_of(door, list(STARS)[star], MAGNITUDES[magnitude])
+    inputs, (star, place, magnitude) = load_inputs(READS), at
+    light = light_of(inputs, list(STARS)[star], MAGNITUDES[magnitude])
     seed = SeedSequence(SEED, spawn_key=at)
-    return cell(door, list(PLACES.values())[place], light, trials, seed)
+    return cell(inputs, list(PLACES.values())[place], light, trials, seed)

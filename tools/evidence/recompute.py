@@ -20,7 +20,7 @@ from reproduce.papers.niu2024.images import PHASES
 from reproduce.version import __version__
 
 Array = NDArray[np.float64]
-Study = tuple[dict[str, Array], dict[str, int | str]]
+StoredStudy = tuple[dict[str, Array], dict[str, int | str]]
 READINGS_PER_TASK = 32
 
 
@@ -37,7 +37,7 @@ def _evaluate(task: tuple[str, int]) -> dict[str, Array]:
     return readings.packed(readings.evaluate_readings(computation, part))
 
 
-def evaluate_readings(executor: Executor) -> Study:
+def evaluate_readings(executor: Executor) -> StoredStudy:
     """Evaluate every reading of the stored computations."""
     computations = stored_computations()
     tasks = [
@@ -54,7 +54,7 @@ def evaluate_readings(executor: Executor) -> Study:
     return arrays, {"seed": ROOT_SEED, **digests}
 
 
-def simulate_fusion(executor: Executor) -> Study:
+def simulate_fusion(executor: Executor) -> StoredStudy:
     """Simulate the fused images."""
     note = {"seed": fusion.SEED, "replicates": PHASES * fusion.TRIALS}
     return fusion.simulate(executor), {**note}

@@ -24,8 +24,8 @@ from reproduce.inference.model import (
     Uniform,
 )
 from reproduce.inference.posterior import (
+    PosteriorSamples,
     PredictiveCheck,
-    Sampled,
     bimodal,
     misfit,
     posterior_checks,

@@ -179,7 +179,7 @@ class Likelihood(Protocol):
     def simulate(self, parameters: FloatArray, generator: Generator) -> Any:
         """Return data drawn for one parameter vector, shape (d,)."""
 
-    def given(self, data: Any) -> Self:
+    def with_data(self, data: Any) -> Self:
         """Return the same likelihood with other data, which `simulate` returns."""
 
     def start(self) -> tuple[FloatArray, FloatArray]:
@@ -310,9 +310,9 @@ class Model:
         repeat = getattr(self.likelihood, "repeat", self.likelihood.simulate)
         return repeat(parameters, generator)
 
-    def given(self, data: Any) -> Model:
+    def with_data(self, data: Any) -> Model:
         """Return the same model with other data; point estimates do not carry over."""
-        return replace(self, likelihood=self.likelihood.given(data), estimate={})
+        return replace(self, likelihood=self.likelihood.with_data(data), estimate={})
 
     def with_priors(self, priors: Mapping[str, Prior]) -> Model:
         """Return the same model with other priors, by name; an unknown name is a ValueError."""

@@ -34,7 +34,7 @@ BOUND_DISTANCE, BOUND_FRACTION = 0.1, 0.005
 
 
 @dataclass(frozen=True, eq=False)
-class Sampled:
+class PosteriorSamples:
     """Draws that met the convergence criteria.
 
     - `model`: what was sampled.
@@ -138,7 +138,9 @@ class Sampled:
 
         def simulated(draws: FloatArray, simulate: Simulate) -> dict[str, FloatArray]:
             flat = draws.reshape(-1, model.dimension)
-            data = [model.likelihood.given(simulate(one, generator)) for one in flat]
+            data = [
+                model.likelihood.with_data(simulate(one, generator)) for one in flat
+            ]
             return {
                 name: np.reshape(
                     [one.observed[name] for one in data],
@@ -202,7 +204,7 @@ class PredictiveCheck:
 
 
 def posterior_checks(
-    posterior: Sampled, replicates: int = REPLICATES
+    posterior: PosteriorSamples, replicates: int = REPLICATES
 ) -> list[PredictiveCheck]:
     """Compare each number of `Likelihood.checks` with simulations from the posterior."""
     model, draws = posterior.model, posterior.draws
@@ -236,7 +238,7 @@ def misfit(checks: Sequence[PredictiveCheck]) -> str:
     return f"the model does not fit: {'; '.join(found)}" if found else ""
 
 
-def prior_warnings(posterior: Sampled) -> list[str]:
+def prior_warnings(posterior: PosteriorSamples) -> list[str]:
     """Return a warning for each prior that the data contradict, or at whose bound draws pile up."""
     found, apart = [], posterior.model.disagreements()
     for i, one in enumerate(posterior.model.parameters):
@@ -272,7 +274,7 @@ def _reached(prior: Prior, draws: FloatArray) -> list[float]:
     ]
 
 
-def bimodal(posterior: Sampled) -> dict[str, Modes]:
+def bimodal(posterior: PosteriorSamples) -> dict[str, Modes]:
     """Return the modes of each parameter with two modes, in the displayed unit."""
     parameters = zip(posterior.model.parameters, posterior.draws.T, strict=True)
     modes = {one.name: two_modes(one.shown * column) for one, column in parameters}

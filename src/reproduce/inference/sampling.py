@@ -21,7 +21,7 @@ from scipy.special import gammaln
 
 from reproduce.inference.diagnostics import UnconvergedError, require
 from reproduce.inference.model import Model, Progress
-from reproduce.inference.posterior import Sampled
+from reproduce.inference.posterior import PosteriorSamples
 from reproduce.physics.validate import FloatArray, whole_number
 
 # Degrees of freedom and relative width of two Student-t proposals. The near one fits a nearly
@@ -137,7 +137,7 @@ def sample(
     longer: bool = False,
     executor: Executor | None = None,
     progress: Progress | None = None,
-) -> Sampled:
+) -> PosteriorSamples:
     """Sample the posterior of a model, and reject chains that fail a convergence criterion.
 
     Chains that are too short may be run again, `longer`: with as many steps as they are found to
@@ -153,7 +153,9 @@ def sample(
     chain, log_posterior, accepted = (
         np.stack(column) for column in zip(*results, strict=True)
     )
-    found = Sampled(model, plan.seed, chain, log_posterior, tuple(accepted.tolist()))
+    found = PosteriorSamples(
+        model, plan.seed, chain, log_posterior, tuple(accepted.tolist())
+    )
     try:
         require(found.rows, plan.steps, found.acceptance)
         if longer:

@@ -20,8 +20,8 @@ from reproduce.judge.verdicts import CENTRAL, Flag, Frozen, Reading, Verdict
 from reproduce.locate import data_folders
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import unpublished
-from reproduce.printed.cells import Cell, PrintedTable, find, library
-from reproduce.printed.given import given
+from reproduce.printed.cells import PrintedCell, PrintedTable, find, library
+from reproduce.printed.inputs import load_inputs
 
 _TOGETHER = (
     "probability of a table as far out as the printed one, all cells simulated together"
@@ -75,7 +75,7 @@ class Record(Frozen):
     """the function that computes the cell"""
     line: str | None
     """file and line of that function"""
-    reads: tuple[str, ...]
+    inputs: tuple[str, ...]
     """the printed cells that it was given"""
     equations: tuple[str, ...]
     """the paper's equations it rests on"""
@@ -176,7 +176,9 @@ def _judged(key: str, choices: tuple[tuple[str, str], ...] = ()) -> Ledger:
     made: dict[str, Record] = {}
     tables = []
     for computation in catalogue()[key].computations:
-        found = evaluate(computation.under(dict(choices)) if choices else computation)
+        found = evaluate(
+            computation.with_options(dict(choices)) if choices else computation
+        )
         made |= _results(found, table)
         if not np.isnan(found.joint[0, 0]):
             tables.append(_table_record(found))
@@ -189,14 +191,14 @@ def _results(found: Evaluation, table: PrintedTable) -> dict[str, Record]:
     computation = found.computation
     plain: Mapping[str, Flag] = {}
     if not computation.replicates:
-        plain = plain_results(computation, given(computation.given))
+        plain = plain_results(computation, load_inputs(computation.inputs))
     return {
         name: _result(found, table[name], plain.get(name, "rounding"))
         for name in found.cells
     }
 
 
-def _result(found: Evaluation, cell: Cell, plain: Flag) -> Record:
+def _result(found: Evaluation, cell: PrintedCell, plain: Flag) -> Record:
     """Return the record of a cell; `plain` replaces the flag of agreement through rounding."""
     computation, literal = found.computation, found.cells[cell.name][0]
     summary = found.summary(cell.name)
@@ -218,7 +220,7 @@ def _result(found: Evaluation, cell: Cell, plain: Flag) -> Record:
         "why": why,
         "function": computation.name,
         "line": computation.line,
-        "reads": tuple(given(computation.given).cells),
+        "inputs": tuple(load_inputs(computation.inputs).cells),
         "equations": computation.equations,
         "seed": computation.entropy or None,
     }
@@ -232,7 +234,7 @@ def _result(found: Evaluation, cell: Cell, plain: Flag) -> Record:
     return _blank(cell).model_copy(update=fields)
 
 
-def _without_result(cell: Cell) -> Record:
+def _without_result(cell: PrintedCell) -> Record:
     """Return the record of a cell that no computation makes."""
     record = _blank(cell)
     if cell.is_number and (missing := unpublished(cell.key, cell.name)):
@@ -241,7 +243,7 @@ def _without_result(cell: Cell) -> Record:
     return record
 
 
-def _blank(cell: Cell) -> Record:
+def _blank(cell: PrintedCell) -> Record:
     """Return the record of an input."""
     ends: Any = None
     if cell.is_number:
@@ -266,14 +268,14 @@ def _blank(cell: Cell) -> Record:
         why=f"taken from the paper ({cell.role})" if ends else "words or a dash",
         function=None,
         line=None,
-        reads=(),
+        inputs=(),
         equations=(),
         seed=None,
         readings=None,
     )
 
 
-def _why(cell: Cell, found: Reading) -> str:
+def _why(cell: PrintedCell, found: Reading) -> str:
     """Return the verdict of the literal reading in words."""
     value, low, high = (
         cell.number.format(number, extra=1)
@@ -360,7 +362,7 @@ def frozen() -> dict[str, Expectation]:
 
 
 @dataclass(frozen=True)
-class Surprise:
+class VerdictChange:
     """A cell whose verdict is not the frozen one."""
 
     cell: str
@@ -368,7 +370,7 @@ class Surprise:
     found: str
 
 
-def surprises(ledger: Ledger) -> list[Surprise]:
+def changed_verdicts(ledger: Ledger) -> list[VerdictChange]:
     """Compare the ledger's verdicts with the frozen ones."""
     found = []
     for record in ledger.records:
@@ -376,7 +378,7 @@ def surprises(ledger: Ledger) -> list[Surprise]:
         if record.cell in frozen():
             wanted = frozen()[record.cell].verdict
         if record.verdict != wanted:
-            found.append(Surprise(record.cell, wanted, record.verdict))
+            found.append(VerdictChange(record.cell, wanted, record.verdict))
     return found
 
 

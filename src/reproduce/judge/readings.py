@@ -31,7 +31,7 @@ from reproduce.judge.verdicts import (
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import Computation, Prediction, Results, unpublished
 from reproduce.printed.cells import PrintedTable, library
-from reproduce.printed.given import given
+from reproduce.printed.inputs import load_inputs
 from reproduce.printed.number import si_factor
 from reproduce.store import studies
 
@@ -206,11 +206,11 @@ def evaluate_readings(
     computation: Computation, readings: Sequence[Mapping[str, str]]
 ) -> Evaluation:
     """Compute some readings, each on its own."""
-    table, inputs = library()[computation.key], given(computation.given)
+    table, inputs = library()[computation.key], load_inputs(computation.inputs)
     found: dict[str, list[Reading]] = {}
     joint = []
     for choices in readings:
-        one_reading = computation.under(choices)
+        one_reading = computation.with_options(choices)
         results = one_reading(inputs)
         allowed: Mapping[str, Propagated] = {}
         if not computation.replicates:
@@ -270,7 +270,7 @@ def packed(evaluation: Evaluation) -> dict[str, _Array]:
 
 def fingerprint(computation: Computation) -> str:
     """Return a digest of everything that the stored readings depend on, except the code."""
-    inputs = {a: cell.text for a, cell in given(computation.given).cells.items()}
+    inputs = {a: cell.text for a, cell in load_inputs(computation.inputs).cells.items()}
     table = library()[computation.key]
     printed = {c.address: c.shown for c in table.cells if computation.makes(c.name)}
     options = [list(map(list, one.items())) for one in computation.readings]
@@ -294,7 +294,7 @@ def _stored(computation: Computation) -> dict[str, _Array]:
 
 
 @cache
-def _study() -> studies.Study:
+def _study() -> studies.StoredStudy:
     return studies.read(_STUDY)
 
 

@@ -20,11 +20,11 @@ from typing import Any, TypeVar
 import numpy as np
 
 from reproduce.judge.ledger import TableRecord, reread
-from reproduce.judge.verdicts import central
-from reproduce.papers.catalogue import catalogue, changeable, maker, upstream
+from reproduce.judge.verdicts import central_interval
+from reproduce.papers.catalogue import catalogue, changeable, computation_for, upstream
 from reproduce.papers.declare import Alternative, Computation, Prediction, Result
-from reproduce.printed.cells import Cell, find, library
-from reproduce.printed.given import Given, given
+from reproduce.printed.cells import PrintedCell, find, library
+from reproduce.printed.inputs import Inputs, load_inputs
 from reproduce.printed.number import Interval, si_factor
 from reproduce.printed.quantity import si_value
 
@@ -57,7 +57,7 @@ class ChangedCell:
         Verdict under the chosen reading, if only options are changed.
     """
 
-    cell: Cell
+    cell: PrintedCell
     unchanged: float | None
     value: float | None
     interval: Interval | None = None
@@ -137,7 +137,7 @@ def rerun(
     cells = {}
     with _explained(key, changed | chosen):
         for computation in computations:
-            before = computation.under(chosen)(given(computation.given))
+            before = computation.with_options(chosen)(load_inputs(computation.inputs))
             for name, after in run.results(computation).items():
                 cells[name] = _changed(library()[key][name], before[name], after)
         for one in cells.values():
@@ -167,9 +167,13 @@ def check_randomness(
     Random numbers are drawn by the item, or between a change and the inputs of the item.
     """
     if not random and (seed, replicates) != (None, None):
-        above = [one for one in map(maker, changeable(key)) if one and one.replicates]
+        above = [
+            one
+            for one in map(computation_for, changeable(key))
+            if one and one.replicates
+        ]
         changed = set(changes)
-        random = any(changed.intersection(upstream(one.given)) for one in above)
+        random = any(changed.intersection(upstream(one.inputs)) for one in above)
     numbers: list[tuple[str, Any, int, float]] = [
         ("seed", seed, 0, math.inf),
         ("replicates", replicates, 2, _MAX_REPLICATES),
@@ -201,16 +205,16 @@ def refuse_strays(subject: str, changes: Iterable[str], allowed: Sequence[str]) 
         listed = [names[one] for one in near] or allowed[:_MAX_SUGGESTED]
         raise CannotChangeError(
             f"{stray}: expected an input of {subject}, such as {', '.join(listed)}. "
-            f"All {len(allowed)} are in `.reads`"
+            f"All {len(allowed)} are in `.inputs`"
         )
 
 
-def under(
+def compute_with_changes(
     key: str,
     patterns: tuple[str, ...],
     changes: Mapping[str, str | float],
     seed: int | None,
-    compute: Callable[[Given], _Made],
+    compute: Callable[[Inputs], _Made],
 ) -> tuple[_Made, dict[str, float]]:
     """Return the result of `compute` with changed inputs, and the printed inputs replaced."""
     run = _Run(checked_values(key, changes), seed)
@@ -259,10 +263,12 @@ def _reading(key: str, chosen: dict[str, str]) -> Rerun:
     return Rerun(key, {}, cells, {}, chosen, found.table(key))
 
 
-def _changed(cell: Cell, before: Result, after: Result) -> ChangedCell:
+def _changed(cell: PrintedCell, before: Result, after: Result) -> ChangedCell:
     """Return a cell before and after a change."""
     unit = si_factor(cell.unit)
-    ends = central(after.draws / unit) if isinstance(after, Prediction) else None
+    ends = (
+        central_interval(after.draws / unit) if isinstance(after, Prediction) else None
+    )
     return ChangedCell(cell, _middle(before, unit), _middle(after, unit), ends)
 
 
@@ -284,14 +290,14 @@ class _Run:
     def results(self, computation: Computation) -> Mapping[str, Result]:
         """Return the results of a computation whose inputs follow the changes."""
         if computation.name not in self._results:
-            inputs = self.inputs(computation.given)
-            found = computation.under(self.chosen)(inputs, self.replicates)
+            inputs = self.inputs(computation.inputs)
+            found = computation.with_options(self.chosen)(inputs, self.replicates)
             self._results[computation.name] = found
         return self._results[computation.name]
 
-    def inputs(self, patterns: tuple[str, ...]) -> Given:
+    def inputs(self, patterns: tuple[str, ...]) -> Inputs:
         """Return the inputs that match patterns, with the changes and recomputed values."""
-        inputs = given(patterns, self.seed)
+        inputs = load_inputs(patterns, self.seed)
         values = {address: self._input(address) for address in inputs.cells}
         return inputs.changed({a: v for a, v in values.items() if v is not None})
 
@@ -299,12 +305,14 @@ class _Run:
         """Return the value that replaces a printed input; None if no value does."""
         if address in self.values:
             return self.values[address]
-        above = maker(address)
-        if above is None or not self.values.keys() & set(upstream(above.given)):
+        above = computation_for(address)
+        if above is None or not self.values.keys() & set(upstream(above.inputs)):
             return None
         cell = find(address)[0]
         found = self.results(above).get(cell.name)
-        plain = above.under(self.chosen)(given(above.given, self.seed), self.replicates)
+        plain = above.with_options(self.chosen)(
+            load_inputs(above.inputs, self.seed), self.replicates
+        )
         if found is None:
             return None
         value, unit = _middle(found), si_factor(cell.unit)

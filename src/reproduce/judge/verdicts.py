@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict
 
 from reproduce.papers.declare import Prediction, Result
-from reproduce.printed.cells import Cell
+from reproduce.printed.cells import PrintedCell
 from reproduce.printed.number import PrintedNumber, si_factor
 
 Verdict = Literal["input", "exact", "consistent", "differs", "ambiguous", "unpublished"]
@@ -86,7 +86,7 @@ class Propagated(NamedTuple):
 
 
 def judge(
-    cell: Cell,
+    cell: PrintedCell,
     result: Result,
     choices: Mapping[str, str],
     allowed: Propagated | None = None,
@@ -120,8 +120,8 @@ def judge_value(
     """
     if not math.isfinite(value):
         raise ValueError(f"computed value: expected a finite number, got {value}")
-    rounds = printed.meets(value, value)
-    agrees = rounds or printed.meets(*interval)
+    rounds = printed.overlaps(value, value)
+    agrees = rounds or printed.overlaps(*interval)
     flags: list[Flag] = ["bound"] if printed.is_bound else []
     if agrees and (wide or _has_wide_tolerance(printed, value)):
         flags.append("tolerance")
@@ -130,14 +130,14 @@ def judge_value(
     share = None
     if agrees and not printed.is_bound:
         # A count has no digit to round.
-        share = abs(value - printed.value) / (printed.reach or math.inf)
+        share = abs(value - printed.value) / (printed.half_width or math.inf)
     return Reading(
         choices=dict(choices or {}),
         verdict="exact" if agrees else "differs",
         computed=value,
         interval=interval,
         flags=tuple(flags),
-        tolerance=printed.reach,
+        tolerance=printed.half_width,
         share=share,
         probability=None,
         mcse=None,
@@ -158,9 +158,9 @@ def _has_wide_tolerance(printed: PrintedNumber, value: float) -> bool:
     """
     if printed.qualifier not in TOLERANT:
         return False
-    if printed.reach > _WIDE_TOLERANCE * abs(printed.value):
+    if printed.half_width > _WIDE_TOLERANCE * abs(printed.value):
         return True
-    return not dataclasses.replace(printed, qualifier=None).meets(value, value)
+    return not dataclasses.replace(printed, qualifier=None).overlaps(value, value)
 
 
 def judge_prediction(
@@ -183,7 +183,7 @@ def judge_prediction(
     half_step = 0.5 / math.sqrt(draws.size)
     summary = (
         np.median(draws),
-        *central(draws),
+        *central_interval(draws),
         min(1.0, 2.0 * tail_mid_p(np.sort(draws), *printed.interval())),
         np.ptp(np.quantile(draws, [0.5 - half_step, 0.5 + half_step])) / 2,
     )
@@ -233,7 +233,7 @@ def tail_mid_p(ordered: NDArray[np.float64], low: float, high: float) -> float:
     return min(0.5, tail / ordered.size)
 
 
-def central(draws: NDArray[np.float64]) -> tuple[float, float]:
+def central_interval(draws: NDArray[np.float64]) -> tuple[float, float]:
     """Return the ends of the central fraction of draws in which a printed number is consistent."""
     edge = (1.0 - CENTRAL) / 2
     low, high = np.quantile(draws, [edge, 1.0 - edge])

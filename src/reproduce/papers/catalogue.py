@@ -11,13 +11,13 @@ from typing import Any, TypeVar
 from reproduce.locate import papers, schematic_files
 from reproduce.papers.declare import (
     Computation,
-    Declared,
+    DeclarationMap,
     Drawing,
     Item,
     Schematic,
     Study,
 )
-from reproduce.printed.given import given
+from reproduce.printed.inputs import load_inputs
 
 Made = TypeVar("Made")
 
@@ -100,7 +100,7 @@ def _declarations(key: str, module: str) -> list[Any]:
     found: list[Any] = [Schematic(key, files)] if files else []
     if module:
         for one in vars(importlib.import_module(module)).values():
-            own = isinstance(one, Computation | Declared) and one.key == key
+            own = isinstance(one, Computation | DeclarationMap) and one.key == key
             if own and one.function.__module__ == module:
                 found.append(one)
         if not found:
@@ -108,7 +108,7 @@ def _declarations(key: str, module: str) -> list[Any]:
     return found
 
 
-def maker(address: str) -> Computation | None:
+def computation_for(address: str) -> Computation | None:
     """Return the computation that makes a printed cell; None for an input."""
     key, _, name = address.partition("#")
     return next((one for one in catalogue()[key].computations if one.makes(name)), None)
@@ -124,14 +124,14 @@ def changeable(key: str) -> tuple[str, ...]:
     >>> "niu2024/text-simulation#noise" in changeable("niu2024/table-3")
     True
     """
-    declared: list[Computation | Declared | Schematic | None]
+    declared: list[Computation | DeclarationMap | Schematic | None]
     if "#" in key:
-        declared = [maker(key)]
+        declared = [computation_for(key)]
     elif key in catalogue():
         declared = [*catalogue()[key].computations, catalogue()[key].draw]
     else:
         declared = [studies()[key] if key in studies() else drawings()[key]]
-    return upstream(tuple(chain.from_iterable(one.given for one in declared if one)))
+    return upstream(tuple(chain.from_iterable(one.inputs for one in declared if one)))
 
 
 @cache
@@ -140,9 +140,9 @@ def upstream(patterns: tuple[str, ...]) -> tuple[str, ...]:
     found: dict[str, None] = {}
     waiting = list(patterns)
     while waiting:
-        for address, cell in given([waiting.pop(0)]).cells.items():
+        for address, cell in load_inputs([waiting.pop(0)]).cells.items():
             if address not in found and cell.is_number:
                 found[address] = None
-                above = maker(address)
-                waiting += above.given if above else ()
+                above = computation_for(address)
+                waiting += above.inputs if above else ()
     return tuple(found)

@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 from reproduce.papers.texts import Alternative as Alternative
 from reproduce.papers.texts import Column as Column
 from reproduce.papers.texts import Options as Options
+from reproduce.papers.texts import item_text as item_text
 from reproduce.papers.texts import parsed as parsed
 from reproduce.papers.texts import unpublished as unpublished
-from reproduce.papers.texts import words as words
-from reproduce.printed.given import Given, given
+from reproduce.printed.inputs import Inputs, load_inputs
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -77,7 +77,7 @@ class Computation:
     key: str
     function: Callable[..., Results]
     cells: tuple[str, ...]
-    given: tuple[str, ...]
+    inputs: tuple[str, ...]
     equations: tuple[str, ...]
     replicates: int
     options: Options = field(default_factory=dict, hash=False)
@@ -117,7 +117,7 @@ class Computation:
         """Return whether the computation makes the cell `name`."""
         return any(fnmatch.fnmatchcase(name, pattern) for pattern in self.cells)
 
-    def under(self, choices: Mapping[str, str]) -> Computation:
+    def with_options(self, choices: Mapping[str, str]) -> Computation:
         """Return the computation with one alternative of each option.
 
         Options without a choice keep their literal alternative.
@@ -129,21 +129,21 @@ class Computation:
             chosen[name] = {way: ways[way]}
         return replace(self, options=chosen)
 
-    def __call__(self, given: Given, replicates: int | None = None) -> Results:
+    def __call__(self, inputs: Inputs, replicates: int | None = None) -> Results:
         """Return the numbers of the literal reading, with the seed of the computation.
 
         Results from unchanged printed numbers are cached, because the ledger, supplementary
         tables and reruns share them.
         """
-        changed = bool(given.values or given.shifts)
-        return dict((_run if changed else _cached)(self, given, replicates))
+        changed = bool(inputs.values or inputs.shifts)
+        return dict((_run if changed else _cached)(self, inputs, replicates))
 
 
-def _run(computation: Computation, given: Given, replicates: int | None) -> Results:
+def _run(computation: Computation, inputs: Inputs, replicates: int | None) -> Results:
     random: tuple[Any, ...] = ()
     if computation.replicates:
-        random = computation._seed(given.root), replicates or computation.replicates
-    return computation.function(given, *random, **computation.literal)
+        random = computation._seed(inputs.root), replicates or computation.replicates
+    return computation.function(inputs, *random, **computation.literal)
 
 
 _cached = lru_cache(maxsize=64)(_run)
@@ -178,7 +178,7 @@ def seed_of(name: str, root: int | None) -> SeedSequence:
 def reproduces(
     key: str,
     *,
-    given: Sequence[str] = (),
+    inputs: Sequence[str] = (),
     cells: Sequence[str] = ("*",),
     equations: Sequence[str] = (),
     replicates: int = 0,
@@ -197,7 +197,7 @@ def reproduces(
     equations : sequence of str
         Numbers of the paper's equations that the function rests on.
     replicates : int
-        How many replicates to draw; the function then takes ``(given, seed, replicates)``.
+        How many replicates to draw; the function then takes ``(inputs, seed, replicates)``.
     options : mapping, optional
         Options of the text, of which the function takes those that are its keyword-only
         parameters. Default: the options in the data of `key`.
@@ -216,13 +216,19 @@ def reproduces(
     'niu2024/text-context'
     """
 
-    known = words(key).options if options is None else options
+    known = item_text(key).options if options is None else options
 
     def declared(function: Callable[..., Results]) -> Computation:
         taken = inspect.signature(function).parameters.values()
         own = {p.name: known[p.name] for p in taken if p.kind is p.KEYWORD_ONLY}
         return Computation(
-            key, function, tuple(cells), tuple(given), tuple(equations), replicates, own
+            key,
+            function,
+            tuple(cells),
+            tuple(inputs),
+            tuple(equations),
+            replicates,
+            own,
         )
 
     return declared
@@ -239,7 +245,7 @@ class Fact:
 
 
 @dataclass(frozen=True)
-class Declared:
+class DeclarationMap:
     """A function that draws or tabulates.
 
     Parameters
@@ -256,7 +262,7 @@ class Declared:
 
     key: str
     function: Callable[..., Any]
-    given: tuple[str, ...] = ()
+    inputs: tuple[str, ...] = ()
     random: bool = False
     named: Callable[..., Mapping[str, Fact]] | None = None
 
@@ -267,7 +273,7 @@ class Declared:
 
 
 @dataclass(frozen=True)
-class Drawing(Declared):
+class Drawing(DeclarationMap):
     """A function that fills a matplotlib figure.
 
     Its parameters are the figure, `printed` (address of each marked cell to its value in SI
@@ -286,14 +292,14 @@ class Drawing(Declared):
         self,
         figure: Figure,
         printed: Mapping[str, float],
-        inputs: Given | None = None,
+        inputs: Inputs | None = None,
     ) -> None:
         """Draw on an empty figure, from the printed or from changed inputs."""
         _, *names = inspect.signature(self.function).parameters
         values: dict[str, Any] = {"printed": printed}
         for name in names:
             if name != "printed":
-                values[name] = given(self.given) if inputs is None else inputs
+                values[name] = load_inputs(self.inputs) if inputs is None else inputs
         self.function(figure, **{name: values[name] for name in names})
 
 
@@ -303,7 +309,7 @@ class Schematic:
 
     key: str
     files: tuple[Path, ...]
-    given: ClassVar[tuple[str, ...]] = ()
+    inputs: ClassVar[tuple[str, ...]] = ()
     random: ClassVar[bool] = False
     named: ClassVar[None] = None
 
@@ -323,18 +329,18 @@ class Schematic:
 def draws(
     key: str,
     *,
-    given: Sequence[str] = (),
+    inputs: Sequence[str] = (),
     marks: Sequence[str] = (),
     random: bool = False,
 ) -> Callable[[Callable[..., None]], Drawing]:
     """Declare that a function draws `key`; the arguments are those of `Drawing`."""
     return lambda function: Drawing(
-        key, function, tuple(given), random, marks=tuple(marks)
+        key, function, tuple(inputs), random, marks=tuple(marks)
     )
 
 
 @dataclass(frozen=True)
-class Study(Declared):
+class Study(DeclarationMap):
     """A supplementary table, which no paper prints.
 
     The function takes the inputs, if any, and returns the rows, or a DataFrame whose ``attrs``
@@ -356,12 +362,12 @@ class Study(Declared):
     caption: str = ""
     folded: str = ""
 
-    def _inputs(self, inputs: Given | None) -> list[Given]:
-        if not self.given:
+    def _inputs(self, inputs: Inputs | None) -> list[Inputs]:
+        if not self.inputs:
             return []
-        return [given(self.given) if inputs is None else inputs]
+        return [load_inputs(self.inputs) if inputs is None else inputs]
 
-    def __call__(self, inputs: Given | None = None) -> pd.DataFrame:
+    def __call__(self, inputs: Inputs | None = None) -> pd.DataFrame:
         """Compute the table, from the printed or from changed inputs."""
         import pandas as pd
 
@@ -387,7 +393,7 @@ class Study(Declared):
 def studied(
     key: str,
     *,
-    given: Sequence[str] = (),
+    inputs: Sequence[str] = (),
     named: Callable[..., Mapping[str, Fact]] | None = None,
     random: bool = False,
     **shown: Any,
@@ -396,10 +402,10 @@ def studied(
 
     Columns, caption and folded are the texts of the key, unless they are given.
     """
-    text = words(key)
+    text = item_text(key)
     texts = {name: getattr(text, name) for name in ("columns", "caption", "folded")}
     return lambda function: Study(
-        key, function, tuple(given), random, named, **texts | shown
+        key, function, tuple(inputs), random, named, **texts | shown
     )
 
 

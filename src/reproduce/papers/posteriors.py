@@ -15,8 +15,8 @@ from reproduce.inference import Model
 from reproduce.inference.sampling import Plan
 from reproduce.locate import papers
 from reproduce.papers.declare import ROOT_SEED
-from reproduce.printed.given import Given, given
-from reproduce.store.points import Table, TableFileError, computing
+from reproduce.printed.inputs import Inputs, load_inputs
+from reproduce.store.points import DataTable, TableFileError, computing
 
 # Kept steps of an ensemble: more than fifty autocorrelation times.
 _STEPS = 270
@@ -57,7 +57,7 @@ class File:
 
     columns: tuple[str, ...]
     meaning: str
-    read: Callable[[Table, Mapping[str, Any]], tuple[Model, list[str]]]
+    read: Callable[[DataTable, Mapping[str, Any]], tuple[Model, list[str]]]
     accepts: tuple[str, ...] = ()
     optional: tuple[str, ...] = ()
 
@@ -86,10 +86,10 @@ class Declaration:
     key: str
     title: str
     paper: str
-    given: tuple[str, ...]
-    build: Callable[[Given], Model]
+    inputs: tuple[str, ...]
+    build: Callable[[Inputs], Model]
     file: File | str
-    truth: Callable[[Given], dict[str, float]] | None = None
+    truth: Callable[[Inputs], dict[str, float]] | None = None
     steps: int = _STEPS
     walkers: int = 0
     summary: Mapping[str, str] = field(default_factory=dict)
@@ -101,15 +101,15 @@ class Declaration:
 
     def model(self, data_seed: int | None = None) -> Model:
         """Return the model with its data, simulated ones with another seed where one is given."""
-        return self.build(given(self.given, data_seed))
+        return self.build(load_inputs(self.inputs, data_seed))
 
     def true_values(self) -> dict[str, float]:
         """Return the parameters of the simulation; empty if the data are not simulated."""
-        return {} if self.truth is None else self.truth(given(self.given))
+        return {} if self.truth is None else self.truth(load_inputs(self.inputs))
 
     def sha256(self) -> str:
         """Return the hash of the printed cells that reach the model; data follow from them."""
-        cells = given(self.given).cells
+        cells = load_inputs(self.inputs).cells
         texts = (f"{address} {cells[address].text}\n" for address in sorted(cells))
         return sha256("".join(texts).encode()).hexdigest()
 
@@ -131,7 +131,7 @@ class Declaration:
         return self.file
 
     def supplied(
-        self, table: Table, given: Mapping[str, Any]
+        self, table: DataTable, inputs: Mapping[str, Any]
     ) -> tuple[Model, tuple[str, ...]]:
         """Return the model of your data, and remarks; a `TableFileError` for unusable data.
 
@@ -139,7 +139,7 @@ class Declaration:
         design that the data do not determine remains that of the paper by default.
         """
         file = self.format()
-        used = {key: value for key, value in given.items() if key in file.accepts}
+        used = {key: value for key, value in inputs.items() if key in file.accepts}
         with computing(table.path):
             try:
                 model, remarks = file.read(table, used)
@@ -147,11 +147,13 @@ class Declaration:
                 raise
             except ValueError as error:
                 raise TableFileError(f"{table.path}: {error}") from error
-        unused = table.optional if len(used) < len(given) else ()
+        unused = table.optional if len(used) < len(inputs) else ()
         notes = (f"this model takes no column {name}" for name in unused)
         return model, (*remarks, *table.notes, *notes)
 
 
-def data_stream(given: Given, *key: int) -> SeedSequence:
+def data_stream(inputs: Inputs, *key: int) -> SeedSequence:
     """Return the seed of simulated data: the root seed, or that of the inputs."""
-    return SeedSequence(ROOT_SEED if given.root is None else given.root, spawn_key=key)
+    return SeedSequence(
+        ROOT_SEED if inputs.root is None else inputs.root, spawn_key=key
+    )

@@ -1,4 +1,4 @@
-"""Texts of items: captions, columns, options and alternative texts in ``data/words/PAPER.toml``.
+"""Texts of items: captions, columns, options and alternative texts in ``data/captions/PAPER.toml``.
 
 A table of the file has the last part of a key as its name and the fields of `Words`.
 """
@@ -15,7 +15,7 @@ from pathlib import Path
 from pydantic import ConfigDict, TypeAdapter
 from pydantic.dataclasses import dataclass
 
-from reproduce.locate import words_files
+from reproduce.locate import caption_files
 
 _STRICT = ConfigDict(extra="forbid")
 
@@ -65,7 +65,7 @@ class _FigureText:
 
 
 @dataclass(frozen=True, config=_STRICT)
-class Words:
+class ItemText:
     """The texts of one key.
 
     - `caption`, `columns`, `folded`: of a supplementary table, as in `Study`.
@@ -82,31 +82,31 @@ class Words:
     figure: _FigureText = _FigureText("", "")
 
 
-def words(key: str) -> Words:
+def item_text(key: str) -> ItemText:
     """Return the texts of a key; empty texts if the file of its paper has none."""
     paper, _, name = key.partition("/")
-    return _of_paper(paper).get(name, Words())
+    return _of_paper(paper).get(name, ItemText())
 
 
 def unpublished(key: str, name: str) -> str:
     """Return the unpublished data that a cell needs; empty if the paper publishes them."""
-    missing = words(key).unpublished.items()
+    missing = item_text(key).unpublished.items()
     return next(
         (data for cells, data in missing if fnmatch.fnmatchcase(name, cells)), ""
     )
 
 
 @cache
-def _of_paper(paper: str) -> dict[str, Words]:
-    found: dict[str, Words] = {}
-    for path in words_files(paper):
+def _of_paper(paper: str) -> dict[str, ItemText]:
+    found: dict[str, ItemText] = {}
+    for path in caption_files(paper):
         found |= parsed(path.read_text(encoding="utf-8"), path)
     return found
 
 
-def parsed(text: str, path: Path) -> dict[str, Words]:
+def parsed(text: str, path: Path) -> dict[str, ItemText]:
     """Return the texts of a file by name; raise ValueError with the place of every fault."""
     try:
-        return TypeAdapter(dict[str, Words]).validate_python(tomllib.loads(text))
+        return TypeAdapter(dict[str, ItemText]).validate_python(tomllib.loads(text))
     except ValueError as error:  # of pydantic or of TOML
         raise ValueError(f"{path}: {error}") from error

@@ -130,7 +130,7 @@ class _File(_Traits):
 
 
 @dataclass(frozen=True)
-class Cell:
+class PrintedCell:
     """One printed cell with its address and its attributes.
 
     Parameters
@@ -233,14 +233,14 @@ class PrintedTable:
     place: str
     rows: tuple[_Line, ...]
     columns: tuple[_Line, ...]
-    cells: tuple[Cell, ...]
+    cells: tuple[PrintedCell, ...]
 
     @cached_property
-    def by_name(self) -> dict[str, Cell]:
+    def by_name(self) -> dict[str, PrintedCell]:
         """The cells by their names."""
         return {cell.name: cell for cell in self.cells}
 
-    def __getitem__(self, name: str) -> Cell:
+    def __getitem__(self, name: str) -> PrintedCell:
         """Return the cell called `name`, or raise KeyError naming the nearest ones."""
         try:
             return self.by_name[name]
@@ -305,7 +305,9 @@ def build(content: Any, key: str, source: str = "") -> PrintedTable:
     )
 
 
-def _cell(key: str, name: str, label: str, file: _File, owners: list[Any]) -> Cell:
+def _cell(
+    key: str, name: str, label: str, file: _File, owners: list[Any]
+) -> PrintedCell:
     """Return a cell with the traits of its file, column and row if its entry has none."""
     traits: dict[str, Any] = {}
     for owner in (file, *owners):
@@ -319,7 +321,7 @@ def _cell(key: str, name: str, label: str, file: _File, owners: list[Any]) -> Ce
             )
         is_count = traits["unit"] == "count"
         content = PrintedNumber(entry.value, is_count, traits.get("qualifier"))
-    return Cell(
+    return PrintedCell(
         key=key,
         name=name,
         label=label,
@@ -370,7 +372,7 @@ def altered_files() -> tuple[str, ...]:
     return tuple(altered)
 
 
-def find(pattern: str) -> tuple[Cell, ...]:
+def find(pattern: str) -> tuple[PrintedCell, ...]:
     """Return the printed cells whose addresses match `pattern`, in printed order.
 
     Examples

@@ -85,7 +85,7 @@ class PrintedNumber:
         return 0.0 if self.exact else float(Decimal(5).scaleb(self.exponent - 1))
 
     @cached_property
-    def reach(self) -> float:
+    def half_width(self) -> float:
         """How far a value may lie from the number and still be meant by it; zero for a limit."""
         if self.is_bound or self.exact:
             return 0.0
@@ -121,18 +121,18 @@ class PrintedNumber:
             return self.value, float("inf")
         if self.qualifier == "within":
             return -abs(self.value), abs(self.value)
-        return self.value - self.reach, self.value + self.reach
+        return self.value - self.half_width, self.value + self.half_width
 
-    def meets(self, low: float, high: float) -> bool:
+    def overlaps(self, low: float, high: float) -> bool:
         """Tell whether the interval from `low` to `high` shares a point with the printed one.
 
         Examples
         --------
-        >>> PrintedNumber("0.9976").meets(0.99764, 0.99764)
+        >>> PrintedNumber("0.9976").overlaps(0.99764, 0.99764)
         True
         """
         ours, theirs = self.interval()
-        slack = _FLOAT_SLACK * max(self.reach, abs(self.value) * 1e-3, 1e-12)
+        slack = _FLOAT_SLACK * max(self.half_width, abs(self.value) * 1e-3, 1e-12)
         return low <= theirs + slack and high >= ours - slack
 
     def format(self, value: float, extra: int = 0) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 
-from reproduce.printed.cells import Cell
+from reproduce.printed.cells import PrintedCell
 from reproduce.printed.number import ALIKE, si_factor, symbol
 
 _VALUE = re.compile(
@@ -15,7 +15,7 @@ _VALUE = re.compile(
 _MAX_COUNT_RATIO = 20
 
 
-def si_value(cell: Cell, value: str | float) -> float:
+def si_value(cell: PrintedCell, value: str | float) -> float:
     """Return a value in SI units from text in the printed format, such as ``"0.2 px"``.
 
     Raises

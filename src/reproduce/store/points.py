@@ -50,7 +50,7 @@ class TableFileError(ValueError):
 
 
 @dataclass(frozen=True, eq=False)
-class Table:
+class DataTable:
     """Named columns of numbers.
 
     Parameters
@@ -150,7 +150,7 @@ def read_table(
     optional: Sequence[str] = (),
     sep: str | None = None,
     name: str = "the table",
-) -> Table:
+) -> DataTable:
     """Return columns of numbers from a file, standard input ("-"), a table or an array.
 
     Rows with 1 in a column ``mask`` are left out. `sep` separates the columns of a text file, as
@@ -185,7 +185,7 @@ def read_table(
         one: _numbers(name, *found[names.index(one)]) for one in dict.fromkeys(wanted)
     }
     rows = np.arange(len(numbers[wanted[0]]))
-    table = Table(name, tuple(columns), numbers, rows, (), content)
+    table = DataTable(name, tuple(columns), numbers, rows, (), content)
     if _MASK in numbers:
         flags = numbers[_MASK]
         right = (flags == 0) | (flags == 1)
@@ -282,7 +282,7 @@ def _parsed(name: str, content: bytes, sep: str | None) -> Any:
 
 def matched_stars(
     source: Any, target: Any, settings: Mapping[str, Any]
-) -> tuple[Table, dict[str, Any]]:
+) -> tuple[DataTable, dict[str, Any]]:
     """Return the stars of both images, and the settings of a fit with columns of errors.
 
     The stars are in one table of matched stars, or in two arrays or tables, row by row.
@@ -301,7 +301,7 @@ def matched_stars(
             )
         columns = (*one.numbers.values(), *other.numbers.values())
         numbers = dict(zip(STARS, columns, strict=True))
-        return Table("the arrays", STARS, numbers, one.rows, one.notes), found
+        return DataTable("the arrays", STARS, numbers, one.rows, one.notes), found
     if not is_table(source):
         raise ValueError(
             "target: expected the stars of the other image, got none. Pass them, or a table of "
@@ -326,7 +326,7 @@ def brightness(columns: Mapping[str, FloatArray]) -> FloatArray | None:
     return -columns["mag"] if "mag" in columns else columns.get("flux")
 
 
-def deviations(table: Table) -> FloatArray:
+def deviations(table: DataTable) -> FloatArray:
     """Return the standard deviations along x and y that the columns of a table give, (n, 2)."""
     given = table.numbers
     names = [

@@ -16,7 +16,7 @@ import numpy as np
 from reproduce.physics.validate import FloatArray, finite_array, number_array
 from reproduce.store.points import (
     _LARGEST_NUMBER,
-    Table,
+    DataTable,
     TableFileError,
     is_table,
     read_table,
@@ -69,12 +69,12 @@ def _array(name: str, images: Any, count: int) -> FloatArray:
     return np.where(seen, array, np.nan)
 
 
-def images_of(table: Table, count: int) -> Images:
+def images_of(table: DataTable, count: int) -> Images:
     """Return the images of a table of spots of `count` lights, of both groups."""
     return _by_image(table, count)[0]
 
 
-def _by_image(table: Table, count: int) -> tuple[Images, FloatArray | None]:
+def _by_image(table: DataTable, count: int) -> tuple[Images, FloatArray | None]:
     """Return the images of both groups, and the mean times of those at the present."""
     import pandas as pd
 

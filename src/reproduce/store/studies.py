@@ -33,7 +33,7 @@ class StudyError(ValueError):
 
 
 @dataclass(frozen=True)
-class Study:
+class StoredStudy:
     """A stored study.
 
     Attributes
@@ -53,13 +53,13 @@ def folder() -> Path:
     return data_folder() / "studies"
 
 
-def read(name: str, where: Path | None = None) -> Study:
+def read(name: str, where: Path | None = None) -> StoredStudy:
     """Return a stored study after checking that its arrays are those of its note."""
     content = _file(f"{name}.npz", where)
     note = tomllib.loads(_file(f"{name}.toml", where).decode())
     _check(name, content, note)
     with np.load(io.BytesIO(content), allow_pickle=False) as packed:
-        return Study(dict(packed), note)
+        return StoredStudy(dict(packed), note)
 
 
 def table(name: str, where: Path | None = None) -> pd.DataFrame:

@@ -14,32 +14,32 @@ from reproduce.papers.declare import Drawing
 from reproduce.printed.cells import find
 from reproduce.views import keys
 from reproduce.views.blocks import Display
-from reproduce.views.export import citation, export_frame, provenance
+from reproduce.views.export import citation, export_frame, provenance_of
 
 if TYPE_CHECKING:
     import pandas as pd
 
     from reproduce.papers.declare import Schematic, Study
-    from reproduce.printed.given import Given
+    from reproduce.printed.inputs import Inputs
 
 
 Change = Mapping[str, str | float]  # address of a printed cell to a value as printed
 
 
-class Shown(Display):
+class ResultView(Display):
     """An object with a key, printed cells as inputs, and numbers."""
 
     key: str
 
     @property
-    def reads(self) -> tuple[str, ...]:
+    def inputs(self) -> tuple[str, ...]:
         """Addresses of its inputs, direct or through other items."""
         return changeable(self.key)
 
     @property
-    def again(self) -> str:
+    def rerun_code(self) -> str:
         """A line of code that computes it with another value of its first input."""
-        line, numbers = f'rp.table("{self.key}")', (find(one)[0] for one in self.reads)
+        line, numbers = f'rp.table("{self.key}")', (find(one)[0] for one in self.inputs)
         read = next((cell for cell in numbers if cell.is_number), None)
         return line + (f'.rerun({{"{read.address}": "{read.text}"}})' if read else "")
 
@@ -54,12 +54,12 @@ class Shown(Display):
 
     def export(self, form: str) -> str:
         """Return the numbers as csv, json, latex or markdown."""
-        return export_frame(self.frame(), form, self.about)
+        return export_frame(self.frame(), form, self.provenance)
 
     @property
-    def about(self) -> dict[str, str]:
+    def provenance(self) -> dict[str, str]:
         """Provenance of its exports, with its changes."""
-        return provenance(self.cite("text"), self._setting())
+        return provenance_of(self.cite("text"), self._setting())
 
     def _setting(self) -> str:
         return ""
@@ -69,7 +69,7 @@ class Shown(Display):
         return citation(self.key, form)
 
 
-class Item(Shown):
+class Item(ResultView):
     """A table or a figure, of a paper or supplementary."""
 
     @property
@@ -83,12 +83,12 @@ class Item(Shown):
             for way, alternative in ways.items()
         ]
 
-        class Words(pd.DataFrame):
+        class _OptionsFrame(pd.DataFrame):
             """A DataFrame whose sentences a notebook does not shorten."""
 
             @property
-            def _constructor(self) -> type[Words]:
-                return Words
+            def _constructor(self) -> type[_OptionsFrame]:
+                return _OptionsFrame
 
             def _repr_html_(self) -> str:
                 with pd.option_context("display.max_colwidth", None):
@@ -97,7 +97,7 @@ class Item(Shown):
         frame = pd.DataFrame(
             rows, columns=["option", "alternative", "meaning", "passage"]
         )
-        return Words(frame.set_index(["option", "alternative"]))
+        return _OptionsFrame(frame.set_index(["option", "alternative"]))
 
     @property
     def title(self) -> str:
@@ -121,7 +121,7 @@ class Item(Shown):
         return "\n\n\n".join(map(text_of, functions))
 
 
-class Changeable(Shown):
+class Rerunnable(ResultView):
     """An object that can be computed again with other inputs or another seed.
 
     Parameters
@@ -129,7 +129,7 @@ class Changeable(Shown):
     key : str
         Key of the object.
     changes : mapping, optional
-        Address of any cell in `reads` to a value as printed.
+        Address of any cell in `inputs` to a value as printed.
     seed : int, optional
         Seed of the random number generator.
     """
@@ -159,15 +159,15 @@ class Changeable(Shown):
         """The declaration of its key."""
 
     @abstractmethod
-    def _compute(self, door: Given | None) -> Any:
+    def _compute(self, inputs: Inputs | None) -> Any:
         """Compute from the printed values, or from changed inputs."""
 
     @cached_property
     def _made(self) -> tuple[Any, dict[str, float]]:
         if not self.changes:
             return self._compute(None), {}
-        return rerun.under(
-            self.key, self._declared.given, self._changes, self.seed, self._compute
+        return rerun.compute_with_changes(
+            self.key, self._declared.inputs, self._changes, self.seed, self._compute
         )
 
     @property
@@ -198,7 +198,7 @@ class Changeable(Shown):
         Parameters
         ----------
         changes : mapping
-            Address of any cell in `reads` to a value as printed. The marks of printed values in a
+            Address of any cell in `inputs` to a value as printed. The marks of printed values in a
             figure do not change.
         seed : int, optional
             Seed of the random number generator.

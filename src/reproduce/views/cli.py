@@ -312,7 +312,7 @@ def verify(citation: str) -> None:
 @_JSON
 def audit(paper: str | None, as_json: bool) -> None:
     """Check the printed numbers of a paper for consistency."""
-    found = front.contradictions(paper)
+    found = front.audit(paper)
     _show(as_json, found.as_json, found.print)
 
 

@@ -47,7 +47,7 @@ def kept() -> Path | None:
     return Path(os.environ[FOLDER]) / fingerprint() if os.environ.get(FOLDER) else None
 
 
-def once(
+def cached(
     name: str,
     compute: Callable[[], Result],
     dump: Callable[[Result], str | bytes],
@@ -89,6 +89,6 @@ def item_ledger(*keys: str) -> Ledger:
 @cache
 def whole_ledger() -> Ledger:
     """Return the ledger of all items."""
-    return once(
+    return cached(
         "ledger.json", ledger.build, Ledger.model_dump_json, Ledger.model_validate_json
     )

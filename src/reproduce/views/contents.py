@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
 
-from reproduce.judge.ledger import Ledger, Record, build, surprises
+from reproduce.judge.ledger import Ledger, Record, build, changed_verdicts
 from reproduce.judge.verdicts import VERDICTS
 from reproduce.papers.catalogue import catalogue, studies
 from reproduce.printed.cells import PAPERS, altered_files, anchor, library
@@ -100,7 +100,9 @@ class Contents(Display):
     def blocks(self) -> tuple[Block, ...]:
         """Return a mark for every number, and the same as lists."""
         lists = (*self.listed.shown, *self.index.shown)
-        return Html(wall(self._ledger.records)), Fold("The same in words", lists)
+        return Html(overview_grid(self._ledger.records)), Fold(
+            "The same in words", lists
+        )
 
 
 class Check(Display):
@@ -126,23 +128,24 @@ class Check(Display):
             listed += Contents(key).keys if key in PAPERS else [keys.check_key(key)]
         found = build(listed or None, progress)
         self.ledger = found.model_copy(update={"altered": altered_files()})
-        self.surprises = surprises(self.ledger)
+        self.changed_verdicts = changed_verdicts(self.ledger)
 
     def __bool__(self) -> bool:
         """Return whether verdicts and files are unchanged."""
-        return not (self.surprises or self.ledger.altered)
+        return not (self.changed_verdicts or self.ledger.altered)
 
     def frame(self) -> pd.DataFrame:
         """Return the cells whose verdict is not the frozen one."""
         import pandas as pd
 
         columns = ["cell", "expected", "found"]
-        return pd.DataFrame(map(vars, self.surprises), columns=columns)
+        return pd.DataFrame(map(vars, self.changed_verdicts), columns=columns)
 
     def faults(self) -> list[str]:
         """Return a sentence for each change and its remedy."""
         lines = [
-            f"{s.cell}: expected {s.expected}, found {s.found}" for s in self.surprises
+            f"{s.cell}: expected {s.expected}, found {s.found}"
+            for s in self.changed_verdicts
         ]
         if lines:
             lines.append(
@@ -199,7 +202,7 @@ def _index(listed: Sequence[str], ledger: Ledger) -> Html:
     return Html(page, Grid.of("Cells by verdict.", ("key", "cells"), [*rows, total]))
 
 
-def wall(records: Sequence[Record]) -> Markup:
+def overview_grid(records: Sequence[Record]) -> Markup:
     """Draw a mark for every record with a link to its cell, and a legend."""
     papers = groupby(records, key=lambda record: record.key.partition("/")[0])
     return rendered(

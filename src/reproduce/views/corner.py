@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from reproduce.inference import Sampled
+from reproduce.inference import PosteriorSamples
 from reproduce.papers.charts import NARROW, thin
 
 if TYPE_CHECKING:
@@ -26,7 +26,10 @@ _BLUE, _ORANGE = "#0072B2", "#D55E00"
 
 
 def draw_corner(
-    figure: Figure, posterior: Sampled, names: Sequence[str], marks: Mapping[str, float]
+    figure: Figure,
+    posterior: PosteriorSamples,
+    names: Sequence[str],
+    marks: Mapping[str, float],
 ) -> None:
     """Draw the corner plot of some parameters, with marks in the displayed unit."""
     import corner

@@ -52,10 +52,10 @@ def export(ledger: Ledger, address: str, form: str, shown: Grid) -> str:
     if form == "json":
         tables = () if name else tuple(t for t in ledger.tables if t.key == key)
         part = Ledger(records=tuple(records), tables=tables)
-        return signed(part, address).model_dump_json(indent=2)
-    about = provenance(citation(address, "text"))
+        return with_provenance(part, address).model_dump_json(indent=2)
+    provenance = provenance_of(citation(address, "text"))
     if form == "csv":
-        return export_frame(full_frame(records), form, about)
+        return export_frame(full_frame(records), form, provenance)
     import pandas as pd
 
     rows = [list(map(plain, row)) for row in shown.rows]
@@ -65,7 +65,7 @@ def export(ledger: Ledger, address: str, form: str, shown: Grid) -> str:
         "label": f"tab:{anchor(key)}",
         "column_format": "l" + "r" * (frame.shape[1] - 1),
     }
-    return export_frame(frame, form, about)
+    return export_frame(frame, form, provenance)
 
 
 def table_files(key: str) -> dict[str, str]:
@@ -73,32 +73,32 @@ def table_files(key: str) -> dict[str, str]:
     return {f"tables/{anchor(key)}.{ending}": form for form, ending in _ENDINGS.items()}
 
 
-def provenance(cited: str, setting: str = "") -> dict[str, str]:
+def provenance_of(cited: str, setting: str = "") -> dict[str, str]:
     """Return the provenance of an export: software, citation and changes."""
     told = {"software": software(), "citation": cited, "setting": setting}
     return {name: text for name, text in told.items() if text}
 
 
-def signed(ledger: Ledger, address: str = "all") -> Ledger:
+def with_provenance(ledger: Ledger, address: str = "all") -> Ledger:
     """Return a ledger with the written reason of each verdict, and its provenance."""
     told = tuple(
         r.model_copy(update={"reason": reason(r.cell)}) for r in ledger.records
     )
     return ledger.model_copy(
-        update={"records": told} | provenance(citation(address, "text"))
+        update={"records": told} | provenance_of(citation(address, "text"))
     )
 
 
 def export_frame(
-    frame: pd.DataFrame, form: str, about: Mapping[str, str] | None = None
+    frame: pd.DataFrame, form: str, provenance: Mapping[str, str] | None = None
 ) -> str:
     """Write any DataFrame as csv, json, latex or markdown.
 
     Its provenance is a comment before the rows; in JSON it is next to the rows.
     """
     _check_format(form, FORMATS)
-    about = about or provenance(citation("all", "text"))
-    said = "".join(f"{name}: {text}\n" for name, text in about.items())
+    provenance = provenance or provenance_of(citation("all", "text"))
+    said = "".join(f"{name}: {text}\n" for name, text in provenance.items())
     if form == "csv":
         # Words are quoted, since an address holds the sign of a comment.
         return indent(said, "# ") + str(
@@ -106,7 +106,7 @@ def export_frame(
         )
     if form == "json":
         rows = frame.astype(object).where(frame.notna(), None).to_dict("records")
-        return json.dumps({**about, "rows": rows}, indent=2, ensure_ascii=False)
+        return json.dumps({**provenance, "rows": rows}, indent=2, ensure_ascii=False)
     if form == "latex":
         table = frame.to_latex(index=False, escape=True, **frame.attrs.get("latex", {}))
         return (indent(said, "% ") + _in_tex(table)).encode("ascii", PLAIN).decode()
@@ -173,7 +173,7 @@ def full_frame(records: Iterable[Record]) -> pd.DataFrame:
         }
         for name in ("stands_for", "interval"):
             row[f"{name}_low"], row[f"{name}_high"] = row.pop(name) or (None, None)
-        for name in ("flags", "equations", "seed", "reads"):
+        for name in ("flags", "equations", "seed", "inputs"):
             row[name] = " ".join(map(str, row[name] or ()))
         rows.append(row)
     return pd.DataFrame(rows)
@@ -212,11 +212,11 @@ def citation(address: str, form: str) -> str:
     paper = key.partition("/")[0]
     if key in studies() or key in drawings():
         kind = "Study" if key in studies() else "Drawing"
-        return beside(kind, key, paper, keys.title(key), form)
+        return cite_related(kind, key, paper, keys.title(key), form)
     keys.check_key(key)
     entry = f"reproduce-{anchor(address)}"
     if name:
-        text = statement(item_ledger(key).cell(library()[key][name].address))
+        text = citation_digest(item_ledger(key).cell(library()[key][name].address))
         return _written(entry, text, mark(text), form, paper, address)
     place = keys.place(key).partition(",")[0]
     if place == "Text":
@@ -226,7 +226,7 @@ def citation(address: str, form: str) -> str:
     return _written(entry, title, note, form, paper, key)
 
 
-def beside(kind: str, name: str, paper: str, title: str, form: str) -> str:
+def cite_related(kind: str, name: str, paper: str, title: str, form: str) -> str:
     """Return the citation of a posterior or a supplementary table, and of its paper."""
     link = "of" if kind == "Posterior" else "beside"
     whole = f"{kind} {link} {_et_al(paper)}: {title}"
@@ -234,7 +234,7 @@ def beside(kind: str, name: str, paper: str, title: str, form: str) -> str:
     return _written(entry, whole, f"{kind} {name}", form, paper, name)
 
 
-def statement(record: Record) -> str:
+def citation_digest(record: Record) -> str:
     """Return the printed value, the computed value to six digits and the verdict of a cell."""
     unit = "" if record.unit in {"", "1"} else f" {record.unit}"
     said = [f"{record.cell}: printed {record.printed}{unit}"]
@@ -270,7 +270,7 @@ def verify(text: str) -> str:
     now = f"{address} is not a printed number"
     if key in library() and name in library()[key].by_name:
         record = item_ledger(key).cell(address)
-        now = statement(record)
+        now = citation_digest(record)
         if now == said and source in {version(), *released()}:
             return "unchanged"
         now = f"{now}, for {reason(address) or record.why}"
@@ -289,7 +289,7 @@ def released() -> dict[str, list[str]]:
 
 def marks() -> list[str]:
     """Return the marks of the present statements of all cells."""
-    return [mark(statement(record)) for record in whole_ledger().records]
+    return [mark(citation_digest(record)) for record in whole_ledger().records]
 
 
 @cache
@@ -415,7 +415,7 @@ _BAR = Environment(autoescape=True).from_string(
 )
 
 
-def bar(
+def toolbar(
     key: str, anchor: str, files: Iterable[str], source: str, inputs: str = ""
 ) -> Markup:
     """Return the bar below a table or a figure of a page, with an anchor for each function.

@@ -23,20 +23,20 @@ from markupsafe import Markup
 from reproduce.judge.rerun import refuse_strays
 from reproduce.papers.catalogue import catalogue, drawings
 from reproduce.papers.charts import NARROW
-from reproduce.papers.declare import Drawing, Schematic, words
+from reproduce.papers.declare import Drawing, Schematic, item_text
 from reproduce.printed.cells import anchor, find, library
 from reproduce.store.files import FIGURES, check_target, replacing, write_text
 from reproduce.views import computed, keys, numbers
-from reproduce.views.base import Change, Changeable, Item, Shown, text_of
+from reproduce.views.base import Change, Item, Rerunnable, ResultView, text_of
 from reproduce.views.blocks import Block, Html
-from reproduce.views.computed import once
-from reproduce.views.export import bar, citation, export_frame, provenance
+from reproduce.views.computed import cached
+from reproduce.views.export import citation, export_frame, provenance_of, toolbar
 from reproduce.views.verdicts import filled
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as MatplotlibFigure
 
-    from reproduce.printed.given import Given
+    from reproduce.printed.inputs import Inputs
 
 _STYLE = Path(__file__).parent / "figures.mplstyle"
 _XML = '<?xml version="1.0" encoding="utf-8" standalone="no"?>\n'
@@ -74,7 +74,7 @@ def _declared_drawing(key: str) -> Drawing | Schematic:
     raise ValueError(f"{key} has no figure; these have one: {known}")
 
 
-def painted(paint: Paint, *, narrow: bool = False) -> MatplotlibFigure:
+def styled_figure(paint: Paint, *, narrow: bool = False) -> MatplotlibFigure:
     """Return a figure in the project's style, for a wide page or for a narrow one."""
     from matplotlib import style
     from matplotlib.figure import Figure as MatplotlibFigure
@@ -87,7 +87,7 @@ def painted(paint: Paint, *, narrow: bool = False) -> MatplotlibFigure:
     return figure
 
 
-def draw(key: str, door: Given | None = None, *, narrow: bool = False) -> Drawn:
+def draw(key: str, inputs: Inputs | None = None, *, narrow: bool = False) -> Drawn:
     """Draw an item or a supplementary drawing, with its printed values."""
     drawing = _declared_drawing(key)
     if isinstance(drawing, Schematic):
@@ -96,7 +96,7 @@ def draw(key: str, door: Given | None = None, *, narrow: bool = False) -> Drawn:
     patterns = [*([key] if key in library() else []), *drawing.marks]
     marked = (cell for pattern in patterns for cell in find(pattern))
     printed = {cell.address: cell.si for cell in marked if cell.is_number}
-    return painted(lambda figure: drawing(figure, printed, door), narrow=narrow)
+    return styled_figure(lambda figure: drawing(figure, printed, inputs), narrow=narrow)
 
 
 def _data(figure: Drawn) -> pd.DataFrame:
@@ -126,12 +126,14 @@ def _labels(svg: str) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=["panel", "curve", "x", "y"])
 
 
-def save(figure: Drawn, out: Path | io.StringIO, about: _Provenance = None) -> None:
+def save(
+    figure: Drawn, out: Path | io.StringIO, provenance: _Provenance = None
+) -> None:
     """Write a figure with its metadata to a file, or as SVG to a stream."""
     from matplotlib import style
 
     if isinstance(figure, str):
-        note = escape("\n".join((about or {}).values()))
+        note = escape("\n".join((provenance or {}).values()))
         svg = figure.replace("<title>", f"<metadata>{note}</metadata>\n  <title>", 1)
         if isinstance(out, Path):
             write_text(check_target(out, _SCHEMATIC), _XML + svg)
@@ -142,7 +144,7 @@ def save(figure: Drawn, out: Path | io.StringIO, about: _Provenance = None) -> N
     # Dates and random ids would make every build differ from the last one.
     dates = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
     name = "Subject" if ending == ".pdf" else "Description"
-    metadata = {name: "\n".join((about or {}).values()), **dates.get(ending, {})}
+    metadata = {name: "\n".join((provenance or {}).values()), **dates.get(ending, {})}
     with ExitStack() as stack:
         stack.enter_context(style.context(_STYLE))
         if isinstance(out, Path):
@@ -161,26 +163,26 @@ def _endings(key: str) -> tuple[str, ...]:
     return _SCHEMATIC if is_schematic else FIGURES
 
 
-def vector_of(figure: Drawn, about: _Provenance = None) -> str:
+def vector_of(figure: Drawn, provenance: _Provenance = None) -> str:
     """Return a figure as SVG."""
     buffer = io.StringIO()
-    save(figure, buffer, about)
+    save(figure, buffer, provenance)
     svg = buffer.getvalue()
     return _FONTS.sub(r"\1, sans-serif", svg[svg.index("<svg") :])
 
 
 def write_figure(key: str, root: Path) -> None:
     """Write the pictures and the data of a figure below the root of the book, and keep its SVG."""
-    figure, about = draw(key), provenance(citation(key, "text"))
-    shown = _page_vectors(key, figure, about)
+    figure, provenance = draw(key), provenance_of(citation(key, "text"))
+    shown = _page_vectors(key, figure, provenance)
     (root / "figures").mkdir(parents=True, exist_ok=True)
     for path in (root / name for name in _figure_files(key)):
         if path.suffix == ".csv":
-            write_text(path, export_frame(_data(figure), "csv", about))
+            write_text(path, export_frame(_data(figure), "csv", provenance))
         elif path.suffix == ".svg":
             write_text(path, f"{_XML}{shown.wide}")
         else:
-            save(figure, path, about)
+            save(figure, path, provenance)
             if not isinstance(figure, str):
                 figure.set_layout_engine(
                     "none"
@@ -188,13 +190,13 @@ def write_figure(key: str, root: Path) -> None:
 
 
 def _page_vectors(
-    key: str, figure: Drawn | None = None, about: _Provenance = None
+    key: str, figure: Drawn | None = None, provenance: _Provenance = None
 ) -> Vectors:
     """Return a figure for a page of the book; in a build it is drawn once."""
 
     def make() -> Vectors:
         wide = draw(key) if figure is None else figure
-        vectors = Vectors(vector_of(wide, about))
+        vectors = Vectors(vector_of(wide, provenance))
         if isinstance(wide, str):  # a schematic fits wide and narrow pages
             return vectors
         return vectors._replace(narrow=vector_of(draw(key, narrow=True)))
@@ -202,7 +204,7 @@ def _page_vectors(
     def load(content: bytes) -> Vectors:
         return Vectors(*json.loads(content))
 
-    shown: Vectors = once(f"figure-{anchor(key)}.json", make, json.dumps, load)
+    shown: Vectors = cached(f"figure-{anchor(key)}.json", make, json.dumps, load)
     return shown
 
 
@@ -246,13 +248,15 @@ def _captioned(caption: str) -> Markup:
     )
 
 
-def pictured(name: str, paint: Paint, alternative: str, caption: str) -> Html:
+def figure_block(name: str, paint: Paint, alternative: str, caption: str) -> Html:
     """Show a picture that no file of the book holds."""
-    shown = Vectors(vector_of(painted(paint)), vector_of(painted(paint, narrow=True)))
+    shown = Vectors(
+        vector_of(styled_figure(paint)), vector_of(styled_figure(paint, narrow=True))
+    )
     return Html(inline(shown, name, alternative, _captioned(caption)))
 
 
-class Figure(Changeable, Item):
+class Figure(Rerunnable, Item):
     """A figure of a paper, drawn from its caption and the text, or a supplementary drawing.
 
     Parameters
@@ -260,7 +264,7 @@ class Figure(Changeable, Item):
     key : str
         Such as ``chen2023/fig-11a``, or ``niu2024/drawing-fusion-star``.
     changes : mapping, optional
-        Address of any cell in `reads` to a value in the printed format.
+        Address of any cell in `inputs` to a value in the printed format.
     seed : int, optional
         Seed of the random number generator. Default: the seed of the project.
     """
@@ -271,8 +275,8 @@ class Figure(Changeable, Item):
     def _declared(self) -> Drawing | Schematic:
         return _declared_drawing(self.key)
 
-    def _compute(self, door: Given | None) -> Drawn:
-        return draw(self.key, door)
+    def _compute(self, inputs: Inputs | None) -> Drawn:
+        return draw(self.key, inputs)
 
     @property
     def drawn(self) -> Drawn:
@@ -287,7 +291,7 @@ class Figure(Changeable, Item):
     def save(self, path: str | Path) -> Path:
         """Write the figure as SVG, PDF or PNG, by the ending of `path`; a schematic as SVG."""
         path = check_target(path, _endings(self.key))
-        save(self.drawn, path, self.about)
+        save(self.drawn, path, self.provenance)
         return path
 
     @cached_property
@@ -296,12 +300,12 @@ class Figure(Changeable, Item):
         if self.changes:
             remark = "a reader's own setting; what is marked as printed stays the print"
             return f"{self.title}. {self._setting(remark)}"
-        return self._filled(words(self.key).figure.caption)
+        return self._filled(item_text(self.key).figure.caption)
 
     @cached_property
     def alternative(self) -> str:
         """Alternative text."""
-        alternative = self._filled(words(self.key).figure.alternative)
+        alternative = self._filled(item_text(self.key).figure.alternative)
         return self.caption if self.changes else alternative
 
     def _filled(self, text: str) -> str:
@@ -326,7 +330,7 @@ class Figure(Changeable, Item):
         else:
             declared = self._declared
             source = text_of(declared.function) if isinstance(declared, Drawing) else ""
-            below += bar(self.key, name, _figure_files(self.key), source)
+            below += toolbar(self.key, name, _figure_files(self.key), source)
         # A page of the book also has a narrow drawing; a notebook of a reader does not.
         if computed.kept() and not self.changes:
             shown = _page_vectors(self.key)
@@ -335,7 +339,7 @@ class Figure(Changeable, Item):
         yield Html(inline(shown, name, self.alternative, below), text)
 
 
-class Panels(Shown):
+class Panels(ResultView):
     """A figure of several panels, such as ``chen2023/fig-11``, each drawn on its own.
 
     Parameters
@@ -350,9 +354,9 @@ class Panels(Shown):
         self.key, self.panels = key, panels
 
     @property
-    def reads(self) -> tuple[str, ...]:
+    def inputs(self) -> tuple[str, ...]:
         """Addresses of all printed cells that any panel reads."""
-        return tuple(dict.fromkeys(chain.from_iterable(p.reads for p in self.panels)))
+        return tuple(dict.fromkeys(chain.from_iterable(p.inputs for p in self.panels)))
 
     @property
     def source(self) -> str:
@@ -371,11 +375,11 @@ class Panels(Shown):
     ) -> Panels:
         """Return the panels with changed inputs, and with a seed if they draw random numbers."""
         changes = changes or {}
-        refuse_strays(self.key, changes, self.reads)
+        refuse_strays(self.key, changes, self.inputs)
         random = [one for one in self.panels if one.random] or self.panels
         again = [
             one.rerun(
-                {a: value for a, value in changes.items() if a in one.reads},
+                {a: value for a, value in changes.items() if a in one.inputs},
                 seed=seed if one in random else None,
                 **others,
             )

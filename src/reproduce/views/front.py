@@ -17,10 +17,10 @@ if TYPE_CHECKING:
 
     from reproduce.inference import Prior
     from reproduce.physics.attitude import Platform
+    from reproduce.views.consistency import ConsistencyAudit
     from reproduce.views.contents import Check, Contents
-    from reproduce.views.contradictions import Contradictions
     from reproduce.views.figure import Figure, Panels
-    from reproduce.views.measurements import Monitored, Registered
+    from reproduce.views.measurements import MisalignmentResult, RegistrationResult
     from reproduce.views.pictures import Stars
     from reproduce.views.posterior import Posterior
     from reproduce.views.posteriors import Posteriors
@@ -239,7 +239,7 @@ def posterior(
     )
 
 
-def contradictions(paper: str | None = None) -> Contradictions:
+def audit(paper: str | None = None) -> ConsistencyAudit:
     """Return the consistency checks of the printed numbers, and the errata.
 
     Parameters
@@ -249,12 +249,12 @@ def contradictions(paper: str | None = None) -> Contradictions:
 
     Returns
     -------
-    Contradictions
+    ConsistencyAudit
         Relations between printed numbers, and the errata.
     """
-    from reproduce.views.contradictions import Contradictions
+    from reproduce.views.consistency import ConsistencyAudit
 
-    return Contradictions(paper)
+    return ConsistencyAudit(paper)
 
 
 def register(
@@ -271,7 +271,7 @@ def register(
     radius: float | None = None,
     threshold: float | None = None,
     sep: str | None = None,
-) -> Registered:
+) -> RegistrationResult:
     """Fit the transform that maps source stars onto the same stars of a target.
 
     For images, the stars are found and matched first (`stars`, `match`), which needs Astropy and
@@ -348,10 +348,10 @@ def register(
 
         own |= {"model": model, "robust": robust is not False, "sep": sep}
         return registered(source, target, pivot, **own)
-    from reproduce.views.measurements import Registered
+    from reproduce.views.measurements import RegistrationResult
 
     known |= {"model": model, "robust": bool(robust), "sep": sep}
-    return Registered(source, target, pivot, **known)
+    return RegistrationResult(source, target, pivot, **known)
 
 
 def _has_images(source: Any, target: Any) -> bool:
@@ -361,7 +361,7 @@ def _has_images(source: Any, target: Any) -> bool:
     both = [source, target]
     if target is not None and all(isinstance(one, str | Path) for one in both):
         return True
-    return any(is_image(one) or hasattr(one, "dropped") for one in both)
+    return any(is_image(one) or hasattr(one, "rejected") for one in both)
 
 
 def stars(
@@ -450,7 +450,7 @@ def misalignment(
     times: ArrayLike | None = None,
     *,
     sep: str | None = None,
-) -> Monitored:
+) -> MisalignmentResult:
     """Return the misalignment of your camera since the zero point, from spots of its lights.
 
     ``findings`` names a displaced light, a pattern of another size, repeated images and correlated
@@ -486,6 +486,8 @@ def misalignment(
         If the spots are mirrored or belong to another platform, two lights are swapped or have one
         place, or a group has fewer than two lights.
     """
-    from reproduce.views.measurements import Monitored
+    from reproduce.views.measurements import MisalignmentResult
 
-    return Monitored(spots=spots, zero=zero, platform=platform, times=times, sep=sep)
+    return MisalignmentResult(
+        spots=spots, zero=zero, platform=platform, times=times, sep=sep
+    )

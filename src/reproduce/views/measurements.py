@@ -35,7 +35,7 @@ _LEVEL = 0.95
 _ENDS = ("low (95 %)", "high (95 %)")
 
 
-class Remade(Display):
+class UserResult(Display):
     """Result of a function of the public API that can be computed again with other arguments."""
 
     _given: dict[str, Any]
@@ -49,7 +49,7 @@ class Remade(Display):
         from reproduce.views.export import export_frame  # it loads the ledger
 
         return export_frame(
-            self.frame().reset_index(), form, getattr(self, "about", None)
+            self.frame().reset_index(), form, getattr(self, "provenance", None)
         )
 
     def rerun(self, **changes: Any) -> Self:
@@ -63,11 +63,11 @@ class Remade(Display):
         return again
 
 
-class _Measured(Remade):
+class _Measured(UserResult):
     """Common parts of the results of your measurements."""
 
     title: str
-    reads: tuple[str, ...] = ()
+    inputs: tuple[str, ...] = ()
     findings: list[Any]
     remarks: list[str]
     _function: Callable[..., Any]
@@ -110,7 +110,7 @@ def _grid(title: str, frame: pd.DataFrame, digits: int = 6) -> Grid:
     return Grid(title, (str(frame.index.name), *frame.columns), rows)
 
 
-class Registered(_Measured):
+class RegistrationResult(_Measured):
     """The transform that maps source stars onto the same stars of a target.
 
     A source point at the offset q from the pivot is mapped to pivot - shift + k R(rotation) q. The
@@ -264,7 +264,7 @@ class Registered(_Measured):
         return Grid(self.title, heads, rows)
 
 
-class Monitored(_Measured):
+class MisalignmentResult(_Measured):
     """Misalignment of your camera in each image, from the spots of its lights.
 
     The warnings are in ``findings``, and with remarks on the input in ``remarks``. ``diagnosis``
@@ -277,14 +277,14 @@ class Monitored(_Measured):
         # These imports are slow, and a registration does not need them.
         from reproduce.papers.chen2023.platform import INSTRUMENT, as_designed
         from reproduce.physics.attitude import diagnosis, monitored, stability
-        from reproduce.printed.given import given as printed
+        from reproduce.printed.inputs import load_inputs as printed
         from reproduce.store.spots import read_images
 
         self._function, self._given = monitored, given
         own, *arguments = (
             given[name] for name in ("platform", "spots", "zero", "times", "sep")
         )
-        self.reads = INSTRUMENT if own is None else ()
+        self.inputs = INSTRUMENT if own is None else ()
         self.platform = (
             as_designed(printed(INSTRUMENT)) if own is None else platform_of(own)
         )

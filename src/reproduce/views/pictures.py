@@ -21,13 +21,13 @@ from reproduce.store.images import ImageError, is_image, read_image, reading
 from reproduce.store.points import (
     SIGMAS,
     STARS,
-    Table,
+    DataTable,
     brightness,
     deviations,
     read_table,
 )
 from reproduce.views.blocks import Block, Display, Fold
-from reproduce.views.measurements import Registered, _grid
+from reproduce.views.measurements import RegistrationResult, _grid
 from reproduce.views.numbers import minus
 
 if TYPE_CHECKING:
@@ -83,7 +83,7 @@ class Stars(Display):
     covariance: FloatArray
     middle: FloatArray
     shapes: FloatArray
-    dropped: pd.DataFrame
+    rejected: pd.DataFrame
     facts: dict[str, float]
     findings: tuple[Finding, ...]
 
@@ -95,7 +95,7 @@ class Stars(Display):
     @property
     def log(self) -> list[str]:
         """Warnings, facts, and numbers of dropped detections."""
-        reasons = self.dropped["dropped"].value_counts()
+        reasons = self.rejected["dropped"].value_counts()
         facts = {
             f"{key}, {_UNITS.get(key, 'px')}": one for key, one in self.facts.items()
         }
@@ -173,7 +173,7 @@ def _stars_of_image(
     return stars
 
 
-def _stars_of_list(table: Table, sigma: FloatArray) -> Stars:
+def _stars_of_list(table: DataTable, sigma: FloatArray) -> Stars:
     """Return the stars of a table of positions with their standard deviations."""
     import pandas as pd
 
@@ -225,7 +225,7 @@ def paired(
     return pairs.assign(row=a, row_reference=b), found
 
 
-class RegisteredPictures(Registered):
+class RegisteredPictures(RegistrationResult):
     """The transform that maps the stars of one image onto the stars of another image.
 
     In addition to `Registered`, it has the ``source_stars`` and ``target_stars``, their ``pairs``
@@ -253,7 +253,9 @@ class RegisteredPictures(Registered):
         both = [(source, pairs["row"]), (target, pairs["row_reference"])]
         points, other = (stars.points[rows] for stars, rows in both)
         known = np.stack([stars.covariance[rows] for stars, rows in both])
-        weights, self.beyond = pair_weights(points, other, pivot, known, found, **used)
+        weights, self.extra_scatter = pair_weights(
+            points, other, pivot, known, found, **used
+        )
         frames = [stars.frame().iloc[rows] for stars, rows in both]
         for frame in frames:
             weights = weights * frame.get("weight", 1.0)
@@ -283,11 +285,11 @@ class RegisteredPictures(Registered):
         self.log = [
             *(f"{one.name}: {'; '.join(one.log)}" for one in (source, target)),
             pairs.attrs["log"],
-            f"scatter of the pairs beyond the errors of the centres: {self.beyond:.2g} px",
+            f"scatter of the pairs beyond the errors of the centres: {self.extra_scatter:.2g} px",
             f"pairs that are dropped because they do not fit the others: {np.sum(~fitted)}",
         ]
         self._facts |= {"source": source.name, "target": target.name}
-        self._facts |= {"log": self.log, "beyond_px": self.beyond}
+        self._facts |= {"log": self.log, "beyond_px": self.extra_scatter}
 
     def blocks(self) -> Iterator[Block]:
         """Yield the parameters, the remarks, and the log."""
@@ -309,9 +311,9 @@ class RegisteredPictures(Registered):
 
     def save(self, path: str | Path) -> Path:
         """Draw the residuals of the pairs that are used: .svg, .pdf or .png."""
-        from reproduce.views.figure import painted, save
+        from reproduce.views.figure import save, styled_figure
 
-        save(painted(self._paint), Path(path))
+        save(styled_figure(self._paint), Path(path))
         return Path(path)
 
     def _paint(self, figure: Figure) -> None:

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from reproduce import inference
 from reproduce.inference import (
-    Sampled,
+    PosteriorSamples,
     Summary,
     bimodal,
     misfit,
@@ -38,15 +38,15 @@ from reproduce.judge.rerun import check_randomness
 from reproduce.papers.posteriors import posteriors
 from reproduce.physics.registration import robust_similarity
 from reproduce.store.files import DRAWS, check_target, replacing, write_text
-from reproduce.store.points import STARS, Table, is_table, matched_stars, read_table
+from reproduce.store.points import STARS, DataTable, is_table, matched_stars, read_table
 from reproduce.version import __version__
 from reproduce.views import computed
 from reproduce.views.base import text_of
 from reproduce.views.blocks import Block, Blocks, Fold, Grid, Html
 from reproduce.views.corner import MAX_PARAMETERS, draw_corner
-from reproduce.views.export import beside, export_frame, provenance
-from reproduce.views.figure import pictured
-from reproduce.views.measurements import Remade, platform_of
+from reproduce.views.export import cite_related, export_frame, provenance_of
+from reproduce.views.figure import figure_block
+from reproduce.views.measurements import UserResult, platform_of
 from reproduce.views.numbers import digits, minus, moments
 
 # A mark that is further out, in standard deviations, would leave no room for the posterior.
@@ -68,26 +68,28 @@ _STORED_ARRAYS = ("chain", "log_posterior", "acceptance")
 
 
 @cache
-def book_posterior(name: str) -> Sampled:
+def book_posterior(name: str) -> PosteriorSamples:
     """Return a posterior of the book, which only one process of a build samples."""
     model, plan = posteriors()[name].model(), posteriors()[name].plan()
 
-    def dump(found: Sampled) -> bytes:
+    def dump(found: PosteriorSamples) -> bytes:
         content = BytesIO()
         np.savez(content, **{key: getattr(found, key) for key in _STORED_ARRAYS})
         return content.getvalue()
 
-    def load(content: bytes) -> Sampled:
+    def load(content: bytes) -> PosteriorSamples:
         with np.load(BytesIO(content), allow_pickle=False) as arrays:
             chain, density, acceptance = (arrays[key] for key in _STORED_ARRAYS)
-        return Sampled(model, plan.seed, chain, density, tuple(acceptance.tolist()))
+        return PosteriorSamples(
+            model, plan.seed, chain, density, tuple(acceptance.tolist())
+        )
 
-    return computed.once(
+    return computed.cached(
         f"posterior-{name}.npz", lambda: sampling.sample(model, plan), dump, load
     )
 
 
-class Posterior(Remade):
+class Posterior(UserResult):
     """A posterior of the book, or the same model for your data, sampled on first use.
 
     The arguments are those of `reproduce.posterior`.
@@ -108,7 +110,7 @@ class Posterior(Remade):
             )
         check_randomness(name, True, (), data_seed)
         self.plan = self.declared.plan(**self._arguments(_SAMPLING_ARGUMENTS))
-        self._table: Table | None = None
+        self._table: DataTable | None = None
         self.remarks: tuple[str, ...] = ()
         own = self._arguments(_DATA_ARGUMENTS)
         if data is not None:
@@ -127,14 +129,14 @@ class Posterior(Remade):
         }
         self.model = model.with_priors(priors)
         # Printed cells that reach the model.
-        self.reads = self.declared.given if self._table is None else ()
+        self.inputs = self.declared.inputs if self._table is None else ()
 
     def _arguments(self, names: tuple[str, ...]) -> dict[str, Any]:
         """Return those of the named arguments that are given."""
         given = {name: self._given.get(name) for name in names}
         return {name: value for name, value in given.items() if value is not None}
 
-    def _read(self, data: Any, own: dict[str, Any]) -> tuple[Table, dict[str, Any]]:
+    def _read(self, data: Any, own: dict[str, Any]) -> tuple[DataTable, dict[str, Any]]:
         """Return your data, and the arguments and columns that belong to them."""
         if not is_table(data):
             raise TypeError(
@@ -160,17 +162,17 @@ class Posterior(Remade):
         return ", ".join((*priors, *(f"{key} = {value}" for key, value in numbers)))
 
     @property
-    def about(self) -> dict[str, str]:
+    def provenance(self) -> dict[str, str]:
         """The provenance in its files."""
         setting = f"data {self.data_text}; {self.changes or 'no change'}"
-        return provenance(self.cite("text"), setting)
+        return provenance_of(self.cite("text"), setting)
 
     @property
     def _in_book(self) -> bool:
         return self._table is None and not self.changes
 
     @cached_property
-    def sampled(self) -> Sampled:
+    def sampled(self) -> PosteriorSamples:
         """The sampled posterior itself, for what this object does not offer."""
         return book_posterior(self.name) if self._in_book else self.sample()
 
@@ -178,7 +180,7 @@ class Posterior(Remade):
         self,
         executor: Executor | None = None,
         progress: inference.Progress | None = None,
-    ) -> Sampled:
+    ) -> PosteriorSamples:
         """Sample now, on an executor if given; `progress` receives the ensembles done and all.
 
         If no number of steps is given, chains that are too short are run again, longer.
@@ -190,7 +192,7 @@ class Posterior(Remade):
         return self.sampled
 
     @property
-    def provenance(self) -> dict[str, Any]:
+    def data_record(self) -> dict[str, Any]:
         """The data for programs: kind, paper, truth or file, hash and pivot.
 
         The hash is that of the file, or of the printed cells that reach the model.
@@ -209,7 +211,7 @@ class Posterior(Remade):
     @property
     def data_text(self) -> str:
         """The data in one line."""
-        found, paper = self.provenance, self.declared.paper
+        found, paper = self.data_record, self.declared.paper
         if self._table is None:
             simulated = f"simulated by us with printed settings of {paper}"
             return simulated if self.declared.simulated else f"as printed in {paper}"
@@ -362,7 +364,7 @@ class Posterior(Remade):
         caption = f"Posterior of {self.name}, data {self.data_text}."
         caption += f" Orange: {kind}." * bool(marks)
         caption += " Contours hold 50 % and 95 % of the draws." * (len(names) > 1)
-        return pictured(
+        return figure_block(
             f"figure-posterior-{self.model.name}-corner" + "-own" * (not self._in_book),
             partial(draw_corner, posterior=self.sampled, names=names, marks=marks),
             f"Histograms and contours of {', '.join(names)} in the posterior.",
@@ -384,11 +386,11 @@ class Posterior(Remade):
         """
         path = self.check_file(path)
         if path.suffix.lower() == ".csv":
-            write_text(path, export_frame(self.draws, "csv", self.about))
+            write_text(path, export_frame(self.draws, "csv", self.provenance))
             return path
-        tree, data = self.sampled.to_datatree(), self.provenance
+        tree, data = self.sampled.to_datatree(), self.data_record
         facts = {"data": json.dumps(data), "versions": json.dumps(_versions())}
-        tree.attrs |= {"kind_of_data": data["kind"], **facts, **self.about}
+        tree.attrs |= {"kind_of_data": data["kind"], **facts, **self.provenance}
         with replacing(path) as part:
             tree.to_netcdf(part)
         return path
@@ -407,7 +409,9 @@ class Posterior(Remade):
     def cite(self, form: str = "bibtex") -> str:
         """Return its citation with that of the paper: bibtex, ris, csl or text."""
         declared = self.declared
-        return beside("Posterior", self.name, declared.paper, declared.title, form)
+        return cite_related(
+            "Posterior", self.name, declared.paper, declared.title, form
+        )
 
     def rerun(self, **changes: Any) -> Self:
         """Return the same model with other arguments of `reproduce.posterior`, not yet sampled.
@@ -430,7 +434,7 @@ class Posterior(Remade):
             "modes": {name: modes._asdict() for name, modes in self.modes.items()},
             "parameters": [asdict(row) for row in found.rows],
             "consequences": [asdict(row) for row in found.consequences],
-            "data": self.provenance,
+            "data": self.data_record,
             "priors": self.priors.rename_axis("name").reset_index().to_dict("records"),
             "checks": [asdict(one) for one in self.checks],
             "misfit": misfit(self.checks),

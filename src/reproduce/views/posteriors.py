@@ -8,7 +8,7 @@ import pandas as pd
 from markupsafe import Markup
 
 from reproduce.inference import ConvergenceCriteria
-from reproduce.papers.declare import words
+from reproduce.papers.declare import item_text
 from reproduce.papers.posteriors import posteriors
 from reproduce.printed.cells import find
 from reproduce.printed.number import UNITS, symbol
@@ -43,12 +43,14 @@ class Posteriors(Display):
             for key, one in posteriors().items()
             for name, text in one.summary.items()
         ]
-        yield Grid(words("posteriors/all").caption, head, rows, "posteriors")
+        yield Grid(item_text("posteriors/all").caption, head, rows, "posteriors")
 
     @property
     def models(self) -> Blocks:
         """Titles of the models, and the columns of a table of your data."""
-        about = [(name, one.paper, one.title) for name, one in posteriors().items()]
+        provenance = [
+            (name, one.paper, one.title) for name, one in posteriors().items()
+        ]
         files: dict[tuple[str, str], list[str]] = {}
         for key, one in posteriors().items():
             known = ("none", one.file) if isinstance(one.file, str) else one.file.texts
@@ -58,8 +60,8 @@ class Posteriors(Display):
         models = ("Model", "Paper", "About")
         return Blocks(
             (
-                Grid("The models.", models, about),
-                Grid(words("posteriors/models").caption, heads, columns),
+                Grid("The models.", models, provenance),
+                Grid(item_text("posteriors/models").caption, heads, columns),
             )
         )
 
@@ -90,7 +92,7 @@ class Posteriors(Display):
             "95 % covers",
             *powers,
         )
-        caption = words("posteriors/diagnostics").caption.format(
+        caption = item_text("posteriors/diagnostics").caption.format(
             paper=paper,
             rhat=limits.rhat,
             times=limits.times,

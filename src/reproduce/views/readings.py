@@ -9,7 +9,7 @@ from reproduce.judge.ledger import Record
 from reproduce.judge.readings import Evaluation, evaluate
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import unpublished
-from reproduce.printed.cells import Cell, library
+from reproduce.printed.cells import PrintedCell, library
 from reproduce.views import verdicts
 from reproduce.views.blocks import Block, Display, Grid, Html, rendered
 from reproduce.views.numbers import minus
@@ -81,7 +81,7 @@ class Readings(Display):
         return [Html(rendered("readings", **shown), terminal)]
 
 
-def _text(cell: Cell, row: Mapping[Any, Any]) -> str:
+def _text(cell: PrintedCell, row: Mapping[Any, Any]) -> str:
     """Return the probability of a predicted cell, or its value; nothing if it has none."""
     p = row.get(f"{cell.name} p")
     value = minus(cell.number.format(row[cell.name], 1)) if p is None else f"{p:.3g}"

@@ -9,18 +9,18 @@ from reproduce.papers.catalogue import studies
 from reproduce.papers.declare import Study
 from reproduce.printed.cells import anchor
 from reproduce.views import numbers
-from reproduce.views.base import Change, Changeable, Item, text_of
+from reproduce.views.base import Change, Item, Rerunnable, text_of
 from reproduce.views.blocks import Block, Fold, Grid, Html
-from reproduce.views.export import bar, table_files
+from reproduce.views.export import table_files, toolbar
 from reproduce.views.sweep import Point, Sweep, of_study, swept
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from reproduce.printed.given import Given
+    from reproduce.printed.inputs import Inputs
 
 
-class StudyTable(Changeable, Item):
+class StudyTable(Rerunnable, Item):
     """A supplementary table of a paper, without verdicts.
 
     Parameters
@@ -28,7 +28,7 @@ class StudyTable(Changeable, Item):
     key : str
         Such as ``chen2023/heat``.
     changes : mapping, optional
-        Address of any cell in `reads` to a value as printed.
+        Address of any cell in `inputs` to a value as printed.
     seed : int, optional
         Seed of the random number generator.
     """
@@ -44,8 +44,8 @@ class StudyTable(Changeable, Item):
         """Source code of the function that computes it."""
         return text_of(self._declared.function)
 
-    def _compute(self, door: Given | None) -> pd.DataFrame:
-        return self._declared(door)
+    def _compute(self, inputs: Inputs | None) -> pd.DataFrame:
+        return self._declared(inputs)
 
     def sweep(
         self,
@@ -59,7 +59,7 @@ class StudyTable(Changeable, Item):
         Parameters
         ----------
         moved : str or sequence of str
-            A cell in `reads`, or several cells that change together.
+            A cell in `inputs`, or several cells that change together.
         values : sequence
             Values as printed: ``["0.02 px", "0.05 px"]``; a tuple of values for several cells.
         columns : sequence of str, optional
@@ -118,5 +118,5 @@ class StudyTable(Changeable, Item):
         if not self.changes:
             where = f"study-{anchor(self.key)}"
             yield Html(
-                bar(self.key, where, table_files(self.key), self.source), self.key
+                toolbar(self.key, where, table_files(self.key), self.source), self.key
             )

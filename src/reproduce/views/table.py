@@ -11,12 +11,11 @@ from markupsafe import Markup
 from reproduce.judge import rerun as rerunning
 from reproduce.judge.ledger import Ledger, Record
 from reproduce.judge.verdicts import AGREES
-from reproduce.papers.catalogue import maker
-from reproduce.printed.cells import Cell as PrintedCell
-from reproduce.printed.cells import anchor, library
+from reproduce.papers.catalogue import computation_for
+from reproduce.printed.cells import PrintedCell, anchor, library
 from reproduce.printed.number import symbol
 from reproduce.views import keys, verdicts
-from reproduce.views.base import Change, Item, Shown, text_of
+from reproduce.views.base import Change, Item, ResultView, text_of
 from reproduce.views.blocks import (
     Block,
     Entry,
@@ -27,7 +26,7 @@ from reproduce.views.blocks import (
     rendered,
 )
 from reproduce.views.computed import item_ledger
-from reproduce.views.export import bar, export, full_frame, table_files
+from reproduce.views.export import export, full_frame, table_files, toolbar
 from reproduce.views.readings import Readings, summary
 from reproduce.views.sweep import Changed, Point, Sweep, of_cells, swept
 
@@ -120,7 +119,7 @@ class Table(Item):
         Parameters
         ----------
         changes : mapping, optional
-            Address of any cell in `reads` to a value as printed: ``"0.2 px"``.
+            Address of any cell in `inputs` to a value as printed: ``"0.2 px"``.
         seed, replicates : int, optional
             Seed and number of the simulated tables, if the table draws random numbers.
         **options : str
@@ -154,7 +153,7 @@ class Table(Item):
         Parameters
         ----------
         address : str or sequence of str
-            A cell in `reads`, or several cells that change together.
+            A cell in `inputs`, or several cells that change together.
         values : sequence of str, or of sequences of str
             Values as printed: ``["0.02 px", "0.05 px", "0.2 px"]``; a tuple of values for
             several cells.
@@ -244,10 +243,10 @@ class Table(Item):
             yield Fold("All readings of the text", (whole,))
         if results := [record for record in records if record.role == "result"]:
             yield Fold("How each cell was judged", tuple(_judged(table.place, results)))
-        inputs = rendered("inputs", table=self, cells=verdicts.linked(self.reads))
-        shown, files = inputs if self.reads else "", table_files(self.key)
+        inputs = rendered("inputs", table=self, cells=verdicts.linked(self.inputs))
+        shown, files = inputs if self.inputs else "", table_files(self.key)
         yield Html(
-            lambda: bar(self.key, where, files, self.source, shown),
+            lambda: toolbar(self.key, where, files, self.source, shown),
             f"{self.key}: reproduce show {self.key}#CELL shows all about a cell",
         )
 
@@ -302,7 +301,7 @@ def _grouped(
     return Grid.of(caption, ("cells", *columns), lines, kind="rp-small")
 
 
-class Cell(Shown):
+class Cell(ResultView):
     """One printed number: the printed value, the computed value, the verdict and its reason.
 
     Parameters
@@ -316,7 +315,7 @@ class Cell(Shown):
         self.table = Table(key)
         self._cell: PrintedCell = library()[self.table.key][name]
         self.key = self.address = self._cell.address
-        self._maker = maker(self.address)
+        self._maker = computation_for(self.address)
 
     @cached_property
     def record(self) -> Record:
@@ -369,7 +368,7 @@ class Cell(Shown):
         record, shown = self.record, verdicts.texts(self.record)
         meaning = verdicts.MEANINGS[record.verdict]
         shown["verdict"] = f"{verdicts.qualified(record)}: {meaning}"
-        shown["reads"] = verdicts.linked(self.reads)
+        shown["inputs"] = verdicts.linked(self.inputs)
         names = [*shown][3:]  # without the cell, its table and its place
         lines = [(name, shown[name]) for name in names if shown[name]]
         head = ("Cell", self.address)

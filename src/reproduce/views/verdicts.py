@@ -10,8 +10,8 @@ from markupsafe import Markup, escape
 from reproduce.judge.ledger import Record, TableRecord, erratum, reason, replies
 from reproduce.judge.readings import ReadingSummary, evaluate
 from reproduce.judge.verdicts import AGREES, VERDICTS, Flag, Reading
-from reproduce.papers.catalogue import maker
-from reproduce.printed.cells import PAPERS, Cell, anchor, library
+from reproduce.papers.catalogue import computation_for
+from reproduce.printed.cells import PAPERS, PrintedCell, anchor, library
 from reproduce.printed.number import symbol
 from reproduce.views.blocks import Entry, badge, code, link
 from reproduce.views.computed import item_ledger, whole_ledger
@@ -47,7 +47,7 @@ NUMBERS = (
 )
 
 
-def _cell_of(record: Record) -> Cell:
+def _cell_of(record: Record) -> PrintedCell:
     """Return the printed cell of a record."""
     return library()[record.key][record.cell.partition("#")[2]]
 
@@ -74,7 +74,7 @@ def texts(record: Record) -> dict[str, Entry]:
         "verdict": badge(record.verdict, qualified(record)),
         "why": _why(record),
     }
-    if made := maker(record.cell):
+    if made := computation_for(record.cell):
         paper, name = record.key.partition("/")[0], made.function.__name__
         function = link(f"function-{anchor(record.key)}-{name}", made.name)
         equations = (link(f"equation-{paper}-{n}", f"({n})") for n in made.equations)
@@ -299,7 +299,7 @@ def _facts_of_cell(record: Record) -> dict[str, str]:
         "verdict": record.verdict,
         "probability": _probability(record) or "none",
     }
-    found, made = record.readings, maker(record.cell)
+    found, made = record.readings, computation_for(record.cell)
     if found is None or made is None:
         return facts
     cells = evaluate(made).cells[_cell_of(record).name]

@@ -6,21 +6,21 @@ import pytest
 from reproduce.papers.chen2023 import accuracy
 from reproduce.papers.chen2023.platform import scatter
 from reproduce.physics.attitude import attitude_accuracy
-from reproduce.printed.given import given
+from reproduce.printed.inputs import load_inputs
 
-DOOR = given(accuracy.READS)
+INPUTS = load_inputs(accuracy.READS)
 
 
 @pytest.fixture(scope="module")
 def predicted():
-    return accuracy.frame_averaging(DOOR, 400)
+    return accuracy.frame_averaging(INPUTS, 400)
 
 
 def test_a_single_frame_agrees_with_the_papers_formula(predicted):
     """(11) with the mean scatter of Table III, per axis: about X the error is that along Y."""
     pixel = np.arctan2(13e-6, 60e-3)
     for group, matrix in ((1, "transform"), (2, "misalignment")):
-        spots = scatter(DOOR, group)
+        spots = scatter(INPUTS, group)
         for axis, across in (("x", 1), ("y", 0)):
             delta = 3 * np.sqrt((spots[:, across] ** 2).mean())
             formula = float(attitude_accuracy(delta, 4, pixel))

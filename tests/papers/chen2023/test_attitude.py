@@ -13,7 +13,7 @@ from reproduce.physics.attitude import (
     transform_error_printed,
     vector_from_rotation,
 )
-from reproduce.printed.given import given
+from reproduce.printed.inputs import load_inputs
 
 ARCSEC = np.pi / 180 / 3600
 SPOTS = np.array(
@@ -28,7 +28,7 @@ def test_the_orders_of_the_product_are_those_of_simulated_transforms():
     noise = (
         3
         * np.random.default_rng(6).normal(size=(6000, 4, 2))
-        * scatter(given([SCATTER]), 1)
+        * scatter(load_inputs([SCATTER]), 1)
     )
     designed = np.array([[0, -11], [-11, 0], [11, 0], [0, 11]]) * 1e-3
     camera = emitted_directions(designed, 2.0)

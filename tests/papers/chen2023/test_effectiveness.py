@@ -9,18 +9,18 @@ from reproduce.judge.readings import evaluate
 from reproduce.papers.chen2023 import effectiveness
 from reproduce.papers.chen2023.platform import SCATTER, scatter
 from reproduce.printed.cells import library
-from reproduce.printed.given import given
+from reproduce.printed.inputs import load_inputs
 
 ARCSEC = np.pi / 180 / 3600
 
 
 def test_the_zero_state_is_shared_by_all_monitored_angles():
-    door = given(effectiveness.monitored_angle.given)
-    one, two = effectiveness._monitoring_errors(door, np.random.default_rng(5), 4000)[
+    inputs = load_inputs(effectiveness.monitored_angle.inputs)
+    one, two = effectiveness._monitoring_errors(inputs, np.random.default_rng(5), 4000)[
         :, :2, 0
     ].T
     assert np.corrcoef(one, two)[0, 1] == pytest.approx(0.5, abs=0.05)
-    noise = np.sqrt((scatter(given([SCATTER]), 2)[:, 1] ** 2).mean())
+    noise = np.sqrt((scatter(load_inputs([SCATTER]), 2)[:, 1] ** 2).mean())
     expected = np.sqrt(2) * noise / 2 / 20 * np.arctan2(13e-6, 60e-3)
     assert one.std() == pytest.approx(expected, rel=0.05)
 
@@ -30,7 +30,9 @@ COMMON = {"columns": "motions", "telescope": "common"}
 
 def result(computation, name, replicates=None, **choices):
     """Return the result of a cell under one reading."""
-    return computation.under(choices)(given(computation.given), replicates)[name]
+    return computation.with_options(choices)(
+        load_inputs(computation.inputs), replicates
+    )[name]
 
 
 def test_the_readings_of_a_reference_angle_by_hand():

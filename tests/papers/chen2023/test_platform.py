@@ -23,10 +23,10 @@ from reproduce.physics.attitude import (
     received_directions,
     scatter_of_averages,
 )
-from reproduce.printed.given import given
+from reproduce.printed.inputs import load_inputs
 
 ARCSEC = np.pi / 180 / 3600
-DOOR = given(platform_twin.READS)
+INPUTS = load_inputs(platform_twin.READS)
 PRINTED = np.array(
     [[544.822, 435.751], [520.724, 459.788], [569.035, 459.876], [544.579, 483.940]]
 )
@@ -51,7 +51,7 @@ def test_each_laser_sits_at_the_corner_towards_its_spot():
 
 def test_the_linear_response_is_that_of_the_full_solution():
     noise = np.random.default_rng(8).normal(0, 0.017, (800, 4, 2))
-    linear = np.tensordot(noise, angle_response(DOOR)[:2], axes=([1, 2], [1, 2]))
+    linear = np.tensordot(noise, angle_response(INPUTS)[:2], axes=([1, 2], [1, 2]))
     full = full_solution(PRINTED + noise)
     # The error is of second order: noise times noise over the size of the cluster.
     np.testing.assert_allclose(linear, full, atol=2e-3 * full.std())
@@ -64,16 +64,16 @@ def test_the_tracker_points_through_the_middle_of_its_1024_pixels_numbered_from_
     numeric = (full_solution(PRINTED + moves) - full_solution(PRINTED - moves)) / (
         2 * step
     )
-    response = angle_response(DOOR)[:2].reshape(2, 8).T
+    response = angle_response(INPUTS)[:2].reshape(2, 8).T
     np.testing.assert_allclose(
         response, numeric, rtol=0, atol=1e-6 * np.abs(numeric).max()
     )
-    np.testing.assert_array_equal(as_designed(DOOR).principal_point, [511.5, 511.5])
+    np.testing.assert_array_equal(as_designed(INPUTS).principal_point, [511.5, 511.5])
 
 
 @pytest.fixture(scope="module")
 def platform():
-    return platform_twin.bench(DOOR)
+    return platform_twin.bench(INPUTS)
 
 
 @pytest.fixture(scope="module")
@@ -88,7 +88,7 @@ def replicates(platform):
 def test_the_mean_spots_are_the_printed_ones(replicates):
     """The window's bias is taken off the places and put back by the extraction."""
     found = np.mean([series.spots.mean(axis=(0, 1)) for series in replicates], axis=0)
-    printed = DOOR.array(SPOTS).reshape(-1, 2)
+    printed = INPUTS.array(SPOTS).reshape(-1, 2)
     np.testing.assert_allclose(found, printed, atol=5 * 0.017 / np.sqrt(60 * 1600))
 
 
@@ -96,7 +96,7 @@ def test_the_scatter_of_each_laser_is_that_of_table_3_on_average_of_x_and_y(repl
     found = np.mean(
         [series.spots.var(axis=1).mean(axis=-1) for series in replicates], axis=0
     )
-    printed = np.stack([(scatter(DOOR, g) ** 2).mean(axis=-1) for g in (1, 2)])
+    printed = np.stack([(scatter(INPUTS, g) ** 2).mean(axis=-1) for g in (1, 2)])
     np.testing.assert_allclose(found, printed, rtol=5 / np.sqrt(60 * 800))
 
 
@@ -112,7 +112,7 @@ def test_table_4_from_rendered_frames_is_that_of_the_linear_prediction(replicate
         ]
     )
     linear = accuracy._simulated_accuracies(
-        given(accuracy.READS), SeedSequence(5), 600, counts
+        load_inputs(accuracy.READS), SeedSequence(5), 600, counts
     )
     # The twin spreads a laser's scatter evenly over x and y; the mean of both axes is common.
     ours, theirs = ((a**2).mean(axis=-2) for a in (rendered, linear))
@@ -139,7 +139,7 @@ def test_the_spots_fit_the_lasers_within_what_the_print_leaves_open(
     telescope, diagonal, scale
 ):
     """With the length that Table V implies, and the smallest diagonal that prints as 22 mm."""
-    design = as_designed(DOOR)
+    design = as_designed(INPUTS)
     lasers = designed_positions(design.spots, diagonal * 1e-3)
     seen, designed = design.seen(design.spots), emitted_directions(lasers, telescope)
     sizes = [np.linalg.norm(some - some.mean(axis=0)) for some in (seen, designed)]
@@ -152,7 +152,7 @@ def test_the_spots_fit_the_lasers_within_what_the_print_leaves_open(
 
 
 def test_the_ride_follows_the_reference_one_average_later():
-    _, reference, monitored = figures._ride(given(figures._STAGE_READS))
+    _, reference, monitored = figures._ride(load_inputs(figures._STAGE_READS))
     each = 400
     for state in range(5):
         settled = slice(state * each + 100, (state + 1) * each)
@@ -167,12 +167,12 @@ def test_the_ride_follows_the_reference_one_average_later():
 
 def test_the_twin_monitors_states_as_the_ledger_predicts():
     """Means over a state, from rendered frames, less the reference: within the predicted noise."""
-    monitored = figures._ride(given(figures._STAGE_READS))[2]
-    door = given(effectiveness.monitored_angle.given)
-    errors = effectiveness._monitoring_errors(door, default_rng(5), 4000)
+    monitored = figures._ride(load_inputs(figures._STAGE_READS))[2]
+    inputs = load_inputs(effectiveness.monitored_angle.inputs)
+    errors = effectiveness._monitoring_errors(inputs, default_rng(5), 4000)
     for state in (2, 3, 4, 5):
         for index, axis in enumerate("yx"):  # the motion along Y turns about X
-            motion = door[f"{effectiveness.TABLE}#{state}.motion-{axis}"]
+            motion = inputs[f"{effectiveness.TABLE}#{state}.motion-{axis}"]
             last = monitored[state * 400 - 1, index]
             draws = -np.arctan(motion / 2.0) + errors[:, state - 2, index]
             # The last average holds a quarter of the state's frames.
@@ -181,7 +181,7 @@ def test_the_twin_monitors_states_as_the_ledger_predicts():
 
 def test_photons_cannot_make_x_and_y_of_a_spot_differ_as_printed(replicates):
     """Laser 4 of the first group scatters less along x, by more than 800 frames allow."""
-    printed = scatter(DOOR, 1)[3]
+    printed = scatter(INPUTS, 1)[3]
     ratios = [one.spots[0, :, 3].std(axis=0) for one in replicates]
     ratio = np.array([along_x / along_y for along_x, along_y in ratios])
     assert abs(printed[0] / printed[1] - ratio.mean()) > 3 * ratio.std()
@@ -191,7 +191,7 @@ def test_noise_explains_the_calibrated_directions_and_not_the_designed_ones(
     platform, replicates
 ):
     """Shuster's test: the loss of n directions over the variance is chi-square of 2n - 3."""
-    noise = np.sqrt((scatter(DOOR, 2) ** 2).mean(axis=-1)) * 13e-6 / 60e-3
+    noise = np.sqrt((scatter(INPUTS, 2) ** 2).mean(axis=-1)) * 13e-6 / 60e-3
     design, (first, second) = platform.design, replicates[0].spots
     found, zero = design.seen(second), first.mean(axis=0)
     aside = zero + 0.1 * np.eye(4, 2)  # one laser, a tenth of a pixel

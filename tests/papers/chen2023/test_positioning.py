@@ -11,13 +11,13 @@ from reproduce.physics.ground import (
     imaged_position,
     local_axes,
 )
-from reproduce.printed.given import given
+from reproduce.printed.inputs import load_inputs
 
 ARCSEC = np.pi / 180 / 3600
 DRAWS = 20_000
-DOOR = given((*positioning.READS, *positioning._YEAR_READS))
-TERMS = positioning._terms(DOOR)
-COVARIANCES = positioning._covariances(DOOR)
+INPUTS = load_inputs((*positioning.READS, *positioning._YEAR_READS))
+TERMS = positioning._terms(INPUTS)
+COVARIANCES = positioning._covariances(INPUTS)
 BUDGET = {name: [name] for name in TERMS} | {
     f"all together, {mean}": [
         name for name in TERMS if "misalignment" not in name or name.endswith(mean)
@@ -50,7 +50,7 @@ def test_the_budget_by_formula_and_by_draws_agree(look):
     assert list(shown.index) == list(BUDGET)
     for line, names in BUDGET.items():
         exact = COVARIANCES[line][look]
-        drawn = simulated(positioning._look(DOOR, *view), names, name)
+        drawn = simulated(positioning._look(INPUTS, *view), names, name)
         spread = np.sqrt(np.outer(exact.diagonal(), exact.diagonal()) + exact**2)
         error = 4.5 * spread / np.sqrt(DRAWS) + 1e-6
         assert (np.abs(np.cov(drawn.T) - exact) < error).all()
@@ -74,16 +74,16 @@ def test_the_roll_moves_the_ground_by_its_arm():
 
 
 def test_monitoring_leaves_its_own_noise_when_nothing_bends():
-    errors = positioning._residuals(DOOR, 1e-6 * ARCSEC)[positioning.CORRECTIONS[-1]]
-    expected = platform.angle_sigma(DOOR, 2, 100)[:2]
+    errors = positioning._residuals(INPUTS, 1e-6 * ARCSEC)[positioning.CORRECTIONS[-1]]
+    expected = platform.angle_sigma(INPUTS, 2, 100)[:2]
     np.testing.assert_allclose(errors.std(axis=0), expected, rtol=0.01)
 
 
 def test_monitoring_lags_by_half_an_average():
     """At large amplitude what is left is the rate of change times five seconds."""
-    times, unit, _ = positioning._year(satellite.altitude(DOOR), None)
+    times, unit, _ = positioning._year(satellite.altitude(INPUTS), None)
     amplitude = 500 * ARCSEC
-    errors = positioning._residuals(DOOR, amplitude)[positioning.CORRECTIONS[-1]]
+    errors = positioning._residuals(INPUTS, amplitude)[positioning.CORRECTIONS[-1]]
     true = amplitude * unit[-len(errors) :]
     rate = np.gradient(true, times[-len(errors) :] * 86400.0, axis=0)
     assert np.median(np.abs(errors)) == pytest.approx(

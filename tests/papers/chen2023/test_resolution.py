@@ -7,7 +7,7 @@ import pytest
 
 from reproduce.judge.readings import evaluate
 from reproduce.papers.chen2023 import resolution
-from reproduce.papers.declare import words
+from reproduce.papers.declare import item_text
 from reproduce.physics.images import (
     Detector,
     centre_of_gravity,
@@ -15,9 +15,9 @@ from reproduce.physics.images import (
     predicted_errors,
     spot_windows,
 )
-from reproduce.printed.given import given
+from reproduce.printed.inputs import load_inputs
 
-DOOR = given(resolution.READS)
+INPUTS = load_inputs(resolution.READS)
 CASES = [
     *(resolution._Case(width) for width in resolution._WIDTHS.values()),
     resolution._Case(resolution._WIDTHS["half"], 0.9),
@@ -29,15 +29,15 @@ PHASES = np.linspace(-0.49, 0.49, 50)
 
 @pytest.fixture(scope="module")
 def content():
-    return resolution.curves(given(resolution.READS))
+    return resolution.curves(load_inputs(resolution.READS))
 
 
 def test_the_monte_carlo_is_what_the_closed_form_predicts(content):
     """Over 71 resolutions, with the error of the variance of biased phases taken into account."""
     law = predicted_errors(
         PHASES,
-        resolution._light_for_table(DOOR),
-        resolution._radii(DOOR, content["angles"]),
+        resolution._light_for_table(INPUTS),
+        resolution._radii(INPUTS, content["angles"]),
         5,
     )
     square = (law.bias**2 + law.variance).mean(axis=-1)
@@ -52,9 +52,9 @@ def test_the_monte_carlo_is_what_the_closed_form_predicts(content):
 def test_the_light_gives_back_the_variance_of_table_3(share):
     """By simulation at the printed spots: whole windows, no closed form."""
     light = resolution._light_for_table(
-        DOOR, replace(resolution._LITERAL, read_share=share)
+        INPUTS, replace(resolution._LITERAL, read_share=share)
     )
-    spots = DOOR.array("chen2023/text-platform#spot-*").reshape(-1, 2)
+    spots = INPUTS.array("chen2023/text-platform#spot-*").reshape(-1, 2)
     corners = np.round(spots).astype(int) - 2
     mean = spot_windows(spots, light.signal, 7.5 / 13, corners, 5)
     sensor = Detector(read_noise=light.read_noise)
@@ -62,7 +62,7 @@ def test_the_light_gives_back_the_variance_of_table_3(share):
         np.broadcast_to(mean, (20_000, 4, 5, 5)), sensor, np.random.default_rng(4)
     )
     found = centre_of_gravity(seen, corners).var(axis=0).mean()
-    printed = np.mean((DOOR.array("chen2023/table-3") / 3) ** 2)
+    printed = np.mean((INPUTS.array("chen2023/table-3") / 3) ** 2)
     assert found == pytest.approx(printed, rel=0.02)
     assert (light.read_noise > 0) == (share > 0)
 
@@ -83,20 +83,20 @@ def test_the_optimum_stands_between_window_and_pixel(content):
 
 def test_replicated_studies_scatter_as_their_size_says():
     found = resolution._replicated_scatter(
-        DOOR, np.random.SeedSequence(3), 400, resolution._LITERAL
+        INPUTS, np.random.SeedSequence(3), 400, resolution._LITERAL
     )
     relative = found.std(axis=0) / found.mean(axis=0)
-    middle = resolution.resolutions(DOOR) / ARCSEC
+    middle = resolution.resolutions(INPUTS) / ARCSEC
     unbiased = (middle > 40) & (middle < 50)
     assert relative[unbiased].mean() == pytest.approx(
-        resolution._relative_error(DOOR), rel=0.1
+        resolution._relative_error(INPUTS), rel=0.1
     )
 
 
 def best(case):
     """The optimum in arc seconds and the error there in px, by the closed form."""
-    error = predicted_errors(*resolution._setting(DOOR, case)).total
-    return resolution.resolutions(DOOR)[error.argmin()] / ARCSEC, error.min()
+    error = predicted_errors(*resolution._setting(INPUTS, case)).total
+    return resolution.resolutions(INPUTS)[error.argmin()] / ARCSEC, error.min()
 
 
 def test_what_the_radius_means_moves_the_optimum_past_the_printed_one():
@@ -120,10 +120,10 @@ def test_read_noise_and_light_move_the_optimum_to_finer_pixels():
 
 def test_a_spot_that_always_travels_one_pixel_of_the_tracker_has_the_same_optimum():
     """The other way to read "from -6.5 to 6.5 µm": it moves no result."""
-    phases, light = PHASES, resolution._light_for_table(DOOR)
-    angles = resolution.resolutions(DOOR)
+    phases, light = PHASES, resolution._light_for_table(INPUTS)
+    angles = resolution.resolutions(INPUTS)
     found = []
-    for radius in resolution._radii(DOOR, angles):
+    for radius in resolution._radii(INPUTS, angles):
         travel = phases * 13 * radius / 7.5
         law = predicted_errors(travel - np.floor(travel + 0.5), light, radius, 5)
         found.append(law.total)
@@ -137,7 +137,7 @@ def test_a_spot_that_always_travels_one_pixel_of_the_tracker_has_the_same_optimu
 )
 def test_a_radius_is_where_the_light_has_fallen_as_far_as_its_case_says(case, sigma):
     level = {0: np.exp(-0.5), 1: np.exp(-1), 2: 0.5, 3: np.exp(-2)}[case]
-    found = float(resolution._radii(DOOR, np.array([13e-6 / 60e-3]), CASES[case])[0])
+    found = float(resolution._radii(INPUTS, np.array([13e-6 / 60e-3]), CASES[case])[0])
     assert found * 13 == pytest.approx(sigma, rel=1e-4)
     assert np.exp(-0.5 * (7.5 / (13 * found)) ** 2) == pytest.approx(level, rel=1e-9)
 
@@ -166,7 +166,7 @@ def test_the_limit_of_gain_depends_on_what_counts_as_a_gain():
         "3": (39, 41, 44),
         "5": (41, 44, 46),
     }
-    assert sorted(words(resolution.STUDY).options["threshold"]) == list(wanted)
+    assert sorted(item_text(resolution.STUDY).options["threshold"]) == list(wanted)
     for errors, (low, median, high) in wanted.items():
         found = reading("saturation", threshold=errors)
         assert found.interval == pytest.approx((low, high), abs=1.01)

@@ -8,8 +8,8 @@ from reproduce.judge.ledger import build
 from reproduce.judge.readings import evaluate
 from reproduce.papers.chen2023 import satellite
 from reproduce.papers.chen2023.platform import lasers
-from reproduce.physics.light import CORNER, ROOF, LightPath, mirror_train
-from reproduce.printed.given import given
+from reproduce.physics.raytrace import CORNER, ROOF, LightPath, mirror_train
+from reproduce.printed.inputs import load_inputs
 
 ARCSEC = np.pi / 180 / 3600
 
@@ -20,7 +20,7 @@ def by_name(frame):
 
 
 def test_the_altitude_is_that_of_table_1():
-    assert satellite.altitude(given(satellite.CAMERA)) == pytest.approx(
+    assert satellite.altitude(load_inputs(satellite.CAMERA)) == pytest.approx(
         14 / 7e-6 * 0.25
     )
 
@@ -81,15 +81,15 @@ def test_how_far_heat_may_move_lasers_and_turn_the_mirror_by_hand():
 )
 def test_an_angle_of_the_reflector_that_opens_mimics_a_tilt(kind, factor):
     """A roof prism deviates by twice the error of its angle, a corner by the root of 8/3 times."""
-    door, opened = given((*satellite._LIGHT_PATH, *satellite.CAMERA)), 1e-5
+    inputs, opened = load_inputs((*satellite._LIGHT_PATH, *satellite.CAMERA)), 1e-5
     normals = {"corner cube": CORNER, "two mirrors at a right angle": ROOF}[kind]
     normals = normals / np.linalg.norm(normals, axis=1, keepdims=True)
-    rest = LightPath(14.0, 0.06, door[satellite.BORESIGHT], mirror_train(normals))
+    rest = LightPath(14.0, 0.06, inputs[satellite.BORESIGHT], mirror_train(normals))
     normals[0] += opened * normals[1]
     angles = satellite._believed(
         rest,
         kind == "corner cube",
-        lasers(door),
+        lasers(inputs),
         retroreflector=mirror_train(normals),
     )
     assert np.hypot(*angles[:2]) / opened == pytest.approx(factor, rel=1e-3)
@@ -99,7 +99,7 @@ def test_the_table_angle_is_the_height_of_a_boresight_that_is_rolled_out_of_the_
     """By rotations: 120° from a level camera, then an eighth of a circle about the camera."""
     away = Rotation.from_euler("z", 120, degrees=True).apply([1.0, 0.0, 0.0])
     height = Rotation.from_euler("x", 45, degrees=True).apply(away)[2]
-    found = satellite.table_angle(given([satellite.BORESIGHT]))["table-angle"]
+    found = satellite.table_angle(load_inputs([satellite.BORESIGHT]))["table-angle"]
     assert found == pytest.approx(np.arcsin(height))
 
 

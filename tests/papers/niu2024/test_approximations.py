@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 
 from reproduce.papers.niu2024 import approximations
-from reproduce.printed.given import given
+from reproduce.printed.inputs import load_inputs
 
-DOOR = given(approximations.READS)
+INPUTS = load_inputs(approximations.READS)
 NAMES = {title: effect for effect, title in approximations._TITLES.items()}
 COSTS = {
     (NAMES[title], *names): cost
     for title, *names, cost in (
-        (*row[:3], row[3:]) for row in approximations._errors(DOOR).to_numpy()
+        (*row[:3], row[3:]) for row in approximations._errors(INPUTS).to_numpy()
     )
 }
 PEAK, RMS, LEFT = 0, 1, 2

@@ -18,9 +18,9 @@ from reproduce.physics.registration import (
     similarity_between,
     starting_values,
 )
-from reproduce.printed.given import given
+from reproduce.printed.inputs import load_inputs
 
-DOOR = given(simulation.READS)
+INPUTS = load_inputs(simulation.READS)
 
 
 def test_the_table_moves_the_star_as_the_page_says():
@@ -33,8 +33,8 @@ def test_the_table_moves_the_star_as_the_page_says():
 def twin(channel):
     """Return where green and a channel image the star, the channel's principal point, the truth."""
     place = simulation.CHANNELS.index(channel)
-    cameras, turns = simulation.cameras(DOOR), simulation.rotations(DOOR)
-    true = channel_centroids(cameras, turns, simulation.arrangement(DOOR))
+    cameras, turns = simulation.cameras(INPUTS), simulation.rotations(INPUTS)
+    true = channel_centroids(cameras, turns, simulation.arrangement(INPUTS))
     truth = similarity_between(cameras[place], turns[place], cameras[0])
     return true[0], true[place], cameras[place].principal_point, truth
 
@@ -42,7 +42,7 @@ def twin(channel):
 def test_the_scheme_reaches_the_cramer_rao_bound():
     """Within what the replicates can tell, for both channels and all parameters."""
     count = 4000
-    bench = simulation._Bench(DOOR, "square", "every-channel", "one", "table-1")
+    bench = simulation._Bench(INPUTS, "square", "every-channel", "one", "table-1")
     found = bench.calibrated(np.random.default_rng(8), count)
     for channel in simulation.REGISTERED:
         _, true, _, truth = twin(channel)
@@ -68,7 +68,7 @@ def test_only_unequal_distortions_bias_the_fit(channel, monkeypatch):
     cameras = simulation.cameras
     straight = [
         Camera(one.focal_length, one.principal_point, 0.0, one.pixel_pitch)
-        for one in cameras(DOOR)
+        for one in cameras(INPUTS)
     ]
     monkeypatch.setattr(simulation, "cameras", lambda *_: straight)
     assert bias().max() < 1e-9
@@ -79,7 +79,7 @@ def test_all_starts_end_at_one_point():
     green, true, _, _ = twin("red")
     noise = 0.05 * np.random.default_rng(1).standard_normal((2, *true.shape))
     green, red = np.array([green, true]) + noise
-    table = simulation.arrangement(DOOR)
+    table = simulation.arrangement(INPUTS)
     still, [zero] = np.isclose(table[:, 1], 0.0), simulation.zero_places(table)
     start = starting_values(red[still], green[still], red[zero], green[zero])
     widths = (0.1, np.radians(5.0), 50.0, 50.0)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import reproduce as rp
-from reproduce.audit.report import audit_paper
+from reproduce.consistency.report import audit_paper
 from reproduce.papers.niu2024 import experiment, simulation
 from reproduce.physics.optics import channel_centroids
 from reproduce.physics.registration import (
@@ -12,9 +12,9 @@ from reproduce.physics.registration import (
     registration_bound,
     similarity_between,
 )
-from reproduce.printed.given import given
+from reproduce.printed.inputs import load_inputs
 
-DOOR = given([*experiment.rmse_before.given, *experiment.INSTRUMENT])
+INPUTS = load_inputs([*experiment.rmse_before.inputs, *experiment.INSTRUMENT])
 PRINTED = {"red": (1.4027, 1.3986), "blue": (1.3584, 1.3416)}
 RESIDUAL = {"red": (0.2135, 0.2089), "blue": (0.2146, 0.2097)}
 
@@ -28,7 +28,7 @@ READINGS = {
 
 def drawn(**choices):
     """The draws of each cell under one reading."""
-    found = experiment.rmse_before.under(choices)(DOOR, 3000)
+    found = experiment.rmse_before.with_options(choices)(INPUTS, 3000)
     return {name: result.draws for name, result in found.items()}
 
 
@@ -70,20 +70,20 @@ def test_the_prediction_is_that_of_pencil_and_paper(
 
 def test_the_errors_add_up_to_the_printed_residuals():
     """Green has half of the mean squared residual, the others the rest of their own."""
-    green, *others = np.square(experiment._centroid_errors(DOOR)[:, 0])
+    green, *others = np.square(experiment._centroid_errors(INPUTS)[:, 0])
     squares = np.square(list(RESIDUAL.values()))
     np.testing.assert_allclose(green, squares.mean(axis=0) / 2, rtol=1e-12)
     np.testing.assert_allclose(green + others, squares, rtol=1e-12)
     with pytest.raises(ValueError, match="rmse-after-red-x"):
         experiment._centroid_errors(
-            DOOR.changed({f"{experiment.OUTCOME}#rmse-after-red-x": 0.5})
+            INPUTS.changed({f"{experiment.OUTCOME}#rmse-after-red-x": 0.5})
         )
 
 
 def test_red_is_laid_over_green_by_the_printed_similarity():
     """Scale about the red principal point, which lies at the shift, and subtract the shift."""
     angles = np.radians([[3.0, 1.0], [-2.0, 0.5]])
-    green, red, _ = experiment._registered_points(DOOR, angles)
+    green, red, _ = experiment._registered_points(INPUTS, angles)
     shift, turn = -0.9178 + 0.9364j, np.exp(1j * np.radians(0.0219))
     laid = 0.9996 * turn * (red @ [1, 1j] - shift) + shift - shift
     np.testing.assert_allclose(laid, green @ [1, 1j], atol=1e-9)
@@ -92,7 +92,7 @@ def test_red_is_laid_over_green_by_the_printed_similarity():
 def field(across):
     """Table angles evenly over the field."""
     x, y = np.meshgrid(
-        *(np.linspace(-h, h, across) for h in experiment.half_field(DOOR))
+        *(np.linspace(-h, h, across) for h in experiment.half_field(INPUTS))
     )
     return np.stack([x, y], axis=-1).reshape(-1, 2)
 
@@ -100,21 +100,21 @@ def field(across):
 @pytest.mark.parametrize(("scale", "share"), [(0.9996, 0), (0.99955, 0.01)])
 def test_only_positions_in_corners_bring_red_to_the_printed_values(scale, share):
     """What the reason of the verdict says, for the printed scale and the end of its rounding."""
-    changed = DOOR.changed({"niu2024/table-4#scale.red": scale})
+    changed = INPUTS.changed({"niu2024/table-4#scale.red": scale})
     positions = field(41)
     true = experiment._registered_points(changed, positions)
     needed = np.square(PRINTED["red"]).sum() - np.square(RESIDUAL["red"]).sum()
     far = np.square(true[1] - true[0]).sum(axis=-1) >= needed
     assert far.mean() <= share
     assert far.any() == (share > 0)
-    edges = np.abs(positions[far]) / np.array(experiment.half_field(DOOR))
+    edges = np.abs(positions[far]) / np.array(experiment.half_field(INPUTS))
     assert (edges > (0.9, 0.6)).all()
 
 
 def test_the_printed_residual_rules_out_the_focal_lengths_for_blue():
     """Registered with the printed scale, spots by the focal lengths leave over too much."""
     true = channel_centroids(
-        experiment.cameras(DOOR), experiment.rotations(DOOR), field(41)
+        experiment.cameras(INPUTS), experiment.rotations(INPUTS), field(41)
     )
     shift = (-0.9256, 1.0961)
     registered = Registration.similarity(
@@ -153,7 +153,7 @@ def test_the_tolerance_of_the_register_is_four_standard_deviations_of_the_twin()
 
 
 def test_the_stand_in_is_the_noise_of_two_channels():
-    found = experiment.rmse_after(given(experiment.rmse_after.given))
+    found = experiment.rmse_after(load_inputs(experiment.rmse_after.inputs))
     for result in found.values():
         # Equal distortions leave less than a thousandth of a pixel beside the noise.
         assert result == pytest.approx(np.sqrt(2) * 0.05, rel=1e-3)
@@ -161,9 +161,9 @@ def test_the_stand_in_is_the_noise_of_two_channels():
 
 def test_channels_calibrated_alone_differ_far_more_than_the_printed_ones():
     """Even with ten repeats averaged of the noise that the simulation has."""
-    door = given([*experiment.INSTRUMENT, *simulation.READS])
+    inputs = load_inputs([*experiment.INSTRUMENT, *simulation.READS])
     seed, error = np.random.SeedSequence(6), 0.05 / np.sqrt(10)
-    fits, _ = experiment.twin_fits(door, seed, 2000, error)
+    fits, _ = experiment.twin_fits(inputs, seed, 2000, error)
     for channel, coefficient in (("red", 34.166), ("green", 34.152), ("blue", 34.147)):
         draws = fits[channel].radial_distortion
         assert draws.mean() == pytest.approx(
@@ -175,11 +175,13 @@ def test_channels_calibrated_alone_differ_far_more_than_the_printed_ones():
 
 def test_the_registration_of_the_twin_finds_what_the_cameras_imply():
     """As precisely as the bound says; so the printed scales contradict the focal lengths."""
-    door = given([*experiment.INSTRUMENT, *simulation.READS, "niu2024/table-4#scale.*"])
+    inputs = load_inputs(
+        [*experiment.INSTRUMENT, *simulation.READS, "niu2024/table-4#scale.*"]
+    )
     error, replicates = 0.05 / np.sqrt(10), 400
-    _, fits = experiment.twin_fits(door, np.random.SeedSequence(3), replicates, error)
-    used, turns = experiment.cameras(door), experiment.rotations(door)
-    true = channel_centroids(used, turns, simulation.arrangement(door))
+    _, fits = experiment.twin_fits(inputs, np.random.SeedSequence(3), replicates, error)
+    used, turns = experiment.cameras(inputs), experiment.rotations(inputs)
+    true = channel_centroids(used, turns, simulation.arrangement(inputs))
     for place, channel in enumerate(("red", "blue"), start=1):
         implied = similarity_between(used[place], turns[place], used[0])
         found = fits[channel].parameters
@@ -192,6 +194,6 @@ def test_the_registration_of_the_twin_finds_what_the_cameras_imply():
         off = (found.mean(axis=0) - implied.parameters) / bound
         assert np.abs(off).max() < 0.5  # distortion, and the luck of 400
         assert (
-            abs(door[f"niu2024/table-4#scale.{channel}"] - implied.scale)
+            abs(inputs[f"niu2024/table-4#scale.{channel}"] - implied.scale)
             > 10 * bound[0]
         )

@@ -10,10 +10,10 @@ from reproduce.papers.catalogue import studies
 from reproduce.papers.niu2024 import experiment, images
 from reproduce.physics.images import cramer_rao_variance, window_corners
 from reproduce.physics.optics import channel_centroids
-from reproduce.printed.given import given
+from reproduce.printed.inputs import load_inputs
 from reproduce.store.measured import spectra
 
-DOOR = given(images.READS)
+INPUTS = load_inputs(images.READS)
 DARK = images.SENSOR.noise_electrons()
 ETA = images.SENSOR.quantum_efficiency
 
@@ -24,14 +24,14 @@ def stored():
 
 
 def spots(place):
-    angles = place * np.array(experiment.half_field(DOOR))
+    angles = place * np.array(experiment.half_field(INPUTS))
     return channel_centroids(
-        images._cameras(DOOR), experiment.rotations(DOOR), angles[None]
+        images._cameras(INPUTS), experiment.rotations(INPUTS), angles[None]
     )[:, 0]
 
 
 def photons(magnitude, star="solar"):
-    return images.light_of(DOOR, star, magnitude)
+    return images.light_of(INPUTS, star, magnitude)
 
 
 def test_a_magnitude_4_star_by_hand():
@@ -108,7 +108,7 @@ def test_one_cell_is_recomputed_whole(stored, star):
     row = list(images.STARS).index(star)
     seed = np.random.SeedSequence(fusion.SEED, spawn_key=(row, 2, 3))
     light = photons(images.MAGNITUDES[3], star)
-    found = images.cell(DOOR, images.PLACES["corner"], light, fusion.TRIALS, seed)
+    found = images.cell(INPUTS, images.PLACES["corner"], light, fusion.TRIALS, seed)
     for name, array in zip(images.RESULTS, found, strict=True):
         np.testing.assert_allclose(array, stored[name][row, 2, 3], atol=1e-9)
 
@@ -118,7 +118,7 @@ def test_a_run_on_threads_is_the_run_of_every_cell():
         found = fusion.simulate(pool, 6)
     seed = np.random.SeedSequence(fusion.SEED, spawn_key=(1, 2, 3))
     light = photons(images.MAGNITUDES[3])
-    cell = images.cell(DOOR, images.PLACES["corner"], light, 6, seed)
+    cell = images.cell(INPUTS, images.PLACES["corner"], light, 6, seed)
     for name, array in zip(images.RESULTS, cell, strict=True):
         np.testing.assert_array_equal(found[name][1, 2, 3], array)
 
@@ -134,7 +134,7 @@ def test_the_table_shows_the_stored_arrays(stored):
 def test_a_wrong_shift_of_red_costs_its_share_of_the_light():
     """As the book says: half a pixel, times red over all light."""
     shift, light = "niu2024/table-4#translation-x.red", photons(2.0)
-    wrong = images.similarities(DOOR.changed({shift: DOOR[shift] + 0.5}))
+    wrong = images.similarities(INPUTS.changed({shift: INPUTS[shift] + 0.5}))
     seed = np.random.SeedSequence(3)
-    _, bias, _ = images.cell(DOOR, 0.95, light, 6, seed, wrong)
+    _, bias, _ = images.cell(INPUTS, 0.95, light, 6, seed, wrong)
     assert bias[2] == pytest.approx(0.5 * light[1] / light.sum(), rel=0.1)

@@ -10,9 +10,9 @@ from reproduce.papers.catalogue import catalogue
 from reproduce.papers.niu2024 import simulation
 from reproduce.physics.registration import calibrate, fit_registration, starting_values
 from reproduce.printed.cells import find
-from reproduce.printed.given import given
+from reproduce.printed.inputs import load_inputs
 
-INPUTS = given(simulation.calibrated_parameters.given)
+INPUTS = load_inputs(simulation.calibrated_parameters.inputs)
 LITERAL = simulation._Bench(INPUTS, "square", "every-channel", "one", "table-1")
 TABLE = simulation.arrangement(INPUTS)
 [ZERO] = np.flatnonzero(np.isclose(TABLE, 0).all(axis=1))
@@ -22,7 +22,9 @@ PLACES = list(enumerate(simulation.REGISTERED, start=1))
 
 def run(computation, replicates, **choices):
     """Return the results of one reading."""
-    return computation.under(choices)(given(computation.given), replicates)
+    return computation.with_options(choices)(
+        load_inputs(computation.inputs), replicates
+    )
 
 
 def generator():
@@ -113,8 +115,8 @@ def test_noise_has_the_sigma_of_its_channel_over_the_root_of_the_draws():
 
 def test_test_points_fill_the_range_or_are_different_angles():
     half = np.tan(simulation.half_ranges(INPUTS)) * 25e-3 / 3.45e-6
-    inputs = given(simulation.registration_rmse.given)
-    bench = replace(LITERAL, given=inputs)
+    inputs = load_inputs(simulation.registration_rmse.inputs)
+    bench = replace(LITERAL, inputs=inputs)
     drawn = bench.tested(generator(), 300, "range")[:, 0] - TRUE[0, ZERO]
     assert (np.abs(drawn).max(axis=(0, 1)) < 1.02 * half).all()
     assert (np.abs(drawn).max(axis=(0, 1)) > 0.99 * half).all()

@@ -169,9 +169,9 @@ def test_starting_values_are_the_truth_without_noise() -> None:
 
 def test_two_line_rotation_takes_the_short_way_round() -> None:
     up = [[0, 0], [np.cos(1.5), np.sin(1.5)]]
-    beyond = [[0, 0], [np.cos(1.7), np.sin(1.7)]]
-    assert rotation(up, beyond) == pytest.approx(0.2)
-    assert rotation(beyond, up) == pytest.approx(-0.2)
+    extra_scatter = [[0, 0], [np.cos(1.7), np.sin(1.7)]]
+    assert rotation(up, extra_scatter) == pytest.approx(0.2)
+    assert rotation(extra_scatter, up) == pytest.approx(-0.2)
 
 
 def test_random_restarts_all_end_at_the_closed_form() -> None:

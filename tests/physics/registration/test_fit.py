@@ -111,8 +111,8 @@ def test_known_covariances_of_both_images_give_honest_errors(model):
     assert fit.chi_square.mean() == pytest.approx(
         freedom, abs=5 * np.sqrt(2 * freedom / trials)
     )
-    beyond = (fit.chi_square > chi2.ppf(0.95, freedom)).mean()
-    assert beyond == pytest.approx(0.05, abs=5 * np.sqrt(0.05 * 0.95 / trials))
+    extra_scatter = (fit.chi_square > chi2.ppf(0.95, freedom)).mean()
+    assert extra_scatter == pytest.approx(0.05, abs=5 * np.sqrt(0.05 * 0.95 / trials))
 
 
 def small_field(model, generator):

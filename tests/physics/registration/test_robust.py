@@ -69,7 +69,7 @@ def test_a_large_field_is_judged_by_a_part_of_itself_as_by_the_whole(monkeypatch
     part = fit_registration(source, target, PIVOT, weights, robust=True)
     monkeypatch.setattr("reproduce.physics.registration.fit._MAX_SETTLED", 10_000)
     whole = fit_registration(source, target, PIVOT, weights, robust=True)
-    assert 0.2 < whole.dropped.mean() < 0.26  # three quarters of 0.3
-    assert (part.dropped != whole.dropped).mean() < 1e-3
-    assert not part.dropped[:, 1::4].any()
+    assert 0.2 < whole.rejected.mean() < 0.26  # three quarters of 0.3
+    assert (part.rejected != whole.rejected).mean() < 1e-3
+    assert not part.rejected[:, 1::4].any()
     assert np.abs((part.parameters - TRUE) / part.standard_errors).max() < 5

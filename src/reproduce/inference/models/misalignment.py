@@ -157,7 +157,7 @@ class SpotLikelihood:
             images.append(path + float(parameters[-1]) * noise)
         return SpotStatistics.of(images, tuple(self.statistics.levers > 0))
 
-    def given(self, data: SpotStatistics) -> Self:
+    def with_data(self, data: SpotStatistics) -> Self:
         """Return the same instrument with other spots."""
         return replace(self, statistics=data)
 

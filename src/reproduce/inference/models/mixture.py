@@ -17,7 +17,14 @@ from numpy.random import PCG64, Generator
 from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
-from reproduce.inference import Coordinates, Model, Normal, Parameter, Sampled, Uniform
+from reproduce.inference import (
+    Coordinates,
+    Model,
+    Normal,
+    Parameter,
+    PosteriorSamples,
+    Uniform,
+)
 from reproduce.inference.models.registration import (
     GaussianRegistration,
     StarLikelihood,
@@ -257,7 +264,7 @@ def mixture_model(base: Model) -> Model:
     )
 
 
-def probability_false(posterior: Sampled) -> FloatArray:
+def probability_false(posterior: PosteriorSamples) -> FloatArray:
     """Return each star's posterior probability of being false, (points,): the mean over draws."""
     likelihood = posterior.model.likelihood_of(MixtureRegistration)
     draws = posterior.draws[:: -(-len(posterior.draws) // DRAWS)]

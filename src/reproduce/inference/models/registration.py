@@ -232,7 +232,7 @@ class GaussianRegistration(StarLikelihood):
         noise = self.noise(parameters[None]) * (root @ normal)[..., 0]
         return np.asarray(self.places(parameters[None])[0] + noise)
 
-    def given(self, data: FloatArray) -> Self:
+    def with_data(self, data: FloatArray) -> Self:
         """Return the same sources with other target points."""
         return replace(self, target=data)
 
@@ -547,7 +547,7 @@ class JointRegistration(StarLikelihood):
         true = self.channels[0].places(parameters[None, :4], measured)[0]
         return blue.inverse().apply(true) + noise[1], true + noise[2]
 
-    def given(self, data: tuple[FloatArray, FloatArray]) -> Self:
+    def with_data(self, data: tuple[FloatArray, FloatArray]) -> Self:
         """Return the same red points with other blue and green ones."""
         return replace(self, sources=(self.sources[0], data[0]), target=data[1])
 
@@ -572,7 +572,7 @@ class JointRegistration(StarLikelihood):
         """Return the checks of each channel, and the correlation of their residuals."""
         found: dict[str, float] = {}
         residuals = []
-        likelihood = self if data is None else self.given(data)
+        likelihood = self if data is None else self.with_data(data)
         for name, channel in zip(_CHANNELS, likelihood.channels, strict=True):
             found |= {f"{name}: {key}": one for key, one in channel.checks().items()}
             residuals.append(channel.fit.residuals.ravel())

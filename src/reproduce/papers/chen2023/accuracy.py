@@ -18,7 +18,7 @@ from reproduce.papers.chen2023 import platform
 from reproduce.papers.declare import Prediction, Results, draws, reproduces
 from reproduce.physics.attitude import scatter_of_averages
 from reproduce.physics.validate import FloatArray
-from reproduce.printed.given import Given
+from reproduce.printed.inputs import Inputs
 from reproduce.units import ARCSEC_PER_RADIAN
 
 if TYPE_CHECKING:
@@ -42,14 +42,14 @@ _BATCH_REPLICATES = 250
 @reproduces(
     TABLE,
     cells=["*.transform-?", "*.misalignment-?"],
-    given=READS,
+    inputs=READS,
     equations=["2", "3", "4", "5", "6", "7"],
     replicates=_REPLICATES,
 )
-def frame_averaging(given: Given, seed: SeedSequence, replicates: int) -> Results:
+def frame_averaging(inputs: Inputs, seed: SeedSequence, replicates: int) -> Results:
     """Accuracy of the two matrices, for averages over more and more frames."""
-    counts = _counts(given)
-    found = _simulated_accuracies(given, seed, replicates, counts)
+    counts = _counts(inputs)
+    found = _simulated_accuracies(inputs, seed, replicates, counts)
     return {
         f"{count}.{matrix}-{axis}": Prediction(found[:, group, place, column])
         for group, matrix in enumerate(_MATRICES)
@@ -59,17 +59,17 @@ def frame_averaging(given: Given, seed: SeedSequence, replicates: int) -> Result
 
 
 def _simulated_accuracies(
-    given: Given, seed: SeedSequence, replicates: int, counts: list[int]
+    inputs: Inputs, seed: SeedSequence, replicates: int, counts: list[int]
 ) -> FloatArray:
     """Return the simulated scatter of averages, (replicates, 2 groups, 2 axes, counts).
 
     It is three standard deviations, in radians.
     """
-    response = platform.angle_response(given)[:2]
-    spots = np.stack([platform.scatter(given, group) for group in (1, 2)])
+    response = platform.angle_response(inputs)[:2]
+    spots = np.stack([platform.scatter(inputs, group) for group in (1, 2)])
     # Turns by unit noise in each coordinate: shape (groups, 2 axes, coordinates).
     turns = (spots[:, None] * response).reshape(len(spots), 2, -1)
-    frames, generator = given.count(FRAMES), default_rng(seed)
+    frames, generator = inputs.count(FRAMES), default_rng(seed)
     parts = []
     for first in range(0, replicates, _BATCH_REPLICATES):
         batch = min(_BATCH_REPLICATES, replicates - first)
@@ -80,56 +80,56 @@ def _simulated_accuracies(
     return platform.SIGMAS * np.concatenate(parts)
 
 
-def time_per_frame(given: Given) -> float:
+def time_per_frame(inputs: Inputs) -> float:
     """Return the time between two frames on the ground platform, in seconds."""
-    return given[DURATION] / given[FRAMES]
+    return inputs[DURATION] / inputs[FRAMES]
 
 
-@reproduces(TEXT, cells=["smoothing-time-*"], given=[DURATION, FRAMES, SMOOTHED, RATE])
-def times(given: Given) -> Results:
+@reproduces(TEXT, cells=["smoothing-time-*"], inputs=[DURATION, FRAMES, SMOOTHED, RATE])
+def times(inputs: Inputs) -> Results:
     """Time to take the averaged frames, in flight and on the ground platform."""
     return {
-        "smoothing-time-flight": given[SMOOTHED] / given[RATE],
-        "smoothing-time-ground": given[SMOOTHED] * time_per_frame(given),
+        "smoothing-time-flight": inputs[SMOOTHED] / inputs[RATE],
+        "smoothing-time-ground": inputs[SMOOTHED] * time_per_frame(inputs),
     }
 
 
 @reproduces(
     TEXT,
     cells=["*-single-?", "*-smoothed-bound"],
-    given=[f"{TABLE}#{row}.{matrix}-?" for row in (1, 100) for matrix in _MATRICES],
+    inputs=[f"{TABLE}#{row}.{matrix}-?" for row in (1, 100) for matrix in _MATRICES],
 )
-def quoted_accuracy(given: Given) -> Results:
+def quoted_accuracy(inputs: Inputs) -> Results:
     """First and last row of Table IV, quoted again in the text."""
     results = {}
     for matrix in _MATRICES:
-        smoothed = given.array(f"{TABLE}#100.{matrix}-?")
+        smoothed = inputs.array(f"{TABLE}#100.{matrix}-?")
         results[f"{matrix}-smoothed-bound"] = float(smoothed.max())
         for axis in "xy":
-            results[f"{matrix}-single-{axis}"] = given[f"{TABLE}#1.{matrix}-{axis}"]
+            results[f"{matrix}-single-{axis}"] = inputs[f"{TABLE}#1.{matrix}-{axis}"]
     return results
 
 
-@reproduces(TEXT, cells=["centroid-accuracy"], given=[f"{platform.SCATTER}#1-*"])
-def centroid_accuracy(given: Given) -> Results:
+@reproduces(TEXT, cells=["centroid-accuracy"], inputs=[f"{platform.SCATTER}#1-*"])
+def centroid_accuracy(inputs: Inputs) -> Results:
     """Mean scatter of the spots in the group from which the laser transform comes."""
-    return {"centroid-accuracy": float(given.array(f"{platform.SCATTER}#1-*").mean())}
+    return {"centroid-accuracy": float(inputs.array(f"{platform.SCATTER}#1-*").mean())}
 
 
-@reproduces(TEXT, cells=["angular-resolution"], given=platform.TRACKER)
-def pixel_angle(given: Given) -> Results:
+@reproduces(TEXT, cells=["angular-resolution"], inputs=platform.TRACKER)
+def pixel_angle(inputs: Inputs) -> Results:
     """Angle of one pixel of the tracker, quoted again in the text."""
-    return {"angular-resolution": platform.angle_of_one_pixel(given)}
+    return {"angular-resolution": platform.angle_of_one_pixel(inputs)}
 
 
-def _counts(given: Given) -> list[int]:
-    return [int(n) for n in given.array(f"{TABLE}#*.frames")]
+def _counts(inputs: Inputs) -> list[int]:
+    return [int(n) for n in inputs.array(f"{TABLE}#*.frames")]
 
 
-@draws("chen2023/table-4", given=READS, random=True)
-def _draw(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
+@draws("chen2023/table-4", inputs=READS, random=True)
+def _draw(figure: Figure, printed: Mapping[str, float], inputs: Inputs) -> None:
     """Accuracy of the matrices against the number of averaged frames."""
-    counts, predicted = _counts(door), frame_averaging(door)
+    counts, predicted = _counts(inputs), frame_averaging(inputs)
     panels = pair(figure, 4.0, 5.6, "accuracy (3σ, arcsec)")
     looks = {"x": ("#0072B2", "-", "o"), "y": ("#D55E00", "--", "s")}
     for axes, (matrix, title) in zip(panels, _MATRICES.items(), strict=True):

@@ -8,7 +8,7 @@ import numpy as np
 
 from reproduce.papers.chen2023 import platform
 from reproduce.papers.declare import studied
-from reproduce.printed.given import Given
+from reproduce.printed.inputs import Inputs
 from reproduce.units import ARCSEC_PER_RADIAN
 
 _PRINTED = "chen2023/table-4#1.transform-?"
@@ -16,11 +16,11 @@ _PRINTED = "chen2023/table-4#1.transform-?"
 
 @studied(
     "chen2023/orders",
-    given=(*platform.INSTRUMENT, f"{platform.SCATTER}#1-*", _PRINTED),
+    inputs=(*platform.INSTRUMENT, f"{platform.SCATTER}#1-*", _PRINTED),
 )
-def _orders(given: Given) -> list[tuple[str | float, ...]]:
+def _orders(inputs: Inputs) -> list[tuple[str | float, ...]]:
     """Accuracy of a single frame in the axes of either instrument, for two principal points."""
-    designed = platform.as_designed(given)
+    designed = platform.as_designed(inputs)
     points = {
         "centre of the detector": designed.principal_point,
         "middle of the spots": designed.spots.mean(axis=0),
@@ -35,12 +35,12 @@ def _orders(given: Given) -> list[tuple[str | float, ...]]:
             np.tensordot(design.transform(design.spots), response, axes=1),
         )
         for frame, response in zip(("camera", "tracker"), responses, strict=True):
-            variance = (response**2 * platform.scatter(given, 1) ** 2).sum(
+            variance = (response**2 * platform.scatter(inputs, 1) ** 2).sum(
                 axis=(-2, -1)
             )
             angles = platform.SIGMAS * np.sqrt(variance[:2])
             rows.append((name, frame, *map(float, angles * ARCSEC_PER_RADIAN)))
     return [
         *rows,
-        ("printed", "", *map(float, given.array(_PRINTED) * ARCSEC_PER_RADIAN)),
+        ("printed", "", *map(float, inputs.array(_PRINTED) * ARCSEC_PER_RADIAN)),
     ]

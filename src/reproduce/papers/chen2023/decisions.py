@@ -21,7 +21,7 @@ from reproduce.papers.chen2023.posteriors import READS, drift
 from reproduce.papers.declare import Fact, draws, studied
 from reproduce.physics.attitude import averaged_error, moving_average
 from reproduce.physics.validate import FloatArray
-from reproduce.printed.given import Given
+from reproduce.printed.inputs import Inputs
 from reproduce.units import ARCSEC_PER_RADIAN
 
 if TYPE_CHECKING:
@@ -75,7 +75,7 @@ def _law(frames: int, counts: tuple[int, ...]) -> tuple[FloatArray, ...]:
 
 
 def _log_likelihood(
-    door: Given, column: str, white: FloatArray, floor: FloatArray
+    inputs: Inputs, column: str, white: FloatArray, floor: FloatArray
 ) -> FloatArray:
     """Return the log likelihood of a column of Table IV, (n,), for white noises and floors, (n,).
 
@@ -83,9 +83,9 @@ def _log_likelihood(
     forms in Gaussian numbers: mean and covariance are exact, and their roots nearly Gaussian.
     Rounding adds the variance of a uniform distribution over the last digit.
     """
-    counts = tuple(int(n) for n in door.array(_COUNTED))
-    printed, half = _printed(door, column)
-    ones, drifts, pairs, bent = _law(door.count(accuracy.FRAMES), counts)
+    counts = tuple(int(n) for n in inputs.array(_COUNTED))
+    printed, half = _printed(inputs, column)
+    ones, drifts, pairs, bent = _law(inputs.count(accuracy.FRAMES), counts)
     a, b = np.square([white, floor])[..., None]
     mean = a * ones + b * drifts
     covariance = 2 * (a**2)[..., None] * pairs + 4 * (a * b)[..., None] * bent
@@ -98,10 +98,10 @@ def _log_likelihood(
     return np.asarray(-logs.sum(axis=1))
 
 
-def _printed(door: Given, column: str) -> tuple[FloatArray, float]:
+def _printed(inputs: Inputs, column: str) -> tuple[FloatArray, float]:
     """Return a column of Table IV and half its last digit, one sigma, in radians."""
-    values = door.array(f"{accuracy.TABLE}#*.{column}")
-    half = door.half_unit(f"{accuracy.TABLE}#1.{column}")
+    values = inputs.array(f"{accuracy.TABLE}#*.{column}")
+    half = inputs.half_unit(f"{accuracy.TABLE}#1.{column}")
     return values / platform.SIGMAS, half / platform.SIGMAS
 
 
@@ -122,9 +122,9 @@ class _NoisePosterior:
 
 
 @cache
-def _noise(door: Given, axis: str) -> _NoisePosterior:
+def _noise(inputs: Inputs, axis: str) -> _NoisePosterior:
     """Return the posterior of the noise about an axis from Table IV."""
-    (single, *_), half = _printed(door, _AXES[axis])
+    (single, *_), half = _printed(inputs, _AXES[axis])
     nodes, weights = np.polynomial.legendre.leggauss(_GRID_NODES)
     white, floor = (
         grid.ravel()
@@ -138,41 +138,41 @@ def _noise(door: Given, axis: str) -> _NoisePosterior:
     )
     # No scale of the white noise is preferred; the floor may be zero.
     logs = np.log(np.outer(weights, weights)).ravel() - np.log(white)
-    logs += _log_likelihood(door, _AXES[axis], white, floor)
+    logs += _log_likelihood(inputs, _AXES[axis], white, floor)
     logs -= 0.5 * (floor / (_FLOOR_SCALE * half)) ** 2
     found = np.exp(logs - logs.max())
     return _NoisePosterior(white, floor, found / found.sum())
 
 
-def _averages(door: Given, axis: str, counts: FloatArray) -> FloatArray:
+def _averages(inputs: Inputs, axis: str, counts: FloatArray) -> FloatArray:
     """Return low end, median and high end of the error of an average for each number, (3, n)."""
-    noise = _noise(door, axis)
+    noise = _noise(inputs, axis)
     errors = (averaged_error(n, noise.white, noise.floor) for n in counts)
     return np.stack([noise.quantiles(error) for error in errors], axis=-1)
 
 
-def _differences(door: Given) -> tuple[float, int]:
+def _differences(inputs: Inputs) -> tuple[float, int]:
     """Return the scatter of monitored minus reference angles of Table V, and its freedom.
 
     The scatter is about the mean of each axis. It does not depend on the order of the columns.
     """
-    columns = [door.array(pattern) for pattern in _STATES]
+    columns = [inputs.array(pattern) for pattern in _STATES]
     left = np.subtract(columns[:2], columns[2:])
     return float(np.sqrt(left.var(axis=1, ddof=1).mean())), left.size - len(left)
 
 
-def _states(door: Given) -> FloatArray:
+def _states(inputs: Inputs) -> FloatArray:
     """Return low end, median and high end of the noise of one state of Table V, (3,)."""
-    scatter, freedom = _differences(door)
+    scatter, freedom = _differences(inputs)
     # Quantiles of chi-squared.
     chi = 2 * gammaincinv(freedom / 2, _ENDS[::-1])
     return np.asarray(scatter * np.sqrt(freedom / chi))
 
 
-def _stops(door: Given) -> FloatArray:
+def _stops(inputs: Inputs) -> FloatArray:
     """Return the number of frames whose white noise about X equals the noise of a state, (3,)."""
-    noise = _noise(door, "X")
-    return np.asarray((noise.weights @ noise.white / _states(door)[::-1]) ** 2)
+    noise = _noise(inputs, "X")
+    return np.asarray((noise.weights @ noise.white / _states(inputs)[::-1]) ** 2)
 
 
 def _with_ends(
@@ -184,50 +184,50 @@ def _with_ends(
     return {one: Fact(value, form, unit) for one, value in pairs}
 
 
-def _frame_facts(door: Given) -> dict[str, Fact]:
+def _frame_facts(inputs: Inputs) -> dict[str, Fact]:
     """Return the knees of averaging, and the limit by Table V."""
-    noise = _states(door) * ARCSEC_PER_RADIAN
+    noise = _states(inputs) * ARCSEC_PER_RADIAN
     found = _with_ends("stage-noise", noise, ".2g", "arcsec")
-    found |= _with_ends("stage-frames", _stops(door), ".0f")
+    found |= _with_ends("stage-frames", _stops(inputs), ".0f")
     for axis in _AXES:
-        one = _noise(door, axis)
+        one = _noise(inputs, axis)
         knee = one.quantiles(np.square(one.white / one.floor))[0]
         found[f"knee-{axis.lower()}"] = Fact(float(knee), ".0f")
-    scatter = _differences(door)[0] * ARCSEC_PER_RADIAN
+    scatter = _differences(inputs)[0] * ARCSEC_PER_RADIAN
     return found | {
-        "state": Fact(door.count(effectiveness.FRAMES), "d"),
+        "state": Fact(inputs.count(effectiveness.FRAMES), "d"),
         "differences": Fact(scatter, ".2g", "arcsec"),
     }
 
 
-@studied("chen2023/frames", given=_FRAME_READS, named=_frame_facts)
-def _frames(door: Given) -> pd.DataFrame:
+@studied("chen2023/frames", inputs=_FRAME_READS, named=_frame_facts)
+def _frames(inputs: Inputs) -> pd.DataFrame:
     """Number of frames to average."""
     found = [
-        _averages(door, axis, np.array(_SHOWN_COUNTS))[[1, 0, 2]] for axis in _AXES
+        _averages(inputs, axis, np.array(_SHOWN_COUNTS))[[1, 0, 2]] for axis in _AXES
     ]
     table = np.concatenate(found).T * ARCSEC_PER_RADIAN
     rows = (
         (count, *row) for count, row in zip(_SHOWN_COUNTS, table.tolist(), strict=True)
     )
     return _frames.frame(
-        rows, stops=_stops(door)[1], state=door.count(effectiveness.FRAMES)
+        rows, stops=_stops(inputs)[1], state=inputs.count(effectiveness.FRAMES)
     )
 
 
-@draws("chen2023/drawing-frames", given=_FRAME_READS, marks=_MARKS)
-def _draw_frames(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
+@draws("chen2023/drawing-frames", inputs=_FRAME_READS, marks=_MARKS)
+def _draw_frames(figure: Figure, printed: Mapping[str, float], inputs: Inputs) -> None:
     """Error of the misalignment against frames averaged, and the scatter of Table V."""
-    counts, noise = np.geomspace(1, 1000, 40), _states(door) * ARCSEC_PER_RADIAN
+    counts, noise = np.geomspace(1, 1000, 40), _states(inputs) * ARCSEC_PER_RADIAN
     panels = pair(figure, 3.9, 6.0, "error, one sigma (arcsec)")
     for axes, (axis, column) in zip(panels, _AXES.items(), strict=True):
-        ends = _averages(door, axis, counts) * ARCSEC_PER_RADIAN
+        ends = _averages(inputs, axis, counts) * ARCSEC_PER_RADIAN
         banded(axes, counts, ends, "#0072B2", label="median, with 95 %")
         white = ends[1, 0] / np.sqrt(counts)
         axes.plot(counts, white, "--", color="#777777", label="white noise")
         values = [value for name, value in printed.items() if name.endswith(column)]
         axes.plot(
-            door.array(_COUNTED),
+            inputs.array(_COUNTED),
             np.array(values) / platform.SIGMAS * ARCSEC_PER_RADIAN,
             "o",
             color=INK,
@@ -244,34 +244,34 @@ def _draw_frames(figure: Figure, printed: Mapping[str, float], door: Given) -> N
 
 
 @cache
-def _drifting(door: Given) -> tuple[float, float, float]:
+def _drifting(inputs: Inputs) -> tuple[float, float, float]:
     """Return the error about X of the drifting group, the drift about X and its error, in rad."""
-    model = drift(door)
+    model = drift(inputs)
     mean, covariance = small_angle_posterior(model)
     angle, moved = (model.names.index(f"{name}-x") for name in ("angle", "drift"))
     errors = np.sqrt(np.diagonal(covariance))
     return float(errors[angle]), float(mean[moved]), float(errors[moved])
 
 
-def _age_facts(door: Given) -> dict[str, Fact]:
+def _age_facts(inputs: Inputs) -> dict[str, Fact]:
     """Return the images until the bias of a drift equals the error of one calibration."""
-    error, moved, spread = _drifting(door)
-    count = door.count(accuracy.FRAMES)
+    error, moved, spread = _drifting(inputs)
+    count = inputs.count(accuracy.FRAMES)
     ends = count * error / (moved + _END_SIGMAS[::-1] * spread)
     return _with_ends("images", ends, ".0f") | {
         "error": Fact(error * ARCSEC_PER_RADIAN, ".2g", "arcsec"),
-        "ground": Fact(error * satellite.altitude(door), ".2g", "m"),
+        "ground": Fact(error * satellite.altitude(inputs), ".2g", "m"),
         "followed": Fact(count * error / spread, ".0f"),
         "group": Fact(count, "d"),
     }
 
 
-@studied("chen2023/drift", given=READS, named=_age_facts)
-def _ages(door: Given) -> Iterator[tuple[float, ...]]:
+@studied("chen2023/drift", inputs=READS, named=_age_facts)
+def _ages(inputs: Inputs) -> Iterator[tuple[float, ...]]:
     """Time to the next calibration."""
-    error, moved, spread = _drifting(door)
+    error, moved, spread = _drifting(inputs)
     # The middle first, then its ends and the error of a drift that is followed.
     drifts = np.array([moved, *(moved + _END_SIGMAS[[0, 2]] * spread), spread])
     for age in _AGES_IMAGES:
-        row = np.hypot(error, drifts / door.count(accuracy.FRAMES) * age)
+        row = np.hypot(error, drifts / inputs.count(accuracy.FRAMES) * age)
         yield (age, *(row * ARCSEC_PER_RADIAN).tolist())

@@ -25,7 +25,7 @@ from reproduce.papers.charts import named_below, pair
 from reproduce.papers.chen2023 import accuracy, platform
 from reproduce.physics.attitude import stage_angle
 from reproduce.physics.validate import FloatArray
-from reproduce.printed.given import Given
+from reproduce.printed.inputs import Inputs
 from reproduce.units import RADIANS_PER_ARCSEC
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ _TURNS = {"x": "y", "y": "x"}
 _REPLICATES = 4000
 # The angle from which one focal length for the whole table is taken.
 LAST = f"{TABLE}#5.reference-y"
-_WORDS = declare.words(TABLE)
+_WORDS = declare.item_text(TABLE)
 _LENGTHS = {n: w for n, w in _WORDS.options["telescope"].items() if n != "common"}
 _MEASURED = (
     f"{TABLE}#*.position-?",
@@ -61,52 +61,52 @@ def _by_state(name: str, values: FloatArray) -> dict[str, float]:
     return {f"{s}.{name}": v for s, v in zip(_MOVED, values.tolist(), strict=True)}
 
 
-@declare.reproduces(TABLE, cells=["*.motion-?"], given=[f"{TABLE}#*.position-?"])
-def motion(given: Given) -> declare.Results:
+@declare.reproduces(TABLE, cells=["*.motion-?"], inputs=[f"{TABLE}#*.position-?"])
+def motion(inputs: Inputs) -> declare.Results:
     """Motion of the stage: the position minus that of the first state."""
     results = {}
     for axis in _TURNS:
         results[f"1.motion-{axis}"] = 0.0
-        results |= _by_state(f"motion-{axis}", _motions(given, axis))
+        results |= _by_state(f"motion-{axis}", _motions(inputs, axis))
     return results
 
 
 def _motions(
-    given: Given, axis: str, columns: str = "", states: str = "[2-5]"
+    inputs: Inputs, axis: str, columns: str = "", states: str = "[2-5]"
 ) -> FloatArray:
     """Return motions of the stage along an axis: as printed, or differences of positions.
 
     One printed motion has a typographical error, which the differences do not have.
     """
     if columns == "printed":
-        return given.array(f"{TABLE}#{states}.motion-{axis}")
-    first = given[f"{TABLE}#1.position-{axis}"]
-    return given.array(f"{TABLE}#{states}.position-{axis}") - first
+        return inputs.array(f"{TABLE}#{states}.motion-{axis}")
+    first = inputs[f"{TABLE}#1.position-{axis}"]
+    return inputs.array(f"{TABLE}#{states}.position-{axis}") - first
 
 
-def _length(given: Given, columns: str, telescope: str) -> float:
+def _length(inputs: Inputs, columns: str, telescope: str) -> float:
     """Return the focal length of the telescope in metres."""
     if telescope == "common":
         # (10) joins the last angle about Y with a motion.
-        (motion,) = _motions(given, "x" if columns == "printed" else "y", states="5")
-        return float(-motion / np.tan(given[LAST]))
-    return given[{"quoted": _QUOTED, "nominal": platform.TELESCOPE}[telescope]]
+        (motion,) = _motions(inputs, "x" if columns == "printed" else "y", states="5")
+        return float(-motion / np.tan(inputs[LAST]))
+    return inputs[{"quoted": _QUOTED, "nominal": platform.TELESCOPE}[telescope]]
 
 
 @declare.reproduces(
     TABLE,
     cells=["[2-4].reference-?", "5.reference-x"],
-    given=_MEASURED,
+    inputs=_MEASURED,
     equations=["10"],
 )
-def reference_angle(given: Given, *, columns: str, telescope: str) -> declare.Results:
+def reference_angle(inputs: Inputs, *, columns: str, telescope: str) -> declare.Results:
     """Reference angles from the motions of the stage and the focal length of the telescope."""
-    length = _length(given, columns, telescope)
+    length = _length(inputs, columns, telescope)
     results: dict[str, float] = {}
     for turn, axis in _TURNS.items():
         # Either interchange pairs an angle with the motion of the other axis.
         moving = axis if columns == "printed" else turn
-        angles = stage_angle(_motions(given, moving, columns), length)
+        angles = stage_angle(_motions(inputs, moving, columns), length)
         results |= _by_state(f"reference-{turn}", angles)
     del results["5.reference-y"]
     return results
@@ -115,24 +115,29 @@ def reference_angle(given: Given, *, columns: str, telescope: str) -> declare.Re
 @declare.reproduces(
     TABLE,
     cells=["5.reference-y"],
-    given=[f"{TABLE}#*.position-y", f"{TABLE}#5.motion-x", platform.TELESCOPE, _QUOTED],
+    inputs=[
+        f"{TABLE}#*.position-y",
+        f"{TABLE}#5.motion-x",
+        platform.TELESCOPE,
+        _QUOTED,
+    ],
     equations=["10"],
     options={**_WORDS.options, "telescope": _LENGTHS},
 )
 def last_reference_angle(
-    given: Given, *, columns: str, telescope: str
+    inputs: Inputs, *, columns: str, telescope: str
 ) -> declare.Results:
     """The reference angle that gives the common focal length, by the other two lengths."""
     moving = "x" if columns == "printed" else "y"
-    (motion,) = _motions(given, moving, columns, states="5")
-    angle = stage_angle(motion, _length(given, columns, telescope))
+    (motion,) = _motions(inputs, moving, columns, states="5")
+    angle = stage_angle(motion, _length(inputs, columns, telescope))
     return {"5.reference-y": float(angle)}
 
 
 @declare.reproduces(
     TABLE,
     cells=["*.monitoring-?"],
-    given=[
+    inputs=[
         *_MEASURED,
         *platform.INSTRUMENT,
         f"{platform.SCATTER}#2-*",
@@ -143,7 +148,7 @@ def last_reference_angle(
     replicates=_REPLICATES,
 )
 def monitored_angle(
-    given: Given,
+    inputs: Inputs,
     seed: SeedSequence,
     replicates: int,
     *,
@@ -153,16 +158,16 @@ def monitored_angle(
 ) -> declare.Results:
     """Monitored angles: the angle of the stage, the noise of its state and of the zero state."""
     generator = default_rng(seed)
-    errors = _monitoring_errors(given, generator, replicates)
-    lag, noise = _averaging(given, images)
-    length = np.full(replicates, _length(given, columns, telescope))
+    errors = _monitoring_errors(inputs, generator, replicates)
+    lag, noise = _averaging(inputs, images)
+    length = np.full(replicates, _length(inputs, columns, telescope))
     if telescope == "nominal":
         # One telescope for all angles of a replicate, anywhere in the range of a nominal length.
         spread = generator.uniform(-1, 1, replicates)
-        length += spread * (given.upper(platform.TELESCOPE) - length)
+        length += spread * (inputs.upper(platform.TELESCOPE) - length)
     results = {}
     for place, (turn, axis) in enumerate(_TURNS.items()):
-        motions = _motions(given, turn if columns == "motions" else axis, columns)
+        motions = _motions(inputs, turn if columns == "motions" else axis, columns)
         angles = stage_angle(np.insert(motions, 0, 0.0)[:, None], length)
         # A mean that includes the ramp contains a part of the step from the state before.
         means = angles[1:] - lag * np.diff(angles, axis=0)
@@ -172,13 +177,13 @@ def monitored_angle(
     return results
 
 
-def _averaging(given: Given, images: str) -> tuple[float, float]:
+def _averaging(inputs: Inputs, images: str) -> tuple[float, float]:
     """Return the fraction of a step that a mean lacks, and its noise over that of a state's mean.
 
     A smoothed angle is the mean of the last images, those of the state before included. Their
     noise is taken as independent of the mean of that state.
     """
-    frames, smoothed = given.count(FRAMES), given.count(accuracy.SMOOTHED)
+    frames, smoothed = inputs.count(FRAMES), inputs.count(accuracy.SMOOTHED)
     if images == "state":
         return 0.0, 1.0
     if images == "smoothed":
@@ -190,14 +195,14 @@ def _averaging(given: Given, images: str) -> tuple[float, float]:
 
 
 def _monitoring_errors(
-    given: Given, generator: Generator, replicates: int
+    inputs: Inputs, generator: Generator, replicates: int
 ) -> FloatArray:
     """Return the errors of monitored angles by centroid noise, (replicates, states, 2).
 
     They are about X and Y, in radians, for all states but the zero state, whose error they share.
     """
-    response = platform.angle_response(given)[:2]
-    spots = platform.scatter(given, 2) / np.sqrt(given.count(FRAMES))
+    response = platform.angle_response(inputs)[:2]
+    spots = platform.scatter(inputs, 2) / np.sqrt(inputs.count(FRAMES))
     noise = generator.standard_normal((replicates, len(STATES), *spots.shape)) * spots
     angles = np.tensordot(noise, response, axes=([-2, -1], [-2, -1]))
     return np.asarray(angles[:, 1:] - angles[:, :1])
@@ -206,14 +211,14 @@ def _monitoring_errors(
 @declare.reproduces(
     TABLE,
     cells=["*.difference-?"],
-    given=[f"{TABLE}#*.reference-?", f"{TABLE}#*.monitoring-?"],
+    inputs=[f"{TABLE}#*.reference-?", f"{TABLE}#*.monitoring-?"],
 )
-def difference(given: Given) -> declare.Results:
+def difference(inputs: Inputs) -> declare.Results:
     """Difference of the printed monitored and reference angles."""
     results: dict[str, float] = {}
     for turn in _TURNS:
         monitored, reference = (
-            _column(given, f"{name}-{turn}") for name in ("monitoring", "reference")
+            _column(inputs, f"{name}-{turn}") for name in ("monitoring", "reference")
         )
         results |= _by_state(f"difference-{turn}", monitored - reference)
     return results
@@ -222,7 +227,7 @@ def difference(given: Given) -> declare.Results:
 @declare.reproduces(
     _PLAN,
     cells=["states", "time-per-state"],
-    given=[
+    inputs=[
         f"{_PLAN}#travel-*",
         f"{_PLAN}#step",
         FRAMES,
@@ -230,43 +235,43 @@ def difference(given: Given) -> declare.Results:
         accuracy.FRAMES,
     ],
 )
-def plan(given: Given) -> declare.Results:
+def plan(inputs: Inputs) -> declare.Results:
     """Number of states, and the time that each one takes at the pace of the first groups."""
-    travel = given[f"{_PLAN}#travel-end"] - given[f"{_PLAN}#travel-start"]
+    travel = inputs[f"{_PLAN}#travel-end"] - inputs[f"{_PLAN}#travel-start"]
     return {
-        "states": travel / given[f"{_PLAN}#step"] + 1,
-        "time-per-state": given[FRAMES] * accuracy.time_per_frame(given),
+        "states": travel / inputs[f"{_PLAN}#step"] + 1,
+        "time-per-state": inputs[FRAMES] * accuracy.time_per_frame(inputs),
     }
 
 
 @declare.reproduces(
     _PLAN,
     cells=["simulated-angle"],
-    given=[f"{_PLAN}#maximum-travel", _QUOTED],
+    inputs=[f"{_PLAN}#maximum-travel", _QUOTED],
     equations=["10"],
 )
-def largest_angle(given: Given) -> declare.Results:
+def largest_angle(inputs: Inputs) -> declare.Results:
     """Largest misalignment that the stage can simulate, without its sign."""
-    angle = stage_angle(given[f"{_PLAN}#maximum-travel"], given[_QUOTED])
+    angle = stage_angle(inputs[f"{_PLAN}#maximum-travel"], inputs[_QUOTED])
     return {"simulated-angle": abs(float(angle))}
 
 
 @declare.reproduces(
-    _PLAN, cells=["difference-bound"], given=[f"{TABLE}#*.difference-?"]
+    _PLAN, cells=["difference-bound"], inputs=[f"{TABLE}#*.difference-?"]
 )
-def bound(given: Given) -> declare.Results:
+def bound(inputs: Inputs) -> declare.Results:
     """Largest printed difference between reference and monitored angle."""
     return {
-        "difference-bound": float(np.abs(given.array(f"{TABLE}#*.difference-?")).max())
+        "difference-bound": float(np.abs(inputs.array(f"{TABLE}#*.difference-?")).max())
     }
 
 
-@declare.draws("chen2023/table-5", given=monitored_angle.given)
-def _draw(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
+@declare.draws("chen2023/table-5", inputs=monitored_angle.inputs)
+def _draw(figure: Figure, printed: Mapping[str, float], inputs: Inputs) -> None:
     """Focal length that each printed angle implies for its printed motion."""
     panels, blue = pair(figure, 3.6, 5.6, "focal length (mm)"), "#0072B2"
     # Noise of the state and of the zero state.
-    sigmas = np.sqrt(2.0) * platform.angle_sigma(door, 2, door.count(FRAMES))
+    sigmas = np.sqrt(2.0) * platform.angle_sigma(inputs, 2, inputs.count(FRAMES))
     for axes, (axis, turn) in zip(panels, _TURNS.items(), strict=True):
         motions = _column(printed, f"motion-{axis}")
         reference = _column(printed, f"reference-{turn}")
@@ -279,7 +284,7 @@ def _draw(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
         )
         axes.plot(
             left,
-            _implied(_motions(door, turn), reference),
+            _implied(_motions(inputs, turn), reference),
             "o",
             fillstyle="none",
             color=blue,
@@ -288,13 +293,13 @@ def _draw(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
         axes.errorbar(
             right, length, error, fmt="s", color="#D55E00", label="monitoring"
         )
-        nominal = door[platform.TELESCOPE] * 1e3
+        nominal = inputs[platform.TELESCOPE] * 1e3
         axes.axhline(nominal, color="#000000", ls="--", lw=1, label="nominal")
         axes.set(xlabel="state", title=f"stage along {axis.upper()}", xticks=_MOVED)
     named_below(figure, 4)
 
 
-def _column(printed: Given | Mapping[str, float], name: str) -> FloatArray:
+def _column(printed: Inputs | Mapping[str, float], name: str) -> FloatArray:
     return np.array([printed[f"{TABLE}#{state}.{name}"] for state in _MOVED])
 
 
@@ -303,12 +308,12 @@ def _implied(motions: FloatArray, angles: FloatArray) -> FloatArray:
     return np.asarray(-motions / np.tan(angles) * 1e3)
 
 
-def _implied_facts(given: Given) -> dict[str, declare.Fact]:
+def _implied_facts(inputs: Inputs) -> dict[str, declare.Fact]:
     """Return the extremes of the implied focal lengths, and the range that fits all rows.
 
     The largest difference is between monitored and reference angles with interchanged columns.
     """
-    own, half, other, _ = _focal_lengths(given).iloc[:, 1:].to_numpy(np.float64).T
+    own, half, other, _ = _focal_lengths(inputs).iloc[:, 1:].to_numpy(np.float64).T
     lengths = {
         "printed-least": own.min(),
         "printed-most": own.max(),
@@ -319,7 +324,7 @@ def _implied_facts(given: Given) -> dict[str, declare.Fact]:
     }
     largest = max(
         np.abs(
-            _column(given, f"monitoring-{turn}") - _column(given, f"reference-{axis}")
+            _column(inputs, f"monitoring-{turn}") - _column(inputs, f"reference-{axis}")
         ).max()
         for axis, turn in _TURNS.items()
     )
@@ -333,14 +338,14 @@ def _implied_facts(given: Given) -> dict[str, declare.Fact]:
     }
 
 
-@declare.studied("chen2023/focal-lengths", given=[f"{TABLE}#*"], named=_implied_facts)
-def _focal_lengths(given: Given) -> Iterator[tuple[str | float, ...]]:
+@declare.studied("chen2023/focal-lengths", inputs=[f"{TABLE}#*"], named=_implied_facts)
+def _focal_lengths(inputs: Inputs) -> Iterator[tuple[str | float, ...]]:
     """Focal lengths that the rows of Table V imply, as printed and with the columns exchanged."""
     # Rounding: a motion is the difference of two positions to 0.01 µm.
     half_motion, half_angle = 1e-8, 0.0005 * RADIANS_PER_ARCSEC
     for axis, turn in _TURNS.items():
-        angles, motions = _column(given, f"reference-{turn}"), _motions(given, axis)
-        own, other = (_implied(_motions(given, a), angles) for a in (axis, turn))
+        angles, motions = _column(inputs, f"reference-{turn}"), _motions(inputs, axis)
+        own, other = (_implied(_motions(inputs, a), angles) for a in (axis, turn))
         relative = half_motion / np.abs(motions) + half_angle / np.abs(angles)
         for state, *row in zip(_MOVED, own, own * relative, other, strict=True):
             yield (f"reference about {turn.upper()}, state {state}", *row, row[1])
@@ -353,22 +358,24 @@ def _shared_zero_chi_square(differences: FloatArray, sigma: float) -> float:
     return float(total / sigma**2)
 
 
-def _test_facts(given: Given) -> dict[str, declare.Fact]:
+def _test_facts(inputs: Inputs) -> dict[str, declare.Fact]:
     """Return the probability under each noise, chi-square of the first, and the differences.
 
     The lag is that of a mean over the smoothed angles of a whole state, with its ramp.
     """
-    rows = _differences(given).to_numpy()
+    rows = _differences(inputs).to_numpy()
     # A probability below 1e-12 is quoted as zero.
     facts = {
         f"{name}-chance": declare.Fact(row[3], "chance", zero=1e-12)
         for name, row in zip(("state", "ramp", "printed"), rows, strict=True)
     }
-    few, frames = given.count(accuracy.SMOOTHED), given.count(FRAMES)
+    few, frames = inputs.count(accuracy.SMOOTHED), inputs.count(FRAMES)
     # After a step the mean of the last n images lacks (n - 1)/n, ..., 1/n, 0 of it.
     short = (few - 1) / (2 * frames)
-    step = np.abs([given[f"{TABLE}#{STATES[-1]}.reference-{a}"] for a in _TURNS]).mean()
-    differences = given.array(f"{TABLE}#[2-5].difference-?") / RADIANS_PER_ARCSEC
+    step = np.abs(
+        [inputs[f"{TABLE}#{STATES[-1]}.reference-{a}"] for a in _TURNS]
+    ).mean()
+    differences = inputs.array(f"{TABLE}#[2-5].difference-?") / RADIANS_PER_ARCSEC
     lag = step / len(_MOVED) * short / RADIANS_PER_ARCSEC
     return facts | {
         "ramp-lag": declare.Fact(float(lag), ".2f", "arcsec"),
@@ -381,7 +388,7 @@ def _test_facts(given: Given) -> dict[str, declare.Fact]:
 
 @declare.studied(
     "chen2023/differences",
-    given=(
+    inputs=(
         f"{TABLE}#[2-5].difference-?",
         f"{TABLE}#{STATES[-1]}.reference-?",
         f"{accuracy.TABLE}#*.misalignment-?",
@@ -390,11 +397,11 @@ def _test_facts(given: Given) -> dict[str, declare.Fact]:
     ),
     named=_test_facts,
 )
-def _differences(given: Given) -> Iterator[tuple[str, float, int, float]]:
+def _differences(inputs: Inputs) -> Iterator[tuple[str, float, int, float]]:
     """Joint test of the differences of Table V: are they noise?"""
     from scipy.special import chdtrc
 
-    few, frames = given.count(accuracy.SMOOTHED), given.count(FRAMES)
+    few, frames = inputs.count(accuracy.SMOOTHED), inputs.count(FRAMES)
     freedom = len(_MOVED) * len(_TURNS)
     for name, row, averaged in (
         (f"one frame of Table IV, means of {frames}", 1, frames),
@@ -403,9 +410,9 @@ def _differences(given: Given) -> Iterator[tuple[str, float, int, float]]:
     ):
         found = 0.0
         for turn in _TURNS:
-            accurate = given[f"{accuracy.TABLE}#{row}.misalignment-{turn}"]
+            accurate = inputs[f"{accuracy.TABLE}#{row}.misalignment-{turn}"]
             sigma = accurate / platform.SIGMAS / np.sqrt(averaged)
             found += _shared_zero_chi_square(
-                _column(given, f"difference-{turn}"), sigma
+                _column(inputs, f"difference-{turn}"), sigma
             )
         yield (name, found, freedom, float(chdtrc(freedom, found)))

@@ -17,7 +17,7 @@ from reproduce.papers.declare import Results, reproduces
 from reproduce.physics.attitude import Platform
 from reproduce.physics.optics import angle_from_pixels, detector_centre
 from reproduce.physics.validate import FloatArray
-from reproduce.printed.given import Given
+from reproduce.printed.inputs import Inputs
 
 PLATFORM = "chen2023/table-2"
 SCATTER = "chen2023/table-3"
@@ -35,49 +35,49 @@ INSTRUMENT = (SPOTS, DIAGONAL, TELESCOPE, FOCAL_LENGTH, PIXEL, PIXELS)
 SIGMAS = 3.0
 
 
-def angle_of_one_pixel(given: Given) -> float:
+def angle_of_one_pixel(inputs: Inputs) -> float:
     """Return the angle that one pixel of the ground tracker sees, in radians."""
-    focal_length, pixel_pitch = (given[address] for address in TRACKER)
+    focal_length, pixel_pitch = (inputs[address] for address in TRACKER)
     return float(angle_from_pixels(1, pixel_pitch, focal_length))
 
 
-@reproduces(PLATFORM, cells=["tracker-angular-resolution.value"], given=TRACKER)
-def pixel_angle(given: Given) -> Results:
+@reproduces(PLATFORM, cells=["tracker-angular-resolution.value"], inputs=TRACKER)
+def pixel_angle(inputs: Inputs) -> Results:
     """Angle of one pixel from the tracker's pixel size and focal length."""
-    return {"tracker-angular-resolution.value": angle_of_one_pixel(given)}
+    return {"tracker-angular-resolution.value": angle_of_one_pixel(inputs)}
 
 
-@reproduces(TEXT, cells=["sd-*"], given=[SCATTER])
-def scatter_range(given: Given) -> Results:
+@reproduces(TEXT, cells=["sd-*"], inputs=[SCATTER])
+def scatter_range(inputs: Inputs) -> Results:
     """Smallest and largest scatter in Table III."""
-    printed = given.array(SCATTER)
+    printed = inputs.array(SCATTER)
     return {"sd-low": float(printed.min()), "sd-high": float(printed.max())}
 
 
-def angle_response(given: Given) -> FloatArray:
+def angle_response(inputs: Inputs) -> FloatArray:
     """Return how the camera's misalignment angles respond to errors of the four centroids.
 
     Shape (3, 4, 2). Derivative of the angles about X, Y and Z of the camera by x and y of each
     spot, in rad/px.
     """
-    design = as_designed(given)
+    design = as_designed(inputs)
     return design.response(design.spots)
 
 
-def angle_sigma(given: Given, group: int, frames: int) -> FloatArray:
+def angle_sigma(inputs: Inputs, group: int, frames: int) -> FloatArray:
     """Return the standard deviation of the angles about X, Y and Z from some frames of a group."""
-    squares = angle_response(given) ** 2 * scatter(given, group) ** 2
+    squares = angle_response(inputs) ** 2 * scatter(inputs, group) ** 2
     return np.asarray(np.sqrt(squares.sum(axis=(1, 2)) / frames))
 
 
-def printed_spots(given: Given) -> FloatArray:
+def printed_spots(inputs: Inputs) -> FloatArray:
     """Return the printed centroids, in px, of shape (4, 2)."""
-    return given.array(SPOTS).reshape(-1, 2)
+    return inputs.array(SPOTS).reshape(-1, 2)
 
 
-def lasers(given: Given) -> FloatArray:
+def lasers(inputs: Inputs) -> FloatArray:
     """Return the designed lasers, in metres, of shape (4, 2)."""
-    return designed_positions(printed_spots(given), given[DIAGONAL])
+    return designed_positions(printed_spots(inputs), inputs[DIAGONAL])
 
 
 def designed_positions(spots: FloatArray, diagonal: float) -> FloatArray:
@@ -92,16 +92,16 @@ def designed_positions(spots: FloatArray, diagonal: float) -> FloatArray:
     return corners * diagonal / 2
 
 
-def as_designed(given: Given) -> Platform:
+def as_designed(inputs: Inputs) -> Platform:
     """The platform as designed, with the centre of the detector for the principal point."""
-    lengths = given[TELESCOPE], given[FOCAL_LENGTH], given[PIXEL]
-    centre = detector_centre(given.array(PIXELS))
-    return Platform(lasers(given), *lengths, centre, printed_spots(given))
+    lengths = inputs[TELESCOPE], inputs[FOCAL_LENGTH], inputs[PIXEL]
+    centre = detector_centre(inputs.array(PIXELS))
+    return Platform(lasers(inputs), *lengths, centre, printed_spots(inputs))
 
 
-def scatter(given: Given, group: int) -> FloatArray:
+def scatter(inputs: Inputs, group: int) -> FloatArray:
     """Return the centroid scatter of one group of images.
 
     Shape (4, 2). One standard deviation of x and y of each spot, in px.
     """
-    return given.array(f"{SCATTER}#{group}-*").reshape(-1, 2) / SIGMAS
+    return inputs.array(f"{SCATTER}#{group}-*").reshape(-1, 2) / SIGMAS

@@ -31,7 +31,7 @@ from reproduce.papers.chen2023.satellite import LASER, STAR
 from reproduce.papers.declare import draws, seed_of
 from reproduce.physics import attitude, images
 from reproduce.physics.validate import FloatArray
-from reproduce.printed.given import Given
+from reproduce.printed.inputs import Inputs
 from reproduce.store.measured import bright_stars
 from reproduce.units import ARCSEC_PER_RADIAN
 
@@ -78,12 +78,14 @@ class _Bench:
         return attitude.received_spots(moved, *self.design.tracker)
 
 
-def bench(given: Given) -> _Bench:
+def bench(inputs: Inputs) -> _Bench:
     """Set the twin up from printed numbers."""
-    design, window = platform.as_designed(given), round(given[_WINDOW])
-    radius = given[resolution.SPOT_RADIUS] / given[platform.PIXEL]
+    design, window = platform.as_designed(inputs), round(inputs[_WINDOW])
+    radius = inputs[resolution.SPOT_RADIUS] / inputs[platform.PIXEL]
     law, _ = resolution.spot_laws(design.spots, radius, window)
-    target = np.stack([(platform.scatter(given, g) ** 2).mean(axis=-1) for g in (1, 2)])
+    target = np.stack(
+        [(platform.scatter(inputs, g) ** 2).mean(axis=-1) for g in (1, 2)]
+    )
     light = np.asarray(law.variance.mean(axis=-1) / target)
     return _Bench(design, design.spots - law.bias, light, radius, window)
 
@@ -138,12 +140,12 @@ _STAGE_READS = (
     effectiveness.FRAMES,
 )
 _MARGIN_PX = 12
-_in_series = partial(draws, given=_SERIES_READS, random=True)
-_in_ride = partial(draws, given=_STAGE_READS, random=True)
+_in_series = partial(draws, inputs=_SERIES_READS, random=True)
+_in_ride = partial(draws, inputs=_STAGE_READS, random=True)
 
 
-@draws("chen2023/fig-1c", given=platform.INSTRUMENT, marks=[platform.SPOTS])
-def _draw_frame(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
+@draws("chen2023/fig-1c", inputs=platform.INSTRUMENT, marks=[platform.SPOTS])
+def _draw_frame(figure: Figure, printed: Mapping[str, float], inputs: Inputs) -> None:
     """A frame of the star and laser tracker: stars of the catalogue and the four laser spots."""
     (alpha, delta, turn), stars = _POINTING_DEG, bright_stars()
     # Intrinsic turns about Z, X and Z.
@@ -151,9 +153,9 @@ def _draw_frame(figure: Figure, printed: Mapping[str, float], door: Given) -> No
     about_z, about_x, roll = attitude.rotation_from_vector(turns)
     rays = stars.directions @ about_z @ about_x @ roll
     seen = (rays[:, 2] > 0.9) & (stars.magnitude <= _FAINTEST_MAGNITUDE)
-    spots = attitude.received_spots(rays[seen], *platform.as_designed(door).tracker)
+    spots = attitude.received_spots(rays[seen], *platform.as_designed(inputs).tracker)
     sizes = 5 * 1.7 ** (_FAINTEST_MAGNITUDE - stars.magnitude[seen])
-    inside = ((spots > 0) & (spots < door.array(platform.PIXELS) - 1)).all(axis=1)
+    inside = ((spots > 0) & (spots < inputs.array(platform.PIXELS) - 1)).all(axis=1)
     sized(figure, 6.0, 6.0, 4.2)
     axes = figure.add_subplot()
     x, y = spots[inside].T
@@ -172,46 +174,48 @@ def _pairs(printed: Mapping[str, float]) -> FloatArray:
 
 
 @cache
-def _groups(door: Given) -> _Series:
+def _groups(inputs: Inputs) -> _Series:
     """Return the two groups of frames that Figures 8 and 9 show."""
-    twin, frames = bench(door), door.count(accuracy.FRAMES)
-    return _two_groups(twin, frames, default_rng(seed_of("chen2023/fig-8", door.root)))
+    twin, frames = bench(inputs), inputs.count(accuracy.FRAMES)
+    return _two_groups(
+        twin, frames, default_rng(seed_of("chen2023/fig-8", inputs.root))
+    )
 
 
 @cache
-def _ride(door: Given) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _ride(inputs: Inputs) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Run the test of Figure 10: the printed positions, one state after the other.
 
     Shape (frames,). Times, in seconds. Shape (frames, 2), twice. Angles about X and Y, in radians:
     reference, and as monitored by the mean of up to 100 frames before.
     """
-    twin, frames = bench(door), door.count(effectiveness.FRAMES)
-    places = door.array(f"{effectiveness.TABLE}#*.position-?").reshape(-1, 2)
+    twin, frames = bench(inputs), inputs.count(effectiveness.FRAMES)
+    places = inputs.array(f"{effectiveness.TABLE}#*.position-?").reshape(-1, 2)
     # A motion along one axis turns the camera about the other; the printed signs are kept.
     motions = (places - places[0])[:, ::-1]
-    angles = attitude.stage_angle(motions, door[platform.TELESCOPE])
+    angles = attitude.stage_angle(motions, inputs[platform.TELESCOPE])
     spots = twin.turned(np.insert(angles, 2, 0.0, axis=1))
-    generator = default_rng(seed_of("chen2023/fig-10b", door.root))
+    generator = default_rng(seed_of("chen2023/fig-10b", inputs.root))
     found = centroids(twin, spots, twin.light[1], frames, generator)
     zero = attitude.mean_rotation(twin.design.transform(found[0]))
     single = twin.design.misalignment(found, zero).reshape(-1, 3)[:, :2]
-    count = door.count(accuracy.SMOOTHED)
+    count = inputs.count(accuracy.SMOOTHED)
     start = np.cumsum(single[: count - 1], axis=0) / np.arange(1, count)[:, None]
     monitored = np.concatenate([start, attitude.moving_average(single.T, count).T])
-    times = np.arange(len(single), dtype=np.float64) * accuracy.time_per_frame(door)
+    times = np.arange(len(single), dtype=np.float64) * accuracy.time_per_frame(inputs)
     return times, np.repeat(angles, frames, axis=0), monitored
 
 
 @_in_series("chen2023/fig-7", marks=[platform.SPOTS])
-def _draw_spots(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
+def _draw_spots(figure: Figure, printed: Mapping[str, float], inputs: Inputs) -> None:
     """Image of the four laser spots in the tracker, rendered at the printed places."""
-    twin = bench(door)
+    twin = bench(inputs)
     corner = np.floor(twin.spots.min(axis=0)).astype(int) - _MARGIN_PX
     end = np.ceil(twin.spots.max(axis=0)).astype(int) + _MARGIN_PX
     size = tuple((end - corner).tolist())
     spots = twin.spots - corner
     mean = images.render_frame(spots, twin.light[0], twin.radius, size)
-    generator = default_rng(seed_of("chen2023/fig-7", door.root))
+    generator = default_rng(seed_of("chen2023/fig-7", inputs.root))
     seen = images.expose(mean, images.Detector(), generator)
     (left, top), (right, bottom) = corner - 0.5, end - 0.5
     sized(figure, 6.4, 5.2, 3.2)
@@ -237,14 +241,16 @@ def _draw_spots(figure: Figure, printed: Mapping[str, float], door: Given) -> No
 
 
 @_in_series("chen2023/fig-8", marks=[f"{accuracy.TEXT}#transform-single-?"])
-def _draw_transform(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
+def _draw_transform(
+    figure: Figure, printed: Mapping[str, float], inputs: Inputs
+) -> None:
     """Error of the laser transform over the first group, single frames and smoothed."""
-    _series(figure, door, _groups(door).transform, printed, "error (arcsec)")
+    _series(figure, inputs, _groups(inputs).transform, printed, "error (arcsec)")
 
 
 @_in_series("chen2023/fig-9", marks=[f"{accuracy.TEXT}#misalignment-single-?"])
 def _draw_misalignment(
-    figure: Figure, printed: Mapping[str, float], door: Given
+    figure: Figure, printed: Mapping[str, float], inputs: Inputs
 ) -> None:
     """Monitored misalignment over the second group, single frames and smoothed.
 
@@ -253,18 +259,22 @@ def _draw_misalignment(
     none, and the axis says that it counts from there.
     """
     _series(
-        figure, door, _groups(door).misalignment, printed, "angle, less offset (arcsec)"
+        figure,
+        inputs,
+        _groups(inputs).misalignment,
+        printed,
+        "angle, less offset (arcsec)",
     )
 
 
 def _series(
     figure: Figure,
-    door: Given,
+    inputs: Inputs,
     angles: FloatArray,
     printed: Mapping[str, float],
     quantity: str,
 ) -> None:
-    count, frames = door.count(accuracy.SMOOTHED), np.arange(1, len(angles) + 1)
+    count, frames = inputs.count(accuracy.SMOOTHED), np.arange(1, len(angles) + 1)
     panels = pair(figure, 3.4, 5.4, quantity)
     columns = zip(
         panels, "XY", angles.T[:2] * ARCSEC_PER_RADIAN, printed.values(), strict=True
@@ -298,29 +308,29 @@ def _draw_pattern(figure: Figure, printed: Mapping[str, float]) -> None:
 
 
 @_in_ride("chen2023/fig-10b", marks=[f"{effectiveness.TABLE}#[2-5].monitoring-y"])
-def _draw_about_y(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
+def _draw_about_y(figure: Figure, printed: Mapping[str, float], inputs: Inputs) -> None:
     """Monitored and reference angle about Y while the stage moves along X."""
-    _ridden(figure, door, "Y", printed)
+    _ridden(figure, inputs, "Y", printed)
 
 
 @_in_ride("chen2023/fig-10c", marks=[f"{effectiveness.TABLE}#[2-5].monitoring-x"])
-def _draw_about_x(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
+def _draw_about_x(figure: Figure, printed: Mapping[str, float], inputs: Inputs) -> None:
     """Monitored and reference angle about X while the stage moves along Y."""
-    _ridden(figure, door, "X", printed)
+    _ridden(figure, inputs, "X", printed)
 
 
 @_in_ride("chen2023/fig-1d")
-def _draw_example(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
+def _draw_example(figure: Figure, printed: Mapping[str, float], inputs: Inputs) -> None:
     """One move of the stage, close up: the average follows the reference after its own length."""
     sized(figure, 6.4, 3.2, 2.8)
-    _ridden(figure, door, "Y", {})
+    _ridden(figure, inputs, "Y", {})
 
 
 def _ridden(
-    figure: Figure, door: Given, axis: str, marked: Mapping[str, float]
+    figure: Figure, inputs: Inputs, axis: str, marked: Mapping[str, float]
 ) -> None:
     """Draw the whole test with the printed angles, or one move without any."""
-    times, *angles = _ride(door)
+    times, *angles = _ride(inputs)
     each, axes = len(times) // len(effectiveness.STATES), figure.add_subplot()
     shown = slice(None) if marked else slice(each // 2, 2 * each)
     reference, monitored = (

@@ -29,7 +29,7 @@ from reproduce.papers.declare import (
 from reproduce.physics import ground
 from reproduce.physics.attitude import rotation_from_vector
 from reproduce.physics.validate import FloatArray
-from reproduce.printed.given import Given
+from reproduce.printed.inputs import Inputs
 from reproduce.units import RADIANS_PER_ARCSEC
 
 if TYPE_CHECKING:
@@ -74,45 +74,45 @@ UNCORRECTED, *CORRECTIONS = (
 @reproduces(
     "chen2023/text-positioning",
     cells=["*-resolution"],
-    given=[f"{satellite.SATELLITE}#*ground-resolution.value"],
+    inputs=[f"{satellite.SATELLITE}#*ground-resolution.value"],
 )
-def quoted_resolution(given: Given) -> Results:
+def quoted_resolution(inputs: Inputs) -> Results:
     """Ground resolutions of Table I, quoted again in the introduction."""
     return {
-        f"{sensor}-resolution": given[
+        f"{sensor}-resolution": inputs[
             f"{satellite.SATELLITE}#{sensor}-ground-resolution.value"
         ]
         for sensor in ("panchromatic", "multispectral")
     }
 
 
-def _terms(given: Given) -> dict[str, tuple[str, FloatArray]]:
+def _terms(inputs: Inputs) -> dict[str, tuple[str, FloatArray]]:
     """Return the errors of the imaging model for SVGF-1, by name.
 
     Each has a kind, ``satellite``, ``turn`` or ``image``, for its derivative, and standard
     deviations along or about X, Y, Z, in metres or radians. The misalignment is given axis by axis,
     for one frame and for the average of many.
     """
-    limit = np.full(3, given[_POINTING] / platform.SIGMAS)
+    limit = np.full(3, inputs[_POINTING] / platform.SIGMAS)
     terms = {"attitude of the tracker, at its limit": ("turn", limit)}
-    for frames, mean in ((1, _SINGLE), (given.count(accuracy.SMOOTHED), _AVERAGED)):
-        sigmas = np.diag(platform.angle_sigma(given, 2, frames))
+    for frames, mean in ((1, _SINGLE), (inputs.count(accuracy.SMOOTHED), _AVERAGED)):
+        sigmas = np.diag(platform.angle_sigma(inputs, 2, frames))
         for axis, sigma in zip(("X", "Y", "Z (roll)"), sigmas, strict=True):
             terms[f"misalignment about {axis}, {mean}"] = ("turn", sigma)
     terms["orbit"] = ("satellite", np.full(3, _ORBIT_ERROR_M))
-    pixel = np.array([1.0, 1.0, 0.0]) * given[satellite.CAMERA[1]]
+    pixel = np.array([1.0, 1.0, 0.0]) * inputs[satellite.CAMERA[1]]
     terms["principal point, one pixel"] = ("image", pixel)
     return terms
 
 
 def _look(
-    given: Given, tilt: float, off: float
+    inputs: Inputs, tilt: float, off: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Set the satellite up over a place of middle latitude.
 
     Image vector, place and rotation chain, as the imaging model takes them.
     """
-    height, focal = satellite.altitude(given), given[satellite.CAMERA[0]]
+    height, focal = satellite.altitude(inputs), inputs[satellite.CAMERA[0]]
     place = ground.earth_fixed([0.5, 0.8, height])
     flight = np.cross(np.cross(place, [0.0, 0.0, 1.0]), place)
     down = ground.satellite_from_inertial(place, flight).T
@@ -120,17 +120,17 @@ def _look(
     return np.array([[off / height * focal, 0.0, -focal]]), place, chain
 
 
-def _covariances(given: Given) -> dict[str, FloatArray]:
+def _covariances(inputs: Inputs) -> dict[str, FloatArray]:
     """Return the covariances of east and north of each term, (looks, 2, 2), in square metres.
 
     The last two are of all terms, with one frame and with the average of many.
     """
     jacobians = [
-        ground.ground_jacobian(*_look(given, tilt, off)) for _, tilt, off in LOOKS
+        ground.ground_jacobian(*_look(inputs, tilt, off)) for _, tilt, off in LOOKS
     ]
     places = np.concatenate([one.position for one in jacobians])
     found = {}
-    for name, (kind, sigma) in _terms(given).items():
+    for name, (kind, sigma) in _terms(inputs).items():
         slopes = np.concatenate([getattr(one, f"by_{kind}") for one in jacobians])
         found[name] = ground.ground_covariance(places, slopes, np.diag(sigma**2))
     together = {
@@ -142,18 +142,18 @@ def _covariances(given: Given) -> dict[str, FloatArray]:
     return found | together
 
 
-@studied("chen2023/budget", given=READS)
-def _budget(given: Given) -> pd.DataFrame:
+@studied("chen2023/budget", inputs=READS)
+def _budget(inputs: Inputs) -> pd.DataFrame:
     """Error budget of SVGF-1 on the ground, term by term."""
-    terms, rows = _terms(given), []
-    for name, covariances in _covariances(given).items():
+    terms, rows = _terms(inputs), []
+    for name, covariances in _covariances(inputs).items():
         size, unit = np.nan, ""
         if name in terms:
             kind, sigma = terms[name]
             scale, unit = _UNITS[kind]
             size = sigma.max() / scale
         rows.append((name, size, unit, *ground.circular_error(covariances).tolist()))
-    return _budget.frame(rows, altitude=satellite.altitude(given) / 1e3)
+    return _budget.frame(rows, altitude=satellite.altitude(inputs) / 1e3)
 
 
 @lru_cache(maxsize=1)  # a year is large
@@ -171,17 +171,17 @@ def _year(height: float, root: int | None) -> tuple[FloatArray, FloatArray, Floa
     return times - _CAMPAIGN_DAYS, angles, generator.standard_normal(angles.shape)
 
 
-def _residuals(given: Given, amplitude: float) -> dict[str, FloatArray]:
+def _residuals(inputs: Inputs, amplitude: float) -> dict[str, FloatArray]:
     """Return the residual misalignment of each correction, from the end of the campaign on.
 
     Name to errors of shape (samples, 2), in radians.
     """
-    times, unit, noise = _year(satellite.altitude(given), given.root)
+    times, unit, noise = _year(satellite.altitude(inputs), inputs.root)
     true, known = amplitude * unit, int(np.searchsorted(times, 0.0))
     measured = true + _CALIBRATION_ERROR * noise
     # The lasers give the misalignment half an average late, with its noise.
-    count = given.count(accuracy.SMOOTHED)
-    late = times - 0.5 * count / given[accuracy.RATE] / ground.DAY_SECONDS
+    count = inputs.count(accuracy.SMOOTHED)
+    late = times - 0.5 * count / inputs[accuracy.RATE] / ground.DAY_SECONDS
     delayed = np.stack([np.interp(late, times, angle) for angle in true.T], axis=-1)
     estimates = (
         np.zeros_like(true),
@@ -190,7 +190,7 @@ def _residuals(given: Given, amplitude: float) -> dict[str, FloatArray]:
             times, np.arange(len(times)) / _SAMPLES_PER_ORBIT, measured, known
         ),
         ground.last_orbits(measured, _SAMPLES_PER_ORBIT),
-        delayed + platform.angle_sigma(given, 2, count)[:2] * noise,
+        delayed + platform.angle_sigma(inputs, 2, count)[:2] * noise,
     )
     names = (UNCORRECTED, *CORRECTIONS)
     return {
@@ -202,7 +202,7 @@ def _residuals(given: Given, amplitude: float) -> dict[str, FloatArray]:
 @studied(
     "chen2023/strategies",
     random=True,
-    given=_YEAR_READS,
+    inputs=_YEAR_READS,
     columns=(
         Column("Correction"),
         *(
@@ -213,11 +213,11 @@ def _residuals(given: Given, amplitude: float) -> dict[str, FloatArray]:
     caption="CE90 on the ground from the thermal misalignment that is left, over the year after "
     f"a campaign of {_CAMPAIGN_DAYS:g} days, by amplitude of the first thermal harmonic.",
 )
-def _strategies(given: Given) -> Iterator[tuple[str | float, ...]]:
+def _strategies(inputs: Inputs) -> Iterator[tuple[str | float, ...]]:
     """Positioning error over a year, for four corrections and four thermal amplitudes."""
-    height = satellite.altitude(given)
+    height = satellite.altitude(inputs)
     left = [
-        _residuals(given, amplitude * RADIANS_PER_ARCSEC)
+        _residuals(inputs, amplitude * RADIANS_PER_ARCSEC)
         for amplitude in _AMPLITUDES_ARCSEC
     ]
     for name in (UNCORRECTED, *CORRECTIONS):

@@ -23,8 +23,8 @@ from reproduce.papers.posteriors import Declaration, File, data_stream
 from reproduce.physics.attitude import Platform
 from reproduce.physics.attitude.diagnosis import diagnose_spots
 from reproduce.physics.validate import FloatArray
-from reproduce.printed.given import Given, given
-from reproduce.store.points import Table, TableFileError
+from reproduce.printed.inputs import Inputs, load_inputs
+from reproduce.store.points import DataTable, TableFileError
 from reproduce.store.spots import IMAGES, SPOTS, images_of, lost_spots
 from reproduce.units import ARCSEC_PER_RADIAN
 
@@ -40,12 +40,12 @@ _MIN_IMAGES = 3
 
 
 def _simulated_images(
-    given: Given, turns: list[tuple[FloatArray, FloatArray]], drifts: bool
+    inputs: Inputs, turns: list[tuple[FloatArray, FloatArray]], drifts: bool
 ) -> models.SpotStatistics:
     """Simulate images of two groups, of which the second may drift."""
-    generator = Generator(PCG64(data_stream(given, 2, int(drifts))))
-    frames, design = given.count(_FRAMES), as_designed(given)
-    noise = np.sqrt(np.square(given.array(SCATTER) / SIGMAS).mean())
+    generator = Generator(PCG64(data_stream(inputs, 2, int(drifts))))
+    frames, design = inputs.count(_FRAMES), as_designed(inputs)
+    noise = np.sqrt(np.square(inputs.array(SCATTER) / SIGMAS).mean())
     # The printed spots fill less than the designed square: simulate what was printed.
     printed, designed = (
         np.ptp(points, axis=0).mean() for points in (design.spots, design.lasers)
@@ -80,48 +80,48 @@ class _OnTheGround:
         }
 
 
-def _truth(given: Given, drifts: bool = False) -> dict[str, float]:
+def _truth(inputs: Inputs, drifts: bool = False) -> dict[str, float]:
     """Return the misalignment of the simulation, and its drift through the group."""
     values = np.append(_TRUTH, _DRIFT if drifts else ())
     names = (f"{name}-{axis}" for name in ("angle", "drift") for axis in models.AXES)
     return dict(zip(names, values.tolist(), strict=False))
 
 
-def _misalignment(given: Given, drifts: bool = False) -> Model:
+def _misalignment(inputs: Inputs, drifts: bool = False) -> Model:
     """Return a misalignment after a calibration group, constant or with a drift."""
     zero, half = np.zeros(3), _DRIFT / 2 if drifts else np.zeros(3)
     turns = [(zero, zero), (_TRUTH - half, _TRUTH + half)]
     return models.misalignment_model(
-        as_designed(given),
-        _simulated_images(given, turns, drifts),
+        as_designed(inputs),
+        _simulated_images(inputs, turns, drifts),
         drifts=drifts,
-        derived=(_OnTheGround(satellite.altitude(given)),),
+        derived=(_OnTheGround(satellite.altitude(inputs)),),
     )
 
 
-def drift(given: Given) -> Model:
+def drift(inputs: Inputs) -> Model:
     """Return a misalignment that drifts through the monitoring group."""
-    return _misalignment(given, drifts=True)
+    return _misalignment(inputs, drifts=True)
 
 
 def _your_model(
-    table: Table, given: Mapping[str, Any], drifts: bool
+    table: DataTable, inputs: Mapping[str, Any], drifts: bool
 ) -> tuple[Model, list[str]]:
     """Return a misalignment, constant or with a drift in group 1, and remarks on the spots.
 
     The platform is that of the paper by default. The remarks are those of `reproduce.misalignment`.
     """
-    instrument, images, remarks = _measured(table, drifts, given.get("platform"))
+    instrument, images, remarks = _measured(table, drifts, inputs.get("platform"))
     statistics = models.SpotStatistics.of(images, (False, drifts))
     model = models.misalignment_model(instrument, statistics, drifts=drifts)
     return model.with_priors(_priors(model, images)), remarks
 
 
 def _measured(
-    table: Table, drifts: bool, design: Platform | None
+    table: DataTable, drifts: bool, design: Platform | None
 ) -> tuple[Platform, list[FloatArray], list[str]]:
     """Return the platform, whole images of each group, and remarks."""
-    instrument = as_designed(given(INSTRUMENT)) if design is None else design
+    instrument = as_designed(load_inputs(INSTRUMENT)) if design is None else design
     pair = images_of(table, len(instrument.lasers))
     found = diagnose_spots(instrument, pair, drifts)
     notes = [*(one.text for one in found.findings), *lost_spots(pair)]

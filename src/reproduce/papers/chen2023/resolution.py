@@ -46,7 +46,7 @@ from reproduce.physics.images import (
     window_corners,
 )
 from reproduce.physics.validate import FloatArray
-from reproduce.printed.given import Given
+from reproduce.printed.inputs import Inputs
 from reproduce.units import ARCSEC_PER_RADIAN, RADIANS_PER_ARCSEC
 
 if TYPE_CHECKING:
@@ -102,17 +102,17 @@ _LITERAL = _Case()
 @declare.reproduces(
     STUDY,
     cells=["spot-radius-pixels", "position-*", "optimum-radius"],
-    given=[
+    inputs=[
         SPOT_RADIUS,
         f"{STUDY}#pixel-size",
         f"{STUDY}#optimum",
         platform.FOCAL_LENGTH,
     ],
 )
-def spot(given: Given) -> declare.Results:
+def spot(inputs: Inputs) -> declare.Results:
     """Spot radius in pixels, here and at the optimum, and the ends of one pixel."""
-    radius, pixel = given[SPOT_RADIUS], given[f"{STUDY}#pixel-size"]
-    pixel_at_optimum = given[f"{STUDY}#optimum"] * given[platform.FOCAL_LENGTH]
+    radius, pixel = inputs[SPOT_RADIUS], inputs[f"{STUDY}#pixel-size"]
+    pixel_at_optimum = inputs[f"{STUDY}#optimum"] * inputs[platform.FOCAL_LENGTH]
     return {
         "spot-radius-pixels": radius / pixel,
         "position-low": -pixel / 2,
@@ -124,12 +124,12 @@ def spot(given: Given) -> declare.Results:
 @declare.reproduces(
     STUDY,
     cells=["optimum", "optimum-accuracy", "saturation"],
-    given=READS,
+    inputs=READS,
     equations=["11"],
     replicates=_REPLICATES,
 )
 def optimum(
-    given: Given,
+    inputs: Inputs,
     seed: SeedSequence,
     replicates: int,
     *,
@@ -139,11 +139,11 @@ def optimum(
     threshold: str,
 ) -> declare.Results:
     """Best resolution, its centroid error, and the resolution where refining stops to pay."""
-    angles = resolutions(given)
+    angles = resolutions(inputs)
     case = _Case(_WIDTHS[radius], _READ_SHARES[noise], _BRIGHTNESS[light])
-    scatter = _replicated_scatter(given, seed, replicates, case)
-    monitoring = attitude_accuracy(scatter, given.count(f"{STUDY}#lasers"), angles)
-    saturation = _saturation(monitoring, _relative_error(given), float(threshold))
+    scatter = _replicated_scatter(inputs, seed, replicates, case)
+    monitoring = attitude_accuracy(scatter, inputs.count(f"{STUDY}#lasers"), angles)
+    saturation = _saturation(monitoring, _relative_error(inputs), float(threshold))
     return {
         "optimum": declare.Prediction(np.asarray(angles[scatter.argmin(axis=-1)])),
         "optimum-accuracy": declare.Prediction(np.asarray(scatter.min(axis=-1))),
@@ -151,18 +151,18 @@ def optimum(
     }
 
 
-def resolutions(given: Given) -> FloatArray:
+def resolutions(inputs: Inputs) -> FloatArray:
     """Return the angular resolutions of the study, one arc second apart, in radians."""
-    low, high = given[f"{STUDY}#resolution-low"], given[f"{STUDY}#resolution-high"]
+    low, high = inputs[f"{STUDY}#resolution-low"], inputs[f"{STUDY}#resolution-high"]
     return np.asarray(
         np.linspace(low, high, round((high - low) / RADIANS_PER_ARCSEC) + 1)
     )
 
 
-def _radii(given: Given, angles: FloatArray, case: _Case = _LITERAL) -> FloatArray:
+def _radii(inputs: Inputs, angles: FloatArray, case: _Case = _LITERAL) -> FloatArray:
     """Return the standard deviation of the spot in pixels that see the given angles."""
-    sigma = given[SPOT_RADIUS] / case.width
-    return np.asarray(sigma / (angles * given[platform.FOCAL_LENGTH]))
+    sigma = inputs[SPOT_RADIUS] / case.width
+    return np.asarray(sigma / (angles * inputs[platform.FOCAL_LENGTH]))
 
 
 def spot_laws(spots: FloatArray, radius: float, size: int) -> list[CentroidError]:
@@ -175,46 +175,46 @@ def spot_laws(spots: FloatArray, radius: float, size: int) -> list[CentroidError
     ]
 
 
-def _light_for_table(given: Given, case: _Case = _LITERAL) -> Light:
+def _light_for_table(inputs: Inputs, case: _Case = _LITERAL) -> Light:
     """Return the light for the mean variance of Table III, or as much more as a case says."""
-    radius = given[SPOT_RADIUS] / case.width / given[platform.PIXEL]
-    laws = spot_laws(platform.printed_spots(given), radius, round(given[_WINDOW]))
+    radius = inputs[SPOT_RADIUS] / case.width / inputs[platform.PIXEL]
+    laws = spot_laws(platform.printed_spots(inputs), radius, round(inputs[_WINDOW]))
     # Photon variance goes as one over the light, read variance as one over its square.
     photon, both = (law.variance.mean() for law in laws)
-    target = ((given.array(platform.SCATTER) / platform.SIGMAS) ** 2).mean()
+    target = ((inputs.array(platform.SCATTER) / platform.SIGMAS) ** 2).mean()
     signal = photon / ((1.0 - case.read_share) * target)
     read = signal * np.sqrt(case.read_share * target / (both - photon))
     return Light(float(case.brighter * signal), float(read))
 
 
 def _setting(
-    given: Given, case: _Case = _LITERAL
+    inputs: Inputs, case: _Case = _LITERAL
 ) -> tuple[FloatArray, Light, FloatArray, int]:
     """Return the phases, the light, the radii of the spot at all resolutions, and the window."""
-    radius = _radii(given, resolutions(given), case)
+    radius = _radii(inputs, resolutions(inputs), case)
     # The middles of so many equal parts of one pixel.
-    phases = (np.arange(given.count(PHASES)) + 0.5) / given.count(PHASES) - 0.5
-    return phases, _light_for_table(given, case), radius, round(given[_WINDOW])
+    phases = (np.arange(inputs.count(PHASES)) + 0.5) / inputs.count(PHASES) - 0.5
+    return phases, _light_for_table(inputs, case), radius, round(inputs[_WINDOW])
 
 
-def _relative_error(given: Given) -> float:
+def _relative_error(inputs: Inputs) -> float:
     """Return the relative standard error of a standard deviation from all phases and trials."""
     return float(
-        1.0 / np.sqrt(2.0 * given.count(PHASES) * given.count(f"{STUDY}#trials"))
+        1.0 / np.sqrt(2.0 * inputs.count(PHASES) * inputs.count(f"{STUDY}#trials"))
     )
 
 
 @lru_cache(maxsize=1)
 def _replicated_scatter(
-    given: Given, seed: SeedSequence, replicates: int, case: _Case
+    inputs: Inputs, seed: SeedSequence, replicates: int, case: _Case
 ) -> FloatArray:
     """Return the results of studies of the printed size, from the closed form.
 
     Shape (replicates, resolutions). Standard deviation of the errors of all phases and trials, in
     px.
     """
-    trials = given.count(f"{STUDY}#trials")
-    law = predicted_errors(*_setting(given, case))
+    trials = inputs.count(f"{STUDY}#trials")
+    law = predicted_errors(*_setting(inputs, case))
     deviation = np.sqrt(law.variance / trials)
     generator, shape = default_rng(seed), (replicates, *law.bias.shape)
     # Mean and variance of normal errors within a phase are independent.
@@ -235,21 +235,21 @@ def _saturation(monitoring: FloatArray, relative: float, errors: float) -> Float
 
 
 @cache
-def curves(door: Given) -> dict[str, FloatArray]:
+def curves(inputs: Inputs) -> dict[str, FloatArray]:
     """Return the curves of both panels of Figure 11, with the study simulated as described.
 
     ``angles`` in radians; ``simulated``, ``predicted`` (all errors together), ``within`` (scatter
     without bias), ``bias`` and ``bound`` in px; each of shape (resolutions,).
     """
-    phases, light, radius, size = study = _setting(door)
-    law, trials = predicted_errors(*study), door.count(f"{STUDY}#trials")
-    generator = default_rng(declare.seed_of("chen2023/fig-11a", door.root))
+    phases, light, radius, size = study = _setting(inputs)
+    law, trials = predicted_errors(*study), inputs.count(f"{STUDY}#trials")
+    generator = default_rng(declare.seed_of("chen2023/fig-11a", inputs.root))
     simulated = [
         simulated_errors(phases, light, wide, size, trials, generator).std()
         for wide in radius
     ]
     return {
-        "angles": resolutions(door),
+        "angles": resolutions(inputs),
         "simulated": np.array(simulated),
         "predicted": law.total,
         "within": law.within,
@@ -258,10 +258,12 @@ def curves(door: Given) -> dict[str, FloatArray]:
     }
 
 
-@declare.draws("chen2023/fig-11a", given=READS, marks=_OPTIMUM, random=True)
-def _draw_centroids(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
+@declare.draws("chen2023/fig-11a", inputs=READS, marks=_OPTIMUM, random=True)
+def _draw_centroids(
+    figure: Figure, printed: Mapping[str, float], inputs: Inputs
+) -> None:
     """Centroiding accuracy against the angular resolution of the tracker."""
-    axes = _curves(figure, curves(door), 1.0)
+    axes = _curves(figure, curves(inputs), 1.0)
     optimum, accuracy = (printed[address] for address in _OPTIMUM)
     place = optimum * ARCSEC_PER_RADIAN
     axes.plot(
@@ -271,10 +273,12 @@ def _draw_centroids(figure: Figure, printed: Mapping[str, float], door: Given) -
     named_below(figure, 3)
 
 
-@declare.draws("chen2023/fig-11b", given=READS, marks=[_SATURATION], random=True)
-def _draw_monitoring(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
+@declare.draws("chen2023/fig-11b", inputs=READS, marks=[_SATURATION], random=True)
+def _draw_monitoring(
+    figure: Figure, printed: Mapping[str, float], inputs: Inputs
+) -> None:
     """Monitoring accuracy against the angular resolution of the tracker."""
-    content, lasers = curves(door), door.count(f"{STUDY}#lasers")
+    content, lasers = curves(inputs), inputs.count(f"{STUDY}#lasers")
     scale = attitude_accuracy(1.0, lasers, content["angles"]) * ARCSEC_PER_RADIAN
     axes = _curves(figure, content, scale)
     limit = printed[_SATURATION] * ARCSEC_PER_RADIAN

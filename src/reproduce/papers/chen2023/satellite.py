@@ -1,6 +1,6 @@
 """The satellite's camera and the monitoring system as designed, its light traced (chen2023, I-II).
 
-The light goes through `physics.light` from the focal plane of the ground platform's telescope
+The light goes through `physics.raytrace` from the focal plane of the ground platform's telescope
 to the tracker's detector, and the spots are solved as the paper solves them. Every error is
 therefore the turn or roll of the camera that the system would report. A third reflection mirrors
 the image, and the designed pattern is then mirrored too, because no rotation would fit otherwise.
@@ -22,16 +22,16 @@ from reproduce.papers.charts import Look, sized
 from reproduce.papers.chen2023 import platform
 from reproduce.papers.declare import Fact, Results, draws, reproduces, studied
 from reproduce.physics import attitude, ground
-from reproduce.physics.light import (
+from reproduce.physics.optics import field_of_view
+from reproduce.physics.raytrace import (
     RETROREFLECTORS,
     LightPath,
     fold_mirror_tilt,
     reflection,
     turn_response,
 )
-from reproduce.physics.optics import field_of_view
 from reproduce.physics.validate import FloatArray
-from reproduce.printed.given import Given
+from reproduce.printed.inputs import Inputs
 from reproduce.units import RADIANS_PER_ARCSEC
 
 if TYPE_CHECKING:
@@ -74,53 +74,55 @@ LASER = Look("laser", "#D55E00", "--", "s")
 STAR = Look("starlight", "#009E73", "-.", "o")
 
 
-def altitude(given: Given) -> float:
+def altitude(inputs: Inputs) -> float:
     """Return the altitude that the panchromatic line of Table I implies, in metres."""
     return float(
-        ground.altitude_for_resolution(*(given[address] for address in CAMERA))
+        ground.altitude_for_resolution(*(inputs[address] for address in CAMERA))
     )
 
 
 @reproduces(
     SATELLITE,
     cells=["multispectral-ground-resolution.value"],
-    given=[
+    inputs=[
         f"{SATELLITE}#*focal-length.value",
         f"{SATELLITE}#*pixel-size.value",
         CAMERA[2],
     ],
 )
-def ground_resolution(given: Given) -> Results:
+def ground_resolution(inputs: Inputs) -> Results:
     """Multispectral ground resolution at the altitude that the panchromatic one implies."""
     focal, pixel = (
-        given[f"{SATELLITE}#multispectral-{name}.value"]
+        inputs[f"{SATELLITE}#multispectral-{name}.value"]
         for name in ("focal-length", "pixel-size")
     )
-    resolution = ground.ground_resolution(focal, pixel, altitude(given))
+    resolution = ground.ground_resolution(focal, pixel, altitude(inputs))
     return {"multispectral-ground-resolution.value": float(resolution)}
 
 
 @reproduces(
     _TEXT,
     cells=["focal-ratio"],
-    given=[CAMERA[0], platform.FOCAL_LENGTH, platform.PIXEL, _PIXELS, _FIELD],
+    inputs=[CAMERA[0], platform.FOCAL_LENGTH, platform.PIXEL, _PIXELS, _FIELD],
 )
-def focal_ratio(given: Given, *, tracker: str) -> Results:
+def focal_ratio(inputs: Inputs, *, tracker: str) -> Results:
     """Focal length of the camera over that of the tracker, whose own is not printed."""
-    focal = given[platform.FOCAL_LENGTH]
+    focal = inputs[platform.FOCAL_LENGTH]
     if tracker == "table-1-field":
-        focal = given[_PIXELS] * given[platform.PIXEL] / 2 / np.tan(given[_FIELD] / 2)
-    return {"focal-ratio": float(given[CAMERA[0]] / focal)}
+        focal = (
+            inputs[_PIXELS] * inputs[platform.PIXEL] / 2 / np.tan(inputs[_FIELD] / 2)
+        )
+    return {"focal-ratio": float(inputs[CAMERA[0]] / focal)}
 
 
-@reproduces(_TEXT, cells=["dihedral-angle"], given=[BORESIGHT])
-def dichroic_tilt(given: Given) -> Results:
+@reproduces(_TEXT, cells=["dihedral-angle"], inputs=[BORESIGHT])
+def dichroic_tilt(inputs: Inputs) -> Results:
     """Tilt of the dichroic mirror that folds the retro-reflected laser into the tracker."""
-    return {"dihedral-angle": float(fold_mirror_tilt(given[BORESIGHT]))}
+    return {"dihedral-angle": float(fold_mirror_tilt(inputs[BORESIGHT]))}
 
 
-@reproduces(_TEXT, cells=["table-angle"], given=[BORESIGHT])
-def table_angle(given: Given) -> Results:
+@reproduces(_TEXT, cells=["table-angle"], inputs=[BORESIGHT])
+def table_angle(inputs: Inputs) -> Results:
     """Angle of the tracker's boresight above the optical table, rolled by an assumed 45 degrees.
 
     The camera is assumed level. The tracker's boresight makes the supplement of the printed
@@ -128,7 +130,7 @@ def table_angle(given: Given) -> Results:
     multiplies the sine of its elevation by the sine of the roll. The paper prints neither the
     roll nor the level of the camera.
     """
-    sine = np.sin(np.pi - given[BORESIGHT]) * np.sin(_TRACKER_ROLL)
+    sine = np.sin(np.pi - inputs[BORESIGHT]) * np.sin(_TRACKER_ROLL)
     return {"table-angle": float(np.arcsin(sine))}
 
 
@@ -156,16 +158,16 @@ def _believed(
 
 @studied(
     "chen2023/retro-reflectors",
-    given=(*_LIGHT_PATH, platform.PIXEL),
+    inputs=(*_LIGHT_PATH, platform.PIXEL),
 )
-def _retro_reflectors(given: Given) -> Iterator[tuple[str | float, ...]]:
+def _retro_reflectors(inputs: Inputs) -> Iterator[tuple[str | float, ...]]:
     """Turns of the camera that a turn of the retro-reflector mimics, for three kinds of it."""
-    points = platform.lasers(given)
-    lengths = given[platform.TELESCOPE], given[platform.FOCAL_LENGTH]
+    points = platform.lasers(inputs)
+    lengths = inputs[platform.TELESCOPE], inputs[platform.FOCAL_LENGTH]
     for kind, train in RETROREFLECTORS.items():
         # An odd number of reflections mirrors the image.
         is_mirrored = train is None or np.linalg.det(train) < 0
-        rest = LightPath(*lengths, given[BORESIGHT], train)
+        rest = LightPath(*lengths, inputs[BORESIGHT], train)
         shares: list[float] = []
         for turn in _TEST_TURN * np.eye(3):
             x, y, z = _believed(rest, is_mirrored, points, turn=turn) / _TEST_TURN
@@ -180,29 +182,29 @@ def _retro_reflectors(given: Given) -> Iterator[tuple[str | float, ...]]:
             kind,
             *shares,
             abs(tilted[2]) / _TEST_TURN,
-            blur / given[platform.PIXEL],
+            blur / inputs[platform.PIXEL],
             image,
         )
 
 
-def _bench_facts(given: Given) -> dict[str, Fact]:
+def _bench_facts(inputs: Inputs) -> dict[str, Fact]:
     """Return the assumed roll of the bench."""
     return {"assumed-roll": Fact(f"{np.degrees(_TRACKER_ROLL):.0f}°")}
 
 
 @studied(
     "chen2023/dichroic",
-    given=(BORESIGHT, _ACCURACY, _EXPANSION),
+    inputs=(BORESIGHT, _ACCURACY, _EXPANSION),
     named=_bench_facts,
 )
-def _dichroic(given: Given) -> Iterator[tuple[str, float, float, float]]:
+def _dichroic(inputs: Inputs) -> Iterator[tuple[str, float, float, float]]:
     """Turn of the camera that a tilt of the dichroic mirror mimics, and the tolerance."""
-    accuracy = float(given.array(_ACCURACY).max())
-    factors = np.linalg.norm(_dichroic_response(given[BORESIGHT]), axis=0)
+    accuracy = float(inputs.array(_ACCURACY).max())
+    factors = np.linalg.norm(_dichroic_response(inputs[BORESIGHT]), axis=0)
     axes = ("in the plane of the light", "across it", "its normal")
     for axis, factor in zip(axes, factors, strict=True):
         turn = accuracy / factor if factor > _ROUNDING_FACTOR else np.inf
-        yield (axis, factor, turn / RADIANS_PER_ARCSEC, turn / given[_EXPANSION])
+        yield (axis, factor, turn / RADIANS_PER_ARCSEC, turn / inputs[_EXPANSION])
 
 
 def _dichroic_response(boresight_angle: float) -> FloatArray:
@@ -220,24 +222,24 @@ def _dichroic_response(boresight_angle: float) -> FloatArray:
 
 @studied(
     "chen2023/heat",
-    given=(
+    inputs=(
         *(CAMERA[0], *platform.TRACKER, platform.TELESCOPE, platform.DIAGONAL),
         *(_RATIO, _PIXELS, _ACCURACY, _EXPANSION),
     ),
 )
-def _heat(given: Given) -> Iterator[tuple[str | float, ...]]:
+def _heat(inputs: Inputs) -> Iterator[tuple[str | float, ...]]:
     """Effects of thermal motion of the lasers, in flight and on the bench."""
-    flight, short = given[CAMERA[0]], given[platform.FOCAL_LENGTH]
-    accuracy = float(given.array(_ACCURACY).max())
+    flight, short = inputs[CAMERA[0]], inputs[platform.FOCAL_LENGTH]
+    accuracy = float(inputs.array(_ACCURACY).max())
     for name, camera, tracker in (
-        ("flight, as printed", flight, flight / given[_RATIO]),
+        ("flight, as printed", flight, flight / inputs[_RATIO]),
         ("flight camera with the tracker of Table II", flight, short),
-        ("ground platform", given[platform.TELESCOPE], short),
+        ("ground platform", inputs[platform.TELESCOPE], short),
     ):
-        view = field_of_view(given[_PIXELS], given[platform.PIXEL], tracker)
+        view = field_of_view(inputs[_PIXELS], inputs[platform.PIXEL], tracker)
         angle = 1e-6 / camera / RADIANS_PER_ARCSEC
         motion = accuracy * camera
-        kelvin = motion / (given[_EXPANSION] * given[platform.DIAGONAL])
+        kelvin = motion / (inputs[_EXPANSION] * inputs[platform.DIAGONAL])
         lengths = (camera / tracker, tracker * 1e3, np.degrees(float(view)))
         yield (name, *lengths, angle, motion * 1e6, kelvin)
 

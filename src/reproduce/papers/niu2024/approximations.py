@@ -29,7 +29,7 @@ from reproduce.physics.registration import (
     fit_registration,
 )
 from reproduce.physics.validate import FloatArray
-from reproduce.printed.given import Given, given
+from reproduce.printed.inputs import Inputs, load_inputs
 
 _APPROXIMATIONS = "niu2024/text-approximations"
 _FIRST_TERM_FRACTION = f"{_APPROXIMATIONS}#first-term-share"
@@ -54,44 +54,44 @@ _TITLES = {
 @reproduces(
     _APPROXIMATIONS,
     cells=["scale-approximation"],
-    given=[f"{IMAGING}#focal-length.*"],
+    inputs=[f"{IMAGING}#focal-length.*"],
     equations=["6"],
 )
-def scale_near_one(given: Given) -> Results:
+def scale_near_one(inputs: Inputs) -> Results:
     """The scale factor of Table 1 that lies farthest from one."""
-    scales = scale_factors(given).values()
+    scales = scale_factors(inputs).values()
     return {"scale-approximation": max(scales, key=lambda scale: abs(scale - 1))}
 
 
 @reproduces(
     _APPROXIMATIONS,
     cells=["parameters"],
-    given=[
+    inputs=[
         f"{_APPROXIMATIONS}#parameters-per-channel",
         "niu2024/text-context#detectors",
     ],
 )
-def parameter_count(given: Given) -> Results:
+def parameter_count(inputs: Inputs) -> Results:
     """Parameters of the whole model: those of one channel, for every channel but green."""
-    registered = given.count("niu2024/text-context#detectors") - 1
-    per_channel = given.count(f"{_APPROXIMATIONS}#parameters-per-channel")
+    registered = inputs.count("niu2024/text-context#detectors") - 1
+    per_channel = inputs.count(f"{_APPROXIMATIONS}#parameters-per-channel")
     return {"parameters": float(registered * per_channel)}
 
 
-def _half_size(door: Given) -> FloatArray:
+def _half_size(inputs: Inputs) -> FloatArray:
     """Return half the sides of the detector, shape (2,), in metres."""
-    return door.array(f"{OPTICS}#pixels-?") * door[f"{OPTICS}#pixel-pitch-x"] / 2
+    return inputs.array(f"{OPTICS}#pixels-?") * inputs[f"{OPTICS}#pixel-pitch-x"] / 2
 
 
-def _channels(door: Given, table: str, channel: str) -> Channels:
+def _channels(inputs: Inputs, table: str, channel: str) -> Channels:
     """Return a channel and green, with the printed parameters and the assumed values."""
     place = simulation.CHANNELS.index(channel)
-    cameras: list[Camera] = _TABLES[table].cameras(door)
+    cameras: list[Camera] = _TABLES[table].cameras(inputs)
     source, green = cameras[place], cameras[0]
-    rotation = _TABLES[table].rotations(door)[place]
+    rotation = _TABLES[table].rotations(inputs)[place]
     lean = float(np.tan(abs(rotation)))
     # The second term takes the rest that the printed fraction leaves at the corner.
-    rest = (1 / door[_FIRST_TERM_FRACTION] - 1) / np.square(_half_size(door)).sum()
+    rest = (1 / inputs[_FIRST_TERM_FRACTION] - 1) / np.square(_half_size(inputs)).sum()
     second, reference = (
         round(float(one.radial_distortion) * rest, 12) for one in (source, green)
     )
@@ -107,9 +107,9 @@ def _isolated(whole: Channels, effect: str, positions: FloatArray) -> FloatArray
     return found
 
 
-def _facts(door: Given) -> dict[str, Fact]:
+def _facts(inputs: Inputs) -> dict[str, Fact]:
     """Return what the coefficients and a tilt of Table 1 cost, and the noise over both axes."""
-    errors = _errors(door).set_index(["Left out", "Parameters of", "Channel"])[
+    errors = _errors(inputs).set_index(["Left out", "Parameters of", "Channel"])[
         "RMS (px)"
     ]
     return {
@@ -117,15 +117,15 @@ def _facts(door: Given) -> dict[str, Fact]:
             errors[_TITLES[effect], "Table 1", channel], ".2g", "px"
         )
         for effect, channel in product(("coefficients", "tilt"), REGISTERED)
-    } | {"noise-rms": Fact(np.sqrt(2.0) * given([NOISE])[NOISE], ".2g", "px")}
+    } | {"noise-rms": Fact(np.sqrt(2.0) * load_inputs([NOISE])[NOISE], ".2g", "px")}
 
 
-@studied("niu2024/approximations", given=READS, named=_facts)
-def _errors(door: Given) -> Iterator[tuple[object, ...]]:
+@studied("niu2024/approximations", inputs=READS, named=_facts)
+def _errors(inputs: Inputs) -> Iterator[tuple[object, ...]]:
     """Size of each error over the detector, and its residual after a fit."""
-    positions = even_positions(_half_size(door), _POSITIONS_ACROSS)
+    positions = even_positions(_half_size(inputs), _POSITIONS_ACROSS)
     for table, channel, effect in product(_TABLES, REGISTERED, EFFECTS):
-        error = _isolated(_channels(door, table, channel), effect, positions)
+        error = _isolated(_channels(inputs, table, channel), effect, positions)
         # The same projection that a fit makes: onto scale, rotation and shift of the positions.
         rest = fit_registration(positions * 1e6, positions * 1e6 + error, (0.0, 0.0))
         means = (

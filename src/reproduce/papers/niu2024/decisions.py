@@ -21,7 +21,7 @@ from reproduce.papers.niu2024.simulation import NOISE
 from reproduce.physics.ground import circular_error
 from reproduce.physics.registration import fit_registration
 from reproduce.physics.validate import FloatArray
-from reproduce.printed.given import Given
+from reproduce.printed.inputs import Inputs
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -65,10 +65,10 @@ class _Design:
 
 
 @cache
-def _designs(door: Given) -> dict[str, _Design]:
+def _designs(inputs: Inputs) -> dict[str, _Design]:
     """Return the printed design under both models of the transform."""
-    green, red, _ = posteriors.true_centroids(door)
-    middle, true = posteriors.pivot(door, "red"), posteriors.truth(door)
+    green, red, _ = posteriors.true_centroids(inputs)
+    middle, true = posteriors.pivot(inputs, "red"), posteriors.truth(inputs)
     plain = models.registration_model(red, green, middle)
     known = [true[name] for name in (*models.TRANSFORM, "noise")]
     found = {}
@@ -99,15 +99,15 @@ def _outermost(points: FloatArray, middle: FloatArray) -> int:
     return int(np.hypot(*(points - middle).T).argmax())
 
 
-def _edge_errors(door: Given, counts: FloatArray) -> dict[str, FloatArray]:
+def _edge_errors(inputs: Inputs, counts: FloatArray) -> dict[str, FloatArray]:
     """How far the outermost star is misplaced: low end, median, high end by model, (3, n), px.
 
     A similarity scatters alike in all directions, about a place that the neglected distortion
     shifts.
     """
-    plain, free = (one.at_edge(counts) for one in _designs(door).values())
+    plain, free = (one.at_edge(counts) for one in _designs(inputs).values())
     variance = np.trace(plain, axis1=1, axis2=2) / 2
-    off = np.sum(_left_out(door) ** 2) / variance
+    off = np.sum(_left_out(inputs) ** 2) / variance
     found = [
         # The square of a Rice variable is noncentral chi-squared.
         [np.sqrt(variance * chndtrix(share, 2, off)) for share in _QUANTILES],
@@ -116,69 +116,69 @@ def _edge_errors(door: Given, counts: FloatArray) -> dict[str, FloatArray]:
     return dict(zip(_MODELS, map(np.stack, found), strict=True))
 
 
-def _left_out(door: Given) -> FloatArray:
+def _left_out(inputs: Inputs) -> FloatArray:
     """How a similarity misplaces the outermost star for the distortion that it leaves out, (2,)."""
-    green, red, _ = posteriors.true_centroids(door)
-    middle = posteriors.pivot(door, "red")
+    green, red, _ = posteriors.true_centroids(inputs)
+    middle = posteriors.pivot(inputs, "red")
     left = fit_registration(red, green, middle).residuals
     return np.asarray(left[_outermost(red, middle)])
 
 
-def _enough(door: Given) -> dict[str, float]:
+def _enough(inputs: Inputs) -> dict[str, float]:
     """Stars with which 97.5 % of calibrations misplace the outermost one less than the noise.
 
     By model; infinite where as many as `_MAX_STARS` are not enough.
     """
     found = {}
-    for name, (_, _, high) in _edge_errors(door, _STARS_TRIED).items():
+    for name, (_, _, high) in _edge_errors(inputs, _STARS_TRIED).items():
         falling = -np.log(high)
         place = np.interp(
-            -np.log(door[NOISE]), falling, np.log(_STARS_TRIED), right=np.inf
+            -np.log(inputs[NOISE]), falling, np.log(_STARS_TRIED), right=np.inf
         )
         found[name] = float(np.ceil(np.exp(place)))
     return found
 
 
-def _star_facts(door: Given) -> dict[str, Fact]:
+def _star_facts(inputs: Inputs) -> dict[str, Fact]:
     """Return errors at the edge for the printed number of stars, and how many suffice."""
-    count = door.count(_COUNT)
-    found, needed = {"all": Fact(count, "d")}, _enough(door)
-    for name, ends in _edge_errors(door, np.array([count])).items():
+    count = inputs.count(_COUNT)
+    found, needed = {"all": Fact(count, "d")}, _enough(inputs)
+    for name, ends in _edge_errors(inputs, np.array([count])).items():
         kind, (_, middle, high) = name.split()[0], ends[:, 0].tolist()
         found[f"{kind}-enough"] = Fact(needed[name], ".0f")
         found[f"{kind}-all"] = Fact(middle, ".3f", "px")
         found[f"{kind}-all-high"] = Fact(high, ".3f", "px")
-    left = float(np.hypot(*_left_out(door)))
+    left = float(np.hypot(*_left_out(inputs)))
     found["left-out"] = Fact(left, ".2g", "px")
     # Equal mean squares: the one of the similarity includes the neglected distortion.
     plain, free = (
-        np.trace(one.at_edge(np.array([count]))[0]) for one in _designs(door).values()
+        np.trace(one.at_edge(np.array([count]))[0]) for one in _designs(inputs).values()
     )
     found["free-from"] = Fact(float(count * (free - plain) / left**2), ".0f")
     return found
 
 
-@studied("niu2024/stars", given=READS, named=_star_facts)
-def _stars(door: Given) -> Iterator[tuple[float, ...]]:
+@studied("niu2024/stars", inputs=READS, named=_star_facts)
+def _stars(inputs: Inputs) -> Iterator[tuple[float, ...]]:
     """With how many stars to calibrate."""
-    counts = sorted({*_STAR_COUNTS, door.count(_COUNT)})
-    plain, free = _edge_errors(door, np.array(counts)).values()
+    counts = sorted({*_STAR_COUNTS, inputs.count(_COUNT)})
+    plain, free = _edge_errors(inputs, np.array(counts)).values()
     yield from zip(counts, *plain[1:].tolist(), *free[1:].tolist(), strict=True)
 
 
-@draws("niu2024/drawing-stars", given=READS)
-def _draw_stars(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
+@draws("niu2024/drawing-stars", inputs=READS)
+def _draw_stars(figure: Figure, printed: Mapping[str, float], inputs: Inputs) -> None:
     """Error at the edge of the field against the stars of a calibration."""
     counts = np.geomspace(10, 1000, 30)
     sized(figure, 6.0, 3.6, 4.2)
     axes = figure.subplots()
     looks = (("#0072B2", "-"), ("#D55E00", "--"))
     for (name, ends), look in zip(
-        _edge_errors(door, counts).items(), looks, strict=True
+        _edge_errors(inputs, counts).items(), looks, strict=True
     ):
         banded(axes, counts, ends, *look, label=f"{name}, with 95 %")
     axes.axvline(
-        door.count(_COUNT), color="#777777", linestyle=":", label="stars of the paper"
+        inputs.count(_COUNT), color="#777777", linestyle=":", label="stars of the paper"
     )
     axes.set(xlabel="stars of the calibration (count)", ylabel="error at the edge (px)")
     logarithmic(axes, (10, 30, 100, 300, 1000), (0.001, 0.01, 0.1))

@@ -51,7 +51,7 @@ from reproduce.physics.registration import (
     rmse_per_axis,
 )
 from reproduce.physics.validate import FloatArray
-from reproduce.printed.given import Given
+from reproduce.printed.inputs import Inputs
 
 _CALIBRATION = "niu2024/table-4"
 OUTCOME = "niu2024/text-experiment"
@@ -71,40 +71,40 @@ INSTRUMENT = (*CAMERAS, f"{OPTICS}#field-of-view-*")
 @declare.reproduces(
     _CALIBRATION,
     cells=["scale.*"],
-    given=[f"{_CALIBRATION}#focal-length.*"],
+    inputs=[f"{_CALIBRATION}#focal-length.*"],
     equations=["6"],
 )
-def scale_factors(given: Given) -> declare.Results:
+def scale_factors(inputs: Inputs) -> declare.Results:
     """Ratios of the focal lengths, which stand in for the fitted scale factors."""
-    ratios = registration.scale_factors(given, _CALIBRATION)
+    ratios = registration.scale_factors(inputs, _CALIBRATION)
     return {f"scale.{channel}": ratio for channel, ratio in ratios.items()}
 
 
-def cameras(given: Given) -> list[optics.Camera]:
+def cameras(inputs: Inputs) -> list[optics.Camera]:
     """Return the cameras of Table 4, image points counted from the green principal point."""
     origin = np.zeros((1, 2))
-    return cameras_of(given, _CALIBRATION, np.vstack([origin, _shifts(given)]))
+    return cameras_of(inputs, _CALIBRATION, np.vstack([origin, _shifts(inputs)]))
 
 
-def _shifts(given: Given) -> FloatArray:
+def _shifts(inputs: Inputs) -> FloatArray:
     """Return the calibrated translations of red and blue, shape (2, 2), in px."""
-    return simulation.points(given, f"{_CALIBRATION}#translation", REGISTERED)
+    return simulation.points(inputs, f"{_CALIBRATION}#translation", REGISTERED)
 
 
-def rotations(given: Given) -> list[float]:
+def rotations(inputs: Inputs) -> list[float]:
     """Return the detectors' calibrated angles against green: green, red, blue, in radians."""
-    return simulation.rotations(given, _CALIBRATION)
+    return simulation.rotations(inputs, _CALIBRATION)
 
 
-def half_field(given: Given) -> FloatArray:
+def half_field(inputs: Inputs) -> FloatArray:
     """Return half the printed field of view along x and y, shape (2,), in radians."""
-    return given.array(f"{OPTICS}#field-of-view-?") / 2
+    return inputs.array(f"{OPTICS}#field-of-view-?") / 2
 
 
-def _residuals(given: Given) -> FloatArray:
+def _residuals(inputs: Inputs) -> FloatArray:
     """Return the printed residuals of red and blue along x and y, shape (2, 2), in px."""
     cells = (f"{OUTCOME}#{name}" for name in _cells("rmse-after"))
-    return np.array([given[cell] for cell in cells]).reshape(2, 2)
+    return np.array([inputs[cell] for cell in cells]).reshape(2, 2)
 
 
 def _cells(name: str) -> list[str]:
@@ -112,17 +112,17 @@ def _cells(name: str) -> list[str]:
     return [f"{name}-{channel}-{axis}" for channel in REGISTERED for axis in "xy"]
 
 
-def _centroid_errors(given: Given) -> FloatArray:
+def _centroid_errors(inputs: Inputs) -> FloatArray:
     """Return the centroid errors that the printed residuals imply, shape (3, 1, 2), in px.
 
     Standard deviation by channel (green, red, blue) and axis: green has half the mean squared
     residual, the others the remaining parts. Raises ValueError if no part remains.
     """
-    squares = np.square(_residuals(given))
+    squares = np.square(_residuals(inputs))
     green = squares.mean(axis=0) / 2
     if (squares < green).any():
         shown = (
-            f"{name} = {given[f'{OUTCOME}#{name}']:.4g} px"
+            f"{name} = {inputs[f'{OUTCOME}#{name}']:.4g} px"
             for name in _cells("rmse-after")
         )
         raise ValueError(
@@ -133,28 +133,31 @@ def _centroid_errors(given: Given) -> FloatArray:
     return np.asarray(np.sqrt(np.stack([green, *(squares - green)]))[:, None, :])
 
 
-def _registered_points(given: Given, angles: FloatArray) -> FloatArray:
+def _registered_points(inputs: Inputs, angles: FloatArray) -> FloatArray:
     """Return green points, and those that the similarities of Table 4 register onto them.
 
     Shape (..., 3, n, 2), in px from the green principal point; channels green, red, blue.
     """
-    green = optics.channel_centroids(cameras(given)[:1], [0.0], angles)
+    green = optics.channel_centroids(cameras(inputs)[:1], [0.0], angles)
     # The source's principal point is the shift, because green's is the origin here.
-    scales, shifts = numbers(given, f"{_CALIBRATION}#scale", REGISTERED), _shifts(given)
-    turns = rotations(given)[1:]
+    scales, shifts = (
+        numbers(inputs, f"{_CALIBRATION}#scale", REGISTERED),
+        _shifts(inputs),
+    )
+    turns = rotations(inputs)[1:]
     back = Registration.similarity(scales, turns, shifts, shifts).inverse()
     return np.concatenate([green, back.apply(green)], axis=-3)
 
 
-def _by_focal_lengths(given: Given, angles: FloatArray) -> FloatArray:
+def _by_focal_lengths(inputs: Inputs, angles: FloatArray) -> FloatArray:
     """Return the points of the cameras of Table 4 in the same form, without its scale factors."""
-    return optics.channel_centroids(cameras(given), rotations(given), angles)
+    return optics.channel_centroids(cameras(inputs), rotations(inputs), angles)
 
 
 @declare.reproduces(
     OUTCOME,
     cells=["rmse-before-*"],
-    given=[
+    inputs=[
         *INSTRUMENT,
         f"{_CALIBRATION}#scale.*",
         f"{OUTCOME}#test-points",
@@ -164,15 +167,15 @@ def _by_focal_lengths(given: Given, angles: FloatArray) -> FloatArray:
     replicates=_REPLICATES,
 )
 def rmse_before(
-    given: Given, seed: SeedSequence, replicates: int, *, scale: str, rmse: str
+    inputs: Inputs, seed: SeedSequence, replicates: int, *, scale: str, rmse: str
 ) -> declare.Results:
     """RMSE before registration, from the calibrated registration and the printed residuals."""
-    generator, count = default_rng(seed), given.count(f"{OUTCOME}#test-points")
-    half = half_field(given)
+    generator, count = default_rng(seed), inputs.count(f"{OUTCOME}#test-points")
+    half = half_field(inputs)
     angles = generator.uniform(-half, half, (replicates, count, 2))
     unit = generator.standard_normal((replicates, len(CHANNELS), count, 2))
     points = _registered_points if scale == "factors" else _by_focal_lengths
-    measured = points(given, angles) + _centroid_errors(given) * unit
+    measured = points(inputs, angles) + _centroid_errors(inputs) * unit
     apart = rmse_per_axis(measured[:, 1:], measured[:, :1])
     if rmse == "both":
         apart[:] = np.linalg.norm(apart, axis=-1, keepdims=True)
@@ -183,41 +186,41 @@ def rmse_before(
 @declare.reproduces(
     OUTCOME,
     cells=["rmse-after-*"],
-    given=[*INSTRUMENT, f"{SETTINGS}#noise"],
+    inputs=[*INSTRUMENT, f"{SETTINGS}#noise"],
     equations=["17", "18"],
 )
-def rmse_after(given: Given) -> declare.Results:
+def rmse_after(inputs: Inputs) -> declare.Results:
     """RMSE after registration with the noise of the simulation, which stands in for the errors."""
     x, y = (
         np.linspace(-half, half, across)
-        for half, across in zip(half_field(given), (33, 25), strict=True)
+        for half, across in zip(half_field(inputs), (33, 25), strict=True)
     )
-    true = _by_focal_lengths(given, np.stack(np.meshgrid(x, y), -1).reshape(-1, 2))
-    fit = fit_registration(true[1:], true[:1], _shifts(given))
+    true = _by_focal_lengths(inputs, np.stack(np.meshgrid(x, y), -1).reshape(-1, 2))
+    fit = fit_registration(true[1:], true[:1], _shifts(inputs))
     misfit = np.square(fit.residuals).mean(axis=-2)
-    expected = np.sqrt(misfit + 2 * given[f"{SETTINGS}#noise"] ** 2)
+    expected = np.sqrt(misfit + 2 * inputs[f"{SETTINGS}#noise"] ** 2)
     return dict(zip(_cells("rmse-after"), expected.ravel().tolist(), strict=True))
 
 
 @declare.reproduces(
     OUTCOME,
     cells=["pointing-error-*"],
-    given=[
+    inputs=[
         f"{OUTCOME}#rmse-after-*",
         f"{OPTICS}#pixel-pitch-*",
         f"{_CALIBRATION}#focal-length.green",
     ],
 )
-def pointing_errors(given: Given) -> declare.Results:
+def pointing_errors(inputs: Inputs) -> declare.Results:
     """Residuals in pixels as angles: they lie in the green image, so its focal length applies."""
-    pitches = given.array(f"{OPTICS}#pixel-pitch-?")
-    focal_length = given[f"{_CALIBRATION}#focal-length.green"]
-    angles = optics.angle_from_pixels(_residuals(given), pitches, focal_length)
+    pitches = inputs.array(f"{OPTICS}#pixel-pitch-?")
+    focal_length = inputs[f"{_CALIBRATION}#focal-length.green"]
+    angles = optics.angle_from_pixels(_residuals(inputs), pitches, focal_length)
     return dict(zip(_cells("pointing-error"), angles.ravel().tolist(), strict=True))
 
 
 def twin_fits(
-    given: Given, seed: SeedSequence, replicates: int, error: float
+    inputs: Inputs, seed: SeedSequence, replicates: int, error: float
 ) -> tuple[dict[str, optics.Camera], dict[str, RegistrationFit]]:
     """Fit both parts of Table 4 to the twin at the angles of the simulation, with some noise in px.
 
@@ -225,17 +228,17 @@ def twin_fits(
     first rows: by the closed form, which is where the paper's iteration ends, with the spot at the
     zero position for a pivot, as in section 3.2. By channel, batch shape (replicates,).
     """
-    table = simulation.arrangement(given)
-    true = _by_focal_lengths(given, table)
+    table = simulation.arrangement(inputs)
+    true = _by_focal_lengths(inputs, table)
     unit = default_rng(seed).standard_normal((replicates, *true.shape))
     noisy = true + error * unit
     directions = optics.starlight(table[:, 1], table[:, 0])
-    pitch = given[f"{OPTICS}#pixel-pitch-x"]
+    pitch = inputs[f"{OPTICS}#pixel-pitch-x"]
     [zero] = zero_places(table)
     green = noisy[:, 0]
     alone, registered = {}, {}
     for place, (channel, turn) in enumerate(
-        zip(CHANNELS, rotations(given), strict=True)
+        zip(CHANNELS, rotations(inputs), strict=True)
     ):
         spots = noisy[:, place]
         alone[channel] = optics.fit_camera(directions, spots, pitch, turn)
@@ -254,9 +257,9 @@ _ERROR_FRACTIONS = {
 }
 
 
-def _scale_facts(given: Given) -> dict[str, declare.Fact]:
+def _scale_facts(inputs: Inputs) -> dict[str, declare.Fact]:
     """Return the distance of each scale factor from the ratio, at both noises."""
-    far = _scale_errors(given).groupby("Channel")["Distance (σ)"].agg(["min", "max"])
+    far = _scale_errors(inputs).groupby("Channel")["Distance (σ)"].agg(["min", "max"])
     return {
         f"{channel}-{end}": declare.Fact(value, ".1f")
         for channel, ends in far.iterrows()
@@ -266,7 +269,7 @@ def _scale_facts(given: Given) -> dict[str, declare.Fact]:
 
 @declare.studied(
     "niu2024/scale-errors",
-    given=(
+    inputs=(
         *CAMERAS,
         *simulation.ANGLES,
         f"{_CALIBRATION}#scale.*",
@@ -275,18 +278,18 @@ def _scale_facts(given: Given) -> dict[str, declare.Fact]:
     named=_scale_facts,
     random=True,
 )
-def _scale_errors(given: Given) -> list[tuple[str, str, float, float, float]]:
+def _scale_errors(inputs: Inputs) -> list[tuple[str, str, float, float, float]]:
     """How far scale factors and focal lengths fitted apart may differ."""
-    seed = declare.seed_of("niu2024/scale-errors", given.root)
-    residual = float(np.sqrt(np.square(given.array(f"{OUTCOME}#rmse-after-*")).mean()))
-    printed = registration.scale_factors(given, _CALIBRATION)
+    seed = declare.seed_of("niu2024/scale-errors", inputs.root)
+    residual = float(np.sqrt(np.square(inputs.array(f"{OUTCOME}#rmse-after-*")).mean()))
+    printed = registration.scale_factors(inputs, _CALIBRATION)
     rows = []
     for name, share in _ERROR_FRACTIONS.items():
-        alone, laid = twin_fits(given, seed, _FIT_REPLICATES, share * residual)
+        alone, laid = twin_fits(inputs, seed, _FIT_REPLICATES, share * residual)
         for channel in REGISTERED:
             lengths = (alone[one].focal_length for one in ("green", channel))
             sd = float(np.std(laid[channel].parameters[:, 0] - np.divide(*lengths)))
-            apart = given[f"{_CALIBRATION}#scale.{channel}"] - printed[channel]
+            apart = inputs[f"{_CALIBRATION}#scale.{channel}"] - printed[channel]
             rows.append(
                 (channel, name, apart, sd, max(0.0, abs(apart) - _SCALE_ROUNDING) / sd)
             )

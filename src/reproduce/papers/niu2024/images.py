@@ -35,7 +35,7 @@ from reproduce.physics.registration import (
     similarity_between,
 )
 from reproduce.physics.validate import FloatArray
-from reproduce.printed.given import Given, given
+from reproduce.printed.inputs import Inputs, load_inputs
 from reproduce.store import studies
 from reproduce.store.measured import spectra
 
@@ -82,31 +82,31 @@ _MIDDLE_SLICE = slice(_MARGIN_PIXELS, -_MARGIN_PIXELS)
 _SUMMED_PIXELS = 3
 
 
-def _cameras(door: Given) -> list[Camera]:
+def _cameras(inputs: Inputs) -> list[Camera]:
     """Return the cameras of Table 4 with green's principal point in the detector's middle."""
-    middle = detector_centre(door.array(f"{OPTICS}#pixels-?"))
-    used = experiment.cameras(door)
+    middle = detector_centre(inputs.array(f"{OPTICS}#pixels-?"))
+    used = experiment.cameras(inputs)
     return [replace(one, principal_point=one.principal_point + middle) for one in used]
 
 
-def similarities(door: Given) -> list[Registration]:
+def similarities(inputs: Inputs) -> list[Registration]:
     """Return the transforms of red and blue onto green that a perfect calibration would find."""
-    used, turns = _cameras(door), experiment.rotations(door)
+    used, turns = _cameras(inputs), experiment.rotations(inputs)
     return [similarity_between(used[i], turns[i], used[0]) for i in (1, 2)]
 
 
-def _imaged(door: Given, angles: FloatArray) -> FloatArray:
+def _imaged(inputs: Inputs, angles: FloatArray) -> FloatArray:
     """Return where the channels image the star at some table angles, shape (3, 2)."""
-    return channel_centroids(_cameras(door), experiment.rotations(door), angles[None])[
-        :, 0
-    ]
+    return channel_centroids(
+        _cameras(inputs), experiment.rotations(inputs), angles[None]
+    )[:, 0]
 
 
-def light_of(door: Given, star: str, magnitude: float) -> FloatArray:
+def light_of(inputs: Inputs, star: str, magnitude: float) -> FloatArray:
     """Return the photons that one of `STARS` sends to each detector in one exposure, shape (3,)."""
     spectrum, light = STARS[star], []
     for channel in CHANNELS:
-        low, high = door.array(f"{OPTICS}#band-{channel}-*").tolist()
+        low, high = inputs.array(f"{OPTICS}#band-{channel}-*").tolist()
         if isinstance(spectrum, str):
             table = spectra()[spectrum]
             light.append(images.tabulated_star(magnitude, *table, low, high))
@@ -114,13 +114,17 @@ def light_of(door: Given, star: str, magnitude: float) -> FloatArray:
             light.append(images.blackbody_band(magnitude, spectrum, low, high))
     # Square metres and seconds that an exposure collects.
     collected = float(
-        np.pi / 4 * APERTURE**2 * TRANSMISSION * door[f"{experiment.OUTCOME}#exposure"]
+        np.pi
+        / 4
+        * APERTURE**2
+        * TRANSMISSION
+        * inputs[f"{experiment.OUTCOME}#exposure"]
     )
     return collected * np.stack(light)
 
 
 def cell(
-    door: Given,
+    inputs: Inputs,
     place: float,
     photons: FloatArray,
     trials: int,
@@ -134,14 +138,14 @@ def cell(
     Registered by `transforms` of red and blue in place of the true ones.
     """
     generator = np.random.default_rng(seed)
-    green, half = _cameras(door)[0], experiment.half_field(door)
+    green, half = _cameras(inputs)[0], experiment.half_field(inputs)
     pitch = float(green.pixel_pitch / green.focal_length)
     errors, signals = [], []
     for _ in range(PHASES):
         angles = place * half + pitch * generator.uniform(-1, 1, 2)
-        spots = _imaged(door, angles)
+        spots = _imaged(inputs, angles)
         windows, corner = _exposures(spots, photons, trials, generator)
-        made = _combinations(windows, corner, transforms or similarities(door))
+        made = _combinations(windows, corner, transforms or similarities(inputs))
         errors.append(_centres(made, corner) - spots[0])
         signals.append([_signal_to_noise(image) for image in made])
     left = np.concatenate(errors, axis=1)  # image, trial, axis
@@ -202,7 +206,7 @@ def _centres(made: list[FloatArray], corner: FloatArray) -> FloatArray:
     )
 
 
-def _stored() -> studies.Study:
+def _stored() -> studies.StoredStudy:
     """Return the stored comparison: `RESULTS` by star, place, magnitude and image."""
     return studies.read("niu2024-fusion")
 
@@ -254,11 +258,11 @@ def _draw_star(figure: Figure) -> None:
     """One star near the corner of the field: three channels, and both ways to add them up."""
     from matplotlib.patheffects import withStroke
 
-    door = given(READS)
-    spots = _imaged(door, 0.95 * experiment.half_field(door))
-    photons = light_of(door, "solar", magnitude=3.0)
+    inputs = load_inputs(READS)
+    spots = _imaged(inputs, 0.95 * experiment.half_field(inputs))
+    photons = light_of(inputs, "solar", magnitude=3.0)
     windows, corner = _exposures(spots, photons, 1, np.random.default_rng(9))
-    green, plain, registered = _combinations(windows, corner, similarities(door))
+    green, plain, registered = _combinations(windows, corner, similarities(inputs))
     places = dict(zip(CHANNELS, spots - corner - _MARGIN_PIXELS + 0.5, strict=True))
     panels = {
         "red": windows[1][:, _MIDDLE_SLICE, _MIDDLE_SLICE],

@@ -31,8 +31,8 @@ from reproduce.physics.registration import (
     tied,
 )
 from reproduce.physics.validate import FloatArray, weights_for
-from reproduce.printed.given import Given
-from reproduce.store.points import STARS, Table, TableFileError
+from reproduce.printed.inputs import Inputs
+from reproduce.store.points import STARS, DataTable, TableFileError
 from reproduce.units import ARCSEC_PER_RADIAN
 
 # Fraction of stars that are matched wrongly on purpose.
@@ -47,26 +47,26 @@ _MIN_STARS_MIXTURE = 10
 _FITTED = ("model", "weights", "source_covariance", "target_covariance")
 
 
-def true_centroids(given: Given) -> FloatArray:
+def true_centroids(inputs: Inputs) -> FloatArray:
     """Return noise-free centroids of green, red and blue, shape (3, n, 2), in px."""
-    return simulation.imaged(given, simulation.arrangement(given))
+    return simulation.imaged(inputs, simulation.arrangement(inputs))
 
 
-def _noisy(given: Given, true: FloatArray, *key: int) -> FloatArray:
+def _noisy(inputs: Inputs, true: FloatArray, *key: int) -> FloatArray:
     """Return simulated centroids of green, red and blue, shape (3, n, 2), in px."""
-    generator = default_rng(data_stream(given, *key, 0))
+    generator = default_rng(data_stream(inputs, *key, 0))
     return np.asarray(
-        true + simulation.noise(given) * generator.standard_normal(true.shape)
+        true + simulation.noise(inputs) * generator.standard_normal(true.shape)
     )
 
 
-def truth(given: Given, channels: tuple[str, ...] = ("red",)) -> dict[str, float]:
+def truth(inputs: Inputs, channels: tuple[str, ...] = ("red",)) -> dict[str, float]:
     """Return the transforms of the simulation without its distortions, and its noise.
 
     The noise of a single channel is that of both its images; that of two is that of one image.
     """
-    cameras = dict(zip(simulation.CHANNELS, simulation.cameras(given), strict=True))
-    turns = dict(zip(simulation.CHANNELS, simulation.rotations(given), strict=True))
+    cameras = dict(zip(simulation.CHANNELS, simulation.cameras(inputs), strict=True))
+    turns = dict(zip(simulation.CHANNELS, simulation.rotations(inputs), strict=True))
     found: dict[str, float] = {}
     for channel in channels:
         prefix = f"{channel}-" if len(channels) > 1 else ""
@@ -76,66 +76,66 @@ def truth(given: Given, channels: tuple[str, ...] = ("red",)) -> dict[str, float
         )
         found |= dict(zip(names, similarity.parameters.tolist(), strict=True))
     both = 1.0 if len(channels) > 1 else float(np.hypot(1, found["scale"]))
-    return {**found, "noise": given[NOISE] * both}
+    return {**found, "noise": inputs[NOISE] * both}
 
 
-def pivot(given: Given, channel: str) -> FloatArray:
+def pivot(inputs: Inputs, channel: str) -> FloatArray:
     """Return the principal point of a channel, shape (2,), in px."""
-    return given.array(f"{IMAGING}#principal-point-?.{channel}")
+    return inputs.array(f"{IMAGING}#principal-point-?.{channel}")
 
 
-def _predicting(given: Given, model: Model) -> Model:
+def _predicting(inputs: Inputs, model: Model) -> Model:
     """Return the model with its consequences at the test points in red."""
     likelihood = model.likelihood_of(models.GaussianRegistration)
-    return replace(model, derived=(_new_stars(given, likelihood, "red"),))
+    return replace(model, derived=(_new_stars(inputs, likelihood, "red"),))
 
 
-def _plain(given: Given, wrong: float = 0.0) -> Model:
+def _plain(inputs: Inputs, wrong: float = 0.0) -> Model:
     """Return red registered to green, a fraction of the stars matched with the wrong green one."""
-    green, red, _ = _noisy(given, true_centroids(given), 1)
-    order = Generator(PCG64(data_stream(given, 4))).permutation(len(red))
+    green, red, _ = _noisy(inputs, true_centroids(inputs), 1)
+    order = Generator(PCG64(data_stream(inputs, 4))).permutation(len(red))
     false = order[: round(wrong * len(red))]
     green[false] = green[np.roll(false, 1)]
-    return models.registration_model(red, green, pivot(given, "red"))
+    return models.registration_model(red, green, pivot(inputs, "red"))
 
 
-def _registration(given: Given) -> Model:
+def _registration(inputs: Inputs) -> Model:
     """Return the red channel registered to green."""
-    return _predicting(given, _plain(given))
+    return _predicting(inputs, _plain(inputs))
 
 
-def _distortion(given: Given) -> Model:
+def _distortion(inputs: Inputs) -> Model:
     """Return the red channel with both distortions free."""
-    return _predicting(given, models.distortion_model(_plain(given)))
+    return _predicting(inputs, models.distortion_model(_plain(inputs)))
 
 
-def _mixture(given: Given) -> Model:
+def _mixture(inputs: Inputs) -> Model:
     """Return the red channel with three of ten stars matched wrongly."""
-    return _predicting(given, models.mixture_model(_plain(given, _FALSE_SHARE)))
+    return _predicting(inputs, models.mixture_model(_plain(inputs, _FALSE_SHARE)))
 
 
-def _joint(given: Given) -> Model:
+def _joint(inputs: Inputs) -> Model:
     """Return both channels registered to green at once."""
-    green, *sources = _noisy(given, true_centroids(given), 1)
-    red, blue = (pivot(given, channel) for channel in REGISTERED)
+    green, *sources = _noisy(inputs, true_centroids(inputs), 1)
+    red, blue = (pivot(inputs, channel) for channel in REGISTERED)
     model = models.joint_model((sources[0], sources[1]), green, (red, blue))
     channels = model.likelihood_of(models.JointRegistration).channels
     parts = zip(channels, REGISTERED, _JOINT_COLUMNS, strict=True)
-    return replace(model, derived=tuple(_new_stars(given, *part) for part in parts))
+    return replace(model, derived=tuple(_new_stars(inputs, *part) for part in parts))
 
 
-def _test_points(given: Given) -> FloatArray:
+def _test_points(inputs: Inputs) -> FloatArray:
     """Return measured test points in green, red and blue, shape (3, points, 2), in px."""
     generator, half = (
-        default_rng(data_stream(given, 3, 0, 0)),
-        simulation.half_ranges(given),
+        default_rng(data_stream(inputs, 3, 0, 0)),
+        simulation.half_ranges(inputs),
     )
-    directions = generator.uniform(-half, half, (given.count(_TEST_POINTS), 2))
-    return _noisy(given, simulation.imaged(given, directions), 3, 1)
+    directions = generator.uniform(-half, half, (inputs.count(_TEST_POINTS), 2))
+    return _noisy(inputs, simulation.imaged(inputs, directions), 3, 1)
 
 
 def _new_stars(
-    given: Given,
+    inputs: Inputs,
     likelihood: models.GaussianRegistration,
     channel: str,
     columns: tuple[int, ...] = (),
@@ -149,9 +149,9 @@ def _new_stars(
     fit = fit_registration(
         likelihood.source[right], likelihood.target[right], likelihood.pivot
     )
-    source = _test_points(given)[simulation.CHANNELS.index(channel)]
-    pitch = given["niu2024/text-optics#pixel-pitch-x"]
-    focal_length = given[f"{IMAGING}#focal-length.green"]
+    source = _test_points(inputs)[simulation.CHANNELS.index(channel)]
+    pitch = inputs["niu2024/text-optics#pixel-pitch-x"]
+    focal_length = inputs[f"{IMAGING}#focal-length.green"]
     angle = float(angle_from_pixels(1.0, pitch, focal_length))
     return models.NewStars(
         likelihood,
@@ -163,22 +163,22 @@ def _new_stars(
 
 
 def _your_registration(
-    table: Table, given: Mapping[str, Any]
+    table: DataTable, inputs: Mapping[str, Any]
 ) -> tuple[Model, list[str]]:
     """Return the registration of your stars, and the findings of `register`.
 
     A star of weight zero is left out. An unknown noise is that of a star of mean weight.
     """
     source, target = np.split(table.values, 2, axis=1)
-    settings = {key: value for key, value in given.items() if key != "pivot"}
-    centre = checked_pivot(given.get("pivot"), source)
+    settings = {key: value for key, value in inputs.items() if key != "pivot"}
+    centre = checked_pivot(inputs.get("pivot"), source)
     # The fit checks the settings.
     fit = fit_registration(source, target, centre, **settings)
-    weights = weights_for(given.get("weights"), len(source))
+    weights = weights_for(inputs.get("weights"), len(source))
     used = weights > 0
     errors: dict[str, Any] = {
         key: np.broadcast_to(value, (len(source), 2, 2))[used]
-        for key, value in given.items()
+        for key, value in inputs.items()
         if key.endswith("_covariance")
     }
     likelihood = models.GaussianRegistration(
@@ -186,7 +186,7 @@ def _your_registration(
         target[used],
         centre,
         weights=weights[used] / (1.0 if errors else weights[used].mean()),
-        model=given.get("model", "similarity"),
+        model=inputs.get("model", "similarity"),
         **errors,
     )
     model = models.fitted_model(likelihood)
@@ -195,7 +195,9 @@ def _your_registration(
     return model, list(dict.fromkeys(texts))
 
 
-def _your_mixture(table: Table, given: Mapping[str, Any]) -> tuple[Model, list[str]]:
+def _your_mixture(
+    table: DataTable, inputs: Mapping[str, Any]
+) -> tuple[Model, list[str]]:
     """Return the registration of your stars of which some may be matched wrongly."""
     if len(table.values) < _MIN_STARS_MIXTURE:
         raise TableFileError(
@@ -208,7 +210,7 @@ def _your_mixture(table: Table, given: Mapping[str, Any]) -> tuple[Model, list[s
             f"{table.path}: expected coordinates with more digits, got equal displacements of many "
             "stars, in which this model finds no noise. Take registration, or add digits"
         )
-    plain, remarks = _your_registration(table, given)
+    plain, remarks = _your_registration(table, inputs)
     model = models.mixture_model(plain)
     # Wrong matches may rotate the least-squares fit.
     theta = float(model.likelihood.start()[0][1])
@@ -227,7 +229,7 @@ def _file(read: Callable[..., tuple[Model, list[str]]], *accepts: str) -> File:
 _NO_FILE = (
     "it is for the data of the book; registration and registration-mixture take stars"
 )
-_RED = partial(Declaration, paper="niu2024", given=READS, truth=truth)
+_RED = partial(Declaration, paper="niu2024", inputs=READS, truth=truth)
 
 POSTERIORS = (
     _RED(
@@ -259,7 +261,7 @@ POSTERIORS = (
         "Registration with wrong matches: a good/bad mixture",
         build=_mixture,
         file=_file(_your_mixture),
-        truth=lambda given: {**truth(given), "false-share": _FALSE_SHARE},
+        truth=lambda inputs: {**truth(inputs), "false-share": _FALSE_SHARE},
         steps=350,
         walkers=96,
     ),

@@ -5,12 +5,12 @@ from __future__ import annotations
 from reproduce.papers.declare import Results, reproduces
 from reproduce.papers.niu2024.simulation import IMAGING, REGISTERED, numbers, points
 from reproduce.physics import optics
-from reproduce.printed.given import Given
+from reproduce.printed.inputs import Inputs
 
 
-def scale_factors(given: Given, table: str = IMAGING) -> dict[str, float]:
+def scale_factors(inputs: Inputs, table: str = IMAGING) -> dict[str, float]:
     """Return the ratio of green's focal length in a table to that of each channel."""
-    lengths = numbers(given, f"{table}#focal-length")
+    lengths = numbers(inputs, f"{table}#focal-length")
     ratios = optics.scale_factor(lengths[0], lengths[1:]).tolist()
     return dict(zip(REGISTERED, ratios, strict=True))
 
@@ -18,23 +18,23 @@ def scale_factors(given: Given, table: str = IMAGING) -> dict[str, float]:
 @reproduces(
     "niu2024/table-2",
     cells=["scale.*"],
-    given=[f"{IMAGING}#focal-length.*"],
+    inputs=[f"{IMAGING}#focal-length.*"],
     equations=["6"],
 )
-def true_scale(given: Given) -> Results:
+def true_scale(inputs: Inputs) -> Results:
     """Scale factors as ratios of the focal lengths of Table 1."""
-    return {f"scale.{channel}": k for channel, k in scale_factors(given).items()}
+    return {f"scale.{channel}": k for channel, k in scale_factors(inputs).items()}
 
 
 @reproduces(
     "niu2024/table-2",
     cells=["translation-*"],
-    given=[f"{IMAGING}#principal-point-*"],
+    inputs=[f"{IMAGING}#principal-point-*"],
     equations=["14"],
 )
-def true_translation(given: Given) -> Results:
+def true_translation(inputs: Inputs) -> Results:
     """Translations as differences of the principal points of Table 1."""
-    green, *others = points(given, f"{IMAGING}#principal-point")
+    green, *others = points(inputs, f"{IMAGING}#principal-point")
     return {
         f"translation-{axis}.{channel}": float(shift)
         for channel, point in zip(REGISTERED, others, strict=True)

@@ -32,7 +32,7 @@ import numpy as np
 from numpy.random import Generator, SeedSequence, default_rng
 from numpy.typing import NDArray
 
-from reproduce.papers.declare import Prediction, Results, draws, reproduces, words
+from reproduce.papers.declare import Prediction, Results, draws, item_text, reproduces
 from reproduce.physics import validate
 from reproduce.physics.optics import Camera, arrangement_angles, channel_centroids
 from reproduce.physics.registration import (
@@ -41,7 +41,7 @@ from reproduce.physics.registration import (
     rmse_per_axis,
 )
 from reproduce.physics.validate import FloatArray
-from reproduce.printed.given import Given
+from reproduce.printed.inputs import Inputs
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -63,7 +63,7 @@ _NOISE_FACTORS = {
     "green": (1.0, 0.0, 0.0),
 }
 _DRAWS_AVERAGED = {"one": 1, "ten": 10}
-_OPTIONS = words(SETTINGS).options
+_OPTIONS = item_text(SETTINGS).options
 ANGLES = (
     f"{SETTINGS}#angle-count",
     f"{SETTINGS}#range-x-*",
@@ -73,19 +73,21 @@ ANGLES = (
 READS = (*ANGLES, IMAGING, f"{TRUTH}#rotation.*", f"{OPTICS}#pixel-pitch-x", NOISE)
 
 
-def half_ranges(given: Given) -> FloatArray:
+def half_ranges(inputs: Inputs) -> FloatArray:
     """Return half the printed range about x and about y, shape (2,), in radians."""
-    low, high = (given.array(f"{SETTINGS}#range-?-{end}") for end in ("low", "high"))
+    low, high = (inputs.array(f"{SETTINGS}#range-?-{end}") for end in ("low", "high"))
     return np.asarray((high - low) / 2)
 
 
 @cache
-def arrangement(given: Given, name: str = next(iter(_OPTIONS["angles"]))) -> FloatArray:
+def arrangement(
+    inputs: Inputs, name: str = next(iter(_OPTIONS["angles"]))
+) -> FloatArray:
     """Return the angles of one alternative, shape (n, 2), in radians; default: the literal."""
-    half_x, half_y = half_ranges(given)
+    half_x, half_y = half_ranges(inputs)
     full = _OPTIONS["angles"][name].text
-    angles = arrangement_angles(full, half_x, half_y, given[f"{SETTINGS}#step"])
-    if len(angles) != (count := given.count(f"{SETTINGS}#angle-count")):
+    angles = arrangement_angles(full, half_x, half_y, inputs[f"{SETTINGS}#step"])
+    if len(angles) != (count := inputs.count(f"{SETTINGS}#angle-count")):
         raise ValueError(
             f"{SETTINGS}#angle-count: expected {len(angles)}, which the arrangement {name} "
             f"has over the range, got {count}. Change the count, or choose other angles."
@@ -93,43 +95,47 @@ def arrangement(given: Given, name: str = next(iter(_OPTIONS["angles"]))) -> Flo
     return angles
 
 
-def numbers(given: Given, name: str, channels: Sequence[str] = CHANNELS) -> FloatArray:
+def numbers(
+    inputs: Inputs, name: str, channels: Sequence[str] = CHANNELS
+) -> FloatArray:
     """Return a printed number of each channel, shape (channels,)."""
-    return np.array([given[f"{name}.{channel}"] for channel in channels])
+    return np.array([inputs[f"{name}.{channel}"] for channel in channels])
 
 
-def points(given: Given, name: str, channels: Sequence[str] = CHANNELS) -> FloatArray:
+def points(inputs: Inputs, name: str, channels: Sequence[str] = CHANNELS) -> FloatArray:
     """Return a printed point of each channel, shape (channels, 2), in px."""
-    x, y = (numbers(given, f"{name}-{axis}", channels) for axis in "xy")
+    x, y = (numbers(inputs, f"{name}-{axis}", channels) for axis in "xy")
     return np.stack([x, y], axis=-1)
 
 
-def cameras(given: Given, translations: str = "table-1") -> list[Camera]:
+def cameras(inputs: Inputs, translations: str = "table-1") -> list[Camera]:
     """Return the cameras of Table 1, green, red and blue, under one reading of their shifts."""
-    principal = points(given, f"{IMAGING}#principal-point")
+    principal = points(inputs, f"{IMAGING}#principal-point")
     if translations == "table-2":
-        principal[1:] = principal[0] + points(given, f"{TRUTH}#translation", REGISTERED)
-    return cameras_of(given, IMAGING, principal)
+        principal[1:] = principal[0] + points(
+            inputs, f"{TRUTH}#translation", REGISTERED
+        )
+    return cameras_of(inputs, IMAGING, principal)
 
 
-def cameras_of(given: Given, table: str, principal: FloatArray) -> list[Camera]:
+def cameras_of(inputs: Inputs, table: str, principal: FloatArray) -> list[Camera]:
     """Return the cameras of a table with principal points of shape (3, 2)."""
-    lengths = numbers(given, f"{table}#focal-length")
-    distortions = numbers(given, f"{table}#radial-distortion")
+    lengths = numbers(inputs, f"{table}#focal-length")
+    distortions = numbers(inputs, f"{table}#radial-distortion")
     every = zip(lengths, principal, distortions, strict=True)
-    return [Camera(*one, given[f"{OPTICS}#pixel-pitch-x"]) for one in every]
+    return [Camera(*one, inputs[f"{OPTICS}#pixel-pitch-x"]) for one in every]
 
 
-def rotations(given: Given, table: str = TRUTH) -> list[float]:
+def rotations(inputs: Inputs, table: str = TRUTH) -> list[float]:
     """Return the detectors' rotation angles against green: green, red, blue, in radians."""
-    return [0.0, *numbers(given, f"{table}#rotation", REGISTERED).tolist()]
+    return [0.0, *numbers(inputs, f"{table}#rotation", REGISTERED).tolist()]
 
 
 def imaged(
-    given: Given, angles: FloatArray, translations: str = "table-1"
+    inputs: Inputs, angles: FloatArray, translations: str = "table-1"
 ) -> FloatArray:
     """Return where green, red and blue image the star without noise, shape (..., 3, n, 2)."""
-    return channel_centroids(cameras(given, translations), rotations(given), angles)
+    return channel_centroids(cameras(inputs, translations), rotations(inputs), angles)
 
 
 def zero_places(angles: FloatArray) -> NDArray[np.intp]:
@@ -137,16 +143,16 @@ def zero_places(angles: FloatArray) -> NDArray[np.intp]:
     return np.flatnonzero(np.isclose(angles, 0.0).all(axis=-1))
 
 
-def noise(given: Given) -> float:
+def noise(inputs: Inputs) -> float:
     """Return the standard deviation of a centroid's coordinate, in px, zero or more."""
-    return float(validate.non_negative(NOISE, given[NOISE]))
+    return float(validate.non_negative(NOISE, inputs[NOISE]))
 
 
 @dataclass(frozen=True)
 class _Bench:
     """The simulated bench under one reading: printed settings and alternatives of its options."""
 
-    given: Given
+    inputs: Inputs
     angles: str
     noise: str
     repeats: str
@@ -155,7 +161,7 @@ class _Bench:
     @property
     def table(self) -> FloatArray:
         """Angles of the calibration, shape (n, 2), in radians."""
-        return arrangement(self.given, self.angles)
+        return arrangement(self.inputs, self.angles)
 
     def measured(
         self, generator: Generator, replicates: int, angles: FloatArray
@@ -164,8 +170,8 @@ class _Bench:
 
         A mean of several draws has their noise divided by the root of their number.
         """
-        true = imaged(self.given, angles, self.translations)
-        sigma = noise(self.given) / np.sqrt(_DRAWS_AVERAGED[self.repeats])
+        true = imaged(self.inputs, angles, self.translations)
+        sigma = noise(self.inputs) / np.sqrt(_DRAWS_AVERAGED[self.repeats])
         factors = np.array(_NOISE_FACTORS[self.noise])[:, None, None]
         unit = generator.standard_normal((replicates, *true.shape[-3:]))
         return np.asarray(true + sigma * factors * unit)
@@ -192,9 +198,9 @@ class _Bench:
 
     def tested(self, generator: Generator, replicates: int, tests: str) -> FloatArray:
         """Return centroids of random test points, shape (replicates, 3, points, 2)."""
-        count = self.given.count(f"{SETTINGS}#test-points")
+        count = self.inputs.count(f"{SETTINGS}#test-points")
         if tests == "range":
-            half = half_ranges(self.given)
+            half = half_ranges(self.inputs)
             points = generator.uniform(-half, half, (replicates, count, 2))
         else:
             rows = np.tile(np.arange(len(self.table)), (replicates, 1))
@@ -203,11 +209,13 @@ class _Bench:
 
     def printed(self) -> dict[str, Registration]:
         """Return the transforms of Table 3 about the principal points of the channels."""
-        pivots = [one.principal_point for one in cameras(self.given, self.translations)]
+        pivots = [
+            one.principal_point for one in cameras(self.inputs, self.translations)
+        ]
         scales, turns = (
-            numbers(self.given, f"{_RESULTS}#{row}", REGISTERED) for row in ROWS[:2]
+            numbers(self.inputs, f"{_RESULTS}#{row}", REGISTERED) for row in ROWS[:2]
         )
-        shifts = points(self.given, f"{_RESULTS}#translation", REGISTERED)
+        shifts = points(self.inputs, f"{_RESULTS}#translation", REGISTERED)
         every = zip(scales, turns, shifts, pivots[1:], strict=True)
         found = (
             Registration.similarity(k, turn, *places) for k, turn, *places in every
@@ -218,13 +226,13 @@ class _Bench:
 @reproduces(
     _RESULTS,
     cells=["scale.*", "rotation.*", "translation-*"],
-    given=[*READS, f"{TRUTH}#translation-*"],
+    inputs=[*READS, f"{TRUTH}#translation-*"],
     equations=["14", "17", "18", "19", "20", "21", "22", "23", "24", "25"],
     replicates=_REPLICATES,
     options=_OPTIONS,
 )
 def calibrated_parameters(
-    given: Given,
+    inputs: Inputs,
     seed: SeedSequence,
     replicates: int,
     *,
@@ -234,7 +242,7 @@ def calibrated_parameters(
     translations: str,
 ) -> Results:
     """Registration parameters calibrated from noisy simulated centroids."""
-    bench = _Bench(given, angles, noise, repeats, translations)
+    bench = _Bench(inputs, angles, noise, repeats, translations)
     transforms = bench.calibrated(default_rng(seed), replicates)
     return {
         f"{row}.{channel}": Prediction(draws)
@@ -271,7 +279,7 @@ def _residuals(
 @reproduces(
     SETTINGS,
     cells=["rmse-*"],
-    given=[
+    inputs=[
         *READS,
         f"{TRUTH}#translation-*",
         f"{SETTINGS}#test-points",
@@ -281,7 +289,7 @@ def _residuals(
     replicates=_REPLICATES,
 )
 def registration_rmse(
-    given: Given,
+    inputs: Inputs,
     seed: SeedSequence,
     replicates: int,
     *,
@@ -294,7 +302,7 @@ def registration_rmse(
     rmse: str,
 ) -> Results:
     """RMSE at test points before and after registration."""
-    bench = _Bench(given, angles, noise, repeats, translations)
+    bench = _Bench(inputs, angles, noise, repeats, translations)
     found = _residuals(bench, seed, replicates, tests, parameters)
     return {
         name: Prediction(
@@ -306,16 +314,16 @@ def registration_rmse(
     }
 
 
-@draws("niu2024/fig-4", given=ANGLES)
-def _draw_angles(figure: Figure, printed: Mapping[str, float], door: Given) -> None:
+@draws("niu2024/fig-4", inputs=ANGLES)
+def _draw_angles(figure: Figure, printed: Mapping[str, float], inputs: Inputs) -> None:
     """Rotation angles of the rotary table in the simulation."""
-    angles = np.degrees(arrangement(door))
+    angles = np.degrees(arrangement(inputs))
     axes = figure.add_subplot()
     axes.plot(
         *angles.T, "o", markersize=4, label=f"{len(angles)} angles of the simulation"
     )
     corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1]])
-    outline = np.degrees(corners * half_ranges(door)).T
+    outline = np.degrees(corners * half_ranges(inputs)).T
     axes.plot(*outline, linestyle="--", linewidth=1, label="printed range")
     axes.set(aspect="equal", xlabel="middle frame (°)", ylabel="external frame (°)")
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=2)

@@ -17,7 +17,7 @@ from reproduce.physics.images.detector import (
     expose,
     tabulated_star,
 )
-from reproduce.physics.images.finding import Found, find_spots, shape_finding
+from reproduce.physics.images.finding import Detections, find_spots, shape_finding
 from reproduce.physics.images.spots import (
     Spots,
     fitted_centre,

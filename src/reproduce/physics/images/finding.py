@@ -47,7 +47,7 @@ _ODD = "not the shape of a spot"
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class Detections:
     """Spots of an image, the brightest first.
 
     Attributes
@@ -86,7 +86,7 @@ def find_spots(
     threshold: float | None = None,
     sigma: ArrayLike | None = None,
     saturation: float = np.inf,
-) -> Found:
+) -> Detections:
     """Find the spots of an image and measure them.
 
     Parameters
@@ -166,7 +166,9 @@ def find_spots(
         "image was scaled, averaged or smoothed"
     )
     findings = () if _MIN_GAIN <= gain <= _MAX_GAIN else (Finding("gain", text),)
-    return Found(fit.centre, fit.covariance, fit.flux, reasons, shapes, facts, findings)
+    return Detections(
+        fit.centre, fit.covariance, fit.flux, reasons, shapes, facts, findings
+    )
 
 
 def _without_background(image: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:

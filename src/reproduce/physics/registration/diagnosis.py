@@ -486,7 +486,7 @@ def _errors(fit: RegistrationFit) -> list[Finding]:
 
 def _dropped(fit: RegistrationFit, named: Named) -> list[Finding]:
     """Return the warnings of a robust fit: the stars that it left out, and too few stars."""
-    rows, count = np.flatnonzero(fit.dropped).tolist(), len(fit.weights)
+    rows, count = np.flatnonzero(fit.rejected).tolist(), len(fit.weights)
     found = []
     if rows:
         text = f"{len(rows)} of {count} stars have zero weight ({named(rows)})"
@@ -509,7 +509,7 @@ def _any_far(fit: RegistrationFit) -> bool:
 
 def _mismatched(fit: RegistrationFit, named: Named) -> list[Finding]:
     """Return the warning that names the stars that a robust fit left out."""
-    rows = np.flatnonzero(fit.dropped)
+    rows = np.flatnonzero(fit.rejected)
     if fit.degrees_of_freedom < _MIN_FREEDOM or not len(rows):
         return []
     lengths = np.hypot(*fit.residuals.T)

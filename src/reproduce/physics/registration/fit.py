@@ -78,7 +78,7 @@ class RegistrationFit:
     chi_square: FloatArray
     cofactor: FloatArray
     robust: bool
-    dropped: NDArray[np.bool_]
+    rejected: NDArray[np.bool_]
 
     @property
     def weights(self) -> FloatArray:
@@ -169,7 +169,7 @@ class RegistrationFit:
         half = factor * self.standard_errors
         return np.stack([self.parameters - half, self.parameters + half], axis=-1)
 
-    def landed_covariance(self, points: ArrayLike) -> FloatArray:
+    def prediction_covariance(self, points: ArrayLike) -> FloatArray:
         """Return the covariance of registered points due to the transform, (..., n, 2, 2), in px^2.
 
         Parameters
@@ -249,10 +249,10 @@ def fit_registration(
 
 def fit_problem(problem: Problem, robust: bool = False) -> RegistrationFit:
     """Return the fit of checked points, see `fit_registration`."""
-    dropped = np.zeros(problem.counts.shape, dtype=bool)
+    rejected = np.zeros(problem.counts.shape, dtype=bool)
     if robust:
         kept = _right_matches(problem)
-        dropped = ~kept & (problem.counts > 0)
+        rejected = ~kept & (problem.counts > 0)
         problem = problem.with_weights(kept.astype(np.float64))
     found = solve(problem)
     transform = Registration._unchecked(problem.model, found.parameters, problem.pivot)
@@ -263,7 +263,7 @@ def fit_problem(problem: Problem, robust: bool = False) -> RegistrationFit:
         found.chi_square,
         found.cofactor,
         robust,
-        dropped,
+        rejected,
     )
 
 

@@ -8,30 +8,30 @@ from reproduce.physics.optics import angle_from_pixels
 LENSES = "lamp2025/table-1"
 
 
-@reproduces("lamp2025/table-2", given=[LENSES], equations=["1"])
-def pixel_angle(given):
+@reproduces("lamp2025/table-2", inputs=[LENSES], equations=["1"])
+def pixel_angle(inputs):
     """Angle of one pixel from its pitch and the focal length."""
     return {
         f"angle.{lens}": float(
             angle_from_pixels(
                 1.0,
-                given[f"{LENSES}#pixel.{lens}"],
-                given[f"{LENSES}#focal-length.{lens}"],
+                inputs[f"{LENSES}#pixel.{lens}"],
+                inputs[f"{LENSES}#focal-length.{lens}"],
             )
         )
         for lens in ("near", "far")
     }
 
 
-@draws("lamp2025/fig-1", given=[f"{LENSES}#focal-length.*"])
-def draw(figure, printed, door):
+@draws("lamp2025/fig-1", inputs=[f"{LENSES}#focal-length.*"])
+def draw(figure, printed, inputs):
     """Focal lengths of both lenses."""
-    lengths = door.array(f"{LENSES}#focal-length.*")
+    lengths = inputs.array(f"{LENSES}#focal-length.*")
     figure.add_subplot().plot([1, 2], lengths * 1e3, "o", label="lenses")
 
 
-@studied("lamp2025/ratio", given=[f"{LENSES}#focal-length.*"])
-def ratio(given):
+@studied("lamp2025/ratio", inputs=[f"{LENSES}#focal-length.*"])
+def ratio(inputs):
     """How the focal lengths compare."""
-    near, far = given.array(f"{LENSES}#focal-length.*")
+    near, far = inputs.array(f"{LENSES}#focal-length.*")
     return [("far over near", float(far / near))]

@@ -10,18 +10,18 @@ from reproduce.papers.posteriors import Declaration
 READS = ("lamp2025/table-1#focal-length.*",)
 
 
-def registration(given):
+def registration(inputs):
     """Simulate stars behind both lenses and return the model of the transform between them."""
-    near, far = given.array(READS[0])
+    near, far = inputs.array(READS[0])
     generator = np.random.default_rng(2025)
     stars = generator.uniform(0.0, 1000.0, (30, 2))
     other = far / near * stars + generator.normal(0.0, 0.1, stars.shape)
     return registration_model(stars, other, np.zeros(2))
 
 
-def truth(given):
+def truth(inputs):
     """The parameters with which the stars were simulated."""
-    near, far = given.array(READS[0])
+    near, far = inputs.array(READS[0])
     return {"scale": far / near}
 
 
@@ -30,7 +30,7 @@ POSTERIORS = (
         key="lamp-registration",
         title="What is known of the transform between both lenses",
         paper="lamp2025",
-        given=READS,
+        inputs=READS,
         build=registration,
         file="the stars are made up",
         truth=truth,

@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 
 from reproduce.papers.catalogue import catalogue, drawings, studies
-from reproduce.papers.declare import parsed, words
+from reproduce.papers.declare import item_text, parsed
 from reproduce.printed.cells import library
 
-FOLDER = Path(__file__).parents[2] / "data" / "words"
+FOLDER = Path(__file__).parents[2] / "data" / "captions"
 
 
 FILES = [path for path in sorted(FOLDER.glob("*.toml")) if path.stem != "posteriors"]
@@ -20,7 +20,7 @@ FILES = [path for path in sorted(FOLDER.glob("*.toml")) if path.stem != "posteri
 def test_every_text_of_all_posteriors_is_shown():
     path = FOLDER.parents[1] / "src" / "reproduce" / "views" / "posteriors.py"
     shown = re.findall(
-        r'words\("posteriors/([^"]+)"\)', path.read_text(encoding="utf-8")
+        r'item_text\("posteriors/([^"]+)"\)', path.read_text(encoding="utf-8")
     )
     texts = tomllib.loads((FOLDER / "posteriors.toml").read_text(encoding="utf-8"))
     assert sorted(shown) == sorted(texts)
@@ -30,7 +30,7 @@ def test_every_text_of_all_posteriors_is_shown():
 def test_every_text_belongs_to_a_table_or_to_an_item_with_options(path):
     for name in tomllib.loads(path.read_text(encoding="utf-8")):
         key = f"{path.stem}/{name}"
-        text = words(key)
+        text = item_text(key)
         if text.options or text.unpublished:
             made = catalogue()[key].computations
             for option, ways in text.options.items():

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from made_up import TABLES, audited_table, declared, finding, printed_cell
 
-from reproduce.audit.equations import ITERATION_STEPS
-from reproduce.audit.examine import conflicts, contradicted
-from reproduce.audit.report import audit_paper
+from reproduce.consistency.equations import ITERATION_STEPS
+from reproduce.consistency.examine import conflicts, contradicted
+from reproduce.consistency.report import audit_paper
 
 TEXT = """
 [[relations.all]]

@@ -11,9 +11,15 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict
 
-from reproduce.audit import examine
-from reproduce.audit.equations import Demonstration, demonstrations
-from reproduce.audit.relation import Finder, Relation, Sheet, declarations, declared
+from reproduce.consistency import examine
+from reproduce.consistency.equations import Demonstration, demonstrations
+from reproduce.consistency.relation import (
+    Finder,
+    Relation,
+    Sheet,
+    declarations,
+    declared,
+)
 from reproduce.printed.cells import library
 
 
@@ -26,7 +32,7 @@ class Audit:
 
     name: str
     cells: Sheet
-    findings: tuple[examine.Examined, ...]
+    findings: tuple[examine.RelationResult, ...]
     conflicts: tuple[examine.Conflict, ...]
     unknowns: dict[str, examine.Agreement]
     equations: tuple[Demonstration, ...]
@@ -47,19 +53,19 @@ class Audit:
         return tuple(address for address in self.cells if address in found)
 
     @property
-    def read(self) -> tuple[examine.Examined, ...]:
+    def read(self) -> tuple[examine.RelationResult, ...]:
         """The findings that do not depend on an assumption of this project."""
-        return tuple(f for f in self.findings if not f.relation.supposition)
+        return tuple(f for f in self.findings if not f.relation.assumption)
 
     @property
-    def supposed(self) -> tuple[examine.Examined, ...]:
+    def supposed(self) -> tuple[examine.RelationResult, ...]:
         """The findings that depend on an assumption of this project."""
-        return tuple(f for f in self.findings if f.relation.supposition)
+        return tuple(f for f in self.findings if f.relation.assumption)
 
     @property
     def failing(self) -> tuple[Demonstration, ...]:
         """The equations that fail as extracted, without those that depend on an assumption."""
-        return tuple(e for e in self.equations if not (e.holds or e.supposition))
+        return tuple(e for e in self.equations if not (e.holds or e.assumption))
 
     def tally(
         self, *, restating: bool | None = None
@@ -92,7 +98,7 @@ def audit(
     joint: Sequence[Relation] = (),
 ) -> Audit:
     """Audit some cells by relations between them, and by declared combinations of relations."""
-    read = [relation for relation in relations if not relation.supposition]
+    read = [relation for relation in relations if not relation.assumption]
     return Audit(
         name=name,
         cells=cells,
@@ -114,7 +120,7 @@ class Erratum(BaseModel):
     that it names. Where words stand against words, `evidence` says which. `reading` tells which
     of two independent readings of the paper found it, as for a relation, and `again` whether the
     third one did too, which knew no list. An entry that holds only if we suppose something that
-    the paper does not say names it as its `supposition`, and is counted apart. `extraction` marks
+    the paper does not say names it as its `assumption`, and is counted apart. `extraction` marks
     what rests on a formula, a digit or a heading of our text, which a machine read. `reply` is what
     the authors of the paper say to it, with their name and the day; empty until they do.
     """
@@ -145,7 +151,7 @@ class Erratum(BaseModel):
     """whether a third reading did, without a list"""
     extraction: bool = False
     """our text, read by a machine, may be wrong"""
-    supposition: str = ""
+    assumption: str = ""
     """what it supposes that the paper leaves open"""
     evidence: str = ""
     """words that stand against words"""
@@ -156,7 +162,7 @@ class Erratum(BaseModel):
     equations: list[str] = []
     """equations that show it, as extracted"""
 
-    def findings(self, audit: Audit) -> list[examine.Examined]:
+    def findings(self, audit: Audit) -> list[examine.RelationResult]:
         """Return the findings of the relations that the entry names."""
         names = [finding.relation.name for finding in audit.findings]
         named = {n for one in self.relations for n in fnmatch.filter(names, one)}

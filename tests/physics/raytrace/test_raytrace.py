@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import brentq
 
 from reproduce.physics.attitude import rotation_from_vector
-from reproduce.physics.light import (
+from reproduce.physics.raytrace import (
     CORNER,
     ROOF,
     fold_mirror_tilt,

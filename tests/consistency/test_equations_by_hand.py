@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from made_up import finding
 
-from reproduce.audit.report import audit_paper
-from reproduce.physics import light
+from reproduce.consistency.report import audit_paper
+from reproduce.physics import raytrace
 
 AUDIT = audit_paper("chen2023")
 SHOWN = {shown.name: shown for shown in AUDIT.equations}
@@ -42,7 +42,7 @@ def test_a_misalignment_on_the_wrong_side_turns_about_another_axis():
     )
     off = turn * (1 - math.cos(angle)) / ARCSEC
     assert SHOWN["misalignment-side"].printed == pytest.approx(off, rel=1e-6)
-    assert SHOWN["misalignment-side"].supposition
+    assert SHOWN["misalignment-side"].assumption
 
 
 def test_the_bracket_of_the_imaging_model_is_the_negative_of_an_emitted_direction():
@@ -51,7 +51,7 @@ def test_the_bracket_of_the_imaging_model_is_the_negative_of_an_emitted_directio
     focal = number("table-2#telescope-focal-length.value")
     cosine = (y * -y - focal * focal) / (y**2 + focal**2)
     assert shown.printed == pytest.approx(cosine)
-    assert shown.supposition
+    assert shown.assumption
 
 
 def test_three_mirrors_of_a_corner_and_one_more_are_no_rotation_and_two_and_one_are():
@@ -61,7 +61,7 @@ def test_three_mirrors_of_a_corner_and_one_more_are_no_rotation_and_two_and_one_
         reversal * dichroic * (-1) ** 3
     )
     assert reversal * dichroic * (-1) ** 2 == SHOWN["mirrored-pattern"].wanted
-    bench = light.mirror_train(light.ROOF)
+    bench = raytrace.mirror_train(raytrace.ROOF)
     assert np.linalg.det(bench) == pytest.approx((-1) ** 2)
 
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from reproduce.printed.cells import Cell, find
+from reproduce.printed.cells import PrintedCell, find
 from reproduce.printed.number import si_factor
 
 
@@ -21,7 +21,7 @@ class UndeclaredInputError(LookupError):
 
 
 @dataclass(frozen=True)
-class Given:
+class Inputs:
     """The declared inputs of one computation, in SI units.
 
     Parameters
@@ -37,7 +37,7 @@ class Given:
         Root of all random seeds: a user's, or None for the seed of the project.
     """
 
-    cells: Mapping[str, Cell]
+    cells: Mapping[str, PrintedCell]
     shifts: Mapping[str, float] = field(default_factory=dict)
     values: Mapping[str, float] = field(default_factory=dict)
     root: int | None = None
@@ -53,7 +53,7 @@ class Given:
         if address in self.values:
             return self.values[address]
         number = cell.number
-        moved = number.value + self.shifts.get(address, 0.0) * number.reach
+        moved = number.value + self.shifts.get(address, 0.0) * number.half_width
         return moved * si_factor(cell.unit)
 
     def half_unit(self, address: str) -> float:
@@ -64,7 +64,7 @@ class Given:
     def upper(self, address: str) -> float:
         """Return the largest value that the number at `address` stands for, in SI units."""
         cell = self._cell(address)
-        return self[address] + cell.number.reach * si_factor(cell.unit)
+        return self[address] + cell.number.half_width * si_factor(cell.unit)
 
     def count(self, address: str) -> int:
         """Return the whole number at `address`."""
@@ -79,7 +79,7 @@ class Given:
             [self[cell.address] for cell in find(pattern) if cell.is_number]
         )
 
-    def numbers(self) -> list[Cell]:
+    def numbers(self) -> list[PrintedCell]:
         """Return the declared cells that hold a rounded number."""
         cells = (
             c
@@ -90,31 +90,31 @@ class Given:
             cell for cell in cells if not (cell.number.exact or cell.number.is_bound)
         ]
 
-    def shifted(self, shifts: Mapping[str, float]) -> Given:
+    def shifted(self, shifts: Mapping[str, float]) -> Inputs:
         """Return the same inputs with some moved within their rounding intervals."""
         return replace(self, shifts=dict(shifts))
 
-    def changed(self, values: Mapping[str, float]) -> Given:
+    def changed(self, values: Mapping[str, float]) -> Inputs:
         """Return the same inputs with other values in place of some printed ones."""
         return replace(self, values={**self.values, **values})
 
-    def _cell(self, address: str) -> Cell:
+    def _cell(self, address: str) -> PrintedCell:
         if address not in self.cells:
             raise UndeclaredInputError(
-                f"{address} is not declared; add it to given=[...] of the computation that reads "
+                f"{address} is not declared; add it to inputs=[...] of the computation that reads "
                 f"it (declared: {', '.join(self.cells) or 'nothing'})"
             )
         return self.cells[address]
 
 
-def given(patterns: Iterable[str], root: int | None = None) -> Given:
+def load_inputs(patterns: Iterable[str], root: int | None = None) -> Inputs:
     """Return access to the cells that match `patterns`, with an optional seed of a user.
 
     Examples
     --------
-    >>> door = given(["niu2024/table-1#focal-length.*"])
-    >>> round(door["niu2024/table-1#focal-length.green"], 6)
+    >>> inputs = load_inputs(["niu2024/table-1#focal-length.*"])
+    >>> round(inputs["niu2024/table-1#focal-length.green"], 6)
     0.025
     """
     cells = {cell.address: cell for pattern in patterns for cell in find(pattern)}
-    return Given(cells, root=root)
+    return Inputs(cells, root=root)

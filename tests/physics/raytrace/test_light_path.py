@@ -14,7 +14,7 @@ from reproduce.physics.attitude import (
     received_directions,
     rotation_from_vector,
 )
-from reproduce.physics.light import RETROREFLECTORS, LightPath, reflection
+from reproduce.physics.raytrace import RETROREFLECTORS, LightPath, reflection
 
 CAMERA, TRACKER, BETWEEN = 2.0, 0.06, np.radians(120.0)
 LASERS = 11e-3 * np.array([[0, -1], [-1, 0], [1, 0], [0, 1.0]])

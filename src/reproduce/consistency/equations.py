@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from reproduce.physics import attitude, ground, light, optics, registration
+from reproduce.physics import attitude, ground, optics, raytrace, registration
 from reproduce.physics.attitude import rotation_from_vector
-from reproduce.printed.cells import Cell
+from reproduce.printed.cells import PrintedCell
 from reproduce.printed.number import si_factor
 
 # Far above the noise of double precision, far below any printed digit.
@@ -33,7 +33,7 @@ class Demonstration:
     """An equation run as printed.
 
     `right` is the result of the form that the library uses, `asked` the test, `meaning` the
-    quantity, and `supposition` an assumption that the paper does not state.
+    quantity, and `assumption` an assumption that the paper does not state.
     """
 
     name: str
@@ -43,7 +43,7 @@ class Demonstration:
     place: str
     asked: str
     meaning: str
-    supposition: str = ""
+    assumption: str = ""
 
     @property
     def holds(self) -> bool:
@@ -52,7 +52,7 @@ class Demonstration:
 
 
 def demonstrations(
-    cells: Mapping[str, Cell], texts: Mapping[str, Any]
+    cells: Mapping[str, PrintedCell], texts: Mapping[str, Any]
 ) -> tuple[Demonstration, ...]:
     """Run the equations that a paper declares, with their texts by name."""
     return tuple(
@@ -137,10 +137,10 @@ def _chain(number: _Number) -> _Values:
 def _retroreflector(number: _Number) -> _Values:
     """Turn the reflector of the satellite, taken as a corner cube, about three axes."""
     beam = np.array([0.0, 0.0, -1.0])
-    straight = light.mirror_train(light.CORNER) @ beam
+    straight = raytrace.mirror_train(raytrace.CORNER) @ beam
     moved = [
         np.linalg.norm(
-            light.mirror_train(light.CORNER @ rotation_from_vector(turn).T) @ beam
+            raytrace.mirror_train(raytrace.CORNER @ rotation_from_vector(turn).T) @ beam
             - straight
         )
         for turn in _ARCSEC * np.eye(3)
@@ -219,9 +219,9 @@ def _line_of_sight(number: _Number) -> _Values:
 def _mirrored_pattern(number: _Number) -> _Values:
     """Follow a direction of (2) to that of (3), by a corner cube and the dichroic mirror."""
     tilt = number("chen2023/text-satellite#dihedral-angle")
-    fold = light.reflection([0.0, np.sin(tilt), np.cos(tilt)])
+    fold = raytrace.reflection([0.0, np.sin(tilt), np.cos(tilt)])
     # A received direction points back along the light.
-    satellite = -fold @ light.mirror_train(light.CORNER)
+    satellite = -fold @ raytrace.mirror_train(raytrace.CORNER)
     mirrored = satellite @ np.diag([1.0, -1.0, 1.0])  # the lasers of a mirrored pattern
     return np.linalg.det(satellite), np.linalg.det(mirrored), 1.0
 

@@ -14,8 +14,8 @@ import pint
 import pytest
 from made_up import PINT, audited_table, finding, printed_cell
 
-from reproduce.audit.examine import contradicted, rounding_interval
-from reproduce.audit.report import audit_paper, register
+from reproduce.consistency.examine import contradicted, rounding_interval
+from reproduce.consistency.report import audit_paper, register
 from reproduce.printed.number import UNITS, si_factor
 
 DATA = Path(__file__).parent.parent.parent / "data"
@@ -213,12 +213,12 @@ def test_what_rests_on_a_supposition_of_ours_is_counted_nowhere_else():
         assert sum(audit.tally().values()) == len(audit.read)
         blamed = {name for conflict in audit.conflicts for name in conflict.relations}
         assert not ours & blamed
-        assert not {shown.name for shown in audit.failing if shown.supposition}
+        assert not {shown.name for shown in audit.failing if shown.assumption}
         for entry in (entry for entry in ERRATA if entry.paper == paper):
-            resting = [f.relation.supposition for f in entry.findings(audit)]
-            resting += [shown.supposition for shown in entry.demonstrations(audit)]
+            resting = [f.relation.assumption for f in entry.findings(audit)]
+            resting += [shown.assumption for shown in entry.demonstrations(audit)]
             if resting:
-                assert set(resting) == {entry.supposition}, entry.id
+                assert set(resting) == {entry.assumption}, entry.id
 
 
 def test_the_contradictions_of_chen2023_are_one_digit_and_one_interchange():
@@ -246,7 +246,7 @@ kind = "repeat"
 source = "by name"
 """
     plain = audited_table("made up", cells, line)
-    supposed = audited_table("made up", cells, line + 'supposition = "the two are one"')
+    supposed = audited_table("made up", cells, line + 'assumption = "the two are one"')
     assert (plain.tally()["contradicts"], len(plain.conflicts)) == (1, 1)
     assert (supposed.tally()["contradicts"], len(supposed.conflicts)) == (0, 0)
     assert supposed.supposed[0].outcome == "contradicts"

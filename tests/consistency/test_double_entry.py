@@ -12,14 +12,14 @@ import numpy as np
 import pytest
 from made_up import declared
 
-from reproduce.audit.report import audit_paper
+from reproduce.consistency.report import audit_paper
 from reproduce.judge.ledger import build
 from reproduce.judge.propagate import result_intervals
 from reproduce.judge.readings import evaluate
-from reproduce.papers.catalogue import catalogue, maker
+from reproduce.papers.catalogue import catalogue, computation_for
 from reproduce.papers.declare import reproduces, unpublished
 from reproduce.printed.cells import PAPERS, find
-from reproduce.printed.given import given
+from reproduce.printed.inputs import load_inputs
 from reproduce.views.verdicts import choices_text
 
 SHEET = {
@@ -40,9 +40,11 @@ def computed():
         one for item in catalogue().values() for one in item.computations
     ):
         for choices in () if computation.replicates else distinct(computation):
-            one = computation.under(choices)
+            one = computation.with_options(choices)
             mark = f" ({choices_text(choices)})" if choices else ""
-            for name, interval in result_intervals(one, given(one.given)).items():
+            for name, interval in result_intervals(
+                one, load_inputs(one.inputs)
+            ).items():
                 if not unpublished(computation.key, name):
                     found[f"{computation.key}#{name}{mark}"] = (one, interval[:2])
     return found
@@ -57,9 +59,9 @@ def distinct(computation):
     ]
 
 
-def value_of(computation, door, name):
+def value_of(computation, inputs, name):
     """Return the value of a number by its name, without the reading."""
-    return computation(door)[name.partition("#")[2].partition(" (")[0]]
+    return computation(inputs)[name.partition("#")[2].partition(" (")[0]]
 
 
 def strays(computation, name, low, high):
@@ -67,15 +69,17 @@ def strays(computation, name, low, high):
 
     Half of the points are corners.
     """
-    rng, door = np.random.default_rng(3), given(computation.given)
-    moved = [cell.address for cell in door.numbers()]
+    rng, inputs = np.random.default_rng(3), load_inputs(computation.inputs)
+    moved = [cell.address for cell in inputs.numbers()]
     room = 1e-11 * max(abs(low), abs(high)) + 1e-18
     found = []
     for i in range(40):
         points = rng.uniform(-1, 1, len(moved))
         points = np.sign(points) if i % 2 else points
         value = value_of(
-            computation, door.shifted(dict(zip(moved, points, strict=True))), name
+            computation,
+            inputs.shifted(dict(zip(moved, points, strict=True))),
+            name,
         )
         found += [value] * (not low - room <= value <= high + room)
     return found
@@ -98,15 +102,15 @@ def test_the_two_entries_give_one_value_wherever_the_inputs_lie(name):
     computation, _ = computed()[name]
     relation = ENTRIES[name]
     rng = np.random.default_rng(3)
-    door = given(computation.given)
-    moved = [cell.address for cell in door.numbers()]
+    inputs = load_inputs(computation.inputs)
+    moved = [cell.address for cell in inputs.numbers()]
     for size in (0.0, *[1.0] * 10):
-        shifted = door.shifted(
+        shifted = inputs.shifted(
             {address: size * rng.uniform(-1, 1) for address in moved}
         )
-        inputs = {a: shifted[a] for a in relation.addresses if a in door.cells}
-        assert set(relation.addresses) - set(inputs) <= {relation.result}
-        right = relation.values({relation.result: 0.0, **inputs})[1]
+        values = {a: shifted[a] for a in relation.addresses if a in inputs.cells}
+        assert set(relation.addresses) - set(values) <= {relation.result}
+        right = relation.values({relation.result: 0.0, **values})[1]
         value = value_of(computation, shifted, name)
         assert right == pytest.approx(value, rel=1e-11, abs=1e-18)
 
@@ -125,7 +129,7 @@ def test_outcome_and_verdict_are_the_same():
             continue
         found = records[address]
         if choices:
-            evaluation = evaluate(maker(address))
+            evaluation = evaluate(computation_for(address))
             texts = [f"{choices_text(one)})" for one in evaluation.computation.readings]
             found = evaluation.cells[address.partition("#")[2]][texts.index(choices)]
         verdict = "differs" if found.verdict == "differs" else "exact"
@@ -135,7 +139,7 @@ def test_outcome_and_verdict_are_the_same():
             assert "tolerance" in found.flags, name
         elif verdict == "exact" and "tolerance" not in found.flags:
             (cell,) = find(address)
-            off = not cell.number.meets(found.computed, found.computed)
+            off = not cell.number.overlaps(found.computed, found.computed)
             assert (outcome == "agrees only through rounding") == off, name
         seen.add((outcome, verdict))
     assert len(seen) == 4
@@ -144,12 +148,12 @@ def test_outcome_and_verdict_are_the_same():
 ADDRESS = "niu2024/table-1#focal-length.green"
 
 
-@reproduces("niu2024/table-2", given=[ADDRESS])
-def turning(door):
+@reproduces("niu2024/table-2", inputs=[ADDRESS])
+def turning(inputs):
     """Smallest inside the rounding interval, between the printed value and the upper end."""
-    return {"scale.red": (1e6 * (door[ADDRESS] / 0.025 - 1) - 1) ** 2}
+    return {"scale.red": (1e6 * (inputs[ADDRESS] / 0.025 - 1) - 1) ** 2}
 
 
 def test_a_computation_that_is_not_monotone_is_seen():
-    low, high, _ = result_intervals(turning, given(turning.given))["scale.red"]
+    low, high, _ = result_intervals(turning, load_inputs(turning.inputs))["scale.red"]
     assert strays(turning, f"{turning.key}#scale.red", low, high)

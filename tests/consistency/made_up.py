@@ -7,9 +7,9 @@ columns, and distances and times of cars that share one speed.
 import tomllib
 from decimal import Decimal
 
-from reproduce.audit import relation
-from reproduce.audit.report import audit
-from reproduce.printed.cells import Cell
+from reproduce.consistency import relation
+from reproduce.consistency.report import audit
+from reproduce.printed.cells import PrintedCell
 from reproduce.printed.number import PrintedNumber
 
 # What pint calls a unit where it is not what the data files do.
@@ -33,7 +33,7 @@ def printed_cell(address, text, unit="1", qualifier=None):
     """Make a cell from what stands on paper."""
     key, _, name = address.partition("#")
     number = PrintedNumber(text, unit == "count", qualifier)
-    return Cell(key, name, name, number, unit, "derived", key)
+    return PrintedCell(key, name, name, number, unit, "derived", key)
 
 
 def declared(text, cells, prefix=""):
@@ -43,8 +43,8 @@ def declared(text, cells, prefix=""):
 
 def audited_table(name, cells, relations):
     """Audit cells by relations, or by a text of them."""
-    given = declared(relations, cells) if isinstance(relations, str) else relations
-    return audit(name, cells, given)
+    inputs = declared(relations, cells) if isinstance(relations, str) else relations
+    return audit(name, cells, inputs)
 
 
 def invoice():

@@ -25,11 +25,11 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
-from reproduce.printed.cells import Cell
+from reproduce.printed.cells import PrintedCell
 from reproduce.printed.number import UNITS, Interval, si_factor
 
 # Address to printed number.
-Sheet = Mapping[str, Cell]
+Sheet = Mapping[str, PrintedCell]
 # Which of two independent readings of a paper found a relation; "merging" if neither did, and the
 # comparison of their lists or a later reader who knew them found it; "third" if a later reader, who
 # knew neither list, was the first to find it; empty without a count.
@@ -168,9 +168,9 @@ class Relation(_Declared):
     # The paper's conclusion that rests on it.
     claim: str | None = None
     reading: Finder = ""
-    # What it supposes that the paper does not say. Such a relation is counted apart, and no
+    # An assumption that the paper does not state. Such a relation is counted apart, and no
     # contradiction of the paper follows from it.
-    supposition: str = ""
+    assumption: str = ""
 
     @property
     def compares(self) -> bool:
@@ -229,7 +229,11 @@ class Relation(_Declared):
 
 def declarations(paper: str) -> dict[str, Any]:
     """Return the declarations of a paper: relations, equations; nothing of one without a file."""
-    file = importlib.resources.files("reproduce.audit") / "relations" / f"{paper}.toml"
+    file = (
+        importlib.resources.files("reproduce.consistency")
+        / "relations"
+        / f"{paper}.toml"
+    )
     return tomllib.loads(file.read_text(encoding="utf-8")) if file.is_file() else {}
 
 

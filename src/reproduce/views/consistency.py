@@ -10,8 +10,8 @@ from typing import Any
 
 import pandas as pd
 
-from reproduce.audit.examine import Examined
-from reproduce.audit.report import Audit, Erratum, audit_paper, register
+from reproduce.consistency.examine import RelationResult
+from reproduce.consistency.report import Audit, Erratum, audit_paper, register
 from reproduce.judge.ledger import frozen, replies
 from reproduce.locate import data_folders
 from reproduce.printed.cells import PAPERS, anchor
@@ -41,7 +41,7 @@ _GROUPS = (
     "do not simply agree",
     "agree",
     "restate a computed cell, and agree",
-    "rest on a supposition of ours",
+    "rest on a assumption of ours",
 )
 
 
@@ -57,11 +57,11 @@ class _Part(Blocks):
         return frame.set_index("name") if "name" in frame else frame
 
 
-class Contradictions(Display):
+class ConsistencyAudit(Display):
     """The audit of the printed numbers of papers, and the errata.
 
     Its parts are ``score``, ``relations``, ``sets`` (the sets of numbers that cannot all
-    be right), ``equations`` (run as extracted), ``errata`` and ``suppositions`` (entries that
+    be right), ``equations`` (run as extracted), ``errata`` and ``assumptions`` (entries that
     suppose something): ``contradictions("chen2023")["relations"]``. Each shows itself and has a
     ``frame()``.
 
@@ -82,7 +82,7 @@ class Contradictions(Display):
 
     def frame(self) -> pd.DataFrame:
         """Return the register: one row per entry."""
-        return pd.concat([self[name].frame() for name in ("errata", "suppositions")])
+        return pd.concat([self[name].frame() for name in ("errata", "assumptions")])
 
     def as_json(self) -> dict[str, list[_Row]]:
         """Return the rows of each part."""
@@ -122,7 +122,7 @@ def _score(audits: Sequence[Audit]) -> _Part:
     rows: list[_Row] = []
     for audit in audits:
         own, again = (list(audit.tally(restating=x).values()) for x in (False, True))
-        supposing = sum(bool(shown.supposition) for shown in audit.equations)
+        supposing = sum(bool(shown.assumption) for shown in audit.equations)
         rows.append(
             {
                 "name": audit.name,
@@ -138,7 +138,7 @@ def _score(audits: Sequence[Audit]) -> _Part:
                 "Contradict among these": again[3],
                 "Equations run": len(audit.equations) - supposing,
                 "Fail as extracted": len(audit.failing),
-                "Rest on suppositions of ours": len(audit.supposed) + supposing,
+                "Rest on assumptions of ours": len(audit.supposed) + supposing,
             }
         )
     heads = ["Paper", *list(rows[0])[1:]]
@@ -161,10 +161,10 @@ def _relations(audits: Sequence[Audit]) -> _Part:
     return _Part(tuple(blocks), rows)
 
 
-def _relation(finding: Examined, audit: Audit) -> _Row:
+def _relation(finding: RelationResult, audit: Audit) -> _Row:
     """Return the record of a relation."""
     relation, tolerance = finding.relation, finding.relation.tolerance
-    fields = "declared source kind claim reading supposition restates".split()
+    fields = "declared source kind claim reading assumption restates".split()
     return {
         "name": relation.name,
         "paper": audit.name,
@@ -179,7 +179,7 @@ def _relation(finding: Examined, audit: Audit) -> _Row:
 
 
 def _group(row: _Row) -> str:
-    if row["supposition"]:
+    if row["assumption"]:
         return _GROUPS[3]
     if row["outcome"] != "agrees":
         return _GROUPS[0]
@@ -211,7 +211,7 @@ def _equations(audits: Sequence[Audit]) -> _Part:
     """List the equations, run as extracted."""
     fields = ("name", "place", "asked", "printed", "right", "wanted", "meaning")
     rows = [
-        {name: getattr(one, name) for name in (*fields, "holds", "supposition")}
+        {name: getattr(one, name) for name in (*fields, "holds", "assumption")}
         for audit in audits
         for one in audit.equations
     ]
@@ -226,7 +226,7 @@ def _errata(audits: Sequence[Audit], *, supposed: bool) -> _Part:
     rows, evidence = list[_Row](), dict[str, _Row]()
     for entry in errata_register():
         for audit in audits:
-            if entry.paper == audit.name and bool(entry.supposition) == supposed:
+            if entry.paper == audit.name and bool(entry.assumption) == supposed:
                 cells = [c for c, one in frozen().items() if one.erratum == entry.id]
                 texts = {"name": entry.id, **entry.model_dump(exclude={"id"})}
                 rows.append(texts | {"results": cells})
@@ -266,7 +266,7 @@ def _judged(address: str) -> str:
     return f"{shown['printed']} printed, {found}"
 
 
-def _sides(finding: Examined, audit: Audit) -> str:
+def _sides(finding: RelationResult, audit: Audit) -> str:
     """Return both sides of a relation with the printed values.
 
     If a relation contains a number that is not printed, return the values that it requires.
@@ -298,5 +298,5 @@ _PARTS: dict[str, Callable[[Sequence[Audit]], _Part]] = {
     "sets": _sets,
     "equations": _equations,
     "errata": lambda audits: _errata(audits, supposed=False),
-    "suppositions": lambda audits: _errata(audits, supposed=True),
+    "assumptions": lambda audits: _errata(audits, supposed=True),
 }

@@ -6,10 +6,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from reproduce.audit.examine import rounding_interval
-from reproduce.audit.relation import Tolerance
+from reproduce.consistency.examine import rounding_interval
+from reproduce.consistency.relation import Tolerance
 from reproduce.printed.cells import library
-from reproduce.printed.given import given as given_cells
+from reproduce.printed.inputs import load_inputs as given_cells
 from reproduce.printed.number import PrintedNumber, si_factor
 
 
@@ -44,9 +44,9 @@ def test_the_ledger_and_the_audit_take_the_same_interval_for_every_printed_numbe
     for cell in (cell for cell in cells if not cell.number.is_bound):
         ends = rounding_interval(cell.number)
         assert ends == cell.number.interval()
-        door = given_cells([cell.address])
+        inputs = given_cells([cell.address])
         for side, end in zip((-1.0, 1.0), ends, strict=True):
-            moved = door.shifted({cell.address: side})[cell.address]
+            moved = inputs.shifted({cell.address: side})[cell.address]
             assert moved == pytest.approx(end * si_factor(cell.unit), rel=1e-12)
 
 

@@ -8,8 +8,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal, get_args
 
-from reproduce.audit.relation import Relation, Sheet, Unknown
-from reproduce.printed.cells import Cell
+from reproduce.consistency.relation import Relation, Sheet, Unknown
+from reproduce.printed.cells import PrintedCell
 from reproduce.printed.corners import Corners, corner_intervals
 from reproduce.printed.number import Interval, PrintedNumber, si_factor
 
@@ -43,7 +43,7 @@ def rounding_interval(number: PrintedNumber, rule: str = "") -> Interval:
     without a qualifier.
     """
     value, step = number.value, 2 * number.half_unit
-    below = above = number.reach
+    below = above = number.half_width
     if rule == "digits" and not number.is_bound:
         below = above = number.half_unit
     elif rule == "truncation" and not number.qualifier:
@@ -63,13 +63,13 @@ def _ends(cells: Sheet, rule: str) -> _Ends:
     return ends
 
 
-def _last_digit(cell: Cell) -> float:
+def _last_digit(cell: PrintedCell) -> float:
     """Return one unit of the last printed digit, in SI units; one for a count."""
     return 10.0**cell.number.exponent * si_factor(cell.unit)
 
 
 @dataclass(frozen=True)
-class Examined:
+class RelationResult:
     """The result for one relation.
 
     `left` and `right` are its sides with the printed values inserted, in SI; NaN with an unknown
@@ -209,7 +209,7 @@ def contradicted(
     return frozenset(relation.name for relation in relations if not holds(relation))
 
 
-def examine(cells: Sheet, relations: Sequence[Relation]) -> list[Examined]:
+def examine(cells: Sheet, relations: Sequence[Relation]) -> list[RelationResult]:
     """Return the outcome of every relation, in order.
 
     A relation agrees only within a tolerance if it contradicts without its tolerance and if
@@ -232,7 +232,7 @@ def examine(cells: Sheet, relations: Sequence[Relation]) -> list[Examined]:
             outcome = "agrees"
         elif relation.name in beyond_rounding:
             outcome = "agrees only within a tolerance"
-        findings.append(Examined(relation, outcome, left, right, *rescues[:1]))
+        findings.append(RelationResult(relation, outcome, left, right, *rescues[:1]))
     return findings
 
 
