@@ -19,7 +19,7 @@ from sphinx.application import Sphinx
 
 import anchors
 
-LONGEST = 300
+MAX_LENGTH = 300
 META = '<meta name="{}" content="{}" />\n'
 LINKED = '<script type="application/ld+json">\n{}\n</script>\n'
 LICENSE = "https://creativecommons.org/licenses/by/4.0/"
@@ -47,7 +47,7 @@ def described(doctree: nodes.document) -> str:
     if said is None:
         return ""
     words = "".join(map(plain, said.findall(nodes.Text)))
-    return textwrap.shorten(words, LONGEST, placeholder=" …")
+    return textwrap.shorten(words, MAX_LENGTH, placeholder=" …")
 
 
 def plain(part: nodes.Text) -> str:

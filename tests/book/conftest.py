@@ -1,77 +1,69 @@
-"""One headless Chromium reads every built page once; the tests judge what it saw."""
+"""Fixtures of the browser tests: a headless Chromium, a page, a local web server."""
 
 import functools
 import os
 import shutil
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
 
 import pytest
 from playwright.sync_api import Browser, Page, sync_playwright
-from reading import HTML, PHONE, Visit, built_pages, note_console, read
+from reading import HTML, PHONE
 
-FLAGS = [
-    "--no-sandbox",
-    "--disable-gpu",
-    "--disable-quic",
-    "--no-first-run",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-]
+FLAGS = (
+    "--no-sandbox --disable-gpu --disable-quic --no-first-run "
+    "--disable-background-networking --disable-component-update --disable-sync"
+).split()
 
 
-def missing_browser(what: str) -> None:
-    """Skip with a notice, or fail where the environment demands the browser."""
+def skip_or_fail(reason: str) -> None:
+    """Skip a test, or fail if the environment requires the browser."""
     if os.environ.get("REPRODUCE_REQUIRE_BROWSER") == "1":
-        pytest.fail(f"{what}, and REPRODUCE_REQUIRE_BROWSER=1 demands it")
-    pytest.skip(f"{what}; install it to check the pages (Debian: apt install chromium)")
+        pytest.fail(f"{reason}, and REPRODUCE_REQUIRE_BROWSER=1 requires it")
+    pytest.skip(reason)
 
 
 @pytest.fixture(scope="session")
 def browser() -> Iterator[Browser]:
     names = ("chromium", "chromium-browser", "google-chrome")
-    path = next((found for name in names if (found := shutil.which(name))), None)
+    path = next(filter(None, map(shutil.which, names)), None)
     if path is None:
-        missing_browser("no Chromium was found on the PATH")
+        skip_or_fail("no Chromium on the PATH (Debian: apt install chromium)")
     with sync_playwright() as playwright:
         chromium = playwright.chromium.launch(executable_path=path, args=FLAGS)
         yield chromium
         chromium.close()
 
 
-@pytest.fixture(scope="session")
-def page(browser: Browser) -> Page:
-    context = browser.new_context(viewport=PHONE)
-    return context.new_page()
+@pytest.fixture
+def open_page(browser: Browser) -> Iterator[Callable[..., Page]]:
+    """Open a page of the book, or a blank page, in a new context."""
+    contexts = []
+
+    def opened(address: str = "", **settings: Any) -> Page:
+        settings = {"viewport": PHONE, "reduced_motion": "reduce"} | settings
+        contexts.append(browser.new_context(**settings))
+        page = contexts[-1].new_page()
+        if address:
+            page.goto(f"file://{HTML}/{address}", wait_until="load")
+        return page
+
+    yield opened
+    for context in contexts:
+        context.close()
 
 
-@pytest.fixture(scope="session")
-def visits(page: Page) -> dict[str, Visit]:
-    """Every page of the book, read from the disk."""
-    current = Visit()
-    page.on("console", lambda message: note_console(current, message))
-    page.on("pageerror", lambda error: current.console.append(str(error)))
-    page.on("request", lambda request: current.requests.append(request.url))
-    seen = {}
-    for address in built_pages():
-        current = seen[address] = Visit()
-        read(page, (HTML / address).as_uri(), current)
-    current = Visit()  # later reading is none of these pages'
-    return seen
-
-
-class _Quiet(SimpleHTTPRequestHandler):
+class _Silent(SimpleHTTPRequestHandler):
     def log_message(self, *args: Any) -> None:
-        """Say nothing."""
+        """Write no log."""
 
 
 @pytest.fixture(scope="session")
 def served() -> Iterator[str]:
-    """The built book behind a local web server; yields its address."""
-    handler = functools.partial(_Quiet, directory=str(HTML))
+    """Serve the built book on a local port and yield its address."""
+    handler = functools.partial(_Silent, directory=str(HTML))
     with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
         thread = threading.Thread(target=server.serve_forever, daemon=True)
         thread.start()

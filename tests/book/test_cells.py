@@ -1,135 +1,119 @@
-"""The table of all printed numbers: sorted, filtered and read by mouse, keyboard, touch and eye."""
+"""The table of all printed numbers: sorting and filtering by mouse, keyboard and touch."""
 
 import json
-from collections.abc import Iterator
 
 import pytest
-from axe_playwright_python.sync_playwright import Axe
-from playwright.sync_api import Browser, Page
-from reading import DESKTOP, HTML, PHONE, SETTLED
+from reading import DESKTOP, HTML, PHONE, violations
 
-from reproduce.judge.ledger import Record
 from reproduce.printed.cells import anchor
 from reproduce.views.computed import whole_ledger
 
 pytestmark = pytest.mark.browser
-ADDRESS = f"file://{HTML}/cells.html"
+PAGE = "cells.html"
 ROWS = "table.rp-sortable tbody tr"
-LINKS = "all => all.map(row => row.querySelector('th a').hash.slice(1))"
-PLACES = "all => all.map(row => row.querySelector('th a').getAttribute('href'))"
+LINKS = "all => all.map(row => row.querySelector('th a').getAttribute('href'))"
+FILES = "ledger.csv ledger.parquet ledger.json ledger.schema.json".split()
 
 
 @pytest.fixture(scope="module")
-def records() -> tuple[Record, ...]:
-    return whole_ledger().records
+def records():
+    """The records of the ledger by the anchor of their cell."""
+    return {anchor(record.cell): record for record in whole_ledger().records}
 
 
 @pytest.fixture
-def table(browser: Browser) -> Iterator[Page]:
-    context = browser.new_context(viewport=DESKTOP, reduced_motion="reduce")
-    page = context.new_page()
-    page.goto(ADDRESS)
-    yield page
-    context.close()
+def table(open_page):
+    return open_page(PAGE, viewport=DESKTOP)
 
 
-def shown(page: Page) -> list[str]:
-    """Return the anchors of the rows in sight, in their order."""
-    found: list[str] = page.locator(f"{ROWS}:visible").evaluate_all(LINKS)
-    return found
+def links(page):
+    return page.locator(f"{ROWS}:visible").evaluate_all(LINKS)
 
 
-def heads(page: Page) -> list[str | None]:
+def shown(page):
+    """Return the anchors of the visible rows, in order."""
+    return [link.partition("#")[2] for link in links(page)]
+
+
+def orders(page):
     """Return how each column is sorted."""
-    cells = page.locator("table.rp-sortable thead th").all()
-    return [cell.get_attribute("aria-sort") for cell in cells]
+    heads = page.locator("table.rp-sortable thead th").all()
+    return [head.get_attribute("aria-sort") for head in heads]
 
 
-def test_every_number_is_there_and_leads_to_its_place(
-    browser: Browser, records: tuple[Record, ...]
-) -> None:
-    """Without a script as well: a plain table, in the order of print."""
-    context = browser.new_context(viewport=DESKTOP, java_script_enabled=False)
-    page = context.new_page()
-    page.goto(ADDRESS)
-    rows = page.locator(f"{ROWS}:visible")
-    assert rows.evaluate_all(LINKS) == [anchor(one.cell) for one in records]
+def test_without_a_script_every_number_is_listed_in_the_order_of_print(
+    open_page, records
+):
+    page = open_page(PAGE, viewport=DESKTOP, java_script_enabled=False)
+    assert shown(page) == list(records)
     assert page.locator(".rp-filter").count() == 0
-    for row, one in zip(rows.all_inner_texts(), records, strict=True):
-        assert one.verdict in row
-        assert one.key in row
-    for place in rows.evaluate_all(PLACES):
-        file, _, name = place.partition("#")
-        assert f'id="{name}"' in (HTML / file).read_text(encoding="utf-8"), place
-    context.close()
-
-
-def test_a_click_sorts_by_number_and_what_is_empty_comes_last(
-    table: Page, records: tuple[Record, ...]
-) -> None:
-    before = shown(table)
-    share = table.get_by_role("button", name="Share of the tolerance")
-    known = {
-        anchor(one.cell): round(one.share, 2)
-        for one in records
-        if one.share is not None
-    }
-    for turn in ("ascending", "descending"):
-        share.click()
-        after = shown(table)
-        assert sorted(after) == sorted(before)
-        assert {*after[: len(known)]} == set(known)
-        values = [known[name] for name in after[: len(known)]]
-        assert values == sorted(values, reverse=turn == "descending")
-        assert len(set(values)) > 5
-        assert [one for one in heads(table) if one] == [turn]
-    table.get_by_role("button", name="Verdict").click()
-    verdicts = {anchor(one.cell): one.verdict for one in records}
-    words = [verdicts[name] for name in shown(table)]
-    assert words == sorted(words)
-    assert [one for one in heads(table) if one] == ["ascending"]
-
-
-def test_powers_of_ten_and_signs_are_sorted_as_numbers(table: Page) -> None:
-    values = {
-        "2\u202f×\u202f10⁻⁵ m": 2e-5,
-        "10⁻³": 1e-3,
-        "≈\u00a03.5\u202fpx": 3.5,
-        "−7": -7.0,
-        "12": 12,
-    }
-    put = (
-        "[...document.querySelectorAll('.rp-sortable tbody tr')].forEach((row, at) => {"
+    rows = page.locator(f"{ROWS}:visible").all_inner_texts()
+    for row, record in zip(rows, records.values(), strict=True):
+        assert record.verdict in row
+        assert record.key in row
+    for link in links(page):
+        file, _, name = link.partition("#")
+        assert f'id="{name}"' in (HTML / file).read_text(encoding="utf-8"), link
+    offered = page.locator("article a[download]").evaluate_all(
+        "all => all.map(a => a.href)"
     )
-    put += f"row.cells[3].textContent = {json.dumps(list(values))}[at] ?? '' }})"
-    # Before the page's own script.
-    table.add_init_script(f"document.addEventListener('DOMContentLoaded', () => {put})")
-    table.goto(ADDRESS)
+    assert [link.rpartition("/")[2] for link in offered] == FILES
+    assert all((HTML / name).stat().st_size > 1000 for name in FILES)
+
+
+def test_a_click_sorts_by_number_with_empty_entries_last(table, records):
+    before = shown(table)
+    column = table.get_by_role("button", name="of the tolerance")
+    known = {n: round(r.share, 2) for n, r in records.items() if r.share is not None}
+    for order in ("ascending", "descending"):
+        column.click()
+        after = shown(table)
+        first = after[: len(known)]
+        assert sorted(after) == sorted(before)
+        assert set(first) == set(known)
+        values = [known[name] for name in first]
+        assert values == sorted(values, reverse=order == "descending")
+        assert len(set(values)) > 5
+        assert [one for one in orders(table) if one] == [order]
+    table.get_by_role("button", name="Verdict").click()
+    words = [records[name].verdict for name in shown(table)]
+    assert words == sorted(words)
+    assert [one for one in orders(table) if one] == ["ascending"]
+
+
+def test_powers_of_ten_and_signs_are_sorted_as_numbers(table):
+    texts = ["−7", "2\u202f×\u202f10⁻⁵ m", "10⁻³", "≈\u00a03.5\u202fpx", "12"]
+    mixed = json.dumps(texts[::2] + texts[1::2])
+    # Before the script of the page.
+    table.add_init_script(
+        "document.addEventListener('DOMContentLoaded', () => "
+        "[...document.querySelectorAll('.rp-sortable tbody tr')].forEach((row, index) => "
+        f"{{ row.cells[3].textContent = {mixed}[index] ?? '' }}))"
+    )
+    table.reload()
     table.get_by_role("button", name="Printed").click()
-    first = table.locator(f"{ROWS} td:nth-child(4)").all_text_contents()[: len(values)]
-    assert [values[text] for text in first] == sorted(values.values())
+    column = table.locator(f"{ROWS} td:nth-child(4)").all_text_contents()
+    assert column[: len(texts)] == texts
 
 
-def test_the_keyboard_sorts_filters_and_leads_to_a_cell(
-    table: Page, records: tuple[Record, ...]
-) -> None:
+def test_the_keyboard_filters_sorts_and_leads_to_a_cell(table, records):
     table.get_by_label("Filter").focus()
     table.keyboard.type("differs table-2")
-    wanted = [
-        one for one in records if one.verdict == "differs" and "table-2" in one.key
+    expected = [
+        name
+        for name, record in records.items()
+        if record.verdict == "differs" and "table-2" in record.key
     ]
-    assert shown(table) == [anchor(one.cell) for one in wanted] != []
+    assert shown(table) == expected != []
     count = table.locator(".rp-filter output").inner_text()
-    assert count == f"{len(wanted)} of {len(records)} shown"
-    table.keyboard.press("Tab")  # into the table, which scrolls
-    for _ in range(4):
+    assert count == f"{len(expected)} of {len(records)} shown"
+    for _ in range(5):  # the table, which scrolls, and four heads
         table.keyboard.press("Tab")
     assert table.evaluate("document.activeElement.textContent") == "Printed"
-    table.keyboard.press("Enter")
-    assert heads(table)[3] == "ascending"
-    table.keyboard.press("Space")
-    assert heads(table)[3] == "descending"
-    assert sorted(shown(table)) == sorted(anchor(one.cell) for one in wanted)
+    for key, order in (("Enter", "ascending"), ("Space", "descending")):
+        table.keyboard.press(key)
+        assert orders(table)[3] == order
+    assert sorted(shown(table)) == sorted(expected)
     for _ in range(5):
         table.keyboard.press("Tab")
     first = shown(table)[0]
@@ -139,71 +123,34 @@ def test_the_keyboard_sorts_filters_and_leads_to_a_cell(
     table.locator(f"#{first}").wait_for(state="visible")
 
 
-def test_a_verdict_is_looked_for_among_verdicts_and_other_words_everywhere(
-    table: Page, records: tuple[Record, ...]
-) -> None:
+def test_a_verdict_is_searched_among_verdicts_and_other_words_everywhere(
+    table, records
+):
     box = table.get_by_label("Filter")
     for word in ("differs", "ambiguous", "unpublished", "input", "exact", "consistent"):
         box.fill(word)
         assert (
-            shown(table)
-            == [anchor(one.cell) for one in records if one.verdict == word]
-            != []
+            shown(table) == [n for n, r in records.items() if r.verdict == word] != []
         )
     box.fill("NIU2024/table-1")
-    assert shown(table) == [
-        anchor(one.cell) for one in records if one.key == "niu2024/table-1"
-    ]
-    box.fill("nothing that is there")
-    assert shown(table) == []
-    box.fill("")
-    assert len(shown(table)) == len(records)
+    assert shown(table) == [n for n, r in records.items() if r.key == "niu2024/table-1"]
+    for text, count in (("nothing that exists", 0), ("", len(records))):
+        box.fill(text)
+        assert len(shown(table)) == count
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_a_phone_shows_a_table_to_sort_and_filter_by_touch(
-    browser: Browser, scheme: str
-) -> None:
-    context = browser.new_context(
-        viewport=PHONE,
-        has_touch=True,
-        is_mobile=True,
-        color_scheme=scheme,
-        reduced_motion="reduce",
-    )
-    page = context.new_page()
-    page.goto(ADDRESS)
-    page.evaluate(SETTLED)
-    box = page.get_by_label("Filter")
-    box.tap()
+def test_a_phone_sorts_and_filters_by_touch(open_page, scheme):
+    page = open_page(PAGE, has_touch=True, is_mobile=True, color_scheme=scheme)
+    page.get_by_label("Filter").tap()
     page.keyboard.type("differs")
     page.get_by_role("button", name="Cell").tap()
-    assert "ascending" in heads(page)
+    assert "ascending" in orders(page)
     assert page.evaluate("document.documentElement.scrollWidth") <= PHONE["width"]
-    edges = page.locator(f"{ROWS}:visible th").first.bounding_box()
-    assert edges is not None
-    assert edges["width"] < PHONE["width"] / 2, (
-        "the cell's name leaves room for the rest"
-    )
+    name = page.locator(f"{ROWS}:visible th").first.bounding_box()
+    assert name["width"] < PHONE["width"] / 2
     verdict = page.locator(f"{ROWS}:visible .rp-badge").first
     verdict.scroll_into_view_if_needed()
-    at = verdict.bounding_box()
-    assert at is not None
-    assert edges["width"] <= at["x"] <= PHONE["width"] - at["width"]
-    found = Axe().run(page)
-    assert found.violations_count == 0, found.generate_report()
-    context.close()
-
-
-def test_the_same_data_lie_beside_the_page(table: Page) -> None:
-    links = table.locator("article a[download]").evaluate_all(
-        "all => all.map(a => a.href)"
-    )
-    names = [link.rpartition("/")[2] for link in links]
-    assert names == [
-        "ledger.csv",
-        "ledger.parquet",
-        "ledger.json",
-        "ledger.schema.json",
-    ]
-    assert all((HTML / name).stat().st_size > 1000 for name in names)
+    box = verdict.bounding_box()
+    assert name["width"] <= box["x"] <= PHONE["width"] - box["width"]
+    assert violations(page) == []

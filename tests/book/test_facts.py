@@ -1,11 +1,10 @@
-"""The numbers of sentences: computed once, looked up by roles, and missed where there are none."""
+"""The facts of sentences: computed once, looked up by roles, errors if absent."""
 
 import io
 import json
 import re
 from pathlib import Path
 
-import pytest
 from sphinx.application import Sphinx
 
 import book_facts as facts
@@ -13,119 +12,75 @@ import page_cells
 from reproduce.papers.posteriors import posteriors
 from reproduce.views import computed
 
-BOOK = Path(__file__).resolve().parents[2] / "book"
 ROLE = re.compile(r"\{(printed|computed|verdict|fact)\}`([^`]+)`")
-PAGES = [path for path in BOOK.rglob("*.md") if "_build" not in path.parts]
-# Double precision holds sixteen digits: nothing is worth saying to better than this.
+# Rounding noise of double precision, which has sixteen digits.
 NOISE = re.compile(r"10⁻1[3-9]|10⁻¹[³-⁹]|\d[eE][-−]1[3-9]")
+PAGE = "---\nfile_format: mystnb\n---\n\n```{{code-cell}} ipython3\n{}\n```\n"
 
 
-@pytest.fixture(scope="module")
-def known() -> dict[str, str]:
-    """The facts without those of pages and posteriors, whose tests run and sample them."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(facts, "of_pages", lambda pages: {})
-        return facts.unsampled()
-
-
-def test_every_number_of_a_sentence_is_known(known):
-    wanted = {
+def test_every_number_of_a_sentence_is_known(monkeypatch):
+    """Except the facts of pages and posteriors, whose tests run and sample them."""
+    monkeypatch.setattr(facts, "of_pages", lambda pages: {})
+    known = facts.unsampled()
+    pages = (p for p in page_cells.BOOK.rglob("*.md") if "_build" not in p.parts)
+    used = {
         name if role == "fact" else f"{name} {role}"
-        for path in PAGES
-        for role, name in ROLE.findall(path.read_text(encoding="utf-8"))
+        for page in pages
+        for role, name in ROLE.findall(page.read_text(encoding="utf-8"))
     }
-    assert len(wanted) > 200
-    apart = ("posterior/", "instruments/")
-    assert {name for name in wanted if not name.startswith(apart)} <= set(known)
+    assert len(used) > 200
+    other = ("posterior/", "instruments/")
+    assert {name for name in used if not name.startswith(other)} <= set(known)
+    assert [n for n, text in known.items() if not text or NOISE.search(text)] == []
+    cell = "niu2024/table-3#scale.red"
+    assert (known[f"{cell} printed"], known[f"{cell} verdict"]) == ("0.9973", "differs")
+    papers = (known["niu2024 cells"], known["chen2023 cells"])
+    assert int(known["all cells"]) == sum(map(int, papers))
 
 
-def test_a_fact_says_something_and_no_rounding_noise(known):
-    assert [
-        name for name, text in known.items() if not text or NOISE.search(text)
-    ] == []
-
-
-def test_all_facts_are_those_of_the_ledger_and_of_every_posterior(monkeypatch):
+def test_all_facts_are_written(tmp_path, monkeypatch):
     monkeypatch.setattr(facts, "unsampled", lambda: {"a": "1"})
     monkeypatch.setattr(facts, "of_posteriors", lambda names: dict.fromkeys(names, "2"))
-    assert facts.facts() == {"a": "1", **dict.fromkeys(posteriors(), "2")}
-
-
-def test_facts_are_those_of_the_ledger(known):
-    assert known["niu2024/table-3#scale.red printed"] == "0.9973"
-    assert known["niu2024/table-3#scale.red verdict"] == "differs"
-    assert known["all cells"] == str(
-        int(known["niu2024 cells"]) + int(known["chen2023 cells"])
-    )
+    facts.write_facts(tmp_path / "new" / "facts.json")
+    written = json.loads((tmp_path / "new" / "facts.json").read_text())
+    assert written == {"a": "1", **dict.fromkeys(posteriors(), "2")}
 
 
 def test_a_build_computes_the_ledger_once(tmp_path, monkeypatch):
     key, calls = "niu2024/table-2", []
-    alone = computed.item_ledger(key)
-
-    def build():
-        calls.append("once")
-        return alone
-
+    ledger = computed.item_ledger(key)
     monkeypatch.setenv(computed.FOLDER, str(tmp_path))
-    monkeypatch.setattr(computed.ledger, "build", build)
+    monkeypatch.setattr(computed.ledger, "build", lambda: calls.append(1) or ledger)
     cached = (computed.kept, computed.item_ledger, computed.whole_ledger)
-    try:
-        for _ in range(2):
-            for one in cached:
-                one.cache_clear()
-            assert computed.item_ledger(key) == alone
-        assert calls == ["once"]
-    finally:
-        for one in cached:
-            one.cache_clear()
+    for _ in range(2):
+        for function in cached:
+            function.cache_clear()
+        assert computed.item_ledger(key) == ledger
+    assert calls == [1]
+    monkeypatch.undo()
+    for function in cached:
+        function.cache_clear()
 
 
-def test_facts_are_written(tmp_path, monkeypatch):
-    monkeypatch.setattr(facts, "facts", lambda: {"a": "1"})
-    facts.write_facts(tmp_path / "new" / "facts.json")
-    assert json.loads((tmp_path / "new" / "facts.json").read_text()) == {"a": "1"}
+def test_roles_put_numbers_into_sentences_and_unknown_numbers_are_errors(tmp_path):
+    (tmp_path / "_build").mkdir()
+    (tmp_path / "_build/facts.json").write_text('{"k#a computed": "4.2"}')
+    text = "It is {computed}`k#a` or {fact}`k#a computed`.\n\nNot {printed}`k#a`."
+    (tmp_path / "index.md").write_text(f"# Page\n\n{text}\n")
+    out, warning = str(tmp_path / "out"), io.StringIO()
+    settings = {"extensions": ["myst_parser", "fact_roles"]}
+    streams = {"status": None, "warning": warning}
+    Sphinx(tmp_path, None, out, out, "text", settings, **streams).build()
+    assert "It is 4.2 or 4.2." in Path(out, "index.txt").read_text()
+    (error,) = re.findall(r"index\.md:(\d+): ERROR: .*'(.*)'", warning.getvalue())
+    assert error == ("5", "k#a printed")
 
 
-def built(folder: Path, text: str) -> tuple[str, str]:
-    """Build a page with the roles; return what the build complains of, and the page."""
-    (folder / "_build").mkdir()
-    (folder / "_build" / "facts.json").write_text(json.dumps({"k#a computed": "4.2"}))
-    (folder / "index.md").write_text(f"# Page\n\n{text}\n")
-    out, complaints = folder / "out", io.StringIO()
-    app = Sphinx(
-        str(folder),
-        None,
-        str(out),
-        str(out),
-        "text",
-        status=None,
-        warning=complaints,
-        confoverrides={"extensions": ["myst_parser", "fact_roles"]},
-    )
-    app.build()
-    return complaints.getvalue(), (out / "index.txt").read_text()
-
-
-def test_a_role_puts_the_number_into_the_sentence(tmp_path):
-    complaints, page = built(tmp_path, "It is {computed}`k#a` or {fact}`k#a computed`.")
-    assert "It is 4.2 or 4.2." in page
-    assert "ERROR" not in complaints
-
-
-def test_a_number_that_is_not_there_is_an_error_of_the_build(tmp_path):
-    complaints, _ = built(tmp_path, "It is {printed}`k#a`.")
-    assert "index.md:3: ERROR: no fact is called 'k#a printed'" in complaints
-
-
-def test_numbers_that_a_page_collects_are_facts(tmp_path, monkeypatch):
+def test_the_numbers_that_a_page_collects_are_facts(tmp_path, monkeypatch):
     """Pages without such numbers are not run."""
-    head = "---\nfile_format: mystnb\n---\n\n"
-    cell = "```{{code-cell}} ipython3\n{}\n```\n"
     series = 'import pandas as pd\nquoted = pd.Series({"shift": f"{-0.1:.2f} px"})'
-    (tmp_path / "one.md").write_text(head + cell.format(series))
-    (tmp_path / "two.md").write_text(head + cell.format("1 / 0"))
+    for name, code in (("one", series), ("two", "1 / 0")):
+        (tmp_path / f"{name}.md").write_text(PAGE.format(code))
     monkeypatch.setattr(page_cells, "BOOK", tmp_path)
-    assert facts.of_pages(sorted(tmp_path.glob("*.md"))) == {
-        "one#shift": "−0.10\u202fpx"
-    }
+    found = facts.of_pages(sorted(tmp_path.glob("*.md")))
+    assert found == {"one#shift": "−0.10\u202fpx"}

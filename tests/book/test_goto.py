@@ -4,35 +4,24 @@ import json
 import re
 import subprocess
 
-import pytest
 from playwright._impl._driver import compute_driver_executable
 
 from anchors import GOTO
 
+KNOWN = {"niu2024-table-3": "niu2024/registration"}
+NAMES = [*KNOWN, "constructor", "__proto__", "toString", ""]
 SCRIPT = """
-const location = {{hash: {hash}, replace: (to) => console.log(to)}};
-{script}
-"""
+for (const anchor of %s) {
+    const location = {hash: `#${anchor}`, replace: (to) => console.log(to)};
+    %s
+}"""
 
 
-@pytest.mark.parametrize(
-    ("name", "page"),
-    [
-        ("niu2024-table-3", "niu2024/registration.html#niu2024-table-3"),
-        ("constructor", ""),
-        ("__proto__", ""),
-        ("toString", ""),
-        ("", ""),
-    ],
-)
-def test_only_known_anchors_lead_on(name: str, page: str) -> None:
+def test_only_known_anchors_lead_on():
     (script,) = re.findall("<script>(.*)</script>", GOTO, re.DOTALL)
-    script = script.replace(
-        "PLACES", json.dumps({"niu2024-table-3": "niu2024/registration"})
-    )
+    code = SCRIPT % (json.dumps(NAMES), script.replace("PLACES", json.dumps(KNOWN)))
     node, _ = compute_driver_executable()
-    code = SCRIPT.format(hash=json.dumps(f"#{name}"), script=script)
     done = subprocess.run(
         [node, "-e", code], capture_output=True, text=True, check=True
     )
-    assert done.stdout.strip() == page
+    assert done.stdout == "niu2024/registration.html#niu2024-table-3\n"

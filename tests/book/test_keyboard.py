@@ -1,11 +1,12 @@
-"""Everything on a page that can be pressed, moved or scrolled is reached with the Tab key."""
+"""Use of the pages with a keyboard, with a pointer and without a script."""
 
+import re
 from collections.abc import Iterator
 from typing import Any
 
 import pytest
-from playwright.sync_api import Browser, Page
-from reading import DESKTOP, HTML, PHONE
+from playwright.sync_api import Page
+from reading import DESKTOP, PHONE
 
 pytestmark = pytest.mark.browser
 # One page of each kind: menu, wall, tables, figures, sliders, folds, corner plots, errata, a form.
@@ -18,10 +19,10 @@ PAGES = (
     "posteriors/registration.html",
     "audit/errata.html",
 )
-# What a pointer can use. A ring may lie on a part of what has the focus.
+# Elements for a pointer. A focus ring may be drawn around a part of the focused element.
 POINTED = """() => {
     const open = e => e.checkVisibility({visibilityProperty: true}) && !e.disabled &&
-        (e.tagName === 'SUMMARY' || !e.closest('details:not([open])'));
+        e.tabIndex >= 0 && e.getClientRects().length;
     const scrolls = e => /auto|scroll/.test(getComputedStyle(e).overflowX) &&
         e.scrollWidth > e.clientWidth + 1 && e.closest('article');
     // The wall's marks, one for each printed number, are for pointers; its tables have links.
@@ -41,7 +42,7 @@ FOCUSED = """() => {
     const ring = one => getComputedStyle(one).outlineStyle !== 'none' ||
         getComputedStyle(one).boxShadow !== 'none';
     const box = e.getBoundingClientRect();
-    // A box that scrolls is in use too when something in it has the focus.
+    // A box that scrolls is in use too if an element inside it has the focus.
     for (let up = e; up; up = up.parentElement) delete up.dataset.awaited;
     return {
         what: e.outerHTML.slice(0, 120),
@@ -49,17 +50,28 @@ FOCUSED = """() => {
         in_sight: box.bottom > 0 && box.top < innerHeight,
     };
 }"""
-
-
-@pytest.fixture(scope="module", params=[DESKTOP, PHONE], ids=["wide", "phone"])
-def keyed(request: pytest.FixtureRequest, browser: Browser) -> Iterator[Page]:
-    context = browser.new_context(viewport=request.param, reduced_motion="reduce")
-    yield context.new_page()
-    context.close()
+IN_SIGHT = """e => {
+    const y = e.getBoundingClientRect().top;
+    return y > 40 && y < innerHeight;
+}"""
+# Classes of the marks of the wall, and whether their marks are bright.
+MARKS = """() => {
+    const found = {};
+    for (const mark of document.querySelectorAll('.rp-wall [class^="rp-mark"]')) {
+        const bright = getComputedStyle(mark).opacity === '1';
+        (found[mark.getAttribute('class')] ??= new Set()).add(bright);
+    }
+    return Object.entries(found).map(([name, all]) => [name, [...all]]);
+}"""
+WEAK = " rp-mark-weak"
+SHOWN = {
+    word: {f"rp-mark-{word}", f"rp-mark-{word}{WEAK}"}
+    for word in "exact consistent differs ambiguous unpublished input".split()
+} | {"weak": {f"rp-mark-exact{WEAK}", f"rp-mark-consistent{WEAK}"}}
 
 
 def stops(page: Page) -> Iterator[dict[str, Any]]:
-    """Press Tab until the page is left, and yield what has the focus each time."""
+    """Press Tab until the page is left, and yield each focused element."""
     for _ in range(2000):
         page.keyboard.press("Tab")
         stop = page.evaluate(FOCUSED)
@@ -69,32 +81,87 @@ def stops(page: Page) -> Iterator[dict[str, Any]]:
     raise AssertionError("the Tab key never leaves the page")
 
 
+@pytest.mark.parametrize("size", [DESKTOP, PHONE], ids=["desktop", "phone"])
 @pytest.mark.parametrize("address", PAGES)
-def test_the_tab_key_reaches_all_in_sight_with_a_ring(
-    keyed: Page, address: str
-) -> None:
-    keyed.goto((HTML / address).as_uri(), wait_until="load")
-    keyed.add_style_tag(content="* { transition: none !important; }")
-    keyed.evaluate(POINTED)
-    awaited = len(keyed.evaluate(LEFT))
-    seen = list(stops(keyed))
-    assert keyed.evaluate(LEFT) == []
+def test_the_tab_key_reaches_every_control_with_a_ring(open_page, address, size):
+    page = open_page(address, viewport=size)
+    page.add_style_tag(content="* { transition: none !important; }")
+    page.evaluate(POINTED)
+    awaited = len(page.evaluate(LEFT))
+    seen = list(stops(page))
+    assert page.evaluate(LEFT) == []
     assert len(seen) >= awaited / 2 > 10
-    assert [one["what"] for one in seen if not one["ringed"]] == []
-    assert [one["what"] for one in seen if not one["in_sight"]] == []
+    faults = [stop for stop in seen if not (stop["ringed"] and stop["in_sight"])]
+    assert faults == []
 
 
-def test_folds_and_the_menu_open_with_the_keyboard(keyed: Page) -> None:
-    keyed.goto((HTML / "niu2024/simulation.html").as_uri(), wait_until="load")
-    folds = "article details:has(> summary), nav.bd-links details"
-    opened = 0
-    for number in range(keyed.locator(folds).count()):
-        fold = keyed.locator(folds).nth(number)
-        if not fold.locator("> summary").is_visible():
-            continue
-        before = fold.evaluate("e => e.open")
-        fold.locator("> summary").focus()
-        keyed.keyboard.press("Enter")
-        assert fold.evaluate("e => e.open") is not before
-        opened += 1
-    assert opened >= 5
+def test_folds_and_the_menu_open_with_the_keyboard(open_page):
+    for size in (DESKTOP, PHONE):
+        page, opened = open_page("niu2024/simulation.html", viewport=size), 0
+        folds = page.locator("article details:has(> summary), nav.bd-links details")
+        for fold in folds.all():
+            summary = fold.locator("> summary")
+            if summary.is_visible():
+                before = fold.evaluate("e => e.open")
+                summary.focus()
+                page.keyboard.press("Enter")
+                assert fold.evaluate("e => e.open") is not before
+                opened += 1
+        assert opened >= 5
+
+
+def test_a_slider_moves_with_the_keyboard(open_page):
+    page = open_page("run.html", viewport=DESKTOP)
+    output = page.locator(".rp-sweep output").first
+    before = output.text_content()
+    page.locator(".rp-sweep input").first.focus()
+    page.keyboard.press("ArrowRight")
+    assert output.text_content() != before
+    assert page.locator(".rp-sweep tbody tr:visible").count() == 1
+
+
+def test_without_a_script_a_slider_is_a_table(open_page):
+    page = open_page("run.html", viewport=DESKTOP, java_script_enabled=False)
+    assert page.locator(".rp-sweep tbody tr:visible").count() > 1
+    assert page.locator(".rp-dial:visible").count() == 0
+
+
+def test_a_mark_of_the_wall_leads_to_its_cell(open_page):
+    page, name = open_page("index.html", viewport=DESKTOP), "niu2024-table-3-scale-red"
+    page.locator(f'a[href$="#{name}"]').first.click()
+    page.wait_for_url(f"**/niu2024/simulation.html#{name}")
+    cell = page.locator(f"#{name}").element_handle()
+    page.wait_for_function(IN_SIGHT, arg=cell, timeout=10_000)
+
+
+def test_an_entry_of_the_legend_highlights_its_marks(open_page):
+    page = open_page("index.html", viewport=DESKTOP)
+    for action in ("hover", "focus"):
+        for word, names in SHOWN.items():
+            page.mouse.move(1, 1)
+            page.evaluate("() => document.activeElement.blur()")
+            assert [
+                bright for _, bright in page.evaluate(MARKS) if bright != [True]
+            ] == []
+            label = f"of these {word}" if word == "weak" else f"\\d+ {word}"
+            entry = page.locator(".rp-wall-legend li").filter(
+                has_text=re.compile(label)
+            )
+            assert entry.count() == 1
+            getattr(entry, action)()
+            marks = dict(page.evaluate(MARKS))
+            assert marks == {name: [name in names] for name in marks}
+
+
+def test_the_overview_is_above_its_code_with_the_papers_side_by_side(open_page):
+    page = open_page("index.html", viewport=DESKTOP)
+    walls = page.locator(".rp-walls > div")
+    first, second = (walls.nth(index).bounding_box() for index in (0, 1))
+    code = page.locator("details.above-input").first.bounding_box()
+    assert first["y"] == second["y"]
+    assert first["x"] + first["width"] < second["x"]
+    assert code["y"] > first["y"] + first["height"]
+    heights = page.locator(".rp-wall svg").evaluate_all(
+        "all => all.map(e => e.clientHeight)"
+    )
+    assert len(set(heights)) == 1

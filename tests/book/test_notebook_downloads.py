@@ -1,127 +1,79 @@
-"""What a reader downloads says what the page says, and runs by itself."""
+"""The downloaded notebooks: text, numbers and outputs of their pages."""
 
-import json
 import re
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import nbformat
 import pytest
 from bs4 import BeautifulSoup
+from reading import HTML
 
 from notebook_downloads import FOLDER, plain, spoken_in
 
-BUILD = Path(__file__).resolve().parents[2] / "book" / "_build"
-# A number that begins no longer word: digits, with decimals.
+NOTEBOOKS = HTML.parent / FOLDER
+# A number that does not begin a longer word.
 NUMBER = re.compile(r"(?<![\w.])\d+(?:\.\d+)?(?![\w.]*\w)")
-NOTEBOOKS = sorted((BUILD / FOLDER).rglob("*.ipynb"))
+HIDDEN = ".cell, .headerlink, .prev-next-footer, .eqno, script, details pre"
+ROLES = {
+    "It is {computed}`k#a` of {fact}`k#count`.": "It is 4.2 of 7.",
+    "By {eq}`niu2024-17` and {eq}`book-3`": "By (17) and (B3)",
+    "see {doc}`two`": "see [The second](../part/two.ipynb)",
+    "see {doc}`words <two>`": "see [words](../part/two.ipynb)",
+    "see {doc}`../notation`": "see *Notation*",
+    "known {cite:p}`wahba1965,pair`": "known [wahba1965, pair]",
+    "{py:func}`~reproduce.front.table`": "`table`",
+    "{download}`text <../LICENSE>`": "text",
+}
 
 
-@pytest.fixture
-def app(tmp_path: Path) -> SimpleNamespace:
-    """As much of Sphinx as the words need: two pages, one of them a notebook."""
-    (tmp_path / "_build/jupyter_execute/part").mkdir(parents=True)
-    (tmp_path / "_build/jupyter_execute/part/two.ipynb").write_text("{}")
-    facts = {"k#a computed": "4.2", "k#count": "7"}
-    (tmp_path / "_build/facts.json").write_text(json.dumps(facts))
+def test_roles_become_their_text(tmp_path):
+    build = tmp_path / "_build"
+    (build / "jupyter_execute/part").mkdir(parents=True)
+    (build / "jupyter_execute/part/two.ipynb").write_text("{}")
+    (build / "facts.json").write_text('{"k#a computed": "4.2", "k#count": "7"}')
     titles = {"notation": "Notation", "part/two": "The second"}
-    return SimpleNamespace(
-        srcdir=str(tmp_path),
-        outdir=str(tmp_path / "_build/html"),
-        config=SimpleNamespace(equation_prefixes={"niu2024": "", "book": "B"}),
-        env=SimpleNamespace(
-            titles={
-                name: SimpleNamespace(astext=lambda t=t: t)
-                for name, t in titles.items()
-            }
-        ),
-    )
-
-
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        ("It is {computed}`k#a` of {fact}`k#count`.", "It is 4.2 of 7."),
-        ("By {eq}`niu2024-17` and {eq}`book-3`", "By (17) and (B3)"),
-        ("see {doc}`two`", "see [The second](../part/two.ipynb)"),
-        ("see {doc}`words <two>`", "see [words](../part/two.ipynb)"),
-        ("see {doc}`../notation`", "see *Notation*"),
-        ("known {cite:p}`wahba1965,pair`", "known [wahba1965, pair]"),
-        ("{py:func}`~reproduce.front.table`", "`table`"),
-        ("{download}`text <../LICENSE>`", "text"),
-    ],
-)
-def test_roles_become_what_they_stand_for(
-    app: SimpleNamespace, text: str, said: str
-) -> None:
-    assert plain(text, spoken_in(app, "part/one"), str) == said
-
-
-def test_an_unknown_number_fails_the_build(app: SimpleNamespace) -> None:
+    titled = {n: SimpleNamespace(astext=lambda t=t: t) for n, t in titles.items()}
+    config = SimpleNamespace(equation_prefixes={"niu2024": "", "book": "B"})
+    app = SimpleNamespace(srcdir=tmp_path, outdir=build / "html", config=config)
+    app.env = SimpleNamespace(titles=titled)
+    for text, words in ROLES.items():
+        assert plain(text, spoken_in(app, "part/one"), str) == words
     with pytest.raises(KeyError, match="k#b"):
         plain("{computed}`k#b`", spoken_in(app, "part/one"), str)
 
 
 @pytest.mark.browser
-@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
-def test_a_built_notebook_has_numbers_for_roles(path: Path) -> None:
-    cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
-    words = "\n".join(
-        "".join(c["source"]) for c in cells if c["cell_type"] == "markdown"
-    )
-    assert re.findall(r"\{[a-z:]+\}`|^\([^)\s]+\)=$|^`{3}\{", words, re.MULTILINE) == []
-    links = re.findall(r"\]\(([^)#]+\.ipynb)\)", words)
-    assert [link for link in links if not (path.parent / link).is_file()] == []
-    # Random names would make each build another one.
-    assert [cell["id"] for cell in cells] == [
-        f"cell-{number}" for number in range(len(cells))
-    ]
-
-
-def shown(path: Path) -> tuple[list[str], set[str]]:
-    """Return the headings of a page and the numbers in its words, without code and outputs."""
-    html = (BUILD / "html" / path.relative_to(BUILD / FOLDER)).with_suffix(".html")
-    article = BeautifulSoup(html.read_text(encoding="utf-8"), "html.parser").article
-    assert article is not None
-    for other in article.select(
-        ".cell, .headerlink, .prev-next-footer, .eqno, script, details pre"
-    ):
-        other.decompose()
-    heads = [
-        head.get_text(" ", strip=True)
-        for head in article.find_all(re.compile("h[1-4]"))
-    ]
-    return heads, set(NUMBER.findall(article.get_text(" ")))
-
-
-@pytest.mark.browser
-@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
-def test_a_notebook_says_all_that_its_page_says(path: Path) -> None:
-    """Its headings, every number of its sentences, its answer in short; and it has outputs."""
-    notebook: Any = nbformat.reads(path.read_text(encoding="utf-8"), as_version=4)
-    nbformat.validate(notebook)
-    words = "\n".join(cell.source for cell in notebook.cells)
-    heads, numbers = shown(path)
-    assert heads
-    words = words.replace("'", "’")
-    told = " ".join(re.sub(r"[*`$]|^#+ ", "", words, flags=re.MULTILINE).split())
-    assert [
-        head for head in heads if " ".join(head.replace("'", "’").split()) not in told
-    ] == []
-    assert sorted(number for number in numbers if number not in words) == []
-    assert all(cell.source.strip() for cell in notebook.cells)
-    code = [cell for cell in notebook.cells if cell.cell_type == "code"]
-    assert any(cell.outputs for cell in code) or not code
-    assert all(cell.execution_count for cell in code)
-
-
-@pytest.mark.browser
-def test_every_notebook_is_offered_on_its_page() -> None:
-    assert NOTEBOOKS, "no notebooks to read: run `make book` first"
-    for path in NOTEBOOKS:
-        name = path.relative_to(BUILD / FOLDER)
-        page = (BUILD / "html" / name.with_suffix(".html")).read_text(encoding="utf-8")
+def test_a_notebook_has_the_headings_numbers_and_outputs_of_its_page():
+    paths = sorted(NOTEBOOKS.rglob("*.ipynb"))
+    assert paths, "no notebooks to read: run `make book` first"
+    for path in paths:
+        html = HTML / path.relative_to(NOTEBOOKS).with_suffix(".html")
+        page = html.read_text(encoding="utf-8")
         (offered,) = set(re.findall(r'href="([^"]*_sources/[^"]+\.ipynb)"', page))
-        target = (BUILD / "html" / name).parent / offered
-        assert target.resolve().read_bytes() == path.read_bytes()
+        assert (html.parent / offered).read_bytes() == path.read_bytes()
+        notebook: Any = nbformat.inputs(path.read_text("utf-8"), as_version=4)
+        nbformat.validate(notebook)
+        # Random names would change with each build.
+        ids = [cell.id for cell in notebook.cells]
+        assert ids == [f"cell-{number}" for number in range(len(ids))]
+        assert all(cell.source.strip() for cell in notebook.cells)
+        code = [cell for cell in notebook.cells if cell.cell_type == "code"]
+        assert any(cell.outputs for cell in code) or not code
+        assert all(cell.execution_count for cell in code)
+        text = "\n".join(cell.source for cell in notebook.cells).replace("'", "’")
+        words = "\n".join(c.source for c in notebook.cells if c.cell_type == "markdown")
+        assert not re.search(r"\{[a-z:]+\}`|^\([^)\s]+\)=$|^`{3}\{", words, re.M), path
+        for link in re.findall(r"\]\(([^)#]+\.ipynb)\)", words):
+            assert (path.parent / link).is_file()
+        article = BeautifulSoup(page, "html.parser").article
+        for hidden in article.select(HIDDEN):
+            hidden.decompose()
+        heads = article.find_all(re.compile("h[1-4]"))
+        bare = " ".join(re.sub(r"[*`$]|^#+ ", "", text, flags=re.M).split())
+        titles = {" ".join(h.get_text(" ", strip=True).split()) for h in heads}
+        assert titles
+        assert [t for t in titles if t.replace("'", "’") not in bare] == []
+        assert {
+            n for n in NUMBER.findall(article.get_text(" ")) if n not in text
+        } == set()

@@ -1,4 +1,4 @@
-"""The outputs of a page's cells, run without a kernel."""
+"""The outputs of the cells of a page, run without a kernel."""
 
 from pathlib import Path
 
@@ -6,58 +6,55 @@ import pytest
 
 from page_cells import BOOK, cells, code, execute, notebooks, read
 
+SOURCES = (
+    ":tags: [remove-cell]\nx = 1.5",
+    "class Bold:\n    def _repr_html_(self):\n        return '<b>2</b>'\n",
+    "print('one')\nBold()",
+    "a = 3\na",
+    "None",
+    "a += 1",
+    "import matplotlib.pyplot as plt\nline = plt.plot([1, 2])",
+)
 
-def page(folder: Path, *sources: str) -> Path:
-    """Write a page with the given cells."""
-    path = folder / "page.md"
-    fences = "".join(
-        f"```{{code-cell}} ipython3\n{source}\n```\n\n" for source in sources
-    )
-    path.write_text(f"---\nfile_format: mystnb\n---\n\n# A page\n\n{fences}")
-    return path
+
+@pytest.fixture
+def page(tmp_path):
+    """Write a page with cells and return its path."""
+
+    def written(*sources):
+        path = tmp_path / "page.md"
+        cells = (f"```{{code-cell}} ipython3\n{source}\n```\n\n" for source in sources)
+        head = "---\nfile_format: mystnb\n---\n\n# A page\n\n"
+        path.write_text(head + "".join(cells))
+        return path
+
+    return written
 
 
-def test_outputs_are_those_of_a_notebook(tmp_path):
-    path = page(
-        tmp_path,
-        ":tags: [remove-cell]\nx = 1.5",
-        "class Bold:\n    def _repr_html_(self):\n        return '<b>2</b>'\n",
-        "print('one')\nBold()",
-        "a = 3\na",
-        "None",
-        "a += 1",
-        "import matplotlib.pyplot as plt\nline = plt.plot([1, 2])",
-    )
-    assert len(cells(path)) == 7
+def test_outputs_are_those_of_a_notebook(page):
+    path = page(*SOURCES)
+    assert len(cells(path)) == len(SOURCES)
     notebook, variables = execute(path)
     assert variables["a"] == 4
-    shown = [
-        one.get("text") or one.data.get("text/html") or sorted(one.data)
-        for cell in code(notebook)
-        for one in cell.outputs
-    ]
-    plot = ["image/png", "text/plain"]
-    assert shown == ["one\n", "<b>2</b>", ["text/plain"], plot]
+    outputs = [output for cell in code(notebook) for output in cell.outputs]
+    printed, bold, number, plot = outputs
+    assert printed.text == "one\n"
+    assert bold.data["text/html"] == "<b>2</b>"
+    assert [*number.data] == ["text/plain"]
+    assert sorted(plot.data) == ["image/png", "text/plain"]
     assert [cell.execution_count for cell in code(notebook)] == [*range(1, 8)]
 
 
-def test_pages_do_not_share_variables(tmp_path):
-    execute(page(tmp_path, "left_behind = 1"))
-    with pytest.raises(NameError, match="left_behind"):
-        execute(page(tmp_path, "left_behind"))
-
-
-@pytest.mark.parametrize(
-    ("source", "error"),
-    [
+def test_errors_and_warnings_stop_a_page_and_variables_are_not_shared(page):
+    before = Path.cwd()
+    execute(page("left_behind = 1"))
+    for source, error in (
+        ("left_behind", NameError),
         ("1 / 0", ZeroDivisionError),
         ("import sys\nprint(1, file=sys.stderr)", RuntimeError),
-    ],
-)
-def test_an_exception_or_a_warning_stops_a_page(tmp_path, source, error):
-    before = Path.cwd()
-    with pytest.raises(error):
-        execute(page(tmp_path, source))
+    ):
+        with pytest.raises(error):
+            execute(page(source))
     assert Path.cwd() == before
 
 
