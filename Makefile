@@ -1,5 +1,5 @@
-# Every target but help uses the virtual environment in .venv, which is made on
-# first use and again when environment.txt or pyproject.toml change.
+# Every target except help uses the virtual environment in .venv. It is made on first use, and again
+# after a change of environment.txt or pyproject.toml.
 
 SHELL := /bin/sh
 .DEFAULT_GOAL := help
@@ -7,8 +7,8 @@ SHELL := /bin/sh
 .PHONY: help book pdf lab test coverage check browser-test bench same nightly release lock checksums clean
 
 export PYTHON
-# Nothing of the user's own, packages, settings or kernels, reaches the results, and a home that
-# cannot be written to is no obstacle.
+# Packages, settings and kernels of the user have no effect on the results. The home folder may be
+# read-only.
 unexport PYTHONPATH PYTHONHOME
 export MPLCONFIGDIR := $(CURDIR)/.venv/matplotlib
 export IPYTHONDIR := $(CURDIR)/.venv/ipython
@@ -19,51 +19,52 @@ PY := .venv/bin/python
 STAMP := .venv/.installed
 TESTS := .venv/.installed-tests
 
-help:  ## this list
+help:  ## list the targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 22
 
-book: $(STAMP)  ## build the book and say where it is
+book: $(STAMP)  ## build the book and print its address
 	@$(PY) tools/build_book.py
 
-pdf: $(TESTS) book  ## the book as one PDF, beside its pages; needs a Chromium
+pdf: $(TESTS) book  ## print the book as one PDF; needs Chromium
 	@$(PY) tools/make_pdf.py
 
-lab: book  ## open JupyterLab on a copy of the book's notebooks, in lab/, which no build overwrites
+lab: book  ## open JupyterLab on a copy of the notebooks, in lab/, which no build overwrites
 	@mkdir -p lab && cp -Rn book/_build/notebooks/. lab
 	@$(PY) -m jupyter lab lab
 
-PARALLEL = --numprocesses auto --maxprocesses 4 --dist worksteal
+PARALLEL = --numprocesses auto --maxprocesses 4
+FAST = -m "not browser and not nightly" $(PARALLEL) --dist worksteal
 
 test: $(TESTS)  ## run the tests
-	@$(PY) -m pytest -m "not browser" $(PARALLEL)
+	@$(PY) -m pytest $(FAST)
 
-coverage: $(TESTS)  ## run them and tell which lines they reach; takes twice as long
-	@$(PY) -m pytest -m "not browser" $(PARALLEL) --cov --cov-report=term
+coverage: $(TESTS)  ## run the tests and report the lines that they reach; takes twice as long
+	@$(PY) -m pytest $(FAST) --cov --cov-report=term
 
-check: $(TESTS)  ## lint, format, types
+check: $(TESTS)  ## check style, format and types
 	@$(PY) -m ruff check .
 	@$(PY) -m ruff format --check .
 	@$(PY) -m mypy
 
-browser-test: $(TESTS)  ## read the built pages in a headless Chromium
-	@$(PY) -m pytest -m browser tests/book
+browser-test: $(TESTS)  ## test the built pages in a headless Chromium
+	@$(PY) -m pytest -m browser tests/book $(PARALLEL) --dist loadgroup
 
-bench: $(TESTS)  ## time what should be fast, as ratios to work that runs beside it
+bench: $(TESTS)  ## measure times as ratios to a reference in the same process
 	@$(PY) -m pytest benchmarks --quiet -p no:cacheprovider
 
-same: $(TESTS) book  ## compute every number of the book under other arithmetic, and compare
+same: $(TESTS) book  ## compute all numbers and pages again with other arithmetic, and compare
 	@$(PY) tools/same_numbers.py
 
-nightly: $(TESTS)  ## check what does not depend on a single change; takes long
+nightly: $(TESTS)  ## run the checks that do not depend on a single change; takes long
 	@.ci/nightly
 
-release: pdf  ## make the files of a release in dist/release
+release: pdf  ## write the files of a release to dist/release
 	@$(PY) tools/release.py
 
 COMPILE = $(PY) -m uv pip compile --universal --python-version 3.11 --fork-strategy fewest \
 	--generate-hashes --no-emit-index-url --quiet
 
-lock: $(STAMP)  ## resolve environment.txt and those of tests and notebooks again
+lock: $(STAMP)  ## resolve the locks of the book, the tests and the notebooks
 	@$(COMPILE) --extra book --extra notebooks --group lock --upgrade --output-file environment.txt pyproject.toml
 	@$(COMPILE) --all-extras --group lock --constraint environment.txt --upgrade \
 		--output-file tools/environment-test.txt pyproject.toml
@@ -96,14 +97,14 @@ $(STAMP): environment.txt pyproject.toml
 		exit 1; }
 	@$(PY) -m uv pip sync --quiet --compile-bytecode --require-hashes --python $(PY) environment.txt
 	@$(PY) -m pip install --quiet --no-deps --no-build-isolation --editable .
-	@$(PY) -c "import matplotlib.font_manager"  # says so on a page where it takes long
+	@$(PY) -c "import matplotlib.font_manager"  # prints a message if it takes long
 	@rm -f $(TESTS)
 	@touch $@
 
-# All that environment.txt holds, in the same versions, and what tests and tools need beside.
+# The packages of environment.txt, in the same versions, and those of tests and tools.
 $(TESTS): $(STAMP) tools/environment-test.txt
-	@echo "Installing what the tests need beside into .venv, once"
-	@rm -f $(STAMP)  # so that an installation that is cut short is begun again
+	@echo "Installing the packages of the tests into .venv, once"
+	@rm -f $(STAMP)  # an interrupted installation starts again
 	@$(PY) -m uv pip sync --quiet --compile-bytecode --require-hashes --python $(PY) \
 		tools/environment-test.txt
 	@$(PY) -m pip install --quiet --no-deps --no-build-isolation --editable .

@@ -1,7 +1,8 @@
 """Compute the numbers and run the pages of the book, on every core.
 
 Ledger, posteriors and figures come first, then the facts of the sentences and the pages. Each runs
-in a fresh process. The executed pages go into the cache in which Jupyter Book looks for them.
+in a new process. The executed pages are stored in the cache of Jupyter Book. With the argument
+``numbers``, only the ledger and the facts are computed.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from functools import partial
+from importlib import import_module
 from multiprocessing import get_all_start_methods, get_context
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -25,7 +27,7 @@ from jupyter_cache.base import CacheBundleIn
 import page_cells
 from page_cells import BOOK, execute, notebooks
 
-# A fork server imports the libraries once; every task starts as a fresh fork of it.
+# A fork server imports the libraries once; every task starts as a fork of it.
 START = "forkserver" if "forkserver" in get_all_start_methods() else "spawn"
 PRELOADED = (
     "matplotlib.pyplot matplotlib.backends.backend_svg pandas.io.formats.style emcee erfa "
@@ -44,30 +46,14 @@ def write_ledger(downloads: Path) -> None:
     write_cards(downloads.parent / "_build" / "cards.json")
 
 
-def sample_posterior(name: str) -> None:
-    """Sample a posterior."""
-    from reproduce.views.posterior import book_posterior
-
-    book_posterior(name)
-
-
-def draw_figure(key: str, downloads: Path) -> None:
-    """Draw a figure and write its files."""
-    from reproduce.views.figure import write_figure
-
-    write_figure(key, downloads)
-
-
-def write_facts(path: Path) -> None:
-    """Write the facts of the sentences."""
-    from book_facts import write_facts
-
-    write_facts(path)
-
-
 def run_page(page: Path) -> Any:
     """Return a page with its outputs."""
     return execute(page)[0]
+
+
+def call(module: str, function: str, *arguments: Any) -> None:
+    """Import a module in the new process, and call its function."""
+    getattr(import_module(module), function)(*arguments)
 
 
 def numbers(book: Path) -> dict[str, Task]:
@@ -78,15 +64,15 @@ def numbers(book: Path) -> dict[str, Task]:
 
     if (book / "_build" / "facts.json").is_file():
         return {}
-    downloads = book / "_extra"
-    tasks = {
-        f"posterior {name}": partial(sample_posterior, name) for name in posteriors()
-    }
-    tasks |= {
-        f"figure {key}": partial(draw_figure, key, downloads)
-        for key in (*drawable(), *drawings())
-    }
-    return {"ledger": partial(write_ledger, downloads), **tasks}
+    views, downloads = "reproduce.views", book / "_extra"
+    tasks: dict[str, Task] = {"ledger": partial(write_ledger, downloads)}
+    for name in posteriors():
+        sample = partial(call, f"{views}.posterior", "book_posterior", name)
+        tasks[f"posterior {name}"] = sample
+    for key in (*drawable(), *drawings()):
+        draw = partial(call, f"{views}.figure", "write_figure", key, downloads)
+        tasks[f"figure {key}"] = draw
+    return tasks
 
 
 def pages(book: Path) -> dict[str, Task]:
@@ -98,7 +84,7 @@ def pages(book: Path) -> dict[str, Task]:
     for page in sorted(missing, key=lambda page: page.parent.name != "posteriors"):
         tasks[page.relative_to(book).as_posix()] = partial(run_page, page)
     if tasks or not facts.is_file():
-        tasks["facts"] = partial(write_facts, facts)
+        tasks["facts"] = partial(call, "book_facts", "write_facts", facts)
     return tasks
 
 
@@ -113,7 +99,7 @@ def cache_of(book: Path) -> Iterator[Any]:
 
 
 def outputs(cache: Any, page: Path) -> list[Any] | None:
-    """Return the outputs of a page's cells that a cache holds, or None."""
+    """Return the cached outputs of the cells of a page, or None."""
     try:
         _, notebook = cache.merge_match_into_notebook(page_cells.read(page))
     except KeyError:
@@ -121,18 +107,25 @@ def outputs(cache: Any, page: Path) -> list[Any] | None:
     return [cell.outputs for cell in page_cells.code(notebook)]
 
 
-def compute(book: Path, workers: int) -> bool:
-    """Compute what is missing, print the times, and return whether all tasks succeeded."""
+def compute(book: Path, workers: int, *, only_numbers: bool = False) -> bool:
+    """Compute missing results, print the times, and return whether all tasks succeeded."""
     build = book / "_build"
     os.environ["REPRODUCE_BUILD"] = str(build / "computed")
     # One thread each: as many processes work as there are cores.
     os.environ.update({"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"})
     context.set_forkserver_preload(PRELOADED.split())
-    return all(run_tasks(stage(book), book, workers) for stage in (numbers, pages))
+    kinds = {"ledger", "posterior", "facts"}
+    for stage in (numbers, pages):
+        tasks = stage(book)
+        if only_numbers:
+            tasks = {n: task for n, task in tasks.items() if n.split()[0] in kinds}
+        if not run_tasks(tasks, book, workers):
+            return False
+    return True
 
 
 def run_tasks(tasks: dict[str, Task], book: Path, workers: int) -> bool:
-    """Run tasks side by side, and keep the pages that they return."""
+    """Run tasks in parallel, and store the pages that they return."""
     succeeded = True
     with ThreadPoolExecutor(workers) as pool, cache_of(book) as cache:
         for name, future in {
@@ -191,4 +184,5 @@ def cores() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(0 if compute(BOOK, cores()) else 1)
+    only_numbers = sys.argv[1:] == ["numbers"]
+    sys.exit(0 if compute(BOOK, cores(), only_numbers=only_numbers) else 1)

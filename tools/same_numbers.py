@@ -1,11 +1,12 @@
-"""Compute every number of the book under other arithmetic, and compare: ``make same``.
+"""Compute every number of the book with other arithmetic, and compare: ``make same``.
 
 A copy of the checkout computes the ledger, the facts and the pages with the linear algebra of
 another processor, without wide instructions, with another locale, time zone and order of sets, and
-with no home to write to. The results are compared with those of the built book. Words and tables
-must be equal, drawings within `DRAWN`, the numbers of the ledger within `CLOSE`. Drawings of random
-draws, in which rounding grows from step to step, may differ by `SEEN`.
-``python tools/same_numbers.py Haswell`` takes the linear algebra of that processor.
+with a read-only home. The results are compared with those of the built book. Words and tables must
+be equal, drawings within `MAX_SHIFT`, the numbers of the ledger within `RELATIVE_TOLERANCE`. In
+drawings of random draws the rounding grows from step to step: `MAX_SHIFT_RANDOM`.
+``python tools/same_numbers.py Haswell`` uses the linear algebra of that processor, and
+``python tools/same_numbers.py Prescott numbers`` compares only the ledger and the facts.
 """
 
 from __future__ import annotations
@@ -33,14 +34,14 @@ from reproduce.version import commit
 from run_notebooks import cache_of, outputs
 
 ROOT = BOOK.parent
-CLOSE = 1e-12
-DRAWN, SEEN = 1e-3, 0.05  # px
+RELATIVE_TOLERANCE = 1e-12
+MAX_SHIFT, MAX_SHIFT_RANDOM = 1e-3, 0.05  # px
 COPIED = ("src", "data", "book", "tools")
 NUMBER = re.compile(r"(?<![\w#.])-?\d+(?:\.\d+)?(?:e[-+]\d+)?")
 SVG = re.compile(r"<svg.*?</svg>", re.DOTALL)
 OTHER_PARTS, MOVES = "a drawing has other parts", "a drawing moves by "
-# A command or a last point may close a contour. Matplotlib names markers and clipping paths by a
-# hash of their coordinates.
+# A contour may be closed by a command or by a last point. The names of markers and clipping paths
+# contain a hash of their coordinates.
 IGNORED = re.compile(r"\n *z\b|\b[mp][0-9a-f]{10}\b|(?<=-)[mp][0-9a-f]{10}\b")
 
 
@@ -74,13 +75,14 @@ def other_settings(core: str) -> dict[str, str]:
 
 
 def results(book: Path) -> dict[str, Any]:
-    """Return the ledger, the facts and the outputs of the pages of a computed book."""
+    """Return the ledger, the facts and the outputs of the computed pages of a book."""
     ledger = json.loads((book / "_extra" / "ledger.json").read_text(encoding="utf-8"))
     facts = json.loads((book / "_build" / "facts.json").read_text(encoding="utf-8"))
     with cache_of(book) as cache:
         pages = {
-            page.relative_to(book).as_posix(): list(texts(outputs(cache, page)))
+            page.relative_to(book).as_posix(): list(texts(cells))
             for page in notebooks(book)
+            if (cells := outputs(cache, page)) is not None
         }
     return {"ledger": ledger, "facts": facts, **pages}
 
@@ -122,7 +124,7 @@ def differences(
     """
     if isinstance(one, dict) and isinstance(other, dict) and one.keys() == other.keys():
         # A tolerance is half the width of an interval, and the error of a median is half the
-        # distance of two quantiles inside it. They are no better than the ends of the interval.
+        # distance of two quantiles inside it. Both have the rounding of the ends of the interval.
         ends = one["interval"] or () if "tolerance" in one else ()
         widest = max(map(abs, ends), default=0.0)
         for key in one:
@@ -132,7 +134,9 @@ def differences(
         for index, pair in enumerate(zip(one, other, strict=True)):
             yield from differences(*pair, f"{place} {index}")
     elif isinstance(one, float) and isinstance(other, float):
-        if not math.isclose(one, other, rel_tol=CLOSE, abs_tol=CLOSE * size):
+        if not math.isclose(
+            one, other, rel_tol=RELATIVE_TOLERANCE, abs_tol=RELATIVE_TOLERANCE * size
+        ):
             yield f"{place}: {one!r}, {other!r}"
     elif isinstance(one, str) and isinstance(other, str):
         yield from _differences_of_texts(one, other, place)
@@ -141,7 +145,7 @@ def differences(
 
 
 def _differences_of_texts(one: str, other: str, place: str) -> Iterator[str]:
-    """Yield the differences of two texts; coordinates of a drawing may differ by `DRAWN`."""
+    """Yield the differences of two texts; coordinates of a drawing may differ by `MAX_SHIFT`."""
     lines, others = (SVG.sub("<svg>", text).splitlines() for text in (one, other))
     if lines != others:
         pairs = zip(lines, others, strict=False)
@@ -152,7 +156,7 @@ def _differences_of_texts(one: str, other: str, place: str) -> Iterator[str]:
             yield f"{place}: {OTHER_PARTS}"
             continue
         numbers = [np.array(NUMBER.findall(drawing), float) for drawing in plain]
-        if (moved := np.abs(np.subtract(*numbers)).max(initial=0.0)) > DRAWN:
+        if (moved := np.abs(np.subtract(*numbers)).max(initial=0.0)) > MAX_SHIFT:
             yield f"{place}: {MOVES}{moved:.2g}"
 
 
@@ -161,12 +165,12 @@ def is_wrong(difference: str) -> bool:
     if not difference.startswith(" posteriors/"):
         return True
     _, moves, distance = difference.rpartition(MOVES)
-    drawn = bool(moves) and float(distance) < SEEN
+    drawn = bool(moves) and float(distance) < MAX_SHIFT_RANDOM
     return not (drawn or difference.endswith(OTHER_PARTS))
 
 
-def main(core: str = "Prescott") -> int:
-    """Compute under other arithmetic, print the differences, and return the exit code."""
+def main(core: str = "Prescott", *parts: str) -> int:
+    """Compute with other arithmetic, print the differences, and return the exit code."""
     environment = {**os.environ, **other_settings(core)}
     with tempfile.TemporaryDirectory() as folder:
         copy = Path(folder) / "a copy"
@@ -178,10 +182,13 @@ def main(core: str = "Prescott") -> int:
         other = subprocess.check_output(python, env=environment, text=True).split()
         if other == arithmetic():
             raise RuntimeError(f"{core}: expected other arithmetic, got {other}")
-        command = [sys.executable, str(copy / "tools/run_notebooks.py")]
+        command = [sys.executable, str(copy / "tools/run_notebooks.py"), *parts]
         if code := subprocess.run(command, env=environment, check=False).returncode:
             return code
-        found = list(differences(results(BOOK), results(copy / "book")))
+        other_results = results(copy / "book")
+        built = results(BOOK)
+        compared = other_results if parts else built
+        found = list(differences({key: built[key] for key in compared}, other_results))
     print(f"{' '.join(other)}: {len(found)} differences", *found, sep="\n")
     return int(any(map(is_wrong, found)))
 

@@ -1,4 +1,4 @@
-"""The archive holds what its own words ask for, and is equal for equal files."""
+"""The archive of the notebooks: its files and its instructions."""
 
 from pathlib import Path
 from zipfile import ZipFile
@@ -7,48 +7,28 @@ import pytest
 
 from pack_book import ARCHIVE, INSTALL, LOCK, OPEN, pack, readme
 
+WHEEL = "reproduce_pointing-1.0-py3-none-any.whl"
+NOTEBOOK = "notebooks/niu2024/simulation.ipynb"
 
-@pytest.fixture
-def root(tmp_path: Path) -> Path:
-    for name in (
-        LOCK,
-        "book/_build/wheel/reproduce_pointing-1.0-py3-none-any.whl",
-        "book/_build/notebooks/niu2024/simulation.ipynb",
-    ):
+
+def test_the_archive_has_wheel_lock_and_notebooks_and_is_equal_each_time(tmp_path):
+    for name in (LOCK, f"book/_build/wheel/{WHEEL}", f"book/_build/{NOTEBOOK}"):
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text(name)
-    return tmp_path
-
-
-def test_archive_holds_wheel_lock_notebooks_and_how_to_install_them(root: Path) -> None:
-    with ZipFile(pack(root)) as file:
-        assert file.namelist() == [
-            "reproduce-book/README.txt",
-            "reproduce-book/environment.txt",
-            "reproduce-book/reproduce_pointing-1.0-py3-none-any.whl",
-            "reproduce-book/notebooks/niu2024/simulation.ipynb",
-        ]
+    names = ("README.txt", "environment.txt", WHEEL, NOTEBOOK)
+    archive = pack(tmp_path)
+    first = archive.read_bytes()
+    with ZipFile(archive) as file:
+        assert file.namelist() == [f"reproduce-book/{name}" for name in names]
         assert file.read("reproduce-book/environment.txt") == LOCK.encode()
+    assert pack(tmp_path).read_bytes() == first
+    (tmp_path / f"book/_build/wheel/{WHEEL.replace('1.0', '2.0')}").touch()
+    with pytest.raises(ValueError, match="too many values"):
+        pack(tmp_path)
 
 
-def test_equal_files_give_an_equal_archive(root: Path) -> None:
-    first = pack(root).read_bytes()
-    assert pack(root).read_bytes() == first
-    (root / LOCK).write_text("other")
-    assert pack(root).read_bytes() != first
-
-
-def test_readme_gives_the_lines_that_are_tested() -> None:
+def test_archive_and_page_give_the_tested_commands():
+    page = (Path(__file__).parents[2] / "book/run.md").read_text(encoding="utf-8")
     assert all(f"    {line}\n" in readme() for line in INSTALL)
-
-
-def test_the_page_gives_the_same_lines() -> None:
-    page = (Path(__file__).parents[2] / "book" / "run.md").read_text(encoding="utf-8")
     assert "\n".join((*INSTALL, OPEN)) in page
     assert f'href="{ARCHIVE}"' in page
-
-
-def test_two_wheels_are_refused(root: Path) -> None:
-    (root / "book/_build/wheel/reproduce_pointing-2.0-py3-none-any.whl").touch()
-    with pytest.raises(ValueError, match="too many values"):
-        pack(root)
