@@ -1,15 +1,13 @@
-"""The arrows of the design: which folder may import which."""
+"""Directions of imports between the folders of the package."""
 
 import ast
 import subprocess
 import sys
 from pathlib import Path
 
-import pytest
-
 SOURCE = Path(__file__).parent.parent / "src" / "reproduce"
 
-# Folder -> what it may import from the project. A dotted name allows that module alone.
+# Folder -> what it may import from the project. A dotted name allows only that module.
 ARROWS = {
     "physics": {"physics", "units"},
     "printed": {"printed", "locate", "units"},
@@ -28,8 +26,8 @@ ARROWS = {
         *{"physics.registration", "physics.attitude", "physics.images"},
     },
 }
-# The same inside physics: its rooms stand on each other, on the checks of input and on units.
-ROOMS = {
+# The same between the subpackages of physics, which also import the validation of input and units.
+SUBPACKAGES = {
     "optics": {"optics"},
     "attitude": {"attitude"},
     "images": {"images"},
@@ -37,180 +35,130 @@ ROOMS = {
     "raytrace": {"raytrace", "attitude"},
     "ground": {"ground", "attitude"},
 }
-PHYSICS_MAY_NOT = {
-    "pathlib",
-    "io",
-    "os",
-    "tomllib",
-    "json",
-    "csv",
-    "pandas",
-    "importlib",
+FILE_ACCESS = set("pathlib io os tomllib json csv pandas importlib".split())
+OPENING = set("open load loadtxt genfromtxt fromfile read_text".split())
+# Modules next to the folders.
+TOP = {
+    "__init__.py": ["reproduce.version.__version__"],
+    "__main__.py": ["reproduce.views.cli.main"],
+    "locate.py": [],
+    "units.py": [],
+    "version.py": [],
 }
 FILES = sorted(SOURCE.rglob("*.py"))
+FORBIDDEN = (
+    ("physics", "optics", "from reproduce.printed import cells"),
+    ("physics", "optics", "import pathlib"),
+    ("physics", "optics", "from reproduce.physics.registration.fit import fit"),
+    ("papers", "", "from reproduce.printed.cells import library"),
+    ("papers", "", "from reproduce.judge import ledger"),
+    ("judge", "", "from reproduce.views import keys"),
+    ("store", "", "from reproduce.papers import catalogue"),
+    ("views", "", "from reproduce.physics import camera"),
+    ("views", "", "from . import captions"),
+    ("views", "", "import reproduce"),
+)
 
 
-def imports(path):
-    """Yield the modules that a file imports; relative imports as a leading dot."""
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+def imports(text):
+    """Yield the imported modules and names; a relative import as its dots."""
+    for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
-            if node.level:
-                yield "." * node.level + (node.module or "")
-            elif node.module and node.module.startswith("reproduce"):
-                yield from (f"{node.module}.{alias.name}" for alias in node.names)
-            else:
-                yield node.module or ""
+            module = "." * node.level + (node.module or "")
+            inner = module.startswith("reproduce")
+            yield from (f"{module}.{a.name}" for a in node.names) if inner else [module]
 
 
-def violations(path, folder):
-    """Yield the imports that the arrows forbid."""
-    for name in imports(path):
-        if name.startswith("."):
-            yield f"{name} (relative)"
-        elif name == "reproduce":
-            yield f"{name} (the front door stands above all rooms)"
-        elif name.startswith("reproduce."):
-            inner = name.removeprefix("reproduce.")
-            allowed = any(
-                inner == a or inner.startswith(f"{a}.") for a in ARROWS[folder]
-            )
-            if not allowed:
-                yield name
-        elif folder == "physics" and name.split(".")[0] in PHYSICS_MAY_NOT:
-            yield f"{name} (physics reads no file)"
-
-
-def climbs(path, room):
-    """Yield the imports from rooms of physics that a room does not stand on."""
-    for name in imports(path):
-        if name.startswith("reproduce.physics."):
-            other = name.split(".")[2]
-            if other != "validate" and other not in ROOMS[room]:
-                yield name
-
-
-def test_imports_follow_the_arrows():
-    bare = {name: [] for name in ("locate.py", "units.py", "version.py")}
-    allowed = bare | {
-        "__init__.py": ["reproduce.version.__version__"],
-        "__main__.py": ["reproduce.views.cli.main"],
-    }
-    for path in FILES:
-        folder, *rest = path.relative_to(SOURCE).parts
-        if not rest:
-            inner = [name for name in imports(path) if name.startswith("reproduce")]
-            assert inner == allowed[path.name], path
-            continue
-        assert list(violations(path, folder)) == [], path
-        room = rest[0].removesuffix(".py")
-        if folder == "physics" and room in ROOMS:
-            assert list(climbs(path, room)) == [], path
-
-
-def test_physics_opens_no_file():
-    opening = {"open", "load", "loadtxt", "genfromtxt", "fromfile", "read_text"}
-    for path in (SOURCE / "physics").rglob("*.py"):
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.Call):
-                name = ast.unparse(node.func).rpartition(".")[2]
-                assert name not in opening, path
-
-
-@pytest.mark.parametrize(
-    ("folder", "line"),
-    [
-        ("physics", "from reproduce.printed import cells"),
-        ("physics", "import pathlib"),
-        ("papers", "from reproduce.printed.cells import library"),
-        ("papers", "from reproduce.judge import ledger"),
-        ("judge", "from reproduce.views import keys"),
-        ("store", "from reproduce.papers import catalogue"),
-        ("views", "from reproduce.physics import camera"),
-        ("views", "from . import captions"),
-        ("views", "import reproduce"),
-    ],
-)
-def test_forbidden_imports_are_seen(tmp_path, folder, line):
-    path = tmp_path / "module.py"
-    path.write_text(line)
-    assert list(violations(path, folder))
-
-
-def stands_on(files):
-    """Return what each file imports of the others, wherever in it."""
-    parts = {
-        path: path.relative_to(SOURCE.parent).with_suffix("").parts for path in files
-    }
-    names = {
-        ".".join(one).removesuffix(".__init__"): path for path, one in parts.items()
-    }
-    found = {}
-    for path in files:
-        split = [name.split(".") for name in imports(path)]
-        # The longest that is a file: what is taken at a door is the door's.
-        taken = ([".".join(one[:n]) for n in range(len(one), 1, -1)] for one in split)
-        nearest = (
-            next((name for name in each if name in names), None) for each in taken
+def forbidden(text, folder, subpackage=""):
+    """Return the imports that a module of a folder must not have."""
+    allowed = {f"reproduce.{name}" for name in ARROWS[folder]}
+    if subpackage in SUBPACKAGES:
+        allowed = {f"reproduce.physics.{n}" for n in SUBPACKAGES[subpackage]}
+        allowed |= {"reproduce.physics.validate", "reproduce.units"}
+    closed = FILE_ACCESS if folder == "physics" else set()
+    return [
+        name
+        for name in imports(text)
+        if name.split(".")[0] in closed | {""}
+        or (
+            name.split(".")[0] == "reproduce"
+            and not any(f"{name}.".startswith(f"{start}.") for start in allowed)
         )
-        found[path] = {names[name] for name in nearest if name} - {path}
+    ]
+
+
+def cycle(graph):
+    """Return the modules that import each other in a cycle."""
+    left = dict(graph)
+    while free := [name for name, used in left.items() if not used & left.keys()]:
+        for name in free:
+            del left[name]
+    return sorted(left)
+
+
+def dependencies(texts):
+    """Return the modules that each module imports: the longest names that are modules."""
+    found = {}
+    for module, text in texts.items():
+        parts = [name.split(".") for name in imports(text)]
+        longest = (
+            next(
+                (n for i in range(len(p), 1, -1) if (n := ".".join(p[:i])) in texts), ""
+            )
+            for p in parts
+        )
+        found[module] = set(longest) - {module, ""}
     return found
 
 
-def circle(graph):
-    """Return files that import each other in a circle, or none."""
-    left = dict(graph)
-    while bottom := [path for path, below in left.items() if not below & left.keys()]:
-        for path in bottom:
-            del left[path]
-    return sorted(path.name for path in left)
+def test_imports_follow_the_directions():
+    for path in FILES:
+        text = path.read_text(encoding="utf-8")
+        folder, *rest = path.relative_to(SOURCE).parts
+        if rest:
+            subpackage = rest[0].removesuffix(".py") if folder == "physics" else ""
+            assert forbidden(text, folder, subpackage) == [], path
+        else:
+            names = [name for name in imports(text) if name.startswith("reproduce")]
+            assert names == TOP[folder], path
+        if path.parent.name == "inference":
+            models = "reproduce.inference.models"
+            assert not any(name.startswith(models) for name in imports(text)), path
+        if folder == "physics":
+            calls = {
+                n.func for n in ast.walk(ast.parse(text)) if isinstance(n, ast.Call)
+            }
+            names = {ast.unparse(call).rpartition(".")[2] for call in calls}
+            assert not names & OPENING, path
+    for folder, subpackage, line in FORBIDDEN:
+        assert forbidden(line, folder, subpackage), line
 
 
-def test_one_cell_is_judged_without_the_audit():
-    """In a fresh process: reading a verdict starts no search for contradictions."""
-    code = (
-        "import sys, reproduce as rp; print(rp.table('niu2024/table-3')['scale.red'].verdict); "
-        "print([name for name in sys.modules if name.startswith('reproduce.consistency')])"
-    )
-    run = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True
-    )
-    assert run.stdout.split("\n")[:2] == ["differs", "[]"]
+def test_every_folder_has_its_directions():
+    assert {path.parent.name for path in SOURCE.glob("*/__init__.py")} == set(ARROWS)
+    physics = {p.parent.name for p in (SOURCE / "physics").glob("*/__init__.py")}
+    physics |= {path.stem for path in (SOURCE / "physics").glob("[a-z]*.py")}
+    assert physics == {*SUBPACKAGES, "validate"}
 
 
-def test_no_files_import_each_other_in_a_circle():
-    assert circle(stands_on(FILES)) == []
-
-
-def test_a_circle_is_seen(tmp_path, monkeypatch):
-    monkeypatch.setitem(globals(), "SOURCE", tmp_path / "reproduce")
-    (tmp_path / "reproduce").mkdir()
-    texts = {"a": "from reproduce.b import x", "b": "from reproduce import a", "c": ""}
-    for name, text in texts.items():
-        (tmp_path / "reproduce" / f"{name}.py").write_text(text)
-    files = sorted((tmp_path / "reproduce").glob("*.py"))
-    assert circle(stands_on(files)) == ["a.py", "b.py"]
-
-
-def test_a_room_of_physics_that_climbs_is_seen(tmp_path):
-    path = tmp_path / "module.py"
-    path.write_text("from reproduce.physics.registration.fit import fit_registration")
-    assert list(climbs(path, "optics"))
-    assert not list(climbs(path, "registration"))
-
-
-def test_the_engine_of_the_posteriors_knows_no_model():
-    for path in (SOURCE / "inference").glob("*.py"):
-        models = "reproduce.inference.models"
-        assert not [name for name in imports(path) if name.startswith(models)], path
-
-
-def test_every_folder_has_its_arrows():
-    rooms = {path.parent.name for path in (SOURCE / "physics").glob("*/__init__.py")}
-    rooms |= {path.stem for path in (SOURCE / "physics").glob("[a-z]*.py")} - {
-        "validate"
+def test_no_modules_import_each_other_in_a_cycle():
+    parts = {
+        path: path.relative_to(SOURCE.parent).with_suffix("").parts for path in FILES
     }
-    assert rooms == set(ROOMS)
-    folders = {path.parent.name for path in SOURCE.glob("*/__init__.py")}
-    assert folders == set(ARROWS)
+    names = {path: ".".join(p).removesuffix(".__init__") for path, p in parts.items()}
+    texts = {name: path.read_text(encoding="utf-8") for path, name in names.items()}
+    assert cycle(dependencies(texts)) == []
+    texts = {"reproduce.a": "from reproduce.b import x", "reproduce.c": ""}
+    texts["reproduce.b"] = "from reproduce import a"
+    assert cycle(dependencies(texts)) == ["reproduce.a", "reproduce.b"]
+
+
+def test_a_cell_is_judged_without_the_audit():
+    code = (
+        "import sys, reproduce as rp; print(rp.table('niu2024/table-3')['scale.red'].verdict, "
+        "[name for name in sys.modules if name.startswith('reproduce.consistency')])"
+    )
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, check=True)
+    assert run.stdout.split() == [b"differs", b"[]"]

@@ -33,10 +33,9 @@ def test_all_places_that_delete_are_known():
     found, folders = set(), ("src", "tools", "book/_ext")
     for path in (path for name in folders for path in (ROOT / name).rglob("*.py")):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.FunctionDef):
-                # A list has a method `remove` too.
-                if DELETE.search(ast.unparse(node)):
-                    found.add((path.relative_to(ROOT).as_posix(), node.name))
+            # A list has a method `remove` too.
+            if isinstance(node, ast.FunctionDef) and DELETE.search(ast.unparse(node)):
+                found.add((path.relative_to(ROOT).as_posix(), node.name))
     assert found == DELETING
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
     assert set(re.findall(r"\brm -r?f (.*?)(?:  #.*)?$", makefile, re.M)) == DELETED

@@ -1,117 +1,74 @@
-"""Equations: those that items cite are implemented, and the book shows each with its function."""
+"""Equations: implemented once, cited by items, and shown in the book with their functions."""
 
 import ast
 import re
+from collections import defaultdict
 from pathlib import Path
 
 from reproduce.papers.catalogue import catalogue
 
 ROOT = Path(__file__).parent.parent
 PHYSICS = ROOT / "src" / "reproduce" / "physics"
-BOOK = ROOT / "book"
 CLAIM = re.compile(
     r"^\s*Implements: (niu2024|chen2023) ((?:\(\d+\)(?:, | and |\.))+)", re.MULTILINE
 )
 PRINTED = re.compile(r"Printed form of (niu2024|chen2023) \((\d+)\)")
 LABEL = re.compile(r"^\$\$ ?\(((?:niu2024|chen2023)-[a-z0-9-]+)\)", re.MULTILINE)
+LINK = re.compile(r"\{py:(?:func|meth|class)\}`~?(reproduce\.physics[\w.]+)`")
+BOOK = [path.read_text(encoding="utf-8") for path in (ROOT / "book").glob("*/*.md")]
 
 
-def docstrings():
-    """Yield the full name and the docstring of every public function, class and method."""
-    for path in sorted(PHYSICS.rglob("*.py")):
-        inner = path.relative_to(PHYSICS).with_suffix("").parts
-        module = ".".join(["reproduce.physics", *inner])
-        yield from _inside(ast.parse(path.read_text(encoding="utf-8")), module)
-
-
-def _inside(node, prefix):
+def docstrings(node, prefix):
+    """Yield the names and docstrings of the public functions, classes and methods."""
     for child in ast.iter_child_nodes(node):
-        if isinstance(
-            child, ast.FunctionDef | ast.ClassDef
-        ) and not child.name.startswith("_"):
+        if isinstance(child, ast.FunctionDef | ast.ClassDef) and child.name[0] != "_":
             name = f"{prefix}.{child.name}"
             yield name, ast.get_docstring(child) or ""
-            yield from _inside(child, name)
+            yield from docstrings(child, name)
+
+
+DOCSTRINGS = {}
+for path in PHYSICS.rglob("*.py"):
+    parts = path.relative_to(PHYSICS).with_suffix("").parts
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    DOCSTRINGS |= dict(docstrings(tree, ".".join(["reproduce.physics", *parts])))
 
 
 def claims(text):
-    """Return the equations that a docstring says it implements."""
-    return {
-        f"{paper}-{number}"
-        for paper, numbers in CLAIM.findall(text)
-        for number in re.findall(r"\d+", numbers)
-    }
+    """Return the equations that a docstring claims to implement."""
+    found = CLAIM.findall(text)
+    return {f"{paper}-{n}" for paper, group in found for n in re.findall(r"\d+", group)}
 
 
-IMPLEMENTED: dict[str, list[str]] = {}
-for _name, _text in docstrings():
-    for _equation in claims(_text):
-        IMPLEMENTED.setdefault(_equation, []).append(_name)
-CITED = {
-    f"{computation.key.partition('/')[0]}-{number}"
-    for item in catalogue().values()
-    for computation in item.computations
-    for number in computation.equations
-}
-PAGES = {path: path.read_text(encoding="utf-8") for path in sorted(BOOK.glob("*/*.md"))}
-SHOWN = {label: path for path, text in PAGES.items() for label in LABEL.findall(text)}
+IMPLEMENTED = defaultdict(set)
+for name, text in DOCSTRINGS.items():
+    for equation in claims(text):
+        IMPLEMENTED[equation].add(name)
 
 
-def test_claims_are_read():
+def test_every_equation_is_implemented_once():
     assert claims("Implements: niu2024 (17), (18).") == {"niu2024-17", "niu2024-18"}
     assert claims("Printed form of niu2024 (24).") == set()
-
-
-def test_cited_equations_are_implemented():
-    assert set(IMPLEMENTED) >= CITED != set()
-
-
-def test_nearly_every_equation_of_both_papers_is_implemented():
-    niu = {f"niu2024-{n}" for n in range(1, 27)}
-    chen = {f"chen2023-{n}" for n in range(1, 12)}
+    # A claim in another form would be lost.
+    assert [
+        n for n, text in DOCSTRINGS.items() if "Implements" in text and not claims(text)
+    ] == []
+    niu = {f"niu2024-{number}" for number in range(1, 27)}
+    chen = {f"chen2023-{number}" for number in range(1, 12)}
     assert set(IMPLEMENTED) == niu | chen
-
-
-def test_every_equation_of_niu2024_is_implemented_once():
-    """But for (25), which defines two matrices, each a function of its own."""
-    many = {
-        e: n for e, n in IMPLEMENTED.items() if e.startswith("niu2024") and len(n) > 1
+    several = {name: len(by) for name, by in IMPLEMENTED.items() if len(by) > 1}
+    assert several == {"niu2024-25": 2}, "(25) defines two matrices"
+    computations = [one for item in catalogue().values() for one in item.computations]
+    cited = {
+        f"{c.key.partition('/')[0]}-{n}" for c in computations for n in c.equations
     }
-    assert {e: len(names) for e, names in many.items()} == {"niu2024-25": 2}
+    assert set() < cited <= set(IMPLEMENTED)
 
 
-def test_each_equation_of_chen2023_is_implemented_once():
-    chen = {name: by for name, by in IMPLEMENTED.items() if name.startswith("chen2023")}
-    assert {name: by for name, by in chen.items() if len(by) != 1} == {}
-
-
-def test_every_mention_of_implementing_is_understood():
-    """A docstring that says Implements in another form would silently claim nothing."""
-    for name, text in docstrings():
-        if "Implements" in text:
-            assert claims(text), name
-
-
-def test_the_book_shows_each_equation_beside_its_function():
+def test_the_book_shows_each_equation_with_its_function():
+    pages = {label: text for text in BOOK for label in LABEL.findall(text)}
     for equation, functions in IMPLEMENTED.items():
-        page = PAGES[SHOWN[equation]]
-        links = set(re.findall(r"\{py:(?:func|meth|class)\}`~?([\w.]+)`", page))
-        assert links & set(functions), equation
-
-
-def test_the_book_shows_no_equation_that_is_not_implemented():
-    printed = {
-        f"{paper}-{number}-printed"
-        for _, text in docstrings()
-        for paper, number in PRINTED.findall(text)
-    }
-    assert set(SHOWN) <= set(IMPLEMENTED) | printed
-
-
-def test_links_from_the_book_lead_to_public_functions():
-    public = {name for name, _ in docstrings()}
-    for path, text in PAGES.items():
-        for name in re.findall(
-            r"\{py:(?:func|meth|class)\}`~?(reproduce\.physics[\w.]+)`", text
-        ):
-            assert name in public, f"{path.name}: {name}"
+        assert functions & set(LINK.findall(pages[equation])), equation
+    forms = [form for text in DOCSTRINGS.values() for form in PRINTED.findall(text)]
+    assert set(pages) - set(IMPLEMENTED) <= {f"{p}-{n}-printed" for p, n in forms}
+    assert {link for text in BOOK for link in LINK.findall(text)} <= set(DOCSTRINGS)

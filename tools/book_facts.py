@@ -26,11 +26,13 @@ from pydantic import BaseModel, Field
 
 import page_cells
 from reproduce.consistency.report import Erratum, audit_paper
+from reproduce.judge import verdicts as judging
 from reproduce.judge.ledger import erratum
 from reproduce.judge.readings import all_readings
 from reproduce.locate import data_folder
 from reproduce.papers.catalogue import catalogue, studies
 from reproduce.printed.cells import PAPERS, library
+from reproduce.printed.number import PrintedNumber
 from reproduce.store import studies as stored
 from reproduce.store.files import write_text
 from reproduce.views import computed, numbers, verdicts
@@ -128,9 +130,21 @@ def unsampled(*papers: str) -> dict[str, str]:
     found |= {f"verdict/{word}": meaning for word, meaning in verdicts.MEANINGS.items()}
     if not papers:
         found |= of_pages(page_cells.notebooks())
+        found |= {f"constant#{label}": text for label, text in _of_constants().items()}
         found |= {f"audit#{label}": text for label, text in _of_audits().items()}
         found |= {f"evidence#{label}": text for label, text in _of_evidence().items()}
     return {name: numbers.powers(text) for name, text in found.items()}
+
+
+def _of_constants() -> dict[str, str]:
+    """Return the named constants of the verdicts: levels and tolerances."""
+    percent = {
+        "central": judging.CENTRAL,
+        "outside": 1 - judging.CENTRAL,
+        "nominal": PrintedNumber("1", qualifier="nominal").half_width,
+        "wide": judging._WIDE_TOLERANCE,
+    }
+    return {name: f"{100 * value:.0f}\u202f%" for name, value in percent.items()}
 
 
 def _of_evidence() -> dict[str, str]:

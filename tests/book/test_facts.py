@@ -84,3 +84,9 @@ def test_the_numbers_that_a_page_collects_are_facts(tmp_path, monkeypatch):
     monkeypatch.setattr(page_cells, "BOOK", tmp_path)
     found = facts.of_pages(sorted(tmp_path.glob("*.md")))
     assert found == {"one#shift": "−0.10\u202fpx"}
+
+
+def test_constants_of_the_verdicts_are_facts():
+    constants = {"central": "99 %", "outside": "1 %", "nominal": "5 %", "wide": "10 %"}
+    expected = {name: text.replace(" ", "\u202f") for name, text in constants.items()}
+    assert facts._of_constants() == expected
