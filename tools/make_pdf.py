@@ -35,7 +35,7 @@ MISSING = (
 )
 
 LINK = f'<li><p><a class="reference external" href="{PDF.name}">Print it (PDF)</a></p></li>\n'
-DOORS = re.compile(r'(class="rp-doors.*?)(?=</ul>)', re.DOTALL)
+LINKS = re.compile(r'(class="rp-links.*?)(?=</ul>)', re.DOTALL)
 # The menu of every page is the table of contents: captions of parts, and pages.
 MENU = re.compile(r'<p aria-level="2" class="caption".*?(?=</div>\s*</nav>)', re.DOTALL)
 ENTRY = re.compile(r'class="caption-text">(.*?)</span>|href="([^"#]+)"')
@@ -194,7 +194,7 @@ def main() -> None:
     index = HTML / "index.html"
     text = index.read_text(encoding="utf-8").replace(LINK, "")
     index.write_text(
-        DOORS.sub(lambda doors: doors[1] + LINK, text, count=1), encoding="utf-8"
+        LINKS.sub(lambda links: links[1] + LINK, text, count=1), encoding="utf-8"
     )
     print(f"The book as a PDF: {PDF}")
 

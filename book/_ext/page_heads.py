@@ -1,15 +1,15 @@
-"""Sphinx extension: every page says in its head what it is and how to cite it.
+"""Sphinx extension: description, citation and data in the head of each page.
 
 Search engines show the description, and reference managers read the citation. Harvesters of data
-read JSON-LD in the words of schema.org: a ``Dataset`` for each table of the page, and on the first
-page the ``Book`` and the papers that it is about.
+read JSON-LD in the terms of schema.org: a ``Dataset`` for each table of the page, and on the first
+page the ``Book`` and its papers.
 """
 
 from __future__ import annotations
 
 import json
 import textwrap
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from html import escape
 from typing import Any
 
@@ -19,39 +19,37 @@ from sphinx.application import Sphinx
 
 import anchors
 
-MAX_LENGTH = 300
+MAX_LENGTH = 300  # of a description, in characters
 META = '<meta name="{}" content="{}" />\n'
 LINKED = '<script type="application/ld+json">\n{}\n</script>\n'
 LICENSE = "https://creativecommons.org/licenses/by/4.0/"
 MEDIA = {"csv": "text/csv", "json": "application/json", "tex": "application/x-tex"}
 MEDIA |= {"md": "text/markdown", "parquet": "application/vnd.apache.parquet"}
 FAIR = "A verdict of differs is a difference that we find, not a fault."
-# What is whole, by its page: the name of its files, what they hold, and what is said of each entry.
+# The ledger and the register by their page: name of the files, description, columns.
 WHOLE = {
     "cells": (
         "ledger",
         f"Every printed number, recomputed where that is possible. {FAIR}",
-        ("printed", "computed", "verdict", "share of the tolerance"),
+        ("printed", "computed", "verdict", "fraction of the tolerance"),
     ),
     "audit/errata": (
         "errata",
-        "The register of errata: what does not fit, and whether the paper's conclusion stands.",
+        "The register of errata: contradictions, and their effect on the conclusions.",
         ("printed", "problem", "conclusion", "status"),
     ),
 }
 
 
 def described(doctree: nodes.document) -> str:
-    """Return what a page says first, cut at a word: its answer, where it opens with one."""
-    said = doctree.next_node(nodes.paragraph)
-    if said is None:
-        return ""
-    words = "".join(map(plain, said.findall(nodes.Text)))
-    return textwrap.shorten(words, MAX_LENGTH, placeholder=" …")
+    """Return the first paragraph of a page, cut at a word."""
+    first = doctree.next_node(nodes.paragraph)
+    parts = first.findall(nodes.Text) if first is not None else ()
+    return textwrap.shorten("".join(map(plain, parts)), MAX_LENGTH, placeholder=" …")
 
 
 def plain(part: nodes.Text) -> str:
-    """Return a piece of text without marks: of HTML what it shows, of TeX no commands for space.
+    """Return a piece of text without HTML tags, and without the spaces of TeX.
 
     >>> plain(nodes.raw("", "<a href='x'>one digit</a>", format="html").next_node(nodes.Text))
     'one digit'
@@ -66,8 +64,23 @@ def plain(part: nodes.Text) -> str:
     return str(part)
 
 
-def linked(page: str, held: Mapping[str, str], said: str) -> Iterator[dict[str, Any]]:
-    """Yield what a page holds in the words of schema.org; `held` is the page of each anchor."""
+def linked(page: str, held: Mapping[str, str], text: str) -> Iterator[dict[str, Any]]:
+    """Yield the data of a page in the terms of schema.org.
+
+    Parameters
+    ----------
+    page : str
+        Name of the page.
+    held : mapping
+        Page of each anchor.
+    text : str
+        Description of the page.
+
+    Yields
+    ------
+    dict
+        A document of JSON-LD.
+    """
     from reproduce.locate import papers
     from reproduce.papers.catalogue import studies
     from reproduce.printed.cells import anchor, library
@@ -75,54 +88,41 @@ def linked(page: str, held: Mapping[str, str], said: str) -> Iterator[dict[str, 
     from reproduce.views.keys import place, title
 
     if page == "index":
-        yield described_work("all", said, "about") | {
-            "@type": ["Book", "ScholarlyArticle"]
-        }
+        kinds = ["Book", "ScholarlyArticle"]
+        yield work("all", text, "about") | {"@type": kinds}
     if page in WHOLE:
-        name, said, columns = WHOLE[page]
+        name, text, columns = WHOLE[page]
         files = [f"{name}.{ending}" for ending in ("csv", "json", "parquet")]
-        whole = dataset(
-            "all", page, said, files, [{"name": column} for column in columns]
-        )
-        yield whole | {
-            "name": said.partition(":")[0].partition(",")[0],
-            "identifier": [name],
-        }
+        whole = dataset("all", page, text, files, [{"name": one} for one in columns])
+        short = text.partition(":")[0].partition(",")[0]
+        yield whole | {"name": short, "identifier": [name]}
     for key in (*library(), *studies()):
-        own = key in studies()
-        if held.get(f"{'study-' * own}{anchor(key)}") == page:
-            paper = key.split("/")[0]
-            beside = (
-                f", {'beside' if own else 'of'} {paper}" if paper in papers() else ""
-            )
-            where = f"{title(key)}: {place(key)}{beside}."
-            said = where if own else f"{where} {FAIR}"
-            yield dataset(key, page, said, table_files(key), measured(key))
+        study, paper = key in studies(), key.split("/")[0]
+        if held.get(f"{'study-' * study}{anchor(key)}") == page:
+            relation = "supplement to" if study else "of"
+            of_paper = f", {relation} {paper}" if paper in papers() else ""
+            text = f"{title(key)}: {place(key)}{of_paper}.{'' if study else f' {FAIR}'}"
+            yield dataset(key, page, text, list(table_files(key)), list(measured(key)))
 
 
 def dataset(
-    key: str,
-    page: str,
-    said: str,
-    files: Iterable[str],
-    columns: Iterable[dict[str, str]],
+    key: str, page: str, text: str, files: list[str], columns: list[dict[str, str]]
 ) -> dict[str, Any]:
-    """Return a table, or the whole, as a Dataset."""
-    media = {
-        "../" * page.count("/") + path: MEDIA[path.rpartition(".")[2]] for path in files
-    }
-    return described_work(key, said, "isBasedOn") | {
+    """Return a table, the ledger or the register as a Dataset."""
+    root = "../" * page.count("/")
+    downloads = [(root + path, MEDIA[path.rpartition(".")[2]]) for path in files]
+    return work(key, text, "isBasedOn") | {
         "@type": "Dataset",
         "variableMeasured": [{"@type": "PropertyValue", **one} for one in columns],
         "distribution": [
             {"@type": "DataDownload", "contentUrl": path, "encodingFormat": kind}
-            for path, kind in media.items()
+            for path, kind in downloads
         ],
     }
 
 
 def measured(key: str) -> Iterator[dict[str, str]]:
-    """Yield the rows and columns of a table, with the unit that the numbers of each share."""
+    """Yield the rows and columns of a table, with the common unit of their numbers."""
     from reproduce.papers.catalogue import studies
     from reproduce.printed.cells import library
     from reproduce.printed.number import symbol
@@ -132,45 +132,39 @@ def measured(key: str) -> Iterator[dict[str, str]]:
         return
     table = library()[key]
     for line in (*table.rows, *table.columns):
-        units = {c.unit for c in table.cells if line.id in c.name.split(".")} - {
-            "",
-            "1",
-        }
+        units = {c.unit for c in table.cells if line.id in c.name.split(".")}
+        units -= {"", "1"}
         unit = {"unitText": symbol(units.pop())} if len(units) == 1 else {}
         yield {"name": line.label} | unit
 
 
-def described_work(address: str, said: str, tie: str) -> dict[str, Any]:
-    """Return what can be cited, tied to the papers that it comes from."""
+def work(address: str, text: str, relation: str) -> dict[str, Any]:
+    """Return the description of a citable item, with its relation to the papers."""
     from reproduce.version import RELEASED
     from reproduce.views.export import DEVELOPERS, citation
 
-    ours, *papers = json.loads(citation(address, "csl"))
-    return {
+    item, *papers = json.loads(citation(address, "csl"))
+
+    def doi(entry: Mapping[str, str]) -> list[str]:
+        return [f"https://doi.org/{entry['DOI']}"] if "DOI" in entry else []
+
+    found = {
         "@context": "https://schema.org",
-        "name": ours["title"],
-        "description": said,
-        "identifier": [
-            address,
-            *(f"https://doi.org/{doi}" for doi in [ours.get("DOI")] if doi),
-        ],
-        **({"url": ours["URL"]} if "URL" in ours else {}),
+        "name": item["title"],
+        "description": text,
+        "identifier": [address, *doi(item)],
         "creator": {"@type": "Organization", "name": DEVELOPERS},
         "datePublished": RELEASED,
-        "version": ours["version"],
-        # What is made from others' measurements is under their licences, beside the data.
-        **({"license": LICENSE} if papers else {}),
-        tie: [
-            {
-                "@type": "ScholarlyArticle",
-                **(
-                    {"@id": f"https://doi.org/{paper['DOI']}"} if "DOI" in paper else {}
-                ),
-                "name": paper["title"],
-            }
+        "version": item["version"],
+        relation: [
+            {"@type": "ScholarlyArticle", "name": paper["title"]}
+            | dict.fromkeys(["@id"] * ("DOI" in paper), "".join(doi(paper)))
             for paper in papers
         ],
     }
+    # Measurements of other instruments have their own licences, next to the data.
+    found |= {"license": LICENSE} if papers else {}
+    return found | ({"url": item["URL"]} if "URL" in item else {})
 
 
 def fill(
@@ -180,25 +174,24 @@ def fill(
     context: dict[str, Any],
     doctree: nodes.document | None,
 ) -> None:
-    """Put description and citation into the head of a page that has a text."""
+    """Add description, citation and data to the head of a page with text."""
     from reproduce.version import RELEASED
     from reproduce.views.export import DEVELOPERS
 
     if doctree is None:
         return
     title, book = app.env.titles[page].astext(), app.config.html_title
-    told = {
+    head = {
         "description": described(doctree),
         "citation_title": title if title == book else f"{title}, in {book}",
         "citation_author": DEVELOPERS,
         "citation_publication_date": RELEASED.replace("-", "/"),
     }
-    tags = "".join(
-        META.format(name, escape(text)) for name, text in told.items() if text
-    )
-    for one in linked(page, anchors.pages(app.env), told["description"]):
-        tags += LINKED.format(json.dumps(one, ensure_ascii=False).replace("</", "<\\/"))
-    context["metatags"] = context.get("metatags", "") + tags
+    tags = [META.format(name, escape(text)) for name, text in head.items() if text]
+    for data in linked(page, anchors.pages(app.env), head["description"]):
+        text = json.dumps(data, ensure_ascii=False).replace("</", "<\\/")
+        tags.append(LINKED.format(text))
+    context["metatags"] = context.get("metatags", "") + "".join(tags)
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
