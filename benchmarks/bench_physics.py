@@ -1,4 +1,4 @@
-"""The numerical core: against SciPy, photutils, ERFA, and NumPy in a plain loop."""
+"""Times of physics compared with SciPy, photutils, ERFA and loops over NumPy."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ CHANNELS = np.stack([SOURCE, TRUTH.apply(SOURCE)])
 
 
 def residuals(u: Array, target: Array = TARGET) -> Array:
-    """The model as lean as NumPy makes it, so that SciPy's time is SciPy's own."""
+    """Return residuals in plain NumPy, so that the time of SciPy dominates."""
     cosine, sine = u[0] * np.cos(u[1]), u[0] * np.sin(u[1])
     x, y = SOURCE[:, 0] - TRUTH.pivot[0], SOURCE[:, 1] - TRUTH.pivot[1]
     left = np.empty(2 * POINTS)
@@ -58,7 +58,7 @@ def one_fit() -> Array:
 
 
 def bench_one_registration(promise: Promise) -> None:
-    """The fit against SciPy's solver."""
+    """Compare a fit with the solver of SciPy."""
     np.testing.assert_allclose(one_fit(), by_scipy(), rtol=1e-6, atol=1e-6)
     promise(
         f"one registration of {POINTS} points, SciPy's solver", one_fit, by_scipy, 1 / 4
@@ -66,10 +66,10 @@ def bench_one_registration(promise: Promise) -> None:
 
 
 def bench_simulated_calibrations(promise: Promise) -> None:
-    """Noise drawn and fitted in one call, against SciPy's solver in a loop."""
+    """Compare simulated fits in one call with a loop over the solver of SciPy."""
     many, few = 1000, 20
 
-    def ours() -> object:
+    def package() -> object:
         unit = default_rng(3).standard_normal((many, *np.shape(CHANNELS)))
         noisy = CHANNELS + 0.05 * unit
         return fit_registration(noisy[:, 0], noisy[:, 1], TRUTH.pivot)
@@ -79,11 +79,11 @@ def bench_simulated_calibrations(promise: Promise) -> None:
             target = TARGET + 0.05 * default_rng(seed).normal(size=TARGET.shape)
             least_squares(residuals, START, args=(target,))
 
-    promise(f"{many} simulated calibrations", ours, loop, 1 / 20, work=many / few)
+    promise(f"{many} simulated calibrations", package, loop, 1 / 20, work=many / few)
 
 
 def four_spots(frames: int) -> tuple[Array, Array]:
-    """Four directions half a degree apart, seen many times with a microradian of noise."""
+    """Return frames of four directions 0.5 deg apart, with a noise of 1 µrad."""
     generator = default_rng(1)
     source = np.array([[0, 5e-3, 1], [0, -5e-3, 1], [5e-3, 0, 1], [-5e-3, 0, 1]])
     source /= np.linalg.norm(source, axis=-1, keepdims=True)
@@ -93,7 +93,7 @@ def four_spots(frames: int) -> tuple[Array, Array]:
 
 
 def bench_wahba(promise: Promise) -> None:
-    """800 frames of four spots, against a loop over SciPy's solver."""
+    """Compare 800 frames of four spots with a loop over the solver of SciPy."""
     target, source = four_spots(800)
 
     def loop() -> Array:
@@ -106,43 +106,43 @@ def bench_wahba(promise: Promise) -> None:
 
 
 def bench_centre_of_gravity(promise: Promise) -> None:
-    """20,000 spots at once, against photutils spot by spot."""
+    """Compare 20,000 spots in one call with photutils, spot by spot."""
     generator, many, few = default_rng(2), 20_000, 500
     places = generator.uniform(-0.5, 0.5, (many, 2))
     windows = generator.poisson(spot_windows(places, 2000.0, 0.6, [-2, -2], 5)).astype(
         float
     )
 
-    def theirs() -> Array:
+    def other() -> Array:
         return np.array([centroid_com(window) for window in windows[:few]])
 
     np.testing.assert_allclose(
-        centre_of_gravity(windows[:few], [0.0, 0.0]), theirs(), atol=1e-12
+        centre_of_gravity(windows[:few], [0.0, 0.0]), other(), atol=1e-12
     )
-    ours = partial(centre_of_gravity, windows, [0.0, 0.0])
-    promise("centre of gravity, photutils", ours, theirs, 1 / 200, work=many / few)
+    package = partial(centre_of_gravity, windows, [0.0, 0.0])
+    promise("centre of gravity, photutils", package, other, 1 / 200, work=many / few)
 
 
 def bench_frames_of_the_bench(promise: Promise) -> None:
-    """800 frames of four spots rendered, extracted and solved; photutils only extracts."""
+    """Render, extract and solve 800 frames of four spots; photutils only extracts."""
     platform, frames = platform_twin.bench(load_inputs(platform_twin.READS)), 800
     window = default_rng(1).uniform(size=(7, 7))
 
-    def ours() -> Array:
+    def package() -> Array:
         spots = platform_twin.centroids(
             platform, platform.spots, platform.light[0], frames, default_rng(1)
         )
         return platform.design.transform(spots)
 
-    def theirs() -> None:
+    def other() -> None:
         for _ in range(4 * frames):
             centroid_com(window)
 
-    promise(f"{frames} frames of the laboratory bench", ours, theirs, 1 / 5)
+    promise(f"{frames} frames of the laboratory bench", package, other, 1 / 5)
 
 
 def bench_study_of_figure_11(promise: Promise) -> None:
-    """71 resolutions, 50 phases, 500 trials, against the photons of their pixels alone."""
+    """Compare 71 resolutions, 50 phases and 500 trials with the draws of their photons."""
     inputs = load_inputs(resolution.READS)
     size = len(resolution.resolutions(inputs)), inputs.count(resolution.PHASES)
     trials = inputs.count(f"{resolution.STUDY}#trials")
@@ -161,10 +161,10 @@ def bench_study_of_figure_11(promise: Promise) -> None:
 
 
 def bench_lines_of_sight(promise: Promise) -> None:
-    """100,000 points on the ellipsoid, against ERFA's geodetic coordinates of as many."""
+    """Compare 100,000 points on the ellipsoid with the geodetic coordinates of ERFA."""
     satellite = earth_fixed([0.3, 0.8, 5e5])
     down = satellite_from_inertial(satellite, np.cross([0, 0, 1.0], satellite)).T
     vectors = image_vectors(default_rng(3).uniform(-0.3, 0.3, (100_000, 2)), 14.0)
     places = satellite + 1e5 * vectors
-    ours = partial(imaged_position, vectors, satellite, down)
-    promise("100,000 lines of sight", ours, partial(erfa.gc2gd, 1, places), 4)
+    package = partial(imaged_position, vectors, satellite, down)
+    promise("100,000 lines of sight", package, partial(erfa.gc2gd, 1, places), 4)

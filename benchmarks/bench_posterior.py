@@ -1,7 +1,7 @@
-"""Posteriors, in the time of one effective draw of the slowest parameter, against plain emcee.
+"""Times of one effective draw of the slowest parameter, compared with plain emcee.
 
-Plain is emcee as one would first write it: 32 walkers, its own moves, a Python function per walker
-over the raw points. No sampling may take a gibibyte.
+Plain emcee has 32 walkers, its default moves, and a Python function of the points for each walker.
+No sampling may use 1 GiB.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ def data(count: int) -> tuple[Points, Points]:
 
 
 def plain_log_posterior(u: Points, source: Points, target: Points) -> float:
-    """The model as one would write it, as lean as NumPy makes it."""
+    """Return the log density of a user in plain NumPy."""
     k, theta, shift_x, shift_y, noise = u
     if not (0.5 < k < 2 and abs(theta) < 0.5 and 1e-4 < noise < 20):
         return -np.inf
@@ -61,14 +61,14 @@ def plain_chain(count: int, steps: int) -> Points:
     return np.asarray(sampler.get_chain())
 
 
-def our_chain(model: Model, steps: int) -> Points:
+def package_chain(model: Model, steps: int) -> Points:
     walkers = posteriors()["registration"].plan().walkers
     plan = Plan(1, walkers=walkers, steps=steps, warmup=200)
     return run_ensemble(model, plan, 0)[0]
 
 
 def stretched_chain(model: Model, steps: int, walkers: int = WALKERS) -> Points:
-    """emcee's own moves over a likelihood of the book, all walkers at once."""
+    """Sample a likelihood of the book with the default moves of emcee, vectorised."""
     sampler = emcee.EnsembleSampler(
         walkers, model.dimension, model.log_posterior, vectorize=True
     )
@@ -78,14 +78,14 @@ def stretched_chain(model: Model, steps: int, walkers: int = WALKERS) -> Points:
 
 
 def effective(chain: Points) -> float:
-    """Effective draws of the slowest parameter, once a quarter is left out as the way there."""
+    """Return the effective draws of the slowest parameter, without the first quarter."""
     columns = np.moveaxis(chain[None, len(chain) // 4 :], -1, 0)
     found = [summarised("", "", column) for column in columns]
     return min(min(one.bulk, one.tail) for one in found)
 
 
 def peak() -> int:
-    """Peak memory of this process, in KiB; getrusage would add its parent's, as of its start."""
+    """Return the peak memory of this process in KiB; getrusage includes that of the parent."""
     found = re.search(r"VmHWM:\s+(\d+) kB", Path("/proc/self/status").read_text())
     if found is None:
         raise RuntimeError(
@@ -95,44 +95,44 @@ def peak() -> int:
 
 
 def bench_registration_posterior(promise: Promise) -> None:
-    """At 137 points and at 100,000; the latter's plain chain is timed over few steps.
+    """Compare samples of 137 and 100,000 points with plain chains of few steps.
 
     Effective draws per step are those of a long chain at 137 points: the posterior has the same
-    shape for any number of points, the stretch is affine invariant, and a short chain would not
-    know its own autocorrelation time.
+    shape for any number of points, the stretch move is affine invariant, and the autocorrelation
+    time of a short chain is unknown.
     """
     steps, timed, few_timed = 3000, 2000, 30
     per_step = effective(plain_chain(FEW, 6000)) / (0.75 * 6000)
     models = {count: registration_model(*data(count), PIVOT) for count in (FEW, MANY)}
     for count, plain_steps, times in ((FEW, timed, 100), (MANY, few_timed, 2000)):
-        ours = partial(our_chain, models[count], steps)
-        work = effective(ours()) / (per_step * plain_steps)
+        package = partial(package_chain, models[count], steps)
+        work = effective(package()) / (per_step * plain_steps)
         name = f"registration posterior of {count:,} points, plain emcee"
         promise(
             name,
-            ours,
+            package,
             partial(plain_chain, count, plain_steps),
             1 / times,
             rounds=3,
             work=work,
         )
-    few, many = (partial(our_chain, models[count], steps) for count in (FEW, MANY))
+    few, many = (partial(package_chain, models[count], steps) for count in (FEW, MANY))
     promise("registration posterior of 100,000 points, our own of 137", many, few, 1.3)
 
 
 @pytest.mark.parametrize("name", ["misalignment", "misalignment-drift"])
 def bench_misalignment_posterior(promise: Promise, name: str) -> None:
-    """Against emcee's own moves over the same likelihood, all walkers at once."""
+    """Compare with the default moves of emcee for the same likelihood."""
     model = posteriors()[name].model()
-    ours, theirs = (
-        partial(our_chain, model, 1000),
+    package, other = (
+        partial(package_chain, model, 1000),
         partial(stretched_chain, model, 8000),
     )
-    work = effective(ours()) / effective(theirs())
+    work = effective(package()) / effective(other())
     promise(
         f"posterior of {name}, emcee's own moves",
-        ours,
-        theirs,
+        package,
+        other,
         1 / 50,
         rounds=3,
         work=work,
@@ -140,19 +140,19 @@ def bench_misalignment_posterior(promise: Promise, name: str) -> None:
 
 
 def bench_all_posteriors_of_the_book(promise: Promise) -> None:
-    """As the book samples them, against emcee's own moves for as many steps, whatever they give."""
+    """Compare the posteriors of the book with the same number of steps of emcee."""
     declared = [(one.model(), one.plan()) for one in posteriors().values()]
 
-    def ours() -> None:
+    def package() -> None:
         for model, plan in declared:
             sample(model, plan)
 
-    def theirs() -> None:
+    def other() -> None:
         for model, plan in declared:
             walkers = plan.walkers_for(model.dimension)
             stretched_chain(model, plan.ensembles * (plan.steps + plan.warmup), walkers)
 
     promise(
-        "all posteriors of the book, as many plain steps", ours, theirs, 2.5, rounds=1
+        "all posteriors of the book, as many plain steps", package, other, 2.5, rounds=1
     )
     assert peak() < GIBIBYTE

@@ -1,4 +1,4 @@
-"""Fresh processes: the first use of the package, everything judged, a long file of one's own."""
+"""Times of new processes: first use of the package, all verdicts, and a long user file."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ SOLVED = (
 
 
 def python(*arguments: str) -> str:
-    """Run Python on its own and return what it writes."""
+    """Run Python in a new process and return its output."""
     command = [sys.executable, *arguments]
     return subprocess.run(command, check=True, capture_output=True, text=True).stdout
 
 
 @pytest.mark.parametrize(
-    ("name", "ours", "reference", "at_most"),
+    ("name", "package", "reference", "at_most"),
     [
         ("import", ["-c", "import reproduce"], "import numpy", 0.5),
         (
@@ -60,16 +60,16 @@ def python(*arguments: str) -> str:
 def bench_a_fresh_process(
     promise: Callable[..., None],
     name: str,
-    ours: list[str],
+    package: list[str],
     reference: str,
     at_most: float,
 ) -> None:
-    """Nothing is kept from one round to the next."""
-    promise(name, partial(python, *ours), partial(python, "-c", reference), at_most)
+    """Compare a new process with its reference; no result is stored between rounds."""
+    promise(name, partial(python, *package), partial(python, "-c", reference), at_most)
 
 
 def bench_a_million_stars(promise: Callable[..., None], tmp_path: Path) -> None:
-    """Read, registered, diagnosed: against pandas' reading and one least-squares solution."""
+    """Compare a registration of a long file with pandas and one least-squares solution."""
     path, generator = tmp_path / "stars.csv", np.random.default_rng(1)
     source = generator.uniform(0, 4000, (STARS, 2))
     target = 1.001 * source + generator.normal(0, 0.05, source.shape)
@@ -79,13 +79,13 @@ def bench_a_million_stars(promise: Callable[..., None], tmp_path: Path) -> None:
     memory = (
         "import resource; {}; print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)"
     )
-    ours = memory.format(f"import reproduce as rp; repr(rp.register({str(path)!r}))")
+    package = memory.format(f"import reproduce as rp; repr(rp.register({str(path)!r}))")
     read = f"import pandas; stars = pandas.read_csv({str(path)!r}).to_numpy()"
-    theirs = memory.format(f"{read}; {SOLVED}")
+    other = memory.format(f"{read}; {SOLVED}")
     promise(
         f"{STARS:,} stars",
-        partial(python, "-c", ours),
-        partial(python, "-c", theirs),
+        partial(python, "-c", package),
+        partial(python, "-c", other),
         3,
     )
-    assert int(python("-c", ours)) < 3 * int(python("-c", theirs))
+    assert int(python("-c", package)) < 3 * int(python("-c", other))

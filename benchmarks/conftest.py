@@ -1,7 +1,7 @@
-"""What the project promises to be fast, each promise a ratio to a reference that runs beside it.
+"""Promised times, each a ratio to a reference in the same process.
 
-Machines differ by a factor of three, and other work comes and goes; so the two are timed in turns,
-in processor time, the best round of each. Seconds are printed for information and promise nothing.
+Machines differ by a factor of 3 and have other load. Both are timed alternately in processor time,
+and the best round of each counts. Seconds are printed for information.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ Call = Callable[[], object]
 
 
 def processor_seconds() -> float:
-    """Return what this process, and those it has waited for, have used of processors so far."""
+    """Return the processor time of this process and its finished children, in seconds."""
     children = resource.getrusage(resource.RUSAGE_CHILDREN)
     return time.process_time() + children.ru_utime + children.ru_stime
 
 
 def seconds(call: Call, least: float = 0.02) -> float:
-    """Return the processor time of one call, repeated until the clock can tell it."""
+    """Return the processor time of one call, in seconds, from `least` seconds of repeated calls."""
     repeats = 1
     while True:
         begin = processor_seconds()
@@ -36,35 +36,35 @@ def seconds(call: Call, least: float = 0.02) -> float:
 
 @pytest.fixture
 def promise(capsys: pytest.CaptureFixture[str]) -> Callable[..., None]:
-    """Hold a call to a share of its reference's time.
+    """Compare the time of a call with that of a reference.
 
-    ``promise(name, ours, reference, at_most, rounds=5, work=1.0)``: `work` is how many times the
-    reference's work ours does, where the reference is too slow to do all of it.
+    ``promise(name, call, reference, at_most, rounds=5, work=1.0)``: `work` is the ratio of the work
+    of the call to the work of the reference, for a slow reference with less work.
     """
 
-    def hold(
+    def compare(
         name: str,
-        ours: Call,
+        call: Call,
         reference: Call,
         at_most: float,
         *,
         rounds: int = 5,
         work: float = 1,
     ) -> None:
-        pairs = [(seconds(ours), work * seconds(reference)) for _ in range(rounds)]
-        mine, theirs = (min(column) for column in zip(*pairs, strict=True))
-        ratio = mine / theirs
+        pairs = [(seconds(call), work * seconds(reference)) for _ in range(rounds)]
+        time, other = (min(column) for column in zip(*pairs, strict=True))
+        ratio = time / other
         with capsys.disabled():
-            print(f"\n{name}: {_share(ratio)} (promised: {_share(at_most)})", end="")
-            print(f"  [{1e3 * mine:,.3g} ms for {1e3 * theirs:,.3g} ms]", end="")
+            print(f"\n{name}: {_ratio(ratio)} (promised: {_ratio(at_most)})", end="")
+            print(f"  [{1e3 * time:,.3g} ms, reference {1e3 * other:,.3g} ms]", end="")
         assert ratio <= at_most
 
     with capsys.disabled():
         print()
-    return hold
+    return compare
 
 
-def _share(ratio: float) -> str:
+def _ratio(ratio: float) -> str:
     return (
         f"{ratio:.2f} of its time" if ratio >= 0.2 else f"{1 / ratio:.0f} times as fast"
     )

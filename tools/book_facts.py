@@ -1,14 +1,13 @@
-"""Every number that a sentence of the book may say, by name, and the files beside the pages.
+"""The facts: every number in a sentence of the book, by name; and the files next to the pages.
 
-A printed cell has a name for each of its sides (``niu2024/table-3#scale.red computed``); an item, a
-paper and ``all`` have their counts (``niu2024/table-3 differs``); a study names its own results
-(``niu2024/readings#best-joint``), and so does a posterior (``posterior/registration#noise-mean``).
-A page may collect numbers of its cells in a series ``quoted``, and these have names too
-(``instruments/three-detectors#period``). The roles of the pages only look them up.
+A printed cell has a fact for each property (``niu2024/table-3#scale.red computed``). An item, a
+paper and ``all`` have counts (``niu2024/table-3 differs``). A study has results
+(``niu2024/readings#best-joint``), and a posterior moments (``posterior/registration#noise-mean``).
+The verdicts have named constants (``constant#central``). A page collects numbers of its cells in a
+series ``quoted`` (``instruments/three-detectors#period``).
 
 ``python tools/book_facts.py BOOK [PAPER]...`` writes ``_build/facts.json`` into the folder of a
-book, with the facts of some papers alone where they are named; `make book` does all that the book
-of this project needs.
+book, with the facts of all papers or of the given papers.
 """
 
 from __future__ import annotations
@@ -51,19 +50,19 @@ from reproduce.views.study import StudyTable
 from reproduce.views.table import Cell, Table
 from reproduce.views.verdicts import facts_of
 
-# The line of a page that collects numbers of its cells.
+# Start of the series that collects the numbers of a page.
 QUOTED = "quoted = pd.Series("
 
 
 def facts(*papers: str) -> dict[str, str]:
-    """Compute every fact, or those of the cells, items and studies of some papers alone."""
+    """Compute every fact, or only those of the cells, items and studies of some papers."""
     from reproduce.papers.posteriors import posteriors
 
     return unsampled(*papers) | ({} if papers else of_posteriors(posteriors()))
 
 
 def of_pages(pages: Iterable[Path]) -> dict[str, str]:
-    """Run the pages that collect numbers in a series ``quoted``, and return these by name."""
+    """Run the pages with a series ``quoted``, and return its numbers by name."""
     found: dict[str, str] = {}
     for page in pages:
         if any(QUOTED in source for source in page_cells.cells(page)):
@@ -76,7 +75,7 @@ def of_pages(pages: Iterable[Path]) -> dict[str, str]:
 
 
 def _written(text: str) -> str:
-    """Return a number with a true minus sign, and with a space before its unit that never breaks.
+    """Return a number with a minus sign, and with a non-breaking space before its unit.
 
     >>> _written("-0.02 px")
     '−0.02\u202fpx'
@@ -85,7 +84,7 @@ def _written(text: str) -> str:
 
 
 def of_posteriors(names: Iterable[str]) -> dict[str, str]:
-    """Compute the facts of posteriors, which are sampled for it."""
+    """Sample posteriors and compute their facts."""
     return {
         f"posterior/{name}#{label}": numbers.powers(text)
         for name in names
@@ -94,7 +93,7 @@ def of_posteriors(names: Iterable[str]) -> dict[str, str]:
 
 
 def unsampled(*papers: str) -> dict[str, str]:
-    """Compute the facts of the ledger, the studies and the audit, or of some papers alone."""
+    """Compute the facts of ledger, studies and audit, or only those of some papers."""
     if papers:
         keys = [
             key
@@ -148,7 +147,7 @@ def _of_constants() -> dict[str, str]:
 
 
 def _of_evidence() -> dict[str, str]:
-    """Return what the studies of ourselves count, and how long pages take, by name."""
+    """Return the counts of the studies of the audit, and the times of the pages, by name."""
     planted = stored.table("planted-slips")
     seen = planted["relation"] | planted["verdict"]
     strict = planted["compared"] | planted["verdict"]
@@ -183,7 +182,7 @@ def _of_evidence() -> dict[str, str]:
 
 
 def _of_posterior(name: str) -> dict[str, str]:
-    """Return the numbers of a posterior that sentences may say, by name.
+    """Return the numbers of a posterior, by name.
 
     ``shift-x-mean`` (-sd, -low, -high) of each parameter and consequence, and ``sbc-...`` of the
     stored calibration.
@@ -222,16 +221,13 @@ def _of_calibration(name: str) -> Iterator[tuple[str, str]]:
 
 
 def _of_audits() -> dict[str, str]:
-    """Return what sentences may say of the audit: label to text.
+    """Return the counts of the audit, by name.
 
-    ``PAPER-relations``, ``-agreeing``, ``-rounding``, ``-tolerance``,
-    ``-contradicting`` (without those that
-    restate computed cells), ``-restating`` and ``-restating-contradicting`` (those alone),
-    ``-examined``, ``-numbers``, ``-supposed``
-    (relations that rest on a assumption of ours, in none of the other counts); the same of both
-    papers without the paper's name; ``errata``, among them ``errata-standing`` (the paper's
-    conclusion stands) and ``errata-extraction``; ``errata-supposed`` apart, of which
-    ``errata-supposed-standing``.
+    ``PAPER-relations``, ``-agreeing``, ``-rounding``, ``-tolerance`` and ``-contradicting`` count
+    relations that do not restate computed cells, ``-restating`` and ``-restating-contradicting``
+    the others, and ``-supposed`` those with an assumption. ``-examined`` and ``-numbers`` count
+    cells. The names without the paper count both papers. ``errata`` includes ``errata-standing``
+    (the conclusion stands) and ``errata-extraction``; ``errata-supposed`` are separate.
     """
     counts: dict[str, int] = {}
     audits = [audit_paper(paper) for paper in PAPERS]
@@ -270,7 +266,7 @@ def write_facts(path: Path, *papers: str) -> None:
 
 
 def card(cell: Cell, place: str) -> str:
-    """Return what a page shows beside a link to a cell: all of it, and what to take away."""
+    """Return the card of a cell: buttons that copy, and all properties of the cell."""
     button = Markup('<button type="button" data-{}="{}">Copy {}</button>').format
     forms = {"citation": "text", "BibTeX": "bibtex", "RIS": "ris"}
     copied = {name: cell.cite(form) for name, form in forms.items()} | {
@@ -287,24 +283,24 @@ def card(cell: Cell, place: str) -> str:
 
 
 def write_cards(path: Path) -> None:
-    """Write what pages show beside links to printed cells, by anchor."""
+    """Write the cards of the printed cells, by anchor."""
     cells = [cell for table in library().values() for cell in table.cells]
     cards = {cell.anchor: card(Cell(cell.address), cell.anchor) for cell in cells}
     path.write_text(json.dumps(cards, ensure_ascii=False), encoding="utf-8")
 
 
 class ListedErratum(Erratum):
-    """An entry of the register, with the printed cells whose verdict rests on it."""
+    """An entry of the register, with the printed cells whose verdict depends on it."""
 
     results: list[str] = Field(
-        description="addresses of the cells whose verdict rests on it"
+        description="addresses of the cells whose verdict depends on it"
     )
 
 
 class Register(BaseModel):
-    """The register of errata: contradictions that the audit found, and why each is listed.
+    """The register of errata: contradictions of the audit, with their reasons.
 
-    An entry is a difference found, not a fault; none says what its authors meant.
+    An entry is a difference, not a fault, and makes no statement on the intention of the authors.
     """
 
     software: str = Field(description="what made the file: name, version, day, commit")
@@ -313,7 +309,7 @@ class Register(BaseModel):
 
 
 def register() -> Register:
-    """Return the register of errata as it is shipped."""
+    """Return the register of errata with its provenance."""
     rows = ConsistencyAudit().frame().reset_index(names="id").to_dict("records")
     whole = {**provenance_of(citation("all", "text")), "errata": rows}
     return Register.model_validate(whole)
@@ -353,16 +349,16 @@ def readings_frame() -> pd.DataFrame:
 
 
 def write_parquet(frame: pd.DataFrame, path: Path, about: Mapping[str, str]) -> None:
-    """Write a DataFrame as Parquet; what it says of itself is metadata of the file."""
+    """Write a DataFrame as Parquet, with its provenance as metadata of the file."""
 
     def quoted(text: str) -> str:
         return "'{}'".format(text.replace("'", "''"))
 
-    said = ", ".join(f"{name}: {quoted(text)}" for name, text in about.items())
+    metadata = ", ".join(f"{name}: {quoted(text)}" for name, text in about.items())
     with duckdb.connect() as base:
         base.register("rows", frame)
         base.execute(
-            f"COPY rows TO {quoted(str(path))} (FORMAT parquet, KV_METADATA {{{said}}})"
+            f"COPY rows TO {quoted(str(path))} (FORMAT parquet, KV_METADATA {{{metadata}}})"
         )
 
 

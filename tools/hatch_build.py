@@ -1,7 +1,6 @@
 """Build hook: put ``data/`` into wheels as ``reproduce/_data``; wheel and sdist carry the commit.
 
-An editable install must not get the copies: they would stand beside the checkout
-and grow stale, so the inclusion cannot be a line of pyproject.toml.
+An editable install uses the data of the checkout, so the files cannot be named in pyproject.toml.
 """
 
 import runpy
@@ -12,9 +11,9 @@ from typing import Any
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
 
-# Hatchling leaves the kind of its configuration open.
+# The type of the configuration is not public in hatchling.
 class DataHook(BuildHookInterface):  # type: ignore[type-arg]
-    """Adds the data folder to standard wheels, and says which commit was built."""
+    """Adds the data folder and the commit to standard wheels."""
 
     folder: TemporaryDirectory[str]
 
@@ -36,5 +35,5 @@ class DataHook(BuildHookInterface):  # type: ignore[type-arg]
     def finalize(
         self, version: str, build_data: dict[str, Any], artifact_path: str
     ) -> None:
-        """Remove what only the build needed."""
+        """Remove the temporary folder of the build."""
         self.folder.cleanup()

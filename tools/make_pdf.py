@@ -1,9 +1,8 @@
-"""Set the built book as one PDF, and link it from the first page: ``make pdf``.
+"""Print the built book as one PDF, and link it from the first page: ``make pdf``.
 
-The articles of all pages are joined to one document whose links lead inside it, and Chromium prints
-that. The end of ``book/_static/ledger.css`` says what is printed and how; what a table needs
-more than a sheet's width is measured here. Equal pages give an equal file where browser and fonts
-are equal.
+The articles of all pages are joined to one document with internal links, and Chromium prints it.
+The end of ``book/_static/ledger.css`` contains the style of the paper. Wide tables are rotated or
+shrunk here. With the same browser and fonts, equal pages give an equal file.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ from reproduce.views.export import DEVELOPERS
 HTML = ROOT / "book" / "_build" / "html"
 PDF = HTML / "reproduce-book.pdf"
 JOINED = HTML.parent / "joined.html"
-DAY = f"D:{RELEASED.replace('-', '')}000000Z"  # not the moment of printing: equal files are equal
+DAY = f"D:{RELEASED.replace('-', '')}000000Z"  # not the time of printing
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 MISSING = (
     "No Chromium was found: install it (Debian: apt install chromium; elsewhere: "
@@ -50,22 +49,22 @@ TAG = re.compile(r"<[a-zA-Z][^>]*>")
 PLACE = re.compile(r'(\s(?:id|for|(?:xlink:)?href)="|url\(#)([^")]*)("|\))')
 HEADING = re.compile(r"(?<=<)(/?)h([1-5])\b")
 
-# Every page has sheets of its own, upright and turned, which carry its title at the top.
+# Each page has sheets in portrait and landscape format, with its title at the top.
 SHEETS = """@page p{0} {{ @top-right {{ content: "{1}" }} }} .p{0} {{ page: p{0} }}
 @page t{0} {{ size: A4 landscape; @top-right {{ content: "{1}" }} }}
 .p{0} .rp-turned {{ page: t{0} }}
 """
 JOIN = """<!DOCTYPE html><html lang="en" data-theme="light"><head><meta charset="utf-8">
 <title>{}</title>{}<style>{}</style></head><body class="rp-joined bd-content">{}</body></html>"""
-# A table that is wider than the text turns; one that is wider still shrinks, and breaks its words.
-# A link to what is not printed, such as a function, is none.
+# A table wider than the text is rotated. A table wider than the rotated sheet is shrunk, and its
+# words are broken. Links to hidden elements are removed.
 FIT = """() => {
   const tables = [...document.querySelectorAll("article table")];
-  for (const [width, told] of [["17.6cm", "rp-turned"], ["26.3cm", "rp-tight"]]) {
+  for (const [width, kind] of [["17.6cm", "rp-turned"], ["26.3cm", "rp-tight"]]) {
     document.body.style.width = width;
     const edge = document.body.getBoundingClientRect().right + 1;
     const wide = tables.filter((table) => table.getBoundingClientRect().right > edge);
-    for (const table of wide) table.classList.add("rp-turned", told);
+    for (const table of wide) table.classList.add("rp-turned", kind);
   }
   document.body.style.width = "";
   for (const table of tables) table.classList.toggle("rp-short", table.offsetHeight < 500);
@@ -83,7 +82,7 @@ TITLES = """() => [...document.querySelectorAll("h1, h2, h3, h4, h5, h6")]
 
 
 def name(page: str, fragment: str = "") -> str:
-    """Return the name of a page, or of a place in it, in the one document.
+    """Return the name of a page, or of an anchor on it, in the joined document.
 
     >>> name("index.html"), name("audit/errata.html", "entry")
     ('index', 'audit/errata:entry')
@@ -92,7 +91,7 @@ def name(page: str, fragment: str = "") -> str:
 
 
 def moved(html: str, page: str, pages: list[str]) -> str:
-    """Return a page's HTML with names and links as the one document has them.
+    """Return the HTML of a page with the names and links of the joined document.
 
     >>> moved('<a id="x" href="../find.html#y">', "audit/errata.html", ["find.html"])
     '<a id="audit/errata:x" href="#find:y">'
@@ -110,7 +109,7 @@ def moved(html: str, page: str, pages: list[str]) -> str:
         )
         if target in pages:
             value = f"#{name(target, mark)}"
-        elif ":" not in path:  # a file beside the pages
+        elif ":" not in path:  # a file next to the pages
             value = ADDRESS and f"{ADDRESS}/{target}"
         return before + value + after if value else ""
 
@@ -146,7 +145,7 @@ def joined() -> str:
 
 
 def set_joined(page: Page) -> None:
-    """Lay out the one document as it will be printed."""
+    """Load the joined document with the layout for paper."""
     page.emulate_media(media="print")
     page.goto(JOINED.as_uri())
     page.evaluate("() => MathJax.startup.promise")
@@ -154,9 +153,9 @@ def set_joined(page: Page) -> None:
 
 
 def printed(page: Page) -> PdfWriter:
-    """Return the one document as a PDF; its contents take the page numbers of a first print.
+    """Return the joined document as a PDF, with the page numbers of a first print in its contents.
 
-    Chromium writes some titles of the outline twice, and loses blanks where a title is broken.
+    Chromium duplicates some titles of the outline, and loses spaces at line breaks of a title.
     """
 
     def once() -> BytesIO:
@@ -181,7 +180,7 @@ def flat(outline: Any) -> Iterator[Any]:
 
 
 def main() -> None:
-    """Make the PDF, and link it from the first page."""
+    """Write the PDF, and link it from the first page."""
     JOINED.write_text(joined(), encoding="utf-8")
     with sync_playwright() as playwright:
         known = (*BROWSERS, playwright.chromium.executable_path)

@@ -1,4 +1,4 @@
-"""Put wheel, lock and notebooks into one archive: the notebooks run without the checkout."""
+"""Write an archive of wheel, lock and notebooks, which run without the checkout."""
 
 from __future__ import annotations
 
@@ -32,21 +32,21 @@ Open the notebooks:
 
     {open}
 
-On Windows the programs lie in .venv\\Scripts in place of .venv/bin. environment.txt pins every
-package with its hash: the library and JupyterLab, not what builds the book. They take {size} MB.
-Each notebook runs by itself, in any order; `.venv/bin/reproduce` is the same on the command line.
+On Windows the programs are in .venv\\Scripts instead of .venv/bin. environment.txt contains every
+package with its hash: the library and JupyterLab, not the tools of the book. They take {size} MB.
+The notebooks are independent of each other. `.venv/bin/reproduce` is the command line.
 """
 
 
 def readme() -> str:
-    """Return what the archive says of itself."""
+    """Return the instructions of the archive."""
     install = "\n".join(f"    {line}" for line in INSTALL)
     (taken,) = studies.table("installed").itertuples()
     return README.format(install=install, open=OPEN, size=taken.megabytes)
 
 
 def build_wheel(root: Path, folder: Path, *what: str) -> None:
-    """Build the wheel of a checkout into a folder, and what else is asked for."""
+    """Build the wheel of a checkout into a folder; further options are those of uv."""
     folder.mkdir(parents=True, exist_ok=True)
     day = datetime.fromisoformat(RELEASED).replace(tzinfo=UTC)
     dated = os.environ | {"SOURCE_DATE_EPOCH": str(int(day.timestamp()))}
@@ -76,7 +76,7 @@ def contents(root: Path, build: Path) -> Iterator[tuple[str, bytes]]:
 
 
 def pack(root: Path) -> Path:
-    """Write the archive of a built book and return its path; equal files give an equal archive."""
+    """Write the archive of a built book and return its path. Equal files give an equal archive."""
     build = root / "book" / "_build"
     archive = build / "html" / ARCHIVE
     archive.parent.mkdir(parents=True, exist_ok=True)
@@ -85,7 +85,7 @@ def pack(root: Path) -> Path:
 
 
 def write_zip(archive: Path, folder: str, files: Iterable[tuple[str, bytes]]) -> None:
-    """Write files, by name, into a folder of an archive, without the time and the writer's mark."""
+    """Write files, by name, into a folder of an archive, with a fixed date."""
     with ZipFile(archive, "w") as file:
         for name, content in files:
             entry = ZipInfo(f"{folder}/{name}", (1980, 1, 1, 0, 0, 0))

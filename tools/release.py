@@ -1,9 +1,9 @@
-"""Make the files of a release: ``make release``.
+"""Write the files of a release to ``dist/release``: ``make release``.
 
-They lie in ``dist/release``: sdist, wheel, the site as one archive, what of it is also offered by
-itself, a description of all as an RO-Crate, and checksums. The book is taken as it is built.
-``python tools/release.py describe`` writes what other programs read of the project, from one
-source; ``python tools/release.py keep`` the verdicts that the next release is compared with.
+The files are sdist, wheel, the built site as one archive, single files of the site, a description
+as RO-Crate, and checksums. ``python tools/release.py describe`` writes CITATION.cff, codemeta.json
+and datapackage.json from one source. ``python tools/release.py keep`` stores the verdicts, with
+which the next release is compared.
 """
 
 from __future__ import annotations
@@ -29,8 +29,7 @@ from reproduce.version import ADDRESS, DOI, RELEASED, __version__, commit, versi
 from reproduce.views.export import marks, released
 
 ROOT = Path(__file__).resolve().parent.parent
-# What the files of a release are, by the end of their names; those that are whole names come from
-# the site.
+# Descriptions of the files of a release, by the end of their names. Whole names are from the site.
 FILES = {
     ".tar.gz": ("The sources of the package, with data and tests", "application/gzip"),
     ".whl": ("The package to install, with its data", "application/zip"),
@@ -51,7 +50,7 @@ FILES = {
     "verify_ledger.py": ("Derives every verdict of the ledger again", "text/x-python"),
 }
 TAKEN = [name for name in FILES if name[0].isalpha()]
-# What the Citation File Format calls otherwise.
+# Names in the Citation File Format.
 CFF = {
     "title": "name",
     "abstract": "description",
@@ -79,11 +78,11 @@ COLUMNS = {
     },
 }
 
-# Licences of the measurements of others, by folder.
-THEIRS = {
+# Licences of measurements of other instruments, by folder.
+LICENCES = {
     "instruments/2mass/": {
         "name": "other-open",
-        "title": "public, with the acknowledgement beside",
+        "title": "public, with the acknowledgement in its folder",
     },
     "instruments/chandra/aimpoint.ecsv": {
         "name": "BSD-2-Clause",
@@ -101,7 +100,7 @@ THEIRS = {
 
 
 def reproduced() -> list[Entry]:
-    """Return the papers, as the bibliography has them."""
+    """Return the entries of the papers in the bibliography."""
     return [
         parse_file(str(data / "references.bib")).entries[key]
         for key, data in papers().items()
@@ -109,12 +108,12 @@ def reproduced() -> list[Entry]:
 
 
 def field(paper: Entry, name: str) -> str:
-    """Return a field of an entry without the marks of BibTeX."""
+    """Return a field of an entry without BibTeX markup."""
     return str(Text.from_latex(paper.fields[name]))
 
 
 def about() -> dict[str, Any]:
-    """Return what the project is, in the words of schema.org."""
+    """Return the description of the project in the terms of schema.org."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))[
         "project"
     ]
@@ -150,7 +149,7 @@ def citation() -> str:
         "message": MESSAGE,
         "type": "software",
     }
-    found |= {name: own[ours] for name, ours in CFF.items() if ours in own}
+    found |= {name: own[other] for name, other in CFF.items() if other in own}
     found |= {"doi": DOI} if DOI else {}
     found["authors"] = [{"name": own["author"]["name"]}]
     found["license"] = [licence["name"] for licence in own["license"]]
@@ -161,7 +160,7 @@ def citation() -> str:
 def _cited(paper: Entry) -> dict[str, Any]:
     names = {"journal": "journal", "volume": "volume", "start": "pages", "doi": "doi"}
     known = {
-        name: field(paper, told) for name, told in names.items() if told in paper.fields
+        name: field(paper, key) for name, key in names.items() if key in paper.fields
     }
     authors = [
         {
@@ -176,7 +175,7 @@ def _cited(paper: Entry) -> dict[str, Any]:
 
 def codemeta() -> str:
     """Return codemeta.json."""
-    # Types that its own context lacks.
+    # Types without a name in the context of CodeMeta.
     more = {name: f"schema:{name}" for name in ("CreativeWork", "ScholarlyArticle")}
     context = ["https://w3id.org/codemeta/3.0", more]
     found = {
@@ -188,12 +187,12 @@ def codemeta() -> str:
 
 
 def datapackage() -> str:
-    """Return the Frictionless descriptor of the data; data/README.md says what each file is."""
+    """Return the Frictionless descriptor of the data, with the descriptions of data/README.md."""
     own, data = about(), ROOT / "data"
     rows = re.findall(
         r"^\| (`.*?) \| (.*) \|$", (data / "README.md").read_text("utf-8"), re.M
     )
-    told = {
+    texts = {
         name: what for names, what in rows for name in re.findall(r"`([^`]+)`", names)
     }
     found = {
@@ -209,22 +208,22 @@ def datapackage() -> str:
         path.relative_to(data).as_posix() for path in data.rglob("*") if path.is_file()
     ]
     found["resources"] = [
-        _resource(name, told)
+        _resource(name, texts)
         for name in sorted(files)
         if not name.endswith(("README.md", "datapackage.json"))
     ]
     return _json(found)
 
 
-def _resource(name: str, told: dict[str, str]) -> dict[str, Any]:
-    what = told[max((start for start in told if name.startswith(start)), key=len)]
+def _resource(name: str, texts: dict[str, str]) -> dict[str, Any]:
+    what = texts[max((start for start in texts if name.startswith(start)), key=len)]
     found: dict[str, Any] = {"name": re.sub(r"\W+", "-", name.lower()), "path": name}
     found |= {
         "description": what.replace("`", ""),
         "format": Path(name).name.partition(".")[2] or "text",
     }
     if theirs := [
-        licence for folder, licence in THEIRS.items() if name.startswith(folder)
+        licence for folder, licence in LICENCES.items() if name.startswith(folder)
     ]:
         found["licenses"] = theirs
     if not name.endswith(".csv"):
@@ -252,11 +251,11 @@ def write_crate(folder: Path) -> None:
     crate.root_dataset["publisher"] = crate.root_dataset["author"]
     for path in sorted(folder.iterdir()):
         ((what, form),) = (
-            said for end, said in FILES.items() if path.name.endswith(end)
+            text for end, text in FILES.items() if path.name.endswith(end)
         )
-        said = {"name": path.name, "description": what, "encodingFormat": form}
-        said |= {"contentSize": str(path.stat().st_size), "sha256": digest(path)}
-        crate.add_file(path, path.name, properties=said)
+        properties = {"name": path.name, "description": what, "encodingFormat": form}
+        properties |= {"contentSize": str(path.stat().st_size), "sha256": digest(path)}
+        crate.add_file(path, path.name, properties=properties)
     crate.metadata.write(folder)
 
 
@@ -266,7 +265,7 @@ def digest(path: Path) -> str:
 
 
 def make(html: Path, folder: Path) -> None:
-    """Make a release with a built site, in a folder; equal sites give equal files."""
+    """Write a release with a built site to a folder; equal sites give equal files."""
     build_wheel(ROOT, folder, "--sdist")
     name = f"reproduce-pointing-{__version__}-site"
     pages = sorted(path.relative_to(html) for path in html.rglob("*") if path.is_file())
@@ -283,9 +282,9 @@ def make(html: Path, folder: Path) -> None:
 
 
 def kept() -> str:
-    """Return the verdicts that the next release is compared with, and the marks of citations.
+    """Return the verdicts of this release and the marks of its citations, as TOML.
 
-    The file keeps the marks of earlier releases.
+    The marks of earlier releases are included.
     """
     lines = [f'version = "{__version__}"', f'released = "{RELEASED}"']
     lines += [f'commit = "{commit(ROOT)}"', "", "[verdicts]"]

@@ -1,9 +1,9 @@
 """Sphinx extension: anchors and figures of the outputs of notebooks.
 
-An output, such as a table, links to ``#anchor``, on whatever page the anchor is, and to files below
-the root of the site, as ``#tables/x.csv``. Both become relative addresses. `goto.html#anchor` leads
-to the page of an anchor. Figures of the papers keep their numbers, which their captions state. The
-other figures are numbered B1, B2, ... in the order of reading.
+An output, such as a table, links to ``#anchor`` on any page, and to files below the root of the
+site, such as ``#tables/x.csv``. Both become relative addresses. `goto.html#anchor` redirects to the
+page of an anchor. Figures of the papers have the numbers of their captions. The other figures are
+numbered B1, B2, ... in the order of reading.
 """
 
 import json
@@ -37,7 +37,7 @@ ERRATUM = re.compile(
 LINK = re.compile(r"</?a\b[^>]*>")
 GOTO = """<!doctype html>
 <html lang="en"><meta charset="utf-8"><title>To a printed number</title>
-<p>It stands on a page of <a href="index.html">the book</a>.</p>
+<p>It is on a page of <a href="index.html">the book</a>.</p>
 <script>
   const places = PLACES, name = location.hash.slice(1), page = places[name];
   if (Object.hasOwn(places, name)) location.replace(`${page}.html${location.hash}`);
@@ -62,7 +62,7 @@ class Collector(EnvironmentCollector):
     """Collects the anchors, figures and equations of each page as it is read."""
 
     def clear_doc(self, app: Sphinx, env: BuildEnvironment, docname: str) -> None:
-        """Forget a page."""
+        """Remove a page."""
         outputs(env).pop(docname, None)
 
     def merge_other(
@@ -72,12 +72,12 @@ class Collector(EnvironmentCollector):
         docnames: set[str],
         other: BuildEnvironment,
     ) -> None:
-        """Take over the pages of a parallel reader."""
+        """Add the pages of a parallel reader."""
         found = outputs(other)
         outputs(env).update({page: found[page] for page in docnames if page in found})
 
     def process_doc(self, app: Sphinx, doctree: nodes.document) -> None:
-        """Note the outputs of a page."""
+        """Store the outputs of a page."""
         text = "".join(output.astext() for output in doctree.findall(nodes.raw))
         outputs(app.env)[app.env.docname] = {
             "anchors": ID.findall(text),
@@ -102,7 +102,7 @@ def cards(doctree: nodes.document, text: str) -> Iterator[tuple[str, str]]:
 
 
 def pages(env: BuildEnvironment) -> dict[str, str]:
-    """Return the page of each anchor, equations among them."""
+    """Return the page of each anchor, including equations."""
     equations: Any = env.get_domain("math").data["objects"]  # label to page, number
     found = {f"equation-{label}": page for label, (page, _) in equations.items()}
     return found | {
@@ -113,7 +113,7 @@ def pages(env: BuildEnvironment) -> dict[str, str]:
 
 
 def address(app: Sphinx, page: str, name: str) -> str:
-    """Return the address of an anchor or a file, as a link of a page has it."""
+    """Return the relative address of an anchor or a file."""
     if "/" in name:
         return "../" * page.count("/") + name
     holder = pages(app.env).get(name, page)
@@ -156,7 +156,7 @@ def number(app: Sphinx, doctree: nodes.document, page: str) -> None:
 
 
 def write(app: Sphinx, error: Exception | None) -> None:
-    """Write the page that leads on to an anchor."""
+    """Write the page that redirects to an anchor."""
     if error is None and app.builder.format == "html":
         places = json.dumps(pages(app.env), ensure_ascii=False)
         path = Path(app.outdir) / "goto.html"

@@ -2,8 +2,7 @@
 
 A link to a printed cell, an equation, a figure, a symbol, an erratum or a reference gets the class
 ``rp-has-card``, and `cards.js` shows the card. `tools/book_facts.py` writes the cards of the cells,
-the pages contain the others. All are in one script next to the pages, because a page that is
-opened from a disk can load nothing else.
+the pages contain the others. All are in one script, since a page from a disk can load only scripts.
 """
 
 import json
@@ -41,14 +40,14 @@ class Symbol(NamedTuple):
 
 @cache
 def cells(book: Path) -> dict[str, str]:
-    """Return the cards of the printed cells, by anchor; none in a book without cells."""
+    """Return the cards of the printed cells, by anchor."""
     path = book / FILE
     return dict(json.loads(path.read_text("utf-8"))) if path.is_file() else {}
 
 
 @cache
 def symbols(book: Path) -> list[Symbol]:
-    """Return the table of symbols; none in a book without the page."""
+    """Return the rows of the table of symbols."""
     page = book / f"{NOTATION}.md"
     lines = page.read_text(encoding="utf-8").splitlines() if page.is_file() else []
     rows = [
@@ -63,7 +62,7 @@ def symbols(book: Path) -> list[Symbol]:
 
 
 def symbol(book: Path, page: str, tex: str) -> str:
-    r"""Return the anchor of a symbol that a page shows, empty if its paper has none."""
+    r"""Return the anchor of a symbol of a page, empty if it is not in the table."""
     plain = tex.replace(r"\mathrm", r"\text")
     for one in symbols(book):
         written = (known.replace(r"\mathrm", r"\text") for known in one.written)
@@ -73,7 +72,7 @@ def symbol(book: Path, page: str, tex: str) -> str:
 
 
 def mark(app: Sphinx, doctree: nodes.document, page: str) -> None:
-    """Lead the links of a page to their pages, mark those with a card, and link symbols."""
+    """Complete the links of a page, mark those with a card, and link symbols."""
     book, held = Path(app.srcdir), pages(app.env)
 
     def has_card(uri: str) -> bool:

@@ -1,10 +1,8 @@
-"""Sphinx extension: equations numbered as the papers number them.
+"""Sphinx extension: equations with the numbers of the papers.
 
-A label names the paper and its number: ``$$ ... $$ (niu2024-17)`` is shown as
-(17), and ``{eq}`niu2024-17``` reads (17) too. ``-printed`` after the number
-marks the formula as the paper prints it, where that cannot be right. The
-prefixes stand in the configuration value ``equation_prefixes``, each with what
-it puts before the number: our own equations, ``book-1``, become (B1).
+A label contains the paper and its number: ``$$ ... $$ (niu2024-17)`` and ``{eq}`niu2024-17``` are
+shown as (17). ``-printed`` after the number marks a printed formula that is wrong. The setting
+``equation_prefixes`` maps each prefix to a sign before the number: ``book-1`` becomes (B1).
 """
 
 import re
@@ -22,7 +20,7 @@ LABEL = re.compile(
 
 
 def printed_number(label: str, prefixes: dict[str, str]) -> str | None:
-    """Return the number to show for an equation's label, or None if it names none.
+    """Return the shown number of the label of an equation, None if it has no number.
 
     >>> printed_number("niu2024-17", {"niu2024": ""})
     '17'
@@ -30,7 +28,8 @@ def printed_number(label: str, prefixes: dict[str, str]) -> str | None:
     '19, as extracted'
     >>> printed_number("book-3", {"book": "B"})
     'B3'
-    >>> printed_number("energy", {"book": "B"})
+    >>> for label in ("energy", "smith1999-1", "niu2024", "niu2024-x", "niu2024-1-2"):
+    ...     assert printed_number(label, {"niu2024": ""}) is None
     """
     parts = LABEL.fullmatch(label)
     if parts is None or parts["prefix"] not in prefixes:
@@ -40,10 +39,9 @@ def printed_number(label: str, prefixes: dict[str, str]) -> str | None:
 
 
 class PaperMathDomain(MathDomain):
-    """The mathematics domain, with numbers read off the labels.
+    """The mathematics domain, with the numbers of the labels.
 
-    The number is set as each page is read and depends on nothing but the label,
-    so pages can be read in any order and in parallel.
+    A number depends only on its label, so pages can be read in any order and in parallel.
     """
 
     def note_equation(self, docname: str, labelid: str, location: Any = None) -> None:
@@ -53,14 +51,14 @@ class PaperMathDomain(MathDomain):
         number = printed_number(labelid, prefixes)
         if number is None:
             logger.warning(
-                "equation label %r names no number: expected one of %s, a hyphen, "
-                "and the number as printed, for example 'niu2024-17'",
+                "equation label %r: expected one of %s, a hyphen and the printed number, "
+                "for example 'niu2024-17'",
                 labelid,
                 ", ".join(sorted(prefixes)),
                 location=location,
             )
             return
-        # Sphinx annotates the number as int, yet only ever formats it.
+        # The type in Sphinx is int, but the number is only formatted.
         self.equations[labelid] = (docname, number)  # type: ignore[assignment]
 
 

@@ -1,7 +1,7 @@
-"""Sphinx extension: each equation unfolds into the function that implements it, its own text.
+"""Sphinx extension: the source of its function below each equation, folded.
 
-A docstring says ``Implements: niu2024 (17).`` or ``Printed form of niu2024 (24).``; the text of its
-function stands folded below the equation of that number.
+A docstring with ``Implements: niu2024 (17).`` or ``Printed form of niu2024 (24).`` connects its
+function to the equation.
 """
 
 import ast
@@ -19,7 +19,7 @@ from paper_links import claimed
 
 
 class Source(NamedTuple):
-    """A function's name, its text and the file that holds it."""
+    """Name, text and file of a function."""
 
     name: str
     text: str
@@ -32,7 +32,7 @@ def implementations() -> dict[str, list[Source]]:
     package = find_spec("reproduce")
     if package is None or package.submodule_search_locations is None:
         raise RuntimeError(
-            "the package reproduce is not installed; `make book` installs it"
+            "reproduce: expected an installed package, got none. Run `make book`."
         )
     found: dict[str, list[Source]] = {}
     for path in sorted(
@@ -53,9 +53,9 @@ def implementations() -> dict[str, list[Source]]:
 def functions(
     tree: ast.AST, prefix: str = ""
 ) -> Iterator[tuple[str, str, ast.FunctionDef]]:
-    """Yield the functions and methods of a module: name, docstring, the function itself.
+    """Yield the functions and methods of a module: name, docstring and syntax tree.
 
-    What the docstring of a class claims, its method ``apply`` does.
+    The docstring of a class also belongs to its method ``apply``.
     """
     for node in ast.iter_child_nodes(tree):
         if isinstance(node, ast.FunctionDef):
@@ -68,12 +68,12 @@ def functions(
 
 
 class Unfold(SphinxTransform):
-    """Put the function below its equation, folded."""
+    """Insert the function below its equation."""
 
     default_priority = 900
 
     def apply(self, **kwargs: object) -> None:
-        """Look at every numbered equation of the page."""
+        """Insert the functions of all numbered equations of the page."""
         for equation in list(self.document.findall(nodes.math_block)):
             for source in implementations().get(equation.get("label", ""), []):
                 self.env.note_dependency(source.path)

@@ -1,9 +1,9 @@
 """Sphinx extension: roles that put a computed number into a sentence.
 
-``{printed}`niu2024/table-3#scale.red``` shows what the paper prints, ``{computed}`` what the
-project computes, ``{verdict}`` what comes of it; ``{fact}`niu2024/readings#best-joint``` shows a
-number that a study names, ``{fact}`niu2024/table-3 differs``` a count. The roles only look up what
-`tools/book_facts.py` has written beside the pages; a name that is not there fails the build.
+``{printed}`niu2024/table-3#scale.red``` shows the printed value, ``{computed}`` the computed value
+and ``{verdict}`` the verdict. ``{fact}`niu2024/readings#best-joint``` shows a number of a study,
+and ``{fact}`niu2024/table-3 differs``` a count. `tools/book_facts.py` writes the facts. An unknown
+name fails the build.
 """
 
 import json
@@ -20,9 +20,8 @@ FILE = Path("_build") / "facts.json"
 
 @cache
 def facts(path: Path, changed: float) -> dict[str, str]:
-    """Read the facts from a file that last changed at a time."""
-    found: dict[str, str] = json.loads(path.read_text(encoding="utf-8"))
-    return found
+    """Read the facts from a file with a time of change."""
+    return dict(json.loads(path.read_text(encoding="utf-8")))
 
 
 def name_of(role: str, text: str) -> str:
@@ -37,7 +36,7 @@ def name_of(role: str, text: str) -> str:
 
 
 class Fact(SphinxRole):
-    """The text of a fact, which a style may set apart from typed words."""
+    """The text of a fact, with a class for the style sheet."""
 
     def run(self) -> tuple[list[nodes.Node], list[nodes.system_message]]:
         """Look the fact up."""
@@ -53,7 +52,7 @@ class Fact(SphinxRole):
         about = self.text.partition(" ")[0]
         if self.name == "fact" and f"{about} printed" not in known:
             return [nodes.inline(self.rawtext, known[name], classes=["rp-fact"])], []
-        # What is said of a printed cell leads there, on whatever page that is (`anchors`).
+        # A fact of a printed cell is a link to the cell; `anchors` adds the page.
         cell = re.sub("[/#.]", "-", about)
         link = nodes.reference(
             self.rawtext, known[name], internal=True, refuri=f"#{cell}"

@@ -1,7 +1,7 @@
-"""Sphinx directive: what a letter asks the authors of a paper, and what each answer would settle.
+"""Sphinx directive: questions to the authors of a paper, and the cells that each answer settles.
 
-``data/letters.toml`` holds the questions; ``data/verdicts.toml`` names the one that would settle a
-cell. ``{questions} niu2024`` lists those of a paper, the ones that settle most first.
+``data/letters.toml`` contains the questions, and ``data/verdicts.toml`` the question of each open
+cell. ``{questions} niu2024`` lists the questions of a paper, sorted by their number of cells.
 """
 
 import tomllib
@@ -19,9 +19,9 @@ from reproduce.printed.cells import anchor, library
 
 @dataclass(frozen=True)
 class Question:
-    """What authors are asked; `cells` are those that the answer settles, `errata` what it bears on.
+    """A question to the authors, the cells that its answer settles, and related errata.
 
-    `beside` is a question whose answer is needed as well, `reply` what the authors say to it.
+    `beside` is another question whose answer is needed, `reply` the answer of the authors.
     """
 
     id: str
@@ -35,7 +35,7 @@ class Question:
 
 
 def questions(paper: str) -> list[Question]:
-    """Return the questions to the authors of a paper, those that settle most cells first."""
+    """Return the questions to the authors of a paper, sorted by their number of cells."""
     text = (data_folder() / "letters.toml").read_text(encoding="utf-8")
     asked = [
         complete(**one)
@@ -46,26 +46,26 @@ def questions(paper: str) -> list[Question]:
 
 
 def complete(id: str, errata: tuple[str, ...] = (), **entry: str) -> Question:
-    """Return a question with the cells that name it, and errata: of these cells, then its own."""
+    """Return a question with its cells and errata; those of the cells are first."""
     named = {address: one for address, one in frozen().items() if one.question == id}
     known = dict.fromkeys([*(one.erratum for one in named.values()), *errata])
     return Question(id, cells=tuple(named), errata=tuple(filter(None, known)), **entry)
 
 
 def link(name: str, text: str) -> str:
-    """Link to an anchor on whatever page it is."""
+    """Return a link to an anchor; `anchors` adds the page."""
     return f'<a href="#{name}">{text}</a>'
 
 
 def place(address: str) -> str:
-    """Return the table or the section that holds a cell."""
+    """Return the table or the section of a cell."""
     where, _, rest = library()[address.partition("#")[0]].place.partition(", ")
     return rest if where == "Text" else where
 
 
 def settles(question: Question, number: dict[str, int]) -> str:
-    """Say which cells an answer settles, which errata it bears on, and what the reply is."""
-    told = "No number depends on it"
+    """Return a sentence with the cells and errata of a question, and the reply."""
+    text = "No number depends on it"
     if question.cells:
         beside = (
             f", with the answer to {number[question.beside]}" if question.beside else ""
@@ -74,14 +74,14 @@ def settles(question: Question, number: dict[str, int]) -> str:
             f"{where}: {', '.join(map(cell, some))}"
             for where, some in groupby(question.cells, place)
         )
-        told = f"It settles **{len(question.cells)}** of the numbers{beside}: {'; '.join(places)}"
+        text = f"It settles **{len(question.cells)}** of the numbers{beside}: {'; '.join(places)}"
     if question.errata:
-        told += f". Entries of the register: {', '.join(link(one, one) for one in question.errata)}"
-    return f"{told}. Your reply: *{question.reply or 'none yet'}*."
+        text += f". Entries of the register: {', '.join(link(one, one) for one in question.errata)}"
+    return f"{text}. Your reply: *{question.reply or 'none yet'}*."
 
 
 def cell(address: str) -> str:
-    """Link to a cell by its name."""
+    """Return a link to a cell with its name."""
     return link(anchor(address), f"<code>{address.partition('#')[2]}</code>")
 
 
@@ -91,7 +91,7 @@ class Questions(SphinxDirective):
     required_arguments = 1
 
     def run(self) -> list[nodes.Node]:
-        """Write the questions as the text of a page, so that they may hold roles."""
+        """Parse the questions as text of the page; they may contain roles."""
         asked = questions(self.arguments[0])
         number = {one.id: at for at, one in enumerate(asked, start=1)}
         lines = [

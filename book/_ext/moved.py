@@ -1,7 +1,7 @@
-"""Sphinx extension: ``{moved}`` shows which verdicts moved since the last release, and why.
+"""Sphinx extension: ``{moved}`` lists the verdicts that changed since the last release.
 
-The verdicts of that release, and what moved some of them since, stand in ``last-release.toml`` of
-the data, so that a book can be built without the history.
+``data/last-release.toml`` contains the verdicts of that release and the reason of each change, so a
+book can be built without the history.
 """
 
 import tomllib
@@ -19,12 +19,12 @@ Moved = dict[str, tuple[str, str]]
 
 
 def moved(release: Mapping[str, Any], now: Mapping[str, str]) -> Moved:
-    """Return the verdict then and now of every cell that has another one, by address.
+    """Return the former and present verdicts of the cells whose verdict changed, by address.
 
     Raises
     ------
     ValueError
-        If what moved is not what the entries of ``moved`` name.
+        If the changed cells are not those of the entries of ``moved``.
     """
     then = {
         cell: verdict
@@ -39,16 +39,17 @@ def moved(release: Mapping[str, Any], now: Mapping[str, str]) -> Moved:
     named = {cell for entry in release.get("moved", ()) for cell in entry["cells"]}
     if unlike := sorted(named ^ set(found)):
         raise ValueError(
-            f"last-release.toml: [[moved]] names all that moved; look at {unlike}"
+            f"last-release.toml: expected [[moved]] with every changed cell, got {unlike} "
+            "in only one of them. Add or remove these cells."
         )
     return found
 
 
 class MovedDirective(SphinxDirective):
-    """How many verdicts moved, and a table for each change that moved some."""
+    """The number of changed verdicts, and a table for each reason."""
 
     def run(self) -> list[nodes.Node]:
-        """Compare the verdicts, and write both sides of what moved."""
+        """Compare the verdicts and write the tables."""
         from reproduce.judge.ledger import frozen, reason
         from reproduce.locate import data_folder
         from reproduce.printed.cells import anchor

@@ -1,9 +1,8 @@
-"""Sphinx extension: a page with code can be downloaded as a notebook that reads as the page does.
+"""Sphinx extension: a notebook with the same text as the page, for each page with code.
 
-Jupyter Book keeps the executed notebooks with the sources of their sentences. Here roles become the
-text that they stand for, so that the notebook says in Jupyter what the page says: the computed
-numbers, the papers' equation numbers, links to the other notebooks. They are written to
-``_build/notebooks`` and beside the pages' sources, where the theme's own button looks for them.
+Jupyter Book stores the executed notebooks with the sources of their sentences. Here roles become
+text: computed numbers, equation numbers and links to the other notebooks. The notebooks are written
+to ``_build/notebooks`` and next to the sources of the pages, for the button of the theme.
 """
 
 from __future__ import annotations
@@ -34,7 +33,7 @@ FOLDER = "notebooks"
 CACHE = ".jupyter_cache"
 ROLE = re.compile(r"\{(?P<role>[a-z:]+)\}`(?P<text>[^`]+)`")
 TITLED = re.compile(r"(?P<title>.+?)\s*<(?P<target>[^>]+)>")
-# What a directive is told in its first lines, and those of which no reader misses the words.
+# Options of a directive, titles of admonitions, and directives without text.
 OPTION = re.compile(r"^:[\w-]+:.*\n?", re.MULTILINE)
 ADMONITIONS = {"admonition": "", "note": "Note", "warning": "Warning"}
 WRAPPERS = {"div"}
@@ -50,7 +49,7 @@ Spoken = Callable[[str, str], str]
 
 
 def plain(text: str, spoken: Spoken, number: Callable[[str], str]) -> str:
-    r"""Return the Markdown of a cell without what only the book understands.
+    r"""Return the Markdown of a cell without roles, directives and targets of the book.
 
     >>> plain("We get {computed}`a`.", lambda role, text: f"{role} {text}", str)
     'We get computed a.'
@@ -83,20 +82,20 @@ def plain(text: str, spoken: Spoken, number: Callable[[str], str]) -> str:
             ]
         elif token.type in ("fence", "colon_fence") and token.info.startswith("{"):
             lines[first:last] = _directive(token, spoken, number)
-    said = ROLE.sub(
+    words = ROLE.sub(
         lambda found: spoken(found["role"], found["text"]), "\n".join(lines)
     )
-    return said.strip("\n")
+    return words.strip("\n")
 
 
 @cache
 def _parser() -> MarkdownIt:
-    """Return MyST's own parser, with what the book's pages use."""
+    """Return the parser of MyST, with the extensions of the book."""
     return create_md_parser(MdParserConfig(enable_extensions=EXTENSIONS), RendererHTML)
 
 
 def _directive(token: Token, spoken: Spoken, number: Callable[[str], str]) -> list[str]:
-    """Return an admonition as a quotation with its title; a wrapper's words as they are."""
+    """Return an admonition as a quotation with its title, or the text of a wrapper."""
     kind, _, title = token.info.strip().removeprefix("{").partition("}")
     body = token.content
     while option := OPTION.match(body):
@@ -106,14 +105,15 @@ def _directive(token: Token, spoken: Spoken, number: Callable[[str], str]) -> li
         return inner.splitlines()
     if kind not in ADMONITIONS:
         raise ValueError(
-            f"expected to know how {{{kind}}} reads in a notebook: say so here"
+            f"{{{kind}}}: expected one of {sorted({*ADMONITIONS, *WRAPPERS})}. "
+            "Add the directive to notebook_downloads."
         )
     quoted = [f"**{title.strip() or ADMONITIONS[kind]}**", "", *inner.splitlines()]
     return [f"> {line}".rstrip() for line in quoted]
 
 
 def spoken_in(app: Sphinx, page: str) -> Spoken:
-    """Return what turns a role of a page into text."""
+    """Return the function that converts the roles of a page to text."""
     path = Path(app.srcdir) / FILE
     known = facts(path, path.stat().st_mtime)
     prefixes = app.config.equation_prefixes
@@ -136,7 +136,7 @@ def spoken_in(app: Sphinx, page: str) -> Spoken:
 
 
 def _link(app: Sphinx, page: str, title: str, target: str) -> str:
-    """Return a link to another notebook, or only the words if the page is none."""
+    """Return a link to another notebook, or its title if the page has no code."""
     name = normpath(join("/", dirname(page), target)).lstrip("/")
     words = title or app.env.titles[name].astext()
     if not executed(app, name).is_file():
@@ -145,12 +145,12 @@ def _link(app: Sphinx, page: str, title: str, target: str) -> str:
 
 
 def executed(app: Sphinx, page: str) -> Path:
-    """Return where Jupyter Book keeps the executed notebook of a page."""
+    """Return the path of the executed notebook of a page."""
     return Path(app.outdir).parent / "jupyter_execute" / f"{page}.ipynb"
 
 
 def is_notebook(app: Sphinx, page: str) -> bool:
-    """Tell whether a page has code."""
+    """Return whether a page has code."""
     if page not in app.env.found_docs:
         return False
     with Path(app.env.doc2path(page)).open(encoding="utf-8") as source:
@@ -158,10 +158,10 @@ def is_notebook(app: Sphinx, page: str) -> bool:
 
 
 def written(app: Sphinx, page: str) -> str:
-    """Return the notebook of a page as a reader gets it."""
+    """Return the text of the notebook of a page."""
     text = executed(app, page).read_text(encoding="utf-8")
-    notebook: Any = nbformat.reads(text, as_version=4)  # type: ignore[no-untyped-call]  # has none
-    # Jupyter Book keeps what the cells show in its cache.
+    notebook: Any = nbformat.reads(text, as_version=4)  # type: ignore[no-untyped-call]
+    # The outputs of the cells are in the cache of Jupyter Book.
     kept = get_cache(
         app.config.nb_execution_cache_path or Path(app.outdir).parent / CACHE
     )
@@ -169,15 +169,14 @@ def written(app: Sphinx, page: str) -> str:
     spoken, prefixes = spoken_in(app, page), app.config.equation_prefixes
     for cell in notebook.cells:
         if cell.cell_type == "markdown":
-            said = plain(
+            cell.source = plain(
                 cell.source, spoken, lambda label: str(printed_number(label, prefixes))
             )
-            cell.source = said
         elif "hide-input" in cell.metadata.get("tags", []):
             cell.metadata["jupyter"] = {"source_hidden": True}
     notebook.cells = [cell for cell in notebook.cells if cell.source.strip()]
     for number, cell in enumerate(notebook.cells):
-        cell["id"] = f"cell-{number}"  # the reader of MyST draws them
+        cell["id"] = f"cell-{number}"  # those of MyST are random
     notebook.metadata = {"kernelspec": notebook.metadata["kernelspec"]}
     nbformat.validate(notebook)
     return json.dumps(notebook, ensure_ascii=False, indent=1) + "\n"
@@ -190,13 +189,13 @@ def offer(
     context: dict[str, Any],
     doctree: nodes.document | None,
 ) -> None:
-    """Make the theme's download button offer the notebook."""
+    """Add the notebook to the download button of the theme."""
     if doctree is not None and is_notebook(app, page):
         context["ipynb_source"] = f"{page}.ipynb"
 
 
 def write(app: Sphinx, error: Exception | None) -> None:
-    """Write all notebooks, beside the sources of the pages and in a folder of their own."""
+    """Write all notebooks, next to the sources of the pages and to a separate folder."""
     if error is not None or app.builder.format != "html":
         return
     folder = Path(app.outdir).parent / FOLDER

@@ -1,9 +1,8 @@
-"""Sphinx extension: pages that need no network, load without an error, and are light.
+"""Sphinx extension: pages that need no network, load without an error, and are small.
 
-The theme's script of icons holds two thousand of them, 1.5 MB on every page: those that no page
-shows are left out. MathJax is copied beside the pages from a package. It is copied after the build,
-and not kept under ``_static/``, because every script there is loaded by every
-page, with mathematics or without.
+The theme's script of icons has 1.5 MB on every page: unused icons are removed. MathJax is copied
+from a package after the build, since every page loads all scripts that are below ``_static/``
+before the build.
 """
 
 import re
@@ -46,7 +45,7 @@ def point_to_local_mathjax(app: Sphinx) -> None:
 
 
 def copy_mathjax(app: Sphinx, error: Exception | None) -> None:
-    """Put the script beside the pages."""
+    """Copy the script next to the pages."""
     if error is None and app.builder.format == "html":
         target = Path(app.outdir) / "_static" / "mathjax" / MATHJAX
         target.parent.mkdir(parents=True, exist_ok=True)
@@ -54,7 +53,7 @@ def copy_mathjax(app: Sphinx, error: Exception | None) -> None:
 
 
 def only_icons(script: str, used: set[str]) -> str:
-    """Return the script of icons with only those whose names are given.
+    """Return the script of icons with only the used icons.
 
     >>> only_icons('i={sun:[8,8,[],"f1","M1"],"a-b":[8,8,[1,"c"],"f2",["M","N"]]}', {"sun"})
     'i={sun:[8,8,[],"f1","M1"],}'
@@ -65,7 +64,7 @@ def only_icons(script: str, used: set[str]) -> str:
 
 
 def drop_icons(app: Sphinx, error: Exception | None) -> None:
-    """Keep the icons that pages or the theme's other scripts name."""
+    """Keep the icons that pages or other scripts of the theme use."""
     if error is not None or app.builder.format != "html":
         return
     root = Path(app.outdir)
@@ -85,7 +84,7 @@ def drop_icons(app: Sphinx, error: Exception | None) -> None:
 
 
 def coarser(drawing: str) -> str:
-    """Return a drawing with its coordinates to 0.1 pt, and with shared styles written once.
+    """Return a drawing with coordinates rounded to 0.1 pt, and with common styles written once.
 
     >>> coarser('<svg id="a1.2345"><path d="M 1.23456 -0.00123 L 3.14 2"/></svg>')
     '<svg id="a1.2345"><path d="M 1.2 0 L 3.1 2"/></svg>'
@@ -97,7 +96,7 @@ def coarser(drawing: str) -> str:
 
 
 def _shared(group: re.Match[str]) -> str:
-    """Return points with their style on their group, where all have the same."""
+    """Return points with a common style moved to their group."""
     styles = set(STYLE.findall(group[2]))
     if len(styles) != 1 or "style=" in group[1]:
         return group[0]
@@ -105,7 +104,7 @@ def _shared(group: re.Match[str]) -> str:
 
 
 def _rounded(number: re.Match[str]) -> str:
-    """Return a number with one decimal at most, and no zero that says nothing."""
+    """Return a number with one decimal at most, without trailing zeros."""
     return f"{float(number[0]):z.1f}".rstrip("0").rstrip(".")
 
 
@@ -116,15 +115,15 @@ def lighten(
     context: dict[str, Any],
     doctree: nodes.document | None,
 ) -> None:
-    """Remove scripts that a page does not need, and coarsen its drawings.
+    """Remove unused scripts from a page, and round its drawings.
 
-    The theme declares thebe twice, which is an error on every page. The downloaded notebook keeps
-    every digit.
+    The theme declares thebe twice, which is an error on every page. The downloaded notebook has all
+    digits.
     """
     body = context.get("body", "")
     needs_mathjax = 'class="math' in body
     if body:
-        # The entries of a bibliography have a role of docutils that is no longer in use.
+        # docutils gives the entries of a bibliography an obsolete role.
         body = body.replace('role="doc-biblioentry"', 'role="listitem"')
         context["body"] = DRAWING.sub(lambda found: coarser(found[0]), body)
     for kind in ("script_files", "css_files"):

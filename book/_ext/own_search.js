@@ -1,14 +1,14 @@
-// Answers on the search page from the index of our own, before the results of Sphinx.
+// Results of the index of this book on the search page, before the results of Sphinx.
 (function () {
   "use strict";
   const SHOWN = 12;
-  // From a disk no page may be fetched: Sphinx would log an error for each summary.
+  // No page can be fetched from a disk: Sphinx would log an error for each summary.
   if (location.protocol === "file:") DOCUMENTATION_OPTIONS.SHOW_SEARCH_SUMMARY = false;
   // Names are compared without case, repeated spaces, quotes, and with one kind of minus sign.
   const normal = (text) =>
     text.toLowerCase().replace(/[−–]/g, "-").replace(/["'“”]/g, "").replace(/\s+/g, " ").trim();
 
-  // 0: its own name; 1: another name; 2: a name that begins so; 3: all words in what is shown.
+  // 0: main name; 1: other name; 2: start of a main name; 3: all words in the shown text.
   function rank(query, [, shown, own, others]) {
     if (own.some((name) => normal(name) === query)) return 0;
     if (others.some((name) => normal(name) === query)) return 1;

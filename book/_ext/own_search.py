@@ -1,14 +1,14 @@
 """Sphinx extension: a search for keys, tables, figures, equations and printed numbers.
 
-Sphinx's own search drops numbers and the outputs of notebooks. Before its results the search page
-shows those of this index: names such as ``Table V``, ``0.9973``, ``niu2024/table-3`` and
-``equation 17``, and their places. The index is a script next to the pages, so that it works from a
-disk too.
+The search of Sphinx ignores numbers and the outputs of notebooks. The search page first shows the
+results of this index of names, such as ``Table V``, ``0.9973``, ``niu2024/table-3`` and
+``equation 17``. The index is a script, so that it works from a disk.
 """
 
 from __future__ import annotations
 
 import json
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -21,12 +21,12 @@ from anchors import pages
 SCRIPT = Path(__file__).with_name("own_search.js")
 INDEX = "search-index.js"
 ROMAN = ("i", "ii", "iii", "iv", "v", "vi", "vii", "viii", "ix", "x", "xi", "xii")
-# Address, text of the result, its own names, and other names for it.
+# Address, text of the result, main names and other names.
 Entry: TypeAlias = tuple[str, str, list[str], list[str]]
 
 
 def renumbered(place: str) -> list[str]:
-    """Return a place with the other kind of numerals, if it has one.
+    """Return a place with the other kind of numerals, if any.
 
     >>> renumbered("Table V"), renumbered("Table 3"), renumbered("Section 2.1")
     (['Table 5'], ['Table III'], [])
@@ -48,39 +48,30 @@ def of_items(held: dict[str, str]) -> Iterator[Entry]:
     from reproduce.printed.cells import anchor, library
     from reproduce.views import keys
 
-    places = {}
+    links = {name: f"{page}.html#{name}" for name, page in held.items()}
     for key in catalogue():
-        names = (anchor(key), f"figure-{anchor(key)}")
-        if found := [f"{held[name]}.html#{name}" for name in names if name in held]:
-            places[key] = found[0]
-            paper, whole = key.partition("/")[0], keys.place(key)
-            place = whole.partition(",")[0]
-            # Groups of quoted numbers have no name of their own.
-            own = [] if place == "Text" else [place, place.replace("Figure", "Fig.")]
-            own += [f"{paper} {name}" for name in own]
-            others = [
-                *renumbered(place),
-                *(f"{paper} {one}" for one in renumbered(place)),
-            ]
+        paper, whole = key.partition("/")[0], keys.place(key)
+        place = whole.partition(",")[0]
+        # Groups of quoted numbers have only a key.
+        names = [] if place == "Text" else [place, place.replace("Figure", "Fig.")]
+        link = links.get(anchor(key)) or links.get(f"figure-{anchor(key)}", "")
+        if link:
             shown = f"{whole} of {paper}: {keys.title(key)}"
-            yield found[0], shown, [key, *own], others
-    for key, table in library().items():
-        for cell in table.cells:
-            place = places.get(key, "")
-            if cell.anchor in held:
-                place = f"{held[cell.anchor]}.html#{cell.anchor}"
-            if place:
-                paper = key.partition("/")[0]
+            others = with_paper(paper, renumbered(place))
+            yield link, shown, [key, *with_paper(paper, names)], others
+        for cell in library()[key].cells if key in library() else ():
+            if place := links.get(cell.anchor, link):
                 shown = (
                     f"{cell.shown}, printed in {cell.place} of {paper}: {cell.label}"
                 )
-                yield place, shown, [cell.address], [*printed_as(cell), cell.name]
+                plain = getattr(cell.content, "text", cell.content)
+                numbers = dict.fromkeys([str(plain), str(cell.shown), cell.name])
+                yield place, shown, [cell.address], [*numbers]
 
 
-def printed_as(cell: Any) -> list[str]:
-    """Return a cell's print, with and without its unit, and as the ledger writes it."""
-    plain = cell.content.text if cell.is_number else str(cell.content)
-    return list(dict.fromkeys([plain, str(cell.shown)]))
+def with_paper(paper: str, names: list[str]) -> list[str]:
+    """Return names without and with the paper before them."""
+    return [*names, *(f"{paper} {name}" for name in names)]
 
 
 def of_equations(app: Sphinx) -> Iterator[Entry]:
@@ -88,14 +79,12 @@ def of_equations(app: Sphinx) -> Iterator[Entry]:
     math: Any = app.env.get_domain("math")
     for label, (page, number) in sorted(math.equations.items()):
         paper = label.partition("-")[0]
-        own = [f"equation {number}", f"eq. {number}", f"eq {number}", f"({number})"]
-        names = [*own, label, f"{paper} {number}", *(f"{paper} {one}" for one in own)]
-        yield (
-            f"{page}.html#equation-{label}",
-            f"Equation ({number}) of {paper}",
-            names,
-            [],
-        )
+        forms = [
+            form.format(number) for form in ("equation {}", "eq. {}", "eq {}", "({})")
+        ]
+        names = [*with_paper(paper, forms), label, f"{paper} {number}"]
+        link, shown = f"{page}.html#equation-{label}", f"Equation ({number}) of {paper}"
+        yield link, shown, names, []
 
 
 def of_studies(held: dict[str, str]) -> Iterator[Entry]:
@@ -110,21 +99,20 @@ def of_studies(held: dict[str, str]) -> Iterator[Entry]:
 
 
 def entries(app: Sphinx) -> list[Entry]:
-    """Return the whole index; of equal results the first is shown first."""
+    """Return the whole index, tables and figures before their cells."""
     held = pages(app.env)
-    return [*of_items(held), *of_equations(app), *of_studies(held)]
+    items = sorted(of_items(held), key=lambda entry: "#" in entry[2][0])
+    return [*items, *of_equations(app), *of_studies(held)]
 
 
 def write(app: Sphinx, error: Exception | None) -> None:
-    """Write index and script beside the pages."""
+    """Write index and script next to the pages."""
     if error is None and app.builder.format == "html":
         folder = Path(app.outdir) / "_static"
         index = json.dumps(entries(app), ensure_ascii=False, separators=(",", ":"))
         text = f"window.REPRODUCE_INDEX = {index};\n"
         (folder / INDEX).write_text(text, encoding="utf-8")
-        (folder / SCRIPT.name).write_text(
-            SCRIPT.read_text(encoding="utf-8"), encoding="utf-8"
-        )
+        shutil.copyfile(SCRIPT, folder / SCRIPT.name)
 
 
 def load(
@@ -134,13 +122,12 @@ def load(
     context: dict[str, Any],
     doctree: nodes.document | None,
 ) -> None:
-    """Load both on the search page alone."""
+    """Load both scripts only on the search page."""
     if page == "search":
-        scripts = [
-            context["pathto"](f"_static/{name}", 1) for name in (INDEX, SCRIPT.name)
-        ]
-        tags = "".join(f'<script defer src="{script}"></script>' for script in scripts)
-        context["metatags"] = context.get("metatags", "") + tags
+        for name in (INDEX, SCRIPT.name):
+            address = context["pathto"](f"_static/{name}", 1)
+            tag = f'<script defer src="{address}"></script>'
+            context["metatags"] = context.get("metatags", "") + tag
 
 
 def setup(app: Sphinx) -> dict[str, bool]:

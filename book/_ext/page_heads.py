@@ -1,4 +1,4 @@
-"""Sphinx extension: description, citation and data in the head of each page.
+"""Sphinx extension: description, citation and data for the head of each page.
 
 Search engines show the description, and reference managers read the citation. Harvesters of data
 read JSON-LD in the terms of schema.org: a ``Dataset`` for each table of the page, and on the first

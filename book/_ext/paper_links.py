@@ -1,8 +1,7 @@
-"""Sphinx extension: from a function's documentation to the equation it implements.
+"""Sphinx extension: links from the documentation of a function to its equations.
 
-A docstring says ``Implements: niu2024 (17), (18).``; each number becomes a link
-to the equation in the book, so that equations and functions lead to each other.
-An equation that no page shows is a dangling link and fails the build.
+In ``Implements: niu2024 (17), (18).`` each number becomes a link to the equation in the book. An
+equation that no page shows fails the build.
 """
 
 import re
@@ -16,7 +15,7 @@ CLAIM = re.compile(
 
 
 def linked(line: str) -> str:
-    """Return a docstring line with its equation numbers turned into links.
+    """Return a line of a docstring with links instead of its equation numbers.
 
     >>> linked("Implements: niu2024 (17), (18).")
     'Implements: niu2024 :eq:`niu2024-17`, :eq:`niu2024-18`.'
@@ -36,7 +35,7 @@ def linked(line: str) -> str:
 
 
 def claimed(line: str) -> list[str]:
-    """Return the labels of the equations that a docstring line claims.
+    """Return the labels of the equations in a line of a docstring.
 
     >>> claimed("Implements: niu2024 (17), (18).")
     ['niu2024-17', 'niu2024-18']
@@ -51,7 +50,7 @@ def claimed(line: str) -> list[str]:
 def link_equations(
     app: Sphinx, what: str, name: str, obj: Any, options: Any, lines: list[str]
 ) -> None:
-    """Rewrite the claims of one docstring in place."""
+    """Replace the equation numbers of a docstring by links."""
     lines[:] = [linked(line) for line in lines]
 
 

@@ -22,7 +22,7 @@ CELLS = [cell for table in library().values() for cell in table.cells]
 
 @pytest.fixture(scope="module")
 def scripts():
-    """The cards by anchor, and the records of the ledger by cell."""
+    """Return the cards by anchor, and the records of the ledger by cell."""
     lines = (HTML / "cards.js").read_text(encoding="utf-8").splitlines()
     return [json.loads(line.partition(" = ")[2].rstrip(";")) for line in lines]
 

@@ -17,7 +17,7 @@ FILES = "ledger.csv ledger.parquet ledger.json ledger.schema.json".split()
 
 @pytest.fixture(scope="module")
 def records():
-    """The records of the ledger by the anchor of their cell."""
+    """Return the records of the ledger by the anchor of their cell."""
     return {anchor(record.cell): record for record in whole_ledger().records}
 
 

@@ -79,20 +79,20 @@ def texts(pdf):
 
 @pytest.fixture(scope="module")
 def places(pdf):
-    """The sheet of every named place, counted from zero."""
+    """Return the sheet of every named place, counted from zero."""
     named = pdf.named_destinations.items()
     return {name[1:]: pdf.get_destination_page_number(place) for name, place in named}
 
 
 @pytest.fixture(scope="module")
 def starts(places):
-    """The first sheet of every page, in order."""
+    """Return the first sheet of every page, in order."""
     return [0, *(places[name] for name in NAMES[1:])]
 
 
 @pytest.fixture(scope="module")
 def joined(browser, pdf):
-    """The joined document with the style of print."""
+    """Yield the joined document with the layout for paper."""
     page = browser.new_page()
     make_pdf.set_joined(page)
     yield page

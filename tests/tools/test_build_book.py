@@ -13,7 +13,7 @@ SINGLE = ("book/page.md", "book/_static/style.css")
 
 @pytest.fixture
 def checkout(tmp_path):
-    """A checkout with files of each kind, built once."""
+    """Return a checkout with files of each kind, built once."""
     for name in (*NUMBERS, *PAGES, *SINGLE):
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text("first")

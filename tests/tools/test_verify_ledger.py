@@ -16,7 +16,7 @@ FAR = {"computed": 1e9, "interval": (1e9, 1e9), "probability": None}
 
 @pytest.fixture(scope="module")
 def files(tmp_path_factory):
-    """The ledger and the readings as files of the book."""
+    """Return the files of the ledger and of the readings."""
     folder = tmp_path_factory.mktemp("ledger")
     texts = {"ledger.json": whole_ledger().model_dump_json()}
     texts["readings.csv"] = export_frame(readings_frame(), "csv", {"software": "test"})

@@ -320,7 +320,7 @@ principal_point = [1000, 1000]
 
 @pytest.fixture
 def lights(tmp_path):
-    """A file of a platform with five lights; images before and after a rotation."""
+    """Return the file of a platform with five lights, and images before and after a rotation."""
     path = tmp_path / "platform.toml"
     path.write_text(TOML)
     design = platform_of(path)

@@ -149,7 +149,7 @@ def test_numbers_have_the_digits_that_their_errors_allow():
 
 @pytest.fixture(scope="module")
 def shipped(tmp_path_factory):
-    """The files of all tables next to the pages."""
+    """Return the folder with the files of all tables."""
     folder = tmp_path_factory.mktemp("shipped")
     write_tables(folder)
     return folder
