@@ -73,7 +73,7 @@ SCROLLING = """() => [...document.querySelectorAll('.rp-scroll:has(.rp-cell, .rp
 LARGE_PRINT = """() => [...document.querySelectorAll('article small')].filter(e =>
     parseFloat(getComputedStyle(e).fontSize)
     >= parseFloat(getComputedStyle(e.parentElement).fontSize)).map(e => e.textContent)"""
-AXE = """async (options) => (await axe.run(document, options)).violations.map(
+AXE = """async ([part, options]) => (await axe.run(part, options)).violations.map(
     v => `${v.id}: ${v.nodes.slice(0, 3).map(n => n.target.join(' ')).join()}`)"""
 WCAG = {"type": "tag", "values": ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa"]}
 CONTRAST = {"type": "rule", "values": ["color-contrast"]}
@@ -89,13 +89,15 @@ def built_pages() -> list[str]:
     )
 
 
-def violations(page: Page, rules: dict[str, Any] = WCAG) -> list[str]:
-    """Return the violations of WCAG 2.1, levels A and AA, or of single rules."""
+def violations(
+    page: Page, rules: dict[str, Any] = WCAG, part: str = "html"
+) -> list[str]:
+    """Return the violations of WCAG 2.1, levels A and AA, or of single rules, in a part."""
     (folder,) = find_spec("axe_playwright_python").submodule_search_locations
     if not page.evaluate("() => 'axe' in window"):
         page.evaluate((Path(folder) / "axe.min.js").read_text(encoding="utf-8"))
     options = {"runOnly": rules, "resultTypes": ["violations"], "preload": False}
-    found: list[str] = page.evaluate(AXE, options)
+    found: list[str] = page.evaluate(AXE, [part, options])
     return found
 
 

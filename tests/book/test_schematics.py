@@ -23,7 +23,8 @@ BOXES = """() => [...document.querySelectorAll('svg, text')].map(e => {
 
 def test_labels_are_whole_apart_and_large_enough(open_page):
     page = open_page(viewport={"width": PHONE, "height": 900})
-    drawn = {key: item.draw for key, item in catalogue().items()} | drawings()
+    drawn = {key: item.draw for key, item in catalogue().items()}
+    drawn |= dict(drawings())
     for key in (key for key, one in drawn.items() if isinstance(one, Schematic)):
         page.set_content(STYLE + str(draw(key)))
         (_, left, right, top, bottom, _), *labels = page.evaluate(BOXES)

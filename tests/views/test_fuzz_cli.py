@@ -1,6 +1,6 @@
-"""The command line under arbitrary files and options: an answer or a message, never a traceback.
+"""The command line with random files and options: a result or a message, no traceback.
 
-Posteriors go up to the point where sampling would start.
+Posteriors stop before sampling.
 """
 
 import itertools
@@ -53,7 +53,7 @@ UNITS = st.sampled_from(
 VALUES = st.tuples(NUMBERS, UNITS).map("".join)
 
 
-# Posterior -> the columns of a user's own file.
+# Posterior -> the columns of a user file.
 COLUMNS = {
     key: declared.file.columns
     for key, declared in posteriors().items()
@@ -161,5 +161,5 @@ def test_any_prior(name, ends):
 
 JSON = st.sampled_from([[], ["--json"]])
 FITS = st.tuples(st.sampled_from(sorted(MODELS)), st.booleans()).map(
-    lambda way: ["--model", way[0], *["--robust"] * way[1]]
+    lambda fit: ["--model", fit[0], *["--robust"] * fit[1]]
 )
