@@ -62,7 +62,7 @@ def simulated(page, seed, truth):
     return page["register_stars"](*map(page["find_stars"], noisy))
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", [1])
 def test_crowded_fields_that_are_registered_pass_the_null_test(page, seed):
     source, target, fit = simulated(page, seed, NULL)
     # As many stars as in the mosaics.

@@ -17,7 +17,6 @@ import reproduce as rp
 from reproduce.judge import ledger
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.chen2023.platform import INSTRUMENT, as_designed
-from reproduce.physics.attitude import monitored
 from reproduce.printed.cells import library
 from reproduce.printed.inputs import load_inputs
 from reproduce.units import ARCSEC_PER_RADIAN
@@ -125,22 +124,19 @@ def test_a_rerun_shows_the_difference_from_the_paper_and_no_verdict():
 
 
 def test_a_supplementary_table_is_rerun_with_a_changed_input():
-    """At half the focal length 1 µm is twice the angle; the bench has its own length."""
-    heat, angle = rp.table("chen2023/heat"), "angle for 1 µm of all lasers (arcsec)"
+    """At half the focal length 1 µm is twice the angle; the bench has another length."""
+    heat = rp.table("chen2023/heat")
     changed = heat.rerun({FOCAL: "7 m"})
-    both = (table.frame().set_index("Instrument")[angle] for table in (heat, changed))
-    before, after = both
-    flight, bench = "flight, as printed", "ground platform"
-    assert after[flight] == pytest.approx(1e-6 / 7.0 * ARCSEC_PER_RADIAN)
-    assert after[flight] == pytest.approx(2 * before[flight])
-    assert after[bench] == before[bench]
+    column = "angle for 1 µm of all lasers (arcsec)"
+    before, after = (t.frame().set_index("Instrument")[column] for t in (heat, changed))
+    assert after["flight, as printed"] == pytest.approx(1e-6 / 7.0 * ARCSEC_PER_RADIAN)
+    assert after["ground platform"] == before["ground platform"]
     # The printed ratio of focal lengths is recomputed.
     ratio = {"chen2023/text-satellite#focal-ratio": pytest.approx(7.0 / 0.06)}
     assert (changed.changes, changed.replaced) == ({FOCAL: "7 m"}, ratio)
     assert (heat.changes, heat.replaced) == ({}, {})
     for shown in (repr(changed), changed._repr_html_()):
-        assert "= 7 m" in words(shown)
-        assert "focal-ratio" in shown
+        assert re.search("= 7 m.*focal-ratio", words(shown))
     second = {"chen2023/table-4#100.misalignment-x": 3}
     assert [*changed.rerun(second).changes] == [FOCAL, *second]
 
@@ -369,23 +365,6 @@ def test_all_types_of_input_give_the_same_angles_and_warnings(lights, tmp_path):
     assert empty.index[empty].tolist() == [10]
 
 
-def test_correlated_images_widen_the_interval():
-    """The coverage of the widened interval is tested with the diagnosis."""
-    places = [[120, 30], [-90, 160], [10, -140]]
-    design = rp.Platform.of_spots(places, 0.05, 5e-6, (0, 0))
-    noise = np.random.default_rng(3).normal(0, 0.02, (2, 40, 3, 2))
-    for image in range(1, 40):
-        noise[:, image] += 0.9 * noise[:, image - 1]
-    found = rp.misalignment(*design.spots + noise[::-1], design)
-    record = found.record()
-    assert [finding["kind"] for finding in record["findings"]] == ["correlated"]
-    assert record["widening"] > 2
-    plain = monitored(*found.diagnosis.images, design).interval(0.95)
-    width = np.ptp(found.frame().iloc[:, 3:].to_numpy(), axis=1)
-    assert (width > 2 * np.ptp(plain, axis=0) * ARCSEC_PER_RADIAN).all()
-    json.dumps(record, allow_nan=False)
-
-
 def test_wrong_tables_of_spots_name_row_and_column(lights):
     toml, zero, now = lights
     whole = spot_frame(zero, now).drop(columns="frame")
@@ -440,21 +419,12 @@ def test_times_of_images_give_drift_and_averages():
     assert (error[:2] < 0.2).all()
     assert found.images()["time"].tolist() == times.tolist()
     assert len(found.record()["over_time"]) == 3
-    # Without times, with wrong times, or with too few images there are angles and no averages.
-    for count, wrong, named in (
-        (64, None, ""),
-        (64, np.repeat(times[::2], 2), "a step of 0 "),
-        (64, np.sort(np.r_[times[:-1], times[20] + 0.01]), "a step of 0.01 "),
-        (15, times[:15], "got 13"),
-    ):
+    # Without times, or with too few images, there are angles and no averages.
+    for count, wrong, named in ((64, None, ""), (15, times[:15], "got 13")):
         other = rp.misalignment(now[:count], zero, design, wrong)
         assert other.over_time().empty
-        assert other.record()["over_time"] == []
         assert any(named in remark for remark in other.remarks)
         np.testing.assert_array_equal(other.angles, found.angles[:count])
-    kept = np.r_[0:30, 40:64]
-    found = rp.misalignment(now[kept], zero, design, times[kept])
-    assert found.stability.averages[0] == len(kept) - 5
 
 
 def test_the_covariance_of_an_image_is_that_of_draws():
@@ -508,18 +478,6 @@ def test_arrays_and_files_of_stars_and_the_command_give_the_same_fit(stars, tmp_
     wrong = CliRunner().invoke(main, [*command, "--json"])
     assert wrong.exit_code == 2
     assert "x_reference" in json.loads(wrong.stdout)["error"]
-
-
-def test_a_fit_without_errors_shows_no_errors():
-    exact = rp.register(SQUARE, np.add(SQUARE, [1 / 3, 0]))
-    two = rp.register(SQUARE[:2], np.add(SQUARE[:2], [[0, 1], [1, 1]]))
-    for fit, kind in ((exact, "exact"), (two, "few")):
-        assert [finding.kind for finding in fit.findings] == [kind]
-        assert fit.frame()["standard deviation"].isna().all()
-        assert fit.consistency == {}
-        assert fit.sensitivity().empty
-    rows = [line.split() for line in repr(exact).splitlines()[-5:-1]]
-    assert [row[-1] for row in rows] == ["1", "0", "-0.3333333333", "0"]
 
 
 def test_all_types_of_input_have_the_same_wrong_matches(stars, tmp_path):

@@ -311,19 +311,6 @@ def test_wrong_arguments_are_named():
             call()
 
 
-def test_weights_of_a_list_next_to_an_image():
-    """A star of weight zero is dropped; the others keep the weights of their errors."""
-    listed, green = rp.stars(RED).frame().drop(columns="flux"), rp.stars(GREEN)
-    plain, same, fewer = (
-        rp.register(rp.stars(listed.assign(weight=weight)), green, robust=False)
-        for weight in (1.0, 3.0, 1.0 * (listed.x > 60))
-    )
-    np.testing.assert_allclose(same.parameters, plain.parameters, rtol=1e-12)
-    outside = (fewer.pairs["x"] <= 60).to_numpy()
-    assert 0 < outside.sum() < len(outside)
-    np.testing.assert_array_equal(fewer.fit.weights == 0, outside)
-
-
 def test_different_shapes_give_a_warning_and_a_wider_interval(fit):
     """The true position of a trail is its centre of gravity; a fitted centre differs."""
     tail = np.array([0.45, 0.25, 0.15, 0.1, 0.05])

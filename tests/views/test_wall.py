@@ -137,25 +137,6 @@ def test_a_sweep_of_a_prediction_shows_its_intervals():
         assert all(text in block for text in row[1:])
 
 
-def test_cells_that_depend_on_each_other_change_together():
-    """The count of angles follows from their step; printed values match in other units."""
-    changed = [f"niu2024/text-simulation#{name}" for name in ("angle-count", "step")]
-    steps = [("37", "1.8 deg"), ("137", "3240 arcsec")]
-    table = rp.table("niu2024/table-3")
-    swept = table.sweep(changed, steps, ["scale.red"], replicates=20)
-    found = swept.frame().loc[(slice(None), "scale.red"), :]
-    few, many = found["high"] - found["low"]
-    assert few > many
-    assert "137, 3240 arcsec (printed)" in str(swept)
-    html = (
-        rp.table("chen2023/dichroic").sweep(BORESIGHTS, ["90°", "120°"])._repr_html_()
-    )
-    assert not re.search(r"[ ,\"]-?(nan|inf)", html), "infinite values are left out"
-    figures = html.split("<figure>")[1:]
-    for mark, count in (("<circle", 2), ("rp-dashed", 1)):
-        assert [text.count(mark) for text in figures] == [count] * 7 + [0] * 2
-
-
 REJECTED = {
     NOISE: [(TABLE, NOISE, ["0.1 px"]), (TABLE, [FOCAL, NOISE], ["37"])],
     "value": [(TABLE, FOCAL, [])],
