@@ -12,73 +12,54 @@ from reproduce.views.cli import main
 README = (Path(__file__).parent.parent / "README.md").read_text(encoding="utf-8")
 
 
-def blocks(language: str) -> list[str]:
+def blocks(language):
     return re.findall(rf"```{language}\n(.*?)```", README, re.DOTALL)
 
 
-@pytest.fixture(scope="module")
-def namespace() -> dict:
-    (code,) = blocks("python")
-    names: dict[str, object] = {}
-    exec(compile(code, "README.md", "exec"), names)
-    return names
-
-
-def shown(text: str) -> list[str]:
-    """Return the lines of a text without blanks at their ends."""
+def lines(text):
+    """Return the lines of a text without spaces at their ends."""
     return [line.rstrip() for line in text.splitlines() if line.strip()]
 
 
-def test_first_commands_are_make_book_and_make_test():
-    assert re.findall(r"^make \w+", blocks("sh")[0], re.MULTILINE) == [
-        "make book",
-        "make test",
-    ]
+def run(arguments, columns="80"):
+    return CliRunner(env={"COLUMNS": columns}).invoke(main, arguments)
 
 
-def test_commands_run(tmp_path, monkeypatch):
+def test_commands_run_and_show_the_printed_output(tmp_path, monkeypatch):
+    targets = re.findall(r"^make \w+", blocks("sh")[0], re.MULTILINE)
+    assert targets == ["make book", "make test"]
     monkeypatch.chdir(tmp_path)
     commands = re.findall(r"^\.venv/bin/reproduce ([^\n]+)", README, re.MULTILINE)
     assert len(commands) >= 6
     for command in commands:
-        result = CliRunner().invoke(main, shlex.split(command.partition("  #")[0]))
+        result = run(shlex.split(command.partition("  #")[0]))
         assert result.exit_code == 0, f"{command}: {result.output}"
-
-
-def test_console_example_shows_its_output(monkeypatch):
-    monkeypatch.setenv("COLUMNS", "80")
     (example,) = blocks("console")
-    command, *expected = shown(example)
-    arguments = shlex.split(command.removeprefix("$ reproduce "))
-    output = shown(CliRunner().invoke(main, arguments).output)
+    command, *expected = lines(example)
+    output = lines(run(shlex.split(command.removeprefix("$ reproduce "))).output)
     assert expected.pop() == "..."
     assert output[: len(expected)] == expected
 
 
-def test_counts_of_verdicts(monkeypatch):
-    monkeypatch.setenv("COLUMNS", "200")
-    (row,) = re.findall(
-        r"^all +(.*)$", CliRunner().invoke(main, ["check"]).output, re.M
-    )
-    counts = {name: int(count) for count, name in re.findall(r"(\d+) (\w+)", row)}
+def test_counts_of_verdicts():
+    (row,) = re.findall(r"^all +(.*)$", run(["check"], "200").output, re.MULTILINE)
+    counts = {name: count for count, name in re.findall(r"(\d+) (\w+)", row)}
     weak = counts.pop("weak")
     stated = re.findall(r"^\| `(\w+)` \|.*\| (\d+) \|$", README, re.MULTILINE)
-    assert {name: int(count) for name, count in stated} == counts
-    agree = counts["exact"] + counts["consistent"]
+    assert dict(stated) == counts
+    agree = int(counts["exact"]) + int(counts["consistent"])
     assert f"Of the {agree} numbers that agree, {weak} agree weakly" in README
 
 
-def test_python_example(namespace):
-    fit = namespace["fit"]
+def test_python_example(monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    (code,), (example,), names = blocks("python"), blocks("text"), {}
+    exec(compile(code, "README.md", "exec"), names)
+    fit = names["fit"]
+    assert lines(str(fit))[: len(lines(example))] == lines(example)
     assert fit.remarks == []
     scale, deviation = fit.frame().loc["scale", ["value", "standard deviation"]]
-    # Both sides of the square, and both its heights, from target to target.
-    assert abs(scale - (100.1 + 100.1 + 100.1 + 99.9) / 400) < 1e-4
+    # Both sides and both heights of the square, from target to target.
+    assert scale == pytest.approx((100.1 + 100.1 + 100.1 + 99.9) / 400, abs=1e-4)
     assert 1e-5 < deviation < 1e-2
-    assert namespace["table"]["scale.red"].printed == "0.9973"
-
-
-def test_printed_fit(namespace, monkeypatch):
-    monkeypatch.setenv("COLUMNS", "80")
-    (example,) = blocks("text")
-    assert shown(str(namespace["fit"]))[: len(shown(example))] == shown(example)
+    assert names["table"]["scale.red"].printed == "0.9973"
