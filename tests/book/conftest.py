@@ -1,7 +1,6 @@
 """Fixtures of the browser tests: a headless Chromium, a page, a local web server."""
 
 import functools
-import os
 import shutil
 import threading
 from collections.abc import Callable, Iterator
@@ -10,19 +9,12 @@ from typing import Any
 
 import pytest
 from playwright.sync_api import Browser, Page, sync_playwright
-from reading import HTML, PHONE
+from reading import HTML, PHONE, skip_or_fail
 
 FLAGS = (
     "--no-sandbox --disable-gpu --disable-quic --no-first-run "
     "--disable-background-networking --disable-component-update --disable-sync"
 ).split()
-
-
-def skip_or_fail(reason: str) -> None:
-    """Skip a test, or fail if the environment requires the browser."""
-    if os.environ.get("REPRODUCE_REQUIRE_BROWSER") == "1":
-        pytest.fail(f"{reason}, and REPRODUCE_REQUIRE_BROWSER=1 requires it")
-    pytest.skip(reason)
 
 
 @pytest.fixture(scope="session")

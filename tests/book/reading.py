@@ -1,9 +1,11 @@
 """The built pages and the scripts that find their defects in a browser."""
 
+import os
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+import pytest
 from playwright.sync_api import Page
 
 HTML = Path(__file__).resolve().parents[2] / "book" / "_build" / "html"
@@ -77,6 +79,13 @@ AXE = """async ([part, options]) => (await axe.run(part, options)).violations.ma
     v => `${v.id}: ${v.nodes.slice(0, 3).map(n => n.target.join(' ')).join()}`)"""
 WCAG = {"type": "tag", "values": ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa"]}
 CONTRAST = {"type": "rule", "values": ["color-contrast"]}
+
+
+def skip_or_fail(reason: str) -> None:
+    """Skip a test, or fail if the environment requires the browser."""
+    if os.environ.get("REPRODUCE_REQUIRE_BROWSER") == "1":
+        pytest.fail(f"{reason}, and REPRODUCE_REQUIRE_BROWSER=1 requires it")
+    pytest.skip(reason)
 
 
 def built_pages() -> list[str]:

@@ -6,8 +6,8 @@ from collections import Counter
 
 import pytest
 import yaml
-from conftest import skip_or_fail
 from pypdf import PdfReader
+from reading import skip_or_fail
 
 import make_pdf
 
