@@ -30,7 +30,7 @@ def white_and_floor():
     generator = np.random.default_rng(1)
     white = 0.38 * np.exp(0.12 * (2 * generator.random(60_000) - 1)) / ARCSEC_PER_RADIAN
     floor = np.abs(generator.normal(0, 0.1 / 3, len(white))) / ARCSEC_PER_RADIAN
-    logs = camera._log_likelihood(FRAMES, "misalignment-x", white, floor)
+    logs = camera._log_likelihood(FRAMES, "x", white, floor)
     shares = np.exp(logs - logs.max())
     chosen = generator.choice(len(white), 40_000, p=shares / shares.sum())
     return white[chosen], floor[chosen]
@@ -42,7 +42,7 @@ def test_the_law_of_table_4_is_that_of_simulated_series():
     drift = np.linspace(-1, 1, 800)
     series = generator.normal(size=(4000, 800)) + 0.1 * drift / drift.std(ddof=1)
     squares = scatter_of_averages(series, counts) ** 2
-    white, floor, pairs, bent = camera._law(800, counts)
+    white, floor, pairs, bent = camera._moments(800, counts)
     np.testing.assert_allclose(squares.mean(axis=0), white + 0.1**2 * floor, rtol=0.02)
     covariance = 2 * pairs + 4 * 0.1**2 * bent
     np.testing.assert_allclose(np.cov(squares.T), covariance, rtol=0.15)
@@ -90,7 +90,7 @@ def test_the_printed_angles_scatter_as_much_wherever_the_columns_belong():
 def test_the_average_of_frames(white_and_floor):
     white, floor = white_and_floor
     expected = np.quantile(np.hypot(white / 10, floor), (0.025, 0.5, 0.975))
-    found = camera._averages(FRAMES, "X", np.array([100]))[:, 0]
+    found = camera._noise(FRAMES, "x").averages(np.array([100]))[:, 0]
     np.testing.assert_allclose(found, expected, rtol=0.02)
 
 
@@ -109,7 +109,7 @@ def test_the_age_of_a_calibration_is_that_of_least_squares():
     shown = studies()["chen2023/drift"]().set_index("Images") / ARCSEC_PER_RADIAN
     # Whatever the noise: at the end of its group, half of it after the middle, a drift that is
     # followed makes the error larger by the root of 1 + 6 / 4.
-    followed = shown.loc[frames // 2, "Drift followed (arcsec)"]
+    followed = shown.loc[frames // 2, "Drift in the model (arcsec)"]
     assert followed == pytest.approx(np.sqrt(1 + 6 / 4) * error, rel=0.01)
     constant = shown.loc[100, "Taken as constant (arcsec)"]
     assert constant == pytest.approx(np.hypot(error, moved * 100 / frames))
@@ -146,8 +146,8 @@ def test_how_many_stars_are_enough():
     by_hand = (
         3 * (1 + 0.9976**2) * 0.05**2
     )  # over n: the variance of one axis at the edge
-    left = np.hypot(*sensor._left_out(STARS))
-    needed = sensor._enough(STARS)
+    left = np.hypot(*sensor._neglected(STARS))
+    needed = sensor._sufficient(STARS)
     count = needed["similarity"]
     within = stats.rice.cdf(
         0.05, left / np.sqrt(by_hand / count), scale=np.sqrt(by_hand / count)
@@ -156,10 +156,10 @@ def test_how_many_stars_are_enough():
     assert needed["distortions free"] == 66
     assert fact("niu2024/stars", "distortions-enough") == 66
     quiet = STARS.changed({sensor.NOISE: 0.02})
-    assert sensor._enough(quiet)["distortions free"] == pytest.approx(66, abs=1)
+    assert sensor._sufficient(quiet)["distortions free"] == pytest.approx(66, abs=1)
     # No number of stars helps against what is left out.
     assert np.isinf(
-        sensor._enough(STARS.changed({sensor.NOISE: 0.9 * left}))["similarity"]
+        sensor._sufficient(STARS.changed({sensor.NOISE: 0.9 * left}))["similarity"]
     )
 
 
@@ -174,7 +174,7 @@ def test_free_distortions_pay_from_their_number_of_stars_on():
             name: np.trace(one.at_edge(np.array([stars]))[0])
             for name, one in sensor._designs(STARS).items()
         }
-        squares["similarity"] += np.sum(sensor._left_out(STARS) ** 2)
+        squares["similarity"] += np.sum(sensor._neglected(STARS) ** 2)
         assert min(squares, key=squares.get) == better
 
 

@@ -55,7 +55,7 @@ def test_qualifiers_shape_the_interval(qualifier, inside, outside):
 
 
 @pytest.mark.parametrize(
-    ("text", "qualifier", "reach"),
+    ("text", "qualifier", "half_width"),
     [
         ("0.060", "about", 0.005),  # 0.06, filled up with a zero
         ("0.045", "about", 0.001),

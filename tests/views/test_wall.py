@@ -173,7 +173,7 @@ def test_cells_that_depend_on_each_other_move_together():
 def test_a_sweep_names_rows_in_few_words_and_leaves_out_infinite_values():
     swept = rp.table("chen2023/dichroic").sweep(BORESIGHTS, ["90°", "120°"])
     html = swept._repr_html_()
-    assert "its normal: turn as large as the accuracy (arcsec)" in html
+    assert "its normal: rotation with an error equal to the accuracy (arcsec)" in html
     assert not re.search(r"[ ,\"]-?(nan|inf)", html)
     drawings = html.split("<figure>")[1:]
     for mark, count in (("<circle", 2), ("rp-dashed", 1)):
@@ -195,9 +195,9 @@ def test_a_sweep_names_rows_in_few_words_and_leaves_out_infinite_values():
             "chen2023/dichroic",
             BORESIGHTS,
             ["90°"],
-            ["Turn of the mirror about"],
+            ["Axis of the mirror's rotation"],
             {},
-            "Turn",
+            "Axis",
         ),
     ],
 )

@@ -7,7 +7,7 @@ import reproduce as rp
 from reproduce.judge.ledger import build
 from reproduce.judge.readings import evaluate
 from reproduce.papers.chen2023 import effectiveness
-from reproduce.papers.chen2023.platform import SCATTER, scatter
+from reproduce.papers.chen2023.platform import scatter
 from reproduce.printed.cells import library
 from reproduce.printed.inputs import load_inputs
 
@@ -20,7 +20,7 @@ def test_the_zero_state_is_shared_by_all_monitored_angles():
         :, :2, 0
     ].T
     assert np.corrcoef(one, two)[0, 1] == pytest.approx(0.5, abs=0.05)
-    noise = np.sqrt((scatter(load_inputs([SCATTER]), 2)[:, 1] ** 2).mean())
+    noise = np.sqrt((scatter(load_inputs(["chen2023/table-3"]), 2)[:, 1] ** 2).mean())
     expected = np.sqrt(2) * noise / 2 / 20 * np.arctan2(13e-6, 60e-3)
     assert one.std() == pytest.approx(expected, rel=0.05)
 
@@ -93,7 +93,7 @@ def test_a_monitored_angle_goes_with_the_motion_that_the_reading_gives_it():
 
 def test_a_rerun_takes_its_reading_in_every_cell():
     """20.27 um for 79.91 um at 8.017 arcsec: the angle that interchanged motions give."""
-    rerun = rp.table(effectiveness.TABLE).rerun(columns="motions", telescope="common")
+    rerun = rp.table("chen2023/table-5").rerun(columns="motions", telescope="common")
     changed = rerun.frame().loc["2.monitoring-y", "changed"]
     wanted = -np.arctan(19.99e-6 / (79.91e-6 / np.tan(8.017 * ARCSEC))) / ARCSEC
     assert changed == pytest.approx(wanted, abs=0.005)
@@ -161,13 +161,13 @@ def test_what_sentences_say_of_the_implied_focal_lengths_by_hand():
     )
     assert facts["interchanged-least"] < facts["shared-low"] < facts["shared-high"]
     assert facts["largest-difference"] == pytest.approx(2.125 - 2.006)
-    bound = library()[f"{effectiveness._PLAN}#difference-bound".partition("#")[0]]
-    assert facts["largest-difference"] > bound["difference-bound"].number.interval()[1]
+    bound = library()["chen2023/text-effectiveness"]["difference-bound"]
+    assert facts["largest-difference"] > bound.number.interval()[1]
 
 
 def test_a_mean_with_the_ramp_decides_the_angle_of_state_2_about_y():
     """It lags by 0.25 arcsec, more than the columns change this angle."""
-    records = build([effectiveness.TABLE]).records
+    records = build(["chen2023/table-5"]).records
     found = {one.cell.partition("#")[2]: one for one in records}
     angles = [one for name, one in found.items() if ".monitoring-" in name]
     results = [one.verdict for one in angles if one.role == "result"]

@@ -5,8 +5,8 @@ import pytest
 from numpy.random import SeedSequence, default_rng
 from scipy.stats import chi2
 
+from reproduce.papers.catalogue import catalogue
 from reproduce.papers.chen2023 import accuracy, effectiveness, platform_twin
-from reproduce.papers.chen2023 import platform_twin as figures
 from reproduce.papers.chen2023.platform import (
     SPOTS,
     angle_response,
@@ -79,10 +79,7 @@ def platform():
 @pytest.fixture(scope="module")
 def replicates(platform):
     """Sixty runs of both groups of 800 frames, every frame rendered."""
-    return [
-        platform_twin._two_groups(platform, 800, default_rng([7, run]))
-        for run in range(60)
-    ]
+    return [platform.two_groups(800, default_rng([7, run])) for run in range(60)]
 
 
 def test_the_mean_spots_are_the_printed_ones(replicates):
@@ -126,7 +123,7 @@ def test_a_turn_is_measured_about_its_axis_with_its_sign_and_size(platform, axis
     turn = np.zeros(3)
     turn[axis] = 8 * ARCSEC
     zero = platform.design.transform(platform.spots)
-    spots = platform.turned(turn)
+    spots = platform.rotated(turn)
     found = misalignment(platform.design.directions, platform.design.seen(spots), zero)
     np.testing.assert_allclose(misalignment_angles(found), turn, atol=1e-6 * ARCSEC)
 
@@ -151,8 +148,16 @@ def test_the_spots_fit_the_lasers_within_what_the_print_leaves_open(
     assert (distance < 0.12) == (scale == 1)
 
 
-def test_the_ride_follows_the_reference_one_average_later():
-    _, reference, monitored = figures._ride(load_inputs(figures._STAGE_READS))
+@pytest.fixture(scope="module")
+def stage_test():
+    """The test of Figure 10: times, reference and monitored angles."""
+    return platform_twin.stage_test(
+        load_inputs(catalogue()["chen2023/fig-10b"].draw.inputs)
+    )
+
+
+def test_the_ride_follows_the_reference_one_average_later(stage_test):
+    _, reference, monitored = stage_test
     each = 400
     for state in range(5):
         settled = slice(state * each + 100, (state + 1) * each)
@@ -165,14 +170,14 @@ def test_the_ride_follows_the_reference_one_average_later():
     assert (np.abs(just_moved) > 1.5 * ARCSEC).all(), "an average lags behind a jump"
 
 
-def test_the_twin_monitors_states_as_the_ledger_predicts():
+def test_the_twin_monitors_states_as_the_ledger_predicts(stage_test):
     """Means over a state, from rendered frames, less the reference: within the predicted noise."""
-    monitored = figures._ride(load_inputs(figures._STAGE_READS))[2]
+    monitored = stage_test[2]
     inputs = load_inputs(effectiveness.monitored_angle.inputs)
     errors = effectiveness._monitoring_errors(inputs, default_rng(5), 4000)
     for state in (2, 3, 4, 5):
         for index, axis in enumerate("yx"):  # the motion along Y turns about X
-            motion = inputs[f"{effectiveness.TABLE}#{state}.motion-{axis}"]
+            motion = inputs[f"chen2023/table-5#{state}.motion-{axis}"]
             last = monitored[state * 400 - 1, index]
             draws = -np.arctan(motion / 2.0) + errors[:, state - 2, index]
             # The last average holds a quarter of the state's frames.

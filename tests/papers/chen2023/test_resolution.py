@@ -1,7 +1,5 @@
 """The study of the angular resolution: Monte Carlo against closed form, and what was fitted."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -35,10 +33,7 @@ def content():
 def test_the_monte_carlo_is_what_the_closed_form_predicts(content):
     """Over 71 resolutions, with the error of the variance of biased phases taken into account."""
     law = predicted_errors(
-        PHASES,
-        resolution._light_for_table(INPUTS),
-        resolution._radii(INPUTS, content["angles"]),
-        5,
+        *resolution._setting(INPUTS, CASES[0])._replace(phases=PHASES)
     )
     square = (law.bias**2 + law.variance).mean(axis=-1)
     spread = 2 * law.variance**2 + 4 * law.bias**2 * law.variance
@@ -51,9 +46,8 @@ def test_the_monte_carlo_is_what_the_closed_form_predicts(content):
 @pytest.mark.parametrize("share", [0.0, 0.5])
 def test_the_light_gives_back_the_variance_of_table_3(share):
     """By simulation at the printed spots: whole windows, no closed form."""
-    light = resolution._light_for_table(
-        INPUTS, replace(resolution._LITERAL, read_share=share)
-    )
+    case = resolution._Case(read_fraction=share)
+    light = resolution._setting(INPUTS, case).light
     spots = INPUTS.array("chen2023/text-platform#spot-*").reshape(-1, 2)
     corners = np.round(spots).astype(int) - 2
     mean = spot_windows(spots, light.signal, 7.5 / 13, corners, 5)
@@ -83,10 +77,10 @@ def test_the_optimum_stands_between_window_and_pixel(content):
 
 def test_replicated_studies_scatter_as_their_size_says():
     found = resolution._replicated_scatter(
-        INPUTS, np.random.SeedSequence(3), 400, resolution._LITERAL
+        INPUTS, np.random.SeedSequence(3), 400, CASES[0]
     )
     relative = found.std(axis=0) / found.mean(axis=0)
-    middle = resolution.resolutions(INPUTS) / ARCSEC
+    middle = resolution._resolutions(INPUTS) / ARCSEC
     unbiased = (middle > 40) & (middle < 50)
     assert relative[unbiased].mean() == pytest.approx(
         resolution._relative_error(INPUTS), rel=0.1
@@ -96,7 +90,7 @@ def test_replicated_studies_scatter_as_their_size_says():
 def best(case):
     """The optimum in arc seconds and the error there in px, by the closed form."""
     error = predicted_errors(*resolution._setting(INPUTS, case)).total
-    return resolution.resolutions(INPUTS)[error.argmin()] / ARCSEC, error.min()
+    return resolution._resolutions(INPUTS)[error.argmin()] / ARCSEC, error.min()
 
 
 def test_what_the_radius_means_moves_the_optimum_past_the_printed_one():
@@ -110,21 +104,21 @@ def test_what_the_radius_means_moves_the_optimum_past_the_printed_one():
 
 def test_read_noise_and_light_move_the_optimum_to_finer_pixels():
     changes = (
-        {"read_share": 0.5},
-        {"read_share": 0.95},
-        {"brighter": 2.0},
+        {"read_fraction": 0.5},
+        {"read_fraction": 0.95},
+        {"flux_factor": 2.0},
         {"width": 1.2},
     )
-    assert all(best(replace(CASES[0], **one))[0] < best(CASES[0])[0] for one in changes)
+    assert all(best(resolution._Case(**one))[0] < best(CASES[0])[0] for one in changes)
 
 
 def test_a_spot_that_always_travels_one_pixel_of_the_tracker_has_the_same_optimum():
     """The other way to read "from -6.5 to 6.5 µm": it moves no result."""
-    phases, light = PHASES, resolution._light_for_table(INPUTS)
-    angles = resolution.resolutions(INPUTS)
+    _, light, radii, _ = resolution._setting(INPUTS, CASES[0])
+    angles = resolution._resolutions(INPUTS)
     found = []
-    for radius in resolution._radii(INPUTS, angles):
-        travel = phases * 13 * radius / 7.5
+    for radius in radii:
+        travel = PHASES * 13 * radius / 7.5
         law = predicted_errors(travel - np.floor(travel + 0.5), light, radius, 5)
         found.append(law.total)
     optimum, error = best(CASES[0])
@@ -137,7 +131,8 @@ def test_a_spot_that_always_travels_one_pixel_of_the_tracker_has_the_same_optimu
 )
 def test_a_radius_is_where_the_light_has_fallen_as_far_as_its_case_says(case, sigma):
     level = {0: np.exp(-0.5), 1: np.exp(-1), 2: 0.5, 3: np.exp(-2)}[case]
-    found = float(resolution._radii(INPUTS, np.array([13e-6 / 60e-3]), CASES[case])[0])
+    radii = resolution._setting(INPUTS, CASES[case]).radii
+    found = radii[0] * resolution._resolutions(INPUTS)[0] / (13e-6 / 60e-3)
     assert found * 13 == pytest.approx(sigma, rel=1e-4)
     assert np.exp(-0.5 * (7.5 / (13 * found)) ** 2) == pytest.approx(level, rel=1e-9)
 
@@ -166,7 +161,9 @@ def test_the_limit_of_gain_depends_on_what_counts_as_a_gain():
         "3": (39, 41, 44),
         "5": (41, 44, 46),
     }
-    assert sorted(item_text(resolution.STUDY).options["threshold"]) == list(wanted)
+    assert sorted(item_text("chen2023/text-resolution").options["threshold"]) == list(
+        wanted
+    )
     for errors, (low, median, high) in wanted.items():
         found = reading("saturation", threshold=errors)
         assert found.interval == pytest.approx((low, high), abs=1.01)

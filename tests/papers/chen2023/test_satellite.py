@@ -81,12 +81,15 @@ def test_how_far_heat_may_move_lasers_and_turn_the_mirror_by_hand():
 )
 def test_an_angle_of_the_reflector_that_opens_mimics_a_tilt(kind, factor):
     """A roof prism deviates by twice the error of its angle, a corner by the root of 8/3 times."""
-    inputs, opened = load_inputs((*satellite._LIGHT_PATH, *satellite.CAMERA)), 1e-5
+    inputs, opened = (
+        load_inputs((*satellite._retro_reflectors.inputs, *satellite.CAMERA)),
+        1e-5,
+    )
     normals = {"corner cube": CORNER, "two mirrors at a right angle": ROOF}[kind]
     normals = normals / np.linalg.norm(normals, axis=1, keepdims=True)
     rest = LightPath(14.0, 0.06, inputs[satellite.BORESIGHT], mirror_train(normals))
     normals[0] += opened * normals[1]
-    angles = satellite._believed(
+    angles = satellite._reported(
         rest,
         kind == "corner cube",
         lasers(inputs),

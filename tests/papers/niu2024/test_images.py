@@ -9,7 +9,6 @@ import fusion
 from reproduce.papers.catalogue import studies
 from reproduce.papers.niu2024 import experiment, images
 from reproduce.physics.images import cramer_rao_variance, window_corners
-from reproduce.physics.optics import channel_centroids
 from reproduce.printed.inputs import load_inputs
 from reproduce.store.measured import spectra
 
@@ -25,9 +24,7 @@ def stored():
 
 def spots(place):
     angles = place * np.array(experiment.half_field(INPUTS))
-    return channel_centroids(
-        images._cameras(INPUTS), experiment.rotations(INPUTS), angles[None]
-    )[:, 0]
+    return images._instrument(INPUTS).imaged(angles[None])[:, 0]
 
 
 def photons(magnitude, star="solar"):

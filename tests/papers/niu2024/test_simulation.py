@@ -16,7 +16,7 @@ INPUTS = load_inputs(simulation.calibrated_parameters.inputs)
 LITERAL = simulation._Bench(INPUTS, "square", "every-channel", "one", "table-1")
 TABLE = simulation.arrangement(INPUTS)
 [ZERO] = np.flatnonzero(np.isclose(TABLE, 0).all(axis=1))
-TRUE = simulation.imaged(INPUTS, TABLE)
+TRUE = simulation.instrument(INPUTS).imaged(TABLE)
 PLACES = list(enumerate(simulation.REGISTERED, start=1))
 
 
@@ -51,7 +51,7 @@ def test_the_arrangement_is_the_printed_one_and_is_drawn_in_figure_4():
 
 
 def test_a_count_without_an_arrangement_is_rejected():
-    changed = INPUTS.changed({f"{simulation.SETTINGS}#angle-count": 136})
+    changed = INPUTS.changed({"niu2024/text-simulation#angle-count": 136})
     with pytest.raises(ValueError, match="angles"):
         simulation.arrangement(changed)
 
@@ -62,12 +62,14 @@ def test_the_translations_of_table_2_carry_the_whole_calibration_along():
     first, second = (
         replace(LITERAL, translations=way).calibrated(generator(), 3) for way in ways
     )
-    for place, channel in PLACES:
+    for place, _ in PLACES:
         before, after = (
-            simulation.cameras(INPUTS, way)[place].principal_point for way in ways
+            simulation.instrument(INPUTS, way).cameras[place].principal_point
+            for way in ways
         )
-        expected = first[channel].parameters + np.array([0, 0, *(after - before)])
-        np.testing.assert_allclose(second[channel].parameters, expected, atol=1e-9)
+        moved = np.array([0, 0, *(after - before)])
+        expected = first.parameters[:, place - 1] + moved
+        np.testing.assert_allclose(second.parameters[:, place - 1], expected, atol=1e-9)
 
 
 def test_the_iteration_ends_at_the_closed_form():
@@ -75,13 +77,13 @@ def test_the_iteration_ends_at_the_closed_form():
     noisy = LITERAL.measured(generator(), 20, TABLE)
     found = LITERAL.calibrated(generator(), 20)
     green = noisy[:, 0]
-    for place, channel in PLACES:
+    for place, _ in PLACES:
         source = noisy[:, place]
         zeros = source[:, ZERO], green[:, ZERO]
         start = starting_values(source[:, still], green[:, still], *zeros)
         end = calibrate(source, green, source[:, ZERO], start)
         np.testing.assert_allclose(
-            found[channel].parameters, end.parameters, rtol=0, atol=2e-9
+            found.parameters[:, place - 1], end.parameters, rtol=0, atol=2e-9
         )
 
 
