@@ -93,7 +93,7 @@ def test_units_of_one_dimension_are_alike():
 
 
 def test_unknown_units_are_refused():
-    with pytest.raises(ValueError, match="'parsec': expected one of"):
+    with pytest.raises(ValueError, match="unit: "):
         si_factor("parsec")
 
 
@@ -101,7 +101,7 @@ def test_the_door_hands_out_what_is_declared_and_nothing_else():
     inputs = load_inputs(["niu2024/table-1#focal-length.*"])
     assert inputs["niu2024/table-1#focal-length.red"] == pytest.approx(0.0250601)
     assert "niu2024/table-1#focal-length.red" in inputs.cells
-    with pytest.raises(UndeclaredInputError, match="not declared"):
+    with pytest.raises(UndeclaredInputError, match="declared input"):
         inputs["niu2024/table-2#scale.red"]
     with pytest.raises(UndeclaredInputError):
         inputs.array("niu2024/table-1#*.red")
@@ -121,7 +121,7 @@ def test_shifts_move_an_input_by_half_its_last_digit():
 
 def test_cells_of_text_have_no_number():
     (dash,) = find("niu2024/table-4#scale.green")
-    with pytest.raises(TypeError, match="prints '-'"):
+    with pytest.raises(TypeError, match="table-4#scale.green"):
         _ = dash.number
 
 
@@ -129,7 +129,7 @@ def test_only_numbers_whose_rounding_can_move_a_result_are_moved():
     kept = left = 0
     for key in library():
         inputs = load_inputs([key])
-        movable = {cell.address for cell in inputs.numbers()}
+        movable = set(inputs.rounded())
         for address, cell in inputs.cells.items():
             if not cell.is_number:
                 assert address not in movable

@@ -180,7 +180,7 @@ def monitored_angle(
     if telescope == "nominal":
         # One telescope for all angles of a replicate, anywhere in the range of a nominal length.
         spread = generator.uniform(-1, 1, replicates)
-        length += spread * (inputs.upper(platform.TELESCOPE) - length)
+        length += spread * inputs.half_width(platform.TELESCOPE)
     results = {}
     for place, (about, axis) in enumerate(_MOTION_AXIS.items()):
         motions = _motions(inputs, about if columns == "motions" else axis, columns)
