@@ -33,7 +33,7 @@ class Look:
 
 def is_narrow(figure: Figure) -> bool:
     """Return whether a figure is drawn for a narrow page."""
-    return float(figure.get_figwidth()) <= NARROW
+    return figure.get_figwidth() <= NARROW
 
 
 def set_size(

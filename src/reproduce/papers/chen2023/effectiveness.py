@@ -355,7 +355,7 @@ def _shared_zero_chi_square(differences: FloatArray, sigma: float) -> float:
     """Return chi-square of differences that each contain the noise of one zero state."""
     count = differences.size + 1
     total = np.square(differences).sum() - differences.sum() ** 2 / count
-    return float(total / sigma**2)
+    return total / sigma**2
 
 
 def _test_facts(inputs: Inputs) -> dict[str, float]:
@@ -411,4 +411,4 @@ def _differences(inputs: Inputs) -> Rows:
             sigma = accurate / platform.SIGMAS / np.sqrt(averaged)
             column = _column(inputs, f"difference-{about}")
             chi_square += _shared_zero_chi_square(column, sigma)
-        yield name, chi_square, freedom, float(chdtrc(freedom, chi_square))
+        yield name, chi_square, freedom, chdtrc(freedom, chi_square)

@@ -138,8 +138,8 @@ def _priors(model: Model, images: list[FloatArray]) -> dict[str, Prior]:
     likelihood = model.likelihood_of(models.SpotLikelihood)
     platform, residual = likelihood.platform, likelihood.residual()
     first, last = likelihood.statistics.means
-    size = float(np.ptp(first, axis=0).max())
-    motion = float(np.abs(last - first).max() + images[0].std(axis=0).max())
+    size = np.ptp(first, axis=0).max()
+    motion = np.abs(last - first).max() + images[0].std(axis=0).max()
     pixel = platform.pixel_pitch / platform.tracker_focal_length
     reason = "twenty times the motion of the spots"
     across = Normal(0.0, _PRIOR_WIDTHS * motion * pixel, reason)

@@ -87,7 +87,7 @@ def _channels(inputs: Inputs, table: str, channel: str) -> Channels:
     cameras, rotations = _INSTRUMENTS[table](inputs)
     place = CHANNELS.index(channel)
     green, source, rotation = cameras[0], cameras[place], rotations[place]
-    tilt = float(np.tan(abs(rotation)))
+    tilt = np.tan(abs(rotation))
     # The second term is the remainder that the printed fraction leaves at the corner.
     rest = (1 / inputs[_FIRST_TERM_FRACTION] - 1) / np.square(_half_size(inputs)).sum()
     second, reference = (
@@ -124,4 +124,4 @@ def _errors(inputs: Inputs) -> Rows:
         fit = fit_registration(positions * 1e6, positions * 1e6 + error, (0.0, 0.0))
         lengths = np.linalg.norm([error, fit.residuals], axis=-1)
         whole, rest = np.sqrt(np.square(lengths).mean(axis=-1)).tolist()
-        yield _TITLES[effect], table, channel, float(lengths[0].max()), whole, rest
+        yield _TITLES[effect], table, channel, lengths[0].max(), whole, rest

@@ -129,7 +129,7 @@ def _sufficient(inputs: Inputs) -> dict[str, float]:
     counts, level = {}, -np.log(inputs[NOISE])
     for name, (_, _, high) in _edge_errors(inputs, _STARS_TRIED).items():
         log = np.interp(level, -np.log(high), np.log(_STARS_TRIED), right=np.inf)
-        counts[name] = float(np.ceil(np.exp(log)))
+        counts[name] = np.ceil(np.exp(log))
     return counts
 
 

@@ -304,7 +304,7 @@ def _scale_errors(inputs: Inputs) -> Rows:
         cameras, fits = twin_fits(inputs, seed, _FIT_REPLICATES, fraction * residual)
         for channel in REGISTERED:
             ratio = cameras["green"].focal_length / cameras[channel].focal_length
-            sigma = float(np.std(fits[channel].parameters[:, 0] - ratio))
+            sigma = np.std(fits[channel].parameters[:, 0] - ratio)
             apart = inputs[f"niu2024/table-4#scale.{channel}"] - ratios[channel]
             distance = max(0.0, abs(apart) - _SCALE_ROUNDING) / sigma
             yield channel, name, apart, sigma, distance

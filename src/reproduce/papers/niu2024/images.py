@@ -150,7 +150,7 @@ def cell(
     generator = np.random.default_rng(seed)
     bench, half = _instrument(inputs), experiment.half_field(inputs)
     green = bench.cameras[0]
-    pitch = float(green.pixel_pitch / green.focal_length)
+    pitch = green.pixel_pitch / green.focal_length
     errors, signals = [], []
     for _ in range(PHASES):
         angles = place * half + pitch * generator.uniform(-1, 1, 2)
@@ -201,7 +201,7 @@ def _signal_to_noise(image: FloatArray) -> float:
     inner = image.mean(axis=0)[half:-half, half:-half]
     y, x = np.unravel_index(inner.argmax(), inner.shape)
     sums = image[:, y : y + _SUMMED_PIXELS, x : x + _SUMMED_PIXELS].sum(axis=(-2, -1))
-    return float(sums.mean() / sums.std(ddof=1))
+    return sums.mean() / sums.std(ddof=1)
 
 
 def _centres(fused: list[FloatArray], corner: FloatArray) -> FloatArray:
@@ -268,27 +268,29 @@ def _draw_star(figure: Figure, printed: Marks, inputs: Inputs) -> None:
     windows, corner = _exposures(spots, photons, 1, np.random.default_rng(9))
     green, *fused = _combinations(windows, corner, similarities(inputs))
     _, red, blue = windows[..., _MIDDLE_SLICE, _MIDDLE_SLICE]
-    marks = dict(zip(CHANNELS, spots - corner - _MARGIN_PIXELS + 0.5, strict=True))
-    # Title, image, and the marks of the channels in it.
-    panels = (
-        ("red", red, {"red": marks["red"]}),
-        ("green", green, {"green": marks["green"]}),
-        ("blue", blue, {"blue": marks["blue"]}),
-        (MADE[1], fused[0], marks),
-        (MADE[2], fused[1], dict.fromkeys(CHANNELS, marks["green"])),
-    )
+    centres = dict(zip(CHANNELS, spots - corner - _MARGIN_PIXELS + 0.5, strict=True))
+    registered = dict.fromkeys(CHANNELS, centres["green"])
     halo = [withStroke(linewidth=3.5, foreground="white")]  # for dark pixels
     shape = (3, 2) if set_size(figure, 6.4, 4.6, 5.6) else (2, 3)
     grid = figure.subplots(*shape, sharex=True, sharey=True)
-    for axes, (title, [flux], places) in zip(grid.flat, panels, strict=False):
+    # Title, image, and the centres of the channels.
+    for axes, (title, [flux], marks) in zip(
+        grid.flat,
+        (
+            ("red", red, centres),
+            ("green", green, centres),
+            ("blue", blue, centres),
+            (MADE[1], fused[0], centres),
+            (MADE[2], fused[1], registered),
+        ),
+        strict=False,
+    ):
         root = np.sqrt(np.maximum(flux, 0))
         # Never quite black, which follows the text of the page and is white on a dark page.
-        axes.pcolormesh(
-            root, cmap="gray_r", shading="flat", vmin=0, vmax=1.1 * root.max()
-        )
+        axes.pcolormesh(root, cmap="gray_r", vmin=0, vmax=1.1 * root.max())
         for name, look in _CHANNEL_LOOKS.items():
-            if name in places:
-                [mark] = axes.plot(*places[name], look.colour + look.marker, mfc="none")
+            if title in (name, *MADE[1:]):
+                [mark] = axes.plot(*marks[name], look.colour + look.marker, mfc="none")
                 mark.set(markersize=9, markeredgewidth=1.3, path_effects=halo)
         axes.set(aspect="equal", title=title, xticks=[0, 3, 6, 9], yticks=[0, 3, 6, 9])
         axes.grid(visible=False)

@@ -206,7 +206,7 @@ def _your_mixture(
     plain, remarks = _your_registration(table, arguments)
     model = models.mixture_model(plain)
     # Wrong matches may rotate the least-squares fit.
-    theta = float(model.likelihood.start()[0][1])
+    theta = model.likelihood.start()[0][1]
     reason = "any angle, cut opposite to the fit of the stars that agree"
     rotation = Uniform(theta - np.pi, theta + np.pi, reason)
     # The mixture names mismatches itself.

@@ -38,7 +38,7 @@ def true_translation(inputs: Inputs) -> Results:
     """Compute the translations as differences of the principal points of Table 1."""
     green, *others = points(inputs, "niu2024/table-1#principal-point")
     return {
-        f"translation-{axis}.{channel}": float(shift)
+        f"translation-{axis}.{channel}": shift
         for channel, point in zip(REGISTERED, others, strict=True)
         for axis, shift in zip("xy", point - green, strict=True)
     }
