@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from reproduce.papers.catalogue import catalogue, drawings, studies
-from reproduce.papers.declare import item_text, parsed
+from reproduce.papers.declare import item_text, parse_texts
 from reproduce.printed.cells import library
 
 FOLDER = Path(__file__).parents[2] / "data" / "captions"
@@ -56,5 +56,5 @@ def test_every_text_is_used():
 )
 def test_a_file_that_is_wrong_is_refused_with_the_place(text, fault):
     with pytest.raises(ValueError, match=r"chen2023\.toml") as refused:
-        parsed(text, Path("chen2023.toml"))
+        parse_texts(text, Path("chen2023.toml"))
     assert fault in str(refused.value)

@@ -15,8 +15,8 @@ from reproduce.printed.cells import find
 from reproduce.printed.inputs import load_inputs
 from reproduce.units import ARCSEC_PER_RADIAN
 
-FRAMES = load_inputs(camera._FRAME_READS)
-STARS = load_inputs(sensor.READS)
+FRAMES = load_inputs(camera._FRAME_INPUTS)
+STARS = load_inputs(sensor.INPUTS)
 
 
 def fact(key, name):
@@ -129,7 +129,7 @@ def test_free_distortions_pay_from_their_number_of_stars_on():
 
 def test_the_age_of_a_calibration_is_that_of_least_squares():
     """A line through the angles frame by frame: its middle, its slope and their errors."""
-    inputs = load_inputs(camera.READS)
+    inputs = load_inputs(camera.INPUTS)
     error, moved, spread = camera._drifting(inputs)
     frames = inputs.count("chen2023/text-accuracy#frames")
     # The error of a slope over a group is sqrt(12) times the error of its middle, and the angle

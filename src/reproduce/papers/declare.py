@@ -21,7 +21,7 @@ from reproduce.papers.texts import Column as Column
 from reproduce.papers.texts import Fact as Fact
 from reproduce.papers.texts import Options as Options
 from reproduce.papers.texts import item_text as item_text
-from reproduce.papers.texts import parsed as parsed
+from reproduce.papers.texts import parse_texts as parse_texts
 from reproduce.papers.texts import unpublished as unpublished
 from reproduce.printed.inputs import Inputs, load_inputs
 

@@ -116,11 +116,11 @@ def unpublished(key: str, name: str) -> str:
 def _of_paper(paper: str) -> dict[str, ItemText]:
     texts: dict[str, ItemText] = {}
     for path in caption_files(paper):
-        texts |= parsed(path.read_text(encoding="utf-8"), path)
+        texts |= parse_texts(path.read_text(encoding="utf-8"), path)
     return texts
 
 
-def parsed(text: str, path: Path) -> dict[str, ItemText]:
+def parse_texts(text: str, path: Path) -> dict[str, ItemText]:
     """Return the texts of a file by name.
 
     Raises

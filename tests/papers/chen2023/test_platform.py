@@ -25,7 +25,7 @@ from reproduce.physics.attitude import (
 from reproduce.printed.inputs import load_inputs
 
 ARCSEC = np.pi / 180 / 3600
-INPUTS = load_inputs(platform_twin.READS)
+INPUTS = load_inputs(platform_twin.INPUTS)
 PRINTED = np.array(
     [[544.822, 435.751], [520.724, 459.788], [569.035, 459.876], [544.579, 483.940]]
 )
@@ -85,7 +85,7 @@ def test_table_4_from_rendered_frames_is_that_of_the_linear_prediction(replicate
         ]
     )
     linear = accuracy._simulated_accuracies(
-        load_inputs(accuracy.READS), SeedSequence(5), 600, counts
+        load_inputs(accuracy.INPUTS), SeedSequence(5), 600, counts
     )
     # The twin spreads a laser's scatter evenly over x and y; the mean of both axes is common.
     ours, theirs = ((a**2).mean(axis=-2) for a in (rendered, linear))
@@ -96,7 +96,7 @@ def test_table_4_from_rendered_frames_is_that_of_the_linear_prediction(replicate
 @pytest.fixture(scope="module")
 def stage_test():
     """The test of Figure 10: times, reference and monitored angles."""
-    return platform_twin.stage_test(
+    return platform_twin._stage_test(
         load_inputs(catalogue()["chen2023/fig-10b"].draw.inputs)
     )
 

@@ -15,7 +15,7 @@ from reproduce.printed.inputs import load_inputs
 
 ARCSEC = np.pi / 180 / 3600
 DRAWS = 20_000
-INPUTS = load_inputs((*positioning.READS, *positioning._YEAR_READS))
+INPUTS = load_inputs((*positioning.INPUTS, *positioning._YEAR_INPUTS))
 TERMS = positioning._terms(INPUTS)
 COVARIANCES = positioning._covariances(INPUTS)
 BUDGET = {name: [name] for name in TERMS} | {

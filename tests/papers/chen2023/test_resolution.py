@@ -13,7 +13,7 @@ from reproduce.physics.images import (
 )
 from reproduce.printed.inputs import load_inputs
 
-INPUTS = load_inputs(resolution.READS)
+INPUTS = load_inputs(resolution.INPUTS)
 CASES = [
     *(resolution._Case(width) for width in resolution._WIDTHS.values()),
     resolution._Case(resolution._WIDTHS["half"], 0.9),
@@ -25,7 +25,7 @@ PHASES = np.linspace(-0.49, 0.49, 50)
 
 @pytest.fixture(scope="module")
 def content():
-    return resolution.curves(load_inputs(resolution.READS))
+    return resolution.curves(load_inputs(resolution.INPUTS))
 
 
 def test_the_monte_carlo_is_what_the_closed_form_predicts(content):

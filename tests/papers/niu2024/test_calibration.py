@@ -20,7 +20,7 @@ from reproduce.physics.registration import (
 )
 from reproduce.printed.inputs import load_inputs
 
-INPUTS = load_inputs(simulation.READS)
+INPUTS = load_inputs(simulation.INPUTS)
 
 
 def test_the_table_moves_the_star_as_the_page_says():

@@ -138,7 +138,7 @@ def test_the_stand_in_is_the_noise_of_two_channels():
 
 def test_channels_calibrated_alone_differ_far_more_than_the_printed_ones():
     """Even with ten repeats averaged of the noise that the simulation has."""
-    inputs = load_inputs([*experiment.INSTRUMENT, *simulation.READS])
+    inputs = load_inputs([*experiment.INSTRUMENT, *simulation.INPUTS])
     seed, error = np.random.SeedSequence(6), 0.05 / np.sqrt(10)
     fits, _ = experiment.twin_fits(inputs, seed, 2000, error)
     for channel, coefficient in (("red", 34.166), ("green", 34.152), ("blue", 34.147)):
@@ -153,7 +153,7 @@ def test_channels_calibrated_alone_differ_far_more_than_the_printed_ones():
 def test_the_registration_of_the_twin_finds_what_the_cameras_imply():
     """With the precision of the bound; so the printed scales contradict the focal lengths."""
     inputs = load_inputs(
-        [*experiment.INSTRUMENT, *simulation.READS, "niu2024/table-4#scale.*"]
+        [*experiment.INSTRUMENT, *simulation.INPUTS, "niu2024/table-4#scale.*"]
     )
     error, replicates = 0.05 / np.sqrt(10), 400
     _, fits = experiment.twin_fits(inputs, np.random.SeedSequence(3), replicates, error)

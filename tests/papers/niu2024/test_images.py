@@ -10,7 +10,7 @@ from reproduce.physics.images import cramer_rao_variance, window_corners
 from reproduce.printed.inputs import load_inputs
 from reproduce.store.measured import spectra
 
-INPUTS = load_inputs(images.READS)
+INPUTS = load_inputs(images.INPUTS)
 DARK = images.SENSOR.noise_electrons()
 ETA = images.SENSOR.quantum_efficiency
 
@@ -26,7 +26,7 @@ def spots(place):
 
 
 def photons(magnitude, star="solar"):
-    return images.light_of(INPUTS, star, magnitude)
+    return images.photons_from(INPUTS, star, magnitude)
 
 
 def test_a_magnitude_4_star_by_hand():
@@ -97,7 +97,9 @@ def test_two_cells_are_recomputed(stored):
     for star in ("solar", "Vega"):
         place = (list(images.STARS).index(star), 2, 3)
         seed = np.random.SeedSequence(fusion.SEED, spawn_key=place)
-        arrays = images.cell(INPUTS, 0.95, photons(4.0, star), fusion.TRIALS, seed)
+        arrays = images.compare_images(
+            INPUTS, 0.95, photons(4.0, star), fusion.TRIALS, seed
+        )
         for name, array in zip(images.RESULTS, arrays, strict=True):
             np.testing.assert_allclose(array, stored[name][place], atol=1e-9)
 
@@ -114,5 +116,5 @@ def test_a_wrong_shift_of_red_costs_its_share_of_the_light():
     shift, light = "niu2024/table-4#translation-x.red", photons(2.0)
     wrong = images.similarities(INPUTS.changed({shift: INPUTS[shift] + 0.5}))
     seed = np.random.SeedSequence(3)
-    _, bias, _ = images.cell(INPUTS, 0.95, light, 6, seed, wrong)
+    _, bias, _ = images.compare_images(INPUTS, 0.95, light, 6, seed, wrong)
     assert bias[2] == pytest.approx(0.5 * light[1] / light.sum(), rel=0.1)

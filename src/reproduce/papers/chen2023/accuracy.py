@@ -31,7 +31,7 @@ RATE = "chen2023/text-accuracy#frame-rate"
 COUNTS = "chen2023/table-4#*.frames"
 _MATRICES = {"transform": "laser transform", "misalignment": "misalignment"}
 _REPLICATES = 2000
-READS = (*platform.INSTRUMENT, "chen2023/table-3", FRAMES, COUNTS)
+INPUTS = (*platform.INSTRUMENT, "chen2023/table-3", FRAMES, COUNTS)
 # Replicates simulated at once: enough to be fast, few enough for a small memory.
 _BATCH_REPLICATES = 250
 
@@ -39,7 +39,7 @@ _BATCH_REPLICATES = 250
 @reproduces(
     "chen2023/table-4",
     cells=["*.transform-?", "*.misalignment-?"],
-    inputs=READS,
+    inputs=INPUTS,
     equations=["2", "3", "4", "5", "6", "7"],
     replicates=_REPLICATES,
 )
@@ -133,7 +133,7 @@ def pixel_angle(inputs: Inputs) -> Results:
     return {"angular-resolution": platform.angle_of_one_pixel(inputs)}
 
 
-@draws("chen2023/table-4", inputs=READS, random=True)
+@draws("chen2023/table-4", inputs=INPUTS, random=True)
 def _draw(figure: Figure, printed: Marks, inputs: Inputs) -> None:
     """Draw the accuracy of the matrices against the number of averaged frames."""
     counts, predicted = inputs.array(COUNTS), frame_averaging(inputs)

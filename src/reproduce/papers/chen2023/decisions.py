@@ -17,7 +17,7 @@ from scipy.special import gammaincinv, ndtri
 from reproduce.inference.models import small_angle_posterior
 from reproduce.papers.charts import legend_below, plot_band, set_log_ticks, two_panels
 from reproduce.papers.chen2023 import accuracy, effectiveness, platform, satellite
-from reproduce.papers.chen2023.posteriors import READS, drift
+from reproduce.papers.chen2023.posteriors import INPUTS, drift
 from reproduce.papers.declare import Marks, Rows, draws, studied
 from reproduce.physics.attitude import averaged_error, moving_average
 from reproduce.physics.validate import FloatArray
@@ -37,7 +37,7 @@ _STATES = (
     "chen2023/table-5#*.reference-y",
 )
 _MARKS = ("chen2023/table-4#*.misalignment-x", "chen2023/table-4#*.misalignment-y")
-_FRAME_READS = (
+_FRAME_INPUTS = (
     accuracy.COUNTS,
     *_MARKS,
     accuracy.FRAMES,
@@ -187,7 +187,7 @@ def _frame_facts(inputs: Inputs) -> dict[str, float]:
     }
 
 
-@studied("chen2023/frames", inputs=_FRAME_READS, named=_frame_facts)
+@studied("chen2023/frames", inputs=_FRAME_INPUTS, named=_frame_facts)
 def _frames(inputs: Inputs) -> Rows:
     """Compute the error of averages over several numbers of frames."""
     counts = np.array(_SHOWN_COUNTS)
@@ -196,7 +196,7 @@ def _frames(inputs: Inputs) -> Rows:
     yield from zip(_SHOWN_COUNTS, *table.tolist(), strict=True)
 
 
-@draws("chen2023/drawing-frames", inputs=_FRAME_READS, marks=_MARKS)
+@draws("chen2023/drawing-frames", inputs=_FRAME_INPUTS, marks=_MARKS)
 def _draw_frames(figure: Figure, printed: Marks, inputs: Inputs) -> None:
     """Draw the error of the misalignment against frames averaged, and the scatter of Table V."""
     counts, states = np.geomspace(1, 1000, 40), _state_noise(inputs) * ARCSEC_PER_RADIAN
@@ -242,7 +242,7 @@ def _age_facts(inputs: Inputs) -> dict[str, float]:
     }
 
 
-@studied("chen2023/drift", inputs=READS, named=_age_facts)
+@studied("chen2023/drift", inputs=INPUTS, named=_age_facts)
 def _ages(inputs: Inputs) -> Rows:
     """Compute the error after a calibration by its age."""
     error, moved, spread = _drifting(inputs)

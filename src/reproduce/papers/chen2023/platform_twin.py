@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _WINDOW = "chen2023/text-platform#window-x"
-READS = (
+INPUTS = (
     *platform.INSTRUMENT,
     "chen2023/table-3",
     resolution.SPOT_RADIUS,
@@ -135,11 +135,11 @@ def bench(inputs: Inputs) -> _Bench:
 # about the boresight.
 _POINTING_DEG = (84.6, -0.4, 20.0)
 _FAINTEST_MAGNITUDE = 6.0
-_SERIES_READS = (*READS, accuracy.SMOOTHED, accuracy.DURATION)
+_SERIES_INPUTS = (*INPUTS, accuracy.SMOOTHED, accuracy.DURATION)
 _MARGIN_PX = 12
-_draws_series = partial(draws, inputs=_SERIES_READS, random=True)
+_draws_series = partial(draws, inputs=_SERIES_INPUTS, random=True)
 _draws_test = partial(
-    draws, inputs=(*_SERIES_READS, _POSITIONS, effectiveness.FRAMES), random=True
+    draws, inputs=(*_SERIES_INPUTS, _POSITIONS, effectiveness.FRAMES), random=True
 )
 
 
@@ -180,7 +180,7 @@ def _groups(inputs: Inputs) -> _Series:
 
 
 @cache
-def stage_test(inputs: Inputs) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _stage_test(inputs: Inputs) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the test of Figure 10: the printed positions, one state after the other.
 
     Times of the frames, (frames,), in seconds. Reference angles about X and Y and the angles
@@ -321,7 +321,7 @@ def _angles(
     figure: Figure, inputs: Inputs, axis: str, shown: slice, labels: tuple[str, str]
 ) -> tuple[Axes, FloatArray, int]:
     """Draw monitored and reference angles; return the axes, all times, and frames per state."""
-    times, reference, monitored = stage_test(inputs)
+    times, reference, monitored = _stage_test(inputs)
     axes = figure.add_subplot()
     for angles, line, label in zip(
         (monitored, reference), ("-", "--"), labels, strict=True

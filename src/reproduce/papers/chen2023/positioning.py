@@ -27,8 +27,8 @@ from reproduce.units import RADIANS_PER_ARCSEC
 
 _POINTING = "chen2023/table-1#tracker-pointing-accuracy.value"
 _MONITORING = (*platform.INSTRUMENT, "chen2023/table-3#2-*", accuracy.SMOOTHED)
-READS = (*_MONITORING, *satellite.CAMERA, _POINTING)
-_YEAR_READS = (*_MONITORING, *satellite.CAMERA, accuracy.RATE)
+INPUTS = (*_MONITORING, *satellite.CAMERA, _POINTING)
+_YEAR_INPUTS = (*_MONITORING, *satellite.CAMERA, accuracy.RATE)
 _ORBIT_ERROR_M = 0.05
 _SINGLE, _AVERAGED = "one frame", "averaged"
 # Views of the satellite: tilt off the nadir in deg, distance of the target from it in m.
@@ -128,7 +128,7 @@ def _budget_facts(inputs: Inputs) -> dict[str, float]:
     return {"altitude": satellite.altitude(inputs) / 1e3}
 
 
-@studied("chen2023/budget", inputs=READS, named=_budget_facts)
+@studied("chen2023/budget", inputs=INPUTS, named=_budget_facts)
 def _budget(inputs: Inputs) -> Rows:
     """Compute the error budget of SVGF-1 on the ground, term by term."""
     terms = _terms(inputs)
@@ -188,7 +188,7 @@ def _campaign_facts(inputs: Inputs) -> dict[str, float]:
     return {"campaign": _CAMPAIGN_DAYS, "level": 100 * _LEVEL}
 
 
-@studied("chen2023/strategies", random=True, inputs=_YEAR_READS, named=_campaign_facts)
+@studied("chen2023/strategies", random=True, inputs=_YEAR_INPUTS, named=_campaign_facts)
 def _strategies(inputs: Inputs) -> Rows:
     """Compute the positioning error over a year, for four corrections and four amplitudes."""
     height = satellite.altitude(inputs)

@@ -29,7 +29,7 @@ from reproduce.store.spots import IMAGES, SPOTS, images_of, lost_spots
 from reproduce.units import ARCSEC_PER_RADIAN
 
 _FRAMES = "chen2023/text-accuracy#frames"
-READS = (*INSTRUMENT, "chen2023/table-3", _FRAMES, *satellite.CAMERA)
+INPUTS = (*INSTRUMENT, "chen2023/table-3", _FRAMES, *satellite.CAMERA)
 # Misalignment of the simulation, of the size that the text expects in orbit, with a roll.
 _TRUTH = np.array([20.0, -15.0, 30.0]) / ARCSEC_PER_RADIAN
 _DRIFT = np.array([1.0, 0.5, 0.0]) / ARCSEC_PER_RADIAN
@@ -181,7 +181,7 @@ POSTERIORS = (
         "misalignment",
         "Constant misalignment from laser spots",
         "chen2023",
-        READS,
+        INPUTS,
         _misalignment,
         _file(drifts=False),
         _truth,
@@ -194,7 +194,7 @@ POSTERIORS = (
         "misalignment-drift",
         "Drifting misalignment from laser spots",
         "chen2023",
-        READS,
+        INPUTS,
         drift,
         _file(drifts=True),
         partial(_truth, drifts=True),

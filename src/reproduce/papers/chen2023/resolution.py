@@ -66,7 +66,7 @@ _TRIALS = "chen2023/text-resolution#trials"
 _LASERS = "chen2023/text-resolution#lasers"
 _OPTIMUM = "chen2023/text-resolution#optimum"
 _SATURATION = "chen2023/text-resolution#saturation"
-READS = (
+INPUTS = (
     SPOT_RADIUS,
     _WINDOW,
     *platform.TRACKER,
@@ -117,7 +117,7 @@ def spot(inputs: Inputs) -> Results:
 @reproduces(
     "chen2023/text-resolution",
     cells=["optimum", "optimum-accuracy", "saturation"],
-    inputs=READS,
+    inputs=INPUTS,
     equations=["11"],
     replicates=_REPLICATES,
 )
@@ -259,7 +259,7 @@ def curves(inputs: Inputs) -> dict[str, FloatArray]:
 
 @draws(
     "chen2023/fig-11a",
-    inputs=READS,
+    inputs=INPUTS,
     marks=[_OPTIMUM, "chen2023/text-resolution#optimum-accuracy"],
     random=True,
 )
@@ -273,7 +273,7 @@ def _draw_centroids(figure: Figure, printed: Marks, inputs: Inputs) -> None:
     legend_below(figure, 3)
 
 
-@draws("chen2023/fig-11b", inputs=READS, marks=[_SATURATION], random=True)
+@draws("chen2023/fig-11b", inputs=INPUTS, marks=[_SATURATION], random=True)
 def _draw_monitoring(figure: Figure, printed: Marks, inputs: Inputs) -> None:
     """Draw the monitoring accuracy against the angular resolution of the tracker."""
     angles, lasers = _resolutions(inputs), inputs.count(_LASERS)

@@ -31,7 +31,7 @@ from reproduce.printed.inputs import Inputs
 
 _FIRST_TERM_FRACTION = "niu2024/text-approximations#first-term-share"
 _INSTRUMENTS = {"Table 1": simulation.instrument, "Table 4": experiment.instrument}
-READS = (
+INPUTS = (
     *experiment.CAMERAS,
     "niu2024/table-1",
     "niu2024/table-2#rotation.*",
@@ -114,7 +114,7 @@ def _facts(inputs: Inputs) -> dict[str, float]:
     } | {"noise-rms": np.sqrt(2.0) * inputs[NOISE]}
 
 
-@studied("niu2024/approximations", inputs=(*READS, NOISE), named=_facts)
+@studied("niu2024/approximations", inputs=(*INPUTS, NOISE), named=_facts)
 def _errors(inputs: Inputs) -> Rows:
     """Compute the size of each error over the detector, and its residual after a fit."""
     positions = even_positions(_half_size(inputs), _POSITIONS_ACROSS)

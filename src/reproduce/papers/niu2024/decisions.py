@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 # Low end of the central 95 %, median, high end.
 _QUANTILES = (0.025, 0.5, 0.975)
-READS = simulation.READS
+INPUTS = simulation.INPUTS
 _COUNT = "niu2024/text-simulation#angle-count"
 _MODELS = {"similarity": "registration", "distortions free": "registration-distortion"}
 _STAR_COUNTS = (10, 20, 50, 100, 200, 500, 1000)
@@ -152,7 +152,7 @@ def _star_facts(inputs: Inputs) -> dict[str, float]:
     return facts
 
 
-@studied("niu2024/stars", inputs=READS, named=_star_facts)
+@studied("niu2024/stars", inputs=INPUTS, named=_star_facts)
 def _stars(inputs: Inputs) -> Rows:
     """Compute the error at the edge of the field by the number of stars."""
     counts = sorted({*_STAR_COUNTS, inputs.count(_COUNT)})
@@ -160,7 +160,7 @@ def _stars(inputs: Inputs) -> Rows:
     yield from zip(counts, *plain[1:].tolist(), *free[1:].tolist(), strict=True)
 
 
-@draws("niu2024/drawing-stars", inputs=READS)
+@draws("niu2024/drawing-stars", inputs=INPUTS)
 def _draw_stars(figure: Figure, printed: Marks, inputs: Inputs) -> None:
     """Draw the error at the edge of the field against the number of stars."""
     counts = np.geomspace(10, 1000, 30)

@@ -269,8 +269,8 @@ _FIT_REPLICATES = 1000
 _SCALE_ROUNDING = 0.5e-4
 # Fraction of a printed residual that is the error of one centroid.
 _ERROR_FRACTIONS = {
-    "half of them green's": np.sqrt(0.5),
-    "all of them in every channel": 1.0,
+    "half of the variance in green": np.sqrt(0.5),
+    "whole residual in every channel": 1.0,
 }
 
 

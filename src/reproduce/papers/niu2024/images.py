@@ -42,7 +42,7 @@ from reproduce.store.measured import spectra
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-READS = (
+INPUTS = (
     *experiment.INSTRUMENT,
     "niu2024/text-optics#pixels-*",
     "niu2024/text-optics#band-*",
@@ -73,7 +73,7 @@ STARS: dict[str, float | str] = {
     "Sun": "sun",
     "Vega": "vega",
 }
-MADE = ("green alone", "fused as they are", "fused after registration")
+KINDS = ("green only", "fused without registration", "fused after registration")
 RESULTS = ("error", "bias", "signal_to_noise")
 # Margin around the window, so that resampling has all pixels that it needs.
 _MARGIN_PIXELS = 12
@@ -100,7 +100,7 @@ def similarities(inputs: Inputs) -> list[Registration]:
     return [similarity_between(camera, rotation, green) for camera, rotation in pairs]
 
 
-def light_of(inputs: Inputs, star: str, magnitude: float) -> FloatArray:
+def photons_from(inputs: Inputs, star: str, magnitude: float) -> FloatArray:
     """Return the photons from one of `STARS` at each detector in one exposure, shape (3,)."""
     spectrum, photons = STARS[star], []
     for channel in CHANNELS:
@@ -115,7 +115,7 @@ def light_of(inputs: Inputs, star: str, magnitude: float) -> FloatArray:
     return collected * inputs["niu2024/text-experiment#exposure"] * np.stack(photons)
 
 
-def cell(
+def compare_images(
     inputs: Inputs,
     place: float,
     photons: FloatArray,
@@ -128,11 +128,11 @@ def cell(
     Parameters
     ----------
     inputs : Inputs
-        `READS`.
+        `INPUTS`.
     place : float
         Place in the field, as a fraction of the half range to the corner.
     photons : ndarray, shape (3,)
-        Photons at each detector, as from `light_of`.
+        Photons at each detector, as from `photons_from`.
     trials : int
         Number of exposures for each of the `PHASES` positions of the star in its pixel.
     seed : numpy.random.SeedSequence
@@ -143,7 +143,7 @@ def cell(
     Returns
     -------
     error, bias, signal_to_noise : ndarray, shape (3,)
-        By image of `MADE`: root mean square distance of the centre from the true centre in green,
+        By image of `KINDS`: root mean square distance of the centre from the true centre in green,
         and length of the mean error, in px; signal-to-noise ratio of the flux in an aperture
         around the brightest pixel.
     """
@@ -185,7 +185,7 @@ def _exposures(
 def _combinations(
     windows: FloatArray, corner: FloatArray, transforms: Sequence[Registration]
 ) -> list[FloatArray]:
-    """Return the images of `MADE` in the middle of the windows, (trials, window, window)."""
+    """Return the images of `KINDS` in the middle of the windows, (trials, window, window)."""
     x, y = corner.astype(int).tolist()
     moved = [
         [registered_image(window, transform, corner=(x, y)) for window in layer]
@@ -245,7 +245,7 @@ def _facts(inputs: Inputs) -> dict[str, float | str]:
 def _centroids(inputs: Inputs) -> Rows:
     """Return the stored errors and signal-to-noise ratios by star, place, magnitude and image."""
     numbers = np.stack([_stored().arrays[name] for name in RESULTS], axis=-1)
-    labels = product(STARS, PLACES, MAGNITUDES, MADE)
+    labels = product(STARS, PLACES, MAGNITUDES, KINDS)
     for label, row in zip(labels, numbers.reshape(-1, len(RESULTS)), strict=True):
         yield (*label, *row)
 
@@ -257,14 +257,14 @@ _CHANNEL_LOOKS = {
 }
 
 
-@draws("niu2024/drawing-fusion-star", inputs=READS)
+@draws("niu2024/drawing-fusion-star", inputs=INPUTS)
 def _draw_star(figure: Figure, printed: Marks, inputs: Inputs) -> None:
     """Draw one star near the corner of the field: three channels, and both sums of them."""
     from matplotlib.patheffects import withStroke
 
     angles = 0.95 * experiment.half_field(inputs)
     spots = _instrument(inputs).imaged(angles[None])[:, 0]
-    photons = light_of(inputs, "solar", magnitude=3.0)
+    photons = photons_from(inputs, "solar", magnitude=3.0)
     windows, corner = _exposures(spots, photons, 1, np.random.default_rng(9))
     green, *fused = _combinations(windows, corner, similarities(inputs))
     _, red, blue = windows[..., _MIDDLE_SLICE, _MIDDLE_SLICE]
@@ -280,8 +280,8 @@ def _draw_star(figure: Figure, printed: Marks, inputs: Inputs) -> None:
             ("red", red, centres),
             ("green", green, centres),
             ("blue", blue, centres),
-            (MADE[1], fused[0], centres),
-            (MADE[2], fused[1], registered),
+            (KINDS[1], fused[0], centres),
+            (KINDS[2], fused[1], registered),
         ),
         strict=False,
     ):
@@ -289,7 +289,7 @@ def _draw_star(figure: Figure, printed: Marks, inputs: Inputs) -> None:
         # Never quite black, which follows the text of the page and is white on a dark page.
         axes.pcolormesh(root, cmap="gray_r", vmin=0, vmax=1.1 * root.max())
         for name, look in _CHANNEL_LOOKS.items():
-            if title in (name, *MADE[1:]):
+            if title in (name, *KINDS[1:]):
                 [mark] = axes.plot(*marks[name], look.colour + look.marker, mfc="none")
                 mark.set(markersize=9, markeredgewidth=1.3, path_effects=halo)
         axes.set(aspect="equal", title=title, xticks=[0, 3, 6, 9], yticks=[0, 3, 6, 9])
@@ -306,7 +306,7 @@ def _draw_errors(figure: Figure, printed: Marks, inputs: Inputs) -> None:
     axes = figure.add_subplot()
     errors = _stored().arrays["error"][list(STARS).index("solar")]
     for kind, (name, look) in enumerate(
-        zip(MADE, ("C6^:", "C1s--", "C0o-"), strict=True)
+        zip(KINDS, ("C6^:", "C1s--", "C0o-"), strict=True)
     ):
         for place, where, fill in ((0, "centre", "none"), (-1, "corner", "full")):
             line = axes.semilogy(

@@ -38,7 +38,7 @@ from reproduce.units import ARCSEC_PER_RADIAN
 # Fraction of stars that are matched wrongly on purpose.
 _FALSE_FRACTION = 0.3
 _TEST_POINTS = "niu2024/text-simulation#test-points"
-READS = (*simulation.READS, "niu2024/text-optics#pixel-pitch-*", _TEST_POINTS)
+INPUTS = (*simulation.INPUTS, "niu2024/text-optics#pixel-pitch-*", _TEST_POINTS)
 # Columns of the joint model for the model of one channel: its transform, and the noise.
 _JOINT_COLUMNS = ((0, 1, 2, 3, 8), (4, 5, 6, 7, 8))
 # With fewer stars a wrong match is indistinguishable from noise.
@@ -222,7 +222,7 @@ def _file(read: Callable[..., tuple[Model, list[str]]], *accepts: str) -> File:
 _NO_FILE = (
     "it is for the data of the book; registration and registration-mixture take stars"
 )
-_RED = partial(Declaration, paper="niu2024", inputs=READS, truth=truth)
+_RED = partial(Declaration, paper="niu2024", inputs=INPUTS, truth=truth)
 
 POSTERIORS = (
     _RED(

@@ -71,7 +71,7 @@ ANGLES = (
     "niu2024/text-simulation#range-y-*",
     "niu2024/text-simulation#step",
 )
-READS = (
+INPUTS = (
     *ANGLES,
     "niu2024/table-1",
     "niu2024/table-2#rotation.*",
@@ -234,7 +234,7 @@ class _Bench:
 @reproduces(
     "niu2024/table-3",
     cells=["scale.*", "rotation.*", "translation-*"],
-    inputs=[*READS, "niu2024/table-2#translation-*"],
+    inputs=[*INPUTS, "niu2024/table-2#translation-*"],
     equations=["14", "17", "18", "19", "20", "21", "22", "23", "24", "25"],
     replicates=_REPLICATES,
     options=_OPTIONS,
@@ -285,7 +285,7 @@ def _residuals(
     "niu2024/text-simulation",
     cells=["rmse-*"],
     inputs=[
-        *READS,
+        *INPUTS,
         "niu2024/table-2#translation-*",
         "niu2024/text-simulation#test-points",
         "niu2024/table-3#*",
