@@ -28,9 +28,11 @@ import page_cells
 from reproduce.consistency.report import Erratum, audit_paper
 from reproduce.judge.ledger import erratum
 from reproduce.judge.readings import all_readings
+from reproduce.judge.verdicts import CENTRAL
 from reproduce.locate import data_folder
 from reproduce.papers.catalogue import catalogue, studies
 from reproduce.printed.cells import PAPERS, library
+from reproduce.printed.number import NOMINAL_FRACTION
 from reproduce.store import studies as stored
 from reproduce.store.files import write_text
 from reproduce.views import computed, numbers, verdicts
@@ -127,6 +129,14 @@ def unsampled(*papers: str) -> dict[str, str]:
     }
     found |= {f"verdict/{word}": meaning for word, meaning in verdicts.MEANINGS.items()}
     if not papers:
+        found |= {
+            f"convention#{name}": f"{100 * value:g}\u202f%"
+            for name, value in (
+                ("consistent", CENTRAL),
+                ("outside", 1 - CENTRAL),
+                ("nominal", NOMINAL_FRACTION),
+            )
+        }
         found |= of_pages(page_cells.notebooks())
         found |= {f"audit#{label}": text for label, text in _of_audits().items()}
         found |= {f"evidence#{label}": text for label, text in _of_evidence().items()}

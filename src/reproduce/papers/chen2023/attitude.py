@@ -14,9 +14,16 @@ from reproduce.units import ARCSEC_PER_RADIAN
 _PRINTED = "chen2023/table-4#1.transform-?"
 
 
+def _platform_facts(inputs: Inputs) -> dict[str, float]:
+    """Return the difference of the printed square of spots from the design, in per cent."""
+    ratio = platform.square_ratio(platform.as_designed(inputs))
+    return {"square-smaller": 100 * (1 - ratio)}
+
+
 @studied(
     "chen2023/orders",
     inputs=(*platform.INSTRUMENT, "chen2023/table-3#1-*", _PRINTED),
+    named=_platform_facts,
 )
 def _orders(inputs: Inputs) -> Rows:
     """Compute the accuracy of a frame in the axes of both instruments, for two principal points."""

@@ -5,8 +5,8 @@ Two assumptions replace numbers that the paper does not print:
 * the principal point of the tracker is the centre of the detector. The centre of the first pixel is
   at zero;
 * each laser is at the corner of the designed square that is nearest to its spot. The image of the
-  square is 5 % smaller than designed, which changes the errors of angles by far less than a
-  printed digit.
+  square is a few per cent smaller than designed, which changes the errors of angles by far less
+  than a printed digit.
 """
 
 from __future__ import annotations
@@ -60,6 +60,17 @@ def as_designed(inputs: Inputs) -> Platform:
     lengths = inputs[TELESCOPE], inputs[FOCAL_LENGTH], inputs[PIXEL]
     centre = detector_centre(inputs.array(PIXELS))
     return Platform(lasers(inputs), *lengths, centre, printed_spots(inputs))
+
+
+def square_ratio(design: Platform) -> float:
+    """Return the size of the square of the spots over its size by design."""
+    printed, designed = (
+        np.ptp(points, axis=0).mean() for points in (design.spots, design.lasers)
+    )
+    magnification = (
+        design.tracker_focal_length / design.camera_focal_length / design.pixel_pitch
+    )
+    return printed / (designed * magnification)
 
 
 def printed_spots(inputs: Inputs) -> FloatArray:

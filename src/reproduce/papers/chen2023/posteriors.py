@@ -18,7 +18,12 @@ from numpy.random import PCG64, Generator
 
 from reproduce.inference import Consequence, LogUniform, Model, Normal, Prior, models
 from reproduce.papers.chen2023 import satellite
-from reproduce.papers.chen2023.platform import INSTRUMENT, SIGMAS, as_designed
+from reproduce.papers.chen2023.platform import (
+    INSTRUMENT,
+    SIGMAS,
+    as_designed,
+    square_ratio,
+)
 from reproduce.papers.posteriors import Declaration, File, data_stream
 from reproduce.physics.attitude import Platform
 from reproduce.physics.attitude.diagnosis import diagnose_spots
@@ -70,13 +75,7 @@ def _simulated_images(inputs: Inputs, drifts: bool) -> models.SpotStatistics:
     frames, design = inputs.count(_FRAMES), as_designed(inputs)
     noise = np.sqrt(np.square(inputs.array("chen2023/table-3") / SIGMAS).mean())
     # The printed spots are closer together than the designed square: simulate the printed ones.
-    printed, designed = (
-        np.ptp(points, axis=0).mean() for points in (design.spots, design.lasers)
-    )
-    magnification = (
-        design.tracker_focal_length / design.camera_focal_length / design.pixel_pitch
-    )
-    lasers = printed / (designed * magnification) * design.lasers
+    lasers = square_ratio(design) * design.lasers
     zero, half = np.zeros(3), _DRIFT / 2 if drifts else np.zeros(3)
     groups = []
     for first, last in ((zero, zero), (_TRUTH - half, _TRUTH + half)):

@@ -72,7 +72,7 @@ def truth(inputs: Inputs, channels: tuple[str, ...] = ("red",)) -> dict[str, flo
             names = (prefix + name for name in models.TRANSFORM)
             similarity = similarity_between(camera, rotation, green).parameters
             values |= dict(zip(names, similarity.tolist(), strict=True))
-    images = 1.0 if len(channels) > 1 else np.hypot(1, values["scale"])
+    images = 1.0 if len(channels) > 1 else float(np.hypot(1, values["scale"]))
     return {**values, "noise": inputs[NOISE] * images}
 
 
