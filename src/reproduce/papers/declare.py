@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import fnmatch
 import inspect
+import re
 import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -94,8 +95,6 @@ class Computation(PaperFunction):
     ----------
     cells : tuple of str
         Patterns of the names of its cells.
-    equations : tuple of str
-        Equation numbers of the paper.
     replicates : int
         Number of replicates of a stochastic computation; 0 for a deterministic one.
     options : mapping of str to mapping
@@ -104,7 +103,6 @@ class Computation(PaperFunction):
     """
 
     cells: tuple[str, ...]
-    equations: tuple[str, ...]
     replicates: int
     options: Options = field(hash=False)
 
@@ -130,6 +128,12 @@ class Computation(PaperFunction):
         code = inspect.unwrap(self.function).__code__
         file = self.function.__module__.replace(".", "/")
         return f"{file}.py:{code.co_firstlineno}"
+
+    @property
+    def equations(self) -> tuple[str, ...]:
+        """Equation numbers of the paper in the docstring, as in ``Implements: niu2024 (17).``."""
+        _, _, claim = (self.function.__doc__ or "").partition("Implements:")
+        return tuple(re.findall(r"\((\d+)\)", claim))
 
     @property
     def entropy(self) -> tuple[int, ...]:
@@ -165,8 +169,8 @@ class Computation(PaperFunction):
         Results from unchanged printed numbers are cached, because the ledger, supplementary
         tables and reruns share them.
         """
-        changed = bool(inputs.values or inputs.shifts)
-        return dict((_run if changed else _cached)(self, inputs, replicates))
+        run = _run if inputs.values else _cached
+        return dict(run(self, inputs, replicates))
 
 
 def _run(computation: Computation, inputs: Inputs, replicates: int | None) -> Results:
@@ -211,7 +215,6 @@ def reproduces(
     *,
     inputs: Sequence[str] = (),
     cells: Sequence[str] = ("*",),
-    equations: Sequence[str] = (),
     replicates: int = 0,
     options: Options | None = None,
 ) -> Callable[[Callable[..., Results]], Computation]:
@@ -225,8 +228,6 @@ def reproduces(
         Addresses of all cells and groups that the function uses. It has access to no other cell.
     cells : sequence of str
         Patterns of the names of the computed cells. Default: all cells.
-    equations : sequence of str
-        Numbers of the equations of the paper that the function implements.
     replicates : int
         Number of replicates. The function then takes ``(inputs, seed, replicates)``.
     options : mapping, optional
@@ -256,7 +257,6 @@ def reproduces(
             function,
             tuple(inputs),
             tuple(cells),
-            tuple(equations),
             replicates,
             taken,
         )

@@ -28,23 +28,19 @@ class Inputs:
     ----------
     cells : mapping of str to PrintedCell
         The declared cells by address.
-    shifts : mapping of str to float
-        Shifts of cells from their printed value, as fractions of `PrintedNumber.half_width`, for
-        the propagation of rounding intervals.
     values : mapping of str to float
-        Values of a user in SI units, which replace printed values.
+        Values in SI units that replace printed values: of a user, or in the rounding interval.
     root : int, optional
         Root of all random seeds. Default: the seed of the project.
     """
 
     cells: Mapping[str, PrintedCell]
-    shifts: Mapping[str, float] = field(default_factory=dict)
     values: Mapping[str, float] = field(default_factory=dict)
     root: int | None = None
 
     def __hash__(self) -> int:
         """Return equal numbers for equal inputs, so that results can be cached by inputs."""
-        parts = (self.cells, self.shifts, self.values)
+        parts = (self.cells, self.values)
         return hash((self.root, *(frozenset(part.items()) for part in parts)))
 
     def __getitem__(self, address: str) -> float:
@@ -52,8 +48,7 @@ class Inputs:
         cell = self._cell(address)
         if address in self.values:
             return self.values[address]
-        shift = self.shifts.get(address, 0.0) * cell.number.half_width
-        return (cell.number.value + shift) * si_factor(cell.unit)
+        return cell.si
 
     def half_unit(self, address: str) -> float:
         """Return half a unit of the last digit of the number at `address`, in SI units."""
@@ -84,8 +79,14 @@ class Inputs:
         ]
 
     def shifted(self, shifts: Mapping[str, float]) -> Inputs:
-        """Return the inputs with some numbers shifted within their rounding intervals."""
-        return replace(self, shifts=shifts)
+        """Return the inputs with some numbers shifted by fractions of their half width."""
+        return self.changed(
+            {
+                address: self[address] + shift * self.half_width(address)
+                for address, shift in shifts.items()
+                if address not in self.values
+            }
+        )
 
     def changed(self, values: Mapping[str, float]) -> Inputs:
         """Return the inputs with other values for some printed ones."""

@@ -40,11 +40,13 @@ _BATCH_REPLICATES = 250
     "chen2023/table-4",
     cells=["*.transform-?", "*.misalignment-?"],
     inputs=INPUTS,
-    equations=["2", "3", "4", "5", "6", "7"],
     replicates=_REPLICATES,
 )
 def frame_averaging(inputs: Inputs, seed: SeedSequence, replicates: int) -> Results:
-    """Compute the accuracy of the two matrices for averages over several numbers of frames."""
+    """Compute the accuracy of the two matrices for averages over several numbers of frames.
+
+    Implements: chen2023 (2), (3), (4), (5), (6), (7).
+    """
     counts = [int(count) for count in inputs.array(COUNTS)]
     draws = _simulated_accuracies(inputs, seed, replicates, counts)
     return {

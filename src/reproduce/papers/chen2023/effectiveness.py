@@ -117,10 +117,12 @@ def _reference(
     "chen2023/table-5",
     cells=["[2-4].reference-?", "5.reference-x"],
     inputs=_MEASURED,
-    equations=["10"],
 )
 def reference_angle(inputs: Inputs, *, columns: str, telescope: str) -> Results:
-    """Compute the reference angles from the motions of the stage and the focal length."""
+    """Compute the reference angles from the motions of the stage and the focal length.
+
+    Implements: chen2023 (10).
+    """
     results: dict[str, float] = {}
     for about in _MOTION_AXIS:
         angles = _reference(inputs, about, columns, telescope)
@@ -138,14 +140,16 @@ def reference_angle(inputs: Inputs, *, columns: str, telescope: str) -> Results:
         platform.TELESCOPE,
         _QUOTED,
     ],
-    equations=["10"],
     options={
         "columns": _OPTIONS["columns"],
         "telescope": {n: _OPTIONS["telescope"][n] for n in ("quoted", "nominal")},
     },
 )
 def last_reference_angle(inputs: Inputs, *, columns: str, telescope: str) -> Results:
-    """Compute the angle that gives the common focal length, with the other two lengths."""
+    """Compute the angle that gives the common focal length, with the other two lengths.
+
+    Implements: chen2023 (10).
+    """
     (angle,) = _reference(inputs, "y", columns, telescope, states="5")
     return {"5.reference-y": angle}
 
@@ -160,7 +164,6 @@ def last_reference_angle(inputs: Inputs, *, columns: str, telescope: str) -> Res
         FRAMES,
         accuracy.SMOOTHED,
     ],
-    equations=["7", "10"],
     replicates=_REPLICATES,
 )
 def monitored_angle(
@@ -172,7 +175,10 @@ def monitored_angle(
     telescope: str,
     images: str,
 ) -> Results:
-    """Compute the monitored angles: the angle of the stage and the noise of two states."""
+    """Compute the monitored angles: the angle of the stage and the noise of two states.
+
+    Implements: chen2023 (7), (10).
+    """
     generator = default_rng(seed)
     errors = _monitoring_errors(inputs, generator, replicates)
     lag, noise = _averaging(inputs, images)
@@ -265,10 +271,12 @@ def plan(inputs: Inputs) -> Results:
     "chen2023/text-effectiveness",
     cells=["simulated-angle"],
     inputs=["chen2023/text-effectiveness#maximum-travel", _QUOTED],
-    equations=["10"],
 )
 def largest_angle(inputs: Inputs) -> Results:
-    """Compute the largest misalignment that the stage can simulate, without its sign."""
+    """Compute the largest misalignment that the stage can simulate, without its sign.
+
+    Implements: chen2023 (10).
+    """
     travel = inputs["chen2023/text-effectiveness#maximum-travel"]
     return {"simulated-angle": abs(float(stage_angle(travel, inputs[_QUOTED])))}
 

@@ -118,7 +118,6 @@ def spot(inputs: Inputs) -> Results:
     "chen2023/text-resolution",
     cells=["optimum", "optimum-accuracy", "saturation"],
     inputs=INPUTS,
-    equations=["11"],
     replicates=_REPLICATES,
 )
 def optimum(
@@ -131,7 +130,10 @@ def optimum(
     light: str,
     threshold: str,
 ) -> Results:
-    """Compute the best resolution, its centroid error, and the resolution without more gain."""
+    """Compute the best resolution, its centroid error, and the resolution without more gain.
+
+    Implements: chen2023 (11).
+    """
     angles = _resolutions(inputs)
     case = _Case(_WIDTHS[radius], _READ_FRACTIONS[noise], _FLUX_FACTORS[light])
     scatter = _replicated_scatter(inputs, seed, replicates, case)

@@ -53,10 +53,12 @@ _TITLES = {
     "niu2024/text-approximations",
     cells=["scale-approximation"],
     inputs=["niu2024/table-1#focal-length.*"],
-    equations=["6"],
 )
 def scale_near_one(inputs: Inputs) -> Results:
-    """Compute the scale factor of Table 1 that is farthest from one."""
+    """Compute the scale factor of Table 1 that is farthest from one.
+
+    Implements: niu2024 (6).
+    """
     scales = scale_factors(inputs).values()
     return {"scale-approximation": max(scales, key=lambda scale: abs(scale - 1))}
 

@@ -77,10 +77,12 @@ INSTRUMENT = (*CAMERAS, "niu2024/text-optics#field-of-view-*")
     "niu2024/table-4",
     cells=["scale.*"],
     inputs=["niu2024/table-4#focal-length.*"],
-    equations=["6"],
 )
 def scale_factors(inputs: Inputs) -> Results:
-    """Compute ratios of the focal lengths, as a substitute for the fitted scale factors."""
+    """Compute ratios of the focal lengths, as a substitute for the fitted scale factors.
+
+    Implements: niu2024 (6).
+    """
     ratios = registration.scale_factors(inputs, "niu2024/table-4")
     return {f"scale.{channel}": ratio for channel, ratio in ratios.items()}
 
@@ -158,13 +160,15 @@ def _registered_points(inputs: Inputs, angles: FloatArray) -> FloatArray:
         "niu2024/text-experiment#test-points",
         "niu2024/text-experiment#rmse-after-*",
     ],
-    equations=["17", "18", "21"],
     replicates=_REPLICATES,
 )
 def rmse_before(
     inputs: Inputs, seed: SeedSequence, replicates: int, *, scale: str, rmse: str
 ) -> Results:
-    """Compute the RMSE before registration from Table 4 and the printed residuals."""
+    """Compute the RMSE before registration from Table 4 and the printed residuals.
+
+    Implements: niu2024 (17), (18), (21).
+    """
     generator = default_rng(seed)
     count = inputs.count("niu2024/text-experiment#test-points")
     half = half_field(inputs)
@@ -186,10 +190,12 @@ def rmse_before(
     "niu2024/text-experiment",
     cells=["rmse-after-*"],
     inputs=[*INSTRUMENT, NOISE],
-    equations=["17", "18"],
 )
 def rmse_after(inputs: Inputs) -> Results:
-    """Compute the RMSE after registration, with the noise of the simulation as a substitute."""
+    """Compute the RMSE after registration, with the noise of the simulation as a substitute.
+
+    Implements: niu2024 (17), (18).
+    """
     half_x, half_y = half_field(inputs)
     grid = np.meshgrid(
         np.linspace(-half_x, half_x, 33), np.linspace(-half_y, half_y, 25)

@@ -21,10 +21,12 @@ def scale_factors(inputs: Inputs, table: str = "niu2024/table-1") -> dict[str, f
     "niu2024/table-2",
     cells=["scale.*"],
     inputs=["niu2024/table-1#focal-length.*"],
-    equations=["6"],
 )
 def true_scale(inputs: Inputs) -> Results:
-    """Compute the scale factors as ratios of the focal lengths of Table 1."""
+    """Compute the scale factors as ratios of the focal lengths of Table 1.
+
+    Implements: niu2024 (6).
+    """
     return {f"scale.{channel}": k for channel, k in scale_factors(inputs).items()}
 
 
@@ -32,10 +34,12 @@ def true_scale(inputs: Inputs) -> Results:
     "niu2024/table-2",
     cells=["translation-*"],
     inputs=["niu2024/table-1#principal-point-*"],
-    equations=["14"],
 )
 def true_translation(inputs: Inputs) -> Results:
-    """Compute the translations as differences of the principal points of Table 1."""
+    """Compute the translations as differences of the principal points of Table 1.
+
+    Implements: niu2024 (14).
+    """
     green, *others = points(inputs, "niu2024/table-1#principal-point")
     return {
         f"translation-{axis}.{channel}": shift

@@ -235,7 +235,6 @@ class _Bench:
     "niu2024/table-3",
     cells=["scale.*", "rotation.*", "translation-*"],
     inputs=[*INPUTS, "niu2024/table-2#translation-*"],
-    equations=["14", "17", "18", "19", "20", "21", "22", "23", "24", "25"],
     replicates=_REPLICATES,
     options=_OPTIONS,
 )
@@ -249,7 +248,10 @@ def calibrated_parameters(
     repeats: str,
     translations: str,
 ) -> Results:
-    """Compute the registration parameters calibrated from noisy simulated centroids."""
+    """Compute the registration parameters calibrated from noisy simulated centroids.
+
+    Implements: niu2024 (14), (17), (18), (19), (20), (21), (22), (23), (24), (25).
+    """
     bench = _Bench(inputs, angles, noise, repeats, translations)
     parameters = bench.calibrated(default_rng(seed), replicates).parameters
     return {
@@ -290,7 +292,6 @@ def _residuals(
         "niu2024/text-simulation#test-points",
         "niu2024/table-3#*",
     ],
-    equations=["17", "18", "26"],
     replicates=_REPLICATES,
 )
 def registration_rmse(
@@ -306,7 +307,10 @@ def registration_rmse(
     parameters: str,
     rmse: str,
 ) -> Results:
-    """Compute the RMSE at test points before and after registration."""
+    """Compute the RMSE at test points before and after registration.
+
+    Implements: niu2024 (17), (18), (26).
+    """
     bench = _Bench(inputs, angles, noise, repeats, translations)
     results = {}
     for name, axes in _residuals(bench, seed, replicates, tests, parameters).items():
