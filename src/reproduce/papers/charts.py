@@ -7,7 +7,6 @@ follows the text of the page.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from numpy.typing import ArrayLike
@@ -20,15 +19,6 @@ if TYPE_CHECKING:
 
 # Width in inches that a phone of 390 CSS pixels shows in full.
 NARROW = 3.7
-
-
-@dataclass(frozen=True)
-class Look:
-    """Appearance of one kind of object: colour, line and marker all differ."""
-
-    colour: str
-    line: str
-    marker: str
 
 
 def is_narrow(figure: Figure) -> bool:
@@ -66,9 +56,10 @@ def plot_band(
     axes: Axes, x: ArrayLike, ends: FloatArray, colour: str, line: str, label: str
 ) -> None:
     """Draw a median within a band; `ends` are its low end, the median, its high end, (3, n)."""
-    band = axes.fill_between(x, *ends[::2], facecolor=(colour, 0.2), edgecolor=colour)
+    [median] = axes.plot(x, ends[1], colour + line, label=label)
+    edge = median.get_color()
+    band = axes.fill_between(x, *ends[::2], facecolor=(edge, 0.2), edgecolor=edge)
     band.set(linewidth=0.6, linestyle=line)
-    axes.plot(x, ends[1], line, color=colour, label=label)
 
 
 def set_log_ticks(axes: Axes, x: Iterable[float], y: Iterable[float]) -> None:

@@ -37,7 +37,6 @@ from reproduce.store.measured import bright_stars
 from reproduce.units import ARCSEC_PER_RADIAN
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 _WINDOW = "chen2023/text-platform#window-x"
@@ -159,9 +158,9 @@ def _draw_frame(figure: Figure, printed: Marks, inputs: Inputs) -> None:
     set_size(figure, 6.0, 6.0, 4.2)
     axes = figure.add_subplot()
     x, y = spots[inside].T
-    axes.scatter(x, y, sizes[inside], STAR.colour, marker=STAR.marker, label="stars")
+    axes.scatter(x, y, sizes[inside], STAR[:2], marker=STAR[2], label="stars")
     label = "laser spots, printed"
-    axes.plot(*_pairs(printed).T, LASER.colour + LASER.marker, label=label)
+    axes.plot(*_pairs(printed).T, LASER, label=label)
     axes.set(xlim=(-0.5, 1023.5), ylim=(1023.5, -0.5), aspect="equal")
     axes.set(xlabel="x (px)", ylabel="y (px)")
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, 1.09), ncols=2)
@@ -297,36 +296,27 @@ def _draw_about_x(figure: Figure, printed: Marks, inputs: Inputs) -> None:
     _draw_test(figure, printed, inputs, "X")
 
 
-def _draw_test(figure: Figure, printed: Marks, inputs: Inputs, axis: str) -> None:
-    """Draw the whole test about an axis, with the printed angles."""
-    labels = "monitored by the twin", "reference, (10)"
-    axes, times, frames = _angles(figure, inputs, axis, slice(None), labels)
-    values = _pairs(printed).ravel() * ARCSEC_PER_RADIAN
-    middles = times[frames + frames // 2 :: frames]
-    axes.plot(middles, values, "ks", label="monitored, printed")
-    axes.legend()
-
-
 @_draws_test("chen2023/fig-1d")
 def _draw_example(figure: Figure, printed: Marks, inputs: Inputs) -> None:
     """Draw one move of the stage: the mean reaches the reference after its length."""
     set_size(figure, 6.4, 3.2, 2.8)
-    frames = inputs.count(effectiveness.FRAMES)
-    shown = slice(frames // 2, 2 * frames)
-    axes, *_ = _angles(figure, inputs, "Y", shown, ("monitored", "reference"))
-    axes.legend()
+    _draw_test(figure, printed, inputs, "Y")
 
 
-def _angles(
-    figure: Figure, inputs: Inputs, axis: str, shown: slice, labels: tuple[str, str]
-) -> tuple[Axes, FloatArray, int]:
-    """Draw monitored and reference angles; return the axes, all times, and frames per state."""
+def _draw_test(figure: Figure, printed: Marks, inputs: Inputs, axis: str) -> None:
+    """Draw the whole test with the printed angles, or one move without printed angles."""
     times, reference, monitored = _stage_test(inputs)
-    axes = figure.add_subplot()
-    for angles, line, label in zip(
-        (monitored, reference), ("-", "--"), labels, strict=True
+    frames, axes = len(times) // len(effectiveness.STATES), figure.add_subplot()
+    shown = slice(None) if printed else slice(frames // 2, 2 * frames)
+    for angles, line, label in (
+        (monitored, "-", "monitored"),
+        (reference, "--", "reference"),
     ):
         values = angles[shown, "XY".index(axis)] * ARCSEC_PER_RADIAN
         axes.plot(times[shown], values, line, label=label)
+    if printed:
+        values = _pairs(printed).ravel() * ARCSEC_PER_RADIAN
+        middles = times[frames + frames // 2 :: frames]
+        axes.plot(middles, values, "ks", label="monitored, printed")
     axes.set(xlabel="time (s)", ylabel=f"angle about {axis} (arcsec)")
-    return axes, times, len(times) // len(effectiveness.STATES)
+    axes.legend()

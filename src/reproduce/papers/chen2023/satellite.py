@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from reproduce.papers.charts import Look, set_size
+from reproduce.papers.charts import set_size
 from reproduce.papers.chen2023 import platform
 from reproduce.papers.declare import Marks, Results, Rows, draws, reproduces, studied
 from reproduce.physics import attitude, ground
@@ -63,8 +63,8 @@ _APERTURE = 0.1 * np.stack([np.cos(_AROUND), np.sin(_AROUND)], axis=-1)
 # A smaller fraction of a rotation is rounding noise.
 _ROUNDING_FACTOR = 1e-9
 
-LASER = Look("C1", "--", "s")
-STAR = Look("C2", "-.", "o")
+# Colour and marker of laser light and of starlight.
+LASER, STAR = "C1s", "C2o"
 
 
 def altitude(inputs: Inputs) -> float:
@@ -246,8 +246,8 @@ def _draw_filters(figure: Figure, printed: Marks, inputs: Inputs) -> None:
     set_size(figure, 6.4, 2.2)
     axes = figure.add_subplot()
     # The width of the filter is not printed: a mark stands for its band.
-    axes.plot(passed, 0, LASER.colour + LASER.marker)
-    for row, ends, look in ((1, bands[2:], LASER), (2, bands[:2], STAR)):
-        axes.plot(ends, [row, row], look.colour + look.line, linewidth=4)
+    axes.plot(passed, 0, LASER)
+    axes.plot(bands[2:], [1, 1], "C1--", linewidth=4)
+    axes.plot(bands[:2], [2, 2], "C2-.", linewidth=4)
     axes.set_yticks([0, 1, 2], ["filter passes", "mirror reflects", "mirror transmits"])
     axes.set(xlabel="wavelength (nm)", ylim=(-0.5, 2.5))

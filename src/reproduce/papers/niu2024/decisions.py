@@ -169,7 +169,9 @@ def _draw_stars(figure: Figure, printed: Marks, inputs: Inputs) -> None:
     errors, looks = _edge_errors(inputs, counts), (("C0", "-"), ("C1", "--"))
     for (name, ends), look in zip(errors.items(), looks, strict=True):
         plot_band(axes, counts, ends, *look, f"{name}, with 95 %")
-    axes.axvline(inputs[_COUNT], color="C6", linestyle=":", label="stars of the paper")
+    axes.axvline(
+        inputs[_COUNT], color="#777777", linestyle=":", label="stars of the paper"
+    )
     axes.set(xlabel="stars of the calibration (count)", ylabel="error at the edge (px)")
     set_log_ticks(axes, (10, 30, 100, 300, 1000), (0.001, 0.01, 0.1))
     legend_below(figure, 2)

@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.random import Generator, SeedSequence
 
-from reproduce.papers.charts import Look, set_size
+from reproduce.papers.charts import set_size
 from reproduce.papers.declare import Marks, Rows, draws, studied
 from reproduce.papers.niu2024 import experiment
 from reproduce.papers.niu2024.simulation import CHANNELS, Instrument
@@ -250,10 +250,10 @@ def _centroids(inputs: Inputs) -> Rows:
         yield (*label, *row)
 
 
-_CHANNEL_LOOKS = {
-    "red": Look("C1", "--", "s"),
-    "green": Look("C2", "-.", "o"),
-    "blue": Look("C0", ":", "^"),
+_CHANNEL_MARKS = {
+    "red": "C1s",
+    "green": "C2o",
+    "blue": "C0^",
 }
 
 
@@ -288,9 +288,9 @@ def _draw_star(figure: Figure, printed: Marks, inputs: Inputs) -> None:
         root = np.sqrt(np.maximum(flux, 0))
         # Never quite black, which follows the text of the page and is white on a dark page.
         axes.pcolormesh(root, cmap="gray_r", vmin=0, vmax=1.1 * root.max())
-        for name, look in _CHANNEL_LOOKS.items():
+        for name, look in _CHANNEL_MARKS.items():
             if title in (name, *KINDS[1:]):
-                [mark] = axes.plot(*marks[name], look.colour + look.marker, mfc="none")
+                [mark] = axes.plot(*marks[name], look, mfc="none")
                 mark.set(markersize=9, markeredgewidth=1.3, path_effects=halo)
         axes.set(aspect="equal", title=title, xticks=[0, 3, 6, 9], yticks=[0, 3, 6, 9])
         axes.grid(visible=False)
