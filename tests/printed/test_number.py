@@ -80,6 +80,7 @@ def test_values_agree_and_round_to_the_digits_inside_the_interval_only(decimal, 
         ("0.9976", 1e300, 1, "1e+300"),
         ("5.7e-5", -1.25e30, 0, "-1.25e+30"),
         ("280", 123456789012345.0, 0, "123456789012345"),
+        ("0.9976", math.nan, 1, "NaN"),
     ],
 )
 def test_computed_values_have_the_printed_format(text, value, extra, shown):

@@ -77,8 +77,8 @@ def drawings() -> Mapping[str, Drawing | Schematic]:
 
 def _item(declared: list[Any]) -> Item:
     """Return the item of some declarations."""
-    computations = tuple(one for one in declared if isinstance(one, Computation))
-    figures = [one for one in declared if isinstance(one, Drawing | Schematic)]
+    computations = tuple(each for each in declared if isinstance(each, Computation))
+    figures = [each for each in declared if isinstance(each, Drawing | Schematic)]
     return Item(computations, *figures[:1])
 
 
@@ -105,7 +105,8 @@ def _declarations(key: str, module: str) -> list[Any]:
 def computation_for(address: str) -> Computation | None:
     """Return the computation of a printed cell; None for an input."""
     key, _, name = address.partition("#")
-    return next((one for one in catalogue()[key].computations if one.makes(name)), None)
+    computations = catalogue()[key].computations
+    return next((each for each in computations if each.makes(name)), None)
 
 
 def changeable(key: str) -> tuple[str, ...]:
@@ -134,7 +135,9 @@ def changeable(key: str) -> tuple[str, ...]:
         declared = [*item.computations, item.draw]
     else:
         declared = [studies().get(key) or drawings()[key]]
-    return upstream(tuple(address for one in declared if one for address in one.inputs))
+    return upstream(
+        tuple(address for each in declared if each for address in each.inputs)
+    )
 
 
 @cache

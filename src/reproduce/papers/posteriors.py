@@ -33,8 +33,10 @@ def posteriors() -> dict[str, Declaration]:
     'registration'
     """
     names = (f"reproduce.papers.{paper}.posteriors" for paper in papers())
-    modules = [importlib.import_module(one) for one in names if find_spec(one)]
-    return {one.key: one for module in modules for one in module.POSTERIORS}
+    modules = [importlib.import_module(name) for name in names if find_spec(name)]
+    return {
+        declared.key: declared for module in modules for declared in module.POSTERIORS
+    }
 
 
 @dataclass(frozen=True)

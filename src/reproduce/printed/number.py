@@ -154,9 +154,9 @@ class PrintedNumber:
         shift = int(power or 0)
         if self.exact and float(value).is_integer():
             extra = 0
-        scaled = Decimal(value).scaleb(-shift)
-        if abs(scaled) >= _MAX_PLAIN:
+        if abs(value) >= _MAX_PLAIN * 10.0**shift:
             return f"{value:.6g}"
+        scaled = Decimal(value).scaleb(-shift)
         decimals = max(0, shift - self.exponent) + extra
         return f"{scaled:z.{decimals}f}" + (f"e{shift}" if mark else "")
 

@@ -111,9 +111,11 @@ def _your_model(
     design: Platform = arguments.get("platform") or as_designed(load_inputs(INSTRUMENT))
     pair = images_of(table, len(design.lasers))
     diagnosis = diagnose_spots(design, pair, drifts)
-    remarks = [*(one.text for one in diagnosis.findings), *lost_spots(pair)]
-    images = [one[np.isfinite(one).all(axis=(-2, -1))] for one in diagnosis.images]
-    counts = [len(one) for one in images]
+    remarks = [*(finding.text for finding in diagnosis.findings), *lost_spots(pair)]
+    images = [
+        group[np.isfinite(group).all(axis=(-2, -1))] for group in diagnosis.images
+    ]
+    counts = [len(group) for group in images]
     if lost := sum(map(len, diagnosis.images)) - sum(counts):
         remarks.append(f"{lost} images that lack a spot are omitted")
     if min(counts) < _MIN_IMAGES:
@@ -121,7 +123,7 @@ def _your_model(
             f"{table.path}: expected {_MIN_IMAGES} or more images with all spots in each group, "
             f"got {' and '.join(map(str, counts))}. Add images, which determine the scatter."
         )
-    if not any(np.ptp(one, axis=0).any() for one in images):
+    if not any(np.ptp(group, axis=0).any() for group in images):
         raise TableFileError(
             f"{table.path}: expected spots that scatter from image to image, got equal spots in "
             "all images of a group. Add images with noise."

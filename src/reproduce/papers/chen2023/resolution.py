@@ -269,8 +269,8 @@ def _draw_centroids(figure: Figure, printed: Marks, inputs: Inputs) -> None:
     """Draw the centroiding accuracy against the angular resolution of the tracker."""
     axes = _draw_curves(figure, inputs, 1.0)
     best, accuracy = printed.values()
-    place = best * ARCSEC_PER_RADIAN
-    axes.plot(place, accuracy, "k*", markersize=13, label="printed best")
+    best *= ARCSEC_PER_RADIAN
+    axes.plot(best, accuracy, "k*", markersize=13, label="printed best")
     axes.set(ylabel="centroid error (1σ, px)")
     legend_below(figure, 3)
 

@@ -87,8 +87,8 @@ def _half_size(inputs: Inputs) -> FloatArray:
 def _channels(inputs: Inputs, table: str, channel: str) -> Channels:
     """Return a channel and green, with the printed parameters and the assumed values."""
     cameras, rotations = _INSTRUMENTS[table](inputs)
-    place = CHANNELS.index(channel)
-    green, source, rotation = cameras[0], cameras[place], rotations[place]
+    index = CHANNELS.index(channel)
+    green, source, rotation = cameras[0], cameras[index], rotations[index]
     tilt = np.tan(abs(rotation))
     # The second term is the remainder that the printed fraction leaves at the corner.
     rest = (1 / inputs[_FIRST_TERM_FRACTION] - 1) / np.square(_half_size(inputs)).sum()

@@ -146,7 +146,7 @@ def _star_facts(inputs: Inputs) -> dict[str, float]:
     facts["left-out"] = np.hypot(*_neglected(inputs))
     # Equal mean squares: the one of the similarity includes the neglected distortion.
     plain, free = (
-        np.trace(one.at_edge(number)[0]) for one in _designs(inputs).values()
+        np.trace(design.at_edge(number)[0]) for design in _designs(inputs).values()
     )
     facts["free-from"] = count * (free - plain) / facts["left-out"] ** 2
     return facts

@@ -88,7 +88,8 @@ def _instrument(inputs: Inputs) -> Instrument:
     cameras, rotations = experiment.instrument(inputs)
     centre = detector_centre(inputs.array("niu2024/text-optics#pixels-?"))
     moved = [
-        replace(one, principal_point=one.principal_point + centre) for one in cameras
+        replace(camera, principal_point=camera.principal_point + centre)
+        for camera in cameras
     ]
     return Instrument(moved, rotations)
 

@@ -184,7 +184,9 @@ def _your_registration(
         **errors,
     )
     findings, _ = diagnose_fit(fit, named=table.named)
-    remarks = {one.text: None for one in findings if one.kind != "sensitive"}
+    remarks = {
+        finding.text: None for finding in findings if finding.kind != "sensitive"
+    }
     return models.fitted_model(likelihood), list(remarks)
 
 
