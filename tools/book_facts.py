@@ -31,7 +31,7 @@ from reproduce.judge.readings import all_readings
 from reproduce.locate import data_folder
 from reproduce.papers.catalogue import catalogue, studies
 from reproduce.printed.cells import PAPERS, library
-from reproduce.printed.number import PrintedNumber
+from reproduce.printed.number import NOMINAL_FRACTION
 from reproduce.store import studies as stored
 from reproduce.store.files import write_text
 from reproduce.views import computed, numbers, verdicts
@@ -140,7 +140,7 @@ def _of_constants() -> dict[str, str]:
     percent = {
         "central": judging.CENTRAL,
         "outside": 1 - judging.CENTRAL,
-        "nominal": PrintedNumber("1", qualifier="nominal").half_width,
+        "nominal": NOMINAL_FRACTION,
         "wide": judging._WIDE_TOLERANCE,
     }
     return {name: f"{100 * value:.0f}\u202f%" for name, value in percent.items()}

@@ -50,7 +50,7 @@ def test_focal_length_and_columns_do_not_settle_the_monitored_angles():
     monitored = effectiveness.monitored_angle
     reading = {"columns": "motions", "telescope": "common", "images": "state"}
     drawn = monitored.with_options(reading)(load_inputs(monitored.inputs))
-    table, outside = library()[effectiveness.TABLE], 0
+    table, outside = library()["chen2023/table-5"], 0
     for name, one in drawn.items():
         low, high = np.quantile(one.draws / ARCSEC, [0.005, 0.995])
         outside += not low <= float(table[name].text) <= high

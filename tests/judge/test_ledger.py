@@ -163,7 +163,7 @@ def test_rounding_is_never_the_word_for_a_wider_tolerance(whole):
         )
         inputs = load_inputs(computation.inputs)
         centre = computation(inputs)[cell.name]
-        for other in inputs.numbers():
-            if other.number.qualifier in QUALIFIED:
-                moved = computation(inputs.shifted({other.address: 1.0}))[cell.name]
-                assert moved == centre, (record.cell, other.address)
+        for other in inputs.rounded():
+            if inputs.cells[other].number.qualifier in QUALIFIED:
+                moved = computation(inputs.shifted({other: 1.0}))[cell.name]
+                assert moved == centre, (record.cell, other)

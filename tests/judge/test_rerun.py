@@ -222,7 +222,7 @@ def test_a_changed_value_is_exact():
         }
     )
     assert inputs["niu2024/table-1#focal-length.red"] == 0.03
-    assert inputs.numbers() == []
+    assert inputs.rounded() == []
     assert "niu2024/table-1#focal-length.blue" not in inputs.cells
     assert (
         inputs.shifted({"niu2024/table-1#focal-length.red": 1.0})[

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from reproduce.papers.catalogue import catalogue, drawings, studies
-from reproduce.papers.declare import item_text, parsed
+from reproduce.papers.declare import item_text, parse_texts
 from reproduce.printed.cells import library
 
 FOLDER = Path(__file__).parents[2] / "data" / "captions"
@@ -26,30 +26,24 @@ def test_every_text_of_all_posteriors_is_shown():
     assert sorted(shown) == sorted(texts)
 
 
-@pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
-def test_every_text_belongs_to_a_table_or_to_an_item_with_options(path):
-    for name in tomllib.loads(path.read_text(encoding="utf-8")):
-        key = f"{path.stem}/{name}"
-        text = item_text(key)
-        if text.options or text.unpublished:
-            made = catalogue()[key].computations
-            for option, ways in text.options.items():
-                assert any(dict(one.options.get(option, {})) == ways for one in made), (
-                    option
-                )
-                assert len(ways) > 1
-                assert all(way.text and way.place for way in ways.values())
-            cells = [cell.name for cell in library()[key].cells]
+def test_every_text_is_used():
+    for path in FILES:
+        for name in tomllib.loads(path.read_text(encoding="utf-8")):
+            key = f"{path.stem}/{name}"
+            text, item = item_text(key), catalogue().get(key)
+            for option, alternatives in text.options.items():
+                computed = [one.options.get(option) for one in item.computations]
+                assert alternatives in computed, option
+                assert len(alternatives) > 1
+                assert all(one.text and one.place for one in alternatives.values())
             for pattern in text.unpublished:
-                assert fnmatch.filter(cells, pattern), pattern
-        elif text.figure.alternative:
-            own = key in drawings()
-            assert own or catalogue()[key].draw, key
-        else:
-            # Heads and captions that say what a constant is are in code.
-            assert text.columns in ((), studies()[key].columns), key
-            assert text.caption in ("", studies()[key].caption), key
-            assert text.columns or text.caption, key
+                assert fnmatch.filter(library()[key].by_name, pattern), pattern
+            if text.figure.alternative:
+                assert key in drawings() or item.draw, key
+            if text.columns:
+                assert text.caption
+                assert studies()[key].facts().keys() == text.facts.keys(), key
+            assert text.columns or text.figure.alternative or item, key
 
 
 @pytest.mark.parametrize(
@@ -62,5 +56,5 @@ def test_every_text_belongs_to_a_table_or_to_an_item_with_options(path):
 )
 def test_a_file_that_is_wrong_is_refused_with_the_place(text, fault):
     with pytest.raises(ValueError, match=r"chen2023\.toml") as refused:
-        parsed(text, Path("chen2023.toml"))
+        parse_texts(text, Path("chen2023.toml"))
     assert fault in str(refused.value)

@@ -18,19 +18,18 @@ MONOTONE = {
 @pytest.mark.parametrize("name", MONOTONE)
 def test_ends_are_those_of_all_corners(name):
     rng = np.random.default_rng(len(name))
-    for _ in range(50):
-        middle, half = rng.uniform(2, 5, 3), rng.uniform(0, 1, 3)
+    for middle, half in zip(
+        rng.uniform(2, 5, (50, 3)), rng.uniform(0, 1, (50, 3)), strict=True
+    ):
 
         def result(sides, middle=middle, half=half):
             moved = [sides.get(axis, 0) for axis in "abc"]
             return {name: MONOTONE[name](*(middle + half * moved))}
 
-        every = [
-            result(dict(zip("abc", one, strict=True)))[name]
-            for one in itertools.product((-1, 1), repeat=3)
-        ]
+        corners = itertools.product((-1, 1), repeat=3)
+        values = [result(dict(zip("abc", one, strict=True)))[name] for one in corners]
         found = corner_intervals(result, "abc")[name]
-        assert found[:2] == pytest.approx((min(every), max(every)), rel=1e-12)
+        assert found[:2] == pytest.approx((min(values), max(values)), rel=1e-12)
 
 
 def test_ties_of_a_smallest_number_move_together():

@@ -4,7 +4,6 @@ import csv
 import re
 import shutil
 
-import numpy as np
 import pint
 import pytest
 
@@ -73,27 +72,24 @@ PINT = {
 PINT |= {"px": "pixel", "deg": "degree", "arcsec": "arcsecond", "1/K": "kelvin**-1"}
 
 
-def test_every_unit_has_the_value_that_pint_gives():
-    kept = {"px": "pixel", "percent": "dimensionless"}
+def test_units_have_the_values_and_dimensions_of_pint():
+    """Units of one dimension may be exchanged, except pixels, angles and pure numbers."""
+    targets = {"px": "pixel", "percent": "dimensionless"}
+    dimensions = {}
     for unit in UNITS:
         quantity = pint.application_registry.Quantity(1.0, PINT.get(unit, unit))
-        value = quantity.to(kept[unit]) if unit in kept else quantity.to_base_units()
+        value = (
+            quantity.to(targets[unit]) if unit in targets else quantity.to_base_units()
+        )
         assert si_factor(unit) == pytest.approx(value.magnitude, rel=1e-15), unit
-
-
-def test_units_of_one_dimension_are_alike():
-    """Except pixels, angles and pure numbers."""
-    found = {}
-    for unit in UNITS:
-        quantity = pint.application_registry.Quantity(1.0, PINT.get(unit, unit))
-        found.setdefault(quantity.dimensionality, set()).add(unit)
-    for dimension, units in found.items():
+        dimensions.setdefault(quantity.dimensionality, set()).add(unit)
+    for dimension, units in dimensions.items():
         if dimension and len(units) > 1 and "px" not in units:
             assert units in map(set, ALIKE)
 
 
 def test_unknown_units_are_refused():
-    with pytest.raises(ValueError, match="'parsec': expected one of"):
+    with pytest.raises(ValueError, match="unit: "):
         si_factor("parsec")
 
 
@@ -101,7 +97,7 @@ def test_the_door_hands_out_what_is_declared_and_nothing_else():
     inputs = load_inputs(["niu2024/table-1#focal-length.*"])
     assert inputs["niu2024/table-1#focal-length.red"] == pytest.approx(0.0250601)
     assert "niu2024/table-1#focal-length.red" in inputs.cells
-    with pytest.raises(UndeclaredInputError, match="not declared"):
+    with pytest.raises(UndeclaredInputError, match="declared input"):
         inputs["niu2024/table-2#scale.red"]
     with pytest.raises(UndeclaredInputError):
         inputs.array("niu2024/table-1#*.red")
@@ -121,22 +117,16 @@ def test_shifts_move_an_input_by_half_its_last_digit():
 
 def test_cells_of_text_have_no_number():
     (dash,) = find("niu2024/table-4#scale.green")
-    with pytest.raises(TypeError, match="prints '-'"):
+    with pytest.raises(TypeError, match="scale"):
         _ = dash.number
 
 
-def test_only_numbers_whose_rounding_can_move_a_result_are_moved():
-    kept = left = 0
+def test_only_rounded_numbers_are_moved():
+    """A count is a point, and a limit has no end on one side or is symmetric around zero."""
     for key in library():
         inputs = load_inputs([key])
-        movable = {cell.address for cell in inputs.numbers()}
         for address, cell in inputs.cells.items():
-            if not cell.is_number:
-                assert address not in movable
-                continue
-            low, high = cell.number.interval()
-            # A count is a point, and a limit has no end on one side or is even around zero.
-            rounded = np.isclose(high - low, 2 * cell.number.half_width) and high > low
-            assert (address in movable) == rounded, address
-            kept, left = kept + rounded, left + (not rounded)
-    assert min(kept, left) > 10
+            number = cell.content if cell.is_number else None
+            limits = {"less", "greater", "at-least", "within"}
+            rounded = number and not number.exact and number.qualifier not in limits
+            assert (address in inputs.rounded()) == bool(rounded), address

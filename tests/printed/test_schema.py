@@ -19,22 +19,12 @@ TABLE = {
     "title": "A table",
     "place": "Table 1",
     "page": "3",
+    "unit": "px",
+    "role": "setting",
     "column": [{"id": "x", "label": "X"}, {"id": "y", "label": "Y"}],
     "row": [
-        {
-            "id": "one",
-            "label": "One",
-            "unit": "px",
-            "role": "setting",
-            "cells": ["1.0", "2.0"],
-        },
-        {
-            "id": "two",
-            "label": "Two",
-            "unit": "px",
-            "role": "setting",
-            "cells": ["3", "4"],
-        },
+        {"id": "one", "label": "One", "cells": ["1.0", "2.0"]},
+        {"id": "two", "label": "Two", "cells": ["3", "4"]},
     ],
 }
 
@@ -55,33 +45,31 @@ FAULTS = [
     (GROUP, lambda c: c.update(colour="red"), "colour"),
     (GROUP, lambda c: c.pop("section"), "section"),
     (GROUP, lambda c: c.pop("cell"), "cell"),
-    *(
-        (
-            GROUP,
-            lambda c, change=change: c["cell"][0].update(change),
-            next(iter(change)),
-        )
-        for change in (
-            {"role": "result"},
-            {"unit": "furlong"},
-            {"colour": "red"},
-            {"value": "1.5 mm"},
-            {"value": 1.5},
-            {"qualifier": "roughly"},
-            {"sigma": 2},
-            {"id": "A b"},
-            {"text": "and a word"},
-        )
-    ),
     (GROUP, lambda c: c["cell"][0].pop("unit"), "#a: missing unit"),
     (GROUP, lambda c: c["cell"][0].pop("role"), "#a: missing role"),
 ]
+
+
+VALUES = {
+    "role": "result",
+    "unit": "furlong",
+    "colour": "red",
+    "value": 1.5,
+    "qualifier": "roughly",
+    "sigma": 2,
+    "id": "A b",
+    "text": "and a word",
+}
 
 
 def test_faults_are_named():
     for base, change, named in FAULTS:
         with pytest.raises(PrintedFileError, match=named):
             build(changed(base, change), "p/text-a", "paper/file.toml")
+    for field, value in VALUES.items():
+        faulty = changed(GROUP, lambda c, v=(field, value): c["cell"][0].update([v]))
+        with pytest.raises(PrintedFileError, match=field):
+            build(faulty, "p/text-a")
 
 
 def test_sound_files_pass():
@@ -89,13 +77,10 @@ def test_sound_files_pass():
     assert len(build(TABLE, "p/table-1").cells) == 4
 
 
-def test_all_faults_are_told_at_once():
-    def two_faults(content):
-        content["cell"][0].update(unit="furlong")
-        content["cell"][1].update(colour="red")
-
+def test_all_faults_are_listed_at_once():
+    faulty = changed(GROUP, lambda c: [one.update(unit="furlong") for one in c["cell"]])
     with pytest.raises(PrintedFileError) as error:
-        build(changed(GROUP, two_faults), "x")
+        build(faulty, "x")
     assert len(str(error.value).splitlines()) == 2
 
 
@@ -106,18 +91,16 @@ def test_broken_toml_is_told_with_its_file(tmp_path):
         read(path, "p/table-1")
 
 
-def test_traits_come_from_cell_then_row_then_column():
-    def traits(content):
-        content["column"][0].update(unit="mm", sigma=3)
-        content["row"][0].pop("unit")
-        content["column"][1].update(unit="um")
-        content["row"][1]["cells"][0] = {
-            "value": "3",
-            "unit": "deg",
-            "qualifier": "about",
-        }
-
-    table = build(changed(TABLE, traits), "p/table-1")
-    assert [cell.unit for cell in table.cells] == ["mm", "um", "deg", "px"]
+def test_traits_come_from_cell_then_row_then_column_then_file():
+    content = copy.deepcopy(TABLE)
+    content["column"][0].update(unit="mm", sigma=3)
+    content["row"][1].update(unit="um")
+    content["row"][1]["cells"][0] = {
+        "value": "3",
+        "unit": "deg",
+        "qualifier": "about",
+    }
+    table = build(content, "p/table-1")
+    assert [cell.unit for cell in table.cells] == ["mm", "px", "deg", "um"]
     assert table["two.x"].number.qualifier == "about"
     assert (table["one.x"].sigma, table["one.y"].sigma) == (3, None)

@@ -146,8 +146,8 @@ REJECTED = {
     "Star": [(STARS, NOISE, ["0.1 px"], [], {"Star": 50})],
     "rows": [(STARS, NOISE, ["0.1 px"], [], {"Stars": 51})],
     "missing": [(STARS, "missing", [1], [], {})],
-    "Turn": [
-        ("chen2023/dichroic", BORESIGHTS, ["90°"], ["Turn of the mirror about"], {})
+    "Axis": [
+        ("chen2023/dichroic", BORESIGHTS, ["90°"], ["Axis of the mirror's rotation"], {})
     ],
 }
 

@@ -10,13 +10,13 @@ from numpy.random import SeedSequence
 from numpy.typing import NDArray
 
 from reproduce.papers.niu2024.images import (
+    INPUTS,
     MAGNITUDES,
     PLACES,
-    READS,
     RESULTS,
     STARS,
-    cell,
-    light_of,
+    compare_images,
+    photons_from,
 )
 from reproduce.printed.inputs import load_inputs
 
@@ -26,7 +26,7 @@ TRIALS = 60
 
 
 def simulate(executor: Executor, trials: int = TRIALS) -> dict[str, Array]:
-    """Return the results of `images.cell`; the first axes are star, place and magnitude."""
+    """Return the results of `images.compare_images`; first axes: star, place, magnitude."""
     shape = (len(STARS), len(PLACES), len(MAGNITUDES))
     cells = executor.map(partial(_simulate_cell, trials), np.ndindex(shape))
     stacked = (np.stack(arrays) for arrays in zip(*cells, strict=True))
@@ -35,7 +35,7 @@ def simulate(executor: Executor, trials: int = TRIALS) -> dict[str, Array]:
 
 
 def _simulate_cell(trials: int, at: tuple[int, ...]) -> tuple[Array, ...]:
-    inputs, (star, place, magnitude) = load_inputs(READS), at
-    light = light_of(inputs, list(STARS)[star], MAGNITUDES[magnitude])
+    inputs, (star, place, magnitude) = load_inputs(INPUTS), at
+    light = photons_from(inputs, list(STARS)[star], MAGNITUDES[magnitude])
     seed = SeedSequence(SEED, spawn_key=at)
-    return cell(inputs, list(PLACES.values())[place], light, trials, seed)
+    return compare_images(inputs, list(PLACES.values())[place], light, trials, seed)

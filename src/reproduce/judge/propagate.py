@@ -22,7 +22,7 @@ def result_intervals(computation: Computation, inputs: Inputs) -> dict[str, Prop
     """
     corners = corner_intervals(
         lambda sides: _values(computation, inputs.shifted(sides)),
-        [cell.address for cell in inputs.numbers()],
+        inputs.rounded(),
     )
     found = {}
     for name, (low, high, sides) in corners.items():

@@ -3,56 +3,44 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable, Iterator, Mapping
+from collections import UserDict
+from collections.abc import Callable, Mapping
 from functools import cache
-from itertools import chain
-from typing import Any, TypeVar
+from operator import itemgetter
+from typing import Any
 
 from reproduce.locate import papers, schematic_files
 from reproduce.papers.declare import (
     Computation,
-    DeclarationMap,
     Drawing,
     Item,
+    PaperFunction,
     Schematic,
     Study,
 )
 from reproduce.printed.inputs import load_inputs
 
-Made = TypeVar("Made")
 
+class _Catalogue(UserDict[str, Any]):
+    """Declarations of one kind by key. Its `data` are the modules of the keys."""
 
-class Catalogue(Mapping[str, Made]):
-    """Declarations of one kind, by key."""
-
-    def __init__(self, kind: str, make: Callable[[list[Any]], Made]) -> None:
+    def __init__(self, kind: str, make: Callable[[list[Any]], Any]) -> None:
+        super().__init__()
         self._make = make
-        self.modules: dict[str, str] = {}
         for paper in papers():
             package = f"{__package__}.{paper}"
             keys = getattr(importlib.import_module(package), kind, {})
-            for key, name in keys.items():
-                self.modules[key] = f"{package}.{name}" if name else ""
+            self.data |= {
+                key: f"{package}.{name}" if name else "" for key, name in keys.items()
+            }
 
-    def __getitem__(self, key: str) -> Made:
+    def __getitem__(self, key: str) -> Any:
         """Return the declaration of a key."""
-        if key not in self.modules:
-            raise KeyError(
-                f"unknown key {key!r}; expected one of {', '.join(self.modules)}"
-            )
-        return self._make(_declarations(key, self.modules[key]))
-
-    def __iter__(self) -> Iterator[str]:
-        """Iterate over the keys."""
-        return iter(self.modules)
-
-    def __len__(self) -> int:
-        """Return the number of keys."""
-        return len(self.modules)
+        return self._make(_declarations(key, self.data[key]))
 
 
 @cache
-def catalogue() -> Catalogue[Item]:
+def catalogue() -> Mapping[str, Item]:
     """Return every item by its key, paper by paper, in the order of the papers.
 
     Examples
@@ -60,11 +48,11 @@ def catalogue() -> Catalogue[Item]:
     >>> list(catalogue())[0]
     'niu2024/text-context'
     """
-    return Catalogue("ITEMS", _item)
+    return _Catalogue("ITEMS", _item)
 
 
 @cache
-def studies() -> Catalogue[Study]:
+def studies() -> Mapping[str, Study]:
     """Return the supplementary tables by key.
 
     Examples
@@ -72,11 +60,11 @@ def studies() -> Catalogue[Study]:
     >>> "chen2023/heat" in studies()
     True
     """
-    return Catalogue("STUDIES", lambda found: found[0])
+    return _Catalogue("STUDIES", itemgetter(0))
 
 
 @cache
-def drawings() -> Catalogue[Drawing | Schematic]:
+def drawings() -> Mapping[str, Drawing | Schematic]:
     """Return the supplementary drawings by key.
 
     Examples
@@ -84,65 +72,83 @@ def drawings() -> Catalogue[Drawing | Schematic]:
     >>> "niu2024/drawing-fusion-star" in drawings()
     True
     """
-    return Catalogue("DRAWINGS", lambda found: found[0])
+    return _Catalogue("DRAWINGS", itemgetter(0))
 
 
-def _item(found: list[Any]) -> Item:
-    computations = tuple(one for one in found if isinstance(one, Computation))
-    drawn = (one for one in found if isinstance(one, Drawing | Schematic))
-    return Item(computations, next(drawn, None))
+def _item(declared: list[Any]) -> Item:
+    """Return the item of some declarations."""
+    computations = tuple(each for each in declared if isinstance(each, Computation))
+    figures = [each for each in declared if isinstance(each, Drawing | Schematic)]
+    return Item(computations, *figures[:1])
 
 
 @cache
 def _declarations(key: str, module: str) -> list[Any]:
-    """Return the declarations of a key: those of its module and its schematic."""
+    """Return the declarations of a key: its schematic, and the declarations in its module."""
     files = schematic_files(key)
-    found: list[Any] = [Schematic(key, files)] if files else []
+    declared: list[Any] = [Schematic(key, files)] if files else []
     if module:
-        for one in vars(importlib.import_module(module)).values():
-            own = isinstance(one, Computation | DeclarationMap) and one.key == key
-            if own and one.function.__module__ == module:
-                found.append(one)
-        if not found:
-            raise ValueError(f"{key}: expected its declaration in {module}, got none.")
-    return found
+        declared += [
+            value
+            for value in vars(importlib.import_module(module)).values()
+            if isinstance(value, PaperFunction)
+            and (value.key, value.function.__module__) == (key, module)
+        ]
+        if not declared:
+            raise ValueError(
+                f"{key}: expected its declaration in {module}, got none. Add it, or correct "
+                "the key in the package of the paper."
+            )
+    return declared
 
 
 def computation_for(address: str) -> Computation | None:
-    """Return the computation that makes a printed cell; None for an input."""
+    """Return the computation of a printed cell; None for an input."""
     key, _, name = address.partition("#")
-    return next((one for one in catalogue()[key].computations if one.makes(name)), None)
+    computations = catalogue()[key].computations
+    return next((each for each in computations if each.makes(name)), None)
 
 
 def changeable(key: str) -> tuple[str, ...]:
-    """Return every number that an item, a cell or a study reads, directly or through other items.
+    """Return the inputs of an item, a cell or a study, direct or through other items.
 
-    Addresses, nearest first.
+    Parameters
+    ----------
+    key : str
+        Key, or address of a cell.
+
+    Returns
+    -------
+    tuple of str
+        Addresses of the printed numbers, nearest first.
 
     Examples
     --------
     >>> "niu2024/text-simulation#noise" in changeable("niu2024/table-3")
     True
     """
-    declared: list[Computation | DeclarationMap | Schematic | None]
+    declared: list[PaperFunction | Schematic | None]
     if "#" in key:
         declared = [computation_for(key)]
     elif key in catalogue():
-        declared = [*catalogue()[key].computations, catalogue()[key].draw]
+        item = catalogue()[key]
+        declared = [*item.computations, item.draw]
     else:
-        declared = [studies()[key] if key in studies() else drawings()[key]]
-    return upstream(tuple(chain.from_iterable(one.inputs for one in declared if one)))
+        declared = [studies().get(key) or drawings()[key]]
+    return upstream(
+        tuple(address for each in declared if each for address in each.inputs)
+    )
 
 
 @cache
 def upstream(patterns: tuple[str, ...]) -> tuple[str, ...]:
-    """Return the addresses of the numbers that match, and of all that these are computed from."""
-    found: dict[str, None] = {}
+    """Return the addresses of the numbers that match, and of all their inputs."""
+    addresses: dict[str, None] = {}
     waiting = list(patterns)
     while waiting:
         for address, cell in load_inputs([waiting.pop(0)]).cells.items():
-            if address not in found and cell.is_number:
-                found[address] = None
+            if address not in addresses and cell.is_number:
+                addresses[address] = None
                 above = computation_for(address)
                 waiting += above.inputs if above else ()
-    return tuple(found)
+    return tuple(addresses)

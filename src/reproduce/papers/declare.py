@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import fnmatch
 import inspect
+import re
 import zlib
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property, lru_cache
 from itertools import product
@@ -18,9 +19,10 @@ from numpy.typing import NDArray
 
 from reproduce.papers.texts import Alternative as Alternative
 from reproduce.papers.texts import Column as Column
+from reproduce.papers.texts import Fact as Fact
 from reproduce.papers.texts import Options as Options
 from reproduce.papers.texts import item_text as item_text
-from reproduce.papers.texts import parsed as parsed
+from reproduce.papers.texts import parse_texts as parse_texts
 from reproduce.papers.texts import unpublished as unpublished
 from reproduce.printed.inputs import Inputs, load_inputs
 
@@ -48,25 +50,51 @@ class Prediction:
 
 Result = float | Prediction
 Results = Mapping[str, Result]
+# Rows of a supplementary table.
+Rows = Iterator[tuple[Any, ...]]
+# Printed values that a figure marks, in SI units by address.
+Marks = Mapping[str, float]
 
 
 @dataclass(frozen=True)
-class Computation:
-    """A function with the cells that it makes, its inputs and its equations.
+class PaperFunction:
+    """A function of printed inputs.
 
     Parameters
     ----------
     key : str
-        The table, figure or group of quoted numbers.
+        Key of the item, supplementary table or drawing, such as ``chen2023/heat``.
     function : callable
-        Takes the inputs (and, if stochastic, seed and number of replicates) and returns results
-        by cell name, in SI units.
+        Function of the `Inputs`, and of more arguments that depend on the kind.
+    inputs : tuple of str
+        Addresses of all printed inputs.
+    """
+
+    key: str
+    function: Callable[..., Any]
+    inputs: tuple[str, ...]
+
+    @property
+    def title(self) -> str:
+        """Title of the table or figure."""
+        return item_text(self.key).title
+
+    def _loaded(self, inputs: Inputs | None) -> Inputs:
+        """Return the given inputs; by default the printed ones."""
+        return load_inputs(self.inputs) if inputs is None else inputs
+
+
+@dataclass(frozen=True)
+class Computation(PaperFunction):
+    """A function that computes printed cells.
+
+    The function takes the inputs (and, if stochastic, the seed and the number of replicates) and
+    returns results by cell name, in SI units.
+
+    Parameters
+    ----------
     cells : tuple of str
         Patterns of the names of its cells.
-    given : tuple of str
-        Addresses of all printed inputs.
-    equations : tuple of str
-        Equation numbers of the paper.
     replicates : int
         Number of replicates of a stochastic computation; 0 for a deterministic one.
     options : mapping of str to mapping
@@ -74,19 +102,15 @@ class Computation:
         the function.
     """
 
-    key: str
-    function: Callable[..., Results]
     cells: tuple[str, ...]
-    inputs: tuple[str, ...]
-    equations: tuple[str, ...]
     replicates: int
-    options: Options = field(default_factory=dict, hash=False)
+    options: Options = field(hash=False)
 
     @cached_property
     def readings(self) -> list[dict[str, str]]:
         """All readings, the literal one first: every combination of the alternatives."""
         choices = product(*self.options.values())
-        return [dict(zip(self.options, one, strict=True)) for one in choices]
+        return [dict(zip(self.options, names, strict=True)) for names in choices]
 
     @property
     def literal(self) -> dict[str, str]:
@@ -106,8 +130,14 @@ class Computation:
         return f"{file}.py:{code.co_firstlineno}"
 
     @property
+    def equations(self) -> tuple[str, ...]:
+        """Equation numbers of the paper in the docstring, as in ``Implements: niu2024 (17).``."""
+        _, _, claim = (self.function.__doc__ or "").partition("Implements:")
+        return tuple(re.findall(r"\((\d+)\)", claim))
+
+    @property
     def entropy(self) -> tuple[int, ...]:
-        """Root seed and the computation's own number; empty if deterministic."""
+        """Root seed and the number of the computation; empty if deterministic."""
         return (ROOT_SEED, *self._seed(None).spawn_key) if self.replicates else ()
 
     def _seed(self, root: int | None) -> SeedSequence:
@@ -122,12 +152,16 @@ class Computation:
 
         Options without a choice keep their literal alternative.
         """
-        chosen = {}
-        for name, ways in self.options.items():
-            way = choices.get(name, "")
-            way = way if way in ways else next(iter(ways))
-            chosen[name] = {way: ways[way]}
-        return replace(self, options=chosen)
+        chosen = self.literal | {
+            option: name
+            for option, name in choices.items()
+            if name in self.options.get(option, ())
+        }
+        options = {
+            option: {name: self.options[option][name]}
+            for option, name in chosen.items()
+        }
+        return replace(self, options=options)
 
     def __call__(self, inputs: Inputs, replicates: int | None = None) -> Results:
         """Return the numbers of the literal reading, with the seed of the computation.
@@ -135,15 +169,16 @@ class Computation:
         Results from unchanged printed numbers are cached, because the ledger, supplementary
         tables and reruns share them.
         """
-        changed = bool(inputs.values or inputs.shifts)
-        return dict((_run if changed else _cached)(self, inputs, replicates))
+        run = _run if inputs.values else _cached
+        return dict(run(self, inputs, replicates))
 
 
 def _run(computation: Computation, inputs: Inputs, replicates: int | None) -> Results:
     random: tuple[Any, ...] = ()
     if computation.replicates:
         random = computation._seed(inputs.root), replicates or computation.replicates
-    return computation.function(inputs, *random, **computation.literal)
+    results: Results = computation.function(inputs, *random, **computation.literal)
+    return results
 
 
 _cached = lru_cache(maxsize=64)(_run)
@@ -180,127 +215,78 @@ def reproduces(
     *,
     inputs: Sequence[str] = (),
     cells: Sequence[str] = ("*",),
-    equations: Sequence[str] = (),
     replicates: int = 0,
     options: Options | None = None,
 ) -> Callable[[Callable[..., Results]], Computation]:
-    """Declare that a function makes printed cells of `key`.
+    """Declare that a function computes printed cells of `key`.
 
     Parameters
     ----------
     key : str
         The table, figure or group of quoted numbers, such as ``niu2024/table-3``.
-    given : sequence of str
-        Every printed cell or group that the function reads. It has access to no other.
+    inputs : sequence of str
+        Addresses of all cells and groups that the function uses. It has access to no other cell.
     cells : sequence of str
-        Patterns of the names of the cells it makes, where a table needs several functions.
-    equations : sequence of str
-        Numbers of the paper's equations that the function rests on.
+        Patterns of the names of the computed cells. Default: all cells.
     replicates : int
-        How many replicates to draw; the function then takes ``(inputs, seed, replicates)``.
+        Number of replicates. The function then takes ``(inputs, seed, replicates)``.
     options : mapping, optional
-        Options of the text, of which the function takes those that are its keyword-only
-        parameters. Default: the options in the data of `key`.
+        Options of the text. The function takes those that are its parameters. Default: the
+        options in the texts of `key`.
 
     Returns
     -------
     callable
-        A decorator that turns the function into a `Computation`.
+        A decorator that converts the function into a `Computation`.
 
     Examples
     --------
     >>> @reproduces("niu2024/text-context")
-    ... def nothing(given):
+    ... def nothing(inputs):
     ...     return {}
     >>> nothing.key
     'niu2024/text-context'
     """
-
     known = item_text(key).options if options is None else options
 
     def declared(function: Callable[..., Results]) -> Computation:
-        taken = inspect.signature(function).parameters.values()
-        own = {p.name: known[p.name] for p in taken if p.kind is p.KEYWORD_ONLY}
+        names = inspect.signature(function).parameters
+        taken = {option: known[option] for option in known if option in names}
         return Computation(
             key,
             function,
-            tuple(cells),
             tuple(inputs),
-            tuple(equations),
+            tuple(cells),
             replicates,
-            own,
+            taken,
         )
 
     return declared
 
 
 @dataclass(frozen=True)
-class Fact:
-    """A number or a word that sentences quote; `form` and `zero` as in `Column`."""
+class Drawing(PaperFunction):
+    """A function that draws on a matplotlib figure.
 
-    value: float | str
-    form: str = ""
-    unit: str = ""
-    zero: float = 0.0
-
-
-@dataclass(frozen=True)
-class DeclarationMap:
-    """A function that draws or tabulates.
+    Its arguments are the figure, the values of the marked cells, and the inputs.
 
     Parameters
     ----------
-    key : str
-        Such as ``chen2023/heat``.
-    function : callable
-        Draws the figure, or returns the table.
-    given : tuple of str
-        Addresses of all printed inputs.
     random : bool
         Whether it draws random numbers, with seeds from the root of the inputs.
-    """
-
-    key: str
-    function: Callable[..., Any]
-    inputs: tuple[str, ...] = ()
-    random: bool = False
-    named: Callable[..., Mapping[str, Fact]] | None = None
-
-    @property
-    def title(self) -> str:
-        """First line of the function's docstring, without its full stop."""
-        return (self.function.__doc__ or "").strip().split("\n")[0].rstrip(".")
-
-
-@dataclass(frozen=True)
-class Drawing(DeclarationMap):
-    """A function that fills a matplotlib figure.
-
-    Its parameters are the figure, `printed` (address of each marked cell to its value in SI
-    units) and the inputs; the last two only if it needs them.
-
-    Parameters
-    ----------
     marks : tuple of str
         Addresses of cells of other items that the drawing marks, such as a printed optimum. All
         cells of the item itself are marked.
     """
 
-    marks: tuple[str, ...] = ()
+    random: bool
+    marks: tuple[str, ...]
 
     def __call__(
-        self,
-        figure: Figure,
-        printed: Mapping[str, float],
-        inputs: Inputs | None = None,
+        self, figure: Figure, printed: Marks, inputs: Inputs | None = None
     ) -> None:
         """Draw on an empty figure, from the printed or from changed inputs."""
-        _, *names = inspect.signature(self.function).parameters
-        values: dict[str, Any] = {"printed": printed}
-        for name in names:
-            if name != "printed":
-                values[name] = load_inputs(self.inputs) if inputs is None else inputs
-        self.function(figure, **{name: values[name] for name in names})
+        self.function(figure, printed, self._loaded(inputs))
 
 
 @dataclass(frozen=True)
@@ -311,7 +297,6 @@ class Schematic:
     files: tuple[Path, ...]
     inputs: ClassVar[tuple[str, ...]] = ()
     random: ClassVar[bool] = False
-    named: ClassVar[None] = None
 
     @cached_property
     def text(self) -> str:
@@ -333,80 +318,63 @@ def draws(
     marks: Sequence[str] = (),
     random: bool = False,
 ) -> Callable[[Callable[..., None]], Drawing]:
-    """Declare that a function draws `key`; the arguments are those of `Drawing`."""
-    return lambda function: Drawing(
-        key, function, tuple(inputs), random, marks=tuple(marks)
-    )
+    """Declare that a function draws `key`; parameters as in `Drawing`."""
+    return lambda function: Drawing(key, function, tuple(inputs), random, tuple(marks))
 
 
 @dataclass(frozen=True)
-class Study(DeclarationMap):
-    """A supplementary table, which no paper prints.
+class Study(PaperFunction):
+    """A supplementary table, which is not in the paper.
 
-    The function takes the inputs, if any, and returns the rows, or a DataFrame whose ``attrs``
-    fill the blanks of the caption.
+    The function takes the inputs and returns the rows.
 
     Parameters
     ----------
+    random : bool
+        Whether it draws random numbers, with seeds from the root of the inputs.
     named : callable, optional
-        Returns the facts that sentences quote, by name, from the same inputs.
-    columns : tuple of Column
-        One for each entry of a row; the first names the row.
-    caption : str
-        One or two sentences.
-    folded : str
-        Name of a column by whose values a long table is shown in parts.
+        Function of the same inputs. It returns the numbers that sentences quote, by name.
+    columns, caption, folded
+        Texts of the key, as in `ItemText`.
     """
 
-    columns: tuple[Column, ...] = ()
-    caption: str = ""
-    folded: str = ""
-
-    def _inputs(self, inputs: Inputs | None) -> list[Inputs]:
-        if not self.inputs:
-            return []
-        return [load_inputs(self.inputs) if inputs is None else inputs]
+    random: bool
+    named: Callable[[Inputs], Mapping[str, Any]] | None
+    columns: tuple[Column, ...]
+    caption: str
+    folded: str
 
     def __call__(self, inputs: Inputs | None = None) -> pd.DataFrame:
         """Compute the table, from the printed or from changed inputs."""
         import pandas as pd
 
-        found = self.function(*self._inputs(inputs))
-        frame = found if isinstance(found, pd.DataFrame) else self.frame(found)
-        frame.attrs["caption"] = self.caption.format_map(frame.attrs)
-        return frame
-
-    def facts(self) -> Mapping[str, Fact]:
-        """Compute the facts that sentences quote, by name."""
-        return self.named(*self._inputs(None)) if self.named else {}
-
-    def frame(self, rows: Iterable[Sequence[Any]], **blanks: Any) -> pd.DataFrame:
-        """Return rows under the declared heads, with the blanks of the caption in ``attrs``."""
-        import pandas as pd
-
+        inputs = self._loaded(inputs)
         heads = [column.name for column in self.columns]
-        frame = pd.DataFrame(list(rows), columns=heads)
-        frame.attrs.update(blanks)
+        frame = pd.DataFrame(list(self.function(inputs)), columns=heads)
+        blanks = self.named(inputs) if self.named and "{" in self.caption else {}
+        frame.attrs["caption"] = self.caption.format_map(blanks)
         return frame
+
+    def facts(self) -> dict[str, Fact]:
+        """Compute the facts that sentences quote, by name."""
+        values = self.named(self._loaded(None)) if self.named else {}
+        forms = item_text(self.key).facts
+        return {
+            name: replace(forms[name], value=value) for name, value in values.items()
+        }
 
 
 def studied(
     key: str,
     *,
     inputs: Sequence[str] = (),
-    named: Callable[..., Mapping[str, Fact]] | None = None,
+    named: Callable[[Inputs], Mapping[str, Any]] | None = None,
     random: bool = False,
-    **shown: Any,
 ) -> Callable[[Callable[..., Any]], Study]:
-    """Declare that a function computes the supplementary table `key`, as in `Study`.
-
-    Columns, caption and folded are the texts of the key, unless they are given.
-    """
+    """Declare that a function computes the supplementary table `key`; parameters as in `Study`."""
     text = item_text(key)
-    texts = {name: getattr(text, name) for name in ("columns", "caption", "folded")}
-    return lambda function: Study(
-        key, function, tuple(inputs), random, named, **texts | shown
-    )
+    shown = text.columns, text.caption, text.folded
+    return lambda function: Study(key, function, tuple(inputs), random, named, *shown)
 
 
 @dataclass(frozen=True)

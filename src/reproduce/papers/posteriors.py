@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import importlib.util
+import importlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cache
 from hashlib import sha256
+from importlib.util import find_spec
 from typing import Any
 
 from numpy.random import SeedSequence
@@ -18,7 +19,7 @@ from reproduce.papers.declare import ROOT_SEED
 from reproduce.printed.inputs import Inputs, load_inputs
 from reproduce.store.points import DataTable, TableFileError, computing
 
-# Kept steps of an ensemble: more than fifty autocorrelation times.
+# Sampled steps of an ensemble: more than fifty autocorrelation times.
 _STEPS = 270
 
 
@@ -26,21 +27,15 @@ _STEPS = 270
 def posteriors() -> dict[str, Declaration]:
     """Return the declaration of every posterior by its key, in the order of the book.
 
-    What each paper's module ``posteriors``, if it has one, lists as ``POSTERIORS``.
-
     Examples
     --------
     >>> list(posteriors())[0]
     'registration'
     """
-    names = [f"reproduce.papers.{paper}.posteriors" for paper in papers()]
-    found = [
-        importlib.import_module(name)
-        for name in names
-        if importlib.util.find_spec(name)
-    ]
+    names = (f"reproduce.papers.{paper}.posteriors" for paper in papers())
+    modules = [importlib.import_module(name) for name in names if find_spec(name)]
     return {
-        declared.key: declared for module in found for declared in module.POSTERIORS
+        declared.key: declared for module in modules for declared in module.POSTERIORS
     }
 
 
@@ -50,7 +45,7 @@ class File:
 
     - `columns`: of the table, in any order.
     - `meaning`: the meaning of a row and of the columns.
-    - `read`: makes the model, and the remarks on the data, from a table and further arguments.
+    - `read`: function of a table and further arguments; returns the model and remarks.
     - `accepts`: names of these arguments of `reproduce.posterior`.
     - `optional`: optional columns.
     """
@@ -74,11 +69,12 @@ class Declaration:
     - `key`: its name on the command line, in the book, and of its stored calibration.
     - `title`: its subject, in one line.
     - `paper`: the paper whose numbers it uses.
-    - `given`: every printed cell (or group) that reaches the model, as data, setting or prior.
-    - `build`: makes the model with its data.
+    - `inputs`: addresses of the printed cells of the model: data, settings and priors.
+    - `build`: returns the model with its data.
     - `file`: the format of your data, or the reason why it accepts none.
-    - `truth`: the parameters of the simulation; None if the data are printed.
-    - `steps`, `walkers`: kept steps and walkers of an ensemble; zero walkers is the default number.
+    - `truth`: returns the parameters of the simulation; None if the data are printed.
+    - `steps`, `walkers`: sampled steps and walkers of an ensemble; zero walkers is the default
+      number.
     - `summary`: names of quantities for the table of all posteriors, each with the address of its
       printed cell or with a label.
     """
@@ -96,22 +92,22 @@ class Declaration:
 
     @property
     def simulated(self) -> bool:
-        """Whether the data are simulated from printed settings: the raw data are not published."""
+        """Whether the data are simulated from printed settings, as the raw data are unpublished."""
         return self.truth is not None
 
     def model(self, data_seed: int | None = None) -> Model:
-        """Return the model with its data, simulated ones with another seed where one is given."""
+        """Return the model with its data, which may be simulated with another seed."""
         return self.build(load_inputs(self.inputs, data_seed))
 
     def true_values(self) -> dict[str, float]:
         """Return the parameters of the simulation; empty if the data are not simulated."""
-        return {} if self.truth is None else self.truth(load_inputs(self.inputs))
+        return self.truth(load_inputs(self.inputs)) if self.truth else {}
 
     def sha256(self) -> str:
-        """Return the hash of the printed cells that reach the model; data follow from them."""
-        cells = load_inputs(self.inputs).cells
-        texts = (f"{address} {cells[address].text}\n" for address in sorted(cells))
-        return sha256("".join(texts).encode()).hexdigest()
+        """Return the hash of the printed cells of the model, which determine the data."""
+        cells = sorted(load_inputs(self.inputs).cells.items())
+        texts = "".join(f"{address} {cell.text}\n" for address, cell in cells)
+        return sha256(texts.encode()).hexdigest()
 
     def plan(
         self,
@@ -119,41 +115,40 @@ class Declaration:
         walkers: int | None = None,
         seed: int = ROOT_SEED,
     ) -> Plan:
-        """Return how it is sampled in the book, or with other numbers."""
-        kept = self.steps if steps is None else steps
-        count = self.walkers if walkers is None else walkers
-        return Plan(seed, walkers=count, steps=kept, warmup=max(100, kept // 4))
+        """Return the sampling plan of the book, or a plan with other numbers."""
+        steps = self.steps if steps is None else steps
+        walkers = self.walkers if walkers is None else walkers
+        return Plan(seed, walkers=walkers, steps=steps, warmup=max(100, steps // 4))
 
     def format(self) -> File:
-        """Return the format of your data; a `TableFileError` if there is none."""
+        """Return the format of your data; raise `TableFileError` if it accepts none."""
         if isinstance(self.file, str):
             raise TableFileError(f"{self.key} takes no file: {self.file}")
         return self.file
 
     def supplied(
-        self, table: DataTable, inputs: Mapping[str, Any]
+        self, table: DataTable, arguments: Mapping[str, Any]
     ) -> tuple[Model, tuple[str, ...]]:
-        """Return the model of your data, and remarks; a `TableFileError` for unusable data.
+        """Return the model of your data and remarks; raise `TableFileError` for unusable data.
 
         The priors of measured quantities follow from the scale of the data. An instrument or a
-        design that the data do not determine remains that of the paper by default.
+        design that the data do not determine is by default the one of the paper.
         """
         file = self.format()
-        used = {key: value for key, value in inputs.items() if key in file.accepts}
+        used = {name: arguments[name] for name in arguments if name in file.accepts}
         with computing(table.path):
             try:
                 model, remarks = file.read(table, used)
-            except TableFileError:
-                raise
             except ValueError as error:
+                if isinstance(error, TableFileError):
+                    raise
                 raise TableFileError(f"{table.path}: {error}") from error
-        unused = table.optional if len(used) < len(inputs) else ()
+        unused = table.optional if len(used) < len(arguments) else ()
         notes = (f"this model takes no column {name}" for name in unused)
         return model, (*remarks, *table.notes, *notes)
 
 
 def data_stream(inputs: Inputs, *key: int) -> SeedSequence:
-    """Return the seed of simulated data: the root seed, or that of the inputs."""
-    return SeedSequence(
-        ROOT_SEED if inputs.root is None else inputs.root, spawn_key=key
-    )
+    """Return the seed of simulated data: the root seed of the project or of the inputs."""
+    root = ROOT_SEED if inputs.root is None else inputs.root
+    return SeedSequence(root, spawn_key=key)

@@ -1,9 +1,10 @@
-"""Printed cells with their addresses, read from the data files, and the form of such a file."""
+"""Printed cells with their addresses, and the format of the files of printed numbers."""
 
 from __future__ import annotations
 
 import fnmatch
 import hashlib
+import re
 import tomllib
 from dataclasses import dataclass
 from functools import cache, cached_property
@@ -20,10 +21,10 @@ from pydantic import (
 )
 
 from reproduce.locate import data_folders, papers
-from reproduce.printed.number import PrintedNumber, si_factor, symbol
+from reproduce.printed.number import UNITS, PrintedNumber, si_factor, symbol
 
 PAPERS = tuple(papers())
-# What a number is in the paper (not what we do with it: that is up to each use).
+# Role of a number in the paper, which does not depend on its use here.
 Role = Literal[
     "setting", "specification", "measurement", "simulation", "derived", "citation"
 ]
@@ -33,12 +34,7 @@ _SIGNS = {"less": "<", "greater": ">", "at-least": "≥", "within": "±", "about
 
 
 class PrintedFileError(ValueError):
-    """A file of printed numbers does not follow the format; the message lists every fault."""
-
-
-def _known_unit(unit: str) -> str:
-    si_factor(unit)
-    return unit
+    """A file of printed numbers with faults, which the message lists."""
 
 
 class _Traits(BaseModel):
@@ -46,7 +42,7 @@ class _Traits(BaseModel):
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
 
-    unit: Annotated[str, AfterValidator(_known_unit)] | None = None
+    unit: Literal[tuple(UNITS)] | None = None  # type: ignore[valid-type]
     unit_assumed: str | None = None
     role: Role | None = None
     qualifier: _Qualifier | None = None
@@ -71,16 +67,12 @@ class _Entry(_Traits):
     def _complete(cls, entry: Any) -> Any:
         """Accept quoted digits in place of an entry, and require digits or text."""
         if isinstance(entry, int | float):
-            raise ValueError(
-                f'unquoted number: write "{entry}", with all the digits of the print'
-            )
-        fields = (
-            {"value": entry} if isinstance(entry, str) else {"value": None, **entry}
+            raise ValueError(f'expected a quoted number, got {entry}. Write "{entry}".')
+        fields = {"value": None} | (
+            {"value": entry} if isinstance(entry, str) else entry
         )
         if (fields["value"] is None) == ("text" not in fields):
-            raise ValueError(
-                "expected exactly one of value (digits) and text (words, a dash)"
-            )
+            raise ValueError("expected either value (digits) or text (words, a dash)")
         return fields
 
 
@@ -112,10 +104,8 @@ class _File(_Traits):
 
     @model_validator(mode="after")
     def _is_complete(self) -> _File:
-        if self.page is None and self.section is None:
-            raise ValueError(
-                "missing page or section: state where in the paper the numbers are"
-            )
+        if not (self.page or self.section):
+            raise ValueError("expected a page or section, got none. Add the position.")
         if bool(self.cell) == bool(self.row or self.column):
             raise ValueError(
                 "expected either [[column]] and [[row]] (a table) or [[cell]]"
@@ -131,24 +121,24 @@ class _File(_Traits):
 
 @dataclass(frozen=True)
 class PrintedCell:
-    """One printed cell with its address and its attributes.
+    """One printed cell.
 
     Parameters
     ----------
     key : str
         The table or group, such as ``niu2024/table-1``.
     name : str
-        The cell in it: ``row.column`` in a table, one id in a group.
+        Name in the table: ``row.column``, or one id in a group.
     label : str
-        What the number is, in our words.
+        Description of the number.
     content : PrintedNumber or str
         The digits, or a text such as a dash.
     unit : str
         The printed unit, empty for text.
     role : str
-        What the number is in the paper: setting, specification, measurement, ...
+        Role of the number in the paper: setting, specification, measurement, ...
     place : str
-        Table or text, with page or section.
+        Position in the paper: table or text, with page or section.
     sigma : int, optional
         1 or 3 if the paper gives the number as one or three standard deviations.
     unit_assumed, misprint : str, optional
@@ -168,7 +158,7 @@ class PrintedCell:
 
     @property
     def address(self) -> str:
-        """``key#name``, the only name of the cell."""
+        """Address of the cell, ``key#name``."""
         return f"{self.key}#{self.name}"
 
     @property
@@ -178,16 +168,16 @@ class PrintedCell:
 
     @property
     def number(self) -> PrintedNumber:
-        """The printed number; raises TypeError on a cell of text."""
+        """The printed number; raises TypeError for a cell of text."""
         if isinstance(self.content, str):
             raise TypeError(
-                f"{self.address}: expected a number, the cell prints {self.content!r}"
+                f"{self.address}: expected a number, got the printed text {self.content!r}"
             )
         return self.content
 
     @property
     def is_number(self) -> bool:
-        """Whether the cell holds a number."""
+        """Whether the cell contains a number."""
         return isinstance(self.content, PrintedNumber)
 
     @property
@@ -202,7 +192,7 @@ class PrintedCell:
 
     @property
     def shown(self) -> str:
-        """The cell as a reader sees it: qualifier, digits, unit."""
+        """The cell with qualifier, digits and unit, as a page shows it."""
         if isinstance(self.content, str):
             return self.content
         sign = _SIGNS.get(self.content.qualifier or "", "")
@@ -214,17 +204,17 @@ class PrintedCell:
 
 @dataclass(frozen=True)
 class PrintedTable:
-    """A table or a group of quoted numbers, cell by cell.
+    """A table or a group of quoted numbers.
 
     Parameters
     ----------
     key : str
         ``paper/table-n`` or ``paper/text-topic``.
     title, place : str
-        What it holds, in our words; where it stands.
+        Title in the words of this project, and position in the paper.
     rows, columns : tuple of _Line
         Ids and labels in printed order; a group of quoted numbers has no columns.
-    cells : tuple of Cell
+    cells : tuple of PrintedCell
         All cells in printed order.
     """
 
@@ -241,13 +231,12 @@ class PrintedTable:
         return {cell.name: cell for cell in self.cells}
 
     def __getitem__(self, name: str) -> PrintedCell:
-        """Return the cell called `name`, or raise KeyError naming the nearest ones."""
-        try:
-            return self.by_name[name]
-        except KeyError:
+        """Return the cell with a name."""
+        if name not in self.by_name:
             raise KeyError(
                 f"{self.key} has no cell {name!r}; its cells: {list(self.by_name)}"
-            ) from None
+            )
+        return self.by_name[name]
 
 
 def anchor(address: str) -> str:
@@ -258,11 +247,17 @@ def anchor(address: str) -> str:
     >>> anchor("niu2024/table-3#scale.red")
     'niu2024-table-3-scale-red'
     """
-    return address.replace("/", "-").replace("#", "-").replace(".", "-")
+    return re.sub("[/#.]", "-", address)
 
 
 def read(path: Path, key: str) -> PrintedTable:
-    """Read one file of printed numbers."""
+    """Return the table of a file of printed numbers.
+
+    Raises
+    ------
+    PrintedFileError
+        If the file has faults. The message lists them with their position.
+    """
     source = f"{path.parent.name}/{path.name}"
     try:
         return build(tomllib.loads(path.read_text(encoding="utf-8")), key, source)
@@ -271,71 +266,65 @@ def read(path: Path, key: str) -> PrintedTable:
 
 
 def build(content: Any, key: str, source: str = "") -> PrintedTable:
-    """Check the content of a file; give every cell its address and its inherited traits."""
+    """Return the table of the content of a file.
+
+    Each cell has the traits of its file, column and row that its entry does not have.
+    """
     try:
         file = _File.model_validate(content)
     except ValidationError as error:
-        faults = [
-            f"{'.'.join(map(str, one['loc']))}: {one['msg']}" for one in error.errors()
-        ]
-        raise PrintedFileError(
-            "\n".join(f"{source}: {fault}" for fault in faults)
-        ) from error
-    lines: list[tuple[str, str, list[Any]]] = [
-        (quoted.id, quoted.label, [quoted]) for quoted in file.cell
+        faults = (
+            f"{source}: {'.'.join(map(str, fault['loc']))}: {fault['msg']}"
+            for fault in error.errors()
+        )
+        raise PrintedFileError("\n".join(faults)) from error
+    cells = [
+        _cell(key, entry.id, entry.label, [file, entry]) for entry in file.cell
+    ] + [
+        _cell(
+            key,
+            f"{row.id}.{column.id}",
+            row.label + f", {column.label}" * (len(file.column) > 1),
+            [file, column, row, entry],
+        )
+        for row in file.row
+        for column, entry in zip(file.column, row.cells, strict=True)
     ]
-    for row in file.row:
-        for column, entry in zip(file.column, row.cells, strict=True):
-            label = row.label
-            if len(file.column) > 1:
-                label += f", {column.label}"
-            lines.append((f"{row.id}.{column.id}", label, [column, row, entry]))
-    cells = {
-        name: _cell(key, name, label, file, traits) for name, label, traits in lines
-    }
-    if len(cells) < len(lines):
+    if len({cell.name for cell in cells}) < len(cells):
         raise PrintedFileError(f"{source}: expected each id once, got a duplicate")
-    return PrintedTable(
-        key=key,
-        title=file.title,
-        place=_place(file, file),
-        rows=tuple(file.row or file.cell),
-        columns=tuple(file.column),
-        cells=tuple(cells.values()),
-    )
+    rows, columns = tuple(file.row or file.cell), tuple(file.column)
+    place = _place(file, file)
+    return PrintedTable(key, file.title, place, rows, columns, tuple(cells))
 
 
-def _cell(
-    key: str, name: str, label: str, file: _File, owners: list[Any]
-) -> PrintedCell:
-    """Return a cell with the traits of its file, column and row if its entry has none."""
+def _cell(key: str, name: str, label: str, owners: list[Any]) -> PrintedCell:
+    """Return a cell with the traits of its owners: file, column, row, entry."""
     traits: dict[str, Any] = {}
-    for owner in (file, *owners):
+    for owner in owners:
         traits |= owner.model_dump(include=_TRAITS, exclude_none=True)
-    entry = owners[-1]
+    file, *_, entry = owners
     content: PrintedNumber | str = entry.text or ""
     if entry.value is not None:
         if missing := {"unit", "role"} - set(traits):
-            raise PrintedFileError(
-                f"{key}#{name}: missing {missing.pop()}; give it to the cell or row"
-            )
+            raise PrintedFileError(f"{key}#{name}: missing {missing.pop()}")
         is_count = traits["unit"] == "count"
         content = PrintedNumber(entry.value, is_count, traits.get("qualifier"))
     return PrintedCell(
-        key=key,
-        name=name,
-        label=label,
-        content=content,
-        unit=traits["unit"] if entry.value is not None else "",
-        role=traits.get("role", "specification"),
-        place=_place(file, entry if entry.section or entry.page else file),
-        sigma=traits.get("sigma"),
-        unit_assumed=traits.get("unit_assumed"),
-        misprint=entry.misprint,
+        key,
+        name,
+        label,
+        content,
+        traits["unit"] if entry.value is not None else "",
+        traits.get("role", "specification"),
+        _place(file, entry if entry.section or entry.page else file),
+        traits.get("sigma"),
+        traits.get("unit_assumed"),
+        entry.misprint,
     )
 
 
 def _place(file: _File, at: _Traits) -> str:
+    """Return the position of a cell, with its page or section."""
     return f"{file.place}, {f'page {at.page}' if at.page else f'section {at.section}'}"
 
 
@@ -358,17 +347,15 @@ def library() -> dict[str, PrintedTable]:
 def altered_files() -> tuple[str, ...]:
     """Return the files of printed numbers that differ from the list of checksums."""
     altered: list[str] = []
-    for folder in (one / "printed" for one in data_folders()):
+    for folder in (data / "printed" for data in data_folders()):
         recorded = (folder / "SHA256SUMS").read_text(encoding="utf-8").splitlines()
-        found = {
+        present = {
             f"{hashlib.sha256(path.read_bytes()).hexdigest()}  "
             f"{path.relative_to(folder).as_posix()}"
-            for path in folder.rglob("*")
+            for path in folder.rglob("*.*")
             if path.suffix in {".toml", ".csv"}
         }
-        altered += sorted(
-            {line.split()[-1] for line in found.symmetric_difference(recorded)}
-        )
+        altered += sorted({line.split()[-1] for line in present ^ set(recorded)})
     return tuple(altered)
 
 
@@ -382,9 +369,9 @@ def find(pattern: str) -> tuple[PrintedCell, ...]:
     """
     key, _, name = pattern.partition("#")
     cells = library()[key].cells if key in library() else ()
-    found = tuple(c for c in cells if not name or fnmatch.fnmatchcase(c.name, name))
-    if not found:
+    matching = tuple(c for c in cells if fnmatch.fnmatchcase(c.name, name or "*"))
+    if not matching:
         raise KeyError(
             f"no printed cell matches {pattern!r}; see `reproduce list` for the keys"
         )
-    return found
+    return matching

@@ -22,11 +22,11 @@ def corner_intervals(
 ) -> dict[str, Corners]:
     """Return the interval of each result over the rounding intervals of the inputs.
 
-    Each input moves to both ends on its own, to find the direction in which every result moves.
-    Both ends are needed, because a smallest or largest value may respond to one of them only. Then
-    all inputs move to the corner of the smallest and to the corner of the largest result. An input
-    that does not change the result on its own remains as printed. The interval is exact for a
-    result that is strictly monotone in each of its inputs.
+    Each input first moves separately to both ends, to find the direction in which every result
+    moves. Both ends are necessary, because a smallest or largest value may respond to one of them
+    only. Then all inputs move to the corner of the smallest and of the largest result. An input
+    that does not change the result separately remains as printed. The interval is exact for a
+    result that is strictly monotone in each input.
 
     Parameters
     ----------
@@ -44,18 +44,20 @@ def corner_intervals(
     centre = results({})
     sides: dict[str, dict[str, tuple[float, float]]] = {name: {} for name in centre}
     for moved in inputs:
-        down, up = (results({moved: side}) for side in (-1.0, 1.0))
-        for name, value in centre.items():
-            # An end goes before the printed value, in case of equal results.
-            by_side = {-1.0: down[name], 1.0: up[name], 0.0: value}
-            low, high = (pick(by_side, key=by_side.__getitem__) for pick in (min, max))
-            if by_side[low] != by_side[high]:
-                sides[name][moved] = (low, high)
-    found = {}
-    for name, own in sides.items():
-        ends = [
-            results({one: pair[end] for one, pair in own.items()})[name]
+        # An end precedes the printed value, in case of equal results.
+        ends = {side: results({moved: side}) for side in (-1.0, 1.0)} | {0.0: centre}
+        for name, responses in sides.items():
+            values = {side: result[name] for side, result in ends.items()}
+            low, high = (
+                choose(values, key=values.__getitem__) for choose in (min, max)
+            )
+            if values[low] != values[high]:
+                responses[moved] = (low, high)
+    intervals = {}
+    for name, responses in sides.items():
+        corners = [
+            results({moved: pair[end] for moved, pair in responses.items()})[name]
             for end in (0, 1)
         ]
-        found[name] = Corners(min(ends), max(ends), own)
-    return found
+        intervals[name] = Corners(min(corners), max(corners), responses)
+    return intervals

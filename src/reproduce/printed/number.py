@@ -2,37 +2,39 @@
 
 The intervals are defined only here, for the ledger and the audit:
 
-* a number without a qualifier was rounded to its last digit: half a unit of it to either side;
-* ``about`` leaves open how it was rounded. Either its last digit counts, and it was rounded up or
-  down: one unit to either side. Or zeros at its end fill up a format ("about 0.060" is 0.06,
-  "about 90 s" is nine tens): half a unit of the last digit that is not zero. The wider one holds;
-* ``nominal`` is a design value. An instrument keeps its own to a few per cent, so it stands for
-  `_NOMINAL` of itself to either side, however many digits it has;
-* a limit (``less``, ``greater``, ``at-least``, ``within``) is the limit itself where it is used,
-  and agrees with all that lies on its side;
-* a count is exact."""
+* a number without a qualifier was rounded to its last digit: half a unit of the last digit to
+  either side;
+* ``about`` does not determine the rounding. If the last digit counts, the number was rounded up or
+  down: one unit to either side. Zeros at its end may also complete a format ("about 0.060" is 0.06,
+  "about 90 s" has one digit): half a unit of the last nonzero digit. The wider interval applies;
+* ``nominal`` is a design value. Instruments agree with their design within a few per cent: the
+  fraction `NOMINAL_FRACTION` of the value to either side, for any number of digits;
+* a limit (``less``, ``greater``, ``at-least``, ``within``) is the limit itself as an input, and
+  agrees with all values on its side;
+* a count is exact.
+"""
 
 from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from decimal import ROUND_HALF_EVEN, Decimal
+from decimal import Decimal
 from functools import cached_property
-from math import pi
+from math import inf, pi
 
 from reproduce.units import RADIANS_PER_ARCSEC
 
-# Sums and products of decimal inputs leave a few units of the last binary place; without this
-# slack a computed value that lies exactly on a rounding tie would fall on a random side of it.
-_FLOAT_SLACK = 1e-9
-# More digits than these, and a decimal of the usual precision cannot be rounded.
-_MAX_DIGITS = 25
+# Decimal inputs have an error of a few units of the last binary digit. With this relative tolerance
+# a computed value at the end of an interval agrees on every processor.
+_FLOAT_TOLERANCE = 1e-9
+# Larger values are written with an exponent.
+_MAX_PLAIN = 1e20
 _DIGITS = re.compile(r"[-+]?\d+(\.\d*)?([eE][-+]?\d+)?")
 
 Interval = tuple[float, float]
-_BOUNDS = ("less", "greater", "at-least", "within")
-# How far an instrument may lie from its design value, as a fraction of the value.
-_NOMINAL = 0.05
+_LIMITS = ("less", "greater", "at-least", "within")
+# Distance of an instrument from its design value, as a fraction of the value.
+NOMINAL_FRACTION = 0.05
 
 
 @dataclass(frozen=True)
@@ -42,11 +44,11 @@ class PrintedNumber:
     Parameters
     ----------
     text : str
-        The digits as printed, trailing zeros kept: ``"25.0000"``, ``"5.7e-5"``.
+        Printed digits with trailing zeros: ``"25.0000"``, ``"5.7e-5"``.
     exact : bool
-        True for a count: nothing was rounded, the interval is a point.
+        Whether the number is a count, which is not rounded.
     qualifier : str, optional
-        ``about``, ``nominal``, or a bound: ``less``, ``greater``, ``at-least``, ``within`` (of
+        ``about``, ``nominal``, or a limit: ``less``, ``greater``, ``at-least``, ``within`` (of
         zero).
 
     Examples
@@ -61,11 +63,11 @@ class PrintedNumber:
     qualifier: str | None = None
 
     def __post_init__(self) -> None:
-        """Refuse text that is not a number."""
+        """Raise ValueError for text that is not a number."""
         if not _DIGITS.fullmatch(self.text):
             raise ValueError(
-                f"expected the digits of a number, got {self.text!r}; "
-                "write words and dashes as text = ..."
+                f"text: expected the digits of a number, got {self.text!r}. Write words and "
+                "dashes as text = ..."
             )
 
     @cached_property
@@ -76,8 +78,7 @@ class PrintedNumber:
     @cached_property
     def exponent(self) -> int:
         """The power of ten of the last printed digit."""
-        exponent = Decimal(self.text).as_tuple().exponent
-        return exponent if isinstance(exponent, int) else 0
+        return int(Decimal(self.text).as_tuple().exponent)
 
     @cached_property
     def half_unit(self) -> float:
@@ -86,27 +87,27 @@ class PrintedNumber:
 
     @cached_property
     def half_width(self) -> float:
-        """How far a value may lie from the number and still be meant by it; zero for a limit."""
+        """Half the width of the interval around the number; zero for a limit."""
         if self.is_bound or self.exact:
             return 0.0
         if self.qualifier == "nominal":
-            return _NOMINAL * abs(self.value)
+            return NOMINAL_FRACTION * abs(self.value)
         if self.qualifier == "about":
-            filled = Decimal(self.text).normalize().as_tuple().exponent
-            least = filled if isinstance(filled, int) and self.value else self.exponent
-            return max(2 * self.half_unit, float(Decimal(5).scaleb(least - 1)))
+            nonzero = Decimal(self.text).normalize().as_tuple().exponent
+            last = int(nonzero) if self.value else self.exponent
+            return max(2 * self.half_unit, float(Decimal(5).scaleb(last - 1)))
         return self.half_unit
 
     @property
     def is_bound(self) -> bool:
         """Whether the number is a limit and not a value."""
-        return self.qualifier in _BOUNDS
+        return self.qualifier in _LIMITS
 
-    def interval(self) -> tuple[float, float]:
+    def interval(self) -> Interval:
         """Return the closed interval of values that agree with the printed number.
 
-        Lower and upper end. A bound reaches to infinity; ``within`` lies around zero. The limit
-        itself is taken as stated, not widened by half its last digit.
+        A limit has an infinite interval; ``within`` is an interval around zero. The limit itself
+        is not widened by half its last digit.
 
         Examples
         --------
@@ -115,30 +116,32 @@ class PrintedNumber:
         >>> PrintedNumber("2000", qualifier="nominal").interval()
         (1900.0, 2100.0)
         """
+        value = self.value
         if self.qualifier == "less":
-            return float("-inf"), self.value
+            return -inf, value
         if self.qualifier in {"greater", "at-least"}:
-            return self.value, float("inf")
+            return value, inf
         if self.qualifier == "within":
-            return -abs(self.value), abs(self.value)
-        return self.value - self.half_width, self.value + self.half_width
+            return -abs(value), abs(value)
+        return value - self.half_width, value + self.half_width
 
     def overlaps(self, low: float, high: float) -> bool:
-        """Tell whether the interval from `low` to `high` shares a point with the printed one.
+        """Return whether the interval from `low` to `high` overlaps the printed interval.
 
         Examples
         --------
         >>> PrintedNumber("0.9976").overlaps(0.99764, 0.99764)
         True
         """
-        ours, theirs = self.interval()
-        slack = _FLOAT_SLACK * max(self.half_width, abs(self.value) * 1e-3, 1e-12)
-        return low <= theirs + slack and high >= ours - slack
+        start, end = self.interval()
+        size = max(self.half_width, abs(self.value) * 1e-3, 1e-12)
+        tolerance = _FLOAT_TOLERANCE * size
+        return low <= end + tolerance and high >= start - tolerance
 
     def format(self, value: float, extra: int = 0) -> str:
         """Return `value` with the printed number of decimals, plus `extra`.
 
-        A count stays whole as long as its value is.
+        A whole value of a count has no decimals.
 
         Examples
         --------
@@ -147,25 +150,19 @@ class PrintedNumber:
         >>> PrintedNumber("8", exact=True).format(12, extra=1)
         '12'
         """
-        places = self.exponent
-        if not (self.exact and float(value).is_integer()):
-            places -= extra
-        if abs(value) >= 10.0 ** (_MAX_DIGITS + min(places, 0)):
+        _, mark, power = self.text.lower().partition("e")
+        shift = int(power or 0)
+        if self.exact and float(value).is_integer():
+            extra = 0
+        if abs(value) >= _MAX_PLAIN * 10.0**shift:
             return f"{value:.6g}"
-        _, exponent_mark, power = self.text.lower().partition("e")
-        if not exponent_mark:
-            places = min(places, 0)
-        rounded = Decimal(value).quantize(
-            Decimal(1).scaleb(places), rounding=ROUND_HALF_EVEN
-        )
-        rounded = rounded or abs(rounded)  # no "-0.00"
-        if exponent_mark:
-            return f"{rounded.scaleb(-int(power)):f}e{int(power)}"
-        return f"{rounded:f}"
+        scaled = Decimal(value).scaleb(-shift)
+        decimals = max(0, shift - self.exponent) + extra
+        return f"{scaled:z.{decimals}f}" + (f"e{shift}" if mark else "")
 
 
-# Unit as written in the data files -> (how a page shows it, its SI value). A count is exact; "1" is
-# a pure number that was rounded when printed; pixels stay pixels. A test holds them against pint.
+# Unit in the data files: its symbol on a page, and its SI value. A count is exact; "1" is a rounded
+# pure number; pixels stay pixels. A test compares the values with pint.
 UNITS: dict[str, tuple[str, float]] = {
     "1": ("", 1.0),
     "count": ("", 1.0),
@@ -184,10 +181,10 @@ UNITS: dict[str, tuple[str, float]] = {
     "min": ("min", 60.0),
     "Hz": ("Hz", 1.0),
     "1/K": ("K⁻¹", 1.0),
-    # A magnitude is a logarithm; nothing here computes with it, so it is carried as a bare number.
+    # A magnitude is a logarithm and is not converted.
     "mag": ("mag", 1.0),
 }
-# Units of one kind, which a user may give for each other. An angle is no pure number here.
+# Units of one kind, which a user may exchange. An angle is not a pure number here.
 ALIKE = (
     ("nm", "um", "mm", "m", "km"),
     ("deg", "arcsec"),
@@ -208,13 +205,13 @@ def si_factor(unit: str) -> float:
     """
     if unit not in UNITS:
         raise ValueError(
-            f"unit {unit!r}: expected one of {', '.join(UNITS)}; check the spelling"
+            f"unit: expected one of {', '.join(UNITS)}, got {unit!r}. Check the spelling."
         )
     return UNITS[unit][1]
 
 
 def symbol(unit: str) -> str:
-    """Return how a page shows `unit`.
+    """Return the symbol of a unit on a page.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Values that a user gives in place of a printed number."""
+"""Values of a user for a printed number."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from reproduce.printed.number import ALIKE, si_factor, symbol
 _VALUE = re.compile(
     r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?)\s*(.*?)\s*", re.IGNORECASE
 )
-# Largest count, as a multiple of the printed one: more points would only fill the memory.
+# Largest count as a multiple of the printed count, because of the memory.
 _MAX_COUNT_RATIO = 20
 
 
@@ -30,17 +30,15 @@ def si_value(cell: PrintedCell, value: str | float) -> float:
         units[""] = cell.unit
     matched = _VALUE.fullmatch(str(value).replace("−", "-"))
     number, unit = (float(matched[1]), matched[2]) if matched else (math.nan, "")
-    most, wanted = _MAX_COUNT_RATIO * cell.number.value, ""
+    limit, expected = _MAX_COUNT_RATIO * cell.number.value, ""
     if not matched:
-        wanted = f"a number in the printed format ({cell.shown})"
+        expected = f"a number in the printed format ({cell.shown})"
     elif unit not in units:
-        wanted = f"{symbol(cell.unit) or 'no unit'} as printed ({cell.shown})"
+        expected = f"{symbol(cell.unit) or 'no unit'} as printed ({cell.shown})"
     elif not math.isfinite(number):
-        wanted = "a finite number"
-    elif cell.unit == "count" and not (number.is_integer() and 0 <= number <= most):
-        wanted = (
-            f"a whole number up to {most:.0f}, {_MAX_COUNT_RATIO} times the printed one"
-        )
-    if wanted:
-        raise ValueError(f"{cell.address}: expected {wanted}, got {value!r}")
+        expected = "a finite number"
+    elif cell.unit == "count" and not (number.is_integer() and 0 <= number <= limit):
+        expected = f"a whole number up to {limit:.0f}"
+    if expected:
+        raise ValueError(f"{cell.address}: expected {expected}, got {value!r}")
     return number * si_factor(units[unit])

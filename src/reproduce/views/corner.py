@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from reproduce.inference import PosteriorSamples
-from reproduce.papers.charts import NARROW, thin
+from reproduce.papers.charts import NARROW, is_narrow
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -42,7 +42,7 @@ def draw_corner(
     marked = np.array([marks.get(name, np.nan) for name in names])
     room = 0.05 * (high - low)
     ends = np.fmin(low, marked - room), np.fmax(high, marked + room)
-    side = NARROW if thin(figure) else min(6.8, 1.3 * count + 1.2)
+    side = NARROW if is_narrow(figure) else min(6.8, 1.3 * count + 1.2)
     figure.set_layout_engine(None)
     figure.set_size_inches(side, side)
     corner.corner(

@@ -8,7 +8,7 @@ from reproduce.papers.chen2023.platform import scatter
 from reproduce.physics.attitude import attitude_accuracy
 from reproduce.printed.inputs import load_inputs
 
-INPUTS = load_inputs(accuracy.READS)
+INPUTS = load_inputs(accuracy.INPUTS)
 
 
 @pytest.fixture(scope="module")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from reproduce.papers.chen2023 import attitude
-from reproduce.papers.chen2023.platform import SCATTER, scatter
+from reproduce.papers.chen2023.platform import scatter
 from reproduce.physics.attitude import (
     emitted_directions,
     laser_transform,
@@ -28,7 +28,7 @@ def test_the_orders_of_the_product_are_those_of_simulated_transforms():
     noise = (
         3
         * np.random.default_rng(6).normal(size=(6000, 4, 2))
-        * scatter(load_inputs([SCATTER]), 1)
+        * scatter(load_inputs(["chen2023/table-3"]), 1)
     )
     designed = np.array([[0, -11], [-11, 0], [11, 0], [0, 11]]) * 1e-3
     camera = emitted_directions(designed, 2.0)

@@ -1,13 +1,9 @@
 """The study of the angular resolution: Monte Carlo against closed form, and what was fitted."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
-from reproduce.judge.readings import evaluate
 from reproduce.papers.chen2023 import resolution
-from reproduce.papers.declare import item_text
 from reproduce.physics.images import (
     Detector,
     centre_of_gravity,
@@ -17,7 +13,7 @@ from reproduce.physics.images import (
 )
 from reproduce.printed.inputs import load_inputs
 
-INPUTS = load_inputs(resolution.READS)
+INPUTS = load_inputs(resolution.INPUTS)
 CASES = [
     *(resolution._Case(width) for width in resolution._WIDTHS.values()),
     resolution._Case(resolution._WIDTHS["half"], 0.9),
@@ -29,16 +25,13 @@ PHASES = np.linspace(-0.49, 0.49, 50)
 
 @pytest.fixture(scope="module")
 def content():
-    return resolution.curves(load_inputs(resolution.READS))
+    return resolution.curves(load_inputs(resolution.INPUTS))
 
 
 def test_the_monte_carlo_is_what_the_closed_form_predicts(content):
     """Over 71 resolutions, with the error of the variance of biased phases taken into account."""
     law = predicted_errors(
-        PHASES,
-        resolution._light_for_table(INPUTS),
-        resolution._radii(INPUTS, content["angles"]),
-        5,
+        *resolution._setting(INPUTS, CASES[0])._replace(phases=PHASES)
     )
     square = (law.bias**2 + law.variance).mean(axis=-1)
     spread = 2 * law.variance**2 + 4 * law.bias**2 * law.variance
@@ -46,25 +39,6 @@ def test_the_monte_carlo_is_what_the_closed_form_predicts(content):
     surprise = (content["simulated"] ** 2 - square) / error
     assert np.abs(surprise).max() < 4
     assert 0.6 < (surprise**2).mean() < 1.5
-
-
-@pytest.mark.parametrize("share", [0.0, 0.5])
-def test_the_light_gives_back_the_variance_of_table_3(share):
-    """By simulation at the printed spots: whole windows, no closed form."""
-    light = resolution._light_for_table(
-        INPUTS, replace(resolution._LITERAL, read_share=share)
-    )
-    spots = INPUTS.array("chen2023/text-platform#spot-*").reshape(-1, 2)
-    corners = np.round(spots).astype(int) - 2
-    mean = spot_windows(spots, light.signal, 7.5 / 13, corners, 5)
-    sensor = Detector(read_noise=light.read_noise)
-    seen = expose(
-        np.broadcast_to(mean, (20_000, 4, 5, 5)), sensor, np.random.default_rng(4)
-    )
-    found = centre_of_gravity(seen, corners).var(axis=0).mean()
-    printed = np.mean((INPUTS.array("chen2023/table-3") / 3) ** 2)
-    assert found == pytest.approx(printed, rel=0.02)
-    assert (light.read_noise > 0) == (share > 0)
 
 
 def test_saturation_is_the_coarsest_resolution_that_none_finer_beats():
@@ -83,10 +57,10 @@ def test_the_optimum_stands_between_window_and_pixel(content):
 
 def test_replicated_studies_scatter_as_their_size_says():
     found = resolution._replicated_scatter(
-        INPUTS, np.random.SeedSequence(3), 400, resolution._LITERAL
+        INPUTS, np.random.SeedSequence(3), 400, CASES[0]
     )
     relative = found.std(axis=0) / found.mean(axis=0)
-    middle = resolution.resolutions(INPUTS) / ARCSEC
+    middle = resolution._resolutions(INPUTS) / ARCSEC
     unbiased = (middle > 40) & (middle < 50)
     assert relative[unbiased].mean() == pytest.approx(
         resolution._relative_error(INPUTS), rel=0.1
@@ -96,7 +70,7 @@ def test_replicated_studies_scatter_as_their_size_says():
 def best(case):
     """The optimum in arc seconds and the error there in px, by the closed form."""
     error = predicted_errors(*resolution._setting(INPUTS, case)).total
-    return resolution.resolutions(INPUTS)[error.argmin()] / ARCSEC, error.min()
+    return resolution._resolutions(INPUTS)[error.argmin()] / ARCSEC, error.min()
 
 
 def test_what_the_radius_means_moves_the_optimum_past_the_printed_one():
@@ -110,75 +84,35 @@ def test_what_the_radius_means_moves_the_optimum_past_the_printed_one():
 
 def test_read_noise_and_light_move_the_optimum_to_finer_pixels():
     changes = (
-        {"read_share": 0.5},
-        {"read_share": 0.95},
-        {"brighter": 2.0},
+        {"read_fraction": 0.5},
+        {"read_fraction": 0.95},
+        {"flux_factor": 2.0},
         {"width": 1.2},
     )
-    assert all(best(replace(CASES[0], **one))[0] < best(CASES[0])[0] for one in changes)
+    assert all(best(resolution._Case(**one))[0] < best(CASES[0])[0] for one in changes)
 
 
-def test_a_spot_that_always_travels_one_pixel_of_the_tracker_has_the_same_optimum():
-    """The other way to read "from -6.5 to 6.5 µm": it moves no result."""
-    phases, light = PHASES, resolution._light_for_table(INPUTS)
-    angles = resolution.resolutions(INPUTS)
-    found = []
-    for radius in resolution._radii(INPUTS, angles):
-        travel = phases * 13 * radius / 7.5
-        law = predicted_errors(travel - np.floor(travel + 0.5), light, radius, 5)
-        found.append(law.total)
-    optimum, error = best(CASES[0])
-    assert angles[int(np.argmin(found))] / ARCSEC == pytest.approx(optimum)
-    assert min(found) == pytest.approx(error, rel=1e-3)
+def test_the_flux_gives_the_variance_of_table_3():
+    """By simulation at the printed spots: whole windows, no closed form."""
+    spots = INPUTS.array("chen2023/text-platform#spot-*").reshape(-1, 2)
+    corners = np.round(spots).astype(int) - 2
+    printed = np.mean((INPUTS.array("chen2023/table-3") / 3) ** 2)
+    for fraction in (0.0, 0.5):
+        case = resolution._Case(read_fraction=fraction)
+        light = resolution._setting(INPUTS, case).light
+        mean = spot_windows(spots, light.signal, 7.5 / 13, corners, 5)
+        frames = np.broadcast_to(mean, (20_000, *mean.shape))
+        sensor = Detector(read_noise=light.read_noise)
+        seen = expose(frames, sensor, np.random.default_rng(4))
+        variance = centre_of_gravity(seen, corners).var(axis=0).mean()
+        assert variance == pytest.approx(printed, rel=0.02)
+        assert (light.read_noise > 0) == (fraction > 0)
 
 
-@pytest.mark.parametrize(
-    ("case", "sigma"), [(0, 7.5), (1, 7.5 / 2**0.5), (2, 7.5 / 1.17741), (3, 7.5 / 2)]
-)
-def test_a_radius_is_where_the_light_has_fallen_as_far_as_its_case_says(case, sigma):
-    level = {0: np.exp(-0.5), 1: np.exp(-1), 2: 0.5, 3: np.exp(-2)}[case]
-    found = float(resolution._radii(INPUTS, np.array([13e-6 / 60e-3]), CASES[case])[0])
-    assert found * 13 == pytest.approx(sigma, rel=1e-4)
-    assert np.exp(-0.5 * (7.5 / (13 * found)) ** 2) == pytest.approx(level, rel=1e-9)
-
-
-def reading(name, **choices):
-    """Return the comparison of a cell under one reading."""
-    found = evaluate(resolution.optimum)
-    wanted = found.computation.literal | choices
-    return found.cells[name][found.computation.readings.index(wanted)]
-
-
-def test_no_option_gives_all_three_results():
-    bright = {"radius": "half", "noise": "read", "light": "brighter"}
-    for name in ("optimum", "optimum-accuracy"):
-        assert reading(name).verdict == "differs"
-        assert reading(name, **bright).verdict == "consistent"
-    assert reading("optimum", radius="one-over-e").verdict == "consistent"
-    assert reading("saturation", **bright).verdict == "differs"
-
-
-def test_the_limit_of_gain_depends_on_what_counts_as_a_gain():
-    """A verdict that a constant of ours makes: the central 99 %, to the step of one arc second."""
-    wanted = {
-        "1": (35, 38, 41),
-        "2": (36, 40, 42),
-        "3": (39, 41, 44),
-        "5": (41, 44, 46),
-    }
-    assert sorted(item_text(resolution.STUDY).options["threshold"]) == list(wanted)
-    for errors, (low, median, high) in wanted.items():
-        found = reading("saturation", threshold=errors)
-        assert found.interval == pytest.approx((low, high), abs=1.01)
-        assert found.computed == pytest.approx(median, abs=0.01)
-        assert found.verdict == ("consistent" if errors != "5" else "differs")
-    assert reading("saturation").computed == pytest.approx(41, abs=0.01), (
-        "3 is the literal one"
-    )
-
-
-def test_without_bias_the_scatter_has_no_optimum(content):
-    assert content["within"].argmin() == len(content["within"]) - 1
-    ratio = content["simulated"] / content["within"]
-    assert ratio[0] > 3
-    assert ratio[-1] > 2
+def test_each_width_is_the_distance_at_which_the_flux_has_its_level():
+    pixel = 13e-6 / 60e-3
+    levels = (np.exp(-0.5), np.exp(-1), 0.5, np.exp(-2))
+    for case, level in zip(CASES[:4], levels, strict=True):
+        radii = resolution._setting(INPUTS, case).radii
+        sigma = radii[0] * resolution._resolutions(INPUTS)[0] / pixel
+        assert np.exp(-0.5 * (7.5 / (13 * sigma)) ** 2) == pytest.approx(level)

@@ -6,7 +6,7 @@ import pytest
 from reproduce.papers.niu2024 import approximations
 from reproduce.printed.inputs import load_inputs
 
-INPUTS = load_inputs(approximations.READS)
+INPUTS = load_inputs(approximations.INPUTS)
 NAMES = {title: effect for effect, title in approximations._TITLES.items()}
 COSTS = {
     (NAMES[title], *names): cost

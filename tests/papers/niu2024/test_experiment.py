@@ -5,8 +5,8 @@ import pytest
 
 import reproduce as rp
 from reproduce.consistency.report import audit_paper
+from reproduce.judge.readings import evaluate
 from reproduce.papers.niu2024 import experiment, simulation
-from reproduce.physics.optics import channel_centroids
 from reproduce.physics.registration import (
     Registration,
     registration_bound,
@@ -17,25 +17,6 @@ from reproduce.printed.inputs import load_inputs
 INPUTS = load_inputs([*experiment.rmse_before.inputs, *experiment.INSTRUMENT])
 PRINTED = {"red": (1.4027, 1.3986), "blue": (1.3584, 1.3416)}
 RESIDUAL = {"red": (0.2135, 0.2089), "blue": (0.2146, 0.2097)}
-
-
-READINGS = {
-    "registration": {},
-    "focal lengths": {"scale": "focal-lengths"},
-    "both axes": {"rmse": "both"},
-}
-
-
-def drawn(**choices):
-    """The draws of each cell under one reading."""
-    found = experiment.rmse_before.with_options(choices)(INPUTS, 3000)
-    return {name: result.draws for name, result in found.items()}
-
-
-@pytest.fixture(scope="module")
-def before():
-    """The draws of the literal reading."""
-    return drawn()
 
 
 def by_hand(scale, rotation, shift, half=(8.0, 6.0)):
@@ -51,21 +32,18 @@ def by_hand(scale, rotation, shift, half=(8.0, 6.0)):
     return np.array([x, y])
 
 
-@pytest.mark.parametrize(
-    ("channel", "scale", "rotation", "shift"),
-    [
+def test_the_prediction_is_that_of_pencil_and_paper():
+    draws = experiment.rmse_before(INPUTS, 3000)
+    for channel, scale, rotation, shift in (
         ("red", 0.9996, 0.0219, (-0.9178, 0.9364)),
         ("blue", 1.0012, -0.0351, (-0.9256, 1.0961)),
-    ],
-)
-def test_the_prediction_is_that_of_pencil_and_paper(
-    before, channel, scale, rotation, shift
-):
-    squares = by_hand(scale, np.radians(rotation), shift)
-    for axis, square, residual in zip("xy", squares, RESIDUAL[channel], strict=True):
-        draws = before[f"rmse-before-{channel}-{axis}"]
-        # The distortion adds its part to the mean square: a few hundredths of a pixel.
-        assert (draws**2).mean() == pytest.approx(square + residual**2, rel=0.03)
+    ):
+        squares = by_hand(scale, np.radians(rotation), shift)
+        expected = squares + np.square(RESIDUAL[channel])
+        for axis, square in zip("xy", expected, strict=True):
+            values = draws[f"rmse-before-{channel}-{axis}"].draws
+            # The distortion adds its part to the mean square: a few hundredths of a pixel.
+            assert (values**2).mean() == pytest.approx(square, rel=0.03)
 
 
 def test_the_errors_add_up_to_the_printed_residuals():
@@ -74,9 +52,9 @@ def test_the_errors_add_up_to_the_printed_residuals():
     squares = np.square(list(RESIDUAL.values()))
     np.testing.assert_allclose(green, squares.mean(axis=0) / 2, rtol=1e-12)
     np.testing.assert_allclose(green + others, squares, rtol=1e-12)
-    with pytest.raises(ValueError, match="rmse-after-red-x"):
+    with pytest.raises(ValueError, match="rmse-after"):
         experiment._centroid_errors(
-            INPUTS.changed({f"{experiment.OUTCOME}#rmse-after-red-x": 0.5})
+            INPUTS.changed({"niu2024/text-experiment#rmse-after-red-x": 0.5})
         )
 
 
@@ -97,25 +75,22 @@ def field(across):
     return np.stack([x, y], axis=-1).reshape(-1, 2)
 
 
-@pytest.mark.parametrize(("scale", "share"), [(0.9996, 0), (0.99955, 0.01)])
-def test_only_positions_in_corners_bring_red_to_the_printed_values(scale, share):
-    """What the reason of the verdict says, for the printed scale and the end of its rounding."""
-    changed = INPUTS.changed({"niu2024/table-4#scale.red": scale})
-    positions = field(41)
-    true = experiment._registered_points(changed, positions)
+def test_only_positions_in_corners_bring_red_to_the_printed_values():
+    """For the printed scale, and for the end of its rounding interval."""
     needed = np.square(PRINTED["red"]).sum() - np.square(RESIDUAL["red"]).sum()
-    far = np.square(true[1] - true[0]).sum(axis=-1) >= needed
-    assert far.mean() <= share
-    assert far.any() == (share > 0)
-    edges = np.abs(positions[far]) / np.array(experiment.half_field(INPUTS))
-    assert (edges > (0.9, 0.6)).all()
+    positions = field(41)
+    for scale, most in ((0.9996, 0.0), (0.99955, 0.01)):
+        changed = INPUTS.changed({"niu2024/table-4#scale.red": scale})
+        true = experiment._registered_points(changed, positions)
+        far = np.square(true[1] - true[0]).sum(axis=-1) >= needed
+        assert far.mean() <= most
+        assert far.any() == (most > 0)
+    assert (np.abs(positions[far]) > (0.9, 0.6) * experiment.half_field(INPUTS)).all()
 
 
 def test_the_printed_residual_rules_out_the_focal_lengths_for_blue():
     """Registered with the printed scale, spots by the focal lengths leave over too much."""
-    true = channel_centroids(
-        experiment.cameras(INPUTS), experiment.rotations(INPUTS), field(41)
-    )
+    true = experiment.instrument(INPUTS).imaged(field(41))
     shift = (-0.9256, 1.0961)
     registered = Registration.similarity(
         1.0012, np.radians(-0.0351), shift, shift
@@ -124,24 +99,26 @@ def test_the_printed_residual_rules_out_the_focal_lengths_for_blue():
     assert (left > 1.5 * np.array(RESIDUAL["blue"])).all()
 
 
-@pytest.mark.parametrize("by", READINGS)
-def test_blue_fits_the_registration_on_one_axis_and_red_on_both_together(by):
-    """What the page says of the readings: no one of them gives both colours."""
-    fits = {"registration": "blue", "focal lengths": "", "both axes": "red"}[by]
-    found = drawn(**READINGS[by])
-    for channel, printed in PRINTED.items():
-        inside = []
-        for axis, value in zip("xy", printed, strict=True):
-            low, high = np.quantile(
-                found[f"rmse-before-{channel}-{axis}"], [0.005, 0.995]
-            )
-            inside.append(low < value < high)
-        assert all(inside) == (channel == fits)
+def test_blue_agrees_per_axis_and_red_with_both_axes_together():
+    """No reading agrees with both channels."""
+    found = evaluate(experiment.rmse_before)
+    agreeing = {}
+    for place, choices in enumerate(found.computation.readings):
+        names = [name for name, cells in found.cells.items() if cells[place].agrees]
+        agreeing[tuple(choices.values())] = {
+            channel
+            for channel in ("red", "blue")
+            if sum(channel in name for name in names) == 2
+        }
+    assert agreeing["factors", "one"] == {"blue"}
+    assert agreeing["factors", "both"] == {"red"}
+    assert not agreeing["focal-lengths", "one"]
+    assert all(len(channels) < 2 for channels in agreeing.values())
 
 
 def test_the_tolerance_of_the_register_is_four_standard_deviations_of_the_twin():
     frame = rp.table("niu2024/scale-errors").frame()
-    largest = frame["Standard deviation in the twin"].max()
+    largest = frame["Standard deviation on the simulated bench"].max()
     findings = audit_paper("niu2024").findings
     tolerance = next(
         f for f in findings if f.relation.name == "scale-blue"
@@ -161,7 +138,7 @@ def test_the_stand_in_is_the_noise_of_two_channels():
 
 def test_channels_calibrated_alone_differ_far_more_than_the_printed_ones():
     """Even with ten repeats averaged of the noise that the simulation has."""
-    inputs = load_inputs([*experiment.INSTRUMENT, *simulation.READS])
+    inputs = load_inputs([*experiment.INSTRUMENT, *simulation.INPUTS])
     seed, error = np.random.SeedSequence(6), 0.05 / np.sqrt(10)
     fits, _ = experiment.twin_fits(inputs, seed, 2000, error)
     for channel, coefficient in (("red", 34.166), ("green", 34.152), ("blue", 34.147)):
@@ -174,26 +151,22 @@ def test_channels_calibrated_alone_differ_far_more_than_the_printed_ones():
 
 
 def test_the_registration_of_the_twin_finds_what_the_cameras_imply():
-    """As precisely as the bound says; so the printed scales contradict the focal lengths."""
+    """With the precision of the bound; so the printed scales contradict the focal lengths."""
     inputs = load_inputs(
-        [*experiment.INSTRUMENT, *simulation.READS, "niu2024/table-4#scale.*"]
+        [*experiment.INSTRUMENT, *simulation.INPUTS, "niu2024/table-4#scale.*"]
     )
     error, replicates = 0.05 / np.sqrt(10), 400
     _, fits = experiment.twin_fits(inputs, np.random.SeedSequence(3), replicates, error)
-    used, turns = experiment.cameras(inputs), experiment.rotations(inputs)
-    true = channel_centroids(used, turns, simulation.arrangement(inputs))
+    cameras, rotations = bench = experiment.instrument(inputs)
+    true = bench.imaged(simulation.arrangement(inputs))
     for place, channel in enumerate(("red", "blue"), start=1):
-        implied = similarity_between(used[place], turns[place], used[0])
-        found = fits[channel].parameters
-        bound = np.sqrt(
-            registration_bound(true[place], implied, error, error).diagonal()
-        )
-        np.testing.assert_allclose(
-            found.std(axis=0), bound, rtol=5 / np.sqrt(2 * replicates)
-        )
-        off = (found.mean(axis=0) - implied.parameters) / bound
-        assert np.abs(off).max() < 0.5  # distortion, and the luck of 400
-        assert (
-            abs(inputs[f"niu2024/table-4#scale.{channel}"] - implied.scale)
-            > 10 * bound[0]
-        )
+        implied = similarity_between(cameras[place], rotations[place], cameras[0])
+        variance = registration_bound(true[place], implied, error, error).diagonal()
+        found, bound = fits[channel].parameters, np.sqrt(variance)
+        tolerance = 5 / np.sqrt(2 * replicates)
+        np.testing.assert_allclose(found.std(axis=0), bound, rtol=tolerance)
+        # Distortion, and the scatter of the mean.
+        misses = (found.mean(axis=0) - implied.parameters) / bound
+        assert np.abs(misses).max() < 0.5
+        printed = inputs[f"niu2024/table-4#scale.{channel}"]
+        assert abs(printed - implied.scale) > 10 * bound[0]

@@ -16,7 +16,7 @@ INPUTS = load_inputs(simulation.calibrated_parameters.inputs)
 LITERAL = simulation._Bench(INPUTS, "square", "every-channel", "one", "table-1")
 TABLE = simulation.arrangement(INPUTS)
 [ZERO] = np.flatnonzero(np.isclose(TABLE, 0).all(axis=1))
-TRUE = simulation.imaged(INPUTS, TABLE)
+TRUE = simulation.instrument(INPUTS).imaged(TABLE)
 PLACES = list(enumerate(simulation.REGISTERED, start=1))
 
 
@@ -51,38 +51,36 @@ def test_the_arrangement_is_the_printed_one_and_is_drawn_in_figure_4():
 
 
 def test_a_count_without_an_arrangement_is_rejected():
-    changed = INPUTS.changed({f"{simulation.SETTINGS}#angle-count": 136})
+    changed = INPUTS.changed({"niu2024/text-simulation#angle-count": 136})
     with pytest.raises(ValueError, match="angles"):
         simulation.arrangement(changed)
 
 
-def test_the_translations_of_table_2_carry_the_whole_calibration_along():
-    """Both readings calibrate alike; the translations differ by the principal points' shift."""
-    ways = ("table-1", "table-2")
+def test_the_translations_of_table_2_move_the_whole_calibration():
+    """The translations of both readings differ by the shift of the principal points."""
+    names = ("table-1", "table-2")
     first, second = (
-        replace(LITERAL, translations=way).calibrated(generator(), 3) for way in ways
+        replace(LITERAL, translations=name).calibrated(generator(), 3).parameters
+        for name in names
     )
-    for place, channel in PLACES:
-        before, after = (
-            simulation.cameras(INPUTS, way)[place].principal_point for way in ways
-        )
-        expected = first[channel].parameters + np.array([0, 0, *(after - before)])
-        np.testing.assert_allclose(second[channel].parameters, expected, atol=1e-9)
+    before, after = (
+        [one.principal_point for one in simulation.instrument(INPUTS, name).cameras[1:]]
+        for name in names
+    )
+    np.testing.assert_allclose(second[..., :2], first[..., :2], atol=1e-9)
+    moved = first[..., 2:] + np.subtract(after, before)
+    np.testing.assert_allclose(second[..., 2:], moved, atol=1e-9)
 
 
 def test_the_iteration_ends_at_the_closed_form():
     still = np.isclose(TABLE[:, 1], 0)
-    noisy = LITERAL.measured(generator(), 20, TABLE)
-    found = LITERAL.calibrated(generator(), 20)
-    green = noisy[:, 0]
-    for place, channel in PLACES:
-        source = noisy[:, place]
-        zeros = source[:, ZERO], green[:, ZERO]
-        start = starting_values(source[:, still], green[:, still], *zeros)
-        end = calibrate(source, green, source[:, ZERO], start)
-        np.testing.assert_allclose(
-            found[channel].parameters, end.parameters, rtol=0, atol=2e-9
-        )
+    green, *sources = np.moveaxis(LITERAL.measured(generator(), 20, TABLE), 1, 0)
+    closed = LITERAL.calibrated(generator(), 20).parameters
+    for place, source in enumerate(sources):
+        zero = source[:, ZERO]
+        start = starting_values(source[:, still], green[:, still], zero, green[:, ZERO])
+        end = calibrate(source, green, zero, start).parameters
+        np.testing.assert_allclose(closed[:, place], end, rtol=0, atol=2e-9)
 
 
 def test_the_predictions_have_the_centre_and_the_width_of_linear_theory(prediction):
@@ -116,15 +114,14 @@ def test_noise_has_the_sigma_of_its_channel_over_the_root_of_the_draws():
 def test_test_points_fill_the_range_or_are_different_angles():
     half = np.tan(simulation.half_ranges(INPUTS)) * 25e-3 / 3.45e-6
     inputs = load_inputs(simulation.registration_rmse.inputs)
-    bench = replace(LITERAL, inputs=inputs)
-    drawn = bench.tested(generator(), 300, "range")[:, 0] - TRUE[0, ZERO]
-    assert (np.abs(drawn).max(axis=(0, 1)) < 1.02 * half).all()
-    assert (np.abs(drawn).max(axis=(0, 1)) > 0.99 * half).all()
-    quiet = replace(bench, noise="red-and-blue")
-    for green in quiet.tested(generator(), 3, "angles")[:, 0]:
-        near = np.linalg.norm(green[:, None] - TRUE[0], axis=-1)
-        assert near.min(axis=1).max() < 1e-9
-        assert len(set(near.argmin(axis=1))) == len(green)
+    bench = replace(LITERAL, inputs=inputs, noise="red-and-blue")
+    offsets = bench.tested(generator(), 300, "range")[:, 0] - TRUE[0, ZERO]
+    widths = np.abs(offsets).max(axis=(0, 1)) / half
+    assert ((widths > 0.99) & (widths < 1.02)).all()
+    for green in bench.tested(generator(), 3, "angles")[:, 0]:
+        distances = np.linalg.norm(green[:, None] - TRUE[0], axis=-1)
+        assert distances.min(axis=1).max() < 1e-9
+        assert len(set(distances.argmin(axis=1))) == len(green)
 
 
 def median_rmse(name, **choices):
@@ -132,8 +129,7 @@ def median_rmse(name, **choices):
     return np.median(run(simulation.registration_rmse, 400, **choices)[name].draws)
 
 
-@pytest.mark.parametrize("channel", ["red", "blue"])
-def test_the_residual_after_registration_adds_up(channel):
+def test_the_residual_after_registration_adds_up():
     """Noisy channels times axes, in variances of a coordinate; distortion adds its part."""
     for choices, variances in (
         ({}, 4),
@@ -141,37 +137,34 @@ def test_the_residual_after_registration_adds_up(channel):
         ({"rmse": "one"}, 2),
         ({"repeats": "ten"}, 0.4),
     ):
-        left = (0.05 if "rmse" in choices else 0.07) ** 2
-        median = median_rmse(f"rmse-after-{channel}", **choices)
-        assert variances * 0.05**2 < median**2 < variances * 0.05**2 + left
+        distortion = (0.05 if "rmse" in choices else 0.07) ** 2
+        for channel in ("red", "blue"):
+            square = median_rmse(f"rmse-after-{channel}", **choices) ** 2
+            assert 0 < square - variances * 0.05**2 < distortion
 
 
-@pytest.mark.parametrize(
-    ("channel", "table_1", "table_2", "slope"),
-    [
-        ("red", (1.9, 2.3), (0.3, 0.5), (0.0024, 0.07)),
-        ("blue", (-1.4, -1.6), (-0.4, -0.6), (0.0020, -0.05)),
-    ],
-)
-def test_the_residual_before_registration_is_the_one_by_hand(
-    channel, table_1, table_2, slope
-):
+def test_the_residual_before_registration_is_the_one_by_hand():
     """Shift, and scale and rotation over the mean squared radius; noise and distortion add less."""
-    wide, high = np.radians([8, 6])
-    over = (np.tan(wide) / wide - 1) + (np.tan(high) / high - 1)
-    among = np.square(np.tan(TABLE)).sum(axis=1).mean()
-    per_radius = (slope[0] ** 2 + np.radians(slope[1]) ** 2) * (25e-3 / 3.45e-6) ** 2
-    name = f"rmse-before-{channel}"
-    for translations, tests, shift, field in (
-        ("table-1", "range", table_1, over),
-        ("table-2", "range", table_2, over),
-        ("table-2", "angles", table_2, among),
+    half = np.radians([8, 6])
+    fields = {
+        "range": (np.tan(half) / half - 1).sum(),
+        "angles": np.square(np.tan(TABLE)).sum(axis=1).mean(),
+    }
+    for channel, table_1, table_2, scale, rotation in (
+        ("red", (1.9, 2.3), (0.3, 0.5), 0.0024, 0.07),
+        ("blue", (-1.4, -1.6), (-0.4, -0.6), 0.0020, -0.05),
     ):
-        value = np.hypot(np.hypot(*shift), np.sqrt(per_radius * field))
-        choices = {"translations": translations, "tests": tests}
-        assert median_rmse(name, **choices) == pytest.approx(value, rel=0.05)
-        one = median_rmse(name, **choices, rmse="one")
-        assert one == pytest.approx(value / np.sqrt(2), rel=0.05)
+        slope = np.hypot(scale, np.radians(rotation)) * 25e-3 / 3.45e-6
+        for shift, tests, translations in (
+            (table_1, "range", "table-1"),
+            (table_2, "range", "table-2"),
+            (table_2, "angles", "table-2"),
+        ):
+            value = np.hypot(np.hypot(*shift), slope * np.sqrt(fields[tests]))
+            choices = {"translations": translations, "tests": tests}
+            for rmse, factor in (("both", 1.0), ("one", np.sqrt(2))):
+                found = median_rmse(f"rmse-before-{channel}", **choices, rmse=rmse)
+                assert found == pytest.approx(value / factor, rel=0.05)
 
 
 def test_the_residual_before_does_not_depend_on_the_calibration():
@@ -182,10 +175,10 @@ def test_the_residual_before_does_not_depend_on_the_calibration():
 
 
 def test_no_green_point_reconciles_tables_1_and_2():
-    """The reason of the verdict: red minus blue does not depend on it."""
+    """Red minus blue does not depend on the green point."""
     for axis in "xy":
-        apart = []
-        for cell in (f"table-1#principal-point-{axis}", f"table-2#translation-{axis}"):
-            red, blue = (find(f"niu2024/{cell}.{c}")[0] for c in ("red", "blue"))
-            apart.append(red.number.value - blue.number.value)
-        assert abs(np.subtract(*apart)) > 4 * 0.05
+        differences = []
+        for name in (f"table-1#principal-point-{axis}", f"table-2#translation-{axis}"):
+            red, blue = (find(f"niu2024/{name}.{c}")[0].si for c in ("red", "blue"))
+            differences.append(red - blue)
+        assert abs(np.subtract(*differences)) > 4 * 0.05

@@ -1,4 +1,4 @@
-"""Axes that an error of the attitude is decomposed in (chen2023, II and III)."""
+"""Frames of reference for errors of the attitude (chen2023, II and III)."""
 
 from __future__ import annotations
 
@@ -7,40 +7,37 @@ from dataclasses import replace
 import numpy as np
 
 from reproduce.papers.chen2023 import platform
-from reproduce.papers.declare import studied
+from reproduce.papers.declare import Rows, studied
 from reproduce.printed.inputs import Inputs
 from reproduce.units import ARCSEC_PER_RADIAN
 
 _PRINTED = "chen2023/table-4#1.transform-?"
 
 
+def _platform_facts(inputs: Inputs) -> dict[str, float]:
+    """Return the difference of the printed square of spots from the design, in per cent."""
+    ratio = platform.square_ratio(platform.as_designed(inputs))
+    return {"square-smaller": 100 * (1 - ratio)}
+
+
 @studied(
     "chen2023/orders",
-    inputs=(*platform.INSTRUMENT, f"{platform.SCATTER}#1-*", _PRINTED),
+    inputs=(*platform.INSTRUMENT, "chen2023/table-3#1-*", _PRINTED),
+    named=_platform_facts,
 )
-def _orders(inputs: Inputs) -> list[tuple[str | float, ...]]:
-    """Accuracy of a single frame in the axes of either instrument, for two principal points."""
+def _orders(inputs: Inputs) -> Rows:
+    """Compute the accuracy of a frame in the axes of both instruments, for two principal points."""
     designed = platform.as_designed(inputs)
-    points = {
-        "centre of the detector": designed.principal_point,
-        "middle of the spots": designed.spots.mean(axis=0),
-    }
-    rows: list[tuple[str | float, ...]] = []
-    for name, point in points.items():
+    for name, point in (
+        ("centre of the detector", designed.principal_point),
+        ("middle of the spots", designed.spots.mean(axis=0)),
+    ):
         design = replace(designed, principal_point=point)
-        response = design.response(design.spots)
-        # One small rotation, seen in the other frame: its vector turns with the laser transform.
-        responses = (
-            response,
-            np.tensordot(design.transform(design.spots), response, axes=1),
-        )
-        for frame, response in zip(("camera", "tracker"), responses, strict=True):
-            variance = (response**2 * platform.scatter(inputs, 1) ** 2).sum(
-                axis=(-2, -1)
-            )
-            angles = platform.SIGMAS * np.sqrt(variance[:2])
-            rows.append((name, frame, *map(float, angles * ARCSEC_PER_RADIAN)))
-    return [
-        *rows,
-        ("printed", "", *map(float, inputs.array(_PRINTED) * ARCSEC_PER_RADIAN)),
-    ]
+        camera = design.response(design.spots)
+        # The laser transform rotates the vector of a small rotation into the other frame.
+        tracker = np.tensordot(design.transform(design.spots), camera, axes=1)
+        for frame, response in (("camera", camera), ("tracker", tracker)):
+            variance = (response * platform.scatter(inputs, 1)) ** 2
+            x, y, _ = platform.SIGMAS * np.sqrt(variance.sum(axis=(-2, -1)))
+            yield name, frame, x * ARCSEC_PER_RADIAN, y * ARCSEC_PER_RADIAN
+    yield ("printed", "", *(inputs.array(_PRINTED) * ARCSEC_PER_RADIAN))

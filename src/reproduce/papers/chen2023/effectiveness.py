@@ -1,16 +1,16 @@
 """The test with the moving stage: Table V and its plan (chen2023, IV-B and V-C).
 
 A reference angle is (10), with a motion of the stage and the focal length of the telescope. A
-monitored angle is predicted to be that angle plus the mean centroid noise of its state, minus that
-of the zero state, which all states share.
+monitored angle is predicted to be that angle plus the mean centroid noise of its state, minus the
+noise of the zero state, which all states share.
 
-Table II gives the nominal focal length; the one that the angles were computed with is not printed.
-No single focal length joins all motions and reference angles with the columns as printed. With the
-columns of the two axes interchanged there is one. These choices, and the images that an angle
-averages, are options; the ledger evaluates all combinations. If one focal length stands for the
-whole table, the largest reference angle about Y gives it.
+Table II gives the nominal focal length. The paper does not print the focal length with which the
+angles were computed. No single focal length agrees with all motions and reference angles with the
+columns as printed. If the columns of the two axes are interchanged, one does. These choices, and
+the images that an angle averages, are options. The ledger evaluates all combinations. The focal
+length for the whole table is computed from the largest reference angle about Y.
 
-The focal lengths that the rows imply are compared row by row.
+A supplementary table compares the focal lengths that the rows imply.
 """
 
 from __future__ import annotations
@@ -20,36 +20,39 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.random import Generator, SeedSequence, default_rng
 
-from reproduce.papers import declare
-from reproduce.papers.charts import named_below, pair
+from reproduce.papers.charts import legend_below, two_panels
 from reproduce.papers.chen2023 import accuracy, platform
+from reproduce.papers.declare import (
+    Marks,
+    Prediction,
+    Results,
+    Rows,
+    draws,
+    item_text,
+    reproduces,
+    studied,
+)
 from reproduce.physics.attitude import stage_angle
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.inputs import Inputs
 from reproduce.units import RADIANS_PER_ARCSEC
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
-
     from matplotlib.figure import Figure
 
-
-TABLE = "chen2023/table-5"
-_PLAN = "chen2023/text-effectiveness"
-_QUOTED = f"{_PLAN}#focal-length"
-FRAMES = f"{_PLAN}#frames-per-state"
+_QUOTED = "chen2023/text-effectiveness#focal-length"
+FRAMES = "chen2023/text-effectiveness#frames-per-state"
 STATES = (1, 2, 3, 4, 5)
 _MOVED = STATES[1:]
-# A motion along one axis turns the camera about the other one.
-_TURNS = {"x": "y", "y": "x"}
+# A motion along one axis rotates the camera about the other axis.
+_MOTION_AXIS = {"x": "y", "y": "x"}
 _REPLICATES = 4000
-# The angle from which one focal length for the whole table is taken.
-LAST = f"{TABLE}#5.reference-y"
-_WORDS = declare.item_text(TABLE)
-_LENGTHS = {n: w for n, w in _WORDS.options["telescope"].items() if n != "common"}
+# The angle from which one focal length for the whole table is computed.
+LAST = "chen2023/table-5#5.reference-y"
+_OPTIONS = item_text("chen2023/table-5").options
 _MEASURED = (
-    f"{TABLE}#*.position-?",
-    f"{TABLE}#[2-5].motion-?",
+    "chen2023/table-5#*.position-?",
+    "chen2023/table-5#[2-5].motion-?",
     LAST,
     platform.TELESCOPE,
     _QUOTED,
@@ -61,90 +64,106 @@ def _by_state(name: str, values: FloatArray) -> dict[str, float]:
     return {f"{s}.{name}": v for s, v in zip(_MOVED, values.tolist(), strict=True)}
 
 
-@declare.reproduces(TABLE, cells=["*.motion-?"], inputs=[f"{TABLE}#*.position-?"])
-def motion(inputs: Inputs) -> declare.Results:
-    """Motion of the stage: the position minus that of the first state."""
-    results = {}
-    for axis in _TURNS:
-        results[f"1.motion-{axis}"] = 0.0
-        results |= _by_state(f"motion-{axis}", _motions(inputs, axis))
-    return results
+def _column(printed: Inputs | Marks, name: str) -> FloatArray:
+    """Return a printed column of the states with a motion, shape (4,)."""
+    return np.array([printed[f"chen2023/table-5#{state}.{name}"] for state in _MOVED])
 
 
 def _motions(
     inputs: Inputs, axis: str, columns: str = "", states: str = "[2-5]"
 ) -> FloatArray:
-    """Return motions of the stage along an axis: as printed, or differences of positions.
+    """Return the motions of the stage along an axis: as printed, or differences of positions.
 
     One printed motion has a typographical error, which the differences do not have.
     """
     if columns == "printed":
-        return inputs.array(f"{TABLE}#{states}.motion-{axis}")
-    first = inputs[f"{TABLE}#1.position-{axis}"]
-    return inputs.array(f"{TABLE}#{states}.position-{axis}") - first
+        return inputs.array(f"chen2023/table-5#{states}.motion-{axis}")
+    first = inputs[f"chen2023/table-5#1.position-{axis}"]
+    return inputs.array(f"chen2023/table-5#{states}.position-{axis}") - first
+
+
+@reproduces(
+    "chen2023/table-5", cells=["*.motion-?"], inputs=["chen2023/table-5#*.position-?"]
+)
+def motion(inputs: Inputs) -> Results:
+    """Compute the motions of the stage: the position minus the position of the first state."""
+    results = {}
+    for axis in _MOTION_AXIS:
+        results[f"1.motion-{axis}"] = 0.0
+        results |= _by_state(f"motion-{axis}", _motions(inputs, axis))
+    return results
 
 
 def _length(inputs: Inputs, columns: str, telescope: str) -> float:
     """Return the focal length of the telescope in metres."""
     if telescope == "common":
-        # (10) joins the last angle about Y with a motion.
+        # (10) relates the last angle about Y to a motion.
         (motion,) = _motions(inputs, "x" if columns == "printed" else "y", states="5")
-        return float(-motion / np.tan(inputs[LAST]))
+        return -motion / np.tan(inputs[LAST])
     return inputs[{"quoted": _QUOTED, "nominal": platform.TELESCOPE}[telescope]]
 
 
-@declare.reproduces(
-    TABLE,
+def _reference(
+    inputs: Inputs, about: str, columns: str, telescope: str, states: str = "[2-5]"
+) -> FloatArray:
+    """Return the reference angles about an axis, in radians. Implements: chen2023 (10)."""
+    # Either interchange pairs an angle with the motion of the other axis.
+    moving = _MOTION_AXIS[about] if columns == "printed" else about
+    length = _length(inputs, columns, telescope)
+    return stage_angle(_motions(inputs, moving, columns, states), length)
+
+
+@reproduces(
+    "chen2023/table-5",
     cells=["[2-4].reference-?", "5.reference-x"],
     inputs=_MEASURED,
-    equations=["10"],
 )
-def reference_angle(inputs: Inputs, *, columns: str, telescope: str) -> declare.Results:
-    """Reference angles from the motions of the stage and the focal length of the telescope."""
-    length = _length(inputs, columns, telescope)
+def reference_angle(inputs: Inputs, *, columns: str, telescope: str) -> Results:
+    """Compute the reference angles from the motions of the stage and the focal length.
+
+    Implements: chen2023 (10).
+    """
     results: dict[str, float] = {}
-    for turn, axis in _TURNS.items():
-        # Either interchange pairs an angle with the motion of the other axis.
-        moving = axis if columns == "printed" else turn
-        angles = stage_angle(_motions(inputs, moving, columns), length)
-        results |= _by_state(f"reference-{turn}", angles)
+    for about in _MOTION_AXIS:
+        angles = _reference(inputs, about, columns, telescope)
+        results |= _by_state(f"reference-{about}", angles)
     del results["5.reference-y"]
     return results
 
 
-@declare.reproduces(
-    TABLE,
+@reproduces(
+    "chen2023/table-5",
     cells=["5.reference-y"],
     inputs=[
-        f"{TABLE}#*.position-y",
-        f"{TABLE}#5.motion-x",
+        "chen2023/table-5#*.position-y",
+        "chen2023/table-5#5.motion-x",
         platform.TELESCOPE,
         _QUOTED,
     ],
-    equations=["10"],
-    options={**_WORDS.options, "telescope": _LENGTHS},
+    options={
+        "columns": _OPTIONS["columns"],
+        "telescope": {n: _OPTIONS["telescope"][n] for n in ("quoted", "nominal")},
+    },
 )
-def last_reference_angle(
-    inputs: Inputs, *, columns: str, telescope: str
-) -> declare.Results:
-    """The reference angle that gives the common focal length, by the other two lengths."""
-    moving = "x" if columns == "printed" else "y"
-    (motion,) = _motions(inputs, moving, columns, states="5")
-    angle = stage_angle(motion, _length(inputs, columns, telescope))
-    return {"5.reference-y": float(angle)}
+def last_reference_angle(inputs: Inputs, *, columns: str, telescope: str) -> Results:
+    """Compute the angle that gives the common focal length, with the other two lengths.
+
+    Implements: chen2023 (10).
+    """
+    (angle,) = _reference(inputs, "y", columns, telescope, states="5")
+    return {"5.reference-y": angle}
 
 
-@declare.reproduces(
-    TABLE,
+@reproduces(
+    "chen2023/table-5",
     cells=["*.monitoring-?"],
     inputs=[
         *_MEASURED,
         *platform.INSTRUMENT,
-        f"{platform.SCATTER}#2-*",
+        "chen2023/table-3#2-*",
         FRAMES,
         accuracy.SMOOTHED,
     ],
-    equations=["7", "10"],
     replicates=_REPLICATES,
 )
 def monitored_angle(
@@ -155,8 +174,11 @@ def monitored_angle(
     columns: str,
     telescope: str,
     images: str,
-) -> declare.Results:
-    """Monitored angles: the angle of the stage, the noise of its state and of the zero state."""
+) -> Results:
+    """Compute the monitored angles: the angle of the stage and the noise of two states.
+
+    Implements: chen2023 (7), (10).
+    """
     generator = default_rng(seed)
     errors = _monitoring_errors(inputs, generator, replicates)
     lag, noise = _averaging(inputs, images)
@@ -164,34 +186,35 @@ def monitored_angle(
     if telescope == "nominal":
         # One telescope for all angles of a replicate, anywhere in the range of a nominal length.
         spread = generator.uniform(-1, 1, replicates)
-        length += spread * (inputs.upper(platform.TELESCOPE) - length)
+        length += spread * inputs.half_width(platform.TELESCOPE)
     results = {}
-    for place, (turn, axis) in enumerate(_TURNS.items()):
-        motions = _motions(inputs, turn if columns == "motions" else axis, columns)
+    for place, (about, axis) in enumerate(_MOTION_AXIS.items()):
+        motions = _motions(inputs, about if columns == "motions" else axis, columns)
         angles = stage_angle(np.insert(motions, 0, 0.0)[:, None], length)
         # A mean that includes the ramp contains a part of the step from the state before.
         means = angles[1:] - lag * np.diff(angles, axis=0)
-        drawn = means + noise * errors[..., place].T
-        for state, draws in zip(_MOVED, drawn, strict=True):
-            results[f"{state}.monitoring-{turn}"] = declare.Prediction(draws)
+        for state, angle in zip(
+            _MOVED, means + noise * errors[..., place].T, strict=True
+        ):
+            results[f"{state}.monitoring-{about}"] = Prediction(angle)
     return results
 
 
 def _averaging(inputs: Inputs, images: str) -> tuple[float, float]:
-    """Return the fraction of a step that a mean lacks, and its noise over that of a state's mean.
+    """Return the missing fraction of a step in a mean, and its noise relative to a state's mean.
 
-    A smoothed angle is the mean of the last images, those of the state before included. Their
-    noise is taken as independent of the mean of that state.
+    A smoothed angle is the mean of the last images, which may include images of the state before.
+    Their noise is taken as independent of the mean of that state.
     """
     frames, smoothed = inputs.count(FRAMES), inputs.count(accuracy.SMOOTHED)
     if images == "state":
         return 0.0, 1.0
     if images == "smoothed":
-        return 0.0, float(np.sqrt(frames / smoothed))
+        return 0.0, np.sqrt(frames / smoothed)
     # Weight of each image in the mean of `frames` smoothed angles.
     weights = np.convolve(np.ones(frames), np.ones(smoothed)) / (frames * smoothed)
     lag = weights[: smoothed - 1].sum()
-    return float(lag), float(np.sqrt(frames * np.square(weights).sum()))
+    return lag, np.sqrt(frames * np.square(weights).sum())
 
 
 def _monitoring_errors(
@@ -199,220 +222,201 @@ def _monitoring_errors(
 ) -> FloatArray:
     """Return the errors of monitored angles by centroid noise, (replicates, states, 2).
 
-    They are about X and Y, in radians, for all states but the zero state, whose error they share.
+    They are about X and Y, in radians, for all states except the zero state, whose error they
+    share.
     """
     response = platform.angle_response(inputs)[:2]
     spots = platform.scatter(inputs, 2) / np.sqrt(inputs.count(FRAMES))
     noise = generator.standard_normal((replicates, len(STATES), *spots.shape)) * spots
     angles = np.tensordot(noise, response, axes=([-2, -1], [-2, -1]))
-    return np.asarray(angles[:, 1:] - angles[:, :1])
+    return angles[:, 1:] - angles[:, :1]
 
 
-@declare.reproduces(
-    TABLE,
+@reproduces(
+    "chen2023/table-5",
     cells=["*.difference-?"],
-    inputs=[f"{TABLE}#*.reference-?", f"{TABLE}#*.monitoring-?"],
+    inputs=["chen2023/table-5#*.reference-?", "chen2023/table-5#*.monitoring-?"],
 )
-def difference(inputs: Inputs) -> declare.Results:
-    """Difference of the printed monitored and reference angles."""
+def difference(inputs: Inputs) -> Results:
+    """Compute the differences of the printed monitored and reference angles."""
     results: dict[str, float] = {}
-    for turn in _TURNS:
-        monitored, reference = (
-            _column(inputs, f"{name}-{turn}") for name in ("monitoring", "reference")
-        )
-        results |= _by_state(f"difference-{turn}", monitored - reference)
+    for about in _MOTION_AXIS:
+        monitored = _column(inputs, f"monitoring-{about}")
+        angles = monitored - _column(inputs, f"reference-{about}")
+        results |= _by_state(f"difference-{about}", angles)
     return results
 
 
-@declare.reproduces(
-    _PLAN,
+@reproduces(
+    "chen2023/text-effectiveness",
     cells=["states", "time-per-state"],
     inputs=[
-        f"{_PLAN}#travel-*",
-        f"{_PLAN}#step",
+        "chen2023/text-effectiveness#travel-*",
+        "chen2023/text-effectiveness#step",
         FRAMES,
         accuracy.DURATION,
         accuracy.FRAMES,
     ],
 )
-def plan(inputs: Inputs) -> declare.Results:
-    """Number of states, and the time that each one takes at the pace of the first groups."""
-    travel = inputs[f"{_PLAN}#travel-end"] - inputs[f"{_PLAN}#travel-start"]
+def plan(inputs: Inputs) -> Results:
+    """Compute the number of states, and the time of a state at the pace of the first groups."""
+    start, end = inputs.array("chen2023/text-effectiveness#travel-*")
     return {
-        "states": travel / inputs[f"{_PLAN}#step"] + 1,
+        "states": (end - start) / inputs["chen2023/text-effectiveness#step"] + 1,
         "time-per-state": inputs[FRAMES] * accuracy.time_per_frame(inputs),
     }
 
 
-@declare.reproduces(
-    _PLAN,
+@reproduces(
+    "chen2023/text-effectiveness",
     cells=["simulated-angle"],
-    inputs=[f"{_PLAN}#maximum-travel", _QUOTED],
-    equations=["10"],
+    inputs=["chen2023/text-effectiveness#maximum-travel", _QUOTED],
 )
-def largest_angle(inputs: Inputs) -> declare.Results:
-    """Largest misalignment that the stage can simulate, without its sign."""
-    angle = stage_angle(inputs[f"{_PLAN}#maximum-travel"], inputs[_QUOTED])
-    return {"simulated-angle": abs(float(angle))}
+def largest_angle(inputs: Inputs) -> Results:
+    """Compute the largest misalignment that the stage can simulate, without its sign.
+
+    Implements: chen2023 (10).
+    """
+    travel = inputs["chen2023/text-effectiveness#maximum-travel"]
+    return {"simulated-angle": abs(float(stage_angle(travel, inputs[_QUOTED])))}
 
 
-@declare.reproduces(
-    _PLAN, cells=["difference-bound"], inputs=[f"{TABLE}#*.difference-?"]
+@reproduces(
+    "chen2023/text-effectiveness",
+    cells=["difference-bound"],
+    inputs=["chen2023/table-5#*.difference-?"],
 )
-def bound(inputs: Inputs) -> declare.Results:
-    """Largest printed difference between reference and monitored angle."""
-    return {
-        "difference-bound": float(np.abs(inputs.array(f"{TABLE}#*.difference-?")).max())
-    }
+def bound(inputs: Inputs) -> Results:
+    """Compute the largest printed difference between reference and monitored angle."""
+    differences = inputs.array("chen2023/table-5#*.difference-?")
+    return {"difference-bound": np.abs(differences).max()}
 
 
-@declare.draws("chen2023/table-5", inputs=monitored_angle.inputs)
-def _draw(figure: Figure, printed: Mapping[str, float], inputs: Inputs) -> None:
-    """Focal length that each printed angle implies for its printed motion."""
-    panels, blue = pair(figure, 3.6, 5.6, "focal length (mm)"), "#0072B2"
+@draws("chen2023/table-5", inputs=monitored_angle.inputs)
+def _draw(figure: Figure, printed: Marks, inputs: Inputs) -> None:
+    """Draw the focal length that each printed angle implies for its printed motion."""
+    panels = two_panels(figure, 3.6, 5.6, "focal length (mm)")
     # Noise of the state and of the zero state.
     sigmas = np.sqrt(2.0) * platform.angle_sigma(inputs, 2, inputs.count(FRAMES))
-    for axes, (axis, turn) in zip(panels, _TURNS.items(), strict=True):
+    left, right = np.add(_MOVED, -0.1), np.add(_MOVED, 0.1)
+    for axes, (about, axis), sigma in zip(
+        panels, (("y", "x"), ("x", "y")), sigmas[1::-1], strict=True
+    ):
         motions = _column(printed, f"motion-{axis}")
-        reference = _column(printed, f"reference-{turn}")
-        monitoring = _column(printed, f"monitoring-{turn}")
+        reference = _column(printed, f"reference-{about}")
+        monitoring = _column(printed, f"monitoring-{about}")
         length = _implied(motions, monitoring)
-        error = length * sigmas["xy".index(turn)] / np.abs(monitoring)
-        left, right = np.add(_MOVED, -0.1), np.add(_MOVED, 0.1)
-        axes.plot(
-            left, _implied(motions, reference), "o", color=blue, label="reference"
-        )
-        axes.plot(
-            left,
-            _implied(_motions(inputs, turn), reference),
-            "o",
-            fillstyle="none",
-            color=blue,
-            label="reference, exchanged",
-        )
-        axes.errorbar(
-            right, length, error, fmt="s", color="#D55E00", label="monitoring"
-        )
+        exchanged = _implied(_motions(inputs, about), reference)
+        axes.plot(left, _implied(motions, reference), "C0o", label="reference")
+        axes.plot(left, exchanged, "C0o", mfc="none", label="reference, exchanged")
+        error = length * sigma / np.abs(monitoring)
+        axes.errorbar(right, length, error, fmt="C1s", label="monitoring")
         nominal = inputs[platform.TELESCOPE] * 1e3
-        axes.axhline(nominal, color="#000000", ls="--", lw=1, label="nominal")
+        axes.axhline(nominal, color="k", ls="--", lw=1, label="nominal")
         axes.set(xlabel="state", title=f"stage along {axis.upper()}", xticks=_MOVED)
-    named_below(figure, 4)
-
-
-def _column(printed: Inputs | Mapping[str, float], name: str) -> FloatArray:
-    return np.array([printed[f"{TABLE}#{state}.{name}"] for state in _MOVED])
+    legend_below(figure, 4)
 
 
 def _implied(motions: FloatArray, angles: FloatArray) -> FloatArray:
-    """Return the focal lengths in millimetres for which (10) joins motions and angles."""
-    return np.asarray(-motions / np.tan(angles) * 1e3)
+    """Return the focal lengths in millimetres for which (10) relates motions to angles."""
+    return -motions / np.tan(angles) * 1e3
 
 
-def _implied_facts(inputs: Inputs) -> dict[str, declare.Fact]:
-    """Return the extremes of the implied focal lengths, and the range that fits all rows.
+def _implied_facts(inputs: Inputs) -> dict[str, float]:
+    """Return the extremes of the implied focal lengths, and the range that agrees with all rows.
 
     The largest difference is between monitored and reference angles with interchanged columns.
     """
-    own, half, other, _ = _focal_lengths(inputs).iloc[:, 1:].to_numpy(np.float64).T
-    lengths = {
-        "printed-least": own.min(),
-        "printed-most": own.max(),
-        "interchanged-least": other.min(),
-        "interchanged-most": other.max(),
-        "shared-low": (other - half).max(),
-        "shared-high": (other + half).min(),
-    }
-    largest = max(
-        np.abs(
-            _column(inputs, f"monitoring-{turn}") - _column(inputs, f"reference-{axis}")
-        ).max()
-        for axis, turn in _TURNS.items()
-    )
-    facts = {
-        name: declare.Fact(float(value), ".1f", "mm") for name, value in lengths.items()
-    }
-    return facts | {
-        "largest-difference": declare.Fact(
-            float(largest / RADIANS_PER_ARCSEC), ".3f", "arcsec"
-        )
+    _, own, half, other, _ = zip(*_focal_lengths.function(inputs), strict=True)
+    differences = [
+        _column(inputs, f"monitoring-{about}") - _column(inputs, f"reference-{axis}")
+        for about, axis in _MOTION_AXIS.items()
+    ]
+    return {
+        "printed-least": min(own),
+        "printed-most": max(own),
+        "interchanged-least": min(other),
+        "interchanged-most": max(other),
+        "shared-low": np.subtract(other, half).max(),
+        "shared-high": np.add(other, half).min(),
+        "largest-difference": np.abs(differences).max() / RADIANS_PER_ARCSEC,
     }
 
 
-@declare.studied("chen2023/focal-lengths", inputs=[f"{TABLE}#*"], named=_implied_facts)
-def _focal_lengths(inputs: Inputs) -> Iterator[tuple[str | float, ...]]:
-    """Focal lengths that the rows of Table V imply, as printed and with the columns exchanged."""
+@studied("chen2023/focal-lengths", inputs=["chen2023/table-5#*"], named=_implied_facts)
+def _focal_lengths(inputs: Inputs) -> Rows:
+    """Compute the focal lengths that the rows of Table V imply, also with columns exchanged."""
     # Rounding: a motion is the difference of two positions to 0.01 µm.
     half_motion, half_angle = 1e-8, 0.0005 * RADIANS_PER_ARCSEC
-    for axis, turn in _TURNS.items():
-        angles, motions = _column(inputs, f"reference-{turn}"), _motions(inputs, axis)
-        own, other = (_implied(_motions(inputs, a), angles) for a in (axis, turn))
+    for about, axis in (("y", "x"), ("x", "y")):
+        angles, motions = _column(inputs, f"reference-{about}"), _motions(inputs, axis)
+        own, other = (
+            _implied(motions, angles),
+            _implied(_motions(inputs, about), angles),
+        )
         relative = half_motion / np.abs(motions) + half_angle / np.abs(angles)
         for state, *row in zip(_MOVED, own, own * relative, other, strict=True):
-            yield (f"reference about {turn.upper()}, state {state}", *row, row[1])
+            yield (f"reference about {about.upper()}, state {state}", *row, row[1])
 
 
 def _shared_zero_chi_square(differences: FloatArray, sigma: float) -> float:
-    """Return chi-square of differences that each carry the noise of the same zero state."""
+    """Return chi-square of differences that each contain the noise of one zero state."""
     count = differences.size + 1
     total = np.square(differences).sum() - differences.sum() ** 2 / count
-    return float(total / sigma**2)
+    return total / sigma**2
 
 
-def _test_facts(inputs: Inputs) -> dict[str, declare.Fact]:
+def _test_facts(inputs: Inputs) -> dict[str, float]:
     """Return the probability under each noise, chi-square of the first, and the differences.
 
-    The lag is that of a mean over the smoothed angles of a whole state, with its ramp.
+    The lag is the lag of a mean over the smoothed angles of a whole state, with its ramp.
     """
-    rows = _differences(inputs).to_numpy()
-    # A probability below 1e-12 is quoted as zero.
-    facts = {
-        f"{name}-chance": declare.Fact(row[3], "chance", zero=1e-12)
-        for name, row in zip(("state", "ramp", "printed"), rows, strict=True)
-    }
-    few, frames = inputs.count(accuracy.SMOOTHED), inputs.count(FRAMES)
+    state, ramp, few = _differences.function(inputs)
+    smoothed, frames = inputs.count(accuracy.SMOOTHED), inputs.count(FRAMES)
     # After a step the mean of the last n images lacks (n - 1)/n, ..., 1/n, 0 of it.
-    short = (few - 1) / (2 * frames)
-    step = np.abs(
-        [inputs[f"{TABLE}#{STATES[-1]}.reference-{a}"] for a in _TURNS]
-    ).mean()
-    differences = inputs.array(f"{TABLE}#[2-5].difference-?") / RADIANS_PER_ARCSEC
-    lag = step / len(_MOVED) * short / RADIANS_PER_ARCSEC
-    return facts | {
-        "ramp-lag": declare.Fact(float(lag), ".2f", "arcsec"),
-        "mean": declare.Fact(float(differences.mean()), ".4f", "arcsec"),
-        "largest": declare.Fact(float(np.abs(differences).max()), ".3f", "arcsec"),
-        "state-chi-square": declare.Fact(rows[0][1], ".1f"),
-        "freedom": declare.Fact(rows[0][2], "d"),
+    short = (smoothed - 1) / (2 * frames)
+    last = inputs.array("chen2023/table-5#5.reference-?")
+    differences = (
+        inputs.array("chen2023/table-5#[2-5].difference-?") / RADIANS_PER_ARCSEC
+    )
+    return {
+        "state-chance": state[3],
+        "ramp-chance": ramp[3],
+        "printed-chance": few[3],
+        "ramp-lag": np.abs(last).mean() / len(_MOVED) * short / RADIANS_PER_ARCSEC,
+        "mean": differences.mean(),
+        "largest": np.abs(differences).max(),
+        "state-chi-square": state[1],
+        "freedom": state[2],
     }
 
 
-@declare.studied(
+@studied(
     "chen2023/differences",
     inputs=(
-        f"{TABLE}#[2-5].difference-?",
-        f"{TABLE}#{STATES[-1]}.reference-?",
-        f"{accuracy.TABLE}#*.misalignment-?",
+        "chen2023/table-5#[2-5].difference-?",
+        "chen2023/table-5#5.reference-?",
+        "chen2023/table-4#*.misalignment-?",
         FRAMES,
         accuracy.SMOOTHED,
     ),
     named=_test_facts,
 )
-def _differences(inputs: Inputs) -> Iterator[tuple[str, float, int, float]]:
-    """Joint test of the differences of Table V: are they noise?"""
+def _differences(inputs: Inputs) -> Rows:
+    """Test the differences of Table V jointly against noise."""
     from scipy.special import chdtrc
 
     few, frames = inputs.count(accuracy.SMOOTHED), inputs.count(FRAMES)
-    freedom = len(_MOVED) * len(_TURNS)
+    freedom = len(_MOVED) * len(_MOTION_AXIS)
     for name, row, averaged in (
         (f"one frame of Table IV, means of {frames}", 1, frames),
         (f"one frame of Table IV, means of {few}", 1, few),
         (f"{few} frames of Table IV", few, 1),
     ):
-        found = 0.0
-        for turn in _TURNS:
-            accurate = inputs[f"{accuracy.TABLE}#{row}.misalignment-{turn}"]
+        chi_square = 0.0
+        for about in _MOTION_AXIS:
+            accurate = inputs[f"chen2023/table-4#{row}.misalignment-{about}"]
             sigma = accurate / platform.SIGMAS / np.sqrt(averaged)
-            found += _shared_zero_chi_square(
-                _column(inputs, f"difference-{turn}"), sigma
-            )
-        yield (name, found, freedom, float(chdtrc(freedom, found)))
+            column = _column(inputs, f"difference-{about}")
+            chi_square += _shared_zero_chi_square(column, sigma)
+        yield name, chi_square, freedom, chdtrc(freedom, chi_square)

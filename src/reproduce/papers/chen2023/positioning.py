@@ -1,55 +1,38 @@
 """From misalignment to metres on the ground: the error budget of SVGF-1, and a year of orbits.
 
-The assumptions, which no paper prints: centimetre orbits are 0.05 m along each axis, the principal
-point moves by one panchromatic pixel, a calibration has an error of 0.5 arcsec at each sample, and
-heat behaves as in `physics.ground.thermal_series`. Angle errors of the monitoring are those of the
-ground platform.
+The paper does not print the following values, which are assumed: centimetre orbits are 0.05 m along
+each axis, the principal point moves by one panchromatic pixel, a calibration has an error of 0.5
+arcsec at each sample, and heat has the effect of `physics.ground.thermal_series`. Angle errors of
+the monitoring are the errors of the ground platform.
 
-The paper argues for monitoring and does not compare. Here four corrections of a thermal
-misalignment, and no correction, get the same simulated year. The three methods without lasers get
-more calibrations than any ground segment has.
+The paper gives arguments for monitoring, without a comparison. Here four corrections of a thermal
+misalignment, and no correction, are applied to one simulated year. The three methods without lasers
+have more calibrations than any ground segment.
 """
 
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.random import default_rng
 
 from reproduce.papers.chen2023 import accuracy, platform, satellite
-from reproduce.papers.declare import (
-    Column,
-    Results,
-    reproduces,
-    seed_of,
-    studied,
-)
+from reproduce.papers.declare import Results, Rows, reproduces, seed_of, studied
 from reproduce.physics import ground
 from reproduce.physics.attitude import rotation_from_vector
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.inputs import Inputs
 from reproduce.units import RADIANS_PER_ARCSEC
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    import pandas as pd
-
-
-_POINTING = f"{satellite.SATELLITE}#tracker-pointing-accuracy.value"
-_MONITORING = (*platform.INSTRUMENT, f"{platform.SCATTER}#2-*", accuracy.SMOOTHED)
-READS = (*_MONITORING, *satellite.CAMERA, _POINTING)
-_YEAR_READS = (*_MONITORING, *satellite.CAMERA, accuracy.RATE)
+_POINTING = "chen2023/table-1#tracker-pointing-accuracy.value"
+_MONITORING = (*platform.INSTRUMENT, "chen2023/table-3#2-*", accuracy.SMOOTHED)
+INPUTS = (*_MONITORING, *satellite.CAMERA, _POINTING)
+_YEAR_INPUTS = (*_MONITORING, *satellite.CAMERA, accuracy.RATE)
 _ORBIT_ERROR_M = 0.05
 _SINGLE, _AVERAGED = "one frame", "averaged"
-# Views of the satellite: name, tilt off the nadir in deg, distance of the target from it in m.
-LOOKS = (
-    ("nadir, centre", 0.0, 0.0),
-    ("nadir, 5 km off", 0.0, 5e3),
-    ("30° aside, centre", 30.0, 0.0),
-)
+# Views of the satellite: tilt off the nadir in deg, distance of the target from it in m.
+LOOKS = ((0.0, 0.0), (0.0, 5e3), (30.0, 0.0))
 # Kinds of errors, with their displayed unit.
 _UNITS = {
     "satellite": (1.0, "m"),
@@ -58,9 +41,12 @@ _UNITS = {
 }
 _CALIBRATION_ERROR = 0.5 * RADIANS_PER_ARCSEC
 _SAMPLES_PER_ORBIT = 64
-# Long enough for the trend to stand out from what wanders; a week makes it far worse.
+# Long enough to distinguish the trend from slow variations. A week has a far larger error.
 _CAMPAIGN_DAYS = 60.0
 _YEAR_DAYS = 365.0
+# Fraction of the errors below CE90.
+_LEVEL = 0.9
+# Amplitudes of the columns of the table.
 _AMPLITUDES_ARCSEC = (0.5, 2.0, 10.0, 50.0)
 UNCORRECTED, *CORRECTIONS = (
     "no correction",
@@ -74,13 +60,13 @@ UNCORRECTED, *CORRECTIONS = (
 @reproduces(
     "chen2023/text-positioning",
     cells=["*-resolution"],
-    inputs=[f"{satellite.SATELLITE}#*ground-resolution.value"],
+    inputs=["chen2023/table-1#*ground-resolution.value"],
 )
 def quoted_resolution(inputs: Inputs) -> Results:
-    """Ground resolutions of Table I, quoted again in the introduction."""
+    """Return the ground resolutions of Table I, which the introduction quotes."""
     return {
         f"{sensor}-resolution": inputs[
-            f"{satellite.SATELLITE}#{sensor}-ground-resolution.value"
+            f"chen2023/table-1#{sensor}-ground-resolution.value"
         ]
         for sensor in ("panchromatic", "multispectral")
     }
@@ -108,61 +94,60 @@ def _terms(inputs: Inputs) -> dict[str, tuple[str, FloatArray]]:
 def _look(
     inputs: Inputs, tilt: float, off: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Set the satellite up over a place of middle latitude.
-
-    Image vector, place and rotation chain, as the imaging model takes them.
-    """
+    """Return image vector, position and rotation of the satellite at a middle latitude."""
     height, focal = satellite.altitude(inputs), inputs[satellite.CAMERA[0]]
-    place = ground.earth_fixed([0.5, 0.8, height])
-    flight = np.cross(np.cross(place, [0.0, 0.0, 1.0]), place)
-    down = ground.satellite_from_inertial(place, flight).T
+    position = ground.earth_fixed([0.5, 0.8, height])
+    flight = np.cross(np.cross(position, [0.0, 0.0, 1.0]), position)
+    down = ground.satellite_from_inertial(position, flight).T
     chain = down @ rotation_from_vector([np.radians(tilt), 0.0, 0.0])
-    return np.array([[off / height * focal, 0.0, -focal]]), place, chain
+    return np.array([[off / height * focal, 0.0, -focal]]), position, chain
 
 
 def _covariances(inputs: Inputs) -> dict[str, FloatArray]:
     """Return the covariances of east and north of each term, (looks, 2, 2), in square metres.
 
-    The last two are of all terms, with one frame and with the average of many.
+    The last two are the covariances of all terms, with one frame and with the average of many.
     """
-    jacobians = [
-        ground.ground_jacobian(*_look(inputs, tilt, off)) for _, tilt, off in LOOKS
-    ]
-    places = np.concatenate([one.position for one in jacobians])
-    found = {}
+    jacobians = [ground.ground_jacobian(*_look(inputs, *look)) for look in LOOKS]
+    positions = np.concatenate([jacobian.position for jacobian in jacobians])
+    covariances = {}
     for name, (kind, sigma) in _terms(inputs).items():
-        slopes = np.concatenate([getattr(one, f"by_{kind}") for one in jacobians])
-        found[name] = ground.ground_covariance(places, slopes, np.diag(sigma**2))
-    together = {
-        f"all together, {mean}": np.sum(
-            [one for name, one in found.items() if not name.endswith(other)], axis=0
+        slopes = [getattr(jacobian, f"by_{kind}") for jacobian in jacobians]
+        covariances[name] = ground.ground_covariance(
+            positions, np.concatenate(slopes), np.diag(sigma**2)
         )
-        for mean, other in ((_SINGLE, _AVERAGED), (_AVERAGED, _SINGLE))
-    }
-    return found | together
+    sums = {}
+    for mean, other in ((_SINGLE, _AVERAGED), (_AVERAGED, _SINGLE)):
+        parts = [cov for name, cov in covariances.items() if not name.endswith(other)]
+        sums[f"all together, {mean}"] = np.sum(parts, axis=0)
+    return covariances | sums
 
 
-@studied("chen2023/budget", inputs=READS)
-def _budget(inputs: Inputs) -> pd.DataFrame:
-    """Error budget of SVGF-1 on the ground, term by term."""
-    terms, rows = _terms(inputs), []
+def _budget_facts(inputs: Inputs) -> dict[str, float]:
+    """Return the altitude of the satellite in kilometres."""
+    return {"altitude": satellite.altitude(inputs) / 1e3}
+
+
+@studied("chen2023/budget", inputs=INPUTS, named=_budget_facts)
+def _budget(inputs: Inputs) -> Rows:
+    """Compute the error budget of SVGF-1 on the ground, term by term."""
+    terms = _terms(inputs)
     for name, covariances in _covariances(inputs).items():
         size, unit = np.nan, ""
         if name in terms:
             kind, sigma = terms[name]
             scale, unit = _UNITS[kind]
             size = sigma.max() / scale
-        rows.append((name, size, unit, *ground.circular_error(covariances).tolist()))
-    return _budget.frame(rows, altitude=satellite.altitude(inputs) / 1e3)
+        yield (name, size, unit, *ground.circular_error(covariances))
 
 
 @lru_cache(maxsize=1)  # a year is large
 def _year(height: float, root: int | None) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Simulate the campaign and the year after it at an altitude, for a thermal amplitude of one.
+    """Return the simulated campaign and the year after it at an altitude in metres.
 
-    Shape (samples,). In days, zero at the end of the campaign. Shape (samples, 2). Misalignment
-    about X and Y over the amplitude. Shape (samples, 2). Standard normal numbers for the errors of
-    calibrations and of the monitoring.
+    Times, (samples,), in days, zero at the end of the campaign. Misalignment about X and Y for an
+    amplitude of one, (samples, 2). Standard normal numbers for the errors of calibrations and of
+    the monitoring, (samples, 2).
     """
     period = float(ground.orbital_period(height))
     orbits = int(np.ceil((_YEAR_DAYS + _CAMPAIGN_DAYS) * ground.DAY_SECONDS / period))
@@ -172,7 +157,7 @@ def _year(height: float, root: int | None) -> tuple[FloatArray, FloatArray, Floa
 
 
 def _residuals(inputs: Inputs, amplitude: float) -> dict[str, FloatArray]:
-    """Return the residual misalignment of each correction, from the end of the campaign on.
+    """Return the residual misalignment of each correction after the campaign.
 
     Name to errors of shape (samples, 2), in radians.
     """
@@ -183,43 +168,34 @@ def _residuals(inputs: Inputs, amplitude: float) -> dict[str, FloatArray]:
     count = inputs.count(accuracy.SMOOTHED)
     late = times - 0.5 * count / inputs[accuracy.RATE] / ground.DAY_SECONDS
     delayed = np.stack([np.interp(late, times, angle) for angle in true.T], axis=-1)
+    orbits = np.arange(len(times)) / _SAMPLES_PER_ORBIT
     estimates = (
-        np.zeros_like(true),
+        0.0,
         measured[known - 1],
-        ground.trend_and_fourier(
-            times, np.arange(len(times)) / _SAMPLES_PER_ORBIT, measured, known
-        ),
+        ground.trend_and_fourier(times, orbits, measured, known),
         ground.last_orbits(measured, _SAMPLES_PER_ORBIT),
         delayed + platform.angle_sigma(inputs, 2, count)[:2] * noise,
     )
     names = (UNCORRECTED, *CORRECTIONS)
     return {
-        name: (true - found)[known:]
-        for name, found in zip(names, estimates, strict=True)
+        name: (true - estimate)[known:]
+        for name, estimate in zip(names, estimates, strict=True)
     }
 
 
-@studied(
-    "chen2023/strategies",
-    random=True,
-    inputs=_YEAR_READS,
-    columns=(
-        Column("Correction"),
-        *(
-            Column(f"at {amplitude:g} arcsec (m)", ".2f")
-            for amplitude in _AMPLITUDES_ARCSEC
-        ),
-    ),
-    caption="CE90 on the ground from the thermal misalignment that is left, over the year after "
-    f"a campaign of {_CAMPAIGN_DAYS:g} days, by amplitude of the first thermal harmonic.",
-)
-def _strategies(inputs: Inputs) -> Iterator[tuple[str | float, ...]]:
-    """Positioning error over a year, for four corrections and four thermal amplitudes."""
+def _campaign_facts(inputs: Inputs) -> dict[str, float]:
+    """Return the length of the campaign in days, and the level of the errors in per cent."""
+    return {"campaign": _CAMPAIGN_DAYS, "level": 100 * _LEVEL}
+
+
+@studied("chen2023/strategies", random=True, inputs=_YEAR_INPUTS, named=_campaign_facts)
+def _strategies(inputs: Inputs) -> Rows:
+    """Compute the positioning error over a year, for four corrections and four amplitudes."""
     height = satellite.altitude(inputs)
-    left = [
+    years = [
         _residuals(inputs, amplitude * RADIANS_PER_ARCSEC)
         for amplitude in _AMPLITUDES_ARCSEC
     ]
     for name in (UNCORRECTED, *CORRECTIONS):
-        lengths = [np.hypot(*errors[name].T) for errors in left]
-        yield (name, *(np.quantile(lengths, 0.9, axis=1) * height))
+        lengths = [np.hypot(*errors[name].T) for errors in years]
+        yield (name, *(np.quantile(lengths, _LEVEL, axis=1) * height))

@@ -18,7 +18,12 @@ from numpy.random import PCG64, Generator
 
 from reproduce.inference import Consequence, LogUniform, Model, Normal, Prior, models
 from reproduce.papers.chen2023 import satellite
-from reproduce.papers.chen2023.platform import INSTRUMENT, SCATTER, SIGMAS, as_designed
+from reproduce.papers.chen2023.platform import (
+    INSTRUMENT,
+    SIGMAS,
+    as_designed,
+    square_ratio,
+)
 from reproduce.papers.posteriors import Declaration, File, data_stream
 from reproduce.physics.attitude import Platform
 from reproduce.physics.attitude.diagnosis import diagnose_spots
@@ -29,8 +34,8 @@ from reproduce.store.spots import IMAGES, SPOTS, images_of, lost_spots
 from reproduce.units import ARCSEC_PER_RADIAN
 
 _FRAMES = "chen2023/text-accuracy#frames"
-READS = (*INSTRUMENT, SCATTER, _FRAMES, *satellite.CAMERA)
-# The misalignment of the simulation: as large as the text expects on orbit, with a roll.
+INPUTS = (*INSTRUMENT, "chen2023/table-3", _FRAMES, *satellite.CAMERA)
+# Misalignment of the simulation, of the size that the text expects in orbit, with a roll.
 _TRUTH = np.array([20.0, -15.0, 30.0]) / ARCSEC_PER_RADIAN
 _DRIFT = np.array([1.0, 0.5, 0.0]) / ARCSEC_PER_RADIAN
 # Width of a prior relative to the data: proper, with hardly any influence.
@@ -39,44 +44,21 @@ _PRIOR_WIDTHS = 20.0
 _MIN_IMAGES = 3
 
 
-def _simulated_images(
-    inputs: Inputs, turns: list[tuple[FloatArray, FloatArray]], drifts: bool
-) -> models.SpotStatistics:
-    """Simulate images of two groups, of which the second may drift."""
-    generator = Generator(PCG64(data_stream(inputs, 2, int(drifts))))
-    frames, design = inputs.count(_FRAMES), as_designed(inputs)
-    noise = np.sqrt(np.square(inputs.array(SCATTER) / SIGMAS).mean())
-    # The printed spots fill less than the designed square: simulate what was printed.
-    printed, designed = (
-        np.ptp(points, axis=0).mean() for points in (design.spots, design.lasers)
-    )
-    magnification = (
-        design.tracker_focal_length / design.camera_focal_length / design.pixel_pitch
-    )
-    lasers = printed / (designed * magnification) * design.lasers
-    groups = []
-    for first, last in turns:
-        turn = first + np.linspace(0, 1, frames)[:, None] * (last - first)
-        true = design.predicted(np.zeros((frames, 3)), turn[:, None], lasers)[:, 0]
-        groups.append(true + noise * generator.normal(size=true.shape))
-    return models.SpotStatistics.of(groups, (False, drifts))
-
-
 @dataclass(frozen=True)
 class _OnTheGround:
-    """What an error of the misalignment costs on the ground, from an altitude in metres."""
+    """Errors on the ground by an error of the misalignment, from an altitude in metres."""
 
     altitude: float
 
     def __call__(self, parameters: FloatArray) -> dict[str, Consequence]:
-        """Errors about the posterior mean, both axes together; and were the angles ignored."""
+        """Return errors about the posterior mean, both axes together; and without correction."""
         angles = parameters[:, 3:5]
         error = np.hypot(*(angles - angles.mean(axis=0)).T)
-        metres, shift = (self.altitude * one for one in (error, np.hypot(*angles.T)))
+        uncorrected = self.altitude * np.hypot(*angles.T)
         return {
             "pointing error": Consequence(error * ARCSEC_PER_RADIAN, "arcsec"),
-            "position error": Consequence(metres, "m"),
-            "position error uncorrected": Consequence(shift, "m"),
+            "position error": Consequence(self.altitude * error, "m"),
+            "position error uncorrected": Consequence(uncorrected, "m"),
         }
 
 
@@ -87,13 +69,27 @@ def _truth(inputs: Inputs, drifts: bool = False) -> dict[str, float]:
     return dict(zip(names, values.tolist(), strict=False))
 
 
+def _simulated_images(inputs: Inputs, drifts: bool) -> models.SpotStatistics:
+    """Return simulated images of a calibration group and of a group that may drift."""
+    generator = Generator(PCG64(data_stream(inputs, 2, int(drifts))))
+    frames, design = inputs.count(_FRAMES), as_designed(inputs)
+    noise = np.sqrt(np.square(inputs.array("chen2023/table-3") / SIGMAS).mean())
+    # The printed spots are closer together than the designed square: simulate the printed ones.
+    lasers = square_ratio(design) * design.lasers
+    zero, half = np.zeros(3), _DRIFT / 2 if drifts else np.zeros(3)
+    groups = []
+    for first, last in ((zero, zero), (_TRUTH - half, _TRUTH + half)):
+        angles = first + np.linspace(0, 1, frames)[:, None] * (last - first)
+        true = design.predicted(np.zeros((frames, 3)), angles[:, None], lasers)[:, 0]
+        groups.append(true + noise * generator.normal(size=true.shape))
+    return models.SpotStatistics.of(groups, (False, drifts))
+
+
 def _misalignment(inputs: Inputs, drifts: bool = False) -> Model:
     """Return a misalignment after a calibration group, constant or with a drift."""
-    zero, half = np.zeros(3), _DRIFT / 2 if drifts else np.zeros(3)
-    turns = [(zero, zero), (_TRUTH - half, _TRUTH + half)]
     return models.misalignment_model(
         as_designed(inputs),
-        _simulated_images(inputs, turns, drifts),
+        _simulated_images(inputs, drifts),
         drifts=drifts,
         derived=(_OnTheGround(satellite.altitude(inputs)),),
     )
@@ -105,41 +101,37 @@ def drift(inputs: Inputs) -> Model:
 
 
 def _your_model(
-    table: DataTable, inputs: Mapping[str, Any], drifts: bool
+    table: DataTable, arguments: Mapping[str, Any], drifts: bool
 ) -> tuple[Model, list[str]]:
     """Return a misalignment, constant or with a drift in group 1, and remarks on the spots.
 
-    The platform is that of the paper by default. The remarks are those of `reproduce.misalignment`.
+    The default platform is the platform of the paper. The remarks are the remarks of
+    `reproduce.misalignment`.
     """
-    instrument, images, remarks = _measured(table, drifts, inputs.get("platform"))
+    design: Platform = arguments.get("platform") or as_designed(load_inputs(INSTRUMENT))
+    pair = images_of(table, len(design.lasers))
+    diagnosis = diagnose_spots(design, pair, drifts)
+    remarks = [*(finding.text for finding in diagnosis.findings), *lost_spots(pair)]
+    images = [
+        group[np.isfinite(group).all(axis=(-2, -1))] for group in diagnosis.images
+    ]
+    counts = [len(group) for group in images]
+    if lost := sum(map(len, diagnosis.images)) - sum(counts):
+        remarks.append(f"{lost} images that lack a spot are omitted")
+    if min(counts) < _MIN_IMAGES:
+        raise TableFileError(
+            f"{table.path}: expected {_MIN_IMAGES} or more images with all spots in each group, "
+            f"got {' and '.join(map(str, counts))}. Add images, which determine the scatter."
+        )
+    if not any(np.ptp(group, axis=0).any() for group in images):
+        raise TableFileError(
+            f"{table.path}: expected spots that scatter from image to image, got equal spots in "
+            "all images of a group. Add images with noise."
+        )
+    instrument = replace(diagnosis.platform, spots=images[0].mean(axis=0))
     statistics = models.SpotStatistics.of(images, (False, drifts))
     model = models.misalignment_model(instrument, statistics, drifts=drifts)
     return model.with_priors(_priors(model, images)), remarks
-
-
-def _measured(
-    table: DataTable, drifts: bool, design: Platform | None
-) -> tuple[Platform, list[FloatArray], list[str]]:
-    """Return the platform, whole images of each group, and remarks."""
-    instrument = as_designed(load_inputs(INSTRUMENT)) if design is None else design
-    pair = images_of(table, len(instrument.lasers))
-    found = diagnose_spots(instrument, pair, drifts)
-    notes = [*(one.text for one in found.findings), *lost_spots(pair)]
-    images = [one[np.isfinite(one).all(axis=(-2, -1))] for one in found.images]
-    counts = [len(one) for one in images]
-    if lost := sum(map(len, found.images)) - sum(counts):
-        notes.append(f"{lost} images that lack a spot are left out")
-    if min(counts) < _MIN_IMAGES:
-        raise TableFileError(
-            f"{table.path}: expected {_MIN_IMAGES} whole images or more in each group, got "
-            f"{' and '.join(map(str, counts))}. Add images, which determine the scatter"
-        )
-    if not any(np.ptp(one, axis=0).any() for one in images):
-        raise TableFileError(
-            f"{table.path}: expected spots that scatter from image to image, got the same ones in "
-            "all images of a group. Without noise there is nothing to sample"
-        )
-    return replace(found.platform, spots=images[0].mean(axis=0)), images, notes
 
 
 def _priors(model: Model, images: list[FloatArray]) -> dict[str, Prior]:
@@ -147,10 +139,10 @@ def _priors(model: Model, images: list[FloatArray]) -> dict[str, Prior]:
     likelihood = model.likelihood_of(models.SpotLikelihood)
     platform, residual = likelihood.platform, likelihood.residual()
     first, last = likelihood.statistics.means
-    size = float(np.ptp(first, axis=0).max())
-    motion = float(np.abs(last - first).max() + images[0].std(axis=0).max())
+    size = np.ptp(first, axis=0).max()
+    motion = np.abs(last - first).max() + images[0].std(axis=0).max()
     pixel = platform.pixel_pitch / platform.tracker_focal_length
-    reason = "twenty times what the spots moved"
+    reason = "twenty times the motion of the spots"
     across = Normal(0.0, _PRIOR_WIDTHS * motion * pixel, reason)
     reason += ", as a roll of the pattern"
     roll = Normal(0.0, _PRIOR_WIDTHS * motion / size, reason)
@@ -165,23 +157,24 @@ def _priors(model: Model, images: list[FloatArray]) -> dict[str, Prior]:
         1e3 * residual,
         "no scale preferred: a millionth to a thousand times the residual of least squares",
     )
-    found: dict[str, Prior] = {"noise": noise}
-    for axis in models.AXES:
-        turn = roll if axis == "z" else across
-        found |= {f"mount-{axis}": mount, f"angle-{axis}": turn, f"drift-{axis}": turn}
-    return {name: prior for name, prior in found.items() if name in model.names}
-
-
-_SPOT_LINES = (
-    "one spot per line, in px: group 0 at the zero point, 1 at the present; lasers from 1 in the "
-    "order of the platform; the images of a group in the order of time, with a column frame where "
-    "spots are lost"
-)
+    priors: dict[str, Prior] = {"noise": noise}
+    for axis, angle in (("x", across), ("y", across), ("z", roll)):
+        priors |= {
+            f"mount-{axis}": mount,
+            f"angle-{axis}": angle,
+            f"drift-{axis}": angle,
+        }
+    return {name: prior for name, prior in priors.items() if name in model.names}
 
 
 def _file(drifts: bool) -> File:
+    meaning = (
+        "one spot per line, in px: group 0 at the zero point, 1 at the present; lasers from 1 in "
+        "the order of the platform; the images of a group in the order of time, with a column "
+        "frame if spots are lost"
+    )
     read = partial(_your_model, drifts=drifts)
-    return File(SPOTS, _SPOT_LINES, read, ("platform",), IMAGES)
+    return File(SPOTS, meaning, read, ("platform",), IMAGES)
 
 
 POSTERIORS = (
@@ -189,7 +182,7 @@ POSTERIORS = (
         "misalignment",
         "Constant misalignment from laser spots",
         "chen2023",
-        READS,
+        INPUTS,
         _misalignment,
         _file(drifts=False),
         _truth,
@@ -202,7 +195,7 @@ POSTERIORS = (
         "misalignment-drift",
         "Drifting misalignment from laser spots",
         "chen2023",
-        READS,
+        INPUTS,
         drift,
         _file(drifts=True),
         partial(_truth, drifts=True),

@@ -1,4 +1,4 @@
-"""The optics of niu2024: what the data sheet numbers of its camera imply."""
+"""The optics of niu2024: consequences of the data sheet of its camera."""
 
 from __future__ import annotations
 
@@ -6,44 +6,38 @@ from reproduce.papers.declare import Results, reproduces
 from reproduce.physics import optics
 from reproduce.printed.inputs import Inputs
 
-_OPTICS = "niu2024/text-optics"
-_OUTCOME = "niu2024/text-experiment"
-
 
 @reproduces(
-    _OPTICS,
+    "niu2024/text-optics",
     cells=["field-of-view-*"],
     inputs=[
-        f"{_OPTICS}#focal-length",
-        f"{_OPTICS}#pixels-*",
-        f"{_OPTICS}#pixel-pitch-*",
+        "niu2024/text-optics#focal-length",
+        "niu2024/text-optics#pixels-*",
+        "niu2024/text-optics#pixel-pitch-*",
     ],
 )
 def field_of_view(inputs: Inputs) -> Results:
-    """Field of view from the detector's size and the estimated focal length."""
-    found = optics.field_of_view(
-        inputs.array(f"{_OPTICS}#pixels-?"),
-        inputs.array(f"{_OPTICS}#pixel-pitch-?"),
-        inputs[f"{_OPTICS}#focal-length"],
+    """Compute the field of view from the size of the detector and the focal length."""
+    x, y = optics.field_of_view(
+        inputs.array("niu2024/text-optics#pixels-?"),
+        inputs.array("niu2024/text-optics#pixel-pitch-?"),
+        inputs["niu2024/text-optics#focal-length"],
     )
-    return {
-        f"field-of-view-{axis}": float(one)
-        for axis, one in zip("xy", found, strict=True)
-    }
+    return {"field-of-view-x": x, "field-of-view-y": y}
 
 
 @reproduces(
-    _OPTICS,
+    "niu2024/text-optics",
     cells=["centre-wavelength-*"],
-    inputs=[f"{_OPTICS}#band-*", f"{_OUTCOME}#simulator-band-*"],
+    inputs=["niu2024/text-optics#band-*", "niu2024/text-experiment#simulator-band-*"],
 )
 def centre_wavelengths(inputs: Inputs, *, centre: str) -> Results:
-    """Centre wavelengths as the middles of the bands, or of thirds of the starlight's band."""
-    low, high = inputs.array(f"{_OUTCOME}#simulator-band-*")
-    found = {}
+    """Compute the middles of the bands, or of thirds of the band of the starlight."""
+    low, high = inputs.array("niu2024/text-experiment#simulator-band-*")
+    wavelengths = {}
     for third, band in enumerate(("blue", "green", "red")):
-        middle = inputs.array(f"{_OPTICS}#band-{band}-*").mean()
+        middle = inputs.array(f"niu2024/text-optics#band-{band}-*").mean()
         if centre == "third":
             middle = low + (high - low) * (2 * third + 1) / 6
-        found[f"centre-wavelength-{band}"] = float(middle)
-    return found
+        wavelengths[f"centre-wavelength-{band}"] = middle
+    return wavelengths

@@ -4,7 +4,7 @@ The centroids of the paper are not published. The registrations therefore take o
 the same instrument, with the printed settings and a seed of this project. Their test points are
 random directions, uniform over the printed range, as for the printed RMSE.
 
-Your stars are one per line, in px: the place in the channel (``x``, ``y``) and in the reference
+Your stars are one per line, in px: the position in the channel (``x``, ``y``) and in the reference
 channel (``x_reference``, ``y_reference``).
 """
 
@@ -20,7 +20,7 @@ from numpy.random import PCG64, Generator, default_rng
 
 from reproduce.inference import Model, Uniform, models
 from reproduce.papers.niu2024 import simulation
-from reproduce.papers.niu2024.simulation import IMAGING, NOISE, REGISTERED, SETTINGS
+from reproduce.papers.niu2024.simulation import NOISE, REGISTERED, ROWS
 from reproduce.papers.posteriors import Declaration, File, data_stream
 from reproduce.physics.optics import angle_from_pixels
 from reproduce.physics.registration import (
@@ -36,10 +36,10 @@ from reproduce.store.points import STARS, DataTable, TableFileError
 from reproduce.units import ARCSEC_PER_RADIAN
 
 # Fraction of stars that are matched wrongly on purpose.
-_FALSE_SHARE = 0.3
-_TEST_POINTS = f"{SETTINGS}#test-points"
-READS = (*simulation.READS, "niu2024/text-optics#pixel-pitch-*", _TEST_POINTS)
-# Columns of the joint model that one channel's model takes: its transform, and the noise.
+_FALSE_FRACTION = 0.3
+_TEST_POINTS = "niu2024/text-simulation#test-points"
+INPUTS = (*simulation.INPUTS, "niu2024/text-optics#pixel-pitch-*", _TEST_POINTS)
+# Columns of the joint model for the model of one channel: its transform, and the noise.
 _JOINT_COLUMNS = ((0, 1, 2, 3, 8), (4, 5, 6, 7, 8))
 # With fewer stars a wrong match is indistinguishable from noise.
 _MIN_STARS_MIXTURE = 10
@@ -49,39 +49,36 @@ _FITTED = ("model", "weights", "source_covariance", "target_covariance")
 
 def true_centroids(inputs: Inputs) -> FloatArray:
     """Return noise-free centroids of green, red and blue, shape (3, n, 2), in px."""
-    return simulation.imaged(inputs, simulation.arrangement(inputs))
+    return simulation.instrument(inputs).imaged(simulation.arrangement(inputs))
 
 
 def _noisy(inputs: Inputs, true: FloatArray, *key: int) -> FloatArray:
     """Return simulated centroids of green, red and blue, shape (3, n, 2), in px."""
-    generator = default_rng(data_stream(inputs, *key, 0))
-    return np.asarray(
-        true + simulation.noise(inputs) * generator.standard_normal(true.shape)
-    )
+    unit = default_rng(data_stream(inputs, *key, 0)).standard_normal(true.shape)
+    return true + simulation.noise(inputs) * unit
 
 
 def truth(inputs: Inputs, channels: tuple[str, ...] = ("red",)) -> dict[str, float]:
     """Return the transforms of the simulation without its distortions, and its noise.
 
-    The noise of a single channel is that of both its images; that of two is that of one image.
+    The noise of a single channel includes both its images. The noise of two channels is the noise
+    of one image.
     """
-    cameras = dict(zip(simulation.CHANNELS, simulation.cameras(inputs), strict=True))
-    turns = dict(zip(simulation.CHANNELS, simulation.rotations(inputs), strict=True))
-    found: dict[str, float] = {}
-    for channel in channels:
-        prefix = f"{channel}-" if len(channels) > 1 else ""
-        names = (prefix + name for name in models.TRANSFORM)
-        similarity = similarity_between(
-            cameras[channel], turns[channel], cameras["green"]
-        )
-        found |= dict(zip(names, similarity.parameters.tolist(), strict=True))
-    both = 1.0 if len(channels) > 1 else float(np.hypot(1, found["scale"]))
-    return {**found, "noise": inputs[NOISE] * both}
+    (green, *cameras), (_, *rotations) = simulation.instrument(inputs)
+    values: dict[str, float] = {}
+    for channel, camera, rotation in zip(REGISTERED, cameras, rotations, strict=True):
+        if channel in channels:
+            prefix = f"{channel}-" if len(channels) > 1 else ""
+            names = (prefix + name for name in models.TRANSFORM)
+            similarity = similarity_between(camera, rotation, green).parameters
+            values |= dict(zip(names, similarity.tolist(), strict=True))
+    images = 1.0 if len(channels) > 1 else float(np.hypot(1, values["scale"]))
+    return {**values, "noise": inputs[NOISE] * images}
 
 
 def pivot(inputs: Inputs, channel: str) -> FloatArray:
     """Return the principal point of a channel, shape (2,), in px."""
-    return inputs.array(f"{IMAGING}#principal-point-?.{channel}")
+    return inputs.array(f"niu2024/table-1#principal-point-?.{channel}")
 
 
 def _predicting(inputs: Inputs, model: Model) -> Model:
@@ -91,7 +88,7 @@ def _predicting(inputs: Inputs, model: Model) -> Model:
 
 
 def _plain(inputs: Inputs, wrong: float = 0.0) -> Model:
-    """Return red registered to green, a fraction of the stars matched with the wrong green one."""
+    """Return red registered to green, with a fraction of stars matched wrongly."""
     green, red, _ = _noisy(inputs, true_centroids(inputs), 1)
     order = Generator(PCG64(data_stream(inputs, 4))).permutation(len(red))
     false = order[: round(wrong * len(red))]
@@ -111,7 +108,7 @@ def _distortion(inputs: Inputs) -> Model:
 
 def _mixture(inputs: Inputs) -> Model:
     """Return the red channel with three of ten stars matched wrongly."""
-    return _predicting(inputs, models.mixture_model(_plain(inputs, _FALSE_SHARE)))
+    return _predicting(inputs, models.mixture_model(_plain(inputs, _FALSE_FRACTION)))
 
 
 def _joint(inputs: Inputs) -> Model:
@@ -126,12 +123,10 @@ def _joint(inputs: Inputs) -> Model:
 
 def _test_points(inputs: Inputs) -> FloatArray:
     """Return measured test points in green, red and blue, shape (3, points, 2), in px."""
-    generator, half = (
-        default_rng(data_stream(inputs, 3, 0, 0)),
-        simulation.half_ranges(inputs),
-    )
-    directions = generator.uniform(-half, half, (inputs.count(_TEST_POINTS), 2))
-    return _noisy(inputs, simulation.imaged(inputs, directions), 3, 1)
+    generator = default_rng(data_stream(inputs, 3, 0, 0))
+    half, count = simulation.half_ranges(inputs), inputs.count(_TEST_POINTS)
+    directions = generator.uniform(-half, half, (count, 2))
+    return _noisy(inputs, simulation.instrument(inputs).imaged(directions), 3, 1)
 
 
 def _new_stars(
@@ -142,8 +137,8 @@ def _new_stars(
 ) -> models.NewStars:
     """Return the consequences of one channel's registration at the test points.
 
-    The transform in use is the least-squares one of the stars that agree. `columns` are those of
-    the channel in the joint model.
+    The transform in use is the least-squares transform of the correctly matched stars. `columns`
+    are the columns of the channel in the joint model.
     """
     right = getattr(likelihood, "agreeing", slice(None))
     fit = fit_registration(
@@ -151,85 +146,85 @@ def _new_stars(
     )
     source = _test_points(inputs)[simulation.CHANNELS.index(channel)]
     pitch = inputs["niu2024/text-optics#pixel-pitch-x"]
-    focal_length = inputs[f"{IMAGING}#focal-length.green"]
-    angle = float(angle_from_pixels(1.0, pitch, focal_length))
+    focal_length = inputs["niu2024/table-1#focal-length.green"]
+    angle = float(angle_from_pixels(1.0, pitch, focal_length)) * ARCSEC_PER_RADIAN
     return models.NewStars(
         likelihood,
         source,
         fit.transform.apply(source),
-        angle * ARCSEC_PER_RADIAN,
+        angle,
         (channel, columns) if columns else None,
     )
 
 
 def _your_registration(
-    table: DataTable, inputs: Mapping[str, Any]
+    table: DataTable, arguments: Mapping[str, Any]
 ) -> tuple[Model, list[str]]:
     """Return the registration of your stars, and the findings of `register`.
 
-    A star of weight zero is left out. An unknown noise is that of a star of mean weight.
+    Stars of weight zero are omitted. An unknown noise is the noise of a star of mean weight.
     """
     source, target = np.split(table.values, 2, axis=1)
-    settings = {key: value for key, value in inputs.items() if key != "pivot"}
-    centre = checked_pivot(inputs.get("pivot"), source)
-    # The fit checks the settings.
-    fit = fit_registration(source, target, centre, **settings)
-    weights = weights_for(inputs.get("weights"), len(source))
+    pivot = checked_pivot(arguments.get("pivot"), source)
+    # The fit checks the arguments.
+    fit = fit_registration(source, target, **{**arguments, "pivot": pivot})
+    weights = weights_for(arguments.get("weights"), len(source))
     used = weights > 0
     errors: dict[str, Any] = {
-        key: np.broadcast_to(value, (len(source), 2, 2))[used]
-        for key, value in inputs.items()
-        if key.endswith("_covariance")
+        name: np.broadcast_to(value, (len(source), 2, 2))[used]
+        for name, value in arguments.items()
+        if name.endswith("_covariance")
     }
     likelihood = models.GaussianRegistration(
         source[used],
         target[used],
-        centre,
+        pivot,
         weights=weights[used] / (1.0 if errors else weights[used].mean()),
-        model=inputs.get("model", "similarity"),
+        model=arguments.get("model", "similarity"),
         **errors,
     )
-    model = models.fitted_model(likelihood)
-    found, _ = diagnose_fit(fit, named=table.named)
-    texts = (one.text for one in found if one.kind != "sensitive")
-    return model, list(dict.fromkeys(texts))
+    findings, _ = diagnose_fit(fit, named=table.named)
+    remarks = {
+        finding.text: None for finding in findings if finding.kind != "sensitive"
+    }
+    return models.fitted_model(likelihood), list(remarks)
 
 
 def _your_mixture(
-    table: DataTable, inputs: Mapping[str, Any]
+    table: DataTable, arguments: Mapping[str, Any]
 ) -> tuple[Model, list[str]]:
     """Return the registration of your stars of which some may be matched wrongly."""
     if len(table.values) < _MIN_STARS_MIXTURE:
         raise TableFileError(
-            f"{table.path}: expected {_MIN_STARS_MIXTURE} or more stars, got {len(table.values)}, "
-            "in which a wrong match looks like noise. Take registration, or add stars"
+            f"{table.path}: expected {_MIN_STARS_MIXTURE} or more stars, got "
+            f"{len(table.values)}. Use the posterior registration, or add stars."
         )
     # A density that may be as narrow as the rounding that hides the noise has no bound.
     if tied(*np.split(table.values, 2, axis=1)):
         raise TableFileError(
-            f"{table.path}: expected coordinates with more digits, got equal displacements of many "
-            "stars, in which this model finds no noise. Take registration, or add digits"
+            f"{table.path}: expected coordinates with more digits, got equal displacements of "
+            "many stars. Use the posterior registration, or add digits."
         )
-    plain, remarks = _your_registration(table, inputs)
+    plain, remarks = _your_registration(table, arguments)
     model = models.mixture_model(plain)
     # Wrong matches may rotate the least-squares fit.
-    theta = float(model.likelihood.start()[0][1])
-    reason = "any: the full turn, cut opposite to the fit of those stars that agree"
-    turn = Uniform(theta - np.pi, theta + np.pi, reason)
+    theta = model.likelihood.start()[0][1]
+    reason = "any angle, cut opposite to the fit of the stars that agree"
+    rotation = Uniform(theta - np.pi, theta + np.pi, reason)
     # The mixture names mismatches itself.
-    kept = [one for one in remarks if "do not fit the others" not in one]
-    return model.with_priors({"rotation": turn}), kept
+    others = [text for text in remarks if "do not fit the others" not in text]
+    return model.with_priors({"rotation": rotation}), others
 
 
 def _file(read: Callable[..., tuple[Model, list[str]]], *accepts: str) -> File:
-    meaning = "one star per line, in px: its place in the channel and in the reference channel"
+    meaning = "one star per line, in px: its position in the channel and in the reference channel"
     return File(STARS, meaning, read, ("pivot", *accepts))
 
 
 _NO_FILE = (
     "it is for the data of the book; registration and registration-mixture take stars"
 )
-_RED = partial(Declaration, paper="niu2024", inputs=READS, truth=truth)
+_RED = partial(Declaration, paper="niu2024", inputs=INPUTS, truth=truth)
 
 POSTERIORS = (
     _RED(
@@ -248,11 +243,7 @@ POSTERIORS = (
         summary={
             f"{channel}-{name}": f"niu2024/table-3#{row}.{channel}"
             for channel in REGISTERED
-            for name, row in zip(
-                models.TRANSFORM,
-                ("scale", "rotation", "translation-x", "translation-y"),
-                strict=True,
-            )
+            for name, row in zip(models.TRANSFORM, ROWS, strict=True)
         }
         | {"noise": NOISE},
     ),
@@ -261,7 +252,7 @@ POSTERIORS = (
         "Registration with wrong matches: a good/bad mixture",
         build=_mixture,
         file=_file(_your_mixture),
-        truth=lambda inputs: {**truth(inputs), "false-share": _FALSE_SHARE},
+        truth=lambda inputs: {**truth(inputs), "false-share": _FALSE_FRACTION},
         steps=350,
         walkers=96,
     ),

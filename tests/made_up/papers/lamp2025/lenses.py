@@ -8,9 +8,15 @@ from reproduce.physics.optics import angle_from_pixels
 LENSES = "lamp2025/table-1"
 
 
-@reproduces("lamp2025/table-2", inputs=[LENSES], equations=["1"])
+@reproduces(
+    "lamp2025/table-2",
+    inputs=[LENSES],
+)
 def pixel_angle(inputs):
-    """Angle of one pixel from its pitch and the focal length."""
+    """Angle of one pixel from its pitch and the focal length.
+
+    Implements: lamp2025 (1).
+    """
     return {
         f"angle.{lens}": float(
             angle_from_pixels(

@@ -7,12 +7,12 @@ import numpy as np
 from reproduce.inference.models import registration_model
 from reproduce.papers.posteriors import Declaration
 
-READS = ("lamp2025/table-1#focal-length.*",)
+INPUTS = ("lamp2025/table-1#focal-length.*",)
 
 
 def registration(inputs):
     """Simulate stars behind both lenses and return the model of the transform between them."""
-    near, far = inputs.array(READS[0])
+    near, far = inputs.array(INPUTS[0])
     generator = np.random.default_rng(2025)
     stars = generator.uniform(0.0, 1000.0, (30, 2))
     other = far / near * stars + generator.normal(0.0, 0.1, stars.shape)
@@ -21,7 +21,7 @@ def registration(inputs):
 
 def truth(inputs):
     """The parameters with which the stars were simulated."""
-    near, far = inputs.array(READS[0])
+    near, far = inputs.array(INPUTS[0])
     return {"scale": far / near}
 
 
@@ -30,7 +30,7 @@ POSTERIORS = (
         key="lamp-registration",
         title="What is known of the transform between both lenses",
         paper="lamp2025",
-        inputs=READS,
+        inputs=INPUTS,
         build=registration,
         file="the stars are made up",
         truth=truth,
