@@ -73,7 +73,7 @@ class TooSure(GaussianRegistration):
 def test_broken_model_is_found_out():
     model = posteriors()["registration"].model()
     plain = model.likelihood
-    broken = replace(model, likelihood=TooSure(plain.source, plain.target, plain.pivot))
+    broken = replace(model, likelihood=TooSure(plain.problem))
     assert calibrate(broken, 1, 10).probabilities().min() < 0.001
 
 

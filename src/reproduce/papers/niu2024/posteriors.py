@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.random import PCG64, Generator, default_rng
 
-from reproduce.inference import Model, Uniform, models
+from reproduce.inference import Model, models
 from reproduce.papers.niu2024 import simulation
 from reproduce.papers.niu2024.simulation import IMAGING, NOISE, REGISTERED, SETTINGS
 from reproduce.papers.posteriors import Declaration, File, data_stream
@@ -26,11 +26,12 @@ from reproduce.physics.optics import angle_from_pixels
 from reproduce.physics.registration import (
     checked_pivot,
     diagnose_fit,
+    fit_problem,
     fit_registration,
     similarity_between,
     tied,
 )
-from reproduce.physics.validate import FloatArray, weights_for
+from reproduce.physics.validate import FloatArray
 from reproduce.printed.inputs import Inputs
 from reproduce.store.points import STARS, DataTable, TableFileError
 from reproduce.units import ARCSEC_PER_RADIAN
@@ -44,7 +45,7 @@ _JOINT_COLUMNS = ((0, 1, 2, 3, 8), (4, 5, 6, 7, 8))
 # With fewer stars a wrong match is indistinguishable from noise.
 _MIN_STARS_MIXTURE = 10
 # Arguments of `fit_registration` that the posterior shares with `register`.
-_FITTED = ("model", "weights", "source_covariance", "target_covariance")
+_ERRORS = ("weights", "source_covariance", "target_covariance")
 
 
 def true_centroids(inputs: Inputs) -> FloatArray:
@@ -163,35 +164,28 @@ def _new_stars(
 
 
 def _your_registration(
-    table: DataTable, inputs: Mapping[str, Any]
+    table: DataTable, inputs: Mapping[str, Any], robust: bool = False
 ) -> tuple[Model, list[str]]:
     """Return the registration of your stars, and the findings of `register`.
 
-    A star of weight zero is left out. An unknown noise is that of a star of mean weight.
+    A star of weight zero is left out. An unknown noise is that of a star of mean weight. With
+    wrong matches the findings are those of the robust fit.
     """
     source, target = np.split(table.values, 2, axis=1)
     settings = {key: value for key, value in inputs.items() if key != "pivot"}
     centre = checked_pivot(inputs.get("pivot"), source)
     # The fit checks the settings.
     fit = fit_registration(source, target, centre, **settings)
-    weights = weights_for(inputs.get("weights"), len(source))
-    used = weights > 0
-    errors: dict[str, Any] = {
-        key: np.broadcast_to(value, (len(source), 2, 2))[used]
-        for key, value in inputs.items()
-        if key.endswith("_covariance")
-    }
-    likelihood = models.GaussianRegistration(
-        source[used],
-        target[used],
-        centre,
-        weights=weights[used] / (1.0 if errors else weights[used].mean()),
-        model=inputs.get("model", "similarity"),
-        **errors,
-    )
+    problem = fit.problem.rows(fit.weights > 0)
+    if not fit.errors_known:
+        problem = replace(problem, counts=problem.counts / problem.counts.mean())
+    likelihood = models.GaussianRegistration(problem)
     model = models.fitted_model(likelihood)
-    found, _ = diagnose_fit(fit, named=table.named)
-    texts = (one.text for one in found if one.kind != "sensitive")
+    checked = fit_problem(fit.problem, robust=True) if robust else fit
+    found, _ = diagnose_fit(checked, named=table.named)
+    # The mixture reports wrong matches.
+    hidden = {"sensitive"} | ({"mismatched", "dropped"} if robust else set())
+    texts = (one.text for one in found if one.kind not in hidden)
     return model, list(dict.fromkeys(texts))
 
 
@@ -210,15 +204,13 @@ def _your_mixture(
             f"{table.path}: expected coordinates with more digits, got equal displacements of many "
             "stars, in which this model finds no noise. Take registration, or add digits"
         )
-    plain, remarks = _your_registration(table, inputs)
+    plain, remarks = _your_registration(table, inputs, robust=True)
     model = models.mixture_model(plain)
-    # Wrong matches may rotate the least-squares fit.
-    theta = float(model.likelihood.start()[0][1])
-    reason = "any: the full turn, cut opposite to the fit of those stars that agree"
-    turn = Uniform(theta - np.pi, theta + np.pi, reason)
-    # The mixture names mismatches itself.
-    kept = [one for one in remarks if "do not fit the others" not in one]
-    return model.with_priors({"rotation": turn}), kept
+    # Wrong matches may rotate the least-squares fit, or make its scale small.
+    mixture = model.likelihood_of(models.MixtureRegistration)
+    right = models.GaussianRegistration(mixture.problem.rows(mixture.agreeing))
+    priors = {one.name: one.prior for one in models.fitted_model(right).parameters}
+    return model.with_priors(priors), remarks
 
 
 def _file(read: Callable[..., tuple[Model, list[str]]], *accepts: str) -> File:
@@ -236,7 +228,7 @@ POSTERIORS = (
         "registration",
         "Registration of one channel: similarity and Gaussian noise",
         build=_registration,
-        file=_file(_your_registration, *_FITTED),
+        file=_file(_your_registration, "model", *_ERRORS),
         walkers=240,
     ),
     _RED(
@@ -260,7 +252,7 @@ POSTERIORS = (
         "registration-mixture",
         "Registration with wrong matches: a good/bad mixture",
         build=_mixture,
-        file=_file(_your_mixture),
+        file=_file(_your_mixture, *_ERRORS),
         truth=lambda inputs: {**truth(inputs), "false-share": _FALSE_SHARE},
         steps=350,
         walkers=96,
