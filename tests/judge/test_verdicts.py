@@ -97,6 +97,10 @@ def test_monte_carlo_errors_are_the_spread_of_repeated_predictions():
         spread = np.std([getattr(one, name) for one in found])
         errors = [getattr(one, error) for one in found]
         assert spread == pytest.approx(np.mean(errors), rel=0.15)
+    # No draw is so far out, which is half a draw of 2,001.
+    far = judge_prediction(PrintedNumber("20.00"), normal(10.0, 0.5, 2000))
+    assert far.probability == 0
+    assert far.mcse == pytest.approx(2 * np.sqrt(0.5 / 2001 / 2000), rel=1e-3)
 
 
 def test_cells_are_tested_together_and_not_one_by_one():
@@ -105,5 +109,6 @@ def test_cells_are_tested_together_and_not_one_by_one():
     noise = np.random.default_rng(3).normal(0, 0.05, (2, 4000))
     for printed, least, most in (((40.5, 40.5), 0.3, 1.0), ((41.0, 39.0), 0.0, 0.01)):
         intervals = np.array(printed)[:, None] + [-0.05, 0.05]
-        probability, _ = joint_probability(moved + noise, intervals)
+        probability, error = joint_probability(moved + noise, intervals)
         assert least < probability < most
+        assert error == pytest.approx(np.sqrt(probability * (1 - probability) / 4000))

@@ -15,7 +15,7 @@ from pydantic import Field, model_validator
 
 from reproduce.judge.propagate import plain_results
 from reproduce.judge.readings import Evaluation, ReadingSummary, evaluate
-from reproduce.judge.verdicts import CENTRAL, Flag, Frozen, Reading, Verdict
+from reproduce.judge.verdicts import CENTRAL, Comparison, Frozen, Reading, Verdict
 from reproduce.locate import data_folders
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import unpublished
@@ -27,11 +27,8 @@ _TOGETHER = (
 )
 
 
-class Record(Frozen):
-    """Result of one printed cell; numbers are in the printed unit.
-
-    The fields of `Reading` are those of the literal reading.
-    """
+class _Printed(Frozen):
+    """A printed cell, and its role."""
 
     key: str
     """table, figure or group of quoted numbers"""
@@ -47,43 +44,33 @@ class Record(Frozen):
     """interval of values that agree with the printed number; null if open or words"""
     role: Literal["result", "given"]
     """result if a computation makes the cell"""
+
+
+class Record(Comparison, _Printed):
+    """Result of one printed cell; the comparison is that of the literal reading."""
+
     computed: float | None = None
     """value, median of the prediction, or assumed value"""
     interval: tuple[float, float] | None = None
     """results that rounded inputs allow, or the central 99 % of the prediction"""
-    verdict: Verdict
-    """verdict; the page on verdicts of the book defines each word"""
-    flags: tuple[Flag, ...] = ()
-    """qualifications of the verdict"""
     tolerance: float | None = None
     """half the printed interval, or half the predicted one"""
-    share: float | None = None
-    (
-        "abs(computed - printed) over half the printed interval (exact), (1 - "
-        "probability)/0.99 (consistent)"
-    )
-    probability: float | None = None
-    """two-sided mid-p over the printed interval"""
-    mcse: float | None = None
-    """Monte Carlo standard error of the probability"""
-    error: float | None = None
-    """Monte Carlo standard error of a predicted median"""
     why: str
     """the verdict in words"""
     function: str | None = None
-    """the function that computes the cell"""
+    """function that computes the cell"""
     line: str | None = None
-    """file and line of that function"""
+    """file and line of this function"""
     inputs: tuple[str, ...] = ()
-    """the printed cells that it was given"""
+    """addresses of its declared inputs"""
     equations: tuple[str, ...] = ()
-    """the paper's equations it rests on"""
+    """equations of the paper that it implements"""
     seed: tuple[int, ...] | None = None
     """root and key of the random stream"""
     readings: ReadingSummary | None = None
     """all readings of the text in short; null if there is one reading"""
     reason: str = ""
-    """why, as written down with the frozen verdict"""
+    """reason of the frozen verdict"""
 
 
 class TableRecord(Frozen):

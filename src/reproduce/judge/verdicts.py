@@ -44,32 +44,37 @@ class Frozen(BaseModel):
     )
 
 
-class Reading(Frozen):
-    """Comparison of a cell under one reading of the text; numbers are in the printed unit."""
+class Comparison(Frozen):
+    """Comparison of a printed number with a result; numbers are in the printed unit."""
 
-    choices: dict[str, str]
-    """alternative of each option that affects the cell"""
     verdict: Verdict
-    """exact, consistent or differs"""
-    computed: float
-    """value, or median of the prediction"""
-    interval: tuple[float, float]
-    """results that rounded inputs allow, or the central 99 % of the prediction"""
-    flags: tuple[Flag, ...]
+    """verdict; the page on verdicts of the book defines each word"""
+    flags: tuple[Flag, ...] = ()
     """qualifications of the verdict"""
-    tolerance: float
-    """half the printed interval, or half the predicted one"""
-    share: float | None
+    share: float | None = None
     (
         "abs(computed - printed) over half the printed interval (exact), (1 - "
         "probability)/0.99 (consistent)"
     )
-    probability: float | None
+    probability: float | None = None
     """two-sided mid-p over the printed interval"""
-    mcse: float | None
+    mcse: float | None = None
     """Monte Carlo standard error of the probability"""
-    error: float | None
+    error: float | None = None
     """Monte Carlo standard error of a predicted median"""
+
+
+class Reading(Comparison):
+    """Comparison of a cell under one reading of the text."""
+
+    choices: dict[str, str]
+    """alternative of each option that affects the cell"""
+    computed: float
+    """value, or median of the prediction"""
+    interval: tuple[float, float]
+    """results that rounded inputs allow, or the central 99 % of the prediction"""
+    tolerance: float
+    """half the printed interval, or half the predicted one"""
 
     @property
     def agrees(self) -> bool:
@@ -177,9 +182,6 @@ def judge_value(
         flags=tuple(flags),
         tolerance=printed.half_width,
         share=share,
-        probability=None,
-        mcse=None,
-        error=None,
     )
 
 
