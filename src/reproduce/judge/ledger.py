@@ -22,7 +22,7 @@ from reproduce.papers.declare import unpublished
 from reproduce.printed.cells import PrintedCell, PrintedTable, find, library
 from reproduce.printed.inputs import load_inputs
 
-_TOGETHER = (
+_JOINT_TEXT = (
     "probability of a table as far out as the printed one, all cells simulated together"
 )
 
@@ -74,7 +74,7 @@ class Record(Comparison, _Printed):
 
 
 class TableRecord(Frozen):
-    """Joint comparison of a table whose cells were drawn or measured together.
+    """Joint comparison of the predicted cells of a table.
 
     The probability is that of the literal reading.
     """
@@ -86,7 +86,7 @@ class TableRecord(Frozen):
     """of these, cells that differ"""
     expected_outside: float
     """cells expected to differ by chance"""
-    joint_probability: float = Field(description=_TOGETHER)
+    joint_probability: float = Field(description=_JOINT_TEXT)
     mcse: float
     replicates: int
     readings: int
@@ -122,7 +122,9 @@ class Ledger(Frozen):
         for record in self.records:
             if record.cell == address:
                 return record
-        raise KeyError(f"no record of {address!r}; `reproduce list` shows the keys")
+        raise KeyError(
+            f"address: expected a printed cell, got {address!r}. `reproduce list` shows the keys"
+        )
 
     def table(self, key: str) -> TableRecord | None:
         """Return the joint record of a table; None if it has no predicted cells."""
@@ -154,7 +156,9 @@ def build(
     items = catalogue()
     asked = set(items if keys is None else keys)
     if unknown := asked - set(items):
-        raise KeyError(f"unknown key {sorted(unknown)}; expected some of {list(items)}")
+        raise KeyError(
+            f"keys: expected some of {', '.join(items)}, got {sorted(unknown)}. Check them"
+        )
     parts: list[Ledger] = []
     for key in filter(asked.__contains__, items):
         parts.append(_judged(key))
@@ -306,7 +310,9 @@ class Expectation(Frozen):
     @model_validator(mode="after")
     def _has_reason(self) -> Expectation:
         if self.verdict == "differs" and not self.reason:
-            raise ValueError(f"{self.cells}: a differs needs its reason")
+            raise ValueError(
+                f"reason: expected the reason why {self.cells} differ, got none. Add it"
+            )
         return self
 
 
@@ -324,7 +330,9 @@ def frozen() -> dict[str, Expectation]:
         one = Expectation.model_validate(entry)
         for cell in chain.from_iterable(map(find, one.cells)):
             if cell.address in expectations:
-                raise ValueError(f"verdicts.toml: expected {cell.address} once")
+                raise ValueError(
+                    f"verdicts.toml: expected {cell.address} once, got it twice. Remove one"
+                )
             expectations[cell.address] = one
     return expectations
 
@@ -350,12 +358,12 @@ def changed_verdicts(ledger: Ledger) -> list[VerdictChange]:
 
 
 def reason(address: str) -> str:
-    """Return the written reason for the frozen verdict of a cell; empty without a reason."""
+    """Return the reason of the frozen verdict of a cell; empty without a reason."""
     return frozen()[address].reason if address in frozen() else ""
 
 
 def erratum(address: str) -> str:
-    """Return the id of the erratum behind a `differs`; empty without an erratum."""
+    """Return the id of the erratum that explains a verdict; empty without an erratum."""
     return frozen()[address].erratum if address in frozen() else ""
 
 

@@ -44,7 +44,7 @@ _MAX_CONDITIONS = 4
 
 
 class ReadingSummary(Frozen):
-    """All readings of a cell in short."""
+    """Summary of all readings of a cell."""
 
     count: int
     """number of readings that give different results"""
@@ -189,7 +189,7 @@ def evaluate(computation: Computation) -> Evaluation:
 def evaluate_readings(
     computation: Computation, readings: Sequence[Mapping[str, str]]
 ) -> Evaluation:
-    """Compute some readings, each on its own."""
+    """Compute some readings, without stored results."""
     table, inputs = library()[computation.key], load_inputs(computation.inputs)
     found: dict[str, list[Reading]] = {}
     joint = []
@@ -201,7 +201,9 @@ def evaluate_readings(
             allowed = result_intervals(one_reading, inputs)
         for name, result in results.items():
             if not computation.makes(name):
-                raise ValueError(f"{computation.name}: {name} is not declared in cells")
+                raise ValueError(
+                    f"{computation.name}: expected declared cells, got {name}. Declare it"
+                )
             reading = judge(table[name], result, choices, allowed.get(name))
             found.setdefault(name, []).append(reading)
         joint.append(_joint(table, results))

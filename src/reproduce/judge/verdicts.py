@@ -186,7 +186,7 @@ def judge_value(
 
 
 def _has_wide_tolerance(printed: PrintedNumber, value: float) -> bool:
-    """Return whether agreement with a value rests on the word *about* or *nominal*.
+    """Return whether a value agrees only because of the word *about* or *nominal*.
 
     The value does not round to the printed digits, or the tolerance of the qualifier is more than
     a tenth of the printed value.
