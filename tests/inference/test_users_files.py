@@ -96,6 +96,7 @@ def test_weights_are_those_of_the_fit():
         centre, spread = likelihood.start()
         np.testing.assert_allclose(centre[:4], fit.parameters, rtol=1e-9)
         np.testing.assert_allclose(spread[:4], fit.standard_errors, rtol=1e-9)
+    assert found.stars()["row"].tolist() == list(range(3, 30))
     for bad in (0.0, -weight):
         with pytest.raises(TableFileError, match="weight"):
             rp.posterior("registration", data=frame.assign(weight=bad))

@@ -115,6 +115,9 @@ class Posterior(UserResult):
         if data is not None:
             self._table, own = self._read(data, own)
             model, self.remarks = self.declared.supplied(self._table, own)
+            rows = self._table.rows
+            # A star of weight zero is left out.
+            self._rows = rows[np.broadcast_to(own.get("weights", 1.0), rows.shape) > 0]
         elif own:
             raise ValueError(
                 f"{next(iter(own))}: expected data of your own next to it, got none"
@@ -248,7 +251,7 @@ class Posterior(UserResult):
             return None
         found = pd.DataFrame(likelihood.source, columns=["x", "y"])
         found["probability_false"] = probability_false(self.sampled)
-        rows = table.rows if table else range(1, len(found) + 1)
+        rows = self._rows if table else range(1, len(found) + 1)
         found.insert(0, "row" if table else "star", rows)
         return found
 
