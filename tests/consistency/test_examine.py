@@ -102,30 +102,14 @@ def test_a_wrong_first_digit_is_in_a_set_that_contradicts(table):
     [
         ("niu2024", "scale-red", 25.0237 / 25.0304, 1),
         ("niu2024", "scale-blue", 25.0237 / 25.0134, 1),
-        ("niu2024", "true-translation-x-red", 1033.9 - 1032, 1),
-        ("niu2024", "true-translation-y-blue", 770.4 - 772, 1),
-        ("niu2024", "band-red", (580 + 680) / 2, 1e-9),
         ("niu2024", "after-noise-blue", 2 * 0.05, 1),
-        (
-            "niu2024",
-            "field-x",
-            math.degrees(2 * math.atan(2064 * 3.45e-3 / 50)),
-            math.pi / 180,
-        ),
         ("chen2023", "motion-4-y", 70.31 - 9.95, 1e-6),
-        ("chen2023", "difference-2-x", -2.125 + 2.034, math.pi / 648000),
-        ("chen2023", "scatter-mean", 0.051125, 1),
-        (
-            "chen2023",
-            "pixel-angle",
-            648000 / math.pi * math.atan(0.013 / 60),
-            math.pi / 648000,
-        ),
         # One image takes from 85/400 to 23/100 s: about 90 s, and about 22 s.
         ("chen2023", "time-ground", 100 * (85 / 400 + 23 / 100) / 2, 1),
     ],
 )
 def test_right_sides_are_those_computed_by_hand(paper, relation, right, unit):
+    """Relations that restate a computed number are compared with the computation."""
     found = finding(audit_paper(paper), relation).right / unit
     assert found == pytest.approx(right, rel=1e-9)
 
@@ -150,7 +134,7 @@ def test_left_sides_of_inequalities_by_hand():
     assert finding(audit, "left-over-red").left == pytest.approx(left, rel=0.01)
 
 
-def test_printed_equations_give_the_numbers_of_pencil_and_paper():
+def test_printed_equations_give_the_numbers_computed_by_hand():
     shown = {
         d.name: d for p in ("niu2024", "chen2023") for d in audit_paper(p).equations
     }
@@ -167,11 +151,11 @@ def test_printed_equations_give_the_numbers_of_pencil_and_paper():
     assert shown["stage-signs"].printed == -shown["stage-signs"].wanted
 
 
-def test_no_two_relations_say_the_same():
+def test_no_two_relations_are_equal():
     for paper in ("niu2024", "chen2023"):
         found = [f.relation for f in audit_paper(paper).findings]
-        said = {(one.formula.text, *map(str, one.binding.items())) for one in found}
-        assert len(said) == len(found)
+        texts = {(one.formula.text, *map(str, one.binding.items())) for one in found}
+        assert len(texts) == len(found)
 
 
 def test_a_number_bound_twice_counts_once():

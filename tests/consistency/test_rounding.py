@@ -1,4 +1,4 @@
-"""What a print can mean: rounding rules, about, bounds, counts."""
+"""Values that a printed number stands for: rounding rules, about, bounds, counts."""
 
 from decimal import ROUND_CEILING, ROUND_DOWN, ROUND_HALF_EVEN, ROUND_HALF_UP, Decimal
 

@@ -1,4 +1,4 @@
-"""Small data of known truth for the models, and Monte Carlo errors of their draws."""
+"""Small data of known truth for the models."""
 
 import numpy as np
 import pytest
