@@ -1,4 +1,4 @@
-"""Equations: the cited ones are implemented, and the book shows each with its function."""
+"""Equations: those that items cite are implemented, and the book shows each with its function."""
 
 import ast
 import re
@@ -8,26 +8,34 @@ from reproduce.papers.catalogue import catalogue
 
 ROOT = Path(__file__).parent.parent
 PHYSICS = ROOT / "src" / "reproduce" / "physics"
+BOOK = ROOT / "book"
 CLAIM = re.compile(
     r"^\s*Implements: (niu2024|chen2023) ((?:\(\d+\)(?:, | and |\.))+)", re.MULTILINE
 )
 PRINTED = re.compile(r"Printed form of (niu2024|chen2023) \((\d+)\)")
 LABEL = re.compile(r"^\$\$ ?\(((?:niu2024|chen2023)-[a-z0-9-]+)\)", re.MULTILINE)
-LINK = re.compile(r"\{py:(?:func|meth|class)\}`~?(reproduce\.physics[\w.]+)`")
 
 
-def docstrings(node, prefix):
-    """Yield the full name and the docstring of public functions, classes and methods."""
+def docstrings():
+    """Yield the full name and the docstring of every public function, class and method."""
+    for path in sorted(PHYSICS.rglob("*.py")):
+        inner = path.relative_to(PHYSICS).with_suffix("").parts
+        module = ".".join(["reproduce.physics", *inner])
+        yield from _inside(ast.parse(path.read_text(encoding="utf-8")), module)
+
+
+def _inside(node, prefix):
     for child in ast.iter_child_nodes(node):
-        kind = isinstance(child, ast.FunctionDef | ast.ClassDef)
-        if kind and not child.name.startswith("_"):
+        if isinstance(
+            child, ast.FunctionDef | ast.ClassDef
+        ) and not child.name.startswith("_"):
             name = f"{prefix}.{child.name}"
             yield name, ast.get_docstring(child) or ""
-            yield from docstrings(child, name)
+            yield from _inside(child, name)
 
 
 def claims(text):
-    """Return the equations that a docstring implements."""
+    """Return the equations that a docstring says it implements."""
     return {
         f"{paper}-{number}"
         for paper, numbers in CLAIM.findall(text)
@@ -35,59 +43,75 @@ def claims(text):
     }
 
 
-TEXTS = {
-    name: text
-    for path in sorted(PHYSICS.rglob("*.py"))
-    for name, text in docstrings(
-        ast.parse(path.read_text(encoding="utf-8")),
-        ".".join(
-            ("reproduce.physics", *path.relative_to(PHYSICS).with_suffix("").parts)
-        ),
-    )
+IMPLEMENTED: dict[str, list[str]] = {}
+for _name, _text in docstrings():
+    for _equation in claims(_text):
+        IMPLEMENTED.setdefault(_equation, []).append(_name)
+CITED = {
+    f"{computation.key.partition('/')[0]}-{number}"
+    for item in catalogue().values()
+    for computation in item.computations
+    for number in computation.equations
 }
-IMPLEMENTED = {
-    equation: [name for name, text in TEXTS.items() if equation in claims(text)]
-    for equation in sorted(set().union(*map(claims, TEXTS.values())))
-}
-PAGES = {
-    path: path.read_text(encoding="utf-8")
-    for path in sorted((ROOT / "book").glob("*/*.md"))
-}
+PAGES = {path: path.read_text(encoding="utf-8") for path in sorted(BOOK.glob("*/*.md"))}
 SHOWN = {label: path for path, text in PAGES.items() for label in LABEL.findall(text)}
 
 
-def test_every_claim_is_parsed():
-    """A docstring that states Implements in another form would claim nothing."""
+def test_claims_are_read():
     assert claims("Implements: niu2024 (17), (18).") == {"niu2024-17", "niu2024-18"}
     assert claims("Printed form of niu2024 (24).") == set()
-    for name, text in TEXTS.items():
-        assert claims(text) or "Implements" not in text, name
 
 
-def test_every_equation_of_both_papers_is_implemented_once():
-    """Except for (25) of niu2024, which defines two matrices, each a separate function."""
+def test_cited_equations_are_implemented():
+    assert set(IMPLEMENTED) >= CITED != set()
+
+
+def test_nearly_every_equation_of_both_papers_is_implemented():
     niu = {f"niu2024-{n}" for n in range(1, 27)}
-    assert set(IMPLEMENTED) == niu | {f"chen2023-{n}" for n in range(1, 12)}
-    cited = {
-        f"{computation.key.partition('/')[0]}-{number}"
-        for item in catalogue().values()
-        for computation in item.computations
-        for number in computation.equations
+    chen = {f"chen2023-{n}" for n in range(1, 12)}
+    assert set(IMPLEMENTED) == niu | chen
+
+
+def test_every_equation_of_niu2024_is_implemented_once():
+    """But for (25), which defines two matrices, each a function of its own."""
+    many = {
+        e: n for e, n in IMPLEMENTED.items() if e.startswith("niu2024") and len(n) > 1
     }
-    assert set(IMPLEMENTED) >= cited != set()
-    several = {e: len(names) for e, names in IMPLEMENTED.items() if len(names) > 1}
-    assert several == {"niu2024-25": 2}
+    assert {e: len(names) for e, names in many.items()} == {"niu2024-25": 2}
 
 
-def test_the_book_shows_each_equation_with_its_function_and_no_other():
+def test_each_equation_of_chen2023_is_implemented_once():
+    chen = {name: by for name, by in IMPLEMENTED.items() if name.startswith("chen2023")}
+    assert {name: by for name, by in chen.items() if len(by) != 1} == {}
+
+
+def test_every_mention_of_implementing_is_understood():
+    """A docstring that says Implements in another form would silently claim nothing."""
+    for name, text in docstrings():
+        if "Implements" in text:
+            assert claims(text), name
+
+
+def test_the_book_shows_each_equation_beside_its_function():
+    for equation, functions in IMPLEMENTED.items():
+        page = PAGES[SHOWN[equation]]
+        links = set(re.findall(r"\{py:(?:func|meth|class)\}`~?([\w.]+)`", page))
+        assert links & set(functions), equation
+
+
+def test_the_book_shows_no_equation_that_is_not_implemented():
     printed = {
         f"{paper}-{number}-printed"
-        for text in TEXTS.values()
+        for _, text in docstrings()
         for paper, number in PRINTED.findall(text)
     }
     assert set(SHOWN) <= set(IMPLEMENTED) | printed
-    for equation, functions in IMPLEMENTED.items():
-        links = set(LINK.findall(PAGES[SHOWN[equation]]))
-        assert links & set(functions), equation
+
+
+def test_links_from_the_book_lead_to_public_functions():
+    public = {name for name, _ in docstrings()}
     for path, text in PAGES.items():
-        assert set(LINK.findall(text)) <= set(TEXTS), path.name
+        for name in re.findall(
+            r"\{py:(?:func|meth|class)\}`~?(reproduce\.physics[\w.]+)`", text
+        ):
+            assert name in public, f"{path.name}: {name}"
