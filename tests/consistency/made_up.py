@@ -12,7 +12,7 @@ from reproduce.consistency.report import audit
 from reproduce.printed.cells import PrintedCell
 from reproduce.printed.number import PrintedNumber
 
-# What pint calls a unit where it is not what the data files do.
+# Names of units in pint that differ from those of the data files.
 PINT = {
     "count": "",
     "1": "",
@@ -30,7 +30,7 @@ def finding(audit, name):
 
 
 def printed_cell(address, text, unit="1", qualifier=None):
-    """Make a cell from what stands on paper."""
+    """Return a printed cell from its digits and unit."""
     key, _, name = address.partition("#")
     number = PrintedNumber(text, unit == "count", qualifier)
     return PrintedCell(key, name, name, number, unit, "derived", key)

@@ -36,53 +36,45 @@ ENTRIES = {r.restates: r for r in (*RELATIONS, *OTHERS) if r.restates}
 def computed():
     """Every deterministic number by name and reading: its computation, and its interval."""
     found = {}
-    for computation in (
-        one for item in catalogue().values() for one in item.computations
-    ):
+    for computation in (c for item in catalogue().values() for c in item.computations):
         for choices in () if computation.replicates else distinct(computation):
             one = computation.with_options(choices)
             mark = f" ({choices_text(choices)})" if choices else ""
-            for name, interval in result_intervals(
-                one, load_inputs(one.inputs)
-            ).items():
+            intervals = result_intervals(one, load_inputs(one.inputs))
+            for name, interval in intervals.items():
                 if not unpublished(computation.key, name):
                     found[f"{computation.key}#{name}{mark}"] = (one, interval[:2])
     return found
 
 
 def distinct(computation):
-    """Return the readings of a computation, of those with equal results the first."""
-    found = evaluate(computation)
-    groups = np.stack([found.groups(name).ravel() for name in found.cells])
-    return [
-        computation.readings[i] for i in np.unique(groups, axis=1, return_index=True)[1]
-    ]
+    """Return the readings of a computation with different results."""
+    evaluation, found = evaluate(computation), {}
+    results = zip(*map(evaluation.results, evaluation.cells), strict=True)
+    for result, reading in zip(results, computation.readings, strict=True):
+        found.setdefault(result, reading)
+    return list(found.values())
 
 
-def value_of(computation, inputs, name):
-    """Return the value of a number by its name, without the reading."""
-    return computation(inputs)[name.partition("#")[2].partition(" (")[0]]
+def results_in_box(computation, name, count=40):
+    """Yield inputs at random points of their rounding intervals, and the number `name`.
+
+    The first point is the printed one, and half of the others are corners.
+    """
+    rng, inputs = np.random.default_rng(3), load_inputs(computation.inputs)
+    addresses, cell = inputs.rounded(), name.partition("#")[2]
+    for i in range(count):
+        points = rng.uniform(-1, 1, len(addresses)) * (i > 0)
+        points = np.sign(points) if i % 2 else points
+        shifted = inputs.shifted(dict(zip(addresses, points, strict=True)))
+        yield shifted, computation(shifted)[cell.partition(" (")[0]]
 
 
 def strays(computation, name, low, high):
-    """Return the results at random points of the box of all inputs that are outside of an interval.
-
-    Half of the points are corners.
-    """
-    rng, inputs = np.random.default_rng(3), load_inputs(computation.inputs)
-    moved = inputs.rounded()
+    """Return the results in the box of all inputs that are outside of an interval."""
     room = 1e-11 * max(abs(low), abs(high)) + 1e-18
-    found = []
-    for i in range(40):
-        points = rng.uniform(-1, 1, len(moved))
-        points = np.sign(points) if i % 2 else points
-        value = value_of(
-            computation,
-            inputs.shifted(dict(zip(moved, points, strict=True))),
-            name,
-        )
-        found += [value] * (not low - room <= value <= high + room)
-    return found
+    values = (value for _, value in results_in_box(computation, name))
+    return [value for value in values if not low - room <= value <= high + room]
 
 
 def test_every_deterministic_number_has_one_second_entry():
@@ -90,33 +82,24 @@ def test_every_deterministic_number_has_one_second_entry():
     assert sorted(names) == sorted(computed())
 
 
-@pytest.mark.parametrize("name", sorted(computed()))
-def test_no_rounding_of_the_inputs_leads_outside_of_the_interval(name):
-    computation, (low, high) = computed()[name]
-    assert strays(computation, name, low, high) == []
+def test_no_rounding_of_the_inputs_leads_outside_of_the_interval():
+    for name, (computation, ends) in computed().items():
+        assert strays(computation, name, *ends) == [], name
 
 
-@pytest.mark.parametrize("name", sorted(computed()))
-def test_the_two_entries_give_one_value_wherever_the_inputs_lie(name):
-    """As printed, and at random points of the box of all inputs."""
-    computation, _ = computed()[name]
-    relation = ENTRIES[name]
-    rng = np.random.default_rng(3)
-    inputs = load_inputs(computation.inputs)
-    moved = inputs.rounded()
-    for size in (0.0, *[1.0] * 10):
-        shifted = inputs.shifted(
-            {address: size * rng.uniform(-1, 1) for address in moved}
-        )
-        values = {a: shifted[a] for a in relation.addresses if a in inputs.cells}
-        assert set(relation.addresses) - set(values) <= {relation.result}
-        right = relation.values({relation.result: 0.0, **values})[1]
-        value = value_of(computation, shifted, name)
-        assert right == pytest.approx(value, rel=1e-11, abs=1e-18)
+def test_the_two_entries_give_one_value_for_any_inputs():
+    """As printed, and at points of the box of all inputs."""
+    for name, (computation, _) in computed().items():
+        relation = ENTRIES[name]
+        for inputs, value in results_in_box(computation, name, 11):
+            cells = {a: inputs[a] for a in relation.addresses if a in inputs.cells}
+            assert set(relation.addresses) - set(cells) <= {relation.result}
+            right = relation.values({relation.result: 0.0, **cells})[1]
+            assert right == pytest.approx(value, rel=1e-11, abs=1e-18), name
 
 
 def test_outcome_and_verdict_are_the_same():
-    """A relation contradicts where the cell that it restates differs, and agrees where it does."""
+    """A relation contradicts if the cell that it restates differs, and otherwise agrees."""
     keys = {name.partition("#")[0] for name in ENTRIES}
     records = {record.cell: record for record in build(keys).records}
     outcomes = {

@@ -1,4 +1,4 @@
-"""Equations run as extracted: what they give, by a second way that needs no matrices."""
+"""Results of equations, run as extracted, computed again without matrices."""
 
 import math
 
@@ -27,7 +27,7 @@ def test_a_roll_leaks_by_the_distance_of_the_spots_from_the_boresight():
     spots = [[number(f"text-platform#spot-{i}-{a}") for a in "xy"] for i in "1234"]
     table = "table-2#tracker-"
     pixels = [number(f"{table}pixels-{a}.value") for a in "xy"]
-    # The middle of 1024 pixels, the first at zero, is at 511.5: as in the ledger's own geometry.
+    # The middle of 1024 pixels, the first at zero, is at 511.5.
     off = [sum(s[i] for s in spots) / 4 - (pixels[i] - 1) / 2 for i in (0, 1)]
     slope = number(f"{table}pixel-size.value") / number(f"{table}focal-length.value")
     leak = 60 * math.sin(math.hypot(*off) * slope)
@@ -35,7 +35,7 @@ def test_a_roll_leaks_by_the_distance_of_the_spots_from_the_boresight():
 
 
 def test_a_misalignment_on_the_wrong_side_turns_about_another_axis():
-    """The axes of camera and tracker lie apart by the installation, which tilts about X."""
+    """The installation tilts the axes of camera and tracker about X."""
     turn, angle = (
         number(f"text-{cell}")
         for cell in ("effectiveness#simulated-angle", "satellite#boresight-angle")
@@ -54,7 +54,7 @@ def test_the_bracket_of_the_imaging_model_is_the_negative_of_an_emitted_directio
     assert shown.assumption
 
 
-def test_three_mirrors_of_a_corner_and_one_more_are_no_rotation_and_two_and_one_are():
+def test_four_mirrors_are_no_rotation_and_three_are():
     """A rotation keeps right-handed triples; reflections and the reversal of light swap them."""
     reversal, dichroic = -1, -1
     assert SHOWN["mirrored-pattern"].printed == pytest.approx(
@@ -65,7 +65,7 @@ def test_three_mirrors_of_a_corner_and_one_more_are_no_rotation_and_two_and_one_
     assert np.linalg.det(bench) == pytest.approx((-1) ** 2)
 
 
-def test_the_laser_lies_in_one_band_of_the_camera_alone():
+def test_the_laser_lies_in_one_band_of_the_camera_only():
     laser = number("text-satellite#laser-wavelength")
     names = ["panchromatic-band", *(f"multispectral-band-{i}" for i in "1234")]
     edges = {

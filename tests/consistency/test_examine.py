@@ -28,59 +28,49 @@ def audited(formula, **texts):
     return audited_table("made up", cells, TEXT.format(formula=formula, cells=bound))
 
 
+def outcomes(formula, *numbers):
+    """Return the outcome for cells a, b, c with these printed digits, and the rescuing rule."""
+    texts = dict(zip("abcd", numbers, strict=False))
+    (found,) = audited(formula, **texts).findings
+    return found.outcome, found.rescued_by
+
+
 @pytest.mark.parametrize(
-    ("formula", "texts", "outcome"),
+    ("formula", "numbers", "outcome"),
     [
-        ("a = b / c", {"a": "0.33", "b": "1.0", "c": "3.0"}, "agrees"),
-        (
-            "a = b / c",
-            {"a": "0.15", "b": "1", "c": "8"},
-            "agrees only through rounding",
-        ),
-        (
-            "a = b * c",
-            {"a": "2.2", "b": "1.5", "c": "1.5"},
-            "agrees",
-        ),  # a tie, half to even
-        (
-            "a = b * c",
-            {"a": "2.6", "b": "1.7", "c": "1.6"},
-            "agrees only through rounding",
-        ),
-        # Cutting 2.79 off prints 2.7, rounding does not.
-        (
-            "a = b * c",
-            {"a": "2.7", "b": "1.55", "c": "1.8"},
-            "agrees only through rounding",
-        ),
-        ("a = b + c", {"a": "4.0", "b": "1.0", "c": "2.0"}, "contradicts"),
-        ("a <= b", {"a": "1.0", "b": "1.1"}, "agrees"),
-        ("a <= b", {"a": "1.1", "b": "1.05"}, "agrees only through rounding"),
-        ("a <= b", {"a": "1.3", "b": "1.1"}, "contradicts"),
-        ("a >= b", {"a": "1.1", "b": "1.0"}, "agrees"),
-        ("a >= b", {"a": "1.0", "b": "1.1"}, "agrees only through rounding"),
-        ("a >= b", {"a": "1.1", "b": "1.3"}, "contradicts"),
-        ("a + b = c", {"a": "1.0", "b": "2.0", "c": "3.0"}, "agrees"),
-        (
-            "a + b = c",
-            {"a": "1.0", "b": "2.0", "c": "3.1"},
-            "agrees only through rounding",
-        ),
+        ("a = b / c", "0.33 1.0 3.0", "agrees"),
+        ("a = b / c", "0.15 1 8", "rounding"),
+        ("a = b * c", "2.2 1.5 1.5", "agrees"),  # a tie, half to even
+        ("a = b * c", "2.6 1.7 1.6", "rounding"),
+        # 2.79 is printed as 2.7 by truncation, but not by rounding.
+        ("a = b * c", "2.7 1.55 1.8", "rounding"),
+        ("a = b + c", "4.0 1.0 2.0", "contradicts"),
+        ("a <= b", "1.0 1.1", "agrees"),
+        ("a <= b", "1.1 1.05", "rounding"),
+        ("a <= b", "1.3 1.1", "contradicts"),
+        ("a >= b", "1.1 1.0", "agrees"),
+        ("a >= b", "1.0 1.1", "rounding"),
+        ("a >= b", "1.1 1.3", "contradicts"),
+        ("a + b = c", "1.0 2.0 3.0", "agrees"),
+        ("a + b = c", "1.0 2.0 3.1", "rounding"),
+        # Two printed digits of one number touch at a tie, which rounds to one of them.
+        ("a = b", "10 11", "contradicts"),
+        ("a = b", "0.25 0.2", "rounding"),
+        ("a = b", "0.26 0.2", "contradicts"),
+        ("a = b + 0 * c", "10 11 1", "rounding"),
     ],
 )
-def test_outcomes(formula, texts, outcome):
-    (finding,) = audited(formula, **texts).findings
-    assert finding.outcome == outcome
+def test_outcomes(formula, numbers, outcome):
+    assert outcomes(formula, *numbers.split())[0].endswith(outcome)
 
 
 def test_a_rounding_rule_that_lifts_a_contradiction_is_named():
-    (finding,) = audited("a = 2 * b", a="3.5", b="1.70").findings
-    assert (finding.outcome, finding.rescued_by) == ("contradicts", "ceiling")
-    (finding,) = audited("a = b + c + d", a="9.0", b="1.1", c="1.1", d="1.1").findings
-    assert finding.rescued_by == ""
+    assert outcomes("a = 2 * b", "3.5", "1.70") == ("contradicts", "ceiling")
+    numbers = ("9.0", "1.1", "1.1", "1.1")
+    assert outcomes("a = b + c + d", *numbers) == ("contradicts", "")
 
 
-def test_a_cell_that_does_not_matter_is_not_blamed():
+def test_a_cell_without_effect_is_not_in_a_set():
     (conflict,) = audited("c = max(a, b)", a="5.0", b="1.0", c="3.0").conflicts
     assert set(conflict.cells) == {"t#a", "t#c"}
 
@@ -112,30 +102,14 @@ def test_a_wrong_first_digit_is_in_a_set_that_contradicts(table):
     [
         ("niu2024", "scale-red", 25.0237 / 25.0304, 1),
         ("niu2024", "scale-blue", 25.0237 / 25.0134, 1),
-        ("niu2024", "true-translation-x-red", 1033.9 - 1032, 1),
-        ("niu2024", "true-translation-y-blue", 770.4 - 772, 1),
-        ("niu2024", "band-red", (580 + 680) / 2, 1e-9),
         ("niu2024", "after-noise-blue", 2 * 0.05, 1),
-        (
-            "niu2024",
-            "field-x",
-            math.degrees(2 * math.atan(2064 * 3.45e-3 / 50)),
-            math.pi / 180,
-        ),
         ("chen2023", "motion-4-y", 70.31 - 9.95, 1e-6),
-        ("chen2023", "difference-2-x", -2.125 + 2.034, math.pi / 648000),
-        ("chen2023", "scatter-mean", 0.051125, 1),
-        (
-            "chen2023",
-            "pixel-angle",
-            648000 / math.pi * math.atan(0.013 / 60),
-            math.pi / 648000,
-        ),
         # One image takes from 85/400 to 23/100 s: about 90 s, and about 22 s.
         ("chen2023", "time-ground", 100 * (85 / 400 + 23 / 100) / 2, 1),
     ],
 )
 def test_right_sides_are_those_computed_by_hand(paper, relation, right, unit):
+    """Relations that restate a computed number are compared with the computation."""
     found = finding(audit_paper(paper), relation).right / unit
     assert found == pytest.approx(right, rel=1e-9)
 
@@ -160,7 +134,7 @@ def test_left_sides_of_inequalities_by_hand():
     assert finding(audit, "left-over-red").left == pytest.approx(left, rel=0.01)
 
 
-def test_printed_equations_give_the_numbers_of_pencil_and_paper():
+def test_printed_equations_give_the_numbers_computed_by_hand():
     shown = {
         d.name: d for p in ("niu2024", "chen2023") for d in audit_paper(p).equations
     }
@@ -177,11 +151,11 @@ def test_printed_equations_give_the_numbers_of_pencil_and_paper():
     assert shown["stage-signs"].printed == -shown["stage-signs"].wanted
 
 
-def test_no_two_relations_say_the_same():
+def test_no_two_relations_are_equal():
     for paper in ("niu2024", "chen2023"):
         found = [f.relation for f in audit_paper(paper).findings]
-        said = {(one.formula.text, *map(str, one.binding.items())) for one in found}
-        assert len(said) == len(found)
+        texts = {(one.formula.text, *map(str, one.binding.items())) for one in found}
+        assert len(texts) == len(found)
 
 
 def test_a_number_bound_twice_counts_once():
@@ -190,34 +164,14 @@ def test_a_number_bound_twice_counts_once():
     assert relation.addresses == ("t#a",)
 
 
-def test_two_prints_of_one_number_must_have_the_same_digits():
-    """Neighbours touch at a tie, which no rule rounds to both of them; a coarser print may do."""
-    (finding,) = audited("a = b", a="10", b="11").findings
-    assert finding.outcome == "contradicts"
-    (finding,) = audited("a = b", a="0.25", b="0.2").findings
-    assert finding.outcome == "agrees only through rounding"
-    (finding,) = audited("a = b", a="0.26", b="0.2").findings
-    assert finding.outcome == "contradicts"
-    (finding,) = audited(
-        "a = b + 0 * c", a="10", b="11", c="1"
-    ).findings  # a sum may be a tie
-    assert finding.outcome == "agrees only through rounding"
-
-
-def test_last_digits_are_compared_where_a_relation_says_so():
-    text = TEXT.format(formula="min(x) = max(x)", cells="x=t#*").replace(
-        "equation", "print"
-    )
-    alike = {
-        f"t#{i}": printed_cell(f"t#{i}", v, "mm")
-        for i, v in enumerate(["1.20", "3.47", "0.05"])
-    }
-    (finding,) = audited_table("made up", alike, text).findings
-    assert finding.outcome == "agrees"
-    assert not finding.relation.compares
-    short = alike | {"t#1": printed_cell("t#1", "3.4", "mm")}
-    audit = audited_table("made up", short, text)
-    assert audit.findings[0].outcome == "contradicts"
-    assert {c.cells for c in audit.conflicts} == {("t#0", "t#1"), ("t#1", "t#2")}
-    assert audit.examined == ()
-    assert set(audit.bounded) == set(short)
+def test_last_digits_are_compared_for_a_relation_of_kind_print():
+    text = TEXT.format(formula="min(x) = max(x)", cells="x=t#*")
+    text = text.replace("equation", "print")
+    for third, outcome in (("3.47", "agrees"), ("3.4", "contradicts")):
+        numbers = enumerate(["1.20", "0.05", third])
+        cells = {f"t#{i}": printed_cell(f"t#{i}", one, "mm") for i, one in numbers}
+        audit = audited_table("made up", cells, text)
+        (found,) = audit.findings
+        assert found.outcome == outcome
+        assert not found.relation.compares
+        assert (audit.examined, audit.bounded) == ((), tuple(cells))

@@ -1,4 +1,4 @@
-"""What a print can mean: rounding rules, about, bounds, counts."""
+"""Values that a printed number stands for: rounding rules, about, bounds, counts."""
 
 from decimal import ROUND_CEILING, ROUND_DOWN, ROUND_HALF_EVEN, ROUND_HALF_UP, Decimal
 
@@ -55,16 +55,14 @@ def test_the_ledger_and_the_audit_take_the_same_interval_for_every_printed_numbe
     st.sampled_from(["0.01", "0.1", "1"]),
 )
 def test_rules_are_those_of_decimal_arithmetic(value, step):
-    """Every rule prints what the decimal module prints, and its interval holds the value."""
-    ways = {
-        "half-up": ROUND_HALF_UP,
-        "half-even": ROUND_HALF_EVEN,
-        "truncation": ROUND_DOWN,
-        "ceiling": ROUND_CEILING,
-    }
-    for name, way in ways.items():
-        text = str(value.quantize(Decimal(step), rounding=way))
-        rule = "" if name.startswith("half") else name
+    """The interval of the digits that the decimal module prints contains the value."""
+    for rounding, rule in (
+        (ROUND_HALF_UP, ""),
+        (ROUND_HALF_EVEN, ""),
+        (ROUND_DOWN, "truncation"),
+        (ROUND_CEILING, "ceiling"),
+    ):
+        text = str(value.quantize(Decimal(step), rounding=rounding))
         low, high = rounding_interval(PrintedNumber(text), rule)
         assert low - 1e-9 <= float(value) <= high + 1e-9
 

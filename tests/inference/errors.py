@@ -1,15 +1,15 @@
-"""Monte Carlo standard errors of what tests compare, of chains (ensembles, steps, walkers)."""
+"""Monte Carlo standard errors of chains, shape (ensembles, steps, walkers)."""
 
 import numpy as np
 
-from reproduce.inference.diagnostics import _effective_size
+from reproduce.inference import autocorrelation_time
 
 
 def mcse_mean(chains):
-    """Standard error of the mean."""
-    return float(chains.std() / np.sqrt(_effective_size(chains)))
+    """Return the standard error of the mean."""
+    return float(chains.std() * np.sqrt(autocorrelation_time(chains) / chains.size))
 
 
 def mcse_deviation(chains):
-    """Standard error of the standard deviation."""
+    """Return the standard error of the standard deviation."""
     return mcse_mean(np.square(chains - chains.mean())) / (2 * chains.std())

@@ -1,4 +1,4 @@
-"""The papers' own estimators: what they know, their errors, and how often their intervals cover."""
+"""The published estimators: their errors, and the coverage of their intervals."""
 
 from dataclasses import replace
 
@@ -7,8 +7,7 @@ import pytest
 from scipy.stats import binomtest
 
 import calibrations
-from calibrations import LEVELS, intervals, simulated
-from estimators import Quest, estimate
+from calibrations import LEVELS, estimate, intervals, simulated
 from reproduce.inference import Normal
 from reproduce.inference.models import (
     SpotStatistics,
@@ -20,122 +19,101 @@ from reproduce.inference.models import (
 REPLICATES = 600
 SEED = 3
 PIVOT = np.array([1030.0, 770.0])
-DRIFT = tuple(f"drift-{a}" for a in "xyz")
 
 
 def held(model, **values):
-    """The model with some parameters known: what its estimator does not know is then no error."""
-    parameters = tuple(
-        replace(p, prior=Normal(values[p.name], 1e-12, "known"))
-        if p.name in values
-        else p
-        for p in model.parameters
-    )
-    return replace(model, parameters=parameters)
+    """The model with some known parameters, whose estimator neglects them."""
+    known = {name: Normal(value, 1e-12, "known") for name, value in values.items()}
+    return model.with_priors({name.replace("_", "-"): p for name, p in known.items()})
 
 
 def pair(registration, red=2.0, blue=0.5):
-    """Both channels, with scales far from one: there the noise of the sources weighs otherwise."""
+    """Both channels, with scales far from one, so that the noise of the sources counts."""
     data = registration.likelihood
-    blue_points = 0.5 * data.source + 0.07
-    model = joint_model((data.source, blue_points), data.target, (PIVOT, PIVOT + 3.0))
-    return held(model, **{"red-scale": red, "blue-scale": blue})
+    sources = data.source, 0.5 * data.source + 0.07
+    model = joint_model(sources, data.target, (PIVOT, PIVOT + 3.0))
+    return held(model, red_scale=red, blue_scale=blue)
 
 
-def group(frames=400, groups=2, lever=0.0):
-    """Statistics of as many images; their values are replaced by simulated ones."""
-    spots = np.zeros((groups, 4, 2))
-    levers = np.zeros(groups)
-    levers[-1] = lever
-    return SpotStatistics(spots, spots, np.full(groups, float(frames)), levers, 1.0)
+def spots(platform, lever=0.0, **known):
+    """Two groups of 400 images; their values are replaced by simulated ones."""
+    weights = np.array([[400.0, 400.0], [0.0, lever]])
+    statistics = SpotStatistics(np.zeros((2, 2, 4, 2)), weights, 1.0)
+    model = misalignment_model(platform, statistics, drifts=lever > 0)
+    return held(model, **known)
 
 
-# Each model with what makes it one for which its estimator is meant.
+# Each model with the parameters for which its estimator is meant.
+NO_DRIFT = dict.fromkeys(("drift_x", "drift_y", "drift_z"), 0.0)
+NO_DISTORTION = {"source_distortion": 0.0, "target_distortion": 0.0}
 WELL_SPECIFIED = {
     "registration": lambda r, _: r,
     "registration-joint": lambda r, _: pair(r),
     "registration-joint-alike": lambda r, _: pair(r, 1.0, 1.0),
-    "registration-distortion": lambda r, _: held(
-        distortion_model(r), **{"source-distortion": 0.0, "target-distortion": 0.0}
-    ),
-    "misalignment": lambda _, p: misalignment_model(p, group()),
-    "misalignment-drift": lambda _, p: held(
-        misalignment_model(p, group(lever=134.0), drifts=True),
-        **dict.fromkeys(DRIFT, 0.0),
-    ),
+    "registration-distortion": lambda r, _: held(distortion_model(r), **NO_DISTORTION),
+    "misalignment": lambda _, p: spots(p),
+    "misalignment-drift": lambda _, p: spots(p, 134.0, **NO_DRIFT),
 }
 
 
-def surprises(model):
-    """Probability of covering so much more or less often than claimed; (levels, parameters)."""
+def coverage_probabilities(model):
+    """Probability of a coverage so far from the level, the least of all levels, by parameter."""
     covered = intervals(model, SEED, REPLICATES)
-    known = (covered >= 0).all(axis=(0, 1))
-    counts = covered.sum(axis=0)[:, known]
-    found = [
-        [binomtest(int(n), REPLICATES, level).pvalue for n in row]
-        for row, level in zip(counts, LEVELS, strict=True)
-    ]
-    names = [name for name, one in zip(model.names, known, strict=True) if one]
-    return dict(zip(names, np.array(found).min(axis=0), strict=True))
+    probabilities = {}
+    for i, name in enumerate(model.names):
+        if (covered[..., i] >= 0).all():
+            counts = zip(covered[..., i].sum(axis=0), LEVELS, strict=True)
+            found = (binomtest(int(n), REPLICATES, level).pvalue for n, level in counts)
+            probabilities[name] = min(found)
+    return probabilities
 
 
 @pytest.mark.parametrize("case", WELL_SPECIFIED)
 def test_intervals_cover_as_often_as_claimed(case, registration, platform):
-    """At every level, wherever the estimator's own assumptions hold."""
-    found = surprises(WELL_SPECIFIED[case](registration, platform))
-    assert found
-    # The least of up to nine parameters and three levels: one false alarm in a thousand models.
+    """At every level, if the assumptions of the estimator are right."""
+    found = coverage_probabilities(WELL_SPECIFIED[case](registration, platform))
+    # Up to nine parameters and three levels: one false alarm in 1000 models.
     assert min(found.values()) > 1e-3 / 27, found
 
 
 def test_rough_errors_of_the_start_do_not_cover_as_claimed(registration, monkeypatch):
-    """What the check above is for: errors of another scale, and of one channel, are found out."""
+    """The check above finds errors of another scale, and errors of one channel."""
     for scales, wrong in (((2.0, 0.5), "red-scale"), ((1.0, 1.0), "noise")):
-        assert surprises(pair(registration, *scales))[wrong] > 1e-4
+        model = pair(registration, *scales)
+        assert coverage_probabilities(model)[wrong] > 1e-4
         with monkeypatch.context() as rough:
-            # Source noise as if all scales were one.
-            rough.setattr(
-                calibrations, "estimate", lambda likelihood: likelihood.start()
-            )
-            assert surprises(pair(registration, *scales))[wrong] < 1e-6
+            rough.setattr(calibrations, "estimate", lambda one: one.start())
+            assert coverage_probabilities(model)[wrong] < 1e-6
 
 
-@pytest.mark.parametrize("name", ["misalignment", "misalignment-drift"])
-def test_errors_of_quest_are_its_response_to_every_spot(name, platform):
-    """Independent: each mean coordinate moved by itself, QUEST run again, nothing linearised."""
-    _, fitted = simulated(WELL_SPECIFIED[name](None, platform), SEED, 1)
-    data = fitted.likelihood
-    means, step = data.statistics.means, 1e-3
-    variance = np.zeros(fitted.dimension)
-    for index in np.ndindex(means.shape):
-        off = np.zeros(means.shape)
-        off[index] = step
-        ends = [
-            estimate(
-                replace(data, statistics=replace(data.statistics, means=means + side))
-            )[0]
-            for side in (off, -off)
-        ]
-        variance += (
-            np.square((ends[0] - ends[1]) / (2 * step))
-            / data.statistics.counts[index[0]]
-        )
-    scatter, _ = Quest(data.platform, data.statistics).scatter
-    _, errors = estimate(data)
-    known = ~np.isnan(errors[:-1])
-    expected = scatter * np.sqrt(variance[:-1])
-    np.testing.assert_allclose(errors[:-1][known], expected[known], rtol=3e-4)
+def test_errors_of_quest_are_its_response_to_every_spot(platform):
+    """Independent: each mean coordinate is moved, and QUEST is run again."""
+    for case in ("misalignment", "misalignment-drift"):
+        _, fitted = simulated(WELL_SPECIFIED[case](None, platform), SEED, 1)
+        likelihood, step = fitted.likelihood, 1e-3
+        data, variance = likelihood.statistics, np.zeros(fitted.dimension)
+        for index in np.ndindex(data.means.shape):
+            ends = []
+            for side in (step, -step):
+                moments = data.moments.copy()
+                moments[(0, *index)] += side
+                moved = likelihood.with_data(replace(data, moments=moments))
+                ends.append(estimate(moved)[0])
+            slope = (ends[0] - ends[1]) / (2 * step)
+            variance += slope**2 / data.counts[index[0]]
+        centre, errors = estimate(likelihood)
+        known = ~np.isnan(errors)
+        known[-1] = False
+        expected = centre[-1] * np.sqrt(variance)
+        np.testing.assert_allclose(errors[known], expected[known], rtol=3e-4)
 
 
-def test_drift_is_taken_for_noise(platform):
-    """The scatter about the mean of a drifting group holds the drift."""
-    model = misalignment_model(platform, group(lever=134.0), drifts=True)
+def test_quest_takes_a_drift_for_noise(platform):
+    """The scatter about the mean of a drifting group contains the drift."""
+    likelihood = spots(platform, 134.0).likelihood
     truth = np.array([0, 0, 0, 0, 0, 0, 4e-4, 0, 0, 1.0, 0.017])
-    data = model.likelihood.with_data(
-        model.likelihood.simulate(truth, np.random.default_rng(1))
-    )
-    noise = estimate(data)[0][-1]
-    slopes = data.statistics.slopes[1]
-    whole = np.hypot(0.017, np.sqrt(np.square(slopes).mean() * 134.0 / (2 * 399)))
-    np.testing.assert_allclose(noise, whole, rtol=0.03)
+    drawn = likelihood.simulate(truth, np.random.default_rng(1))
+    noise = estimate(likelihood.with_data(drawn))[0][-1]
+    drift = np.square(drawn.moments[1, 1]).mean() * 134.0 / (2 * 399)
+    assert noise == pytest.approx(np.hypot(0.017, np.sqrt(drift)), rel=0.03)
     assert noise > 3 * 0.017

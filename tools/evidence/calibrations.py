@@ -1,12 +1,16 @@
-"""Simulation-based calibration: does the sampled posterior know what it knows?
+"""Simulation-based calibration of the posteriors, and coverage of the published estimators.
 
 A parameter vector is drawn from the prior, data are simulated from it, the posterior is sampled,
 and the true value is ranked among the draws. If model, likelihood and sampler are right, all ranks
-are equally probable, for every parameter and for any quantity computed from parameters and data;
-the log likelihood is such a quantity, and sees errors that no single parameter sees.
-``python tools/evidence/calibrations.py`` calibrates every posterior of the book, or those that are
-named, and stores its ranks; ``--table`` alone counts the stored ranks again. The book shows the
-table of all, `calibrations`.
+are equally probable, for every parameter and for any quantity computed from parameters and data.
+The log likelihood is such a quantity. It shows errors that no single parameter shows.
+
+``python tools/evidence/calibrations.py`` calibrates every posterior of the book, or the named ones,
+and stores the ranks. ``--table`` stores only the table of all posteriors, `calibrations`.
+
+The published estimators are the least-squares similarity of niu2024 and QUEST of chen2023. QUEST
+neglects a drift within a group, takes the lasers as designed and the focal length as nominal, and
+has the standard errors of the scatter of single images.
 """
 
 from __future__ import annotations
@@ -28,17 +32,34 @@ from numpy.typing import NDArray
 from scipy.special import ndtr
 from scipy.stats import binom, norm
 
-from estimators import estimate
 from keep import write, write_table
 from reproduce.inference import Model, autocorrelation_time, thinned
+from reproduce.inference.models import (
+    GaussianRegistration,
+    JointRegistration,
+    MixtureRegistration,
+    SpotLikelihood,
+)
 from reproduce.inference.sampling import Plan, run_ensemble
 from reproduce.papers.posteriors import posteriors
+from reproduce.physics.attitude import (
+    angle_jacobian,
+    cross_matrix,
+    laser_transform,
+    misalignment,
+    misalignment_angles,
+    received_directions,
+    received_jacobian,
+    vector_from_rotation,
+)
 from reproduce.physics.validate import FloatArray
 from reproduce.store import studies
 
 Counts = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 Covered = NDArray[np.int8]
+# Estimates of the parameters and their standard errors, both of shape (d,).
+Estimate = tuple[FloatArray, FloatArray]
 
 NAME = "calibrations"
 COMMAND = "python tools/evidence/calibrations.py"
@@ -46,22 +67,21 @@ SEED, REPLICATES = 20_240_105, 1000
 # Points near the posterior of the book at which a model is recognised.
 POINTS = 8
 PACKAGES = ("numpy", "scipy", "emcee")
-# Shares by which a standard deviation may be too small, of which the power is told.
+# Fractions by which a standard deviation is too small, for the power of the calibration.
 NARROW = {"narrow_10": 0.1, "narrow_5": 0.05}
-
 # Ranks run from zero to this.
 DRAWS = 99
-# Kept steps of a replicate at first, and at most: it goes on until they are so many times the
-# autocorrelation time, with a margin, since short chains find it too short.
-STEPS, MOST = 250, 2000
+# Kept steps of a replicate at first, and at most. The ensemble continues until they are the given
+# multiple of the autocorrelation time, with a margin, since short chains underestimate it.
+STEPS, MAX_STEPS = 250, 2000
 TIMES, MARGIN = 50.0, 1.1
-# Steps before them: the next number is tried where the gate on time is missed.
+# Steps of the warm-up. The next number is tried if the criterion on time is missed.
 WARMUPS = (200, 1000)
 LEVELS = (0.5, 0.9, 0.95)
 QUANTITY = "log likelihood"
-# Samples of even ranks that set the simultaneous band.
+# Samples of uniform ranks that set the simultaneous band.
 SIMULATIONS = 4000
-# Calibrations that tell how often a fault is found.
+# Simulated calibrations that give the probability of finding a fault.
 TRIALS = 400
 
 
@@ -69,12 +89,12 @@ TRIALS = 400
 class Ranks:
     """Ranks of many replicates.
 
-    - `names`: the parameters, their consequences, and the log likelihood.
+    - `names`: names of the parameters, their consequences, and the log likelihood.
     - `ranks`, (replicates, names): from 0 to `DRAWS`.
-    - `failed`, (replicates,): replicates whose chain missed the gate on time even with the most
-      steps. They keep their ranks: leaving them out would leave out the hard cases.
+    - `failed`, (replicates,): replicates whose chain missed the criterion on time with the most
+      steps. Their ranks count, because these are the hard cases.
     - `covered`, (replicates, levels, parameters): whether the interval of each level of the
-      published estimator covers: 1 or 0, and -1 for a parameter of which it gives no estimate.
+      published estimator covers: 1 or 0, and -1 for a parameter without an estimate.
     """
 
     names: tuple[str, ...]
@@ -84,44 +104,43 @@ class Ranks:
 
     @property
     def replicates(self) -> int:
-        """How many replicates."""
+        """Number of replicates."""
         return len(self.ranks)
 
     def estimator_coverage(self, level: float) -> FloatArray:
-        """Share of the published estimator's intervals of this level that cover, (parameters,).
+        """Return the fraction of intervals of the published estimator that cover, (parameters,).
 
-        NaN where it gives no estimate.
+        It is NaN without an estimate.
         """
         covered = self.covered[:, LEVELS.index(level)]
         return np.where((covered >= 0).all(axis=0), covered.mean(axis=0), np.nan)
 
     def coverage(self, level: float) -> FloatArray:
-        """Share of central posterior intervals of this level that cover, shape (names,).
+        """Return the fraction of central posterior intervals of this level that cover, (names,).
 
-        A rank on the end of an interval counts half, so that even ranks cover as often as claimed.
+        A rank on the end of an interval counts half, so that uniform ranks have the exact coverage.
         """
-        beside = np.abs(
-            2 * self.ranks + 1 - (DRAWS + 1)
-        )  # the middle of a rank, whole numbers
+        # Twice the distance of the middle of a rank from the median.
+        beside = np.abs(2 * self.ranks + 1 - (DRAWS + 1))
         reach = round(level * (DRAWS + 1), 9)
         return np.asarray(
             0.5 * ((beside < reach).mean(axis=0) + (beside <= reach).mean(axis=0))
         )
 
     def probabilities(self, seed: int = 1) -> FloatArray:
-        """Probability of ranks at least as uneven, for each name, by the simultaneous band."""
+        """Return the probability of ranks at least as uneven, shape (names,)."""
         simulated = band_statistics(self.replicates, seed)
         smaller = np.searchsorted(simulated, _least(self.counts()), side="right")
         return np.asarray((smaller + 1) / (len(simulated) + 1))
 
     def counts(self) -> Counts:
-        """Cumulated counts of ranks up to 0, 1, ..., shape (names, DRAWS + 1)."""
+        """Return the cumulated counts of ranks up to 0, 1, ..., shape (names, DRAWS + 1)."""
         table = [np.bincount(column, minlength=DRAWS + 1) for column in self.ranks.T]
         return np.cumsum(np.array(table), axis=1)
 
 
 def simulated(model: Model, seed: int, index: int) -> tuple[FloatArray, Model]:
-    """Draw the truth of one replicate, (d,), and the model with data simulated from it."""
+    """Return the truth of one replicate, (d,), and the model with data simulated from it."""
     generator = Generator(PCG64(_stream(model, seed, index, 0)))
     truth = drawn_prior(model, generator, 1)[0]
     return truth, model.with_data(model.likelihood.simulate(truth, generator))
@@ -133,14 +152,15 @@ def drawn_prior(model: Model, generator: Generator, count: int) -> FloatArray:
 
 
 def _stream(model: Model, seed: int, index: int, part: int) -> SeedSequence:
-    """Return the random numbers of a part of a replicate: each model has its own."""
+    """Return the seed of a part of a replicate, different for each model."""
     return SeedSequence(seed, spawn_key=(crc32(model.name.encode()), index, part))
 
 
 def replicate(model: Model, seed: int, index: int) -> tuple[Counts, bool, Covered]:
-    """Run one replicate, which is the same for any number of them and on any machine.
+    """Run one replicate, which does not depend on the other replicates.
 
-    Ranks, (names,); whether the chain missed the gate; covered, (levels, d).
+    Returns ranks, (names,), whether the chain missed the criterion on time, and the coverage of
+    the published estimator, (levels, d).
     """
     truth, fitted = simulated(model, seed, index)
     entropy = int(_stream(model, seed, index, 1).generate_state(1, np.uint64)[0])
@@ -152,7 +172,7 @@ def replicate(model: Model, seed: int, index: int) -> tuple[Counts, bool, Covere
             break
     draws = thinned(chain[None], time)[0]
     draws = draws[np.linspace(0, len(draws) - 1, DRAWS).astype(int)]
-    # In random order: a consequence with random numbers of its own must not know the truth's place.
+    # In random order, because a consequence with random numbers depends on the row.
     order = Generator(PCG64(_stream(model, seed, index, 2))).permutation(len(draws) + 1)
     values = quantities(fitted, np.concatenate([truth[None], draws])[order])
     ranks = (values < values[order == 0]).sum(axis=0)
@@ -160,10 +180,10 @@ def replicate(model: Model, seed: int, index: int) -> tuple[Counts, bool, Covere
 
 
 def quantities(model: Model, parameters: FloatArray) -> FloatArray:
-    """What is ranked: parameters, their consequences, the log likelihood; shape (n, names).
+    """Return parameters, their consequences and the log likelihood, shape (n, names).
 
-    A consequence may take its zero point from all vectors together, that of the truth among them:
-    ranks of the truth are even all the same, since it is one of a kind with the draws.
+    A consequence may have its zero point at the mean of all vectors. The ranks of the truth are
+    uniform nevertheless, because its vector is one of them.
     """
     derived = model.consequences(parameters).values()
     columns = [*parameters.T, *(one.values for one in derived)]
@@ -171,7 +191,7 @@ def quantities(model: Model, parameters: FloatArray) -> FloatArray:
 
 
 def named(model: Model) -> tuple[str, ...]:
-    """Names of what is ranked, in the order of `quantities`."""
+    """Return the names of the `quantities`, in order."""
     derived = model.consequences(drawn_prior(model, Generator(PCG64(0)), 2))
     return (*model.names, *derived, QUANTITY)
 
@@ -183,12 +203,12 @@ def _time(chain: FloatArray) -> float:
 
 
 def _lacking(chain: FloatArray) -> int:
-    """Steps that a chain needs more to pass the gate on time."""
-    return min(int(np.ceil(MARGIN * TIMES * _time(chain))), MOST) - len(chain)
+    """Return the further steps that a chain needs for the criterion on time."""
+    return min(int(np.ceil(MARGIN * TIMES * _time(chain))), MAX_STEPS) - len(chain)
 
 
 def intervals(model: Model, seed: int, replicates: int) -> Covered:
-    """Redo what `calibrate` tells of the published estimator, from the same data, unsampled.
+    """Return the coverage of the published estimator for the data of `calibrate`, without sampling.
 
     Shape (replicates, levels, parameters), as in `Ranks`.
     """
@@ -203,10 +223,77 @@ def _covered(model: Model, truth: FloatArray) -> Covered:
     return np.where(np.isnan(centre), -1, inside).astype(np.int8)
 
 
+def estimate(likelihood: Any) -> Estimate:
+    """Return the published estimates of the parameters; NaN for a parameter without an estimate."""
+    if isinstance(likelihood, JointRegistration):
+        return _both_channels(likelihood)
+    if isinstance(likelihood, SpotLikelihood):
+        return _quest(likelihood)
+    if not isinstance(likelihood, GaussianRegistration):
+        raise TypeError(
+            f"likelihood: expected one with a published estimator, got {type(likelihood).__name__}"
+        )
+    centre, spread = GaussianRegistration(likelihood.problem).start()
+    # The residuals of wrong matches do not determine the noise.
+    known = 4 if isinstance(likelihood, MixtureRegistration) else 5
+    missing = np.full(len(likelihood.start()[0]) - known, np.nan)
+    return np.append(centre[:known], missing), np.append(spread[:known], missing)
+
+
+def _both_channels(likelihood: JointRegistration) -> Estimate:
+    """Return the least-squares fit of each channel, and the mean of their noises.
+
+    The residuals of the channels have the green noise in common. Their correlation is
+    1 / sqrt((1 + k_red^2) (1 + k_blue^2)), and that of the noises its square.
+    """
+    fits = [channel.start() for channel in likelihood.channels]
+    scales = np.array([centre[0] for centre, _ in fits])
+    # The residual contains the noise of both images.
+    noises, (red, blue) = np.array(
+        [[fit[i][4] for fit in fits] for i in (0, 1)]
+    ) / np.hypot(1, scales)
+    shared = 1 / np.prod(1 + scales**2)
+    error = 0.5 * np.sqrt(red**2 + blue**2 + 2 * shared * red * blue)
+    centre, errors = (np.concatenate([fit[i][:4] for fit in fits]) for i in (0, 1))
+    return np.append(centre, noises.mean()), np.append(errors, error)
+
+
+def _quest(likelihood: SpotLikelihood) -> Estimate:
+    """Return mount, misalignment and noise by QUEST, without drift and laser scale."""
+    platform, data = likelihood.platform, likelihood.statistics
+    received = received_directions(data.means, *platform.tracker)
+    zero = laser_transform(platform.directions, received[0])
+    turns = misalignment(platform.directions, received[1:], zero)
+    mount = vector_from_rotation(platform.reference.T @ zero)
+    angles = misalignment_angles(turns)[0]
+    # The scatter about the mean of a group: a drift counts as noise.
+    drift = np.square(data.moments[1]).sum(axis=(-2, -1)) @ data.weights[1]
+    freedom = int((data.counts - 1).sum()) * data.means[0].size
+    noise = float(np.sqrt((data.squares + drift) / freedom))
+    moves = received_jacobian(data.means, *platform.tracker)
+    camera = np.broadcast_to(platform.directions, received.shape)
+    response = angle_jacobian(camera, received, moves).reshape(len(moves), 3, -1)
+    first, second = (noise**2 / data.counts)[:, None, None] * (response @ response.mT)
+    # Response of a rotation vector to a small rotation after it. The pattern determines the roll
+    # hundreds of times worse than the tilts, so a vector of some arc minutes already transfers
+    # the error of the roll to the tilts.
+    after, later = (np.eye(3) + 0.5 * cross_matrix(one) for one in (mount, angles))
+    covariances = (
+        after @ first @ after.T,
+        later @ second @ later.T + later.T @ first @ later,
+    )
+    missing = np.full(4 if likelihood.drifts else 1, np.nan)
+    errors = [np.sqrt(np.diagonal(one)) for one in covariances]
+    return (
+        np.concatenate([mount, angles, missing, [noise]]),
+        np.concatenate([*errors, missing, [noise / np.sqrt(2 * freedom)]]),
+    )
+
+
 def calibrate(
     model: Model, seed: int, replicates: int, executor: Executor | None = None
 ) -> Ranks:
-    """Run simulation-based calibration, on any executor; the model's own data play no part."""
+    """Run simulation-based calibration, on any executor. The data of the model are not used."""
     run = partial(replicate, model, seed)
     found = (map if executor is None else executor.map)(run, range(replicates))
     ranks, failed, covered = (np.array(column) for column in zip(*found, strict=True))
@@ -217,7 +304,7 @@ def calibrate(
 def band_statistics(
     replicates: int, seed: int, simulations: int = SIMULATIONS
 ) -> FloatArray:
-    """Smallest pointwise probability along a curve of even ranks, sorted, (simulations,)."""
+    """Return smallest pointwise probabilities for uniform ranks, sorted, (simulations,)."""
     generator = Generator(PCG64(seed))
     even = np.full(DRAWS + 1, 1 / (DRAWS + 1))
     counts = np.cumsum(generator.multinomial(replicates, even, simulations), axis=1)
@@ -226,7 +313,7 @@ def band_statistics(
 
 @lru_cache(maxsize=32)
 def _tails(total: int) -> FloatArray:
-    """Two-sided pointwise probabilities of every count up to each rank, (total + 1, DRAWS)."""
+    """Return two-sided probabilities of every count up to each rank, (total + 1, DRAWS)."""
     counts = np.arange(total + 1)[:, None]
     share = np.arange(1, DRAWS + 1) / (DRAWS + 1)
     below, above = binom.cdf(counts, total, share), binom.sf(counts - 1, total, share)
@@ -234,16 +321,16 @@ def _tails(total: int) -> FloatArray:
 
 
 def _least(counts: Counts) -> FloatArray:
-    """Smallest pointwise probability of cumulated counts, shape (..., DRAWS + 1)."""
+    """Return the smallest pointwise probability of cumulated counts, shape (..., DRAWS + 1)."""
     table = _tails(int(counts.reshape(-1, DRAWS + 1)[0, -1]))
     return np.asarray(table[counts[..., :-1], np.arange(DRAWS)].min(axis=-1))
 
 
 @lru_cache(maxsize=32)
 def power(replicates: int, stretch: float, level: float = 0.95, seed: int = 2) -> float:
-    """How often a calibration finds a posterior too wide by the factor `stretch`, or too narrow.
+    """Return the probability of finding a posterior whose width is wrong by the factor `stretch`.
 
-    The share of simulated calibrations of a Gaussian posterior whose curve of ranks leaves the
+    The fraction of simulated calibrations of a Gaussian posterior whose curve of ranks leaves the
     band of this level.
     """
     generator = Generator(PCG64(seed))
@@ -257,10 +344,9 @@ def power(replicates: int, stretch: float, level: float = 0.95, seed: int = 2) -
 
 
 def log_posteriors(key: str, points: FloatArray, seed: int) -> FloatArray:
-    """Return the fingerprint of a model, shape (2, POINTS): it knows data, likelihood and priors.
+    """Return the fingerprint of a model, shape (2, POINTS): data, likelihood, priors, simulation.
 
-    Log posterior of the book's data at fixed points, and of the truth of as many replicates, which
-    also knows how data are simulated.
+    Log posterior of the data of the book at fixed points, and of the truth of the first replicates.
     """
     model = posteriors()[key].model()
     pairs = (simulated(model, seed, index) for index in range(len(points)))
@@ -273,7 +359,7 @@ def log_posteriors(key: str, points: FloatArray, seed: int) -> FloatArray:
 
 
 def store(key: str, found: Ranks, seed: int, where: Path | None = None) -> None:
-    """Keep a calibration with what is needed to redo it."""
+    """Store a calibration with its command, seed and versions."""
     note: dict[str, str | int | float] = {
         "command": f"{COMMAND} {key} --replicates {found.replicates} --seed {seed}",
         "seed": seed,
@@ -302,18 +388,18 @@ def load(key: str, where: Path | None = None) -> Ranks:
 
 
 def table() -> pd.DataFrame:
-    """Return how every quantity fares, and how often a posterior too narrow would be found out.
+    """Return the table of all posteriors, one row per quantity.
 
-    `even`: probability of ranks at least as uneven, with the error that the number of simulated
-    bands leaves; `covers_95`: how often central posterior intervals of 95 % cover; `published_95`:
-    the same of the published estimator's, where it gives them; `narrow_10`: the share of
-    calibrations with as many replicates that find a standard deviation 10 % too small.
+    `even`: probability of ranks at least as uneven, with its error from the number of simulated
+    bands. `covers_95`: coverage of central posterior intervals of 95 %. `published_95`: coverage of
+    the published estimator. `narrow_10`: probability of finding a standard deviation that is 10 %
+    too small with this number of replicates.
     """
     rows = []
     for key in posteriors():
         found = load(key)
         theirs = found.estimator_coverage(0.95)
-        # Consequences and the log likelihood are no parameters.
+        # Consequences and the log likelihood have no published estimator.
         published = np.append(theirs, np.full(len(found.names) - len(theirs), np.nan))
         chances = found.probabilities()
         errors = np.minimum(np.sqrt(chances * (1 - chances) / SIMULATIONS), chances / 5)
@@ -341,12 +427,12 @@ def table() -> pd.DataFrame:
 
 
 def main() -> None:
-    """Calibrate what is asked for, and store ranks and table."""
+    """Calibrate the named posteriors, and store ranks and table."""
     parser = argparse.ArgumentParser(description="Calibrate posteriors of the book.")
     parser.add_argument("posteriors", nargs="*")
     parser.add_argument("--replicates", type=int, default=REPLICATES)
     parser.add_argument("--seed", type=int, default=SEED)
-    parser.add_argument("--table", action="store_true", help="store the table alone")
+    parser.add_argument("--table", action="store_true", help="store only the table")
     asked = parser.parse_args()
     if not asked.table:
         with ProcessPoolExecutor(mp_context=get_context("spawn")) as executor:

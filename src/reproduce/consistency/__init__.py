@@ -1,1 +1,1 @@
-"""Cross-examine the printed numbers of a paper against each other, by interval arithmetic."""
+"""Consistency of the printed numbers of a paper, by interval arithmetic."""

@@ -1,8 +1,7 @@
 """Equations of the papers, run as extracted, on printed numbers.
 
-Each must do something that can be tested: a matrix should be a rotation, an identity should hold,
-an iteration should converge, a chain of frames should close. If the extracted form fails, the form
-of the library runs next to it.
+Each has a property that can be tested: a matrix is a rotation, an identity holds, an iteration
+converges, or a chain of frames closes. The form of this package runs next to the extracted form.
 """
 
 from __future__ import annotations
@@ -19,21 +18,26 @@ from reproduce.printed.cells import PrintedCell
 from reproduce.printed.number import si_factor
 
 # Far above the noise of double precision, far below any printed digit.
-_ZERO = 1e-9
+_ZERO_TOLERANCE = 1e-9
 ITERATION_STEPS = 5
 _ARCSEC = si_factor("arcsec")
 # Returns the number of a printed cell in SI units.
 _Number = Callable[[str], float]
-# Results of the extracted form and of the form of the library, and the wanted result.
+# Results of the extracted form and of the form of this package, and the correct result.
 _Values = tuple[Any, Any, Any]
 
 
 @dataclass(frozen=True)
 class Demonstration:
-    """An equation run as printed.
+    """An equation, run as extracted.
 
-    `right` is the result of the form that the library uses, `asked` the test, `meaning` the
-    quantity, and `assumption` an assumption that the paper does not state.
+    - `name`: name of the equation.
+    - `printed`, `right`, `wanted`: result of the extracted form, of the form of this package, and
+      the correct result.
+    - `place`: passage of the paper.
+    - `asked`: the test.
+    - `meaning`: the compared quantity.
+    - `assumption`: assumption that the paper does not state.
     """
 
     name: str
@@ -47,8 +51,10 @@ class Demonstration:
 
     @property
     def holds(self) -> bool:
-        """Whether the printed form gives the wanted result."""
-        return abs(self.printed - self.wanted) <= _ZERO * max(1.0, abs(self.wanted))
+        """Whether the extracted form gives the correct result."""
+        return abs(self.printed - self.wanted) <= _ZERO_TOLERANCE * max(
+            1.0, abs(self.wanted)
+        )
 
 
 def demonstrations(
@@ -113,7 +119,7 @@ def _iteration(number: _Number) -> _Values:
 
 
 def _lasers(number: _Number) -> tuple[Any, float]:
-    """Return the places of the lasers in the focal plane, and the focal length."""
+    """Return the positions of the lasers in the focal plane, and the focal length."""
     half = number("chen2023/text-hardware#laser-diagonal") / 2
     places = half * np.array([[0.0, -1.0], [-1.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
     return places, number("chen2023/table-2#telescope-focal-length.value")
@@ -125,7 +131,7 @@ def _unit_vectors(number: _Number) -> _Values:
 
 
 def _chain(number: _Number) -> _Values:
-    """Close the chain (4), (6), (7): the misalignment put in must come out."""
+    """Close the chain (4), (6), (7), which must return the misalignment."""
     camera = attitude.emitted_directions(*_lasers(number))
     zero = rotation_from_vector(np.array([0.3, -1.2, 0.5]))
     turned = rotation_from_vector(np.array([1e-5, -2e-5, 3e-5]))
@@ -135,7 +141,7 @@ def _chain(number: _Number) -> _Values:
 
 
 def _retroreflector(number: _Number) -> _Values:
-    """Turn the reflector of the satellite, taken as a corner cube, about three axes."""
+    """Rotate the reflector of the satellite, a corner cube, about three axes."""
     beam = np.array([0.0, 0.0, -1.0])
     straight = raytrace.mirror_train(raytrace.CORNER) @ beam
     moved = [
@@ -149,7 +155,7 @@ def _retroreflector(number: _Number) -> _Values:
 
 
 def _roll_leak(number: _Number) -> _Values:
-    """Roll the camera about its boresight, and take the error of (5) in the two orders."""
+    """Roll the camera about its boresight, and compute (5) in both orders."""
     tracker = "chen2023/table-2#tracker-"
     spots = np.array(
         [[number(f"chen2023/text-platform#spot-{i}-{a}") for a in "xy"] for i in "1234"]
@@ -175,7 +181,7 @@ def _stage_angle(number: _Number) -> _Values:
 
 
 def _stage_signs(number: _Number) -> _Values:
-    """Move the lasers along Y; measure with (5) and (7) the direction of the camera's turn."""
+    """Move the lasers along Y, and measure the sense of the rotation with (5) and (7)."""
     places, focal = _lasers(number)
     shift = number("chen2023/text-effectiveness#step")
     before, after = (
@@ -217,7 +223,7 @@ def _line_of_sight(number: _Number) -> _Values:
 
 
 def _mirrored_pattern(number: _Number) -> _Values:
-    """Follow a direction of (2) to that of (3), by a corner cube and the dichroic mirror."""
+    """Transfer a direction of (2) to (3), by a corner cube and the dichroic mirror."""
     tilt = number("chen2023/text-satellite#dihedral-angle")
     fold = raytrace.reflection([0.0, np.sin(tilt), np.cos(tilt)])
     # A received direction points back along the light.

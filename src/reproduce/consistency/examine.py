@@ -1,10 +1,10 @@
-"""Examine the relations of a paper: which agree, which contradict, and on what agreement rests."""
+"""Outcome of every relation of a paper: agreement, contradiction, and sets of cells in conflict."""
 
 from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal, get_args
 
@@ -17,8 +17,8 @@ from reproduce.printed.number import Interval, PrintedNumber, si_factor
 _NOISE_RATIO = 1e-9
 # Fraction by which binary arithmetic may move the end of an interval.
 _SLACK_RATIO = 1e-12
-# Two intervals of one printed number touch at an end, or share at least half a unit of the finer
-# number. This fraction of the interval distinguishes the two cases.
+# Two intervals of one printed number touch at an end, or have at least half a unit of the finer
+# number in common. This fraction of the interval distinguishes the two cases.
 _END_RATIO = 1e-3
 # Name of the tolerance among the inputs of a relation.
 _TOLERANCE = "tolerance"
@@ -31,7 +31,7 @@ RelationOutcome = Literal[
     "contradicts",
 ]
 OUTCOMES: tuple[RelationOutcome, ...] = get_args(RelationOutcome)
-# Address to low end, printed value and high end in SI.
+# Address to low end, printed value and high end, in SI units.
 _Ends = Mapping[str, tuple[float, float, float]]
 
 
@@ -157,26 +157,23 @@ def _projection(relation: Relation, ends: _Ends) -> Corners | None:
 
 
 def agreements(
-    cells: Sheet, relations: Iterable[Relation], rule: str = ""
+    cells: Sheet, relations: Sequence[Relation], rule: str = ""
 ) -> dict[str, Agreement]:
-    """Find, for each unknown by name, the largest set of relations that agree on one value."""
-    ends = _ends(cells, rule)
-    unknowns: dict[str, Unknown] = {}
-    allowed: dict[str, dict[str, Interval]] = {}
-    for relation in relations:
-        if unknown := relation.unknown:
-            unknowns[unknown.name] = unknown
-            own = allowed.setdefault(unknown.name, {})
-            if found := _projection(relation, ends):
-                own[relation.name] = found[:2]
-    return {
-        name: _largest_agreement(unknown, allowed[name])
-        for name, unknown in unknowns.items()
-    }
+    """Return the largest set of relations that agree on one value, for each unknown by name."""
+    ends, found = _ends(cells, rule), {}
+    unknowns = {r.unknown.name: r.unknown for r in relations if r.unknown}
+    for name, unknown in unknowns.items():
+        allowed = {
+            relation.name: corners[:2]
+            for relation in relations
+            if relation.unknown is unknown and (corners := _projection(relation, ends))
+        }
+        found[name] = _largest_agreement(unknown, allowed)
+    return found
 
 
 def _largest_agreement(unknown: Unknown, allowed: dict[str, Interval]) -> Agreement:
-    """Go through the lower ends: one of them is in each largest overlap."""
+    """Return the relations that every largest overlap contains; one starts at each lower end."""
     overlaps = [
         {name for name, (low, high) in allowed.items() if low <= start <= high}
         for start, _ in allowed.values()
@@ -191,10 +188,10 @@ def _largest_agreement(unknown: Unknown, allowed: dict[str, Interval]) -> Agreem
 def contradicted(
     cells: Sheet, relations: Sequence[Relation], rule: str = ""
 ) -> frozenset[str]:
-    """Return the names of the relations that cannot hold, if all numbers follow a rounding rule.
+    """Return the names of the relations that cannot hold if all numbers follow a rounding rule.
 
-    A relation with an unknown cannot hold if it is outside the largest set that agrees on one
-    value. If several sets are largest, it cannot be decided which is right, and the relations
+    A relation with an unknown cannot hold if it is outside of the largest set that agrees on one
+    value. If several sets are largest, it cannot be decided which set is right, and the relations
     that are not in all of them count as contradicting.
     """
     ends, shared = _ends(cells, rule), agreements(cells, relations, rule)
@@ -212,28 +209,27 @@ def contradicted(
 def examine(cells: Sheet, relations: Sequence[Relation]) -> list[RelationResult]:
     """Return the outcome of every relation, in order.
 
-    A relation agrees only within a tolerance if it contradicts without its tolerance and if
-    *about* and *nominal* stand for no more than the rounding of a number.
+    A relation agrees only within a tolerance if it contradicts without its tolerance, and with
+    *about* and *nominal* numbers that stand for their rounding only.
     """
-    wrong = contradicted(cells, relations)
+    wrong, *others = (contradicted(cells, relations, r) for r in ("", *_OTHER_RULES))
     strict = [r.model_copy(update={"tolerance": None}) for r in relations]
     beyond_rounding = contradicted(cells, strict, "digits")
-    by_rule = {rule: contradicted(cells, relations, rule) for rule in _OTHER_RULES}
-    shared = agreements(cells, relations)
-    findings = []
+    shared, results = agreements(cells, relations), []
     for relation in relations:
         left, right = _sides(relation, cells, shared)
         outcome: RelationOutcome = "agrees only through rounding"
         rescues: list[str] = []
         if relation.name in wrong:
             outcome = "contradicts"
-            rescues = [r for r, names in by_rule.items() if relation.name not in names]
+            rules = zip(_OTHER_RULES, others, strict=True)
+            rescues = [rule for rule, names in rules if relation.name not in names]
         elif _agrees(relation, cells, left, right):
             outcome = "agrees"
         elif relation.name in beyond_rounding:
             outcome = "agrees only within a tolerance"
-        findings.append(RelationResult(relation, outcome, left, right, *rescues[:1]))
-    return findings
+        results.append(RelationResult(relation, outcome, left, right, *rescues[:1]))
+    return results
 
 
 def _sides(
@@ -276,30 +272,20 @@ def conflicts(
 ) -> list[Conflict]:
     """Return sets of cells that cannot all be right, in order of their size.
 
-    A relation that contradicts by itself gives one set: the cells that could reduce it. Relations
-    that share an unknown conflict in pairs: intervals of one number have a common point if and only
-    if every two of them have. `joint` contains the declared combinations of relations, each named
-    after its parts.
+    A relation that contradicts gives one set: the cells that could reduce the contradiction. Two
+    relations with the same unknown conflict if their intervals of it have no common point. This is
+    sufficient, because intervals have a common point if every two of them have one. `joint`
+    contains the declared combinations of relations, each with the names of its parts.
     """
     ends, found = _ends(cells, ""), []
     for relation in (*relations, *joint):
-        names = tuple(relation.name.split(" + "))
-        if relation.kind == "print":
-            if not _agrees(relation, cells, *_sides(relation, cells, {})):
-                found += [
-                    Conflict(pair, names)
-                    for pair in itertools.combinations(relation.addresses, 2)
-                    if len({_last_digit(cells[address]) for address in pair}) > 1
-                ]
-        elif blamed := _contradiction(relation, ends):
+        if relation.kind != "print" and (blamed := _contradiction(relation, ends)):
             own = tuple(a for a in relation.addresses if a in blamed)
-            found.append(Conflict(own, names))
-    asked = [(r, p) for r in relations if (p := _projection(r, ends)) is not None]
-    for (one, a), (two, b) in itertools.combinations(asked, 2):
+            found.append(Conflict(own, tuple(relation.name.split(" + "))))
+    projections = [(r, p) for r in relations if (p := _projection(r, ends)) is not None]
+    for (one, a), (two, b) in itertools.combinations(projections, 2):
         if one.unknown is two.unknown and max(a.low, b.low) > min(a.high, b.high):
             both = dict.fromkeys(x for x in (*a.sides, *b.sides) if x != _TOLERANCE)
             found.append(Conflict(tuple(both), (one.name, two.name)))
     unique = {frozenset(conflict.cells): conflict for conflict in reversed(found)}
-    return sorted(
-        unique.values(), key=lambda conflict: (len(conflict.cells), conflict.cells)
-    )
+    return sorted(unique.values(), key=lambda found: (len(found.cells), found.cells))

@@ -1,13 +1,13 @@
-"""Relations that printed numbers should keep, declared in a TOML text, one line each.
+"""Relations between printed numbers, declared in a TOML file with one line each.
 
-The text has three parts: ``[unknown]`` names numbers that are not printed, ``[tolerance]`` names
-departures with their reasons, and ``[relations]`` holds topics, each a list of lines. ``cells``
-binds the names of the formula to addresses, ``"a=table-1#x.y b=table-1#x.*"``. ``each`` gives
-values to placeholders in braces, and a key such as ``"i,j"`` gives them together:
-``motion-{state}-{axis}`` is the declaration of ``motion-4-y``, as every view says.
+The file has three parts: ``[unknown]`` contains numbers that are not printed, ``[tolerance]``
+contains allowed differences with their reasons, and ``[relations]`` contains topics, each a list of
+lines. ``cells`` binds the names of the formula to addresses, ``"a=table-1#x.y b=table-1#x.*"``.
+``each`` gives values to placeholders in braces, and a key such as ``"i,j"`` gives two values
+together: ``motion-{state}-{axis}`` is the declaration of ``motion-4-y``.
 
-A formula is a comparison between two expressions in named cells: ``motion = position - first``,
-``abs(difference) <= bound``. Units are written ``u.arcsec``; a cell stands for its SI value.
+A formula compares two expressions in named cells: ``motion = position - first``,
+``abs(difference) <= bound``. Units are written ``u.arcsec``. A cell has its value in SI units.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ from reproduce.printed.number import UNITS, Interval, si_factor
 
 # Address to printed number.
 Sheet = Mapping[str, PrintedCell]
-# Which of two independent readings of a paper found a relation; "merging" if neither did, and the
-# comparison of their lists or a later reader who knew them found it; "third" if a later reader, who
-# knew neither list, was the first to find it; empty without a count.
+# The independent reading of the paper that found a relation: "first", "second" or "both", "merging"
+# for the comparison of their lists or a later reader who knew them, "third" for a later reader who
+# knew no list; empty for a relation that is not counted.
 Finder = Literal["", "first", "second", "both", "merging", "third"]
 
 
@@ -55,8 +55,8 @@ _SCOPE: dict[str, Any] = {
 class Formula:
     """A comparison between two expressions, of the form ``left = right``, ``<=`` or ``>=``.
 
-    `result` is the name that stands alone on the left of an equation, empty if none does; `bare`
-    tells whether both sides are nothing but a name.
+    `result` is the name that is the whole left side of an equation, or empty. `bare` is true if
+    both sides are names.
 
     Examples
     --------
@@ -84,22 +84,29 @@ class Formula:
         return {name for side in self._codes for name in side.co_names}
 
     def values(self, scope: Mapping[str, Any]) -> list[Any]:
-        """Return both sides, then the left sides of which all must be below a limit.
+        """Return both sides, then the left sides that must all be below a limit.
 
-        `scope` contains the values of the cells by name, and other functions or units.
+        Parameters
+        ----------
+        scope : mapping
+            Values of the cells by name, and other functions or units.
+
+        Returns
+        -------
+        list of float
         """
         scope = {"__builtins__": {}, **_SCOPE, **scope}
         return [eval(code, scope) for code in self._codes]
 
 
 class _Declared(BaseModel):
-    """Base of what the text declares."""
+    """Base of the declared objects."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True)
 
 
 class Unknown(_Declared):
-    """A number that is not printed, but that several relations share; `low`, `high` in `unit`."""
+    """A number of several relations that is not printed; `low` and `high` are in `unit`."""
 
     name: str
     unit: str
@@ -109,7 +116,7 @@ class Unknown(_Declared):
 
     @property
     def domain(self) -> Interval:
-        """Interval of its values, in SI."""
+        """Interval of its values, in SI units."""
         factor = si_factor(self.unit)
         return self.low * factor, self.high * factor
 
@@ -125,30 +132,39 @@ class Tolerance(_Declared):
     unit: str | None = None
 
     def of(self, right: float) -> float:
-        """Return the allowed difference from a right side, in SI."""
+        """Return the allowed difference from a right side, in SI units."""
         return self.size * (si_factor(self.unit) if self.unit else right)
 
     @property
     def text(self) -> str:
-        """The size as a reader sees it."""
-        if self.unit:
-            return f"{self.size:.3g} {self.unit}"
-        return f"{100 * self.size:.3g} %"
+        """The size with its unit, or in per cent."""
+        size, unit = (self.size, self.unit) if self.unit else (100 * self.size, "%")
+        return f"{size:.3g} {unit}"
 
 
 class Relation(_Declared):
     """An equation or inequality between printed cells.
 
-    In one of kind ``print`` the names of the formula stand for the unit of the last printed digit.
+    - `name`: name of the relation.
+    - `declared`: name of its declaration, with placeholders.
+    - `formula`: comparison. If the kind is ``print``, its names stand for the unit of the last
+      printed digit.
+    - `binding`: name in the formula to an address, or to the addresses of a list.
+    - `source`: passage of the paper: an equation, a definition, or geometry.
+    - `kind`: kind of evidence.
+    - `unknown`, `tolerance`: number that is not printed, and allowed difference.
+    - `restates`: cell that the package computes by another function, with its reading. Such a
+      relation is a second entry of this computation, and no further evidence.
+    - `claim`: conclusion of the paper that depends on it.
+    - `reading`: reading of the paper that found it.
+    - `assumption`: assumption that the paper does not state. Such a relation is counted
+      separately, and is no evidence of a contradiction in the paper.
     """
 
     name: str
-    # The name of its declaration, with the placeholders.
     declared: str
     formula: Formula
-    # The address (or, for a list, the addresses) behind each name of the formula.
     binding: Mapping[str, str | tuple[str, ...]]
-    # Source in the paper: an equation, a definition, geometry.
     source: str
     kind: Literal[
         "equation",
@@ -162,14 +178,9 @@ class Relation(_Declared):
     ]
     unknown: Unknown | None = None
     tolerance: Tolerance | None = None
-    # The number that the package computes by another function, a cell or one reading of it.
-    # Such a relation is a second entry of that computation, and no further evidence.
     restates: str = ""
-    # The paper's conclusion that rests on it.
     claim: str | None = None
     reading: Finder = ""
-    # An assumption that the paper does not state. Such a relation is counted apart, and no
-    # contradiction of the paper follows from it.
     assumption: str = ""
 
     @property
@@ -180,17 +191,17 @@ class Relation(_Declared):
 
     @property
     def repeats(self) -> bool:
-        """Whether it says that one number is printed twice.
+        """Whether it states that one number is printed twice.
 
-        Whatever the rounding rule, one number prints the same digits each time. Two prints that
-        differ in the last digit touch at a tie that rounds to one of them, never to both.
+        For any rounding rule, one number has the same printed digits each time. Two printed numbers
+        that differ in the last digit have a tie in common, which rounds to only one of them.
         """
         exact = self.tolerance is None and self.unknown is None
         return exact and self.formula.bare and self.formula.sign == "="
 
     @property
     def addresses(self) -> tuple[str, ...]:
-        """The cells of the relation, each once."""
+        """The addresses of its cells, each once."""
         bound = ([a] if isinstance(a, str) else a for a in self.binding.values())
         return tuple(dict.fromkeys(itertools.chain.from_iterable(bound)))
 
@@ -215,20 +226,20 @@ class Relation(_Declared):
     def values(
         self, by_address: Mapping[str, float], unknown: float = 0.0
     ) -> list[float]:
-        """Return the values of the formula in SI; NaN if it has none at these numbers."""
+        """Return the values of the formula in SI units; NaN where it is not defined."""
         try:
             return self.formula.values(self.scope(by_address, unknown))
         except (ArithmeticError, ValueError):  # such as a root of a negative number
             return [math.nan] * 3
 
     def missed_by(self, left: float, right: float) -> float:
-        """Return the distance of two sides from the relation; at most zero if they keep it."""
+        """Return the distance of two sides from the relation; at most zero if it holds."""
         missed = {"=": abs(left - right), "<=": left - right, ">=": right - left}
         return missed[self.formula.sign]
 
 
 def declarations(paper: str) -> dict[str, Any]:
-    """Return the declarations of a paper: relations, equations; nothing of one without a file."""
+    """Return the declared relations and equations of a paper; empty without a file."""
     file = (
         importlib.resources.files("reproduce.consistency")
         / "relations"
@@ -240,7 +251,20 @@ def declarations(paper: str) -> dict[str, Any]:
 def declared(
     content: Mapping[str, Any], cells: Sheet, prefix: str = ""
 ) -> list[Relation]:
-    """Return relations in order of declaration.
+    """Return relations in the order of their declaration.
+
+    Parameters
+    ----------
+    content : mapping
+        Parsed declarations.
+    cells : mapping
+        Printed numbers by address.
+    prefix : str
+        Prefix of the addresses in the declarations, such as ``niu2024/``.
+
+    Returns
+    -------
+    list of Relation
 
     Raises
     ------
@@ -248,7 +272,7 @@ def declared(
         If a line has an unknown entry, two lines have one name, or the names of a formula are not
         those of its cells.
     """
-    parts: dict[str, Any] = {
+    shared: dict[str, dict[str, Any]] = {
         "unknown": {
             name: Unknown(name=name, **fields)
             for name, fields in content.get("unknown", {}).items()
@@ -259,66 +283,63 @@ def declared(
         },
     }
     relations: dict[str, Relation] = {}
-    lines = itertools.chain.from_iterable(content.get("relations", {}).values())
-    for line in lines:
-        named = {part: own[line[part]] for part, own in parts.items() if part in line}
-        for place in _places(line.get("each", {})):
-            made = _relation(line | named, place, cells, prefix)
-            if made.name in relations:
+    for line in itertools.chain.from_iterable(content.get("relations", {}).values()):
+        named = {part: one[line[part]] for part, one in shared.items() if part in line}
+        for values in _placeholders(line.get("each", {})):
+            relation = _relation(line | named, values, cells, prefix)
+            if relation.name in relations:
                 raise ValueError(
-                    f"{made.name}: expected a name that is not declared twice"
+                    f"{relation.name}: expected a name that is not declared twice. Rename it"
                 )
-            relations[made.name] = made
+            relations[relation.name] = relation
     return list(relations.values())
 
 
 def _relation(
-    line: Mapping[str, Any], place: Mapping[str, str], cells: Sheet, prefix: str
+    line: Mapping[str, Any], values: Mapping[str, str], cells: Sheet, prefix: str
 ) -> Relation:
-    """Return the relation of a line at one place."""
-    fields = {
-        name: value for name, value in line.items() if name not in {"cells", "each"}
+    """Return the relation of a line with values of its placeholders."""
+    fields = {key: one for key, one in line.items() if key not in {"cells", "each"}}
+    marks = {key: re.sub(r"[^a-zA-Z0-9]", "-", one) for key, one in values.items()}
+    pairs = (pair.split("=", 1) for pair in line["cells"].format(**values).split())
+    if "restates" in line:
+        fields["restates"] = prefix + line["restates"].format(**values)
+    fields |= {
+        "name": re.sub("-+", "-", line["name"].format(**marks)).strip("-"),
+        "declared": line["name"],
+        "formula": Formula(line["formula"].format(**values)),
+        "binding": {name: _bound(prefix + to, cells) for name, to in pairs},
     }
-    marks = {
-        key: re.sub(r"[^a-zA-Z0-9]", "-", value).strip("-")
-        for key, value in place.items()
-    }
-    pairs = (pair.split("=", 1) for pair in line["cells"].format(**place).split())
-    if restates := fields.get("restates", ""):
-        fields["restates"] = prefix + restates.format(**place)
-    made = Relation.model_validate(
-        fields
-        | {
-            "name": re.sub("-+", "-", line["name"].format(**marks)).strip("-"),
-            "declared": line["name"],
-            "formula": Formula(line["formula"].format(**place)),
-            "binding": {name: _bound(prefix + to, cells) for name, to in pairs},
-        }
-    )
-    names, known = set(made.scope(cells)), _SCOPE.keys() | UNITS.keys()
-    if strays := names ^ (made.formula.names - (known - names)):
+    relation = Relation.model_validate(fields)
+    names, known = set(relation.scope(cells)), _SCOPE.keys() | UNITS.keys()
+    if strays := names ^ (relation.formula.names - (known - names)):
         raise ValueError(
-            f"{made.name}: expected names with one cell each, got {strays}"
+            f"{relation.name}: expected names with one cell each, got {strays}. Bind them"
         )
-    if restates and made.restates.partition(" (")[0] != made.result:
-        raise ValueError(f"{made.name}: expected a formula solved for {made.restates}")
-    return made
+    if relation.restates and relation.restates.partition(" (")[0] != relation.result:
+        raise ValueError(
+            f"{relation.name}: expected a formula solved for {relation.restates}, got "
+            f"{relation.formula.text}. Solve it"
+        )
+    return relation
 
 
 def _bound(pattern: str, cells: Sheet) -> str | tuple[str, ...]:
     """Return the address, or for a pattern the addresses, behind a name of a formula."""
     found = tuple(address for address in cells if fnmatch.fnmatchcase(address, pattern))
     if not found:
-        raise ValueError(f"no printed number matches {pattern!r}; check the address")
+        raise ValueError(
+            f"cells: expected an address, got {pattern!r}, which matches no printed number. "
+            "Check it"
+        )
     return found if set("*?[") & set(pattern) else found[0]
 
 
-def _places(each: Mapping[str, Any]) -> Iterator[dict[str, str]]:
-    """Yield every combination of the placeholders' values."""
+def _placeholders(each: Mapping[str, Any]) -> Iterator[dict[str, str]]:
+    """Yield every combination of the values of the placeholders."""
     for chosen in itertools.product(*each.values()):
-        place: dict[str, str] = {}
+        values: dict[str, str] = {}
         for keys, value in zip(each, chosen, strict=True):
-            place |= zip(
-                keys.split(","), value if "," in keys else [value], strict=True
-            )
-        yield place
+            parts = value if "," in keys else [value]
+            values |= zip(keys.split(","), parts, strict=True)
+        yield values

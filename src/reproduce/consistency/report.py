@@ -1,4 +1,4 @@
-"""The whole audit of a paper in one call, and the register of errata."""
+"""The audit of a paper, and the register of errata."""
 
 from __future__ import annotations
 
@@ -27,7 +27,12 @@ from reproduce.printed.cells import library
 class Audit:
     """Results of the relations and of the equations of a paper.
 
-    There is a finding for each relation, with and without an assumption.
+    - `name`: the paper.
+    - `cells`: its printed numbers by address.
+    - `findings`: result of each relation, with and without an assumption.
+    - `conflicts`: sets of cells that cannot all be right.
+    - `unknowns`: values of the numbers that are not printed, by name.
+    - `equations`: equations, run as extracted.
     """
 
     name: str
@@ -39,7 +44,7 @@ class Audit:
 
     @property
     def examined(self) -> tuple[str, ...]:
-        """The cells that some relation compares with another one, in the order of the sheet."""
+        """The cells that a relation compares with another cell, in the order of the paper."""
         return self._within(f.relation for f in self.findings if f.relation.compares)
 
     @property
@@ -54,12 +59,12 @@ class Audit:
 
     @property
     def read(self) -> tuple[examine.RelationResult, ...]:
-        """The findings that do not depend on an assumption of this project."""
+        """The results that do not depend on an assumption of this project."""
         return tuple(f for f in self.findings if not f.relation.assumption)
 
     @property
     def supposed(self) -> tuple[examine.RelationResult, ...]:
-        """The findings that depend on an assumption of this project."""
+        """The results that depend on an assumption of this project."""
         return tuple(f for f in self.findings if f.relation.assumption)
 
     @property
@@ -72,7 +77,14 @@ class Audit:
     ) -> dict[examine.RelationOutcome, int]:
         """Count the relations without assumptions by outcome, every outcome present.
 
-        All of them, or only those that do, or do not, restate a computed number.
+        Parameters
+        ----------
+        restating : bool, optional
+            Whether the counted relations restate a computed number. Default: all relations.
+
+        Returns
+        -------
+        dict
         """
         found = [f for f in self.read if restating in {None, bool(f.relation.restates)}]
         return {o: sum(f.outcome == o for f in found) for o in examine.OUTCOMES}
@@ -81,9 +93,11 @@ class Audit:
 @functools.cache
 def audit_paper(paper: str) -> Audit:
     """Audit the printed numbers and equations of a paper."""
-    tables = (table for key, table in library().items() if key.startswith(f"{paper}/"))
     cells = {
-        cell.address: cell for table in tables for cell in table.cells if cell.is_number
+        cell.address: cell
+        for key, table in library().items()
+        for cell in table.cells
+        if key.startswith(f"{paper}/") and cell.is_number
     }
     content = declarations(paper)
     joint = {"relations": {"joint": content.get("joint", [])}}
@@ -116,13 +130,8 @@ _Conclusion = Literal["stands", "moves", "not supported as printed", "open"]
 class Erratum(BaseModel):
     """One entry of the register.
 
-    The numbers of its evidence are not written in it: they come from the relations and equations
-    that it names. Where words stand against words, `evidence` says which. `reading` tells which
-    of two independent readings of the paper found it, as for a relation, and `again` whether the
-    third one did too, which knew no list. An entry that holds only if we suppose something that
-    the paper does not say names it as its `assumption`, and is counted apart. `extraction` marks
-    what rests on a formula, a digit or a heading of our text, which a machine read. `reply` is what
-    the authors of the paper say to it, with their name and the day; empty until they do.
+    An entry contains no numbers of its evidence. They come from the named relations and equations.
+    An entry that depends on an assumption names it and is counted separately.
     """
 
     model_config = ConfigDict(
@@ -130,40 +139,40 @@ class Erratum(BaseModel):
     )
 
     id: str
-    """its name and anchor"""
+    """name and anchor"""
     paper: str
     place: str
-    """where in the paper it stands"""
+    """passage of the paper"""
     printed: str
-    """what is printed there, in short"""
+    """the passage as printed, in short"""
     problem: str
-    """what does not fit, under the most charitable reading"""
+    """the contradiction, under the most charitable reading"""
     library: str
-    """what the library does about it"""
+    """treatment in this package"""
     conclusion: _Conclusion
-    """whether the paper's conclusion stands"""
+    """whether the conclusion of the paper is supported"""
     because: str
-    """why it does"""
+    """reason for this"""
     status: Literal["open", "one reading of several", "reported", "confirmed"]
     reading: Finder
-    """which of two independent readings of the paper found it"""
+    """independent reading of the paper that found it, as for a relation"""
     again: bool = False
-    """whether a third reading did, without a list"""
+    """whether the third reading, which knew no list, also found it"""
     extraction: bool = False
-    """our text, read by a machine, may be wrong"""
+    """whether it depends on a formula, digit or heading of the extracted text"""
     assumption: str = ""
-    """what it supposes that the paper leaves open"""
+    """assumption that the paper does not state"""
     evidence: str = ""
-    """words that stand against words"""
+    """passages that contradict each other"""
     reply: str = ""
-    """what the authors replied"""
+    """reply of the authors, with name and date"""
     relations: list[str] = []
-    """relations of the audit that show it"""
+    """relations that show it"""
     equations: list[str] = []
     """equations that show it, as extracted"""
 
     def findings(self, audit: Audit) -> list[examine.RelationResult]:
-        """Return the findings of the relations that the entry names."""
+        """Return the results of the relations that the entry names."""
         names = [finding.relation.name for finding in audit.findings]
         named = {n for one in self.relations for n in fnmatch.filter(names, one)}
         return [one for one in audit.findings if one.relation.name in named]
@@ -174,5 +183,5 @@ class Erratum(BaseModel):
 
 
 def register(text: str) -> list[Erratum]:
-    """Read the register, in the order of the file."""
+    """Return the entries of a register, in the order of the file."""
     return [Erratum.model_validate(entry) for entry in tomllib.loads(text)["erratum"]]

@@ -1,6 +1,6 @@
 """Posteriors: models with priors, summaries of draws, convergence criteria, checks.
 
-`sampling` is imported separately, because it loads emcee.
+`sampling` is imported separately, because it imports emcee.
 """
 
 from reproduce.inference.diagnostics import (
@@ -13,8 +13,8 @@ from reproduce.inference.diagnostics import (
 )
 from reproduce.inference.model import (
     Consequence,
-    Coordinates,
     Derived,
+    Likelihood,
     LogUniform,
     Model,
     Normal,

@@ -1,8 +1,8 @@
 """Convergence criteria of draws of several independent ensembles.
 
-Chains have shape (ensembles, steps, walkers) for one quantity. One ensemble counts as one chain:
-its walkers depend on each other. The autocorrelation time is therefore also measured on the mean of
-the ensemble, which shows walkers that move together.
+Chains have shape (ensembles, steps, walkers) for one quantity. One ensemble counts as one chain,
+because its walkers depend on each other. The autocorrelation time is therefore also measured on the
+mean of the ensemble, which shows walkers that move together.
 """
 
 from __future__ import annotations
@@ -16,51 +16,57 @@ from scipy.stats import rankdata
 
 from reproduce.physics.validate import FloatArray
 
-# Sokal's window: the sum stops at this many times the autocorrelation time found so far.
+# Window of Sokal: the sum stops at this multiple of the autocorrelation time of the sum.
 _WINDOW_TIMES = 5.0
-_TAILS = (0.05, 0.95)
+_TAIL_PROBABILITIES = (0.05, 0.95)
 # Probabilities of the bounds of the central 95 %.
 ENDS = (0.025, 0.975)
-# Advised steps: the margin over those that the criteria need, since short chains underestimate the
-# time, and the factor for ensembles that differ.
-_MARGIN, _MIXING = 1.5, 2.0
+# Factors on the advised steps: a margin, since short chains underestimate the autocorrelation time,
+# and the factor for ensembles that differ.
+_STEPS_MARGIN, _MIXING_FACTOR = 1.5, 2.0
 
 
-def _autocorrelation(series: FloatArray) -> FloatArray:
-    """Normalised autocorrelation along the first axis, averaged over all others, (steps,).
+def _integrated_time(series: FloatArray) -> float:
+    """Return the autocorrelation time of series along the first axis, in steps, pooled.
 
-    Averaged before it is normalised, so a series that never moves counts.
+    The autocorrelation is averaged before it is normalised, so that a series that never moves
+    counts. The result is at least one half, for draws that alternate about their mean.
+
+    Examples
+    --------
+    >>> _integrated_time(np.tile([1.0, -1.0], 100)[:, None])
+    0.5
     """
     steps = len(series)
     centred = series - series.mean(axis=0)
     padded = np.fft.rfft(centred, n=2 * steps, axis=0)
     power = (padded * padded.conj()).real.reshape(len(padded), -1).mean(axis=1)
     function = np.fft.irfft(power)[:steps]
-    return function / function[0] if function[0] > 0 else np.ones(steps)
-
-
-def _integrated_time(function: FloatArray) -> float:
-    """Integrated time of an autocorrelation function, in steps, by Sokal's window.
-
-    Never below one half (draws that alternate about their mean).
-
-    Examples
-    --------
-    >>> _integrated_time(np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]))
-    1.0
-    """
-    times = 2.0 * np.cumsum(function) - 1.0
-    outside = np.arange(len(times)) >= _WINDOW_TIMES * times
-    window = int(np.argmax(outside)) if outside.any() else len(times) - 1
+    if function[0] <= 0:
+        return float(2 * steps - 1)
+    times = 2.0 * np.cumsum(function / function[0]) - 1.0
+    outside = np.arange(steps) >= _WINDOW_TIMES * times
+    window = int(np.argmax(outside)) if outside.any() else steps - 1
     return max(float(times[window]), 0.5)
 
 
 def autocorrelation_time(chains: FloatArray) -> float:
-    """Steps of an ensemble that are worth one independent draw per walker.
+    """Return the number of steps per independent draw of a walker.
 
-    The larger of emcee's estimate (autocorrelation of the walkers, averaged) and that of Goodman
-    and Weare (autocorrelation and variance of the ensemble's mean), both pooled over ensembles.
-    The effective sample size is steps times walkers over this time, summed over ensembles.
+    It is the larger one of emcee's estimate (autocorrelation of the walkers, averaged) and the
+    estimate of Goodman and Weare (autocorrelation and variance of the ensemble's mean), both pooled
+    over ensembles. The effective sample size is steps times walkers over this time, summed over
+    ensembles.
+
+    Parameters
+    ----------
+    chains : ndarray, shape (ensembles, steps, walkers)
+        Draws of one quantity.
+
+    Returns
+    -------
+    float
+        Autocorrelation time, in steps.
 
     Examples
     --------
@@ -68,45 +74,30 @@ def autocorrelation_time(chains: FloatArray) -> float:
     >>> 0.8 < autocorrelation_time(chains) < 1.4
     True
     """
-    walkers = _integrated_time(_autocorrelation(np.moveaxis(chains, 0, 1)))
-    variance = chains.var()
+    variance, means = chains.var(), chains.mean(axis=2).T
     if variance == 0:
         return float(chains.shape[1])
-    means = chains.mean(axis=2).T
-    # About the common mean: ensembles that disagree count as slow.
+    # About the common mean, so that ensembles that differ count as slow.
     inflation = chains.shape[2] * means.var() / variance
-    together = _integrated_time(_autocorrelation(means)) * inflation
-    return max(walkers, float(together))
+    walkers = _integrated_time(np.moveaxis(chains, 0, 1))
+    return max(walkers, float(_integrated_time(means) * inflation))
 
 
 def _effective_size(chains: FloatArray) -> float:
-    """Number of independent draws that would give the mean as well, summed over ensembles."""
+    """Return the number of independent draws with the same error of the mean."""
     return chains.size / autocorrelation_time(chains)
 
 
 def _rank_normalised(values: FloatArray) -> FloatArray:
-    """Return normal scores of the ranks of all values together, same shape.
-
-    Examples
-    --------
-    >>> _rank_normalised(np.array([3.0, 1.0, 2.0])).round(2)
-    array([ 0.87, -0.87,  0.  ])
-    """
+    """Return normal scores of the ranks of all values together, with the shape of `values`."""
     ranks = rankdata(values, axis=None).reshape(values.shape)
     return np.asarray(ndtri((ranks - 0.375) / (values.size + 0.25)))
 
 
-def _tail_size(chains: FloatArray) -> float:
-    """Smaller effective sample size of the two tail indicators, at 5 % and 95 %."""
-    low, high = np.quantile(chains, _TAILS)
-    return min(_effective_size((chains <= end).astype(float)) for end in (low, high))
-
-
 def _split_rhat(draws: FloatArray) -> float:
-    """Rank-normalised split R-hat, the larger of its bulk and its folded form.
+    """Return the rank-normalised split R-hat, the larger one of its bulk and folded form.
 
-    Of draws (chains, n), one row per independent ensemble, in time order; one where all halves
-    agree.
+    The draws have shape (chains, n), one row per independent ensemble, in the order of time.
 
     Examples
     --------
@@ -116,19 +107,17 @@ def _split_rhat(draws: FloatArray) -> float:
     """
     half = draws.shape[1] // 2
     halves = np.concatenate([draws[:, :half], draws[:, -half:]])
-    folded = np.abs(halves - np.median(halves))
-    return max(_rhat(_rank_normalised(halves)), _rhat(_rank_normalised(folded)))
-
-
-def _rhat(scores: FloatArray) -> float:
-    count = scores.shape[1]
-    within = scores.var(axis=1, ddof=1).mean()
-    between = count * scores.mean(axis=1).var(ddof=1)
-    return float(np.sqrt((count - 1) / count + between / (count * within)))
+    squares = []
+    for values in (halves, np.abs(halves - np.median(halves))):
+        scores = _rank_normalised(values)
+        within = scores.var(axis=1, ddof=1).mean()
+        between = half * scores.mean(axis=1).var(ddof=1)
+        squares.append((half - 1) / half + between / (half * within))
+    return float(np.sqrt(max(squares)))
 
 
 def mcse_quantile(chains: FloatArray, probability: float) -> float:
-    """Monte Carlo standard error of a quantile, in the unit of the draws.
+    """Return the Monte Carlo standard error of a quantile, in the unit of the draws.
 
     Half the distance between the quantiles that bound it with one standard error.
     """
@@ -142,7 +131,7 @@ class ConvergenceCriteria:
     """Limits for a set of ensembles.
 
     - `rhat`: largest rank-normalised split R-hat over ensembles (Vehtari et al., 2021).
-    - `times`: smallest number of autocorrelation times in the steps kept (recommended by emcee).
+    - `times`: smallest number of autocorrelation times in the kept steps, as emcee recommends.
     - `size`: smallest bulk and tail effective sample size: 100 per chain of four.
     - `acceptance`: smallest fraction of accepted moves: below it an ensemble may be stuck.
     """
@@ -155,15 +144,14 @@ class ConvergenceCriteria:
 
 @dataclass(frozen=True)
 class Summary:
-    """The summary of one parameter or consequence, in the unit shown.
+    """Summary of one parameter or consequence, in the displayed unit.
 
-    - `name`, `unit`: which, and its unit.
+    - `name`, `unit`: its name and unit.
     - `mean`, `deviation`, `low`, `median`, `high`: mean, standard deviation, and the median between
       the bounds of the central 95 %.
-    - `mcse`, `mcse_end`: Monte Carlo standard error of the mean, and the larger one of the two
-      ends.
-    - `rhat`, `bulk`, `tail`, `time`: split R-hat, effective sample sizes, autocorrelation time in
-      steps.
+    - `mcse`, `mcse_end`: Monte Carlo standard error of the mean, and the larger one of both bounds.
+    - `rhat`, `bulk`, `tail`, `time`: split R-hat, effective sample sizes, and autocorrelation time
+      in steps.
     """
 
     name: str
@@ -182,10 +170,10 @@ class Summary:
 
 
 class UnconvergedError(ArithmeticError):
-    """Chains that fail a convergence criterion.
+    """Raised for chains that fail a convergence criterion.
 
-    `missed` lists the failures, the worst first. `taken` is the number of steps kept, and `steps`
-    the number that would be enough by the autocorrelation found; None if more steps do not help.
+    `missed` lists the failures, the worst one first. `taken` is the number of kept steps. `steps`
+    is the sufficient number by the measured autocorrelation; None if more steps do not help.
     """
 
     missed: list[str]
@@ -194,18 +182,34 @@ class UnconvergedError(ArithmeticError):
 
 
 def thinned(chains: FloatArray, time: float) -> FloatArray:
-    """Draws of each ensemble in time order, thinned by the autocorrelation time, rounded up.
+    """Return draws of each ensemble in the order of time, thinned by the autocorrelation time.
 
-    Shape (ensembles, draws, ...): step by step, all walkers of a step in sequence.
+    Shape (ensembles, draws, ...): step by step, all walkers of a step in sequence. The time is
+    rounded up.
     """
     kept = chains[:, :: max(1, int(np.ceil(time)))]
     return kept.reshape(len(kept), -1, *kept.shape[3:])
 
 
 def summarised(name: str, unit: str, draws: FloatArray, shown: float = 1.0) -> Summary:
-    """Summarise draws of one quantity, (ensembles, steps, walkers), times `shown` in its unit."""
+    """Return the summary of draws of one quantity.
+
+    Parameters
+    ----------
+    name, unit : str
+        Name and displayed unit of the quantity.
+    draws : ndarray, shape (ensembles, steps, walkers)
+        Draws of the quantity.
+    shown : float
+        Displayed units per unit of the draws.
+
+    Returns
+    -------
+    Summary
+    """
     time, values = autocorrelation_time(draws), draws * shown
     low, median, high = np.quantile(values, (ENDS[0], 0.5, ENDS[1])).tolist()
+    tails = np.quantile(draws, _TAIL_PROBABILITIES)
     return Summary(
         name,
         unit,
@@ -218,7 +222,7 @@ def summarised(name: str, unit: str, draws: FloatArray, shown: float = 1.0) -> S
         mcse_end=max(mcse_quantile(values, end) for end in ENDS),
         rhat=_split_rhat(thinned(draws, time)),
         bulk=_effective_size(_rank_normalised(draws)),
-        tail=_tail_size(draws),
+        tail=min(_effective_size((draws <= end).astype(float)) for end in tails),
         time=time,
     )
 
@@ -229,38 +233,52 @@ def require(
     acceptance: Sequence[float],
     times: float = ConvergenceCriteria.times,
 ) -> None:
-    """Raise `UnconvergedError` if a criterion is not met, or a number is not finite."""
-    limits = ConvergenceCriteria
-    # Sizes and their limits. More steps increase the sizes, and mix ensembles that differ.
-    sizes = [("acceptance", min(acceptance), limits.acceptance)]
-    missed: list[tuple[float, str]] = []
-    for one in rows:
-        # NaN fails.
-        if not one.rhat <= limits.rhat:
-            factor = _MIXING if np.isfinite(one.rhat) else np.inf
-            text = f"{one.name}: R-hat {one.rhat:.4f}, at most {limits.rhat:g} allowed"
-            missed.append((factor, text))
-        times_name = f"{one.name}: autocorrelation times ({one.time:.1f} steps each)"
-        sizes += [
-            (times_name, steps / one.time, times),
-            (f"{one.name}: bulk effective sample size", one.bulk, limits.size),
-            (f"{one.name}: tail effective sample size", one.tail, limits.size),
-        ]
-    for name, size, least in sizes:
-        if not size >= least:
-            grows = size > 0 and name != "acceptance"
-            text = f"{name} {size:.3g}, at least {least:g} required"
-            missed.append((least / size if grows else np.inf, text))
-    if not missed:
+    """Raise `UnconvergedError` if a criterion is not met, or a number is not finite.
+
+    Parameters
+    ----------
+    rows : sequence of Summary
+        Summaries of all parameters.
+    steps : int
+        Kept steps of each ensemble.
+    acceptance : sequence of float
+        Fraction of accepted moves of each ensemble.
+    times : float
+        Smallest number of autocorrelation times in the kept steps.
+
+    Raises
+    ------
+    UnconvergedError
+        With the failures and the sufficient number of steps.
+    """
+    limits, lowest = ConvergenceCriteria, min(acceptance)
+    # Failure to the factor on the steps that lifts it. NaN fails.
+    factors: dict[str, float] = {}
+    if not lowest >= limits.acceptance:
+        text = f"acceptance {lowest:.3g}, at least {limits.acceptance:g} required"
+        factors[text] = np.inf
+    for row in rows:
+        if not row.rhat <= limits.rhat:
+            text = f"{row.name}: R-hat {row.rhat:.4f}, at most {limits.rhat:g} allowed"
+            factors[text] = _MIXING_FACTOR if np.isfinite(row.rhat) else np.inf
+        steps_text = f"autocorrelation times ({row.time:.1f} steps each)"
+        for name, size, least in (
+            (steps_text, steps / row.time, times),
+            ("bulk effective sample size", row.bulk, limits.size),
+            ("tail effective sample size", row.tail, limits.size),
+        ):
+            if not size >= least:
+                text = f"{row.name}: {name} {size:.3g}, at least {least:g} required"
+                factors[text] = least / size if size > 0 else np.inf
+    if not factors:
         return
-    missed.sort(key=lambda miss: -miss[0])
-    factor, worst = missed[0]
-    needed, advice = None, "find out what keeps the ensembles from mixing"
+    missed = sorted(factors, key=factors.__getitem__, reverse=True)
+    factor, needed = factors[missed[0]], None
+    advice = "find out what keeps the ensembles from mixing"
     if np.isfinite(factor):
-        needed = int(np.ceil(_MARGIN * factor * steps / 100)) * 100
+        needed = int(np.ceil(_STEPS_MARGIN * factor * steps / 100)) * 100
         advice = f"take about {needed} steps"
     more = f" (and {len(missed) - 1} more)" if len(missed) > 1 else ""
-    error = UnconvergedError(f"the chains are rejected: {worst}{more}; {advice}")
-    error.steps, error.taken = needed, steps
-    error.missed = [text for _, text in missed]
+    error = UnconvergedError(f"the chains are rejected: {missed[0]}{more}; {advice}")
+    error.steps, error.taken, error.missed = needed, steps, missed
     raise error

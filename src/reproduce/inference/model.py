@@ -1,42 +1,49 @@
-"""A model is one frozen object: parameters with priors, likelihood, simulation, start.
+"""Models of posteriors: parameters with priors, a likelihood with its data, and a start.
 
-Adding a model is one small file: a likelihood class with the five methods of `Likelihood`, and a
-function that gives it parameters. Everything else (sampling, diagnostics, calibration, checks,
-pages) works on any `Model`. Parameter vectors have shape (n, d), in SI units and px, in the order
-of `Model.parameters`; n counts vectors that are evaluated together.
-
-Every prior is proper, and carries the reason for its choice: only then can parameters be drawn
-from it, which simulation-based calibration needs. Its numbers are in the parameter's own unit.
+Parameter vectors have shape (n, d), in SI units and px, in the order of `Model.parameters`. Each
+prior is proper, because simulation-based calibration draws from it, and contains the reason for its
+choice. A new model is a subclass of `Likelihood` and a function that gives it parameters.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any, Protocol, Self, TypeVar
 
 import numpy as np
 from numpy.random import Generator
+from scipy.special import ndtr, ndtri
 
 from reproduce.physics.validate import FloatArray, finite_array, positive
 
 Kind = TypeVar("Kind")
-# Called with the parts of long work that are done, and all.
+# Callback with the number of finished parts of the work, and the number of all parts.
 Progress = Callable[[int, int], None]
 
 # Ratio of the spread of a start to the expected spread of the posterior.
-_OVERDISPERSION = 3.0
-_MAX_ATTEMPTS = 1000
-# A prior and the data disagree beyond this number of standard deviations.
-_MAX_DISTANCE = 3.0
-# A start inside such a prior: points of a population, points that make the next one, populations,
-# and the decades by which the first one is wider than the rough errors.
-_POPULATION, _PARENTS, _GENERATIONS, _DECADES = 2000, 200, 200, 6.0
+_START_SPREAD_RATIO = 3.0
+_MAX_START_ATTEMPTS = 1000
+# Standard deviations between a prior and an estimate, beyond which they disagree.
+_MAX_PRIOR_DISTANCE_SIGMA = 3.0
+# Population that finds a start if a prior and the data disagree: points, points that make the next
+# population, number of populations, and decades by which the first one exceeds the rough errors.
+_POPULATION_SIZE, _PARENT_COUNT, _MAX_GENERATIONS, _START_DECADES = 2000, 200, 200, 6.0
+# Scales in which an ensemble moves: coordinate of a parameter, parameter at a coordinate, and
+# logarithm of the derivative of the parameter by the coordinate.
+_SCALES: dict[str, tuple[Callable[[FloatArray], FloatArray], ...]] = {
+    "log": (np.log, np.exp, np.log),
+    "normal score": (
+        ndtri,
+        ndtr,
+        lambda values: -0.5 * (ndtri(values) ** 2 + np.log(2 * np.pi)),
+    ),
+}
 
 
 @dataclass(frozen=True)
 class Uniform:
-    """Flat between two bounds.
+    """Uniform prior between two bounds.
 
     Examples
     --------
@@ -58,7 +65,7 @@ class Uniform:
             )
 
     def log_density(self, values: FloatArray) -> FloatArray:
-        """Return the log density, of the shape of the values; minus infinity outside."""
+        """Return the log density, with the shape of `values`; minus infinity outside."""
         inside = (values >= self.low) & (values <= self.high)
         return np.where(inside, -np.log(self.high - self.low), -np.inf)
 
@@ -71,7 +78,7 @@ class Uniform:
         return type(self)(self.low * scale, self.high * scale, self.reason)
 
     def distance(self, value: float, error: float) -> float:
-        """Return how far an estimate lies outside of the prior, in standard deviations."""
+        """Return the distance of an estimate from the prior, in standard deviations."""
         return max(self.low - value, value - self.high, 0.0) / error
 
     def __str__(self) -> str:
@@ -79,7 +86,7 @@ class Uniform:
 
 
 class LogUniform(Uniform):
-    """Flat in the logarithm between two bounds above zero: no scale is preferred.
+    """Prior that is uniform in the logarithm, between two bounds above zero.
 
     Examples
     --------
@@ -92,7 +99,7 @@ class LogUniform(Uniform):
         super().__post_init__()
 
     def log_density(self, values: FloatArray) -> FloatArray:
-        inside = (values >= self.low) & (values <= self.high)
+        inside = np.isfinite(super().log_density(values))
         safe = np.where(inside, values, 1.0)
         return np.where(inside, -np.log(safe * np.log(self.high / self.low)), -np.inf)
 
@@ -105,7 +112,7 @@ class LogUniform(Uniform):
 
 @dataclass(frozen=True)
 class Normal:
-    """A Gaussian.
+    """Gaussian prior.
 
     Examples
     --------
@@ -124,9 +131,7 @@ class Normal:
 
     def log_density(self, values: FloatArray) -> FloatArray:
         scaled = (values - self.mean) / self.sigma
-        return np.asarray(
-            -0.5 * scaled**2 - np.log(self.sigma) - 0.5 * np.log(2 * np.pi)
-        )
+        return np.asarray(-0.5 * scaled**2 - np.log(self.sigma * np.sqrt(2 * np.pi)))
 
     def draw(self, generator: Generator, count: int) -> FloatArray:
         return generator.normal(self.mean, self.sigma, count)
@@ -141,71 +146,53 @@ class Normal:
         return f"normal, mean {self.mean:.6g}, standard deviation {self.sigma:.6g}"
 
 
-# As text, a prior is its distribution in words and numbers.
+# The text of a prior describes its distribution in words and numbers.
 Prior = Uniform | Normal
 
 
-class Coordinates:
-    """Coordinates in which the moves of an ensemble work: here the parameters themselves.
-
-    Parameters stay as they are declared, in chains, files and summaries. For one that ranges over
-    decades, a subclass makes proposals in a smooth one-to-one map of it, in which the posterior is
-    nearly Gaussian; the ratio of volumes in the acceptance keeps the posterior unchanged.
-    """
-
-    def straight(self, parameters: FloatArray) -> FloatArray:
-        """Return coordinates of parameter vectors, shape (..., d)."""
-        return parameters
-
-    def parameters(self, straight: FloatArray) -> FloatArray:
-        """Return parameter vectors at coordinates, shape (..., d)."""
-        return straight
-
-    def log_volume(self, parameters: FloatArray) -> FloatArray:
-        """Return the log determinant of the derivatives by the coordinates, shape (...)."""
-        return np.zeros(parameters.shape[:-1])
-
-
 class Likelihood(Protocol):
-    """What a model needs of a likelihood: a picklable object that holds the data.
+    """Base of likelihoods: a picklable object with its data."""
 
-    The draws of the posterior are repeated with `simulate`, or with the method `repeat` of the
-    same arguments, if the likelihood has one.
-    """
+    @property
+    def observed(self) -> dict[str, FloatArray]:
+        """The data by name, one row per observation."""
 
     def __call__(self, parameters: FloatArray) -> FloatArray:
         """Return the log likelihood, shape (n,), of parameter vectors, shape (n, d)."""
 
+    def pointwise(self, parameters: FloatArray) -> FloatArray:
+        """Return the log likelihood of each observation, shape (n, ...)."""
+
     def simulate(self, parameters: FloatArray, generator: Generator) -> Any:
         """Return data drawn for one parameter vector, shape (d,)."""
 
+    def repeat(self, parameters: FloatArray, generator: Generator) -> Any:
+        """Return data of a repeat of the experiment, for one parameter vector, shape (d,)."""
+        return self.simulate(parameters, generator)
+
     def with_data(self, data: Any) -> Self:
-        """Return the same likelihood with other data, which `simulate` returns."""
+        """Return the likelihood of other data, in the form that `simulate` returns."""
 
     def start(self) -> tuple[FloatArray, FloatArray]:
         """Return a rough estimate and its rough standard error, both of shape (d,)."""
 
     def checks(self, data: Any | None = None) -> dict[str, float]:
-        """Return numbers of other data, or of the present data, that predictive checks compare."""
-
-    def pointwise(self, parameters: FloatArray) -> FloatArray:
-        """Return that of each observation, shape (n, observations) or (n, groups, lights)."""
-
-    @property
-    def observed(self) -> dict[str, FloatArray]:
-        """The data by name, one row per observation."""
+        """Return the numbers of the data, or of other data, for predictive checks."""
 
 
 @dataclass(frozen=True)
 class Parameter:
     """One parameter of a model.
 
-    - `name`: its name in tables and files, such as ``shift-x``.
-    - `label`: its symbol for axes, in TeX without dollar signs.
-    - `unit`: the unit in which it is shown.
-    - `prior`: its prior, in SI units or px.
+    - `name`: name in tables and files, such as ``shift-x``.
+    - `label`: symbol for axes, in TeX without dollar signs.
+    - `unit`: displayed unit.
+    - `prior`: prior, in SI units or px.
     - `shown`: displayed units per SI unit, such as ARCSEC_PER_RADIAN.
     - `natural`: bounds of the prior that are bounds of the quantity: draws may pile up there.
+    - `scale`: scale in which ensembles move: empty for a linear scale, ``log`` for a parameter
+      that ranges over decades, ``normal score`` for a fraction that may be close to zero. The
+      posterior is nearly Gaussian in this scale. Draws and priors are not affected.
     """
 
     name: str
@@ -214,6 +201,7 @@ class Parameter:
     prior: Prior
     shown: float = 1.0
     natural: tuple[float, ...] = ()
+    scale: str = ""
 
     @property
     def shown_unit(self) -> str:
@@ -223,7 +211,7 @@ class Parameter:
 
 @dataclass(frozen=True, eq=False)
 class Consequence:
-    """Draws of a consequence of the parameters, (n,), in the unit shown, and that unit."""
+    """Draws of a consequence of the parameters, (n,), in the displayed unit, and this unit."""
 
     values: FloatArray
     unit: str
@@ -237,13 +225,10 @@ Derived = Callable[[FloatArray], dict[str, Consequence]]
 class Model:
     """A model with its data.
 
-    - `name`: its name in tables, messages and stored runs.
+    - `name`: name in tables, messages and stored runs.
     - `parameters`: in the order of the columns of every parameter array.
-    - `likelihood`: the log likelihood with its data.
-    - `estimate`: the published or least-squares point estimate, by parameter, where there is one;
-      SI.
+    - `likelihood`: log likelihood with its data.
     - `derived`: functions that return consequences of the parameters.
-    - `coordinates`: in which ensembles move; they never show in the draws.
 
     Examples
     --------
@@ -253,15 +238,15 @@ class Model:
     name: str
     parameters: tuple[Parameter, ...]
     likelihood: Likelihood
-    estimate: Mapping[str, float] = field(default_factory=dict)
     derived: tuple[Derived, ...] = ()
-    coordinates: Coordinates = field(default_factory=Coordinates)
 
     def likelihood_of(self, kind: type[Kind]) -> Kind:
         """Return the likelihood, or raise `TypeError` if it is of another kind."""
         if not isinstance(self.likelihood, kind):
-            got = type(self.likelihood).__name__
-            raise TypeError(f"{self.name}: expected a {kind.__name__}, got {got}")
+            raise TypeError(
+                f"{self.name}: expected a {kind.__name__}, got "
+                f"{type(self.likelihood).__name__}"
+            )
         return self.likelihood
 
     @property
@@ -276,10 +261,8 @@ class Model:
 
     def log_prior(self, parameters: FloatArray) -> FloatArray:
         """Return the log prior density, shape (n,), of vectors of shape (n, d)."""
-        total = np.zeros(len(parameters))
-        for column, parameter in zip(parameters.T, self.parameters, strict=True):
-            total += parameter.prior.log_density(column)
-        return total
+        columns = zip(self.parameters, parameters.T, strict=True)
+        return np.asarray(sum(one.prior.log_density(column) for one, column in columns))
 
     def log_posterior(self, parameters: FloatArray) -> FloatArray:
         """Return log prior plus log likelihood, shape (n,); minus infinity outside the prior."""
@@ -289,33 +272,49 @@ class Model:
             total[inside] += self.likelihood(parameters[inside])
         return np.where(np.isnan(total), -np.inf, total)
 
-    def log_density(self, straight: FloatArray) -> FloatArray:
-        """Return the log posterior density of the coordinates, shape (n,)."""
+    def coordinates(self, parameters: FloatArray) -> FloatArray:
+        """Return the coordinates in which ensembles move, shape (..., d)."""
+        return self._mapped(parameters, 0)
+
+    def parameters_at(self, coordinates: FloatArray) -> FloatArray:
+        """Return the parameter vectors at coordinates, shape (..., d)."""
         with np.errstate(over="ignore"):  # far outside: infinite, and rejected
-            parameters = self.coordinates.parameters(straight)
+            return self._mapped(coordinates, 1)
+
+    def _mapped(self, values: FloatArray, function: int) -> FloatArray:
+        mapped = values.copy()
+        for i, parameter in enumerate(self.parameters):
+            if parameter.scale:
+                mapped[..., i] = _SCALES[parameter.scale][function](values[..., i])
+        return mapped
+
+    def log_volume(self, parameters: FloatArray) -> FloatArray:
+        """Return the log determinant of the derivatives by the coordinates, shape (...)."""
+        total = np.zeros(parameters.shape[:-1])
+        for i, parameter in enumerate(self.parameters):
+            if parameter.scale:
+                total += _SCALES[parameter.scale][2](parameters[..., i])
+        return total
+
+    def log_density(self, coordinates: FloatArray) -> FloatArray:
+        """Return the log posterior density of the coordinates, shape (n,)."""
+        parameters = self.parameters_at(coordinates)
         total = self.log_posterior(parameters)
         inside = np.isfinite(total)
-        total[inside] += self.coordinates.log_volume(parameters[inside])
+        total[inside] += self.log_volume(parameters[inside])
         return total
 
     def consequences(self, parameters: FloatArray) -> dict[str, Consequence]:
         """Return all consequences of parameter vectors, by name."""
-        found: dict[str, Consequence] = {}
-        for derived in self.derived:
-            found |= derived(parameters)
-        return found
-
-    def repeat(self, parameters: FloatArray, generator: Generator) -> Any:
-        """Return data of a repeat of this experiment, for one parameter vector."""
-        repeat = getattr(self.likelihood, "repeat", self.likelihood.simulate)
-        return repeat(parameters, generator)
+        parts = [derived(parameters) for derived in self.derived]
+        return {name: one for part in parts for name, one in part.items()}
 
     def with_data(self, data: Any) -> Model:
-        """Return the same model with other data; point estimates do not carry over."""
-        return replace(self, likelihood=self.likelihood.with_data(data), estimate={})
+        """Return the model with other data."""
+        return replace(self, likelihood=self.likelihood.with_data(data))
 
     def with_priors(self, priors: Mapping[str, Prior]) -> Model:
-        """Return the same model with other priors, by name; an unknown name is a ValueError."""
+        """Return the model with other priors, by name; an unknown name is a ValueError."""
         if unknown := priors.keys() - set(self.names):
             raise ValueError(
                 f"priors: expected names among {', '.join(self.names)}, got "
@@ -329,53 +328,54 @@ class Model:
     def disagreements(self) -> dict[str, tuple[float, float, float]]:
         """Return the parameters whose prior and data disagree.
 
-        With the rough estimate from the data, its standard error, and the distance from the prior
-        in standard deviations.
+        Each with the rough estimate from the data, its standard error, and the distance from the
+        prior in standard deviations.
         """
-        rough, spread = (column.tolist() for column in self.likelihood.start())
+        columns = (column.tolist() for column in self.likelihood.start())
         found = {}
-        for one, value, error in zip(self.parameters, rough, spread, strict=True):
+        for one, value, error in zip(self.parameters, *columns, strict=True):
             distance = one.prior.distance(value, error) if error > 0 else 0.0
-            if distance > _MAX_DISTANCE:
+            if distance > _MAX_PRIOR_DISTANCE_SIGMA:
                 found[one.name] = (value, error, distance)
         return found
 
-    def _supported(self, generator: Generator) -> tuple[FloatArray, FloatArray]:
+    def _compatible_start(self, generator: Generator) -> tuple[FloatArray, FloatArray]:
         """Return centre and spread of the posterior if priors and data disagree.
 
-        A population of points moves to where the posterior is high.
+        A population of points moves to the region of high posterior density.
         """
         rough, spread = self.likelihood.start()
-        wide = 10 ** generator.uniform(0, _DECADES, (_POPULATION, 1))
-        steps = generator.normal(size=(_POPULATION, self.dimension))
+        wide = 10 ** generator.uniform(0, _START_DECADES, (_POPULATION_SIZE, 1))
+        steps = generator.normal(size=(_POPULATION_SIZE, self.dimension))
         points, apart = rough + spread * wide * steps, self.disagreements()
         for i, one in enumerate(self.parameters):
             if one.name in apart or isinstance(one.prior, LogUniform):
-                points[:, i] = one.prior.draw(generator, _POPULATION)
-        for _ in range(_GENERATIONS):
+                points[:, i] = one.prior.draw(generator, _POPULATION_SIZE)
+        for _ in range(_MAX_GENERATIONS):
             log = self.log_posterior(points)
-            order = np.argsort(-log)[:_PARENTS]
-            best = points[order]
+            order = np.argsort(-log)[:_PARENT_COUNT]
+            parents = points[order]
             if log[order[0]] - log[order[-1]] < self.dimension:
                 break
-            a, b, c = best[generator.integers(0, _PARENTS, (3, _POPULATION))]
-            points = a + (b - c) * generator.normal(size=(_POPULATION, 1))
-        return best.mean(axis=0), best.std(axis=0)
+            rows = generator.integers(0, _PARENT_COUNT, (3, _POPULATION_SIZE))
+            a, b, c = parents[rows]
+            points = a + (b - c) * generator.normal(size=(_POPULATION_SIZE, 1))
+        return parents.mean(axis=0), parents.std(axis=0)
 
     def start(self, generator: Generator, walkers: int) -> FloatArray:
         """Return over-dispersed starting points about a displaced centre, shape (walkers, d).
 
-        The displacement belongs to the ensemble, so that ensembles start apart from each other.
-        If hardly any point has a finite posterior, a ValueError is raised.
+        Each ensemble has another displacement, so that ensembles start apart from each other. If
+        hardly any point has a finite posterior, a ValueError is raised.
         """
         rough, spread = self.likelihood.start()
         if self.disagreements():
-            rough, spread = self._supported(generator)
-        reach = _OVERDISPERSION * spread
+            rough, spread = self._compatible_start(generator)
+        reach = _START_SPREAD_RATIO * spread
         centre = rough + reach * generator.normal(size=self.dimension)
         points = np.empty((0, self.dimension))
-        for attempt in range(_MAX_ATTEMPTS):
-            # A displaced centre may lie outside the support: let the scatter grow back to it.
+        for attempt in range(_MAX_START_ATTEMPTS):
+            # A displaced centre may be outside the support, so the scatter grows.
             steps = generator.normal(size=(walkers, self.dimension))
             tried = centre + (1 + attempt / 20) * reach * steps
             inside = np.isfinite(self.log_posterior(tried))

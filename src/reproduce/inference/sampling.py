@@ -1,8 +1,8 @@
-"""Sampling a model with several independent emcee ensembles, on any executor.
+"""Sampling of a model with several independent emcee ensembles, on any executor.
 
-Each ensemble has its own stream of random numbers, spawned from one seed: the draws do not depend
-on the order of the ensembles, or on the number of processes. The moves are the stretch and the
-differential evolution of emcee, and a proposal for the nearly Gaussian posteriors of this book.
+Each ensemble has a separate stream of random numbers, spawned from one seed, so the draws do not
+depend on the order of the ensembles or on the number of processes. The moves are the stretch and
+the differential evolution of emcee, and a proposal for nearly Gaussian posteriors.
 """
 
 from __future__ import annotations
@@ -26,9 +26,15 @@ from reproduce.physics.validate import FloatArray, whole_number
 
 # Degrees of freedom and relative width of two Student-t proposals. The near one fits a nearly
 # Gaussian posterior. The far one is heavier and wider than the posteriors of this book, so that no
-# walker is left behind in a tail.
-NEAR, FAR = (30.0, 1.05), (4.0, 1.5)
-_FAR_SHARE = 0.2
+# walker remains in a tail.
+NEAR_PROPOSAL, FAR_PROPOSAL = (30.0, 1.05), (4.0, 1.5)
+_FAR_FRACTION = 0.2
+# Fractions of stretch, differential evolution and complement moves. In the warm-up the first two
+# bring a distant ensemble to the posterior. Later they move curved or heavy-tailed posteriors, and
+# the complement makes draws nearly independent.
+WARMUP_FRACTIONS, STEADY_FRACTIONS = (0.3, 0.4, 0.3), (0.05, 0.1, 0.85)
+# A chain that needs more steps is rejected.
+_MAX_STEPS = 20_000
 
 
 class _ComplementMove(moves.RedBlueMove):  # type: ignore[misc]  # emcee has no types
@@ -53,14 +59,13 @@ class _ComplementMove(moves.RedBlueMove):  # type: ignore[misc]  # emcee has no 
         scaled = (others - mean) / scale
         correlation = scaled.T @ scaled / len(others) + 1e-10 * np.eye(dimension)
         root = np.linalg.cholesky(correlation)
-        far = (random.rand(count) < _FAR_SHARE).astype(int)
-        degrees, width = np.array([NEAR, FAR])[far].T
+        far = (random.rand(count) < _FAR_FRACTION).astype(int)
+        degrees, width = np.array([NEAR_PROPOSAL, FAR_PROPOSAL])[far].T
         reach = width / np.sqrt(random.chisquare(degrees) / degrees)
         steps = reach[:, None] * random.standard_normal(sample.shape)
         before = ((sample - mean) / scale) @ np.linalg.inv(root).T
-        return mean + scale * (steps @ root.T), _log_proposal(before) - _log_proposal(
-            steps
-        )
+        ratios = _log_proposal(before) - _log_proposal(steps)
+        return mean + scale * (steps @ root.T), ratios
 
 
 def _log_proposal(steps: FloatArray) -> FloatArray:
@@ -71,40 +76,29 @@ def _log_proposal(steps: FloatArray) -> FloatArray:
         - gammaln(degrees / 2)
         - dimension * np.log(np.sqrt(degrees) * width)
         - 0.5 * (degrees + dimension) * np.log1p(squared / (degrees * width**2))
-        for degrees, width in (NEAR, FAR)
+        for degrees, width in (NEAR_PROPOSAL, FAR_PROPOSAL)
     )
     return np.asarray(
-        np.logaddexp(np.log1p(-_FAR_SHARE) + near, np.log(_FAR_SHARE) + far)
+        np.logaddexp(np.log1p(-_FAR_FRACTION) + near, np.log(_FAR_FRACTION) + far)
     )
-
-
-# Shares of stretch, differential evolution and complement. In the warm-up the first two move a
-# distant ensemble in; later they keep curved or heavy-tailed posteriors moving, and the complement
-# makes draws nearly independent.
-WARMUP_SHARES, STEADY_SHARES = (0.3, 0.4, 0.3), (0.05, 0.1, 0.85)
 
 
 def move_mixture(
-    shares: tuple[float, float, float] = STEADY_SHARES,
+    fractions: tuple[float, float, float] = STEADY_FRACTIONS,
 ) -> list[tuple[moves.Move, float]]:
-    """Return the moves of an ensemble for emcee, with their shares."""
+    """Return the moves of an ensemble for emcee, with their fractions."""
     kinds = (moves.StretchMove(), moves.DEMove(), _ComplementMove())
-    return list(zip(kinds, shares, strict=True))
-
-
-# A chain that needs more steps is rejected.
-_MAX_STEPS = 20_000
+    return list(zip(kinds, fractions, strict=True))
 
 
 @dataclass(frozen=True)
 class Plan:
-    """How a model is sampled.
+    """Numbers of a sampling run.
 
     - `seed`: root of all random numbers.
-    - `ensembles`, `walkers`: independent ensembles (at least four for a posterior that is shown;
-      calibration uses one per replicate) and walkers in each; zero walkers stands for the usual
-      number.
-    - `steps`, `warmup`: steps kept and steps dropped before them.
+    - `ensembles`, `walkers`: independent ensembles (at least four for a displayed posterior,
+      one per replicate in a calibration) and walkers in each; zero walkers is the default number.
+    - `steps`, `warmup`: kept steps, and dropped steps before them.
     """
 
     seed: int
@@ -114,18 +108,16 @@ class Plan:
     warmup: int = 500
 
     def __post_init__(self) -> None:
-        for name in ("seed", "ensembles", "walkers", "steps", "warmup"):
-            whole_number(
-                name, getattr(self, name), least=int(name in {"ensembles", "steps"})
-            )
+        for name, number in vars(self).items():
+            whole_number(name, number, least=int(name in {"ensembles", "steps"}))
 
     def walkers_for(self, dimension: int) -> int:
-        """Walkers of an ensemble: enough that half of them know the covariance."""
+        """Return the walkers of an ensemble: half of them determine the covariance."""
         walkers = self.walkers or max(32, 24 * dimension)
         if walkers < 2 * dimension + 2 or walkers % 2:
             raise ValueError(
                 f"walkers: expected an even number of at least {2 * dimension + 2} for {dimension} "
-                f"parameters, got {walkers}; give 0 for the usual number"
+                f"parameters, got {walkers}. Use 0 for the default number"
             )
         return walkers
 
@@ -138,24 +130,40 @@ def sample(
     executor: Executor | None = None,
     progress: Progress | None = None,
 ) -> PosteriorSamples:
-    """Sample the posterior of a model, and reject chains that fail a convergence criterion.
+    """Sample the posterior of a model.
 
-    Chains that are too short may be run again, `longer`: with as many steps as they are found to
-    need, up to `_MAX_STEPS`. Without an executor the ensembles run here, one after the other.
+    Parameters
+    ----------
+    model : Model
+        Model with its data.
+    plan : Plan
+        Numbers of the sampling run.
+    longer : bool
+        Whether chains that are too short are run again, with the advised number of steps, up to
+        20,000.
+    executor : concurrent.futures.Executor, optional
+        Executor of the ensembles. Default: this process, one ensemble after the other.
+    progress : callable, optional
+        Callback with the number of finished ensembles and the number of all ensembles.
+
+    Returns
+    -------
+    PosteriorSamples
+
+    Raises
+    ------
+    UnconvergedError
+        If the chains fail a convergence criterion.
     """
     run, results = partial(run_ensemble, model, plan), []
-    for result in (map if executor is None else executor.map)(
-        run, range(plan.ensembles)
-    ):
+    execute = map if executor is None else executor.map
+    for result in execute(run, range(plan.ensembles)):
         results.append(result)
         if progress is not None:
             progress(len(results), plan.ensembles)
-    chain, log_posterior, accepted = (
-        np.stack(column) for column in zip(*results, strict=True)
-    )
-    found = PosteriorSamples(
-        model, plan.seed, chain, log_posterior, tuple(accepted.tolist())
-    )
+    chain, log_posterior, accepted = map(np.stack, zip(*results, strict=True))
+    acceptance = tuple(accepted.tolist())
+    found = PosteriorSamples(model, plan.seed, chain, log_posterior, acceptance)
     try:
         require(found.rows, plan.steps, found.acceptance)
         if longer:
@@ -163,9 +171,8 @@ def sample(
     except UnconvergedError as error:
         if not longer or error.steps is None or error.steps > _MAX_STEPS:
             raise
-        enough = replace(
-            plan, steps=error.steps, warmup=max(plan.warmup, error.steps // 4)
-        )
+        warmup = max(plan.warmup, error.steps // 4)
+        enough = replace(plan, steps=error.steps, warmup=warmup)
         return sample(model, enough, longer=True, executor=executor, progress=progress)
     return found
 
@@ -178,35 +185,51 @@ def run_ensemble(
 ) -> tuple[FloatArray, FloatArray, float]:
     """Run one ensemble.
 
-    Returns its chain (steps, walkers, d), log posterior (steps, walkers) and the fraction of
-    accepted moves, all after the warm-up. `missing_steps`, if given, returns the number of further
-    steps that a chain needs; the ensemble goes on until it is zero.
+    Parameters
+    ----------
+    model : Model
+        Model with its data.
+    plan : Plan
+        Numbers of the sampling run.
+    ensemble : int
+        Number of the ensemble, which selects its random numbers.
+    missing_steps : callable, optional
+        Function that returns the number of further steps that a chain needs. The ensemble
+        continues until it is zero.
+
+    Returns
+    -------
+    chain : ndarray, shape (steps, walkers, d)
+        Parameters after the warm-up.
+    log_posterior : ndarray, shape (steps, walkers)
+        Unnormalised.
+    acceptance : float
+        Fraction of accepted moves.
     """
-    walkers = plan.walkers_for(model.dimension)
     warming, sampler = (
         emcee.EnsembleSampler(
-            walkers,
+            plan.walkers_for(model.dimension),
             model.dimension,
             model.log_density,
             vectorize=True,
-            moves=move_mixture(shares),
+            moves=move_mixture(fractions),
         )
-        for shares in (WARMUP_SHARES, STEADY_SHARES)
+        for fractions in (WARMUP_FRACTIONS, STEADY_FRACTIONS)
     )
-    here, there = (SeedSequence(plan.seed, spawn_key=(ensemble, i)) for i in (0, 1))
-    points = model.start(Generator(PCG64(here)), walkers)
+    starts, steps = (SeedSequence(plan.seed, spawn_key=(ensemble, i)) for i in (0, 1))
+    points = model.start(Generator(PCG64(starts)), sampler.nwalkers)
     state = State(
-        model.coordinates.straight(points),
-        random_state=RandomState(MT19937(there)).get_state(legacy=True),
+        model.coordinates(points),
+        random_state=RandomState(MT19937(steps)).get_state(legacy=True),
     )
     if plan.warmup:
         state = warming.run_mcmc(
             state, plan.warmup, skip_initial_state_check=True, store=False
         )
-    more = plan.steps
-    while more > 0:
-        state = sampler.run_mcmc(state, more, skip_initial_state_check=True)
-        chain = model.coordinates.parameters(sampler.get_chain())
-        more = missing_steps(chain) if missing_steps else 0
-    log_posterior = sampler.get_log_prob() - model.coordinates.log_volume(chain)
+    missing = plan.steps
+    while missing > 0:
+        state = sampler.run_mcmc(state, missing, skip_initial_state_check=True)
+        chain = model.parameters_at(sampler.get_chain())
+        missing = missing_steps(chain) if missing_steps else 0
+    log_posterior = sampler.get_log_prob() - model.log_volume(chain)
     return chain, log_posterior, float(sampler.acceptance_fraction.mean())

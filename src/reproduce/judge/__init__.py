@@ -1,1 +1,1 @@
-"""Computed against printed: verdicts, the ledger, and both again under a change."""
+"""Comparison of computed with printed numbers: verdicts, the ledger, and reruns."""

@@ -1,5 +1,4 @@
-"""The ledger: one record for every printed cell, one for every stochastic table; and the frozen
-verdicts, with the reason of each `differs`."""
+"""The ledger, with a record for every printed cell and stochastic table, and frozen verdicts."""
 
 from __future__ import annotations
 
@@ -16,23 +15,20 @@ from pydantic import Field, model_validator
 
 from reproduce.judge.propagate import plain_results
 from reproduce.judge.readings import Evaluation, ReadingSummary, evaluate
-from reproduce.judge.verdicts import CENTRAL, Flag, Frozen, Reading, Verdict
+from reproduce.judge.verdicts import CENTRAL, Comparison, Frozen, Reading, Verdict
 from reproduce.locate import data_folders
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import unpublished
 from reproduce.printed.cells import PrintedCell, PrintedTable, find, library
 from reproduce.printed.inputs import load_inputs
 
-_TOGETHER = (
+_JOINT_TEXT = (
     "probability of a table as far out as the printed one, all cells simulated together"
 )
 
 
-class Record(Frozen):
-    """Result of one printed cell; numbers are in the printed unit.
-
-    The fields of `Reading` are those of the literal reading.
-    """
+class _Printed(Frozen):
+    """A printed cell, and its role."""
 
     key: str
     """table, figure or group of quoted numbers"""
@@ -48,47 +44,37 @@ class Record(Frozen):
     """interval of values that agree with the printed number; null if open or words"""
     role: Literal["result", "given"]
     """result if a computation makes the cell"""
-    computed: float | None
+
+
+class Record(Comparison, _Printed):
+    """Result of one printed cell; the comparison is that of the literal reading."""
+
+    computed: float | None = None
     """value, median of the prediction, or assumed value"""
-    interval: tuple[float, float] | None
+    interval: tuple[float, float] | None = None
     """results that rounded inputs allow, or the central 99 % of the prediction"""
-    verdict: Verdict
-    """verdict; the page on verdicts of the book defines each word"""
-    flags: tuple[Flag, ...]
-    """qualifications of the verdict"""
-    tolerance: float | None
+    tolerance: float | None = None
     """half the printed interval, or half the predicted one"""
-    share: float | None
-    (
-        "abs(computed - printed) over half the printed interval (exact), (1 - "
-        "probability)/0.99 (consistent)"
-    )
-    probability: float | None
-    """two-sided mid-p over the printed interval"""
-    mcse: float | None
-    """Monte Carlo standard error of the probability"""
-    error: float | None
-    """Monte Carlo standard error of a predicted median"""
     why: str
     """the verdict in words"""
-    function: str | None
-    """the function that computes the cell"""
-    line: str | None
-    """file and line of that function"""
-    inputs: tuple[str, ...]
-    """the printed cells that it was given"""
-    equations: tuple[str, ...]
-    """the paper's equations it rests on"""
-    seed: tuple[int, ...] | None
+    function: str | None = None
+    """function that computes the cell"""
+    line: str | None = None
+    """file and line of this function"""
+    inputs: tuple[str, ...] = ()
+    """addresses of its declared inputs"""
+    equations: tuple[str, ...] = ()
+    """equations of the paper that it implements"""
+    seed: tuple[int, ...] | None = None
     """root and key of the random stream"""
-    readings: ReadingSummary | None
+    readings: ReadingSummary | None = None
     """all readings of the text in short; null if there is one reading"""
     reason: str = ""
-    """why, as written down with the frozen verdict"""
+    """reason of the frozen verdict"""
 
 
 class TableRecord(Frozen):
-    """Joint comparison of a table whose cells were drawn or measured together.
+    """Joint comparison of the predicted cells of a table.
 
     The probability is that of the literal reading.
     """
@@ -100,7 +86,7 @@ class TableRecord(Frozen):
     """of these, cells that differ"""
     expected_outside: float
     """cells expected to differ by chance"""
-    joint_probability: float = Field(description=_TOGETHER)
+    joint_probability: float = Field(description=_JOINT_TEXT)
     mcse: float
     replicates: int
     readings: int
@@ -136,10 +122,12 @@ class Ledger(Frozen):
         for record in self.records:
             if record.cell == address:
                 return record
-        raise KeyError(f"no record of {address!r}; `reproduce list` shows the keys")
+        raise KeyError(
+            f"address: expected a printed cell, got {address!r}. `reproduce list` shows the keys"
+        )
 
     def table(self, key: str) -> TableRecord | None:
-        """Return the joint record of a table, or None where nothing in it is stochastic."""
+        """Return the joint record of a table; None if it has no predicted cells."""
         return next((table for table in self.tables if table.key == key), None)
 
 
@@ -147,19 +135,38 @@ def build(
     keys: Iterable[str] | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Ledger:
-    """Run the computations of the items and judge every printed cell."""
+    """Run the computations of the items and judge every printed cell.
+
+    Parameters
+    ----------
+    keys : iterable of str, optional
+        Keys of the items. Default: all items.
+    progress : callable, optional
+        Callback with the number of finished items and the number of all items.
+
+    Returns
+    -------
+    Ledger
+
+    Raises
+    ------
+    KeyError
+        If a key is unknown.
+    """
     items = catalogue()
     asked = set(items if keys is None else keys)
     if unknown := asked - set(items):
-        raise KeyError(f"unknown key {sorted(unknown)}; expected some of {list(items)}")
-    found: list[Ledger] = []
-    for key in (key for key in items if key in asked):
-        found.append(_judged(key))
+        raise KeyError(
+            f"keys: expected some of {', '.join(items)}, got {sorted(unknown)}. Check them"
+        )
+    parts: list[Ledger] = []
+    for key in filter(asked.__contains__, items):
+        parts.append(_judged(key))
         if progress is not None:
-            progress(len(found), len(asked))
+            progress(len(parts), len(asked))
     return Ledger(
-        records=tuple(chain.from_iterable(one.records for one in found)),
-        tables=tuple(chain.from_iterable(one.tables for one in found)),
+        records=tuple(record for part in parts for record in part.records),
+        tables=tuple(table for part in parts for table in part.tables),
     )
 
 
@@ -170,84 +177,27 @@ def reread(key: str, choices: Mapping[str, str]) -> Ledger:
 
 @cache
 def _judged(key: str, choices: tuple[tuple[str, str], ...] = ()) -> Ledger:
-    table = library().get(key)
-    if table is None:  # a figure contains no printed numbers
+    if key not in library():  # a figure contains no printed numbers
         return Ledger(records=(), tables=())
-    made: dict[str, Record] = {}
+    records = {cell.name: _unjudged(cell) for cell in library()[key].cells}
     tables = []
     for computation in catalogue()[key].computations:
-        found = evaluate(
-            computation.with_options(dict(choices)) if choices else computation
-        )
-        made |= _results(found, table)
-        if not np.isnan(found.joint[0, 0]):
-            tables.append(_table_record(found))
-    records = (made.get(cell.name) or _without_result(cell) for cell in table.cells)
-    return Ledger(records=tuple(records), tables=tuple(tables))
+        if choices:
+            computation = computation.with_options(dict(choices))
+        evaluation = evaluate(computation)
+        records |= _results(evaluation, library()[key])
+        if not np.isnan(evaluation.joint[0, 0]):
+            tables.append(_table_record(evaluation))
+    return Ledger(records=tuple(records.values()), tables=tuple(tables))
 
 
-def _results(found: Evaluation, table: PrintedTable) -> dict[str, Record]:
-    """Return the records of the cells that a computation makes."""
-    computation = found.computation
-    plain: Mapping[str, Flag] = {}
-    if not computation.replicates:
-        plain = plain_results(computation, load_inputs(computation.inputs))
-    return {
-        name: _result(found, table[name], plain.get(name, "rounding"))
-        for name in found.cells
-    }
-
-
-def _result(found: Evaluation, cell: PrintedCell, plain: Flag) -> Record:
-    """Return the record of a cell; `plain` replaces the flag of agreement through rounding."""
-    computation, literal = found.computation, found.cells[cell.name][0]
-    summary = found.summary(cell.name)
-    verdict: Verdict = literal.verdict
-    flags, share, why = literal.flags, literal.share, _why(cell, literal)
-    if plain != "rounding" and verdict == "exact":
-        flags = (*(flag for flag in flags if flag != "rounding"), plain)
-    if 0 < summary.agreeing < summary.count:
-        verdict, flags, share = "ambiguous", (), None
-        why = (
-            f"depends on {', '.join(summary.decided_by)}: the printed number agrees with "
-            f"{summary.agreeing} of {summary.count} readings"
-        )
-    fields: dict[str, Any] = {
-        "role": "result",
-        "computed": literal.computed,
-        "verdict": verdict,
-        "flags": flags,
-        "why": why,
-        "function": computation.name,
-        "line": computation.line,
-        "inputs": tuple(load_inputs(computation.inputs).cells),
-        "equations": computation.equations,
-        "seed": computation.entropy or None,
-    }
-    if missing := unpublished(cell.key, cell.name):
-        fields |= {"verdict": "unpublished", "flags": ("stand_in",)}
-        fields["why"] = f"needs {missing}"
-    else:
-        numbers = ("interval", "tolerance", "probability", "mcse", "error")
-        fields |= {name: getattr(literal, name) for name in numbers}
-        fields |= {"share": share, "readings": summary if summary.count > 1 else None}
-    return _blank(cell).model_copy(update=fields)
-
-
-def _without_result(cell: PrintedCell) -> Record:
+def _unjudged(cell: PrintedCell) -> Record:
     """Return the record of a cell that no computation makes."""
-    record = _blank(cell)
-    if cell.is_number and (missing := unpublished(cell.key, cell.name)):
-        verdict = {"role": "result", "verdict": "unpublished"}
-        return record.model_copy(update={**verdict, "why": f"needs {missing}"})
-    return record
-
-
-def _blank(cell: PrintedCell) -> Record:
-    """Return the record of an input."""
-    ends: Any = None
+    missing = cell.is_number and unpublished(cell.key, cell.name)
+    ends, why = None, "words or a dash"
     if cell.is_number:
-        ends = [e if math.isfinite(e) else None for e in cell.number.interval()]
+        low, high = (e if math.isfinite(e) else None for e in cell.number.interval())
+        ends, why = (low, high), f"taken from the paper ({cell.role})"
     return Record(
         key=cell.key,
         cell=cell.address,
@@ -255,59 +205,81 @@ def _blank(cell: PrintedCell) -> Record:
         unit=cell.unit,
         place=cell.place,
         stands_for=ends,
-        role="given",
-        computed=None,
-        interval=None,
-        verdict="input",
-        flags=(),
-        tolerance=None,
-        share=None,
-        probability=None,
-        mcse=None,
-        error=None,
-        why=f"taken from the paper ({cell.role})" if ends else "words or a dash",
-        function=None,
-        line=None,
-        inputs=(),
-        equations=(),
-        seed=None,
-        readings=None,
+        role="result" if missing else "given",
+        verdict="unpublished" if missing else "input",
+        why=f"needs {missing}" if missing else why,
     )
 
 
-def _why(cell: PrintedCell, found: Reading) -> str:
+def _results(evaluation: Evaluation, table: PrintedTable) -> dict[str, Record]:
+    """Return the records of the cells that a computation makes."""
+    computation, records = evaluation.computation, {}
+    inputs = load_inputs(computation.inputs)
+    plain = {} if computation.replicates else plain_results(computation, inputs)
+    for name, (literal, *_) in evaluation.cells.items():
+        cell, summary = table[name], evaluation.summary(name)
+        fields: dict[str, Any] = {
+            "role": "result",
+            "computed": literal.computed,
+            "function": computation.name,
+            "line": computation.line,
+            "inputs": tuple(inputs.cells),
+            "equations": computation.equations,
+            "seed": computation.entropy or None,
+        }
+        if unpublished(cell.key, name):
+            fields["flags"] = ("stand_in",)
+        else:
+            fields |= vars(literal) | {"why": _why(cell, literal)}
+            del fields["choices"]
+            if literal.verdict == "exact" and name in plain:
+                kept = (flag for flag in literal.flags if flag != "rounding")
+                fields["flags"] = (*kept, plain[name])
+            if summary.count > 1:
+                fields["readings"] = summary
+            if 0 < summary.agreeing < summary.count:
+                fields |= {"verdict": "ambiguous", "flags": (), "share": None}
+                fields["why"] = (
+                    f"depends on {', '.join(summary.decided_by)}: the printed number agrees "
+                    f"with {summary.agreeing} of {summary.count} readings"
+                )
+        records[name] = _unjudged(cell).model_copy(update=fields)
+    return records
+
+
+def _why(cell: PrintedCell, reading: Reading) -> str:
     """Return the verdict of the literal reading in words."""
     value, low, high = (
         cell.number.format(number, extra=1)
-        for number in (found.computed, *found.interval)
+        for number in (reading.computed, *reading.interval)
     )
-    if found.probability is not None:
-        probability = f"probability {found.probability:.2g}"
-        if found.probability == 0.0:
+    if reading.probability is not None:
+        probability = f"probability {reading.probability:.2g}"
+        if reading.probability == 0.0:
             probability = "beyond every replicate"
-        side = "inside" if found.agrees else "outside"
+        side = "inside" if reading.agrees else "outside"
         return (
             f"{side} the central {CENTRAL:.0%} of the prediction, {low} to {high} "
             f"({probability})"
         )
-    if "bound" in found.flags:
-        return f"{value} {'keeps' if found.agrees else 'breaks'} the bound"
+    if "bound" in reading.flags:
+        return f"{value} {'keeps' if reading.agrees else 'breaks'} the bound"
     allowed = f"rounded inputs allow {low} to {high}"
-    if not found.agrees:
+    if not reading.agrees:
         return f"{value}; {allowed}, which excludes the printed number"
-    if (found.share or 0) > 1 or "rounding" in found.flags:
+    if (reading.share or 0) > 1 or "rounding" in reading.flags:
         return f"{value} does not round to the printed digits; {allowed}"
     return f"{value} rounds to the printed digits"
 
 
-def _table_record(found: Evaluation) -> TableRecord:
+def _table_record(evaluation: Evaluation) -> TableRecord:
     """Return the joint record of the predicted cells of a computation."""
-    key, names = found.computation.key, list(found.cells)
-    groups = np.stack([found.groups(name).ravel() for name in names], axis=-1)
-    distinct = np.unique(groups, axis=0, return_index=True)[1]
-    judged = [name for name in names if not unpublished(key, name)]
-    agreeing = np.sum([[r.agrees for r in found.cells[n]] for n in judged], axis=0)
-    joint = found.joint[:, 0]
+    key, cells = evaluation.computation.key, evaluation.cells
+    results = list(zip(*map(evaluation.results, cells), strict=True))
+    distinct = [results.index(result) for result in dict.fromkeys(results)]
+    judged = [name for name in cells if not unpublished(key, name)]
+    agreeing = np.sum([[r.agrees for r in cells[name]] for name in judged], axis=0)
+    joint = evaluation.joint[:, 0]
     fits = (agreeing == len(judged)) & (joint >= 1 - CENTRAL)
     closest = max(distinct, key=lambda i: (fits[i], agreeing[i], joint[i], -i))
     return TableRecord(
@@ -316,11 +288,11 @@ def _table_record(found: Evaluation) -> TableRecord:
         outside=len(judged) - int(agreeing[0]),
         expected_outside=len(judged) * (1 - CENTRAL),
         joint_probability=joint[0],
-        mcse=found.joint[0, 1],
-        replicates=found.computation.replicates,
+        mcse=evaluation.joint[0, 1],
+        replicates=evaluation.computation.replicates,
         readings=len(distinct),
         fitting=int(fits[distinct].sum()),
-        closest=found.computation.readings[closest],
+        closest=evaluation.computation.readings[closest],
         closest_agreeing=int(agreeing[closest]),
         closest_probability=joint[closest],
     )
@@ -338,7 +310,9 @@ class Expectation(Frozen):
     @model_validator(mode="after")
     def _has_reason(self) -> Expectation:
         if self.verdict == "differs" and not self.reason:
-            raise ValueError(f"{self.cells}: a differs needs its reason")
+            raise ValueError(
+                f"reason: expected the reason why {self.cells} differ, got none. Add it"
+            )
         return self
 
 
@@ -356,7 +330,9 @@ def frozen() -> dict[str, Expectation]:
         one = Expectation.model_validate(entry)
         for cell in chain.from_iterable(map(find, one.cells)):
             if cell.address in expectations:
-                raise ValueError(f"verdicts.toml: expected {cell.address} once")
+                raise ValueError(
+                    f"verdicts.toml: expected {cell.address} once, got it twice. Remove one"
+                )
             expectations[cell.address] = one
     return expectations
 
@@ -371,24 +347,23 @@ class VerdictChange:
 
 
 def changed_verdicts(ledger: Ledger) -> list[VerdictChange]:
-    """Compare the ledger's verdicts with the frozen ones."""
+    """Return the cells whose verdict is not the frozen one."""
     found = []
     for record in ledger.records:
-        wanted = "none"
-        if record.cell in frozen():
-            wanted = frozen()[record.cell].verdict
-        if record.verdict != wanted:
-            found.append(VerdictChange(record.cell, wanted, record.verdict))
+        expected = frozen().get(record.cell)
+        verdict = expected.verdict if expected else "none"
+        if record.verdict != verdict:
+            found.append(VerdictChange(record.cell, verdict, record.verdict))
     return found
 
 
 def reason(address: str) -> str:
-    """Return the written reason for the frozen verdict of a cell; empty without a reason."""
+    """Return the reason of the frozen verdict of a cell; empty without a reason."""
     return frozen()[address].reason if address in frozen() else ""
 
 
 def erratum(address: str) -> str:
-    """Return the id of the erratum behind a `differs`; empty without an erratum."""
+    """Return the id of the erratum that explains a verdict; empty without an erratum."""
     return frozen()[address].erratum if address in frozen() else ""
 
 

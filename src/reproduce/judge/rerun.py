@@ -1,11 +1,11 @@
-"""Computation of an item with changed inputs, or under a reading of the text.
+"""Computation of an item with changed inputs, or under one reading of the text.
 
 A change replaces a printed cell that is an input of the item, directly or through other items.
-Recomputed values replace the printed values between the changed cell and the item. Such a result
-has no verdict.
+Between the changed cell and the item, recomputed values replace printed values. The result has no
+verdict.
 
-Options of the text select one reading; an option without a choice takes its literal alternative.
-With options only, the result contains the verdict of each cell under this reading.
+An option without a choice has its literal alternative. If only options are changed, the result is
+one reading of the text and contains the verdict of each cell under this reading.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
@@ -33,12 +33,12 @@ _Made = TypeVar("_Made")
 _NOISE_RATIO = 1e-9
 # More replicates would only fill the memory.
 _MAX_REPLICATES = 100_000
-# Cells that a message suggests in place of a cell that is not read.
+# Cells that a message suggests instead of a cell that is not an input.
 _MAX_SUGGESTED = 5
 
 
 class CannotChangeError(ValueError):
-    """A change that the item does not read, a value that does not fit, an unknown option."""
+    """Raised for a cell that is not an input, a value that does not fit, or an unknown option."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class ChangedCell:
 
     Parameters
     ----------
-    cell : Cell
+    cell : PrintedCell
         Printed cell.
     unchanged, value : float, optional
         Computed value, or median of the prediction, without and with the change.
@@ -71,7 +71,7 @@ class Rerun:
     Parameters
     ----------
     key : str
-        The item.
+        Key of the item.
     changes : dict
         Address to the value as given, and ``seed`` or ``replicates`` if they are changed.
     cells : tuple of ChangedCell
@@ -80,7 +80,7 @@ class Rerun:
         Address of each printed input that a recomputed value replaces, to that value in the
         printed unit.
     options : dict
-        Option to the alternative chosen.
+        Option to the chosen alternative.
     joint : TableRecord, optional
         Joint probability of a stochastic table, if only options are changed.
     """
@@ -101,7 +101,15 @@ class Rerun:
 def options(key: str) -> dict[str, dict[str, Alternative]]:
     """Return the options of an item.
 
-    Option to its alternatives, the literal one first.
+    Parameters
+    ----------
+    key : str
+        Key of the item.
+
+    Returns
+    -------
+    dict
+        Option to its alternatives, the literal one first.
 
     Examples
     --------
@@ -110,8 +118,8 @@ def options(key: str) -> dict[str, dict[str, Alternative]]:
     """
     found: dict[str, dict[str, Alternative]] = {}
     for computation in catalogue()[key].computations:
-        for name, ways in computation.options.items():
-            found.setdefault(name, {}).update(ways)
+        for name, alternatives in computation.options.items():
+            found.setdefault(name, {}).update(alternatives)
     return found
 
 
@@ -123,26 +131,58 @@ def rerun(
     replicates: int | None = None,
     chosen: Mapping[str, str] | None = None,
 ) -> Rerun:
-    """Compute an item again under a change, or under a reading of the text."""
+    """Compute an item again under a change, or under a reading of the text.
+
+    Parameters
+    ----------
+    key : str
+        Key of the item.
+    changes : mapping, optional
+        Address of an input to a value as printed, with its unit.
+    seed, replicates : int, optional
+        Seed of the random number generator, and number of replicates.
+    chosen : mapping, optional
+        Option of the text to one of its alternatives.
+
+    Returns
+    -------
+    Rerun
+
+    Raises
+    ------
+    CannotChangeError
+        If a cell is not an input, a value does not fit, or the item cannot be computed.
+    """
     changes, chosen = dict(changes or {}), dict(chosen or {})
-    values = checked_values(key, changes)
-    _check_options(key, chosen)
+    run = _Run(checked_values(key, changes), seed, replicates, chosen)
+    known = options(key)
+    for name, alternative in chosen.items():
+        if alternative not in known.get(name, ()):
+            listed = "; ".join(f"{n} ({', '.join(one)})" for n, one in known.items())
+            raise CannotChangeError(
+                f"{name}: expected an option of {key}, {listed or 'which has none'}, got "
+                f"{alternative!r}. Choose an alternative"
+            )
     computations = catalogue()[key].computations
-    random = any(one.replicates for one in computations)
+    random = any(computation.replicates for computation in computations)
     check_randomness(key, random, changes, seed, replicates)
     changed = by_name(changes, seed, replicates)
     if chosen and not changed:
         return _reading(key, chosen)
-    run = _Run(values, seed, replicates, chosen)
     cells = {}
     with _explained(key, changed | chosen):
         for computation in computations:
             before = computation.with_options(chosen)(load_inputs(computation.inputs))
             for name, after in run.results(computation).items():
-                cells[name] = _changed(library()[key][name], before[name], after)
-        for one in cells.values():
-            if not np.isfinite([one.value, *(one.interval or ())]).all():
-                raise ArithmeticError(f"{one.cell.address} is not a finite number")
+                cell, ends = library()[key][name], None
+                unit = si_factor(cell.unit)
+                if isinstance(after, Prediction):
+                    ends = central_interval(after.draws / unit)
+                value = _median(after, unit)
+                if not np.isfinite([value, *(ends or ())]).all():
+                    raise ArithmeticError(f"{cell.address} is not a finite number")
+                unchanged = _median(before[name], unit)
+                cells[name] = ChangedCell(cell, unchanged, value, ends)
     ordered = (cells[name] for name in library()[key].by_name if name in cells)
     return Rerun(key, changed, tuple(ordered), run.replaced, chosen)
 
@@ -166,25 +206,26 @@ def check_randomness(
 
     Random numbers are drawn by the item, or between a change and the inputs of the item.
     """
-    if not random and (seed, replicates) != (None, None):
-        above = [
-            one
-            for one in map(computation_for, changeable(key))
-            if one and one.replicates
-        ]
+    if seed is replicates is None:
+        return
+    if not random:
+        above = (one for one in map(computation_for, changeable(key)) if one)
         changed = set(changes)
-        random = any(changed.intersection(upstream(one.inputs)) for one in above)
-    numbers: list[tuple[str, Any, int, float]] = [
-        ("seed", seed, 0, math.inf),
-        ("replicates", replicates, 2, _MAX_REPLICATES),
-    ]
-    for name, number, least, most in numbers:
-        whole = isinstance(number, int | np.integer) and least <= number <= most
-        if number is not None and not (whole and random):
-            wanted = f"a whole number from {least} to {most:,}"
-            if not random:
-                wanted = f"None, since {key} draws no random numbers"
-            raise CannotChangeError(f"{name}: expected {wanted}, got {number!r}")
+        random = any(
+            one.replicates and changed.intersection(upstream(one.inputs))
+            for one in above
+        )
+    limits = {
+        "seed": (seed, 0, math.inf),
+        "replicates": (replicates, 2, _MAX_REPLICATES),
+    }
+    for name, (number, least, most) in limits.items():
+        is_whole = isinstance(number, int | np.integer) and least <= number <= most
+        if number is not None and not (random and is_whole):
+            expected = f"None, since {key} draws no random numbers"
+            if random:
+                expected = f"a whole number from {least} to {most:,}"
+            raise CannotChangeError(f"{name}: expected {expected}, got {number!r}")
 
 
 def checked_values(key: str, changes: Mapping[str, str | float]) -> dict[str, float]:
@@ -216,7 +257,28 @@ def compute_with_changes(
     seed: int | None,
     compute: Callable[[Inputs], _Made],
 ) -> tuple[_Made, dict[str, float]]:
-    """Return the result of `compute` with changed inputs, and the printed inputs replaced."""
+    """Return the result of `compute` with changed inputs, and the replaced printed inputs.
+
+    Parameters
+    ----------
+    key : str
+        Key of the item.
+    patterns : tuple of str
+        Addresses of its inputs.
+    changes : mapping
+        Address of an input to a value as printed, with its unit.
+    seed : int, optional
+        Seed of the random number generator.
+    compute : callable
+        Function of the inputs.
+
+    Returns
+    -------
+    result
+        Result of `compute`.
+    replaced : dict
+        Address to the recomputed value that replaces the printed one, in the printed unit.
+    """
     run = _Run(checked_values(key, changes), seed)
     with _explained(key, by_name(changes, seed)):
         return compute(run.inputs(patterns)), run.replaced
@@ -224,7 +286,7 @@ def compute_with_changes(
 
 @contextmanager
 def _explained(key: str, changes: Mapping[str, str]) -> Iterator[None]:
-    """Name the item and the changes in an error of a computation."""
+    """Add the item and the changes to an error of a computation."""
     try:
         with np.errstate(all="ignore"):
             yield
@@ -235,64 +297,40 @@ def _explained(key: str, changes: Mapping[str, str]) -> Iterator[None]:
         ) from error
 
 
-def _check_options(key: str, chosen: Mapping[str, str]) -> None:
-    known = options(key)
-    for name, way in chosen.items():
-        if way not in known.get(name, ()):
-            listed = "; ".join(f"{n} ({', '.join(ways)})" for n, ways in known.items())
-            raise CannotChangeError(
-                f"{name}: expected an option of {key}, {listed or 'which has none'}; "
-                f"got {way!r}"
-            )
-
-
 def _reading(key: str, chosen: dict[str, str]) -> Rerun:
-    """Judge an item under one reading of the text."""
+    """Return an item under one reading of the text, with verdicts."""
     found, literal = reread(key, chosen), reread(key, {})
     cells = tuple(
         ChangedCell(
-            cell=find(record.cell)[0],
-            unchanged=literal.cell(record.cell).computed,
-            value=record.computed,
-            interval=record.interval,
-            verdict=record.verdict,
+            find(after.cell)[0],
+            before.computed,
+            after.computed,
+            after.interval,
+            after.verdict,
         )
-        for record in found.records
-        if record.function
+        for before, after in zip(literal.records, found.records, strict=True)
+        if after.function
     )
     return Rerun(key, {}, cells, {}, chosen, found.table(key))
 
 
-def _changed(cell: PrintedCell, before: Result, after: Result) -> ChangedCell:
-    """Return a cell before and after a change."""
-    unit = si_factor(cell.unit)
-    ends = (
-        central_interval(after.draws / unit) if isinstance(after, Prediction) else None
-    )
-    return ChangedCell(cell, _middle(before, unit), _middle(after, unit), ends)
-
-
+@dataclass
 class _Run:
-    """Values of cells under one set of changes; every computation runs at most once."""
+    """Values of cells under one set of changes. Every computation runs at most once."""
 
-    def __init__(
-        self,
-        values: Mapping[str, float],
-        seed: int | None,
-        replicates: int | None = None,
-        chosen: Mapping[str, str] | None = None,
-    ) -> None:
-        self.values, self.seed, self.replicates = values, seed, replicates
-        self.chosen = chosen or {}
-        self.replaced: dict[str, float] = {}
-        self._results: dict[str, Mapping[str, Result]] = {}
+    values: Mapping[str, float]
+    seed: int | None
+    replicates: int | None = None
+    chosen: Mapping[str, str] = field(default_factory=dict)
+    replaced: dict[str, float] = field(default_factory=dict)
+    _results: dict[str, Mapping[str, Result]] = field(default_factory=dict)
 
     def results(self, computation: Computation) -> Mapping[str, Result]:
         """Return the results of a computation whose inputs follow the changes."""
         if computation.name not in self._results:
             inputs = self.inputs(computation.inputs)
-            found = computation.with_options(self.chosen)(inputs, self.replicates)
-            self._results[computation.name] = found
+            run = computation.with_options(self.chosen)
+            self._results[computation.name] = run(inputs, self.replicates)
         return self._results[computation.name]
 
     def inputs(self, patterns: tuple[str, ...]) -> Inputs:
@@ -302,33 +340,32 @@ class _Run:
         return inputs.changed({a: v for a, v in values.items() if v is not None})
 
     def _input(self, address: str) -> float | None:
-        """Return the value that replaces a printed input; None if no value does."""
+        """Return the value that replaces a printed input; None if the printed value remains."""
         if address in self.values:
             return self.values[address]
         above = computation_for(address)
-        if above is None or not self.values.keys() & set(upstream(above.inputs)):
+        if above is None or self.values.keys().isdisjoint(upstream(above.inputs)):
             return None
         cell = find(address)[0]
-        found = self.results(above).get(cell.name)
-        plain = above.with_options(self.chosen)(
+        unchanged = above.with_options(self.chosen)(
             load_inputs(above.inputs, self.seed), self.replicates
         )
-        if found is None:
+        if cell.name not in unchanged:
             return None
-        value, unit = _middle(found), si_factor(cell.unit)
-        low, high = cell.number.interval()
+        before, value = (
+            _median(results[cell.name]) for results in (unchanged, self.results(above))
+        )
+        unit, (low, high) = si_factor(cell.unit), cell.number.interval()
         # Rounding noise, which differs between processors, is no change.
         tolerance = _NOISE_RATIO * unit * (high - low)
-        if math.isclose(
-            value, _middle(plain[cell.name]), rel_tol=_NOISE_RATIO, abs_tol=tolerance
-        ):
+        if math.isclose(value, before, rel_tol=_NOISE_RATIO, abs_tol=tolerance):
             return None
         self.replaced[address] = value / unit
         return value
 
 
-def _middle(result: Result, unit: float = 1.0) -> float:
-    """Return the middle of a result in a unit, which is applied first, as the ledger does."""
+def _median(result: Result, unit: float = 1.0) -> float:
+    """Return the median of a result in a unit, which is applied first, as in the ledger."""
     if isinstance(result, Prediction):
         return float(np.median(result.draws / unit))
     return float(result) / unit

@@ -44,32 +44,37 @@ class Frozen(BaseModel):
     )
 
 
-class Reading(Frozen):
-    """Comparison of a cell under one reading of the text; numbers are in the printed unit."""
+class Comparison(Frozen):
+    """Comparison of a printed number with a result; numbers are in the printed unit."""
 
-    choices: dict[str, str]
-    """alternative of each option that affects the cell"""
     verdict: Verdict
-    """exact, consistent or differs"""
-    computed: float
-    """value, or median of the prediction"""
-    interval: tuple[float, float]
-    """results that rounded inputs allow, or the central 99 % of the prediction"""
-    flags: tuple[Flag, ...]
+    """verdict; the page on verdicts of the book defines each word"""
+    flags: tuple[Flag, ...] = ()
     """qualifications of the verdict"""
-    tolerance: float
-    """half the printed interval, or half the predicted one"""
-    share: float | None
+    share: float | None = None
     (
         "abs(computed - printed) over half the printed interval (exact), (1 - "
         "probability)/0.99 (consistent)"
     )
-    probability: float | None
+    probability: float | None = None
     """two-sided mid-p over the printed interval"""
-    mcse: float | None
+    mcse: float | None = None
     """Monte Carlo standard error of the probability"""
-    error: float | None
+    error: float | None = None
     """Monte Carlo standard error of a predicted median"""
+
+
+class Reading(Comparison):
+    """Comparison of a cell under one reading of the text."""
+
+    choices: dict[str, str]
+    """alternative of each option that affects the cell"""
+    computed: float
+    """value, or median of the prediction"""
+    interval: tuple[float, float]
+    """results that rounded inputs allow, or the central 99 % of the prediction"""
+    tolerance: float
+    """half the printed interval, or half the predicted one"""
 
     @property
     def agrees(self) -> bool:
@@ -78,7 +83,7 @@ class Reading(Frozen):
 
 
 class Propagated(NamedTuple):
-    """Results that rounded inputs allow, in SI; whether one of the inputs has a wide tolerance."""
+    """Results that rounded inputs allow, in SI units, and whether an input has a wide tolerance."""
 
     low: float
     high: float
@@ -91,7 +96,23 @@ def judge(
     choices: Mapping[str, str],
     allowed: Propagated | None = None,
 ) -> Reading:
-    """Compare the result of one reading with the printed number of a cell."""
+    """Compare the result of one reading with the printed number of a cell.
+
+    Parameters
+    ----------
+    cell : PrintedCell
+        Printed cell.
+    result : float or Prediction
+        Result, in SI units.
+    choices : mapping
+        Options of the reading to their alternatives.
+    allowed : Propagated, optional
+        Results that rounded inputs allow. Default: the result.
+
+    Returns
+    -------
+    Reading
+    """
     unit = si_factor(cell.unit)
     if isinstance(result, Prediction):
         return judge_prediction(cell.number, result.draws / unit, choices)
@@ -111,7 +132,27 @@ def judge_value(
 ) -> Reading:
     """Compare a deterministic result with the printed digits.
 
-    `wide` states that the result depends on an input printed as about or nominal.
+    Parameters
+    ----------
+    printed : PrintedNumber
+        Printed number.
+    value : float
+        Result, in the printed unit.
+    interval : tuple of float
+        Results that rounded inputs allow, in the printed unit.
+    choices : mapping, optional
+        Options of the reading to their alternatives.
+    wide : bool
+        Whether the result depends on an input that is printed as about or nominal.
+
+    Returns
+    -------
+    Reading
+
+    Raises
+    ------
+    ValueError
+        If the result is not finite.
 
     Examples
     --------
@@ -119,7 +160,9 @@ def judge_value(
     'exact'
     """
     if not math.isfinite(value):
-        raise ValueError(f"computed value: expected a finite number, got {value}")
+        raise ValueError(
+            f"computed value: expected a finite number, got {value}. Check the computation"
+        )
     rounds = printed.overlaps(value, value)
     agrees = rounds or printed.overlaps(*interval)
     flags: list[Flag] = ["bound"] if printed.is_bound else []
@@ -139,14 +182,11 @@ def judge_value(
         flags=tuple(flags),
         tolerance=printed.half_width,
         share=share,
-        probability=None,
-        mcse=None,
-        error=None,
     )
 
 
 def _has_wide_tolerance(printed: PrintedNumber, value: float) -> bool:
-    """Return whether agreement with a value rests on the word *about* or *nominal*.
+    """Return whether a value agrees only because of the word *about* or *nominal*.
 
     The value does not round to the printed digits, or the tolerance of the qualifier is more than
     a tenth of the printed value.
@@ -170,6 +210,24 @@ def judge_prediction(
 ) -> Reading:
     """Compare a predicted distribution with a printed random or measured number.
 
+    Parameters
+    ----------
+    printed : PrintedNumber
+        Printed number.
+    draws : ndarray, shape (n,)
+        Draws of the prediction, in the printed unit.
+    choices : mapping, optional
+        Options of the reading to their alternatives.
+
+    Returns
+    -------
+    Reading
+
+    Raises
+    ------
+    ValueError
+        If there are no draws, or some are not finite.
+
     Examples
     --------
     >>> draws = np.random.default_rng(1).normal(1.0, 0.1, 4000)
@@ -178,13 +236,14 @@ def judge_prediction(
     """
     if draws.size == 0 or not np.isfinite(draws).all():
         raise ValueError(
-            f"draws: expected finite numbers, got {draws.size} with NaN or infinity"
+            f"draws: expected finite numbers, got {draws.size} with NaN or infinity. Check the "
+            "computation"
         )
     half_step = 0.5 / math.sqrt(draws.size)
     summary = (
         np.median(draws),
         *central_interval(draws),
-        min(1.0, 2.0 * tail_mid_p(np.sort(draws), *printed.interval())),
+        2.0 * tail_mid_p(draws, *printed.interval()),
         np.ptp(np.quantile(draws, [0.5 - half_step, 0.5 + half_step])) / 2,
     )
     return judge_summary(printed, choices or {}, map(float, summary), draws.size)
@@ -198,8 +257,21 @@ def judge_summary(
 ) -> Reading:
     """Compare the summary of a predicted distribution with a printed number.
 
-    The summary contains the median, the ends of the central interval, the probability of the
-    printed number and the Monte Carlo error of the median.
+    Parameters
+    ----------
+    printed : PrintedNumber
+        Printed number.
+    choices : mapping
+        Options of the reading to their alternatives.
+    summary : iterable of float
+        Median, bounds of the central interval, probability of the printed number, and Monte Carlo
+        error of the median.
+    replicates : int
+        Number of draws.
+
+    Returns
+    -------
+    Reading
     """
     computed, low, high, probability, error = summary
     consistent = probability >= 1.0 - CENTRAL
@@ -219,22 +291,33 @@ def judge_summary(
     )
 
 
-def tail_mid_p(ordered: NDArray[np.float64], low: float, high: float) -> float:
+def tail_mid_p(draws: NDArray[np.float64], low: float, high: float) -> float:
     """Return the smaller tail beyond an interval, with half of the draws inside it.
+
+    Parameters
+    ----------
+    draws : ndarray, shape (n,)
+        Draws of a prediction.
+    low, high : float
+        Bounds of the interval, which belong to it.
+
+    Returns
+    -------
+    float
+        Probability, at most one half.
 
     Examples
     --------
     >>> tail_mid_p(np.array([1.0, 2.0, 3.0, 4.0]), 2.5, 2.5)
     0.5
     """
-    below = int(np.searchsorted(ordered, low, side="left"))
-    up_to = int(np.searchsorted(ordered, high, side="right"))
-    tail = min(below, ordered.size - up_to) + 0.5 * (up_to - below)
-    return min(0.5, tail / ordered.size)
+    below, above = (int(np.sum(outside)) for outside in (draws < low, draws > high))
+    tail = min(below, above) + 0.5 * (draws.size - below - above)
+    return min(0.5, tail / draws.size)
 
 
 def central_interval(draws: NDArray[np.float64]) -> tuple[float, float]:
-    """Return the ends of the central fraction of draws in which a printed number is consistent."""
+    """Return the bounds of the central 99 % of draws, in which a printed number is consistent."""
     edge = (1.0 - CENTRAL) / 2
     low, high = np.quantile(draws, [edge, 1.0 - edge])
     return float(low), float(high)
@@ -243,12 +326,23 @@ def central_interval(draws: NDArray[np.float64]) -> tuple[float, float]:
 def joint_probability(
     draws: NDArray[np.float64], intervals: NDArray[np.float64]
 ) -> tuple[float, float]:
-    """Return the probability of cells as far out as the printed ones, and its error.
+    """Return the probability of cells as far from the prediction as the printed ones.
 
-    Cells on the first axis: draws of shape (cells, n), printed intervals of shape (cells, 2). The
-    measure is the squared Mahalanobis distance from the mean, which accounts for correlation. The
-    distance of the printed cells is the smallest one of all values that round to them, so rounding
-    can make the probability too large and never too small.
+    The measure is the squared Mahalanobis distance from the mean, which accounts for correlation.
+    The distance of the printed cells is the smallest one of all values that round to them, so
+    rounding can make the probability too large, but not too small.
+
+    Parameters
+    ----------
+    draws : ndarray, shape (cells, n)
+        Draws of the prediction, in printed units.
+    intervals : ndarray, shape (cells, 2)
+        Values that round to the printed numbers.
+
+    Returns
+    -------
+    probability, error : float
+        The probability, and its Monte Carlo standard error.
 
     Examples
     --------
@@ -256,13 +350,13 @@ def joint_probability(
     >>> joint_probability(draws, np.array([[8.95, 9.05]]))[0] < 0.001
     True
     """
-    from scipy.optimize import lsq_linear  # only now: SciPy's optimisers take long
+    from scipy.optimize import lsq_linear  # slow to import
 
     mean = draws.mean(axis=1, keepdims=True)
     sd = draws.std(axis=1, ddof=1, keepdims=True)
     draws, edges = (draws - mean) / sd, (intervals - mean) / sd
-    # Cells that noise moves alike are nearly dependent; lifting the smallest eigenvalues, again,
-    # can make a probability too large only.
+    # Cells that noise moves alike are nearly dependent. Raising the smallest eigenvalues can make
+    # a probability too large, but not too small.
     values, vectors = np.linalg.eigh(np.atleast_2d(np.corrcoef(draws)))
     whitening = (vectors / np.sqrt(np.maximum(values, _MIN_EIGENVALUE))).T
     low, high = edges[:, 0], np.maximum(edges[:, 1], edges[:, 0] + _MIN_WIDTH_SIGMA)

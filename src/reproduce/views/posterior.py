@@ -36,7 +36,6 @@ from reproduce.inference.models import (
 from reproduce.inference.modes import Modes
 from reproduce.judge.rerun import check_randomness
 from reproduce.papers.posteriors import posteriors
-from reproduce.physics.registration import robust_similarity
 from reproduce.store.files import DRAWS, check_target, replacing, write_text
 from reproduce.store.points import STARS, DataTable, is_table, matched_stars, read_table
 from reproduce.version import __version__
@@ -116,6 +115,9 @@ class Posterior(UserResult):
         if data is not None:
             self._table, own = self._read(data, own)
             model, self.remarks = self.declared.supplied(self._table, own)
+            rows = self._table.rows
+            # A star of weight zero is left out.
+            self._rows = rows[np.broadcast_to(own.get("weights", 1.0), rows.shape) > 0]
         elif own:
             raise ValueError(
                 f"{next(iter(own))}: expected data of your own next to it, got none"
@@ -249,7 +251,7 @@ class Posterior(UserResult):
             return None
         found = pd.DataFrame(likelihood.source, columns=["x", "y"])
         found["probability_false"] = probability_false(self.sampled)
-        rows = table.rows if table else range(1, len(found) + 1)
+        rows = self._rows if table else range(1, len(found) + 1)
         found.insert(0, "row" if table else "star", rows)
         return found
 
@@ -354,7 +356,8 @@ class Posterior(UserResult):
         kind, found = "truth of the simulation", self.truth
         if not found:
             kind = "least-squares or nominal estimate"
-            found = self._shown(self.model.estimate)
+            start = self.model.likelihood.start()[0].tolist()
+            found = self._shown(dict(zip(known, start, strict=True)))
         rows = {row.name: row for row in self.sampled.rows if row.name in names}
         marks = {
             name: found[name]
@@ -492,8 +495,7 @@ class Posterior(UserResult):
         likelihood = self.model.likelihood
         if self._stars is None or not isinstance(likelihood, MixtureRegistration):
             return ""
-        fit = robust_similarity(likelihood.source, likelihood.target, likelihood.pivot)
-        dropped = (fit.weights == 0).sum()
+        dropped = (~likelihood.agreeing).sum()
         false = (self._stars["probability_false"] > 0.5).sum()
         if dropped <= false:
             return ""

@@ -1,14 +1,13 @@
-"""Models of the posteriors: which file serves which posterior.
+"""Models of the posteriors, with the posteriors of each module.
 
-- registration of the book and of your stars, registration-joint, predictions of new stars:
-  `registration`.
-- registration-distortion, registration-mixture: `mixture`, star by star.
-- misalignment, misalignment-drift: `misalignment`, of many images, and without a sampler.
+- `registration`: registration and registration-joint, and predictions of new stars.
+- `mixture`: registration-distortion and registration-mixture, evaluated star by star.
+- `misalignment`: misalignment and misalignment-drift, and the small-angle limit.
 """
 
 from reproduce.inference.models.misalignment import (
     AXES,
-    MOUNT,
+    MOUNT_SIGMA,
     SpotLikelihood,
     SpotStatistics,
     misalignment_model,

@@ -1,11 +1,10 @@
 """Misalignment of a camera from laser spots in pixels: constant, or with a linear drift.
 
-The calibration group is data like any other: the zero attitude is a parameter, so its error is in
-the posterior of the misalignment. A group is a run of images of the same lasers. For a camera at
-rest, the mean of each spot and the pooled scatter are sufficient; with a linear drift, the slope
-of each spot is needed too. Times within a group run as u from -1 to 1. Spots have shape
-(groups, lasers, 2), in px; angles are in radians, right-handed about the axes of the camera;
-frames and signs are those of `physics.attitude`.
+The spots of the calibration group are data too. The zero attitude is a parameter, so its error
+contributes to the posterior of the misalignment. A group is a series of images of the same lasers.
+Times within a group run as u from -1 to 1. Spots have shape (groups, lasers, 2), in px. Angles are
+in radians, right-handed about the axes of the camera. Frames and signs are those of
+`physics.attitude`.
 """
 
 from __future__ import annotations
@@ -17,84 +16,94 @@ import numpy as np
 from numpy.random import Generator
 from scipy.special import logsumexp
 
-from reproduce.inference import Derived, LogUniform, Model, Normal, Parameter, Prior
+from reproduce.inference import (
+    Derived,
+    Likelihood,
+    LogUniform,
+    Model,
+    Normal,
+    Parameter,
+    Prior,
+)
 from reproduce.physics.attitude import Platform
 from reproduce.physics.validate import FloatArray
 from reproduce.units import ARCSEC_PER_RADIAN
 
 AXES = "xyz"
 # Standard deviation of the prior of the zero attitude, in radians.
-MOUNT = 5e-3
+MOUNT_SIGMA = 5e-3
 # Steps of the central differences, as fractions of the scale of each parameter.
-_STEP = 1e-3
-# Points over the noise of the small-angle posterior, and their range in its standard errors.
-POINTS, REACH = 401, 9.0
+_STEP_RATIO = 1e-3
+# Values of the noise in the small-angle posterior, and their half-range in its standard errors.
+NOISE_POINTS, NOISE_RANGE_SIGMA = 401, 9.0
 
 
 @dataclass(frozen=True, eq=False)
 class SpotStatistics:
     """Sufficient statistics of groups of images.
 
-    - `means`, `slopes`, (groups, lasers, 2): mean of each coordinate over the images, and its slope
+    - `moments`, (2, groups, lasers, 2): mean of each coordinate over the images, and its slope
       against u; in px.
-    - `counts`, (groups,): images in each group.
-    - `levers`, (groups,): sum of the squared u of each group; zero for a camera at rest.
+    - `weights`, (2, groups): images in each group, and sum of their squared u; the sum is zero
+      for a camera at rest.
     - `squares`: sum of all squared deviations from means (and slopes), in px^2.
     """
 
-    means: FloatArray
-    slopes: FloatArray
-    counts: FloatArray
-    levers: FloatArray
+    moments: FloatArray
+    weights: FloatArray
     squares: float
 
     @property
-    def freedom(self) -> int:
-        """Degrees of freedom of `squares`."""
-        return self.size - self.means.size - self.slopes[self.levers > 0].size
+    def means(self) -> FloatArray:
+        """Mean spots, shape (groups, lasers, 2), in px."""
+        return np.asarray(self.moments[0])
+
+    @property
+    def counts(self) -> FloatArray:
+        """Images in each group, shape (groups,)."""
+        return np.asarray(self.weights[0])
 
     @property
     def size(self) -> int:
         """Number of measured coordinates."""
         return int(self.counts.sum() * self.means[0].size)
 
+    @property
+    def freedom(self) -> int:
+        """Degrees of freedom of `squares`."""
+        return int(self.size - np.count_nonzero(self.weights) * self.means[0].size)
+
     @classmethod
     def of(cls, images: list[FloatArray], drifts: tuple[bool, ...]) -> SpotStatistics:
         """Reduce images (frames, lasers, 2) of each group, evenly spaced in time, in px.
 
-        `drifts` contains for each group whether the camera may drift in it.
+        `drifts` contains for each group whether the camera may drift.
         """
-        rows, squares = [], 0.0
+        moments, weights, squares = [], [], 0.0
         for spots, drift in zip(images, drifts, strict=True):
-            times = drift * np.linspace(-1, 1, len(spots))
-            lever, mean = float(times @ times), spots.mean(axis=0)
+            times, mean = drift * np.linspace(-1, 1, len(spots)), spots.mean(axis=0)
+            lever = float(times @ times)
             slope = np.tensordot(times, spots - mean, axes=1) / (lever or 1.0)
-            left = spots - mean - times[:, None, None] * slope
-            squares += float(np.square(left).sum())
-            rows.append((mean, slope, float(len(spots)), lever))
-        means, slopes, counts, levers = (
-            np.array(column) for column in zip(*rows, strict=True)
-        )
-        return cls(means, slopes, counts, levers, squares)
+            residuals = spots - mean - times[:, None, None] * slope
+            squares += float(np.square(residuals).sum())
+            moments.append((mean, slope))
+            weights.append((float(len(spots)), lever))
+        return cls(np.stack(moments, axis=1), np.transpose(weights), squares)
 
-    def weighted(self, means: FloatArray, slopes: FloatArray) -> FloatArray:
-        """Return (n, groups, lasers, 2) as (n, m), each with the variance of one image."""
-        roots = (np.sqrt(self.counts), np.sqrt(self.levers))
-        parts = (
-            (part * root[:, None, None]).reshape(len(part), -1)
-            for part, root in zip((means, slopes), roots, strict=True)
-        )
-        return np.concatenate([*parts], axis=1)
+    def scaled(self, moments: FloatArray) -> FloatArray:
+        """Return moments, (n, 2, groups, lasers, 2), as (n, m) with the variance of one image."""
+        scaled = moments * np.sqrt(self.weights)[..., None, None]
+        return scaled.reshape(len(moments), -1)
 
 
 @dataclass(frozen=True, eq=False)
-class SpotLikelihood:
+class SpotLikelihood(Likelihood):
     """Spots of two groups: the zero point, and a misalignment that may drift linearly.
 
-    - `platform`: the instrument.
-    - `statistics`: the data.
-    - `drifts`: whether there is a drift over the second group, in the middle of which the
-      misalignment then holds.
+    - `platform`: instrument.
+    - `statistics`: data.
+    - `drifts`: whether there is a drift in the second group. The misalignment then is the value
+      in the middle of this group.
 
     Notes
     -----
@@ -106,32 +115,29 @@ class SpotLikelihood:
     statistics: SpotStatistics
     drifts: bool = False
 
-    def paths(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return spots at the start and the end, (n, groups, lasers, 2), in px."""
+    def moments(self, parameters: FloatArray) -> FloatArray:
+        """Return predicted means and slopes of the spots, (n, 2, groups, lasers, 2), in px."""
         mount, angle = parameters[:, :3], parameters[:, 3:6]
         lasers = parameters[:, -2, None, None] * self.platform.lasers
-        turns = [angle]
+        turns = [0 * angle, angle]
         if self.drifts:
             half = 0.5 * parameters[:, 6:9]
-            turns = [angle - half, angle + half]
-        found = [
-            self.platform.predicted(mount, np.stack([0 * one, one], axis=1), lasers)
-            for one in turns
-        ]
-        return found[0], found[-1]
+            turns = [0 * angle, angle - half, angle + half]
+        spots = self.platform.predicted(mount, np.stack(turns, axis=1), lasers)
+        zero, start, end = spots[:, 0], spots[:, 1], spots[:, -1]
+        means = np.stack([zero, 0.5 * (start + end)], axis=1)
+        slopes = np.stack([0 * zero, 0.5 * (end - start)], axis=1)
+        return np.stack([means, slopes], axis=1)
 
     def __call__(self, parameters: FloatArray) -> FloatArray:
         """Return the log likelihood of white Gaussian noise, shape (n,).
 
-        Exact for straight paths. A path that bends by b px changes it by less than size times b
-        times the misfit over noise^2: nothing near the posterior of a camera that turns by arc
-        seconds.
+        It is exact for straight paths. A path that bends by b px changes it by less than size times
+        b times the misfit over noise^2, which is negligible for rotations of arc seconds.
         """
         data, noise = self.statistics, parameters[:, -1]
-        start, end = self.paths(parameters)
-        off_mean = np.square(data.means - 0.5 * (start + end)).sum(axis=(-2, -1))
-        off_slope = np.square(data.slopes - 0.5 * (end - start)).sum(axis=(-2, -1))
-        squares = data.squares + off_mean @ data.counts + off_slope @ data.levers
+        off = np.square(data.moments - self.moments(parameters)).sum(axis=(-2, -1))
+        squares = data.squares + (off * data.weights).sum(axis=(-2, -1))
         constant = -data.size * (np.log(noise) + 0.5 * np.log(2 * np.pi))
         return np.asarray(constant - squares / (2 * noise**2))
 
@@ -142,38 +148,39 @@ class SpotLikelihood:
 
     def pointwise(self, parameters: FloatArray) -> FloatArray:
         """Return the log likelihood of the mean of each spot, shape (n, groups, lasers)."""
-        start, end = self.paths(parameters)
-        off = np.square(self.statistics.means - 0.5 * (start + end)).sum(axis=-1)
+        means = self.moments(parameters)[:, 0]
+        off = np.square(self.statistics.means - means).sum(axis=-1)
         variance = parameters[:, -1, None, None] ** 2 / self.statistics.counts[:, None]
         return np.asarray(-np.log(2 * np.pi * variance) - off / (2 * variance))
 
     def simulate(self, parameters: FloatArray, generator: Generator) -> SpotStatistics:
-        """Return the statistics of as many images for one parameter vector."""
-        (start,), (end,) = self.paths(parameters[None])
-        images, counts = [], self.statistics.counts.astype(int)
-        for first, last, count in zip(start, end, counts, strict=True):
-            path = first + np.linspace(0, 1, count)[:, None, None] * (last - first)
+        """Return the statistics of simulated images for one parameter vector."""
+        counts, levers = self.statistics.weights
+        images = []
+        for mean, slope, count in zip(
+            *self.moments(parameters[None])[0], counts.astype(int), strict=True
+        ):
+            path = mean + np.linspace(-1, 1, count)[:, None, None] * slope
             noise = generator.standard_normal(path.shape)
             images.append(path + float(parameters[-1]) * noise)
-        return SpotStatistics.of(images, tuple(self.statistics.levers > 0))
+        return SpotStatistics.of(images, tuple(levers > 0))
 
     def with_data(self, data: SpotStatistics) -> Self:
-        """Return the same instrument with other spots."""
+        """Return the likelihood of other spots of the same instrument."""
         return replace(self, statistics=data)
 
     def start(self) -> tuple[FloatArray, FloatArray]:
         """Return three Gauss-Newton steps from rough values, and standard errors."""
         freedom = self.statistics.freedom
         noise = np.sqrt(self.statistics.squares / freedom)
-        # Rough values and scales of all parameters but the noise: some arc minutes, a tenth.
-        angles = 9 if self.drifts else 6
-        rough, scale = np.zeros(angles + 1), np.full(angles + 1, 1e-2)
-        rough[-1], scale[-1] = 1.0, 0.3
+        # Rough values and scales of all parameters except the noise: arc minutes, and a tenth.
+        rough = np.append(np.zeros(9 if self.drifts else 6), 1.0)
+        scale = np.where(rough > 0, 0.3, 1e-2)
         centre = rough
         for _ in range(3):
-            response, left = self.linearised(np.append(centre, noise), scale)
+            response, residuals = self.linearised(np.append(centre, noise), scale)
             normal = response.T @ response / noise**2 + np.diag(1 / scale**2)
-            pull = response.T @ left / noise**2 - (centre - rough) / scale**2
+            pull = response.T @ residuals / noise**2 - (centre - rough) / scale**2
             centre = centre + np.linalg.solve(normal, pull)
         errors = np.sqrt(np.diagonal(np.linalg.inv(normal)))
         return np.append(centre, noise), np.append(errors, noise / np.sqrt(2 * freedom))
@@ -181,29 +188,26 @@ class SpotLikelihood:
     def linearised(
         self, centre: FloatArray, scale: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Return derivatives and residuals of the weighted statistics, (m, d - 1) and (m,).
+        """Return derivatives and residuals of the scaled statistics, (m, d - 1) and (m,).
 
-        Derivatives by all parameters but the noise. Each residual, measured minus predicted, has
-        the standard deviation of the noise.
+        The derivatives are by all parameters except the noise. Each residual, measured minus
+        predicted, has the standard deviation of the noise.
         """
         steps = np.zeros((2, len(scale), len(centre)))
-        steps[:, :, :-1] = np.multiply.outer([1, -1], np.diag(_STEP * scale))
-        start, end = self.paths(np.vstack([centre, *(centre + steps)]))
+        steps[:, :, :-1] = np.multiply.outer([1, -1], np.diag(_STEP_RATIO * scale))
+        moments = self.moments(np.vstack([centre, *(centre + steps)]))
         data = self.statistics
-        found = data.weighted(0.5 * (start + end), 0.5 * (end - start))
-        ahead, behind = np.split(found[1:], 2)
-        response = (ahead - behind) / (2 * _STEP * scale)[:, None]
-        return response.T, data.weighted(data.means[None], data.slopes[None])[
-            0
-        ] - found[0]
+        predicted, measured = data.scaled(moments), data.scaled(data.moments[None])
+        ahead, behind = np.split(predicted[1:], 2)
+        response = (ahead - behind) / (2 * _STEP_RATIO * scale)[:, None]
+        return response.T, measured[0] - predicted[0]
 
     def residual(self) -> float:
         """Return the standard deviation of a coordinate about least squares, in px."""
         centre, spread = self.start()
-        left = self.linearised(centre, spread[:-1])[1]
-        return float(
-            np.sqrt((self.statistics.squares + left @ left) / self.statistics.size)
-        )
+        residuals = self.linearised(centre, spread[:-1])[1]
+        squares = self.statistics.squares + residuals @ residuals
+        return float(np.sqrt(squares / self.statistics.size))
 
     def checks(self, data: SpotStatistics | None = None) -> dict[str, float]:
         """Return scatter, shape of the pattern and motion of its centre, in px."""
@@ -225,7 +229,7 @@ def _angles(name: str, label: str, prior: Prior) -> tuple[Parameter, ...]:
     )
 
 
-_MISALIGNED = Normal(
+_MISALIGNMENT_PRIOR = Normal(
     0.0,
     100 / ARCSEC_PER_RADIAN,
     "on orbit the misalignment may reach dozens of arc seconds",
@@ -239,53 +243,75 @@ def misalignment_model(
     drifts: bool = False,
     derived: tuple[Derived, ...] = (),
 ) -> Model:
-    """A misalignment from two groups of images, the first at the zero point.
+    """Return a misalignment from two groups of images, the first one at the zero point.
 
-    Parameters mount-x..z, angle-x..z (rad; in the middle of the group), drift-x..z (over the whole
-    group, if it drifts: the statistics then have slopes), laser-scale, noise (px).
+    Parameters
+    ----------
+    platform : Platform
+        Instrument.
+    statistics : SpotStatistics
+        Statistics of both groups, with slopes of the second group if it drifts.
+    drifts : bool
+        Whether the misalignment drifts linearly in the second group.
+    derived : tuple of callable
+        Functions that return consequences of the parameters.
+
+    Returns
+    -------
+    Model
+        Parameters mount-x..z, angle-x..z (rad, in the middle of the group), drift-x..z (over the
+        whole group, if it drifts), laser-scale and noise (px).
     """
-    angles = _angles("angle", r"\theta", _MISALIGNED)
+    angles = _angles("angle", r"\theta", _MISALIGNMENT_PRIOR)
     if drifts:
-        angles += _angles("drift", r"\dot\theta", _MISALIGNED)
+        angles += _angles("drift", r"\dot\theta", _MISALIGNMENT_PRIOR)
     mount = Normal(
         0.0,
-        MOUNT,
-        "the zero attitude is laid over the spots to begin with, so only "
-        "the misfit of the design is left: a quarter of a degree is "
-        "generous",
+        MOUNT_SIGMA,
+        "the zero attitude is fitted to the spots first, so only the misfit of the design "
+        "remains: a quarter of a degree is generous",
     )
-    scale = Parameter(
-        "laser-scale",
-        "s",
-        "1",
-        Normal(
-            1.0,
-            0.1,
-            "a pattern within a tenth or so of "
-            "its design; the printed spots lie a twentieth off",
-        ),
+    scale = Normal(
+        1.0,
+        0.1,
+        "a pattern within 10 % of its design; the printed spots differ from it by 5 %",
     )
-    noise = Parameter(
-        "noise",
-        r"\sigma",
-        "px",
-        LogUniform(
-            1e-4,
-            1.0,
-            "from far finer than any centroid to a whole pixel, no scale preferred",
-        ),
+    noise = LogUniform(
+        1e-4,
+        1.0,
+        "from far finer than any centroid to a whole pixel, no scale preferred",
     )
-    parameters = (*_angles("mount", r"\alpha", mount), *angles, scale, noise)
+    parameters = (
+        *_angles("mount", r"\alpha", mount),
+        *angles,
+        Parameter("laser-scale", "s", "1", scale),
+        Parameter("noise", r"\sigma", "px", noise),
+    )
     likelihood = SpotLikelihood(platform, statistics, drifts)
     name = "misalignment-drift" if drifts else "misalignment"
-    return Model(name, parameters, likelihood, {}, derived)
+    return Model(name, parameters, likelihood, derived)
 
 
 def small_angle_posterior(model: Model) -> tuple[FloatArray, FloatArray]:
-    """Return the posterior of a misalignment whose prediction is replaced by its tangent.
+    """Return the posterior of a misalignment if its prediction is replaced by its tangent.
 
-    Mean, (d,), and covariance, (d, d), of all parameters, the noise last. Exact in the limit of
-    small angles; each prior but that of the noise has to be a `Normal`.
+    It is exact in the limit of small angles.
+
+    Parameters
+    ----------
+    model : Model
+        A misalignment. Each prior except that of the noise is a `Normal`.
+
+    Returns
+    -------
+    mean : ndarray, shape (d,)
+        Of all parameters, the noise last.
+    covariance : ndarray, shape (d, d)
+
+    Raises
+    ------
+    TypeError
+        If another prior is not a `Normal`.
     """
     noise, weight, means, roots = _given_noise(model)
     rows = np.column_stack([means, noise])
@@ -296,18 +322,18 @@ def small_angle_posterior(model: Model) -> tuple[FloatArray, FloatArray]:
 
 
 def _given_noise(model: Model) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return the same posterior as a mixture of Gaussians over the noise.
+    """Return the small-angle posterior as a mixture of Gaussians over the noise.
 
-    Values of the noise, in px, and their probabilities, (m,); means of all other parameters given
-    the noise, (m, d - 1), in SI; and roots of their covariances, (m, d - 1, d - 1): any matrix
-    whose product with its transpose is the covariance.
+    Values of the noise, in px, and their probabilities, (m,), means of all other parameters given
+    the noise, (m, d - 1), in SI units, and roots of their covariances, (m, d - 1, d - 1). The
+    product of a root with its transpose is the covariance.
     """
     likelihood = model.likelihood_of(SpotLikelihood)
     *others, last = (one.prior for one in model.parameters)
     priors = [(one.mean, one.sigma) for one in others if isinstance(one, Normal)]
     if len(priors) < len(others):
         raise TypeError(
-            "model: expected Gaussian priors of all parameters but the noise"
+            "model: expected Gaussian priors of all parameters except the noise. Use the draws"
         )
     middle, sigma = np.array(priors).T
     centre, spread = likelihood.start()
@@ -316,7 +342,9 @@ def _given_noise(model: Model) -> tuple[FloatArray, FloatArray, FloatArray, Floa
     # In units of the errors, or the matrices cannot be inverted.
     response, off = response * scale, (middle - centre[:-1]) / scale
     held = np.square(scale / sigma)
-    noise = centre[-1] + spread[-1] * np.linspace(-REACH, REACH, POINTS)
+    noise = centre[-1] + spread[-1] * np.linspace(
+        -NOISE_RANGE_SIGMA, NOISE_RANGE_SIGMA, NOISE_POINTS
+    )
     precise = noise[:, None] ** -2
     inverse = np.linalg.inv(response.T @ response * precise[..., None] + np.diag(held))
     pull = response.T @ left * precise + held * off

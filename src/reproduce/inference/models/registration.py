@@ -1,24 +1,24 @@
 """Registration with Gaussian noise of one channel or two, and its consequences at new stars.
 
-Points have shape (n, 2), in px, x before y. The measured source points are fixed, and the target
-points are random. Models, parameters and their order are those of
-`physics.registration.MODELS`, then the noise of a star of weight one. If covariances are given,
-they are the noise. A source point with errors has the Jeffreys prior of its true position: with a
-flat prior the estimate of the scale would be inconsistent (Neyman and Scott, 1948).
+Points have shape (n, 2), in px, x before y. The target points are random, and the source points are
+fixed. Models, parameters and their order are those of `physics.registration.MODELS`, followed by
+the noise of a star of weight one. Given covariances replace the noise. A source point with errors
+has the Jeffreys prior of its true position, because a flat prior would make the estimate of the
+scale inconsistent (Neyman and Scott, 1948).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 from numpy.random import PCG64, Generator
 
 from reproduce.inference import (
     Consequence,
+    Likelihood,
     LogUniform,
     Model,
     Normal,
@@ -32,155 +32,164 @@ from reproduce.physics.registration import (
     Problem,
     Registration,
     RegistrationFit,
-    fit_registration,
+    as_complex,
+    fit_problem,
     fits_exactly,
     paired_points,
     prepare,
     residuals_at,
-    robust_similarity,
 )
-from reproduce.physics.validate import FloatArray, finite_array
+from reproduce.physics.validate import FloatArray
 from reproduce.units import DEGREES_PER_RADIAN
 
 TRANSFORM = MODELS["similarity"]
 _CHANNELS = ("red", "blue")
-# The similarity is linear in k cos(theta) and k sin(theta).
-_LINEAR_MODELS = ("shift", "similarity", "affine")
-# Parameter vectors times stars that are evaluated together. This bounds the memory.
+# Values of parameter vectors and stars that are evaluated together, which limits the memory.
 _MAX_VALUES = 1_000_000
-# New stars: parameter vectors that are evaluated together, and the seed of their noise.
-CHUNK, SEED = 10_000, 52
-# Half-widths of flat priors: of a shift in fields, of any parameter in standard errors, of a scale
-# in ratios of the sizes of both patterns.
-FIELDS, ERRORS, SCALES = 10.0, 1e3, 10.0
-# Closed form: draws for each one that is asked for, since bounds of priors reject some.
+# Parameter vectors that are evaluated together at new stars, and the seed of their noise.
+CHUNK_SIZE, NOISE_SEED = 10_000, 52
+# Half-widths of flat priors: of a shift in fields, of a scale in ratios of the sizes of both
+# patterns, of any parameter in standard errors.
+SHIFT_FIELDS, SCALE_RATIOS, STANDARD_ERRORS = 10.0, 10.0, 1e3
+# Draws in closed form per requested draw, since the bounds of priors reject some.
 _DRAWS_PER_EXACT = 10
+# Symbol, displayed unit and its number per SI unit.
+_DISPLAY: dict[str, tuple[str, str, float]] = {
+    "scale": ("k", "1", 1.0),
+    "rotation": (r"\theta", "deg", DEGREES_PER_RADIAN),
+    "shift-x": (r"\Delta x", "px", 1.0),
+    "shift-y": (r"\Delta y", "px", 1.0),
+    "noise": (r"\sigma", "px", 1.0),
+}
 
 
-def fit_checks(
-    source: FloatArray, target: FloatArray, pivot: FloatArray, **settings: Any
-) -> dict[str, float]:
-    """Return the numbers of a fit that predictive checks compare, in px.
+def fit_checks(fit: RegistrationFit) -> dict[str, float]:
+    """Return the numbers of a fit for predictive checks, in px.
 
     The mean radial and tangential residuals in the outer half of the field are zero only if the
     model is right.
     """
-    residuals = fit_registration(source, target, pivot, **settings).residuals
-    offsets = source - pivot
-    radius, lengths = np.hypot(*offsets.T), np.hypot(*residuals.T)
+    offsets, residuals = (
+        as_complex(points)
+        for points in (fit.problem.source - fit.problem.pivot, fit.residuals)
+    )
+    radius, lengths = np.abs(offsets), np.abs(residuals)
     outer = radius >= np.median(radius)
-    (x, y), left = (offsets[outer] / radius[outer, None]).T, residuals[outer].T
+    turned = (residuals[outer] * offsets[outer].conj() / radius[outer]).mean()
+    rms = np.sqrt(np.square(fit.residuals).mean())
     return {
-        "residual, rms (px)": float(np.sqrt(np.square(residuals).mean())),
-        "residual, largest (px)": float(np.abs(residuals).max()),
+        "residual, rms (px)": float(rms),
+        "residual, largest (px)": float(np.abs(fit.residuals).max()),
         # A ratio, since one wrong match also increases the noise.
         "star furthest off, over rms": float(
             lengths.max() / np.sqrt(np.square(lengths).mean())
         ),
-        "outer residual, outwards (px)": float((x * left[0] + y * left[1]).mean()),
-        "outer residual, around (px)": float((x * left[1] - y * left[0]).mean()),
+        "outer residual, outwards (px)": float(turned.real),
+        "outer residual, around (px)": float(turned.imag),
     }
 
 
-class StarLikelihood:
-    """A likelihood that is a product over stars."""
+class StarLikelihood(Likelihood):
+    """A likelihood that is a product over the stars of one or more channels."""
 
-    target: FloatArray
+    channels: tuple[GaussianRegistration, ...]
 
-    def __call__(self, parameters: FloatArray) -> FloatArray:
-        """Return the log likelihood, shape (n,)."""
-        parts = -(-len(parameters) * len(self.target) // _MAX_VALUES)
-        split = np.array_split(parameters, max(parts, 1))
-        return np.concatenate([self.pointwise(part).sum(axis=-1) for part in split])
+    @property
+    def target(self) -> FloatArray:
+        """Points in the reference channel, shape (points, 2), in px."""
+        return self.channels[0].problem.target
 
-    def pointwise(self, parameters: FloatArray) -> FloatArray:
-        """Return the log likelihood of each star, shape (n, points)."""
-        raise NotImplementedError
+    @property
+    def pivots(self) -> tuple[FloatArray, ...]:
+        """Pivot of every channel, shape (2,), in px."""
+        return tuple(channel.problem.pivot for channel in self.channels)
 
     @property
     def observed(self) -> dict[str, FloatArray]:
         """The target points."""
         return {"target": self.target}
 
+    def parts(self, parameters: FloatArray) -> list[FloatArray]:
+        """Return the parameter vectors in parts that fit into the memory."""
+        count = -(-len(parameters) * len(self.target) // _MAX_VALUES)
+        return np.array_split(parameters, max(count, 1))
+
+    def __call__(self, parameters: FloatArray) -> FloatArray:
+        """Return the log likelihood, shape (n,)."""
+        parts = self.parts(parameters)
+        return np.concatenate([self.pointwise(part).sum(axis=-1) for part in parts])
+
 
 @dataclass(frozen=True, eq=False)
 class GaussianRegistration(StarLikelihood):
     """Registration of one channel with Gaussian noise.
 
-    - `source`, `target`, (n, 2): the same stars in the channel and in the reference channel, in px.
-    - `pivot`, (2,): pivot of rotation and scale, in px.
-    - `model`: a key of `MODELS`.
-    - `weights`, optional, (n,): above zero.
-    - `source_covariance`, `target_covariance`, optional, (n, 2, 2): of each star, in px^2.
+    - `problem`: the same stars in the channel and in the reference channel, with weights or
+      covariances, the pivot and the model, from `physics.registration.prepare`.
     """
 
-    source: FloatArray
-    target: FloatArray
-    pivot: FloatArray
-    model: str = "similarity"
-    weights: FloatArray | None = None
-    source_covariance: FloatArray | None = None
-    target_covariance: FloatArray | None = None
+    problem: Problem
 
     @property
-    def settings(self) -> dict[str, Any]:
-        """The arguments of `fit_registration` other than the points."""
-        names = ("model", "weights", "source_covariance", "target_covariance")
-        return {name: getattr(self, name) for name in names}
+    def channels(  # type: ignore[override]  # never assigned
+        self,
+    ) -> tuple[GaussianRegistration, ...]:
+        """The channel."""
+        return (self,)
+
+    @property
+    def source(self) -> FloatArray:
+        """Points in the channel, shape (points, 2), in px."""
+        return self.problem.source
+
+    @property
+    def pivot(self) -> FloatArray:
+        """Pivot of rotation and scale, shape (2,), in px."""
+        return self.problem.pivot
 
     @cached_property
     def fit(self) -> RegistrationFit:
-        """The fit of the same points."""
-        return fit_registration(self.source, self.target, self.pivot, **self.settings)
-
-    @cached_property
-    def problem(self) -> Problem:
-        """The points with their errors."""
-        return prepare(self.source, self.target, self.pivot, **self.settings)
-
-    @property
-    def pivots(self) -> tuple[FloatArray, ...]:
-        """The pivot of every channel."""
-        return (self.pivot,)
+        """The fit of the points."""
+        return fit_problem(self.problem)
 
     @property
     def is_linear(self) -> bool:
         """Whether the chi-square is quadratic in the coordinates of `linear`."""
-        return self.model in _LINEAR_MODELS and self.source_covariance is None
+        problem = self.problem
+        return problem.model == "similarity" and problem.source_covariance is None
 
-    def transform(self, parameters: FloatArray) -> FloatArray:
-        """Return the parameters of the transform, shape (n, p)."""
-        return parameters[:, : len(MODELS[self.model])]
+    @property
+    def _size(self) -> int:
+        """Number of parameters of the transform."""
+        return len(MODELS[self.problem.model])
 
     def noise(self, parameters: FloatArray) -> FloatArray:
         """Return the noise, shape (n,), in px; one if the errors are known."""
         if self.problem.errors_known:
             return np.ones(len(parameters))
-        return parameters[:, len(MODELS[self.model])]
+        return parameters[:, self._size]
 
     def linear(self, parameters: FloatArray) -> FloatArray:
-        """Return coordinates in which a linear model is linear, shape (n, p)."""
-        moved = self.transform(parameters)
-        if self.model != "similarity":
-            return moved
-        factor = moved[:, 0] * np.exp(1j * moved[:, 1])
-        return np.column_stack([factor.real, factor.imag, moved[:, 2:]])
+        """Return k cos(theta), k sin(theta) and shift of similarities, shape (n, 4)."""
+        factor = parameters[:, 0] * np.exp(1j * parameters[:, 1])
+        return np.column_stack([factor.real, factor.imag, parameters[:, 2:4]])
 
     @cached_property
     def linear_cofactor(self) -> FloatArray:
-        """Inverse normal matrix of the fit in these coordinates, shape (p, p)."""
-        slopes = np.eye(len(self.fit.parameters))
-        if self.model == "similarity":
-            scale, angle = self.fit.parameters[:2]
-            across, along = np.sin(angle), np.cos(angle)
-            slopes[:2, :2] = [[along, -scale * across], [across, scale * along]]
+        """Inverse normal matrix of a similarity in these coordinates, shape (4, 4)."""
+        (scale, angle), slopes = self.fit.parameters[:2], np.eye(4)
+        sine, cosine = np.sin(angle), np.cos(angle)
+        slopes[:2, :2] = [[cosine, -scale * sine], [sine, scale * cosine]]
         return np.asarray(slopes @ self.fit.cofactor @ slopes.T)
 
     @cached_property
     def precision(self) -> FloatArray:
         """Inverse covariance of each star at the fit, without the noise, shape (points, 2, 2)."""
-        inverse = residuals_at(self.problem, self.fit.parameters[None])[1]
-        return self.problem.counts[:, None, None] * inverse.reshape(-1, 2, 2)
+        return self._precision(self.fit.parameters[None]).reshape(-1, 2, 2)
+
+    def _precision(self, transforms: FloatArray) -> FloatArray:
+        inverse = residuals_at(self.problem, transforms)[1]
+        return np.asarray(self.problem.counts[:, None, None] * inverse)
 
     @cached_property
     def _constant(self) -> FloatArray:
@@ -205,11 +214,10 @@ class GaussianRegistration(StarLikelihood):
 
     def pointwise(self, parameters: FloatArray) -> FloatArray:
         """Return the log likelihood of each star, shape (n, points)."""
-        left, inverse = self.target - self.places(parameters), self.precision
-        if self.source_covariance is not None:
-            inverse = residuals_at(self.problem, self.transform(parameters))[1]
-            inverse = self.problem.counts[:, None, None] * inverse
-        squares = np.vecdot(left, (inverse @ left[..., None])[..., 0])
+        residuals, inverse = self.target - self.places(parameters), self.precision
+        if self.problem.source_covariance is not None:
+            inverse = self._precision(parameters[:, : self._size])
+        squares = np.vecdot(residuals, (inverse @ residuals[..., None])[..., 0])
         noise = self.noise(parameters)[:, None]
         return np.asarray(self._constant - 2 * np.log(noise) - squares / (2 * noise**2))
 
@@ -222,7 +230,7 @@ class GaussianRegistration(StarLikelihood):
         """
         points = self.source if source is None else source
         points = np.broadcast_to(points, (len(parameters), *points.shape))
-        return self.problem.transformed(self.transform(parameters), points)
+        return self.problem.transformed(parameters[:, : self._size], points)
 
     def simulate(self, parameters: FloatArray, generator: Generator) -> FloatArray:
         """Return target points for one parameter vector, shape (points, 2), in px."""
@@ -233,8 +241,8 @@ class GaussianRegistration(StarLikelihood):
         return np.asarray(self.places(parameters[None])[0] + noise)
 
     def with_data(self, data: FloatArray) -> Self:
-        """Return the same sources with other target points."""
-        return replace(self, target=data)
+        """Return the likelihood of the same sources with other target points."""
+        return replace(self, problem=replace(self.problem, target=data))
 
     def start(self) -> tuple[FloatArray, FloatArray]:
         """Return the fit and its standard errors."""
@@ -249,34 +257,26 @@ class GaussianRegistration(StarLikelihood):
 
     def checks(self, data: FloatArray | None = None) -> dict[str, float]:
         """Return numbers of the residuals of the fit."""
-        target = self.target if data is None else data
-        return fit_checks(self.source, target, self.pivot, **self.settings)
+        return fit_checks((self if data is None else self.with_data(data)).fit)
 
 
-# Symbol, displayed unit and its number per SI unit.
-_SHOWN: dict[str, tuple[str, str, float]] = {
-    "scale": ("k", "1", 1.0),
-    "rotation": (r"\theta", "deg", DEGREES_PER_RADIAN),
-    "shift-x": (r"\Delta x", "px", 1.0),
-    "shift-y": (r"\Delta y", "px", 1.0),
-    "noise": (r"\sigma", "px", 1.0),
-}
+def _parameter(name: str, prior: Prior, channel: str = "") -> Parameter:
+    """Return a parameter of a registration, of a named channel if there are two."""
+    own = (f"a_{{{name}}}", UNITS.get(name, "1"), 1.0)
+    label, unit, shown = _DISPLAY.get(name, own)
+    if channel:
+        name, label = f"{channel}-{name}", f"{label}_\\mathrm{{{channel[0]}}}"
+    return Parameter(name, label, unit, prior, shown)
 
 
-def _parameters(priors: Mapping[str, Prior]) -> list[Parameter]:
-    found = []
-    for name, prior in priors.items():
-        shown = (f"a_{{{name}}}", UNITS.get(name, "1"), 1.0)
-        label, unit, factor = _SHOWN.get(name, shown)
-        found.append(Parameter(name, label, unit, prior, factor))
-    return found
-
-
-def _default_priors(source: FloatArray, target: FloatArray) -> dict[str, Prior]:
-    """Return the priors of the registration of a channel, on the scale of the data."""
+def _book_priors(source: FloatArray, target: FloatArray) -> dict[str, Prior]:
+    """Return the priors of a channel of the telescope, on the scale of the data."""
     extent = float(np.ptp(np.concatenate([source, target]), axis=0).max())
-    field = "the field itself: with a larger shift the channels would share no star"
-    shift = Uniform(-extent, extent, field)
+    shift = Uniform(
+        -extent,
+        extent,
+        "the field itself: with a larger shift the channels would share no star",
+    )
     return {
         "scale": Uniform(
             0.5,
@@ -294,7 +294,7 @@ def _default_priors(source: FloatArray, target: FloatArray) -> dict[str, Prior]:
         "noise": LogUniform(
             extent * 1e-7,
             extent * 1e-2,
-            "no scale preferred between a ten-millionth and a hundredth of the field",
+            "no scale preferred between 1e-7 and 1 % of the field",
         ),
     }
 
@@ -302,10 +302,24 @@ def _default_priors(source: FloatArray, target: FloatArray) -> dict[str, Prior]:
 def registration_model(
     source: FloatArray, target: FloatArray, pivot: FloatArray
 ) -> Model:
-    """Return the registration of one channel, with the same stars in both channels.
+    """Return the registration of one channel of the telescope to another channel.
 
-    Parameters scale, rotation (rad), shift-x, shift-y, noise (px). Errors are those of
-    `physics.registration.fit_registration`, and a ValueError for fewer than four points.
+    Parameters
+    ----------
+    source, target : ndarray, shape (n, 2)
+        The same stars in both channels, in px.
+    pivot : ndarray, shape (2,)
+        Pivot of rotation and scale, in px.
+
+    Returns
+    -------
+    Model
+        Parameters scale, rotation (rad), shift-x, shift-y and noise (px).
+
+    Raises
+    ------
+    ValueError
+        As in `fitted_model`.
 
     Examples
     --------
@@ -315,95 +329,111 @@ def registration_model(
     ('scale', 'rotation', 'shift-x', 'shift-y', 'noise')
     """
     source, target = paired_points(source, target)
-    likelihood = GaussianRegistration(
-        source, target, finite_array("pivot", pivot, shape=(2,))
-    )
-    return _model(likelihood, lambda _: _default_priors(source, target))
-
-
-def _model(
-    likelihood: GaussianRegistration,
-    priors: Callable[[GaussianRegistration], dict[str, Prior]],
-) -> Model:
-    """Return the model, if its stars are enough."""
-    names = MODELS[likelihood.model]
-    least = (len(names) + 1) // 2 + (0 if likelihood.problem.errors_known else 2)
-    if len(likelihood.source) < least:
-        raise ValueError(
-            f"source: expected at least {least} points, got {len(likelihood.source)}. Add stars, "
-            "or give their errors"
-        )
-    estimate = dict(zip(names, likelihood.fit.parameters.tolist(), strict=True))
-    parameters = _parameters(priors(likelihood))
-    return Model("registration", tuple(parameters), likelihood, estimate)
+    model = fitted_model(GaussianRegistration(prepare(source, target, pivot)))
+    return model.with_priors(_book_priors(source, target))
 
 
 def fitted_model(likelihood: GaussianRegistration) -> Model:
     """Return the registration of your stars, with priors on the scale of the data.
 
-    A flat prior ends as far from the fit as the data allow. Points that fit without any error are
-    a ValueError if the noise is unknown.
+    The bounds of a uniform prior are as far from the fit as the data allow.
+
+    Parameters
+    ----------
+    likelihood : GaussianRegistration
+        Stars of both images, with their errors.
+
+    Returns
+    -------
+    Model
+
+    Raises
+    ------
+    ValueError
+        If the points are too few, or if they fit without any error and the noise is unknown.
 
     Examples
     --------
     >>> points = np.array([[0.0, 0], [9, 0], [0, 9], [9, 9]])
     >>> moved = points + [[1, 0], [0, 1], [1, 1], [0, 0]]
-    >>> model = fitted_model(GaussianRegistration(points, moved, np.zeros(2)))
+    >>> model = fitted_model(GaussianRegistration(prepare(points, moved, (0, 0))))
     >>> print(model.parameters[1].prior)
     uniform from -3.14159 to 3.14159
     """
-    source, target = paired_points(likelihood.source, likelihood.target)
-    model = _model(likelihood, _wide_priors)
-    if likelihood.problem.errors_known:
-        return model
-    if fits_exactly(likelihood.fit, source, target):
+    problem, names = likelihood.problem, MODELS[likelihood.problem.model]
+    least = (len(names) + 1) // 2 + (0 if problem.errors_known else 2)
+    if len(problem.source) < least:
         raise ValueError(
-            "target: expected points with noise, got points that fit without any error. Use "
-            "`reproduce.register`"
+            f"source: expected at least {least} points, got {len(problem.source)}. Add stars, or "
+            "give their errors"
         )
-    residual = float(likelihood.start()[0][-1])
-    reason = "no scale preferred: a billionth to a thousand times the residuals of least squares"
-    noise = {"noise": LogUniform(1e-9 * residual, 1e3 * residual, reason)}
-    return replace(model, parameters=(*model.parameters, *_parameters(noise)))
+    priors = _wide_priors(likelihood.fit)
+    if not problem.errors_known:
+        if fits_exactly(likelihood.fit, problem.source, problem.target):
+            raise ValueError(
+                "target: expected points with noise, got points that fit without any error. Use "
+                "`reproduce.register`"
+            )
+        residual = float(likelihood.start()[0][-1])
+        priors["noise"] = LogUniform(
+            1e-9 * residual,
+            1e3 * residual,
+            "no scale preferred: a billionth to a thousand times the residuals of least squares",
+        )
+    parameters = tuple(_parameter(*item) for item in priors.items())
+    return Model("registration", parameters, likelihood)
 
 
-def _wide_priors(likelihood: GaussianRegistration) -> dict[str, Prior]:
-    """Return the flat priors of the parameters of the transform."""
-    source, target, fit = likelihood.source, likelihood.target, likelihood.fit
-    robust = robust_similarity(source, target, likelihood.pivot)
+def _wide_priors(fit: RegistrationFit) -> dict[str, Prior]:
+    """Return uniform priors about the parameters of a fit."""
+    problem, priors = fit.problem, dict[str, Prior]()
     # No least-squares scale exceeds the ratio of the sizes of both patterns.
-    wide, narrow = (np.linalg.norm(p - p.mean(axis=0)) for p in (target, source))
-    size = SCALES * max(float(wide / narrow), float(robust.parameters[0]))
-    field = np.hypot(*(source - likelihood.pivot).T).max()
-    reach = dict.fromkeys(MODELS["affine"], size) | {"radial": field**-2.0}
-    reach |= dict.fromkeys(
-        ("shift-x", "shift-y"), FIELDS * np.ptp(target, axis=0).max()
+    target_size, source_size = (
+        float(np.linalg.norm(points - points.mean(axis=0)))
+        for points in (problem.target, problem.source)
     )
-    reason = "ten times the largest plausible value, or a thousand standard errors"
-    found: dict[str, Prior] = {}
+    half_widths = {
+        "1": SCALE_RATIOS * target_size / source_size,
+        "px": SHIFT_FIELDS * float(np.ptp(problem.target, axis=0).max()),
+        "px^-2": float(np.hypot(*(problem.source - problem.pivot).T).max()) ** -2,
+    }
     errors = np.nan_to_num(fit.standard_errors)
     for name, value, error in zip(fit.names, fit.parameters, errors, strict=True):
-        if name == "scale":
-            found[name] = Uniform(
-                0.0,
-                size,
-                "up to ten times the ratio of the sizes of both patterns; flat",
+        half, reason = np.pi, "any: the full circle, cut opposite to least squares"
+        if name != "rotation":
+            half = max(half_widths[UNITS.get(name, "1")], STANDARD_ERRORS * error)
+            reason = (
+                "ten times the largest plausible value, or a thousand standard errors"
             )
-        elif name == "rotation":
-            turn = "any: the full turn, cut opposite to least squares"
-            found[name] = Uniform(float(value - np.pi), float(value + np.pi), turn)
-        else:
-            half = max(reach[name], ERRORS * error)
-            found[name] = Uniform(float(value - half), float(value + half), reason)
-    return found
+        low = 0.0 if name == "scale" else float(value - half)
+        priors[name] = Uniform(low, float(value + half), reason)
+    return priors
 
 
 def exact_draws(model: Model, count: int, generator: Generator) -> FloatArray:
-    """Return independent draws of a registration in closed form, shape (count, d).
+    """Return independent draws of a similarity in closed form, without a sampler.
 
-    The posterior of a linear model with flat priors is normal given the noise, and the noise has
-    an inverse gamma distribution. Rejection carries the draws over to priors that are flat in
-    scale and rotation, with their bounds. Other models and priors are a ValueError.
+    With flat priors the posterior is normal in the coordinates of `GaussianRegistration.linear`
+    given the noise, and the noise has an inverse gamma distribution. Rejection converts the draws
+    to priors that are flat in scale and rotation, with their bounds.
+
+    Parameters
+    ----------
+    model : Model
+        Similarity with uniform priors, without errors of the source.
+    count : int
+        Number of draws.
+    generator : numpy.random.Generator
+        Random number generator.
+
+    Returns
+    -------
+    ndarray, shape (count, d)
+
+    Raises
+    ------
+    ValueError
+        If the model is another one, or the priors exclude most of the posterior.
     """
     likelihood = model.likelihood
     if (
@@ -412,33 +442,29 @@ def exact_draws(model: Model, count: int, generator: Generator) -> FloatArray:
         or any(isinstance(one.prior, Normal) for one in model.parameters)
     ):
         raise ValueError(
-            "exact: expected a shift, similarity or affine registration with uniform priors and no "
-            f"errors of the source, got {model.name}. Use the draws of emcee"
+            "exact: expected a similarity with uniform priors and no errors of the source, got "
+            f"{model.name}. Use the draws of emcee"
         )
     fit, many = likelihood.fit, _DRAWS_PER_EXACT * count
     noise = np.ones(many)
     if not fit.errors_known:
         freedom = float(fit.degrees_of_freedom)
         noise = np.sqrt(fit.chi_square / generator.chisquare(freedom, many))
-    normal = generator.normal(size=(many, len(fit.parameters)))
+    normal = generator.normal(size=(many, 4))
     root = np.linalg.cholesky(likelihood.linear_cofactor)
-    rows = noise[:, None] * (normal @ root.T)
-    rows += likelihood.linear(fit.parameters[None])
-    kept = np.ones(many)
-    if likelihood.model == "similarity":
-        # Flat in scale and rotation is flat in the two parts divided by the scale.
-        factors, angle = rows[:, 0] + 1j * rows[:, 1], fit.parameters[1]
-        scales = np.abs(factors)
-        kept = scales.min() / scales
-        rows[:, 0] = scales
-        rows[:, 1] = angle + np.angle(factors * np.exp(-1j * angle))
-    rows = np.column_stack([rows, noise])[:, : model.dimension]
+    rows = likelihood.linear(fit.parameters[None]) + noise[:, None] * (normal @ root.T)
+    factors, angle = rows[:, 0] + 1j * rows[:, 1], fit.parameters[1]
+    scales = np.abs(factors)
+    angles = angle + np.angle(factors * np.exp(-1j * angle))
+    rows = np.column_stack([scales, angles, rows[:, 2:], noise])[:, : model.dimension]
     # The prior of the noise is that of the closed form within its bounds.
-    inside = np.isfinite(model.log_prior(rows)) & (generator.uniform(size=many) < kept)
+    inside = np.isfinite(model.log_prior(rows))
+    # Flat in scale and rotation is flat in the two parts divided by the scale.
+    inside &= generator.uniform(size=many) < scales.min() / scales
     if inside.sum() < count:
         raise ValueError(
-            f"exact: expected priors that hold most of the posterior, got {inside.mean():.2g} of "
-            "it. Use the draws of emcee"
+            f"exact: expected priors that contain most of the posterior, got {inside.mean():.2g} "
+            "of it. Use the draws of emcee"
         )
     return rows[inside][:count]
 
@@ -447,11 +473,11 @@ def exact_draws(model: Model, count: int, generator: Generator) -> FloatArray:
 class NewStars:
     """Consequences of a registration at new stars.
 
-    - `likelihood`: the registration of their channel.
-    - `source`, (points, 2): the new stars, in px.
-    - `registered`, (points, 2): their positions by the least-squares transform, in px.
+    - `likelihood`: registration of their channel.
+    - `source`, (points, 2): new stars, in px.
+    - `registered`, (points, 2): positions by the least-squares transform, in px.
     - `arcsec_per_px`: of the reference channel.
-    - `channel`: name and columns of a channel of `JointRegistration`, if it is one.
+    - `channel`: name and columns of a channel of `JointRegistration`, if the model is joint.
     """
 
     likelihood: GaussianRegistration
@@ -462,57 +488,52 @@ class NewStars:
 
     def __call__(self, parameters: FloatArray) -> dict[str, Consequence]:
         """Return the RMSE in px and as an angle, and the error at the outermost star."""
-        generator, prefix = Generator(PCG64(SEED)), ""
+        generator, prefix = Generator(PCG64(NOISE_SEED)), ""
         if self.channel:
             prefix, parameters = f"{self.channel[0]} ", parameters[:, self.channel[1]]
         offsets = self.source - self.source.mean(axis=0)
         outermost = np.hypot(*offsets.T).argmax()
-        errors, moved = [], []
-        for first in range(0, len(parameters), CHUNK):
-            rows = parameters[first : first + CHUNK]
+        errors, displacements = [], []
+        for first in range(0, len(parameters), CHUNK_SIZE):
+            rows = parameters[first : first + CHUNK_SIZE]
             off = self.likelihood.places(rows, self.source) - self.registered
-            moved.append(np.hypot(*off[:, outermost].T))
-            # The noise of the joint model is that of one image, and a residual has that of both.
+            displacements.append(np.hypot(*off[:, outermost].T))
+            # The noise of the joint model is that of one image, a residual has that of both.
             noise = rows[:, 4] * (np.hypot(1, rows[:, 0]) if self.channel else 1.0)
             off += noise[:, None, None] * generator.normal(size=off.shape)
-            # As niu2024 (26), both axes together.
+            # As in niu2024 (26), both axes together.
             errors.append(np.sqrt(np.square(off).sum(axis=-1).mean(axis=-1)))
-        rmse = np.concatenate(errors)
-        angle = Consequence(rmse * self.arcsec_per_px, "arcsec")
-        misplaced = Consequence(np.concatenate(moved), "px")
+        rmse, displacement = map(np.concatenate, (errors, displacements))
         return {
             f"{prefix}test points, RMSE": Consequence(rmse, "px"),
-            f"{prefix}test points, pointing error": angle,
-            f"{prefix}outermost star, misregistration": misplaced,
+            f"{prefix}test points, pointing error": Consequence(
+                rmse * self.arcsec_per_px, "arcsec"
+            ),
+            f"{prefix}outermost star, misregistration": Consequence(displacement, "px"),
         }
 
 
 @dataclass(frozen=True, eq=False)
 class JointRegistration(StarLikelihood):
-    """Both channels at once; parameters (k, theta, shift x, shift y) of red, then of blue, noise.
+    """Both channels at once, red and blue, registered to green.
 
-    They share the green noise, which belongs in the covariance. A true green position z gives
-    green = z + noise, red and blue = z carried back by their transforms + noise. Given the red
-    points, and with a flat prior on z, the two residuals of a star are Gaussian per axis with
-    covariance noise^2 [[1 + k_red^2, 1], [1, 1 + k_blue^2]]; blue itself being random adds the
-    Jacobian k_blue^2 per star.
+    Both share the green noise, so their residuals are correlated. The green, red and blue points
+    of a star are its true position in the respective channel plus noise. Given the red points, and
+    with a flat prior of the true position, the two residuals of a star are Gaussian per axis with
+    covariance noise^2 [[1 + k_red^2, 1], [1, 1 + k_blue^2]]. The blue points are random too, which
+    adds the Jacobian k_blue^2 per star.
 
-    - `sources`, (n, 2): red and blue points, in px.
-    - `target`, (n, 2): green points, in px.
-    - `pivots`, (2,): principal points of red and blue, in px.
+    - `channels`: registration of red and of blue, with the same target.
+
+    Parameters are scale, rotation and shift of red, then of blue, and the noise of one image.
     """
 
-    sources: tuple[FloatArray, FloatArray]
-    target: FloatArray
-    pivots: tuple[FloatArray, FloatArray]
+    channels: tuple[GaussianRegistration, ...]
 
-    @cached_property
-    def channels(self) -> tuple[GaussianRegistration, ...]:
-        """Red and blue, each by itself."""
-        return tuple(
-            GaussianRegistration(source, self.target, pivot)
-            for source, pivot in zip(self.sources, self.pivots, strict=True)
-        )
+    @property
+    def observed(self) -> dict[str, FloatArray]:
+        """The blue and green points, which are random given the red ones."""
+        return {"blue": self.channels[1].source, "target": self.target}
 
     def pointwise(self, parameters: FloatArray) -> FloatArray:
         """Return the log likelihood of each star, shape (n, points)."""
@@ -530,11 +551,6 @@ class JointRegistration(StarLikelihood):
         constant += 2 * np.log(parameters[:, 4, None])
         return np.asarray(constant - squares / (2 * noise**2 * determinant))
 
-    @property
-    def observed(self) -> dict[str, FloatArray]:
-        """The blue and green points, which are random given the red ones."""
-        return {"blue": self.sources[1], "target": self.target}
-
     def simulate(
         self, parameters: FloatArray, generator: Generator
     ) -> tuple[FloatArray, FloatArray]:
@@ -543,13 +559,15 @@ class JointRegistration(StarLikelihood):
             parameters[4], parameters[5], parameters[6:8], self.pivots[1]
         )
         noise = parameters[8] * generator.normal(size=(3, *self.target.shape))
-        measured = self.sources[0] + noise[0]
-        true = self.channels[0].places(parameters[None, :4], measured)[0]
+        red, _ = self.channels
+        true = red.places(parameters[None, :4], red.source + noise[0])[0]
         return blue.inverse().apply(true) + noise[1], true + noise[2]
 
     def with_data(self, data: tuple[FloatArray, FloatArray]) -> Self:
-        """Return the same red points with other blue and green ones."""
-        return replace(self, sources=(self.sources[0], data[0]), target=data[1])
+        """Return the likelihood of the same red points with other blue and green points."""
+        red, blue = (one.with_data(data[1]) for one in self.channels)
+        moved = replace(blue, problem=replace(blue.problem, source=data[0]))
+        return replace(self, channels=(red, moved))
 
     def start(self) -> tuple[FloatArray, FloatArray]:
         """Return the least-squares fits of both channels and their standard errors.
@@ -557,27 +575,32 @@ class JointRegistration(StarLikelihood):
         The noise is that of one image.
         """
         (red, red_error), (blue, blue_error) = (one.start() for one in self.channels)
-        shares = np.hypot(1, (red[0], blue[0]))
-        noise = float(np.mean((red[4], blue[4]) / shares))
-        error = red_error[4] / shares[0]
+        ratios = np.hypot(1, (red[0], blue[0]))
+        noise = float(np.mean((red[4], blue[4]) / ratios))
         wider = [
-            np.sqrt(2) * one[:4] / share
-            for one, share in zip((red_error, blue_error), shares, strict=True)
+            np.sqrt(2) * one[:4] / ratio
+            for one, ratio in zip((red_error, blue_error), ratios, strict=True)
         ]
-        return np.concatenate([red[:4], blue[:4], [noise]]), np.append(wider, error)
+        return (
+            np.concatenate([red[:4], blue[:4], [noise]]),
+            np.append(wider, red_error[4] / ratios[0]),
+        )
 
     def checks(
         self, data: tuple[FloatArray, FloatArray] | None = None
     ) -> dict[str, float]:
         """Return the checks of each channel, and the correlation of their residuals."""
-        found: dict[str, float] = {}
-        residuals = []
-        likelihood = self if data is None else self.with_data(data)
-        for name, channel in zip(_CHANNELS, likelihood.channels, strict=True):
-            found |= {f"{name}: {key}": one for key, one in channel.checks().items()}
-            residuals.append(channel.fit.residuals.ravel())
-        correlation = np.asarray(np.corrcoef(residuals))[0, 1]
-        return found | {"correlation of both residuals": float(correlation)}
+        fits = [one.fit for one in (self.with_data(data) if data else self).channels]
+        residuals = [fit.residuals.ravel() for fit in fits]
+        return {
+            f"{name}: {key}": value
+            for name, fit in zip(_CHANNELS, fits, strict=True)
+            for key, value in fit_checks(fit).items()
+        } | {
+            "correlation of both residuals": float(
+                np.asarray(np.corrcoef(residuals))[0, 1]
+            )
+        }
 
 
 def joint_model(
@@ -585,14 +608,33 @@ def joint_model(
     target: FloatArray,
     pivots: tuple[FloatArray, FloatArray],
 ) -> Model:
-    """Return the registration of red and blue to green, with one noise in all channels."""
-    likelihood = JointRegistration(sources, target, pivots)
-    parameters: list[Parameter] = []
-    for channel, source in zip(_CHANNELS, sources, strict=True):
-        for one in _parameters(_default_priors(source, target))[:4]:
-            label = f"{one.label}_\\mathrm{{{channel[0]}}}"
-            parameters.append(replace(one, name=f"{channel}-{one.name}", label=label))
-    names, values = (one.name for one in parameters), likelihood.start()[0].tolist()
-    estimate = dict(zip(names, values, strict=False))
-    parameters.append(_parameters(_default_priors(sources[0], target))[4])
-    return Model("registration-joint", tuple(parameters), likelihood, estimate)
+    """Return the registration of red and blue to green, with one noise in all channels.
+
+    Parameters
+    ----------
+    sources : tuple of ndarray, shape (n, 2)
+        Red and blue points, in px.
+    target : ndarray, shape (n, 2)
+        Green points, in px.
+    pivots : tuple of ndarray, shape (2,)
+        Principal points of red and blue, in px.
+
+    Returns
+    -------
+    Model
+        Parameters scale, rotation (rad), shift-x, shift-y of red and of blue, and noise (px).
+    """
+    likelihood = JointRegistration(
+        tuple(
+            GaussianRegistration(prepare(source, target, pivot))
+            for source, pivot in zip(sources, pivots, strict=True)
+        )
+    )
+    priors = [_book_priors(source, target) for source in sources]
+    parameters = [
+        _parameter(name, own[name], channel)
+        for channel, own in zip(_CHANNELS, priors, strict=True)
+        for name in TRANSFORM
+    ]
+    parameters.append(_parameter("noise", priors[0]["noise"]))
+    return Model("registration-joint", tuple(parameters), likelihood)

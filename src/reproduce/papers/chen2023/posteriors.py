@@ -148,7 +148,7 @@ def _priors(model: Model, images: list[FloatArray]) -> dict[str, Prior]:
     roll = Normal(0.0, _PRIOR_WIDTHS * motion / size, reason)
     mount = Normal(
         0.0,
-        max(models.MOUNT, _PRIOR_WIDTHS * residual / size),
+        max(models.MOUNT_SIGMA, _PRIOR_WIDTHS * residual / size),
         "the zero attitude is fitted to the spots first: a quarter of a degree, or twenty times "
         "the rotation by their noise",
     )

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.random import PCG64, Generator, default_rng
 
-from reproduce.inference import Model, Uniform, models
+from reproduce.inference import Model, models
 from reproduce.papers.niu2024 import simulation
 from reproduce.papers.niu2024.simulation import NOISE, REGISTERED, ROWS
 from reproduce.papers.posteriors import Declaration, File, data_stream
@@ -26,11 +26,12 @@ from reproduce.physics.optics import angle_from_pixels
 from reproduce.physics.registration import (
     checked_pivot,
     diagnose_fit,
+    fit_problem,
     fit_registration,
     similarity_between,
     tied,
 )
-from reproduce.physics.validate import FloatArray, weights_for
+from reproduce.physics.validate import FloatArray
 from reproduce.printed.inputs import Inputs
 from reproduce.store.points import STARS, DataTable, TableFileError
 from reproduce.units import ARCSEC_PER_RADIAN
@@ -44,7 +45,7 @@ _JOINT_COLUMNS = ((0, 1, 2, 3, 8), (4, 5, 6, 7, 8))
 # With fewer stars a wrong match is indistinguishable from noise.
 _MIN_STARS_MIXTURE = 10
 # Arguments of `fit_registration` that the posterior shares with `register`.
-_FITTED = ("model", "weights", "source_covariance", "target_covariance")
+_ERRORS = ("weights", "source_covariance", "target_covariance")
 
 
 def true_centroids(inputs: Inputs) -> FloatArray:
@@ -158,36 +159,29 @@ def _new_stars(
 
 
 def _your_registration(
-    table: DataTable, arguments: Mapping[str, Any]
+    table: DataTable, arguments: Mapping[str, Any], robust: bool = False
 ) -> tuple[Model, list[str]]:
     """Return the registration of your stars, and the findings of `register`.
 
-    Stars of weight zero are omitted. An unknown noise is the noise of a star of mean weight.
+    Stars of weight zero are omitted. An unknown noise is the noise of a star of mean weight. With
+    wrong matches the findings belong to the robust fit.
     """
     source, target = np.split(table.values, 2, axis=1)
-    pivot = checked_pivot(arguments.get("pivot"), source)
-    # The fit checks the arguments.
-    fit = fit_registration(source, target, **{**arguments, "pivot": pivot})
-    weights = weights_for(arguments.get("weights"), len(source))
-    used = weights > 0
-    errors: dict[str, Any] = {
-        name: np.broadcast_to(value, (len(source), 2, 2))[used]
-        for name, value in arguments.items()
-        if name.endswith("_covariance")
-    }
-    likelihood = models.GaussianRegistration(
-        source[used],
-        target[used],
-        pivot,
-        weights=weights[used] / (1.0 if errors else weights[used].mean()),
-        model=arguments.get("model", "similarity"),
-        **errors,
-    )
-    findings, _ = diagnose_fit(fit, named=table.named)
-    remarks = {
-        finding.text: None for finding in findings if finding.kind != "sensitive"
-    }
-    return models.fitted_model(likelihood), list(remarks)
+    settings = {key: value for key, value in arguments.items() if key != "pivot"}
+    centre = checked_pivot(arguments.get("pivot"), source)
+    # The fit checks the settings.
+    fit = fit_registration(source, target, centre, **settings)
+    problem = fit.problem.rows(fit.weights > 0)
+    if not fit.errors_known:
+        problem = replace(problem, counts=problem.counts / problem.counts.mean())
+    likelihood = models.GaussianRegistration(problem)
+    model = models.fitted_model(likelihood)
+    checked = fit_problem(fit.problem, robust=True) if robust else fit
+    found, _ = diagnose_fit(checked, named=table.named)
+    # The mixture reports wrong matches.
+    hidden = {"sensitive"} | ({"mismatched", "dropped"} if robust else set())
+    texts = (one.text for one in found if one.kind not in hidden)
+    return model, list(dict.fromkeys(texts))
 
 
 def _your_mixture(
@@ -205,15 +199,13 @@ def _your_mixture(
             f"{table.path}: expected coordinates with more digits, got equal displacements of "
             "many stars. Use the posterior registration, or add digits."
         )
-    plain, remarks = _your_registration(table, arguments)
+    plain, remarks = _your_registration(table, arguments, robust=True)
     model = models.mixture_model(plain)
-    # Wrong matches may rotate the least-squares fit.
-    theta = model.likelihood.start()[0][1]
-    reason = "any angle, cut opposite to the fit of the stars that agree"
-    rotation = Uniform(theta - np.pi, theta + np.pi, reason)
-    # The mixture names mismatches itself.
-    others = [text for text in remarks if "do not fit the others" not in text]
-    return model.with_priors({"rotation": rotation}), others
+    # Wrong matches may rotate the least-squares fit, or make its scale small.
+    mixture = model.likelihood_of(models.MixtureRegistration)
+    right = models.GaussianRegistration(mixture.problem.rows(mixture.agreeing))
+    priors = {one.name: one.prior for one in models.fitted_model(right).parameters}
+    return model.with_priors(priors), remarks
 
 
 def _file(read: Callable[..., tuple[Model, list[str]]], *accepts: str) -> File:
@@ -231,7 +223,7 @@ POSTERIORS = (
         "registration",
         "Registration of one channel: similarity and Gaussian noise",
         build=_registration,
-        file=_file(_your_registration, *_FITTED),
+        file=_file(_your_registration, "model", *_ERRORS),
         walkers=240,
     ),
     _RED(
@@ -251,7 +243,7 @@ POSTERIORS = (
         "registration-mixture",
         "Registration with wrong matches: a good/bad mixture",
         build=_mixture,
-        file=_file(_your_mixture),
+        file=_file(_your_mixture, *_ERRORS),
         truth=lambda inputs: {**truth(inputs), "false-share": _FALSE_FRACTION},
         steps=350,
         walkers=96,

@@ -21,11 +21,14 @@ from reproduce.physics.registration.diagnosis import (
     chi_square_range,
     diagnose_fit,
     fits_exactly,
-    robust_similarity,
     sensitivities,
     tied,
 )
-from reproduce.physics.registration.fit import RegistrationFit, fit_registration
+from reproduce.physics.registration.fit import (
+    RegistrationFit,
+    fit_problem,
+    fit_registration,
+)
 from reproduce.physics.registration.matching import (
     match_points,
     neighbours,

@@ -320,7 +320,9 @@ def tied(source: FloatArray, target: FloatArray) -> bool:
     steps, counts = np.unique(moved, axis=0, return_counts=True)
     if counts.max() <= max(2, _MAX_TIED * len(moved)):
         return False
-    fit = robust_similarity(source, source + moved, source.mean(axis=0))
+    pivot = source.mean(axis=0)
+    robust = _robust(prepare(source, source + moved, pivot))
+    fit = robust or fit_registration(source, source + moved, pivot)
     scale, rotation = fit.parameters[:2]
     change = max(abs(scale - 1), abs(rotation)) * float(np.ptp(source, axis=0).max())
     digits = np.diff(np.unique(steps.round(9)))
@@ -410,30 +412,6 @@ def _robust(problem: Problem) -> RegistrationFit | None:
         raise
     except (validate.DegenerateGeometryError, np.linalg.LinAlgError):
         return None
-
-
-def robust_similarity(
-    source: FloatArray, target: FloatArray, pivot: FloatArray
-) -> RegistrationFit:
-    """Return the robust similarity, or the plain one if the stars are too few or coincide.
-
-    Parameters
-    ----------
-    source, target, pivot
-        As in `fit_registration`.
-
-    Returns
-    -------
-    RegistrationFit
-
-    Examples
-    --------
-    >>> square = np.array([[0.0, 0], [90, 0], [0, 90], [90, 90]])
-    >>> float(robust_similarity(square, 2 * square, np.zeros(2)).transform.scale.round(9))
-    2.0
-    """
-    robust = _robust(prepare(source, target, pivot))
-    return robust or fit_registration(source, target, pivot)
 
 
 def _stars(fit: RegistrationFit, named: Named) -> list[Finding]:

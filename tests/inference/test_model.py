@@ -1,0 +1,66 @@
+"""Every posterior of the book: coordinates, pointwise likelihood, consequences and checks."""
+
+import numpy as np
+import pytest
+from scipy.stats import norm
+
+from calibrations import drawn_prior
+from reproduce.inference import posterior_checks
+from reproduce.inference.sampling import Plan, sample
+from reproduce.papers.posteriors import posteriors
+
+PLAN = Plan(5, steps=500, warmup=200)
+
+
+def test_coordinates_are_one_to_one_with_the_stated_volume():
+    model = posteriors()["registration-mixture"].model()
+    for seed in range(5):
+        generator = np.random.default_rng(seed)
+        truth = drawn_prior(model, generator, 1)[0]
+        data = model.likelihood.simulate(truth, generator)
+        points = model.with_data(data).start(generator, 6)
+        coordinates = model.coordinates(points)
+        assert not np.allclose(coordinates[:, 4:], points[:, 4:])
+        np.testing.assert_allclose(model.parameters_at(coordinates), points, rtol=1e-9)
+        steps = 1e-5 * np.eye(6)[:, None]
+        ahead, behind = (
+            model.parameters_at(coordinates + sign * steps) for sign in (1, -1)
+        )
+        jacobian = np.moveaxis((ahead - behind) / 2e-5, 0, -1)
+        volume = np.linalg.slogdet(jacobian)[1]
+        np.testing.assert_allclose(model.log_volume(points), volume, atol=1e-4)
+
+
+@pytest.mark.parametrize("name", list(posteriors()))
+def test_pointwise_likelihood_consequences_and_summary(name):
+    """The pointwise likelihood sums to that of stars; mean spots have a part of it."""
+    declared = posteriors()[name]
+    model = declared.model()
+    rows = model.start(np.random.default_rng(1), 8)
+    likelihood = model.likelihood
+    each = likelihood.pointwise(rows)
+    if "spots" in likelihood.observed:
+        scale = np.multiply.outer(rows[:, -1], likelihood.statistics.counts**-0.5)
+        density = norm(likelihood.moments(rows)[:, 0], scale[..., None, None])
+        law = density.logpdf(likelihood.statistics.means)
+        np.testing.assert_allclose(each, law.sum(axis=-1), rtol=1e-9)
+    else:
+        np.testing.assert_allclose(each.sum(axis=1), likelihood(rows), rtol=1e-9)
+    found = model.consequences(rows)
+    assert np.isfinite([quantity.values for quantity in found.values()]).all()
+    units = {quantity.unit for quantity in found.values()}
+    assert units >= {"arcsec"} | ({"m"} if declared.paper == "chen2023" else set())
+    assert set(declared.summary) <= {*model.names, *found}
+
+
+def test_predictive_checks_pass_for_data_of_the_model_and_show_a_distortion(
+    registration,
+):
+    found = posterior_checks(sample(registration, PLAN), 1000)
+    assert min(check.tail for check in found) > 0.01
+    data = registration.likelihood
+    offsets = data.source - data.pivot
+    bent = data.target + 1e-7 * offsets * (offsets**2).sum(axis=1, keepdims=True)
+    found = posterior_checks(sample(registration.with_data(bent), PLAN), 100)
+    tails = {check.name: check.tail for check in found}
+    assert tails["outer residual, outwards (px)"] < 0.02
