@@ -52,9 +52,10 @@ WRITERS = {
 }
 SETUP = """
 import numpy as np
+from numpy.random import default_rng
 import reproduce as rp
 from reproduce.store.files import write_text
-made = np.random.default_rng(1)
+made = default_rng(1)
 if {what!r}.startswith("draws"):
     a = made.uniform(0, 500, (20, 2))
     table = np.hstack([a, a + made.normal(3, 0.1, (20, 2))])

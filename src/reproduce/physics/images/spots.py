@@ -100,7 +100,7 @@ def spot_windows(
     """
     count = validate.whole_number("size", size)
     across, down = (
-        _shares(_edges(positions[..., axis] - corners[..., axis], radius, count))
+        _fractions(_edges(positions[..., axis] - corners[..., axis], radius, count))
         for axis in (0, 1)
     )
     scaled = photons[..., np.newaxis] * down
@@ -142,8 +142,8 @@ def render_frame(
     for axis, side in enumerate(size):
         count = validate.whole_number("size", side)
         offsets = np.arange(count) - _nearest_pixels(points[:, axis, np.newaxis])
-        shares = _shares(_edges(points[:, axis], widths, count))
-        profiles.append(np.where(np.abs(offsets) <= reach, shares, 0.0))
+        fractions = _fractions(_edges(points[:, axis], widths, count))
+        profiles.append(np.where(np.abs(offsets) <= reach, fractions, 0.0))
     across, down = profiles
     return (down.T * photons) @ across
 
@@ -154,7 +154,7 @@ def _edges(position: FloatArray, radius: FloatArray, count: int) -> FloatArray:
     return np.asarray(edges / radius[..., np.newaxis])
 
 
-def _shares(edges: FloatArray) -> FloatArray:
+def _fractions(edges: FloatArray) -> FloatArray:
     """Return the fraction of the flux in each pixel of a row, (..., count)."""
     # Differences in the lower tail keep their digits.
     below, above = np.diff(ndtr(edges)), -np.diff(ndtr(-edges))
@@ -174,7 +174,7 @@ def _gradient(
         _edges(state[..., 1], radius, rows),
     ]
     root = -np.sqrt(2 * np.pi) * radius[..., np.newaxis]
-    in_x, in_y = (_shares(one) for one in edges)
+    in_x, in_y = (_fractions(one) for one in edges)
     slope_x, slope_y = (np.diff(np.exp(-0.5 * one**2)) / root for one in edges)
     flux = state[..., 2, np.newaxis]
     down = np.stack([flux * in_y, flux * slope_y, in_y], axis=-2)
