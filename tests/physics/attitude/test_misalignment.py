@@ -147,15 +147,6 @@ def test_the_jacobian_is_exact_where_the_fit_is_poor(weights):
     assert_allclose(predicted, (ahead - behind) / 2, rtol=1e-5, atol=1e-9)
 
 
-def test_noise_through_the_jacobian_is_the_scatter_of_quest():
-    jacobian = angle_jacobian(EMITTED, RECEIVED, received_jacobian(SPOTS, **TRACKER))
-    predicted = NOISE * np.sqrt((jacobian**2).sum(axis=(1, 2)))
-    count = 20000
-    angles = misalignment_angles(misalignment(EMITTED, frames_of_spots(count), ZERO))
-    assert_allclose(angles.std(axis=0), predicted, rtol=4 / np.sqrt(2 * count))
-    assert_allclose(angles.mean(axis=0), 0, atol=4 * predicted.max() / np.sqrt(count))
-
-
 def test_in_the_camera_frame_the_error_is_that_of_11_in_the_tracker_frame_roll_leaks_in():
     transforms = laser_transform(EMITTED, frames_of_spots(20000))
     in_camera = misalignment_angles(misalignment_between(transforms, ZERO)).std(axis=0)

@@ -6,7 +6,6 @@ from numpy.random import default_rng
 from numpy.testing import assert_allclose
 
 from reproduce.physics.images import (
-    centre_of_gravity,
     cramer_rao_variance,
     render_frame,
     spot_windows,
@@ -32,13 +31,6 @@ def test_batches_that_do_not_fit_are_refused_with_their_shapes(call):
         call()
 
 
-def test_every_window_has_its_own_corner():
-    corners = np.array([[10.0, 20.0], [-3.0, 4.0]])
-    middles = np.add(corners, [3, 2])
-    light = spot_windows(middles, 100.0, 0.4, corners, 7)[..., :5, :]
-    assert_allclose(centre_of_gravity(light, corners), middles, atol=1e-9)
-
-
 def test_a_frame_is_cut_out_of_a_larger_one():
     """Spots may lie beyond every edge: what they throw into the frame stays."""
     inside = np.array(
@@ -47,10 +39,3 @@ def test_a_frame_is_cut_out_of_a_larger_one():
     frame = render_frame(inside, 1e3, 1.0, (10, 8))
     larger = render_frame(np.add(inside, [20, 30]), 1e3, 1.0, (50, 60))
     assert_allclose(frame, larger[30:38, 20:30], atol=1e-12)
-
-
-def test_a_frame_holds_every_pixel_that_the_reach_touches():
-    frame = render_frame([[10.45, 10.0]], 1e6, 1.0, (21, 21))
-    touched = np.abs(np.arange(21) - 10.45) - 0.5 < 6.0
-    assert touched.sum() == 13
-    assert (frame[10, touched] > 0).all()

@@ -26,22 +26,12 @@ def stars(seed, rows=ROWS):
     )
 
 
-def moffat(places, light, width=1.5, beta=2.5):
+def winged(places, light):
     """Return an image of spots with wide wings."""
-    image = np.zeros((SIDE, SIDE))
-    sub = (np.arange(5) - 2) / 5
-    y, x = (axis + sub[:, None, None, None] for axis in np.indices((41, 41))[:, None])
-    y, x = y, np.moveaxis(x, 0, 1)
-    scale = 2.355 * width / 2 / np.sqrt(2 ** (1 / beta) - 1)
-    padded = np.pad(image, 40)
-    for place, one in zip(places, light, strict=True):
-        first = np.round(place).astype(int) - 20
-        square = (x - place[0] + first[0]) ** 2 + (y - place[1] + first[1]) ** 2
-        spot = (1 + square / scale**2) ** -beta * (beta - 1) / (np.pi * scale**2)
-        padded[first[1] + 40 : first[1] + 81, first[0] + 40 : first[0] + 81] += (
-            one * spot.mean(axis=(0, 1))
-        )
-    return padded[40:-40, 40:-40]
+    return sum(
+        part * render_frame(places, light, radius, (SIDE, SIDE))
+        for part, radius in ((0.7, 1.0), (0.25, 1.8), (0.05, 4.0))
+    )
 
 
 def exposed(image, rng, slope=0.0, gain=1.0):
@@ -86,7 +76,7 @@ def test_wings_of_the_spots_are_no_photon_noise():
     all_pulls = []
     for seed in range(4):
         places, light = stars(seed)
-        spots = find_spots(exposed(moffat(places, light), default_rng(seed)))
+        spots = find_spots(exposed(winged(places, light), default_rng(seed)))
         assert 0.5 < spots.facts["gain"] < 2
         all_pulls.append(pulls(spots, places, light)[0])
     pull = np.concatenate(all_pulls)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from reproduce.physics.optics import arrangement_angles, arrangement_names
@@ -71,18 +70,3 @@ def test_windows_contain_the_whole_numbers_that_they_should_with_their_edges() -
         name = f"{SQUARE}; centred; {window}"
         found = arrangement_angles(name, 10.0, 5.0, 1.0)
         assert_allclose(found, expected, atol=1e-12)
-
-
-def test_divisions_are_all_whose_spacings_average_to_the_step() -> None:
-    """16 by 12 degrees, with spacings within a factor of two of each other."""
-    sides = ((m, n) for m in range(1, 60) for n in range(1, 60))
-    found = {
-        (m, n)
-        for m, n in sides
-        if 16 / m + 12 / n == pytest.approx(1.8) and 0.5 <= (16 / m) / (12 / n) <= 2
-    }
-    assert {f" in {m} by {n} spacings" for m, n in found} == {
-        name[name.index(" in ") :].partition(";")[0]
-        for name in FAMILY
-        if " by " in name
-    }

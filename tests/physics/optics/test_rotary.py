@@ -39,14 +39,6 @@ def test_matrix_agrees_with_scipy() -> None:
     assert_array_equal(grid[3, 2], rotary_matrix(EXTERNAL[3], MIDDLE[2]))
 
 
-def test_starlight_is_the_third_column_and_turns_by_the_angle_of_one_frame() -> None:
-    light = starlight(EXTERNAL, MIDDLE)
-    assert_allclose(light, rotary_matrix(EXTERNAL, MIDDLE)[..., 2])
-    about_y, about_x = starlight([0.0, 0.1], [0.1, 0.0])
-    assert_allclose(about_y, [-np.sin(0.1), 0, np.cos(0.1)])
-    assert_allclose(about_x, [0, np.sin(0.1), np.cos(0.1)])
-
-
 def test_printed_matrix_is_no_rotation_but_has_the_same_starlight() -> None:
     printed = rotary_matrix_printed(EXTERNAL, MIDDLE)
     assert_allclose(np.linalg.det(printed), np.cos(2 * MIDDLE), atol=1e-14)

@@ -104,14 +104,6 @@ def test_a_cone_against_a_root_finder_and_a_numerical_normal():
         assert_allclose(way, expected, atol=1e-9)
 
 
-@pytest.mark.parametrize("angle", np.radians([17.0, 60.0, 120.0, 180.0]))
-def test_the_fold_mirror_sends_the_light_down_the_boresight(angle):
-    camera = np.array([np.sin(angle), 0.0, np.cos(angle)])  # the tracker looks along Z
-    tilt = float(fold_mirror_tilt(angle))
-    found = reflection([-np.sin(tilt), 0.0, np.cos(tilt)]) @ -camera
-    assert_allclose(found, [0, 0, -1], atol=1e-12)
-
-
 def test_bad_light_is_an_error():
     for angle in (0.0, -0.1, 4.0, np.nan):
         with pytest.raises(ValueError, match="boresight_angle"):

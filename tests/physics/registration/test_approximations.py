@@ -97,29 +97,6 @@ def test_the_bias_of_the_scale_holds_far_from_a_scale_of_one(effect):
     assert simulated == pytest.approx(analytic_bias(far, effect, HALF)[0], rel=0.005)
 
 
-def test_the_error_of_the_cube_by_hand():
-    """A spot 4 mm out in x, of focal lengths 25.0601 and 25 mm."""
-    k = 25.0 / 25.0601
-    expected = (k**3 - k) * 57.0 * 4e-3**3 / PITCH
-    found = error_field(CHANNELS.only("cube"), [[4e-3, 0.0]])
-    assert_allclose(found, [[expected, 0.0]], atol=1e-9)
-
-
-def test_the_error_of_the_coefficients_by_hand():
-    k = 25.0 / 25.0601
-    expected = (k**3 * 49.0 - k * 57.0) * 4e-3**3 / PITCH
-    found = error_field(CHANNELS.only("coefficients"), [[0.0, 4e-3]])
-    assert_allclose(found, [[0.0, expected]], atol=1e-9)
-
-
-def test_a_wrong_pivot_moves_all_points_alike():
-    found = error_field(CHANNELS.only("pivot"), EVEN[:50])
-    assert_allclose(found, np.broadcast_to(found[0], found.shape), atol=1e-9)
-    k, turn = 25.0 / 25.0601, np.radians(0.07)
-    expected = k * np.exp(1j * turn) * (3 - 4j) - (3 - 4j)
-    assert_allclose(found[0], [expected.real, expected.imag], atol=1e-9)
-
-
 def test_a_tilted_detector_is_a_plane_that_rays_intersect():
     """The same point by the length of the ray in three dimensions."""
     plain = Channels(Camera(25e-3, (0, 0), 0, PITCH), GREEN)

@@ -99,13 +99,6 @@ def test_printed_sign_walks_away_from_every_start_but_the_solution() -> None:
         for step in range(1, 6):
             u = gauss_newton_step_printed(u, source, target, PIVOT)
             assert_allclose(u - solution, np.multiply(offset, 2.0**step), atol=1e-7)
-    rng = default_rng(3)
-    for start in solution + rng.normal(size=(20, 4)) * (1e-3, 1e-3, 1, 1):
-        u, costs = start, []
-        for _ in range(6):
-            costs.append(cost(u, source, target))
-            u = gauss_newton_step_printed(u, source, target, PIVOT)
-        assert (np.diff(costs) > 0).all()
     stay = gauss_newton_step_printed(solution, source, target, PIVOT)
     assert_allclose(stay, solution, atol=1e-9)
 
@@ -116,14 +109,6 @@ def test_printed_constraint_holds_at_45_degrees_alone() -> None:
     assert_allclose(constraint_printed(angles), np.cos(2 * angles), atol=1e-15)
     held = np.abs(constraint_printed(angles)) < 1e-12
     assert_allclose(np.degrees(angles[held]), [45, 135, 225, 315])
-
-
-def test_line_direction_by_singular_vectors() -> None:
-    rng = default_rng(4)
-    points = rng.normal(size=(30, 2)) * (5, 0.5) @ [[0.8, 0.6], [-0.6, 0.8]] + (100, 50)
-    direction = rotation([[0, 0], [1, 0]], points)
-    axis = np.linalg.svd(points - points.mean(axis=0))[2][0]
-    assert abs(np.cos(direction) * axis[1] - np.sin(direction) * axis[0]) < 1e-12
 
 
 def test_starting_values_are_the_truth_without_noise() -> None:

@@ -149,8 +149,8 @@ def _seen(
     if missed.any():
         raise ValueError(
             f"vectors: expected lines of sight that meet the Earth, got {missed.sum()} of "
-            f"{missed.size} that miss it, {(approach <= 0).sum()} of them in the opposite direction. "
-            "Check the sign of the boresight and the order of the rotations, or drop these pixels"
+            f"{missed.size} that miss it, {(approach <= 0).sum()} of them in the opposite "
+            "direction. Check the sign of the boresight and the order of the rotations"
         )
     reach = height / (approach + np.sqrt(discriminant))
     return line, reach, origin + reach[..., None] * line
