@@ -194,8 +194,8 @@ def _image_names(units: Any) -> list[str]:
     """Return the two-dimensional images of a FITS file: names of extensions, or numbers."""
     names = [unit.name for unit in units]
     return [
-        name if name != "PRIMARY" and names.count(name) == 1 else str(place)
-        for place, (name, unit) in enumerate(zip(names, units, strict=True))
+        name if name != "PRIMARY" and names.count(name) == 1 else str(number)
+        for number, (name, unit) in enumerate(zip(names, units, strict=True))
         if unit.is_image and unit.header.get("NAXIS", 0) >= 2
     ]
 

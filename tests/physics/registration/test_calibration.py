@@ -111,6 +111,14 @@ def test_printed_constraint_holds_at_45_degrees_alone() -> None:
     assert_allclose(np.degrees(angles[held]), [45, 135, 225, 315])
 
 
+def test_line_direction_by_singular_vectors() -> None:
+    rng = default_rng(4)
+    points = rng.normal(size=(30, 2)) * (5, 0.5) @ [[0.8, 0.6], [-0.6, 0.8]] + (100, 50)
+    direction = rotation([[0, 0], [1, 0]], points)
+    axis = np.linalg.svd(points - points.mean(axis=0))[2][0]
+    assert abs(np.cos(direction) * axis[1] - np.sin(direction) * axis[0]) < 1e-12
+
+
 def test_starting_values_are_the_truth_without_noise() -> None:
     line = np.stack([np.linspace(0, 2000, 9), np.full(9, 770.0)], axis=-1)
     source = TRUTH.inverse().apply(line)

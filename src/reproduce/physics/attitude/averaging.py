@@ -91,7 +91,7 @@ def scatter_of_averages(series: ArrayLike, counts: Sequence[int]) -> FloatArray:
     frames = validate.finite_array("series", series, shape=(None,))
     _check_counts("counts", counts, frames.shape[-1] - 1)
     averages = (moving_average(frames, count) for count in counts)
-    return np.stack([one.std(axis=-1, ddof=1) for one in averages], axis=-1)
+    return np.stack([average.std(axis=-1, ddof=1) for average in averages], axis=-1)
 
 
 def allan_deviation(series: ArrayLike, counts: Sequence[int]) -> FloatArray:

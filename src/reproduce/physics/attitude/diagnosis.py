@@ -132,7 +132,7 @@ def diagnose_spots(
     >>> [finding.kind for finding in findings]
     ['scale', 'spare']
     """
-    counts = np.array([np.isfinite(one[..., 0]).sum(axis=0) for one in images])
+    counts = np.array([np.isfinite(group[..., 0]).sum(axis=0) for group in images])
     seen = counts.min(axis=0) > 0
     lights = np.flatnonzero(seen) + 1
     if len(lights) < 2:
@@ -149,7 +149,7 @@ def diagnose_spots(
     ]
     spare = 2 * int((counts - 1).sum())
     squares, freedom = (
-        sum(np.square(one).sum() for one in series),
+        sum(np.square(group).sum() for group in series),
         spare or _KNOWN_FREEDOM,
     )
     noise = (
@@ -157,7 +157,8 @@ def diagnose_spots(
     )
     steady = series[: 1 if drifts else 2]
     response = platform.response(means[0]).reshape(3, -1)
-    angles = [one @ (response.T / np.linalg.norm(response, axis=1)) for one in steady]
+    unit_response = response.T / np.linalg.norm(response, axis=1)
+    angles = [group @ unit_response for group in steady]
     score, lag, widening = max(map(_correlation, (steady, angles)))
     correlated = score > -ndtri(_FALSE_ALARM / _TEST_COUNT)
     variance = np.cumsum((noise * widening) ** 2 / counts, axis=0)
@@ -251,10 +252,10 @@ class _Pattern:
         """Yield the possible causes of a misfit, as arguments of `fit`."""
         lasers, weights, numbers = self.platform.lasers, 1 / self.variance, self.numbers
         yield "scale", "", lasers, weights
-        for one, other in combinations(range(len(lasers)), 2):
+        for pair in combinations(range(len(lasers)), 2):
             swapped = lasers.copy()
-            swapped[[one, other]] = lasers[[other, one]]
-            yield "swapped", f"{numbers[one]} and {numbers[other]}", swapped, weights
+            swapped[[*pair]] = lasers[[*pair[::-1]]]
+            yield "swapped", "{} and {}".format(*numbers[[*pair]]), swapped, weights
         if len(lasers) > 2:
             yield "mirrored", "", lasers * [-1, 1], weights
             for number in numbers:

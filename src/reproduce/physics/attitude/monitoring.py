@@ -32,7 +32,9 @@ def _correlation(groups: Sequence[FloatArray]) -> tuple[float, float, float]:
     the difference of two means over its estimate for white noise.
     """
     groups = [
-        one for one in groups if len(one) >= _MIN_IMAGES and one.std(axis=0).any()
+        group
+        for group in groups
+        if len(group) >= _MIN_IMAGES and group.std(axis=0).any()
     ]
     if not groups:
         return 0.0, 0.0, 1.0

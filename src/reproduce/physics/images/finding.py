@@ -130,25 +130,25 @@ def find_spots(
         noise = noise if sigma is None else np.array(sigma, dtype=np.float32)
         _remove_hot_pixels(light, noise)
         noise *= limit
-        places, guess = _detected(light, noise)
-    at = tuple(places.T[::-1])
+        peaks, guess = _detected(light, noise)
+    at = tuple(peaks.T[::-1])
     deviations = noise[at] / limit
     del noise
-    typical = slice(0, (len(places) + 1) // 2, len(places) // (2 * _MAX_TYPICAL) + 1)
-    some = partial(_Fit, light, deviations[typical], places[typical])
-    radius = _best_radius(some, guess)
-    gain = _best_gain(some, radius)
-    fit = _Fit(light, deviations, places, radius, radius, gain)
+    typical = slice(0, (len(peaks) + 1) // 2, len(peaks) // (2 * _MAX_TYPICAL) + 1)
+    fitted = partial(_Fit, light, deviations[typical], peaks[typical])
+    radius = _best_radius(fitted, guess)
+    gain = _best_gain(fitted, radius)
+    fit = _Fit(light, deviations, peaks, radius, radius, gain)
     side = fit.left.shape[-1]
     last = np.array(image.shape[::-1]) - 1 - radius
     reach: Any = side // 2 + _TAIL_RADII * radius
-    close = KDTree(places).query_pairs(reach, np.inf, output_type="ndarray")
+    close = KDTree(peaks).query_pairs(reach, np.inf, output_type="ndarray")
     checks = {
         "saturated": fit.is_saturated,
-        "at the edge": ((places < radius) | (places > last)).any(axis=1),
-        "another close by": np.isin(np.arange(len(places)), close),
+        "at the edge": ((peaks < radius) | (peaks > last)).any(axis=1),
+        "another close by": np.isin(np.arange(len(peaks)), close),
         _ODD: fit.has_odd_shape(),
-        "no centre found": ~(np.abs(fit.centre - places).max(axis=1) < side / 2),
+        "no centre found": ~(np.abs(fit.centre - peaks).max(axis=1) < side / 2),
     }
     reasons = np.select(list(checks.values()), list(checks), default="")
     flux = np.where(np.isin(reasons, ["", _ODD]), fit.flux, -np.inf)
@@ -198,7 +198,7 @@ def _without_background(image: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]
 
     for _ in range(2):
         rest = light[::stride, ::stride]
-        found = Background2D(
+        background = Background2D(
             rest,
             tuple(boxes),
             mask=np.isnan(rest),
@@ -206,10 +206,10 @@ def _without_background(image: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]
             filter_size=1,
             bkg_rms_estimator=BiweightScaleBackgroundRMS(),
         )
-        light -= enlarged(found.background_mesh)
+        light -= enlarged(background.background_mesh)
     # Rounding to whole numbers is noise, too. The last term is for images without noise.
     rounding = float(np.diff(values).min()) / np.sqrt(12)
-    noise = np.maximum(found.background_rms_mesh, rounding)
+    noise = np.maximum(background.background_rms_mesh, rounding)
     least = 0.0 if noise.all() else 1e-3 * float(np.nanmax(rest))
     return light, enlarged(np.maximum(noise, least))
 
@@ -240,8 +240,8 @@ def _detected(light: NDArray[Any], limit: NDArray[Any]) -> tuple[IntArray, float
     order = np.argsort(-flux, kind="stable")[: min(_MAX_SPOTS, np.isfinite(flux).sum())]
     # A Gaussian has 2 pi radius^2 times the flux of its brightest pixel.
     ratio = np.median((flux / catalogue.max_value)[order])
-    places = np.stack([catalogue.max_value_xindex, catalogue.max_value_yindex], axis=-1)
-    return places[order].astype(np.int64), float(np.sqrt(ratio / (2 * np.pi)))
+    peaks = np.stack([catalogue.max_value_xindex, catalogue.max_value_yindex], axis=-1)
+    return peaks[order].astype(np.int64), float(np.sqrt(ratio / (2 * np.pi)))
 
 
 class _Fit:
@@ -251,7 +251,7 @@ class _Fit:
         self,
         light: NDArray[Any],
         noise: FloatArray,
-        places: IntArray,
+        peaks: IntArray,
         reach: float,
         radius: float,
         gain: float = 0.0,
@@ -259,7 +259,7 @@ class _Fit:
         """Fit windows that contain spots of the radius `reach`, without photon noise by default."""
         half = np.clip(np.ceil(_HALF_RADII * reach), _MIN_HALF_PX, _MAX_HALF_PX)
         size = min(2 * int(half) + 1, *(s - 1 + s % 2 for s in light.shape))
-        corners = np.clip(places - size // 2, 0, np.array(light.shape[::-1]) - size)
+        corners = np.clip(peaks - size // 2, 0, np.array(light.shape[::-1]) - size)
         x, y = (corners[:, axis, None] + np.arange(size) for axis in (0, 1))
         pixels = light[y[:, :, None], x[:, None]].astype(np.float64)
         self.is_saturated = np.isinf(pixels).any(axis=(1, 2))
@@ -393,7 +393,7 @@ def shape_finding(
 
     linear, error = np.asarray(matrix, dtype=np.float64), np.zeros((2, 2))
     both = linear @ source @ linear.T, target
-    first, second = (one[np.isfinite(one).all(axis=(1, 2))] for one in both)
+    first, second = (m[np.isfinite(m).all(axis=(1, 2))] for m in both)
     if min(len(first), len(second)) < _MIN_STARS_COMPARED:
         return None, error
     # Size, and difference of the axes along x and along the diagonal.

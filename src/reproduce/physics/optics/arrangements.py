@@ -94,9 +94,9 @@ def arrangement_angles(name: str, half_x: Size, half_y: Size, step: Size) -> Flo
     if offset != _CORNER:
         origin = spacing * _OFFSETS[offset] / [1 if chequered else 2, 2]
     nodes = origin + spacing * np.stack([i, j], axis=-1)
-    kept = (i + j) % (2 if chequered else 1) == 0
+    selected = (i + j) % (2 if chequered else 1) == 0
     inside = _windows(nodes, half)
-    return np.asarray(nodes[kept & inside["rectangle"] & inside[window]])
+    return np.asarray(nodes[selected & inside["rectangle"] & inside[window]])
 
 
 def arrangement_names() -> list[str]:

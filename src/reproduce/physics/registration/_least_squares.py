@@ -223,7 +223,7 @@ def iterated(problem: Problem) -> tuple[FloatArray, ...]:
             points = problem.source + shift[..., 0]
         movements = (moved[..., 0], points - before)
         if (
-            max(np.square(one).mean(axis=(-2, -1)).max() for one in movements)
+            max(np.square(movement).mean(axis=(-2, -1)).max() for movement in movements)
             < limit**2
         ):
             break
@@ -363,11 +363,11 @@ def check_ratio(freedom: Any, residual: FloatArray, mirrored: FloatArray) -> Non
 
     least = np.maximum(freedom, 1)
     limit = fdtri(least, least, 1 - _MIRROR_PROBABILITY)
-    found = np.asarray((freedom == least) & (residual > limit * mirrored))
-    if found.any():
-        sets = f" (in {int(found.sum())} of {found.size} sets)" * bool(found.ndim)
+    sets = np.asarray((freedom == least) & (residual > limit * mirrored))
+    if sets.any():
+        count = f" (in {int(sets.sum())} of {sets.size} sets)" * bool(sets.ndim)
         raise validate.MirroredPointsError(
-            f"target: expected no mirror image, got one of the source points{sets}. Replace x of "
+            f"target: expected no mirror image, got one of the source points{count}. Replace x of "
             "one image by the width minus x (flip one axis), or fit the affine model"
         )
 

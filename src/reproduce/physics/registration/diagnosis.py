@@ -335,16 +335,16 @@ def diagnose_fit(
     ['exact']
     """
     problem, unmatched = fit.problem, None
-    found = [*_stars(fit, named), *_errors(fit), *_dropped(fit, named)]
+    findings = [*_stars(fit, named), *_errors(fit), *_dropped(fit, named)]
     if fits_exactly(fit, problem.source, problem.target):
         # Without a degree of freedom the residuals are zero by construction.
         if not fit.errors_known and fit.degrees_of_freedom > 0:
             text = "the residuals are zero, so the errors cannot be estimated"
-            found.append(Finding("exact", text))
-        return found, []
+            findings.append(Finding("exact", text))
+        return findings, []
     if tied(problem.source, problem.target):
         text = "many stars have exactly equal displacements: rounding hides their noise"
-        found.append(Finding("tied", text))
+        findings.append(Finding("tied", text))
     elif not fit.robust and _any_far(fit):
         # Wrong matches must not hide a distortion.
         unmatched = _robust(problem)
@@ -353,7 +353,7 @@ def diagnose_fit(
     terms = sensitivities(right, brightness) or sensitivities(fit, brightness)
     doubtful = min(terms, key=lambda term: term.p_value, default=None)
     if doubtful and doubtful.p_value < FALSE_ALARM / len(terms):
-        found.append(_model_finding(doubtful, right))
+        findings.append(_model_finding(doubtful, right))
         # A distortion must not be taken for wrong matches.
         richer = _RICHER_MODELS.get(doubtful.term)
         if unmatched and richer:
@@ -363,8 +363,8 @@ def diagnose_fit(
         if np.abs(most.change).max() > _MAX_CHANGE and most.term != "brightness":
             text = f"the intervals assume no {most.term} term, which would change "
             text += _largest_change(most, right)
-            found.append(Finding("sensitive", text))
-    return found + (_mismatched(unmatched, named) if unmatched else []), terms
+            findings.append(Finding("sensitive", text))
+    return findings + (_mismatched(unmatched, named) if unmatched else []), terms
 
 
 def _robust(problem: Problem) -> RegistrationFit | None:
@@ -409,16 +409,16 @@ def _stars(fit: RegistrationFit, named: Named) -> list[Finding]:
     # Wrong matches do not change the medians.
     centred = np.abs(part - np.median(part, axis=1, keepdims=True))
     small, large = np.sort(np.median(centred, axis=(1, 2)))
-    found = []
+    findings = []
     if span < _MIN_SPAN:
-        found.append(
+        findings.append(
             Finding("unit", f"the stars span {span:.4g} px: are these pixels?")
         )
     elif large > _MAX_RATIO * small > 0:
         text = (
             f"one image spans {large / small:.3g} times the other: are both in pixels?"
         )
-        found.append(Finding("unit", text))
+        findings.append(Finding("unit", text))
     if count <= _MAX_COMPARED:
         first = [np.unique(image, axis=0, return_index=True)[1] for image in both]
         rows = np.setdiff1d(
@@ -426,14 +426,14 @@ def _stars(fit: RegistrationFit, named: Named) -> list[Finding]:
         ).tolist()
         if rows:
             text = f"{len(rows)} of {count} rows repeat a star of an earlier row ({named(rows)})"
-            found.append(Finding("duplicate", text, tuple(rows)))
+            findings.append(Finding("duplicate", text, tuple(rows)))
     if count > 2:
         stars = part[0] - part[0].mean(axis=0)
         length, width = np.linalg.svd(stars, compute_uv=False)
         if width <= _LINE_RATIO * length:
             text = "the stars lie in a line: their mirror image would fit as well"
-            found.append(Finding("line", text))
-    return found
+            findings.append(Finding("line", text))
+    return findings
 
 
 def _errors(fit: RegistrationFit) -> list[Finding]:
@@ -455,14 +455,14 @@ def _errors(fit: RegistrationFit) -> list[Finding]:
 def _dropped(fit: RegistrationFit, named: Named) -> list[Finding]:
     """Return the warnings of a robust fit: the stars that it left out, and too few stars."""
     rows, count = np.flatnonzero(fit.rejected).tolist(), len(fit.weights)
-    found = []
+    findings = []
     if rows:
         text = f"{len(rows)} of {count} stars have zero weight ({named(rows)})"
-        found.append(Finding("dropped", text, tuple(rows)))
+        findings.append(Finding("dropped", text, tuple(rows)))
     if fit.robust and count < _MIN_STARS_ROBUST:
         text = f"with {count} stars a robust fit can detect one wrong match, not two"
-        found.append(Finding("few", text))
-    return found
+        findings.append(Finding("few", text))
+    return findings
 
 
 def _any_far(fit: RegistrationFit) -> bool:

@@ -233,13 +233,14 @@ def _similarities(
     triangles: ComplexArray, others: ComplexArray
 ) -> tuple[ComplexArray, ComplexArray, int]:
     """Return the similarities of the triangles that are most alike, and the number of pairs."""
-    shapes = [as_points((c - a) / (b - a)) for a, b, c in (triangles, others)]
-    alike = np.sort(_close_pairs(*shapes, _MAX_DIFFERENCE), order=("v", "i", "j"))
+    first, second = (as_points((c - a) / (b - a)) for a, b, c in (triangles, others))
+    alike = _close_pairs(first, second, _MAX_DIFFERENCE)
+    alike = np.sort(alike, order=("v", "i", "j"))
     # By their longest sides: a narrow triangle may fit its own mirror image better.
     a, b, _ = triangles[:, alike["i"][:_MAX_TRIED]]
     c, d, _ = others[:, alike["j"][:_MAX_TRIED]]
     factors = (d - c) / (b - a)
-    return factors, c - factors * a, len(triangles.T) * len(others.T)
+    return factors, c - factors * a, len(first) * len(second)
 
 
 def _triangles(stars: ComplexArray) -> ComplexArray:

@@ -495,14 +495,14 @@ class Channels:
             raise ValueError(
                 f"effect: expected one of {', '.join(EFFECTS)}, got {effect!r}. Correct the name"
             )
-        own = self.source.radial_distortion
-        other = self.reference.radial_distortion if effect == "coefficients" else own
+        source = self.source.radial_distortion
+        other = self.reference.radial_distortion if effect == "coefficients" else source
         bent = effect in ("coefficients", "cube")
         field = {"pivot": "pivot_error", "second term": "second_term"}.get(
             effect, effect
         )
         return Channels(
-            replace(self.source, radial_distortion=bent * own),
+            replace(self.source, radial_distortion=bent * source),
             replace(self.reference, radial_distortion=bent * other),
             self.rotation,
             **({} if bent else {field: getattr(self, field)}),
