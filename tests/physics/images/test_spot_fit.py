@@ -92,28 +92,6 @@ def test_no_window_is_fitted_worse_than_from_the_brightest_pixel_by_scipy(kind, 
     assert np.isfinite(fit[:, 0]).mean() > 0.98
 
 
-def test_the_likelihood_is_at_its_maximum_for_faint_spots_too():
-    windows = scene("faint", 7, 12)
-    fit = fitted_centre(windows, [0, 0], RADIUS, read_noise=NOISE)
-    assert np.isfinite(fit).all()
-
-    def value(state, window):
-        return cost(state, window)[0]
-
-    for centre, window in zip(fit, windows, strict=True):
-        start = brightened(centre, window)
-        found = minimize(
-            value,
-            start,
-            args=(window,),
-            method="Nelder-Mead",
-            options={"xatol": 1e-7, "fatol": 1e-10},
-        )
-        assert_allclose(found.x[:2], centre, rtol=0, atol=1e-5)
-        far = minimize(value, brightest(window), args=(window,), method="Nelder-Mead")
-        assert value(start, window) <= far.fun + 1e-6
-
-
 def test_a_bad_window_is_named_and_spoils_no_other():
     windows = scene("faint", 7, 5)
     alone = fitted_centre(windows, [3, 4], RADIUS)

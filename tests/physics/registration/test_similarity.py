@@ -36,28 +36,6 @@ def test_affine_form_gives_the_same_points() -> None:
     assert np.linalg.det(matrix) == pytest.approx(1.003**2)
 
 
-def test_fit_agrees_with_linear_algebra() -> None:
-    source, target = spots(12)
-    q = source - TRUTH.pivot
-    one, zero = np.ones(len(q)), np.zeros(len(q))
-    design = np.concatenate(
-        [
-            np.stack([q[:, 0], -q[:, 1], -one, zero], 1),
-            np.stack([q[:, 1], q[:, 0], zero, -one], 1),
-        ]
-    )
-    observed = (target - TRUTH.pivot).T.ravel()
-    (a, b, *shift), chi_square, *_ = np.linalg.lstsq(design, observed)
-    fit = fit_registration(source, target, TRUTH.pivot)
-    assert_allclose(
-        fit.parameters,
-        (np.hypot(a, b), np.arctan2(b, a), *shift),
-        rtol=1e-9,
-        atol=1e-12,
-    )
-    assert fit.chi_square == pytest.approx(chi_square[0])
-
-
 def test_a_far_origin_costs_no_digits() -> None:
     source, target = spots()
     near = fit_registration(source, target, TRUTH.pivot)

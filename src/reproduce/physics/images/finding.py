@@ -45,8 +45,6 @@ _DEGREES, _SCALES = (2, 2), (0.5, 1.0, 2.0)
 _MIN_DIFFERENCES, _FALSE_WARNING = np.array([0.1, 0.02, 0.02]), 0.01
 # Stars at least of each image, and the fraction of them that is trimmed from each end.
 _MIN_STARS_COMPARED, _TRIMMED = 4, 0.2
-# Parts of a symmetric matrix.
-_SIZE, _ALONG, _DIAGONAL = np.eye(2), np.diag([1.0, -1.0]), np.eye(2)[::-1]
 _ODD = "not the shape of a spot"
 
 
@@ -396,27 +394,26 @@ def shape_finding(
     first, second = (m[np.isfinite(m).all(axis=(1, 2))] for m in both)
     if min(len(first), len(second)) < _MIN_STARS_COMPARED:
         return None, error
-    # Size, and difference of the axes along x and along the diagonal.
+    # Half the sum and difference of the axes along x and y, and the term of the diagonal.
     parts = [
-        np.tensordot(image, [_SIZE, _ALONG, _DIAGONAL], axes=((1, 2), (1, 2))) / 2
-        for image in (first, second)
+        np.stack([m[:, 0, 0] + m[:, 1, 1], m[:, 0, 0] - m[:, 1, 1], 2 * m[:, 0, 1]]) / 2
+        for m in (first, second)
     ]
-    means = [np.median(part, axis=0) for part in parts]
+    means = [np.median(part, axis=1) for part in parts]
     change, size = means[1] - means[0], (means[0] + means[1])[0] / 2
-    test = ttest_ind(*parts, equal_var=False, trim=_TRIMMED)
+    test = ttest_ind(*parts, axis=1, equal_var=False, trim=_TRIMMED)
     differs = np.asarray(test.pvalue) < _FALSE_WARNING / change.size
     differs &= np.abs(change) > _MIN_DIFFERENCES * size
     if not differs.any():
         return None, error
-    widths = " and ".join(
-        "{:.3g} x {:.3g} px".format(*np.sqrt(mean[0] + [mean[1], -mean[1]]))
-        for mean in means
-    )
-    text = f"the spots of the images differ in shape: radii along x and y {widths}"
+    radii = " and ".join(f"{np.sqrt(mean[0]):.3g}" for mean in means)
+    text = f"the spots of the images differ in shape, with radii of {radii} px"
     # Defocus is equal in all directions and displaces no centre.
     if differs[1:].any():
-        _, axes = np.linalg.eigh(change[1] * _ALONG + change[2] * _DIAGONAL)
-        trail = np.sqrt(2 * np.hypot(*change[1:])) * axes[:, int(change[0] > 0)]
-        text += f"; a trail would displace the shift by about {np.hypot(*trail):.2g} px"
+        _, along, diagonal = change
+        _, axes = np.linalg.eigh([[along, diagonal], [diagonal, -along]])
+        length = np.sqrt(2 * np.hypot(along, diagonal))
+        text += f"; a trail would displace the shift by about {length:.2g} px"
+        trail = length * axes[:, int(change[0] > 0)]
         error = np.outer(trail, trail)
     return Finding("shape", f"{text}. Use images of the same focus and tracking"), error
