@@ -103,12 +103,12 @@ def header(bits, *sides):
     """Write the header of an image without its pixels."""
 
     def write(path):
-        cards = [("SIMPLE", "T"), ("BITPIX", bits), ("NAXIS", len(sides))]
-        cards += [(f"NAXIS{i}", side) for i, side in enumerate(sides, start=1)]
-        lines = [f"{key:8s}= {value:>20}".ljust(80) for key, value in cards]
-        content = "".join([*lines, "END".ljust(80)]).ljust(2880).encode()
+        sizes = {f"NAXIS{i}": side for i, side in enumerate(sides, start=1)}
+        cards = {"SIMPLE": True, "BITPIX": bits, "NAXIS": len(sides)} | sizes
+        content = fits.Header(cards).tostring().encode()
+        is_packed = path.suffix == ".gz"
         path.write_bytes(
-            gzip.compress(content + bytes(10**6)) if path.suffix == ".gz" else content
+            gzip.compress(content + bytes(10**6)) if is_packed else content
         )
 
     return write

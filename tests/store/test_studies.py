@@ -19,14 +19,6 @@ def test_the_same_arrays_make_the_same_file(tmp_path):
     assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
 
 
-def test_changed_arrays_are_refused(tmp_path):
-    keep.write("small", ARRAYS, NOTE, tmp_path)
-    keep.write("other", {"one": np.zeros(3)}, NOTE, tmp_path)
-    (tmp_path / "other.npz").replace(tmp_path / "small.npz")
-    with pytest.raises(studies.StudyError, match="SHA-256"):
-        studies.read("small", tmp_path)
-
-
 def test_a_missing_study_is_named(tmp_path):
     with pytest.raises(studies.StudyError, match=r"nothing\.npz"):
         studies.read("nothing", tmp_path)

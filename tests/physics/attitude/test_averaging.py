@@ -29,27 +29,6 @@ def test_moving_average_is_a_convolution(count, seed, offset):
     assert_allclose(found, expected, rtol=1e-13, atol=1e-12)
 
 
-def variance_of_moving_averages(frames, count):
-    """Expected sample variance of moving averages of unit white noise, from its kernel."""
-    runs = frames - count + 1
-    steps = np.arange(frames) - np.arange(runs)[:, None]
-    kernel = ((steps >= 0) & (steps < count)) / count
-    covariance = kernel @ kernel.T
-    return (np.trace(covariance) - covariance.sum() / runs) / (runs - 1)
-
-
-def test_scatter_of_white_noise():
-    series = default_rng(5).standard_normal((2000, 800))
-    counts = [1, 4, 16, 100]
-    scatter = scatter_of_averages(series, counts)
-    expected = [variance_of_moving_averages(800, count) for count in counts]
-    assert_allclose(np.square(scatter).mean(axis=0), expected, rtol=0.04)
-    # Over many frames the scatter is itself uncertain.
-    spread = scatter.std(axis=0) / scatter.mean(axis=0)
-    assert spread[0] == pytest.approx(1 / np.sqrt(2 * 799), rel=0.1)
-    assert 0.2 < spread[-1] < 0.35
-
-
 def test_closed_forms_of_the_error_of_averages():
     assert averaged_error(4, 6.0, 4.0) == pytest.approx(5.0)
     assert_allclose(averaged_error([1, 100], 3.0), [3.0, 0.3])

@@ -10,7 +10,6 @@ from scipy.spatial.transform import Rotation
 from reproduce.physics.optics import (
     Camera,
     channel_centroids,
-    image_points,
     rotary_matrix,
     rotary_matrix_printed,
     starlight,
@@ -47,15 +46,6 @@ def test_printed_matrix_is_no_rotation_but_has_the_same_starlight() -> None:
     assert_array_equal(printed[..., 2], starlight(EXTERNAL, MIDDLE))
     plain = rotary_matrix(EXTERNAL, 0.0)
     assert_array_equal(rotary_matrix_printed(EXTERNAL, 0.0), plain)
-
-
-def test_every_channel_is_its_own_camera_in_every_replicate() -> None:
-    together = channel_centroids(CAMERAS, ROTATIONS, ANGLES)
-    assert together.shape == (4, 3, 30, 2)
-    for angles, replicate in zip(ANGLES, together, strict=True):
-        stars = starlight(angles[:, 1], angles[:, 0])
-        for found, *channel in zip(replicate, CAMERAS, ROTATIONS, strict=True):
-            assert_array_equal(found, image_points(stars, *channel))
 
 
 def test_channels_register_onto_the_reference() -> None:

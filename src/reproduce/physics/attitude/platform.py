@@ -175,8 +175,8 @@ def _check_distinct(name: str, points: FloatArray, numbers: Iterable[int]) -> No
     ):
         if (point == other).all():
             raise ValueError(
-                f"{name}: expected different positions, got one position of lights {first} and "
-                f"{second}. Correct or remove one of them"
+                f"{name}: expected different positions, got lights {first} and {second} at one "
+                "place. Correct or remove one of them"
             )
 
 
