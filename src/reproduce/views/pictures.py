@@ -68,7 +68,7 @@ class Stars(Display):
         Covariance of the centres, in px^2; zero if unknown.
     middle : ndarray, shape (2,)
         Middle of the image or mean of the stars of a list, in px.
-    shapes : ndarray, shape (n, 2, 2)
+    shapes : ndarray, shape (n, 3, 2)
         Shapes of the spots of an image, as in `physics.images.finding.Found`; NaN for a list.
     dropped : DataFrame
         Other detections, with the reason.
@@ -187,7 +187,7 @@ def _stars_of_list(table: DataTable, sigma: FloatArray) -> Stars:
         frame.iloc[order].reset_index(drop=True),
         (sigma[:, :, None] ** 2 * np.eye(2))[order],
         table.values.mean(axis=0),
-        np.full((count, 2, 2), np.nan),
+        np.full((count, 3, 2), np.nan),
         frame[:0].assign(dropped=""),
         {},
         tuple(Finding("masked", note) for note in table.notes),

@@ -36,6 +36,7 @@ from reproduce.physics.registration import (
     fits_exactly,
     paired_points,
     prepare,
+    residuals_at,
     robust_similarity,
 )
 from reproduce.physics.validate import FloatArray, finite_array
@@ -178,8 +179,8 @@ class GaussianRegistration(StarLikelihood):
     @cached_property
     def precision(self) -> FloatArray:
         """Inverse covariance of each star at the fit, without the noise, shape (points, 2, 2)."""
-        inverse = self.problem.linearized(self.fit.parameters, self.source)[1]
-        return self.problem.counts[:, None, None] * inverse
+        inverse = residuals_at(self.problem, self.fit.parameters[None])[1]
+        return self.problem.counts[:, None, None] * inverse.reshape(-1, 2, 2)
 
     @cached_property
     def _constant(self) -> FloatArray:
@@ -206,9 +207,7 @@ class GaussianRegistration(StarLikelihood):
         """Return the log likelihood of each star, shape (n, points)."""
         left, inverse = self.target - self.places(parameters), self.precision
         if self.source_covariance is not None:
-            inverse = self.problem.linearized(self.transform(parameters), self.source)[
-                1
-            ]
+            inverse = residuals_at(self.problem, self.transform(parameters))[1]
             inverse = self.problem.counts[:, None, None] * inverse
         squares = np.vecdot(left, (inverse @ left[..., None])[..., 0])
         noise = self.noise(parameters)[:, None]

@@ -390,10 +390,10 @@ def shape_finding(
     from scipy.stats import ttest_ind
 
     linear, error = np.asarray(matrix, dtype=np.float64), np.zeros((2, 2))
-    both = linear @ source @ linear.T, target
-    first, second = (m[np.isfinite(m).all(axis=(1, 2))] for m in both)
+    first, second = (m[np.isfinite(m).all(axis=(1, 2))] for m in (source, target))
     if min(len(first), len(second)) < _MIN_STARS_COMPARED:
         return None, error
+    first = linear @ first @ linear.T
     # Half the sum and difference of the axes along x and y, and the term of the diagonal.
     parts = [
         np.stack([m[:, 0, 0] + m[:, 1, 1], m[:, 0, 0] - m[:, 1, 1], 2 * m[:, 0, 1]]) / 2

@@ -152,6 +152,24 @@ def prepare(
     )
 
 
+def residuals_at(
+    problem: Problem, parameters: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return residuals, (m, n, 2) in px, and their inverse covariances, (..., n, 2, 2).
+
+    They are those of `Problem.linearized` at the measured source points of a set of n points, for
+    parameters of shape (m, p).
+
+    Examples
+    --------
+    >>> problem = prepare([[0, 0], [9, 0]], [[1, 0], [9, 1]], (0, 0))
+    >>> residuals_at(problem, np.array([[1.0, 0.0, 0.0, 0.0]]))[0]
+    array([[[1., 0.],
+            [0., 1.]]])
+    """
+    return problem.linearized(parameters, problem.source)[:2]
+
+
 def _covariance(name: str, value: ArrayLike, shape: tuple[int, ...]) -> FloatArray:
     """Return checked covariances of the points, shape (..., n, 2, 2)."""
     matrices = validate.finite_array(name, value, shape=(2, 2))

@@ -288,7 +288,9 @@ def tied(source: FloatArray, target: FloatArray) -> bool:
     steps, counts = np.unique(moved, axis=0, return_counts=True)
     if counts.max() <= max(2, _MAX_TIED * len(moved)):
         return False
-    fit = robust_similarity(source, source + moved, source.mean(axis=0))
+    pivot = source.mean(axis=0)
+    robust = _robust(prepare(source, source + moved, pivot))
+    fit = robust or fit_registration(source, source + moved, pivot)
     change = np.abs(fit.parameters[:2] - [1, 0]).max() * np.ptp(source, axis=0).max()
     digits = np.diff(np.unique(steps.round(9)))
     # A scale or rotation distributes the displacements over the digits.

@@ -246,7 +246,29 @@ def fit_registration(
 
 
 def fit_problem(problem: Problem, robust: bool = False) -> RegistrationFit:
-    """Return the fit of checked points, see `fit_registration`."""
+    """Fit the transform of checked points, as in `fit_registration`.
+
+    Parameters
+    ----------
+    problem : Problem
+        Points with their errors, the pivot and the model, from `prepare`.
+    robust : bool
+        Whether to exclude wrong matches.
+
+    Returns
+    -------
+    RegistrationFit
+
+    Raises
+    ------
+    MirroredPointsError, DegenerateGeometryError
+        As in `fit_registration`.
+
+    Examples
+    --------
+    >>> fit_problem(prepare([[0, 0], [1, 0]], [[3, 0], [5, 0]], (0, 0))).parameters + 0.0
+    array([ 2.,  0., -3.,  0.])
+    """
     if not robust:
         return _solved(problem)
     right = _right_matches(problem)
