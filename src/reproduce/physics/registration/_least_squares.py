@@ -65,10 +65,6 @@ class Problem:
             source_covariance=None if error is None else error[..., rows, :, :],
         )
 
-    def with_weights(self, weights: FloatArray) -> Problem:
-        """Return the same problem with its weights multiplied by `weights`."""
-        return replace(self, counts=self.counts * weights)
-
     def transformed(self, parameters: FloatArray, points: FloatArray) -> FloatArray:
         """Return registered points, shape (..., n, 2), in px, for these parameters."""
         return Registration(self.model, parameters, self.pivot).apply(points)
