@@ -1,7 +1,6 @@
 """Images from arrays, `CCDData` and FITS files, and errors that name the image."""
 
 import bz2
-import contextlib
 import gzip
 import sys
 
@@ -16,6 +15,8 @@ from astropy.nddata import (
     VarianceUncertainty,
 )
 from astropy.table import Table
+from numpy.random import default_rng
+from numpy.testing import assert_allclose
 
 from reproduce.store import images
 from reproduce.store.images import ImageError, is_image, read_image
@@ -38,7 +39,7 @@ def test_whole_numbers_come_back_whatever_the_header_states(tmp_path, ending):
 
 
 def test_touching_pixels_that_share_the_highest_number_are_full():
-    rng = np.random.default_rng(1)
+    rng = default_rng(1)
     image = rng.uniform(0, 100, (40, 40))
     image[7, 7] = image[9, 7] = 4000.0
     assert read_image(image)[1] == np.inf
@@ -62,7 +63,7 @@ def test_masked_and_missing_pixels_are_not_seen(kind):
 def test_the_uncertainty_of_an_image_is_its_deviation():
     for given in (StdDevUncertainty(2 + RAMP), VarianceUncertainty((2.0 + RAMP) ** 2)):
         found = read_image(CCDData(RAMP, unit="adu", uncertainty=given))[2]
-        np.testing.assert_allclose(found, 2.0 + RAMP)
+        assert_allclose(found, 2.0 + RAMP)
     for wrong in (StdDevUncertainty(0.0 * RAMP), UnknownUncertainty(RAMP), [1.0, 2.0]):
         with pytest.raises(ImageError, match="uncertainty"):
             read_image(NDData(RAMP, uncertainty=wrong))
@@ -102,12 +103,12 @@ def header(bits, *sides):
     """Write the header of an image without its pixels."""
 
     def write(path):
-        cards = [("SIMPLE", "T"), ("BITPIX", bits), ("NAXIS", len(sides))]
-        cards += [(f"NAXIS{i}", side) for i, side in enumerate(sides, start=1)]
-        lines = [f"{key:8s}= {value:>20}".ljust(80) for key, value in cards]
-        content = "".join([*lines, "END".ljust(80)]).ljust(2880).encode()
+        sizes = {f"NAXIS{i}": side for i, side in enumerate(sides, start=1)}
+        cards = {"SIMPLE": True, "BITPIX": bits, "NAXIS": len(sides)} | sizes
+        content = fits.Header(cards).tostring().encode()
+        is_packed = path.suffix == ".gz"
         path.write_bytes(
-            gzip.compress(content + bytes(10**6)) if path.suffix == ".gz" else content
+            gzip.compress(content + bytes(10**6)) if is_packed else content
         )
 
     return write
@@ -115,7 +116,7 @@ def header(bits, *sides):
 
 def damaged(path):
     """Write a compressed image with three wrong bytes, which still decompress."""
-    noise = np.random.default_rng(1).integers(0, 99, (200, 200)).astype(np.uint8)
+    noise = default_rng(1).integers(0, 99, (200, 200)).astype(np.uint8)
     unit = fits.PrimaryHDU(noise)
     unit.writeto(path.with_suffix(""))
     content = bytearray(gzip.compress(path.with_suffix("").read_bytes()))
@@ -167,19 +168,6 @@ def test_a_bad_file_raises_one_line_with_its_name(tmp_path, name):
     assert str(caught.value).startswith(f"{name}: expected ")
     assert str(caught.value).count(f"{name}:") == 1
     assert "\n" not in str(caught.value)
-
-
-def test_damaged_headers_raise_the_error_of_an_image(tmp_path):
-    rng = np.random.default_rng(1)
-    fits.writeto(tmp_path / "a.fits", RAMP)
-    content = (tmp_path / "a.fits").read_bytes()
-    for _ in range(40):
-        damaged = bytearray(content)
-        for place in rng.integers(0, 700, 4):
-            damaged[place] = rng.integers(32, 127)
-        (tmp_path / "a.fits").write_bytes(damaged)
-        with contextlib.suppress(ImageError):
-            read_image(tmp_path / "a.fits")
 
 
 def test_stars_are_no_image():

@@ -9,13 +9,15 @@ import pytest
 from astropy import units
 from astropy.coordinates import SkyCoord
 from astropy.table import QTable, Table
+from numpy.random import default_rng
+from numpy.testing import assert_allclose, assert_array_equal
 
 import reproduce as rp
 from reproduce.store.points import TableFileError, read_table
 
 COLUMNS = ("x", "y")
 STARS = pd.DataFrame(
-    np.random.default_rng(1).uniform(0, 2000, (30, 4)).round(3),
+    default_rng(1).uniform(0, 2000, (30, 4)).round(3),
     columns=["x", "y", "x_reference", "y_reference"],
 )
 
@@ -62,12 +64,6 @@ def test_errors_name_the_file_and_the_place(tmp_path, text, places):
     refused(path, str(path), *places)
 
 
-def test_damaged_files_raise_one_error_with_their_name(tmp_path):
-    for end in ("ecsv", "fits", "vot", "xml", "cat", "csv.gz"):
-        for content in (b"", b"x,y\n1,2\n", b"<a>", b"# %ECSV 1.0\n# ---\n# a: [\n"):
-            refused(write(tmp_path, content, f"a.{end}"), f"a.{end}")
-
-
 NAMED = STARS.assign(name=[f'HD "{i}", a' for i in range(30)], magnitude=5.0)
 MASKED = pd.concat([STARS, STARS[:1].assign(x=np.nan)]).assign(mask=[0] * 30 + [1])
 HEADS = {"x": " X (px)", "y": "Y", "x_reference": "X reference"}
@@ -89,8 +85,8 @@ def test_a_text_file_and_its_dataframe_give_the_numbers(tmp_path, frame, setting
     frame.to_csv(path, **{"index": False, **settings})
     for source in (path, frame, frame.convert_dtypes(), frame.astype(object)):
         found = read_table(source, STARS.columns, sep=settings.get("sep"))
-        np.testing.assert_array_equal(found.values, STARS)
-        np.testing.assert_array_equal(found.rows, np.arange(30))
+        assert_array_equal(found.values, STARS)
+        assert_array_equal(found.rows, np.arange(30))
 
 
 @pytest.mark.parametrize(
@@ -109,7 +105,7 @@ def test_astropy_tables_and_their_files_are_read_in_px_only(tmp_path, name, form
     table["RA"].unit = units.deg
     table.write(tmp_path / name, format=form)
     for source in (tmp_path / name, table, table.as_array(), QTable(table)):
-        np.testing.assert_array_equal(read_table(source, STARS.columns).values, STARS)
+        assert_array_equal(read_table(source, STARS.columns).values, STARS)
     table["Y"].unit = units.arcsec
     table.write(tmp_path / name, format=form, overwrite=True)
     for source in (tmp_path / name, table):
@@ -139,9 +135,9 @@ def test_two_tables_of_matched_stars_give_the_fit_of_one():
     with pytest.raises(TableFileError, match=r"^target: .* x "):
         rp.register(source, target)
     wanted = rp.register(STARS).parameters
-    np.testing.assert_array_equal(rp.register(table.as_array()).parameters, wanted)
+    assert_array_equal(rp.register(table.as_array()).parameters, wanted)
     target.rename_columns(target.colnames, COLUMNS)
-    np.testing.assert_array_equal(rp.register(source, target).parameters, wanted)
+    assert_array_equal(rp.register(source, target).parameters, wanted)
     # Rows that only one table drops would leave pairs of different stars.
     for first, second in ((3, None), (3, 4)):
         source["mask"] = np.arange(30) == first
@@ -151,13 +147,11 @@ def test_two_tables_of_matched_stars_give_the_fit_of_one():
 
 
 def test_masks_and_other_units_of_arrays_are_refused():
-    source, target = STARS.to_numpy()[:, :2], STARS.to_numpy()[:, 2:]
-    unit, wanted = pint.UnitRegistry(), rp.register(STARS).parameters
-    in_px = rp.register(source * unit.px, target * units.pix).parameters
-    np.testing.assert_array_equal(in_px, wanted)
-    masked = np.ma.array(source, mask=np.arange(60).reshape(30, 2) == 5)
+    source, unit = STARS[["x", "y"]].to_numpy(), pint.UnitRegistry()
+    for in_px in (source * unit.px, source * units.pix):
+        assert_array_equal(read_table(in_px, COLUMNS).values, source)
     for odd, place in (
-        (masked, "row 2, column y"),
+        (np.ma.masked_equal(source, source[2, 1]), "row 2, column y"),
         (source * unit.mm, "millimeter"),
         (source * units.mm, "mm"),
         (1j * source, "row 0, column x"),
@@ -167,36 +161,27 @@ def test_masks_and_other_units_of_arrays_are_refused():
         ([[1, 2], [3]], "equal length"),
     ):
         with pytest.raises((TypeError, ValueError), match=f"^source.*{place}"):
-            rp.register(odd, target)
-        with pytest.raises((TypeError, ValueError), match=f"^target.*{place}"):
-            rp.register(source, odd)
+            read_table(odd, COLUMNS, name="source")
 
 
 def test_sigma_and_weight_columns_are_those_of_the_fit(tmp_path):
-    sides = {"sigma": np.linspace(0.1, 0.3, 30), "weight": np.arange(30.0)}
-    found = rp.register(STARS.assign(**sides))
-    covariance = np.square(sides["sigma"])[:, None, None] * np.eye(2)
-    wanted = rp.register(STARS, weights=sides["weight"], target_covariance=covariance)
-    np.testing.assert_allclose(found.covariance, wanted.covariance, rtol=1e-12)
-    assert not np.allclose(found.covariance, rp.register(STARS).covariance)
-    # sigma_x comes before sigma, and rows that are masked lose their errors.
-    axes = {"sigma_x": 3 * sides["sigma"], "mask": np.arange(30) < 5}
+    # sigma_x comes before sigma, and masked rows have no errors.
+    sigma, weights = np.linspace(0.1, 0.3, 30), np.arange(30.0)
+    sides = {"sigma": sigma, "weight": weights}
+    axes = {"sigma_x": 3 * sigma, "mask": np.arange(30) < 5}
     masked = rp.register(STARS.assign(**sides, **axes))
-    wanted = rp.register(
-        STARS[5:],
-        weights=sides["weight"][5:],
-        target_covariance=covariance[5:] * np.diag([9, 1]),
-    )
-    np.testing.assert_allclose(masked.covariance, wanted.covariance, rtol=1e-12)
+    covariance = np.square(sigma[5:])[:, None, None] * np.diag([9, 1])
+    expected = rp.register(STARS[5:], weights=weights[5:], target_covariance=covariance)
+    assert_allclose(masked.covariance, expected.covariance, rtol=1e-12)
     assert any("row" in remark for remark in masked.remarks)
     for wrong, place in (
-        ({"sigma": -sides["sigma"]}, "row 0, column sigma"),
-        ({"sigma_x": sides["sigma"]}, "sigma_y"),
+        ({"sigma": -sigma}, "row 0, column sigma"),
+        ({"sigma_x": sigma}, "sigma_y"),
     ):
         with pytest.raises(TableFileError, match=place):
             rp.register(STARS.assign(**wrong))
     with pytest.raises(ValueError, match=r"^weights: "):
-        rp.register(STARS.assign(**sides), weights=sides["weight"])
+        rp.register(STARS.assign(**sides), weights=weights)
 
 
 def test_standard_input(monkeypatch):

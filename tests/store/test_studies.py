@@ -3,6 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
+from numpy.testing import assert_array_equal
 
 import keep
 import recompute
@@ -12,26 +13,10 @@ NOTE = {"command": "run", "seed": 1, "versions": "none", "share": 0.5}
 ARRAYS = {"one": np.arange(6.0).reshape(2, 3), "two": np.array([1, 2])}
 
 
-def test_what_is_written_is_read(tmp_path):
-    keep.write("small", ARRAYS, NOTE, tmp_path)
-    found = studies.read("small", tmp_path)
-    for key, array in ARRAYS.items():
-        np.testing.assert_array_equal(found.arrays[key], array)
-    assert {key: found.note[key] for key in NOTE} == NOTE
-
-
 def test_the_same_arrays_make_the_same_file(tmp_path):
     for name in ("a", "b"):
         keep.write(name, ARRAYS, NOTE, tmp_path)
     assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
-
-
-def test_changed_arrays_are_refused(tmp_path):
-    keep.write("small", ARRAYS, NOTE, tmp_path)
-    keep.write("other", {"one": np.zeros(3)}, NOTE, tmp_path)
-    (tmp_path / "other.npz").replace(tmp_path / "small.npz")
-    with pytest.raises(studies.StudyError, match="SHA-256"):
-        studies.read("small", tmp_path)
 
 
 def test_a_missing_study_is_named(tmp_path):
@@ -52,14 +37,6 @@ TABLE = pd.DataFrame(
         "size": [0.5, np.nan],
     }
 )
-
-
-def test_a_table_comes_back_with_its_note(tmp_path):
-    keep.write_table("small", TABLE, {"command": "run", "seed": 3}, tmp_path)
-    found = studies.table("small", tmp_path)
-    pd.testing.assert_frame_equal(found, TABLE, check_dtype=False)
-    assert found["seen"].dtype == bool
-    assert (found.attrs["command"], found.attrs["seed"]) == ("run", 3)
 
 
 def test_a_table_changed_by_hand_is_refused(tmp_path):
@@ -90,6 +67,6 @@ def test_a_recomputed_study_is_stored_with_its_note(tmp_path, monkeypatch):
     monkeypatch.setattr(keep, "folder", lambda: tmp_path)
     recompute.main(["small"])
     found = studies.read("small", tmp_path)
-    np.testing.assert_array_equal(found.arrays["numbers"], [0, 1, 2])
+    assert_array_equal(found.arrays["numbers"], [0, 1, 2])
     assert (found.note["seed"], found.note["replicates"]) == (7, 3)
     assert found.note["processor_seconds"] >= 0

@@ -1,15 +1,15 @@
-"""Light over mirrors: retro-reflectors, fold mirrors, and the path from the lasers to the tracker.
+"""Light at mirrors: retro-reflectors, fold mirrors, and the path from the lasers to the tracker.
 
-Directions point where the light goes and have shape (..., 3); mirrors are given by their normals.
-A train of plane mirrors acts on directions as one matrix, the product of its reflections, however
-far apart the mirrors stand. Only for a curved mirror, such as a cone, the place of a ray counts.
-Small turns are right-handed rotation vectors; lengths are in metres, angles in radians.
+Directions are those of propagation and have shape (..., 3). A mirror is given by its normal. A
+train of plane mirrors acts on directions as one matrix, the product of its reflections, for any
+distances of the mirrors. The position of a ray matters only for a curved mirror, such as a cone.
+Small rotations are right-handed rotation vectors. Lengths are in metres, angles in radians.
 
-One frame for all: the origin in the middle of the camera's lens, Z along its boresight out of the
-camera. Lasers sit behind the lens, at -Z. The retro-reflector hangs in front of it, to one side.
-The light returns next to the camera, where the dichroic mirror folds it into the tracker.
-Both lenses are ideal: a point of the focal plane is a direction outside. The tracker's boresight
-lies in the plane of Y and Z.
+All positions are in one frame: the origin is the middle of the lens of the camera, Z is along its
+boresight out of the camera. The lasers are behind the lens, at -Z. The retro-reflector is in front
+of it, to one side. The light returns next to the camera, where the dichroic mirror reflects it into
+the tracker. Both lenses are ideal: a point of the focal plane is a direction outside. The boresight
+of the tracker is in the plane of Y and Z.
 """
 
 from __future__ import annotations
@@ -50,12 +50,13 @@ def reflection(normal: Direction) -> FloatArray:
 
     Parameters
     ----------
-    normal : array_like, shape (..., 3), of any length but zero, and either sign
+    normal : array_like, shape (..., 3)
+        Normal of the mirror, of any length but zero, and any sign.
 
     Returns
     -------
     ndarray, shape (..., 3, 3)
-        I - 2 n n^T; it turns directions, not places.
+        I - 2 n n^T. It applies to directions, not to positions.
 
     Examples
     --------
@@ -73,7 +74,7 @@ def mirror_train(normals: Directions) -> FloatArray:
     Parameters
     ----------
     normals : array_like, shape (..., n, 3)
-        In the order in which the light meets them, as for `reflection`.
+        Normals in the order of the reflections, as for `reflection`.
 
     Returns
     -------
@@ -82,7 +83,7 @@ def mirror_train(normals: Directions) -> FloatArray:
 
     Examples
     --------
-    Three mutually perpendicular mirrors turn every direction round.
+    Three mutually perpendicular mirrors reverse every direction.
 
     >>> mirror_train(np.eye(3)) @ [0.6, 0.0, 0.8]
     array([-0.6,  0. , -0.8])
@@ -93,18 +94,20 @@ def mirror_train(normals: Directions) -> FloatArray:
 
 @validate.checked
 def turn_response(train: _Train, direction: Direction) -> FloatArray:
-    """Return the derivative of outgoing light by turns of a train of mirrors about three axes.
+    """Return the derivative of outgoing light by rotations of a train of mirrors.
 
     Parameters
     ----------
-    train : array_like, shape (..., 3, 3), from `mirror_train`
-    direction : array_like, shape (..., 3), of the incoming light
+    train : array_like, shape (..., 3, 3)
+        Matrix from `mirror_train`.
+    direction : array_like, shape (..., 3)
+        Direction of the incoming light.
 
     Returns
     -------
     ndarray, shape (..., 3, 3)
-        Derivative of the outgoing direction by the turn about X, Y and Z (columns): for a plane
-        mirror met head-on, two radians for one.
+        Derivative of the outgoing direction by the rotation about X, Y and Z (columns). It is two
+        for a plane mirror at normal incidence.
 
     Examples
     --------
@@ -113,32 +116,32 @@ def turn_response(train: _Train, direction: Direction) -> FloatArray:
     """
     coming = unit("direction", direction)
     going = (train @ coming[..., None])[..., 0]
-    # d/da of R M R' d at no turn: a × (M d) - M (a × d).
+    # d/da of R M R' d for a rotation R by zero: a × (M d) - M (a × d).
     return train @ cross_matrix(coming) - cross_matrix(going)
 
 
 @validate.checked
 def fold_mirror_tilt(boresight_angle: Number) -> FloatArray:
-    """Return the tilt of a mirror that sends retro-reflected light into another instrument.
+    """Return the tilt of a mirror that reflects retro-reflected light into another instrument.
 
-    Light leaves the first instrument along its boresight, comes back along the same line, and a
-    plane mirror in front of the second instrument turns it onto that one's boresight. The mirror's
-    normal halves the angle between the returning and the turned direction.
+    Light leaves the first instrument along its boresight and returns along the same line. A plane
+    mirror in front of the second instrument reflects it onto the second boresight. The normal of
+    the mirror bisects the angle between the directions before and after the reflection.
 
     Parameters
     ----------
-    boresight_angle : array_like
-        Angle between the two boresights, both pointing outwards, from 0 (excluded) to pi.
+    boresight_angle : array_like, shape (...)
+        Angle between the two boresights, both outwards, from 0 (excluded) to pi.
 
     Returns
     -------
-    ndarray
-        Dihedral angle between the mirror and the plane across the second boresight:
+    ndarray, shape (...)
+        Angle between the mirror and the plane perpendicular to the second boresight:
         pi/2 - boresight_angle/2.
 
     Examples
     --------
-    Opposite instruments look straight at each other through an untilted mirror.
+    The tilt is zero for opposite instruments.
 
     >>> float(fold_mirror_tilt(np.pi))
     0.0
@@ -146,30 +149,31 @@ def fold_mirror_tilt(boresight_angle: Number) -> FloatArray:
     if ((boresight_angle <= 0) | (boresight_angle > np.pi)).any():
         raise ValueError(
             f"boresight_angle: expected above 0 and at most pi, got {boresight_angle.min():g} to "
-            f"{boresight_angle.max():g} rad; angles are in radians, not degrees"
+            f"{boresight_angle.max():g} rad. Convert degrees to radians"
         )
     return np.asarray(np.pi / 2 - boresight_angle / 2)
 
 
-def reflected_by_cone(places: FloatArray, ways: FloatArray) -> FloatArray:
-    """Return the directions of light after a hollow right-angled conical mirror.
+def reflected_by_cone(points: FloatArray, directions: FloatArray) -> FloatArray:
+    """Return the directions of light after two reflections by a hollow right-angled cone.
 
-    Its tip is at the origin and it opens towards -Z. A ray meets it twice. In a plane through the
-    axis it acts as two mirrors at a right angle; light off that plane returns to first order only.
+    The tip is at the origin, and the cone opens towards -Z. In a plane through the axis it acts as
+    two mirrors at a right angle. Light off that plane returns only to first order.
 
     Parameters
     ----------
-    places, ways : ndarray, shape (..., 3)
-        A point of each ray in front of the cone, and its direction.
+    points, directions : ndarray, shape (..., 3)
+        Point of each ray in front of the cone, and its direction.
 
     Returns
     -------
     ndarray, shape (..., 3)
+        Directions.
 
     Raises
     ------
     DegenerateGeometryError
-        If a ray does not meet the cone twice.
+        If a ray does not have two reflections.
 
     Examples
     --------
@@ -178,24 +182,29 @@ def reflected_by_cone(places: FloatArray, ways: FloatArray) -> FloatArray:
     """
     for _ in range(2):
         square, mixed, rest = (
-            np.vecdot(one * _CONE_FORM, other)
-            for one, other in ((ways, ways), (places, ways), (places, places))
+            np.vecdot(left * _CONE_FORM, right)
+            for left, right in (
+                (directions, directions),
+                (points, directions),
+                (points, points),
+            )
         )
         root = np.sqrt((mixed**2 - square * rest).clip(0.0))
-        ends = np.stack([-mixed - root, -mixed + root]) / square
+        lengths = np.stack([-mixed - root, -mixed + root]) / square
         # A ray has just left a point at length zero.
-        ahead = ends > 1e-9 * (1.0 + np.abs(places).max())
-        met = ahead & (places[..., 2] + ends * ways[..., 2] < 0)
-        length = np.where(met, ends, np.inf).min(axis=0)
+        ahead = lengths > 1e-9 * (1.0 + np.abs(points).max())
+        hits = ahead & (points[..., 2] + lengths * directions[..., 2] < 0)
+        length = np.where(hits, lengths, np.inf).min(axis=0)
         if np.isinf(length).any():
             raise validate.DegenerateGeometryError(
-                "rays: expected each to meet the cone twice, got a ray that misses. Move the tip "
-                "of the cone beside the beam"
+                "points: expected rays with two reflections, got a ray that misses the cone. "
+                "Move the tip of the cone away from the axis of the beam"
             )
-        places = places + length[..., None] * ways
-        normals = unit("normals", places * _CONE_FORM)
-        ways = ways - 2.0 * np.vecdot(ways, normals)[..., None] * normals
-    return ways
+        points = points + length[..., None] * directions
+        normals = unit("normals", points * _CONE_FORM)
+        along = np.vecdot(directions, normals)[..., None]
+        directions = directions - 2.0 * along * normals
+    return directions
 
 
 # Trains of retro-reflectors in front of the camera; `None` for a cone.
@@ -212,18 +221,19 @@ class LightPath:
 
     Attributes
     ----------
-    camera_focal_length, tracker_focal_length : float, in metres
+    camera_focal_length, tracker_focal_length : float
+        Focal lengths, in metres.
     boresight_angle : float
-        Between the two boresights, both outwards, in radians.
+        Angle between the two boresights, both outwards, in radians.
     retroreflector : ndarray, shape (3, 3), or None
         Train of the mirrors in front of the camera, from `RETROREFLECTORS`. `None` for a cone.
     turn, camera_turn : array_like, shape (3,)
-        Rotation vectors by which the retro-reflector has turned, a cone about its tip, and the
-        camera, lasers and lens, about its lens.
+        Rotation vectors of the retro-reflector, for a cone about its tip, and of the camera with
+        lasers and lens, about its lens.
 
     Examples
     --------
-    A laser at the centre makes a spot at the centre, for any lit part of the lens.
+    The spot of a laser at the centre is at the centre, for any part of the lens.
 
     >>> path = LightPath(2.0, 0.06, np.radians(120), RETROREFLECTORS["corner cube"])
     >>> bool(np.abs(path.spots([[0.0, 0.0]], [[0.0, 0.02], [0.1, 0.05]])).max() < 1e-15)
@@ -239,23 +249,24 @@ class LightPath:
 
     @property
     def fold(self) -> FloatArray:
-        """Normal of the dichroic mirror that folds the returned light onto the boresight, (3,)."""
+        """Normal of the dichroic mirror in front of the tracker, (3,)."""
         tilt = float(fold_mirror_tilt(self.boresight_angle))
         return rotation_from_vector([-tilt, 0.0, 0.0])[:, 2]
 
     def spots(self, lasers: ArrayLike, aperture: ArrayLike) -> FloatArray:
-        """Return where the rays of each laser meet the tracker's detector.
+        """Return the positions of the rays of each laser on the detector of the tracker.
 
         Parameters
         ----------
         lasers : array_like, shape (n, 2)
-            Points on the camera's focal plane, in metres.
+            Points on the focal plane of the camera, in metres.
         aperture : array_like, shape (rays, 2)
-            Points of the camera's lens that each laser lights, in metres.
+            Illuminated points of the lens of the camera, in metres.
 
         Returns
         -------
-        ndarray, shape (n, rays, 2), in metres from the principal point
+        ndarray, shape (n, rays, 2)
+            Positions from the principal point, in metres.
         """
         camera = rotation_from_vector(self.camera_turn)
         light = emitted_directions(lasers, self.camera_focal_length) @ camera.T
@@ -263,12 +274,12 @@ class LightPath:
         lens = np.insert(holes, 2, 0.0, axis=-1) @ camera.T
         # In the frame of the retro-reflector: rows times R are the columns R' x.
         turn = rotation_from_vector(self.turn)
-        ways = np.repeat(light[:, None], len(lens), axis=1) @ turn
+        rays = np.repeat(light[:, None], len(lens), axis=1) @ turn
         if self.retroreflector is None:
-            ways = reflected_by_cone((lens - _CONE_TIP) @ turn, ways)
+            rays = reflected_by_cone((lens - _CONE_TIP) @ turn, rays)
         else:
-            ways = ways @ self.retroreflector.T
-        ways = ways @ turn.T @ reflection(self.fold)
-        # The tracker's directions point to the source of the light, in its own frame.
-        sources = -ways @ rotation_from_vector([self.boresight_angle, 0.0, 0.0])
+            rays = rays @ self.retroreflector.T
+        rays = rays @ turn.T @ reflection(self.fold)
+        # Directions in the tracker point to the source of the light.
+        sources = -rays @ rotation_from_vector([self.boresight_angle, 0.0, 0.0])
         return received_spots(sources, (0.0, 0.0), 1.0, self.tracker_focal_length)

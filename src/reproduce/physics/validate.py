@@ -1,7 +1,8 @@
-"""Check the arguments of public functions once; kernels take arrays that are checked.
+"""Checks of the arguments of public functions.
 
-A function under `checked` declares its arguments by annotations such as `Points` or `Positive`, and
-gets float arrays. A message contains the argument, the expected value, the value and the remedy.
+A function under `checked` declares its arguments by annotations such as `Points` or `Positive` and
+receives float arrays. An error contains the argument, the expected and the given value, and a
+remedy.
 """
 
 from __future__ import annotations
@@ -19,12 +20,12 @@ FloatArray = NDArray[np.float64]
 _Shape = tuple[int | str | None, ...]
 P = ParamSpec("P")
 R = TypeVar("R")
-# Largest error of the products of rows of a rotation matrix: more is no rounding error.
+# Largest error of the products of rows of a rotation matrix. Rounding errors are smaller.
 _ORTHOGONALITY_TOLERANCE = 1e-6
 
 
 class DegenerateGeometryError(ValueError):
-    """The observations leave a parameter free, so no unique answer exists."""
+    """The observations do not determine every parameter."""
 
 
 class MirroredPointsError(DegenerateGeometryError):
@@ -42,32 +43,30 @@ class Finding:
 
 def number_array(name: str, value: ArrayLike, *, shape: _Shape = ()) -> FloatArray:
     """Return `value` as `finite_array` does, but accept NaN and infinity."""
-    unit = getattr(value, "units", getattr(value, "unit", None))
-    if np.ma.is_masked(value) or (unit is not None and hasattr(value, "to")):
-        raise (TypeError if unit is not None else ValueError)(
-            f"{name}: expected numbers without a mask or unit, got {type(value).__name__}; "
-            "remove masked rows, and convert a quantity to the unit of the docstring"
-        )
-    got: object = "rows of unequal length"
+    has_unit = hasattr(value, "to") and (
+        hasattr(value, "unit") or hasattr(value, "units")
+    )
+    content: object = "rows of unequal length"
     try:
         raw = np.asarray(value)
-        got = raw.dtype
-        if raw.dtype.kind in "cUSmM":
+        content = "a quantity" if has_unit else raw.dtype
+        if has_unit or raw.dtype.kind in "cUSmM":
             raise TypeError
         array = raw.astype(np.float64, copy=False)
     except (TypeError, ValueError, OverflowError):
         raise TypeError(
-            f"{name}: expected an array of real numbers, got {got}; convert the entries"
+            f"{name}: expected an array of real numbers, got {content}. Convert the entries to "
+            "numbers in the unit of the docstring"
         ) from None
     fits = array.ndim >= len(shape) and all(
-        not isinstance(want, int) or want == have
-        for want, have in zip(shape[::-1], array.shape[::-1], strict=False)
+        not isinstance(length, int) or length == actual
+        for length, actual in zip(shape[::-1], array.shape[::-1], strict=False)
     )
-    if not fits or array.size == 0:
-        wanted = ", ".join(str(want or "n") for want in shape)
+    if not fits or array.size == 0 or np.ma.is_masked(value):
+        expected = ", ".join(str(length or "n") for length in shape)
         raise ValueError(
-            f"{name}: expected shape (..., {wanted}) and at least one value, got {array.shape}; "
-            "rows are observations, columns are coordinates"
+            f"{name}: expected shape (..., {expected}) without masked values, got {array.shape}. "
+            "Rows are observations, columns are coordinates"
         )
     return array
 
@@ -80,10 +79,15 @@ def finite_array(name: str, value: ArrayLike, *, shape: _Shape = ()) -> FloatArr
     name : str
         Name of the argument, the first word of an error message.
     value : array_like
-        Real numbers; an array of float64 is not copied.
+        Real numbers. An array of float64 is not copied.
     shape : tuple of int, str or None
-        Trailing dimensions; a name or None stands for any length above zero. Leading (batch)
+        Trailing dimensions. A name or None stands for any length above zero. Leading (batch)
         dimensions are always allowed.
+
+    Returns
+    -------
+    ndarray
+        The values, with the shape of `value`.
 
     Raises
     ------
@@ -98,28 +102,28 @@ def finite_array(name: str, value: ArrayLike, *, shape: _Shape = ()) -> FloatArr
     array([[1., 2.]])
     """
     array = number_array(name, value, shape=shape)
-    return _accepted(name, array, np.isfinite(array), "finite numbers")
+    return _valid(name, array, np.isfinite(array), "finite numbers")
 
 
 def positive(name: str, value: ArrayLike, *, shape: _Shape = ()) -> FloatArray:
     """Return `value` as `finite_array` does; raise ValueError for zero and negative values."""
     array = finite_array(name, value, shape=shape)
-    return _accepted(name, array, array > 0, "values above zero")
+    return _valid(name, array, array > 0, "values above zero")
 
 
 def non_negative(name: str, value: ArrayLike, *, shape: _Shape = ()) -> FloatArray:
     """Return `value` as `finite_array` does; raise ValueError for negative values."""
     array = finite_array(name, value, shape=shape)
-    return _accepted(name, array, array >= 0, "zero or more")
+    return _valid(name, array, array >= 0, "zero or more")
 
 
-def _accepted(name: str, array: FloatArray, valid: Any, wanted: str) -> FloatArray:
+def _valid(name: str, array: FloatArray, valid: Any, expected: str) -> FloatArray:
     """Return an array; raise ValueError with the first value that is not valid."""
     if not valid.all():
         first = tuple(np.argwhere(~valid)[0].tolist())
         raise ValueError(
-            f"{name}: expected {wanted}, got {array[first]:g} at index {first}; check its sign and "
-            "its unit, or remove the row"
+            f"{name}: expected {expected}, got {array[first]:g} at index {first}. Check its sign "
+            "and its unit, or remove the row"
         )
     return array
 
@@ -129,7 +133,7 @@ def size(name: str, value: ArrayLike, *, shape: _Shape = ()) -> float:
     array = positive(name, value)
     if array.ndim:
         raise ValueError(
-            f"{name}: expected one number, got shape {array.shape}; give one number"
+            f"{name}: expected one number, got shape {array.shape}. Give a scalar"
         )
     return float(array)
 
@@ -141,12 +145,11 @@ def rotations(name: str, matrices: ArrayLike, *, shape: _Shape = (3, 3)) -> Floa
     contain more dimensions than the last two.
     """
     array = finite_array(name, matrices, shape=shape)
-    excess = np.abs(array @ array.mT - np.eye(3)).max()
-    least = np.linalg.det(array).min()
-    if excess > _ORTHOGONALITY_TOLERANCE or least < 0:
+    error = np.abs(array @ array.mT - np.eye(3)).max()
+    if error > _ORTHOGONALITY_TOLERANCE or (np.linalg.det(array) < 0).any():
         raise ValueError(
-            f"{name}: expected rotation matrices, got an error of {excess:.2g} in the products of "
-            f"rows and a determinant of {least:.2g}; normalise the rows and check their order"
+            f"{name}: expected rotation matrices, got an error of {error:.2g} in the products of "
+            "rows, or a reflection. Normalise the rows and check their order"
         )
     return array
 
@@ -169,7 +172,7 @@ Image = Annotated[Any, (None, None)]
 def checked(function: Callable[P, R]) -> Callable[P, R]:
     """Check the arguments of a function by their annotations, and their batches; None passes.
 
-    The function gets float arrays.
+    The function receives float arrays.
 
     Examples
     --------
@@ -185,7 +188,7 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
         alias = function.__globals__.get(hint, hint)
         if get_origin(alias) is Annotated:
             _, shape, *check = get_args(alias)
-            kinds[name] = shape, check[0] if check else finite_array
+            kinds[name] = shape, (*check, finite_array)[0]
 
     @functools.wraps(function)
     def wrapper(*args: P.args, **kwargs: P.kwargs) -> R:
@@ -196,15 +199,14 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
             if name in kinds and value is not None:
                 shape, check = kinds[name]
                 bound.arguments[name] = array = check(name, value, shape=shape)
-                came = np.shape(array)
-                inner = len(came) - len(shape)
-                batches[name] = came[:inner]
-                for dimension, length in zip(shape, came[inner:], strict=True):
-                    first, wanted = lengths.setdefault(dimension, (name, length))
-                    if isinstance(dimension, str) and length != wanted:
+                full = np.shape(array)
+                batches[name] = full[: len(full) - len(shape)]
+                for dimension, length in zip(shape[::-1], full[::-1], strict=False):
+                    first, expected = lengths.setdefault(dimension, (name, length))
+                    if isinstance(dimension, str) and length != expected:
                         raise ValueError(
-                            f"{first} and {name}: expected as many rows, got {wanted} and "
-                            f"{length}; row i of both must be the same observation"
+                            f"{first} and {name}: expected equal numbers of rows, got {expected} "
+                            f"and {length}. Row i of both must be the same observation"
                         )
             elif isinstance(batch := getattr(value, "batch", None), tuple):
                 batches[name if name != "self" else type(value).__name__] = batch
@@ -212,11 +214,6 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
         return function(*bound.args, **bound.kwargs)
 
     return wrapper
-
-
-def kernel(function: Callable[P, R]) -> Callable[P, R]:
-    """Return a checked function without its checks, for arrays that have passed them."""
-    return inspect.unwrap(function)
 
 
 def weights_for(weights: ArrayLike | None, count: int) -> FloatArray:
@@ -227,27 +224,21 @@ def weights_for(weights: ArrayLike | None, count: int) -> FloatArray:
     if weights is None:
         return np.ones(count)
     array = non_negative("weights", weights, shape=(count,))
-    if (array.sum(axis=-1) <= 0).any():
+    if not array.any(axis=-1).all():
         raise ValueError(
-            "weights: expected at least one above zero, got all zero; remove the set"
+            "weights: expected at least one above zero, got all zero. Remove the set"
         )
     return array
 
 
 def whole_number(name: str, value: int, *, least: int = 1) -> int:
-    """Return `value` as an int; raise TypeError if it is not whole, ValueError if too small.
-
-    Integers of NumPy are accepted, booleans and floats are not.
-    """
+    """Return an integer of Python or NumPy as an int; raise an error if it is below `least`."""
     if isinstance(value, bool) or not isinstance(value, (int, np.integer)):
         raise TypeError(
-            f"{name}: expected a whole number, got {value!r} of type {type(value).__name__}; "
-            "give an int"
+            f"{name}: expected a whole number, got {value!r}. Give an integer"
         )
     if value < least:
-        raise ValueError(
-            f"{name}: expected {least} or more, got {value}; give a larger one"
-        )
+        raise ValueError(f"{name}: expected {least} or more, got {value}. Increase it")
     return int(value)
 
 
@@ -264,8 +255,8 @@ def common_batch(**batches: tuple[int, ...]) -> tuple[int, ...]:
     try:
         return np.broadcast_shapes(*batches.values())
     except ValueError as error:
-        came = ", ".join(f"{name} {shape}" for name, shape in batches.items())
+        shapes = ", ".join(f"{name} {shape}" for name, shape in batches.items())
         raise ValueError(
-            f"expected leading (batch) shapes that broadcast together, got {came}; give each "
+            f"expected leading (batch) shapes that broadcast together, got {shapes}. Give each "
             "argument the same batch axes, or none"
         ) from error

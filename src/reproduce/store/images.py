@@ -1,4 +1,4 @@
-"""Images of a user: two-dimensional arrays, Astropy `CCDData`, or images of a FITS file.
+"""Images as two-dimensional arrays, Astropy `CCDData`, or images of a FITS file.
 
 Arrays are indexed [y, x], with the centre of the first pixel at (0, 0). Astropy reads FITS files
 and is imported on first use.
@@ -27,18 +27,18 @@ _FITS = re.compile(
 )
 # Shortest side of an image, in px.
 _MIN_SIDE = 16
-# Pixels of an image, at most: beyond, the memory of a usual machine is full.
+# Pixels of an image, at most. Larger images exceed the memory of a usual computer.
 _MAX_PIXELS = 400_000_000
 # Largest magnitude of a pixel: single precision ends at 3e38.
 _MAX_VALUE = 1e30
-# Touching pixels that share the highest value if a star is saturated.
+# Touching pixels with the highest value, at least, in an image with a saturated star.
 _MIN_SATURATED = 4
 # Bytes of a compressed file that are checked at once.
 _BLOCK_BYTES = 1 << 20
 
 
 class ImageError(ValueError):
-    """An image cannot be used; the message names it and the reason."""
+    """An image cannot be used; the message contains its name and the reason."""
 
 
 def is_image(source: Any) -> bool:
@@ -50,15 +50,15 @@ def is_image(source: Any) -> bool:
     (False, False, True)
     """
     if isinstance(source, str | Path):
-        found = _FITS.fullmatch(str(source))
-        if found is None or found["extension"]:
-            return found is not None
-        with _open_fits(found) as units:
+        name = _FITS.fullmatch(str(source))
+        if name is None or name["extension"]:
+            return name is not None
+        with _open_fits(name) as units:
             return bool(_image_names(units))
     content = source.data if hasattr(source, "uncertainty") else source
     shape = getattr(content, "shape", ())
-    image = len(shape) in (2, 3) and sorted(shape)[-2] >= _MIN_SIDE
-    return image and not hasattr(source, "columns")
+    has_sides = len(shape) in (2, 3) and sorted(shape)[-2] >= _MIN_SIDE
+    return has_sides and not hasattr(source, "columns")
 
 
 def read_image(
@@ -81,7 +81,7 @@ def read_image(
     saturation : float
         Digital number of saturated pixels; infinity if no pixel is saturated.
     sigma : ndarray, shape (height, width), or None
-        Standard deviations of the pixels, in digital numbers, if the source states them.
+        Standard deviations of the pixels, in digital numbers, if the source contains them.
 
     Raises
     ------
@@ -111,7 +111,7 @@ def read_image(
         missing = ~np.isfinite(pixels) | np.ma.getmask(source)
         if missing.any():
             pixels = np.where(missing, np.nan, pixels)
-        low, high = (float(one.reduce(pixels, axis=None)) for one in (np.fmin, np.fmax))
+        low, high = (float(end.reduce(pixels, axis=None)) for end in (np.fmin, np.fmax))
         if not (max(-low, high) < _MAX_VALUE and high - low > 1 / _MAX_VALUE):
             raise ValueError(
                 f"expected different pixels of less than {_MAX_VALUE:g}, got {low:g} to {high:g}. "
@@ -141,14 +141,16 @@ def _is_saturated(pixels: NDArray[Any], high: float) -> bool:
 
 
 def _deviations(uncertainty: Any, pixels: NDArray[Any]) -> FloatArray:
-    """Return the standard deviations of the pixels that an Astropy uncertainty states."""
+    """Return the standard deviations of the pixels from an Astropy uncertainty."""
     from astropy.nddata import StdDevUncertainty
 
     # Astropy squares in the type of the array, and small integers overflow.
     values = type(uncertainty)(np.asarray(uncertainty.array, np.float64))
     sigma = np.broadcast_to(values.represent_as(StdDevUncertainty).array, pixels.shape)
     if not (sigma[np.isfinite(pixels)] > 0).all():
-        raise ValueError("uncertainty: expected values above zero. Mask other pixels")
+        raise ValueError(
+            "uncertainty: expected values above zero, got zero or less. Mask these pixels"
+        )
     return sigma
 
 
@@ -161,7 +163,8 @@ def reading(name: str) -> Iterator[None]:
         raise
     except ImportError as error:
         raise ImageError(
-            f"{name}: expected astropy and photutils, got no {error.name}. Install both"
+            f"{name}: expected the packages astropy and photutils, got no "
+            f"{error.name}. Install both"
         ) from error
     except Exception as error:  # libraries raise many types for a damaged file
         message = " ".join(str(error).split()) or type(error).__name__
@@ -171,10 +174,10 @@ def reading(name: str) -> Iterator[None]:
 
 
 @contextmanager
-def _open_fits(found: re.Match[str]) -> Iterator[Any]:
+def _open_fits(name: re.Match[str]) -> Iterator[Any]:
     """Open a FITS file, and close it also if Astropy raises an error."""
-    path = Path(found["file"])
-    with reading(Path(found.string).name), warnings.catch_warnings():
+    path = Path(name["file"])
+    with reading(Path(name.string).name), warnings.catch_warnings():
         from astropy.io import fits
 
         warnings.simplefilter("ignore")
@@ -191,32 +194,36 @@ def _image_names(units: Any) -> list[str]:
     """Return the two-dimensional images of a FITS file: names of extensions, or numbers."""
     names = [unit.name for unit in units]
     return [
-        name if name != "PRIMARY" and names.count(name) == 1 else str(place)
-        for place, (name, unit) in enumerate(zip(names, units, strict=True))
+        name if name != "PRIMARY" and names.count(name) == 1 else str(number)
+        for number, (name, unit) in enumerate(zip(names, units, strict=True))
         if unit.is_image and unit.header.get("NAXIS", 0) >= 2
     ]
 
 
 def _from_fits(path: str) -> Any:
     """Return the data of one image of a FITS file."""
-    found = _FITS.fullmatch(path)
-    if found is None:
-        raise ValueError("expected a FITS file. Read other formats into an array")
-    with _open_fits(found) as units:
-        images, wanted = _image_names(units), found["extension"]
-        if wanted is None and len(images) != 1:
+    name = _FITS.fullmatch(path)
+    if name is None:
+        raise ValueError(
+            "expected a FITS file, got another format. Read it into an array"
+        )
+    with _open_fits(name) as units:
+        images, extension = _image_names(units), name["extension"]
+        if extension is None and len(images) != 1:
             raise ValueError(
                 f"expected one image, got {', '.join(images) or 'none'}. Name the extension in "
                 f"brackets, such as {Path(path).name}[{(*images, 'SCI')[0]}]"
             )
-        wanted = wanted or images[0]
-        unit = units[int(wanted) if wanted.isdecimal() else wanted]
+        extension = extension or images[0]
+        unit = units[int(extension) if extension.isdecimal() else extension]
         if not unit.is_image or not unit.shape:
-            raise ValueError(f"expected an extension with an image, got {wanted}")
+            raise ValueError(
+                f"expected an extension with an image, got {extension}. Name another one"
+            )
         _check_size(unit.shape)
         data = np.squeeze(unit.data)
-    if found["file"].lower().endswith(".gz"):  # Astropy does not read the check sum
-        with gzip.open(found["file"]) as stream:
+    if name["file"].lower().endswith(".gz"):  # Astropy does not read the check sum
+        with gzip.open(name["file"]) as stream:
             while stream.read(_BLOCK_BYTES):
                 pass
     return data

@@ -1,4 +1,4 @@
-"""Measurements of a user as named columns of numbers, from a file, a table or an array.
+"""Measurements as named columns of numbers, from a file, a table or an array.
 
 pandas reads text files with named columns, and Astropy reads ECSV, FITS tables, VOTable and
 SExtractor catalogues. Rows are counted from zero, below the names of a file.
@@ -82,10 +82,10 @@ class DataTable:
     @property
     def optional(self) -> dict[str, FloatArray]:
         """The optional columns that the source contains."""
-        return {n: one for n, one in self.numbers.items() if n not in self.columns}
+        return {n: c for n, c in self.numbers.items() if n not in self.columns}
 
     def points(self, *names: str) -> FloatArray:
-        """Return some columns, shape (rows, names)."""
+        """Return the named columns, shape (rows, names)."""
         return np.column_stack([self.numbers[name] for name in names])
 
     @cached_property
@@ -141,7 +141,7 @@ def _columns(source: Any) -> list[tuple[str, Any]] | None:
         return list(source.items())
     fields = getattr(getattr(source, "dtype", None), "names", None)
     names = getattr(source, "colnames", fields)
-    return None if names is None else [(one, source[one]) for one in names]
+    return None if names is None else [(name, source[name]) for name in names]
 
 
 def read_table(
@@ -162,48 +162,48 @@ def read_table(
         name = "standard input" if str(source) == "-" else str(source)
         content = _content(name, source)
         source = _parsed(name, content, sep)
-    found = _columns(source)
-    if found is None:
+    named = _columns(source)
+    if named is None:
         array = source if hasattr(source, "T") else _array(name, source)
         if array.ndim != 2 or array.shape[1] != len(columns) or not len(array):
             raise ValueError(
                 f"{name}: expected shape (n, {len(columns)}), got {array.shape}. Rows are stars"
             )
         # Columns keep a mask and a unit.
-        found = list(zip(columns, array.T, strict=True))
-    names = [_plain(one) for one, _ in found]
-    wanted = [*columns, *(one for one in (*optional, _MASK) if one in names)]
-    for one in wanted:
+        named = list(zip(columns, array.T, strict=True))
+    names = [_plain(heading) for heading, _ in named]
+    extra = (column for column in (*optional, _MASK) if column in names)
+    selected = dict.fromkeys([*columns, *extra])
+    for column in selected:
         # pandas calls the second column with the name x in a file x.1.
-        if names.count(one) != 1 or f"{one}.1" in names:
-            came = ", ".join(repr(each[:40]) for each in names[:_MAX_NAMES])
+        if names.count(column) != 1 or f"{column}.1" in names:
+            headings = ", ".join(repr(heading[:40]) for heading in names[:_MAX_NAMES])
             raise TableFileError(
-                f"{name}: expected one column {one} among the names in the first line, got {came}. "
-                "Lengths are in px. Give sep if no comma separates the columns"
+                f"{name}: expected one column {column} among the names in the first line, got "
+                f"{headings}. Lengths are in px. Give sep if no comma separates the columns"
             )
     numbers = {
-        one: _numbers(name, *found[names.index(one)]) for one in dict.fromkeys(wanted)
+        column: _numbers(name, *named[names.index(column)]) for column in selected
     }
-    rows = np.arange(len(numbers[wanted[0]]))
+    rows = np.arange(len(numbers[columns[0]]))
     table = DataTable(name, tuple(columns), numbers, rows, (), content)
     if _MASK in numbers:
         flags = numbers[_MASK]
         right = (flags == 0) | (flags == 1)
         table.check(_MASK, right, "0, or 1 to drop the row")
-        kept = numbers.pop(_MASK) == 0
-        masked = table.named(np.flatnonzero(~kept))
-        count = len(rows) - np.count_nonzero(kept)
-        note = f"{count} of {len(rows)} rows are masked ({masked}) and left out"
-        numbers = {one: column[kept] for one, column in numbers.items()}
-        notes = (note,) if count else ()
-        table = replace(table, numbers=numbers, rows=rows[kept], notes=notes)
+        used = numbers.pop(_MASK) == 0
+        masked = np.flatnonzero(~used)
+        note = f"{len(masked)} of {len(rows)} rows are masked ({table.named(masked)}) and left out"
+        numbers = {column: values[used] for column, values in numbers.items()}
+        notes = (note,) if len(masked) else ()
+        table = replace(table, numbers=numbers, rows=rows[used], notes=notes)
     if not len(table.rows):
         raise TableFileError(
-            f"{name}: expected rows that are not masked, got none. Add rows"
+            f"{name}: expected at least one row without a mask, got zero. Add rows"
         )
-    for one, column in numbers.items():
-        right = np.abs(column) < _LARGEST_NUMBER  # false for NaN
-        table.check(one, right, f"a finite number below {_LARGEST_NUMBER:g}")
+    for column, values in numbers.items():
+        right = np.abs(values) < _LARGEST_NUMBER  # false for NaN
+        table.check(column, right, f"a finite number below {_LARGEST_NUMBER:g}")
     return table
 
 
@@ -287,21 +287,21 @@ def matched_stars(
 
     The stars are in one table of matched stars, or in two arrays or tables, row by row.
     """
-    found = {name: one for name, one in settings.items() if name != "sep"}
+    fit = {name: value for name, value in settings.items() if name != "sep"}
     sep = settings.get("sep")
     if target is not None:
-        one, other = (
-            read_table(each, STARS[:2], (), sep, name)
-            for name, each in (("source", source), ("target", target))
+        first, second = (
+            read_table(image, STARS[:2], (), sep, name)
+            for name, image in (("source", source), ("target", target))
         )
-        if not np.array_equal(one.rows, other.rows):
+        if not np.array_equal(first.rows, second.rows):
             raise ValueError(
-                f"source and target: expected the same rows without masked ones, got "
-                f"{len(one.rows)} and {len(other.rows)}. Row i of both must be the same star"
+                "source and target: expected equal rows after masking, got "
+                f"{len(first.rows)} and {len(second.rows)}. Row i of both must be the same star"
             )
-        columns = (*one.numbers.values(), *other.numbers.values())
+        columns = (*first.numbers.values(), *second.numbers.values())
         numbers = dict(zip(STARS, columns, strict=True))
-        return DataTable("the arrays", STARS, numbers, one.rows, one.notes), found
+        return DataTable("the arrays", STARS, numbers, first.rows, first.notes), fit
     if not is_table(source):
         raise ValueError(
             "target: expected the stars of the other image, got none. Pass them, or a table of "
@@ -314,28 +314,29 @@ def matched_stars(
     if {*SIGMAS} & {*table.numbers}:
         errors["target_covariance"] = deviations(table)[..., None] ** 2 * np.eye(2)
     for name in errors:
-        if found.get(name) is not None:
+        if fit.get(name) is not None:
             raise ValueError(
-                f"{name}: expected none, because the table has a column of it. Leave one out"
+                f"{name}: expected no argument, got one and a column of the table. Remove one"
             )
-    return table, found | errors
+    return table, fit | errors
 
 
 def brightness(columns: Mapping[str, FloatArray]) -> FloatArray | None:
-    """Return a number that increases with the flux of each star, or None if none is known."""
+    """Return a number that increases with the flux of each star, or None if unknown."""
     return -columns["mag"] if "mag" in columns else columns.get("flux")
 
 
 def deviations(table: DataTable) -> FloatArray:
-    """Return the standard deviations along x and y that the columns of a table give, (n, 2)."""
-    given = table.numbers
+    """Return the standard deviations along x and y in the columns of a table, (n, 2)."""
+    columns = table.numbers
     names = [
-        "sigma" if f"sigma_{axis}" not in given else f"sigma_{axis}" for axis in "xy"
+        f"sigma_{axis}" if f"sigma_{axis}" in columns else "sigma" for axis in "xy"
     ]
     for name in names:
-        if name not in given:
+        if name not in columns:
             raise TableFileError(
-                f"{table.path}: expected sigma, or both sigma_x and sigma_y. Add a column"
+                f"{table.path}: expected sigma, or sigma_x and sigma_y, got no {name}. Add a "
+                "column"
             )
-        table.check(name, given[name] > 0, "a standard deviation above zero")
+        table.check(name, columns[name] > 0, "a standard deviation above zero")
     return table.points(*names)

@@ -1,10 +1,9 @@
 """Spots of fiducial lights as images at the zero point and at the present.
 
-Images have shape (frames, lights, 2), in px, and are NaN if a spot is lost: NaN, masked or beyond
-1e30. In a table a row is a
-spot, in px: ``group`` (0 at the zero point, 1 at the present), ``laser`` (from 1), ``x``, ``y``,
-and ``frame`` or ``time``, a number that the spots of an image share. Without it every image must
-be complete, and the images follow each other.
+Images have shape (frames, lights, 2), in px. A lost spot is NaN: its coordinates are NaN, masked or
+larger than 1e30. A row of a table is a spot with the columns ``group`` (0 at the zero point, 1 at
+the present), ``laser`` (from 1), ``x`` and ``y`` in px, and ``frame`` or ``time``, the number of
+its image. Without this number, the images are complete and in order.
 """
 
 from __future__ import annotations
@@ -39,16 +38,16 @@ def read_images(
     if is_table(spots):
         if zero is not None or times is not None:
             raise ValueError(
-                "zero: expected no zero and no times with a table, which contains both groups. "
-                "Leave them out"
+                "zero, times: expected no arguments with a table, which contains both groups, got "
+                "one. Leave them out"
             )
         table = read_table(spots, SPOTS, IMAGES, sep)
         pair, when = _by_image(table, count)
         return pair, when, [*table.notes, *lost_spots(pair)]
     if zero is None:
         raise ValueError(
-            "zero: expected the images at the zero point, got none. Pass them, or a table of both "
-            "groups"
+            "zero: expected the images at the zero point, got no argument. Pass them, or a table "
+            "of both groups"
         )
     pair = _array("zero", zero, count), _array("spots", spots, count)
     when = None
@@ -59,8 +58,8 @@ def read_images(
 
 def _array(name: str, images: Any, count: int) -> FloatArray:
     """Return the images of an array, with NaN for both coordinates of a lost spot."""
-    given = images.filled(np.nan) if np.ma.isMaskedArray(images) else images
-    array = number_array(name, given, shape=(None, count, 2))
+    unmasked = images.filled(np.nan) if np.ma.isMaskedArray(images) else images
+    array = number_array(name, unmasked, shape=(None, count, 2))
     if array.ndim != 3:
         raise ValueError(
             f"{name}: expected shape (frames, {count}, 2), got {array.shape}. Pass one array"
@@ -82,27 +81,27 @@ def _by_image(table: DataTable, count: int) -> tuple[Images, FloatArray | None]:
         allowed = np.isin(table.numbers[name], range(least, most + 1))
         table.check(name, allowed, f"a whole number from {least} to {most}")
     frame = pd.DataFrame(dict(table.numbers), index=table.rows)
-    named = next((one for one in IMAGES if one in frame), None)
+    label = next((column for column in IMAGES if column in frame), None)
     images, times = [], None
     for group in range(2):
         part = frame[frame["group"] == group]
         lights = part["laser"].to_numpy()
-        shown = max(len(np.unique(lights)), 1)
-        label = np.arange(len(part)) // shown if named is None else part[named]
+        count_seen = max(len(np.unique(lights)), 1)
+        image = np.arange(len(part)) // count_seen if label is None else part[label]
         if not len(part):
             raise TableFileError(
                 f"{table.path}, column group: expected 0 (the zero point) and 1 (the present), got "
                 f"no {group}. Add its spots"
             )
-        other = np.resize(lights[:shown], len(part)) != lights
-        if named is None and other.any():
+        other = np.resize(lights[:count_seen], len(part)) != lights
+        if label is None and other.any():
             raise TableFileError(
                 f"{table.path}, row {part.index[other.argmax()]}: expected images one after the "
                 "other, each with all lights in one order, got another light. Add a column frame, "
                 "a number for each image"
             )
-        wanted = pd.MultiIndex.from_product([["x", "y"], range(1, count + 1)])
-        part = part.assign(image=label)
+        columns = pd.MultiIndex.from_product([["x", "y"], range(1, count + 1)])
+        part = part.assign(image=image)
         try:
             spots = part.pivot(index="image", columns="laser", values=["x", "y"])
         except ValueError as error:
@@ -110,7 +109,7 @@ def _by_image(table: DataTable, count: int) -> tuple[Images, FloatArray | None]:
                 f"{table.path}, column laser: expected each light once in an image ({error}). "
                 "Remove a spot"
             ) from error
-        wide = spots.reindex(columns=wanted).to_numpy()
+        wide = spots.reindex(columns=columns).to_numpy()
         images.append(wide.reshape(-1, 2, count).swapaxes(1, 2))
         if "time" in part:
             times = part.groupby("image")["time"].mean().to_numpy()
@@ -119,9 +118,6 @@ def _by_image(table: DataTable, count: int) -> tuple[Images, FloatArray | None]:
 
 def lost_spots(pair: Images) -> list[str]:
     """Return the remark on lost spots."""
-    lost = [np.isnan(one[..., 0]) for one in pair]
-    count, size = sum(int(one.sum()) for one in lost), sum(one.size for one in lost)
-    text = (
-        f"{count} of {size} spots are lost: an image with fewer spots has less weight"
-    )
-    return [text] if count else []
+    lost = np.concatenate([np.isnan(group[..., 0]).ravel() for group in pair])
+    text = f"{lost.sum()} of {lost.size} spots are lost: an image with fewer spots has less weight"
+    return [text] if lost.any() else []

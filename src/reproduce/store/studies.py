@@ -1,9 +1,8 @@
 """Results of slow studies: arrays or a table, with a note on their computation.
 
-A study called `name` is `data/studies/name.npz` and `data/studies/name.toml`. The note holds the
-command that redoes it, its seed, the versions it was run with, and the SHA-256 of the arrays'
-file: a study whose arrays are not those of its note is refused. A study that is one table stands in
-its note, row by row, under the same rule.
+A study called `name` is `data/studies/name.npz` and `data/studies/name.toml`. The note contains the
+command, the seed, the versions of the packages, and the SHA-256 of the file of the arrays. Other
+arrays raise an error. A study of one table is stored in its note, row by row, with the same check.
 """
 
 from __future__ import annotations
@@ -29,7 +28,7 @@ Note = Mapping[str, str | int | float]
 
 
 class StudyError(ValueError):
-    """A stored study is missing, damaged or not the one that its note describes."""
+    """A stored study is missing, damaged or different from its note."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +40,7 @@ class StoredStudy:
     arrays : dict
         Arrays by name.
     note : dict
-        How they came about.
+        Command, seed, versions and check sum.
     """
 
     arrays: dict[str, NDArray[Any]]
@@ -54,7 +53,7 @@ def folder() -> Path:
 
 
 def read(name: str, where: Path | None = None) -> StoredStudy:
-    """Return a stored study after checking that its arrays are those of its note."""
+    """Return a stored study after checking its arrays against its note."""
     content = _file(f"{name}.npz", where)
     note = tomllib.loads(_file(f"{name}.toml", where).decode())
     _check(name, content, note)
@@ -63,7 +62,7 @@ def read(name: str, where: Path | None = None) -> StoredStudy:
 
 
 def table(name: str, where: Path | None = None) -> pd.DataFrame:
-    """Return a stored table after checking that it is the one of its note."""
+    """Return a stored table after checking its rows against its note."""
     import pandas as pd
 
     text = _file(f"{name}.toml", where).decode()
@@ -79,14 +78,16 @@ def _file(name: str, where: Path | None) -> bytes:
     try:
         return ((where or folder()) / name).read_bytes()
     except FileNotFoundError as error:
-        raise StudyError(f"{name}: expected a file of {error.filename}") from error
+        raise StudyError(
+            f"{name}: expected a file {error.filename}, got no file. Run its command"
+        ) from error
 
 
 def _check(name: str, content: bytes, note: Note) -> None:
-    found = hashlib.sha256(content).hexdigest()
-    if found != note.get("sha256"):
+    actual = hashlib.sha256(content).hexdigest()
+    if actual != note.get("sha256"):
         raise StudyError(
-            f"{name}: expected the SHA-256 {note.get('sha256')}, got {found}. "
+            f"{name}: expected the SHA-256 {note.get('sha256')}, got {actual}. "
             f"Run again: {note.get('command')}"
         )
 

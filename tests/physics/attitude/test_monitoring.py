@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
+from numpy.testing import assert_allclose
 
 from reproduce.physics.attitude import Platform, monitored
 from reproduce.units import ARCSEC_PER_RADIAN
@@ -33,7 +35,7 @@ def platform(lasers):
 
 def drawn(design, frames, turn, share, jitter, rng):
     """Spots of lights that sit by a pixel or so off their design, some lost."""
-    off = np.random.default_rng(0).normal(0, 1, design.spots.shape)
+    off = default_rng(0).normal(0, 1, design.spots.shape)
     spots = off + design.predicted(np.zeros((1, 3)), turn[None, None])[0, 0]
     images = spots + rng.normal(0, NOISE, (frames, *spots.shape))
     images += rng.normal(0, jitter, (frames, 1, 2))
@@ -47,7 +49,7 @@ def drawn(design, frames, turn, share, jitter, rng):
 def test_intervals_cover(case):
     """The errors count the noise of the zero point, and of how many images both are estimated."""
     lasers, zero, now, share, jitter = CASES[case]
-    design, rng = platform(lasers), np.random.default_rng(5)
+    design, rng = platform(lasers), default_rng(5)
     inside = {0.68: [], 0.95: []}
     for _ in range(REPLICATES):
         before, after = (
@@ -60,4 +62,4 @@ def test_intervals_cover(case):
             hits.append((low < TURN) & (high > TURN))
     for level, hits in inside.items():
         error = np.sqrt(level * (1 - level) / REPLICATES)
-        np.testing.assert_allclose(np.mean(hits, axis=0), level, atol=3.5 * error)
+        assert_allclose(np.mean(hits, axis=0), level, atol=3.5 * error)

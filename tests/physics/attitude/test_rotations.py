@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
+from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 from reproduce.physics.attitude import (
@@ -12,7 +14,7 @@ from reproduce.physics.attitude import (
 )
 from reproduce.physics.validate import rotations
 
-RNG = np.random.default_rng(1)
+RNG = default_rng(1)
 VECTORS = np.concatenate(
     [
         RNG.uniform(-1.7, 1.7, (50, 3)),
@@ -25,25 +27,25 @@ VECTORS = np.concatenate(
 
 def test_matrix_of_a_rotation_vector_agrees_with_scipy():
     expected = Rotation.from_rotvec(VECTORS).as_matrix()
-    np.testing.assert_allclose(rotation_from_vector(VECTORS), expected, atol=3e-15)
+    assert_allclose(rotation_from_vector(VECTORS), expected, atol=3e-15)
 
 
 def test_rotation_vector_comes_back_to_the_last_digits():
     usable = VECTORS[np.linalg.norm(VECTORS, axis=-1) < 3.1]
     back = vector_from_rotation(rotation_from_vector(usable))
-    np.testing.assert_allclose(back, usable, rtol=1e-12, atol=1e-15)
+    assert_allclose(back, usable, rtol=1e-12, atol=1e-15)
 
 
 def test_cross_matrix_is_the_cross_product():
     one, two = RNG.standard_normal((2, 20, 3))
     found = (cross_matrix(one) @ two[..., None])[..., 0]
-    np.testing.assert_allclose(found, np.cross(one, two), atol=1e-15)
+    assert_allclose(found, np.cross(one, two), atol=1e-15)
 
 
 def test_unit_vectors_of_any_length():
     for length in (1e-150, 1.0, 1e150):
         found = unit("v", [0, 3 * length, 4 * length])
-        np.testing.assert_allclose(found, [0, 0.6, 0.8], rtol=1e-15)
+        assert_allclose(found, [0, 0.6, 0.8], rtol=1e-15)
 
 
 @pytest.mark.parametrize(

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from numpy.random import default_rng
+from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2, kstest
 
@@ -26,7 +26,7 @@ MARKLEY = json.loads(
 )
 # The designed lasers: four directions within 0.6 degrees about the boresight.
 LASERS = emitted_directions(11e-3 * np.array([[0, -1], [-1, 0], [1, 0], [0, 1]]), 2.0)
-RNG = np.random.default_rng(11)
+RNG = default_rng(11)
 
 
 def angle_between(one, two):
@@ -91,12 +91,6 @@ def test_finds_the_rotation_that_made_the_data(directions):
     assert (angle_between(found, TURNS) < limit).all()
 
 
-def test_lasers_off_the_boresights_keep_picoradians():
-    aside, turns = Rotation.random(2, random_state=2).as_matrix(), TURNS
-    source = LASERS @ aside[0]
-    assert angle_between(attitude(source @ turns.mT, source), turns).max() < 1e-11
-
-
 def test_agrees_with_scipy_and_with_the_eigenvector_of_davenport():
     source = noisy(np.zeros((300, 5, 3)), 1.0)
     truth = Rotation.random(300, random_state=12).as_matrix()
@@ -114,7 +108,7 @@ def test_agrees_with_scipy_and_with_the_eigenvector_of_davenport():
     assert angle_between(found, quaternions).max() < 1e-12
     misses = np.square(target - source @ found.mT).sum(axis=-1)
     loss = 2 * (weights.sum(axis=-1) - values[:, -1])
-    np.testing.assert_allclose((weights * misses).sum(axis=-1), loss, atol=1e-12)
+    assert_allclose((weights * misses).sum(axis=-1), loss, atol=1e-12)
 
 
 def test_quest_agrees_with_singular_values():
@@ -128,49 +122,6 @@ def test_quest_agrees_with_singular_values():
             )
             limit = 1e3 * EPSILON / gap(target, source, weights) ** 2
             assert error < max(limit, 1e-12), name
-
-
-def test_clusters_lost_in_noise_agree_with_davenport():
-    count = 2000
-    spread, noise = 10 ** RNG.uniform(-4, 0, (2, count, 1, 1))
-    source = noisy(np.tile([0.0, 0.0, 1.0], (count, 4, 1)), spread)
-    turns = Rotation.random(count, random_state=26).as_matrix()
-    target = noisy(source @ turns.mT, noise * spread)
-    vectors = np.linalg.eigh(davenport(profile(target, source)))[1]
-    expected = Rotation.from_quat(vectors[..., -1]).as_matrix()
-    limit = 2 * ROUNDINGS * EPSILON / gap(target, source)
-    assert (angle_between(attitude(target, source), expected) < limit).all()
-
-
-def test_two_noisy_directions_share_their_angle_error():
-    # Closed form: with equal weights the fit splits a wrong angle evenly between both.
-    excess = 0.02
-    target = [[1, 0, 0], [-np.sin(excess), np.cos(excess), 0]]
-    expected = Rotation.from_rotvec([0, 0, excess / 2]).as_matrix()
-    assert angle_between(attitude(target, np.eye(3)[:2]), expected) < 1e-14
-
-
-def test_a_batch_is_a_loop():
-    targets = noisy(np.tile(np.eye(3), (2, 5, 1, 1)), 0.1)
-    weights = RNG.uniform(1, 2, (5, 3))
-    together = attitude(targets, np.eye(3), weights)
-    for i, j in np.ndindex(2, 5):
-        alone = attitude(targets[i, j], np.eye(3), weights[j])
-        np.testing.assert_allclose(together[i, j], alone, atol=1e-14)
-
-
-@given(
-    lengths=st.lists(st.floats(1e-150, 1e150), min_size=3, max_size=3),
-    scale=st.floats(1e-150, 1e150),
-    turn=st.lists(st.floats(-1.8, 1.8), min_size=3, max_size=3),
-)
-@settings(max_examples=60)
-def test_lengths_and_the_scale_of_the_weights_do_not_matter(lengths, scale, turn):
-    truth = Rotation.from_rotvec(turn).as_matrix()
-    source = np.array([[1, 0.2, 0], [0, 1, 0.3], [0.1, 0, 1]])
-    target = (source @ truth.T) * np.array(lengths)[:, None]
-    found = attitude(target, source, scale * np.array([1.0, 2.0, 3.0]))
-    assert angle_between(found, truth) < 1e-13
 
 
 FREE = {
@@ -204,7 +155,7 @@ def test_markley_cases(case):
         np.array(MARKLEY["cases"][case]["sigma"]),
         np.array(MARKLEY["A_true"]),
     )
-    rng = np.random.default_rng([71, int(case)])
+    rng = default_rng([71, int(case)])
     exact = np.broadcast_to(source @ truth.T, (1000, *source.shape))
     target = noisy(exact, sigma[:, None], rng)
     found = attitude(target, source, sigma**-2.0)

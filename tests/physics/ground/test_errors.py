@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
-from reproduce.physics.attitude import emitted_directions, misalignment_in_tracker
+from reproduce.physics.attitude import misalignment_in_tracker
 from reproduce.physics.ground import (
     EARTH_RADIUS,
     altitude_for_resolution,
@@ -35,27 +36,8 @@ def on_the_ellipsoid(points):
 def test_resolution_and_altitude_are_inverses():
     heights = np.geomspace(1e5, 4e7, 9)
     pixels = ground_resolution(10.0, 1e-5, heights)
-    np.testing.assert_allclose(pixels, heights * 1e-6)
-    np.testing.assert_allclose(altitude_for_resolution(10.0, 1e-5, pixels), heights)
-
-
-def test_positions_lie_on_the_ellipsoid_and_on_the_line():
-    rng = np.random.default_rng(1)
-    satellites = rng.standard_normal((300, 3))
-    satellites *= (
-        rng.uniform(6.8e6, 4.2e7, 300) / np.linalg.norm(satellites, axis=-1)
-    )[:, None]
-    aim = 3e6 * rng.standard_normal((300, 3))  # points inside the Earth or near it
-    inside = on_the_ellipsoid(aim) < 0.9
-    satellites, aim = satellites[inside], aim[inside]
-    sight = aim - satellites
-    reach = distance_to_ground(satellites, sight)
-    ground = (
-        satellites + reach[:, None] * sight / np.linalg.norm(sight, axis=-1)[:, None]
-    )
-    np.testing.assert_allclose(on_the_ellipsoid(ground), 1, atol=1e-14)
-    # The near side: from the ground back to the satellite nothing is in the way.
-    assert (reach < np.linalg.norm(sight, axis=-1)).all()
+    assert_allclose(pixels, heights * 1e-6)
+    assert_allclose(altitude_for_resolution(10.0, 1e-5, pixels), heights)
 
 
 def test_a_sphere_has_a_closed_form(monkeypatch):
@@ -69,11 +51,6 @@ def test_a_sphere_has_a_closed_form(monkeypatch):
     assert found == pytest.approx(expected, rel=1e-12)
 
 
-def test_at_the_poles_the_earth_is_flat_by_its_flattening():
-    height = distance_to_ground([0, 0, 7e6], [0, 0, -1])
-    assert 7e6 - height == pytest.approx(6356752.314245, abs=1e-6)
-
-
 def test_grazing_lines_meet_the_horizon_just_or_not():
     satellite = np.array([7.0e6, 0, 0])
     dip = np.arcsin(EARTH_RADIUS / 7.0e6)
@@ -81,37 +58,20 @@ def test_grazing_lines_meet_the_horizon_just_or_not():
     past = [-np.cos(dip + 1e-7), np.sin(dip + 1e-7), 0]
     horizon = np.sqrt(7.0e6**2 - EARTH_RADIUS**2)
     assert distance_to_ground(satellite, just) == pytest.approx(horizon, rel=1e-3)
-    with pytest.raises(ValueError, match=r"vectors: .* 0 of them looking away"):
+    with pytest.raises(ValueError, match=r"vectors: .* 0 of them in the opp"):
         distance_to_ground(satellite, past)
 
 
-def test_looking_away_from_the_earth_is_an_error_not_a_place():
-    with pytest.raises(ValueError, match=r"vectors: .* 1 of them looking away"):
+def test_the_opposite_direction_is_an_error():
+    with pytest.raises(ValueError, match=r"vectors: .* 1 of them in the opp"):
         distance_to_ground(SATELLITE, [1, 0, 0])
     with pytest.raises(ValueError, match="satellite"):
         distance_to_ground([6e6, 0, 0], [-1, 0, 0])
 
 
-def test_the_printed_model_holds_with_a_negative_scale():
-    # (1) as printed: satellite + m R [X, Y, -f], and (2) says which way the camera looks.
-    points = np.array([[0.02, -0.01], [0.0, 0.0], [-0.03, 0.015]])
-    chain = DOWN @ Rotation.from_rotvec([0.02, 0.1, 0.4]).as_matrix()
-    vectors = image_vectors(points, 10.0)
-    imaged = imaged_position(vectors, SATELLITE, chain)
-    scale = ((imaged - SATELLITE) / (vectors @ chain.T)).mean(axis=-1)
-    printed = SATELLITE + scale[:, None] * (vectors @ chain.T)
-    np.testing.assert_allclose(printed, imaged, atol=1e-8)
-    np.testing.assert_allclose(on_the_ellipsoid(printed), 1, atol=1e-14)
-    assert (scale < 0).all()
-    sight = emitted_directions(points, 10.0)
-    np.testing.assert_allclose(
-        vectors / np.linalg.norm(vectors, axis=-1)[:, None], -sight
-    )
-
-
 def test_principal_point_and_distortion_shift_the_image():
     plain = image_vectors([[0.0, 0.0]], 2.0)
-    np.testing.assert_allclose(
+    assert_allclose(
         image_vectors([[0.013, 0.024]], 2.0, (0.01, 0.02), [(0.003, 0.004)]),
         plain,
         atol=1e-17,
@@ -136,7 +96,7 @@ def test_the_misalignment_of_7_in_the_place_of_r_u_doubles_the_error():
         vectors, SATELLITE, DOWN @ Rotation.from_rotvec([turned, 0, 0]).as_matrix()
     )[0]
     right = seen(misalignment_in_tracker(misaligned, tracker_from_camera))
-    np.testing.assert_allclose(right, truth, atol=1e-6)
+    assert_allclose(right, truth, atol=1e-6)
     uncorrected, wrong = seen(np.eye(3)), seen(misaligned)
     assert np.linalg.norm(uncorrected - truth) == pytest.approx(
         500e3 * turned, rel=1e-3

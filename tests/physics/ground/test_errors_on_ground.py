@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
+from numpy.testing import assert_allclose
 
 from reproduce.physics.ground import circular_error, ground_covariance
 
@@ -10,33 +12,23 @@ from reproduce.physics.ground import circular_error, ground_covariance
 def test_ce90_holds_ninety_in_a_hundred(ratio):
     covariance = np.diag([4.0, 4.0 * ratio**2])
     radius = float(circular_error(covariance))
-    draws = np.random.default_rng(6).normal(size=(400_000, 2)) * np.sqrt(
-        covariance.diagonal()
-    )
+    draws = default_rng(6).normal(size=(400_000, 2)) * np.sqrt(covariance.diagonal())
     share = (np.linalg.norm(draws, axis=1) < radius).mean()
     assert share == pytest.approx(0.9, abs=4 * np.sqrt(0.09 / 400_000))
 
 
 def test_limits_have_their_closed_forms():
-    np.testing.assert_allclose(
-        circular_error(np.eye(2)), np.sqrt(-2 * np.log(0.1)), rtol=1e-6
-    )
-    np.testing.assert_allclose(
-        circular_error(np.diag([1.0, 0.0])), 1.6448536, rtol=1e-4
-    )
+    assert_allclose(circular_error(np.eye(2)), np.sqrt(-2 * np.log(0.1)), rtol=1e-6)
+    assert_allclose(circular_error(np.diag([1.0, 0.0])), 1.6448536, rtol=1e-4)
     assert circular_error(np.zeros((2, 2))) == 0.0
-    np.testing.assert_allclose(
-        circular_error(np.eye(2), 0.5), np.sqrt(2 * np.log(2)), rtol=1e-6
-    )
+    assert_allclose(circular_error(np.eye(2), 0.5), np.sqrt(2 * np.log(2)), rtol=1e-6)
 
 
 def test_a_covariance_is_carried_with_its_correlation():
     place = [6378137.0, 0.0, 0.0]
     slopes = np.array([[0.0], [3.0], [4.0]])
     found = ground_covariance(place, slopes, [[2.0]])
-    np.testing.assert_allclose(
-        found, 2.0 * np.array([[9.0, 12.0], [12.0, 16.0]]), atol=1e-12
-    )
+    assert_allclose(found, 2.0 * np.array([[9.0, 12.0], [12.0, 16.0]]), atol=1e-12)
 
 
 def test_nonsense_is_refused():

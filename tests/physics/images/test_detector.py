@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
 
 from reproduce.physics.images import Detector, electrons, expose
 
@@ -18,7 +19,7 @@ TRIALS = 40_000
 
 @pytest.mark.parametrize("photons", [0.0, 20.0, 1500.0])
 def test_exposures_have_the_mean_and_the_variance_of_the_model(photons):
-    draws = expose(np.full(TRIALS, photons), SENSOR, np.random.default_rng(5))
+    draws = expose(np.full(TRIALS, photons), SENSOR, default_rng(5))
     # Shot noise of light and dark charge, read noise and rounding: the photon transfer curve.
     variance = 0.8**2 * (0.6 * photons + 30.0 + 9.0**2) + 1 / 12
     mean = 0.8 * (0.6 * photons + 30.0) + 200.0
@@ -28,7 +29,7 @@ def test_exposures_have_the_mean_and_the_variance_of_the_model(photons):
 
 def test_the_output_is_whole_and_stays_within_its_bits():
     sensor = Detector(gain=1.0, read_noise=20.0, offset=10.0, bits=8)
-    draws = expose(np.repeat([0.0, 1e4], 500), sensor, np.random.default_rng(1))
+    draws = expose(np.repeat([0.0, 1e4], 500), sensor, default_rng(1))
     assert (draws == np.rint(draws)).all()
     assert draws.min() == 0
     assert draws.max() == 255
@@ -37,11 +38,11 @@ def test_the_output_is_whole_and_stays_within_its_bits():
 
 def test_a_full_pixel_holds_no_more():
     sensor = Detector(full_well=1000.0)
-    assert (expose(np.full(50, 1e5), sensor, np.random.default_rng(1)) == 1000.0).all()
+    assert (expose(np.full(50, 1e5), sensor, default_rng(1)) == 1000.0).all()
 
 
 def test_the_inverse_returns_the_charge_of_the_light():
-    draws = expose(np.full(TRIALS, 1500.0), SENSOR, np.random.default_rng(2))
+    draws = expose(np.full(TRIALS, 1500.0), SENSOR, default_rng(2))
     charge = electrons(draws, SENSOR)
     assert charge.mean() == pytest.approx(900.0, abs=4 * charge.std() / np.sqrt(TRIALS))
 
@@ -69,4 +70,4 @@ def test_impossible_sensors_are_refused(setting, message):
 
 def test_bad_light_is_refused():
     with pytest.raises(ValueError, match="photons"):
-        expose([-1.0], SENSOR, np.random.default_rng(1))
+        expose([-1.0], SENSOR, default_rng(1))

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from scipy.constants import c, h, k
 from scipy.integrate import quad
 
@@ -58,9 +59,9 @@ def test_very_cool_stars_do_not_overflow():
 @pytest.mark.parametrize(
     ("wavelength", "low", "high", "message"),
     [
-        ([600e-9, 400e-9], 410e-9, 420e-9, "rising"),
-        ([400e-9, 600e-9], 410e-9, 700e-9, "extend"),
-        ([400e-9, 600e-9], 450e-9, 410e-9, "lower edge"),
+        ([600e-9, 400e-9], 410e-9, 420e-9, "^wavelength: "),
+        ([400e-9, 600e-9], 410e-9, 700e-9, "^wavelength: "),
+        ([400e-9, 600e-9], 450e-9, 410e-9, "^low: "),
     ],
 )
 def test_bad_tables_are_refused(wavelength, low, high, message):
@@ -76,11 +77,11 @@ def test_a_tabulated_blackbody_is_the_blackbody():
         for edges in ((400e-9, 500e-9), (580e-9, 680e-9)):
             found = tabulated_star([3.0, 5.0], wavelength, table, *edges)
             expected = blackbody_band([3.0, 5.0], temperature, *edges)
-            np.testing.assert_allclose(found, expected, rtol=1e-3)
+            assert_allclose(found, expected, rtol=1e-3)
 
 
 def test_a_table_without_light_at_550_nm_is_refused():
     with pytest.raises(ValueError, match="photons"):
         tabulated_star(0.0, [400e-9, 700e-9], [0.0, 0.0], 400e-9, 500e-9)
-    with pytest.raises(ValueError, match="extend it"):
+    with pytest.raises(ValueError, match=r"^wavelength: "):
         tabulated_star(0.0, [600e-9, 700e-9], [1.0, 1.0], 600e-9, 700e-9)

@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
+from numpy.testing import assert_allclose
 from scipy.optimize import least_squares
 
 from reproduce.physics.optics import Camera, fit_camera, image_points
@@ -9,7 +11,7 @@ from reproduce.physics.validate import DegenerateGeometryError
 
 PITCH = 3.45e-6
 TRUTH = Camera(25.03e-3, (1030.2, 771.4), 34.1, PITCH)
-GENERATOR = np.random.default_rng(7)
+GENERATOR = default_rng(7)
 SLOPES = np.concatenate(
     [GENERATOR.uniform((-0.14, -0.1), (0.14, 0.1), (60, 2)), np.ones((60, 1))], axis=1
 )
@@ -44,14 +46,12 @@ def test_the_minimum_is_that_of_an_iterating_solver():
         ftol=1e-15,
     )
     fit = fit_camera(SLOPES, points, PITCH)
-    np.testing.assert_allclose(parameters(fit) / SCALES, iterated.x, rtol=1e-7)
+    assert_allclose(parameters(fit) / SCALES, iterated.x, rtol=1e-7)
 
 
 def test_clean_points_give_back_the_camera_also_of_a_turned_detector():
     fit = fit_camera(SLOPES, image_points(SLOPES, TRUTH, 0.01), PITCH, 0.01)
-    np.testing.assert_allclose(
-        parameters(fit) / SCALES, [25.03, 1030.2, 771.4, 3.41], rtol=1e-9
-    )
+    assert_allclose(parameters(fit) / SCALES, [25.03, 1030.2, 771.4, 3.41], rtol=1e-9)
 
 
 def test_a_batch_gives_what_each_gives_alone():
@@ -59,9 +59,7 @@ def test_a_batch_gives_what_each_gives_alone():
     together = fit_camera(SLOPES, noisy, PITCH)
     for row, points in enumerate(noisy):
         alone = fit_camera(SLOPES, points, PITCH)
-        np.testing.assert_allclose(
-            parameters(together)[row], parameters(alone), rtol=1e-12
-        )
+        assert_allclose(parameters(together)[row], parameters(alone), rtol=1e-12)
 
 
 def test_bad_input_is_rejected():
@@ -80,5 +78,5 @@ def test_bad_input_is_rejected():
 def test_one_ring_of_directions_fixes_no_distortion():
     turn = np.linspace(0, 2 * np.pi, 12, endpoint=False)
     ring = np.stack([0.1 * np.cos(turn), 0.1 * np.sin(turn), np.ones(12)], axis=-1)
-    with pytest.raises(DegenerateGeometryError, match="same slope"):
+    with pytest.raises(DegenerateGeometryError, match="directions"):
         fit_camera(ring, image_points(ring, TRUTH), PITCH)

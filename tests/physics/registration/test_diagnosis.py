@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
 from scipy.stats import kstest
 
 from reproduce.physics.registration import Registration, diagnosis, fit_registration
@@ -16,7 +17,7 @@ TRUE = {
 
 def stars(seed, count, model="similarity", noise=0.05, batch=()):
     """The same stars in both images."""
-    generator = np.random.default_rng([seed, count])
+    generator = default_rng([seed, count])
     source = generator.uniform(0, 2000, (*batch, count, 2))
     target = Registration(model, np.array(TRUE[model]), PIVOT).apply(source)
     return source, target + noise * generator.standard_normal(source.shape), generator

@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from astropy.table import Table
+from numpy.random import default_rng
 
 import reproduce as rp
 from reproduce.physics.registration import Registration, match_points
@@ -25,7 +26,7 @@ def lists(
     flip=1,
 ):
     """Return two lists of stars in random order of rows, and the true row of the target of each."""
-    rng = np.random.default_rng([36, seed])
+    rng = default_rng([36, seed])
     stars = rng.uniform(0, FIELD, (common, 2))
     motion = Registration.similarity(
         scale, np.radians(degrees), shift, (FIELD / 2, FIELD / 2)
@@ -99,11 +100,11 @@ def test_lists_in_any_order_of_rows_are_matched(motion, count):
 
 @pytest.mark.parametrize("degrees", [90, 180])
 def test_many_stars_in_the_order_of_y_are_matched_in_seconds(degrees):
-    stars = np.random.default_rng(5).uniform(0, FIELD, (5000, 2))
+    stars = default_rng(5).uniform(0, FIELD, (5000, 2))
     turned = Registration.similarity(
         1, np.radians(degrees), (0, 0), (FIELD / 2, FIELD / 2)
     )
-    noise = np.random.default_rng(6).normal(0, 0.05, stars.shape)
+    noise = default_rng(6).normal(0, 0.05, stars.shape)
     target = turned.apply(stars) + noise
     source, target = (places[np.argsort(places[:, 1])] for places in (stars, target))
     start = time.process_time()
@@ -153,7 +154,7 @@ def test_the_magnitude_selects_the_bright_stars(kind):
 def test_unrelated_fields_are_rejected(count):
     """Also if both have a cluster at one place, or whole numbers as positions."""
     for seed in range(6 if count == 300 else 24):
-        rng = np.random.default_rng([7, count, seed])
+        rng = default_rng([7, count, seed])
         uniform, whole = (
             rng.uniform(0, FIELD, (2, count, 2)),
             rng.integers(0, 60, (2, count, 2)),

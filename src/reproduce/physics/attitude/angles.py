@@ -1,23 +1,23 @@
-"""The camera's misalignment from laser spots in the star tracker.
+"""Misalignment of the camera from laser spots in the star tracker.
 
 Names. A rotation is named target first. The paper writes the source below and the target
-above, so its T_cam^st is our `tracker_from_camera` (along the light, mirrors included), its
-R_st^cam our `camera_from_tracker` (the installation, mirrors apart), and its misalignment
-R_cam,0^cam,t our `camera_now_from_camera_zero`: it takes coordinates in the camera frame at
-the zero point to coordinates in the camera frame at time t.
+above: its T_cam^st is `tracker_from_camera` (along the light, with mirrors), its R_st^cam is
+`camera_from_tracker` (the installation, without mirrors), and its misalignment R_cam,0^cam,t is
+`camera_now_from_camera_zero`. It takes coordinates in the camera frame at the zero point to
+coordinates in the camera frame at time t.
 
-Sign. The misalignment angles (theta_X, theta_Y, theta_Z) are the right-handed turn that brings
-the camera from its zero position to the present one, about the camera's own axes. A camera
-that turns moves the world the other way through its frame, so to first order
+Sign. The misalignment angles (theta_X, theta_Y, theta_Z) are the right-handed rotation of the
+camera from its zero position to the present position, about the axes of the camera. A fixed
+direction rotates in the opposite sense in the frame of the camera, so to first order
 `camera_now_from_camera_zero` is I - [theta ×].
 
 Directions have shape (..., n, 3), angles are in radians, leading axes are a batch of frames.
 
-In products of rotations (installation, misalignment, attitude) neighbours cancel. A laser transform
-follows the light, an installation the axes of the instruments; a misalignment taken from two laser
-transforms corrects an installation because the mirrors between have not moved.
+In products of rotations (installation, misalignment, attitude) neighbouring frames cancel. A laser
+transform follows the light, an installation the axes of the instruments. A misalignment from two
+laser transforms corrects an installation if the mirrors do not move.
 
-A stage that moves the focal plane by L, in metres, stands in for a camera that turns: it turns
+A stage that moves the focal plane by L, in metres, simulates a rotation of the camera: it rotates
 every beam by atan(L / f).
 """
 
@@ -49,12 +49,12 @@ def laser_transform(
     tracker_directions: Directions,
     weights: Weights = None,
 ) -> FloatArray:
-    """Return the rotation that carries laser light from the camera into the tracker.
+    """Return the rotation of laser light from the camera to the tracker.
 
     Implements: chen2023 (4), (5).
 
-    The sum over frames of (5) is one over rows: give the spots of all frames as one set, and they
-    make one rotation; give a batch, and each frame makes its own.
+    The sum over frames in (5) is a sum over rows: the spots of all frames as one set give one
+    rotation, and a batch of frames gives one rotation for each frame.
 
     Parameters
     ----------
@@ -91,22 +91,25 @@ def misalignment(
     tracker_from_camera_zero: Rotation,
     weights: Weights = None,
 ) -> FloatArray:
-    """Return the camera's misalignment directly from the laser spots.
+    """Return the misalignment of the camera directly from the laser spots.
 
     Implements: chen2023 (7).
 
-    The arguments and errors of `laser_transform` apply. The directions in the tracker are
-    those at the present, w_i,t^k.
+    Errors are those of `laser_transform`.
 
     Parameters
     ----------
+    camera_directions, tracker_directions : array_like, shape (..., n, 3)
+        Emitted directions v_i,cam, and received directions w_i,t^k at the present.
+    weights : array_like, shape (..., n), optional
+        Relative weights. Default: all 1.
     tracker_from_camera_zero : array_like, shape (..., 3, 3)
         T_cam,0^st, the laser transform at the zero point.
 
     Returns
     -------
     ndarray, shape (..., 3, 3)
-        camera_now_from_camera_zero; `misalignment_angles` reads its angles.
+        camera_now_from_camera_zero. `misalignment_angles` returns its angles.
 
     Examples
     --------
@@ -114,14 +117,14 @@ def misalignment(
     >>> np.allclose(misalignment(directions, directions, np.eye(3)), np.eye(3))
     True
     """
-    # Rows times T are the columns T' w: what the camera would have to emit at the zero point.
+    # Rows times T are the columns T' w: directions in the camera at the zero point.
     carried = tracker_directions @ tracker_from_camera_zero
     return attitude(camera_directions, carried, weights)
 
 
 @checked
 def misalignment_angles(camera_now_from_camera_zero: Rotation) -> FloatArray:
-    """Return the turn of the camera about its X, Y and Z axes since the zero point.
+    """Return the rotation of the camera about its X, Y and Z axes since the zero point.
 
     Parameters
     ----------
@@ -132,17 +135,17 @@ def misalignment_angles(camera_now_from_camera_zero: Rotation) -> FloatArray:
     -------
     ndarray, shape (..., 3)
         Rotation vector (theta_X, theta_Y, theta_Z) in the camera frame, in radians,
-        right-handed: positive theta_Y swings the boresight towards X.
+        right-handed: a positive theta_Y rotates the boresight towards X.
 
     Raises
     ------
     ValueError
-        If a matrix turns by half a turn.
+        If a rotation is 180 deg.
 
     Examples
     --------
-    The camera has turned right-handed about Z by a quarter turn: what lay along X now lies
-    along -Y of the camera.
+    After a right-handed rotation of the camera by 90 deg about Z, a direction along X at the zero
+    point is along -Y of the camera.
 
     >>> misalignment_angles([[0, 1, 0], [-1, 0, 0], [0, 0, 1]]) / np.pi
     array([0. , 0. , 0.5])
@@ -157,19 +160,20 @@ def angle_jacobian(
     direction_jacobian: _Moves,
     weights: Weights = None,
 ) -> FloatArray:
-    """Return how the misalignment angles respond to each spot: the exact derivative.
+    """Return the derivative of the misalignment angles by each spot.
 
-    At the optimum sum w b × v vanishes, b a tracker direction carried into the camera.
-    Differentiating that gives theta = H^-1 sum w v × db, with the stiffness
-    H = trace(P) I - P and P = sum w v b^T. Weights and errors are those of `laser_transform`.
+    At the optimum, sum w b × v is zero, with b the tracker direction in the frame of the camera.
+    Its derivative gives theta = H^-1 sum w v × db, with the stiffness H = trace(P) I - P and
+    P = sum w v b^T. Errors are those of `laser_transform`.
 
     Parameters
     ----------
     camera_directions, tracker_directions : array_like, shape (..., n, 3)
         Emitted and received directions at the point of differentiation.
     direction_jacobian : array_like, shape (..., n, 3, k)
-        Derivative of each tracker direction by k parameters; for the spots in
-        px see `received_jacobian`.
+        Derivative of each tracker direction by k parameters, such as `received_jacobian`.
+    weights : array_like, shape (..., n), optional
+        Relative weights. Default: all 1.
 
     Returns
     -------
@@ -178,8 +182,8 @@ def angle_jacobian(
 
     Examples
     --------
-    Two directions along X and Y hold the turn about Z together, half each. A tracker
-    direction that goes from X towards Y tells of a camera that turned about Z.
+    Two directions along X and Y determine the rotation about Z with equal weights. A tracker
+    direction that moves from X towards Y is a rotation of the camera about Z.
 
     >>> moves = np.zeros((2, 3, 1))
     >>> moves[0, 1, 0] = 1.0
@@ -187,15 +191,15 @@ def angle_jacobian(
     array([0. , 0. , 0.5])
     """
     camera_from_tracker = attitude(camera_directions, tracker_directions, weights)
-    kept = weights_for(weights, camera_directions.shape[-2])
-    camera = kept[..., None] * unit("camera_directions", camera_directions)
+    relative = weights_for(weights, camera_directions.shape[-2])
+    camera = relative[..., None] * unit("camera_directions", camera_directions)
     carried = unit("tracker_directions", tracker_directions) @ camera_from_tracker.mT
     product = camera.mT @ carried
     trace = np.trace(product, axis1=-2, axis2=-1)[..., None, None]
     stiffness = trace * np.eye(3) - 0.5 * (product + product.mT)
     moved = camera_from_tracker[..., None, :, :] @ direction_jacobian
     torque = np.cross(camera[..., None, :], moved.mT)
-    # The stiffness is symmetric, so rows times its inverse are the turns.
+    # The stiffness is symmetric, so rows times its inverse are the rotations.
     return np.moveaxis(torque @ np.linalg.inv(stiffness)[..., None, :, :], -1, -3)
 
 
@@ -229,10 +233,10 @@ def moved_laser_transform(
 def misalignment_between(
     tracker_from_camera_now: Rotation, tracker_from_camera_zero: Rotation
 ) -> FloatArray:
-    """Return the misalignment that leads from one laser transform to another.
+    """Return the misalignment between two laser transforms.
 
     It is (6) solved for the misalignment: R_cam,0^cam,t = (T_cam,t^st)' T_cam,0^st. The
-    product begins and ends in the camera, so its angles are about the camera's axes.
+    product begins and ends in the camera, so its angles are about the axes of the camera.
 
     Parameters
     ----------
@@ -256,17 +260,17 @@ def misalignment_between(
 def transform_error_printed(
     tracker_from_camera: Rotation, tracker_from_camera_reference: Rotation
 ) -> FloatArray:
-    """Return the error of a laser transform in the order in which the text multiplies.
+    """Return the error of a laser transform as the product in the text.
 
     The text behind Fig. 8 multiplies the transform by the transposed reference, T T_ref'.
-    That product begins and ends in the tracker, where the spots stand off the boresight, so
-    the poorly known roll of the spot cluster leaks into X and Y. The quoted accuracies belong
+    That product begins and ends in the tracker, where the spots are off the boresight, so
+    the large error of the roll of the spots contributes to X and Y. The quoted accuracies belong
     to the camera frame: use `misalignment_between`.
 
     Parameters
     ----------
     tracker_from_camera, tracker_from_camera_reference : array_like, shape (..., 3, 3)
-        A laser transform and the one taken as true.
+        A laser transform, and the reference.
 
     Returns
     -------
@@ -287,7 +291,7 @@ def inertial_attitude(
     camera_zero_from_tracker: Rotation,
     tracker_from_inertial: Rotation,
 ) -> FloatArray:
-    """Return the attitude of the camera among the stars, its installation corrected.
+    """Return the inertial attitude of the camera with the corrected installation.
 
     Implements: chen2023 (8), (9).
 
@@ -297,7 +301,7 @@ def inertial_attitude(
         R_cam,0^cam,t, the misalignment, and R_st^cam,0, the installation at the zero point; their
         product is R_st^cam,t, the corrected installation.
     tracker_from_inertial : array_like, shape (..., 3, 3)
-        R_inertial^st,t, the tracker's attitude.
+        R_inertial^st,t, the attitude of the tracker.
 
     Returns
     -------
@@ -317,11 +321,11 @@ def inertial_attitude(
 def misalignment_in_tracker(
     camera_now_from_camera_zero: Rotation, tracker_from_camera_zero: Rotation
 ) -> FloatArray:
-    """Return the misalignment as the imaging model wants it, between two tracker frames.
+    """Return the misalignment of the imaging model, between two tracker frames.
 
-    The R_U of (1) stands between the star tracker and the installation R_cam^star, so it
-    begins and ends in the tracker. The misalignment of (7) begins and ends in the camera and
-    runs the other way; putting it in the place of R_U is wrong in its axes and its sign.
+    In (1), R_U is between the star tracker and the installation R_cam^star, so it begins and ends
+    in the tracker. The misalignment of (7) begins and ends in the camera and has the opposite
+    sense, so it is not R_U.
 
     Parameters
     ----------
@@ -347,21 +351,21 @@ def misalignment_in_tracker(
 
 @checked
 def stage_angle(shift: Number, focal_length: Positive) -> FloatArray:
-    """Return the misalignment angle that a shift of the focal plane stands for.
+    """Return the misalignment angle that corresponds to a shift of the focal plane.
 
     Implements: chen2023 (10).
 
-    The minus sign is the paper's, for both axes. With right-handed angles it belongs to a
-    shift along X, which turns about Y; see `stage_angles` for both axes.
+    The paper prints the minus sign for both axes. With right-handed angles it belongs to a
+    shift along X, which is a rotation about Y; see `stage_angles` for both axes.
 
     Parameters
     ----------
-    shift, focal_length : array_like, in metres
-        L, the motion of the focal plane along X (or Y), and the camera's focal length f.
+    shift, focal_length : array_like, shape (...)
+        Motion L of the focal plane along X (or Y), and focal length f of the camera, in metres.
 
     Returns
     -------
-    ndarray
+    ndarray, shape (...)
         theta = -atan(L / f) about Y (or X), in radians.
 
     Examples
@@ -376,14 +380,14 @@ def stage_angle(shift: Number, focal_length: Positive) -> FloatArray:
 def stage_angle_printed(shift: Number, focal_length: Positive) -> FloatArray:
     """Return the angle by the relation as extracted, -tan(L) f.
 
-    Printed form of chen2023 (10). It takes the tangent of a length and multiplies where it
-    should divide: for small shifts the result is -L f, in square metres, larger than the
-    angle by the square of the focal length in metres. Arguments are those of `stage_angle`.
+    Printed form of chen2023 (10). It contains the tangent of a length, and a product instead of a
+    ratio: for small shifts the result is -L f, in square metres, larger than the angle by the
+    square of the focal length in metres. Parameters are those of `stage_angle`.
 
     Returns
     -------
-    ndarray
-        A number that is no angle.
+    ndarray, shape (...)
+        Value of the printed relation.
 
     Examples
     --------
@@ -395,17 +399,18 @@ def stage_angle_printed(shift: Number, focal_length: Positive) -> FloatArray:
 
 @checked
 def stage_angles(shifts: Point, focal_length: Positive) -> FloatArray:
-    """Return the right-handed misalignment that a shift of the focal plane stands for.
+    """Return the right-handed misalignment that corresponds to a shift of the focal plane.
 
-    This is what `misalignment_angles` measures when the lasers move: a shift along X turns
-    the camera about -Y, a shift along Y turns it about +X. The two signs differ, while (10)
-    prints the same one for both axes.
+    It is the result of `misalignment_angles` when the lasers move: a shift along X is a rotation of
+    the camera about -Y, a shift along Y a rotation about +X. The two signs differ, but (10)
+    contains the same sign for both axes.
 
     Parameters
     ----------
     shifts : array_like, shape (..., 2)
         Motion of the lasers along X and Y of the camera frame, in metres.
-    focal_length : array_like, shape (...), in metres
+    focal_length : array_like, shape (...)
+        Focal length f of the camera, in metres.
 
     Returns
     -------

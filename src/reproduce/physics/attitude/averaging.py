@@ -1,6 +1,6 @@
-"""Averages over consecutive frames, and the fall of their scatter with the number of frames.
+"""Averages over consecutive frames, and their scatter as a function of the number of frames.
 
-A series has its frames along the last axis unless a function states otherwise; all other axes
+The last axis of a series contains its frames unless a function states otherwise; other axes
 (replicates, angles) are a batch. Units are those of the series.
 """
 
@@ -29,13 +29,14 @@ def moving_average(series: ArrayLike, count: int) -> FloatArray:
     Parameters
     ----------
     series : array_like, shape (..., frames)
+        Values of each frame.
     count : int
-        Number of frames in an average; at most all.
+        Number of frames in an average, at most the number of frames.
 
     Returns
     -------
     ndarray, shape (..., frames - count + 1)
-        Neighbours share frames.
+        Averages. Neighbours have frames in common.
 
     Examples
     --------
@@ -62,15 +63,15 @@ def _check_counts(name: str, counts: Sequence[int], most: int) -> None:
 def scatter_of_averages(series: ArrayLike, counts: Sequence[int]) -> FloatArray:
     """Return the standard deviation of moving averages over n frames of a series, for each n.
 
-    The values for different n come from the same frames, so they are strongly correlated;
-    for n close to the number of frames few averages are independent and the value itself is
-    uncertain. Use many replicates to see both.
+    The values for different n come from the same frames, so they are strongly correlated. For n
+    close to the number of frames, few averages are independent, and the value is uncertain.
 
     Parameters
     ----------
     series : array_like, shape (..., frames)
+        Values of each frame.
     counts : sequence of int
-        The numbers n of frames in an average, each smaller than that of all frames.
+        Numbers n of frames in an average, each smaller than the number of frames.
 
     Returns
     -------
@@ -90,25 +91,26 @@ def scatter_of_averages(series: ArrayLike, counts: Sequence[int]) -> FloatArray:
     frames = validate.finite_array("series", series, shape=(None,))
     _check_counts("counts", counts, frames.shape[-1] - 1)
     averages = (moving_average(frames, count) for count in counts)
-    return np.stack([one.std(axis=-1, ddof=1) for one in averages], axis=-1)
+    return np.stack([average.std(axis=-1, ddof=1) for average in averages], axis=-1)
 
 
 def allan_deviation(series: ArrayLike, counts: Sequence[int]) -> FloatArray:
     """Return the Allan deviation of averages over n frames of a series, for each n.
 
-    It is the root of half the mean square difference of neighbouring averages: for white noise
-    the error of an average. Averages share no frames.
+    It is the root of half the mean square difference of neighbouring averages. For white noise, it
+    is the error of an average. Averages have no frames in common.
 
     Parameters
     ----------
     series : array_like, shape (..., frames)
-        Evenly spaced in time.
+        Values of each frame, evenly spaced in time.
     counts : sequence of int
-        The numbers n of frames in an average, each at most half of all.
+        Numbers n of frames in an average, at most half of the frames.
 
     Returns
     -------
     ndarray, shape (..., counts)
+        Deviations, 1 sigma.
 
     Raises
     ------
@@ -142,18 +144,18 @@ class Stability:
     rate, rate_error : ndarray, shape (k,)
         Drift in a unit of time, by least squares, and its standard error.
     left : ndarray, shape (frames, k)
-        The series minus the straight drift.
+        Series minus the linear drift.
     counts : ndarray of int, shape (m,)
         Numbers of averaged frames: powers of two.
     averages : ndarray of int, shape (m,)
-        Numbers of averages behind each deviation; none lies across a gap.
+        Numbers of averages of each deviation, without averages across a gap.
     deviations : ndarray, shape (m, k)
         Allan deviation without the drift.
 
     Notes
     -----
     The error of the rate is that of a line through the means of ten parts of the series. It
-    includes noise that neighbouring frames share, if it is shorter than the parts.
+    includes correlated noise if the correlation is shorter than a part.
     """
 
     rate: FloatArray
@@ -178,15 +180,15 @@ class Stability:
         """Deviations if all noise were white, shape (m, k)."""
         return self.deviations[:1] / np.sqrt(self.counts)[:, None]
 
-    def floor_interval(self, share: float) -> FloatArray:
-        """Return the interval of the deviation at the floor, of nominal share, shape (2, k).
+    def floor_interval(self, level: float) -> FloatArray:
+        """Return the interval of the deviation at the floor, of nominal coverage, shape (2, k).
 
         It is chi-squared with 2 (M - 1)^2 / (3 M - 4) degrees of freedom for M averages, as for
         white noise. The choice of the smallest deviation biases it a little towards low values.
         """
         averages = self.averages[self.deviations.argmin(axis=0)]
         half = np.square(averages - 1) / (3 * averages - 4)
-        ends = 0.5 + np.array([[share], [-share]]) / 2
+        ends = 0.5 + np.array([[level], [-level]]) / 2
         return self.floor * np.sqrt(half / gammaincinv(half, ends))
 
 
@@ -196,13 +198,14 @@ def stability(times: ArrayLike, series: ArrayLike) -> Stability:
     Parameters
     ----------
     times : array_like, shape (frames,)
-        Increasing, in any unit; evenly spaced to half a frame except for gaps.
+        Increasing times, in any unit, evenly spaced to half a frame except for gaps.
     series : array_like, shape (frames, k)
-        16 frames or more.
+        Values of 16 frames or more.
 
     Returns
     -------
     Stability
+        Drift, and deviations of averages.
 
     Raises
     ------
@@ -211,8 +214,8 @@ def stability(times: ArrayLike, series: ArrayLike) -> Stability:
 
     Examples
     --------
-    >>> found = stability(np.arange(20.0), 3.0 * np.arange(20.0)[:, None])
-    >>> found.rate.round(9), found.floor.round(9) + 0.0
+    >>> drift = stability(np.arange(20.0), 3.0 * np.arange(20.0)[:, None])
+    >>> drift.rate.round(9), drift.floor.round(9) + 0.0
     (array([3.]), array([0.]))
     """
     values = validate.finite_array("series", series, shape=(None, None))
@@ -226,7 +229,7 @@ def stability(times: ArrayLike, series: ArrayLike) -> Stability:
     if steps.min() <= 0 or steps.min() < usual / 2:
         raise ValueError(
             f"times: expected increasing, evenly spaced frames, got a step of {steps.min():.2g} "
-            f"where {usual:.2g} is usual. Sort them and leave out frames in between"
+            f"and a median step of {usual:.2g}. Sort them and leave out frames in between"
         )
     when = when - when.mean()
     rate, level = np.polyfit(when, values, 1)
@@ -235,21 +238,16 @@ def stability(times: ArrayLike, series: ArrayLike) -> Stability:
     means = np.array([part.mean(axis=0) for part in parts])
     _, covariance = np.polyfit(means[:, 0], means[:, 1:], 1, cov=True)
     # A lost frame in a gap separates the averages of both sides.
-    gaps = np.flatnonzero(steps > 1.5 * usual) + 1
-    broken = np.insert(left, gaps, np.nan, axis=0).T
-    tried = [2**n for n in range(int(np.log2(len(values) // _MIN_AVERAGES)) + 1)]
-    changes = [_changes(broken, count) for count in tried]
-    averages = np.array([np.isfinite(one[0]).sum() + 1 for one in changes])
-    kept = np.flatnonzero(averages >= _MIN_AVERAGES)
-    squares = [np.nanmean(np.square(changes[place]), axis=1) for place in kept]
-    return Stability(
-        rate,
-        np.sqrt(covariance[0, 0]),
-        left,
-        np.array(tried)[kept],
-        averages[kept],
-        np.sqrt(np.array(squares) / 2),
-    )
+    broken = np.insert(left, np.flatnonzero(steps > 1.5 * usual) + 1, np.nan, axis=0).T
+    results = []
+    for power in range(int(np.log2(len(values) // _MIN_AVERAGES)) + 1):
+        count = 2**power
+        squares = np.square(_changes(broken, count))
+        averages = int(np.isfinite(squares[0]).sum()) + 1
+        if averages >= _MIN_AVERAGES:
+            results.append((count, averages, np.sqrt(np.nanmean(squares, axis=1) / 2)))
+    columns = map(np.array, zip(*results, strict=True))
+    return Stability(rate, np.sqrt(covariance[0, 0]), left, *columns)
 
 
 @validate.checked
@@ -260,15 +258,15 @@ def averaged_error(
 
     Parameters
     ----------
-    count : array_like
-        n, number of independent frames; above zero.
-    single, floor : array_like, in one unit
-        a, the error of a single frame that averaging reduces, and b, the error that remains.
+    count : array_like, shape (...)
+        Number n of independent frames, above zero.
+    single, floor : array_like, shape (...)
+        Error a of a single frame that averaging reduces, and remaining error b, in one unit.
 
     Returns
     -------
-    ndarray
-        E, in the unit of `single`.
+    ndarray, shape (...)
+        Error E, in the unit of `single`.
 
     Examples
     --------
@@ -286,22 +284,22 @@ def attitude_accuracy(
 
     Implements: chen2023 (11).
 
-    It is valid for spots near the boresight, where a turn about X moves all spots equally along Y.
-    About Z the error is larger, by one over the distance of the spots from their centre.
+    It is valid for spots near the boresight, where a rotation about X moves all spots equally along
+    Y. About Z the error is larger, by one over the distance of the spots from their centre.
 
     Parameters
     ----------
-    centroid_sigma : array_like
-        delta, error of one centroid along one axis, in px; about X it is the error along Y.
-    count : array_like
-        N, number of spots; above zero.
-    pixel_angle : array_like
-        theta_pixel, the angle that a pixel subtends, in radians.
+    centroid_sigma : array_like, shape (...)
+        Error delta of one centroid along one axis, in px; about X it is the error along Y.
+    count : array_like, shape (...)
+        Number N of spots, above zero.
+    pixel_angle : array_like, shape (...)
+        Angle theta_pixel of a pixel, in radians.
 
     Returns
     -------
-    ndarray
-        E = delta / sqrt(N) theta_pixel, in radians, at the same number of sigmas as delta.
+    ndarray, shape (...)
+        E = delta / sqrt(N) theta_pixel, in radians, with as many sigmas as delta.
 
     Examples
     --------

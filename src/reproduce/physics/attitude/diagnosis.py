@@ -50,8 +50,12 @@ _TEXTS = {
     "displaced": "light {named} is displaced by {off:.2g} px. Leave it out (NaN or masked)",
     "mirrored": "the spots are mirrored. Change the sign of x, or swap x and y",
     "swapped": "lights {named} look swapped. Correct their order, or give the platform the rough "
-    "spots of a tracker that is rolled by half a turn",
+    "spots of a tracker that is rolled by 180 deg",
 }
+_PROBLEMS = (
+    "at the zero point, the pattern does not fit the design",
+    "at the present, the pattern does not fit the zero point",
+)
 _FOREIGN_TEXT = (
     "the best fit leaves residuals of {:.0%} of the size of the pattern. The spots belong to "
     "another platform, or several lights are in another order: give their own platform"
@@ -124,75 +128,61 @@ def diagnose_spots(
     >>> lasers = np.array([[1e-3, 0], [0, 1e-3], [-1e-3, 0], [0, -1e-3]])
     >>> spots = np.array([[20.0, 0], [0, 20], [-20, 0], [0, -20]])
     >>> platform = Platform(lasers, 1.0, 0.05, 5e-6, np.zeros(2))
-    >>> [one.kind for one in diagnose_spots(platform, (spots[None], spots[None])).findings]
+    >>> findings = diagnose_spots(platform, (spots[None], spots[None])).findings
+    >>> [finding.kind for finding in findings]
     ['scale', 'spare']
     """
-    counts = np.array([np.isfinite(one).all(axis=-1).sum(axis=0) for one in images])
-    kept = counts.min(axis=0) > 0
-    lights = np.flatnonzero(kept) + 1
+    counts = np.array([np.isfinite(group[..., 0]).sum(axis=0) for group in images])
+    seen = counts.min(axis=0) > 0
+    lights = np.flatnonzero(seen) + 1
     if len(lights) < 2:
         raise ValueError(
             f"spots: expected two lights or more in both groups, got {len(lights)}. Add lights"
         )
-    platform, counts = platform.with_lights(kept), counts[:, kept]
-    images = images[0][:, kept], images[1][:, kept]
-    means = [np.nanmean(one, axis=0) for one in images]
+    platform, counts = platform.with_lights(seen), counts[:, seen]
+    images = images[0][:, seen], images[1][:, seen]
+    means = [np.nanmean(group, axis=0) for group in images]
     _check_distinct("spots", means[0], lights)
     series = [
-        np.nan_to_num(one - mean).reshape(len(one), -1)
-        for one, mean in zip(images, means, strict=True)
+        np.nan_to_num(group - mean).reshape(len(group), -1)
+        for group, mean in zip(images, means, strict=True)
     ]
-    freedom = 2 * int((counts - 1).sum())
-    squares, degrees = sum((one**2).sum() for one in series), freedom or _KNOWN_FREEDOM
+    spare = 2 * int((counts - 1).sum())
+    squares, freedom = (
+        sum(np.square(group).sum() for group in series),
+        spare or _KNOWN_FREEDOM,
+    )
     noise = (
-        max((squares / freedom) ** 0.5, _MIN_NOISE_PX) if freedom else _UNKNOWN_NOISE_PX
+        max((squares / freedom) ** 0.5, _MIN_NOISE_PX) if spare else _UNKNOWN_NOISE_PX
     )
     steady = series[: 1 if drifts else 2]
     response = platform.response(means[0]).reshape(3, -1)
-    angles = [one @ (response.T / np.linalg.norm(response, axis=1)) for one in steady]
+    unit_response = response.T / np.linalg.norm(response, axis=1)
+    angles = [group @ unit_response for group in steady]
     score, lag, widening = max(map(_correlation, (steady, angles)))
     correlated = score > -ndtri(_FALSE_ALARM / _TEST_COUNT)
-    variance = (noise * widening) ** 2 / counts
-    found, limit = list[Finding](), np.inf
+    variance = np.cumsum((noise * widening) ** 2 / counts, axis=0)
     zero = Platform.of_spots(means[0], *platform.tracker[::-1])
-    for model, spots, errors, problem in (
-        (
-            platform,
-            means[0],
-            variance[0],
-            "at the zero point, the pattern does not fit the design",
-        ),
-        (
-            zero,
-            means[1],
-            variance.sum(axis=0),
-            "at the present, the pattern does not fit the zero point",
-        ),
+    found, limit = list[Finding](), np.inf
+    tolerated = _MISFIT_FACTOR * correlated
+    for model, spots, errors, problem in zip(
+        (platform, zero), means, variance, _PROBLEMS, strict=True
     ):
-        pattern = _Pattern(
-            model, spots, errors, degrees, _MISFIT_FACTOR * correlated, lights
-        )
+        pattern = _Pattern(model, spots, errors, freedom, tolerated, lights)
         fit = pattern.fit("pattern", "", model.lasers, 1 / errors)
         found += pattern.findings(fit, problem)
-    if copies := sum(len(one) - len(np.unique(one, axis=0)) for one in images):
-        text = f"{copies} images repeat another one. Remove copies"
-        found.append(Finding("repeated", text))
-    if not freedom:
+    if not spare:
         text = "no group has two images of a light, so the noise is unknown. Add images"
         found.append(Finding("spare", text))
     if correlated:
         limit = sum(map(len, images)) * (1 - lag**2) / (1 + lag**2)
         found.append(Finding("correlated", _CORRELATED_TEXT.format(lag, widening)))
-    low, high = fdtri(fit.freedom, degrees, [0.025, 0.975]).tolist()
+    low, high = fdtri(fit.freedom, freedom, [0.025, 0.975]).tolist()
     if fit.misfit > high:
         limit = fit.freedom
     factor = max(fit.misfit, 1.0) ** 0.5 * (widening if correlated else 1.0)
-    agreement = {
-        "chi_square": fit.misfit,
-        "low": low,
-        "high": high,
-        "residual_rms": fit.rms,
-    }
+    agreement = {"chi_square": fit.misfit, "low": low, "high": high}
+    agreement["residual_rms"] = fit.rms
     return Diagnosis(platform, images, found, agreement, factor, limit)
 
 
@@ -234,38 +224,38 @@ class _Pattern:
         fits = design.excess < 1
         if fits and not design.is_rolled:
             return []
-        tried = []
+        causes = []
         for cause in self.causes():
             # A mirrored square has no unique rotation.
             with suppress(DegenerateGeometryError):
-                tried.append(self.fit(*cause))
-        tried.sort(key=lambda one: (one.kind == "swapped", one.excess))
-        good = [one for one in tried if one.excess < 1]
-        good = [one for one in good if not one.is_rolled] or good * (not fits)
-        refused = [one for one in good if one.kind in _REFUSED_KINDS]
+                causes.append(self.fit(*cause))
+        causes.sort(key=lambda cause: (cause.kind == "swapped", cause.excess))
+        good = [cause for cause in causes if cause.excess < 1]
+        good = [cause for cause in good if not cause.is_rolled] or good * (not fits)
+        refused = [cause for cause in good if cause.kind in _REFUSED_KINDS]
         # Three lights fit without one light too.
-        if refused and all(one.kind != "scale" for one in good):
+        if refused and all(cause.kind != "scale" for cause in good):
             good = refused
         if not (good or fits):
-            similar = min(one.rms for one in tried if one.kind != "displaced")
-            fraction = similar / self.spots.std(axis=0).max()
+            rms = min(cause.rms for cause in causes if cause.kind != "displaced")
+            fraction = rms / self.spots.std(axis=0).max()
             if fraction > _FOREIGN_FRACTION:
                 raise ValueError(f"spots: {problem}: {_FOREIGN_TEXT.format(fraction)}")
-            best = min(tried, key=lambda one: one.misfit)
+            best = min(causes, key=lambda cause: cause.misfit)
             good = [best if best.misfit * _MISFIT_FACTOR < design.misfit else design]
-        text = f"{problem}: {'; or '.join(one.text for one in good)}"
+        text = f"{problem}: {'; or '.join(cause.text for cause in good)}"
         if good and good[0].kind in _REFUSED_KINDS:
             raise ValueError(f"spots: {text}")
-        return [Finding(one.kind, text) for one in good[:1]]
+        return [Finding(cause.kind, text) for cause in good[:1]]
 
     def causes(self) -> Iterator[tuple[str, str, FloatArray, FloatArray]]:
         """Yield the possible causes of a misfit, as arguments of `fit`."""
         lasers, weights, numbers = self.platform.lasers, 1 / self.variance, self.numbers
         yield "scale", "", lasers, weights
-        for one, other in combinations(range(len(lasers)), 2):
+        for pair in combinations(range(len(lasers)), 2):
             swapped = lasers.copy()
-            swapped[[one, other]] = lasers[[other, one]]
-            yield "swapped", f"{numbers[one]} and {numbers[other]}", swapped, weights
+            swapped[[*pair]] = lasers[[*pair[::-1]]]
+            yield "swapped", "{} and {}".format(*numbers[[*pair]]), swapped, weights
         if len(lasers) > 2:
             yield "mirrored", "", lasers * [-1, 1], weights
             for number in numbers:
@@ -279,11 +269,11 @@ class _Pattern:
         is_free = kind not in ("pattern", "displaced")
         for _ in range(_SIZE_ROUNDS if is_free else 1):
             rays = emitted_directions(scale * lasers, platform.camera_focal_length)
-            turn = attitude(platform.seen(self.spots), rays, weights)
-            places = received_spots(rays @ turn.T, *platform.tracker)
+            rotation = attitude(platform.seen(self.spots), rays, weights)
+            expected = received_spots(rays @ rotation.T, *platform.tracker)
             if is_free:
-                scale *= _size(self.spots, weights) / _size(places, weights)
-        off = np.hypot(*(self.spots - places).T)
+                scale *= _size(self.spots, weights) / _size(expected, weights)
+        off = np.hypot(*(self.spots - expected).T)
         # Two lights have no misfit if the size is free.
         freedom = max(2 * int(np.count_nonzero(weights)) - 3 - is_free, 1)
         misfit = float(weights @ off**2 / freedom)
@@ -295,7 +285,7 @@ class _Pattern:
             excess=misfit / max(largest, self.tolerated),
             freedom=freedom,
             rms=float(off @ off / off.size / 2) ** 0.5,
-            is_rolled=np.trace(platform.reference.T @ turn) < 0,
+            is_rolled=np.trace(platform.reference.T @ rotation) < 0,
         )
 
 

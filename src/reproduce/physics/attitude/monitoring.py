@@ -1,7 +1,7 @@
-"""Misalignment of a camera from the spots of its lights, image by image.
+"""Misalignment of a camera from the spots of its lights in each image.
 
-Spots have shape (frames, n, 2), in px, x before y; spot i is always that of light i, and a spot
-that is lost is NaN.
+Spots have shape (frames, n, 2), in px, x before y. Spot i is the spot of light i. A lost spot is
+NaN.
 """
 
 from __future__ import annotations
@@ -32,39 +32,42 @@ def _correlation(groups: Sequence[FloatArray]) -> tuple[float, float, float]:
     the difference of two means over its estimate for white noise.
     """
     groups = [
-        one for one in groups if len(one) >= _MIN_IMAGES and one.std(axis=0).any()
+        group
+        for group in groups
+        if len(group) >= _MIN_IMAGES and group.std(axis=0).any()
     ]
     if not groups:
         return 0.0, 0.0, 1.0
-    counts = np.array([len(one) for one in groups])
-    products = sum((one[1:] * one[:-1]).sum() for one in groups)
-    squares = np.array([np.square(one).sum() for one in groups])
-    pairs = [np.square(one.T @ one).sum() for one in groups]
-    own = [np.square(np.square(one).sum(axis=1)).sum() for one in groups]
-    score = (products + (squares / counts).sum()) / np.sqrt(
-        (np.subtract(pairs, own) / counts).sum()
-    )
+    products = squares = centre = variance = 0.0
+    for group in groups:
+        square, count = np.square(group).sum(axis=1), len(group)
+        products += (group[1:] * group[:-1]).sum()
+        squares += square.sum()
+        # Mean and variance of the products over the permutations.
+        centre -= square.sum() / count
+        variance += (np.square(group.T @ group).sum() - square @ square) / count
     # Expected moments of such a process about its own mean, over its variance.
-    counts = counts[:, None]
+    counts = np.array([len(group) for group in groups])[:, None]
     decay = (1 - _LAGS**counts) / (1 - _LAGS) / counts
     mean = (1 + _LAGS - 2 * _LAGS * decay) / (1 - _LAGS) / counts
     square = (counts * (1 - mean)).sum(axis=0)
     product = ((counts - 1) * _LAGS - (counts + 1) * mean + 2 * decay).sum(axis=0)
-    lag = np.interp(products / squares.sum(), product / square, _LAGS)
+    lag = np.interp(products / squares, product / square, _LAGS)
     ratio = mean.sum(axis=0) / square * (counts - 1).sum() / (1 / counts).sum()
-    return float(score), float(lag), float(np.sqrt(np.interp(lag, _LAGS, ratio)))
+    factor = np.sqrt(np.interp(lag, _LAGS, ratio))
+    return float((products - centre) / np.sqrt(variance)), float(lag), float(factor)
 
 
 @dataclass(frozen=True, eq=False)
 class Monitoring:
-    """Turn of a camera since the zero point, with its errors.
+    """Rotation of a camera since the zero point, with its errors.
 
     Angles are those of `misalignment_angles`, in radians.
 
     Attributes
     ----------
     angles, covariance : ndarray, shape (frames, 3) and (frames, 3, 3)
-        Angles of the images at the present; NaN where fewer than two lights are seen.
+        Angles of the images at the present; NaN for fewer than two lights.
     mean, scatter, error : ndarray, shape (3,)
         Mean misalignment, standard deviation of one image with all lights, and standard error of
         the mean, which includes the zero point. Errors are NaN for single images.
@@ -79,10 +82,10 @@ class Monitoring:
     error: FloatArray
     freedom: float
 
-    def interval(self, share: float) -> FloatArray:
+    def interval(self, level: float) -> FloatArray:
         """Return the central interval of the mean by Student's t-distribution, shape (2, 3)."""
-        reach = stdtrit(self.freedom, 0.5 + share / 2) if self.freedom else np.nan
-        return self.mean + np.array([[-1.0], [1.0]]) * reach * self.error
+        half = stdtrit(self.freedom or np.nan, 0.5 + level / 2) * self.error
+        return np.stack([self.mean - half, self.mean + half])
 
 
 def monitored(
@@ -92,16 +95,16 @@ def monitored(
     widening: float = 1.0,
     limit: float = np.inf,
 ) -> Monitoring:
-    """Return the turn of the camera since the zero point, in every image.
+    """Return the rotation of the camera since the zero point, in every image.
 
-    An image that lacks a spot is compared with the same lights at the zero point.
+    An image without a spot is compared with the other lights at the zero point.
 
     Parameters
     ----------
     zero_spots, spots : array_like, shape (frames, n, 2)
         Images at the zero point, which are averaged, and at the present, in px; NaN if lost.
     platform : Platform
-        With n lights, each of which is seen at the zero point.
+        Platform with n lights, each of which has spots at the zero point.
     widening, limit : float
         As in `Diagnosis`: factor on the standard error, and limit of its degrees of freedom.
 
@@ -112,14 +115,16 @@ def monitored(
 
     Raises
     ------
-    DegenerateGeometryError, ValueError
-        As for `laser_transform`; or if no image of a group shows two lights.
+    DegenerateGeometryError
+        As for `laser_transform`.
+    ValueError
+        If no image of a group has two lights.
 
     Notes
     -----
-    Spots may move together from image to image, so errors come from the scatter of the angles about
-    their mean, not of the spots, and include a drift. An image counts by its inverse variance. The
-    error of the zero point is that of the lights seen at the present.
+    Spots may move together from image to image. So the errors are computed from the scatter of the
+    angles about their mean, not of the spots, and include a drift. The weight of an image is its
+    inverse variance. The error of the zero point is that of the lights in use at the present.
 
     Examples
     --------
@@ -135,17 +140,17 @@ def monitored(
     angles, response = _measured("spots", now, zero, platform)
     groups = [(angles, response), _measured("zero_spots", before, zero, platform)]
     squares, freedom, least = np.zeros(3), 0, np.full(3, np.inf)
-    for found, moves in groups[::-1]:
+    for series, moves in groups[::-1]:
         # Variance of the angles for spots of unit variance.
         variance = np.square(moves).sum(axis=(-2, -1))
         weights = 1 / variance / np.nansum(1 / variance, axis=0)
-        mean = np.nansum(weights * found, axis=0)
-        squares += np.nansum(np.square(found - mean) / variance, axis=0)
-        freedom += np.isfinite(found[:, 0]).sum() - 1
+        mean = np.nansum(weights * series, axis=0)
+        squares += np.nansum(np.square(series - mean) / variance, axis=0)
+        freedom += np.isfinite(series[:, 0]).sum() - 1
         least = np.fmin(least, np.nanmin(variance, axis=0))
     # Noise of a spot, in px, from the scatter of each angle.
-    noise = np.sqrt(squares / freedom) if freedom else np.full(3, np.nan)
-    counts = np.isfinite(before).all(axis=-1).sum(axis=0)
+    noise = np.sqrt(squares / (freedom or np.nan))
+    counts = np.isfinite(before[..., 0]).sum(axis=0)
     together = np.nansum(weights[..., None, None] * response, axis=0)
     past = np.square(together).sum(axis=-1) @ (1 / counts)
     single = np.nansum(np.square(weights) * variance, axis=0)
@@ -168,7 +173,7 @@ def _measured(
     usable = seen.sum(axis=-1) > 1
     if not usable.any():
         raise ValueError(
-            f"{name}: expected two lights or more in an image, got fewer in all. Add lights"
+            f"{name}: expected two lights or more in an image, got fewer in all images. Add lights"
         )
     weights = seen[usable].astype(np.float64)
     spots = np.where(seen[..., None], images, zero)[usable]

@@ -1,14 +1,14 @@
-"""Lights of a camera, the star tracker that sees them, and the directions of their light.
+"""Lights of a camera, the star tracker that images them, and the directions of their light.
 
-Both instruments use the same frame: the origin where the boresight meets the focal plane,
-Z along the boresight out of the instrument, X and Y along the axes of the focal plane. An image
-through one lens is inverted, hence the minus signs of (2) and (3): a source at positive X sends
-its light towards negative X. A direction in the tracker points to the source of the light, as for
-a star.
+Both instruments use the same frame: the origin is the intersection of boresight and focal plane,
+Z is along the boresight out of the instrument, X and Y are along the axes of the focal plane. An
+image through one lens is inverted, hence the minus signs of (2) and (3): the light of a source at
+positive X goes towards negative X. A direction in the tracker points to the source of the light, as
+for a star.
 
-Points on the camera's focal plane are in metres, spots on the tracker's detector in px, x
-before y; directions are unit vectors of shape (..., n, 3). The paper's v_i,cam are our camera
-directions, its w_i^k our tracker directions. Leading axes are a batch.
+Points on the focal plane of the camera are in metres, spots on the detector of the tracker in px,
+x before y. Directions are unit vectors of shape (..., n, 3): v_i,cam of the paper in the camera,
+w_i^k in the tracker. Leading axes are a batch.
 """
 
 from __future__ import annotations
@@ -31,14 +31,12 @@ from reproduce.physics.attitude.angles import (
 from reproduce.physics.attitude.rotations import rotation_from_vector, unit
 from reproduce.physics.validate import Directions, FloatArray, Point, Points, Positive
 
-_rotation_from_vector = validate.kernel(rotation_from_vector)
-
 
 @validate.checked
 def emitted_directions(
     points: Points, focal_length: Positive, principal_point: Point = (0.0, 0.0)
 ) -> FloatArray:
-    """Return the directions in which lasers on the focal plane leave the camera.
+    """Return the directions of the light of lasers on the focal plane of the camera.
 
     Implements: chen2023 (2).
 
@@ -46,14 +44,15 @@ def emitted_directions(
     ----------
     points : array_like, shape (..., n, 2)
         Laser positions (X_i, Y_i) on the focal plane, in metres.
-    focal_length : array_like, shape (...), of the camera, in metres
+    focal_length : array_like, shape (...)
+        Focal length of the camera, in metres.
     principal_point : array_like, shape (..., 2)
-        (X_0, Y_0), in metres.
+        Principal point (X_0, Y_0), in metres.
 
     Returns
     -------
     ndarray, shape (..., n, 3)
-        Unit vectors v_i,cam in the camera frame, pointing outwards.
+        Unit vectors v_i,cam in the camera frame, out of the camera.
 
     Examples
     --------
@@ -69,7 +68,7 @@ def emitted_directions(
 def received_directions(
     spots: Points, principal_point: Point, pixel_pitch: Positive, focal_length: Positive
 ) -> FloatArray:
-    """Return the directions from which the tracker sees laser spots arrive.
+    """Return the directions of the sources of laser spots in the tracker.
 
     Implements: chen2023 (3).
 
@@ -78,15 +77,16 @@ def received_directions(
     spots : array_like, shape (..., n, 2)
         Centroids (x_i, y_i) of the spots, in px.
     principal_point : array_like, shape (..., 2)
-        (x_0, y_0), in px.
+        Principal point (x_0, y_0) of the tracker, in px.
     pixel_pitch : array_like, shape (...)
         Distance between the centres of neighbouring pixels, in metres.
-    focal_length : array_like, shape (...), of the tracker, in metres
+    focal_length : array_like, shape (...)
+        Focal length of the tracker, in metres.
 
     Returns
     -------
     ndarray, shape (..., n, 3)
-        Unit vectors w_i in the tracker frame, pointing to where the light comes from.
+        Unit vectors w_i in the tracker frame, towards the source of the light.
 
     Examples
     --------
@@ -103,19 +103,20 @@ def received_spots(
     pixel_pitch: Positive,
     focal_length: Positive,
 ) -> FloatArray:
-    """Return where light from given directions makes spots: `received_directions` turned round.
-
-    Other arguments are those of `received_directions`.
+    """Return the spots of light from given directions, the inverse of `received_directions`.
 
     Parameters
     ----------
     directions : array_like, shape (..., n, 3)
-        Tracker directions, of any length, pointing to where the light comes from: in front of the
-        tracker (z > 0).
+        Tracker directions, of any length, towards the source of the light, in front of the tracker
+        (z > 0).
+    principal_point, pixel_pitch, focal_length : array_like
+        As in `received_directions`.
 
     Returns
     -------
-    ndarray, shape (..., n, 2), in px
+    ndarray, shape (..., n, 2)
+        Centroids of the spots, in px.
 
     Examples
     --------
@@ -125,7 +126,7 @@ def received_spots(
     if (directions[..., 2] <= 0).any():
         raise ValueError(
             "directions: expected light from in front of the tracker, got a third component of "
-            f"{directions[..., 2].min():g}; the tracker looks along its Z axis"
+            f"{directions[..., 2].min():g}. Check the sign of Z, the boresight of the tracker"
         )
     pixels = (focal_length / pixel_pitch)[..., None, None]
     slopes = directions[..., :2] / directions[..., 2:]
@@ -136,9 +137,9 @@ def received_spots(
 def received_jacobian(
     spots: Points, principal_point: Point, pixel_pitch: Positive, focal_length: Positive
 ) -> FloatArray:
-    """Return how a received direction moves with its spot.
+    """Return the derivative of a received direction by its spot.
 
-    Arguments are those of `received_directions`.
+    Parameters are those of `received_directions`.
 
     Returns
     -------
@@ -147,7 +148,7 @@ def received_jacobian(
 
     Examples
     --------
-    On the boresight one pixel is pitch over focal length, and the image is inverted.
+    At the boresight, it is minus the pitch over the focal length.
 
     >>> float(received_jacobian([[0, 0]], (0, 0), pixel_pitch=1.0, focal_length=4.0)[0, 0, 0])
     -0.25
@@ -156,7 +157,7 @@ def received_jacobian(
     rays = _rays(spots, principal_point, scale)
     lengths = np.linalg.norm(rays, axis=-1)[..., None, None]
     directions = rays[..., None] / lengths
-    # Only the part of the ray's motion across the ray turns the direction.
+    # Only the motion across the ray changes the direction.
     across = np.eye(3, 2) - directions * directions[..., :2, :].mT
     return -scale[..., None, None, None] / lengths * across
 
@@ -168,43 +169,44 @@ def _rays(points: FloatArray, centre: FloatArray, scale: FloatArray) -> FloatArr
 
 
 def _check_distinct(name: str, points: FloatArray, numbers: Iterable[int]) -> None:
-    """Raise `ValueError` if two lights, called by their numbers, have the same place."""
-    for (one, first), (other, second) in combinations(
+    """Raise `ValueError` if two lights, called by their numbers, have the same position."""
+    for (first, point), (second, other) in combinations(
         zip(numbers, points, strict=True), 2
     ):
-        if (first == second).all():
+        if (point == other).all():
             raise ValueError(
-                f"{name}: expected different places, got lights {one} and {other} at one place. "
-                "Correct or remove one of them"
+                f"{name}: expected different positions, got lights {first} and {second} at one "
+                "place. Correct or remove one of them"
             )
 
 
-# In metres: no pixel is that large, but one in micrometres or millimetres seems so.
+# Largest pixel pitch, in metres. Larger numbers are in micrometres or millimetres.
 _LARGEST_PITCH = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
 class Platform:
-    """Two or more lights that turn with a camera, and the tracker that sees them, as designed.
+    """Two or more lights that move with a camera, and the tracker that images them, as designed.
 
     Parameters
     ----------
     lasers : array_like, shape (n, 2)
-        Positions on the camera's focal plane, in metres. Where lights are known otherwise, see
+        Positions on the focal plane of the camera, in metres. If other quantities are known, see
         `of_directions` and `of_spots`.
-    camera_focal_length, tracker_focal_length : float, in metres
+    camera_focal_length, tracker_focal_length : float
+        Focal lengths, in metres.
     pixel_pitch : float
-        Distance between the tracker's neighbouring pixels, in metres.
+        Distance between neighbouring pixels of the tracker, in metres.
     principal_point : array_like, shape (2,)
         Principal point of the tracker, in px.
     spots : array_like, shape (n, 2), optional
-        Rough positions of the spots, in px: they fix the attitude about which angles are small.
-        Without them the two boresights are taken for parallel.
+        Rough positions of the spots, in px. They determine the attitude about which angles are
+        small. Default: positions for parallel boresights.
 
     Raises
     ------
     ValueError
-        If there are fewer than two lights, or a length cannot be one in metres.
+        If there are fewer than two lights, or a length is not in metres.
 
     Examples
     --------
@@ -252,15 +254,20 @@ class Platform:
         pixel_pitch: float,
         principal_point: FloatArray,
     ) -> Platform:
-        """Return the platform of lights of which the directions are known.
-
-        Other arguments are those of the class.
+        """Return the platform of lights with known directions.
 
         Parameters
         ----------
         directions : array_like, shape (n, 3)
-            In which the lights leave, in the camera frame, of any length; Z, along the boresight,
+            Directions of the light in the camera frame, of any length, with Z, along the boresight,
             above zero. The angles are about the axes of this frame.
+        tracker_focal_length, pixel_pitch, principal_point
+            As in `Platform`.
+
+        Returns
+        -------
+        Platform
+            Platform with a camera of focal length 1 m.
 
         Examples
         --------
@@ -272,7 +279,7 @@ class Platform:
         if (rays[:, 2] <= 0).any():
             raise ValueError(
                 f"directions: expected a third component above zero, got {rays[:, 2].min():g}. "
-                "Lights leave along Z of the camera: check the frame"
+                "Check the sign of Z, the boresight of the camera"
             )
         lasers = -rays[:, :2] / rays[:, 2:]
         return cls(lasers, 1.0, tracker_focal_length, pixel_pitch, principal_point)
@@ -287,12 +294,19 @@ class Platform:
     ) -> Platform:
         """Return the platform of lights of which only the spots are known.
 
-        The camera's frame is then that of the tracker. Other arguments are those of the class.
+        The frame of the camera is then the frame of the tracker.
 
         Parameters
         ----------
         spots : array_like, shape (n, 2)
-            Where the lights should fall on the tracker's detector, in px.
+            Expected spots on the detector of the tracker, in px.
+        tracker_focal_length, pixel_pitch, principal_point
+            As in `Platform`.
+
+        Returns
+        -------
+        Platform
+            Platform whose camera has the focal length of the tracker.
 
         Examples
         --------
@@ -300,13 +314,13 @@ class Platform:
         array([[50.,  0.],
                [ 0., 50.]])
         """
-        places = validate.finite_array("spots", spots, shape=(None, 2))
-        lasers = (places - np.asarray(principal_point)) * pixel_pitch
+        points = validate.finite_array("spots", spots, shape=(None, 2))
+        lasers = (points - np.asarray(principal_point)) * pixel_pitch
         length = tracker_focal_length
         return cls(lasers, length, length, pixel_pitch, principal_point)
 
     def with_lights(self, lights: NDArray[np.bool_]) -> Platform:
-        """Return the platform with only some lights, from a mask of shape (n,)."""
+        """Return the platform with a part of the lights, from a mask of shape (n,)."""
         return replace(self, lasers=self.lasers[lights], spots=self.spots[lights])
 
     @property
@@ -321,16 +335,16 @@ class Platform:
 
     @cached_property
     def directions(self) -> FloatArray:
-        """In which the lights leave, unit vectors in the camera frame, (n, 3)."""
+        """Directions of the lights, unit vectors in the camera frame, (n, 3)."""
         return emitted_directions(self.lasers, self.camera_focal_length)
 
     @cached_property
     def reference(self) -> FloatArray:
-        """Return tracker_from_camera, (3, 3), fitted to the rough spots of the lasers."""
+        """Rotation tracker_from_camera, (3, 3), fitted to the rough spots of the lasers."""
         return self.transform(self.spots)
 
     def seen(self, spots: ArrayLike) -> FloatArray:
-        """Return the directions from which spots (..., n, 2), in px, arrive at the tracker."""
+        """Return the directions of the sources of spots (..., n, 2), in px, in the tracker."""
         return received_directions(spots, *self.tracker)
 
     def transform(
@@ -362,11 +376,11 @@ class Platform:
         camera frame. The turn, (n, groups, 3), contains the misalignment angles since the zero
         point. Lasers, (lasers, 2) or (n, lasers, 2), are in metres. Default: as designed.
         """
-        places = self.lasers if lasers is None else lasers
-        rays = np.insert(-places, 2, self.camera_focal_length, axis=-1)
-        zero = self.reference @ _rotation_from_vector(mount)
-        # (6): the light goes through the inverse turn of the camera.
-        now = zero[:, None] @ _rotation_from_vector(turn)
+        points = self.lasers if lasers is None else lasers
+        rays = np.insert(-points, 2, self.camera_focal_length, axis=-1)
+        zero = self.reference @ rotation_from_vector(mount)
+        # (6): light passes through the inverse rotation of the camera.
+        now = zero[:, None] @ rotation_from_vector(turn)
         arriving = rays[..., None, :, :] @ now.mT
         slopes = arriving[..., :2] / arriving[..., 2:]
         return np.asarray(self.principal_point - slopes * self.pixels)

@@ -1,10 +1,10 @@
-"""Rotations as matrices and vectors, and the rotation that fits directions best.
+"""Rotations as matrices and vectors, and the best rotation between sets of directions.
 
-A rotation matrix acts on columns: `R @ v`. A rotation vector points along the axis, its
-length is the angle in radians, and a positive angle turns right-handed: about Z it carries
-X towards Y. Leading axes are a batch.
+A rotation matrix acts on columns: `R @ v`. A rotation vector is along the axis, its length is the
+angle in radians, and a positive angle is right-handed: about Z it rotates X towards Y. Leading axes
+are a batch.
 
-Wahba's problem is to find the rotation that carries one set of directions onto another. Directions
+Wahba's problem is to find the best rotation from one set of directions to another. Directions
 have shape (..., n, 3): rows are observations. Rotations are named target first: the result
 `target_from_source` fits `target = target_from_source @ source`.
 
@@ -12,8 +12,8 @@ The solution maximises trace(A B^T), where the profile B = sum w t s^T contains 
 directions t and the source directions s, with weights of sum 1. `attitude` computes it from the
 singular values of B (Markley 1988), with an error of about 60 times machine precision over the gap
 between the two largest eigenvalues of Davenport's matrix K. `quest` computes the eigenvector of K
-(Shuster and Oh 1981) and serves as a comparison. Half the gap is the stiffness against a rotation
-about the worst axis.
+(Shuster and Oh 1981), for comparison. Half the gap is the stiffness against a rotation about the
+worst axis.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ from reproduce.physics.validate import (
     Weights,
 )
 
-# Relative gap below which rounding turns the result by a milliradian. It belongs to directions
-# about a microradian apart, or to a weight of this fraction.
+# Relative gap below which rounding rotates the result by a milliradian: that of directions about a
+# microradian apart, or of a weight of this fraction.
 _MIN_EIGENVALUE_GAP = 1e-12
 # Newton's iteration of QUEST converges quadratically from above.
 _NEWTON_STEPS = 60
@@ -51,6 +51,7 @@ def unit(name: str, vectors: ArrayLike) -> FloatArray:
     Returns
     -------
     ndarray, shape (..., 3)
+        Unit vectors.
 
     Examples
     --------
@@ -93,11 +94,11 @@ def rotation_from_vector(rotation_vector: Direction) -> FloatArray:
     Returns
     -------
     ndarray, shape (..., 3, 3)
-        The matrix that turns a column vector by this angle.
+        Matrix that rotates a column vector by this angle.
 
     Examples
     --------
-    A quarter turn about Z carries X to Y.
+    A rotation by 90 deg about Z takes X to Y.
 
     >>> R = rotation_from_vector([0, 0, np.pi / 2])
     >>> np.allclose(R @ [1, 0, 0], [0, 1, 0])
@@ -105,7 +106,7 @@ def rotation_from_vector(rotation_vector: Direction) -> FloatArray:
     """
     angle = np.linalg.norm(rotation_vector, axis=-1)[..., None, None]
     generator = np.cross(np.eye(3), rotation_vector[..., None, :])
-    # numpy.sinc is sin(pi x) / (pi x): no division by a vanishing angle.
+    # numpy.sinc is sin(pi x) / (pi x), also for a zero angle.
     second = 0.5 * np.sinc(angle / (2 * np.pi)) ** 2
     return (
         np.eye(3)
@@ -116,12 +117,12 @@ def rotation_from_vector(rotation_vector: Direction) -> FloatArray:
 
 @validate.checked
 def vector_from_rotation(rotation: Rotation) -> FloatArray:
-    """Return the rotation vector of a rotation by less than half a turn.
+    """Return the rotation vector of a rotation by less than 180 deg.
 
     Parameters
     ----------
     rotation : array_like, shape (..., 3, 3)
-        Proper rotations. Close to half a turn the sign of the axis is lost to rounding.
+        Proper rotations. Close to 180 deg, rounding errors determine the sign of the axis.
 
     Returns
     -------
@@ -131,7 +132,7 @@ def vector_from_rotation(rotation: Rotation) -> FloatArray:
     Raises
     ------
     ValueError
-        If a matrix turns by more than 179.9 degrees.
+        If a rotation is larger than 179.9 deg.
 
     Examples
     --------
@@ -143,8 +144,8 @@ def vector_from_rotation(rotation: Rotation) -> FloatArray:
     angle = np.arctan2(np.linalg.norm(twist, axis=-1), cosine)
     if (angle > np.radians(179.9)).any():
         raise ValueError(
-            f"rotation: expected turns below 179.9 deg, got {np.degrees(angle.max()):.4g} deg. "
-            "Choose a frame nearer to the other one: the axis of a half turn has no sign"
+            "rotation: expected angles below 179.9 deg, got "
+            f"{np.degrees(angle.max()):.4g} deg. Choose a frame nearer to the other frame"
         )
     return np.asarray(twist / np.sinc(angle / np.pi)[..., None])
 
@@ -170,12 +171,12 @@ def attitude(
     Raises
     ------
     DegenerateGeometryError
-        If a rotation is left free: fewer than two directions of weight above zero that are
-        not parallel, or a set that mirrors its partner.
+        If the directions do not determine a rotation: fewer than two directions of weight above
+        zero that are not parallel, or a mirror image.
 
     Examples
     --------
-    Target axes that are turned so that what was X is now Y.
+    A rotation that takes X to Y.
 
     >>> target_from_source = attitude([[0, 1, 0], [0, 0, 1]], [[1, 0, 0], [0, 0, 1]])
     >>> np.allclose(target_from_source @ [1, 0, 0], [0, 1, 0])
@@ -192,7 +193,7 @@ def quest(
 
     Newton's iteration finds the largest eigenvalue of Davenport's matrix from its
     characteristic polynomial, and cofactors give its eigenvector, a quaternion. The
-    usual form by an inverse fails for half a turn. The numerical error is larger than
+    usual form by an inverse fails for 180 deg. The numerical error is larger than
     the error of `attitude`, about the square of the inverse gap times machine precision.
 
     Parameters
@@ -233,16 +234,10 @@ def quest(
         value = excess**2 - root * volume - minors
         root -= max(value / (4.0 * root * excess - volume), 0.0)
     matrix = davenport - root * np.eye(4)
-    rows = [np.delete(np.arange(4), i) for i in range(4)]
-    cofactors = np.array(
-        [
-            [
-                (-1) ** (i + j) * np.linalg.det(matrix[np.ix_(rows[i], rows[j])])
-                for j in range(4)
-            ]
-            for i in range(4)
-        ]
-    )
+    cofactors = np.zeros((4, 4))
+    for i, j in np.ndindex(4, 4):
+        minor = np.delete(np.delete(matrix, i, axis=0), j, axis=1)
+        cofactors[i, j] = (-1) ** (i + j) * np.linalg.det(minor)
     quaternion = cofactors[np.abs(cofactors.diagonal()).argmax()]
     return np.asarray(SciPyRotation.from_quat(quaternion).as_matrix())
 
@@ -258,12 +253,12 @@ def mean_rotation(matrices: ArrayLike) -> FloatArray:
     Returns
     -------
     ndarray, shape (..., 3, 3)
-        Their mean, a rotation again.
+        Mean rotation.
 
     Raises
     ------
     DegenerateGeometryError
-        If the rotations cancel, such as the identity and half a turn.
+        If the rotations cancel, such as the identity and a rotation by 180 deg.
 
     Examples
     --------
@@ -279,22 +274,22 @@ def _profile(
 ) -> FloatArray:
     """Return the attitude profile matrices, with weights of sum 1."""
     source = unit("source_vectors", source_vectors)
-    kept = validate.weights_for(weights, source.shape[-2])
-    share = (kept / kept.sum(axis=-1, keepdims=True))[..., None]
-    return np.asarray((share * unit("target_vectors", target_vectors)).mT @ source)
+    relative = validate.weights_for(weights, source.shape[-2])
+    fraction = (relative / relative.sum(axis=-1, keepdims=True))[..., None]
+    return np.asarray((fraction * unit("target_vectors", target_vectors)).mT @ source)
 
 
 def _nearest_rotation(profile: FloatArray) -> FloatArray:
-    """Return the rotation A of largest trace(A B^T); raise an error if a turn is free."""
+    """Return the rotation A of largest trace(A B^T); raise an error if it is not unique."""
     left, singular, right = np.linalg.svd(profile)
-    # A rotation, where a reflection would fit better.
+    # A rotation, also if a reflection would fit better.
     sign = np.sign(np.linalg.det(left) * np.linalg.det(right))
     left[..., 2] *= sign[..., None]
     gap = 2.0 * (singular[..., 1] + sign * singular[..., 2])
     if (gap < _MIN_EIGENVALUE_GAP).any():
         raise validate.DegenerateGeometryError(
-            "expected directions that fix all three axes, got a set that leaves a rotation free, "
-            f"with index {np.argmin(gap)} in the batch and a gap of {gap.min():.1e}. Add a "
-            "direction that is not parallel to the others, with a weight above zero"
+            "directions: expected sets that determine all three axes, got a gap of "
+            f"{gap.min():.1e} for the set of index {np.argmin(gap)}. Add a direction that is not "
+            "parallel to the others, with a weight above zero"
         )
     return np.asarray(left @ right)

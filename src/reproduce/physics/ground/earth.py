@@ -1,11 +1,11 @@
 """Rotation of the Earth, places on the WGS84 ellipsoid and circular orbits.
 
-The inertial frame is the celestial one of the IAU (GCRS), in which star catalogues are given. The
-J2000 frame of mean equator and equinox differs from it by two hundredths of an arc second. The
-Earth-fixed frame is the terrestrial one (ITRS), which WGS84 follows to centimetres. The models
-are those of IAU 2006/2000A, computed by pyerfa. Their corrections by observation, the length of the
-day and the motion of the pole, are arguments; nothing is downloaded. Lengths are in metres, angles
-in radians.
+The inertial frame is the celestial frame of the IAU (GCRS), that of star catalogues. The J2000
+frame of mean equator and equinox differs from it by 0.02 arcsec. The Earth-fixed frame is the
+terrestrial frame (ITRS), which differs from WGS84 by centimetres. The models are those of
+IAU 2006/2000A, computed by pyerfa. Their corrections by observation, the length of the day and the
+motion of the pole, are arguments, and nothing is downloaded. Lengths are in metres, angles in
+radians.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from reproduce.physics import validate
 from reproduce.physics.attitude import unit
 from reproduce.physics.validate import Direction, FloatArray, Positive
 
-# Largest UT1 - UTC in seconds and pole in radians; more is in another unit, because the IERS prints
-# UT1 - UTC in seconds, below 0.9, and the pole in seconds of arc.
+# Largest UT1 - UTC in seconds and pole in radians. The IERS prints UT1 - UTC in seconds, below 0.9,
+# and the pole in seconds of arc, so larger numbers are in another unit.
 _LARGEST_UT1_UTC, _LARGEST_POLE = 1.0, 1e-4
 # Defining constants of the World Geodetic System 1984 (NGA.STND.0036): equatorial radius in m, and
 # gravitational constant in m^3/s^2.
@@ -36,7 +36,7 @@ def earth_from_inertial(
     pole: tuple[float, float] = (0.0, 0.0),
     celestial_pole: tuple[float, float] = (0.0, 0.0),
 ) -> FloatArray:
-    """Return the rotation from the celestial frame into the Earth-fixed one.
+    """Return the rotation from the celestial frame to the Earth-fixed frame.
 
     Parameters
     ----------
@@ -56,11 +56,11 @@ def earth_from_inertial(
 
     Examples
     --------
-    A day later the Earth has turned by a little more than once.
+    In a day the Earth rotates by 360.99 deg.
 
     >>> first, second = (earth_from_inertial(f"2020-01-0{day}", -0.18) for day in (1, 2))
-    >>> turn = second @ first.T
-    >>> round(float(np.degrees(np.arctan2(turn[0, 1], turn[0, 0]))), 2)
+    >>> day = second @ first.T
+    >>> round(float(np.degrees(np.arctan2(day[0, 1], day[0, 0]))), 2)
     0.99
     """
     largest = np.abs([*pole, *celestial_pole]).max()
@@ -90,7 +90,8 @@ def earth_fixed(coordinates: Direction) -> FloatArray:
 
     Returns
     -------
-    ndarray, shape (..., 3), in metres
+    ndarray, shape (..., 3)
+        Positions, in metres.
 
     Examples
     --------
@@ -107,12 +108,13 @@ def earth_fixed(coordinates: Direction) -> FloatArray:
 
 @validate.checked
 def local_axes(positions: Direction) -> FloatArray:
-    """Return the rotation from Earth-fixed axes to east, north and up at places on the ground.
+    """Return the rotation from Earth-fixed axes to east, north and up at points on the ground.
 
     Parameters
     ----------
     positions : array_like, shape (..., 3)
-        Earth-fixed, in metres, on the WGS84 ellipsoid; not a pole. Up is its normal.
+        Earth-fixed positions on the WGS84 ellipsoid, except the poles, in metres. Up is the normal
+        of the ellipsoid.
 
     Returns
     -------
@@ -135,7 +137,7 @@ def local_axes(positions: Direction) -> FloatArray:
 
 @validate.checked
 def satellite_from_inertial(position: Direction, velocity: Direction) -> FloatArray:
-    """Return the rotation into axes of the orbit: X along the flight, Z to the Earth's centre.
+    """Return the rotation to axes of the orbit: X along the flight, Z to the centre of the Earth.
 
     Parameters
     ----------
@@ -145,12 +147,12 @@ def satellite_from_inertial(position: Direction, velocity: Direction) -> FloatAr
     Returns
     -------
     ndarray, shape (..., 3, 3)
-        satellite_from_inertial; Y is against the orbit's normal.
+        satellite_from_inertial; Y is opposite to the normal of the orbit.
 
     Raises
     ------
     ValueError
-        If the satellite falls straight down, which leaves no velocity across the radius.
+        If the velocity is parallel to the position.
 
     Examples
     --------
@@ -170,16 +172,17 @@ def orbital_period(altitude: Positive) -> FloatArray:
 
     Parameters
     ----------
-    altitude : array_like
-        Above the equatorial radius, in metres.
+    altitude : array_like, shape (...)
+        Altitude above the equatorial radius, in metres.
 
     Returns
     -------
-    ndarray, in seconds
+    ndarray, shape (...)
+        Period, in seconds.
 
     Examples
     --------
-    A geostationary satellite needs a sidereal day.
+    The period of a geostationary satellite is a sidereal day.
 
     >>> round(float(orbital_period(35786e3)) / 3600, 2)
     23.93

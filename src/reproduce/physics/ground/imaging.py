@@ -4,14 +4,13 @@ Lengths are in metres, angles in radians. Positions are Earth-fixed (WGS84 axes:
 pole, X to the meridian of zero longitude). The camera frame is that of `attitude.platform`: Z along
 the boresight, out of the camera. Leading axes are a batch.
 
-The derivatives of a position are exact (`ground_jacobian`): P = S + l u stays on the ellipsoid, so
-its motion is that of the line of sight, dS + l du, slid along the line until it lies in the tangent
-plane: with the surface's normal n,
+The derivatives of a position are exact (`ground_jacobian`). P = S + l u stays on the ellipsoid, so
+its motion is the motion dS + l du of the line of sight, projected along the line onto the tangent
+plane with the normal n:
 
     dP = (I - u n^T / n·u) (dS + l du).
 
-A resolution is that straight below. Covariances are of east and north on the ground, in square
-metres.
+A resolution is at nadir. Covariances are those of east and north on the ground, in m^2.
 """
 
 from __future__ import annotations
@@ -53,24 +52,24 @@ def image_vectors(
     principal_point: Point = (0.0, 0.0),
     distortion: Points = None,
 ) -> FloatArray:
-    """Return the bracket of the imaging model (1): the image point as seen from the lens.
+    """Return the bracket of the imaging model (1): vectors from the lens to image points.
 
     Parameters
     ----------
     points : array_like, shape (..., n, 2)
         Image coordinates (X, Y) on the focal plane, in metres.
     focal_length : float
-        f_cam, in metres.
+        Focal length f_cam, in metres.
     principal_point : array_like, shape (..., 2)
-        (X_0, Y_0), in metres.
+        Principal point (X_0, Y_0), in metres.
     distortion : array_like, shape (..., n, 2), optional
-        (Delta X, Delta Y), what distortion adds to the image coordinates, in metres.
+        Displacements (Delta X, Delta Y) by distortion, in metres.
 
     Returns
     -------
     ndarray, shape (..., n, 3)
-        [X - X_0 - Delta X, Y - Y_0 - Delta Y, -f_cam] in the camera frame, in metres. It
-        points from the lens into the camera, against the line of sight.
+        [X - X_0 - Delta X, Y - Y_0 - Delta Y, -f_cam] in the camera frame, in metres, opposite to
+        the line of sight.
 
     Examples
     --------
@@ -89,12 +88,12 @@ def imaged_position(
     satellite: Direction,
     earth_from_camera: Rotation,
 ) -> FloatArray:
-    """Return the ground positions that image points show: the rigorous imaging model.
+    """Return the ground positions of image points by the rigorous imaging model.
 
     Implements: chen2023 (1).
 
-    The scale factor m is the one that puts the position on the ellipsoid: minus the distance over
-    the length of the image vector, which points into the camera, away from the target.
+    The scale factor m follows from the ellipsoid: it is minus the distance over the length of the
+    image vector, which is opposite to the line of sight.
 
     Parameters
     ----------
@@ -115,11 +114,11 @@ def imaged_position(
     Raises
     ------
     ValueError
-        If a line of sight passes the Earth, or looks away from it.
+        If a line of sight does not meet the Earth.
 
     Examples
     --------
-    From 1000 km above zero latitude and longitude, straight down.
+    Nadir from 1000 km above zero latitude and longitude.
 
     >>> down = [[0, 0, -1], [0, 1, 0], [1, 0, 0]]
     >>> imaged_position([[0, 0, -0.5]], [7378137.0, 0, 0], down).round()
@@ -150,8 +149,8 @@ def _seen(
     if missed.any():
         raise ValueError(
             f"vectors: expected lines of sight that meet the Earth, got {missed.sum()} of "
-            f"{missed.size} that miss it, {(approach <= 0).sum()} of them looking away from it. "
-            "Check the sign of the boresight and the order of the rotations, or drop these pixels"
+            f"{missed.size} that miss it, {(approach <= 0).sum()} of them in the opposite "
+            "direction. Check the sign of the boresight and the order of the rotations"
         )
     reach = height / (approach + np.sqrt(discriminant))
     return line, reach, origin + reach[..., None] * line
@@ -164,16 +163,16 @@ class GroundJacobian:
     Attributes
     ----------
     position : ndarray, shape (..., n, 3)
-        The positions themselves, in metres.
+        Positions, in metres.
     by_satellite : ndarray, shape (..., n, 3, 3)
-        By the satellite's Earth-fixed position.
+        Derivative by the Earth-fixed position of the satellite.
     by_turn : ndarray, shape (..., n, 3, 3)
-        By a right-handed turn of the camera about its own X, Y, Z axes, in metres per radian: an
-        error of the attitude and a misalignment act alike.
+        Derivative by a right-handed rotation of the camera about its X, Y, Z axes, in metres per
+        radian, for an error of the attitude or a misalignment.
     by_image : ndarray, shape (..., n, 3, 3)
-        By the image vector's X, Y and Z, per metre. A shift of the principal point or of the
-        distortion enters with the opposite sign of the first two columns, a longer focal length
-        with that of the third.
+        Derivative by X, Y and Z of the image vector, per metre. The derivatives by principal point
+        or distortion have the opposite sign of the first two columns, that by the focal length
+        the opposite sign of the third.
     """
 
     position: FloatArray
@@ -190,20 +189,20 @@ def ground_jacobian(
 ) -> GroundJacobian:
     """Return ground positions with their derivatives by all terms of the imaging model.
 
-    Arguments and errors are those of `imaged_position`.
+    Parameters and errors are those of `imaged_position`.
 
     Returns
     -------
     GroundJacobian
-        Exact to rounding.
+        Positions and derivatives, exact except for rounding errors.
 
     Examples
     --------
-    Straight down from 1000 km, a turn about the camera's Y axis moves the ground by the altitude.
+    At nadir, the derivative by a rotation about the Y axis of the camera is the altitude.
 
     >>> down = [[0, 0, -1], [0, 1, 0], [1, 0, 0]]
-    >>> found = ground_jacobian([[0, 0, -0.5]], [7378137.0, 0, 0], down)
-    >>> found.by_turn[0, :, 1].round(3) + 0.0
+    >>> jacobian = ground_jacobian([[0, 0, -0.5]], [7378137.0, 0, 0], down)
+    >>> jacobian.by_turn[0, :, 1].round(3) + 0.0
     array([      0.,       0., 1000000.])
     """
     sight, reach, position = _seen(vectors, satellite, earth_from_camera)
@@ -213,7 +212,7 @@ def ground_jacobian(
     slide = np.eye(3) - sight[..., None] * normal[..., None, :] / steep
     far = slide * reach[..., None, None]
     matrix = earth_from_camera[..., None, :, :]
-    # A turn by t moves the line by t × u, so du = -[u ×] R t for a turn about camera axes.
+    # A rotation t changes the line by t × u, so du = -[u ×] R t for a rotation about camera axes.
     by_turn = -far @ cross_matrix(sight) @ matrix
     # Along the line the projection vanishes, so the image vector needs no projection.
     lengths = np.linalg.norm(vectors, axis=-1)[..., None, None]
@@ -228,11 +227,12 @@ def ground_resolution(
 
     Parameters
     ----------
-    focal_length, pixel_pitch, altitude : array_like, in metres
+    focal_length, pixel_pitch, altitude : array_like, shape (...)
+        Lengths, in metres.
 
     Returns
     -------
-    ndarray
+    ndarray, shape (...)
         pitch × altitude / focal length, in metres.
 
     Examples
@@ -247,13 +247,13 @@ def ground_resolution(
 def altitude_for_resolution(
     focal_length: Positive, pixel_pitch: Positive, resolution: Positive
 ) -> FloatArray:
-    """Return the altitude from which a pixel has a given size on the ground at nadir.
+    """Return the altitude for a given size of a pixel on the ground at nadir.
 
-    Arguments are those of `ground_resolution`, the size in place of the altitude.
+    Parameters are those of `ground_resolution`, with the size in place of the altitude.
 
     Returns
     -------
-    ndarray
+    ndarray, shape (...)
         resolution × focal length / pitch, in metres.
 
     Examples
@@ -268,7 +268,7 @@ def altitude_for_resolution(
 def ground_covariance(
     position: Direction, jacobian: _Slopes, covariance: _Spread
 ) -> FloatArray:
-    """Return the covariance of east and north that a term of the imaging model causes.
+    """Return the covariance of east and north due to a term of the imaging model.
 
     Parameters
     ----------
@@ -276,11 +276,13 @@ def ground_covariance(
         Ground positions, Earth-fixed, in metres.
     jacobian : array_like, shape (..., 3, k)
         Derivative of the positions by k parameters, from `ground_jacobian`.
-    covariance : array_like, shape (..., k, k), of the parameters
+    covariance : array_like, shape (..., k, k)
+        Covariance of the parameters.
 
     Returns
     -------
-    ndarray, shape (..., 2, 2), in square metres
+    ndarray, shape (..., 2, 2)
+        Covariance, in m^2.
 
     Examples
     --------
@@ -300,22 +302,23 @@ def circular_error(covariance: _Plane, share: float = 0.9) -> FloatArray:
     covariance : array_like, shape (..., 2, 2)
         Covariance of east and north about the true position, in m^2, positive semidefinite.
     share : float
-        Above 0 and below 1.
+        Fraction of the errors, above 0 and below 1.
 
     Returns
     -------
-    ndarray, shape (...), in metres
+    ndarray, shape (...)
+        Radius, in metres.
 
     Examples
     --------
-    Equal errors of 1 m: 2.146 m by the Rayleigh distribution. Along one line only: 1.645 m.
+    For equal errors of 1 m, it is 2.146 m by the Rayleigh distribution, and 1.645 m along a line.
 
     >>> circular_error([np.eye(2), np.diag([1.0, 0.0])]).round(3)
     array([2.146, 1.645])
     """
     if not 0.0 < share < 1.0:
         raise ValueError(
-            f"share: expected above 0 and below 1, got {share}. Give 0.9 for 90 %"
+            f"share: expected a fraction between 0 and 1, got {share}. Give 0.9 for 90 %"
         )
     values = np.linalg.eigvalsh(covariance)
     if (values[..., 0] < -1e-9 * values[..., 1].clip(0.0)).any():
@@ -336,9 +339,9 @@ def circular_error(covariance: _Plane, share: float = 0.9) -> FloatArray:
 
 def _fraction_inside(radius: FloatArray, ratio: FloatArray) -> FloatArray:
     """Return the probability of a circle for a normal distribution with semi-axes 1 and `ratio`."""
-    # Across the long axis: x from -R to R, and |y| below the circle's edge there.
-    turn = (np.arange(_SECTORS) + 0.5) / _SECTORS * np.pi - np.pi / 2
-    x, edge = radius[..., None] * np.sin(turn), radius[..., None] * np.cos(turn)
+    # Across the long axis: x from -R to R, and |y| below the edge of the circle.
+    angle = (np.arange(_SECTORS) + 0.5) / _SECTORS * np.pi - np.pi / 2
+    x, edge = radius[..., None] * np.sin(angle), radius[..., None] * np.cos(angle)
     # The limit keeps the integral of a line regular.
     within = 2.0 * ndtr(edge / ratio[..., None].clip(_MIN_RATIO)) - 1.0
     density = np.exp(-0.5 * x**2) / np.sqrt(2.0 * np.pi)

@@ -33,17 +33,21 @@ def thermal_series(
 
     Parameters
     ----------
-    period : float, of the orbit, in seconds
+    period : float
+        Period of the orbit, in seconds.
     per_orbit : int
-        Samples in an orbit, evenly spaced.
+        Number of evenly spaced samples in an orbit.
     orbits : int
+        Number of orbits.
     generator : numpy.random.Generator
         Source of phases, noise and jumps.
 
     Returns
     -------
-    times : ndarray, shape (samples,), in days
-    angles : ndarray, shape (samples, 2), as fractions of the amplitude
+    times : ndarray, shape (samples,)
+        Times, in days.
+    angles : ndarray, shape (samples, 2)
+        Misalignment, as fractions of the amplitude.
 
     Examples
     --------
@@ -68,7 +72,7 @@ def _thermal_angle(
 
     year = 2.0 * np.pi * times / _YEAR_DAYS
     *starts, season = generator.uniform(0.0, 2.0 * np.pi, len(_HARMONICS) + 1)
-    # The Sun moves through the year, and the hot part of the orbit with it.
+    # The hot part of the orbit changes with the season.
     shift = _SEASON_PHASE * np.sin(year)
     swing = sum(
         size * np.cos(2.0 * np.pi * order * phase + start + shift)
@@ -100,18 +104,21 @@ def trend_and_fourier(
 
     Parameters
     ----------
-    times : ndarray, shape (samples,), in days
-    phase : ndarray, shape (samples,), in orbits
+    times : ndarray, shape (samples,)
+        Times, in days.
+    phase : ndarray, shape (samples,)
+        Times, in orbits.
     measured : ndarray, shape (samples, 2)
         Calibrated misalignment.
     known : int
         Number of samples, from the first, that are fitted.
-    degree : int, of the Fourier series
+    degree : int
+        Degree of the Fourier series.
 
     Returns
     -------
     ndarray, shape (samples, 2)
-        The fitted function at all times.
+        Fitted function at all times.
 
     Raises
     ------
@@ -138,30 +145,31 @@ def trend_and_fourier(
 def last_orbits(measured: FloatArray, per_orbit: int, degree: int = 3) -> FloatArray:
     """Return the misalignment that the three orbits before each orbit predict.
 
-    Each orbit is fitted by a Fourier series; the coefficients of the three last orbits are
-    extrapolated to the next along a straight line, by least squares.
+    Each orbit is fitted by a Fourier series. The coefficients of the three orbits before are
+    extrapolated by a straight line, by least squares.
 
     Parameters
     ----------
     measured : ndarray, shape (orbits * per_orbit, 2)
-        Misalignment, calibrated in all orbits.
+        Calibrated misalignment of all orbits.
     per_orbit : int
-        Samples in an orbit.
-    degree : int, of the Fourier series
+        Number of samples in an orbit.
+    degree : int
+        Degree of the Fourier series.
 
     Returns
     -------
     ndarray, shape (orbits * per_orbit, 2)
-        Not a number for the first three orbits.
+        Prediction; NaN for the first three orbits.
 
     Raises
     ------
     ValueError
-        If there is a part of an orbit.
+        If the last orbit is incomplete.
 
     Examples
     --------
-    A swing that repeats is predicted exactly.
+    The prediction of a periodic misalignment is exact.
 
     >>> swing = np.tile(np.cos(2 * np.pi * np.arange(16) / 16), 5)
     >>> np.allclose(last_orbits(np.stack([swing, swing], axis=-1), 16)[48:, 0], swing[48:])

@@ -1,14 +1,13 @@
-"""Finding spots in a frame, and their centres of gravity in windows, for a whole batch at once.
+"""Centres of gravity of spots in windows, their errors, and the Cramér-Rao bound.
 
-Positions are in px, x before y, the centre of the first pixel at (0, 0). Windows are arrays
-[..., y, x], rows from the first upwards; `corners` holds x and y of the first pixel of each.
-Windows are in any linear unit of light, after the background has been taken away. The estimator
-that fits the shape of the spot is in `spots`.
+Positions are in px, x before y, with the centre of the first pixel at (0, 0). Windows are arrays
+[..., y, x]. `corners` contains x and y of their first pixels. Windows are in any linear unit of
+flux, without background. The estimator that fits the shape of a spot is in `spots`.
 
-Below them stands what the error should be: closed forms for the centre of gravity, and the bound.
-There light is in electrons, and the radius of a spot is the standard deviation of its Gaussian, in
-px. Leading axes are a batch. Last stands a spot that may lie anywhere within a pixel: it moves
-along x, its y at the middle of a row of pixels, in a window of `size` pixels around that pixel.
+In closed forms and simulations, flux is in electrons, and the radius of a spot is the standard
+deviation of its Gaussian, in px. Leading axes are a batch. The last functions place a spot at
+phases within a pixel: it moves along x, with its y at the middle of a row of pixels, in a window of
+`size` pixels around that pixel.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ from numpy.random import Generator
 from numpy.typing import ArrayLike
 
 from reproduce.physics import validate
-from reproduce.physics.images.spots import _edges, _gradient, _shares, spot_windows
+from reproduce.physics.images.spots import _edges, _fractions, _gradient
 from reproduce.physics.validate import FloatArray, Image, NonNegative, Point, Positive
 
 
@@ -31,7 +30,7 @@ def centre_of_gravity(windows: Image, corners: Point) -> FloatArray:
     Parameters
     ----------
     windows : array_like, shape (..., height, width)
-        Light without background; single pixels may be below zero.
+        Flux without background; pixels may be below zero.
     corners : array_like, shape (..., 2)
         First pixel of each window.
 
@@ -43,29 +42,24 @@ def centre_of_gravity(windows: Image, corners: Point) -> FloatArray:
     Raises
     ------
     DegenerateGeometryError
-        If a window holds no light in sum.
+        If the sum of a window is zero or less.
 
     Examples
     --------
     >>> centre_of_gravity([[0, 0, 0], [0, 1, 3], [0, 0, 0]], (10, 20))
     array([11.75, 21.  ])
     """
-    return _centre_of_gravity(windows) + corners
-
-
-def _centre_of_gravity(light: FloatArray) -> FloatArray:
-    """Return centres of gravity relative to the first pixels."""
-    rows, columns = light.shape[-2:]
-    y, x = np.mgrid[:rows, :columns]
+    rows, columns = windows.shape[-2:]
+    y, x = np.mgrid[:rows, :columns].reshape(2, -1)
     # One matrix product for all windows: sums over short axes are slow.
-    moments = light.reshape(-1, rows * columns) @ np.stack(
-        [np.ones(rows * columns), x.ravel(), y.ravel()], axis=-1
-    )
-    _refuse_dark(moments[:, 0])
-    return (moments[:, 1:] / moments[:, :1]).reshape(*light.shape[:-2], 2)
+    powers = np.stack([np.ones(len(x)), x, y], axis=-1)
+    moments = windows.reshape(-1, len(x)) @ powers
+    _check_flux(moments[:, 0])
+    centres = moments[:, 1:] / moments[:, :1]
+    return centres.reshape(*windows.shape[:-2], 2) + corners
 
 
-def _refuse_dark(total: FloatArray) -> None:
+def _check_flux(total: FloatArray) -> None:
     dark = np.flatnonzero(total <= 0)
     if len(dark):
         raise validate.DegenerateGeometryError(
@@ -76,7 +70,7 @@ def _refuse_dark(total: FloatArray) -> None:
 
 @dataclass(frozen=True, eq=False)
 class CentroidError:
-    """The error of a centroid along x and y.
+    """Error of a centroid along x and y.
 
     Attributes
     ----------
@@ -85,7 +79,7 @@ class CentroidError:
     variance : ndarray, shape (..., 2)
         Variance about the expected position, in px^2.
     slope : ndarray, shape (..., 2)
-        How far the expected position moves for one px of the true one; 1 without bias.
+        Derivative of the expected position by the true position; 1 without bias.
     """
 
     bias: FloatArray
@@ -94,12 +88,12 @@ class CentroidError:
 
     @property
     def within(self) -> FloatArray:
-        """Root mean square of the scatter at each place of the last axis: bias does not count."""
+        """Root mean square of the scatter over the last axis, without the bias."""
         return np.asarray(np.sqrt(self.variance.mean(axis=-1)))
 
     @property
     def total(self) -> FloatArray:
-        """Standard deviation of the errors at all places of the last axis together: bias counts."""
+        """Standard deviation of all errors over the last axis, with the bias."""
         return np.asarray(np.sqrt(self.variance.mean(axis=-1) + self.bias.var(axis=-1)))
 
 
@@ -114,59 +108,73 @@ def centre_of_gravity_error(
 ) -> CentroidError:
     """Return the bias and variance of the centre of gravity in a fixed window.
 
-    The bias holds the S-curve, what the window cuts off, and the push of read noise away
-    from the window's middle. The variance is photon noise plus read noise, to first order.
+    The bias contains the S-curve, the truncation by the window, and the effect of read noise, which
+    displaces the centre from the middle of the window. The variance is the sum of photon noise and
+    read noise, to first order.
 
     Parameters
     ----------
     positions : array_like, shape (..., 2)
         True centres of the spots, in px.
-    light : array_like, shape (...), of a whole spot, in electrons
-    radius : array_like, shape (...), in px
+    light : array_like, shape (...)
+        Flux of a whole spot, in electrons.
+    radius : array_like, shape (...)
+        Standard deviation of the Gaussian, in px.
     corners : array_like, shape (..., 2)
         First pixel of each window.
     size : int
         Width and height of the window, in px.
     read_noise : array_like, shape (...)
-        Noise of a pixel without light, in electrons.
+        Noise of a pixel without flux, in electrons.
 
     Returns
     -------
     CentroidError
+        Errors along x and y, in px.
 
     Raises
     ------
     DegenerateGeometryError
-        If a window holds no light.
+        If a window contains no flux.
 
     Examples
     --------
-    All light in a wide window, no pixel too coarse: photon noise is the radius over the root of
-    the number of electrons, and a twelfth of a pixel squared is added for the pixel's width.
+    In a wide window, the variance is the sum of the squared radius and 1/12 px^2, the variance of
+    the width of a pixel, over the number of electrons.
 
     >>> error = centre_of_gravity_error([0.0, 0.0], 1e4, 1.0, [-8, -8], 17)
     >>> (error.variance * 1e4).round(4)
     array([1.0833, 1.0833])
     """
-    windows = spot_windows(positions, light, radius, corners, size)
-    centre = _centre_of_gravity(windows) + corners
-    total = windows.sum(axis=(-2, -1))[..., np.newaxis]
-    # Offsets of columns and rows from the centre of gravity, x before y.
-    offsets = np.arange(size) - (centre - corners)[..., np.newaxis]
-    sums = np.stack([windows.sum(axis=-2), windows.sum(axis=-1)], axis=-2)
-    read = read_noise[..., np.newaxis] ** 2
-    variance = (
-        (offsets**2 * sums).sum(-1) + read * size * (offsets**2).sum(-1)
-    ) / total**2
-    # The denominator's own noise, which is correlated with the numerator's: second order.
-    push = -read * size * offsets.sum(axis=-1) / total**2
-    _, slopes = _gradient(*_state(positions, light, radius, corners), size, size)
-    # How the sums of columns and rows change with x and y.
-    moved = np.stack(
-        [slopes[..., 0, :, :].sum(-2), slopes[..., 1, :, :].sum(-1)], axis=-2
-    )
-    slope = (offsets * moved).sum(axis=-1) / total
-    return CentroidError(centre + push - positions, variance, slope)
+    sums, slopes = _sums(positions - corners, light, radius, size)
+    total = sums.sum(axis=-1)
+    _check_flux(total)
+    pixels = np.arange(size)
+    centre = sums @ pixels / total
+    offsets = pixels - centre[..., None]
+    read = read_noise[..., None] ** 2 * size
+    variance = (offsets**2 * sums).sum(axis=-1) + read * (offsets**2).sum(axis=-1)
+    # The denominator has noise too, correlated with that of the numerator: second order.
+    push = -read * offsets.sum(axis=-1) / total**2
+    slope = (offsets * slopes).sum(axis=-1) / total
+    bias = centre + push - (positions - corners)
+    return CentroidError(bias, variance / total**2, slope)
+
+
+def _sums(
+    positions: FloatArray, light: FloatArray, radius: FloatArray, size: int
+) -> tuple[FloatArray, FloatArray]:
+    """Return sums of columns and rows of windows, and derivatives by x and y, (..., 2, size).
+
+    Positions, (..., 2), are relative to the first pixel.
+    """
+    edges = _edges(positions, radius[..., None], size)
+    inside = _fractions(edges)
+    other = inside.sum(axis=-1, keepdims=True)[..., ::-1, :]
+    width = -np.sqrt(2 * np.pi) * radius[..., None, None]
+    slopes = np.diff(np.exp(-0.5 * edges**2)) / width
+    flux = light[..., None, None]
+    return flux * inside * other, flux * slopes * other
 
 
 @validate.checked
@@ -178,61 +186,48 @@ def cramer_rao_variance(
     size: int,
     read_noise: NonNegative = 0.0,
 ) -> FloatArray:
-    """Return the least variance that an unbiased centroid can have in a window.
+    """Return the least variance of an unbiased centroid in a window: the Cramér-Rao bound.
 
-    Under photon noise and Gaussian read noise, with the light of the spot unknown too. The
-    information of a pixel is taken as that of a normal variable with the pixel's variance, which
-    is exact for photon noise only.
+    The noise is photon noise and Gaussian read noise, and the flux of the spot is unknown too. The
+    information of a pixel is that of a normal variable with the variance of the pixel, which is
+    exact without read noise.
 
-    Arguments are those of `centre_of_gravity_error`, the light above zero.
+    Parameters are those of `centre_of_gravity_error`, with a flux above zero.
 
     Returns
     -------
     ndarray, shape (..., 2)
-        Along x and y, in px squared. A biased estimator is bounded by this times the square of
-        its slope (`CentroidError.slope`).
+        Variance along x and y, in px^2. The bound of a biased estimator is this variance times the
+        square of its slope (`CentroidError.slope`).
 
     Examples
     --------
-    Many pixels across the spot and no read noise: the radius over the root of the light.
+    For many pixels across the spot, it is the squared radius over the number of electrons.
 
     >>> (cramer_rao_variance([0, 0], 1e4, 3.0, [-20, -20], 41) * 1e4).round(2)
     array([9.08, 9.08])
     """
     size = validate.whole_number("size", size)
-    model, slopes = _gradient(
-        *_state(positions, light, radius, corners, read_noise), size, size
-    )
-    variance = model + read_noise[..., np.newaxis, np.newaxis] ** 2
-    trust = 1.0 / np.maximum(variance, np.finfo(float).tiny)
-    weighted = slopes * trust[..., np.newaxis, :, :]
+    x, y = np.moveaxis(positions - corners, -1, 0)
+    columns = np.broadcast_arrays(x, y, light, radius, read_noise)
+    model, slopes = _gradient(np.stack(columns[:3], axis=-1), columns[3], size, size)
+    variance = model + columns[4][..., None, None] ** 2
+    weights = 1.0 / np.maximum(variance, np.finfo(float).tiny)
+    weighted = slopes * weights[..., None, :, :]
     information = np.einsum("...kyx,...lyx->...kl", weighted, slopes)
     return np.linalg.inv(information).diagonal(axis1=-2, axis2=-1)[..., :2]
 
 
-def _state(
-    points: FloatArray,
-    flux: FloatArray,
-    width: FloatArray,
-    first: FloatArray,
-    *others: FloatArray,
-) -> tuple[FloatArray, FloatArray]:
-    """Return x, y in the window and light as rows, (..., 3), and the radius of each."""
-    places = np.moveaxis(points - first, -1, 0)
-    columns = np.broadcast_arrays(*places, flux, width, *others)
-    return np.stack(columns[:3], axis=-1), columns[3]
-
-
 @dataclass(frozen=True)
 class Light:
-    """What the noise of a spot depends on.
+    """Flux and noise of a spot.
 
     Attributes
     ----------
     signal : float
-        Light of the whole spot, in electrons.
+        Flux of the whole spot, in electrons.
     read_noise : float
-        Noise of a pixel without light, in electrons.
+        Noise of a pixel without flux, in electrons.
     """
 
     signal: float
@@ -249,22 +244,23 @@ def simulated_errors(
 ) -> FloatArray:
     """Return the errors of simulated centroids along x.
 
-    The centre of gravity along x needs only the sums of the window's columns. A sum of independent
-    Poisson numbers is a Poisson number, and a sum of normal ones is normal: so each column is
-    drawn as one number. That is the same law as drawing every pixel, with fewer draws.
+    Each column of the window is drawn as one number, because the centre of gravity along x depends
+    only on the sums of columns, and sums of Poisson or normal numbers have the same distribution.
 
     Parameters
     ----------
     phases : array_like, shape (n,)
         Positions of the spot relative to the middle of the window, in px.
     light : Light
-    radius : float, in px
+        Flux and read noise, in electrons.
+    radius : float
+        Standard deviation of the Gaussian, in px.
     size : int
         Width and height of the window, in px; odd.
     trials : int
-        How often each phase is seen.
+        Number of simulations of each phase.
     generator : numpy.random.Generator
-        Draws the noise.
+        Source of the noise.
 
     Returns
     -------
@@ -274,85 +270,82 @@ def simulated_errors(
     Raises
     ------
     DegenerateGeometryError
-        If noise leaves a window without light.
+        If the sum of a window is zero or less.
 
     Examples
     --------
     >>> simulated_errors([0.0], Light(1e12), 0.5, 5, 2, np.random.default_rng(1)).round(4).shape
     (2, 1)
     """
-    offsets = validate.finite_array("phases", phases, shape=(None,))
-    width = validate.positive("radius", radius)
-    first = np.array(-(validate.whole_number("size", size) // 2))
-    columns = light.signal * _shares(_edges(offsets - first, width, size))
-    columns = columns * _shares(_edges(-first, width, size)).sum()
+    positions, flux, width, corner, size, _ = _placed(phases, light, radius, size)
+    columns = _sums(positions - corner, flux, width, size)[0][:, 0]
     shape = (validate.whole_number("trials", trials), *columns.shape)
     seen = generator.poisson(columns, size=shape).astype(np.float64)
     if light.read_noise:
         noise = generator.standard_normal(shape)
         noise *= light.read_noise * np.sqrt(size)
         seen += noise
-    pixel = np.stack([np.ones(size), np.arange(size) + float(first)], axis=-1)
+    pixel = np.stack([np.ones(size), np.arange(size) + corner[0]], axis=-1)
     moments = seen.reshape(-1, size) @ pixel
-    _refuse_dark(moments[:, 0])
-    return (moments[:, 1] / moments[:, 0]).reshape(shape[:-1]) - offsets
+    _check_flux(moments[:, 0])
+    return (moments[:, 1] / moments[:, 0]).reshape(shape[:-1]) - positions[:, 0]
 
 
 def predicted_errors(
     phases: ArrayLike, light: Light, radius: ArrayLike, size: int
 ) -> CentroidError:
-    """Return the closed-form error of the same centroids.
+    """Return the closed form of the errors of `simulated_errors`.
 
-    Arguments are those of `simulated_errors`, with radii of shape (...).
+    Parameters are those of `simulated_errors`, with radii of shape (...).
 
     Returns
     -------
     CentroidError
-        bias, variance and slope along x only, of shape (..., n).
+        Bias, variance and slope along x, of shape (..., n).
 
     Examples
     --------
     >>> predicted_errors([0.0], Light(1e4), 0.5, 5).bias.round(12) + 0.0
     array([0.])
     """
-    law = centre_of_gravity_error(*_laid_out(phases, light, radius, size))
-    return CentroidError(law.bias[..., 0], law.variance[..., 0], law.slope[..., 0])
+    error = centre_of_gravity_error(*_placed(phases, light, radius, size))
+    return CentroidError(
+        error.bias[..., 0], error.variance[..., 0], error.slope[..., 0]
+    )
 
 
 def least_variance(
     phases: ArrayLike, light: Light, radius: ArrayLike, size: int
 ) -> FloatArray:
-    """Return the Cramér-Rao bound of the same centroids, along x, at each phase.
+    """Return the Cramér-Rao bound of the variance of the same centroids, along x, at each phase.
 
-    Arguments are those of `predicted_errors`.
+    Parameters are those of `predicted_errors`.
 
     Returns
     -------
-    ndarray, shape (..., n), in px squared
+    ndarray, shape (..., n)
+        Variance, in px^2.
 
     Examples
     --------
-    Photon noise and pixels much finer than the spot: the radius over the root of the light.
+    For photon noise and fine pixels, it is the squared radius over the number of electrons.
 
     >>> (least_variance([0.0], Light(1e4), 4.0, 41) ** 0.5).round(3)
     array([0.04])
     """
-    return cramer_rao_variance(*_laid_out(phases, light, radius, size))[..., 0]
+    return cramer_rao_variance(*_placed(phases, light, radius, size))[..., 0]
 
 
-def _laid_out(
+def _placed(
     phases: ArrayLike, light: Light, radius: ArrayLike, size: int
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, int, FloatArray]:
-    """Return positions, light, radii, corner, size and read noise, with the phases last."""
+    """Return positions, flux, radii, corner, size and read noise, with the phases last."""
     offsets = validate.finite_array("phases", phases, shape=(None,))
-    points = np.stack([offsets, np.zeros_like(offsets)], axis=-1)
-    width = validate.positive("radius", radius)[..., np.newaxis]
-    corner = np.full(2, -float(validate.whole_number("size", size) // 2))
     return (
-        points,
+        np.stack([offsets, 0.0 * offsets], axis=-1),
         np.asarray(light.signal),
-        width,
-        corner,
+        validate.positive("radius", radius)[..., None],
+        np.full(2, -float(validate.whole_number("size", size) // 2)),
         size,
         np.asarray(light.read_noise),
     )

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -27,7 +28,9 @@ _BOX_PX, _STRIDE, _LARGE_PX = 64, 3, 768
 # Spots at most, the brightest; and spots that determine the radius and the gain.
 _MAX_SPOTS, _MAX_TYPICAL = 20_000, 100
 # Half side of a window, reach of the tail of a neighbour, and weights of moments, in radii.
-_HALF_RADII, _TAIL_RADII, _WEIGHT_RADII = 3.0, 2.0, (1.0, 2.0)
+_HALF_RADII, _TAIL_RADII, _WEIGHT_RADII = 3.0, 2.0, 2.0
+# Half side of a window, in px, at least and at most.
+_MIN_HALF_PX, _MAX_HALF_PX = 2, 60
 # Misfit of the shape of a spot, as a fraction of its squared flux: at most, in medians of the
 # image, and an allowance; and its significance in standard deviations.
 _MAX_MISFIT, _MISFIT_MEDIANS, _MISFIT_OFFSET, _MISFIT_SIGMAS = 0.1, 4.0, 2e-3, 5.0
@@ -37,12 +40,11 @@ _GAIN_FITS, _MIN_GAIN, _MAX_GAIN = 4, 0.01, 1000.0
 _DARK_GAIN = 1e6
 # Degrees in x and y, and radii of the Gaussians, of the common shape of the spots.
 _DEGREES, _SCALES = (2, 2), (0.5, 1.0, 2.0)
-# Difference in width that matters, as a fraction; probability of a false warning.
-_MIN_DIFFERENCE, _FALSE_WARNING = 0.05, 0.01
+# Differences of size and axes that matter, as fractions of the squared width: 5 % and 1 % of the
+# width; probability of a false warning.
+_MIN_DIFFERENCES, _FALSE_WARNING = np.array([0.1, 0.02, 0.02]), 0.01
 # Stars at least of each image, and the fraction of them that is trimmed from each end.
 _MIN_STARS_COMPARED, _TRIMMED = 4, 0.2
-# Systematic error of the shift, in changes of the asymmetry.
-_ERROR_PER_ASYMMETRY = 2.0
 _ODD = "not the shape of a spot"
 
 
@@ -59,11 +61,9 @@ class Detections:
     flux : ndarray, shape (n,)
         Flux, in digital numbers.
     reasons : ndarray of str, shape (n,)
-        Why a spot cannot be measured; empty if it can.
-    shapes : ndarray, shape (n, 3, 2)
-        Asymmetry in x and y, in px, and the matrix of second moments, in px^2; NaN except for the
-        brighter half of the measured spots. The asymmetry is the centre of gravity with weights
-        of twice the radius of a spot minus that with weights of one radius.
+        Reason why a spot cannot be measured; empty if it can.
+    shapes : ndarray, shape (n, 2, 2)
+        Matrix of second moments, in px^2; NaN except for the brighter half of the measured spots.
     facts : dict of str to float
         ``radius`` of all spots, in px; median ``background`` and ``noise``, in digital numbers;
         ``gain``, in electrons per digital number; numbers of ``missing`` and ``saturated`` pixels;
@@ -102,7 +102,8 @@ def find_spots(
 
     Returns
     -------
-    Found
+    Detections
+        Centres, fluxes and shapes.
 
     Raises
     ------
@@ -127,30 +128,30 @@ def find_spots(
         noise = noise if sigma is None else np.array(sigma, dtype=np.float32)
         _remove_hot_pixels(light, noise)
         noise *= limit
-        places, guess = _detected(light, noise)
-    at = tuple(places.T[::-1])
+        peaks, guess = _detected(light, noise)
+    at = tuple(peaks.T[::-1])
     deviations = noise[at] / limit
     del noise
-    typical = slice(0, (len(places) + 1) // 2, len(places) // (2 * _MAX_TYPICAL) + 1)
-    radius = _Windows(light, deviations[typical], places[typical], guess).radius(guess)
-    gain = _Windows(light, deviations[typical], places[typical], radius).gain(radius)
-    windows = _Windows(light, deviations, places, radius)
-    fit, side = _Fit(windows, radius, gain), windows.light.shape[-1]
+    typical = slice(0, (len(peaks) + 1) // 2, len(peaks) // (2 * _MAX_TYPICAL) + 1)
+    fitted = partial(_Fit, light, deviations[typical], peaks[typical])
+    radius = _best_radius(fitted, guess)
+    gain = _best_gain(fitted, radius)
+    fit = _Fit(light, deviations, peaks, radius, radius, gain)
+    side = fit.left.shape[-1]
     last = np.array(image.shape[::-1]) - 1 - radius
     reach: Any = side // 2 + _TAIL_RADII * radius
-    close = KDTree(places).query_pairs(reach, np.inf, output_type="ndarray")
+    close = KDTree(peaks).query_pairs(reach, np.inf, output_type="ndarray")
     checks = {
-        "saturated": windows.saturated,
-        "at the edge": ((places < radius) | (places > last)).any(axis=1),
-        "another close by": np.isin(np.arange(len(places)), close),
+        "saturated": fit.is_saturated,
+        "at the edge": ((peaks < radius) | (peaks > last)).any(axis=1),
+        "another close by": np.isin(np.arange(len(peaks)), close),
         _ODD: fit.has_odd_shape(),
-        "no centre found": ~(np.abs(fit.centre - places).max(axis=1) < side / 2),
+        "no centre found": ~(np.abs(fit.centre - peaks).max(axis=1) < side / 2),
     }
     reasons = np.select(list(checks.values()), list(checks), default="")
     flux = np.where(np.isin(reasons, ["", _ODD]), fit.flux, -np.inf)
-    faint = np.argsort(-flux)[(np.isfinite(flux).sum() + 1) // 2 :]
-    shapes = fit.shapes()
-    shapes[faint] = np.nan
+    shapes = fit.moments()
+    shapes[np.argsort(-flux)[(np.isfinite(flux).sum() + 1) // 2 :]] = np.nan
     facts = {
         "threshold": float(limit),
         "radius": radius,
@@ -195,7 +196,7 @@ def _without_background(image: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]
 
     for _ in range(2):
         rest = light[::stride, ::stride]
-        found = Background2D(
+        background = Background2D(
             rest,
             tuple(boxes),
             mask=np.isnan(rest),
@@ -203,10 +204,10 @@ def _without_background(image: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]
             filter_size=1,
             bkg_rms_estimator=BiweightScaleBackgroundRMS(),
         )
-        light -= enlarged(found.background_mesh)
+        light -= enlarged(background.background_mesh)
     # Rounding to whole numbers is noise, too. The last term is for images without noise.
     rounding = float(np.diff(values).min()) / np.sqrt(12)
-    noise = np.maximum(found.background_rms_mesh, rounding)
+    noise = np.maximum(background.background_rms_mesh, rounding)
     least = 0.0 if noise.all() else 1e-3 * float(np.nanmax(rest))
     return light, enlarged(np.maximum(noise, least))
 
@@ -237,81 +238,41 @@ def _detected(light: NDArray[Any], limit: NDArray[Any]) -> tuple[IntArray, float
     order = np.argsort(-flux, kind="stable")[: min(_MAX_SPOTS, np.isfinite(flux).sum())]
     # A Gaussian has 2 pi radius^2 times the flux of its brightest pixel.
     ratio = np.median((flux / catalogue.max_value)[order])
-    places = np.stack([catalogue.max_value_xindex, catalogue.max_value_yindex], axis=-1)
-    return places[order].astype(np.int64), float(np.sqrt(ratio / (2 * np.pi)))
-
-
-class _Windows:
-    """Windows around spots and their noise, in digital numbers, without saturated pixels."""
-
-    def __init__(
-        self, light: NDArray[Any], noise: FloatArray, places: IntArray, radius: float
-    ) -> None:
-        """Cut the windows at `places` that contain a spot of a radius."""
-        size = 2 * int(np.clip(np.ceil(_HALF_RADII * radius), 2, 60)) + 1
-        size = min(size, *(side - 1 + side % 2 for side in light.shape))
-        last = np.array(light.shape[::-1]) - size
-        self.corners = np.clip(places - size // 2, 0, last)
-        x, y = (self.corners[:, axis, None] + np.arange(size) for axis in (0, 1))
-        pixels = light[y[:, :, None], x[:, None]].astype(np.float64)
-        self.saturated = np.isinf(pixels).any(axis=(1, 2))
-        self.light = np.where(np.isfinite(pixels), pixels, np.nan)
-        self.noise = noise.astype(np.float64)
-        self.dark_gain = _DARK_GAIN / float(self.noise.min()) ** 2
-
-    def radius(self, guess: float) -> float:
-        """Return the radius that fits half of the spots best."""
-        from scipy.optimize import minimize_scalar
-
-        flux = np.nansum(self.light**2, axis=(1, 2))
-
-        def misfit(radius: float) -> float:
-            left = _Fit(self, radius, self.dark_gain).left
-            part = np.nansum(left**2, axis=(1, 2)) / flux
-            return float(np.median(np.where(part > 0, part, 1.0)))
-
-        bounds = (0.2, 3 * guess)
-        return float(minimize_scalar(misfit, bounds=bounds, options={"xatol": 1e-3}).x)
-
-    def gain(self, radius: float) -> float:
-        """Return electrons per digital number that explain the residuals of half of the spots.
-
-        The residuals are those of the common shape, which need not be a Gaussian. Pixels count if
-        their flux exceeds the noise. Blended spots do not change the median.
-        """
-        gain, dark = self.dark_gain, self.noise[:, None, None] ** 2
-        for _ in range(_GAIN_FITS):
-            fit = _Fit(self, radius, gain)
-            left, terms = fit.without_common_shape()
-            bright = fit.model**2 > dark
-            freedom = 1 - (terms + 3 * len(left)) / max(bright.sum(), 1)
-            photons, flux = (
-                np.sum(one, axis=(1, 2), where=bright)
-                for one in (left**2 / max(freedom, 0.1) - dark, fit.model)
-            )
-            slopes = photons[flux > 0] / flux[flux > 0]
-            slope = float(np.median(slopes)) if len(slopes) else 0.0
-            gain = 1 / max(slope, 1 / self.dark_gain)
-        return gain
+    peaks = np.stack([catalogue.max_value_xindex, catalogue.max_value_yindex], axis=-1)
+    return peaks[order].astype(np.int64), float(np.sqrt(ratio / (2 * np.pi)))
 
 
 class _Fit:
-    """Spots of a radius that fit windows best, in digital numbers."""
+    """Spots of a radius that fit windows around detections best, in digital numbers."""
 
-    def __init__(self, windows: _Windows, radius: float, gain: float) -> None:
-        spots = fitted_spots(
-            gain * windows.light, windows.corners, radius, gain * windows.noise
-        )
+    def __init__(
+        self,
+        light: NDArray[Any],
+        noise: FloatArray,
+        peaks: IntArray,
+        reach: float,
+        radius: float,
+        gain: float = 0.0,
+    ) -> None:
+        """Fit windows that contain spots of the radius `reach`, without photon noise by default."""
+        half = np.clip(np.ceil(_HALF_RADII * reach), _MIN_HALF_PX, _MAX_HALF_PX)
+        size = min(2 * int(half) + 1, *(s - 1 + s % 2 for s in light.shape))
+        corners = np.clip(peaks - size // 2, 0, np.array(light.shape[::-1]) - size)
+        x, y = (corners[:, axis, None] + np.arange(size) for axis in (0, 1))
+        pixels = light[y[:, :, None], x[:, None]].astype(np.float64)
+        self.is_saturated = np.isinf(pixels).any(axis=(1, 2))
+        pixels[~np.isfinite(pixels)] = np.nan
+        gain = gain or _DARK_GAIN / float(noise.min()) ** 2
+        spots = fitted_spots(gain * pixels, corners, radius, gain * noise)
         self.centre, self.covariance = spots.centre, spots.covariance
         self.flux, self.left = spots.light / gain, spots.residuals / gain
-        self.model = np.maximum(windows.light - self.left, 0.0)
-        self.variance = windows.noise[:, None, None] ** 2 + self.model / gain
+        self.pixels, self.model = pixels, np.maximum(pixels - self.left, 0.0)
+        self.dark = np.square(noise, dtype=np.float64)[:, None, None]
+        self.variance = self.dark + self.model / gain
         self.radius = radius
-        offsets = spots.centre - windows.corners
-        steps = np.arange(self.left.shape[-1])
         # In radii, from the centre.
-        self.x = (steps - offsets[:, None, None, 0]) / radius + 0 * self.left
-        self.y = (steps[:, None] - offsets[:, None, None, 1]) / radius + 0 * self.left
+        self.x = (x[:, None] - self.centre[:, None, :1]) / radius + 0 * pixels
+        self.y = (y[:, :, None] - self.centre[:, None, 1:]) / radius + 0 * pixels
 
     def weight(self, width: float) -> FloatArray:
         """Return a Gaussian around the centre, whose width is in radii."""
@@ -319,53 +280,77 @@ class _Fit:
 
     def without_common_shape(self) -> tuple[FloatArray, int]:
         """Return residuals without the part that all spots share, and its number of terms."""
-        kept, sigma = np.isfinite(self.left), np.sqrt(self.variance)
+        seen, sigma = np.isfinite(self.left), np.sqrt(self.variance)
         flux = self.flux[:, None, None] / sigma
-        powers = polyvander2d(self.x[kept], self.y[kept], _DEGREES)
+        powers = polyvander2d(self.x[seen], self.y[seen], _DEGREES)
         basis = np.hstack(
-            [powers * (flux * self.weight(scale))[kept][:, None] for scale in _SCALES]
+            [powers * (flux * self.weight(scale))[seen][:, None] for scale in _SCALES]
         )
-        terms = np.linalg.lstsq(basis, (self.left / sigma)[kept])[0]
+        terms = np.linalg.lstsq(basis, (self.left / sigma)[seen])[0]
         left = self.left.copy()
-        left[kept] -= basis @ terms * sigma[kept]
+        left[seen] -= basis @ terms * sigma[seen]
         return left, len(terms)
 
     def has_odd_shape(self) -> NDArray[np.bool_]:
-        """Return which spots differ surely, and by more than others do, from a Gaussian."""
-        excess, spread, flux = (
-            np.nansum(one, axis=(1, 2))
-            for one in (
-                self.left**2 - self.variance,
-                2 * self.variance**2,
-                self.model**2,
-            )
-        )
+        """Return whether a spot differs significantly, and more than others, from a Gaussian."""
+        parts = self.left**2 - self.variance, 2 * self.variance**2, self.model**2
+        excess, spread, flux = (np.nansum(part, axis=(1, 2)) for part in parts)
         misfit = excess / np.maximum(flux, np.finfo(float).tiny)
         limit = _MISFIT_MEDIANS * max(float(np.median(misfit)), 0.0) + _MISFIT_OFFSET
-        surely = excess > _MISFIT_SIGMAS * np.sqrt(spread)
-        return np.asarray((misfit > min(limit, _MAX_MISFIT)) & surely)
+        significant = excess > _MISFIT_SIGMAS * np.sqrt(spread)
+        return np.asarray((misfit > min(limit, _MAX_MISFIT)) & significant)
 
-    def shapes(self) -> FloatArray:
-        """Return `Found.shapes` of all spots.
+    def moments(self) -> FloatArray:
+        """Return `Detections.shapes` of all spots.
 
         Moments have Gaussian weights about the fitted centre. Those of the fitted Gaussian are
         subtracted, so that effects of pixels and of the edge of the window cancel.
         """
-        axes, offsets = (self.x, self.y), []
-        for width in _WEIGHT_RADII:
-            weight, fraction = self.weight(width), width**2 / (width**2 + 1)
-            total = np.nansum(weight * (self.model + self.left), axis=(1, 2))
-            part = np.nan_to_num(weight * self.left / total[:, None, None])
-            first = np.array([(part * one).sum(axis=(1, 2)) for one in axes])
-            offsets.append(first.T / fraction)
-        second = np.array(
-            [[(part * a * b).sum(axis=(1, 2)) for a in axes] for b in axes]
+        weight, square = self.weight(_WEIGHT_RADII), _WEIGHT_RADII**2
+        total = np.nansum(weight * self.pixels, axis=(1, 2), keepdims=True)
+        part = np.nan_to_num(weight * self.left / total)
+        offsets = np.stack([self.x, self.y])
+        second = np.einsum("nyx,anyx,bnyx->nab", part, offsets, offsets)
+        rest = square / (square + 1) * (1 - part.sum(axis=(1, 2)))
+        second += rest[:, None, None] * np.eye(2)
+        moments = np.linalg.inv(np.linalg.inv(second) - np.eye(2) / square)
+        return np.asarray(moments * self.radius**2)
+
+
+def _best_radius(fitted: partial[_Fit], guess: float) -> float:
+    """Return the radius that fits half of the spots best."""
+    from scipy.optimize import minimize_scalar
+
+    def misfit(radius: float) -> float:
+        fit = fitted(guess, radius)
+        flux = np.nansum(fit.pixels**2, axis=(1, 2))
+        part = np.nansum(fit.left**2, axis=(1, 2)) / flux
+        return float(np.median(np.where(part > 0, part, 1.0)))
+
+    bounds = (0.2, 3 * guess)
+    return float(minimize_scalar(misfit, bounds=bounds, options={"xatol": 1e-3}).x)
+
+
+def _best_gain(fitted: partial[_Fit], radius: float) -> float:
+    """Return electrons per digital number that explain the residuals of half of the spots.
+
+    The residuals are those of the common shape, which need not be a Gaussian. Pixels count if
+    their flux exceeds the noise. Blended spots do not change the median.
+    """
+    gain = 0.0
+    for _ in range(_GAIN_FITS):
+        fit = fitted(radius, radius, gain)
+        left, terms = fit.without_common_shape()
+        bright = fit.model**2 > fit.dark
+        freedom = 1 - (terms + 3 * len(left)) / max(bright.sum(), 1)
+        photons, flux = (
+            np.sum(values, axis=(1, 2), where=bright)
+            for values in (left**2 / max(freedom, 0.1) - fit.dark, fit.model)
         )
-        expected = fraction * (1 - part.sum(axis=(1, 2)))
-        second = second.T + expected[:, None, None] * np.eye(2)
-        second = np.linalg.inv(np.linalg.inv(second) - np.eye(2) / width**2)
-        asymmetry = (offsets[1] - offsets[0])[:, None]
-        return np.hstack([asymmetry * self.radius, second * self.radius**2])
+        slopes = photons[flux > 0] / flux[flux > 0]
+        slope = float(np.median(slopes)) if len(slopes) else 0.0
+        gain = 1 / max(slope, float(fit.dark.min()) / _DARK_GAIN)
+    return gain
 
 
 def shape_finding(
@@ -373,62 +358,62 @@ def shape_finding(
 ) -> tuple[Finding | None, FloatArray]:
     """Compare the shapes of the spots of two images.
 
-    If the shapes differ, their centres are displaced by an unknown amount. Its standard deviation
-    is twice the change of the asymmetry: for simulated stars with a tail, the displacement from
-    the centre of gravity is 1.2 to 2.5 times that change.
+    If the shapes differ in a direction, for example in a trailed image, the flux along the trail
+    may be uneven, and the centres are displaced by an unknown amount. Its standard deviation is the
+    root of the added second moment, which is the displacement by an exponential tail.
 
     Parameters
     ----------
-    source, target : ndarray, shape (n, 3, 2), (m, 3, 2)
-        `Found.shapes` of both images, for example of the paired stars.
+    source, target : ndarray, shape (n, 2, 2), (m, 2, 2)
+        `Detections.shapes` of both images, for example of the paired stars.
     matrix : array_like, shape (2, 2)
         Linear part of the transform from source to target.
 
     Returns
     -------
     finding : Finding or None
-        Warning with the kind "shape", if the means differ significantly and by more than 5 % of
-        the width.
+        Warning with the kind "shape", if the sizes differ significantly and by more than 5 % of the
+        width, or the axes by more than 1 %.
     covariance : ndarray, shape (2, 2)
         Systematic covariance of the shift, in px^2 of the target; zero without a warning.
 
     Examples
     --------
-    >>> same = np.random.default_rng(1).normal([[0, 0], [1, 0], [0, 1]], 0.01, (20, 3, 2))
+    >>> same = np.eye(2) + np.random.default_rng(1).normal(0, 0.01, (20, 2, 2))
     >>> shape_finding(same, same)[0] is None
     True
-    >>> finding, covariance = shape_finding(same, same + [[0.5, 0], [1, 0], [0, 0]])
-    >>> finding.kind, covariance.round(2)
-    ('shape', array([[1., 0.],
+    >>> finding, error = shape_finding(same, same + [[3, 0], [0, 0]])
+    >>> finding.kind, error.round(2) + 0.0
+    ('shape', array([[3., 0.],
            [0., 0.]]))
     """
     from scipy.stats import ttest_ind
 
-    linear = np.asarray(matrix, dtype=np.float64)
-    first, second = (one[np.isfinite(one).all(axis=(1, 2))] for one in (source, target))
+    linear, error = np.asarray(matrix, dtype=np.float64), np.zeros((2, 2))
+    first, second = (m[np.isfinite(m).all(axis=(1, 2))] for m in (source, target))
     if min(len(first), len(second)) < _MIN_STARS_COMPARED:
-        return None, np.zeros((2, 2))
-    first = first @ linear.T
-    first[:, 1:] = linear @ first[:, 1:]
-    middles = [np.median(one, axis=0) for one in (first, second)]
-    change = middles[1] - middles[0]
-    axes = [np.sqrt(np.diagonal(one[1:])) for one in middles]
-    # Any asymmetry counts, but moments only if the width changes.
-    least = (
-        2
-        * _MIN_DIFFERENCE
-        * float(np.mean(np.square(axes)))
-        * np.array([[0], [1], [1]])
-    )
-    test = ttest_ind(first, second, equal_var=False, trim=_TRIMMED)
+        return None, error
+    first = linear @ first @ linear.T
+    # Half the sum and difference of the axes along x and y, and the term of the diagonal.
+    parts = [
+        np.stack([m[:, 0, 0] + m[:, 1, 1], m[:, 0, 0] - m[:, 1, 1], 2 * m[:, 0, 1]]) / 2
+        for m in (first, second)
+    ]
+    means = [np.median(part, axis=1) for part in parts]
+    change, size = means[1] - means[0], (means[0] + means[1])[0] / 2
+    test = ttest_ind(*parts, axis=1, equal_var=False, trim=_TRIMMED)
     differs = np.asarray(test.pvalue) < _FALSE_WARNING / change.size
-    if not (differs & (np.abs(change) > least)).any():
-        return None, np.zeros((2, 2))
-    systematic = _ERROR_PER_ASYMMETRY * change[0]
-    widths = " and ".join(f"{x:.3g} x {y:.3g} px" for x, y in axes)
-    text = (
-        f"the spots of the images differ in shape: radii along x and y {widths}; their asymmetry "
-        f"displaces the shift by about {np.hypot(*systematic):.2g} px. Use images of the same "
-        "focus and tracking"
-    )
-    return Finding("shape", text), np.outer(systematic, systematic)
+    differs &= np.abs(change) > _MIN_DIFFERENCES * size
+    if not differs.any():
+        return None, error
+    radii = " and ".join(f"{np.sqrt(mean[0]):.3g}" for mean in means)
+    text = f"the spots of the images differ in shape, with radii of {radii} px"
+    # Defocus is equal in all directions and displaces no centre.
+    if differs[1:].any():
+        _, along, diagonal = change
+        _, axes = np.linalg.eigh([[along, diagonal], [diagonal, -along]])
+        length = np.sqrt(2 * np.hypot(along, diagonal))
+        text += f"; a trail would displace the shift by about {length:.2g} px"
+        trail = length * axes[:, int(change[0] > 0)]
+        error = np.outer(trail, trail)
+    return Finding("shape", f"{text}. Use images of the same focus and tracking"), error

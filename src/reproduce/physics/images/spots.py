@@ -100,7 +100,7 @@ def spot_windows(
     """
     count = validate.whole_number("size", size)
     across, down = (
-        _shares(_edges(positions[..., axis] - corners[..., axis], radius, count))
+        _fractions(_edges(positions[..., axis] - corners[..., axis], radius, count))
         for axis in (0, 1)
     )
     scaled = photons[..., np.newaxis] * down
@@ -142,8 +142,8 @@ def render_frame(
     for axis, side in enumerate(size):
         count = validate.whole_number("size", side)
         offsets = np.arange(count) - _nearest_pixels(points[:, axis, np.newaxis])
-        shares = _shares(_edges(points[:, axis], widths, count))
-        profiles.append(np.where(np.abs(offsets) <= reach, shares, 0.0))
+        fractions = _fractions(_edges(points[:, axis], widths, count))
+        profiles.append(np.where(np.abs(offsets) <= reach, fractions, 0.0))
     across, down = profiles
     return (down.T * photons) @ across
 
@@ -154,7 +154,7 @@ def _edges(position: FloatArray, radius: FloatArray, count: int) -> FloatArray:
     return np.asarray(edges / radius[..., np.newaxis])
 
 
-def _shares(edges: FloatArray) -> FloatArray:
+def _fractions(edges: FloatArray) -> FloatArray:
     """Return the fraction of the flux in each pixel of a row, (..., count)."""
     # Differences in the lower tail keep their digits.
     below, above = np.diff(ndtr(edges)), -np.diff(ndtr(-edges))
@@ -174,8 +174,8 @@ def _gradient(
         _edges(state[..., 1], radius, rows),
     ]
     root = -np.sqrt(2 * np.pi) * radius[..., np.newaxis]
-    in_x, in_y = (_shares(one) for one in edges)
-    slope_x, slope_y = (np.diff(np.exp(-0.5 * one**2)) / root for one in edges)
+    in_x, in_y = (_fractions(axis) for axis in edges)
+    slope_x, slope_y = (np.diff(np.exp(-0.5 * axis**2)) / root for axis in edges)
     flux = state[..., 2, np.newaxis]
     down = np.stack([flux * in_y, flux * slope_y, in_y], axis=-2)
     across = np.stack([slope_x, in_x, in_x], axis=-2)
@@ -279,8 +279,8 @@ def fitted_spots(
 
     >>> window = spot_windows([4.0, 4.0], 1000.0, 1.0, [0, 0], 9)
     >>> window[:, 5:] = np.nan
-    >>> found = fitted_spots(window, (0, 0), 1.0, 3.0)
-    >>> found.centre.round(6), np.sqrt(np.diag(found.covariance)).round(3)
+    >>> spot = fitted_spots(window, (0, 0), 1.0, 3.0)
+    >>> spot.centre.round(6), np.sqrt(np.diag(spot.covariance)).round(3)
     (array([4., 4.]), array([0.072, 0.048]))
     """
     light = validate.number_array("windows", windows, shape=(None, None))
@@ -293,7 +293,7 @@ def fitted_spots(
     )
     flat = np.broadcast_to(light, (*batch, *shape)).reshape(-1, *shape)
     widths, noises = (
-        np.broadcast_to(one, batch).reshape(-1) for one in (radius, read_noise)
+        np.broadcast_to(width, batch).reshape(-1) for width in (radius, read_noise)
     )
     state, information = _optimum(flat, widths, np.maximum(noises**2, _MIN_VARIANCE))
     covariance = np.asarray(np.linalg.inv(information)[:, :2, :2])
@@ -321,17 +321,18 @@ def _optimum(
     flux = np.where(seen, light, 0.0) * shape
     squares = np.maximum((shape**2).sum(axis=(1, 2)), _MIN_VARIANCE)
     state[:, 2] = flux.sum(axis=(1, 2)) / squares
-    found, information = np.full((count, 3), np.nan), np.full((count, 3, 3), np.nan)
+    optimum, information = np.full((count, 3), np.nan), np.full((count, 3, 3), np.nan)
     rows: Any
     rows, damping = np.arange(count), np.full(count, _DAMPING)
     cost, moved, score, matrix = _likelihood(state, light, radius, variance)
     for _ in range(_MAX_STEPS):
         possible = np.isfinite(cost)
         done = possible & (moved < _CONVERGED_PX)
-        found[rows[done]], information[rows[done]] = state[done], matrix[done]
-        kept = possible & ~done & (damping < _MAX_DAMPING)
+        optimum[rows[done]], information[rows[done]] = state[done], matrix[done]
+        active = possible & ~done & (damping < _MAX_DAMPING)
         rows, damping, state, cost, moved, score, matrix = (
-            one[kept] for one in (rows, damping, state, cost, moved, score, matrix)
+            values[active]
+            for values in (rows, damping, state, cost, moved, score, matrix)
         )
         if not len(rows):
             break
@@ -345,7 +346,7 @@ def _optimum(
         ):
             old[better] = new[better]
         damping = np.maximum(damping * np.where(better, 0.1, 10.0), _MIN_DAMPING)
-    return found, information
+    return optimum, information
 
 
 def _likelihood(

@@ -77,11 +77,11 @@ def arrangement_angles(name: str, half_x: Size, half_y: Size, step: Size) -> Flo
     if half.max() > _MAX_STEPS * step:
         raise ValueError(
             f"step: expected at least 1/{_MAX_STEPS} of the half range, got {step:g} for "
-            f"{half.max():g}. Give all three in radians."
+            f"{half.max():g}. Give all three in radians"
         )
     if name not in arrangement_names():
         raise ValueError(
-            f"name: expected a name of arrangement_names(), got {name!r}. Choose one of them."
+            f"name: expected a name of arrangement_names(), got {name!r}. Choose one of them"
         )
     lattice, offset, window = name.split("; ")
     spacing, chequered = (
@@ -94,9 +94,9 @@ def arrangement_angles(name: str, half_x: Size, half_y: Size, step: Size) -> Flo
     if offset != _CORNER:
         origin = spacing * _OFFSETS[offset] / [1 if chequered else 2, 2]
     nodes = origin + spacing * np.stack([i, j], axis=-1)
-    kept = (i + j) % (2 if chequered else 1) == 0
+    selected = (i + j) % (2 if chequered else 1) == 0
     inside = _windows(nodes, half)
-    return np.asarray(nodes[kept & inside["rectangle"] & inside[window]])
+    return np.asarray(nodes[selected & inside["rectangle"] & inside[window]])
 
 
 def arrangement_names() -> list[str]:
@@ -115,7 +115,9 @@ def arrangement_names() -> list[str]:
         _lattices(np.ones(2), 1.0),
         _windows(np.ones((1, 2)), np.ones(2)),
     )
-    return ["; ".join(one) for one in product(lattices, (*_OFFSETS, _CORNER), windows)]
+    return [
+        "; ".join(parts) for parts in product(lattices, (*_OFFSETS, _CORNER), windows)
+    ]
 
 
 def _lattices(half: FloatArray, step: float) -> dict[str, FloatArray]:
@@ -136,12 +138,12 @@ def _lattices(half: FloatArray, step: float) -> dict[str, FloatArray]:
 def _windows(nodes: FloatArray, half: FloatArray) -> dict[str, NDArray[np.bool_]]:
     """Return the nodes that each window contains, as masks."""
     inside, radius = np.abs(nodes / half), np.hypot(*nodes.T)
-    one = 1 + _BORDER_TOLERANCE
+    edge = 1 + _BORDER_TOLERANCE
     return {
-        "rectangle": inside.max(axis=1) <= one,
+        "rectangle": inside.max(axis=1) <= edge,
         "rectangle without its border": inside.max(axis=1) < 1 - _BORDER_TOLERANCE,
-        "inscribed ellipse": np.square(inside).sum(axis=1) <= one,
-        "circle of the smaller half range": radius <= half.min() * one,
-        "circle of the larger half range": radius <= half.max() * one,
-        "diamond": inside.sum(axis=1) <= one,
+        "inscribed ellipse": np.square(inside).sum(axis=1) <= edge,
+        "circle of the smaller half range": radius <= half.min() * edge,
+        "circle of the larger half range": radius <= half.max() * edge,
+        "diamond": inside.sum(axis=1) <= edge,
     }

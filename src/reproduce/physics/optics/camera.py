@@ -9,14 +9,12 @@ Frames and units of this module:
   (0, 0); distances on the detector are in px too;
 * angles are in radians.
 
-The leading axes are a batch: many frames, many simulated calibrations, many cameras at once.
+The leading axes of directions and points are a batch, for example of frames or simulated
+calibrations. A camera is one channel. The reference channel is green.
 
-The reference channel is the green one; the other is named by its role.
-
-A channel is calibrated by itself from known starlight: focal length, principal point and
-distortion. The model is linear in F, m F^3 and the principal point. Its least-squares minimum
-is therefore found at once, without starting values, and it is the minimum over F and m too,
-because the one pair follows from the other.
+A channel is calibrated separately from known starlight: focal length F, principal point and
+distortion m. The model is linear in F, m F^3 and the principal point, so its least-squares solution
+needs no starting values.
 """
 
 from __future__ import annotations
@@ -39,16 +37,17 @@ from reproduce.physics.validate import (
 
 
 def detector_centre(pixels: ArrayLike) -> FloatArray:
-    """The middle of a detector, (..., 2) in px; it stands in for an unprinted principal point.
+    """Return the middle of a detector, which replaces an unprinted principal point.
 
     Parameters
     ----------
     pixels : array_like, shape (..., 2)
-        How many along x and along y.
+        Numbers of pixels along x and along y.
 
     Returns
     -------
-    ndarray, shape (..., 2), in px
+    ndarray, shape (..., 2)
+        Middle, in px.
 
     Examples
     --------
@@ -58,50 +57,52 @@ def detector_centre(pixels: ArrayLike) -> FloatArray:
     return (validate.positive("pixels", pixels, shape=(2,)) - 1) / 2
 
 
-@dataclass(frozen=True, eq=False, init=False)
+@dataclass(frozen=True, eq=False)
 class Camera:
-    """The imaging parameters of one channel, or of a batch of them; checked when it is made.
+    """Imaging parameters of one channel, checked when they are set.
 
     Parameters
     ----------
-    focal_length : array_like, shape (...), in metres
-    principal_point : array_like, shape (..., 2)
-        Where the boresight meets the detector, in px.
-    radial_distortion : array_like, shape (...)
+    focal_length : float
+        Focal length, in metres.
+    principal_point : array_like, shape (2,)
+        Position of the boresight on the detector, in px.
+    radial_distortion : float
         First radial coefficient, in m^-2 (1e-5 per square millimetre is 10 per square metre).
-    pixel_pitch : array_like, shape (...)
+    pixel_pitch : float
         Distance between the centres of neighbouring pixels, in metres.
     """
 
-    focal_length: FloatArray
-    principal_point: FloatArray
-    radial_distortion: FloatArray
-    pixel_pitch: FloatArray
+    focal_length: Positive
+    principal_point: Point
+    radial_distortion: Number
+    pixel_pitch: Positive
 
-    @validate.checked
-    def __init__(
-        self,
-        focal_length: Positive,
-        principal_point: Point,
-        radial_distortion: Number,
-        pixel_pitch: Positive,
-    ) -> None:
-        given = (focal_length, principal_point, radial_distortion, pixel_pitch)
-        for name, array in zip(self.__dataclass_fields__, given, strict=True):
-            object.__setattr__(self, name, array)
+    def __post_init__(self) -> None:
+        point = validate.finite_array(
+            "principal_point", self.principal_point, shape=(2,)
+        )
+        radial = validate.finite_array("radial_distortion", self.radial_distortion)
+        self.__dict__.update(
+            focal_length=validate.positive("focal_length", self.focal_length),
+            principal_point=point,
+            radial_distortion=radial,
+            pixel_pitch=validate.positive("pixel_pitch", self.pixel_pitch),
+        )
 
 
 @validate.checked
 def ideal_positions(directions: Directions, focal_length: Positive) -> FloatArray:
-    """Where an ideal pinhole camera images the given directions.
+    """Return the positions of directions in an ideal pinhole camera.
 
     Implements: niu2024 (1), (5).
 
     Parameters
     ----------
     directions : array_like, shape (..., n, 3)
-        Towards the stars, in the camera frame, of any length.
-    focal_length : array_like, shape (...), in metres
+        Directions of the stars in the camera frame, of any length.
+    focal_length : array_like, shape (...)
+        Focal length, in metres.
 
     Returns
     -------
@@ -119,22 +120,19 @@ def ideal_positions(directions: Directions, focal_length: Positive) -> FloatArra
     array([[0.002, 0.004]])
     """
     across, along = directions[..., :2], directions[..., 2:]
-    # Below this slope the tangent is so large that the position means nothing any more.
+    # Nearer to the focal plane, the position overflows.
     behind = along[..., 0] <= 1e-9 * np.abs(across).max(axis=-1)
     if behind.any():
         raise ValueError(
             f"directions: expected stars in front of the camera (z > 0), got {int(behind.sum())} "
-            "next to or behind it; check the frame and its sign, or drop these stars"
+            "next to or behind it. Check the frame and its sign, or drop these stars"
         )
     return focal_length[..., None, None] * (across / along)
 
 
-_ideal = validate.kernel(ideal_positions)
-
-
 @validate.checked
 def radial_displacements(ideal: Points, radial_distortion: Number) -> FloatArray:
-    """How far the first radial term moves spots from their ideal positions.
+    """Return the displacements of spots by the first radial term.
 
     Implements: niu2024 (3).
 
@@ -143,7 +141,7 @@ def radial_displacements(ideal: Points, radial_distortion: Number) -> FloatArray
     ideal : array_like, shape (..., n, 2)
         Ideal positions, in metres, from the principal point.
     radial_distortion : array_like, shape (...)
-        First radial coefficient, in m^-2; positive pushes outwards.
+        First radial coefficient, in m^-2; displacements are outwards if it is positive.
 
     Returns
     -------
@@ -159,25 +157,24 @@ def radial_displacements(ideal: Points, radial_distortion: Number) -> FloatArray
     return ideal * (radial_distortion[..., None, None] * squared_radius)
 
 
-_displacements = validate.kernel(radial_displacements)
-
-
 @validate.checked
 def turned_onto_detector(positions: Points, rotation: Number) -> FloatArray:
-    """The same spots in the axes of a detector that is turned about the boresight.
+    """Return spots in the axes of a detector that is rotated about the boresight.
 
-    The matrix is [[cos, sin], [-sin, cos]]: a detector turned by +theta (x towards y) sees the
-    spots turned by -theta, and rotating the spots by +theta brings them back.
+    The matrix is [[cos, sin], [-sin, cos]]: on a detector rotated by +theta (x towards y), the
+    spots are rotated by -theta.
 
     Parameters
     ----------
-    positions : array_like, shape (..., n, 2), from the principal point, in any unit of length
+    positions : array_like, shape (..., n, 2)
+        Positions from the principal point, in any unit of length.
     rotation : array_like, shape (...)
         Angle theta of the detector against the reference detector, in radians.
 
     Returns
     -------
-    ndarray, shape (..., n, 2), in the same unit
+    ndarray, shape (..., n, 2)
+        Positions in the same unit.
 
     Examples
     --------
@@ -189,26 +186,23 @@ def turned_onto_detector(positions: Points, rotation: Number) -> FloatArray:
     return np.stack([cosine * x + sine * y, cosine * y - sine * x], axis=-1)
 
 
-_turned = validate.kernel(turned_onto_detector)
-
-
 @validate.checked
 def image_points(
     directions: Directions, camera: Camera, rotation: Number = 0.0
 ) -> FloatArray:
-    """Where a channel images the given directions: projection, distortion, rotated detector.
+    """Return the image points of directions: projection, distortion, rotated detector.
 
     Implements: niu2024 (2), (21), (22), (23).
 
     Parameters
     ----------
     directions : array_like, shape (..., n, 3)
-        Towards the stars, in the frame of the reference (green) channel.
+        Directions of the stars in the frame of the reference (green) channel.
     camera : Camera
         Imaging parameters of this channel.
     rotation : array_like, shape (...)
-        Angle theta of this channel's detector against the reference, in radians; zero for the
-        reference channel itself, which is (2) and (21).
+        Angle theta of the detector of this channel against the reference, in radians. Zero, for
+        the reference channel, is (2) and (21).
 
     Returns
     -------
@@ -227,29 +221,27 @@ def image_points(
     >>> image_points([[1, 0, 10]], Camera(20e-3, (50, 60), 0, 10e-6)).round(9)
     array([[250.,  60.]])
     """
-    ideal = _ideal(directions, camera.focal_length)
-    turned = _turned(ideal + _displacements(ideal, camera.radial_distortion), rotation)
-    return (
-        turned / camera.pixel_pitch[..., None, None]
-        + camera.principal_point[..., None, :]
-    )
+    ideal = ideal_positions(directions, camera.focal_length)
+    bent = ideal + radial_displacements(ideal, camera.radial_distortion)
+    spots = turned_onto_detector(bent, rotation)
+    return spots / camera.pixel_pitch + camera.principal_point
 
 
 def field_of_view(
     pixels: ArrayLike, pixel_pitch: ArrayLike, focal_length: ArrayLike
 ) -> FloatArray:
-    """The full angle that a row of pixels sees, the boresight at its middle.
+    """Return the full field of view of a row of pixels about the boresight.
 
-    Arguments are those of `angle_from_pixels`, with the pixels their number, above zero.
+    Parameters are those of `angle_from_pixels`, with the number of pixels, above zero.
 
     Returns
     -------
-    ndarray
+    ndarray, shape (...)
         Full angle, in radians: 2 atan(pixels * pixel_pitch / (2 * focal_length)).
 
     Examples
     --------
-    A detector as wide as twice the focal length sees 90 degrees.
+    A detector of twice the focal length has a field of view of 90 degrees.
 
     >>> float(np.degrees(field_of_view(2000, 1e-5, 10e-3)).round(9))
     90.0
@@ -263,17 +255,18 @@ def field_of_view(
 def angle_from_pixels(
     pixels: Number, pixel_pitch: Positive, focal_length: Positive
 ) -> FloatArray:
-    """The angle between the boresight and a spot that many pixels from the principal point.
+    """Return the angle between the boresight and a spot.
 
     Parameters
     ----------
-    pixels : array_like
-        Signed distance, in px.
-    pixel_pitch, focal_length : array_like, in metres
+    pixels : array_like, shape (...)
+        Signed distance of the spot from the principal point, in px.
+    pixel_pitch, focal_length : array_like, shape (...)
+        Pixel pitch and focal length, in metres.
 
     Returns
     -------
-    ndarray
+    ndarray, shape (...)
         Signed angle, in radians: atan(pixels * pixel_pitch / focal_length).
 
     Examples
@@ -288,19 +281,19 @@ def angle_from_pixels(
 def scale_factor(
     reference_focal_length: Positive, focal_length: Positive
 ) -> FloatArray:
-    """The scale factor k that lays ideal positions of a channel over those of the reference.
+    """Return the scale factor k from ideal positions of a channel to those of the reference.
 
     Implements: niu2024 (6).
 
     Parameters
     ----------
-    reference_focal_length, focal_length : array_like
-        Focal lengths of the reference channel and of the other, in the same unit.
+    reference_focal_length, focal_length : array_like, shape (...)
+        Focal lengths of the reference channel and of the channel, in the same unit.
 
     Returns
     -------
-    ndarray
-        k = reference / other, without unit.
+    ndarray, shape (...)
+        k = reference / channel, without unit.
 
     Examples
     --------
@@ -314,21 +307,21 @@ def scale_factor(
 def distortion_ratio(
     scale: Positive, reference_distortion: Number = 1.0, distortion: Number = 1.0
 ) -> FloatArray:
-    """Displacement by distortion in the reference channel over that in the other.
+    """Return the displacement by distortion in the reference over that in a channel.
 
     Implements: niu2024 (7), (8).
 
     Parameters
     ----------
-    scale : array_like
+    scale : array_like, shape (...)
         Scale factor k, above zero.
-    reference_distortion, distortion : array_like
-        First radial coefficients of the reference channel and of the other, in the same unit; the
-        other one not zero. Without them all channels share one coefficient, which is (8).
+    reference_distortion, distortion : array_like, shape (...)
+        First radial coefficients of the reference channel and of the channel, in the same unit,
+        the latter not zero. By default all channels share one coefficient, which is (8).
 
     Returns
     -------
-    ndarray
+    ndarray, shape (...)
         k^3 * reference_distortion / distortion, the same in x and y.
 
     Examples
@@ -338,8 +331,8 @@ def distortion_ratio(
     """
     if (distortion == 0).any():
         raise ValueError(
-            "distortion: expected a coefficient other than zero, got zero; "
-            "a channel without distortion has no ratio"
+            "distortion: expected a coefficient other than zero, got zero. A channel without "
+            "distortion has no ratio"
         )
     return np.asarray(scale**3 * (reference_distortion / distortion))
 
@@ -348,27 +341,27 @@ def distortion_ratio(
 def reference_points_scaled(
     points: Points, scale: Positive, principal_point: Point
 ) -> FloatArray:
-    """Image points of the reference channel where only focal length and distortion differ.
+    """Return image points of the reference if only focal length and distortion differ.
 
     Implements: niu2024 (9), (10), (11), (12).
 
-    What an image point holds beyond the principal point is its ideal position and distortion
-    together, by (11). Both are scaled by k in (10), the distortion by (9), which takes k^3 = k;
-    near k = 1 its relative error is 2 (1 - k).
+    By (11), an image point minus the principal point is the sum of ideal position and distortion.
+    Both are scaled by k in (10), the distortion by (9) with k^3 = k. Near k = 1 the relative error
+    of this approximation is 2 (1 - k).
 
     Parameters
     ----------
     points : array_like, shape (..., n, 2)
-        Image points of the other channel, in px.
+        Image points of the channel, in px.
     scale : array_like, shape (...)
         Scale factor k, above zero.
     principal_point : array_like, shape (..., 2)
-        Shared by both channels here, in px.
+        Principal point of both channels, in px.
 
     Returns
     -------
     ndarray, shape (..., n, 2)
-        In px: k * points - k * principal_point + principal_point.
+        k * points - k * principal_point + principal_point, in px.
 
     Examples
     --------
@@ -383,30 +376,31 @@ def reference_points_scaled(
 def fit_camera(
     directions: Directions, points: Points, pixel_pitch: Size, rotation: Number = 0.0
 ) -> Camera:
-    """The imaging parameters of one channel by least squares on its imaging model, (2) with (3).
+    """Fit the imaging parameters of one channel by least squares on its model, (2) with (3).
 
     Parameters
     ----------
     directions : array_like, shape (..., n, 3)
-        Known starlight, in the frame of the reference channel.
+        Known directions of stars in the frame of the reference channel.
     points : array_like, shape (..., n, 2)
-        Where the channel images it, in px.
-    pixel_pitch : float, in metres
+        Image points in the channel, in px.
+    pixel_pitch : float
+        Pixel pitch, in metres.
     rotation : array_like, shape (...)
-        Angle of the detector against the reference, in radians; zero for the reference itself.
+        Angle of the detector against the reference, in radians; zero for the reference.
 
     Returns
     -------
     Camera
-        The estimate, batch shape (...).
+        Estimates. Each parameter has the batch shape (...).
 
     Raises
     ------
     ValueError
-        If the counts differ, a direction does not point in front of the camera, or the points
-        leave the focal length zero or negative (a mirrored axis does).
+        If the counts differ, a direction does not point in front of the camera, or the focal
+        length is not positive, for example because an axis is mirrored.
     DegenerateGeometryError
-        If the directions do not fix all four parameters: the same slope throughout.
+        If the directions do not determine all four parameters.
 
     Examples
     --------
@@ -415,10 +409,10 @@ def fit_camera(
     >>> float(fit.focal_length.round(9)), fit.principal_point.round(9)
     (0.02, array([50., 60.]))
     """
-    slopes = _turned(_ideal(directions, np.ones(())), rotation)
+    slopes = turned_onto_detector(ideal_positions(directions, 1.0), rotation)
     squared = np.square(slopes).sum(axis=-1, keepdims=True)
     columns = np.stack([slopes, slopes * squared], axis=-1) / pixel_pitch
-    # About the means, so that the principal point need not be solved for with the others.
+    # The principal point follows from the means.
     centred = columns - columns.mean(axis=-3, keepdims=True)
     observed = points - points.mean(axis=-2, keepdims=True)
     normal = np.einsum("...nij,...nik->...jk", centred, centred)
@@ -426,15 +420,15 @@ def fit_camera(
     (a, b), (_, d) = np.moveaxis(normal, (-2, -1), (0, 1))
     if not ((a > 0) & (a * d - b**2 > 1e-12 * a * d)).all():
         raise validate.DegenerateGeometryError(
-            "directions: expected slopes that fix focal length and distortion, got the same slope "
-            "throughout or only two points; turn the table to angles near and far from zero"
+            "directions: expected slopes that determine focal length and distortion, got equal "
+            "slopes or only two points. Rotate the table to angles near and far from zero"
         )
     linear = np.linalg.solve(normal, pull[..., np.newaxis])[..., 0]
     origin = (points - np.einsum("...nij,...j->...ni", columns, linear)).mean(axis=-2)
     if (linear[..., 0] <= 0).any():
         raise ValueError(
-            "points: expected an image that grows with the slope of the starlight, got a focal "
-            "length of zero or less; check the signs of the axes"
+            "points: expected a positive focal length, got zero or less. Check the signs of the "
+            "axes"
         )
     return Camera(
         linear[..., 0], origin, linear[..., 1] / linear[..., 0] ** 3, pixel_pitch

@@ -2,14 +2,14 @@
 
 Image points have shape (..., n, 2), in px, x before y, with the centre of the first pixel at
 (0, 0); parameter vectors u = (k, theta, shift x, shift y) have shape (..., 4); the leading axes are
-a batch of calibrations, each of which comes out as it would alone. Starting vectors come from two
-lines and the zero position (`starting_values`) and at random (`random_starts`).
-`fit.fit_registration` reaches the same minimum in closed form: this module shows the paper's
-iteration, its convergence, and the Cramér-Rao bound that no unbiased calibration goes below.
+a batch of independent calibrations. Starting vectors come from two lines and the zero position
+(`starting_values`) or at random (`random_starts`). `fit.fit_registration` reaches the same minimum
+in closed form. This module contains the iteration of the paper, its convergence, and the Cramér-Rao
+bound, the least covariance of any unbiased calibration.
 
-The print couples the iteration to the constraint cos^2 + cos^2 = 1, which holds at odd multiples of
-45 degrees alone (`constraint_printed`). The identity meant is cos^2 + sin^2 = 1 (`constraint`); it
-holds by itself where the angle is the parameter, so no step needs to enforce it.
+The paper prints the constraint cos^2 + cos^2 = 1, which is true only at odd multiples of 45 degrees
+(`constraint_printed`). The identity is cos^2 + sin^2 = 1 (`constraint`). No step needs to enforce
+it, because the angle is the parameter.
 """
 
 from __future__ import annotations
@@ -29,23 +29,25 @@ from reproduce.physics.validate import FloatArray, NonNegative, Number, Point, P
 _PARAMETERS = 4
 _Vector = Annotated[Any, (_PARAMETERS,)]
 _Others = Annotated[Any, ("m", 2)]
-# A stage has settled once a step moves the points by less, root mean square, in px; it is given up
-# after so many steps.
-_MOVEMENT, _STEPS = 1e-9, 50
+# Root mean square movement of the points, in px, below which a stage has converged, and its steps,
+# at most.
+_LAST_MOVEMENT, _MAX_STEPS = 1e-9, 50
 
 
 @validate.checked
 def jacobian(parameters: _Vector, source: Points, pivot: Point) -> FloatArray:
-    """Derivatives of the model by its four parameters: all rows of f_x, then all rows of f_y.
+    """Return the derivatives of the model by its parameters: rows of f_x, then rows of f_y.
 
     Implements: niu2024 (25).
 
     Parameters
     ----------
     parameters : array_like, shape (..., 4)
-    source : array_like, shape (..., n, 2), in px
+        Vector u.
+    source : array_like, shape (..., n, 2)
+        Source points, in px.
     pivot : array_like, shape (..., 2)
-        The source channel's principal point, in px.
+        Principal point of the source channel, in px.
 
     Returns
     -------
@@ -62,18 +64,15 @@ def jacobian(parameters: _Vector, source: Points, pivot: Point) -> FloatArray:
     return rows.swapaxes(-3, -2).reshape(*rows.shape[:-3], -1, _PARAMETERS)
 
 
-_jacobian = validate.kernel(jacobian)
-
-
 @validate.checked
 def deviations(
     parameters: _Vector, source: Points, target: Points, pivot: Point
 ) -> FloatArray:
-    """Observed target minus model, in the order of the rows of `jacobian`.
+    """Return observed minus modelled target points, in the order of the rows of `jacobian`.
 
     Implements: niu2024 (25).
 
-    Arguments are those of `jacobian`, and the target points, as many, in px.
+    Parameters are those of `jacobian`, and the target points, (..., n, 2), in px.
 
     Returns
     -------
@@ -85,32 +84,28 @@ def deviations(
     >>> deviations((1, 0, 0, 0), [[7, 5]], [[8, 3]], (5, 5))
     array([ 1., -2.])
     """
-    left = target - Registration._unchecked("similarity", parameters, pivot)._apply(
-        source
-    )
-    return np.concatenate([left[..., 0], left[..., 1]], axis=-1)
-
-
-_deviations = validate.kernel(deviations)
+    modelled = Registration("similarity", parameters, pivot).apply(source)
+    residuals = (target - modelled).swapaxes(-2, -1)
+    return residuals.reshape(*residuals.shape[:-2], -1)
 
 
 @validate.checked
 def gauss_newton_step(
     parameters: _Vector, source: Points, target: Points, pivot: Point
 ) -> FloatArray:
-    """One Gauss-Newton update, u + (J^T J)^-1 J^T T, with the sign that converges.
+    """Return one Gauss-Newton update, u + (J^T J)^-1 J^T T, with the sign that converges.
 
     Implements: niu2024 (24).
 
-    T is observed minus modelled and J the derivative of the model, as (25) prints both; then the
-    correction must be added. As extracted it is subtracted, see `gauss_newton_step_printed`.
+    T is observed minus modelled and J the derivative of the model, as printed in (25), so the
+    correction is added. In the extracted text it is subtracted, see `gauss_newton_step_printed`.
 
-    Arguments are those of `deviations`.
+    Parameters are those of `deviations`.
 
     Returns
     -------
     ndarray, shape (..., 4)
-        The updated vector.
+        Updated vector.
 
     Raises
     ------
@@ -130,19 +125,18 @@ def gauss_newton_step(
 def gauss_newton_step_printed(
     parameters: _Vector, source: Points, target: Points, pivot: Point
 ) -> FloatArray:
-    """One update with the sign as extracted, u - (J^T J)^-1 J^T T.
+    """Return one update with the sign as extracted, u - (J^T J)^-1 J^T T.
 
     Printed form of niu2024 (24).
 
-    It walks away from the solution: an error in the shift doubles at each step. Only the solution
-    itself stays where it is. It would be right with T as model minus observation, but (25) prints
-    observation minus model.
+    It diverges: an error of the shift doubles at each step. It would be correct with T as model
+    minus observation, but (25) prints observation minus model.
 
-    Arguments and errors are those of `gauss_newton_step`.
+    Parameters and errors are those of `gauss_newton_step`.
 
     Examples
     --------
-    The solution is (2, 0, -3, 0); the step goes the other way.
+    The solution is (2, 0, -3, 0), in the opposite direction.
 
     >>> step = gauss_newton_step_printed((1, 0, 0, 0), [[0, 0], [1, 0]], [[3, 0], [5, 0]], (0, 0))
     >>> step.round(9) + 0.0
@@ -159,12 +153,11 @@ def _correction(
     free: int = _PARAMETERS,
 ) -> tuple[FloatArray, FloatArray]:
     """Return (J^T J)^-1 J^T T of the leading `free` parameters, and the RMS movement, in px."""
-    rows = _jacobian(parameters, source, pivot)[..., :free]
-    found, _ = gauss_newton(rows, _deviations(parameters, source, target, pivot), rows)
-    moved = np.square((rows @ found[..., None])[..., 0]).sum(axis=-1)
-    step = np.concatenate(
-        [found, np.zeros((*found.shape[:-1], _PARAMETERS - free))], axis=-1
-    )
+    rows = jacobian(parameters, source, pivot)[..., :free]
+    residuals = deviations(parameters, source, target, pivot)
+    step = np.zeros((*residuals.shape[:-1], _PARAMETERS))
+    step[..., :free], _ = gauss_newton(rows, residuals, rows)
+    moved = np.square(rows @ step[..., :free, None]).sum(axis=(-2, -1))
     return step, np.sqrt(moved / source.shape[-2])
 
 
@@ -172,7 +165,7 @@ def _correction(
 def starting_values(
     source_line: Points, target_line: _Others, source_zero: Point, target_zero: Point
 ) -> FloatArray:
-    """The starting vector u: scale one, the angle of two lines, the shift at the zero position.
+    """Return the starting vector: scale one, angle of two lines, shift at the zero position.
 
     Parameters
     ----------
@@ -180,56 +173,53 @@ def starting_values(
         Centroids while the middle frame of the rotary table rotates and the external frame is at
         rest, in px. The number of spots may differ.
     source_zero, target_zero : array_like, shape (..., 2)
-        Centroids at the table's zero position, in px: each channel's principal point, nearly.
+        Centroids at the zero position of the table, close to the principal points, in px.
 
     Returns
     -------
     ndarray, shape (..., 4)
-        (1, theta, shift x, shift y); theta is the direction in the target minus the one in the
-        source, within (-pi/2, pi/2].
+        (1, theta, shift x, shift y); theta is the direction in the target minus the direction in
+        the source, within (-pi/2, pi/2].
 
     Raises
     ------
     DegenerateGeometryError
-        If the spots of a channel fix no line.
+        If the spots of a channel do not determine a line.
 
     Examples
     --------
     >>> starting_values([[0, 0], [1, 0]], [[0, 0], [1, 0]], (7, 9), (5, 10))
     array([ 1.,  0.,  2., -1.])
     """
-    between = _direction("target_line", target_line) - _direction(
+    directions = _direction("target_line", target_line) - _direction(
         "source_line", source_line
     )
-    rotation = np.angle(np.exp(2j * between)) / 2
-    shift = source_zero - target_zero
-    values = np.ones(
-        (*np.broadcast_shapes(rotation.shape, shift.shape[:-1]), _PARAMETERS)
-    )
-    values[..., 1] = rotation
-    values[..., 2:] = shift
-    return values
+    rotation = np.angle(np.exp(2j * directions)) / 2
+    shift = np.moveaxis(source_zero - target_zero, -1, 0)
+    return np.stack(np.broadcast_arrays(1.0, rotation, *shift), axis=-1)
 
 
 @validate.checked
 def random_starts(
     start: _Vector, half_widths: ArrayLike, count: int, generator: np.random.Generator
 ) -> FloatArray:
-    """Random starting vectors, uniform within a box about a given one.
+    """Return random starting vectors, uniform within a box.
 
     Parameters
     ----------
     start : array_like, shape (..., 4)
-        The centre of the box.
+        Centre of the box.
     half_widths : array_like, shape (4,)
-        Half the box in k, theta (radians), shift x and shift y (px); zero or more.
+        Half widths of the box in k, theta (radians), shift x and shift y (px); zero or more.
     count : int
+        Number of starts.
     generator : numpy.random.Generator
+        Source of the random numbers.
 
     Returns
     -------
     ndarray, shape (count, ..., 4)
-        Starts, each one for `calibrate`.
+        Starting vectors of `calibrate`.
 
     Examples
     --------
@@ -244,17 +234,17 @@ def random_starts(
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """The outcome of the two-stage iteration, with its path.
+    """Result of the two-stage iteration, with its path.
 
     Attributes
     ----------
     history : ndarray, shape (m + 1, ..., 4)
-        The vector u before the first step and after each of the m steps. A calibration that has
-        settled stays put while others of its batch still move.
+        Vector u before the first step and after each of the m steps. It is constant after a
+        calibration has converged.
     first_stage : int
         Number of steps that change only scale and rotation.
     pivot : ndarray, shape (..., 2)
-        The source channel's principal point, in px.
+        Principal point of the source channel, in px.
     """
 
     history: FloatArray
@@ -264,13 +254,10 @@ class Calibration:
     @property
     def parameters(self) -> FloatArray:
         """Final vector u, shape (..., 4), with k above zero and theta within (-pi, pi]."""
-        last = self.history[-1]
-        # (k, theta) and (-k, theta + pi) are one transform; an iteration may end at either.
-        factor = last[..., 0] * np.exp(1j * last[..., 1])
-        return np.concatenate(
-            [np.abs(factor)[..., None], np.angle(factor)[..., None], last[..., 2:]],
-            axis=-1,
-        )
+        scale, angle, *shift = np.moveaxis(self.history[-1], -1, 0)
+        # (k, theta) and (-k, theta + pi) are one transform.
+        factor = scale * np.exp(1j * angle)
+        return np.stack([np.abs(factor), np.angle(factor), *shift], axis=-1)
 
 
 @validate.checked
@@ -284,20 +271,21 @@ def calibrate(
     source, target : array_like, shape (..., n, 2)
         The same spots in both channels, in px.
     pivot : array_like, shape (..., 2)
-        The source channel's principal point, in px.
+        Principal point of the source channel, in px.
     start : array_like, shape (..., 4)
-        Starting vector u, from `starting_values` for one.
+        Starting vector u, for example from `starting_values`.
 
     Returns
     -------
     Calibration
+        Path and result.
 
     Raises
     ------
     DegenerateGeometryError
         If the points coincide or mirror each other, or a step leaves a parameter undetermined.
     ArithmeticError
-        If a calibration of the batch has not settled after 50 steps of a stage.
+        If a calibration of the batch has not converged after 50 steps of a stage.
 
     Examples
     --------
@@ -305,40 +293,28 @@ def calibrate(
     >>> result.parameters.round(9) + 0.0
     array([ 2.,  0., -3.,  0.])
     """
-    # The closed form refuses what has no unique answer; the iteration would settle anywhere.
+    # The closed form raises an error if there is no unique solution. The iteration may not.
     closed = fit_registration(source, target, pivot).parameters
-    path = [start + np.zeros_like(closed)]
-    path += _iterated(path[-1], source, target, pivot, 2)
-    first = len(path) - 1
-    path += _iterated(path[-1], source, target, pivot, _PARAMETERS)
-    return Calibration(np.stack(path), first, pivot)
-
-
-def _iterated(
-    start: FloatArray,
-    source: FloatArray,
-    target: FloatArray,
-    pivot: FloatArray,
-    free: int,
-) -> list[FloatArray]:
-    """Return the vectors after each step with `free` parameters, until all have settled."""
-    path, moving = [start], np.ones(start.shape[:-1], dtype=bool)
-    while moving.any():
-        if len(path) > _STEPS:
-            raise ArithmeticError(
-                f"expected every calibration to settle, got {int(moving.sum())} of "
-                f"{moving.size} that did not; start closer"
-            )
-        step, movement = _correction(path[-1], source, target, pivot, free)
-        # Converged calibrations stay, so a batch equals separate calibrations.
-        path.append(path[-1] + np.where(moving[..., None], step, 0.0))
-        moving &= movement >= _MOVEMENT
-    return path[1:]
+    path, firsts = [start + np.zeros_like(closed)], []
+    for free in (2, _PARAMETERS):
+        firsts.append(len(path))
+        moving = np.ones(path[0].shape[:-1], dtype=bool)
+        while moving.any():
+            if len(path) - firsts[-1] >= _MAX_STEPS:
+                raise ArithmeticError(
+                    f"start: expected every calibration to converge, got {int(moving.sum())} of "
+                    f"{moving.size} that did not. Start closer"
+                )
+            step, movement = _correction(path[-1], source, target, pivot, free)
+            # Converged calibrations stay, so a batch equals separate calibrations.
+            path.append(path[-1] + np.where(moving[..., None], step, 0.0))
+            moving &= movement >= _LAST_MOVEMENT
+    return Calibration(np.stack(path), firsts[1] - 1, pivot)
 
 
 @validate.checked
 def constraint(rotation: Number) -> FloatArray:
-    """The identity that ties cosine and sine: cos^2 + sin^2 - 1, zero at every angle.
+    """Return cos^2 + sin^2 - 1, which is zero at every angle.
 
     Parameters
     ----------
@@ -348,6 +324,7 @@ def constraint(rotation: Number) -> FloatArray:
     Returns
     -------
     ndarray, shape (...)
+        Zero, except for rounding errors.
 
     Examples
     --------
@@ -359,21 +336,22 @@ def constraint(rotation: Number) -> FloatArray:
 
 @validate.checked
 def constraint_printed(rotation: Number) -> FloatArray:
-    """The constraint as extracted from section 3.2: cos^2 + cos^2 - 1, which is cos(2 theta).
+    """Return the constraint as extracted from section 3.2: cos^2 + cos^2 - 1.
 
-    It is zero only at odd multiples of 45 degrees; a detector turned by a fraction of a degree
-    misses it by almost one. Arguments are those of `constraint`.
+    This is cos(2 theta), zero only at odd multiples of 45 degrees, and almost one for a detector
+    that is rotated by a fraction of a degree. Parameters are those of `constraint`.
 
     Returns
     -------
     ndarray, shape (...)
+        Value of the printed constraint.
 
     Examples
     --------
     >>> float(constraint_printed(0.0))
     1.0
     """
-    return np.asarray(np.cos(rotation) ** 2 + np.cos(rotation) ** 2 - 1)
+    return np.asarray(2 * np.cos(rotation) ** 2 - 1)
 
 
 @validate.checked
@@ -383,17 +361,17 @@ def registration_bound(
     source_sigma: NonNegative,
     target_sigma: NonNegative,
 ) -> FloatArray:
-    """The Cramér-Rao bound of the four parameters where both channels are noisy.
+    """Return the Cramér-Rao bound of the four parameters for noise in both channels.
 
-    The true positions are unknown too, one for each spot. Eliminating them leaves the variance of
-    one coordinate of target minus transformed source, target_sigma^2 + k^2 source_sigma^2.
+    The true positions of the spots are unknown too. Without them, the variance of one coordinate of
+    target minus transformed source is target_sigma^2 + k^2 source_sigma^2.
 
     Parameters
     ----------
     source : array_like, shape (..., n, 2)
         True source points, in px.
     similarity : Registration
-        The true transform.
+        True transform.
     source_sigma, target_sigma : array_like, shape (...)
         Standard deviations of one coordinate of one spot, in px; not both zero.
 
@@ -418,14 +396,14 @@ def registration_bound(
     variance = target_sigma**2 + (similarity.scale * source_sigma) ** 2
     if (variance == 0).any():
         raise ValueError(
-            "sigma: expected noise in one channel at least, got none; give one"
+            "source_sigma, target_sigma: expected noise in at least one channel, got none. Add it"
         )
-    fit = fit_registration(source, similarity._apply(source), similarity.pivot)
+    fit = fit_registration(source, similarity.apply(source), similarity.pivot)
     return variance[..., None, None] * fit.cofactor
 
 
 def _direction(name: str, points: FloatArray) -> FloatArray:
-    """Return the angle of the straight line that fits best, within (-pi/2, pi/2]."""
+    """Return the angle of the best straight line, within (-pi/2, pi/2]."""
     numbers = as_complex(points - points.mean(axis=-2, keepdims=True))
     # Squaring doubles the angle, so that both senses of the line add up.
     doubled = (numbers**2).sum(axis=-1)
@@ -434,6 +412,6 @@ def _direction(name: str, points: FloatArray) -> FloatArray:
     if ((spread <= rounding) | (np.abs(doubled) <= 1e-12 * spread)).any():
         raise validate.DegenerateGeometryError(
             f"{name}: expected spots along a line, got coincident points or points that spread "
-            "alike in all directions; rotate the middle frame alone, over a wider range"
+            "alike in all directions. Rotate only the middle frame, over a wider range"
         )
     return np.angle(doubled) / 2

@@ -12,16 +12,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from reproduce.physics import validate
-from reproduce.physics.registration._least_squares import (
-    Problem,
-    model_jacobian,
-    prepare,
-    thinned,
-    whitened,
-)
+from reproduce.physics.registration._least_squares import Problem, prepare, thinned
 from reproduce.physics.registration.fit import (
     FALSE_ALARM_ROBUST,
     RegistrationFit,
+    _whitened,
     fit_problem,
     fit_registration,
 )
@@ -117,83 +112,56 @@ def sensitivities(
     >>> grid = np.indices((5, 5)).reshape(2, -1).T * 9.0 - 18
     >>> bent = grid * (1 + 1e-4 * np.square(grid).sum(axis=1, keepdims=True))
     >>> target = bent + 1e-3 * np.sin(7 * grid[:, ::-1])
-    >>> found = sensitivities(fit_registration(grid, target, (0, 0)))
-    >>> [one.term for one in found if one.p_value < 1e-9]
+    >>> terms = sensitivities(fit_registration(grid, target, (0, 0)))
+    >>> [term.term for term in terms if term.p_value < 1e-9]
     ['radial']
-    """
-    some = thinned(len(fit.residuals), _MAX_COMPARED)
-    problem, transform = fit.problem.rows(some), fit.transform
-    jacobian = model_jacobian(
-        fit.model, fit.parameters, problem.source - transform.pivot
-    )
-    terms = _terms(
-        fit.model,
-        transform.apply(problem.source) - transform.apply(transform.pivot[None]),
-    )
-    if brightness is not None:
-        flux = np.asarray(brightness, dtype=np.float64)[some]
-        half = np.where(flux > np.median(flux), 0.5, -0.5)
-        terms["brightness"] = half[:, None, None] * jacobian
-    factor, _ = whitened(problem, fit.parameters, problem.source)
-    columns = [jacobian, *terms.values(), fit.residuals[some, :, None]]
-    rows = (factor @ np.concatenate(columns, axis=-1)).reshape(len(factor) * 2, -1)
-    gram: FloatArray = rows.T @ rows
-    scale = np.sqrt(np.maximum(np.diagonal(gram), np.finfo(float).tiny))
-    gram = gram / np.outer(scale, scale)
-    start = count = len(fit.names)
-    units = fit.standard_errors * scale[:count] / scale[-1]
-    freedom = 2 * int(np.count_nonzero(problem.counts)) - count
-    found = []
-    for term, added in terms.items():
-        stop = start + added.shape[-1]
-        # Rows and columns: parameters, columns of the term, residuals.
-        chosen = [*range(count), *range(start, stop), len(gram) - 1]
-        part = gram[np.ix_(chosen, chosen)] + _RIDGE * np.eye(len(chosen))
-        found.append(
-            _sensitivity(
-                term,
-                np.asarray(np.linalg.cholesky(part), dtype=np.float64),
-                units,
-                freedom,
-            )
-        )
-        start = stop
-    return [one for one in found if one is not None]
-
-
-def _sensitivity(
-    term: str, factor: FloatArray, units: FloatArray, freedom: int
-) -> Sensitivity | None:
-    """Return the effect of a term, or None if the stars do not fix it.
-
-    `factor` is the triangular factor of the products of parameters, term and residuals, `units` the
-    standard errors of the parameters in its scale.
     """
     from scipy.special import fdtrc
 
-    count = len(units)
-    own, pull = factor[count:-1, count:-1], factor[-1, count:-1]
-    spare = freedom - len(pull)
-    if spare <= 0 or np.diagonal(own).min() < _MIN_INDEPENDENT:
-        return None
-    steps = np.linalg.solve(own.T, pull)
-    noise = float(factor[-1, -1]) / np.sqrt(spare)
-    # The F test does not depend on the scale of the errors.
-    p_value = float(fdtrc(len(pull), spare, pull @ pull / len(pull) / noise**2))
-    if term == "brightness":
-        change = steps / (noise * np.linalg.norm(np.linalg.inv(own), axis=0))
-    else:
-        pulled = factor[count:-1, :count].T @ steps
-        change = -np.linalg.solve(factor[:count, :count].T, pulled) / units
-        change = change.round(9)  # zero without rounding errors
-    return Sensitivity(term, change, p_value)
+    used = thinned(len(fit.residuals), _MAX_COMPARED)
+    problem, count = fit.problem.rows(used), len(fit.names)
+    jacobian = problem.jacobian(fit.parameters, problem.source)
+    terms = _terms(fit, problem.source)
+    if brightness is not None:
+        flux = np.asarray(brightness, dtype=np.float64)[used]
+        half = np.where(flux > np.median(flux), 0.5, -0.5)
+        terms["brightness"] = half[:, None, None] * jacobian
+    factor, residuals = _whitened(problem, fit.parameters, problem.source)
+    freedom = 2 * int(np.count_nonzero(problem.counts)) - count
+    changes = []
+    for term, added in terms.items():
+        # Columns: parameters, term, residuals; each of length one.
+        rows = (factor @ np.concatenate([jacobian, added], axis=-1)).reshape(
+            residuals.size, -1
+        )
+        rows = np.column_stack([rows, residuals.ravel()])
+        lengths = np.sqrt(np.maximum(np.square(rows).sum(axis=0), np.finfo(float).tiny))
+        rows = rows / lengths
+        gram = rows.T @ rows + _RIDGE * np.eye(len(lengths))
+        triangle = np.asarray(np.linalg.cholesky(gram), dtype=np.float64)
+        independent, pull = triangle[count:-1, count:-1], triangle[-1, count:-1]
+        spare = freedom - len(pull)
+        if spare <= 0 or np.diagonal(independent).min() < _MIN_INDEPENDENT:
+            continue
+        steps = np.linalg.solve(independent.T, pull)
+        noise = float(triangle[-1, -1]) / np.sqrt(spare)
+        # The F test does not depend on the scale of the errors.
+        p_value = float(fdtrc(len(pull), spare, pull @ pull / len(pull) / noise**2))
+        if term == "brightness":
+            error = noise * np.linalg.norm(np.linalg.inv(independent), axis=0)
+            change = steps / error
+        else:
+            pulled = triangle[count:-1, :count].T @ steps
+            moved = -np.linalg.solve(triangle[:count, :count].T, pulled)
+            change = moved * lengths[-1] / lengths[:count] / fit.standard_errors
+        changes.append(Sensitivity(term, change.round(9), p_value))
+    return changes
 
 
-def _terms(model: str, offsets: FloatArray) -> dict[str, FloatArray]:
-    """Return the displacements, (n, 2, columns), of the terms that a model does not contain.
-
-    `offsets` are those of registered points from the registered pivot, in px.
-    """
+def _terms(fit: RegistrationFit, source: FloatArray) -> dict[str, FloatArray]:
+    """Return the displacements, (n, 2, columns), of the terms that the model does not contain."""
+    apply, pivot = fit.transform.apply, fit.transform.pivot
+    offsets = apply(source) - apply(pivot[None])
     along = offsets / max(float(np.abs(offsets).max()), 1e-300)
     across = along[:, ::-1]
     terms = {
@@ -203,7 +171,7 @@ def _terms(model: str, offsets: FloatArray) -> dict[str, FloatArray]:
         "tilt": along[..., None] * along[:, None, :],
         "affine": np.stack([along * (1, -1), across], axis=-1),
     }
-    return {name: terms[name] for name in _MISSING_TERMS[model]}
+    return {name: terms[name] for name in _MISSING_TERMS[fit.model]}
 
 
 def chi_square_range(fit: RegistrationFit) -> tuple[float, float]:
@@ -221,8 +189,8 @@ def chi_square_range(fit: RegistrationFit) -> tuple[float, float]:
     Examples
     --------
     >>> square = np.array([[0.0, 0], [9, 0], [0, 9], [9, 9]])
-    >>> [round(one, 2) for one in chi_square_range(fit_registration(square, square, (0, 0)))]
-    [0.12, 2.79]
+    >>> np.round(chi_square_range(fit_registration(square, square, (0, 0))), 2)
+    array([0.12, 2.79])
     """
     from scipy.special import chdtri
 
@@ -253,10 +221,10 @@ def fits_exactly(fit: RegistrationFit, source: FloatArray, target: FloatArray) -
     """
     residuals = fit.residuals * (fit.weights > 0)[:, None]
     residual, *largest = (
-        float(max(one.max(), -one.min()))
-        for one in (residuals, source, target, fit.transform.pivot)
+        np.linalg.norm(np.ravel(values), np.inf)
+        for values in (residuals, source, target, fit.transform.pivot)
     )
-    return residual < _EXACT_FRACTION * max(largest)
+    return bool(residual < _EXACT_FRACTION * max(largest))
 
 
 def checked_pivot(pivot: ArrayLike | None, points: FloatArray) -> FloatArray:
@@ -315,16 +283,15 @@ def tied(source: FloatArray, target: FloatArray) -> bool:
     >>> tied(field, field + 3)
     True
     """
-    some = thinned(len(source), _LARGE_FIELD)
-    source, moved = source[some], (target - source)[some].round(9)
+    part = thinned(len(source), _LARGE_FIELD)
+    source, moved = source[part], (target - source)[part].round(9)
     steps, counts = np.unique(moved, axis=0, return_counts=True)
     if counts.max() <= max(2, _MAX_TIED * len(moved)):
         return False
     pivot = source.mean(axis=0)
     robust = _robust(prepare(source, source + moved, pivot))
     fit = robust or fit_registration(source, source + moved, pivot)
-    scale, rotation = fit.parameters[:2]
-    change = max(abs(scale - 1), abs(rotation)) * float(np.ptp(source, axis=0).max())
+    change = np.abs(fit.parameters[:2] - [1, 0]).max() * np.ptp(source, axis=0).max()
     digits = np.diff(np.unique(steps.round(9)))
     # A scale or rotation distributes the displacements over the digits.
     return bool(change < digits.min(initial=np.inf) / 2)
@@ -365,43 +332,41 @@ def diagnose_fit(
     Examples
     --------
     >>> square = np.array([[0.0, 0], [90, 0], [0, 90], [90, 90]])
-    >>> [one.kind for one in diagnose_fit(fit_registration(square, square + 1 / 3, (0, 0)))[0]]
+    >>> findings, _ = diagnose_fit(fit_registration(square, square + 1 / 3, (0, 0)))
+    >>> [finding.kind for finding in findings]
     ['exact']
     """
-    found = [*_stars(fit, named), *_errors(fit)]
-    if fit.robust:
-        found += _dropped(fit, named)
-    if fits_exactly(fit, fit.problem.source, fit.problem.target):
+    problem, unmatched = fit.problem, None
+    findings = [*_stars(fit, named), *_errors(fit), *_dropped(fit, named)]
+    if fits_exactly(fit, problem.source, problem.target):
         # Without a degree of freedom the residuals are zero by construction.
         if not fit.errors_known and fit.degrees_of_freedom > 0:
             text = "the residuals are zero, so the errors cannot be estimated"
-            found.append(Finding("exact", text))
-        return found, []
-    robust = None
-    if tied(fit.problem.source, fit.problem.target):
+            findings.append(Finding("exact", text))
+        return findings, []
+    if tied(problem.source, problem.target):
         text = "many stars have exactly equal displacements: rounding hides their noise"
-        found.append(Finding("tied", text))
+        findings.append(Finding("tied", text))
     elif not fit.robust and _any_far(fit):
         # Wrong matches must not hide a distortion.
-        robust = _robust(fit.problem)
-    right = robust or fit
+        unmatched = _robust(problem)
+    right = unmatched or fit
     # A few stars that fit each other may be too few for any term.
     terms = sensitivities(right, brightness) or sensitivities(fit, brightness)
-    limit = FALSE_ALARM / max(len(terms), 1)
-    doubtful = sorted(
-        (one for one in terms if one.p_value < limit), key=lambda one: one.p_value
-    )
-    if doubtful:
-        found.append(_model_warning(doubtful[0], right.names))
+    doubtful = min(terms, key=lambda term: term.p_value, default=None)
+    if doubtful and doubtful.p_value < FALSE_ALARM / len(terms):
+        findings.append(_model_finding(doubtful, right))
+        # A distortion must not be taken for wrong matches.
+        richer = _RICHER_MODELS.get(doubtful.term)
+        if unmatched and richer:
+            unmatched = _robust(replace(problem, model=richer))
     elif terms:
-        found += _sensitive(terms, right.names)
-    # A distortion must not be taken for wrong matches.
-    models = [
-        _RICHER_MODELS[one.term] for one in doubtful if one.term in _RICHER_MODELS
-    ]
-    if robust and models:
-        robust = _robust(replace(fit.problem, model=models[0]))
-    return found + (_mismatched(robust, named) if robust else []), terms
+        most = max(terms, key=lambda term: np.abs(term.change).max())
+        if np.abs(most.change).max() > _MAX_CHANGE and most.term != "brightness":
+            text = f"the intervals assume no {most.term} term, which would change "
+            text += _largest_change(most, right)
+            findings.append(Finding("sensitive", text))
+    return findings + (_mismatched(unmatched, named) if unmatched else []), terms
 
 
 def _robust(problem: Problem) -> RegistrationFit | None:
@@ -416,34 +381,37 @@ def _robust(problem: Problem) -> RegistrationFit | None:
 
 def _stars(fit: RegistrationFit, named: Named) -> list[Finding]:
     """Return the warnings of the positions of the stars."""
-    both = fit.problem.source, fit.problem.target
-    count = len(fit.residuals)
-    some = [one[thinned(count, _LARGE_FIELD)] for one in both]
-    spans = [float(np.ptp(one, axis=0).max()) for one in some]
+    both, count = (fit.problem.source, fit.problem.target), len(fit.residuals)
+    part = np.stack(both)[:, thinned(count, _LARGE_FIELD)]
+    span = float(np.ptp(part, axis=1).max())
     # Wrong matches do not change the medians.
-    sizes = [float(np.median(np.abs(one - np.median(one, axis=0)))) for one in some]
-    ratio = max(sizes) / (min(sizes) or np.inf)
-    found = []
-    if max(spans) < _MIN_SPAN:
-        text = f"the stars span {max(spans):.4g} px: are these pixels?"
-        found.append(Finding("unit", text))
-    elif ratio > _MAX_RATIO:
-        text = f"one image spans {ratio:.3g} times the other: are both in pixels?"
-        found.append(Finding("unit", text))
+    centred = np.abs(part - np.median(part, axis=1, keepdims=True))
+    small, large = np.sort(np.median(centred, axis=(1, 2)))
+    findings = []
+    if span < _MIN_SPAN:
+        findings.append(
+            Finding("unit", f"the stars span {span:.4g} px: are these pixels?")
+        )
+    elif large > _MAX_RATIO * small > 0:
+        text = (
+            f"one image spans {large / small:.3g} times the other: are both in pixels?"
+        )
+        findings.append(Finding("unit", text))
     if count <= _MAX_COMPARED:
-        first = [np.unique(one, axis=0, return_index=True)[1] for one in both]
+        first = [np.unique(image, axis=0, return_index=True)[1] for image in both]
         rows = np.setdiff1d(
             np.arange(count), np.intersect1d(first[0], first[1])
         ).tolist()
         if rows:
             text = f"{len(rows)} of {count} rows repeat a star of an earlier row ({named(rows)})"
-            found.append(Finding("duplicate", text, tuple(rows)))
+            findings.append(Finding("duplicate", text, tuple(rows)))
     if count > 2:
-        length, width = np.linalg.svd(some[0] - some[0].mean(axis=0), compute_uv=False)
+        stars = part[0] - part[0].mean(axis=0)
+        length, width = np.linalg.svd(stars, compute_uv=False)
         if width <= _LINE_RATIO * length:
             text = "the stars lie in a line: their mirror image would fit as well"
-            found.append(Finding("line", text))
-    return found
+            findings.append(Finding("line", text))
+    return findings
 
 
 def _errors(fit: RegistrationFit) -> list[Finding]:
@@ -465,22 +433,21 @@ def _errors(fit: RegistrationFit) -> list[Finding]:
 def _dropped(fit: RegistrationFit, named: Named) -> list[Finding]:
     """Return the warnings of a robust fit: the stars that it left out, and too few stars."""
     rows, count = np.flatnonzero(fit.rejected).tolist(), len(fit.weights)
-    found = []
+    findings = []
     if rows:
         text = f"{len(rows)} of {count} stars have zero weight ({named(rows)})"
-        found.append(Finding("dropped", text, tuple(rows)))
-    if count < _MIN_STARS_ROBUST:
+        findings.append(Finding("dropped", text, tuple(rows)))
+    if fit.robust and count < _MIN_STARS_ROBUST:
         text = f"with {count} stars a robust fit can detect one wrong match, not two"
-        found.append(Finding("few", text))
-    return found
+        findings.append(Finding("few", text))
+    return findings
 
 
 def _any_far(fit: RegistrationFit) -> bool:
     """Return whether a field is small, has weights, or has a residual far above the median."""
     lengths, count = np.hypot(*fit.residuals.T), len(fit.residuals)
-    median = np.median(lengths[thinned(count, _LARGE_FIELD)])
     # The median of a two-dimensional Gaussian residual is sqrt(2 log 2) standard deviations.
-    limit = np.sqrt(np.log(count / FALSE_ALARM_ROBUST) / np.log(2)) * median
+    limit = np.sqrt(np.log2(count / FALSE_ALARM_ROBUST)) * np.median(lengths)
     weighted = fit.errors_known or np.ptp(fit.weights) > 0
     return bool(count < _LARGE_FIELD or weighted or lengths.max() > limit)
 
@@ -502,31 +469,19 @@ def _mismatched(fit: RegistrationFit, named: Named) -> list[Finding]:
     return [Finding("mismatched", text, tuple(rows.tolist()))]
 
 
-def _largest_change(term: Sensitivity, names: Sequence[str]) -> str:
+def _largest_change(term: Sensitivity, fit: RegistrationFit) -> str:
     """Return the largest change of a parameter as text, with the model that has the term."""
     worst = int(np.abs(term.change).argmax())
     model = _RICHER_MODELS.get(term.term)
     remedy = f'. Pass model="{model}"' if model else ""
-    return f"{names[worst]} by {term.change[worst]:.2g} standard deviations{remedy}"
+    return f"{fit.names[worst]} by {term.change[worst]:.2g} standard deviations{remedy}"
 
 
-def _model_warning(term: Sensitivity, names: Sequence[str]) -> Finding:
+def _model_finding(term: Sensitivity, fit: RegistrationFit) -> Finding:
     """Return the warning of a significant term."""
-    change = _largest_change(term, names)
+    change = _largest_change(term, fit)
     if term.term == "brightness":
         text = f"bright and faint stars differ in {change}: do the centroids depend on the flux?"
         return Finding("brightness", text)
     text = f"the {term.term} term improves the fit (p = {term.p_value:.1g}) and changes {change}"
     return Finding("model", text)
-
-
-def _sensitive(terms: Sequence[Sensitivity], names: Sequence[str]) -> list[Finding]:
-    """Return the note on a term that is not significant but would change a parameter."""
-    most = max(
-        terms, key=lambda one: np.abs(one.change).max() * (one.term != "brightness")
-    )
-    if np.abs(most.change).max() <= _MAX_CHANGE or most.term == "brightness":
-        return []
-    change = _largest_change(most, names)
-    text = f"the intervals assume no {most.term} term, which would change {change}"
-    return [Finding("sensitive", text)]

@@ -19,35 +19,34 @@ from numpy.typing import ArrayLike, NDArray
 
 from reproduce.physics import validate
 from reproduce.physics.registration._least_squares import (
-    _MIRRORED,
     Problem,
+    check_ratio,
+    closed_similarity,
     from_similarity,
-    mirror_limit,
-    model_jacobian,
+    iterated,
     prepare,
-    solve,
     thinned,
-    whitened,
 )
 from reproduce.physics.registration.transforms import (
     MODELS,
     Registration,
-    _parameter_names,
     as_complex,
 )
 from reproduce.physics.validate import FloatArray
 
+# Fewest points of a robust fit.
+_MIN_STARS_ROBUST = 4
+# Rounds of tests of all points, at most.
 _MAX_ROUNDS = 30
-# Number of points, spread evenly over the rows, of which all pairs give the start.
+# Number of points, spread evenly over the rows, that are tested against each other; and number of
+# points of which all pairs give the start.
+_MAX_TESTED = 5_000
 _MAX_PAIRED = 600
-# Number of points, spread as evenly, that are tested against each other. Other points are tested
-# against them.
-_MAX_SETTLED = 5_000
 # Probability that a robust fit leaves out any point of a field without wrong matches.
 FALSE_ALARM_ROBUST = 1e-3
-# Smallest variance of a residual, relative to the noise, if the fit follows the point.
-_MIN_VARIANCE = 1e-9
-_TINY = float(np.finfo(float).tiny)
+# Smallest variance of a residual, relative to the noise, if the fit follows the point, and rounding
+# error of a residual, relative to the coordinates.
+_MIN_VARIANCE, _ROUNDING = 1e-9, 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,10 +65,12 @@ class RegistrationFit:
         Weighted sum of squared deviations, of both images if covariances are known.
     cofactor : ndarray, shape (..., p, p)
         Inverse normal matrix.
+    points : ndarray, shape (..., n, 2)
+        Estimates of the true source points, in px.
+    rejected : ndarray of bool, shape (..., n)
+        Points that a robust fit left out.
     robust : bool
         Whether wrong matches were left out.
-    dropped : ndarray of bool, shape (..., n)
-        Points that a robust fit left out.
     """
 
     problem: Problem
@@ -77,8 +78,9 @@ class RegistrationFit:
     residuals: FloatArray
     chi_square: FloatArray
     cofactor: FloatArray
-    robust: bool
+    points: FloatArray
     rejected: NDArray[np.bool_]
+    robust: bool = False
 
     @property
     def weights(self) -> FloatArray:
@@ -98,7 +100,7 @@ class RegistrationFit:
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the parameters, in order."""
-        return _parameter_names(self.model)
+        return MODELS[self.model]
 
     @property
     def parameters(self) -> FloatArray:
@@ -159,14 +161,11 @@ class RegistrationFit:
             raise ValueError(
                 f"level: expected a probability between 0 and 1, got {level!r}"
             )
-        from scipy.special import ndtri, stdtrit  # this import takes longer than a fit
+        from scipy.special import stdtrit  # this import takes longer than a fit
 
-        upper = 0.5 * (1 + level)
         freedom = np.maximum(self.degrees_of_freedom, 1)
-        factor = (
-            ndtri(upper) if self.errors_known else stdtrit(freedom, upper)[..., None]
-        )
-        half = factor * self.standard_errors
+        freedom = np.where(self.errors_known, np.inf, freedom)[..., None]
+        half = stdtrit(freedom, 0.5 * (1 + level)) * self.standard_errors
         return np.stack([self.parameters - half, self.parameters + half], axis=-1)
 
     def prediction_covariance(self, points: ArrayLike) -> FloatArray:
@@ -177,9 +176,8 @@ class RegistrationFit:
         points : array_like, shape (..., n, 2)
             Source points without errors, in px.
         """
-        places = validate.finite_array("points", points, shape=(None, 2))
-        offsets = places - self.transform.pivot[..., None, :]
-        rows = model_jacobian(self.model, self.parameters, offsets)
+        positions = validate.finite_array("points", points, shape=(None, 2))
+        rows = self.problem.jacobian(self.parameters, positions)
         return rows @ self.covariance[..., None, :, :] @ rows.mT
 
 
@@ -271,102 +269,103 @@ def fit_problem(problem: Problem, robust: bool = False) -> RegistrationFit:
     >>> fit_problem(prepare([[0, 0], [1, 0]], [[3, 0], [5, 0]], (0, 0))).parameters + 0.0
     array([ 2.,  0., -3.,  0.])
     """
-    rejected = np.zeros(problem.counts.shape, dtype=bool)
-    if robust:
-        kept = _right_matches(problem)
-        rejected = ~kept & (problem.counts > 0)
-        problem = problem.with_weights(kept.astype(np.float64))
-    found = solve(problem)
-    transform = Registration._unchecked(problem.model, found.parameters, problem.pivot)
+    if not robust:
+        return _solved(problem)
+    right = _right_matches(problem)
+    rejected = ~right & (problem.counts > 0)
+    return replace(_solved(problem, right), robust=True, rejected=rejected)
+
+
+def _solved(problem: Problem, used: NDArray[np.bool_] | None = None) -> RegistrationFit:
+    """Return the fit of all points, or of the used points."""
+    if used is not None:
+        problem = replace(problem, counts=problem.counts * used)
+    closed = problem.model == "similarity" and not problem.errors_known
+    solve = closed_similarity if closed else iterated
+    parameters, residuals, chi_square, cofactor, points = solve(problem)
     return RegistrationFit(
         problem,
-        transform,
-        found.residuals,
-        found.chi_square,
-        found.cofactor,
-        robust,
-        rejected,
+        Registration(problem.model, parameters, problem.pivot),
+        residuals,
+        chi_square,
+        cofactor,
+        points,
+        rejected=np.zeros(problem.counts.shape, dtype=bool),
     )
+
+
+def _whitened(
+    problem: Problem, parameters: FloatArray, points: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return factors, (..., n, 2, 2), and the residuals that they scale to variance one."""
+    residuals, factor, _ = problem.linearized(parameters, points)
+    if problem.errors_known:
+        factor = np.asarray(np.linalg.cholesky(factor).mT, dtype=np.float64)
+    factor = np.sqrt(problem.counts)[..., None, None] * factor
+    return factor, (factor @ residuals[..., None])[..., 0]
 
 
 def _right_matches(problem: Problem) -> NDArray[np.bool_]:
     """Return the points that fit each other, shape (..., n)."""
     count = problem.source.shape[-2]
-    part = problem.rows(thinned(count, _MAX_SETTLED))
+    part = problem.rows(thinned(count, _MAX_TESTED))
     closed = _repeated_median(part)
-    if problem.model != "affine":
+    if part.model != "affine":
         _check_medians_not_mirrored(part, closed)
-    start = from_similarity(problem.model, closed)
-    lengths = _norm(whitened(part, start, part.source)[1])
+    start = from_similarity(part.model, closed)
+    lengths = np.linalg.norm(_whitened(part, start, part.source)[1], axis=-1)
     lengths = np.where(part.counts > 0, lengths, np.nan)
-    kept = lengths <= np.nanquantile(
-        lengths, 0.5, axis=-1, keepdims=True, method="higher"
-    )
+    half = np.nanquantile(lengths, 0.5, axis=-1, keepdims=True, method="higher")
+    right = lengths <= half
     for _ in range(_MAX_ROUNDS):
-        before, kept = kept, _fitting(part, kept)
-        if (kept == before).all():
+        before, right = right, _fitting(part, right)
+        if (right == before).all():
             break
-    return kept if count <= _MAX_SETTLED else _fitting_part(problem, part, kept)
+    if count <= _MAX_TESTED:
+        return right
+    # Other points are tested against the part. Their leverage is negligible.
+    fit = _solved(part, right)
+    factor, residuals = _whitened(problem, fit.parameters, problem.source)
+    square = np.vecdot(residuals, residuals)
+    freedom = fit.degrees_of_freedom[..., None]
+    return _accepted(problem, factor, freedom, square, fit.chi_square[..., None])
 
 
-def _fitting_part(
-    problem: Problem, part: Problem, kept: NDArray[np.bool_]
-) -> NDArray[np.bool_]:
-    """Return the points that fit the kept ones of a large part, (..., n).
-
-    As `_fitting`, without the leverage, which is small.
-    """
-    found = solve(part.with_weights(kept.astype(np.float64)))
-    own = whitened(part, found.parameters, found.points)[1]
-    factor, residuals = whitened(problem, found.parameters, problem.source)
-    freedom = 2 * (kept & (part.counts > 0)).sum(axis=-1) - len(MODELS[part.model])
-    total = (kept * np.square(own).sum(axis=-1)).sum(axis=-1)
-    others = np.maximum(
-        total[..., None], freedom[..., None] * _rounding(problem, factor)
-    )
-    square = np.square(residuals).sum(axis=-1)
-    return _accepted(problem, freedom[..., None], square, others)
-
-
-def _fitting(problem: Problem, kept: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return the points that fit the kept ones, (..., n).
+def _fitting(problem: Problem, used: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return the points that fit the used ones, (..., n).
 
     The squared residual of a point over its expected variance, divided by two variances of the
     other points, follows the F distribution with 2 and their degrees of freedom.
     """
-    found = solve(problem.with_weights(kept.astype(np.float64)))
-    factor, residuals = whitened(problem, found.parameters, found.points)
-    offsets = found.points - problem.pivot[..., None, :]
-    rows = factor @ model_jacobian(problem.model, found.parameters, offsets)
-    leverage = rows @ found.cofactor[..., None, :, :] @ rows.mT
-    # The fit follows a kept point by its leverage, but no other point.
-    sign = np.where(kept, -1.0, 1.0)[..., None, None]
+    fit = _solved(problem, used)
+    factor, residuals = _whitened(problem, fit.parameters, fit.points)
+    rows = factor @ problem.jacobian(fit.parameters, fit.points)
+    leverage = rows @ fit.cofactor[..., None, :, :] @ rows.mT
+    # The fit follows a used point by its leverage, but no other point.
+    sign = np.where(used, -1.0, 1.0)[..., None, None]
     expected = (1 + _MIN_VARIANCE) * np.eye(2) + sign * leverage
-    solved = np.linalg.solve(expected, residuals[..., None])[..., 0]
-    square = np.maximum(np.vecdot(residuals, solved), 0)
-    used = kept & (problem.counts > 0)
-    count = 2 * used.sum(axis=-1, keepdims=True) - len(MODELS[problem.model])
-    freedom = count - 2 * kept
-    total = (kept * np.square(residuals).sum(axis=-1)).sum(axis=-1, keepdims=True)
-    least = np.maximum(freedom, 1) * _rounding(problem, factor)
-    others = np.maximum(total - kept * square, least)
-    accepted = _accepted(problem, freedom, square, others)
-    return np.where(freedom > 0, accepted, kept)
-
-
-def _rounding(problem: Problem, factor: FloatArray) -> FloatArray:
-    """Return the variance of the residuals of exact matches, (..., n), from rounding."""
-    reach = np.abs(problem.source).max() + np.abs(problem.target).max()
-    rounding = 1e-12 * (1 + reach) * np.abs(factor).max(axis=(-2, -1))
-    return np.asarray(rounding**2 + _TINY)
+    scaled = np.linalg.solve(expected, residuals[..., None])[..., 0]
+    square = np.maximum(np.vecdot(residuals, scaled), 0)
+    freedom = fit.degrees_of_freedom[..., None] - 2 * used
+    total = (used * np.vecdot(residuals, residuals)).sum(axis=-1, keepdims=True)
+    accepted = _accepted(problem, factor, freedom, square, total - used * square)
+    return np.where(freedom > 0, accepted, used)
 
 
 def _accepted(
-    problem: Problem, freedom: NDArray[np.int64], square: FloatArray, others: FloatArray
+    problem: Problem,
+    factor: FloatArray,
+    freedom: NDArray[np.int64],
+    square: FloatArray,
+    others: FloatArray,
 ) -> NDArray[np.bool_]:
     """Return whether squared residuals have the probability of right matches, (..., n)."""
+    # Residuals of exact matches are rounding errors.
+    reach = np.abs(problem.source).max() + np.abs(problem.target).max()
+    rounding = _ROUNDING * (1 + reach) * np.abs(factor).max(axis=(-2, -1))
+    least = np.maximum(freedom, 1) * (rounding**2 + np.finfo(float).tiny)
     count = np.count_nonzero(problem.counts, axis=-1, keepdims=True)
-    logarithm = -0.5 * freedom * np.log1p(square / others)
+    logarithm = -0.5 * freedom * np.log1p(square / np.maximum(others, least))
     return np.asarray(logarithm > np.log(FALSE_ALARM_ROBUST / count))
 
 
@@ -377,17 +376,17 @@ def _repeated_median(problem: Problem) -> FloatArray:
     `DegenerateGeometryError`.
     """
     n = problem.source.shape[-2]
-    if n < 4:
+    if n < _MIN_STARS_ROBUST:
         raise validate.DegenerateGeometryError(
-            f"source: expected four or more points for a robust fit, got {n}. Add points, or pass "
-            "robust=False"
+            f"source: expected {_MIN_STARS_ROBUST} or more points for a robust fit, got {n}. Add "
+            "points, or pass robust=False"
         )
-    some, used = thinned(n, _MAX_PAIRED), problem.counts > 0
+    part, used = thinned(n, _MAX_PAIRED), problem.counts > 0
     source, target = as_complex(problem.source), as_complex(problem.target)
     between, across = (
-        one[..., some, None] - one[..., None, some] for one in (source, target)
+        image[..., part, None] - image[..., None, part] for image in (source, target)
     )
-    pairs = used[..., some, None] & used[..., None, some] & (between != 0)
+    pairs = used[..., part, None] & used[..., None, part] & (between != 0)
     ratio = np.where(pairs, across / np.where(pairs, between, 1), np.nan)
     # A point without partners has no median and is left out of the next one.
     real, imaginary = (_median(_median(part)) for part in (ratio.real, ratio.imag))
@@ -398,11 +397,9 @@ def _repeated_median(problem: Problem) -> FloatArray:
             "place. Check the matches"
         )
     pivot = as_complex(problem.pivot)
-    registered = target - factor[..., None] * (source - pivot[..., None])
-    x, y = (
-        _median(np.where(used, part, np.nan))
-        for part in (registered.real, registered.imag)
-    )
+    moved = target - factor[..., None] * (source - pivot[..., None])
+    moved = np.where(used, moved, np.nan)
+    x, y = (_median(part) for part in (moved.real, moved.imag))
     return np.stack(
         [np.abs(factor), np.angle(factor), pivot.real - x, pivot.imag - y], axis=-1
     )
@@ -419,16 +416,10 @@ def _median(values: FloatArray) -> FloatArray:
 def _check_medians_not_mirrored(problem: Problem, closed: FloatArray) -> None:
     """Raise `MirroredPointsError` by the median residuals of two similarities."""
     flip = np.array([-1.0, 1.0])
-    plain = replace(problem, model="similarity")
-    across = replace(plain, source=plain.source * flip, pivot=plain.pivot * flip)
-    median, mirrored = (
-        np.median(_norm(one.target - one.transformed(parameters, one.source)), axis=-1)
-        for one, parameters in ((plain, closed), (across, _repeated_median(across)))
-    )
-    limit = mirror_limit(2 * problem.source.shape[-2] - 4)
-    if (median > np.sqrt(limit) * mirrored).any():
-        raise validate.MirroredPointsError(_MIRRORED)
-
-
-def _norm(vectors: FloatArray) -> FloatArray:
-    return np.hypot(vectors[..., 0], vectors[..., 1])
+    direct = replace(problem, model="similarity")
+    across = replace(direct, source=direct.source * flip, pivot=direct.pivot * flip)
+    squares = []
+    for image, parameters in ((direct, closed), (across, _repeated_median(across))):
+        residuals = image.target - image.transformed(parameters, image.source)
+        squares.append(np.median(np.vecdot(residuals, residuals), axis=-1))
+    check_ratio(2 * problem.source.shape[-2] - 4, *squares)

@@ -68,7 +68,7 @@ def match_points(
     -------
     rows : ndarray of int, shape (p, 2)
         Row of the source and row of the target of each pair.
-    found : Registration
+    transform : Registration
         Transform under which the pairs are neighbours. The determinant of its matrix is negative
         for a mirror image.
 
@@ -81,8 +81,8 @@ def match_points(
     Examples
     --------
     >>> stars = np.random.default_rng(1).uniform(0, 500, (40, 2))
-    >>> rows, found = match_points(stars, 1.01 * stars[::-1] + (3, 4), radius=1.0)
-    >>> bool((rows.sum(axis=1) == 39).all()), found.apply([[100.0, 0]]).round(6)
+    >>> rows, transform = match_points(stars, 1.01 * stars[::-1] + (3, 4), radius=1.0)
+    >>> bool((rows.sum(axis=1) == 39).all()), transform.apply([[100.0, 0]]).round(6)
     (True, array([[104.,   4.]]))
     """
     if start is not None:
@@ -99,8 +99,8 @@ def match_points(
             if chance < _MAX_CHANCE:
                 return _refined(rows, source, target, radius)
     raise ValueError(
-        f"expected {_MIN_COMMON} or more common stars, got lists of {len(source)} and "
-        f"{len(target)} stars that agree no better than by chance. Give a start"
+        f"source, target: expected {_MIN_COMMON} or more common stars, got lists of "
+        f"{len(source)} and {len(target)} stars that agree as well as by chance. Give a start"
     )
 
 
@@ -143,10 +143,11 @@ def neighbours(source: FloatArray, target: FloatArray, radius: float) -> IntArra
     """
     from scipy.spatial import KDTree
 
-    apart, there = KDTree(target).query(source)
+    distance, nearest = KDTree(target).query(source)
     back = np.asarray(KDTree(source).query(target)[1])
     rows = np.arange(len(source))
-    return np.stack([rows, there], axis=-1)[(apart < radius) & (back[there] == rows)]
+    mutual = (distance < radius) & (back[nearest] == rows)
+    return np.stack([rows, nearest], axis=-1)[mutual]
 
 
 def _candidates(
@@ -157,8 +158,8 @@ def _candidates(
     yield _best(first, other, radius, _shifts(source, target, radius))
     # The first stars, then those with the most distant nearest neighbour: two lists of the same
     # stars have this order in common for any rotation and any order of rows.
-    given = np.arange(len(source)), np.arange(len(target))
-    for samples in (given, (_isolated(source), _isolated(target))):
+    first_rows = np.arange(len(source)), np.arange(len(target))
+    for samples in (first_rows, (_isolated(source), _isolated(target))):
         i, j = (sample[:_SAMPLE_STARS] for sample in samples)
         # A mirror image has the conjugate positions.
         for stars in (first[i], first[i].conj()):
@@ -168,11 +169,11 @@ def _candidates(
 
 
 def _isolated(points: FloatArray) -> IntArray:
-    """Return the rows of points, that with the most distant nearest neighbour first."""
+    """Return the rows of points, the most distant nearest neighbour first."""
     from scipy.spatial import KDTree
 
-    apart = np.asarray(KDTree(points).query(points, 2)[0])
-    return np.argsort(-apart[:, 1], kind="stable")
+    distance = np.asarray(KDTree(points).query(points, 2)[0])
+    return np.argsort(-distance[:, 1], kind="stable")
 
 
 def _best(
@@ -191,16 +192,14 @@ def _best(
     tree = KDTree(as_points(others))
     images = as_points(factors[:, None] * stars + offsets[:, None])
     hit = tree.query(images, distance_upper_bound=radius)[1]
-    # Several stars near one star of the target count once; the last index is no star.
+    # Several stars near a star of the target count once; the last index means no star.
     best = images[(np.diff(np.sort(hit), append=tree.n) > 0).sum(axis=1).argmax()]
     rows = neighbours(best, tree.data, radius)
     # Two stars agree by the transform itself. Density from the third nearest.
-    apart = np.asarray(tree.query(best, 3)[0])
+    distance = np.asarray(tree.query(best, 3)[0])
     least = _ROUNDED_PX if (tree.data % 1).any() else _WHOLE_PX
-    agreement, third = (
-        np.maximum(one, least)
-        for one in (np.sort(apart[rows[:, 0], 0])[3:], apart[:, 2])
-    )
+    agreement = np.maximum(np.sort(distance[rows[:, 0], 0])[3:], least)
+    third = np.maximum(distance[:, 2], least)
     expected = 2 * (third**-2.0).sum() * agreement**2
     chances = pdtrc(np.arange(len(agreement)) + 1, expected)
     return rows, trials * len(rows) * float(chances.min(initial=1.0))
@@ -209,8 +208,7 @@ def _best(
 def _shifts(
     source: FloatArray, target: FloatArray, radius: float
 ) -> tuple[ComplexArray, ComplexArray, int]:
-    """Return the shifts for which most differences of positions vote, and the number of shifts."""
-
+    """Return the shifts with most votes of differences of positions, and the number of shifts."""
     field = np.ptp(target, axis=0).max()
     reach = 2 * radius + field * np.sqrt(_VOTES / (len(source) * len(target)))
     near = _close_pairs(source, target, reach)
@@ -235,13 +233,14 @@ def _similarities(
     triangles: ComplexArray, others: ComplexArray
 ) -> tuple[ComplexArray, ComplexArray, int]:
     """Return the similarities of the triangles that are most alike, and the number of pairs."""
-    shapes, there = (as_points((c - a) / (b - a)) for a, b, c in (triangles, others))
-    alike = np.sort(_close_pairs(shapes, there, _MAX_DIFFERENCE), order=("v", "i", "j"))
+    first, second = (as_points((c - a) / (b - a)) for a, b, c in (triangles, others))
+    alike = _close_pairs(first, second, _MAX_DIFFERENCE)
+    alike = np.sort(alike, order=("v", "i", "j"))
     # By their longest sides: a narrow triangle may fit its own mirror image better.
     a, b, _ = triangles[:, alike["i"][:_MAX_TRIED]]
     c, d, _ = others[:, alike["j"][:_MAX_TRIED]]
     factors = (d - c) / (b - a)
-    return factors, c - factors * a, len(shapes) * len(there)
+    return factors, c - factors * a, len(first) * len(second)
 
 
 def _triangles(stars: ComplexArray) -> ComplexArray:
@@ -269,7 +268,7 @@ def pair_weights(
     start: Registration,
     **settings: Any,
 ) -> tuple[FloatArray, float]:
-    """Return the weights of pairs of points, and their scatter beyond the errors, in px.
+    """Return the weights of pairs of points, and the scatter in addition to their errors.
 
     With this scatter, chi-square is equal to the degrees of freedom. The scatter is zero if the
     errors explain the residuals.
@@ -309,7 +308,7 @@ def pair_weights(
         )
         used, freedom = weights * (fit.weights > 0), float(fit.degrees_of_freedom)
         surplus = used @ np.square(fit.residuals).sum(axis=1) - freedom
-        # What added to each variance would take the surplus away, were the weights to stay.
+        # Variance that removes the surplus for constant weights.
         mean = used.sum() / np.count_nonzero(used)
         extra = max(0.0, extra + surplus / (max(freedom, 1.0) * mean))
     weights = 1 / (variance + extra)

@@ -10,16 +10,15 @@ fixed pivot, with q = point - pivot:
 * similarity+radial: k R(theta) q (1 + c r^2) + pivot - shift, with r the length of q;
 * affine: A q + pivot - shift.
 
-R(theta) turns x towards y for a positive angle. The shift is the source channel's principal point
-minus the target's, so it is *subtracted*. A similarity takes a point as the complex number x + iy:
-scaling and rotating is then one multiplication.
+R(theta) rotates x towards y for a positive angle. The shift is the principal point of the source
+minus that of the target, so it is *subtracted*. A similarity takes a point as the complex number
+x + iy. Scaling and rotating is then one multiplication.
 
-The four-parameter model of a source channel and the reference leaves out five things: that the
-distortions differ, that k^3 is not k, that the pivot may not be the principal point, that a
-detector may be tilted, and that there is a second radial term. For each there is the *error field*,
-reference point minus modelled point at the true parameters. Its positions have shape (n, 2), in
-metres on the source's focal plane, x before y, from the principal point; it has shape (n, 2), in px
-of the reference.
+The four-parameter model of a source channel and the reference neglects five effects: different
+distortions, k^3 unlike k, a pivot that is not the principal point, the tilt of a detector, and a
+second radial term. For each there is the *error field*, reference point minus modelled point at the
+true parameters, of shape (n, 2), in px of the reference. Its positions have shape (n, 2), in metres
+on the focal plane of the source, x before y, from the principal point.
 """
 
 from __future__ import annotations
@@ -31,13 +30,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from reproduce.physics import validate
-from reproduce.physics.optics import Camera
-from reproduce.physics.optics.camera import _turned
+from reproduce.physics.optics import Camera, turned_onto_detector
 from reproduce.physics.validate import FloatArray, Number, Point, Points, Positive
 
 ComplexArray = NDArray[np.complex128]
 
-# Names of the parameters, in the order in which every array has them.
+# Names of the parameters, in the order of all arrays of parameters.
 MODELS: dict[str, tuple[str, ...]] = {
     "shift": ("shift-x", "shift-y"),
     "rigid": ("rotation", "shift-x", "shift-y"),
@@ -47,7 +45,6 @@ MODELS: dict[str, tuple[str, ...]] = {
 }
 # Units of the parameters; scales and matrix elements have none.
 UNITS = {"rotation": "rad", "shift-x": "px", "shift-y": "px", "radial": "px^-2"}
-_NONE = np.zeros(())
 EFFECTS = ("coefficients", "cube", "pivot", "tilt", "second term")
 
 
@@ -70,7 +67,7 @@ def as_points(numbers: ComplexArray) -> FloatArray:
     >>> as_points(np.array([3 + 4j]))
     array([[3., 4.]])
     """
-    # Not ascontiguousarray, which would give a single number an axis it does not have.
+    # ascontiguousarray would add an axis to a single number.
     return np.asarray(numbers, order="C")[..., None].view(np.float64)
 
 
@@ -84,8 +81,10 @@ class Registration:
     ----------
     model : str
         A key of `MODELS`.
-    parameters : ndarray, shape (..., p), in the order of `MODELS`
-    pivot : ndarray, shape (..., 2), in px
+    parameters : ndarray, shape (..., p)
+        Parameters in the order of `MODELS`.
+    pivot : ndarray, shape (..., 2)
+        Centre of rotation and scale, in px.
 
     Examples
     --------
@@ -102,18 +101,19 @@ class Registration:
 
     def __post_init__(self) -> None:
         shape = (len(_parameter_names(self.model)),)
-        parameters = validate.finite_array("parameters", self.parameters, shape=shape)
-        pivot = validate.finite_array("pivot", self.pivot, shape=(2,))
-        validate.common_batch(parameters=parameters.shape[:-1], pivot=pivot.shape[:-1])
-        object.__setattr__(self, "parameters", parameters)
-        object.__setattr__(self, "pivot", pivot)
+        for name, trailing in (("parameters", shape), ("pivot", (2,))):
+            array = validate.finite_array(name, getattr(self, name), shape=trailing)
+            object.__setattr__(self, name, array)
+        validate.common_batch(
+            parameters=self.parameters.shape[:-1], pivot=self.pivot.shape[:-1]
+        )
 
     @classmethod
     @validate.checked
     def similarity(
         cls, scale: Positive, rotation: Number, shift: Point, pivot: Point
     ) -> Registration:
-        """Make a scale, rotation and shift about a pivot: the four parameters of niu2024.
+        """Return the transform of a scale, rotation and shift: the four parameters of niu2024.
 
         Parameters
         ----------
@@ -122,9 +122,9 @@ class Registration:
         rotation : array_like, shape (...)
             Angle theta, in radians.
         shift : array_like, shape (..., 2)
-            Source principal point minus target principal point, in px.
+            Principal point of the source minus that of the target, in px.
         pivot : array_like, shape (..., 2)
-            The point rotated and scaled about, in px: the source channel's principal point.
+            Centre of rotation and scale, in px: the principal point of the source.
 
         Returns
         -------
@@ -139,99 +139,95 @@ class Registration:
         array([[6., 5.]])
         """
         columns = np.broadcast_arrays(scale, rotation, shift[..., 0], shift[..., 1])
-        return cls._unchecked("similarity", np.stack(columns, axis=-1), pivot)
-
-    @classmethod
-    def _unchecked(
-        cls, model: str, parameters: FloatArray, pivot: FloatArray
-    ) -> Registration:
-        """Make a registration from what a fit has just computed, without checking it again."""
-        registration = object.__new__(cls)
-        object.__setattr__(registration, "model", model)
-        object.__setattr__(registration, "parameters", parameters)
-        object.__setattr__(registration, "pivot", pivot)
-        return registration
+        return cls("similarity", np.stack(columns, axis=-1), pivot)
 
     @property
     def batch(self) -> tuple[int, ...]:
-        """The batch shape; () for a single transform."""
+        """Batch shape; () for a single transform."""
         return np.broadcast_shapes(self.parameters.shape[:-1], self.pivot.shape[:-1])
 
     @property
     def scale(self) -> FloatArray:
-        """The scale factor k, shape (...), of a model that has one."""
-        return self._named("scale")
+        """Scale factor k, shape (...), if the model has a scale."""
+        return self._parameter("scale")
 
     @property
     def rotation(self) -> FloatArray:
-        """The angle theta in radians, shape (...), of a model that has one."""
-        return self._named("rotation")
+        """Angle theta in radians, shape (...), if the model has a rotation."""
+        return self._parameter("rotation")
 
     @property
     def factor(self) -> ComplexArray:
-        """The complex number k exp(i theta) of a similarity, shape (...)."""
+        """Complex number k exp(i theta) of a similarity, shape (...)."""
         return self.scale * np.exp(1j * self.rotation)
 
     @property
     def matrix(self) -> FloatArray:
-        """The linear part about the pivot, shape (..., 2, 2)."""
+        """Linear part about the pivot, shape (..., 2, 2)."""
         return _linear_part(self.model, self.parameters)
 
     @property
     def shift(self) -> FloatArray:
-        """Where the pivot was minus where it lands, shape (..., 2), in px."""
+        """Pivot minus its image, shape (..., 2), in px."""
         start = MODELS[self.model].index("shift-x")
         return self.parameters[..., start : start + 2]
 
+    def _parameter(self, name: str) -> FloatArray:
+        names = MODELS[self.model]
+        if name not in names:
+            raise ValueError(
+                f"model: expected a model with a {name}, got {self.model!r}. Fit another model"
+            )
+        return self.parameters[..., names.index(name)]
+
     @validate.checked
     def apply(self, points: Points) -> FloatArray:
-        """Lay source points over the target.
+        """Return the registered positions of source points.
 
         Parameters
         ----------
-        points : array_like, shape (..., n, 2), in the source, in px
+        points : array_like, shape (..., n, 2)
+            Points in the source, in px.
 
         Returns
         -------
-        ndarray, shape (..., n, 2), in the target, in px
+        ndarray, shape (..., n, 2)
+            Positions in the target, in px.
         """
         offsets = points - self.pivot[..., None, :]
+        image = self.pivot - self.shift
         if self.model == "similarity":
-            landed = self.factor[..., None] * as_complex(offsets)
-            return as_points(landed + as_complex(self.pivot - self.shift)[..., None])
+            scaled = self.factor[..., None] * as_complex(offsets)
+            return as_points(scaled + as_complex(image)[..., None])
         if self.model == "similarity+radial":
             squared = np.square(offsets).sum(axis=-1, keepdims=True)
             offsets = offsets * (1 + self.parameters[..., -1:, None] * squared)
-        return offsets @ self.matrix.mT + (self.pivot - self.shift)[..., None, :]
-
-    _apply = validate.kernel(apply)
+        return offsets @ self.matrix.mT + image[..., None, :]
 
     def affine(self) -> tuple[FloatArray, FloatArray]:
-        """Write the transform as matrix and translation: matrix @ point + translation.
+        """Return the transform as matrix and translation: matrix @ point + translation.
 
         Implements: niu2024 (4).
 
         Returns
         -------
-        ndarray, shape (..., 2, 2)
-            The matrix: T = k R(theta) of a similarity.
-        ndarray, shape (..., 2)
-            The translation, in px. It is not minus the shift: it also undoes the pivot.
+        matrix : ndarray, shape (..., 2, 2)
+            For a similarity, T = k R(theta).
+        translation : ndarray, shape (..., 2)
+            In px. It is not minus the shift, because it includes the effect of the pivot.
 
         Raises
         ------
         ValueError
-            If the transform bends straight lines, by a radial term.
+            If the model has a radial term.
         """
         if self.model == "similarity+radial":
             raise ValueError(
-                "expected a transform that keeps lines straight, got one with a radial term; "
-                "apply it to points instead"
+                "model: expected a transform that keeps lines straight, got one with a radial "
+                "term. Apply it to points instead"
             )
-        matrix = self.matrix
-        return matrix, self.pivot - self.shift - (matrix @ self.pivot[..., None])[
-            ..., 0
-        ]
+        carried = (self.matrix @ self.pivot[..., None])[..., 0]
+        return self.matrix, self.pivot - self.shift - carried
 
     def inverse(self) -> Registration:
         """Return the transform from target to source, about the same pivot.
@@ -245,31 +241,26 @@ class Registration:
             return Registration.similarity(
                 np.abs(back), np.angle(back), shift, self.pivot
             )
-        inverse = np.asarray(np.linalg.inv(self.affine()[0]), dtype=np.float64)
+        inverse = np.linalg.inv(self.affine()[0])
         shift = -(inverse @ self.shift[..., None])[..., 0]
         flat = inverse.reshape(*inverse.shape[:-2], 4)
         return Registration(
             "affine", np.concatenate([flat, shift], axis=-1), self.pivot
         )
 
-    def _named(self, name: str) -> FloatArray:
-        names = MODELS[self.model]
-        if name not in names:
-            raise ValueError(f"expected a model with a {name}, got {self.model!r}")
-        return self.parameters[..., names.index(name)]
-
 
 @validate.checked
 def principal_point_shift(
     principal_point: Point, reference_principal_point: Point
 ) -> FloatArray:
-    """The shift of a channel against the reference: the difference of principal points.
+    """Return the shift of a channel against the reference: the difference of principal points.
 
     Implements: niu2024 (14).
 
     Parameters
     ----------
-    principal_point, reference_principal_point : array_like, shape (..., 2), in px
+    principal_point, reference_principal_point : array_like, shape (..., 2)
+        Principal points of the channel and of the reference, in px.
 
     Returns
     -------
@@ -288,12 +279,14 @@ def principal_point_shift(
 def similarity_between(
     camera: Camera, rotation: Number, reference: Camera
 ) -> Registration:
-    """The similarity that the imaging parameters of two channels imply, distortion left aside.
+    """Return the similarity that the imaging parameters of two channels imply.
+
+    It is exact if both distortions are zero.
 
     Parameters
     ----------
     camera, reference : Camera
-        The source channel and the reference (target) channel.
+        Source channel and reference (target) channel.
     rotation : array_like, shape (...)
         Angle of the source detector against the reference, in radians.
 
@@ -301,7 +294,7 @@ def similarity_between(
     -------
     Registration
         Scale: ratio of focal lengths in px; shift: difference of principal points; pivot: the
-        principal point of `camera`. Exact where both distortions are zero.
+        principal point of `camera`.
 
     Examples
     --------
@@ -309,7 +302,7 @@ def similarity_between(
     >>> similarity_between(Camera(20e-3, (11, 9), 0, 1e-5), 0.0, green).parameters
     array([ 1.5,  0. ,  1. , -1. ])
     """
-    # In px, so that channels may differ in pixel pitch too; the paper's do not.
+    # In px, because channels may differ in pixel pitch.
     scale = (reference.focal_length / camera.focal_length) * (
         camera.pixel_pitch / reference.pixel_pitch
     )
@@ -318,16 +311,16 @@ def similarity_between(
 
 
 def rmse(points: ArrayLike, reference: ArrayLike) -> FloatArray:
-    """Root mean square distance between two sets of points: one number for both axes.
+    """Return the root mean square distance between two sets of points, over both axes.
 
     Implements: niu2024 (26).
 
-    Arguments and errors are those of `rmse_per_axis`.
+    Parameters and errors are those of `rmse_per_axis`.
 
     Returns
     -------
     ndarray, shape (...)
-        In px. Noise of standard deviation s per coordinate in one set gives s * sqrt(2).
+        Distance, in px. Noise of standard deviation s per coordinate in one set gives s * sqrt(2).
 
     Examples
     --------
@@ -339,16 +332,17 @@ def rmse(points: ArrayLike, reference: ArrayLike) -> FloatArray:
 
 @validate.checked
 def rmse_per_axis(points: Points, reference: Points) -> FloatArray:
-    """Root mean square difference between two sets of points, in x and in y.
+    """Return the root mean square difference between two sets of points, in x and in y.
 
     Parameters
     ----------
     points, reference : array_like, shape (..., n, 2)
-        Transformed points and those they should meet, in px.
+        Registered points and the points of the reference, in px.
 
     Returns
     -------
-    ndarray, shape (..., 2), in px
+    ndarray, shape (..., 2)
+        Differences along x and y, in px.
 
     Examples
     --------
@@ -360,7 +354,7 @@ def rmse_per_axis(points: Points, reference: Points) -> FloatArray:
 
 @validate.checked
 def paired_points(source: Points, target: Points) -> tuple[FloatArray, FloatArray]:
-    """Check two sets of points, (..., n, 2), that belong together row by row.
+    """Return two sets of points, (..., n, 2), after checking that they have equal lengths.
 
     Examples
     --------
@@ -379,25 +373,24 @@ def registered_image(
 ) -> FloatArray:
     """Return a source image on the pixels of the target.
 
-    The value of a target pixel is read off the source where the transform comes from, between the
-    pixels by splines. It is divided by how much the transform enlarges an area: a spot that is
-    stretched over more pixels keeps its light.
+    The value of a target pixel is interpolated in the source by splines, and divided by the
+    magnification of areas, so that a spot keeps its flux.
 
     Parameters
     ----------
     image : array_like, shape (height, width)
-        In any unit of light, background taken away: outside the image there is nothing.
-    transform : Registration, or what a fit returns
-        From source to target; a single one, without a radial term.
+        Flux without background, in any unit. It is zero outside of the image.
+    transform : Registration
+        Single transform from source to target, without a radial term.
     order : int
         Order of the splines: 0 for the nearest pixel, 1 for linear, 3 for cubic splines.
     corner : tuple of int
-        x and y of the image's first pixel, where it is a window of a larger one.
+        x and y of the first pixel of the image, if it is a window of a larger image.
 
     Returns
     -------
     ndarray, shape (height, width)
-        On target pixels that begin at the same corner.
+        Flux on target pixels that begin at the same corner.
 
     Raises
     ------
@@ -406,7 +399,7 @@ def registered_image(
 
     Examples
     --------
-    A spot one pixel to the right, brought back by a shift of one.
+    A shift of one moves a spot by one pixel to the left.
 
     >>> image = np.zeros((3, 4))
     >>> image[1, 2] = 8.0
@@ -417,42 +410,38 @@ def registered_image(
     """
     from scipy.ndimage import affine_transform  # registering stars does not need it
 
-    light = validate.finite_array("image", image, shape=(None, None))
-    # A fit and the result of `reproduce.register` contain their transform.
-    transform = getattr(transform, "transform", transform)
-    if not isinstance(transform, Registration):
-        raise TypeError(
-            f"transform: expected a Registration, got {type(transform).__name__}. Pass a fit"
-        )
-    if transform.batch or light.ndim != 2:
+    pixels = validate.finite_array("image", image, shape=(None, None))
+    if transform.batch or pixels.ndim != 2:
         raise ValueError(
-            f"image: expected one image and one transform, got shapes {light.shape} and "
+            f"image: expected one image and one transform, got shapes {pixels.shape} and "
             f"{transform.batch}. Pass one of them at a time"
         )
     first = validate.finite_array("corner", corner, shape=(2,))
     back, origin = transform.inverse().affine()
     # Source position of target pixel p: back (p + corner) + origin - corner; y before x below.
     offset = (back @ first + origin - first)[::-1]
-    resampled = affine_transform(light, back[::-1, ::-1], offset, order=order)
+    resampled = affine_transform(pixels, back[::-1, ::-1], offset, order=order)
     return np.asarray(resampled / np.abs(np.linalg.det(transform.matrix)))
 
 
 def _parameter_names(model: str) -> tuple[str, ...]:
     if model not in MODELS:
-        raise ValueError(f"model: expected one of {', '.join(MODELS)}, got {model!r}")
+        raise ValueError(
+            f"model: expected one of {', '.join(MODELS)}, got {model!r}. Correct the name"
+        )
     return MODELS[model]
 
 
 def _linear_part(model: str, parameters: FloatArray) -> FloatArray:
-    """Return the matrix of a model about its pivot, shape (..., 2, 2); the radial term aside."""
-    batch = parameters.shape[:-1]
+    """Return the matrix of a model about its pivot, shape (..., 2, 2), without the radial term."""
+    batch, names = parameters.shape[:-1], MODELS[model]
     if model == "affine":
         return parameters[..., :4].reshape(*batch, 2, 2)
     if model == "shift":
         return np.broadcast_to(np.eye(2), (*batch, 2, 2))
-    scale = 1.0 if model == "rigid" else parameters[..., 0]
-    turn = parameters[..., 0 if model == "rigid" else 1]
-    cosine, sine = scale * np.cos(turn), scale * np.sin(turn)
+    scale = parameters[..., 0] if "scale" in names else 1.0
+    angle = parameters[..., names.index("rotation")]
+    cosine, sine = scale * np.cos(angle), scale * np.sin(angle)
     rows = np.stack([cosine, -sine, sine, cosine], axis=-1)
     return rows.reshape(*batch, 2, 2)
 
@@ -464,14 +453,14 @@ class Channels:
     Attributes
     ----------
     source, reference : Camera
-        Their imaging parameters; single cameras.
+        Imaging parameters of both channels.
     rotation : float
         Angle of the source detector against the reference, in radians.
     pivot_error : tuple of float
-        How far the assumed pivot lies from the source's principal point, in px.
+        Assumed pivot minus principal point of the source, in px.
     tilt : tuple of float
-        Slopes of the source detector along x and y: the tangents of its tilt. A positive one
-        leans that side away from the lens, where the light has spread further.
+        Slopes of the source detector along x and y: the tangents of its tilt. A positive slope
+        moves that side away from the lens, where positions are further from the centre.
     second_term : tuple of float
         Second radial coefficients of source and reference, in m^-4.
     """
@@ -485,51 +474,56 @@ class Channels:
 
     @property
     def scale(self) -> float:
-        """The scale factor k."""
+        """Scale factor k."""
         return float(self.reference.focal_length / self.source.focal_length)
 
     def only(self, effect: str) -> Channels:
-        """Return the same channels with a single effect left, all others taken away.
+        """Return the same channels with only one of the effects.
 
         Parameters
         ----------
         effect : str
-            One of `EFFECTS`. For "coefficients" the source's distortion is kept and the difference
-            alone counts; for "cube" both channels get the source's.
+            One of `EFFECTS`. "coefficients" keeps both distortions, "cube" gives both channels the
+            distortion of the source.
 
         Returns
         -------
         Channels
-
+            Channels without the other effects.
         """
         if effect not in EFFECTS:
-            raise ValueError(f"effect: expected one of {EFFECTS}, got {effect!r}")
-        m = self.source.radial_distortion if effect in EFFECTS[:2] else _NONE
-        shared = {"coefficients": self.reference.radial_distortion, "cube": m}.get(
-            effect, _NONE
+            raise ValueError(
+                f"effect: expected one of {', '.join(EFFECTS)}, got {effect!r}. Correct the name"
+            )
+        source = self.source.radial_distortion
+        other = self.reference.radial_distortion if effect == "coefficients" else source
+        bent = effect in ("coefficients", "cube")
+        field = {"pivot": "pivot_error", "second term": "second_term"}.get(
+            effect, effect
         )
         return Channels(
-            replace(self.source, radial_distortion=m),
-            replace(self.reference, radial_distortion=shared),
+            replace(self.source, radial_distortion=bent * source),
+            replace(self.reference, radial_distortion=bent * other),
             self.rotation,
-            self.pivot_error if effect == "pivot" else (0.0, 0.0),
-            self.tilt if effect == "tilt" else (0.0, 0.0),
-            self.second_term if effect == "second term" else (0.0, 0.0),
+            **({} if bent else {field: getattr(self, field)}),
         )
 
 
-def error_field(channels: Channels, positions: ArrayLike) -> FloatArray:
-    """Reference points minus modelled points, at the true parameters and imaged exactly.
+@validate.checked
+def error_field(channels: Channels, positions: Points) -> FloatArray:
+    """Return reference points minus modelled points, at the true parameters.
 
     Parameters
     ----------
     channels : Channels
+        Channels with the neglected effects.
     positions : array_like, shape (n, 2)
         Ideal positions in the source channel, in metres.
 
     Returns
     -------
-    ndarray, shape (n, 2), in px
+    ndarray, shape (n, 2)
+        Error of the model, in px.
 
     Examples
     --------
@@ -539,28 +533,48 @@ def error_field(channels: Channels, positions: ArrayLike) -> FloatArray:
     >>> error_field(Channels(camera, camera), [[1e-3, 2e-3]])
     array([[0., 0.]])
     """
-    source, reference = _imaged(channels, positions)
-    truth = similarity_between(channels.source, channels.rotation, channels.reference)
+    both = channels.source, channels.reference
+    ideal = positions, positions * channels.scale
+    source, reference = (
+        _displaced(points, camera, second)
+        for points, camera, second in zip(
+            ideal, both, channels.second_term, strict=True
+        )
+    )
+    # The ray through a point p of the plane at F meets the tilted plane at p F / (F - p . tilt).
+    slope = (source @ np.asarray(channels.tilt))[:, None] / channels.source.focal_length
+    source = source / (1 - slope) * np.sqrt(1 + np.square(channels.tilt))
+    source = turned_onto_detector(source, channels.rotation)
+    seen, expected = (
+        points / camera.pixel_pitch + camera.principal_point
+        for points, camera in zip((source, reference), both, strict=True)
+    )
     # True parameters, but about the pivot that is assumed.
+    truth = similarity_between(channels.source, channels.rotation, channels.reference)
     pivot = channels.source.principal_point + np.asarray(channels.pivot_error)
-    turned = _turned(source - pivot, -truth.rotation)
-    return reference - (truth.scale * turned + pivot - truth.shift)
+    rotated = turned_onto_detector(seen - pivot, -truth.rotation)
+    return expected - (truth.scale * rotated + pivot - truth.shift)
+
+
+def _displaced(ideal: FloatArray, camera: Camera, second: float) -> FloatArray:
+    squared = np.square(ideal).sum(axis=-1, keepdims=True)
+    return ideal * (1 + camera.radial_distortion * squared + second * squared**2)
 
 
 def even_positions(half_size: ArrayLike, across: int = 200) -> FloatArray:
-    """Cover a detector evenly with positions.
+    """Return positions on an even grid over a detector.
 
     Parameters
     ----------
     half_size : array_like, shape (2,)
         Half the sides of the detector, in metres.
     across : int
-        How many along either side.
+        Number of positions along each side.
 
     Returns
     -------
     ndarray, shape (across * across, 2)
-        The middles of equal cells, in metres, rows from the smallest y.
+        Middles of equal cells, in metres, rows from the smallest y.
 
     Examples
     --------
@@ -572,33 +586,4 @@ def even_positions(half_size: ArrayLike, across: int = 200) -> FloatArray:
     """
     sides = validate.positive("half_size", half_size, shape=(2,))
     steps = (np.arange(across) + 0.5) / across * 2 - 1
-    x, y = np.meshgrid(sides[0] * steps, sides[1] * steps)
-    return np.stack([x.ravel(), y.ravel()], axis=-1)
-
-
-@validate.checked
-def _imaged(channels: Channels, positions: Points) -> tuple[FloatArray, FloatArray]:
-    """Image the same stars in both channels, in px, with tilt and second radial terms."""
-    source = _displaced(positions, channels.source, channels.second_term[0])
-    # The ray through a point p of the plane at F meets the tilted plane at p F / (F - p . tilt).
-    focal = float(channels.source.focal_length)
-    lean = (source @ np.asarray(channels.tilt))[:, None] / focal
-    along = np.sqrt(1 + np.square(channels.tilt))
-    tilted = source / (1 - lean) * along
-    turned = _turned(tilted, np.asarray(channels.rotation))
-    reference = _displaced(
-        positions * channels.scale, channels.reference, channels.second_term[1]
-    )
-    return _in_pixels(turned, channels.source), _in_pixels(
-        reference, channels.reference
-    )
-
-
-def _displaced(ideal: FloatArray, camera: Camera, second: float) -> FloatArray:
-    squared = np.square(ideal).sum(axis=-1, keepdims=True)
-    first = float(camera.radial_distortion)
-    return ideal * (1 + first * squared + second * squared**2)
-
-
-def _in_pixels(positions: FloatArray, camera: Camera) -> FloatArray:
-    return positions / camera.pixel_pitch + camera.principal_point
+    return np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2) * sides
