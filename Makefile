@@ -41,10 +41,11 @@ test: $(TESTS)  ## run the tests
 coverage: $(TESTS)  ## run the tests and report the lines that they reach; takes twice as long
 	@$(PY) -m pytest $(FAST) --cov --cov-report=term
 
-check: $(TESTS)  ## check style, format and types
+check: $(TESTS)  ## check style, format, types and words
 	@$(PY) -m ruff check .
 	@$(PY) -m ruff format --check .
 	@$(PY) -m mypy
+	@$(PY) tools/check_language.py
 
 browser-test: $(TESTS)  ## test the built pages in a headless Chromium
 	@$(PY) -m pytest -m browser tests/book $(PARALLEL) --dist loadgroup

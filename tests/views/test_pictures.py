@@ -94,7 +94,7 @@ def test_errors_of_centres_are_those_of_their_covariance():
 
 @pytest.mark.slow
 def test_errors_of_parameters_are_as_stated_with_wrong_matches():
-    fits = [rp.register(*simulated(seed, 0.2)[2:]) for seed in range(30)]
+    fits = [rp.register(*simulated(seed, 0.2)[2:]) for seed in range(20)]
     student = [student_t(fit.fit.degrees_of_freedom).std() for fit in fits]
     error = [(f.parameters - TRUTH.parameters) / f.standard_errors for f in fits]
     found = np.array(error) / np.array(student)[:, None]
@@ -280,19 +280,6 @@ def test_tables_extensions_and_masks_give_the_fit_of_the_images(fit, tmp_path):
     for file, (x, y) in zip(files, (places.T, np.add(places, [3, -2]).T), strict=True):
         Table({"X": x, "Y": y, "FLUX": np.arange(60.0)}).write(file, format="fits")
     np.testing.assert_allclose(rp.register(*files).parameters, [1, 0, -3, 2], atol=1e-6)
-
-
-def test_a_wrong_image_is_reported_in_one_line(folder, tmp_path):
-    noise = np.random.default_rng(0).standard_normal(RED.shape)
-    fits.writeto(tmp_path / "dark.fits", 200 + 5 * noise)
-    # The start of a TIFF with packed samples of 12 bits.
-    (tmp_path / "packed.tif").write_bytes(b"II*\0\x08\x18\0\0" + bytes(range(128)))
-    names = "dark.fits packed.tif nowhere.fits nowhere.csv nowhere.fits[SCI]"
-    for name in names.split():
-        done = run(tmp_path / name, folder / "green.fits")
-        assert (done.exit_code, type(done.exception)) == (2, SystemExit), name
-        (line,) = [text for text in done.stderr.splitlines() if "Error:" in text]
-        assert name.partition("[")[0] in line
 
 
 def test_wrong_arguments_are_named():
