@@ -115,9 +115,8 @@ def used():
     for path in PAGES:
         for one in (*taken(cells(path)), *linked(path)):
             found[one].add(path)
-    front = "reproduce.views.front"
-    for name in reproduce.__all__:  # which the package hands on by name
-        found[front, name].add(SOURCE / "__init__.py")
+    for name, module in reproduce._MODULES.items():
+        found[f"reproduce.{module}", name].add(SOURCE / "__init__.py")
     return found
 
 

@@ -121,12 +121,12 @@ def test_a_build_draws_a_figure_once(tmp_path, monkeypatch):
     try:
         figures.write_figure("niu2024/fig-4", tmp_path)
         monkeypatch.setattr(
-            figures, "styled_figure", lambda paint, **_: pytest.fail("drawn again")
+            figures, "_styled_figure", lambda paint, **_: pytest.fail("drawn again")
         )
         shown = figures._page_vectors("niu2024/fig-4")
-        assert shown.narrow.startswith("<svg")
+        assert shown[1].startswith("<svg")
         file = tmp_path / "figures" / "niu2024-fig-4.svg"
-        assert file.read_text(encoding="utf-8") == figures._XML + shown.wide
+        assert file.read_text(encoding="utf-8") == figures._XML + shown[0]
     finally:
         monkeypatch.delenv(computed.FOLDER)
         computed.kept.cache_clear()

@@ -260,10 +260,6 @@ def test_a_readers_own_setting_is_named_in_the_file():
         "# setting: "
     )
     assert "# setting" not in rp.table(STUDY).export("csv")
-    panels = rp.figure("chen2023/fig-11")
-    assert "# setting" not in panels.export("csv")
-    cell = panels.inputs[0]
-    assert cell in panels.rerun({cell: rp.table(cell).printed}).export("csv")
 
 
 def test_a_fit_of_ones_own_stars_says_what_made_it():

@@ -77,27 +77,13 @@ class Item(ResultView):
         """Alternatives of each option of the text, the literal one first."""
         import pandas as pd
 
-        rows = [
-            (name, way, alternative.text, alternative.place)
-            for name, ways in rerun.options(self.key).items()
-            for way, alternative in ways.items()
-        ]
-
-        class _OptionsFrame(pd.DataFrame):
-            """A DataFrame whose sentences a notebook does not shorten."""
-
-            @property
-            def _constructor(self) -> type[_OptionsFrame]:
-                return _OptionsFrame
-
-            def _repr_html_(self) -> str:
-                with pd.option_context("display.max_colwidth", None):
-                    return self.to_html(notebook=True)
-
-        frame = pd.DataFrame(
-            rows, columns=["option", "alternative", "meaning", "passage"]
-        )
-        return _OptionsFrame(frame.set_index(["option", "alternative"]))
+        rows = {
+            (name, alternative): (text.text, text.place)
+            for name, alternatives in rerun.options(self.key).items()
+            for alternative, text in alternatives.items()
+        }
+        index = pd.MultiIndex.from_tuples(rows, names=["option", "alternative"])
+        return _texts()(rows.values(), index, ["meaning", "passage"])
 
     @property
     def title(self) -> str:
@@ -134,22 +120,11 @@ class Rerunnable(ResultView):
         Seed of the random number generator.
     """
 
-    kind = ""
-
     def __init__(
-        self,
-        key: str,
-        changes: Change | None = None,
-        seed: int | None = None,
-        **others: Any,
+        self, key: str, changes: Change | None = None, seed: int | None = None
     ) -> None:
         self.key, self.seed, self._changes = key, seed, dict(changes or {})
         random = self.random  # an unknown key raises an error
-        if others:
-            known = ["cells that it reads"] + ["a seed"] * random
-            raise rerun.CannotChangeError(
-                f"{key} is {self.kind}: expected {', '.join(known)}; got {', '.join(others)}"
-            )
         rerun.checked_values(key, self._changes)
         rerun.check_randomness(key, random, self._changes, seed)
 
@@ -214,11 +189,12 @@ class Rerunnable(ResultView):
             If a cell is not an input, a value does not fit its cell, or there are no random
             numbers.
         """
-        cells, seed = (
-            {**self._changes, **(changes or {})},
-            self.seed if seed is None else seed,
-        )
-        return type(self)(self.key, cells, seed, **others)
+        if others:
+            raise rerun.CannotChangeError(
+                f"{next(iter(others))}: expected changes or a seed for {self.key}. Leave it out"
+            )
+        seed = self.seed if seed is None else seed
+        return type(self)(self.key, {**self._changes, **(changes or {})}, seed)
 
 
 def setting(
@@ -228,6 +204,22 @@ def setting(
     changed = ", ".join(map(" = ".join, changes.items())) or "nothing"
     names = f" Recomputed values took the place of: {', '.join(replaced)}."
     return f"{subject} {changed}: {remark}.{names if replaced else ''}"
+
+
+def _texts() -> type[pd.DataFrame]:
+    """Return a type of DataFrame whose sentences a notebook does not shorten."""
+    import pandas as pd
+
+    class Texts(pd.DataFrame):
+        @property
+        def _constructor(self) -> type[Texts]:
+            return Texts
+
+        def _repr_html_(self) -> str:
+            with pd.option_context("display.max_colwidth", None):
+                return self.to_html(notebook=True)
+
+    return Texts
 
 
 def text_of(function: Callable[..., Any]) -> str:

@@ -5,15 +5,13 @@ A template writes each block as HTML for a page, and rich writes it for a termin
 
 from __future__ import annotations
 
-import codecs
 import io
 import re
-import unicodedata
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from jinja2 import Environment, PackageLoader
 from markupsafe import Markup, escape
@@ -26,19 +24,16 @@ from rich.text import Text
 
 from reproduce.views.numbers import minus, powers_in_html
 
+if TYPE_CHECKING:
+    import pandas as pd
+
 Entry = str | Markup
 _WIDTH_COLUMNS, _MIN_COLUMNS, _MAX_COLUMNS = 80, 20, 1000  # of a terminal
-# A column is at least as wide as its longest entry or this many characters.
-_WRAPPED_CHARACTERS = 14
-# Names of rows have at most this many characters, as a rule.
-_NAME_CHARACTERS = 24
 _CONTROL = re.compile(r"[\x00-\x09\x0b-\x1f\x7f-\x9f]")
 _NUMBER = re.compile(r"[−<(≈]?\s?[\d.](?!.*[a-z]{5})|·?$")  # or no entry
 # Style of the name of a verdict on a terminal.
 _STYLES = {"exact": "green", "consistent": "green", "differs": "bold red"}
 _STYLES |= {"ambiguous": "yellow", "unpublished": "cyan", "input": "dim"}
-PLAIN = "reproduce-plain"  # name of the error handler of streams
-_ASCII = str.maketrans("−⁻–—─×·″′’…µμ", "-----x.\"''~uu") | {177: "+/-", 176: " deg"}
 
 
 @cache
@@ -137,6 +132,20 @@ class Grid:
         lines = [*zip(*shown.values(), strict=True)]
         return cls(caption, [*shown], lines, **looks)
 
+    @classmethod
+    def of_frame(
+        cls, caption: Entry, frame: pd.DataFrame, digits: int = 6, kind: str = ""
+    ) -> Grid:
+        """Return a DataFrame, whose index contains the names of the rows."""
+        rows = [
+            [
+                one if isinstance(one, str) else minus(f"{one:z.{digits}g}")
+                for one in row
+            ]
+            for row in frame.itertuples()
+        ]
+        return cls(caption, [str(frame.index.name), *frame], rows, kind=kind)
+
     @property
     def markup(self) -> Markup:
         """HTML of the table."""
@@ -184,26 +193,21 @@ def _table(
         show_edge=False,
     )
     columns = [*zip(heads or ("", ""), *rows, strict=True)]
-    longest = [max(map(cell_len, texts)) for texts in columns]
-    words = [max(map(cell_len, " ".join(texts).split())) for texts in columns]
-    widths = [
-        max(word, min(length, _WRAPPED_CHARACTERS))
-        for word, length in zip(words, longest, strict=True)
-    ]
+    lengths = [max(map(cell_len, texts)) for texts in columns]
+    widths = [max(map(cell_len, " ".join(texts).split())) for texts in columns]
     # A blank at the right of each column, and another one between columns under a head.
     spare = width - sum(widths) - len(columns) * (2 if heads else 1) + 1
     if spare < 0:
         return None
-    # Names and numbers are widened before sentences, and long sentences before short ones.
-    needs = [(min(length, _NAME_CHARACTERS), i) for i, length in enumerate(longest)]
-    needs += sorted(((length, i) for i, length in enumerate(longest)), reverse=True)
-    for length, i in needs:
-        more = max(0, min(length - widths[i], spare))
+    # Short columns are widened to their length first; long columns divide the rest.
+    order = sorted(range(len(columns)), key=lambda i: lengths[i] - widths[i])
+    for rank, i in enumerate(order):
+        more = min(lengths[i] - widths[i], spare // (len(order) - rank))
         widths[i], spare = widths[i] + more, spare - more
     for (name, *texts), size in zip(columns, widths, strict=True):
         numeric = bool(heads) and all(map(_NUMBER.match, texts))
         justify: Literal["left", "right"] = "right" if numeric else "left"
-        table.add_column(name, justify=justify, overflow="fold", width=size)
+        table.add_column(name, justify=justify, width=size)
     for row in rows:
         styles = (_STYLES.get(text.partition(" ")[0], "") for text in row)
         table.add_row(*map(Text, row, styles))
@@ -301,21 +305,3 @@ class Blocks(Display):
     def blocks(self) -> tuple[Block, ...]:
         """Return the blocks."""
         return self.shown
-
-
-def _in_ascii(error: UnicodeError) -> tuple[str, int]:
-    """Return characters that a stream cannot encode in ASCII, or their names."""
-    if not isinstance(error, UnicodeEncodeError):
-        raise error
-    signs = error.object[error.start : error.end]
-    raised = unicodedata.decomposition(signs[0]).startswith("<super>")
-    return "^" * raised + "".join(map(_ascii, signs)), error.end
-
-
-def _ascii(sign: str) -> str:
-    text = unicodedata.normalize("NFKD", sign.translate(_ASCII))
-    name = unicodedata.name(sign, "?").lower()
-    return text.encode("ascii", "ignore").decode() or name.rpartition("letter ")[2]
-
-
-codecs.register_error(PLAIN, _in_ascii)

@@ -57,6 +57,27 @@ class _Part(Blocks):
         return frame.set_index("name") if "name" in frame else frame
 
 
+def audit(paper: str | None = None) -> ConsistencyAudit:
+    """Return the consistency checks of the printed numbers, and the errata.
+
+    Parameters
+    ----------
+    paper : str, optional
+        Name such as ``chen2023``. Default: all papers.
+
+    Returns
+    -------
+    ConsistencyAudit
+        Relations between printed numbers, equations, and the errata.
+
+    Raises
+    ------
+    ValueError
+        If the paper is unknown.
+    """
+    return ConsistencyAudit(paper)
+
+
 class ConsistencyAudit(Display):
     """The audit of the printed numbers of papers, and the errata.
 

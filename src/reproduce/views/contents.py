@@ -35,18 +35,72 @@ SHAPES = {
 }
 
 
+def contents(paper: str | None = None) -> Contents:
+    """Return all items of a paper, or of all papers, in their order, with their verdicts.
+
+    Parameters
+    ----------
+    paper : str, optional
+        Name such as ``niu2024``. Default: all papers.
+
+    Returns
+    -------
+    Contents
+        Items with the number of cells by verdict.
+
+    Raises
+    ------
+    ValueError
+        If the paper is unknown.
+
+    Examples
+    --------
+    >>> contents("niu2024").frame().loc["niu2024/table-1", "input"]
+    np.int64(12)
+    """
+    return Contents(paper)
+
+
+def check(*keys: str, progress: Callable[[int, int], None] | None = None) -> Check:
+    """Recompute and judge items, and compare the verdicts with the frozen ones.
+
+    Parameters
+    ----------
+    *keys : str
+        Keys of items or names of papers. Default: all items.
+    progress : callable, optional
+        Function that receives the number of finished and of all items.
+
+    Returns
+    -------
+    Check
+        True if verdicts and files of printed numbers are unchanged.
+
+    Raises
+    ------
+    KeyError
+        If a key is unknown.
+
+    Examples
+    --------
+    >>> bool(check("niu2024/table-2"))
+    True
+    """
+    return Check(keys, progress)
+
+
 class Contents(Display):
     """The items of both papers or of one paper, in printed order, with their verdicts.
 
     Parameters
     ----------
     paper : str, optional
-        A paper; both by default.
+        Name of a paper. Default: all papers.
     """
 
     def __init__(self, paper: str | None = None) -> None:
         self.papers = PAPERS if paper is None else (keys.check_paper(paper),)
-        self.keys, self.own = (
+        self.keys, self.supplementary = (
             [key for key in found if key.partition("/")[0] in self.papers]
             for found in (catalogue(), studies())
         )
@@ -57,17 +111,15 @@ class Contents(Display):
 
     def entries(self) -> list[dict[str, Any]]:
         """Return a record for each item and supplementary table, without computing it."""
-        return list(map(_entry, (*self.keys, *self.own)))
+        return list(map(_entry, (*self.keys, *self.supplementary)))
 
     def frame(self) -> pd.DataFrame:
         """Return one row per item: place, title and the number of cells by verdict."""
         import pandas as pd
 
         frame = pd.DataFrame(_tallies(self.keys, self._ledger)).set_index("key")
-        frame = frame[["place", "title", *VERDICTS]].rename_axis(None)
-        return frame.fillna(dict.fromkeys(VERDICTS, 0)).astype(
-            dict.fromkeys(VERDICTS, int)
-        )
+        counts = frame[[*VERDICTS]].fillna(0).astype(int)
+        return frame[["place", "title"]].join(counts).rename_axis(None)
 
     def cells(self) -> pd.DataFrame:
         """Return one row per cell, with every field of the ledger."""
@@ -76,21 +128,19 @@ class Contents(Display):
     @property
     def numbers(self) -> Blocks:
         """Every printed number, in a table that a page can sort and filter."""
-        columns = ["cell", "table", "place", "printed", "computed"]
-        columns += ["share of the tolerance", "verdict", "why"]
-        texts = map(verdicts.texts, self._ledger.records)
-        rows = [[row[name] for name in columns] for row in texts]
-        head, kind = [*map(str.capitalize, columns)], "rp-small rp-sortable"
-        return Blocks(
-            (Grid(f"The {len(rows)} printed numbers", head, rows, kind=kind),)
-        )
+        rows = [
+            {column: row[column.lower()] for column in _COLUMNS}
+            for row in map(verdicts.texts, self._ledger.records)
+        ]
+        caption, kind = f"The {len(rows)} printed numbers", "rp-small rp-sortable"
+        return Blocks((Grid.of(caption, _COLUMNS, rows, kind=kind),))
 
     @property
     def listed(self) -> Blocks:
         """The items and the supplementary tables, without verdicts."""
-        rows = [(one["key"], one["place"], one["title"]) for one in self.entries()]
         caption = "Items in printed order, then supplementary tables."
-        return Blocks((Grid(caption, ("key", "place", "what"), rows),))
+        columns = ("key", "place", "title")
+        return Blocks((Grid.of(caption, columns, self.entries()),))
 
     @property
     def index(self) -> Blocks:
@@ -103,6 +153,18 @@ class Contents(Display):
         return Html(overview_grid(self._ledger.records)), Fold(
             "The same in words", lists
         )
+
+
+_COLUMNS = (
+    "Cell",
+    "Table",
+    "Place",
+    "Printed",
+    "Computed",
+    "Fraction of the tolerance",
+    "Verdict",
+    "Why",
+)
 
 
 class Check(Display):
@@ -180,26 +242,39 @@ def _tallies(listed: Sequence[str], ledger: Ledger) -> list[dict[str, Any]]:
     rows = []
     for key in listed:
         records, target = ledger.of(key), anchor(key)
-        counts = verdicts.tally(records) | {"weak": verdicts.weak(records)}
-        if not records:
-            counts, target = {}, f"figure-{target}"
-        paper, cells = key.partition("/")[0], _counted(records)
-        row = {"paper": paper, "cells": cells, "target": target}
-        rows.append(_entry(key) | row | counts)
+        row: dict[str, Any] = {"paper": key.partition("/")[0], "target": target}
+        if records:
+            row |= _counts(records)
+        else:
+            row["target"] = f"figure-{target}"
+        rows.append(_entry(key) | row)
     return rows
 
 
+def _counts(records: Sequence[Record]) -> dict[str, int]:
+    return verdicts.tally(records) | {"weak": verdicts.weak(records)}
+
+
 def _counted(records: Sequence[Record]) -> str:
-    counts = verdicts.tally(records) | {"weak": verdicts.weak(records)}
-    return ", ".join(f"{count} {word}" for word, count in counts.items() if count)
+    counts = _counts(records).items()
+    return ", ".join(f"{count} {word}" for word, count in counts if count)
+
+
+# Heads of the verdicts in a table of 80 columns.
+_HEADS = {name: name for name in ("exact", "differs", "input", "weak")}
+_HEADS |= {"consistent": "cons.", "ambiguous": "ambig.", "unpublished": "unpub."}
 
 
 def _index(listed: Sequence[str], ledger: Ledger) -> Html:
     """Return the number of cells by verdict, for a page also by paper."""
-    rows = _tallies(listed, ledger)
-    page = rendered("index", rows=rows, columns=(*VERDICTS, "weak"))
-    total = {"key": "all", "cells": _counted(ledger.records)}
-    return Html(page, Grid.of("Cells by verdict.", ("key", "cells"), [*rows, total]))
+    rows, columns = _tallies(listed, ledger), (*VERDICTS, "weak")
+    page = rendered("index", rows=rows, columns=columns)
+    lines = [
+        (row["key"], *(str(row.get(name, "") or "·") for name in columns))
+        for row in (*rows, {"key": "all", **_counts(ledger.records)})
+    ]
+    heads = ("key", *map(_HEADS.__getitem__, columns))
+    return Html(page, Grid("Cells by verdict.", heads, lines))
 
 
 def overview_grid(records: Sequence[Record]) -> Markup:

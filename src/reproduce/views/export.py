@@ -1,4 +1,4 @@
-"""What a reader takes away: exports through pandas, citations, and the bar that offers both."""
+"""What a reader takes away: exports through pandas, citations, and the toolbar that offers both."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from reproduce.version import (
     version,
 )
 from reproduce.views import keys, verdicts
-from reproduce.views.blocks import PLAIN, Grid, plain
+from reproduce.views.blocks import Grid, plain
 from reproduce.views.computed import item_ledger, whole_ledger
 from reproduce.views.numbers import minus, powers
 
@@ -42,30 +42,25 @@ FORMATS = ("csv", "json", "latex", "markdown")
 _ENDINGS = {"csv": "csv", "json": "json", "latex": "tex", "markdown": "md"}
 
 
-def export(ledger: Ledger, address: str, form: str, shown: Grid) -> str:
+def export(part: Ledger, address: str, form: str, shown: Grid) -> str:
     """Return the records of an item or a cell in a format of other programs.
 
     JSON and CSV contain every field of each record. LaTeX and Markdown have the layout of `shown`.
     """
-    key, _, name = address.partition("#")
-    records = [r for r in ledger.of(key) if not name or r.cell == address]
     if form == "json":
-        tables = () if name else tuple(t for t in ledger.tables if t.key == key)
-        part = Ledger(records=tuple(records), tables=tables)
         return with_provenance(part, address).model_dump_json(indent=2)
-    provenance = provenance_of(citation(address, "text"))
-    if form == "csv":
-        return export_frame(full_frame(records), form, provenance)
-    import pandas as pd
+    frame = full_frame(part.records)
+    if form != "csv":
+        import pandas as pd
 
-    rows = [list(map(plain, row)) for row in shown.rows]
-    frame = pd.DataFrame(rows, columns=list(map(plain, shown.head)), dtype=str)
-    frame.attrs["latex"] = {
-        "caption": plain(shown.caption),
-        "label": f"tab:{anchor(key)}",
-        "column_format": "l" + "r" * (frame.shape[1] - 1),
-    }
-    return export_frame(frame, form, provenance)
+        lines = [list(map(plain, line)) for line in (shown.head, *shown.rows)]
+        frame = pd.DataFrame(lines[1:], columns=lines[0], dtype=str)
+        frame.attrs["latex"] = {
+            "caption": plain(shown.caption),
+            "label": f"tab:{anchor(address.partition('#')[0])}",
+            "column_format": "l" + "r" * (len(lines[0]) - 1),
+        }
+    return export_frame(frame, form, provenance_of(citation(address, "text")))
 
 
 def table_files(key: str) -> dict[str, str]:
@@ -109,7 +104,7 @@ def export_frame(
         return json.dumps({**provenance, "rows": rows}, indent=2, ensure_ascii=False)
     if form == "latex":
         table = frame.to_latex(index=False, escape=True, **frame.attrs.get("latex", {}))
-        return (indent(said, "% ") + _in_tex(table)).encode("ascii", PLAIN).decode()
+        return indent(said, "% ") + _in_tex(table)
     dashes = ["---"] * len(frame.columns)
     lines = [frame.columns, dashes, *frame.to_numpy()]
     # Other programs read numbers with a hyphen as the sign.
@@ -145,6 +140,8 @@ _TEX: dict[int, str] = str.maketrans(
         "Δ": r"$\Delta$",
         "θ": r"$\theta$",
         "≈": r"$\approx$",
+        "≥": r"$\geq$",
+        "±": r"$\pm$",
         "⁻": "$^{-}$",
         **{sign: f"$^{{{digit}}}$" for digit, sign in enumerate("⁰¹²³⁴⁵⁶⁷⁸⁹")},
     }
@@ -154,23 +151,21 @@ _TEX: dict[int, str] = str.maketrans(
 def full_frame(records: Iterable[Record]) -> pd.DataFrame:
     """Return one row per cell, with every field of the ledger and the reason.
 
-    Lists are words with blanks between them; an interval is two columns.
+    Lists are words with blanks between them. An interval is two columns.
     """
     import pandas as pd
 
     rows = []
     for record in records:
-        found = record.readings
-        closest = found and found.closest
-        row = record.model_dump() | {
-            "reason": reason(record.cell),
-            "readings": found and found.count,
-            "agreeing": found and found.agreeing,
-            "agrees_if": found and verdicts.deciding(found),
-            "closest": closest and verdicts.choices_text(closest.choices),
-            "closest_computed": closest and closest.computed,
-            "closest_probability": closest and closest.probability,
-        }
+        row = record.model_dump(exclude={"readings"}) | {"reason": reason(record.cell)}
+        # These columns also exist without readings.
+        row |= dict.fromkeys(_READINGS)
+        if found := record.readings:
+            closest = found.closest
+            choices = verdicts.choices_text(closest.choices)
+            numbers = closest.computed, closest.probability
+            texts = (found.count, found.agreeing, verdicts.deciding(found), choices)
+            row |= zip(_READINGS, (*texts, *numbers), strict=True)
         for name in ("stands_for", "interval"):
             row[f"{name}_low"], row[f"{name}_high"] = row.pop(name) or (None, None)
         for name in ("flags", "equations", "seed", "inputs"):
@@ -179,19 +174,35 @@ def full_frame(records: Iterable[Record]) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
+_READINGS = (
+    "readings",
+    "agreeing",
+    "agrees_if",
+    "closest",
+    "closest_computed",
+    "closest_probability",
+)
 _CITATION_FORMATS = ("bibtex", "ris", "csl", "text")
-# Field of BibTeX to its names in CSL and in RIS; empty if RIS has none.
-_FIELDS = {
-    "title": ("title", "TI"),
-    "year": ("issued", "PY"),
-    "journal": ("container-title", "JO"),
-    "volume": ("volume", "VL"),
-    "number": ("issue", "IS"),
-    "pages": ("page", "SP"),
-    "doi": ("DOI", "DO"),
-    "url": ("URL", "UR"),
-    "note": ("note", "N1"),
-    "howpublished": ("", "N2"),
+# Field of BibTeX to its name in CSL, and name in CSL to the tag of RIS.
+_CSL_FIELDS = {
+    "title": "title",
+    "journal": "container-title",
+    "volume": "volume",
+    "number": "issue",
+    "pages": "page",
+    "doi": "DOI",
+    "url": "URL",
+    "note": "note",
+}
+_RIS_TAGS = {
+    "title": "TI",
+    "container-title": "JO",
+    "volume": "VL",
+    "issue": "IS",
+    "page": "SP",
+    "DOI": "DO",
+    "URL": "UR",
+    "note": "N1",
 }
 DEVELOPERS = "The reproduce-pointing developers"
 WHOLE = "Pointing, reproduced: the printed numbers of two papers, recomputed and judged"
@@ -226,6 +237,34 @@ def citation(address: str, form: str) -> str:
     return _written(entry, title, note, form, paper, key)
 
 
+def cite(address: str, form: str = "bibtex") -> str:
+    """Return the citation of an item, a cell or a supplementary table, and of its paper.
+
+    Parameters
+    ----------
+    address : str
+        Key, cell such as ``niu2024/table-3#scale.red``, or ``all`` for the whole project.
+    form : {"bibtex", "ris", "csl", "text"}
+        Format of the citation.
+
+    Returns
+    -------
+    str
+        The citation.
+
+    Raises
+    ------
+    KeyError, ValueError
+        If the address or the format is unknown.
+
+    Examples
+    --------
+    >>> print(cite("niu2024/table-3", "text").splitlines()[1].split(".")[0])
+    Yanzhao Niu, Xinguo Wei, and Jian Li
+    """
+    return citation(address, form)
+
+
 def cite_related(kind: str, name: str, paper: str, title: str, form: str) -> str:
     """Return the citation of a posterior or a supplementary table, and of its paper."""
     link = "of" if kind == "Posterior" else "beside"
@@ -254,13 +293,44 @@ def mark(said: str) -> str:
     return f"rp:{sha256(said.encode()).hexdigest()[:12]}"
 
 
-def verify(text: str) -> str:
-    """Compare the statement of a citation with the present and the released statements."""
-    if not isinstance(text, str):
+def verify(citation: str) -> str:
+    """Compare the citation of a cell with the present statement of this package.
+
+    The mark of a citation is a checksum of its statement, which anyone can compute. It protects
+    the words against changes. It is no signature, so only statements that this package makes or
+    that a stored release made are confirmed.
+
+    Parameters
+    ----------
+    citation : str
+        Citation of a cell from `cite` in the form ``text``, with the mark ``rp:...`` at its end.
+
+    Returns
+    -------
+    str
+        ``unchanged`` if this package makes the statement, and version, day and commit of the
+        citation are those of this package or of a stored release.
+        ``moved since VERSION: now ...`` if the stored release VERSION made the statement and this
+        package makes another one, with the reason for the present verdict.
+        ``well-formed, not known to this package: ...`` if words and mark belong together, but
+        nothing is known provenance the version or provenance the statement.
+        ``not ours: ...`` if words and mark do not belong together.
+
+    Raises
+    ------
+    TypeError
+        If the citation is not text.
+
+    Examples
+    --------
+    >>> verify(cite("niu2024/table-2#scale.red", "text"))
+    'unchanged'
+    """
+    if not isinstance(citation, str):
         raise TypeError(
-            f"citation: expected text, got {text!r}. Use the form 'text' of `cite`"
+            f"citation: expected text, got {citation!r}. Use the form 'text' of `cite`"
         )
-    said, _, rest = " ".join(text.split()).partition(f". {NAME} ")
+    said, _, rest = " ".join(citation.split()).partition(f". {NAME} ")
     source, _, rest = rest.partition(". ")
     marked = re.search(r"\brp:\w+", rest)
     if not marked or marked[0] != mark(said):
@@ -307,13 +377,12 @@ def _et_al(paper: str) -> str:
 def _written(
     name: str, title: str, note: str, form: str, paper: str = "", address: str = ""
 ) -> str:
-    """Write the entry of an address of the book, and the entries of its papers."""
+    """Return the entry of an address of the book, and the entries of its papers."""
     _check_format(form, _CITATION_FORMATS)
-    permalink = ADDRESS
-    if ADDRESS and address:
-        permalink = f"{ADDRESS}/goto.html#{anchor(address)}"
+    page = f"/goto.html#{anchor(address)}" if address else ""
+    permalink = ADDRESS and ADDRESS + page
     # Braces keep a bibliography style from changing the case of names, and BibTeX from taking the
-    # group's name for a first and a last name.
+    # name of the group for a first and a last name.
     fields = {
         "title": f"{{{title}}}",
         "year": RELEASED[:4],
@@ -322,67 +391,60 @@ def _written(
         "doi": DOI,
         "url": permalink,
     }
-    ours = Entry(
-        "misc",
-        fields={k: v for k, v in fields.items() if v},
-        persons={"author": [Person("{" + DEVELOPERS + "}")]},
-    )
-    papers = {one: _paper(one) for one in ([paper] if paper else PAPERS)}
-    entries = BibliographyData({name: ours} | papers)
+    fields = {key: text for key, text in fields.items() if text}
+    people = {"author": [Person("{" + DEVELOPERS + "}")]}
+    entries = {name: Entry("misc", fields=fields, persons=people)}
+    entries |= {key: _paper(key) for key in ([paper] if paper else PAPERS)}
     if form == "bibtex":
-        return str(entries.to_string("bibtex")).strip()
+        return str(BibliographyData(entries).to_string("bibtex")).strip()
+    items = [_csl(key, entry) for key, entry in entries.items()]
     if form == "csl":
-        listed = [_csl(name, entry) for name, entry in entries.entries.items()]
-        return json.dumps(listed, indent=2, ensure_ascii=False)
+        return json.dumps(items, indent=2, ensure_ascii=False)
     if form == "ris":
-        return "\n".join(map(_ris, entries.entries.values()))
+        return "\n".join(map(_ris, items))
     from pybtex.backends.plaintext import Backend
 
-    formatted = _style().format_entries(entries.entries.values())
+    # The key of an entry is set by BibliographyData.
+    listed = BibliographyData(entries).entries.values()
+    formatted = _style().format_entries(listed)
     texts = [entry.text.render(Backend()).strip() for entry in formatted]
-    if note.startswith("rp:"):  # the statement of a cell comes first: `verify` reads it
+    if note.startswith(
+        "rp:"
+    ):  # the statement of a cell comes first: `verify` inputs it
         parts = (f"{title}. {software()}.", permalink, note)
-        texts[0] = " ".join(part for part in parts if part)
+        texts[0] = " ".join(filter(None, parts))
     return "\n".join(texts)
 
 
 def _csl(name: str, entry: Entry) -> dict[str, Any]:
     """Return an entry as an item of the Citation Style Language."""
-    is_article = entry.type == "article"
+    fields = {key: re.sub("[{}]", "", text) for key, text in entry.fields.items()}
+    people = []
+    for person in entry.persons["author"]:
+        given = " ".join(person.first_names + person.middle_names)
+        family = re.sub("[{}]", "", " ".join(person.prelast_names + person.last_names))
+        people.append(
+            {"family": family, "given": given} if given else {"literal": family}
+        )
     item: dict[str, Any] = {
         "id": name,
-        "type": "article-journal" if is_article else "software",
-        "title": "",
-        "author": [_names(person) for person in entry.persons["author"]],
+        "type": "article-journal" if entry.type == "article" else "software",
+        "author": people,
+        "issued": {"date-parts": [[int(fields["year"])]]},
     }
-    for field, (csl, _) in _FIELDS.items():
-        if csl and field in entry.fields:
-            item[csl] = _bare(entry.fields[field])
-    item["issued"] = {"date-parts": [[int(item["issued"])]]}
-    return item if is_article else item | {"version": __version__}
+    item |= {csl: fields[key] for key, csl in _CSL_FIELDS.items() if key in fields}
+    return item if entry.type == "article" else item | {"version": __version__}
 
 
-def _ris(entry: Entry) -> str:
-    """Return an entry in the format of Research Information Systems."""
-    lines = [("TY", "JOUR" if entry.type == "article" else "COMP")]
-    people = entry.persons["author"]
-    lines += [("AU", ", ".join(_names(person).values())) for person in people]
-    for field, (_, tag) in _FIELDS.items():
-        if field in entry.fields:
-            lines.append((tag, _bare(entry.fields[field])))
+def _ris(item: Mapping[str, Any]) -> str:
+    """Return an item of CSL in the format of Research Information Systems."""
+    is_software = item["type"] == "software"
+    ((year,),) = item["issued"]["date-parts"]
+    lines = [("TY", "COMP" if is_software else "JOUR"), ("PY", year)]
+    lines += [("AU", ", ".join(person.values())) for person in item["author"]]
+    lines += [(tag, item[key]) for key, tag in _RIS_TAGS.items() if key in item]
+    lines += [("N2", software())] if is_software else []
     return "".join(f"{tag}  - {value}\n" for tag, value in (*lines, ("ER", "")))
-
-
-def _names(person: Person) -> dict[str, str]:
-    """Return the family name, then the given names; or the name of a group."""
-    family = _bare(" ".join(person.prelast_names + person.last_names))
-    given = " ".join(person.first_names + person.middle_names)
-    return {"family": family, "given": given} if given else {"literal": family}
-
-
-def _bare(text: str) -> str:
-    """Return a text of BibTeX without braces."""
-    return text.replace("{", "").replace("}", "")
 
 
 def _check_format(form: str, known: tuple[str, ...]) -> None:
@@ -418,7 +480,7 @@ _BAR = Environment(autoescape=True).from_string(
 def toolbar(
     key: str, anchor: str, files: Iterable[str], source: str, inputs: str = ""
 ) -> Markup:
-    """Return the bar below a table or a figure of a page, with an anchor for each function.
+    """Return the toolbar below a table or a figure of a page, with an anchor for each function.
 
     Its links lead to files below the root of the built book, ``#tables/KEY.csv``.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 
 from reproduce.papers.catalogue import catalogue, drawings, studies
-from reproduce.printed.cells import PAPERS, anchor, library
+from reproduce.printed.cells import PAPERS, library
 
 
 def check_key(key: str) -> str:
@@ -30,23 +30,6 @@ def check_key(key: str) -> str:
     )
     hint = f"; did you mean {', '.join(near)}?" if near else ""
     raise KeyError(f"unknown key {key!r}{hint} (`reproduce list` shows all keys)")
-
-
-def resolved(text: str) -> str:
-    """Return the address that a pasted text names: a page's with its anchor, or a citation's.
-
-    Examples
-    --------
-    >>> resolved("file:///book/niu2024/simulation.html#niu2024-table-3-scale-red")
-    'niu2024/table-3#scale.red'
-    """
-    address = text.strip().partition(": printed ")[0]
-    target = address.rpartition("#")[2]
-    for key, table in library().items():
-        for name in (key, *(cell.address for cell in table.cells)):
-            if anchor(name) == target:
-                return name
-    return address
 
 
 def check_paper(paper: str) -> str:

@@ -12,7 +12,7 @@ from reproduce.views import numbers
 from reproduce.views.base import Change, Item, Rerunnable, text_of
 from reproduce.views.blocks import Block, Fold, Grid, Html
 from reproduce.views.export import table_files, toolbar
-from reproduce.views.sweep import Point, Sweep, of_study, swept
+from reproduce.views.sweep import Sweep, of_study, swept
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -32,8 +32,6 @@ class StudyTable(Rerunnable, Item):
     seed : int, optional
         Seed of the random number generator.
     """
-
-    kind = "a table of our own"
 
     @property
     def _declared(self) -> Study:
@@ -74,7 +72,7 @@ class StudyTable(Rerunnable, Item):
         """
         study, before = self._declared, self.frame()
 
-        def compute(step: Change) -> Iterator[Point]:
+        def compute(step: Change) -> pd.DataFrame:
             return of_study(
                 study, (before, self.rerun(step).frame()), columns, rows or {}
             )
