@@ -51,7 +51,7 @@ def test_list_names_every_item_in_order_of_print():
     ]
     assert shown == [*catalogue(), *studies()]
     told = next(line for line in result.stdout.splitlines() if "chen2023/heat" in line)
-    assert "a table of our own" in told
+    assert "supplementary table" in told
 
 
 def test_check_of_everything_ends_with_zero():
@@ -385,7 +385,7 @@ def test_show_reruns_under_a_change():
         (["export", "niu2024/table-3#x", "--format", "csv"], "has no cell 'x'"),
         (
             ["audit", "nobody2000"],
-            "unknown paper 'nobody2000': expected one of niu2024",
+            "paper: expected one of niu2024",
         ),
     ],
 )
@@ -414,7 +414,7 @@ def test_a_figure_is_drawn_with_a_seed_and_says_how(tmp_path):
         drawn.append(out.read_text(encoding="utf-8"))
     assert drawn[0] == drawn[1] != drawn[2]
     shown = " ".join(run("show", "chen2023/fig-8", "--seed", "7").output.split())
-    assert "With seed = 7: a reader's own setting" in shown
+    assert "With seed = 7: your setting" in shown
     assert "`reproduce figure chen2023/fig-8 --out FILE.svg`" in shown
 
 
@@ -444,7 +444,7 @@ def test_a_table_of_our_own_is_cited_beside_its_paper():
 def test_a_table_of_our_own_is_not_judged():
     result = run("check", "chen2023/heat")
     assert result.exit_code == 2
-    assert "no printed number to judge" in " ".join(
+    assert "supplementary table chen2023/heat" in " ".join(
         result.stderr.replace("│", " ").split()
     )
 

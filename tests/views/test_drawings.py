@@ -38,7 +38,7 @@ def test_every_axis_has_its_unit_or_counts(name):
 
 
 def test_unknown_drawings_are_refused():
-    with pytest.raises(KeyError, match="did you mean niu2024/drawing-fusion-star"):
+    with pytest.raises(KeyError, match="such as niu2024/drawing-fusion-star"):
         figures.draw("niu2024/drawing-fusion-sta")
     with pytest.raises(
         ValueError, match="niu2024/table-3 has no figure; these have one: niu2024/fig-1"

@@ -319,8 +319,8 @@ def cited(said, source):
 def test_a_citation_checks_itself(address, monkeypatch):
     text = citation(address, "text")
     assert verify(text) == verify(text.partition("\n")[0]) == "unchanged"
-    assert verify(text.replace("printed ", "printed 1")).startswith("not ours")
-    assert verify("some words").startswith("not ours")
+    assert verify(text.replace("printed ", "printed 1")).startswith("not confirmed")
+    assert verify("some words").startswith("not confirmed")
     record = ledger.build([address.partition("#")[0]]).cell(address)
     now, older, source = (
         citation_digest(record),
@@ -360,7 +360,7 @@ def test_to_verify_a_long_text_takes_linear_time():
         times = []
         for size in (8_000, 128_000):
             begin = time.process_time()
-            assert verify(text * (size // len(text))).startswith("not ours")
+            assert verify(text * (size // len(text))).startswith("not confirmed")
             times.append(time.process_time() - begin)
         assert times[1] < 60 * max(times[0], 0.002), text
 

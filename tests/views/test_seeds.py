@@ -51,7 +51,7 @@ def test_a_seed_reaches_every_random_number_or_is_refused(find, key, monkeypatch
     again = shown.rerun(seed=7)
     assert content(shown) != first == content(again)
     assert again.changes == {"seed": "7"}
-    assert "With seed = 7: a reader's own setting" in " ".join(str(again).split())
+    assert "With seed = 7: your setting" in " ".join(str(again).split())
 
 
 @pytest.mark.parametrize("name", ["seed", "data_seed"])

@@ -39,7 +39,10 @@ class ResultView(Display):
     @property
     def rerun_code(self) -> str:
         """A line of code that computes it with another value of its first input."""
-        line, numbers = f'rp.table("{self.key}")', (find(one)[0] for one in self.inputs)
+        line, numbers = (
+            f'rp.table("{self.key}")',
+            (find(address)[0] for address in self.inputs),
+        )
         read = next((cell for cell in numbers if cell.is_number), None)
         return line + (f'.rerun({{"{read.address}": "{read.text}"}})' if read else "")
 
@@ -101,7 +104,7 @@ class Item(ResultView):
         item = catalogue().get(self.key)
         computations = item.computations if item else ()
         draw = item.draw if item else drawings()[self.key]
-        functions = [one.function for one in computations]
+        functions = [computation.function for computation in computations]
         if isinstance(draw, Drawing):
             functions.append(draw.function)
         return "\n\n\n".join(map(text_of, functions))
@@ -155,7 +158,7 @@ class Rerunnable(ResultView):
         """The changes: address or ``seed`` to the value as given."""
         return rerun.by_name(self._changes, self.seed)
 
-    def _setting(self, remark: str = "a reader's own setting") -> str:
+    def _setting(self, remark: str = "your setting") -> str:
         return (
             setting("With", self.changes, self.replaced, remark) if self.changes else ""
         )

@@ -139,8 +139,8 @@ class Grid:
         """Return a DataFrame, whose index contains the names of the rows."""
         rows = [
             [
-                one if isinstance(one, str) else minus(f"{one:z.{digits}g}")
-                for one in row
+                entry if isinstance(entry, str) else minus(f"{entry:z.{digits}g}")
+                for entry in row
             ]
             for row in frame.itertuples()
         ]
@@ -242,7 +242,8 @@ def html(blocks: Iterable[Block]) -> str:
 def _markup(blocks: Iterable[Block]) -> Markup:
     sentence = Markup('<p class="rp-joint">{}</p>')
     return Markup("\n").join(
-        sentence.format(one) if isinstance(one, str) else one.markup for one in blocks
+        sentence.format(block) if isinstance(block, str) else block.markup
+        for block in blocks
     )
 
 
@@ -258,7 +259,7 @@ def printable(text: str) -> str:
     >>> printable("red" + chr(27) + "[31m.fits")
     'red\\\\x1b[31m.fits'
     """
-    return _CONTROL.sub(lambda found: repr(found[0])[1:-1], text)
+    return _CONTROL.sub(lambda match: repr(match[0])[1:-1], text)
 
 
 def plain(entry: Entry) -> str:

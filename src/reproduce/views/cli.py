@@ -36,8 +36,8 @@ class _Shell(click.Group):
             if message is None:  # not an error of the input
                 raise
             if as_json and _SHOWN not in ctx.meta:
-                found = {"error": message} | ({"steps_needed": steps} if steps else {})
-                click.echo(json.dumps(found, indent=2))
+                record = {"error": message} | ({"steps_needed": steps} if steps else {})
+                click.echo(json.dumps(record, indent=2))
             if isinstance(error, click.ClickException):
                 raise
             kind: type[click.ClickException] = click.UsageError
@@ -152,7 +152,9 @@ def _save(save: Callable[[Path], Any], out: Path) -> None:
 
 def _given(settings: dict[str, Any]) -> dict[str, Any]:
     """Return the options with a value."""
-    return {name: one for name, one in settings.items() if one not in (None, {}, "")}
+    return {
+        name: value for name, value in settings.items() if value not in (None, {}, "")
+    }
 
 
 def _item(address: str) -> Any:
@@ -271,14 +273,14 @@ def check(keys: tuple[str, ...], as_json: bool) -> None:
     from reproduce.views import contents
 
     with _bar("recomputing") as progress:
-        found = contents.check(*keys, progress=progress)
+        result = contents.check(*keys, progress=progress)
     if as_json:
-        click.echo(found.ledger.model_dump_json(indent=2))
-        for line in found.faults():
+        click.echo(result.ledger.model_dump_json(indent=2))
+        for line in result.faults():
             click.echo(line, err=True)
     else:
-        found.print()
-    if not found:
+        result.print()
+    if not result:
         sys.exit(1)
 
 
@@ -319,11 +321,11 @@ def show(
       scale.red        0.9973    0.9976   differs
       ...
     """
-    found = _item(address)
+    item = _item(address)
     settings = _given(numbers)
     if changes or options or settings:
-        found = found.rerun(changes, **settings, **options)
-    found.print()
+        item = item.rerun(changes, **settings, **options)
+    item.print()
 
 
 @main.command("export")
@@ -421,8 +423,8 @@ def audit(paper: str | None, as_json: bool) -> None:
     """
     from reproduce.views.consistency import ConsistencyAudit
 
-    found = ConsistencyAudit(paper)
-    _show(as_json, found.as_json, found.print)
+    result = ConsistencyAudit(paper)
+    _show(as_json, result.as_json, result.print)
 
 
 @main.command()
@@ -492,8 +494,8 @@ def register(
         scale, rotation, *shift = start
         settings["start"] = scale, math.radians(rotation), *shift
     target = files[1] if len(files) > 1 else None
-    found = registers.register(files[0], target, **_given(settings))
-    _show(as_json, found.record, found.print)
+    fit = registers.register(files[0], target, **_given(settings))
+    _show(as_json, fit.record, fit.print)
 
 
 @main.command()
@@ -521,8 +523,8 @@ def misalignment(file: Path, as_json: bool, **settings: Any) -> None:
     """
     from reproduce.views import measurements
 
-    found = measurements.misalignment(file, **settings)
-    _show(as_json, found.record, found.print)
+    result = measurements.misalignment(file, **settings)
+    _show(as_json, result.record, result.print)
 
 
 @main.command()
@@ -585,16 +587,16 @@ def posterior(
     from reproduce.views import posteriors
 
     if listed:
-        found: Any = posteriors.posterior()
-        _show(as_json, found.titles, found.models.print)
+        result: Any = posteriors.posterior()
+        _show(as_json, result.titles, result.models.print)
         return
     if name is None:
         raise click.UsageError("NAME: expected a posterior, got none. Use --list")
-    found = posteriors.posterior(name, **_given(settings))
+    result = posteriors.posterior(name, **_given(settings))
     if out:
-        found.check_file(out)
+        result.check_file(out)
     with _bar("sampling") as progress:
-        found.sample(progress=progress)
-    _show(as_json, found.record, found.print)
+        result.sample(progress=progress)
+    _show(as_json, result.record, result.print)
     if out:
-        _save(found.save, out)
+        _save(result.save, out)

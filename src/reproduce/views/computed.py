@@ -80,8 +80,8 @@ def item_ledger(*keys: str) -> Ledger:
         return ledger.build(keys)
     whole = whole_ledger()
     parts = {
-        "records": tuple(one for one in whole.records if one.key in keys),
-        "tables": tuple(one for one in whole.tables if one.key in keys),
+        "records": tuple(record for record in whole.records if record.key in keys),
+        "tables": tuple(record for record in whole.tables if record.key in keys),
     }
     return whole.model_copy(update=parts)
 

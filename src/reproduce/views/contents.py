@@ -101,8 +101,8 @@ class Contents(Display):
     def __init__(self, paper: str | None = None) -> None:
         self.papers = PAPERS if paper is None else (keys.check_paper(paper),)
         self.keys, self.supplementary = (
-            [key for key in found if key.partition("/")[0] in self.papers]
-            for found in (catalogue(), studies())
+            [key for key in ledger if key.partition("/")[0] in self.papers]
+            for ledger in (catalogue(), studies())
         )
 
     @cached_property
@@ -182,14 +182,14 @@ class Check(Display):
 
     def __init__(
         self,
-        wanted: tuple[str, ...] = (),
+        items: tuple[str, ...] = (),
         progress: Callable[[int, int], None] | None = None,
     ) -> None:
         listed: list[str] = []
-        for key in wanted:
+        for key in items:
             listed += Contents(key).keys if key in PAPERS else [keys.check_key(key)]
-        found = build(listed or None, progress)
-        self.ledger = found.model_copy(update={"altered": altered_files()})
+        ledger = build(listed or None, progress)
+        self.ledger = ledger.model_copy(update={"altered": altered_files()})
         self.changed_verdicts = changed_verdicts(self.ledger)
 
     def __bool__(self) -> bool:
@@ -282,7 +282,7 @@ def overview_grid(records: Sequence[Record]) -> Markup:
     papers = groupby(records, key=lambda record: record.key.partition("/")[0])
     return rendered(
         "wall",
-        papers=((paper, _drawn(own)) for paper, own in papers),
+        papers=((paper, _drawn(group)) for paper, group in papers),
         shapes=SHAPES,
         verdicts=verdicts,
         records=records,
@@ -292,7 +292,7 @@ def overview_grid(records: Sequence[Record]) -> Markup:
 def _drawn(records: Iterable[Record]) -> Iterable[dict[str, Any]]:
     """Yield the drawing of each item: its cells in the layout of the paper."""
     for key, group in groupby(records, key=lambda record: record.key):
-        table, own = library()[key], tuple(group)
+        table, cells = library()[key], tuple(group)
         across, rows = max(1, len(table.columns)), len(table.rows)
         deep, half = ceil(rows / ceil(rows / MAX_ROWS)), PITCH_PIXELS // 2
         name = table.place.partition(",")[0]
@@ -301,7 +301,7 @@ def _drawn(records: Iterable[Record]) -> Iterable[dict[str, Any]]:
             "anchor": anchor(key),
             "title": table.title,
             "name": topic if name == "Text" else name,
-            "counts": _counted(own),
+            "counts": _counted(cells),
             "width": PITCH_PIXELS * across * ceil(rows / deep),
             "height": PITCH_PIXELS * MAX_ROWS,
             "marks": [
@@ -311,6 +311,6 @@ def _drawn(records: Iterable[Record]) -> Iterable[dict[str, Any]]:
                     PITCH_PIXELS * (i // across // deep * across + i % across) + half,
                     PITCH_PIXELS * (i // across % deep) + half,
                 )
-                for i, (cell, record) in enumerate(zip(table.cells, own, strict=True))
+                for i, (cell, record) in enumerate(zip(table.cells, cells, strict=True))
             ],
         }

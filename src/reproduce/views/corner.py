@@ -35,7 +35,7 @@ def draw_corner(
     columns = [posterior.model.names.index(name) for name in names]
     chosen = [posterior.model.parameters[i] for i in columns]
     draws = posterior.draws[:: -(-len(posterior.draws) // _MAX_POINTS), columns]
-    values, count = draws * [one.shown for one in chosen], len(chosen)
+    values, count = draws * [parameter.shown for parameter in chosen], len(chosen)
     side = NARROW if thin(figure) else min(6.8, 1.3 * count + 1.2)
     figure.set_layout_engine(None)
     figure.set_size_inches(side, side)
@@ -44,10 +44,10 @@ def draw_corner(
         range=[_CENTRAL_FRACTION] * count,
         fig=figure,
         labels=[
-            f"${one.label}$\n({one.shown_unit.strip()})"
-            if one.shown_unit
-            else f"${one.label}$"
-            for one in chosen
+            f"${parameter.label}$\n({parameter.shown_unit.strip()})"
+            if parameter.shown_unit
+            else f"${parameter.label}$"
+            for parameter in chosen
         ],
         label_kwargs={"fontsize": _FONT_POINTS},
         max_n_ticks=3,

@@ -1,4 +1,4 @@
-"""What a reader takes away: exports through pandas, citations, and the toolbar that offers both."""
+"""Exports through pandas, citations, and the toolbar of a page for both."""
 
 from __future__ import annotations
 
@@ -70,17 +70,17 @@ def table_files(key: str) -> dict[str, str]:
 
 def provenance_of(cited: str, setting: str = "") -> dict[str, str]:
     """Return the provenance of an export: software, citation and changes."""
-    told = {"software": software(), "citation": cited, "setting": setting}
-    return {name: text for name, text in told.items() if text}
+    texts = {"software": software(), "citation": cited, "setting": setting}
+    return {name: text for name, text in texts.items() if text}
 
 
 def with_provenance(ledger: Ledger, address: str = "all") -> Ledger:
     """Return a ledger with the written reason of each verdict, and its provenance."""
-    told = tuple(
+    records = tuple(
         r.model_copy(update={"reason": reason(r.cell)}) for r in ledger.records
     )
     return ledger.model_copy(
-        update={"records": told} | provenance_of(citation(address, "text"))
+        update={"records": records} | provenance_of(citation(address, "text"))
     )
 
 
@@ -93,10 +93,10 @@ def export_frame(
     """
     _check_format(form, FORMATS)
     provenance = provenance or provenance_of(citation("all", "text"))
-    said = "".join(f"{name}: {text}\n" for name, text in provenance.items())
+    comment = "".join(f"{name}: {text}\n" for name, text in provenance.items())
     if form == "csv":
         # Words are quoted, since an address holds the sign of a comment.
-        return indent(said, "# ") + str(
+        return indent(comment, "# ") + str(
             frame.to_csv(index=False, quoting=csv.QUOTE_NONNUMERIC)
         )
     if form == "json":
@@ -104,7 +104,7 @@ def export_frame(
         return json.dumps({**provenance, "rows": rows}, indent=2, ensure_ascii=False)
     if form == "latex":
         table = frame.to_latex(index=False, escape=True, **frame.attrs.get("latex", {}))
-        return indent(said, "% ") + _in_tex(table)
+        return indent(comment, "% ") + _in_tex(table)
     dashes = ["---"] * len(frame.columns)
     lines = [frame.columns, dashes, *frame.to_numpy()]
     # Other programs read numbers with a hyphen as the sign.
@@ -112,7 +112,7 @@ def export_frame(
         " | ".join(str(cell).replace("|", "\\|").replace("−", "-") for cell in line)
         for line in lines
     ]
-    return "\n".join([f"<!--\n{said}-->\n", *(f"| {text} |" for text in texts)])
+    return "\n".join([f"<!--\n{comment}-->\n", *(f"| {text} |" for text in texts)])
 
 
 def _in_tex(text: str) -> str:
@@ -160,11 +160,16 @@ def full_frame(records: Iterable[Record]) -> pd.DataFrame:
         row = record.model_dump(exclude={"readings"}) | {"reason": reason(record.cell)}
         # These columns also exist without readings.
         row |= dict.fromkeys(_READINGS)
-        if found := record.readings:
-            closest = found.closest
+        if readings := record.readings:
+            closest = readings.closest
             choices = verdicts.choices_text(closest.choices)
             numbers = closest.computed, closest.probability
-            texts = (found.count, found.agreeing, verdicts.deciding(found), choices)
+            texts = (
+                readings.count,
+                readings.agreeing,
+                verdicts.deciding(readings),
+                choices,
+            )
             row |= zip(_READINGS, (*texts, *numbers), strict=True)
         for name in ("stands_for", "interval"):
             row[f"{name}_low"], row[f"{name}_high"] = row.pop(name) or (None, None)
@@ -276,21 +281,21 @@ def cite_related(kind: str, name: str, paper: str, title: str, form: str) -> str
 def citation_digest(record: Record) -> str:
     """Return the printed value, the computed value to six digits and the verdict of a cell."""
     unit = "" if record.unit in {"", "1"} else f" {record.unit}"
-    said = [f"{record.cell}: printed {record.printed}{unit}"]
+    parts = [f"{record.cell}: printed {record.printed}{unit}"]
     if record.computed is not None and record.role == "result":
         what = "assumed" if "stand_in" in record.flags else "recomputed"
         ends = ", ".join(f"{end:.6g}" for end in record.interval or ())
-        said.append(f"{what} {record.computed:.6g}{ends and f' [{ends}]'}{unit}")
+        parts.append(f"{what} {record.computed:.6g}{ends and f' [{ends}]'}{unit}")
     if record.verdict == "ambiguous" and record.readings:
-        said.append(
+        parts.append(
             f"agrees with {record.readings.agreeing} of {record.readings.count} readings"
         )
-    return ", ".join((*said, record.verdict))
+    return ", ".join((*parts, record.verdict))
 
 
-def mark(said: str) -> str:
+def mark(statement: str) -> str:
     """Return the checksum of a statement on a cell."""
-    return f"rp:{sha256(said.encode()).hexdigest()[:12]}"
+    return f"rp:{sha256(statement.encode()).hexdigest()[:12]}"
 
 
 def verify(citation: str) -> str:
@@ -314,7 +319,7 @@ def verify(citation: str) -> str:
         package makes another one, with the reason for the present verdict.
         ``well-formed, not known to this package: ...`` if words and mark belong together, but
         nothing is known provenance the version or provenance the statement.
-        ``not ours: ...`` if words and mark do not belong together.
+        ``not confirmed: ...`` if words and mark do not belong together.
 
     Raises
     ------
@@ -330,18 +335,18 @@ def verify(citation: str) -> str:
         raise TypeError(
             f"citation: expected text, got {citation!r}. Use the form 'text' of `cite`"
         )
-    said, _, rest = " ".join(citation.split()).partition(f". {NAME} ")
+    statement, _, rest = " ".join(citation.split()).partition(f". {NAME} ")
     source, _, rest = rest.partition(". ")
     marked = re.search(r"\brp:\w+", rest)
-    if not marked or marked[0] != mark(said):
-        return "not ours: its words and its mark do not belong together"
-    address = said.partition(": ")[0]
+    if not marked or marked[0] != mark(statement):
+        return "not confirmed: its words and its mark do not belong together"
+    address = statement.partition(": ")[0]
     key, _, name = address.partition("#")
     now = f"{address} is not a printed number"
     if key in library() and name in library()[key].by_name:
         record = item_ledger(key).cell(address)
         now = citation_digest(record)
-        if now == said and source in {version(), *released()}:
+        if now == statement and source in {version(), *released()}:
             return "unchanged"
         now = f"{now}, for {reason(address) or record.why}"
     if marked[0] in released().get(source, ()):
@@ -370,8 +375,8 @@ def _paper(key: str) -> Entry:
 def _et_al(paper: str) -> str:
     source = _paper(paper)
     names = [person.last_names[-1] for person in source.persons["author"]]
-    told = " and ".join(names) if len(names) < 3 else f"{names[0]} et al."
-    return f"{told} ({source.fields['year']})"
+    authors = " and ".join(names) if len(names) < 3 else f"{names[0]} et al."
+    return f"{authors} ({source.fields['year']})"
 
 
 def _written(

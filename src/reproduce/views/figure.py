@@ -54,8 +54,8 @@ def _declared_drawing(key: str) -> Drawing | Schematic:
     """Return the drawing of a key: of an item, or a supplementary one."""
     if key in drawings():
         return drawings()[key]
-    if found := catalogue()[keys.check_key(key)].draw:
-        return found
+    if drawing := catalogue()[keys.check_key(key)].draw:
+        return drawing
     known = ", ".join((*drawable(), *drawings()))
     raise ValueError(f"{key} has no figure; these have one: {known}")
 
@@ -94,22 +94,31 @@ def _data(figure: Drawn) -> pd.DataFrame:
     parts = [pd.DataFrame(columns=["panel", "curve", "x", "y"])]
     for panel, axes in enumerate(figure.axes, start=1):
         drawn = [(line.get_label(), line.get_xydata()) for line in axes.lines]
-        drawn += [(one.get_label(), one.get_offsets()) for one in axes.collections]
-        drawn += [(one.get_text(), [one.get_position()]) for one in axes.texts]
+        drawn += [
+            (artist.get_label(), artist.get_offsets()) for artist in axes.collections
+        ]
+        drawn += [(artist.get_text(), [artist.get_position()]) for artist in axes.texts]
         for number, (label, points) in enumerate(drawn, start=1):
             part = pd.DataFrame(np.reshape(points, (-1, 2)), columns=["x", "y"])
             name = str(label)
             curve = f"curve {number}" if name.startswith("_") else name
             parts.append(part.assign(panel=panel, curve=curve))
-    found = [part for part in parts if len(part)] or parts
-    return pd.concat(found, ignore_index=True)[["panel", "curve", "x", "y"]]
+    filled_parts = [part for part in parts if len(part)] or parts
+    return pd.concat(filled_parts, ignore_index=True)[["panel", "curve", "x", "y"]]
 
 
 def _labels(svg: str) -> pd.DataFrame:
     """Return the labels of a schematic with their places, in units of its view box."""
     rows = [
-        (1, "".join(one.itertext()), float(one.get("x", 0)), float(one.get("y", 0)))
-        for one in ElementTree.fromstring(svg).iter("{http://www.w3.org/2000/svg}text")
+        (
+            1,
+            "".join(label.itertext()),
+            float(label.get("x", 0)),
+            float(label.get("y", 0)),
+        )
+        for label in ElementTree.fromstring(svg).iter(
+            "{http://www.w3.org/2000/svg}text"
+        )
     ]
     return pd.DataFrame(rows, columns=["panel", "curve", "x", "y"])
 
@@ -266,7 +275,7 @@ class Figure(Rerunnable, Item):
     def caption(self) -> str:
         """Caption; of a figure with changes, the changes."""
         if self.changes:
-            remark = "a reader's own setting; what is marked as printed stays the print"
+            remark = "your setting; marks of printed values do not change"
             return f"{self.title}. {self._setting(remark)}"
         return self._filled(item_text(self.key).figure.caption)
 
@@ -336,5 +345,5 @@ def figure(key: str) -> Figure | Panels:
     >>> figure("chen2023/fig-11a").place
     'Figure 11a'
     """
-    panels = [one for one in catalogue() if one[:-1] == key and one[-1].isalpha()]
+    panels = [item for item in catalogue() if item[:-1] == key and item[-1].isalpha()]
     return Panels(map(Figure, panels)) if panels else Figure(key)

@@ -115,7 +115,9 @@ class UserResult(Display):
     def blocks(self) -> Iterator[Block]:
         """Yield the numbers and the warnings."""
         yield self.grid
-        notes = {one.text for one in self.findings if one.kind == "sensitive"}
+        notes = {
+            finding.text for finding in self.findings if finding.kind == "sensitive"
+        }
         for line in self.remarks:
             yield f"{'Note' if line in notes else 'Warning'}: {line}."
 
@@ -125,7 +127,7 @@ class UserResult(Display):
         return {
             **self._facts,
             self._rows: frame.where(frame.notna(), None).to_dict("records"),
-            "findings": [asdict(one) for one in self.findings],
+            "findings": [asdict(finding) for finding in self.findings],
             "remarks": self.remarks,
         }
 
@@ -245,7 +247,9 @@ class RegistrationResult(UserResult):
         """
         import pandas as pd
 
-        columns = {one.term: [*one.change, one.p_value] for one in self._sensitivities}
+        columns = {
+            term.term: [*term.change, term.p_value] for term in self._sensitivities
+        }
         index = pd.Index([*self.fit.names, "p-value"], name="parameter")
         names = {"brightness": "bright - faint"}
         return pd.DataFrame(columns, index).rename(columns=names)
@@ -254,8 +258,10 @@ class RegistrationResult(UserResult):
         """Yield the parameters, their consistency and sensitivity, and the warnings."""
         grid, *warnings = super().blocks()
         yield grid
-        if found := self.consistency:
-            yield _CONSISTENCY_TEXTS[next(iter(found))].format(*found.values())
+        if consistency := self.consistency:
+            yield _CONSISTENCY_TEXTS[next(iter(consistency))].format(
+                *consistency.values()
+            )
         if self._sensitivities:
             title = "change of each parameter with one more term, in its standard deviations"
             yield Grid.of_frame(title, self.sensitivity(), digits=2)
@@ -363,12 +369,14 @@ class MisalignmentResult(UserResult):
         The table is empty without times. The drift is a straight line. The smallest error is the
         lowest Allan deviation without the drift, with its 95 % interval and the number of images.
         """
-        if (found := self.stability) is None:
+        if (stability := self.stability) is None:
             return _by_axis(())[:0]
-        ends = found.floor_interval(_LEVEL)
+        ends = stability.floor_interval(_LEVEL)
         names = ("drift", "its error", "least", "low (95 %)", "high (95 %)")
-        table = _by_axis(names, found.rate, found.rate_error, found.floor, *ends)
-        return table.assign(**{"images averaged": found.reached})
+        table = _by_axis(
+            names, stability.rate, stability.rate_error, stability.floor, *ends
+        )
+        return table.assign(**{"images averaged": stability.reached})
 
     def blocks(self) -> Iterator[Block]:
         """Yield the angles, the warnings, and the drift if times are known."""
@@ -386,8 +394,8 @@ class MisalignmentResult(UserResult):
 
         index = pd.RangeIndex(1, len(self.angles) + 1, name="image")
         angles = self.angles * ARCSEC_PER_RADIAN
-        found = pd.DataFrame(angles, index, columns=list("XYZ"))
-        return found if self.times is None else found.assign(time=self.times)
+        frame = pd.DataFrame(angles, index, columns=list("XYZ"))
+        return frame if self.times is None else frame.assign(time=self.times)
 
     def covariance(self) -> FloatArray:
         """Return the covariance of the angles of each image, (images, 3, 3), in arcsec squared.
@@ -402,9 +410,9 @@ class MisalignmentResult(UserResult):
         The error includes the zero point, the correlation of images and the misfit of the pattern.
         The interval uses Student's t-distribution, because the scatter is an estimate.
         """
-        found, ends = self.found, self.found.interval(_LEVEL)
+        average, ends = self.found, self.found.interval(_LEVEL)
         names = ("mean", "scatter", "error of the mean", "95% low", "95% high")
-        return _by_axis(names, found.mean, found.scatter, found.error, *ends)
+        return _by_axis(names, average.mean, average.scatter, average.error, *ends)
 
 
 def _by_axis(names: Sequence[str], *columns: FloatArray) -> pd.DataFrame:
@@ -412,7 +420,7 @@ def _by_axis(names: Sequence[str], *columns: FloatArray) -> pd.DataFrame:
     import pandas as pd
 
     pairs = zip(names, columns, strict=True)
-    shown = {f"{name} (arcsec)": one * ARCSEC_PER_RADIAN for name, one in pairs}
+    shown = {f"{name} (arcsec)": column * ARCSEC_PER_RADIAN for name, column in pairs}
     return pd.DataFrame(shown, pd.Index(list("XYZ"), name="about"))
 
 

@@ -200,12 +200,12 @@ def _stars(
     if is_image(source):
         pixels, saturation, noise = read_image(source, name)
         with reading(name):
-            found = find_spots(pixels, threshold, noise, saturation)
-        centre, covariance, shapes = found.centre, found.covariance, found.shapes
+            spots = find_spots(pixels, threshold, noise, saturation)
+        centre, covariance, shapes = spots.centre, spots.covariance, spots.shapes
         sigma = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
-        columns = {"flux": found.flux, "dropped": found.reasons}
+        columns = {"flux": spots.flux, "dropped": spots.reasons}
         middle = (np.array(pixels.shape[::-1]) - 1) / 2
-        facts, findings = found.facts, found.findings
+        facts, findings = spots.facts, spots.findings
     else:
         optional = (*SIGMAS, "flux", "mag", "weight")
         table = read_table(source, _CENTRE[:2], optional, sep, name)
@@ -215,7 +215,7 @@ def _stars(
             sigma = deviations(table)
         covariance = sigma[:, :, None] ** 2 * np.eye(2)
         shapes, middle = np.full((len(centre), 3, 2), np.nan), centre.mean(axis=0)
-        columns = {key: one for key, one in columns.items() if key not in SIGMAS}
+        columns = {key: column for key, column in columns.items() if key not in SIGMAS}
         findings = tuple(Finding("masked", note) for note in table.notes)
     flux = brightness(columns)
     frame = pd.DataFrame(np.hstack([centre, sigma]), columns=_CENTRE)
@@ -257,13 +257,13 @@ def _paired(
         pivot = source.middle if pivot is None else pivot
         start = Registration("similarity", start, pivot)
     with reading(f"{source.name} and {target.name}"):
-        rows, found = match_points(source.points, target.points, near, start)
+        rows, transform = match_points(source.points, target.points, near, start)
     a, b = rows.T
     pairs = pd.DataFrame(np.hstack([source.points[a], target.points[b]]), columns=STARS)
     counts = f"{len(pairs)} pairs of {len(source)} and {len(target)} stars"
     pairs.attrs["log"] = f"{counts}, less than {near:.3g} px apart"
-    pairs.attrs["mirrored"] = bool(np.linalg.det(found.matrix) < 0)
-    return pairs.assign(row=a, row_reference=b), found
+    pairs.attrs["mirrored"] = bool(np.linalg.det(transform.matrix) < 0)
+    return pairs.assign(row=a, row_reference=b), transform
 
 
 class RegisteredPictures(RegistrationResult):

@@ -61,9 +61,9 @@ def book_posterior(name: str) -> PosteriorSamples:
     """Return a posterior of the book, which only one process of a build samples."""
     model, plan = posteriors()[name].model(), posteriors()[name].plan()
 
-    def dump(found: PosteriorSamples) -> bytes:
+    def dump(samples: PosteriorSamples) -> bytes:
         content = BytesIO()
-        np.savez(content, **{key: getattr(found, key) for key in _STORED_ARRAYS})
+        np.savez(content, **{key: getattr(samples, key) for key in _STORED_ARRAYS})
         return content.getvalue()
 
     def load(content: bytes) -> PosteriorSamples:
@@ -212,7 +212,9 @@ class Posterior(Display):
             data = {"kind": "file", "file": table.path, "rows": len(table.rows)}
             data["sha256"] = table.sha256
         pivots = getattr(self.model.likelihood, "pivots", ())
-        return data | ({"pivot": [one.tolist() for one in pivots]} if pivots else {})
+        return data | (
+            {"pivot": [pivot.tolist() for pivot in pivots]} if pivots else {}
+        )
 
     @property
     def data_text(self) -> str:
@@ -315,8 +317,8 @@ class Posterior(Display):
     def priors(self) -> pd.DataFrame:
         """Unit and prior of each parameter, with the reason."""
         rows = [
-            (one.name, one.unit, str(one.prior.in_unit(one.shown)), one.prior.reason)
-            for one in self.model.parameters
+            (p.name, p.unit, str(p.prior.in_unit(p.shown)), p.prior.reason)
+            for p in self.model.parameters
         ]
         columns = ["parameter", "unit", "prior", "why"]
         return pd.DataFrame(rows, columns=columns).set_index("parameter")
@@ -350,13 +352,15 @@ class Posterior(Display):
 
     def _framed(self, rows: NDArray[np.float64]) -> pd.DataFrame:
         parameters = self.model.parameters
-        heads = [f"{one.name} ({one.unit})" for one in parameters]
-        return pd.DataFrame(rows * [one.shown for one in parameters], columns=heads)
+        heads = [f"{parameter.name} ({parameter.unit})" for parameter in parameters]
+        return pd.DataFrame(
+            rows * [parameter.shown for parameter in parameters], columns=heads
+        )
 
     def log_likelihood(self) -> pd.DataFrame:
         """Return the log likelihood of each star or spot, one row per thinned draw."""
-        found = self.sampled.log_likelihood()
-        return pd.DataFrame(found.reshape(found.shape[0] * found.shape[1], -1))
+        values = self.sampled.log_likelihood()
+        return pd.DataFrame(values.reshape(values.shape[0] * values.shape[1], -1))
 
     @property
     def truth(self) -> dict[str, float]:
@@ -364,7 +368,9 @@ class Posterior(Display):
         return {} if self._table else self._shown(self.declared.true_values())
 
     def _shown(self, values: Mapping[str, float]) -> dict[str, float]:
-        factors = {one.name: one.shown for one in self.model.parameters}
+        factors = {
+            parameter.name: parameter.shown for parameter in self.model.parameters
+        }
         return {name: value * factors[name] for name, value in values.items()}
 
     def corner(self, *names: str) -> Html:
@@ -471,23 +477,26 @@ class Posterior(Display):
         changes["priors"] = {**self._priors, **changes.get("priors", {})}
         arguments = {**self._arguments, **changes}
         return Posterior(
-            {key: one for key, one in arguments.items() if one is not None}
+            {key: value for key, value in arguments.items() if value is not None}
         )
 
     def record(self) -> dict[str, Any]:
         """Return the summary with its provenance for other programs."""
-        found = self.sampled
-        sizes = zip(("ensembles", "steps", "walkers"), found.chain.shape, strict=False)
+        samples = self.sampled
+        sizes = zip(
+            ("ensembles", "steps", "walkers"), samples.chain.shape, strict=False
+        )
         frames = {"parameters": self.frame(), "priors": self.priors}
         if self._stars is not None:
             frames["stars"] = self._stars.set_index(self._stars.columns[0])
         return {
             "model": self.name,
-            "seed": found.seed,
+            "seed": samples.seed,
             **dict(sizes),
-            "acceptance": list(found.acceptance),
+            "acceptance": list(samples.acceptance),
             **{
-                key: one.reset_index().to_dict("records") for key, one in frames.items()
+                key: frame.reset_index().to_dict("records")
+                for key, frame in frames.items()
             },
             "modes": {name: modes._asdict() for name, modes in self.modes.items()},
             "checks": [asdict(check) for check in self.checks],
@@ -549,12 +558,12 @@ class Posterior(Display):
 
     @property
     def _convergence(self) -> str:
-        found, frame = self.sampled, self.frame()
-        ensembles, steps, walkers = found.chain.shape[:3]
+        samples, frame = self.sampled, self.frame()
+        ensembles, steps, walkers = samples.chain.shape[:3]
         return (
-            f"{ensembles} ensembles of {walkers} walkers, {steps} steps each, seed {found.seed}; "
-            f"acceptance {min(found.acceptance):.2f} to {max(found.acceptance):.2f}, R-hat up to "
-            f"{frame['rhat'].max():.3f}, effective sample sizes from "
+            f"{ensembles} ensembles of {walkers} walkers, {steps} steps each, seed {samples.seed}; "
+            f"acceptance {min(samples.acceptance):.2f} to {max(samples.acceptance):.2f}, R-hat up "
+            f"to {frame['rhat'].max():.3f}, effective sample sizes from "
             f"{frame[['bulk', 'tail']].to_numpy().min():.0f}; frame() lists them."
         )
 
@@ -564,8 +573,8 @@ _NETCDF_PACKAGES = ("xarray", "h5netcdf")
 
 def _versions() -> dict[str, str]:
     """Return the versions of the software that made a posterior."""
-    found = {name: version(name) for name in ("numpy", "scipy", "emcee")}
-    return {"reproduce-pointing": __version__, **found}
+    versions = {name: version(name) for name in ("numpy", "scipy", "emcee")}
+    return {"reproduce-pointing": __version__, **versions}
 
 
 def spread(row: Summary) -> tuple[str, str, str, str]:

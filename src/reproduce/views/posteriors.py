@@ -84,7 +84,7 @@ def posterior(
     ValueError
         If the model does not accept an argument, or the data are wrong.
     """
-    arguments = {key: one for key, one in locals().items() if one is not None}
+    arguments = {key: value for key, value in locals().items() if value is not None}
     if name is not None:
         return Posterior(arguments)
     if arguments:
@@ -111,11 +111,12 @@ class Posteriors(Display):
     def models(self) -> Blocks:
         """Titles of the models, and the columns of a table of your data."""
         models, files = [], dict[tuple[str, str], list[str]]()
-        for key, one in posteriors().items():
-            models.append((key, one.paper, one.title))
-            known = ("none", one.file) if isinstance(one.file, str) else one.file.texts
-            files.setdefault(known, []).append(key)
-        columns = [(", ".join(keys), *known) for known, keys in files.items()]
+        for key, declared in posteriors().items():
+            models.append((key, declared.paper, declared.title))
+            file = declared.file
+            texts = ("none", file) if isinstance(file, str) else file.texts
+            files.setdefault(texts, []).append(key)
+        columns = [(", ".join(keys), *texts) for texts, keys in files.items()]
         caption = item_text("posteriors/models").caption
         return Blocks(
             (
@@ -126,7 +127,7 @@ class Posteriors(Display):
 
     def titles(self) -> dict[str, str]:
         """Return the titles by name."""
-        return {name: one.title for name, one in posteriors().items()}
+        return {name: declared.title for name, declared in posteriors().items()}
 
     def diagnostics(self, paper: str) -> Blocks:
         """Return chains and calibration of each posterior of a paper.
@@ -167,7 +168,7 @@ class Posteriors(Display):
 def _summarised(key: str, row: Summary, text: str) -> dict[str, Entry]:
     """Return the row of a quantity; `text` is the address of its printed cell, or a label."""
     mark = symbol(row.unit) if row.unit in UNITS else row.unit
-    mean, ends = (quantity(one, mark) for one in interval(row))
+    mean, ends = (quantity(text_, mark) for text_ in interval(row))
     truth = Posterior({"name": key}).truth.get(row.name)
     known = "" if truth is None else minus(quantity(f"{truth:.6g}", mark))
     printed, verdict = Markup(""), Markup("")
@@ -188,14 +189,14 @@ def _summarised(key: str, row: Summary, text: str) -> dict[str, Entry]:
 
 def _diagnosed(name: str, stored: pd.DataFrame, trials: int) -> dict[str, Entry]:
     """Return the row of a posterior: chains, then calibration."""
-    found = book_posterior(name)
+    samples = book_posterior(name)
     least, wide = stored.sort_values("even").iloc[0], 100 * stored["covers_95"]
     row: dict[str, Entry] = {
         "Model": name,
-        "R-hat, largest": f"{max(one.rhat for one in found.rows):.4f}",
-        "steps / τ, fewest": f"{found.chain.shape[1] / found.time:.0f}",
-        "ESS, smallest": f"{min(min(one.bulk, one.tail) for one in found.rows):,.0f}",
-        "acceptance": f"{min(found.acceptance):.2f} to {max(found.acceptance):.2f}",
+        "R-hat, largest": f"{max(one.rhat for one in samples.rows):.4f}",
+        "steps / τ, fewest": f"{samples.chain.shape[1] / samples.time:.0f}",
+        "ESS, smallest": f"{min(min(one.bulk, one.tail) for one in samples.rows):,.0f}",
+        "acceptance": f"{min(samples.acceptance):.2f} to {max(samples.acceptance):.2f}",
         "replicates": f"{least['replicates']:,}",
         "failed": str(least["failed"]),
         "quantities": str(len(stored)),

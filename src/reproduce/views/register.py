@@ -91,10 +91,12 @@ def register(
     >>> moved.parameters.round(9) + 0.0
     array([ 1.,  0., -3.,  0.])
     """
-    arguments = {name: one for name, one in locals().items() if one is not None}
+    arguments = {name: value for name, value in locals().items() if value is not None}
     pair = source, target
-    files = target is not None and all(isinstance(one, str | Path) for one in pair)
-    images = files or any(is_image(one) or hasattr(one, "rejected") for one in pair)
+    files = target is not None and all(isinstance(value, str | Path) for value in pair)
+    images = files or any(
+        is_image(value) or hasattr(value, "rejected") for value in pair
+    )
     for name in arguments.keys() & {*(_FOR_STARS if images else _FOR_IMAGES)}:
         kind = "images or lists" if images else "matched stars"
         raise ValueError(f"{name}: expected none for {kind}, got one. Leave it out")

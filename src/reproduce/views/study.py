@@ -94,14 +94,16 @@ class StudyTable(Rerunnable, Item):
         forms = {column.name: column.form for column in study.columns}
         behind = {*(column.error for column in study.columns), study.folded}
         texts = {}
-        for one in study.columns:
-            if one.name not in behind:
-                errors = frame.get(one.error, [None] * len(frame))
-                texts[one.name] = [
+        for column in study.columns:
+            if column.name not in behind:
+                errors = frame.get(column.error, [None] * len(frame))
+                texts[column.name] = [
                     numbers.entry(
-                        value, one, (error, forms[one.error]) if one.error else None
+                        value,
+                        column,
+                        (error, forms[column.error]) if column.error else None,
                     )
-                    for value, error in zip(frame[one.name], errors, strict=True)
+                    for value, error in zip(frame[column.name], errors, strict=True)
                 ]
         where = f"study-{anchor(self.key)}" + ("-changed" if self.changes else "")
         rows = [list(row) for row in zip(*texts.values(), strict=True)]

@@ -84,19 +84,20 @@ def texts(record: Record) -> dict[str, Entry]:
         if made.replicates:
             seed = "{} of the project, {} of this function; {:,} replicates"
             shown["seed"] = seed.format(*made.entropy, made.replicates)
-    if found := record.readings:
-        closest, p = _read(record, found.closest), _probability(found.closest)
-        shown["readings that agree"] = f"{found.agreeing} of {found.count}"
-        shown["agrees with"] = deciding(found)
+    if readings := record.readings:
+        closest, p = _read(record, readings.closest), _probability(readings.closest)
+        shown["readings that agree"] = f"{readings.agreeing} of {readings.count}"
+        shown["agrees with"] = deciding(readings)
         shown["closest reading"] = (
-            f"{choices_text(found.closest.choices)}: {closest}" + f", p = {p}" * bool(p)
+            f"{choices_text(readings.closest.choices)}: {closest}"
+            + f", p = {p}" * bool(p)
         ).replace("= <", "<")
     return shown
 
 
 def linked(addresses: Iterable[str]) -> Markup:
     """Return addresses with links to the cells."""
-    return Markup(", ").join(link(anchor(one), one) for one in addresses)
+    return Markup(", ").join(link(anchor(address), address) for address in addresses)
 
 
 def _why(record: Record) -> Entry:
@@ -195,7 +196,9 @@ def deciding(summary: ReadingSummary) -> str:
         return ""
     always = "; or ".join(map(choices_text, summary.agrees_if))
     never = ", ".join(
-        f"{name}={way}" for name, ways in summary.never.items() for way in ways
+        f"{name}={alternative}"
+        for name, alternatives in summary.never.items()
+        for alternative in alternatives
     )
     decided = f"Decided by {', '.join(summary.decided_by)}. Always with {always}"
     return f"{decided}. Never with {never}" if never else decided
@@ -313,22 +316,22 @@ def _facts_of_cell(record: Record) -> dict[str, str]:
         "verdict": record.verdict,
         "probability": _probability(record) or "none",
     }
-    found, made = record.readings, computation_for(record.cell)
-    if found is None or made is None:
+    summary, made = record.readings, computation_for(record.cell)
+    if summary is None or made is None:
         return facts
     cells = evaluate(made).cells[_cell_of(record).name]
-    for choices, one in zip(made.readings, cells, strict=True):
+    for choices, reading in zip(made.readings, cells, strict=True):
         changed = choices.items() - made.literal.items()
         if len(changed) == 1:
             name = "-".join(("if", *next(iter(changed))))
-            facts[name] = _read(record, one).partition(",")[0]
+            facts[name] = _read(record, reading).partition(",")[0]
     return facts | {
-        "readings": str(found.count),
-        "agreeing": str(found.agreeing),
-        "agrees-if": deciding(found) or "no reading decides",
-        "closest": choices_text(found.closest.choices),
-        "closest-computed": _read(record, found.closest).partition(",")[0],
-        "closest-probability": _probability(found.closest) or "none",
+        "readings": str(summary.count),
+        "agreeing": str(summary.agreeing),
+        "agrees-if": deciding(summary) or "no reading decides",
+        "closest": choices_text(summary.closest.choices),
+        "closest-computed": _read(record, summary.closest).partition(",")[0],
+        "closest-probability": _probability(summary.closest) or "none",
     }
 
 
@@ -337,8 +340,8 @@ def _counts(records: Collection[Record]) -> dict[str, str]:
     facts = {"results": str(sum(record.role == "result" for record in records))}
     for name in (*VERDICTS, "agree"):
         kind = AGREES if name == "agree" else {name}
-        found = [record for record in records if record.verdict in kind]
-        count = weak(found)
-        part = "all" if count == len(found) else count
-        facts[name] = f"{len(found)}" + f" ({part} of them weakly)" * bool(count)
-    return facts | {"strong": str(len(found) - count), "weak": str(count)}
+        chosen = [record for record in records if record.verdict in kind]
+        count = weak(chosen)
+        part = "all" if count == len(chosen) else count
+        facts[name] = f"{len(chosen)}" + f" ({part} of them weakly)" * bool(count)
+    return facts | {"strong": str(len(chosen) - count), "weak": str(count)}
