@@ -22,7 +22,7 @@ from reproduce.papers.catalogue import catalogue, studies
 from reproduce.printed.cells import PAPERS, library
 from reproduce.version import RELEASED, __version__
 from reproduce.views import export as exporting
-from reproduce.views.export import FORMATS, citation, citation_digest, mark, verify
+from reproduce.views.export import FORMATS, citation, mark, statement_of, verify
 from reproduce.views.figure import draw, drawable, save
 
 KEY = "chen2023/table-5"
@@ -323,7 +323,7 @@ def test_a_citation_checks_itself(address, monkeypatch):
     assert verify("some words").startswith("not confirmed")
     record = ledger.build([address.partition("#")[0]]).cell(address)
     now, older, source = (
-        citation_digest(record),
+        statement_of(record),
         f"{address}: printed 1, exact",
         "0.0.1, 2026-01-01, x",
     )

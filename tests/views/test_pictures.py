@@ -74,7 +74,7 @@ def test_stars_are_those_that_photutils_finds():
     assert len(found) == len(PLACES)
     assert np.median(apart) < 0.1
     assert set(found.frame()) >= {"x", "y", "sigma_x", "sigma_y", "flux"}
-    assert f"{len(found)} stars of array" in repr(found)
+    assert f"{len(found)} stars of source" in repr(found)
     assert "gain" in repr(found)
 
 

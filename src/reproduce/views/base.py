@@ -68,7 +68,7 @@ class ResultView(Display):
         return ""
 
     def cite(self, form: str = "bibtex") -> str:
-        """Return the citation of this and of its paper as bibtex, ris, csl or text."""
+        """Return its citation and the citation of its paper: bibtex, ris, csl or text."""
         return citation(self.key, form)
 
 
@@ -171,7 +171,7 @@ class Rerunnable(ResultView):
     def rerun(
         self, changes: Change | None = None, *, seed: int | None = None, **others: Any
     ) -> Self:
-        """Return the object computed with other inputs or another seed.
+        """Compute the object with other inputs or another seed.
 
         Parameters
         ----------
@@ -180,6 +180,8 @@ class Rerunnable(ResultView):
             figure do not change.
         seed : int, optional
             Seed of the random number generator.
+        **others
+            Not accepted.
 
         Returns
         -------

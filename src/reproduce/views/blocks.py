@@ -252,7 +252,7 @@ def _renderable(block: Block) -> RenderableType:
 
 
 def printable(text: str) -> str:
-    """Return a text with escape sequences for control characters, such as those of a file name.
+    """Return a text with escape sequences for control characters.
 
     Examples
     --------

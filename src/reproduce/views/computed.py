@@ -1,7 +1,7 @@
-"""Results that a build of the book computes once and keeps for its pages.
+"""Results that a build of the book computes once and stores for its pages.
 
-The environment variable ``REPRODUCE_BUILD`` names the folder. Without it nothing is kept. The files
-contain JSON or arrays: to read them executes no code.
+The environment variable ``REPRODUCE_BUILD`` names the folder. Without it nothing is stored. The
+files contain JSON or arrays: to read them executes no code.
 """
 
 from __future__ import annotations

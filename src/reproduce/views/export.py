@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 FORMATS = ("csv", "json", "latex", "markdown")
-# The endings of their files.
+# Endings of the files of each format.
 _ENDINGS = {"csv": "csv", "json": "json", "latex": "tex", "markdown": "md"}
 
 
@@ -64,7 +64,7 @@ def export(part: Ledger, address: str, form: str, shown: Grid) -> str:
 
 
 def table_files(key: str) -> dict[str, str]:
-    """Return where the book carries the exports of a table: path below its root to format."""
+    """Return the exports of a table: path below the root of the book to format."""
     return {f"tables/{anchor(key)}.{ending}": form for form, ending in _ENDINGS.items()}
 
 
@@ -95,7 +95,7 @@ def export_frame(
     provenance = provenance or provenance_of(citation("all", "text"))
     comment = "".join(f"{name}: {text}\n" for name, text in provenance.items())
     if form == "csv":
-        # Words are quoted, since an address holds the sign of a comment.
+        # Words are quoted, since an address contains the sign of a comment.
         return indent(comment, "# ") + str(
             frame.to_csv(index=False, quoting=csv.QUOTE_NONNUMERIC)
         )
@@ -232,7 +232,7 @@ def citation(address: str, form: str) -> str:
     keys.check_key(key)
     entry = f"reproduce-{anchor(address)}"
     if name:
-        text = citation_digest(item_ledger(key).cell(library()[key][name].address))
+        text = statement_of(item_ledger(key).cell(library()[key][name].address))
         return _written(entry, text, mark(text), form, paper, address)
     place = keys.place(key).partition(",")[0]
     if place == "Text":
@@ -278,7 +278,7 @@ def cite_related(kind: str, name: str, paper: str, title: str, form: str) -> str
     return _written(entry, whole, f"{kind} {name}", form, paper, name)
 
 
-def citation_digest(record: Record) -> str:
+def statement_of(record: Record) -> str:
     """Return the printed value, the computed value to six digits and the verdict of a cell."""
     unit = "" if record.unit in {"", "1"} else f" {record.unit}"
     parts = [f"{record.cell}: printed {record.printed}{unit}"]
@@ -345,7 +345,7 @@ def verify(citation: str) -> str:
     now = f"{address} is not a printed number"
     if key in library() and name in library()[key].by_name:
         record = item_ledger(key).cell(address)
-        now = citation_digest(record)
+        now = statement_of(record)
         if now == statement and source in {version(), *released()}:
             return "unchanged"
         now = f"{now}, for {reason(address) or record.why}"
@@ -364,7 +364,7 @@ def released() -> dict[str, list[str]]:
 
 def marks() -> list[str]:
     """Return the marks of the present statements of all cells."""
-    return [mark(citation_digest(record)) for record in whole_ledger().records]
+    return [mark(statement_of(record)) for record in whole_ledger().records]
 
 
 @cache
@@ -459,7 +459,7 @@ def _check_format(form: str, known: tuple[str, ...]) -> None:
 
 @cache
 def _style() -> Any:
-    """Return how texts of citations look; to find it takes longer than to write some."""
+    """Return the style of citations as text, which is slow to find."""
     from pybtex.plugin import find_plugin
 
     return find_plugin("pybtex.style.formatting", "unsrt")()

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 _STYLE = Path(__file__).parent / "figures.mplstyle"
 _XML = '<?xml version="1.0" encoding="utf-8" standalone="no"?>\n'
-# On a narrow page text has little room, and must not be under eight points.
+# Sizes on a narrow page, in points. Text is not smaller than 8 points.
 _SMALL = {"font.size": 8.5, "axes.titlesize": 9.0}
 _FONTS = re.compile(r"(font-family: 'DejaVu Sans')[^;\"]*")
 Paint = Callable[["MatplotlibFigure"], None]
@@ -140,12 +140,12 @@ def save(figure: Drawn, path: Path, provenance: Provenance = None) -> None:
 
 
 def _figure_files(key: str) -> list[str]:
-    """Return where the book carries the pictures and the data of a figure, below its root."""
+    """Return the files of a figure below the root of the book."""
     return [f"figures/{anchor(key)}{ending}" for ending in (*_endings(key), ".csv")]
 
 
 def _endings(key: str) -> tuple[str, ...]:
-    """Return the endings of the files as which a figure can be written."""
+    """Return the endings of the files of a figure."""
     is_schematic = isinstance(_declared_drawing(key), Schematic)
     return (".svg",) if is_schematic else FIGURES
 
@@ -221,7 +221,7 @@ def inline(vectors: Sequence[str], name: str, alternative: str, below: str = "")
 
 
 def _captioned(caption: str) -> Markup:
-    """Return a caption with the place into which the book writes the figure's number."""
+    """Return a caption with room for the number of the figure."""
     return Markup('<figcaption><span class="rp-number"></span>{}</figcaption>').format(
         caption
     )

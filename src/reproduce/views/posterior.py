@@ -163,7 +163,7 @@ class Posterior(Display):
 
     @cached_property
     def sampled(self) -> PosteriorSamples:
-        """PosteriorSamples posterior, with its model and chains."""
+        """Samples of the posterior, with the model and the chains."""
         return book_posterior(self.name) if self._in_book else self.sample()
 
     def sample(
