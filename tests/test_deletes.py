@@ -108,6 +108,6 @@ def test_a_damaged_or_planted_file_is_computed_again(
 
 
 def test_other_packages_give_another_fingerprint(monkeypatch):
-    before = computed.fingerprint()
+    before = computed._fingerprint()
     monkeypatch.setattr("numpy.__version__", "0")
-    assert computed.fingerprint() != before
+    assert computed._fingerprint() != before

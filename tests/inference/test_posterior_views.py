@@ -166,7 +166,7 @@ def test_a_build_samples_once(tmp_path, monkeypatch):
     finally:
         for cached in (computed.kept, book_posterior):
             cached.cache_clear()
-    assert [path.name for path in tmp_path.iterdir()] == [computed.fingerprint()]
+    assert [path.name for path in tmp_path.iterdir()] == [computed._fingerprint()]
     for found in (again, read):
         np.testing.assert_array_equal(found.chain, alone.chain)
         assert found.rows == alone.rows

@@ -12,7 +12,7 @@ from reproduce.papers.catalogue import catalogue
 from reproduce.papers.chen2023 import effectiveness
 from reproduce.printed.cells import find, library
 from reproduce.printed.inputs import load_inputs
-from reproduce.views.verdicts import joint_chance
+from reproduce.views.verdicts import _joint_chance
 
 
 @pytest.fixture(scope="module")
@@ -79,8 +79,8 @@ def test_stochastic_tables_get_a_joint_probability(whole):
 
 def test_a_joint_probability_is_a_bound_where_no_replicate_lies_so_far_out(whole):
     table = whole.table("niu2024/table-3")
-    assert joint_chance(table.joint_probability, table) == "below 1/2,000"
-    assert joint_chance(0.03, table) == "0.030"
+    assert _joint_chance(table.joint_probability, table) == "below 1/2,000"
+    assert _joint_chance(0.03, table) == "0.030"
 
 
 def test_a_reading_has_one_joint_probability_wherever_it_is_shown(whole):

@@ -22,7 +22,7 @@ from reproduce.papers.catalogue import catalogue, studies
 from reproduce.printed.cells import PAPERS, library
 from reproduce.version import RELEASED, __version__
 from reproduce.views import export as exporting
-from reproduce.views.export import FORMATS, citation, mark, statement_of, verify
+from reproduce.views.export import FORMATS, _mark, _statement_of, citation, verify
 from reproduce.views.figure import draw, drawable, save
 
 KEY = "chen2023/table-5"
@@ -312,7 +312,7 @@ def test_a_cell_is_cited_with_print_result_verdict_and_mark():
 
 
 def cited(said, source):
-    return f"{said}. {version.NAME} {source}. {mark(said)}"
+    return f"{said}. {version.NAME} {source}. {_mark(said)}"
 
 
 @pytest.mark.parametrize("address", CELLS)
@@ -323,7 +323,7 @@ def test_a_citation_checks_itself(address, monkeypatch):
     assert verify("some words").startswith("not confirmed")
     record = ledger.build([address.partition("#")[0]]).cell(address)
     now, older, source = (
-        statement_of(record),
+        _statement_of(record),
         f"{address}: printed 1, exact",
         "0.0.1, 2026-01-01, x",
     )
@@ -332,7 +332,7 @@ def test_a_citation_checks_itself(address, monkeypatch):
         assert verify(cited(said, source)).startswith(
             "well-formed, not known to this package"
         )
-    known = {source: [mark(older), mark(gone)], "0.0.2, 2026-01-02, y": [mark(now)]}
+    known = {source: [_mark(older), _mark(gone)], "0.0.2, 2026-01-02, y": [_mark(now)]}
     monkeypatch.setattr(exporting, "released", lambda: known)
     told = verify(cited(older, source))
     assert told.startswith(f"moved since {source}: now {now}, for ")

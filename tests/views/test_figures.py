@@ -18,7 +18,7 @@ from reproduce.locate import schematic_files
 from reproduce.papers.catalogue import drawings
 from reproduce.printed.cells import library
 from reproduce.views import figure as figures
-from reproduce.views.figure import inline, vector_of
+from reproduce.views.figure import _inline, _vector_of
 from reproduce.views.numbers import powers
 from reproduce.views.verdicts import filled
 
@@ -215,7 +215,7 @@ def test_every_text_is_whole_free_and_large_enough(name):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_black_follows_the_page(name):
-    html = inline([vector_of(drawn(name))], "x", "what it shows")
+    html = _inline([_vector_of(drawn(name))], "x", "what it shows")
     assert re.search(r'<svg [^>]*fill="currentColor"', html), (
         "SVG fills in black by itself"
     )

@@ -44,7 +44,7 @@ def places(drawing):
 def test_every_number_is_a_mark_that_leads_to_its_cell():
     """With the shape and the class of its verdict; the legend counts them."""
     records = build(["niu2024/table-2", "niu2024/text-optics"]).records
-    drawn, _, legend = contents.overview_grid(records).partition(
+    drawn, _, legend = contents._overview_grid(records).partition(
         '<ul class="rp-wall-legend">'
     )
     tags = Tags(drawn)
@@ -65,7 +65,7 @@ def test_every_number_is_a_mark_that_leads_to_its_cell():
 def test_an_item_has_the_layout_of_the_paper_and_all_have_one_height():
     """A long table continues in further columns; no two marks are in one place."""
     for key, table in library().items():
-        drawn = contents.overview_grid(build([key]).records)
+        drawn = contents._overview_grid(build([key]).records)
         heights = {high for _, high in re.findall(r'viewBox="0 0 (\d+) (\d+)"', drawn)}
         assert heights == {str(contents.MAX_ROWS * contents.PITCH_PIXELS)}
         found, across = places(drawn), max(1, len(table.columns))

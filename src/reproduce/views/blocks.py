@@ -152,23 +152,19 @@ class Grid:
         return rendered("grid", grid=self, caption=escape(self.caption))
 
     def __rich_console__(self, console: Console, size: ConsoleOptions) -> RenderResult:
-        """Yield the caption and the table; if it is too wide, a small table for each row."""
+        """Yield the caption and the table; if it is too wide, the entries of each row as lines."""
         if self.caption:
             yield Text(f"\n{plain(self.caption)}")
-        heads, rows = (
-            [*map(plain, self.head)],
-            [[*map(plain, row)] for row in self.rows],
-        )
-        table = _table(heads, rows, size.max_width)
-        if table is not None:
+        heads = [*map(plain, self.head)]
+        rows = [[*map(plain, row)] for row in self.rows]
+        if table := _table(heads, rows, size.max_width):
             yield table
             return
         for name, *texts in rows:
+            pairs = zip(heads[1:], texts, strict=True)
+            lines = (": ".join(pair) for pair in pairs if pair[1])
             yield Text(name)
-            named = [pair for pair in zip(heads[1:], texts, strict=True) if pair[1]]
-            narrow = _table((), named, size.max_width - 2)
-            lines = narrow or Text("\n".join(map(": ".join, named)))
-            yield Padding(lines, (0, 0, 0, 2))
+            yield Padding(Text("\n".join(lines)), (0, 0, 0, 2))
 
 
 def _text(value: object) -> Entry:
@@ -185,18 +181,11 @@ def _table(
     heads: Sequence[str], rows: Sequence[Sequence[str]], width: int
 ) -> Table | None:
     """Return a table for a terminal, with numbers at the right; None if a word does not fit."""
-    table = Table(
-        pad_edge=False,
-        box=box.SIMPLE_HEAD if heads else None,
-        padding=(0, 1, 0, 0),
-        show_header=bool(heads),
-        show_edge=False,
-    )
-    columns = [*zip(heads or ("", ""), *rows, strict=True)]
+    columns = [*zip(heads, *rows, strict=True)]
     lengths = [max(map(cell_len, texts)) for texts in columns]
     widths = [max(map(cell_len, " ".join(texts).split())) for texts in columns]
-    # A blank at the right of each column, and another one between columns under a head.
-    spare = width - sum(widths) - len(columns) * (2 if heads else 1) + 1
+    # Two blanks are between columns.
+    spare = width - sum(widths) - 2 * len(columns) + 1
     if spare < 0:
         return None
     # Short columns are widened to their length first; long columns divide the rest.
@@ -204,8 +193,11 @@ def _table(
     for rank, i in enumerate(order):
         more = min(lengths[i] - widths[i], spare // (len(order) - rank))
         widths[i], spare = widths[i] + more, spare - more
+    table = Table(
+        pad_edge=False, box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), show_edge=False
+    )
     for (name, *texts), size in zip(columns, widths, strict=True):
-        numeric = bool(heads) and all(map(_NUMBER.match, texts))
+        numeric = all(map(_NUMBER.match, texts))
         justify: Literal["left", "right"] = "right" if numeric else "left"
         table.add_column(name, justify=justify, width=size)
     for row in rows:

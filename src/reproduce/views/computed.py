@@ -26,7 +26,7 @@ FOLDER = "REPRODUCE_BUILD"
 Result = TypeVar("Result")
 
 
-def fingerprint() -> str:
+def _fingerprint() -> str:
     """Return a hash of the code, the data, the locked packages and the versions of Python, NumPy.
 
     All numbers depend on them.
@@ -44,7 +44,7 @@ def fingerprint() -> str:
 @cache
 def kept() -> Path | None:
     """Return the folder for results of the present files, None outside of a build."""
-    return Path(os.environ[FOLDER]) / fingerprint() if os.environ.get(FOLDER) else None
+    return Path(os.environ[FOLDER]) / _fingerprint() if os.environ.get(FOLDER) else None
 
 
 def cached(

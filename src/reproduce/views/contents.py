@@ -150,7 +150,7 @@ class Contents(Display):
     def blocks(self) -> tuple[Block, ...]:
         """Return a mark for every number, and the same as lists."""
         lists = (*self.listed.shown, *self.index.shown)
-        return Html(overview_grid(self._ledger.records)), Fold(
+        return Html(_overview_grid(self._ledger.records)), Fold(
             "The same in words", lists
         )
 
@@ -277,7 +277,7 @@ def _index(listed: Sequence[str], ledger: Ledger) -> Html:
     return Html(page, Grid("Cells by verdict.", heads, lines))
 
 
-def overview_grid(records: Sequence[Record]) -> Markup:
+def _overview_grid(records: Sequence[Record]) -> Markup:
     """Draw a mark for every record with a link to its cell, and a legend."""
     papers = groupby(records, key=lambda record: record.key.partition("/")[0])
     return rendered(

@@ -232,8 +232,8 @@ def citation(address: str, form: str) -> str:
     keys.check_key(key)
     entry = f"reproduce-{anchor(address)}"
     if name:
-        text = statement_of(item_ledger(key).cell(library()[key][name].address))
-        return _written(entry, text, mark(text), form, paper, address)
+        text = _statement_of(item_ledger(key).cell(library()[key][name].address))
+        return _written(entry, text, _mark(text), form, paper, address)
     place = keys.place(key).partition(",")[0]
     if place == "Text":
         place = f"the numbers quoted in the text ({key.split('/')[1]})"
@@ -278,7 +278,7 @@ def cite_related(kind: str, name: str, paper: str, title: str, form: str) -> str
     return _written(entry, whole, f"{kind} {name}", form, paper, name)
 
 
-def statement_of(record: Record) -> str:
+def _statement_of(record: Record) -> str:
     """Return the printed value, the computed value to six digits and the verdict of a cell."""
     unit = "" if record.unit in {"", "1"} else f" {record.unit}"
     parts = [f"{record.cell}: printed {record.printed}{unit}"]
@@ -293,7 +293,7 @@ def statement_of(record: Record) -> str:
     return ", ".join((*parts, record.verdict))
 
 
-def mark(statement: str) -> str:
+def _mark(statement: str) -> str:
     """Return the checksum of a statement on a cell."""
     return f"rp:{sha256(statement.encode()).hexdigest()[:12]}"
 
@@ -338,14 +338,14 @@ def verify(citation: str) -> str:
     statement, _, rest = " ".join(citation.split()).partition(f". {NAME} ")
     source, _, rest = rest.partition(". ")
     marked = re.search(r"\brp:\w+", rest)
-    if not marked or marked[0] != mark(statement):
+    if not marked or marked[0] != _mark(statement):
         return "not confirmed: its words and its mark do not belong together"
     address = statement.partition(": ")[0]
     key, _, name = address.partition("#")
     now = f"{address} is not a printed number"
     if key in library() and name in library()[key].by_name:
         record = item_ledger(key).cell(address)
-        now = statement_of(record)
+        now = _statement_of(record)
         if now == statement and source in {version(), *released()}:
             return "unchanged"
         now = f"{now}, for {reason(address) or record.why}"
@@ -364,7 +364,7 @@ def released() -> dict[str, list[str]]:
 
 def marks() -> list[str]:
     """Return the marks of the present statements of all cells."""
-    return [mark(statement_of(record)) for record in whole_ledger().records]
+    return [_mark(_statement_of(record)) for record in whole_ledger().records]
 
 
 @cache

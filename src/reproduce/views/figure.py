@@ -128,7 +128,7 @@ def save(figure: Drawn, path: Path, provenance: Provenance = None) -> None:
     from matplotlib import style
 
     if path.suffix.lower() == ".svg":
-        write_text(path, _XML + vector_of(figure, provenance))
+        write_text(path, _XML + _vector_of(figure, provenance))
     elif not isinstance(figure, str):
         note = "\n".join((provenance or {}).values())
         # A date would make every build differ from the last build.
@@ -150,7 +150,7 @@ def _endings(key: str) -> tuple[str, ...]:
     return (".svg",) if is_schematic else FIGURES
 
 
-def vector_of(figure: Drawn, provenance: Provenance = None) -> str:
+def _vector_of(figure: Drawn, provenance: Provenance = None) -> str:
     """Return a figure with its provenance as SVG."""
     from matplotlib import style
 
@@ -191,13 +191,15 @@ def _page_vectors(
     def make() -> list[str]:
         wide = draw(key) if figure is None else figure
         if isinstance(wide, str):  # a schematic fits wide and narrow pages
-            return [vector_of(wide, provenance)]
-        return [vector_of(wide, provenance), vector_of(draw(key, narrow=True))]
+            return [_vector_of(wide, provenance)]
+        return [_vector_of(wide, provenance), _vector_of(draw(key, narrow=True))]
 
     return computed.cached(f"figure-{anchor(key)}.json", make, json.dumps, json.loads)
 
 
-def inline(vectors: Sequence[str], name: str, alternative: str, below: str = "") -> str:
+def _inline(
+    vectors: Sequence[str], name: str, alternative: str, below: str = ""
+) -> str:
     """Return a figure as HTML whose black parts have the text colour of the page.
 
     `vectors` contains the SVG for a wide page, and for a narrow page if there is one. `below` is
@@ -230,9 +232,9 @@ def _captioned(caption: str) -> Markup:
 def figure_block(name: str, paint: Paint, alternative: str, caption: str) -> Html:
     """Return a figure that is not among the files of the book."""
     vectors = [
-        vector_of(_styled_figure(paint, narrow=narrow)) for narrow in (False, True)
+        _vector_of(_styled_figure(paint, narrow=narrow)) for narrow in (False, True)
     ]
-    return Html(inline(vectors, name, alternative, _captioned(caption)))
+    return Html(_inline(vectors, name, alternative, _captioned(caption)))
 
 
 class Figure(Rerunnable, Item):
@@ -305,11 +307,11 @@ class Figure(Rerunnable, Item):
             declared = self._declared
             source = text_of(declared.function) if isinstance(declared, Drawing) else ""
             below += toolbar(self.key, name, _figure_files(self.key), source)
-        vectors = [vector_of(self.drawn)]
+        vectors = [_vector_of(self.drawn)]
         # A page of the book also has a narrow drawing; a notebook of a reader does not.
         if computed.kept() and not self.changes:
             vectors = _page_vectors(self.key)
-        yield Html(inline(vectors, name, self.alternative, below), text)
+        yield Html(_inline(vectors, name, self.alternative, below), text)
 
 
 class Panels(Display, list[Figure]):

@@ -140,13 +140,13 @@ def _probability(record: Record | Reading) -> str:
 def _joint_facts(joint: TableRecord) -> dict[str, str]:
     """Return the facts of a table on all its predicted cells together."""
     return {
-        "joint": joint_chance(joint.joint_probability, joint),
+        "joint": _joint_chance(joint.joint_probability, joint),
         "replicates": f"{joint.replicates:,}",
         "readings": f"{joint.readings:,}",
         "fitting": str(joint.fitting or "none"),
         "closest": choices_text(joint.closest),
         "closest-agreeing": str(joint.closest_agreeing),
-        "closest-joint": joint_chance(joint.closest_probability, joint),
+        "closest-joint": _joint_chance(joint.closest_probability, joint),
         "predicted": str(joint.cells),
     }
 
@@ -161,7 +161,7 @@ def joint_sentence(joint: TableRecord) -> str:
     ).format_map(_joint_facts(joint))
 
 
-def joint_chance(probability: float, joint: TableRecord) -> str:
+def _joint_chance(probability: float, joint: TableRecord) -> str:
     """Return a joint probability; a bound if fewer than two replicates are as far out."""
     if probability * (joint.replicates + 1) < 1.5:
         return f"below 1/{joint.replicates:,}"
