@@ -66,7 +66,8 @@ def test_what_is_said_is_the_posterior_beside_the_print_and_its_verdict():
     found = rp.posterior("registration-joint")
     assert found.declared.summary[name] == address
     row = found.frame().loc[name]
-    shown = pages._summarised(found.name, name, address)
+    (summary,) = (one for one in found.sampled.summaries() if one.name == name)
+    shown = pages._summarised(found.name, summary, address).values()
     label, printed, mean, ends, truth, verdict = shown
     assert float(mean.split(" ± ")[0]) == pytest.approx(row["mean"], rel=1e-3)
     assert float(mean.split(" ± ")[1].rstrip("°")) == pytest.approx(

@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 
 Entry = str | Markup
 _WIDTH_COLUMNS, _MIN_COLUMNS, _MAX_COLUMNS = 80, 20, 1000  # of a terminal
+# Longest name or number with a unit; longer entries are sentences.
+_NAME_CHARACTERS = 24
 _CONTROL = re.compile(r"[\x00-\x09\x0b-\x1f\x7f-\x9f]")
 _NUMBER = re.compile(r"[−<(≈]?\s?[\d.](?!.*[a-z]{5})|·?$")  # or no entry
 # Style of the name of a verdict on a terminal.
@@ -182,16 +184,20 @@ def _table(
 ) -> Table | None:
     """Return a table for a terminal, with numbers at the right; None if a word does not fit."""
     columns = [*zip(heads, *rows, strict=True)]
-    lengths = [max(map(cell_len, texts)) for texts in columns]
     widths = [max(map(cell_len, " ".join(texts).split())) for texts in columns]
+    lengths = [
+        max(width, *map(cell_len, texts[1:]))
+        for width, texts in zip(widths, columns, strict=True)
+    ]
     # Two blanks are between columns.
     spare = width - sum(widths) - 2 * len(columns) + 1
     if spare < 0:
         return None
-    # Short columns are widened to their length first; long columns divide the rest.
-    order = sorted(range(len(columns)), key=lambda i: lengths[i] - widths[i])
+    # Names and numbers are widened to their length first; sentences divide the rest.
+    order = sorted(range(len(columns)), key=lengths.__getitem__)
     for rank, i in enumerate(order):
-        more = min(lengths[i] - widths[i], spare // (len(order) - rank))
+        room = spare if lengths[i] <= _NAME_CHARACTERS else spare // (len(order) - rank)
+        more = min(lengths[i] - widths[i], room)
         widths[i], spare = widths[i] + more, spare - more
     table = Table(
         pad_edge=False, box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), show_edge=False

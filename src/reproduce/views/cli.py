@@ -22,8 +22,8 @@ from reproduce.views.blocks import printable
 class _Shell(click.Group):
     """Commands whose output is UTF-8, and whose errors are one line.
 
-    With ``--json`` an error is an object with "error", and with the number of steps for chains that
-    fail a convergence criterion.
+    With ``--json`` an error is an object with "error". For chains that fail a convergence criterion
+    it also has the number of steps and the failures.
     """
 
     def invoke(self, ctx: click.Context) -> Any:
@@ -32,11 +32,14 @@ class _Shell(click.Group):
         try:
             return super().invoke(ctx)
         except Exception as error:
-            message, steps = _message(error), getattr(error, "steps", None)
+            message = _message(error)
             if message is None:  # not an error of the input
                 raise
             if as_json and _SHOWN not in ctx.meta:
-                record = {"error": message} | ({"steps_needed": steps} if steps else {})
+                record: dict[str, Any] = {"error": message}
+                if missed := getattr(error, "missed", ()):
+                    record["steps_needed"] = getattr(error, "steps", None)
+                    record["missed"] = missed
                 click.echo(json.dumps(record, indent=2))
             if isinstance(error, click.ClickException):
                 raise

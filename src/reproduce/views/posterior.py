@@ -281,9 +281,8 @@ class Posterior(Display):
         likely = self._stars.query("probability_false > 0.5")
         likely = likely.sort_values("probability_false", ascending=False, kind="stable")
         numbers = likely.iloc[:, 0].astype(str)
-        names = ", ".join(
-            [*numbers[:_MAX_NAMED], *["..."] * (len(likely) > _MAX_NAMED)]
-        )
+        rest = len(likely) - _MAX_NAMED
+        names = ", ".join(numbers[:_MAX_NAMED]) + f" and {rest} more" * (rest > 0)
         text = f"{len(likely)} of {len(self._stars)} stars are probably matched wrongly"
         return f"{text}: {likely.columns[0]} {names}" if names else text
 
@@ -487,15 +486,14 @@ class Posterior(Display):
             ("ensembles", "steps", "walkers"), samples.chain.shape, strict=False
         )
         frames = {"parameters": self.frame(), "priors": self.priors}
-        if self._stars is not None:
-            frames["stars"] = self._stars.set_index(self._stars.columns[0])
+        stars = {} if self._stars is None else {"stars": self._stars.to_dict("records")}
         return {
             "model": self.name,
             "seed": samples.seed,
             **dict(sizes),
             "acceptance": list(samples.acceptance),
             **{
-                key: frame.reset_index().to_dict("records")
+                key: frame.rename_axis("name").reset_index().to_dict("records")
                 for key, frame in frames.items()
             },
             "modes": {name: modes._asdict() for name, modes in self.modes.items()},
@@ -503,6 +501,7 @@ class Posterior(Display):
             "warnings": self.findings,
             "data": self.data_record,
             "versions": _versions(),
+            **stars,
         }
 
     def blocks(self) -> Iterator[Block]:
