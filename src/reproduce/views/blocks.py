@@ -193,11 +193,11 @@ def _table(
     spare = width - sum(widths) - 2 * len(columns) + 1
     if spare < 0:
         return None
-    # Names and numbers are widened to their length first; sentences divide the rest.
-    order = sorted(range(len(columns)), key=lengths.__getitem__)
-    for rank, i in enumerate(order):
-        room = spare if lengths[i] <= _NAME_CHARACTERS else spare // (len(order) - rank)
-        more = min(lengths[i] - widths[i], room)
+    # Names and numbers are widened first, then sentences, the longest first.
+    needs = [(min(size, _NAME_CHARACTERS), i) for i, size in enumerate(lengths)]
+    needs += sorted(((size, i) for i, size in enumerate(lengths)), reverse=True)
+    for size, i in needs:
+        more = max(0, min(size - widths[i], spare))
         widths[i], spare = widths[i] + more, spare - more
     table = Table(
         pad_edge=False, box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), show_edge=False
