@@ -463,3 +463,15 @@ def test_terminals_lose_no_word():
             lost = {word for word in words if word not in shown and word not in joined}
             assert lost == set(), (address, width)
             assert max(map(len, shown.splitlines())) <= width
+
+
+@pytest.mark.parametrize("command", ["", "check", "show", "list", "audit", "posterior"])
+def test_an_example_of_the_help_has_its_output(command):
+    text = run(*command.split(), "--help", columns=100).stdout
+    example, expected = re.search(r"\$ reproduce (.*)\n((?: {4}.*\n)+)", text).groups()
+    output = run(*shlex.split(example), columns=80).stdout.splitlines()
+    lines = [" ".join(line.split()) for line in output]
+    told = [" ".join(line.split()) for line in expected.splitlines()]
+    told = [line for line in told if line.strip("─") and "..." not in line]
+    assert len(told) > 1
+    assert set(told) <= set(lines)

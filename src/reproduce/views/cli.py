@@ -227,11 +227,12 @@ def main() -> None:
     \b
     Example:
       $ reproduce show "niu2024/table-2#scale.red"
-      scale, red
-      Cell      niu2024/table-2#scale.red
-      ───────────────────────────────────
-      printed   0.9976
-      computed  0.99760
+      Scale factor, Red
+      Cell        niu2024/table-2#scale.red
+      ─────────────────────────────────────
+      printed     0.9976
+      stands for  0.99755 to 0.99765
+      computed    0.99760
       ...
     """
 
@@ -244,9 +245,11 @@ def list_items(as_json: bool) -> None:
     \b
     Example:
       $ reproduce list
-      key                   place           title
-      ──────────────────────────────────────────────────────────
-      niu2024/text-context  Text, section 1 Figures quoted in ...
+      Items in printed order, then supplementary tables.
+      key                   place            title
+      ───────────────────────────────────────────────────────────
+      niu2024/text-context  Text, section 1  Figures quoted in the
+                                             introduction
       ...
     """
     from reproduce.views.contents import Contents
@@ -267,6 +270,7 @@ def check(keys: tuple[str, ...], as_json: bool) -> None:
     \b
     Example:
       $ reproduce check niu2024/table-2
+      Cells by verdict.
       key              exact  cons.  differs  ambig.  unpub.  input  weak
       ───────────────────────────────────────────────────────────────────
       niu2024/table-2      2      ·        4       ·       ·      2     ·
@@ -319,9 +323,10 @@ def show(
     \b
     Example:
       $ reproduce show niu2024/table-3
-      cell             Printed  Computed  Verdict
-      ─────────────────────────────────────────────
-      scale.red        0.9973    0.9976   differs
+      Table 3, section 4.1. Registration parameters calibrated from ...
+      cell                   Printed  Computed  Verdict
+      ────────────────────────────────────────────────────
+      scale.red               0.9973   0.99756  differs
       ...
     """
     item = _item(address)
@@ -387,7 +392,7 @@ def cite(address: str, form: str) -> None:
     \b
     Example:
       $ reproduce cite "niu2024/table-2#scale.red" --format text
-      niu2024/table-2#scale.red: printed 0.9976, recomputed 0.997601, exact. ...
+      niu2024/table-2#scale.red: printed 0.9976, recomputed 0.997602 [...], exact. ...
     """
     from reproduce.views.export import citation
 
@@ -403,7 +408,7 @@ def verify(citation: str) -> None:
 
     \b
     Example:
-      $ reproduce verify "niu2024/table-2#scale.red: printed 0.9976, ... rp:0123456789ab"
+      $ reproduce verify "niu2024/table-2#scale.red: printed 0.9976, ... rp:..."
       unchanged
     """
     from reproduce.views.export import verify
@@ -422,6 +427,9 @@ def audit(paper: str | None, as_json: bool) -> None:
     Example:
       $ reproduce audit chen2023
       The consistency checks
+      chen2023
+        Numbers: 218
+        Compared with others: 198
       ...
     """
     from reproduce.views.consistency import ConsistencyAudit
@@ -481,10 +489,11 @@ def register(
     \b
     Example:
       $ reproduce register stars.csv
-      similarity from 60 stars, pivot (502.1, 497.7) px
-      parameter  unit  value ± standard deviation  95 % interval
-      ───────────────────────────────────────────────────────────────
-      scale      1            1.000031 ± 0.000045  0.99994 to 1.00012
+      similarity from 5 stars, pivot (502, 508) px
+                          value ± standard
+      parameter  unit            deviation          95 % interval
+      ───────────────────────────────────────────────────────────
+      scale      1     1.000006 ± 0.000034   0.999922 to 1.000089
       ...
     """
     from reproduce.views import register as registers
@@ -520,8 +529,6 @@ def misalignment(file: Path, as_json: bool, **settings: Any) -> None:
       $ reproduce misalignment spots.csv
       misalignment in 20 images since the zero point; ...
       about  mean (arcsec)  scatter (arcsec)  ...
-      ──────────────────────────────────────────────────────────
-      X            19.9812           1.03012  ...
       ...
     """
     from reproduce.views import measurements
@@ -582,9 +589,9 @@ def posterior(
     Example:
       $ reproduce posterior registration
       Posterior registration, data simulated by us with printed settings of niu2024.
-      Quantity        truth      mean ± sd              95 % interval
-      ───────────────────────────────────────────────────────────────────────
-      scale           0.997601   0.997566 ± 0.000011    0.997544 to 0.997588
+      Quantity             truth            mean ± sd         95 % interval
+      ─────────────────────────────────────────────────────────────────────
+      scale             0.997602  0.997566 ± 0.000012  0.997544 to 0.997589
       ...
     """
     from reproduce.views import posteriors
