@@ -275,7 +275,7 @@ def card(cell: Cell, place: str) -> str:
 def write_cards(path: Path) -> None:
     """Write what pages show beside links to printed cells, by anchor."""
     cells = [cell for table in library().values() for cell in table.cells]
-    cards = {cell.anchor: card(Cell(cell.address), cell.anchor) for cell in cells}
+    cards = {cell.anchor: card(Cell(cell), cell.anchor) for cell in cells}
     path.write_text(json.dumps(cards, ensure_ascii=False), encoding="utf-8")
 
 
