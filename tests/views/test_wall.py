@@ -149,6 +149,8 @@ def test_a_sweep_of_a_prediction_shows_its_intervals():
     ends = frame[["low", "high"]].to_numpy()
     assert float(below) == pytest.approx(ends.min(), rel=0.02)
     assert float(above) == pytest.approx(ends.max(), rel=0.02)
+    # Both ends keep a margin of 8 px from the picture and from its axis.
+    assert re.findall(r'<text x="52" y="([\d.]+)"', html) == ["86.0", "8.0"]
     assert re.search(r"0\.\d+ \(0\.\d+ to 0\.\d+\)°", html), "a unit with its number"
     whole = table.sweep(NOISE, values, replicates=20)
     lines = repr(whole).splitlines()
