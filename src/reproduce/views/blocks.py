@@ -193,9 +193,10 @@ def _table(
     spare = width - sum(widths) - 2 * len(columns) + 1
     if spare < 0:
         return None
-    # Names and numbers are widened first, then sentences, the longest first.
+    # Names and numbers are widened first, then sentences, the longest first, then heads.
     needs = [(min(size, _NAME_CHARACTERS), i) for i, size in enumerate(lengths)]
     needs += sorted(((size, i) for i, size in enumerate(lengths)), reverse=True)
+    needs += [(cell_len(texts[0]), i) for i, texts in enumerate(columns)]
     for size, i in needs:
         more = max(0, min(size - widths[i], spare))
         widths[i], spare = widths[i] + more, spare - more

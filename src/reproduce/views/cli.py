@@ -490,10 +490,9 @@ def register(
     Example:
       $ reproduce register stars.csv
       similarity from 5 stars, pivot (502, 508) px
-                          value ± standard
-      parameter  unit            deviation          95 % interval
-      ───────────────────────────────────────────────────────────
-      scale      1     1.000006 ± 0.000034   0.999922 to 1.000089
+      parameter  unit  value ± standard deviation          95 % interval
+      ──────────────────────────────────────────────────────────────────
+      scale      1            1.000006 ± 0.000034   0.999922 to 1.000089
       ...
     """
     from reproduce.views import register as registers
