@@ -80,8 +80,8 @@ for folder in ("src", "benchmarks", "tools", "tests", "book/_ext"):
 for path in ROOT.glob("book/**/*.md"):
     for used in names_of_page(path) if "_build" not in path.parts else ():
         USED[used].add(path)
-for name in reproduce.__all__:
-    USED["reproduce.views.front", name].add(SOURCE / "__init__.py")
+for name, module in reproduce._MODULES.items():
+    USED[f"reproduce.{module}", name].add(SOURCE / "__init__.py")
 # The same by the module that defines the name.
 DEFINED = defaultdict(set)
 for (module, name), paths in USED.items():

@@ -194,7 +194,7 @@ def _of_posterior(name: str) -> dict[str, str]:
         label = _label(row.name)
         for what, text in zip(("mean", "sd", "low", "high"), spread(row), strict=True):
             texts[f"{label}-{what}"] = f"{text.replace('-', '−')}{_gap(row.unit)}"
-    for label, value in Posterior(name).truth.items():
+    for label, value in Posterior({"name": name}).truth.items():
         row = next(row for row in found.rows if row.name == label)
         texts[f"{label}-off"] = f"{abs(row.mean - value) / row.deviation:.1f}"
     return texts | dict(_of_calibration(name))
@@ -285,7 +285,7 @@ def card(cell: Cell, place: str) -> str:
 def write_cards(path: Path) -> None:
     """Write the cards of the printed cells, by anchor."""
     cells = [cell for table in library().values() for cell in table.cells]
-    cards = {cell.anchor: card(Cell(cell.address), cell.anchor) for cell in cells}
+    cards = {cell.anchor: card(Cell(cell), cell.anchor) for cell in cells}
     path.write_text(json.dumps(cards, ensure_ascii=False), encoding="utf-8")
 
 

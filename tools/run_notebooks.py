@@ -32,7 +32,7 @@ START = "forkserver" if "forkserver" in get_all_start_methods() else "spawn"
 PRELOADED = (
     "matplotlib.pyplot matplotlib.backends.backend_svg pandas.io.formats.style emcee erfa "
     "scipy.optimize scipy.stats scipy.spatial pydantic rich.table page_cells book_facts "
-    "reproduce.views.front reproduce.views.posterior reproduce.views.figure"
+    "reproduce.views.table reproduce.views.posterior reproduce.views.figure"
 )
 context: Any = get_context(START)
 Task = Callable[[], Any]

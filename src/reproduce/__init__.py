@@ -9,8 +9,8 @@ misalignment seen by a star tracker). The public API::
     rp.table("niu2024/table-3")          # printed and computed; also one cell, KEY#CELL
     rp.table("niu2024/table-3").rerun({"niu2024/text-simulation#noise": "0.2 px"}, seed=7)
     rp.table("niu2024/table-3").rerun(angles="rectangle", translations="table-2")
-    rp.figure("chen2023/fig-11")         # draws itself
-    rp.posterior("registration")         # sampled when it is looked at
+    rp.figure("chen2023/fig-11a")        # draws itself
+    rp.posterior("registration")         # sampled on first use
     rp.audit("chen2023")                 # consistency of the printed numbers, and the errata
     rp.register(source, target)          # your stars
     rp.register("red.fits", "green.fits")    # or images: rp.stars, then rp.match, in one
@@ -27,21 +27,23 @@ from typing import Any
 
 from reproduce.version import __version__ as __version__
 
-__all__ = [
-    "Platform",
-    "audit",
-    "check",
-    "cite",
-    "contents",
-    "figure",
-    "match",
-    "misalignment",
-    "posterior",
-    "register",
-    "stars",
-    "table",
-    "verify",
-]
+# Module that defines each name of the public API.
+_MODULES = {
+    "Platform": "physics.attitude",
+    "audit": "views.consistency",
+    "check": "views.contents",
+    "cite": "views.export",
+    "contents": "views.contents",
+    "figure": "views.figure",
+    "match": "views.pictures",
+    "misalignment": "views.measurements",
+    "posterior": "views.posteriors",
+    "register": "views.register",
+    "stars": "views.pictures",
+    "table": "views.table",
+    "verify": "views.export",
+}
+__all__ = list(_MODULES)
 
 
 def __getattr__(name: str) -> Any:
@@ -53,12 +55,11 @@ def __getattr__(name: str) -> Any:
             stacklevel=2,
         )
         name = "audit"
-    if name not in __all__:
+    if name not in _MODULES:
         raise AttributeError(
             f"module {__name__!r} has no attribute {name!r}; it has {__all__}"
         )
-    module = "physics.attitude" if name == "Platform" else "views.front"
-    return getattr(import_module(f"{__name__}.{module}"), name)
+    return getattr(import_module(f"{__name__}.{_MODULES[name]}"), name)
 
 
 def __dir__() -> list[str]:

@@ -1,8 +1,8 @@
-"""Where the papers and their data lie: in the checkout or the wheel, and on a search path.
+"""Locations of the papers and their data: in the checkout or the wheel, and on a search path.
 
-The search path is the environment variable ``REPRODUCE_PATH``. Each folder on it is laid out as the
-project is: ``data/`` with printed numbers, references, errata and frozen verdicts, and ``papers/``
-with one package for each paper. So a paper is added without editing a file of the project.
+The search path is the environment variable ``REPRODUCE_PATH``. Each folder on it has the layout of
+the project: ``data/`` with printed numbers, references, errata and frozen verdicts, and ``papers/``
+with one package for each paper. No file of the project changes for a new paper.
 """
 
 from __future__ import annotations
@@ -17,17 +17,17 @@ _ENTRY = re.compile(r"^@\w+\{([^,\s]+),", re.MULTILINE)
 
 @cache
 def data_folder() -> Path:
-    """Return the folder that holds the project's data.
+    """Return the data folder of the project.
 
     Returns
     -------
     pathlib.Path
-        `data/` of the checkout if the package runs from one, else the wheel's own copy.
+        `data/` of the checkout, or the copy in the wheel.
 
     Raises
     ------
     FileNotFoundError
-        If neither exists, that is, if the installation is broken.
+        If neither exists, because the installation is broken.
 
     Examples
     --------
@@ -40,8 +40,8 @@ def data_folder() -> Path:
         if (folder / "printed").is_dir():
             return folder
     raise FileNotFoundError(
-        f"expected the printed numbers in one of {', '.join(map(str, candidates))}, found none; "
-        "reinstall the package or run it from a complete checkout"
+        f"data: expected printed numbers in one of {', '.join(map(str, candidates))}, got none. "
+        "Reinstall the package or run it from a complete checkout"
     )
 
 
@@ -53,26 +53,26 @@ def search_path() -> tuple[Path, ...]:
 
 @cache
 def data_folders() -> tuple[Path, ...]:
-    """Return the project's data folder, then those on the search path."""
+    """Return the data folder of the project, then the data folders on the search path."""
     return (data_folder(), *(folder / "data" for folder in search_path()))
 
 
 def caption_files(name: str) -> list[Path]:
-    """Return the files of texts of a paper, or of what shows all papers: one, or none."""
+    """Return the caption file of a paper or of a page for all papers: one, or none."""
     paths = (folder / "captions" / f"{name}.toml" for folder in data_folders())
     return [path for path in paths if path.is_file()]
 
 
 def schematic_files(key: str) -> tuple[Path, ...]:
-    """Return the files of a drawing by hand, shared style first; empty if there is none."""
+    """Return the SVG files of a schematic, the shared style first; empty if there is none."""
     paths = (folder / "schematics" / f"{key}.svg" for folder in data_folders())
-    found = [path for path in paths if path.is_file()]
-    return (data_folder() / "schematics" / "style.svg", found[0]) if found else ()
+    files = [path for path in paths if path.is_file()]
+    return (data_folder() / "schematics" / "style.svg", files[0]) if files else ()
 
 
 @cache
 def papers() -> dict[str, Path]:
-    """Return the key of every paper, with the data folder that holds its printed numbers.
+    """Return the data folder of every paper by its name.
 
     Returns
     -------
@@ -91,7 +91,7 @@ def papers() -> dict[str, Path]:
     >>> list(papers())[:2]
     ['niu2024', 'chen2023']
     """
-    found: dict[str, Path] = {}
+    folders: dict[str, Path] = {}
     for folder in data_folders():
         entries = _ENTRY.findall(
             (folder / "references.bib").read_text(encoding="utf-8")
@@ -99,10 +99,10 @@ def papers() -> dict[str, Path]:
         printed = {
             path.name for path in (folder / "printed").iterdir() if path.is_dir()
         }
-        if strays := sorted(printed - set(entries)) or sorted(printed & set(found)):
+        if strays := sorted(printed - set(entries)) or sorted(printed & set(folders)):
             raise ValueError(
-                f"{folder}: expected one entry of references.bib for each paper in printed/, "
-                f"and each paper in one folder alone; look at {', '.join(strays)}"
+                f"{folder}: expected one entry of references.bib for each paper in printed/, and "
+                f"each paper in one folder, got {', '.join(strays)}. Correct these papers"
             )
-        found |= {name: folder for name in entries if name in printed}
-    return found
+        folders |= {name: folder for name in entries if name in printed}
+    return folders

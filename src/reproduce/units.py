@@ -1,4 +1,4 @@
-"""Angle factors, both ways round. Everything inside is in radians; these convert at the edges."""
+"""Conversion factors of angles. The package computes in radians."""
 
 from __future__ import annotations
 

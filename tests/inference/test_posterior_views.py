@@ -66,7 +66,8 @@ def test_a_summary_contains_the_printed_number_and_its_verdict():
     found = rp.posterior("registration-joint")
     assert found.declared.summary[name] == address
     row = found.frame().loc[name]
-    shown = pages._summarised(found.name, name, address)
+    (summary,) = (one for one in found.sampled.summaries() if one.name == name)
+    shown = pages._summarised(found.name, summary, address).values()
     label, printed, mean, ends, truth, verdict = shown
     numbers = [float(x.rstrip("°")) for x in (*mean.split(" ± "), *ends.split(" to "))]
     expected = row[["mean", "deviation", "low", "high"]].tolist()
@@ -137,7 +138,7 @@ def test_a_build_samples_once(tmp_path, monkeypatch):
     finally:
         for cached in (computed.kept, book_posterior):
             cached.cache_clear()
-    assert [path.name for path in tmp_path.iterdir()] == [computed.fingerprint()]
+    assert [path.name for path in tmp_path.iterdir()] == [computed._fingerprint()]
     for found in (again, read):
         np.testing.assert_array_equal(found.chain, direct.chain)
 

@@ -12,7 +12,7 @@ from reproduce.papers.catalogue import catalogue, computation_for
 from reproduce.papers.chen2023 import effectiveness
 from reproduce.printed.cells import find, library
 from reproduce.printed.inputs import load_inputs
-from reproduce.views.verdicts import joint_chance
+from reproduce.views.verdicts import _joint_chance
 
 WEAK = {"rounding", "copy", "difference", "tolerance", "wide"}
 QUALIFIED = {"about", "nominal"}
@@ -60,8 +60,8 @@ def test_stochastic_tables_have_a_joint_probability(whole):
         assert table.replicates >= 2000
     # It is a bound if no replicate is so far from the prediction.
     table = whole.table("niu2024/table-3")
-    assert joint_chance(table.joint_probability, table) == "below 1/2,000"
-    assert joint_chance(0.03, table) == "0.030"
+    assert _joint_chance(table.joint_probability, table) == "below 1/2,000"
+    assert _joint_chance(0.03, table) == "0.030"
 
 
 def test_a_reading_has_the_same_joint_probability_in_the_ledger_and_in_a_rerun():

@@ -13,7 +13,6 @@ from hypothesis import assume, given, settings, strategies
 
 import reproduce as rp
 from reproduce.papers.catalogue import catalogue
-from reproduce.views.blocks import PLAIN
 from reproduce.views.cli import main
 
 INCOMPLETE = (
@@ -37,7 +36,7 @@ def test_any_key_is_known_or_rejected(command, key):
     assume(key not in catalogue())
     result = invoke(command, "--", key)
     assert (result.exit_code, type(result.exception)) == (2, SystemExit)
-    assert "unknown key" in result.stderr
+    assert "key: expected" in " ".join(result.stderr.split())
 
 
 def test_incomplete_commands_are_rejected():
@@ -66,10 +65,7 @@ def test_a_terminal_shows_the_progress_on_standard_error():
     assert b"recomputing" in shown or b"done " in shown
 
 
-def test_an_encoding_without_a_sign_gets_a_plain_sign():
-    """Without the caret 10⁻⁵ would be read as 10-5."""
-    text = "1.0\u202f×\u202f10⁻⁵, m², χ"
-    assert text.encode("ascii", PLAIN).decode() == "1.0 x 10^-5, m^2, chi"
+def test_output_is_utf_8_for_any_encoding_of_the_stream():
     for encoding, command in (
         ("ascii", "show niu2024/table-3"),
         ("cp1252", "audit chen2023"),
@@ -79,10 +75,8 @@ def test_an_encoding_without_a_sign_gets_a_plain_sign():
         result = subprocess.run(
             arguments, capture_output=True, env=environment, check=True
         )
-        shown = result.stdout.decode(encoding)
         assert result.stderr == b""
-        assert not re.search(r"(?<!misprint)\?", shown)
-        assert re.search(r"-\d+\.\d", shown) or command.startswith("audit")
+        assert re.search(r"−\d+\.\d", result.stdout.decode("utf-8"))
 
 
 def test_a_narrow_terminal_names_every_cell():

@@ -89,10 +89,10 @@ def test_a_build_draws_a_figure_once(tmp_path, monkeypatch):
     monkeypatch.setenv(computed.FOLDER, str(tmp_path / "computed"))
     computed.kept.cache_clear()
     figures.write_figure("niu2024/fig-4", tmp_path)
-    monkeypatch.setattr(figures, "styled_figure", None)
+    monkeypatch.setattr(figures, "_styled_figure", None)
     shown = figures._page_vectors("niu2024/fig-4")
-    assert shown.narrow.startswith("<svg")
+    assert shown[1].startswith("<svg")
     file = tmp_path / "figures" / "niu2024-fig-4.svg"
-    assert file.read_text(encoding="utf-8") == figures._XML + shown.wide
+    assert file.read_text(encoding="utf-8") == figures._XML + shown[0]
     monkeypatch.undo()
     computed.kept.cache_clear()

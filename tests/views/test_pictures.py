@@ -239,17 +239,15 @@ def test_the_command_registers_two_images_and_writes_only_the_drawing(folder, tm
     assert [record["source"], record["target"]] == [*map(str, files)]
     shift = {one["parameter"]: one["value"] for one in record["parameters"]}
     assert shift["shift-x"] == pytest.approx(1.3, abs=0.1)
-    assert drawing.stat().st_size > 5000
     assert {path.name for path in folder.iterdir()} == {"red.fits", "green.fits"}
 
 
 def test_wrong_options_are_reported_before_the_computation(folder, monkeypatch):
-    computed = "reproduce.views.front.register"
+    computed = "reproduce.views.register.register"
     monkeypatch.setattr(computed, lambda *_, **__: pytest.fail("computed"))
     red, green = folder / "red.fits", folder / "green.fits"
     for arguments, named in (
-        ((red, green, "--picture", "p.jpg"), "--picture"),
-        ((red, "--picture", "p.svg"), "--picture"),
+        ((red, green, "--picture", "p.svg"), "--picture"),
         ((red, "--posterior"), "--posterior"),
         ((red, green, red), "got 3"),
     ):

@@ -147,7 +147,13 @@ REJECTED = {
     "rows": [(STARS, NOISE, ["0.1 px"], [], {"Stars": 51})],
     "missing": [(STARS, "missing", [1], [], {})],
     "Axis": [
-        ("chen2023/dichroic", BORESIGHTS, ["90°"], ["Axis of the mirror's rotation"], {})
+        (
+            "chen2023/dichroic",
+            BORESIGHTS,
+            ["90°"],
+            ["Axis of the mirror's rotation"],
+            {},
+        )
     ],
 }
 

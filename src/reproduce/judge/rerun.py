@@ -230,14 +230,16 @@ def check_randomness(
 
 def checked_values(key: str, changes: Mapping[str, str | float]) -> dict[str, float]:
     """Return the values of a user in SI units; raise an error for a cell that is not an input."""
-    refuse_strays(key, changes, changeable(key))
+    _refuse_strays(key, changes, changeable(key))
     try:
         return {one: si_value(find(one)[0], text) for one, text in changes.items()}
     except ValueError as error:
         raise CannotChangeError(str(error)) from error
 
 
-def refuse_strays(subject: str, changes: Iterable[str], allowed: Sequence[str]) -> None:
+def _refuse_strays(
+    subject: str, changes: Iterable[str], allowed: Sequence[str]
+) -> None:
     """Raise an error for the first cell that is not an input; suggest similar inputs."""
     names = {address.partition("#")[2]: address for address in reversed(allowed)}
     for stray in (address for address in changes if address not in allowed):

@@ -1,1 +1,1 @@
-"""Command line, notebooks, pages, citations and exports: they call, they compute nothing."""
+"""Output: tables, figures, posteriors, citations, exports and the command line."""

@@ -39,7 +39,10 @@ class ResultView(Display):
     @property
     def rerun_code(self) -> str:
         """A line of code that computes it with another value of its first input."""
-        line, numbers = f'rp.table("{self.key}")', (find(one)[0] for one in self.inputs)
+        line, numbers = (
+            f'rp.table("{self.key}")',
+            (find(address)[0] for address in self.inputs),
+        )
         read = next((cell for cell in numbers if cell.is_number), None)
         return line + (f'.rerun({{"{read.address}": "{read.text}"}})' if read else "")
 
@@ -65,7 +68,7 @@ class ResultView(Display):
         return ""
 
     def cite(self, form: str = "bibtex") -> str:
-        """Return the citation of this and of its paper as bibtex, ris, csl or text."""
+        """Return its citation and the citation of its paper: bibtex, ris, csl or text."""
         return citation(self.key, form)
 
 
@@ -77,27 +80,13 @@ class Item(ResultView):
         """Alternatives of each option of the text, the literal one first."""
         import pandas as pd
 
-        rows = [
-            (name, way, alternative.text, alternative.place)
-            for name, ways in rerun.options(self.key).items()
-            for way, alternative in ways.items()
-        ]
-
-        class _OptionsFrame(pd.DataFrame):
-            """A DataFrame whose sentences a notebook does not shorten."""
-
-            @property
-            def _constructor(self) -> type[_OptionsFrame]:
-                return _OptionsFrame
-
-            def _repr_html_(self) -> str:
-                with pd.option_context("display.max_colwidth", None):
-                    return self.to_html(notebook=True)
-
-        frame = pd.DataFrame(
-            rows, columns=["option", "alternative", "meaning", "passage"]
-        )
-        return _OptionsFrame(frame.set_index(["option", "alternative"]))
+        rows = {
+            (name, alternative): (text.text, text.place)
+            for name, alternatives in rerun.options(self.key).items()
+            for alternative, text in alternatives.items()
+        }
+        index = pd.MultiIndex.from_tuples(rows, names=["option", "alternative"])
+        return _texts()(rows.values(), index, ["meaning", "passage"])
 
     @property
     def title(self) -> str:
@@ -115,7 +104,7 @@ class Item(ResultView):
         item = catalogue().get(self.key)
         computations = item.computations if item else ()
         draw = item.draw if item else drawings()[self.key]
-        functions = [one.function for one in computations]
+        functions = [computation.function for computation in computations]
         if isinstance(draw, Drawing):
             functions.append(draw.function)
         return "\n\n\n".join(map(text_of, functions))
@@ -134,22 +123,11 @@ class Rerunnable(ResultView):
         Seed of the random number generator.
     """
 
-    kind = ""
-
     def __init__(
-        self,
-        key: str,
-        changes: Change | None = None,
-        seed: int | None = None,
-        **others: Any,
+        self, key: str, changes: Change | None = None, seed: int | None = None
     ) -> None:
         self.key, self.seed, self._changes = key, seed, dict(changes or {})
         random = self.random  # an unknown key raises an error
-        if others:
-            known = ["cells that it reads"] + ["a seed"] * random
-            raise rerun.CannotChangeError(
-                f"{key} is {self.kind}: expected {', '.join(known)}; got {', '.join(others)}"
-            )
         rerun.checked_values(key, self._changes)
         rerun.check_randomness(key, random, self._changes, seed)
 
@@ -180,7 +158,7 @@ class Rerunnable(ResultView):
         """The changes: address or ``seed`` to the value as given."""
         return rerun.by_name(self._changes, self.seed)
 
-    def _setting(self, remark: str = "a reader's own setting") -> str:
+    def _setting(self, remark: str = "your setting") -> str:
         return (
             setting("With", self.changes, self.replaced, remark) if self.changes else ""
         )
@@ -193,7 +171,7 @@ class Rerunnable(ResultView):
     def rerun(
         self, changes: Change | None = None, *, seed: int | None = None, **others: Any
     ) -> Self:
-        """Return the object computed with other inputs or another seed.
+        """Compute the object with other inputs or another seed.
 
         Parameters
         ----------
@@ -202,6 +180,8 @@ class Rerunnable(ResultView):
             figure do not change.
         seed : int, optional
             Seed of the random number generator.
+        **others
+            Not accepted.
 
         Returns
         -------
@@ -214,11 +194,12 @@ class Rerunnable(ResultView):
             If a cell is not an input, a value does not fit its cell, or there are no random
             numbers.
         """
-        cells, seed = (
-            {**self._changes, **(changes or {})},
-            self.seed if seed is None else seed,
-        )
-        return type(self)(self.key, cells, seed, **others)
+        if others:
+            raise rerun.CannotChangeError(
+                f"{next(iter(others))}: expected changes or a seed for {self.key}. Leave it out"
+            )
+        seed = self.seed if seed is None else seed
+        return type(self)(self.key, {**self._changes, **(changes or {})}, seed)
 
 
 def setting(
@@ -228,6 +209,22 @@ def setting(
     changed = ", ".join(map(" = ".join, changes.items())) or "nothing"
     names = f" Recomputed values took the place of: {', '.join(replaced)}."
     return f"{subject} {changed}: {remark}.{names if replaced else ''}"
+
+
+def _texts() -> type[pd.DataFrame]:
+    """Return a type of DataFrame whose sentences a notebook does not shorten."""
+    import pandas as pd
+
+    class Texts(pd.DataFrame):
+        @property
+        def _constructor(self) -> type[Texts]:
+            return Texts
+
+        def _repr_html_(self) -> str:
+            with pd.option_context("display.max_colwidth", None):
+                return self.to_html(notebook=True)
+
+    return Texts
 
 
 def text_of(function: Callable[..., Any]) -> str:

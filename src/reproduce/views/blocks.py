@@ -5,15 +5,13 @@ A template writes each block as HTML for a page, and rich writes it for a termin
 
 from __future__ import annotations
 
-import codecs
 import io
 import re
-import unicodedata
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from jinja2 import Environment, PackageLoader
 from markupsafe import Markup, escape
@@ -26,19 +24,18 @@ from rich.text import Text
 
 from reproduce.views.numbers import minus, powers_in_html
 
+if TYPE_CHECKING:
+    import pandas as pd
+
 Entry = str | Markup
 _WIDTH_COLUMNS, _MIN_COLUMNS, _MAX_COLUMNS = 80, 20, 1000  # of a terminal
-# A column is at least as wide as its longest entry or this many characters.
-_WRAPPED_CHARACTERS = 14
-# Names of rows have at most this many characters, as a rule.
+# Longest name or number with a unit; longer entries are sentences.
 _NAME_CHARACTERS = 24
 _CONTROL = re.compile(r"[\x00-\x09\x0b-\x1f\x7f-\x9f]")
 _NUMBER = re.compile(r"[−<(≈]?\s?[\d.](?!.*[a-z]{5})|·?$")  # or no entry
 # Style of the name of a verdict on a terminal.
 _STYLES = {"exact": "green", "consistent": "green", "differs": "bold red"}
 _STYLES |= {"ambiguous": "yellow", "unpublished": "cyan", "input": "dim"}
-PLAIN = "reproduce-plain"  # name of the error handler of streams
-_ASCII = str.maketrans("−⁻–—─×·″′’…µμ", "-----x.\"''~uu") | {177: "+/-", 176: " deg"}
 
 
 @cache
@@ -137,29 +134,39 @@ class Grid:
         lines = [*zip(*shown.values(), strict=True)]
         return cls(caption, [*shown], lines, **looks)
 
+    @classmethod
+    def of_frame(
+        cls, caption: Entry, frame: pd.DataFrame, digits: int = 6, kind: str = ""
+    ) -> Grid:
+        """Return a DataFrame, whose index contains the names of the rows."""
+        rows = [
+            [
+                entry if isinstance(entry, str) else minus(f"{entry:z.{digits}g}")
+                for entry in row
+            ]
+            for row in frame.itertuples()
+        ]
+        return cls(caption, [str(frame.index.name), *frame], rows, kind=kind)
+
     @property
     def markup(self) -> Markup:
         """HTML of the table."""
         return rendered("grid", grid=self, caption=escape(self.caption))
 
     def __rich_console__(self, console: Console, size: ConsoleOptions) -> RenderResult:
-        """Yield the caption and the table; if it is too wide, a small table for each row."""
+        """Yield the caption and the table; if it is too wide, the entries of each row as lines."""
         if self.caption:
             yield Text(f"\n{plain(self.caption)}")
-        heads, rows = (
-            [*map(plain, self.head)],
-            [[*map(plain, row)] for row in self.rows],
-        )
-        table = _table(heads, rows, size.max_width)
-        if table is not None:
+        heads = [*map(plain, self.head)]
+        rows = [[*map(plain, row)] for row in self.rows]
+        if table := _table(heads, rows, size.max_width):
             yield table
             return
         for name, *texts in rows:
+            pairs = zip(heads[1:], texts, strict=True)
+            lines = (": ".join(pair) for pair in pairs if pair[1])
             yield Text(name)
-            named = [pair for pair in zip(heads[1:], texts, strict=True) if pair[1]]
-            narrow = _table((), named, size.max_width - 2)
-            lines = narrow or Text("\n".join(map(": ".join, named)))
-            yield Padding(lines, (0, 0, 0, 2))
+            yield Padding(Text("\n".join(lines)), (0, 0, 0, 2))
 
 
 def _text(value: object) -> Entry:
@@ -176,34 +183,30 @@ def _table(
     heads: Sequence[str], rows: Sequence[Sequence[str]], width: int
 ) -> Table | None:
     """Return a table for a terminal, with numbers at the right; None if a word does not fit."""
-    table = Table(
-        pad_edge=False,
-        box=box.SIMPLE_HEAD if heads else None,
-        padding=(0, 1, 0, 0),
-        show_header=bool(heads),
-        show_edge=False,
-    )
-    columns = [*zip(heads or ("", ""), *rows, strict=True)]
-    longest = [max(map(cell_len, texts)) for texts in columns]
-    words = [max(map(cell_len, " ".join(texts).split())) for texts in columns]
-    widths = [
-        max(word, min(length, _WRAPPED_CHARACTERS))
-        for word, length in zip(words, longest, strict=True)
+    columns = [*zip(heads, *rows, strict=True)]
+    widths = [max(map(cell_len, " ".join(texts).split())) for texts in columns]
+    lengths = [
+        max(width, *map(cell_len, texts[1:]))
+        for width, texts in zip(widths, columns, strict=True)
     ]
-    # A blank at the right of each column, and another one between columns under a head.
-    spare = width - sum(widths) - len(columns) * (2 if heads else 1) + 1
+    # Two blanks are between columns.
+    spare = width - sum(widths) - 2 * len(columns) + 1
     if spare < 0:
         return None
-    # Names and numbers are widened before sentences, and long sentences before short ones.
-    needs = [(min(length, _NAME_CHARACTERS), i) for i, length in enumerate(longest)]
-    needs += sorted(((length, i) for i, length in enumerate(longest)), reverse=True)
-    for length, i in needs:
-        more = max(0, min(length - widths[i], spare))
+    # Names and numbers are widened first, then sentences, the longest first, then heads.
+    needs = [(min(size, _NAME_CHARACTERS), i) for i, size in enumerate(lengths)]
+    needs += sorted(((size, i) for i, size in enumerate(lengths)), reverse=True)
+    needs += [(cell_len(texts[0]), i) for i, texts in enumerate(columns)]
+    for size, i in needs:
+        more = max(0, min(size - widths[i], spare))
         widths[i], spare = widths[i] + more, spare - more
+    table = Table(
+        pad_edge=False, box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), show_edge=False
+    )
     for (name, *texts), size in zip(columns, widths, strict=True):
-        numeric = bool(heads) and all(map(_NUMBER.match, texts))
+        numeric = all(map(_NUMBER.match, texts))
         justify: Literal["left", "right"] = "right" if numeric else "left"
-        table.add_column(name, justify=justify, overflow="fold", width=size)
+        table.add_column(name, justify=justify, width=size)
     for row in rows:
         styles = (_STYLES.get(text.partition(" ")[0], "") for text in row)
         table.add_row(*map(Text, row, styles))
@@ -238,7 +241,8 @@ def html(blocks: Iterable[Block]) -> str:
 def _markup(blocks: Iterable[Block]) -> Markup:
     sentence = Markup('<p class="rp-joint">{}</p>')
     return Markup("\n").join(
-        sentence.format(one) if isinstance(one, str) else one.markup for one in blocks
+        sentence.format(block) if isinstance(block, str) else block.markup
+        for block in blocks
     )
 
 
@@ -247,14 +251,14 @@ def _renderable(block: Block) -> RenderableType:
 
 
 def printable(text: str) -> str:
-    """Return a text with escape sequences for control characters, such as those of a file name.
+    """Return a text with escape sequences for control characters.
 
     Examples
     --------
     >>> printable("red" + chr(27) + "[31m.fits")
     'red\\\\x1b[31m.fits'
     """
-    return _CONTROL.sub(lambda found: repr(found[0])[1:-1], text)
+    return _CONTROL.sub(lambda match: repr(match[0])[1:-1], text)
 
 
 def plain(entry: Entry) -> str:
@@ -301,21 +305,3 @@ class Blocks(Display):
     def blocks(self) -> tuple[Block, ...]:
         """Return the blocks."""
         return self.shown
-
-
-def _in_ascii(error: UnicodeError) -> tuple[str, int]:
-    """Return characters that a stream cannot encode in ASCII, or their names."""
-    if not isinstance(error, UnicodeEncodeError):
-        raise error
-    signs = error.object[error.start : error.end]
-    raised = unicodedata.decomposition(signs[0]).startswith("<super>")
-    return "^" * raised + "".join(map(_ascii, signs)), error.end
-
-
-def _ascii(sign: str) -> str:
-    text = unicodedata.normalize("NFKD", sign.translate(_ASCII))
-    name = unicodedata.name(sign, "?").lower()
-    return text.encode("ascii", "ignore").decode() or name.rpartition("letter ")[2]
-
-
-codecs.register_error(PLAIN, _in_ascii)

@@ -16,15 +16,14 @@ import click
 from reproduce.physics.registration import MODELS
 from reproduce.store.files import DRAWS, FIGURES, check_target
 from reproduce.version import __version__
-from reproduce.views import front
-from reproduce.views.blocks import PLAIN, printable
+from reproduce.views.blocks import printable
 
 
 class _Shell(click.Group):
-    """Commands whose output suits any stream, and whose errors are one line.
+    """Commands whose output is UTF-8, and whose errors are one line.
 
-    With ``--json`` an error is an object with "error", and with the numbers of chains that fail a
-    convergence criterion.
+    With ``--json`` an error is an object with "error". For chains that fail a convergence criterion
+    it also has the number of steps and the failures.
     """
 
     def invoke(self, ctx: click.Context) -> Any:
@@ -37,28 +36,26 @@ class _Shell(click.Group):
             if message is None:  # not an error of the input
                 raise
             if as_json and _SHOWN not in ctx.meta:
-                found: dict[str, Any] = {"error": message}
+                record: dict[str, Any] = {"error": message}
                 if missed := getattr(error, "missed", ()):
-                    found |= {
-                        "steps_needed": getattr(error, "steps", None),
-                        "missed": missed,
-                    }
-                click.echo(json.dumps(found, indent=2))
+                    record["steps_needed"] = getattr(error, "steps", None)
+                    record["missed"] = missed
+                click.echo(json.dumps(record, indent=2))
             if isinstance(error, click.ClickException):
                 raise
             kind: type[click.ClickException] = click.UsageError
-            if hasattr(error, "missed") or isinstance(error, MemoryError):
+            if isinstance(error, ArithmeticError | MemoryError):
                 kind = click.ClickException
             raise kind(message) from error
 
     def main(self, *arguments: Any, **settings: Any) -> Any:
-        """Run, with plain signs for characters that the stream cannot encode."""
+        """Run the program."""
         for name in ("stdin", "stdout", "stderr"):
             if getattr(sys, name) is None:  # closed by the caller
                 setattr(sys, name, io.TextIOWrapper(io.BytesIO()))
         for stream in (sys.stdout, sys.stderr):
             if isinstance(stream, io.TextIOWrapper):
-                stream.reconfigure(errors=PLAIN)
+                stream.reconfigure(encoding="utf-8", errors="backslashreplace")
         try:
             try:
                 return super().main(*arguments, **settings)
@@ -78,9 +75,8 @@ def _message(error: Exception) -> str | None:
     if isinstance(error, ValueError | KeyError):
         return printable(str(error.args[0] if isinstance(error, KeyError) else error))
     if hasattr(error, "missed"):  # chains that have not converged
-        steps = getattr(error, "steps", None)
-        taken = f" (--steps; there were {getattr(error, 'taken', 0)})" if steps else ""
-        return f"{error}{taken}"
+        taken = f" (--steps; there were {getattr(error, 'taken', 0)})"
+        return f"{error}{taken if getattr(error, 'steps', None) else ''}"
     if isinstance(error, MemoryError):
         return "the input does not fit into memory. Use a smaller one"
     if isinstance(error, OSError) and error.filename:
@@ -105,13 +101,13 @@ def _pairs(
     ctx: click.Context, param: click.Parameter, texts: tuple[str, ...]
 ) -> dict[str, str]:
     """Return the texts to the left and to the right of the equals signs."""
-    parts = [text.partition("=") for text in texts]
-    for name, equals, value in parts:
+    pairs = {}
+    for text in texts:
+        name, equals, value = text.partition("=")
         if not equals or not name.strip():
-            raise click.UsageError(
-                f"{param.opts[0]} {name}{equals}{value}: expected {param.metavar}"
-            )
-    return {name.strip(): value.strip() for name, _, value in parts}
+            raise click.UsageError(f"{param.opts[0]} {text}: expected {param.metavar}")
+        pairs[name.strip()] = value.strip()
+    return pairs
 
 
 def _priors(ctx: click.Context, param: click.Parameter, texts: tuple[str, ...]) -> Any:
@@ -157,6 +153,24 @@ def _save(save: Callable[[Path], Any], out: Path) -> None:
         ) from error
 
 
+def _given(settings: dict[str, Any]) -> dict[str, Any]:
+    """Return the options with a value."""
+    return {
+        name: value for name, value in settings.items() if value not in (None, {}, "")
+    }
+
+
+def _item(address: str) -> Any:
+    """Return the table, cell, supplementary table or figure of an address."""
+    from reproduce.papers.catalogue import studies
+    from reproduce.printed.cells import library
+    from reproduce.views.figure import Figure
+    from reproduce.views.table import table
+
+    key = address.partition("#")[0]
+    return table(address) if key in {*library(), *studies()} else Figure(address)
+
+
 # Key of the context's data which is set after a JSON document is printed.
 _SHOWN = "reproduce.shown"
 # A FITS file may have the name of an extension in brackets behind it.
@@ -165,10 +179,12 @@ _FIGURE = _Target(*FIGURES)
 _POSITIVE = click.FloatRange(min=0, min_open=True)
 _ADDRESS = click.argument("address", metavar="KEY[#CELL]")
 _JSON = click.option(
-    "--json", "as_json", is_flag=True, help="Print JSON for other programs."
+    "--json", "as_json", is_flag=True, help="JSON output for other programs."
 )
 _SEED = click.option(
-    "--seed", type=click.IntRange(min=0), help="Seed of the random number generator."
+    "--seed",
+    type=click.IntRange(min=0),
+    help="Seed of the random number generator.  [default: the seed of the book]",
 )
 _SET = click.option(
     "--set",
@@ -176,63 +192,102 @@ _SET = click.option(
     multiple=True,
     callback=_pairs,
     metavar="CELL=VALUE",
-    help="Another value for a printed cell.",
+    help="Value of a printed input, in its unit. Repeatable.",
 )
 _PIVOT = click.option(
     "--pivot",
     type=float,
     nargs=2,
     metavar="X Y",
-    help="Principal point of your stars, in px.",
+    help="Principal point of your stars, in px.  [default: their mean]",
 )
 _SEP = click.option(
-    "--sep", help="Separator of columns in a text file.  [default: a comma]"
+    "--sep", help="Separator of the columns of a text file.  [default: a comma]"
 )
 _PLATFORM = click.option(
-    "--platform", type=_FILE, help="TOML file of your lights and tracker."
+    "--platform",
+    type=_FILE,
+    help="TOML file of your lights and tracker.  [default: the platform of chen2023]",
+)
+_MODEL = click.option(
+    "--model",
+    type=click.Choice(list(MODELS)),
+    help="Type of the transform.  [default: similarity]",
 )
 
 
-@click.group(
-    cls=_Shell,
-    context_settings={"help_option_names": ["-h", "--help"], "show_default": True},
-)
+@click.group(cls=_Shell, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(__version__, prog_name="reproduce")
 def main() -> None:
-    """Recompute the printed numbers of niu2024 and chen2023, and judge every one.
+    """Recompute the printed numbers of niu2024 and chen2023, and judge every number.
 
-    A KEY names a table, a figure or a group of quoted numbers, such as niu2024/table-3.
+    A KEY names a table, a figure or a group of quoted numbers, such as niu2024/table-3. KEY#CELL
+    names one number.
+
+    \b
+    Example:
+      $ reproduce show "niu2024/table-2#scale.red"
+      Scale factor, Red
+      Cell        niu2024/table-2#scale.red
+      ─────────────────────────────────────
+      printed     0.9976
+      stands for  0.99755 to 0.99765
+      computed    0.99760
+      ...
     """
 
 
 @main.command("list")
 @_JSON
 def list_items(as_json: bool) -> None:
-    """List all items in the order of the papers, and the supplementary tables."""
-    contents = front.contents()
+    """List all items in the order of the papers, and the supplementary tables.
+
+    \b
+    Example:
+      $ reproduce list
+      Items in printed order, then supplementary tables.
+      key                   place            title
+      ───────────────────────────────────────────────────────────
+      niu2024/text-context  Text, section 1  Figures quoted in the
+                                             introduction
+      ...
+    """
+    from reproduce.views.contents import Contents
+
+    contents = Contents()
     _show(as_json, contents.entries, contents.listed.print)
 
 
 @main.command()
 @click.argument("keys", nargs=-1, metavar="[KEY|PAPER]...")
-@click.option(
-    "--json", "as_json", is_flag=True, help="Print one record per printed cell."
-)
+@click.option("--json", "as_json", is_flag=True, help="JSON record of each cell.")
 def check(keys: tuple[str, ...], as_json: bool) -> None:
     """Judge every printed cell and compare the verdicts with the frozen ones.
 
-    Exits with 0 only if every verdict is as frozen and every file of printed numbers has its
-    checksum, else with 1.
+    The exit status is 0 only if every verdict is as frozen and every file of printed numbers has
+    its checksum, otherwise 1.
+
+    \b
+    Example:
+      $ reproduce check niu2024/table-2
+      Cells by verdict.
+      key              exact  cons.  differs  ambig.  unpub.  input  weak
+      ───────────────────────────────────────────────────────────────────
+      niu2024/table-2      2      ·        4       ·       ·      2     ·
+      all                  2      ·        4       ·       ·      2     ·
+      All 8 verdicts are as frozen.
     """
+    from reproduce.views import contents
+
     with _bar("recomputing") as progress:
-        found = front.check(*keys, progress=progress)
+        result = contents.check(*keys, progress=progress)
     if as_json:
-        click.echo(found.ledger.model_dump_json(indent=2))
-        for line in found.faults():
+        click.echo(result.ledger.model_dump_json(indent=2))
+        for line in result.faults():
             click.echo(line, err=True)
     else:
-        found.print()
-    if not found:
+        result.print()
+    if not result:
         sys.exit(1)
 
 
@@ -241,7 +296,9 @@ def check(keys: tuple[str, ...], as_json: bool) -> None:
 @_SET
 @_SEED
 @click.option(
-    "--replicates", type=click.IntRange(min=2), help="Number of simulated tables."
+    "--replicates",
+    type=click.IntRange(min=2),
+    help="Number of simulated tables.  [default: the number of the book]",
 )
 @click.option(
     "--option",
@@ -249,7 +306,7 @@ def check(keys: tuple[str, ...], as_json: bool) -> None:
     multiple=True,
     callback=_pairs,
     metavar="NAME=ALTERNATIVE",
-    help="Reading of the text.",
+    help="Reading of the text. Repeatable.  [default: the literal reading]",
 )
 def show(
     address: str,
@@ -262,48 +319,101 @@ def show(
     A change is a cell with a value, such as niu2024/text-simulation#noise="0.2 px". An option
     selects a reading of the text, such as translations=table-2. With options only, each cell has
     its verdict under this reading.
+
+    \b
+    Example:
+      $ reproduce show niu2024/table-3
+      Table 3, section 4.1. Registration parameters calibrated from ...
+      cell                   Printed  Computed  Verdict
+      ────────────────────────────────────────────────────
+      scale.red               0.9973   0.99756  differs
+      ...
     """
-    found: Any = front.item(address)
-    given = {name: value for name, value in numbers.items() if value is not None}
-    if changes or options or given:
-        found = found.rerun(changes, **given, **options)
-    found.print()
+    item = _item(address)
+    settings = _given(numbers)
+    if changes or options or settings:
+        item = item.rerun(changes, **settings, **options)
+    item.print()
 
 
 @main.command("export")
 @_ADDRESS
-@click.option("--format", "form", required=True, help="csv, json, latex or markdown.")
+@click.option(
+    "--format", "form", required=True, help="Format: csv, json, latex or markdown."
+)
 def export_item(address: str, form: str) -> None:
-    """Write the records of an item or a cell to standard output; csv and json carry every field."""
-    click.echo(front.item(address).export(form))
+    """Write the records of an item or a cell to standard output.
+
+    The formats csv and json contain every field.
+
+    \b
+    Example:
+      $ reproduce export "niu2024/table-2#scale.red" --format csv
+      # software: reproduce-pointing ...
+      # citation: niu2024/table-2#scale.red: printed 0.9976, ...
+      "key","cell","printed", ...
+    """
+    click.echo(_item(address).export(form))
 
 
 @main.command()
 @click.argument("key")
 @click.option(
-    "--out", type=_FIGURE, required=True, help="Write this .svg, .pdf or .png."
+    "--out", type=_FIGURE, required=True, help="Output file: .svg, .pdf or .png."
 )
 @_SET
 @_SEED
 def figure(key: str, out: Path, changes: dict[str, str], seed: int | None) -> None:
-    """Draw the figure of an item."""
-    _save(front.figure(key).rerun(changes, seed=seed).save, out)
+    """Draw the figure of an item.
+
+    \b
+    Example:
+      $ reproduce figure niu2024/fig-4 --out angles.svg
+      Wrote angles.svg
+    """
+    from reproduce.views.figure import Figure
+
+    _save(Figure(key, changes, seed).save, out)
     click.echo(printable(f"Wrote {out}"))
 
 
 @main.command()
 @_ADDRESS
-@click.option("--format", "form", default="bibtex", help="bibtex, ris, csl or text.")
+@click.option(
+    "--format",
+    "form",
+    default="bibtex",
+    show_default=True,
+    help="Format: bibtex, ris, csl or text.",
+)
 def cite(address: str, form: str) -> None:
-    """Print how to cite a reproduced item or cell and its paper."""
-    click.echo(front.cite(address, form))
+    """Print the citation of a reproduced item or cell and its paper.
+
+    \b
+    Example:
+      $ reproduce cite "niu2024/table-2#scale.red" --format text
+      niu2024/table-2#scale.red: printed 0.9976, recomputed 0.997602 [...], exact. ...
+    """
+    from reproduce.views.export import citation
+
+    click.echo(citation(address, form))
 
 
 @main.command()
 @click.argument("citation")
 def verify(citation: str) -> None:
-    """Compare the citation of a cell, as text, with known statements: exit code 0 if unchanged."""
-    click.echo(result := front.verify(citation))
+    """Compare the citation of a cell, as text, with known statements.
+
+    The exit status is 0 if the statement is unchanged, otherwise 1.
+
+    \b
+    Example:
+      $ reproduce verify "niu2024/table-2#scale.red: printed 0.9976, ... rp:..."
+      unchanged
+    """
+    from reproduce.views.export import verify
+
+    click.echo(result := verify(citation))
     sys.exit(result != "unchanged")
 
 
@@ -311,40 +421,55 @@ def verify(citation: str) -> None:
 @click.argument("paper", required=False, metavar="[PAPER]")
 @_JSON
 def audit(paper: str | None, as_json: bool) -> None:
-    """Check the printed numbers of a paper for consistency."""
-    found = front.audit(paper)
-    _show(as_json, found.as_json, found.print)
+    """Check the printed numbers of a paper for consistency.
+
+    \b
+    Example:
+      $ reproduce audit chen2023
+      The consistency checks
+      chen2023
+        Numbers: 218
+        Compared with others: 198
+      ...
+    """
+    from reproduce.views.consistency import ConsistencyAudit
+
+    result = ConsistencyAudit(paper)
+    _show(as_json, result.as_json, result.print)
 
 
 @main.command()
 @click.argument("files", type=_FILE, nargs=-1, required=True, metavar="FILE...")
 @_PIVOT
-@click.option("--model", type=click.Choice(list(MODELS)), default="similarity")
+@_MODEL
 @click.option(
-    "--robust", is_flag=True, default=None, help="Guard against wrong matches."
+    "--robust",
+    is_flag=True,
+    default=None,
+    help="Guard against wrong matches.  [default: for two FILEs]",
 )
 @_SEP
 @click.option(
-    "--threshold", type=_POSITIVE, help="Of stars, in standard deviations of the noise."
+    "--threshold",
+    type=_POSITIVE,
+    help="Detection threshold, in standard deviations of the noise.  [default: 5]",
 )
 @click.option(
-    "--radius", type=_POSITIVE, help="Largest distance of the stars of a pair, in px."
+    "--radius",
+    type=_POSITIVE,
+    help="Largest distance of the stars of a pair, in px.  [default: 2 and 1/1000 of the field]",
 )
 @click.option(
     "--start",
     type=float,
     nargs=4,
     metavar="SCALE ROTATION SHIFT_X SHIFT_Y",
-    help="Rough transform about the pivot, in degrees and px.",
-)
-@click.option(
-    "--picture", type=_FIGURE, help="Drawing of the residuals: .svg, .pdf or .png."
+    help="Rough transform about the pivot, in degrees and px.  [default: found from the stars]",
 )
 @_JSON
 def register(
     files: tuple[Path, ...],
     as_json: bool,
-    picture: Path | None,
     start: tuple[float, float, float, float] | None,
     **settings: Any,
 ) -> None:
@@ -360,22 +485,28 @@ def register(
     x, y, and flux or mag if known. Their stars are found and matched, and the fit is robust. The
     second FILE is the target, and the default pivot is the middle of the first image. If the match
     fails, give a rough transform by --start.
+
+    \b
+    Example:
+      $ reproduce register stars.csv
+      similarity from 5 stars, pivot (502, 508) px
+      parameter  unit  value ± standard deviation          95 % interval
+      ──────────────────────────────────────────────────────────────────
+      scale      1            1.000006 ± 0.000034   0.999922 to 1.000089
+      ...
     """
+    from reproduce.views import register as registers
+
     if len(files) > 2:
         raise click.UsageError(
-            f"expected one or two FILEs, got {len(files)}. Register each image in its own command"
+            f"FILE: expected one or two, got {len(files)}. Register each image in its own command"
         )
-    if picture and len(files) < 2:
-        raise click.UsageError("--picture: expected two FILEs, got one")
-    given = {name: one for name, one in settings.items() if one is not None}
     if start:
         scale, rotation, *shift = start
-        given["start"] = scale, math.radians(rotation), *shift
+        settings["start"] = scale, math.radians(rotation), *shift
     target = files[1] if len(files) > 1 else None
-    found: Any = front.register(files[0], target, **given)
-    _show(as_json, found.record, found.print)
-    if picture:
-        _save(found.save, picture)
+    fit = registers.register(files[0], target, **_given(settings))
+    _show(as_json, fit.record, fit.print)
 
 
 @main.command()
@@ -383,9 +514,7 @@ def register(
 @_PLATFORM
 @_SEP
 @_JSON
-def misalignment(
-    file: Path, platform: Path | None, sep: str | None, as_json: bool
-) -> None:
+def misalignment(file: Path, as_json: bool, **settings: Any) -> None:
     """Measure the misalignment of your camera since the zero point, from spots of its lights.
 
     FILE is a table, as for register: one spot per row, in px, with the columns group (0 at
@@ -393,18 +522,31 @@ def misalignment(
     order and case. A column frame, a number that the spots of an image share, is necessary if
     spots are lost. A column time adds the drift and averages. A column mask drops a row if it is
     1. A platform is a TOML file of the arguments of Platform.
+
+    \b
+    Example:
+      $ reproduce misalignment spots.csv
+      misalignment in 20 images since the zero point; ...
+      about  mean (arcsec)  scatter (arcsec)  ...
+      ...
     """
-    found = front.misalignment(file, platform=platform, sep=sep)
-    _show(as_json, found.record, found.print)
+    from reproduce.views import measurements
+
+    result = measurements.misalignment(file, **settings)
+    _show(as_json, result.record, result.print)
 
 
 @main.command()
-@click.argument("model", required=False)
+@click.argument("name", required=False, metavar="[NAME]")
 @click.option(
-    "--list", "listed", is_flag=True, help="Name all models, and columns for --data."
+    "--list",
+    "listed",
+    is_flag=True,
+    help="List of all posteriors, and of the columns for --data.",
 )
-@click.option("--data", type=_FILE, help="Your table; --list shows its columns.")
+@click.option("--data", type=_FILE, help="Your table.  [default: the data of the book]")
 @_PIVOT
+@_MODEL
 @_PLATFORM
 @_SEP
 @click.option(
@@ -412,47 +554,58 @@ def misalignment(
     "priors",
     multiple=True,
     callback=_priors,
-    metavar="NAME=LOW,HIGH",
-    help="A uniform prior, in the unit shown.",
+    metavar="PARAMETER=LOW,HIGH",
+    help="Uniform prior, in the displayed unit. Repeatable.  [default: the prior of the book]",
 )
 @_SEED
 @click.option(
-    "--steps", type=click.IntRange(min=1), help="Kept steps of each ensemble."
+    "--steps",
+    type=click.IntRange(min=1),
+    help="Kept steps of each ensemble.  [default: the number of the book]",
 )
 @click.option(
-    "--walkers", type=click.IntRange(min=1), help="Of each ensemble; an even number."
+    "--walkers",
+    type=click.IntRange(min=1),
+    help="Walkers of each ensemble, an even number.  [default: the number of the book]",
 )
 @click.option(
     "--out",
     type=_Target(*DRAWS),
-    help="Write the draws to this .csv, or .nc (for ArviZ).",
+    help="Output file of the draws: .csv, or .nc (ArviZ).",
 )
 @_JSON
 def posterior(
-    model: str | None,
-    listed: bool,
-    as_json: bool,
-    out: Path | None,
-    **settings: Any,
+    name: str | None, listed: bool, as_json: bool, out: Path | None, **settings: Any
 ) -> None:
-    """Sample the posterior of MODEL and print its summary.
+    """Sample the posterior NAME and print its summary.
 
     With --data the same model takes your table (- is standard input) as its data.
     A chain that fails a convergence criterion (R-hat, autocorrelation times, effective sample
     sizes) is rejected: the exit status is 1, and the message gives the number of steps. A warning
-    names each bound of a prior at which the posterior piles up; in JSON it is "at_prior_end".
+    names each bound of a prior at which the posterior piles up.
+
+    \b
+    Example:
+      $ reproduce posterior registration
+      Posterior registration, data simulated by us with printed settings of niu2024.
+      Quantity             truth            mean ± sd         95 % interval
+      ─────────────────────────────────────────────────────────────────────
+      scale             0.997602  0.997566 ± 0.000012  0.997544 to 0.997589
+      ...
     """
+    from reproduce.views import posteriors
+
     if listed:
-        found: Any = front.posterior()
-        _show(as_json, found.titles, found.models.print)
+        result: Any = posteriors.posterior()
+        _show(as_json, result.titles, result.models.print)
         return
-    if model is None:
-        raise click.UsageError("name a model, or use --list to see them all")
-    wanted: Any = front.posterior(model, **settings)
+    if name is None:
+        raise click.UsageError("NAME: expected a posterior, got none. Use --list")
+    result = posteriors.posterior(name, **_given(settings))
     if out:
-        wanted.check_file(out)
+        result.check_file(out)
     with _bar("sampling") as progress:
-        wanted.sample(progress=progress)
-    _show(as_json, wanted.record, wanted.print)
+        result.sample(progress=progress)
+    _show(as_json, result.record, result.print)
     if out:
-        _save(wanted.save, out)
+        _save(result.save, out)

@@ -1,7 +1,7 @@
-"""Results that a build of the book computes once and keeps for its pages.
+"""Results that a build of the book computes once and stores for its pages.
 
-The environment variable ``REPRODUCE_BUILD`` names the folder. Without it nothing is kept. The files
-contain JSON or arrays: to read them executes no code.
+The environment variable ``REPRODUCE_BUILD`` names the folder. Without it nothing is stored. The
+files contain JSON or arrays: to read them executes no code.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ FOLDER = "REPRODUCE_BUILD"
 Result = TypeVar("Result")
 
 
-def fingerprint() -> str:
+def _fingerprint() -> str:
     """Return a hash of the code, the data, the locked packages and the versions of Python, NumPy.
 
     All numbers depend on them.
@@ -44,7 +44,7 @@ def fingerprint() -> str:
 @cache
 def kept() -> Path | None:
     """Return the folder for results of the present files, None outside of a build."""
-    return Path(os.environ[FOLDER]) / fingerprint() if os.environ.get(FOLDER) else None
+    return Path(os.environ[FOLDER]) / _fingerprint() if os.environ.get(FOLDER) else None
 
 
 def cached(
@@ -80,8 +80,8 @@ def item_ledger(*keys: str) -> Ledger:
         return ledger.build(keys)
     whole = whole_ledger()
     parts = {
-        "records": tuple(one for one in whole.records if one.key in keys),
-        "tables": tuple(one for one in whole.tables if one.key in keys),
+        "records": tuple(record for record in whole.records if record.key in keys),
+        "tables": tuple(record for record in whole.tables if record.key in keys),
     }
     return whole.model_copy(update=parts)
 

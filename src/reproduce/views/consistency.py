@@ -12,7 +12,7 @@ import pandas as pd
 
 from reproduce.consistency.examine import RelationResult
 from reproduce.consistency.report import Audit, Erratum, audit_paper, register
-from reproduce.judge.ledger import frozen, replies
+from reproduce.judge.ledger import erratum, frozen, replies
 from reproduce.locate import data_folders
 from reproduce.printed.cells import PAPERS, anchor
 from reproduce.printed.number import si_factor, symbol
@@ -35,13 +35,13 @@ from reproduce.views.verdicts import quantity
 
 _Row = dict[str, Any]
 
-# In decreasing order of the consequence.
+# Conclusions on the paper, in decreasing order of the consequence.
 _CONCLUSIONS = ("moves", "not supported as printed", "open", "stands")
 _GROUPS = (
     "do not simply agree",
     "agree",
     "restate a computed cell, and agree",
-    "rest on a assumption of ours",
+    "depend on an assumption",
 )
 
 
@@ -55,6 +55,27 @@ class _Part(Blocks):
         """Return one row for each relation, set, equation or entry."""
         frame = pd.DataFrame(self.rows)
         return frame.set_index("name") if "name" in frame else frame
+
+
+def audit(paper: str | None = None) -> ConsistencyAudit:
+    """Return the consistency checks of the printed numbers, and the errata.
+
+    Parameters
+    ----------
+    paper : str, optional
+        Name such as ``chen2023``. Default: all papers.
+
+    Returns
+    -------
+    ConsistencyAudit
+        Relations between printed numbers, equations, and the errata.
+
+    Raises
+    ------
+    ValueError
+        If the paper is unknown.
+    """
+    return ConsistencyAudit(paper)
 
 
 class ConsistencyAudit(Display):
@@ -98,9 +119,10 @@ class ConsistencyAudit(Display):
 def errata_register() -> tuple[Erratum, ...]:
     """Return the register of errata of all papers, in the order of its files."""
     texts = [
-        (one / "errata.toml").read_text(encoding="utf-8") for one in data_folders()
+        (folder / "errata.toml").read_text(encoding="utf-8")
+        for folder in data_folders()
     ]
-    return tuple(one for text in texts for one in register(text))
+    return tuple(folder for text in texts for folder in register(text))
 
 
 def _table(part: str, caption: str, columns: Iterable[str], rows: list[_Row]) -> Html:
@@ -121,41 +143,41 @@ def _score(audits: Sequence[Audit]) -> _Part:
     """Count the checked numbers, relations and equations of each paper."""
     rows: list[_Row] = []
     for audit in audits:
-        own, again = (list(audit.tally(restating=x).values()) for x in (False, True))
+        counts, again = (list(audit.tally(restating=x).values()) for x in (False, True))
         supposing = sum(bool(shown.assumption) for shown in audit.equations)
         rows.append(
             {
                 "name": audit.name,
                 "Numbers": len(audit.cells),
-                "Held against others": len(audit.examined),
+                "Compared with others": len(audit.examined),
                 "Only bounded": len(audit.bounded),
-                "Relations": sum(own),
-                "Agree": own[0],
-                "Only through rounding": own[1],
-                "Only within a tolerance": own[2],
-                "Contradict": own[3],
+                "Relations": sum(counts),
+                "Agree": counts[0],
+                "Only through rounding": counts[1],
+                "Only within a tolerance": counts[2],
+                "Contradict": counts[3],
                 "Restate computed cells": sum(again),
                 "Contradict among these": again[3],
                 "Equations run": len(audit.equations) - supposing,
                 "Fail as extracted": len(audit.failing),
-                "Rest on assumptions of ours": len(audit.supposed) + supposing,
+                "Depend on an assumption": len(audit.supposed) + supposing,
             }
         )
     heads = ["Paper", *list(rows[0])[1:]]
     shown = [row | {"Paper": code(row["name"])} for row in rows]
-    grid = Grid.of("The cross-examination", heads, shown, kind="rp-score")
+    grid = Grid.of("The consistency checks", heads, shown, kind="rp-score")
     return _Part((grid,), rows)
 
 
 def _relations(audits: Sequence[Audit]) -> _Part:
     """List the relations that do not simply agree, and the others in folds."""
-    rows = [_relation(one, audit) for audit in audits for one in audit.findings]
+    rows = [_relation(finding, audit) for audit in audits for finding in audit.findings]
     blocks: list[Block] = []
     columns = ("name", "formula", "sides", "outcome", "source")
     for audit, group in product(audits, _GROUPS):
-        some = [r for r in rows if (r["paper"], _group(r)) == (audit.name, group)]
-        caption = f"The {len(some)} relations of {audit.name} that {group}"
-        table = _table("relations", caption, columns, some)
+        group_rows = [r for r in rows if (r["paper"], _group(r)) == (audit.name, group)]
+        caption = f"The {len(group_rows)} relations of {audit.name} that {group}"
+        table = _table("relations", caption, columns, group_rows)
         folded = Fold(caption, (table,), page=True)
         blocks.append(table if group == _GROUPS[0] else folded)
     return _Part(tuple(blocks), rows)
@@ -191,7 +213,7 @@ def _sets(audits: Sequence[Audit]) -> _Part:
     blocks, rows = [], list[_Row]()
     for audit in audits:
         wrong = {f.relation.name for f in audit.read if f.outcome == "contradicts"}
-        own: list[_Row] = [
+        sets: list[_Row] = [
             {
                 "paper": audit.name,
                 "cells": list(conflict.cells),
@@ -200,10 +222,10 @@ def _sets(audits: Sequence[Audit]) -> _Part:
             }
             for conflict in audit.conflicts
         ]
-        caption = f"All {len(own)} sets of {audit.name} that cannot all be right"
-        table = _table("sets", caption, ("cells", "relations"), own)
+        caption = f"All {len(sets)} sets of {audit.name} that cannot all be right"
+        table = _table("sets", caption, ("cells", "relations"), sets)
         blocks.append(Fold(caption, (table,), page=True))
-        rows += own
+        rows += sets
     return _Part(tuple(blocks), rows)
 
 
@@ -211,9 +233,9 @@ def _equations(audits: Sequence[Audit]) -> _Part:
     """List the equations, run as extracted."""
     fields = ("name", "place", "asked", "printed", "right", "wanted", "meaning")
     rows = [
-        {name: getattr(one, name) for name in (*fields, "holds", "assumption")}
+        {name: getattr(equation, name) for name in (*fields, "holds", "assumption")}
         for audit in audits
-        for one in audit.equations
+        for equation in audit.equations
     ]
     columns = ("place", "asked", "meaning", "printed", "right", "wanted")
     return _Part(
@@ -227,12 +249,12 @@ def _errata(audits: Sequence[Audit], *, supposed: bool) -> _Part:
     for entry in errata_register():
         for audit in audits:
             if entry.paper == audit.name and bool(entry.assumption) == supposed:
-                cells = [c for c, one in frozen().items() if one.erratum == entry.id]
+                cells = [cell for cell in frozen() if erratum(cell) == entry.id]
                 texts = {"name": entry.id, **entry.model_dump(exclude={"id"})}
                 rows.append(texts | {"results": cells})
-                found = entry.findings(audit)
+                findings = entry.findings(audit)
                 evidence[entry.id] = {
-                    "sides": {f.relation.name: _sides(f, audit) for f in found},
+                    "sides": {f.relation.name: _sides(f, audit) for f in findings},
                     "runs": entry.demonstrations(audit),
                     "verdicts": {cell: _judged(cell) for cell in cells},
                     "reply": replies()[entry.id],
@@ -260,10 +282,10 @@ def _judged(address: str) -> str:
     """Return the printed value of a cell and the computed value."""
     record = item_ledger(address.partition("#")[0]).cell(address)
     shown = verdicts.texts(record)
-    found = f"{shown['computed']} computed"
+    result = f"{shown['computed']} computed"
     if record.verdict == "ambiguous" and record.readings:
-        found = f"agrees with {shown['readings that agree']} readings"
-    return f"{shown['printed']} printed, {found}"
+        result = f"agrees with {shown['readings that agree']} readings"
+    return f"{shown['printed']} printed, {result}"
 
 
 def _sides(finding: RelationResult, audit: Audit) -> str:
@@ -273,10 +295,10 @@ def _sides(finding: RelationResult, audit: Audit) -> str:
     """
     relation, cells = finding.relation, audit.cells
     if unknown := relation.unknown:
-        asked = audit.unknowns[unknown.name].by_relation.get(relation.name)
-        if asked is None:
+        interval = audit.unknowns[unknown.name].by_relation.get(relation.name)
+        if interval is None:
             return f"no {unknown.label} fits"
-        low, high = (f"{end / si_factor(unknown.unit):.6g}" for end in asked)
+        low, high = (f"{end / si_factor(unknown.unit):.6g}" for end in interval)
         return f"requires the {unknown.label} to lie from {low} to {high} {symbol(unknown.unit)}"
     # The unit of the result, or of all cells if they have one unit.
     shown = [relation.result] if relation.result else relation.addresses

@@ -35,20 +35,74 @@ SHAPES = {
 }
 
 
+def contents(paper: str | None = None) -> Contents:
+    """Return all items of a paper, or of all papers, in their order, with their verdicts.
+
+    Parameters
+    ----------
+    paper : str, optional
+        Name such as ``niu2024``. Default: all papers.
+
+    Returns
+    -------
+    Contents
+        Items with the number of cells by verdict.
+
+    Raises
+    ------
+    ValueError
+        If the paper is unknown.
+
+    Examples
+    --------
+    >>> contents("niu2024").frame().loc["niu2024/table-1", "input"]
+    np.int64(12)
+    """
+    return Contents(paper)
+
+
+def check(*keys: str, progress: Callable[[int, int], None] | None = None) -> Check:
+    """Recompute and judge items, and compare the verdicts with the frozen ones.
+
+    Parameters
+    ----------
+    *keys : str
+        Keys of items or names of papers. Default: all items.
+    progress : callable, optional
+        Function that receives the number of finished and of all items.
+
+    Returns
+    -------
+    Check
+        True if verdicts and files of printed numbers are unchanged.
+
+    Raises
+    ------
+    KeyError
+        If a key is unknown.
+
+    Examples
+    --------
+    >>> bool(check("niu2024/table-2"))
+    True
+    """
+    return Check(keys, progress)
+
+
 class Contents(Display):
     """The items of both papers or of one paper, in printed order, with their verdicts.
 
     Parameters
     ----------
     paper : str, optional
-        A paper; both by default.
+        Name of a paper. Default: all papers.
     """
 
     def __init__(self, paper: str | None = None) -> None:
         self.papers = PAPERS if paper is None else (keys.check_paper(paper),)
-        self.keys, self.own = (
-            [key for key in found if key.partition("/")[0] in self.papers]
-            for found in (catalogue(), studies())
+        self.keys, self.supplementary = (
+            [key for key in ledger if key.partition("/")[0] in self.papers]
+            for ledger in (catalogue(), studies())
         )
 
     @cached_property
@@ -57,17 +111,15 @@ class Contents(Display):
 
     def entries(self) -> list[dict[str, Any]]:
         """Return a record for each item and supplementary table, without computing it."""
-        return list(map(_entry, (*self.keys, *self.own)))
+        return list(map(_entry, (*self.keys, *self.supplementary)))
 
     def frame(self) -> pd.DataFrame:
         """Return one row per item: place, title and the number of cells by verdict."""
         import pandas as pd
 
         frame = pd.DataFrame(_tallies(self.keys, self._ledger)).set_index("key")
-        frame = frame[["place", "title", *VERDICTS]].rename_axis(None)
-        return frame.fillna(dict.fromkeys(VERDICTS, 0)).astype(
-            dict.fromkeys(VERDICTS, int)
-        )
+        counts = frame[[*VERDICTS]].fillna(0).astype(int)
+        return frame[["place", "title"]].join(counts).rename_axis(None)
 
     def cells(self) -> pd.DataFrame:
         """Return one row per cell, with every field of the ledger."""
@@ -76,21 +128,19 @@ class Contents(Display):
     @property
     def numbers(self) -> Blocks:
         """Every printed number, in a table that a page can sort and filter."""
-        columns = ["cell", "table", "place", "printed", "computed"]
-        columns += ["share of the tolerance", "verdict", "why"]
-        texts = map(verdicts.texts, self._ledger.records)
-        rows = [[row[name] for name in columns] for row in texts]
-        head, kind = [*map(str.capitalize, columns)], "rp-small rp-sortable"
-        return Blocks(
-            (Grid(f"The {len(rows)} printed numbers", head, rows, kind=kind),)
-        )
+        rows = [
+            {column: row[column.lower()] for column in _COLUMNS}
+            for row in map(verdicts.texts, self._ledger.records)
+        ]
+        caption, kind = f"The {len(rows)} printed numbers", "rp-small rp-sortable"
+        return Blocks((Grid.of(caption, _COLUMNS, rows, kind=kind),))
 
     @property
     def listed(self) -> Blocks:
         """The items and the supplementary tables, without verdicts."""
-        rows = [(one["key"], one["place"], one["title"]) for one in self.entries()]
         caption = "Items in printed order, then supplementary tables."
-        return Blocks((Grid(caption, ("key", "place", "what"), rows),))
+        columns = ("key", "place", "title")
+        return Blocks((Grid.of(caption, columns, self.entries()),))
 
     @property
     def index(self) -> Blocks:
@@ -100,9 +150,21 @@ class Contents(Display):
     def blocks(self) -> tuple[Block, ...]:
         """Return a mark for every number, and the same as lists."""
         lists = (*self.listed.shown, *self.index.shown)
-        return Html(overview_grid(self._ledger.records)), Fold(
+        return Html(_overview_grid(self._ledger.records)), Fold(
             "The same in words", lists
         )
+
+
+_COLUMNS = (
+    "Cell",
+    "Table",
+    "Place",
+    "Printed",
+    "Computed",
+    "Fraction of the tolerance",
+    "Verdict",
+    "Why",
+)
 
 
 class Check(Display):
@@ -120,14 +182,14 @@ class Check(Display):
 
     def __init__(
         self,
-        wanted: tuple[str, ...] = (),
+        items: tuple[str, ...] = (),
         progress: Callable[[int, int], None] | None = None,
     ) -> None:
         listed: list[str] = []
-        for key in wanted:
+        for key in items:
             listed += Contents(key).keys if key in PAPERS else [keys.check_key(key)]
-        found = build(listed or None, progress)
-        self.ledger = found.model_copy(update={"altered": altered_files()})
+        ledger = build(listed or None, progress)
+        self.ledger = ledger.model_copy(update={"altered": altered_files()})
         self.changed_verdicts = changed_verdicts(self.ledger)
 
     def __bool__(self) -> bool:
@@ -180,34 +242,47 @@ def _tallies(listed: Sequence[str], ledger: Ledger) -> list[dict[str, Any]]:
     rows = []
     for key in listed:
         records, target = ledger.of(key), anchor(key)
-        counts = verdicts.tally(records) | {"weak": verdicts.weak(records)}
-        if not records:
-            counts, target = {}, f"figure-{target}"
-        paper, cells = key.partition("/")[0], _counted(records)
-        row = {"paper": paper, "cells": cells, "target": target}
-        rows.append(_entry(key) | row | counts)
+        row: dict[str, Any] = {"paper": key.partition("/")[0], "target": target}
+        if records:
+            row |= _counts(records)
+        else:
+            row["target"] = f"figure-{target}"
+        rows.append(_entry(key) | row)
     return rows
 
 
+def _counts(records: Sequence[Record]) -> dict[str, int]:
+    return verdicts.tally(records) | {"weak": verdicts.weak(records)}
+
+
 def _counted(records: Sequence[Record]) -> str:
-    counts = verdicts.tally(records) | {"weak": verdicts.weak(records)}
-    return ", ".join(f"{count} {word}" for word, count in counts.items() if count)
+    counts = _counts(records).items()
+    return ", ".join(f"{count} {word}" for word, count in counts if count)
+
+
+# Heads of the verdicts in a table of 80 columns.
+_HEADS = {name: name for name in ("exact", "differs", "input", "weak")}
+_HEADS |= {"consistent": "cons.", "ambiguous": "ambig.", "unpublished": "unpub."}
 
 
 def _index(listed: Sequence[str], ledger: Ledger) -> Html:
     """Return the number of cells by verdict, for a page also by paper."""
-    rows = _tallies(listed, ledger)
-    page = rendered("index", rows=rows, columns=(*VERDICTS, "weak"))
-    total = {"key": "all", "cells": _counted(ledger.records)}
-    return Html(page, Grid.of("Cells by verdict.", ("key", "cells"), [*rows, total]))
+    rows, columns = _tallies(listed, ledger), (*VERDICTS, "weak")
+    page = rendered("index", rows=rows, columns=columns)
+    lines = [
+        (row["key"], *(str(row.get(name, "") or "·") for name in columns))
+        for row in (*rows, {"key": "all", **_counts(ledger.records)})
+    ]
+    heads = ("key", *map(_HEADS.__getitem__, columns))
+    return Html(page, Grid("Cells by verdict.", heads, lines))
 
 
-def overview_grid(records: Sequence[Record]) -> Markup:
+def _overview_grid(records: Sequence[Record]) -> Markup:
     """Draw a mark for every record with a link to its cell, and a legend."""
     papers = groupby(records, key=lambda record: record.key.partition("/")[0])
     return rendered(
         "wall",
-        papers=((paper, _drawn(own)) for paper, own in papers),
+        papers=((paper, _drawn(group)) for paper, group in papers),
         shapes=SHAPES,
         verdicts=verdicts,
         records=records,
@@ -217,7 +292,7 @@ def overview_grid(records: Sequence[Record]) -> Markup:
 def _drawn(records: Iterable[Record]) -> Iterable[dict[str, Any]]:
     """Yield the drawing of each item: its cells in the layout of the paper."""
     for key, group in groupby(records, key=lambda record: record.key):
-        table, own = library()[key], tuple(group)
+        table, cells = library()[key], tuple(group)
         across, rows = max(1, len(table.columns)), len(table.rows)
         deep, half = ceil(rows / ceil(rows / MAX_ROWS)), PITCH_PIXELS // 2
         name = table.place.partition(",")[0]
@@ -226,7 +301,7 @@ def _drawn(records: Iterable[Record]) -> Iterable[dict[str, Any]]:
             "anchor": anchor(key),
             "title": table.title,
             "name": topic if name == "Text" else name,
-            "counts": _counted(own),
+            "counts": _counted(cells),
             "width": PITCH_PIXELS * across * ceil(rows / deep),
             "height": PITCH_PIXELS * MAX_ROWS,
             "marks": [
@@ -236,6 +311,6 @@ def _drawn(records: Iterable[Record]) -> Iterable[dict[str, Any]]:
                     PITCH_PIXELS * (i // across // deep * across + i % across) + half,
                     PITCH_PIXELS * (i // across % deep) + half,
                 )
-                for i, (cell, record) in enumerate(zip(table.cells, own, strict=True))
+                for i, (cell, record) in enumerate(zip(table.cells, cells, strict=True))
             ],
         }

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from reproduce.inference import PosteriorSamples
 from reproduce.papers.charts import NARROW, is_narrow
 
@@ -17,8 +15,8 @@ if TYPE_CHECKING:
 MAX_PARAMETERS = 5
 # More draws than this do not change the contours.
 _MAX_POINTS = 10_000
-# Quantiles of the draws at the ends of an axis.
-_AXIS_QUANTILES = (0.002, 0.998)
+# Fraction of the draws between the ends of an axis.
+_CENTRAL_FRACTION = 0.996
 # Room for ticks and labels, and distance of a label from its axis, in inches.
 _EDGE_INCHES, _LABEL_INCHES = 1.1, 0.68
 _FONT_POINTS = 8.0
@@ -37,23 +35,19 @@ def draw_corner(
     columns = [posterior.model.names.index(name) for name in names]
     chosen = [posterior.model.parameters[i] for i in columns]
     draws = posterior.draws[:: -(-len(posterior.draws) // _MAX_POINTS), columns]
-    values, count = draws * [one.shown for one in chosen], len(chosen)
-    low, high = np.quantile(values, _AXIS_QUANTILES, axis=0)
-    marked = np.array([marks.get(name, np.nan) for name in names])
-    room = 0.05 * (high - low)
-    ends = np.fmin(low, marked - room), np.fmax(high, marked + room)
+    values, count = draws * [parameter.shown for parameter in chosen], len(chosen)
     side = NARROW if is_narrow(figure) else min(6.8, 1.3 * count + 1.2)
     figure.set_layout_engine(None)
     figure.set_size_inches(side, side)
     corner.corner(
         values,
-        range=list(zip(*ends, strict=True)),
+        range=[_CENTRAL_FRACTION] * count,
         fig=figure,
         labels=[
-            f"${one.label}$\n({one.shown_unit.strip()})"
-            if one.shown_unit
-            else f"${one.label}$"
-            for one in chosen
+            f"${parameter.label}$\n({parameter.shown_unit.strip()})"
+            if parameter.shown_unit
+            else f"${parameter.label}$"
+            for parameter in chosen
         ],
         label_kwargs={"fontsize": _FONT_POINTS},
         max_n_ticks=3,
@@ -74,10 +68,5 @@ def draw_corner(
         axes.grid(visible=False)
         for axis, label in ((axes.xaxis, (0.5, below)), (axes.yaxis, (below, 0.5))):
             axis.set_label_coords(*label)
-            # Numbers near the ends would overlap with those of the next panel.
-            ticks = np.asarray(axis.get_majorticklocs())
-            first, last = axis.get_view_interval()
-            near = np.abs(ticks - (first + last) / 2) < 0.4 * (last - first)
-            axis.set_ticks(ticks[near])
     edge = _EDGE_INCHES / side
     figure.subplots_adjust(left=edge, bottom=edge, right=1 - 0.15 / side, top=0.99)

@@ -1,4 +1,4 @@
-"""What a reader takes away: exports through pandas, citations, and the bar that offers both."""
+"""Exports through pandas, citations, and the toolbar of a page for both."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from reproduce.version import (
     version,
 )
 from reproduce.views import keys, verdicts
-from reproduce.views.blocks import PLAIN, Grid, plain
+from reproduce.views.blocks import Grid, plain
 from reproduce.views.computed import item_ledger, whole_ledger
 from reproduce.views.numbers import minus, powers
 
@@ -38,54 +38,49 @@ if TYPE_CHECKING:
     import pandas as pd
 
 FORMATS = ("csv", "json", "latex", "markdown")
-# The endings of their files.
+# Endings of the files of each format.
 _ENDINGS = {"csv": "csv", "json": "json", "latex": "tex", "markdown": "md"}
 
 
-def export(ledger: Ledger, address: str, form: str, shown: Grid) -> str:
+def export(part: Ledger, address: str, form: str, shown: Grid) -> str:
     """Return the records of an item or a cell in a format of other programs.
 
     JSON and CSV contain every field of each record. LaTeX and Markdown have the layout of `shown`.
     """
-    key, _, name = address.partition("#")
-    records = [r for r in ledger.of(key) if not name or r.cell == address]
     if form == "json":
-        tables = () if name else tuple(t for t in ledger.tables if t.key == key)
-        part = Ledger(records=tuple(records), tables=tables)
         return with_provenance(part, address).model_dump_json(indent=2)
-    provenance = provenance_of(citation(address, "text"))
-    if form == "csv":
-        return export_frame(full_frame(records), form, provenance)
-    import pandas as pd
+    frame = full_frame(part.records)
+    if form != "csv":
+        import pandas as pd
 
-    rows = [list(map(plain, row)) for row in shown.rows]
-    frame = pd.DataFrame(rows, columns=list(map(plain, shown.head)), dtype=str)
-    frame.attrs["latex"] = {
-        "caption": plain(shown.caption),
-        "label": f"tab:{anchor(key)}",
-        "column_format": "l" + "r" * (frame.shape[1] - 1),
-    }
-    return export_frame(frame, form, provenance)
+        lines = [list(map(plain, line)) for line in (shown.head, *shown.rows)]
+        frame = pd.DataFrame(lines[1:], columns=lines[0], dtype=str)
+        frame.attrs["latex"] = {
+            "caption": plain(shown.caption),
+            "label": f"tab:{anchor(address.partition('#')[0])}",
+            "column_format": "l" + "r" * (len(lines[0]) - 1),
+        }
+    return export_frame(frame, form, provenance_of(citation(address, "text")))
 
 
 def table_files(key: str) -> dict[str, str]:
-    """Return where the book carries the exports of a table: path below its root to format."""
+    """Return the exports of a table: path below the root of the book to format."""
     return {f"tables/{anchor(key)}.{ending}": form for form, ending in _ENDINGS.items()}
 
 
 def provenance_of(cited: str, setting: str = "") -> dict[str, str]:
     """Return the provenance of an export: software, citation and changes."""
-    told = {"software": software(), "citation": cited, "setting": setting}
-    return {name: text for name, text in told.items() if text}
+    texts = {"software": software(), "citation": cited, "setting": setting}
+    return {name: text for name, text in texts.items() if text}
 
 
 def with_provenance(ledger: Ledger, address: str = "all") -> Ledger:
     """Return a ledger with the written reason of each verdict, and its provenance."""
-    told = tuple(
+    records = tuple(
         r.model_copy(update={"reason": reason(r.cell)}) for r in ledger.records
     )
     return ledger.model_copy(
-        update={"records": told} | provenance_of(citation(address, "text"))
+        update={"records": records} | provenance_of(citation(address, "text"))
     )
 
 
@@ -98,10 +93,10 @@ def export_frame(
     """
     _check_format(form, FORMATS)
     provenance = provenance or provenance_of(citation("all", "text"))
-    said = "".join(f"{name}: {text}\n" for name, text in provenance.items())
+    comment = "".join(f"{name}: {text}\n" for name, text in provenance.items())
     if form == "csv":
-        # Words are quoted, since an address holds the sign of a comment.
-        return indent(said, "# ") + str(
+        # Words are quoted, since an address contains the sign of a comment.
+        return indent(comment, "# ") + str(
             frame.to_csv(index=False, quoting=csv.QUOTE_NONNUMERIC)
         )
     if form == "json":
@@ -109,7 +104,7 @@ def export_frame(
         return json.dumps({**provenance, "rows": rows}, indent=2, ensure_ascii=False)
     if form == "latex":
         table = frame.to_latex(index=False, escape=True, **frame.attrs.get("latex", {}))
-        return (indent(said, "% ") + _in_tex(table)).encode("ascii", PLAIN).decode()
+        return indent(comment, "% ") + _in_tex(table)
     dashes = ["---"] * len(frame.columns)
     lines = [frame.columns, dashes, *frame.to_numpy()]
     # Other programs read numbers with a hyphen as the sign.
@@ -117,7 +112,7 @@ def export_frame(
         " | ".join(str(cell).replace("|", "\\|").replace("−", "-") for cell in line)
         for line in lines
     ]
-    return "\n".join([f"<!--\n{said}-->\n", *(f"| {text} |" for text in texts)])
+    return "\n".join([f"<!--\n{comment}-->\n", *(f"| {text} |" for text in texts)])
 
 
 def _in_tex(text: str) -> str:
@@ -145,6 +140,8 @@ _TEX: dict[int, str] = str.maketrans(
         "Δ": r"$\Delta$",
         "θ": r"$\theta$",
         "≈": r"$\approx$",
+        "≥": r"$\geq$",
+        "±": r"$\pm$",
         "⁻": "$^{-}$",
         **{sign: f"$^{{{digit}}}$" for digit, sign in enumerate("⁰¹²³⁴⁵⁶⁷⁸⁹")},
     }
@@ -154,23 +151,26 @@ _TEX: dict[int, str] = str.maketrans(
 def full_frame(records: Iterable[Record]) -> pd.DataFrame:
     """Return one row per cell, with every field of the ledger and the reason.
 
-    Lists are words with blanks between them; an interval is two columns.
+    Lists are words with blanks between them. An interval is two columns.
     """
     import pandas as pd
 
     rows = []
     for record in records:
-        found = record.readings
-        closest = found and found.closest
-        row = record.model_dump() | {
-            "reason": reason(record.cell),
-            "readings": found and found.count,
-            "agreeing": found and found.agreeing,
-            "agrees_if": found and verdicts.deciding(found),
-            "closest": closest and verdicts.choices_text(closest.choices),
-            "closest_computed": closest and closest.computed,
-            "closest_probability": closest and closest.probability,
-        }
+        row = record.model_dump(exclude={"readings"}) | {"reason": reason(record.cell)}
+        # These columns also exist without readings.
+        row |= dict.fromkeys(_READINGS)
+        if readings := record.readings:
+            closest = readings.closest
+            choices = verdicts.choices_text(closest.choices)
+            numbers = closest.computed, closest.probability
+            texts = (
+                readings.count,
+                readings.agreeing,
+                verdicts.deciding(readings),
+                choices,
+            )
+            row |= zip(_READINGS, (*texts, *numbers), strict=True)
         for name in ("stands_for", "interval"):
             row[f"{name}_low"], row[f"{name}_high"] = row.pop(name) or (None, None)
         for name in ("flags", "equations", "seed", "inputs"):
@@ -179,19 +179,35 @@ def full_frame(records: Iterable[Record]) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
+_READINGS = (
+    "readings",
+    "agreeing",
+    "agrees_if",
+    "closest",
+    "closest_computed",
+    "closest_probability",
+)
 _CITATION_FORMATS = ("bibtex", "ris", "csl", "text")
-# Field of BibTeX to its names in CSL and in RIS; empty if RIS has none.
-_FIELDS = {
-    "title": ("title", "TI"),
-    "year": ("issued", "PY"),
-    "journal": ("container-title", "JO"),
-    "volume": ("volume", "VL"),
-    "number": ("issue", "IS"),
-    "pages": ("page", "SP"),
-    "doi": ("DOI", "DO"),
-    "url": ("URL", "UR"),
-    "note": ("note", "N1"),
-    "howpublished": ("", "N2"),
+# Field of BibTeX to its name in CSL, and name in CSL to the tag of RIS.
+_CSL_FIELDS = {
+    "title": "title",
+    "journal": "container-title",
+    "volume": "volume",
+    "number": "issue",
+    "pages": "page",
+    "doi": "DOI",
+    "url": "URL",
+    "note": "note",
+}
+_RIS_TAGS = {
+    "title": "TI",
+    "container-title": "JO",
+    "volume": "VL",
+    "issue": "IS",
+    "page": "SP",
+    "DOI": "DO",
+    "URL": "UR",
+    "note": "N1",
 }
 DEVELOPERS = "The reproduce-pointing developers"
 WHOLE = "Pointing, reproduced: the printed numbers of two papers, recomputed and judged"
@@ -216,14 +232,42 @@ def citation(address: str, form: str) -> str:
     keys.check_key(key)
     entry = f"reproduce-{anchor(address)}"
     if name:
-        text = citation_digest(item_ledger(key).cell(library()[key][name].address))
-        return _written(entry, text, mark(text), form, paper, address)
+        text = _statement_of(item_ledger(key).cell(library()[key][name].address))
+        return _written(entry, text, _mark(text), form, paper, address)
     place = keys.place(key).partition(",")[0]
     if place == "Text":
         place = f"the numbers quoted in the text ({key.split('/')[1]})"
     title = f"Reproduction of {place} of {_et_al(paper)}: {keys.title(key)}"
     note = f"Item {key}, anchor {anchor(key)}"
     return _written(entry, title, note, form, paper, key)
+
+
+def cite(address: str, form: str = "bibtex") -> str:
+    """Return the citation of an item, a cell or a supplementary table, and of its paper.
+
+    Parameters
+    ----------
+    address : str
+        Key, cell such as ``niu2024/table-3#scale.red``, or ``all`` for the whole project.
+    form : {"bibtex", "ris", "csl", "text"}
+        Format of the citation.
+
+    Returns
+    -------
+    str
+        The citation.
+
+    Raises
+    ------
+    KeyError, ValueError
+        If the address or the format is unknown.
+
+    Examples
+    --------
+    >>> print(cite("niu2024/table-3", "text").splitlines()[1].split(".")[0])
+    Yanzhao Niu, Xinguo Wei, and Jian Li
+    """
+    return citation(address, form)
 
 
 def cite_related(kind: str, name: str, paper: str, title: str, form: str) -> str:
@@ -234,44 +278,75 @@ def cite_related(kind: str, name: str, paper: str, title: str, form: str) -> str
     return _written(entry, whole, f"{kind} {name}", form, paper, name)
 
 
-def citation_digest(record: Record) -> str:
+def _statement_of(record: Record) -> str:
     """Return the printed value, the computed value to six digits and the verdict of a cell."""
     unit = "" if record.unit in {"", "1"} else f" {record.unit}"
-    said = [f"{record.cell}: printed {record.printed}{unit}"]
+    parts = [f"{record.cell}: printed {record.printed}{unit}"]
     if record.computed is not None and record.role == "result":
         what = "assumed" if "stand_in" in record.flags else "recomputed"
         ends = ", ".join(f"{end:.6g}" for end in record.interval or ())
-        said.append(f"{what} {record.computed:.6g}{ends and f' [{ends}]'}{unit}")
+        parts.append(f"{what} {record.computed:.6g}{ends and f' [{ends}]'}{unit}")
     if record.verdict == "ambiguous" and record.readings:
-        said.append(
+        parts.append(
             f"agrees with {record.readings.agreeing} of {record.readings.count} readings"
         )
-    return ", ".join((*said, record.verdict))
+    return ", ".join((*parts, record.verdict))
 
 
-def mark(said: str) -> str:
+def _mark(statement: str) -> str:
     """Return the checksum of a statement on a cell."""
-    return f"rp:{sha256(said.encode()).hexdigest()[:12]}"
+    return f"rp:{sha256(statement.encode()).hexdigest()[:12]}"
 
 
-def verify(text: str) -> str:
-    """Compare the statement of a citation with the present and the released statements."""
-    if not isinstance(text, str):
+def verify(citation: str) -> str:
+    """Compare the citation of a cell with the present statement of this package.
+
+    The mark of a citation is a checksum of its statement, which anyone can compute. It protects
+    the words against changes. It is no signature, so only statements that this package makes or
+    that a stored release made are confirmed.
+
+    Parameters
+    ----------
+    citation : str
+        Citation of a cell from `cite` in the form ``text``, with the mark ``rp:...`` at its end.
+
+    Returns
+    -------
+    str
+        ``unchanged`` if this package makes the statement, and version, day and commit of the
+        citation are those of this package or of a stored release.
+        ``moved since VERSION: now ...`` if the stored release VERSION made the statement and this
+        package makes another one, with the reason for the present verdict.
+        ``well-formed, not known to this package: ...`` if words and mark belong together, but
+        nothing is known provenance the version or provenance the statement.
+        ``not confirmed: ...`` if words and mark do not belong together.
+
+    Raises
+    ------
+    TypeError
+        If the citation is not text.
+
+    Examples
+    --------
+    >>> verify(cite("niu2024/table-2#scale.red", "text"))
+    'unchanged'
+    """
+    if not isinstance(citation, str):
         raise TypeError(
-            f"citation: expected text, got {text!r}. Use the form 'text' of `cite`"
+            f"citation: expected text, got {citation!r}. Use the form 'text' of `cite`"
         )
-    said, _, rest = " ".join(text.split()).partition(f". {NAME} ")
+    statement, _, rest = " ".join(citation.split()).partition(f". {NAME} ")
     source, _, rest = rest.partition(". ")
     marked = re.search(r"\brp:\w+", rest)
-    if not marked or marked[0] != mark(said):
-        return "not ours: its words and its mark do not belong together"
-    address = said.partition(": ")[0]
+    if not marked or marked[0] != _mark(statement):
+        return "not confirmed: its words and its mark do not belong together"
+    address = statement.partition(": ")[0]
     key, _, name = address.partition("#")
     now = f"{address} is not a printed number"
     if key in library() and name in library()[key].by_name:
         record = item_ledger(key).cell(address)
-        now = citation_digest(record)
-        if now == said and source in {version(), *released()}:
+        now = _statement_of(record)
+        if now == statement and source in {version(), *released()}:
             return "unchanged"
         now = f"{now}, for {reason(address) or record.why}"
     if marked[0] in released().get(source, ()):
@@ -289,7 +364,7 @@ def released() -> dict[str, list[str]]:
 
 def marks() -> list[str]:
     """Return the marks of the present statements of all cells."""
-    return [mark(citation_digest(record)) for record in whole_ledger().records]
+    return [_mark(_statement_of(record)) for record in whole_ledger().records]
 
 
 @cache
@@ -300,20 +375,19 @@ def _paper(key: str) -> Entry:
 def _et_al(paper: str) -> str:
     source = _paper(paper)
     names = [person.last_names[-1] for person in source.persons["author"]]
-    told = " and ".join(names) if len(names) < 3 else f"{names[0]} et al."
-    return f"{told} ({source.fields['year']})"
+    authors = " and ".join(names) if len(names) < 3 else f"{names[0]} et al."
+    return f"{authors} ({source.fields['year']})"
 
 
 def _written(
     name: str, title: str, note: str, form: str, paper: str = "", address: str = ""
 ) -> str:
-    """Write the entry of an address of the book, and the entries of its papers."""
+    """Return the entry of an address of the book, and the entries of its papers."""
     _check_format(form, _CITATION_FORMATS)
-    permalink = ADDRESS
-    if ADDRESS and address:
-        permalink = f"{ADDRESS}/goto.html#{anchor(address)}"
+    page = f"/goto.html#{anchor(address)}" if address else ""
+    permalink = ADDRESS and ADDRESS + page
     # Braces keep a bibliography style from changing the case of names, and BibTeX from taking the
-    # group's name for a first and a last name.
+    # name of the group for a first and a last name.
     fields = {
         "title": f"{{{title}}}",
         "year": RELEASED[:4],
@@ -322,67 +396,60 @@ def _written(
         "doi": DOI,
         "url": permalink,
     }
-    ours = Entry(
-        "misc",
-        fields={k: v for k, v in fields.items() if v},
-        persons={"author": [Person("{" + DEVELOPERS + "}")]},
-    )
-    papers = {one: _paper(one) for one in ([paper] if paper else PAPERS)}
-    entries = BibliographyData({name: ours} | papers)
+    fields = {key: text for key, text in fields.items() if text}
+    people = {"author": [Person("{" + DEVELOPERS + "}")]}
+    entries = {name: Entry("misc", fields=fields, persons=people)}
+    entries |= {key: _paper(key) for key in ([paper] if paper else PAPERS)}
     if form == "bibtex":
-        return str(entries.to_string("bibtex")).strip()
+        return str(BibliographyData(entries).to_string("bibtex")).strip()
+    items = [_csl(key, entry) for key, entry in entries.items()]
     if form == "csl":
-        listed = [_csl(name, entry) for name, entry in entries.entries.items()]
-        return json.dumps(listed, indent=2, ensure_ascii=False)
+        return json.dumps(items, indent=2, ensure_ascii=False)
     if form == "ris":
-        return "\n".join(map(_ris, entries.entries.values()))
+        return "\n".join(map(_ris, items))
     from pybtex.backends.plaintext import Backend
 
-    formatted = _style().format_entries(entries.entries.values())
+    # The key of an entry is set by BibliographyData.
+    listed = BibliographyData(entries).entries.values()
+    formatted = _style().format_entries(listed)
     texts = [entry.text.render(Backend()).strip() for entry in formatted]
-    if note.startswith("rp:"):  # the statement of a cell comes first: `verify` reads it
+    if note.startswith(
+        "rp:"
+    ):  # the statement of a cell comes first: `verify` inputs it
         parts = (f"{title}. {software()}.", permalink, note)
-        texts[0] = " ".join(part for part in parts if part)
+        texts[0] = " ".join(filter(None, parts))
     return "\n".join(texts)
 
 
 def _csl(name: str, entry: Entry) -> dict[str, Any]:
     """Return an entry as an item of the Citation Style Language."""
-    is_article = entry.type == "article"
+    fields = {key: re.sub("[{}]", "", text) for key, text in entry.fields.items()}
+    people = []
+    for person in entry.persons["author"]:
+        given = " ".join(person.first_names + person.middle_names)
+        family = re.sub("[{}]", "", " ".join(person.prelast_names + person.last_names))
+        people.append(
+            {"family": family, "given": given} if given else {"literal": family}
+        )
     item: dict[str, Any] = {
         "id": name,
-        "type": "article-journal" if is_article else "software",
-        "title": "",
-        "author": [_names(person) for person in entry.persons["author"]],
+        "type": "article-journal" if entry.type == "article" else "software",
+        "author": people,
+        "issued": {"date-parts": [[int(fields["year"])]]},
     }
-    for field, (csl, _) in _FIELDS.items():
-        if csl and field in entry.fields:
-            item[csl] = _bare(entry.fields[field])
-    item["issued"] = {"date-parts": [[int(item["issued"])]]}
-    return item if is_article else item | {"version": __version__}
+    item |= {csl: fields[key] for key, csl in _CSL_FIELDS.items() if key in fields}
+    return item if entry.type == "article" else item | {"version": __version__}
 
 
-def _ris(entry: Entry) -> str:
-    """Return an entry in the format of Research Information Systems."""
-    lines = [("TY", "JOUR" if entry.type == "article" else "COMP")]
-    people = entry.persons["author"]
-    lines += [("AU", ", ".join(_names(person).values())) for person in people]
-    for field, (_, tag) in _FIELDS.items():
-        if field in entry.fields:
-            lines.append((tag, _bare(entry.fields[field])))
+def _ris(item: Mapping[str, Any]) -> str:
+    """Return an item of CSL in the format of Research Information Systems."""
+    is_software = item["type"] == "software"
+    ((year,),) = item["issued"]["date-parts"]
+    lines = [("TY", "COMP" if is_software else "JOUR"), ("PY", year)]
+    lines += [("AU", ", ".join(person.values())) for person in item["author"]]
+    lines += [(tag, item[key]) for key, tag in _RIS_TAGS.items() if key in item]
+    lines += [("N2", software())] if is_software else []
     return "".join(f"{tag}  - {value}\n" for tag, value in (*lines, ("ER", "")))
-
-
-def _names(person: Person) -> dict[str, str]:
-    """Return the family name, then the given names; or the name of a group."""
-    family = _bare(" ".join(person.prelast_names + person.last_names))
-    given = " ".join(person.first_names + person.middle_names)
-    return {"family": family, "given": given} if given else {"literal": family}
-
-
-def _bare(text: str) -> str:
-    """Return a text of BibTeX without braces."""
-    return text.replace("{", "").replace("}", "")
 
 
 def _check_format(form: str, known: tuple[str, ...]) -> None:
@@ -392,7 +459,7 @@ def _check_format(form: str, known: tuple[str, ...]) -> None:
 
 @cache
 def _style() -> Any:
-    """Return how texts of citations look; to find it takes longer than to write some."""
+    """Return the style of citations as text, which is slow to find."""
     from pybtex.plugin import find_plugin
 
     return find_plugin("pybtex.style.formatting", "unsrt")()
@@ -418,7 +485,7 @@ _BAR = Environment(autoescape=True).from_string(
 def toolbar(
     key: str, anchor: str, files: Iterable[str], source: str, inputs: str = ""
 ) -> Markup:
-    """Return the bar below a table or a figure of a page, with an anchor for each function.
+    """Return the toolbar below a table or a figure of a page, with an anchor for each function.
 
     Its links lead to files below the root of the built book, ``#tables/KEY.csv``.
 

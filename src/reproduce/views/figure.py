@@ -1,4 +1,4 @@
-"""A figure in the project's one style: drawn, written to files, inline in a page, run again."""
+"""Figures in one style: drawn, written to files, inline in a page, computed again."""
 
 from __future__ import annotations
 
@@ -7,29 +7,25 @@ import json
 import re
 import textwrap
 import zlib
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cached_property
 from html import escape
-from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 from xml.etree import ElementTree
 
 import numpy as np
 import pandas as pd
 from markupsafe import Markup
 
-from reproduce.judge.rerun import refuse_strays
 from reproduce.papers.catalogue import catalogue, drawings
 from reproduce.papers.charts import NARROW
 from reproduce.papers.declare import Drawing, Schematic, item_text
 from reproduce.printed.cells import anchor, find, library
 from reproduce.store.files import FIGURES, check_target, replacing, write_text
 from reproduce.views import computed, keys, numbers
-from reproduce.views.base import Change, Item, Rerunnable, ResultView, text_of
-from reproduce.views.blocks import Block, Html
-from reproduce.views.computed import cached
+from reproduce.views.base import Item, Rerunnable, text_of
+from reproduce.views.blocks import Block, Display, Html
 from reproduce.views.export import citation, export_frame, provenance_of, toolbar
 from reproduce.views.verdicts import filled
 
@@ -40,23 +36,13 @@ if TYPE_CHECKING:
 
 _STYLE = Path(__file__).parent / "figures.mplstyle"
 _XML = '<?xml version="1.0" encoding="utf-8" standalone="no"?>\n'
-# On a narrow page text has little room, and must not be under eight points.
+# Sizes on a narrow page, in points. Text is not smaller than 8 points.
 _SMALL = {"font.size": 8.5, "axes.titlesize": 9.0}
 _FONTS = re.compile(r"(font-family: 'DejaVu Sans')[^;\"]*")
-_LINK = re.compile(r'(xlink:href="#|url\(#)([\w-]+)')
-_NAMED = re.compile(r' id="([^"]+)"')
 Paint = Callable[["MatplotlibFigure"], None]
 # A matplotlib figure, or the SVG of a schematic.
 Drawn: TypeAlias = "MatplotlibFigure | str"
-_SCHEMATIC = (".svg",)
-_Provenance = Mapping[str, str] | None
-
-
-class Vectors(NamedTuple):
-    """A figure as SVG, as a wide page shows it and, where it is drawn so, a narrow one."""
-
-    wide: str
-    narrow: str = ""
+Provenance = Mapping[str, str] | None
 
 
 def drawable() -> list[str]:
@@ -68,13 +54,13 @@ def _declared_drawing(key: str) -> Drawing | Schematic:
     """Return the drawing of a key: of an item, or a supplementary one."""
     if key in drawings():
         return drawings()[key]
-    if found := catalogue()[keys.check_key(key)].draw:
-        return found
+    if drawing := catalogue()[keys.check_key(key)].draw:
+        return drawing
     known = ", ".join((*drawable(), *drawings()))
     raise ValueError(f"{key} has no figure; these have one: {known}")
 
 
-def styled_figure(paint: Paint, *, narrow: bool = False) -> MatplotlibFigure:
+def _styled_figure(paint: Paint, *, narrow: bool = False) -> MatplotlibFigure:
     """Return a figure in the project's style, for a wide page or for a narrow one."""
     from matplotlib import style
     from matplotlib.figure import Figure as MatplotlibFigure
@@ -96,7 +82,9 @@ def draw(key: str, inputs: Inputs | None = None, *, narrow: bool = False) -> Dra
     patterns = [*([key] if key in library() else []), *drawing.marks]
     marked = (cell for pattern in patterns for cell in find(pattern))
     printed = {cell.address: cell.si for cell in marked if cell.is_number}
-    return styled_figure(lambda figure: drawing(figure, printed, inputs), narrow=narrow)
+    return _styled_figure(
+        lambda figure: drawing(figure, printed, inputs), narrow=narrow
+    )
 
 
 def _data(figure: Drawn) -> pd.DataFrame:
@@ -106,154 +94,147 @@ def _data(figure: Drawn) -> pd.DataFrame:
     parts = [pd.DataFrame(columns=["panel", "curve", "x", "y"])]
     for panel, axes in enumerate(figure.axes, start=1):
         drawn = [(line.get_label(), line.get_xydata()) for line in axes.lines]
-        drawn += [(one.get_label(), one.get_offsets()) for one in axes.collections]
-        drawn += [(one.get_text(), [one.get_position()]) for one in axes.texts]
+        drawn += [
+            (artist.get_label(), artist.get_offsets()) for artist in axes.collections
+        ]
+        drawn += [(artist.get_text(), [artist.get_position()]) for artist in axes.texts]
         for number, (label, points) in enumerate(drawn, start=1):
             part = pd.DataFrame(np.reshape(points, (-1, 2)), columns=["x", "y"])
             name = str(label)
             curve = f"curve {number}" if name.startswith("_") else name
             parts.append(part.assign(panel=panel, curve=curve))
-    found = [part for part in parts if len(part)] or parts
-    return pd.concat(found, ignore_index=True)[["panel", "curve", "x", "y"]]
+    filled_parts = [part for part in parts if len(part)] or parts
+    return pd.concat(filled_parts, ignore_index=True)[["panel", "curve", "x", "y"]]
 
 
 def _labels(svg: str) -> pd.DataFrame:
     """Return the labels of a schematic with their places, in units of its view box."""
     rows = [
-        (1, "".join(one.itertext()), float(one.get("x", 0)), float(one.get("y", 0)))
-        for one in ElementTree.fromstring(svg).iter("{http://www.w3.org/2000/svg}text")
+        (
+            1,
+            "".join(label.itertext()),
+            float(label.get("x", 0)),
+            float(label.get("y", 0)),
+        )
+        for label in ElementTree.fromstring(svg).iter(
+            "{http://www.w3.org/2000/svg}text"
+        )
     ]
     return pd.DataFrame(rows, columns=["panel", "curve", "x", "y"])
 
 
-def save(
-    figure: Drawn, out: Path | io.StringIO, provenance: _Provenance = None
-) -> None:
-    """Write a figure with its metadata to a file, or as SVG to a stream."""
+def save(figure: Drawn, path: Path, provenance: Provenance = None) -> None:
+    """Write a figure with its provenance to a file."""
     from matplotlib import style
 
-    if isinstance(figure, str):
-        note = escape("\n".join((provenance or {}).values()))
-        svg = figure.replace("<title>", f"<metadata>{note}</metadata>\n  <title>", 1)
-        if isinstance(out, Path):
-            write_text(check_target(out, _SCHEMATIC), _XML + svg)
-        else:
-            out.write(svg)
-        return
-    ending = out.suffix.lower() if isinstance(out, Path) else ".svg"
-    # Dates and random ids would make every build differ from the last one.
-    dates = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
-    name = "Subject" if ending == ".pdf" else "Description"
-    metadata = {name: "\n".join((provenance or {}).values()), **dates.get(ending, {})}
-    with ExitStack() as stack:
-        stack.enter_context(style.context(_STYLE))
-        if isinstance(out, Path):
-            out = stack.enter_context(replacing(check_target(out, FIGURES)))
-        figure.savefig(out, format=ending[1:], metadata=metadata)
+    if path.suffix.lower() == ".svg":
+        write_text(path, _XML + _vector_of(figure, provenance))
+    elif not isinstance(figure, str):
+        note = "\n".join((provenance or {}).values())
+        # A date would make every build differ from the last build.
+        metadata: dict[str, Any] = {"Description": note}
+        if path.suffix.lower() == ".pdf":
+            metadata = {"Subject": note, "CreationDate": None}
+        with style.context(_STYLE), replacing(path) as part:
+            figure.savefig(part, format=path.suffix[1:].lower(), metadata=metadata)
 
 
 def _figure_files(key: str) -> list[str]:
-    """Return where the book carries the pictures and the data of a figure, below its root."""
+    """Return the files of a figure below the root of the book."""
     return [f"figures/{anchor(key)}{ending}" for ending in (*_endings(key), ".csv")]
 
 
 def _endings(key: str) -> tuple[str, ...]:
-    """Return the endings of the files as which a figure can be written."""
+    """Return the endings of the files of a figure."""
     is_schematic = isinstance(_declared_drawing(key), Schematic)
-    return _SCHEMATIC if is_schematic else FIGURES
+    return (".svg",) if is_schematic else FIGURES
 
 
-def vector_of(figure: Drawn, provenance: _Provenance = None) -> str:
-    """Return a figure as SVG."""
+def _vector_of(figure: Drawn, provenance: Provenance = None) -> str:
+    """Return a figure with its provenance as SVG."""
+    from matplotlib import style
+
+    note = "\n".join((provenance or {}).values())
+    if isinstance(figure, str):
+        note = f"<metadata>{escape(note)}</metadata>\n  <title>"
+        return figure.replace("<title>", note, 1)
     buffer = io.StringIO()
-    save(figure, buffer, provenance)
+    with style.context(_STYLE):
+        # A date would make every build differ from the last build.
+        metadata = {"Description": note, "Date": None}
+        figure.savefig(buffer, format="svg", metadata=metadata)
     svg = buffer.getvalue()
     return _FONTS.sub(r"\1, sans-serif", svg[svg.index("<svg") :])
 
 
 def write_figure(key: str, root: Path) -> None:
-    """Write the pictures and the data of a figure below the root of the book, and keep its SVG."""
+    """Write the images and the data of a figure below the root of the book."""
     figure, provenance = draw(key), provenance_of(citation(key, "text"))
-    shown = _page_vectors(key, figure, provenance)
+    wide = _page_vectors(key, figure, provenance)[0]
     (root / "figures").mkdir(parents=True, exist_ok=True)
     for path in (root / name for name in _figure_files(key)):
         if path.suffix == ".csv":
             write_text(path, export_frame(_data(figure), "csv", provenance))
         elif path.suffix == ".svg":
-            write_text(path, f"{_XML}{shown.wide}")
+            write_text(path, _XML + wide)
         else:
             save(figure, path, provenance)
             if not isinstance(figure, str):
-                figure.set_layout_engine(
-                    "none"
-                )  # a figure with a layout keeps its places
+                figure.set_layout_engine("none")  # the layout stays as it is
 
 
 def _page_vectors(
-    key: str, figure: Drawn | None = None, provenance: _Provenance = None
-) -> Vectors:
-    """Return a figure for a page of the book; in a build it is drawn once."""
+    key: str, figure: Drawn | None = None, provenance: Provenance = None
+) -> list[str]:
+    """Return a figure for wide and for narrow pages, which a build draws once."""
 
-    def make() -> Vectors:
+    def make() -> list[str]:
         wide = draw(key) if figure is None else figure
-        vectors = Vectors(vector_of(wide, provenance))
         if isinstance(wide, str):  # a schematic fits wide and narrow pages
-            return vectors
-        return vectors._replace(narrow=vector_of(draw(key, narrow=True)))
+            return [_vector_of(wide, provenance)]
+        return [_vector_of(wide, provenance), _vector_of(draw(key, narrow=True))]
 
-    def load(content: bytes) -> Vectors:
-        return Vectors(*json.loads(content))
-
-    shown: Vectors = cached(f"figure-{anchor(key)}.json", make, json.dumps, load)
-    return shown
+    return computed.cached(f"figure-{anchor(key)}.json", make, json.dumps, json.loads)
 
 
-def inline(shown: Vectors, name: str, alternative: str, below: str = "") -> str:
-    """Return a figure as an HTML fragment whose black parts follow the page's text colour.
+def _inline(
+    vectors: Sequence[str], name: str, alternative: str, below: str = ""
+) -> str:
+    """Return a figure as HTML whose black parts have the text colour of the page.
 
-    `below` is HTML: the caption and what else belongs to the figure.
+    `vectors` contains the SVG for a wide page, and for a narrow page if there is one. `below` is
+    the HTML below the figure, such as its caption.
     """
-    parts = [f'<div class="rp-wide">{_followed(shown.wide, name, alternative)}</div>']
-    if shown.narrow:
-        # Without the book's style sheet, as in a notebook, only the wide figure is visible.
-        svg = _followed(shown.narrow, f"{name}-narrow", alternative)
-        parts.append(f'<div class="rp-narrow" hidden>{svg}</div>')
+    parts = []
+    # Without the style sheet of the book, as in a notebook, only the wide figure is visible.
+    kinds = (("wide", ""), ("narrow", " hidden"))
+    for svg, (kind, hidden) in zip(vectors, kinds, strict=False):
+        # An element without a colour is black; the colour of the root applies to it.
+        svg = re.sub(r"<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)
+        svg = re.sub(r"#000000\b", "currentColor", svg)
+        # Identifiers are different in each figure of a page.
+        mark = f"v{zlib.crc32(f'{name}-{kind}'.encode()):x}-"
+        svg = re.sub(r'( id="|xlink:href="#|url\(#)', rf"\g<1>{mark}", svg)
+        label = escape(alternative, quote=True)
+        head = f'<svg role="img" aria-label="{label}" fill="currentColor" '
+        svg = svg.replace("<svg ", head, 1)
+        parts.append(f'<div class="rp-{kind}"{hidden}>{svg}</div>')
     return f'<figure class="rp-figure" id="{name}">{"".join(parts)}{below}</figure>'
 
 
-def _followed(svg: str, name: str, alternative: str) -> str:
-    # What the style file paints in black is what should follow the page. Where black fills
-    # something, matplotlib writes nothing, since SVG fills in black by itself: the root says
-    # otherwise.
-    svg = re.sub(r"<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)
-    svg = re.sub(r"#000000\b", "currentColor", svg)
-    # Short names, of what is named at all, and each its own in a page: points repeat them.
-    mark = f"v{zlib.crc32(name.encode()):x}-"
-    named = dict.fromkeys(old for _, old in _LINK.findall(svg))
-    short = {old: f"{mark}{n}" for n, old in enumerate(named)}
-    svg = _NAMED.sub(
-        lambda own: f' id="{short[own[1]]}"' if own[1] in short else "", svg
-    )
-    svg = _LINK.sub(lambda link: link[1] + short[link[2]], svg)
-    label = escape(alternative, quote=True)
-    return svg.replace(
-        "<svg ", f'<svg role="img" aria-label="{label}" fill="currentColor" ', 1
-    )
-
-
 def _captioned(caption: str) -> Markup:
-    """Return a caption with the place into which the book writes the figure's number."""
+    """Return a caption with room for the number of the figure."""
     return Markup('<figcaption><span class="rp-number"></span>{}</figcaption>').format(
         caption
     )
 
 
 def figure_block(name: str, paint: Paint, alternative: str, caption: str) -> Html:
-    """Show a picture that no file of the book holds."""
-    shown = Vectors(
-        vector_of(styled_figure(paint)), vector_of(styled_figure(paint, narrow=True))
-    )
-    return Html(inline(shown, name, alternative, _captioned(caption)))
+    """Return a figure that is not among the files of the book."""
+    vectors = [
+        _vector_of(_styled_figure(paint, narrow=narrow)) for narrow in (False, True)
+    ]
+    return Html(_inline(vectors, name, alternative, _captioned(caption)))
 
 
 class Figure(Rerunnable, Item):
@@ -268,8 +249,6 @@ class Figure(Rerunnable, Item):
     seed : int, optional
         Seed of the random number generator. Default: the seed of the project.
     """
-
-    kind = "a figure"
 
     @property
     def _declared(self) -> Drawing | Schematic:
@@ -298,7 +277,7 @@ class Figure(Rerunnable, Item):
     def caption(self) -> str:
         """Caption; of a figure with changes, the changes."""
         if self.changes:
-            remark = "a reader's own setting; what is marked as printed stays the print"
+            remark = "your setting; marks of printed values do not change"
             return f"{self.title}. {self._setting(remark)}"
         return self._filled(item_text(self.key).figure.caption)
 
@@ -316,13 +295,10 @@ class Figure(Rerunnable, Item):
         name = f"figure-{anchor(self.key)}"
         if self.key in drawings():
             name = f"drawing-{anchor(self.key.replace('/drawing-', '/'))}"
-        options = [f' --set {one}="{text}"' for one, text in self._changes.items()]
-        if self.seed is not None:
-            options.append(f" --seed {self.seed}")
         text = (
             f"{self.key}: {self.title}\n{self.place}; lines and points in .data\n"
             f"{textwrap.fill(self.caption, 79)}\n"
-            f"Draw it with `reproduce figure {self.key} --out FILE.svg{''.join(options)}`."
+            f"Draw it with `reproduce figure {self.key} --out FILE.svg` and the same options."
         )
         below = _captioned(self.caption)
         if self.changes:
@@ -331,72 +307,45 @@ class Figure(Rerunnable, Item):
             declared = self._declared
             source = text_of(declared.function) if isinstance(declared, Drawing) else ""
             below += toolbar(self.key, name, _figure_files(self.key), source)
+        vectors = [_vector_of(self.drawn)]
         # A page of the book also has a narrow drawing; a notebook of a reader does not.
         if computed.kept() and not self.changes:
-            shown = _page_vectors(self.key)
-        else:
-            shown = Vectors(vector_of(self.drawn))
-        yield Html(inline(shown, name, self.alternative, below), text)
+            vectors = _page_vectors(self.key)
+        yield Html(_inline(vectors, name, self.alternative, below), text)
 
 
-class Panels(ResultView):
-    """A figure of several panels, such as ``chen2023/fig-11``, each drawn on its own.
+class Panels(Display, list[Figure]):
+    """Panels of a figure, such as ``chen2023/fig-11``: a list that shows every panel."""
+
+    def blocks(self) -> Iterator[Block]:
+        """Yield each panel."""
+        for panel in self:
+            yield from panel.blocks()
+
+
+def figure(key: str) -> Figure | Panels:
+    """Return a figure.
 
     Parameters
     ----------
     key : str
-        The key of the panels without their letters.
-    panels : tuple of Figure
-        One or more.
+        Key of a figure or of a panel, such as ``chen2023/fig-11a``. The key of a figure with
+        panels, ``chen2023/fig-11``, returns a list of all panels.
+
+    Returns
+    -------
+    Figure or Panels
+        The figure, which is drawn on first use.
+
+    Raises
+    ------
+    KeyError
+        If there is no such figure.
+
+    Examples
+    --------
+    >>> figure("chen2023/fig-11a").place
+    'Figure 11a'
     """
-
-    def __init__(self, key: str, panels: tuple[Figure, ...]) -> None:
-        self.key, self.panels = key, panels
-
-    @property
-    def inputs(self) -> tuple[str, ...]:
-        """Addresses of all printed cells that any panel reads."""
-        return tuple(dict.fromkeys(chain.from_iterable(p.inputs for p in self.panels)))
-
-    @property
-    def source(self) -> str:
-        """The text of the functions that compute and draw the panels."""
-        return "\n\n".join(one.source for one in self.panels)
-
-    def _setting(self) -> str:
-        return " ".join(one._setting() for one in self.panels).strip()
-
-    def frame(self) -> pd.DataFrame:
-        """Return the lines and points of all panels, with the key of each."""
-        return pd.concat([one.frame().assign(figure=one.key) for one in self.panels])
-
-    def rerun(
-        self, changes: Change | None = None, seed: int | None = None, **others: Any
-    ) -> Panels:
-        """Return the panels with changed inputs, and with a seed if they draw random numbers."""
-        changes = changes or {}
-        refuse_strays(self.key, changes, self.inputs)
-        random = [one for one in self.panels if one.random] or self.panels
-        again = [
-            one.rerun(
-                {a: value for a, value in changes.items() if a in one.inputs},
-                seed=seed if one in random else None,
-                **others,
-            )
-            for one in self.panels
-        ]
-        return Panels(self.key, tuple(again))
-
-    def cite(self, form: str = "bibtex") -> str:
-        """Return how to cite the panels and their paper."""
-        return "\n\n".join(one.cite(form) for one in self.panels)
-
-    def save(self, path: str | Path) -> list[Path]:
-        """Write a file for each panel, its letter behind the name: fig.svg becomes fig-a.svg."""
-        path = check_target(path, FIGURES)
-        stems = {one: f"{path.stem}-{one.key[-1]}" for one in self.panels}
-        return [one.save(path.with_stem(stem)) for one, stem in stems.items()]
-
-    def blocks(self) -> Iterator[Block]:
-        """Yield each panel."""
-        return chain.from_iterable(one.blocks() for one in self.panels)
+    panels = [item for item in catalogue() if item[:-1] == key and item[-1].isalpha()]
+    return Panels(map(Figure, panels)) if panels else Figure(key)

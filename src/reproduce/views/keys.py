@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 
 from reproduce.papers.catalogue import catalogue, drawings, studies
-from reproduce.printed.cells import PAPERS, anchor, library
+from reproduce.printed.cells import PAPERS, library
 
 
 def check_key(key: str) -> str:
@@ -17,44 +17,27 @@ def check_key(key: str) -> str:
     'niu2024/table-3'
     """
     if not isinstance(key, str):
-        raise TypeError(f"expected a key such as 'niu2024/table-3', got {key!r}")
+        raise TypeError(f"key: expected text, such as 'niu2024/table-3', got {key!r}")
     known = list(catalogue())
     if key in known:
         return key
     if key in studies():
         raise KeyError(
-            f"{key} is a table of our own: it holds no printed number to judge"
+            f"key: expected printed numbers to judge, got the supplementary table {key}"
         )
     near = difflib.get_close_matches(
         key, [*known, *studies(), *drawings()], n=3, cutoff=0.5
     )
-    hint = f"; did you mean {', '.join(near)}?" if near else ""
-    raise KeyError(f"unknown key {key!r}{hint} (`reproduce list` shows all keys)")
-
-
-def resolved(text: str) -> str:
-    """Return the address that a pasted text names: a page's with its anchor, or a citation's.
-
-    Examples
-    --------
-    >>> resolved("file:///book/niu2024/simulation.html#niu2024-table-3-scale-red")
-    'niu2024/table-3#scale.red'
-    """
-    address = text.strip().partition(": printed ")[0]
-    target = address.rpartition("#")[2]
-    for key, table in library().items():
-        for name in (key, *(cell.address for cell in table.cells)):
-            if anchor(name) == target:
-                return name
-    return address
+    hint = f"such as {', '.join(near)}, " if near else ""
+    raise KeyError(
+        f"key: expected a key of `reproduce list`, {hint}got {key!r}. Correct the key"
+    )
 
 
 def check_paper(paper: str) -> str:
-    """Return `paper` if it is the key of one."""
+    """Return `paper` if it is the name of a paper."""
     if paper not in PAPERS:
-        raise ValueError(
-            f"unknown paper {paper!r}: expected one of {', '.join(PAPERS)}"
-        )
+        raise ValueError(f"paper: expected one of {', '.join(PAPERS)}, got {paper!r}")
     return paper
 
 
@@ -68,8 +51,8 @@ def title(key: str) -> str:
 def place(key: str) -> str:
     """Return the place of an item in its paper, such as ``Table 3`` or ``Figure 4``."""
     if key in studies():
-        return "a table of our own"
+        return "supplementary table"
     if key in drawings():
-        return "Our own drawing"
+        return "Supplementary drawing"
     figure = f"Figure {key.rpartition('-')[2]}"
     return library()[key].place if key in library() else figure

@@ -1,17 +1,17 @@
-"""Results of `reproduce.register` and `reproduce.misalignment`."""
+"""Results of `reproduce.register`, and `reproduce.misalignment`."""
 
 from __future__ import annotations
 
 import inspect
 import tomllib
 from abc import abstractmethod
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from reproduce.physics import registration
 from reproduce.physics.registration import fit_registration
@@ -23,7 +23,7 @@ from reproduce.store.points import (
 )
 from reproduce.units import ARCSEC_PER_RADIAN
 from reproduce.views.blocks import Block, Display, Grid
-from reproduce.views.numbers import between, minus, moments
+from reproduce.views.numbers import between, moments
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -32,85 +32,117 @@ if TYPE_CHECKING:
 
 FloatArray = NDArray[np.float64]
 _LEVEL = 0.95
-_ENDS = ("low (95 %)", "high (95 %)")
+_CONSISTENCY_TEXTS = {
+    "noise": "Noise of one coordinate, from the residuals: {:.3g} px (95 % interval {:.3g} to "
+    "{:.3g}).",
+    "chi_square_per_freedom": "Chi-square per degree of freedom: {:.3g} (95 % of fields with these "
+    "errors: {:.3g} to {:.3g}).",
+}
+
+
+def misalignment(
+    spots: str | Path | pd.DataFrame | ArrayLike,
+    zero: ArrayLike | None = None,
+    platform: Platform | str | Path | None = None,
+    times: ArrayLike | None = None,
+    *,
+    sep: str | None = None,
+) -> MisalignmentResult:
+    """Return the misalignment of your camera since the zero point, from spots of its lights.
+
+    ``findings`` names a displaced light, a pattern of another size, repeated images and correlated
+    images. Correlated images and a chi-square above 1 widen the standard errors.
+
+    Parameters
+    ----------
+    spots : path or array_like, shape (frames, lights, 2)
+        Images at the present, in px. Or both groups as a DataFrame or a CSV file ("-" is standard
+        input), one spot per row, with the columns ``group`` (0 at the zero point, 1 at the
+        present), ``laser``, ``x``, ``y``, and optionally ``frame`` (a number that the spots of an
+        image share; without it no spot may be lost), ``time`` and ``mask`` (1 drops a row). A spot
+        that is NaN or masked in an array is lost, and its image has a lower weight.
+    zero : array_like, shape (frames, lights, 2), optional
+        Images at the zero point, if `spots` is an array.
+    platform : Platform or path, optional
+        Lights and tracker, or a TOML file of the arguments of `Platform`. Default: the ground
+        platform of chen2023 as designed.
+    times : array_like, shape (frames,), optional
+        Times of the images at the present, in any unit, if `spots` is an array. They are necessary
+        for ``over_time()`` and ``stability``, the drift and averages.
+    sep : str, optional
+        Separator of the columns of a text file. Default: a comma.
+
+    Returns
+    -------
+    MisalignmentResult
+        Angles about the axes of the camera, image by image.
+
+    Raises
+    ------
+    ValueError
+        If the spots are mirrored or belong to another platform, two lights are swapped or at one
+        position, or a group has fewer than two lights.
+    """
+    return MisalignmentResult(spots, zero, platform, times, sep)
 
 
 class UserResult(Display):
-    """Result of a function of the public API that can be computed again with other arguments."""
-
-    _given: dict[str, Any]
-
-    @abstractmethod
-    def frame(self) -> pd.DataFrame:
-        """Return the numbers as a table."""
-
-    def export(self, form: str) -> str:
-        """Return the numbers as csv, json, latex or markdown."""
-        from reproduce.views.export import export_frame  # it loads the ledger
-
-        return export_frame(
-            self.frame().reset_index(), form, getattr(self, "provenance", None)
-        )
-
-    def rerun(self, **changes: Any) -> Self:
-        """Return the result of other arguments; the others stay the same."""
-        if unknown := set(changes) - set(self._given):
-            raise TypeError(
-                f"{sorted(unknown)[0]}: expected {', '.join(self._given)}, got another name"
-            )
-        make: Any = type(self)
-        again: Self = make(**{**self._given, **changes})
-        return again
-
-
-class _Measured(UserResult):
-    """Common parts of the results of your measurements."""
+    """Result for your data: numbers, warnings, and the same function for other arguments."""
 
     title: str
     inputs: tuple[str, ...] = ()
     findings: list[Any]
     remarks: list[str]
+    _arguments: Mapping[str, Any]
     _function: Callable[..., Any]
     _rows: str
     _facts: dict[str, Any]
 
     @property
     def source(self) -> str:
-        """Source text of the function that computes it."""
+        """Source code of the function that computes it."""
         return inspect.getsource(inspect.unwrap(self._function)).rstrip()
+
+    @abstractmethod
+    def frame(self) -> pd.DataFrame:
+        """Return the numbers as a table."""
 
     @property
     def grid(self) -> Grid:
         """The numbers in the displayed format."""
-        return _grid(self.title, self.frame())
+        return Grid.of_frame(self.title, self.frame())
 
     def blocks(self) -> Iterator[Block]:
-        """Yield the numbers, the title and the remarks."""
+        """Yield the numbers and the warnings."""
         yield self.grid
-        notes = {one.text for one in self.findings if one.kind == "sensitive"}
+        notes = {
+            finding.text for finding in self.findings if finding.kind == "sensitive"
+        }
         for line in self.remarks:
             yield f"{'Note' if line in notes else 'Warning'}: {line}."
 
     def record(self) -> dict[str, Any]:
-        """Return everything for other programs: `frame` by rows; unknown numbers are None."""
+        """Return the numbers and warnings for other programs; unknown numbers are None."""
         frame = self.frame().reset_index().astype(object)
         return {
             **self._facts,
             self._rows: frame.where(frame.notna(), None).to_dict("records"),
-            "findings": [asdict(one) for one in self.findings],
+            "findings": [asdict(finding) for finding in self.findings],
             "remarks": self.remarks,
         }
 
+    def export(self, form: str) -> str:
+        """Return the numbers as csv, json, latex or markdown."""
+        from reproduce.views.export import export_frame  # it loads the ledger
 
-def _grid(title: str, frame: pd.DataFrame, digits: int = 6) -> Grid:
-    rows = [
-        (str(name), *(minus(f"{value:z.{digits}g}") for value in row))
-        for name, *row in frame.itertuples()
-    ]
-    return Grid(title, (str(frame.index.name), *frame.columns), rows)
+        return export_frame(self.frame(), form)
+
+    def rerun(self, **changes: Any) -> Self:
+        """Return the result of other arguments; the others stay the same."""
+        return type(self)(**{**self._arguments, **changes})
 
 
-class RegistrationResult(_Measured):
+class RegistrationResult(UserResult):
     """The transform that maps source stars onto the same stars of a target.
 
     A source point at the offset q from the pivot is mapped to pivot - shift + k R(rotation) q. The
@@ -130,10 +162,11 @@ class RegistrationResult(_Measured):
     def __init__(
         self, source: Any, target: Any = None, pivot: Any = None, **settings: Any
     ) -> None:
-        self._given = {"source": source, "target": target, "pivot": pivot, **settings}
+        self._arguments = {"source": source, "target": target, "pivot": pivot}
+        self._arguments |= settings
         table, settings = matched_stars(source, target, settings)
-        flux = settings.pop("brightness", brightness(table.numbers))
         points = table.points("x", "y"), table.points("x_reference", "y_reference")
+        flux = brightness(table.numbers)
         with computing(table.path):
             pivot = registration.checked_pivot(pivot, points[0])
             self.fit = fit = fit_registration(*points, pivot, **settings)
@@ -153,8 +186,9 @@ class RegistrationResult(_Measured):
             **self.consistency,
         }
         self.title = (
-            "{model} from {stars} stars, pivot ({pivot[0]:.6g}, {pivot[1]:.6g}) px"
-        ).format(**self._facts)
+            f"{fit.model} from {len(fit.residuals)} stars, pivot ({pivot[0]:.6g}, "
+            f"{pivot[1]:.6g}) px"
+        )
 
     @property
     def covariance(self) -> FloatArray:
@@ -167,7 +201,18 @@ class RegistrationResult(_Measured):
         return np.sqrt(self._errors**2 + np.diagonal(self.systematic))
 
     def interval(self, level: float = _LEVEL) -> FloatArray:
-        """Return the lowest and highest value of each parameter, shape (p, 2)."""
+        """Return the lowest and highest value of each parameter.
+
+        Parameters
+        ----------
+        level : float
+            Probability of the interval.
+
+        Returns
+        -------
+        ndarray, shape (p, 2)
+            Bounds, in the unit of each parameter.
+        """
         centre = self.parameters[:, None]
         wider = self.standard_errors / self._errors
         return centre + (self.fit.interval(level) - centre) * wider[:, None]
@@ -202,34 +247,28 @@ class RegistrationResult(_Measured):
         """
         import pandas as pd
 
-        columns = {one.term: [*one.change, one.p_value] for one in self._sensitivities}
+        columns = {
+            term.term: [*term.change, term.p_value] for term in self._sensitivities
+        }
         index = pd.Index([*self.fit.names, "p-value"], name="parameter")
-        return pd.DataFrame(columns, index).rename(
-            columns={"brightness": "bright - faint"}
-        )
+        names = {"brightness": "bright - faint"}
+        return pd.DataFrame(columns, index).rename(columns=names)
 
     def blocks(self) -> Iterator[Block]:
         """Yield the parameters, their consistency and sensitivity, and the warnings."""
-        mean, *others = super().blocks()
-        yield mean
-        found = self.consistency
-        if "noise" in found:
-            yield (
-                "Noise of one coordinate, from the residuals: {noise:.3g} px (95 % interval "
-                "{low:.3g} to {high:.3g})."
-            ).format(**found)
-        elif found:
-            yield (
-                "Chi-square per degree of freedom: {chi_square_per_freedom:.3g} (95 % of fields "
-                "with these errors: {low:.3g} to {high:.3g})."
-            ).format(**found)
+        grid, *warnings = super().blocks()
+        yield grid
+        if consistency := self.consistency:
+            yield _CONSISTENCY_TEXTS[next(iter(consistency))].format(
+                *consistency.values()
+            )
         if self._sensitivities:
             title = "change of each parameter with one more term, in its standard deviations"
-            yield _grid(title, self.sensitivity(), digits=2)
-        yield from others
+            yield Grid.of_frame(title, self.sensitivity(), digits=2)
+        yield from warnings
 
     def record(self) -> dict[str, Any]:
-        """Return everything for other programs, including the sensitivity."""
+        """Return the numbers and warnings for other programs, including the sensitivity."""
         return super().record() | {"sensitivity": self.sensitivity().to_dict()}
 
     def frame(self) -> pd.DataFrame:
@@ -240,14 +279,15 @@ class RegistrationResult(_Measured):
         """
         import pandas as pd
 
-        names = pd.Index(self.fit.names, name="parameter")
+        low, high = self.interval().T
         columns = {
-            "unit": [registration.UNITS.get(name, "1") for name in names],
+            "unit": [registration.UNITS.get(name, "1") for name in self.fit.names],
             "value": self.parameters,
             "standard deviation": self.standard_errors,
+            "low (95 %)": low,
+            "high (95 %)": high,
         }
-        ends = dict(zip(_ENDS, self.interval().T, strict=True))
-        return pd.DataFrame(columns | ends, names)
+        return pd.DataFrame(columns, pd.Index(self.fit.names, name="parameter"))
 
     @property
     def grid(self) -> Grid:
@@ -264,7 +304,7 @@ class RegistrationResult(_Measured):
         return Grid(self.title, heads, rows)
 
 
-class MisalignmentResult(_Measured):
+class MisalignmentResult(UserResult):
     """Misalignment of your camera in each image, from the spots of its lights.
 
     The warnings are in ``findings``, and with remarks on the input in ``remarks``. ``diagnosis``
@@ -273,22 +313,30 @@ class MisalignmentResult(_Measured):
 
     _rows = "angles"
 
-    def __init__(self, **given: Any) -> None:
+    def __init__(
+        self,
+        spots: Any,
+        zero: Any = None,
+        platform: Any = None,
+        times: Any = None,
+        sep: str | None = None,
+    ) -> None:
         # These imports are slow, and a registration does not need them.
         from reproduce.papers.chen2023.platform import INSTRUMENT, as_designed
         from reproduce.physics.attitude import diagnosis, monitored, stability
-        from reproduce.printed.inputs import load_inputs as printed
+        from reproduce.printed.inputs import load_inputs
         from reproduce.store.spots import read_images
 
-        self._function, self._given = monitored, given
-        own, *arguments = (
-            given[name] for name in ("platform", "spots", "zero", "times", "sep")
-        )
-        self.inputs = INSTRUMENT if own is None else ()
+        self._arguments = {"spots": spots, "zero": zero, "platform": platform}
+        self._arguments |= {"times": times, "sep": sep}
+        self._function, self.inputs = monitored, INSTRUMENT if platform is None else ()
         self.platform = (
-            as_designed(printed(INSTRUMENT)) if own is None else platform_of(own)
+            as_designed(load_inputs(INSTRUMENT))
+            if platform is None
+            else platform_of(platform)
         )
-        images, self.times, notes = read_images(len(self.platform.lasers), *arguments)
+        count = len(self.platform.lasers)
+        images, self.times, notes = read_images(count, spots, zero, times, sep)
         self.diagnosis = found = diagnosis.diagnose_spots(self.platform, images)
         self.findings = found.findings
         self.found = monitored(
@@ -321,20 +369,21 @@ class MisalignmentResult(_Measured):
         The table is empty without times. The drift is a straight line. The smallest error is the
         lowest Allan deviation without the drift, with its 95 % interval and the number of images.
         """
-        if (found := self.stability) is None:
+        if (stability := self.stability) is None:
             return _by_axis(())[:0]
-        ends = found.floor_interval(_LEVEL)
-        names = ("drift", "its error", "least", *_ENDS)
-        table = _by_axis(names, found.rate, found.rate_error, found.floor, *ends)
-        return table.assign(**{"images averaged": found.reached})
+        ends = stability.floor_interval(_LEVEL)
+        names = ("drift", "its error", "least", "low (95 %)", "high (95 %)")
+        table = _by_axis(
+            names, stability.rate, stability.rate_error, stability.floor, *ends
+        )
+        return table.assign(**{"images averaged": stability.reached})
 
     def blocks(self) -> Iterator[Block]:
-        """Yield the angles, the remarks, and the drift if times are known."""
+        """Yield the angles, the warnings, and the drift if times are known."""
         yield from super().blocks()
         if self.stability is not None:
-            yield _grid(
-                "drift in a unit of time, and error of an average", self.over_time()
-            )
+            title = "drift in a unit of time, and error of an average"
+            yield Grid.of_frame(title, self.over_time())
 
     def images(self) -> pd.DataFrame:
         """Return the angles of each image about X, Y and Z of the camera, in arcsec.
@@ -344,10 +393,9 @@ class MisalignmentResult(_Measured):
         import pandas as pd
 
         index = pd.RangeIndex(1, len(self.angles) + 1, name="image")
-        found = pd.DataFrame(
-            self.angles * ARCSEC_PER_RADIAN, index, columns=list("XYZ")
-        )
-        return found if self.times is None else found.assign(time=self.times)
+        angles = self.angles * ARCSEC_PER_RADIAN
+        frame = pd.DataFrame(angles, index, columns=list("XYZ"))
+        return frame if self.times is None else frame.assign(time=self.times)
 
     def covariance(self) -> FloatArray:
         """Return the covariance of the angles of each image, (images, 3, 3), in arcsec squared.
@@ -362,23 +410,17 @@ class MisalignmentResult(_Measured):
         The error includes the zero point, the correlation of images and the misfit of the pattern.
         The interval uses Student's t-distribution, because the scatter is an estimate.
         """
-        found, names = (
-            self.found,
-            ("mean", "scatter", "error of the mean", "95% low", "95% high"),
-        )
-        return _by_axis(
-            names, found.mean, found.scatter, found.error, *found.interval(_LEVEL)
-        )
+        average, ends = self.found, self.found.interval(_LEVEL)
+        names = ("mean", "scatter", "error of the mean", "95% low", "95% high")
+        return _by_axis(names, average.mean, average.scatter, average.error, *ends)
 
 
 def _by_axis(names: Sequence[str], *columns: FloatArray) -> pd.DataFrame:
     """Return columns in arcsec, a row for each axis of the camera."""
     import pandas as pd
 
-    shown = {
-        name + " (arcsec)": one * ARCSEC_PER_RADIAN
-        for name, one in zip(names, columns, strict=True)
-    }
+    pairs = zip(names, columns, strict=True)
+    shown = {f"{name} (arcsec)": column * ARCSEC_PER_RADIAN for name, column in pairs}
     return pd.DataFrame(shown, pd.Index(list("XYZ"), name="about"))
 
 
@@ -394,10 +436,10 @@ def platform_of(source: Platform | str | Path) -> Platform:
     make: Callable[..., Platform] = Platform
     try:
         table = tomllib.loads(Path(source).read_text(encoding="utf-8"))
-        if "lasers" not in table:
-            make = (
-                Platform.of_directions if "directions" in table else Platform.of_spots
-            )
+        if "directions" in table:
+            make = Platform.of_directions
+        elif "lasers" not in table:
+            make = Platform.of_spots
         return make(**table)
     except (TypeError, ValueError, RecursionError) as error:
         known = ", ".join(inspect.signature(make).parameters)

@@ -78,8 +78,8 @@ def powers(text: str) -> str:
     'from 10⁻⁶ to −5.7\u202f×\u202f10¹² px, not 2\u202f×\u202f10⁻⁵.'
     """
 
-    def power(found: re.Match[str]) -> str:
-        digits, sign, size = found.groups()
+    def power(match: re.Match[str]) -> str:
+        digits, sign, size = match.groups()
         raised = f"10{f'{sign}{size}'.lstrip('+').translate(_SUPERSCRIPTS)}"
         return raised if digits == "1" else f"{digits}\u202f×\u202f{raised}"
 
@@ -94,7 +94,9 @@ def powers_in_html(html: str) -> str:
     >>> powers_in_html('<b id="x-2e-05">2e-05</b> <code>2e-05</code>')
     '<b id="x-2e-05">2\u202f×\u202f10⁻⁵</b> <code>2e-05</code>'
     """
-    return _PIECES.sub(lambda one: one[0] if one[0][0] == "<" else powers(one[0]), html)
+    return _PIECES.sub(
+        lambda match: match[0] if match[0][0] == "<" else powers(match[0]), html
+    )
 
 
 def chance(value: float, mcse: float) -> str:

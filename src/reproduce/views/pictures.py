@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+import pandas as pd
+from numpy.typing import ArrayLike, NDArray
 
 from reproduce.physics.images import find_spots, shape_finding
 from reproduce.physics.registration import (
@@ -21,27 +22,20 @@ from reproduce.store.images import ImageError, is_image, read_image, reading
 from reproduce.store.points import (
     SIGMAS,
     STARS,
-    DataTable,
     brightness,
     deviations,
     read_table,
 )
-from reproduce.views.blocks import Block, Display, Fold
-from reproduce.views.measurements import RegistrationResult, _grid
+from reproduce.views.blocks import Block, Display, Fold, Grid
+from reproduce.views.measurements import RegistrationResult
 from reproduce.views.numbers import minus
 
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.figure import Figure
-
-    from reproduce.views.posterior import Posterior
-
 FloatArray = NDArray[np.float64]
-# Default distance of the stars of a pair, at most: in px, and as a fraction of the field.
+# Default of the largest distance of a pair: in px, and as a fraction of the field.
 _PAIR_PX, _PAIR_FRACTION = 2.0, 1e-3
-# Pairs of a robust fit, at least.
+# Fewest pairs of a robust fit.
 _MIN_PAIRS_ROBUST = 4
-# Stars that a display contains, at most.
+# Largest number of stars in a display.
 _MAX_SHOWN = 10
 # Units of the facts of an image.
 _UNITS = {
@@ -51,6 +45,81 @@ _UNITS = {
     "noise": "digital numbers",
 }
 _CENTRE = ["x", "y", "sigma_x", "sigma_y"]
+
+
+def stars(
+    source: str | Path | ArrayLike | pd.DataFrame,
+    *,
+    threshold: float | None = None,
+    sep: str | None = None,
+) -> Stars:
+    """Find the stars of an image, with Astropy and photutils.
+
+    Parameters
+    ----------
+    source : path, table or array_like, shape (height, width) or (n, 2)
+        FITS file (``field.fits[SCI]`` if it contains several images), array, masked array or
+        `CCDData`, whose mask and uncertainty apply. Also a list of stars in any order: an array of
+        shape (n, 2), or a table as in `register` with the columns ``x`` and ``y``, in px. Optional
+        columns are ``flux`` or ``mag`` (brighter stars have a lower magnitude), by which `match`
+        selects stars, ``sigma`` (or ``sigma_x``, ``sigma_y``), in px, and ``weight``.
+    threshold : float, optional
+        Detection threshold, in standard deviations of the noise. Default: 5.
+    sep : str, optional
+        Separator of the columns of a text file. Default: a comma.
+
+    Returns
+    -------
+    Stars
+        Centres with covariance, and the dropped detections with the reasons.
+
+    Raises
+    ------
+    ValueError
+        If the image cannot be read or contains no stars.
+    """
+    return _stars(source, threshold, sep)
+
+
+def match(
+    source: Any, target: Any, start: Any = None, radius: float | None = None
+) -> pd.DataFrame:
+    """Match the stars of two images or lists.
+
+    Shifts are tried first, then triangles of the brightest stars, then triangles of the most
+    isolated stars. Four common stars suffice if they agree to their errors. Matches that are not
+    better than by chance are rejected.
+
+    Parameters
+    ----------
+    source, target : Stars, or any `source` of `stars`
+        Both images or lists, in any order of rows.
+    start : Registration, RegistrationResult or array_like, shape (4,), optional
+        Rough transform, under which the stars of a pair are neighbours. An array contains scale,
+        rotation in radians and shift in px about the middle of the image, or the mean of the stars
+        of a list, as in ``register(...).parameters``. Default: found from the stars.
+    radius : float, optional
+        Largest distance between the stars of a pair, in px. Default: 2 px and 1/1000 of the field.
+
+    Returns
+    -------
+    DataFrame
+        Pairs in the columns of `register`, with the rows of both stars. Its ``attrs`` contain
+        ``mirrored``, whether the images mirror each other.
+
+    Raises
+    ------
+    ValueError
+        If a list has fewer than four stars, or the stars do not agree better than by chance.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> target = np.array([[10.0, 20], [400, 30], [250, 300], [90, 410]])
+    >>> match(target[::-1] - (5, 0), target)["row_reference"].tolist()
+    [3, 2, 1, 0]
+    """
+    return _paired(_stars(source), _stars(target), start, radius)[0]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -70,8 +139,8 @@ class Stars(Display):
         Middle of the image or mean of the stars of a list, in px.
     shapes : ndarray, shape (n, 3, 2)
         Shapes of the spots of an image, as in `physics.images.finding.Found`; NaN for a list.
-    dropped : DataFrame
-        Other detections, with the reason.
+    rejected : DataFrame
+        Other detections, with the reason in the column ``dropped``.
     facts : dict of str to float
         Facts of an image, as in `physics.images.finding.Found`.
     findings : tuple of Finding
@@ -95,15 +164,11 @@ class Stars(Display):
     @property
     def log(self) -> list[str]:
         """Warnings, facts, and numbers of dropped detections."""
-        reasons = self.rejected["dropped"].value_counts()
-        facts = {
-            f"{key}, {_UNITS.get(key, 'px')}": one for key, one in self.facts.items()
-        }
-        counts = {f"dropped, {key}": count for key, count in reasons.items()}
-        lines = [
-            f"{key}: {minus(f'{one:.5g}')}" for key, one in (facts | counts).items()
-        ]
-        return [one.text for one in self.findings] + lines
+        reasons = self.rejected["dropped"].value_counts().add_prefix("dropped, ")
+        facts = {f"{key}, {_UNITS.get(key, 'px')}": n for key, n in self.facts.items()}
+        numbers = (facts | reasons.to_dict()).items()
+        lines = (f"{key}: {minus(f'{number:.5g}')}" for key, number in numbers)
+        return [*(finding.text for finding in self.findings), *lines]
 
     def __len__(self) -> int:
         """Return the number of stars."""
@@ -116,94 +181,70 @@ class Stars(Display):
     def blocks(self) -> Iterator[Block]:
         """Yield the first stars and the log."""
         title = f"{len(self)} stars of {self.name}, in px, of which {_MAX_SHOWN} or fewer are shown"
-        yield _grid(title, self.table.head(_MAX_SHOWN).rename_axis("star"))
+        yield Grid.of_frame(title, self.table.head(_MAX_SHOWN).rename_axis("star"))
         yield "; ".join(self.log)
 
 
-def stars_of(
+def _stars(
     source: Any,
     threshold: float | None = None,
     sep: str | None = None,
-    name: str = "array",
+    name: str = "source",
 ) -> Stars:
     """Return the stars of an image, or of a table or array of positions."""
     if isinstance(source, Stars):
         return source
     name = str(source) if isinstance(source, str | Path) else name
-    image = read_image(source, name) if is_image(source) else None
-    if image is None:
-        name = "source" if name == "array" else name
-        columns = (*SIGMAS, "flux", "mag", "weight")
-        table = read_table(source, _CENTRE[:2], columns, sep, name)
-        known = {*SIGMAS} & {*table.optional}
-        sigma = deviations(table) if known else np.zeros_like(table.values)
-        return _stars_of_list(table, sigma)
-    return _stars_of_image(*image, name, threshold)
-
-
-def _stars_of_image(
-    light: NDArray[Any],
-    saturation: float,
-    noise: NDArray[Any] | None,
-    name: str,
-    threshold: float | None,
-) -> Stars:
-    """Return the stars that are detected in an image."""
-    import pandas as pd
-
-    with reading(name):
-        found = find_spots(light, threshold, noise, saturation)
-    sigma = np.sqrt(np.diagonal(found.covariance, axis1=1, axis2=2))
-    table = pd.DataFrame(np.hstack([found.centre, sigma]), columns=_CENTRE)
-    table = table.assign(flux=found.flux, dropped=found.reasons)
-    order = np.argsort(-found.flux, kind="stable")
-    kept = order[found.reasons[order] == ""]
+    facts, findings = dict[str, float](), tuple[Finding, ...]()
+    columns: dict[str, Any]
+    if is_image(source):
+        pixels, saturation, noise = read_image(source, name)
+        with reading(name):
+            spots = find_spots(pixels, threshold, noise, saturation)
+        centre, covariance, shapes = spots.centre, spots.covariance, spots.shapes
+        sigma = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+        columns = {"flux": spots.flux, "dropped": spots.reasons}
+        middle = (np.array(pixels.shape[::-1]) - 1) / 2
+        facts, findings = spots.facts, spots.findings
+    else:
+        optional = (*SIGMAS, "flux", "mag", "weight")
+        table = read_table(source, _CENTRE[:2], optional, sep, name)
+        name, centre, columns = table.path, table.values, table.optional
+        sigma = np.zeros_like(centre)
+        if {*SIGMAS} & {*columns}:
+            sigma = deviations(table)
+        covariance = sigma[:, :, None] ** 2 * np.eye(2)
+        shapes, middle = np.full((len(centre), 3, 2), np.nan), centre.mean(axis=0)
+        columns = {key: column for key, column in columns.items() if key not in SIGMAS}
+        findings = tuple(Finding("masked", note) for note in table.notes)
+    flux = brightness(columns)
+    frame = pd.DataFrame(np.hstack([centre, sigma]), columns=_CENTRE)
+    frame = frame.assign(**{"dropped": "", **columns})
+    order = np.arange(len(frame)) if flux is None else np.argsort(-flux, kind="stable")
+    rows = order[frame["dropped"].to_numpy()[order] == ""]
     stars = Stars(
         name,
-        table.iloc[kept].drop(columns="dropped").reset_index(drop=True),
-        found.covariance[kept],
-        (np.array(light.shape[::-1]) - 1) / 2,
-        found.shapes[kept],
-        table[found.reasons != ""],
-        found.facts,
-        found.findings,
+        frame.iloc[rows].drop(columns="dropped").reset_index(drop=True),
+        covariance[rows],
+        middle,
+        shapes[rows],
+        frame[frame["dropped"] != ""],
+        facts,
+        findings,
     )
-    if not len(kept):
+    if not len(rows):
         raise ImageError(f"{name}: expected stars, got {'; '.join(stars.log)}")
     return stars
 
 
-def _stars_of_list(table: DataTable, sigma: FloatArray) -> Stars:
-    """Return the stars of a table of positions with their standard deviations."""
-    import pandas as pd
-
-    count = len(table.values)
-    frame = pd.DataFrame(np.hstack([table.values, sigma]), columns=_CENTRE)
-    frame = frame.assign(**table.optional).drop(columns="sigma", errors="ignore")
-    flux = brightness(table.optional)
-    order = np.arange(count) if flux is None else np.argsort(-flux, kind="stable")
-    return Stars(
-        table.path,
-        frame.iloc[order].reset_index(drop=True),
-        (sigma[:, :, None] ** 2 * np.eye(2))[order],
-        table.values.mean(axis=0),
-        np.full((count, 3, 2), np.nan),
-        frame[:0].assign(dropped=""),
-        {},
-        tuple(Finding("masked", note) for note in table.notes),
-    )
-
-
-def paired(
+def _paired(
     source: Stars,
     target: Stars,
     start: Any = None,
     radius: float | None = None,
     pivot: Any = None,
 ) -> tuple[pd.DataFrame, Registration]:
-    """Return the pairs of `reproduce.match`, and the transform under which they are neighbours."""
-    import pandas as pd
-
+    """Return the pairs of `match`, and the transform under which they are neighbours."""
     field = np.ptp(np.vstack([source.points, target.points]), axis=0).max()
     near = radius or _PAIR_PX + _PAIR_FRACTION * float(field)
     start = getattr(start, "transform", start)
@@ -216,33 +257,40 @@ def paired(
         pivot = source.middle if pivot is None else pivot
         start = Registration("similarity", start, pivot)
     with reading(f"{source.name} and {target.name}"):
-        rows, found = match_points(source.points, target.points, near, start)
+        rows, transform = match_points(source.points, target.points, near, start)
     a, b = rows.T
     pairs = pd.DataFrame(np.hstack([source.points[a], target.points[b]]), columns=STARS)
     counts = f"{len(pairs)} pairs of {len(source)} and {len(target)} stars"
     pairs.attrs["log"] = f"{counts}, less than {near:.3g} px apart"
-    pairs.attrs["mirrored"] = bool(np.linalg.det(found.matrix) < 0)
-    return pairs.assign(row=a, row_reference=b), found
+    pairs.attrs["mirrored"] = bool(np.linalg.det(transform.matrix) < 0)
+    return pairs.assign(row=a, row_reference=b), transform
 
 
 class RegisteredPictures(RegistrationResult):
     """The transform that maps the stars of one image onto the stars of another image.
 
-    In addition to `Registered`, it has the ``source_stars`` and ``target_stars``, their ``pairs``
-    with residuals, their scatter ``beyond`` the errors of the centres, in px, and a ``log``.
+    In addition to `RegistrationResult`, it has the ``source_stars`` and ``target_stars``, their
+    ``pairs`` with residuals, the ``extra_scatter`` beyond the errors of the centres, in px, and a
+    ``log``.
+    ``reproduce.posterior("registration", data=fit.pairs)`` samples the posterior of the same model.
     """
 
     def __init__(
         self,
-        source: Stars,
-        target: Stars,
+        source: Any,
+        target: Any,
         pivot: Any = None,
         start: Any = None,
         radius: float | None = None,
+        threshold: float | None = None,
+        sep: str | None = None,
         robust: bool = True,
         **settings: Any,
     ) -> None:
-        pairs, found = paired(source, target, start, radius, pivot)
+        names = {"source": source, "target": target}
+        both = [_stars(one, threshold, sep, name) for name, one in names.items()]
+        self.source_stars, self.target_stars = source, target = both
+        pairs, found = _paired(source, target, start, radius, pivot)
         if pairs.attrs["mirrored"] and settings.get("model") != "affine":
             raise ValueError(
                 f"{source.name} and {target.name} mirror each other: flip one, or take the model "
@@ -250,29 +298,22 @@ class RegisteredPictures(RegistrationResult):
             )
         pivot = source.middle if pivot is None else pivot
         used = settings | {"robust": robust and len(pairs) >= _MIN_PAIRS_ROBUST}
-        both = [(source, pairs["row"]), (target, pairs["row_reference"])]
-        points, other = (stars.points[rows] for stars, rows in both)
-        known = np.stack([stars.covariance[rows] for stars, rows in both])
+        rows = [pairs["row"].to_numpy(), pairs["row_reference"].to_numpy()]
+        points = pairs[[*STARS]].to_numpy()
+        known = np.stack([s.covariance[row] for s, row in zip(both, rows, strict=True)])
         weights, self.extra_scatter = pair_weights(
-            points, other, pivot, known, found, **used
+            points[:, :2], points[:, 2:], pivot, known, found, **used
         )
-        frames = [stars.frame().iloc[rows] for stars, rows in both]
+        frames = [s.table.iloc[row] for s, row in zip(both, rows, strict=True)]
         for frame in frames:
-            weights = weights * frame.get("weight", 1.0)
-        flux = brightness({str(key): one.to_numpy() for key, one in frames[0].items()})
-        super().__init__(
-            points, other, pivot, weights=np.array(weights), brightness=flux, **used
-        )
-        self._given = {
-            "source": source,
-            "target": target,
-            "pivot": pivot,
-            "start": start,
-        }
-        self._given |= {"radius": radius, "robust": robust, **settings}
-        self.source_stars, self.target_stars = source, target
-        shapes, others = (stars.shapes[rows] for stars, rows in both)
-        finding, covariance = shape_finding(shapes, others, self.transform.matrix)
+            weights = weights * frame.get("weight", pd.Series([1.0])).to_numpy()
+        shown = frames[0].filter(["flux", "mag"]).reset_index(drop=True)
+        super().__init__(pairs.join(shown).assign(weight=weights), None, pivot, **used)
+        self._arguments = {"source": source, "target": target, "pivot": pivot}
+        self._arguments |= {"start": start, "radius": radius, "robust": robust}
+        self._arguments |= settings
+        shapes = [s.shapes[row] for s, row in zip(both, rows, strict=True)]
+        finding, covariance = shape_finding(shapes[0], shapes[1], self.transform.matrix)
         warnings = [*source.findings, *target.findings, *([finding] if finding else [])]
         self.findings += warnings
         self.remarks += [one.text for one in warnings]
@@ -281,9 +322,11 @@ class RegisteredPictures(RegistrationResult):
         self.systematic[np.ix_(shift, shift)] = covariance
         self.title = f"{source.name} on {target.name}: {self.title}"
         fitted, (x, y) = self.fit.weights > 0, self.residuals.T
-        self.pairs = pairs.assign(residual_x=x, residual_y=y, used=fitted)
+        self.pairs = pairs.assign(
+            residual_x=x, residual_y=y, used=fitted, weight=self.fit.weights
+        )
         self.log = [
-            *(f"{one.name}: {'; '.join(one.log)}" for one in (source, target)),
+            *(f"{one.name}: {'; '.join(one.log)}" for one in both),
             pairs.attrs["log"],
             f"scatter of the pairs beyond the errors of the centres: {self.extra_scatter:.2g} px",
             f"pairs that are dropped because they do not fit the others: {np.sum(~fitted)}",
@@ -292,57 +335,6 @@ class RegisteredPictures(RegistrationResult):
         self._facts |= {"log": self.log, "beyond_px": self.extra_scatter}
 
     def blocks(self) -> Iterator[Block]:
-        """Yield the parameters, the remarks, and the log."""
+        """Yield the parameters, the warnings, and the log."""
         yield from super().blocks()
-        yield Fold("How the stars were found, and what was dropped", tuple(self.log))
-
-    def posterior(self, **plan: Any) -> Posterior:
-        """Return the posterior of the same model over the pairs that are used, by emcee.
-
-        The weights are those of the fit, and the noise is that of a pair of mean weight. `plan`
-        contains steps, walkers, seed and priors.
-        """
-        from reproduce.views.posterior import Posterior
-
-        used = self.pairs.assign(weight=self.fit.weights)[self.pairs["used"]]
-        pivot = tuple(self.transform.pivot.tolist())
-        plan = {"pivot": pivot, "model": self.model, **plan}
-        return Posterior("registration", data=used.reset_index(drop=True), **plan)
-
-    def save(self, path: str | Path) -> Path:
-        """Draw the residuals of the pairs that are used: .svg, .pdf or .png."""
-        from reproduce.views.figure import save, styled_figure
-
-        save(styled_figure(self._paint), Path(path))
-        return Path(path)
-
-    def _paint(self, figure: Figure) -> None:
-        used = self.pairs[self.pairs["used"]]
-        columns = used[["x", "y", "residual_x", "residual_y"]].to_numpy().T
-        axes = figure.subplots()
-        axes.quiver(*columns, angles="xy")
-        length = float(np.median(np.hypot(*columns[2:])))
-        axes.set(
-            title=f"residuals, median {length:.2g} px",
-            xlabel="x (px)",
-            ylabel="y (px)",
-            aspect="equal",
-        )
-        axes.invert_yaxis()
-
-
-def registered(
-    source: Any,
-    target: Any,
-    pivot: Any,
-    threshold: float | None,
-    sep: str | None = None,
-    **settings: Any,
-) -> RegisteredPictures:
-    """Register an image or list of stars to another one.
-
-    The arguments are those of `reproduce.register`; `settings` are of `RegisteredPictures`.
-    """
-    first = stars_of(source, threshold, sep, "source")
-    second = stars_of(target, threshold, sep, "target")
-    return RegisteredPictures(first, second, pivot, **settings)
+        yield Fold("Detection of the stars, and dropped pairs", tuple(self.log))

@@ -12,7 +12,7 @@ from importlib.util import find_spec
 from io import BytesIO
 from pathlib import Path
 from textwrap import dedent
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -41,26 +41,15 @@ from reproduce.store.points import STARS, DataTable, is_table, matched_stars, re
 from reproduce.version import __version__
 from reproduce.views import computed
 from reproduce.views.base import text_of
-from reproduce.views.blocks import Block, Blocks, Fold, Grid, Html
+from reproduce.views.blocks import Block, Blocks, Display, Fold, Grid, Html
 from reproduce.views.corner import MAX_PARAMETERS, draw_corner
 from reproduce.views.export import cite_related, export_frame, provenance_of
 from reproduce.views.figure import figure_block
-from reproduce.views.measurements import UserResult, platform_of
+from reproduce.views.measurements import platform_of
 from reproduce.views.numbers import digits, minus, moments
 
-# A mark that is further out, in standard deviations, would leave no room for the posterior.
-_MAX_MARK = 8.0
-# Arguments that belong to your data.
-_DATA_ARGUMENTS = (
-    "pivot",
-    "platform",
-    "model",
-    "weights",
-    "source_covariance",
-    "target_covariance",
-)
-_SAMPLING_ARGUMENTS = ("steps", "walkers", "seed")
-# Probably false stars that a line names.
+_PLAN_ARGUMENTS = ("steps", "walkers", "seed")
+# Probably false stars that a sentence names.
 _MAX_NAMED = 5
 # Arrays of a sampled posterior that a build stores.
 _STORED_ARRAYS = ("chain", "log_posterior", "acceptance")
@@ -71,9 +60,9 @@ def book_posterior(name: str) -> PosteriorSamples:
     """Return a posterior of the book, which only one process of a build samples."""
     model, plan = posteriors()[name].model(), posteriors()[name].plan()
 
-    def dump(found: PosteriorSamples) -> bytes:
+    def dump(samples: PosteriorSamples) -> bytes:
         content = BytesIO()
-        np.savez(content, **{key: getattr(found, key) for key in _STORED_ARRAYS})
+        np.savez(content, **{key: getattr(samples, key) for key in _STORED_ARRAYS})
         return content.getvalue()
 
     def load(content: bytes) -> PosteriorSamples:
@@ -88,84 +77,87 @@ def book_posterior(name: str) -> PosteriorSamples:
     )
 
 
-class Posterior(UserResult):
+class Posterior(Display):
     """A posterior of the book, or the same model for your data, sampled on first use.
 
-    The arguments are those of `reproduce.posterior`.
+    Parameters
+    ----------
+    arguments : mapping
+        Arguments of `reproduce.posterior`, by name.
     """
 
-    def __init__(self, name: str, **given: Any) -> None:
-        if name not in posteriors():
+    def __init__(self, arguments: Mapping[str, Any]) -> None:
+        self._arguments, settings = arguments, dict(arguments)
+        self.name, data = settings.pop("name"), settings.pop("data", None)
+        if self.name not in posteriors():
             raise ValueError(
-                f"unknown posterior {name!r}: expected one of {list(posteriors())}"
+                f"name: expected one of {', '.join(posteriors())}, got {self.name!r}"
             )
-        self.name, self.declared = name, posteriors()[name]
-        self._priors = dict(given.get("priors") or {})
-        self._given = {**given, "priors": self._priors, "name": name}
-        data, data_seed = given.get("data"), given.get("data_seed")
-        if data_seed is not None and (data is not None or not self.declared.simulated):
-            raise ValueError(
-                f"data_seed: expected none, the data of {name} are not simulated here"
-            )
-        check_randomness(name, True, (), data_seed)
-        self.plan = self.declared.plan(**self._arguments(_SAMPLING_ARGUMENTS))
+        self.declared = posteriors()[self.name]
+        self._priors, seed = settings.pop("priors", {}), settings.pop("data_seed", None)
+        check_randomness(self.name, True, (), seed)
+        plan = {key: settings.pop(key) for key in _PLAN_ARGUMENTS if key in settings}
+        self.plan = self.declared.plan(**plan)
         self._table: DataTable | None = None
         self.remarks: tuple[str, ...] = ()
-        own = self._arguments(_DATA_ARGUMENTS)
-        if data is not None:
-            self._table, own = self._read(data, own)
-            model, self.remarks = self.declared.supplied(self._table, own)
-            rows = self._table.rows
-            # A star of weight zero is left out.
-            self._rows = rows[np.broadcast_to(own.get("weights", 1.0), rows.shape) > 0]
-        elif own:
+        if seed is not None and (data is not None or not self.declared.simulated):
             raise ValueError(
-                f"{next(iter(own))}: expected data of your own next to it, got none"
+                f"data_seed: expected none, because the data of {self.name} are not simulated here"
             )
+        if data is not None:
+            self._table, settings = self._read(data, settings)
+            model, self.remarks = self.declared.supplied(self._table, settings)
+            rows = self._table.rows
+            # Stars of weight zero are omitted.
+            self._rows = rows[
+                np.broadcast_to(settings.get("weights", 1.0), rows.shape) > 0
+            ]
+        elif settings:
+            raise ValueError(f"{min(settings)}: expected data with it, got none")
         else:
-            model = self.declared.model(data_seed)
+            model = self.declared.model(seed)
+        # Printed cells that the model depends on.
+        self.inputs = self.declared.inputs if data is None else ()
         shown = {one.name: one for one in model.parameters}
         priors = {
             key: _prior(shown[key], one) if key in shown else one
             for key, one in self._priors.items()
         }
         self.model = model.with_priors(priors)
-        # Printed cells that reach the model.
-        self.inputs = self.declared.inputs if self._table is None else ()
 
-    def _arguments(self, names: tuple[str, ...]) -> dict[str, Any]:
-        """Return those of the named arguments that are given."""
-        given = {name: self._given.get(name) for name in names}
-        return {name: value for name, value in given.items() if value is not None}
-
-    def _read(self, data: Any, own: dict[str, Any]) -> tuple[DataTable, dict[str, Any]]:
+    def _read(
+        self, data: Any, settings: dict[str, Any]
+    ) -> tuple[DataTable, dict[str, Any]]:
         """Return your data, and the arguments and columns that belong to them."""
         if not is_table(data):
             raise TypeError(
-                f"data: expected a file or a table with named columns, got "
+                "data: expected a file or a table with named columns, got "
                 f"{type(data).__name__}. Use DataFrame(array, columns=[...])"
             )
-        file, sep = self.declared.format(), self._given.get("sep")
-        for key in own.keys() - {*file.accepts}:
+        file = self.declared.format()
+        if unknown := settings.keys() - {*file.accepts, "sep"}:
             raise ValueError(
-                f"{key}: expected none for {self.name}, got {own[key]!r}. Leave it out"
+                f"{min(unknown)}: expected none for {self.name}. Leave it out"
             )
-        if "platform" in own:
-            own["platform"] = platform_of(own["platform"])
+        if "platform" in settings:
+            settings["platform"] = platform_of(settings["platform"])
         if file.columns == STARS:
-            return matched_stars(data, None, {**own, "sep": sep})
-        return read_table(data, file.columns, file.optional, sep), own
+            return matched_stars(data, None, settings)
+        sep = settings.pop("sep", None)
+        return read_table(data, file.columns, file.optional, sep), settings
 
     @property
     def changes(self) -> str:
-        """The arguments that differ from the posterior of the book, in one line."""
-        numbers = self._arguments(("data_seed", *_SAMPLING_ARGUMENTS)).items()
-        priors = (f"prior of {name}" for name in self._priors)
-        return ", ".join((*priors, *(f"{key} = {value}" for key, value in numbers)))
+        """Arguments that differ from the posterior of the book, in one line."""
+        changes = [f"prior of {name}" for name in self._priors]
+        for name in ("data_seed", *_PLAN_ARGUMENTS):
+            if name in self._arguments:
+                changes.append(f"{name} = {self._arguments[name]}")
+        return ", ".join(changes)
 
     @property
     def provenance(self) -> dict[str, str]:
-        """The provenance in its files."""
+        """Provenance in files."""
         setting = f"data {self.data_text}; {self.changes or 'no change'}"
         return provenance_of(self.cite("text"), setting)
 
@@ -175,7 +167,7 @@ class Posterior(UserResult):
 
     @cached_property
     def sampled(self) -> PosteriorSamples:
-        """The sampled posterior itself, for what this object does not offer."""
+        """Samples of the posterior, with the model and the chains."""
         return book_posterior(self.name) if self._in_book else self.sample()
 
     def sample(
@@ -183,64 +175,88 @@ class Posterior(UserResult):
         executor: Executor | None = None,
         progress: inference.Progress | None = None,
     ) -> PosteriorSamples:
-        """Sample now, on an executor if given; `progress` receives the ensembles done and all.
+        """Sample the posterior now.
 
-        If no number of steps is given, chains that are too short are run again, longer.
+        Without the argument `steps`, chains that are too short are sampled again with more steps.
+
+        Parameters
+        ----------
+        executor : concurrent.futures.Executor, optional
+            Executor of the ensembles. Default: this process.
+        progress : callable, optional
+            Function that receives the number of finished and of all ensembles.
+
+        Returns
+        -------
+        reproduce.inference.PosteriorSamples
+            The sampled posterior, also in the attribute ``sampled``.
         """
-        longer = self._given.get("steps") is None
         self.sampled = sampling.sample(
-            self.model, self.plan, longer=longer, executor=executor, progress=progress
+            self.model,
+            self.plan,
+            longer="steps" not in self._arguments,
+            executor=executor,
+            progress=progress,
         )
         return self.sampled
 
     @property
     def data_record(self) -> dict[str, Any]:
-        """The data for programs: kind, paper, truth or file, hash and pivot.
+        """Data for programs: kind, paper, truth or file, hash and pivot.
 
-        The hash is that of the file, or of the printed cells that reach the model.
+        The hash is the hash of the file, or of the printed cells that the model depends on.
         """
-        declared, own = self.declared, self._table
-        if own:
-            data = {"kind": "file", "file": own.path, "rows": len(own.rows)}
-            data["sha256"] = own.sha256
-        else:
-            kind = "simulated" if declared.simulated else "printed"
-            data = {"kind": kind, "paper": declared.paper, "truth": self.truth}
-            data["sha256"] = declared.sha256()
+        data: dict[str, Any] = {
+            "kind": "simulated" if self.declared.simulated else "printed",
+            "paper": self.declared.paper,
+            "truth": self.truth,
+            "sha256": self.declared.sha256(),
+        }
+        if table := self._table:
+            data = {"kind": "file", "file": table.path, "rows": len(table.rows)}
+            data["sha256"] = table.sha256
         pivots = getattr(self.model.likelihood, "pivots", ())
-        return data | ({"pivot": [one.tolist() for one in pivots]} if pivots else {})
+        return data | (
+            {"pivot": [pivot.tolist() for pivot in pivots]} if pivots else {}
+        )
 
     @property
     def data_text(self) -> str:
-        """The data in one line."""
-        found, paper = self.data_record, self.declared.paper
-        if self._table is None:
-            simulated = f"simulated by us with printed settings of {paper}"
-            return simulated if self.declared.simulated else f"as printed in {paper}"
-        line = f"of {Path(found['file']).name}, {found['rows']} rows"
-        for x, y in found.get("pivot", ()):
-            line += f", pivot ({x:.6g}, {y:.6g}) px"
-            line += "" if self._given.get("pivot") else ", the mean of the stars"
-        return line
+        """Data in one line."""
+        data = self.data_record
+        if data["kind"] != "file":
+            simulated = "simulated by us with printed settings of"
+            text = simulated if self.declared.simulated else "as printed in"
+            return f"{text} {self.declared.paper}"
+        text = f"of {Path(data['file']).name}, {data['rows']} rows"
+        for x, y in data.get("pivot", ()):
+            text += f", pivot ({x:.6g}, {y:.6g}) px"
+            text += ", the mean of the stars" * ("pivot" not in self._arguments)
+        return text
 
     @cached_property
     def checks(self) -> list[inference.PredictiveCheck]:
-        """Numbers of the data compared with those of simulations from the posterior."""
+        """Numbers of the data compared with simulations from the posterior."""
         return inference.posterior_checks(self.sampled)
 
     def stars(self) -> pd.DataFrame:
-        """Return each star's posterior probability of being false, the mean over the draws.
+        """Return the posterior probability of each star to be a wrong match.
 
-        One row per star, with its row in the source or its number, and its place in the channel.
+        Returns
+        -------
+        pandas.DataFrame
+            One row per star: its row in your table or its number, its position in px, and
+            ``probability_false``, the mean over the draws.
 
         Raises
         ------
         ValueError
-            If the model has no false stars.
+            If the model has no wrong matches.
         """
         if self._stars is None:
             raise ValueError(
-                f"{self.name} takes all stars as true. Use registration-mixture"
+                f"name: expected a model with wrong matches, got {self.name}. Use "
+                "registration-mixture"
             )
         return self._stars.copy()
 
@@ -257,24 +273,20 @@ class Posterior(UserResult):
 
     @property
     def false_stars(self) -> str:
-        """The stars that are probably false, in one line; empty if the model has none."""
+        """Stars that are probably matched wrongly, in one line; empty without such a model."""
         if self._stars is None:
             return ""
-        found = self._stars.sort_values(
-            "probability_false", ascending=False, kind="stable"
-        )
-        likely = found[found["probability_false"] > 0.5].iloc[:, 0]
-        if likely.empty:
-            return f"None of {len(found)} stars is probably matched wrongly"
-        rest = f" and {len(likely) - _MAX_NAMED} more" * (len(likely) > _MAX_NAMED)
-        return (
-            f"{len(likely)} of {len(found)} stars are probably matched wrongly: "
-            f"{likely.name} {', '.join(map(str, likely[:_MAX_NAMED]))}{rest}"
-        )
+        likely = self._stars.query("probability_false > 0.5")
+        likely = likely.sort_values("probability_false", ascending=False, kind="stable")
+        numbers = likely.iloc[:, 0].astype(str)
+        rest = len(likely) - _MAX_NAMED
+        names = ", ".join(numbers[:_MAX_NAMED]) + f" and {rest} more" * (rest > 0)
+        text = f"{len(likely)} of {len(self._stars)} stars are probably matched wrongly"
+        return f"{text}: {likely.columns[0]} {names}" if names else text
 
     @property
     def source(self) -> str:
-        """The text of the function that makes the model, and of its likelihood."""
+        """Source code of the function that makes the model, and of its likelihood."""
         kind = type(self.model.likelihood)
         parts = (self.declared.build, kind.__call__, kind.pointwise)
         return "\n\n".join(dedent(text_of(part)) for part in parts)
@@ -282,30 +294,31 @@ class Posterior(UserResult):
     @property
     def setup(self) -> Blocks:
         """Data, priors with their reasons, and the code of the model."""
-        rows = [(*row[:2], minus(row[2]), row[3]) for row in self.priors.itertuples()]
-        heads = ("Parameter", "Unit", "Prior", "Why")
-        title = f"What is sampled. Data {self.data_text}."
+        title = f"Parameters and priors. Data {self.data_text}."
+        grid = Grid.of_frame(title, self.priors, kind="rp-small")
         code = Markup('<pre class="rp-source">{}</pre>').format(self.source)
-        fold = Fold("The model as code", (Html(code),))
-        return Blocks((Grid(title, heads, rows, kind="rp-small"), fold))
+        return Blocks((grid, Fold("The model as code", (Html(code),))))
 
     def frame(self) -> pd.DataFrame:
         """Return the summary: one row per parameter and consequence, in the displayed unit."""
-        rows = {row.name: vars(row) for row in self.sampled.summaries()}
-        frame = pd.DataFrame.from_dict(rows, orient="index")
-        return frame.drop(columns="name").rename_axis("parameter")
+        frame = pd.DataFrame(map(vars, self.sampled.summaries()))
+        return frame.set_index("name").rename_axis("parameter")
 
     summary = frame
+
+    def export(self, form: str) -> str:
+        """Return the summary as csv, json, latex or markdown."""
+        return export_frame(self.frame(), form, self.provenance)
 
     @property
     def priors(self) -> pd.DataFrame:
         """Unit and prior of each parameter, with the reason."""
-        rows = {
-            one.name: (one.unit, str(one.prior.in_unit(one.shown)), one.prior.reason)
-            for one in self.model.parameters
-        }
-        columns = ["unit", "prior", "why"]
-        return pd.DataFrame.from_dict(rows, orient="index", columns=columns)
+        rows = [
+            (p.name, p.unit, str(p.prior.in_unit(p.shown)), p.prior.reason)
+            for p in self.model.parameters
+        ]
+        columns = ["parameter", "unit", "prior", "why"]
+        return pd.DataFrame(rows, columns=columns).set_index("parameter")
 
     @property
     def draws(self) -> pd.DataFrame:
@@ -313,7 +326,19 @@ class Posterior(UserResult):
         return self._framed(self.sampled.draws)
 
     def exact(self, draws: int = 10_000, seed: int = 0) -> pd.DataFrame:
-        """Return independent draws of a registration in closed form, as `draws`, without emcee.
+        """Return independent draws of a registration in closed form, without emcee.
+
+        Parameters
+        ----------
+        draws : int
+            Number of draws.
+        seed : int
+            Seed of the random number generator.
+
+        Returns
+        -------
+        pandas.DataFrame
+            One row per draw, with the columns of `draws`.
 
         Raises
         ------
@@ -324,27 +349,46 @@ class Posterior(UserResult):
 
     def _framed(self, rows: NDArray[np.float64]) -> pd.DataFrame:
         parameters = self.model.parameters
-        heads = [f"{one.name} ({one.unit})" for one in parameters]
-        return pd.DataFrame(rows * [one.shown for one in parameters], columns=heads)
+        heads = [f"{parameter.name} ({parameter.unit})" for parameter in parameters]
+        return pd.DataFrame(
+            rows * [parameter.shown for parameter in parameters], columns=heads
+        )
 
     def log_likelihood(self) -> pd.DataFrame:
-        """Return the log likelihood of each star or spot, one row for each of some draws."""
-        found = self.sampled.log_likelihood()
-        return pd.DataFrame(found.reshape(found.shape[0] * found.shape[1], -1))
+        """Return the log likelihood of each star or spot, one row per thinned draw."""
+        values = self.sampled.log_likelihood()
+        return pd.DataFrame(values.reshape(values.shape[0] * values.shape[1], -1))
 
     @property
     def truth(self) -> dict[str, float]:
-        """The parameters of the simulation, in the displayed unit; empty for other data."""
+        """Parameters of the simulation, in the displayed unit; empty for other data."""
         return {} if self._table else self._shown(self.declared.true_values())
 
     def _shown(self, values: Mapping[str, float]) -> dict[str, float]:
-        factors = {one.name: one.shown for one in self.model.parameters}
+        factors = {
+            parameter.name: parameter.shown for parameter in self.model.parameters
+        }
         return {name: value * factors[name] for name, value in values.items()}
 
     def corner(self, *names: str) -> Html:
-        """Return the corner plot of up to five parameters, the first ones by default.
+        """Return the corner plot of up to five parameters.
 
-        The truth of simulated data is marked, else a least-squares or nominal estimate.
+        The truth of simulated data is marked, otherwise a least-squares or nominal estimate.
+
+        Parameters
+        ----------
+        *names : str
+            Names of the parameters. Default: the first five.
+
+        Returns
+        -------
+        Html
+            The plot for a notebook or a page.
+
+        Raises
+        ------
+        ValueError
+            If a name is unknown or appears twice, or there are more than five names.
         """
         known = self.model.names
         names = names or known[:MAX_PARAMETERS]
@@ -353,20 +397,15 @@ class Posterior(UserResult):
                 f"names: expected up to {MAX_PARAMETERS} different parameters of "
                 f"{', '.join(known)}, got {', '.join(names)}. All draws are in `draws`"
             )
-        kind, found = "truth of the simulation", self.truth
-        if not found:
+        kind, marks = "truth of the simulation", self.truth
+        if not marks:
             kind = "least-squares or nominal estimate"
             start = self.model.likelihood.start()[0].tolist()
-            found = self._shown(dict(zip(known, start, strict=True)))
-        rows = {row.name: row for row in self.sampled.rows if row.name in names}
-        marks = {
-            name: found[name]
-            for name, row in rows.items()
-            if name in found and abs(found[name] - row.mean) < _MAX_MARK * row.deviation
-        }
+            marks = self._shown(dict(zip(known, start, strict=True)))
+        marks = {name: marks[name] for name in names if name in marks}
         caption = f"Posterior of {self.name}, data {self.data_text}."
         caption += f" Orange: {kind}." * bool(marks)
-        caption += " Contours hold 50 % and 95 % of the draws." * (len(names) > 1)
+        caption += " Contours contain 50 % and 95 % of the draws." * (len(names) > 1)
         return figure_block(
             f"figure-posterior-{self.model.name}-corner" + "-own" * (not self._in_book),
             partial(draw_corner, posterior=self.sampled, names=names, marks=marks),
@@ -375,12 +414,22 @@ class Posterior(UserResult):
         )
 
     def save(self, path: str | Path) -> Path:
-        """Write the draws, in the displayed units: ``.csv``, or ``.nc`` for ArviZ.
+        """Write the draws, in the displayed units.
 
         The draws are nearly independent. An ``.nc`` file has the groups of ArviZ: posterior,
         sample_stats, log_likelihood, posterior_predictive, prior, prior_predictive and
         observed_data, with units, priors and the source of the data as attributes. It needs the
         packages xarray and h5netcdf.
+
+        Parameters
+        ----------
+        path : path
+            File with the ending ``.csv``, or ``.nc`` for ArviZ.
+
+        Returns
+        -------
+        pathlib.Path
+            The file.
 
         Raises
         ------
@@ -400,72 +449,71 @@ class Posterior(UserResult):
 
     @staticmethod
     def check_file(path: str | Path) -> Path:
-        """Return `path`, or raise `ValueError` before the sampling if it cannot be written."""
+        """Return `path`, or raise `ValueError` if it cannot be written."""
         path = check_target(path, DRAWS)
-        packages = ("xarray", "h5netcdf") if path.suffix.lower() == ".nc" else ()
-        if not all(map(find_spec, packages)):
+        if path.suffix.lower() == ".nc" and not all(map(find_spec, _NETCDF_PACKAGES)):
             raise ValueError(
-                f"path: {path} needs other packages. Install xarray and h5netcdf"
+                f"path: expected .csv, because other packages are missing, got {path}. Install "
+                f"{' and '.join(_NETCDF_PACKAGES)}"
             )
         return path
 
     def cite(self, form: str = "bibtex") -> str:
-        """Return its citation with that of the paper: bibtex, ris, csl or text."""
+        """Return its citation and the citation of the paper: bibtex, ris, csl or text."""
         declared = self.declared
         return cite_related(
             "Posterior", self.name, declared.paper, declared.title, form
         )
 
-    def rerun(self, **changes: Any) -> Self:
+    def rerun(self, **changes: Any) -> Posterior:
         """Return the same model with other arguments of `reproduce.posterior`, not yet sampled.
 
-        Priors of parameters that are not named stay.
+        Priors of other parameters do not change.
         """
-        priors = {**self._priors, **(changes.get("priors") or {})}
-        return super().rerun(**{**changes, "priors": priors})
+        changes["priors"] = {**self._priors, **changes.get("priors", {})}
+        arguments = {**self._arguments, **changes}
+        return Posterior(
+            {key: value for key, value in arguments.items() if value is not None}
+        )
 
     def record(self) -> dict[str, Any]:
-        """Return everything of the summary for other programs."""
-        found, stars = self.sampled, self._stars
-        sizes = zip(("ensembles", "steps", "walkers"), found.chain.shape, strict=False)
+        """Return the summary with its provenance for other programs."""
+        samples = self.sampled
+        sizes = zip(
+            ("ensembles", "steps", "walkers"), samples.chain.shape, strict=False
+        )
+        frames = {"parameters": self.frame(), "priors": self.priors}
+        stars = {} if self._stars is None else {"stars": self._stars.to_dict("records")}
         return {
-            "model": found.model.name,
-            "seed": found.seed,
+            "model": self.name,
+            "seed": samples.seed,
             **dict(sizes),
-            "acceptance": list(found.acceptance),
-            "at_prior_end": prior_warnings(found),
+            "acceptance": list(samples.acceptance),
+            **{
+                key: frame.rename_axis("name").reset_index().to_dict("records")
+                for key, frame in frames.items()
+            },
             "modes": {name: modes._asdict() for name, modes in self.modes.items()},
-            "parameters": [asdict(row) for row in found.rows],
-            "consequences": [asdict(row) for row in found.consequences],
+            "checks": [asdict(check) for check in self.checks],
+            "warnings": self.findings,
             "data": self.data_record,
-            "priors": self.priors.rename_axis("name").reset_index().to_dict("records"),
-            "checks": [asdict(one) for one in self.checks],
-            "misfit": misfit(self.checks),
             "versions": _versions(),
-            "remarks": list(self.remarks),
-        } | ({} if stars is None else {"stars": stars.to_dict("records")})
+            **stars,
+        }
 
     def blocks(self) -> Iterator[Block]:
-        """Yield the summary, the convergence, the false stars, and warnings."""
-        truth = {name: minus(f"{value:.6g}") for name, value in self.truth.items()}
-        rows = [
-            (
-                row.name if row.unit == "1" else f"{row.name} ({row.unit})",
-                *((truth.get(row.name, ""),) if truth else ()),
-                *interval(row),
-            )
-            for row in self.sampled.summaries()
-        ]
-        head = (
-            "Quantity",
-            *(("truth",) if truth else ()),
-            "mean ± sd",
-            "95 % interval",
-        )
+        """Yield the summary, the convergence, the wrong matches, and warnings."""
+        truth, rows = self.truth, []
+        for row in self.sampled.summaries():
+            mean, ends = interval(row)
+            unit = "" if row.unit == "1" else f" ({row.unit})"
+            true = minus(f"{truth[row.name]:.6g}") if row.name in truth else ""
+            texts = {"Quantity": row.name + unit, "truth": true, "mean ± sd": mean}
+            rows.append(texts | {"95 % interval": ends})
         changed = f" Changed: {self.changes}." if self.changes else ""
         identifier = f"posterior-{self.name}" if self._in_book else ""
         caption = f"Posterior {self.name}, data {self.data_text}.{changed}"
-        yield Grid(caption, head, rows, identifier)
+        yield Grid.of(caption, rows[0], rows, identifier=identifier)
         yield self._convergence
         if false := self.false_stars:
             yield f"{false}."
@@ -478,7 +526,7 @@ class Posterior(UserResult):
         modes = (
             f"{name} has two modes: {100 * one.below:.0f} % of the draws near {one.low:.3g}, "
             f"{100 * one.above:.0f} % near {one.high:.3g} (in {self.priors['unit'][name]}). Its "
-            "mean is neither"
+            "mean is in neither mode"
             for name, one in self.modes.items()
         )
         found = [*prior_warnings(self.sampled), *modes, self._dropped]
@@ -491,46 +539,47 @@ class Posterior(UserResult):
 
     @property
     def _dropped(self) -> str:
-        """A warning if a robust fit drops more stars than the mixture calls false."""
+        """Warning if a robust fit drops more stars than the mixture."""
         likelihood = self.model.likelihood
         if self._stars is None or not isinstance(likelihood, MixtureRegistration):
             return ""
         dropped = (~likelihood.agreeing).sum()
         false = (self._stars["probability_false"] > 0.5).sum()
-        if dropped <= false:
-            return ""
-        return (
+        text = (
             f"a robust fit drops {dropped} stars, the mixture {false}: wrong stars close to their "
-            "places widen the noise; compare with register(robust=True)"
+            "positions widen the noise; compare with register(robust=True)"
         )
+        return text if dropped > false else ""
 
     @property
     def _convergence(self) -> str:
-        found, frame = self.sampled, self.frame()
-        ensembles, steps, walkers = found.chain.shape[:3]
-        size = frame[["bulk", "tail"]].to_numpy().min()
+        samples, frame = self.sampled, self.frame()
+        ensembles, steps, walkers = samples.chain.shape[:3]
         return (
-            f"{ensembles} ensembles of {walkers} walkers, {steps} steps each, seed {found.seed}; "
-            f"acceptance {min(found.acceptance):.2f} to {max(found.acceptance):.2f}, R-hat up to "
-            f"{frame['rhat'].max():.3f}, effective sample sizes from {size:.0f}; frame() has them "
-            "of each quantity."
+            f"{ensembles} ensembles of {walkers} walkers, {steps} steps each, seed {samples.seed}; "
+            f"acceptance {min(samples.acceptance):.2f} to {max(samples.acceptance):.2f}, R-hat up "
+            f"to {frame['rhat'].max():.3f}, effective sample sizes from "
+            f"{frame[['bulk', 'tail']].to_numpy().min():.0f}; frame() lists them."
         )
+
+
+_NETCDF_PACKAGES = ("xarray", "h5netcdf")
 
 
 def _versions() -> dict[str, str]:
     """Return the versions of the software that made a posterior."""
-    found = {name: version(name) for name in ("numpy", "scipy", "emcee")}
-    return {"reproduce-pointing": __version__, **found}
+    versions = {name: version(name) for name in ("numpy", "scipy", "emcee")}
+    return {"reproduce-pointing": __version__, **versions}
 
 
 def spread(row: Summary) -> tuple[str, str, str, str]:
-    """Write the mean of a summary, its standard deviation and the bounds of its 95 %."""
+    """Return the mean of a summary, its standard deviation and the bounds of its 95 % as text."""
     low, high = (digits(bound, row.mcse_end) for bound in (row.low, row.high))
     return digits(row.mean, row.mcse), f"{row.deviation:.2g}", low, high
 
 
 def interval(row: Summary) -> tuple[str, str]:
-    """Write mean ± standard deviation of a summary, and the bounds of its 95 %."""
+    """Return mean ± standard deviation of a summary, and the bounds of its 95 % as text."""
     return moments(row.mean, row.deviation), minus(" to ".join(spread(row)[2:]))
 
 
@@ -540,7 +589,7 @@ def _prior(
     """Return your prior in SI units; its numbers are in the displayed unit."""
     if not isinstance(prior, inference.Prior):
         try:
-            low, high = (float(one) for one in prior)
+            low, high = map(float, prior)
             if low < 0 and isinstance(parameter.prior, inference.LogUniform):
                 raise ValueError(f"expected zero or more, got {low:g}")
             prior = inference.Uniform(low, high, "bounds given by the user")

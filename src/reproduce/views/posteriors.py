@@ -1,15 +1,19 @@
-"""All posteriors of the book: results, diagnostics, and the tables that they accept."""
+"""All posteriors of the book: results, diagnostics, and the format of your data."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from pathlib import Path
 
 import pandas as pd
 from markupsafe import Markup
+from numpy.typing import ArrayLike
 
-from reproduce.inference import ConvergenceCriteria
+from reproduce import inference
+from reproduce.inference import ConvergenceCriteria, Summary
 from reproduce.papers.declare import item_text
 from reproduce.papers.posteriors import posteriors
+from reproduce.physics.attitude import Platform
 from reproduce.printed.cells import find
 from reproduce.printed.number import UNITS, symbol
 from reproduce.store import studies
@@ -19,58 +23,125 @@ from reproduce.views.numbers import digits, minus, percent
 from reproduce.views.posterior import Posterior, book_posterior, interval
 from reproduce.views.verdicts import quantity
 
-# Standard deviations too small by 10 and 5 %: columns of the calibrations with their power.
+# Columns of the calibrations with their power: standard deviations too small by 10 and 5 %.
 _POWERS = {"10": "narrow_10", "5": "narrow_5"}
-# The fraction of right curves that leave their own band.
-_OUTSIDE = 0.05
+# Fraction of correct curves that leave their own band.
+_OUTSIDE_FRACTION = 0.05
+
+
+def posterior(
+    name: str | None = None,
+    data: str | Path | pd.DataFrame | None = None,
+    pivot: tuple[float, float] | None = None,
+    priors: Mapping[str, inference.Prior | tuple[float, float]] | None = None,
+    *,
+    model: str | None = None,
+    weights: ArrayLike | None = None,
+    source_covariance: ArrayLike | None = None,
+    target_covariance: ArrayLike | None = None,
+    platform: Platform | str | Path | None = None,
+    sep: str | None = None,
+    data_seed: int | None = None,
+    steps: int | None = None,
+    walkers: int | None = None,
+    seed: int | None = None,
+) -> Posterior | Posteriors:
+    """Return a posterior of the book, the same model for your data, or all posteriors.
+
+    Parameters
+    ----------
+    name : str, optional
+        Name of a model, such as ``registration``. ``rp.posterior().models`` lists all names.
+        Default: all posteriors of the book.
+    data : path or table, optional
+        Your data, as in `register`. ``rp.posterior().models`` lists the columns.
+    pivot : tuple of float, optional
+        Principal point of your stars, in px. Default: their mean.
+    priors : mapping, optional
+        Name of a parameter to the bounds of a uniform prior, or to a prior of
+        `reproduce.inference`. All numbers are in the displayed unit of the parameter.
+    model : str, optional
+        Transform of your stars, as in `register`, for ``registration``. Default: a similarity.
+    weights, source_covariance, target_covariance : array_like, optional
+        Errors of your stars, as in `register`, for ``registration``.
+    platform : Platform or path, optional
+        Fiducial lights and tracker of your laser spots, as in `misalignment`.
+    sep : str, optional
+        Separator of the columns of a text file. Default: a comma.
+    data_seed : int, optional
+        Seed of the simulated data of the book.
+    steps, walkers, seed : int, optional
+        Kept steps and walkers of each ensemble, and seed of the sampler. Default: the plan of the
+        book.
+
+    Returns
+    -------
+    Posterior or Posteriors
+        One posterior, not yet sampled, or all posteriors of the book.
+
+    Raises
+    ------
+    ValueError
+        If the model does not accept an argument, or the data are wrong.
+    """
+    arguments = {key: value for key, value in locals().items() if value is not None}
+    if name is not None:
+        return Posterior(arguments)
+    if arguments:
+        raise TypeError(
+            f"name: expected a model for {min(arguments)}, such as 'registration', got none. Add it"
+        )
+    return Posteriors()
 
 
 class Posteriors(Display):
     """Every posterior of the book, with the printed values and their verdicts."""
 
     def blocks(self) -> Iterator[Block]:
-        """Yield one table of all."""
-        head = (
-            "Quantity",
-            "Printed",
-            "Posterior, mean ± sd",
-            "95 % interval",
-            "Truth of our simulation",
-            "Verdict of the print",
-        )
-        rows = [
-            _summarised(key, name, text)
-            for key, one in posteriors().items()
-            for name, text in one.summary.items()
-        ]
-        yield Grid(item_text("posteriors/all").caption, head, rows, "posteriors")
+        """Yield one table of all posteriors."""
+        rows = []
+        for key, declared in posteriors().items():
+            summaries = {row.name: row for row in book_posterior(key).summaries()}
+            for name, text in declared.summary.items():
+                rows.append(_summarised(key, summaries[name], text))
+        caption = item_text("posteriors/all").caption
+        yield Grid.of(caption, rows[0], rows, identifier="posteriors")
 
     @property
     def models(self) -> Blocks:
         """Titles of the models, and the columns of a table of your data."""
-        provenance = [
-            (name, one.paper, one.title) for name, one in posteriors().items()
-        ]
-        files: dict[tuple[str, str], list[str]] = {}
-        for key, one in posteriors().items():
-            known = ("none", one.file) if isinstance(one.file, str) else one.file.texts
-            files.setdefault(known, []).append(key)
-        columns = [(", ".join(keys), *known) for known, keys in files.items()]
-        heads = ("Models", "Columns", "What they hold")
-        models = ("Model", "Paper", "About")
+        models, files = [], dict[tuple[str, str], list[str]]()
+        for key, declared in posteriors().items():
+            models.append((key, declared.paper, declared.title))
+            file = declared.file
+            texts = ("none", file) if isinstance(file, str) else file.texts
+            files.setdefault(texts, []).append(key)
+        columns = [(", ".join(keys), *texts) for texts, keys in files.items()]
+        caption = item_text("posteriors/models").caption
         return Blocks(
             (
-                Grid("The models.", models, provenance),
-                Grid(item_text("posteriors/models").caption, heads, columns),
+                Grid("The models.", ("Model", "Paper", "Title"), models),
+                Grid(caption, ("Models", "Columns", "Meaning"), columns),
             )
         )
 
     def titles(self) -> dict[str, str]:
         """Return the titles by name."""
-        return {name: one.title for name, one in posteriors().items()}
+        return {name: declared.title for name, declared in posteriors().items()}
 
     def diagnostics(self, paper: str) -> Blocks:
-        """Return chains and calibration of each posterior of a paper."""
+        """Return chains and calibration of each posterior of a paper.
+
+        Parameters
+        ----------
+        paper : str
+            Name of the paper, such as ``niu2024``.
+
+        Returns
+        -------
+        Blocks
+            A table with a row per posterior.
+        """
         stored = studies.table("calibrations")
         trials = stored.attrs["trials"]
         names = [name for name, one in posteriors().items() if one.paper == paper]
@@ -78,20 +149,6 @@ class Posteriors(Display):
         models = stored.groupby("posterior", sort=False)
         rows = [_diagnosed(str(name), one, trials) for name, one in models]
         least, count, limits = stored["even"].min(), len(stored), ConvergenceCriteria
-        powers = (f"sd {share} % too small leaves its band" for share in _POWERS)
-        head = (
-            "Model",
-            "R-hat, largest",
-            "steps / τ, fewest",
-            "ESS, smallest",
-            "acceptance",
-            "replicates",
-            "failed",
-            "quantities",
-            "smallest p (even)",
-            "95 % covers",
-            *powers,
-        )
         caption = item_text("posteriors/diagnostics").caption.format(
             paper=paper,
             rhat=limits.rhat,
@@ -99,48 +156,54 @@ class Posteriors(Display):
             size=limits.size,
             acceptance=limits.acceptance,
             count=count,
-            band=100 * (1 - _OUTSIDE),
-            outside=(stored["even"] < _OUTSIDE).sum(),
-            chance=count * _OUTSIDE,
+            band=100 * (1 - _OUTSIDE_FRACTION),
+            outside=(stored["even"] < _OUTSIDE_FRACTION).sum(),
+            chance=count * _OUTSIDE_FRACTION,
             least=least,
             as_small=count * least,
         )
-        return Blocks((Grid(caption, head, rows),))
+        return Blocks((Grid.of(caption, rows[0], rows),))
 
 
-def _summarised(key: str, name: str, text: str) -> tuple[Entry, ...]:
-    """Return the row of a quantity: label, print, mean ± sd, interval, truth, verdict.
-
-    `text` is the address of the printed cell, or a label.
-    """
-    row = next(row for row in book_posterior(key).summaries() if row.name == name)
+def _summarised(key: str, row: Summary, text: str) -> dict[str, Entry]:
+    """Return the row of a quantity; `text` is the address of its printed cell, or a label."""
     mark = symbol(row.unit) if row.unit in UNITS else row.unit
-    mean, ends = (quantity(one, mark) for one in interval(row))
-    truth = Posterior(key).truth.get(name)
+    mean, ends = (quantity(text_, mark) for text_ in interval(row))
+    truth = Posterior({"name": key}).truth.get(row.name)
     known = "" if truth is None else minus(quantity(f"{truth:.6g}", mark))
     printed, verdict = Markup(""), Markup("")
     if "#" in text:
         (cell,) = find(text)
         printed = link(cell.anchor, cell.shown)
-        verdict = badge(item_ledger(text.partition("#")[0]).cell(text).verdict)
+        verdict = badge(item_ledger(cell.key).cell(text).verdict)
         text = cell.label
-    return link(f"posterior-{key}", text), printed, mean, ends, known, verdict
+    return {
+        "Quantity": link(f"posterior-{key}", text),
+        "Printed": printed,
+        "Posterior, mean ± sd": mean,
+        "95 % interval": ends,
+        "Truth of our simulation": known,
+        "Verdict": verdict,
+    }
 
 
-def _diagnosed(name: str, stored: pd.DataFrame, trials: int) -> tuple[str, ...]:
+def _diagnosed(name: str, stored: pd.DataFrame, trials: int) -> dict[str, Entry]:
     """Return the row of a posterior: chains, then calibration."""
-    found = book_posterior(name)
+    samples = book_posterior(name)
     least, wide = stored.sort_values("even").iloc[0], 100 * stored["covers_95"]
-    return (
-        name,
-        f"{max(one.rhat for one in found.rows):.4f}",
-        f"{found.chain.shape[1] / found.time:.0f}",
-        f"{min(min(one.bulk, one.tail) for one in found.rows):,.0f}",
-        f"{min(found.acceptance):.2f} to {max(found.acceptance):.2f}",
-        f"{least['replicates']:,}",
-        str(least["failed"]),
-        str(len(stored)),
-        digits(least["even"], least["even_error"]),
-        f"{wide.min():.1f} to {wide.max():.1f} %",
-        *(percent(least[column], trials) for column in _POWERS.values()),
-    )
+    row: dict[str, Entry] = {
+        "Model": name,
+        "R-hat, largest": f"{max(one.rhat for one in samples.rows):.4f}",
+        "steps / τ, fewest": f"{samples.chain.shape[1] / samples.time:.0f}",
+        "ESS, smallest": f"{min(min(one.bulk, one.tail) for one in samples.rows):,.0f}",
+        "acceptance": f"{min(samples.acceptance):.2f} to {max(samples.acceptance):.2f}",
+        "replicates": f"{least['replicates']:,}",
+        "failed": str(least["failed"]),
+        "quantities": str(len(stored)),
+        "smallest p (even)": digits(least["even"], least["even_error"]),
+        "95 % covers": f"{wide.min():.1f} to {wide.max():.1f} %",
+    }
+    for percentage, column in _POWERS.items():
+        text = percent(least[column], trials)
+        row[f"sd {percentage} % too small leaves its band"] = text
+    return row

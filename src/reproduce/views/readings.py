@@ -48,10 +48,10 @@ class Readings(Display):
         import pandas as pd
 
         frame = pd.DataFrame({})
-        for found, names in self._found:
-            own = _frame(found, names)
-            shared = [name for name in found.computation.options if name in frame]
-            frame = frame.merge(own, how="left", on=shared) if len(frame) else own
+        for evaluation, names in self._found:
+            part = _frame(evaluation, names)
+            shared = [name for name in evaluation.computation.options if name in frame]
+            frame = frame.merge(part, how="left", on=shared) if len(frame) else part
         agrees = [name for name in frame if str(name).endswith(" agrees")]
         frame["agreeing"] = frame[agrees].eq(True).sum(axis=1)
         # Readings that differ only in options without effect on the results are one reading.
@@ -88,26 +88,28 @@ def _text(cell: PrintedCell, row: Mapping[Any, Any]) -> str:
     return value if row[cell.name] == row[cell.name] else ""
 
 
-def _open_cells(found: Evaluation) -> list[str]:
+def _open_cells(evaluation: Evaluation) -> list[str]:
     """Return the cells of a computation whose result depends on the reading."""
-    key = found.computation.key
+    key = evaluation.computation.key
     return [
-        n for n in found.cells if not unpublished(key, n) and len(found.distinct(n)) > 1
+        n
+        for n in evaluation.cells
+        if not unpublished(key, n) and len(evaluation.distinct(n)) > 1
     ]
 
 
-def _frame(found: Evaluation, names: Iterable[str]) -> pd.DataFrame:
+def _frame(evaluation: Evaluation, names: Iterable[str]) -> pd.DataFrame:
     """Return the choices and the results of one computation under all its readings."""
     import pandas as pd
 
-    frame = pd.DataFrame(found.computation.readings)
+    frame = pd.DataFrame(evaluation.computation.readings)
     for name in names:
-        readings = found.cells[name]
-        frame[name] = [float(f"{one.computed:.9g}") for one in readings]
+        readings = evaluation.cells[name]
+        frame[name] = [float(f"{reading.computed:.9g}") for reading in readings]
         if readings[0].probability is not None:
-            frame[f"{name} p"] = [one.probability for one in readings]
-            frame["joint p"] = found.joint[:, 0]
-        frame[f"{name} agrees"] = [one.agrees for one in readings]
+            frame[f"{name} p"] = [reading.probability for reading in readings]
+            frame["joint p"] = evaluation.joint[:, 0]
+        frame[f"{name} agrees"] = [reading.agrees for reading in readings]
     return frame
 
 

@@ -12,7 +12,7 @@ from reproduce.views import numbers
 from reproduce.views.base import Change, Item, Rerunnable, text_of
 from reproduce.views.blocks import Block, Fold, Grid, Html
 from reproduce.views.export import table_files, toolbar
-from reproduce.views.sweep import Point, Sweep, of_study, swept
+from reproduce.views.sweep import Sweep, of_study, swept
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -32,8 +32,6 @@ class StudyTable(Rerunnable, Item):
     seed : int, optional
         Seed of the random number generator.
     """
-
-    kind = "a table of our own"
 
     @property
     def _declared(self) -> Study:
@@ -74,7 +72,7 @@ class StudyTable(Rerunnable, Item):
         """
         study, before = self._declared, self.frame()
 
-        def compute(step: Change) -> Iterator[Point]:
+        def compute(step: Change) -> pd.DataFrame:
             return of_study(
                 study, (before, self.rerun(step).frame()), columns, rows or {}
             )
@@ -96,14 +94,16 @@ class StudyTable(Rerunnable, Item):
         forms = {column.name: column.form for column in study.columns}
         behind = {*(column.error for column in study.columns), study.folded}
         texts = {}
-        for one in study.columns:
-            if one.name not in behind:
-                errors = frame.get(one.error, [None] * len(frame))
-                texts[one.name] = [
+        for column in study.columns:
+            if column.name not in behind:
+                errors = frame.get(column.error, [None] * len(frame))
+                texts[column.name] = [
                     numbers.entry(
-                        value, one, (error, forms[one.error]) if one.error else None
+                        value,
+                        column,
+                        (error, forms[column.error]) if column.error else None,
                     )
-                    for value, error in zip(frame[one.name], errors, strict=True)
+                    for value, error in zip(frame[column.name], errors, strict=True)
                 ]
         where = f"study-{anchor(self.key)}" + ("-changed" if self.changes else "")
         rows = [list(row) for row in zip(*texts.values(), strict=True)]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -11,7 +12,7 @@ from markupsafe import Markup
 from reproduce.judge import rerun as rerunning
 from reproduce.judge.ledger import Ledger, Record
 from reproduce.judge.verdicts import AGREES
-from reproduce.papers.catalogue import computation_for
+from reproduce.papers.catalogue import computation_for, studies
 from reproduce.printed.cells import PrintedCell, anchor, library
 from reproduce.printed.number import symbol
 from reproduce.views import keys, verdicts
@@ -28,13 +29,49 @@ from reproduce.views.blocks import (
 from reproduce.views.computed import item_ledger
 from reproduce.views.export import export, full_frame, table_files, toolbar
 from reproduce.views.readings import Readings, summary
-from reproduce.views.sweep import Changed, Point, Sweep, of_cells, swept
+from reproduce.views.sweep import Changed, Sweep, of_cells, swept
 
 if TYPE_CHECKING:
     import pandas as pd
 
+    from reproduce.views.study import StudyTable
 
-MIN_CELLS_COUNTED = 4  # a note names fewer cells, and counts more
+
+_HEADS = ("Printed", "Computed", "Verdict")
+
+
+def table(address: str) -> Table | Cell | StudyTable:
+    """Return a table, a group of quoted numbers, one cell of it, or a supplementary table.
+
+    Parameters
+    ----------
+    address : str
+        Key such as ``niu2024/table-3``, cell such as ``niu2024/table-3#scale.red``, or
+        supplementary table such as ``chen2023/heat``.
+
+    Returns
+    -------
+    Table, Cell or StudyTable
+        Printed next to computed values, with verdicts. A supplementary table has no verdicts.
+
+    Raises
+    ------
+    KeyError
+        If there is no such item or cell.
+
+    Examples
+    --------
+    >>> table("niu2024/table-2")["scale.red"].verdict
+    'exact'
+    """
+    key, _, name = str(address).partition("#")
+    if name and key in library():
+        return Cell(library()[key][name])
+    if address in studies():
+        from reproduce.views.study import StudyTable
+
+        return StudyTable(address)
+    return Table(address)
 
 
 class Table(Item):
@@ -48,22 +85,36 @@ class Table(Item):
 
     def __init__(self, key: str) -> None:
         self.key = keys.check_key(key)
-        if self.key not in library():
-            raise ValueError(f"{key} holds no printed numbers; try figure({key!r})")
-        self._printed = library()[self.key]
+        if key not in library():
+            raise ValueError(
+                f"key: expected printed numbers, got the figure {key}. Use figure({key!r})"
+            )
+        self._printed = library()[key]
 
     @cached_property
     def _ledger(self) -> Ledger:
         return item_ledger(self.key)
 
-    @property
-    def _records(self) -> dict[str, Record]:
-        names = self._printed.by_name
-        return dict(zip(names, self._ledger.of(self.key), strict=True))
-
     def __getitem__(self, name: str) -> Cell:
         """Return one cell by its name, such as ``scale.red``."""
-        return Cell(self._printed[name].address)
+        return Cell(self._printed[name])
+
+    @cached_property
+    def _rows(self) -> dict[str, dict[str, str]]:
+        """Texts of each cell by its name and by column, for terminals and exports."""
+        rows = {}
+        pairs = zip(self._printed.cells, self._ledger.records, strict=True)
+        for cell, record in pairs:
+            sigma = [f"{cell.sigma}σ"] if cell.sigma else []
+            rows[cell.name] = {
+                "cell": cell.name,
+                "Quantity": cell.label,
+                "Printed": " ".join((*cell.shown.split(), *sigma, *_notes(cell))),
+                "Computed": verdicts.computed(record),
+                "Verdict": f"{record.verdict} {verdicts.flags(record.flags)}".strip(),
+                "Where": cell.place if cell.place != self._printed.place else "",
+            }
+        return rows
 
     def frame(self) -> pd.DataFrame:
         """Return the table in the layout of the paper.
@@ -76,26 +127,16 @@ class Table(Item):
         """
         import pandas as pd
 
-        rows = [
-            {
-                "printed": r.printed,
-                "computed": verdicts.computed(r),
-                "verdict": r.verdict,
-            }
-            for r in self._records.values()
-        ]
-        frame = pd.DataFrame(rows, index=list(self._records))
-        table, labels = self._printed, [row.id for row in self._printed.rows]
+        table, records = self._printed, self._ledger.records
+        rows = [(r.printed, verdicts.computed(r), r.verdict) for r in records]
+        columns = ["printed", "computed", "verdict"]
+        frame = pd.DataFrame(rows, list(self._rows), columns)
         if len(table.columns) <= 1:
-            units = (one.unit for one in self._records.values())
-            return frame.assign(unit=[unit and symbol(unit) for unit in units])
-        parts = {
-            column.id: frame.loc[[f"{row}.{column.id}" for row in labels]]
-            for column in table.columns
-        }
-        return pd.concat(
-            {n: part.set_axis(labels) for n, part in parts.items()}, axis=1
-        )
+            units = [record.unit and symbol(record.unit) for record in records]
+            return frame.assign(unit=units)
+        labels, width = [row.id for row in table.rows], len(table.columns)
+        parts = [frame[i::width].set_axis(labels) for i in range(width)]
+        return pd.concat(parts, axis=1, keys=[column.id for column in table.columns])
 
     def cells(self) -> pd.DataFrame:
         """Return one row per cell, with every field of the ledger."""
@@ -137,8 +178,10 @@ class Table(Item):
         ValueError
             If a cell is not an input, a value does not fit its cell, or an option is unknown.
         """
-        numbers = {"seed": seed, "replicates": replicates}
-        return Changed(rerunning.rerun(self.key, changes, **numbers, chosen=options))
+        result = rerunning.rerun(
+            self.key, changes, seed=seed, replicates=replicates, chosen=options
+        )
+        return Changed(result)
 
     def sweep(
         self,
@@ -170,32 +213,27 @@ class Table(Item):
         for name in cells:
             self[name]
 
-        def compute(step: Change) -> Iterator[Point]:
-            return of_cells(
-                rerunning.rerun(self.key, step, replicates=replicates), cells
-            )
+        def compute(step: Change) -> pd.DataFrame:
+            result = rerunning.rerun(self.key, step, replicates=replicates)
+            return of_cells(result, cells)
 
         return swept(self.key, address, values, compute)
 
     def export(self, form: str) -> str:
         """Return the table as csv, json, latex or markdown."""
-        return export(self._ledger, self.key, form, self._layout)
-
-    @property
-    def _layout(self) -> Grid:
-        """The table in the layout of the paper."""
-        table, texts = self._printed, self._texts
-        if len(table.columns) <= 1:
-            heads = ("Quantity", *_HEADS, "Where")
-            return Grid.of(self._caption, heads, [*texts.values()])
-        rows = [
-            {
-                "": row.label,
-                **{c.label: texts[f"{row.id}.{c.id}"]["all"] for c in table.columns},
-            }
-            for row in table.rows
-        ]
-        return Grid.of(self._caption, rows[0], rows)
+        table, rows = self._printed, [*self._rows.values()]
+        grid = Grid.of(self._caption, ("Quantity", *_HEADS, "Where"), rows)
+        if (width := len(table.columns)) > 1:
+            # One text in each cell, in the layout of the paper; words have no verdict.
+            texts = [
+                ", ".join(filter(None, map(row.get, _HEADS[: 3 if c.is_number else 1])))
+                for c, row in zip(table.cells, rows, strict=True)
+            ]
+            columns = [[row.label for row in table.rows]]
+            columns += [texts[i::width] for i in range(width)]
+            heads = ["", *(column.label for column in table.columns)]
+            grid = Grid(self._caption, heads, [*zip(*columns, strict=True)])
+        return export(self._ledger, self.key, form, grid)
 
     @property
     def _caption(self) -> str:
@@ -205,33 +243,24 @@ class Table(Item):
         shown = legend if results and len(table.columns) > 1 else ""
         return f"{table.place}. {table.title}.{shown}"
 
-    @cached_property
-    def _texts(self) -> dict[str, dict[str, str]]:
-        """Texts of each cell by its name and by column."""
-        found: dict[str, dict[str, str]] = {}
-        for name, record in self._records.items():
-            cell, flags = self._printed[name], verdicts.flags(record.flags)
-            sigma = [f"{cell.sigma}σ"] if cell.sigma else []
-            printed = " ".join((*cell.shown.split(), *sigma, *_notes(cell)))
-            verdict = f"{record.verdict} {flags}".strip()
-            parts = (printed, verdicts.computed(record), verdict)
-            found[name] = {
-                "cell": name,
-                "Quantity": cell.label,
-                **dict(zip(_HEADS, parts, strict=True)),
-                "Where": cell.place if cell.place != self._printed.place else "",
-                "all": ", ".join(filter(None, parts[: 3 if cell.is_number else 1])),
-            }
-        return found
-
     def blocks(self) -> Iterator[Block]:
         """Yield the table with its notes, readings, reasons and sources."""
         table, records, caption = self._printed, self._ledger.records, self._caption
-        where, texts = anchor(self.key), [*self._texts.values()]
-        parts = {"table": table, "records": self._records, "verdicts": verdicts}
-        page = rendered("table", **parts, notes=_notes, anchor=where, caption=caption)
-        yield Html(page, Grid.of(caption, ("cell", *_HEADS), texts))
-        yield from _noted(table.cells)
+        where = anchor(self.key)
+        page = rendered(
+            "table",
+            table=table,
+            records=dict(zip(self._rows, records, strict=True)),
+            verdicts=verdicts,
+            notes=_notes,
+            anchor=where,
+            caption=caption,
+        )
+        yield Html(page, Grid.of(caption, ("cell", *_HEADS), [*self._rows.values()]))
+        notes = Counter(note for cell in table.cells for note in _notes(cell).items())
+        for (word, text), count in notes.items():
+            cells = f"{count} cells" if count > 1 else "1 cell"
+            yield Markup("<small>{}</small>, {}: {}").format(word, cells, text)
         if joint := self._ledger.table(self.key):
             yield verdicts.joint_sentence(joint)
         if any(record.readings for record in records):
@@ -251,26 +280,11 @@ class Table(Item):
         )
 
 
-_HEADS = ("Printed", "Computed", "Verdict")
-
-
 def _notes(cell: PrintedCell) -> dict[str, str]:
     """Return the notes on a printed value, by the words next to it."""
     unit = cell.unit_assumed if cell.is_number else ""
     notes = {"unit ours": unit, "misprint?": cell.misprint}
     return {word: text for word, text in notes.items() if text}
-
-
-def _noted(cells: Iterable[PrintedCell]) -> Iterator[Markup]:
-    """Yield the notes on printed values, each once for all its cells."""
-    notes: dict[tuple[str, str], list[str]] = {}
-    for cell in cells:
-        for note in _notes(cell).items():
-            notes.setdefault(note, []).append(cell.label)
-    for (word, text), labels in notes.items():
-        counted = len(labels) >= MIN_CELLS_COUNTED
-        which = f"{len(labels)} cells" if counted else "; ".join(labels)
-        yield Markup("<small>{}</small>, {}: {}").format(word, which, text)
 
 
 def _judged(place: str, records: Sequence[Record]) -> Iterator[Block]:
@@ -306,21 +320,23 @@ class Cell(ResultView):
 
     Parameters
     ----------
-    address : str
-        Such as ``niu2024/table-3#scale.red``.
+    cell : PrintedCell
+        The printed cell.
     """
 
-    def __init__(self, address: str) -> None:
-        key, _, name = address.partition("#")
-        self.table = Table(key)
-        self._cell: PrintedCell = library()[self.table.key][name]
-        self.key = self.address = self._cell.address
+    def __init__(self, cell: PrintedCell) -> None:
+        self._cell, self.key, self.address = cell, cell.address, cell.address
         self._maker = computation_for(self.address)
+
+    @property
+    def table(self) -> Table:
+        """Its table."""
+        return Table(self._cell.key)
 
     @cached_property
     def record(self) -> Record:
         """The record of the ledger."""
-        return item_ledger(self.table.key).cell(self.address)
+        return item_ledger(self._cell.key).cell(self.address)
 
     @property
     def printed(self) -> str:
@@ -361,7 +377,8 @@ class Cell(ResultView):
     def export(self, form: str) -> str:
         """Return its record as csv, json, latex or markdown."""
         [grid] = self.blocks()
-        return export(item_ledger(self.table.key), self.address, form, grid)
+        part = Ledger(records=(self.record,), tables=())
+        return export(part, self.address, form, grid)
 
     def blocks(self) -> list[Grid]:
         """Return a table with a row for each property of the cell."""

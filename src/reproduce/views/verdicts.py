@@ -42,7 +42,7 @@ NUMBERS = (
     "Monte Carlo error",
     "allowed by rounded inputs",
     "predicted, central 99 %",
-    "share of the tolerance",
+    "fraction of the tolerance",
     "probability",
 )
 
@@ -53,10 +53,11 @@ def _cell_of(record: Record) -> PrintedCell:
 
 
 def texts(record: Record) -> dict[str, Entry]:
-    """Return the texts of a record by name of the column."""
-    cell, found, unit = _cell_of(record), record.readings, symbol(record.unit or "1")
-    interval = "" if record.interval is None else _between(record, record.interval)
-    drawn = record.probability is not None
+    """Return the texts of a record by name of the column; empty texts do not apply."""
+    cell, drawn = _cell_of(record), record.probability is not None
+    interval = _between(record, record.interval or ())
+    unit = symbol(record.unit or "1")
+    error = minus(f"{record.error:.1g}") if record.error else ""
     shown: dict[str, Entry] = {
         "cell": link(cell.anchor, code(cell.name)),
         "table": record.key,
@@ -64,12 +65,12 @@ def texts(record: Record) -> dict[str, Entry]:
         "printed": cell.shown,
         "stands for": _between(record, record.stands_for or ()),
         "computed": quantity(computed(record, extra=1), unit),
-        "Monte Carlo error": quantity(
-            minus(f"{record.error:.1g}") if record.error else "", unit
-        ),
+        "Monte Carlo error": quantity(error, unit),
         "allowed by rounded inputs": "" if drawn else interval,
         "predicted, central 99 %": interval if drawn else "",
-        "share of the tolerance": "" if record.share is None else f"{record.share:.2f}",
+        "fraction of the tolerance": ""
+        if record.share is None
+        else f"{record.share:.2f}",
         "probability": _probability(record),
         "verdict": badge(record.verdict, qualified(record)),
         "why": _why(record),
@@ -78,43 +79,34 @@ def texts(record: Record) -> dict[str, Entry]:
         paper, name = record.key.partition("/")[0], made.function.__name__
         function = link(f"function-{anchor(record.key)}-{name}", made.name)
         equations = (link(f"equation-{paper}-{n}", f"({n})") for n in made.equations)
-        seed = "{} of the project, {} of this function; {:,} replicates"
-        shown |= {
-            "function": Markup("{} ({})").format(function, made.line),
-            "equations": Markup(", ").join(equations),
-            "seed": seed.format(*made.entropy, made.replicates)
-            if made.replicates
-            else "",
-        }
-    if found is not None:
-        closest = (
-            f"{choices_text(found.closest.choices)}: {_read(record, found.closest)}"
-        )
-        p = _probability(found.closest)
-        shown |= {
-            "readings that agree": f"{found.agreeing} of {found.count}",
-            "agrees with": deciding(found),
-            "closest reading": f"{closest}, p = {p}".replace("= <", "<")
-            if p
-            else closest,
-        }
+        shown["function"] = Markup("{} ({})").format(function, made.line)
+        shown["equations"] = Markup(", ").join(equations)
+        if made.replicates:
+            seed = "{} of the project, {} of this function; {:,} replicates"
+            shown["seed"] = seed.format(*made.entropy, made.replicates)
+    if readings := record.readings:
+        closest, p = _read(record, readings.closest), _probability(readings.closest)
+        shown["readings that agree"] = f"{readings.agreeing} of {readings.count}"
+        shown["agrees with"] = deciding(readings)
+        shown["closest reading"] = (
+            f"{choices_text(readings.closest.choices)}: {closest}"
+            + f", p = {p}" * bool(p)
+        ).replace("= <", "<")
     return shown
 
 
 def linked(addresses: Iterable[str]) -> Markup:
     """Return addresses with links to the cells."""
-    return Markup(", ").join(link(anchor(one), one) for one in addresses)
+    return Markup(", ").join(link(anchor(address), address) for address in addresses)
 
 
 def _why(record: Record) -> Entry:
     """Return the reason of a verdict, with its erratum and the reply of the authors."""
     why, known = minus(reason(record.cell) or record.why), erratum(record.cell)
+    if not known:
+        return why
     text = Markup("{} {}<br>The authors' reply: {}")
-    return (
-        text.format(why, link(known, f"Erratum {known}"), replied(known))
-        if known
-        else why
-    )
+    return text.format(why, link(known, f"Erratum {known}"), replied(known))
 
 
 def computed(record: Record, extra: int = 0) -> str:
@@ -131,11 +123,11 @@ def computed(record: Record, extra: int = 0) -> str:
 
 
 def _between(record: Record, ends: Sequence[float | None]) -> str:
-    """Return an interval of a record, or nothing for a point."""
+    """Return an interval of a record; empty if it is open or a point."""
     if None in ends or len({*ends}) < 2:
         return ""
     number = _cell_of(record).number
-    text = " to ".join(number.format(end, extra=1) for end in ends if end is not None)
+    text = " to ".join(number.format(end or 0.0, extra=1) for end in ends)
     return quantity(minus(text), symbol(record.unit or "1"))
 
 
@@ -148,13 +140,13 @@ def _probability(record: Record | Reading) -> str:
 def _joint_facts(joint: TableRecord) -> dict[str, str]:
     """Return the facts of a table on all its predicted cells together."""
     return {
-        "joint": joint_chance(joint.joint_probability, joint),
+        "joint": _joint_chance(joint.joint_probability, joint),
         "replicates": f"{joint.replicates:,}",
         "readings": f"{joint.readings:,}",
         "fitting": str(joint.fitting or "none"),
         "closest": choices_text(joint.closest),
         "closest-agreeing": str(joint.closest_agreeing),
-        "closest-joint": joint_chance(joint.closest_probability, joint),
+        "closest-joint": _joint_chance(joint.closest_probability, joint),
         "predicted": str(joint.cells),
     }
 
@@ -169,7 +161,7 @@ def joint_sentence(joint: TableRecord) -> str:
     ).format_map(_joint_facts(joint))
 
 
-def joint_chance(probability: float, joint: TableRecord) -> str:
+def _joint_chance(probability: float, joint: TableRecord) -> str:
     """Return a joint probability; a bound if fewer than two replicates are as far out."""
     if probability * (joint.replicates + 1) < 1.5:
         return f"below 1/{joint.replicates:,}"
@@ -204,7 +196,9 @@ def deciding(summary: ReadingSummary) -> str:
         return ""
     always = "; or ".join(map(choices_text, summary.agrees_if))
     never = ", ".join(
-        f"{name}={way}" for name, ways in summary.never.items() for way in ways
+        f"{name}={alternative}"
+        for name, alternatives in summary.never.items()
+        for alternative in alternatives
     )
     decided = f"Decided by {', '.join(summary.decided_by)}. Always with {always}"
     return f"{decided}. Never with {never}" if never else decided
@@ -229,14 +223,10 @@ def tally(records: Collection[Record]) -> dict[str, int]:
     return {verdict: sum(r.verdict == verdict for r in records) for verdict in VERDICTS}
 
 
-def _is_weak(record: Record) -> bool:
-    """Return whether a record agrees weakly."""
-    return record.verdict in AGREES and not {*WEAK}.isdisjoint(record.flags)
-
-
 def weak(records: Iterable[Record]) -> int:
     """Count the records that agree weakly."""
-    return sum(map(_is_weak, records))
+    agreeing = (record for record in records if record.verdict in AGREES)
+    return sum(not {*WEAK}.isdisjoint(record.flags) for record in agreeing)
 
 
 def flags(names: Iterable[Flag]) -> str:
@@ -260,20 +250,47 @@ def replied(erratum: str) -> Markup:
 def facts_of(name: str) -> dict[str, str]:
     """Return the facts of a cell, an item, a paper or ``all``, by name.
 
+    Parameters
+    ----------
+    name : str
+        Address of a cell, key of an item, key of a paper, or ``all``.
+
+    Returns
+    -------
+    dict of str to str
+        Texts of the facts.
+
+    Raises
+    ------
+    KeyError
+        If the name is unknown.
+
     Examples
     --------
     >>> facts_of("niu2024/table-2#scale.red")["computed"]
     '0.9976'
     """
-    if "#" in name:
-        return _facts_of_cell(item_ledger(name.partition("#")[0]).cell(name))
+    key, _, cell = name.partition("#")
+    if cell:
+        return _facts_of_cell(item_ledger(key).cell(name))
     if "/" in name:
-        return _facts_of_item(name)
+        ledger = item_ledger(key)
+        joint = ledger.table(key)
+        return _counts(ledger.of(key)) | (_joint_facts(joint) if joint else {})
     if name not in {*PAPERS, "all"}:
         raise KeyError(
-            f"expected an address, a key, 'all' or one of {PAPERS}, got {name!r}"
+            f"name: expected an address, a key, 'all' or one of {PAPERS}, got {name!r}"
         )
-    return _facts_of_paper(name)
+    records = whole_ledger().records
+    chosen = [r for r in records if name in {"all", r.key.partition("/")[0]}]
+    count = tally(chosen)
+    counts = {
+        "cells": len(chosen),
+        "numbers": sum(_cell_of(record).is_number for record in chosen),
+        "unsettled": count["differs"] + count["ambiguous"] + count["unpublished"],
+        "judged": count["exact"] + count["consistent"] + count["differs"],
+    }
+    return _counts(chosen) | {what: str(number) for what, number in counts.items()}
 
 
 def filled(text: str, known: Mapping[str, str]) -> str:
@@ -299,53 +316,32 @@ def _facts_of_cell(record: Record) -> dict[str, str]:
         "verdict": record.verdict,
         "probability": _probability(record) or "none",
     }
-    found, made = record.readings, computation_for(record.cell)
-    if found is None or made is None:
+    summary, made = record.readings, computation_for(record.cell)
+    if summary is None or made is None:
         return facts
     cells = evaluate(made).cells[_cell_of(record).name]
-    for choices, one in zip(made.readings, cells, strict=True):
+    for choices, reading in zip(made.readings, cells, strict=True):
         changed = choices.items() - made.literal.items()
         if len(changed) == 1:
             name = "-".join(("if", *next(iter(changed))))
-            facts[name] = _read(record, one).partition(",")[0]
+            facts[name] = _read(record, reading).partition(",")[0]
     return facts | {
-        "readings": str(found.count),
-        "agreeing": str(found.agreeing),
-        "agrees-if": deciding(found) or "no reading decides",
-        "closest": choices_text(found.closest.choices),
-        "closest-computed": _read(record, found.closest).partition(",")[0],
-        "closest-probability": _probability(found.closest) or "none",
+        "readings": str(summary.count),
+        "agreeing": str(summary.agreeing),
+        "agrees-if": deciding(summary) or "no reading decides",
+        "closest": choices_text(summary.closest.choices),
+        "closest-computed": _read(record, summary.closest).partition(",")[0],
+        "closest-probability": _probability(summary.closest) or "none",
     }
-
-
-def _facts_of_item(key: str) -> dict[str, str]:
-    found = item_ledger(key)
-    facts = _counts(found.of(key))
-    joint = found.table(key)
-    return facts | _joint_facts(joint) if joint else facts
-
-
-def _facts_of_paper(name: str) -> dict[str, str]:
-    records = whole_ledger().records
-    chosen = [r for r in records if name in {"all", r.key.partition("/")[0]}]
-    count = tally(chosen)
-    counts = {
-        "cells": len(chosen),
-        "numbers": sum(_cell_of(record).is_number for record in chosen),
-        "unsettled": count["differs"] + count["ambiguous"] + count["unpublished"],
-        "judged": count["exact"] + count["consistent"] + count["differs"],
-    }
-    return _counts(chosen) | {what: str(number) for what, number in counts.items()}
 
 
 def _counts(records: Collection[Record]) -> dict[str, str]:
     """Count verdicts; a count of agreement includes the number of weak agreements."""
-    marks = [(record.verdict, _is_weak(record)) for record in records]
-    kinds = {verdict: {verdict} for verdict in VERDICTS} | {"agree": {*AGREES}}
     facts = {"results": str(sum(record.role == "result" for record in records))}
-    for name, kind in kinds.items():
-        found = [is_weak for verdict, is_weak in marks if verdict in kind]
-        share = "all" if all(found) else sum(found)
-        remark = f" ({share} of them weakly)" if any(found) else ""
-        facts[name] = f"{len(found)}{remark}"
-    return facts | {"strong": str(len(found) - sum(found)), "weak": str(sum(found))}
+    for name in (*VERDICTS, "agree"):
+        kind = AGREES if name == "agree" else {name}
+        chosen = [record for record in records if record.verdict in kind]
+        count = weak(chosen)
+        part = "all" if count == len(chosen) else count
+        facts[name] = f"{len(chosen)}" + f" ({part} of them weakly)" * bool(count)
+    return facts | {"strong": str(len(chosen) - count), "weak": str(count)}

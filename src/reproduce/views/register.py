@@ -1,0 +1,107 @@
+"""Registration of your stars or images."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from numpy.typing import ArrayLike
+
+from reproduce.store.images import is_image
+from reproduce.views.measurements import RegistrationResult
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from reproduce.views.pictures import Stars
+
+# Arguments of `register` for matched stars only, and for images and lists only.
+_FOR_STARS = ("weights", "source_covariance", "target_covariance")
+_FOR_IMAGES = ("start", "radius", "threshold")
+
+
+def register(
+    source: str | Path | pd.DataFrame | ArrayLike | Stars,
+    target: str | Path | ArrayLike | Stars | None = None,
+    pivot: ArrayLike | None = None,
+    *,
+    model: str = "similarity",
+    robust: bool | None = None,
+    weights: ArrayLike | None = None,
+    source_covariance: ArrayLike | None = None,
+    target_covariance: ArrayLike | None = None,
+    start: Any = None,
+    radius: float | None = None,
+    threshold: float | None = None,
+    sep: str | None = None,
+) -> RegistrationResult:
+    """Fit the transform that maps source stars onto the same stars of a target.
+
+    For images, the stars are found and matched first (`stars`, `match`), which needs Astropy and
+    photutils.
+
+    Parameters
+    ----------
+    source : path, table or array_like, shape (n, 2)
+        Source stars, in px, x before y. A table contains matched stars, one per row, with the
+        columns ``x``, ``y`` (source), ``x_reference``, ``y_reference`` (target), in px. Optional
+        columns: ``sigma`` (or ``sigma_x``, ``sigma_y``), the standard deviation of one coordinate
+        of the difference, in px; ``weight``; ``mask``, 1 to leave out a star. A table is a
+        DataFrame, an Astropy table, a text file with the names in its first line ("-" is standard
+        input), or an ECSV, FITS, VOTable or SExtractor file. An image is an array of shape
+        (height, width), a `CCDData`, or a FITS file (``field.fits[SCI]`` if it contains several
+        images). Also `Stars`. Rows are counted from zero.
+    target : array_like, shape (n, 2)
+        The same stars in the other image, in px, if `source` is an array of stars. Otherwise an
+        image, `Stars`, or a table with the columns ``x`` and ``y``, as in `stars`.
+    pivot : array_like, shape (2,), optional
+        Pivot of rotation and scale, in px. Default: mean of the source stars, or the middle of an
+        image.
+    model : {"similarity", "shift", "rigid", "similarity+radial", "affine"}
+        Type of the transform.
+    robust : bool, optional
+        Whether to guard against wrong matches. Default: true for images.
+    weights : array_like, shape (n,), optional
+        Relative weights of the stars, such as inverse variances. Zero drops a star.
+    source_covariance, target_covariance : array_like, shape (n, 2, 2) or (2, 2), optional
+        Known covariances of the positions, in px^2.
+    start, radius : optional
+        Parameters of `match`, for images and lists.
+    threshold : float, optional
+        Parameter of `stars`, for images.
+    sep : str, optional
+        Separator of the columns of a text file, as in `pandas.read_csv`. Default: a comma.
+
+    Returns
+    -------
+    RegistrationResult
+        Scale, rotation in radians, positive from x towards y, and shift in px: the pivot minus its
+        registered position. With covariance, residuals and the transform for other points.
+
+    Raises
+    ------
+    ValueError
+        If the stars do not determine the model, or a parameter or a row of the table is wrong.
+
+    Examples
+    --------
+    Stars that are further right by 3 px in the target have the shift -3.
+
+    >>> moved = register([[0, 0], [99, 0], [0, 99]], [[3, 0], [102, 0], [3, 99]])
+    >>> moved.parameters.round(9) + 0.0
+    array([ 1.,  0., -3.,  0.])
+    """
+    arguments = {name: value for name, value in locals().items() if value is not None}
+    pair = source, target
+    files = target is not None and all(isinstance(value, str | Path) for value in pair)
+    images = files or any(
+        is_image(value) or hasattr(value, "rejected") for value in pair
+    )
+    for name in arguments.keys() & {*(_FOR_STARS if images else _FOR_IMAGES)}:
+        kind = "images or lists" if images else "matched stars"
+        raise ValueError(f"{name}: expected none for {kind}, got one. Leave it out")
+    if images:
+        from reproduce.views.pictures import RegisteredPictures
+
+        return RegisteredPictures(**arguments)
+    return RegistrationResult(**arguments)
