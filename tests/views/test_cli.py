@@ -193,8 +193,6 @@ def lists(tmp_path, monkeypatch):
 # Commands without the name of their output.
 OUTPUTS = {
     "figure": f"figure {FIGURE} --out",
-    "picture": "register a.csv b.csv --json --picture",
-    "write": "register a.csv b.csv --json --write",
     "posterior": "posterior registration --json --out",
 }
 UNWRITABLE = {
