@@ -16,12 +16,13 @@ from pybtex.database import Entry, Person, parse_string
 import reproduce as rp
 from reproduce import version
 from reproduce.judge import ledger
+from reproduce.judge.rerun import CannotChangeError
 from reproduce.papers.catalogue import catalogue, studies
 from reproduce.printed.cells import PAPERS, library
 from reproduce.version import RELEASED, __version__
 from reproduce.views import export as exporting
 from reproduce.views.computed import whole_ledger
-from reproduce.views.export import FORMATS, citation, citation_digest, mark, verify
+from reproduce.views.export import FORMATS, _mark, _statement_of, citation, verify
 from reproduce.views.figure import draw, save
 
 KEY, STUDY = "chen2023/table-5", "chen2023/heat"
@@ -205,11 +206,25 @@ def test_a_user_setting_is_named_in_the_file():
     (setting,) = re.findall("^# setting: (.*)$", changed.export("csv"), re.MULTILINE)
     assert f"{FOCAL} = 70 mm" in setting
     assert json.loads(changed.export("json"))["setting"] == setting
-    panels = rp.figure("chen2023/fig-11")
-    for plain in (rp.table(STUDY), panels):
+    panel = rp.figure("chen2023/fig-11a")
+    for plain in (rp.table(STUDY), panel):
         assert "# setting" not in plain.export("csv")
-    cell = panels.inputs[0]
-    assert cell in panels.rerun({cell: rp.table(cell).printed}).export("csv")
+    cell = panel.inputs[0]
+    assert cell in panel.rerun({cell: rp.table(cell).printed}).export("csv")
+
+
+def test_panels_are_saved_and_changed_together(tmp_path):
+    panels = rp.figure("chen2023/fig-11")
+    cell = panels[0].inputs[0]
+    assert [cell in panel.changes for panel in panels.rerun({cell: "8 um"})] == [
+        cell in panel.inputs for panel in panels
+    ]
+    assert set(panels.data["figure"]) == {panel.key for panel in panels}
+    names = [path.name for path in panels.save(tmp_path / "fig-11.svg")]
+    assert names == sorted(path.name for path in tmp_path.iterdir())
+    assert names == ["fig-11a.svg", "fig-11b.svg"]
+    with pytest.raises(CannotChangeError, match=r"^changes: .*nothing"):
+        panels.rerun({"nothing": "1"})
 
 
 def test_fits_and_figures_name_the_software(tmp_path):
@@ -232,7 +247,7 @@ def test_fits_and_figures_name_the_software(tmp_path):
 
 
 def cited(text, source):
-    return f"{text}. {version.NAME} {source}. {mark(text)}"
+    return f"{text}. {version.NAME} {source}. {_mark(text)}"
 
 
 @pytest.mark.parametrize("address", CELLS)
@@ -248,12 +263,12 @@ def test_the_citation_of_a_cell_can_be_verified(address, monkeypatch):
     )
     assert verify(text) == verify(line) == "unchanged"
     for wrong in (text.replace("printed ", "printed 1"), "some words"):
-        assert verify(wrong).startswith("not ours")
-    now, older = citation_digest(record), f"{address}: printed 1, exact"
+        assert verify(wrong).startswith("not confirmed")
+    now, older = _statement_of(record), f"{address}: printed 1, exact"
     gone, source = older.replace("#", "#no-"), "0.0.1, 2026-01-01, x"
     for unknown in (older, gone, now):
         assert verify(cited(unknown, source)).startswith("well-formed, not known")
-    known = {source: [mark(older), mark(gone)], "0.0.2, 2026-01-02, y": [mark(now)]}
+    known = {source: [_mark(older), _mark(gone)], "0.0.2, 2026-01-02, y": [_mark(now)]}
     monkeypatch.setattr(exporting, "released", lambda: known)
     moved = verify(cited(older, source))
     assert moved.startswith(f"moved since {source}: now {now}, for ")

@@ -16,7 +16,7 @@ import reproduce as rp
 from reproduce.locate import schematic_files
 from reproduce.papers.catalogue import drawings
 from reproduce.printed.cells import library
-from reproduce.views.figure import Vectors, draw, drawable, inline, vector_of
+from reproduce.views.figure import _inline, _vector_of, draw, drawable
 from reproduce.views.numbers import powers
 from reproduce.views.verdicts import filled
 
@@ -150,7 +150,7 @@ def faults(figure, width):
                 yield text, artist, "crossed"
     if figure.get_figwidth() > width:
         yield "width", figure.get_figwidth()
-    html = inline(Vectors(vector_of(figure)), "x", "alternative text")
+    html = _inline([_vector_of(figure)], "x", "alternative text")
     # SVG fills in black by default.
     if not re.search(r'<svg [^>]*fill="currentColor"', html) or "#000000" in html:
         yield "black"

@@ -249,7 +249,6 @@ def test_every_object_has_the_same_methods(lasers):
         rp.table("niu2024/table-2"),
         rp.table("niu2024/table-2#scale.red"),
         rp.figure("niu2024/fig-4"),
-        rp.figure("chen2023/fig-11"),
         rp.posterior("registration"),
         rp.register([[0, 0], [9, 0], [0, 9]], [[1, 0], [10, 0], [1, 9]]),
         rp.misalignment(*lasers),
@@ -302,7 +301,7 @@ def test_the_platform_can_be_replaced_and_wrong_spots_are_named(lasers, tmp_path
         ("times", lambda: rp.misalignment(now, zero, times=np.arange(19))),
         ("times", lambda: rp.misalignment(now, zero, times=[np.nan] * 20)),
     ):
-        with pytest.raises(ValueError, match=f"^{argument}: expected"):
+        with pytest.raises(ValueError, match=rf"^{argument}\b.*: expected"):
             wrong()
 
 

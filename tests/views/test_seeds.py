@@ -72,7 +72,7 @@ def test_a_seed_stays_with_other_changes_and_applies_to_random_panels():
     assert wider.frame().equals(table.rerun({PIXEL: "30 um"}, seed=7).frame())
     assert not wider.frame().equals(table.rerun({PIXEL: "30 um"}).frame())
     assert table.changes == {}
-    panels = rp.figure("chen2023/fig-10").rerun(seed=7).panels
+    panels = rp.figure("chen2023/fig-10").rerun(seed=7)
     assert [panel.changes for panel in panels] == [{}, {"seed": "7"}, {"seed": "7"}]
     with pytest.raises(CannotChangeError, match=r"^seed: "):
         rp.figure("chen2023/fig-2").rerun(seed=7)

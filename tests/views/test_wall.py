@@ -32,7 +32,7 @@ def tags(text, name):
 def test_every_number_is_a_mark_that_leads_to_its_cell():
     """With the shape and the class of its verdict; the legend has their counts."""
     records = item_ledger("niu2024/table-2", "niu2024/text-optics").records
-    drawn, _, legend = contents.overview_grid(records).partition(
+    drawn, _, legend = contents._overview_grid(records).partition(
         '<ul class="rp-wall-legend">'
     )
     links = [tag["href"] for tag in tags(drawn, "a") if tag.get("tabindex") == "-1"]
@@ -53,7 +53,7 @@ def test_marks_have_the_layout_of_the_paper():
     """A long table continues in further columns; all tables have the same height."""
     rows, pitch = contents.MAX_ROWS, contents.PITCH_PIXELS
     for key, table in library().items():
-        drawn = str(contents.overview_grid(item_ledger(key).records))
+        drawn = str(contents._overview_grid(item_ledger(key).records))
         heights = set(re.findall(r'viewBox="0 0 \d+ (\d+)"', drawn))
         assert heights == {str(rows * pitch)}
         places = re.findall(r"translate\((\d+) (\d+)\)", drawn)

@@ -94,6 +94,7 @@ class Formula:
         Returns
         -------
         list of float
+            Values in SI units.
         """
         scope = {"__builtins__": {}, **_SCOPE, **scope}
         return [eval(code, scope) for code in self._codes]
@@ -265,6 +266,7 @@ def declared(
     Returns
     -------
     list of Relation
+        Relations with their cells and their formula.
 
     Raises
     ------

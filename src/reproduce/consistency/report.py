@@ -85,6 +85,7 @@ class Audit:
         Returns
         -------
         dict
+            Outcome to the number of relations.
         """
         found = [f for f in self.read if restating in {None, bool(f.relation.restates)}]
         return {o: sum(f.outcome == o for f in found) for o in examine.OUTCOMES}

@@ -206,6 +206,7 @@ def summarised(name: str, unit: str, draws: FloatArray, shown: float = 1.0) -> S
     Returns
     -------
     Summary
+        Mean, deviation, quantiles and convergence statistics, in the displayed unit.
     """
     time, values = autocorrelation_time(draws), draws * shown
     low, median, high = np.quantile(values, (ENDS[0], 0.5, ENDS[1])).tolist()

@@ -91,6 +91,7 @@ def two_modes(values: FloatArray) -> Modes | None:
     Returns
     -------
     Modes or None
+        Position and weight of both modes.
     """
     values = values[:: -(-len(values) // _MAX_DRAWS)]
     if not np.ptp(values) or dip(values) * np.sqrt(len(values)) < MAX_DIP:

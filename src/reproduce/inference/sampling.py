@@ -149,6 +149,7 @@ def sample(
     Returns
     -------
     PosteriorSamples
+        Draws, with the criteria of convergence.
 
     Raises
     ------

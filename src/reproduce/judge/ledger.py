@@ -147,6 +147,7 @@ def build(
     Returns
     -------
     Ledger
+        One record per printed cell.
 
     Raises
     ------

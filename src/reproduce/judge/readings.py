@@ -70,6 +70,7 @@ class Evaluation:
     Parameters
     ----------
     computation : Computation
+        Evaluated computation.
     cells : mapping of str to list of Reading
         Name of each cell to its comparison under every reading.
     joint : ndarray, shape (readings, 2)

@@ -147,6 +147,7 @@ def rerun(
     Returns
     -------
     Rerun
+        Printed, computed and changed value of each cell.
 
     Raises
     ------

@@ -112,6 +112,7 @@ def judge(
     Returns
     -------
     Reading
+        Comparison with its verdict.
     """
     unit = si_factor(cell.unit)
     if isinstance(result, Prediction):
@@ -148,6 +149,7 @@ def judge_value(
     Returns
     -------
     Reading
+        Comparison with its verdict.
 
     Raises
     ------
@@ -222,6 +224,7 @@ def judge_prediction(
     Returns
     -------
     Reading
+        Comparison with its verdict and probability.
 
     Raises
     ------
@@ -272,6 +275,7 @@ def judge_summary(
     Returns
     -------
     Reading
+        Comparison with its verdict and probability.
     """
     computed, low, high, probability, error = summary
     consistent = probability >= 1.0 - CENTRAL

@@ -18,6 +18,7 @@ import numpy as np
 import pandas as pd
 from markupsafe import Markup
 
+from reproduce.judge.rerun import CannotChangeError
 from reproduce.papers.catalogue import catalogue, drawings
 from reproduce.papers.charts import NARROW
 from reproduce.papers.declare import Drawing, Schematic, item_text
@@ -321,6 +322,66 @@ class Panels(Display, list[Figure]):
         """Yield each panel."""
         for panel in self:
             yield from panel.blocks()
+
+    @property
+    def data(self) -> pd.DataFrame:
+        """The lines and points of all panels, with the key of each."""
+        return pd.concat([panel.frame().assign(figure=panel.key) for panel in self])
+
+    def save(self, path: str | Path) -> list[Path]:
+        """Write each panel to the path with its letter: ``fig-11a.pdf`` for ``fig-11.pdf``.
+
+        Parameters
+        ----------
+        path : path
+            File with the ending of a picture, as in `Figure.save`.
+
+        Returns
+        -------
+        list of pathlib.Path
+            The written files.
+        """
+        path = Path(path)
+        return [panel.save(path.with_stem(path.stem + panel.key[-1])) for panel in self]
+
+    def rerun(
+        self, changes: Mapping[str, Any] | None = None, *, seed: int | None = None
+    ) -> Panels:
+        """Return the panels with changed inputs or another seed.
+
+        Parameters
+        ----------
+        changes : mapping, optional
+            Address of an input of any panel to a value as printed.
+        seed : int, optional
+            Seed of the panels that draw random numbers.
+
+        Returns
+        -------
+        Panels
+            Panels that do not depend on a change are as printed.
+
+        Raises
+        ------
+        CannotChangeError
+            If no panel has the input, or no panel draws random numbers.
+        """
+        changes = changes or {}
+        if unknown := set(changes).difference(*(panel.inputs for panel in self)):
+            raise CannotChangeError(
+                f"changes: expected inputs of the panels, got {', '.join(unknown)}. "
+                "`inputs` of each panel lists them."
+            )
+        random = [panel for panel in self if panel.random] or self
+        return Panels(
+            panel.rerun(own, seed=seed if panel in random else None)
+            if (
+                own := {name: changes[name] for name in changes if name in panel.inputs}
+            )
+            or (seed is not None and panel in random)
+            else panel
+            for panel in self
+        )
 
 
 def figure(key: str) -> Figure | Panels:

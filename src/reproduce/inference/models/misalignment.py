@@ -305,8 +305,9 @@ def small_angle_posterior(model: Model) -> tuple[FloatArray, FloatArray]:
     Returns
     -------
     mean : ndarray, shape (d,)
-        Of all parameters, the noise last.
+        Mean of all parameters, the noise last.
     covariance : ndarray, shape (d, d)
+        Covariance of the parameters.
 
     Raises
     ------

@@ -346,6 +346,7 @@ def fitted_model(likelihood: GaussianRegistration) -> Model:
     Returns
     -------
     Model
+        Model with its priors and the stars as data.
 
     Raises
     ------
@@ -429,6 +430,7 @@ def exact_draws(model: Model, count: int, generator: Generator) -> FloatArray:
     Returns
     -------
     ndarray, shape (count, d)
+        Draws in the order of the parameters of the model.
 
     Raises
     ------

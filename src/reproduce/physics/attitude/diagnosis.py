@@ -107,7 +107,7 @@ def diagnose_spots(
     Parameters
     ----------
     platform : Platform
-        With n lights.
+        Platform with n lights.
     images : tuple of two ndarray, shape (frames, n, 2)
         Spots at the zero point and at the present, in px. NaN if lost.
     drifts : bool
@@ -116,6 +116,7 @@ def diagnose_spots(
     Returns
     -------
     Diagnosis
+        Spots and platform that are used, and the findings.
 
     Raises
     ------

@@ -272,6 +272,7 @@ def fitted_spots(
     Returns
     -------
     Spots
+        Centres in px, fluxes in electrons, and their covariances.
 
     Examples
     --------

@@ -105,6 +105,7 @@ def arrangement_names() -> list[str]:
     Returns
     -------
     list of str
+        Names for `arrangement_angles`.
 
     Examples
     --------

@@ -106,6 +106,7 @@ def sensitivities(
     Returns
     -------
     list of Sensitivity
+        One per richer model, with the changes in units of the standard errors.
 
     Examples
     --------
@@ -185,6 +186,7 @@ def chi_square_range(fit: RegistrationFit) -> tuple[float, float]:
     Returns
     -------
     low, high : float
+        Bounds of the interval.
 
     Examples
     --------
@@ -212,6 +214,7 @@ def fits_exactly(fit: RegistrationFit, source: FloatArray, target: FloatArray) -
     Returns
     -------
     bool
+        True if no noise remains.
 
     Examples
     --------
@@ -240,6 +243,7 @@ def checked_pivot(pivot: ArrayLike | None, points: FloatArray) -> FloatArray:
     Returns
     -------
     ndarray, shape (2,), in px
+        Pivot of the transform.
 
     Raises
     ------
@@ -276,6 +280,7 @@ def tied(source: FloatArray, target: FloatArray) -> bool:
     Returns
     -------
     bool
+        True if the digits of the positions hide the noise.
 
     Examples
     --------
@@ -321,8 +326,9 @@ def diagnose_fit(
     Returns
     -------
     findings : list of Finding
+        Warnings with the cure.
     sensitivities : list of Sensitivity
-        Those of the stars that fit each other. Empty if the fit is exact.
+        Sensitivities of the stars that fit each other. Empty if the fit is exact.
 
     Raises
     ------

@@ -221,6 +221,7 @@ def fit_registration(
     Returns
     -------
     RegistrationFit
+        Transform, residuals and covariance of the parameters.
 
     Raises
     ------
@@ -258,6 +259,7 @@ def fit_problem(problem: Problem, robust: bool = False) -> RegistrationFit:
     Returns
     -------
     RegistrationFit
+        Transform, residuals and covariance of the parameters.
 
     Raises
     ------
