@@ -41,22 +41,6 @@ SPELLED = re.compile(
     rf"|\b(?:{COUNTS})s?\b[\w ]{{0,9}}\b(?:{MEASURES})\b",
     re.IGNORECASE,
 )
-# Sentences that still need a fact instead of a number in words, by page; none may be added.
-PENDING = {
-    "chen2023/effectiveness": ["four times as"],
-    "chen2023/index": ["a tenth"],
-    "chen2023/platform": ["a tenth", "a tenth"],
-    "chen2023/resolution": ["five by five pixels"],
-    "chen2023/satellite": ["hundreds"],
-    "niu2024/optics": ["a third"],
-    "niu2024/own": ["a billionth"],
-    "niu2024/registration": ["more than a tenth"],
-    "niu2024/simulation": ["a third", "hundreds"],
-    "posteriors/index": ["ten times longer", "ten times slower"],
-    "posteriors/registration": ["three of ten"],
-    "reading": ["more than a tenth", "thousands"],
-    "run": ["factor of two"],
-}
 HIDDEN = (
     r"\A---\n.*?\n---\n",
     r"(?m)^(`{3,}|:{3,})\{?(code|code-cell|eval-rst|math|bibliography)[\s\S]*?^\1\s*$",
@@ -105,7 +89,7 @@ def test_no_number_is_typed_or_spelled_out_in_a_sentence():
         words = " ".join(prose(text).split())
         assert TYPED.findall(words) == [], page
         spelled = [match[0] for match in SPELLED.finditer(words)]
-        assert sorted(spelled) == sorted(PENDING.get(page, [])), page
+        assert spelled == [], page
     for pattern, texts in ((TYPED, TYPED_TEXTS), (SPELLED, SPELLED_TEXTS)):
         assert all(pattern.search(prose(text)) for text in texts.split("|"))
         assert not any(pattern.search(prose(text)) for text in ALLOWED_TEXTS)
