@@ -125,12 +125,12 @@ def bench_centre_of_gravity(promise: Promise) -> None:
 
 def bench_frames_of_the_bench(promise: Promise) -> None:
     """Render, extract and solve 800 frames of four spots; photutils only extracts."""
-    platform, frames = platform_twin.bench(load_inputs(platform_twin.READS)), 800
+    platform, frames = platform_twin.bench(load_inputs(platform_twin.INPUTS)), 800
     window = default_rng(1).uniform(size=(7, 7))
 
     def package() -> Array:
-        spots = platform_twin.centroids(
-            platform, platform.spots, platform.light[0], frames, default_rng(1)
+        spots = platform.centroids(
+            platform.spots, platform.flux[0], frames, default_rng(1)
         )
         return platform.design.transform(spots)
 
@@ -143,9 +143,9 @@ def bench_frames_of_the_bench(promise: Promise) -> None:
 
 def bench_study_of_figure_11(promise: Promise) -> None:
     """Compare 71 resolutions, 50 phases and 500 trials with the draws of their photons."""
-    inputs = load_inputs(resolution.READS)
-    size = len(resolution.resolutions(inputs)), inputs.count(resolution.PHASES)
-    trials = inputs.count(f"{resolution.STUDY}#trials")
+    inputs = load_inputs(resolution.INPUTS)
+    size = len(resolution._resolutions(inputs)), inputs.count(resolution.PHASES)
+    trials = inputs.count("chen2023/text-resolution#trials")
 
     def photons() -> None:
         for row in range(size[0]):

@@ -21,7 +21,7 @@ from reproduce.printed.cells import anchor, library
 class Question:
     """A question to the authors, the cells that its answer settles, and related errata.
 
-    `beside` is another question whose answer is needed, `reply` the answer of the authors.
+    `related` is another question whose answer is needed, `reply` the answer of the authors.
     """
 
     id: str
@@ -30,7 +30,7 @@ class Question:
     text: str
     cells: tuple[str, ...]
     errata: tuple[str, ...]
-    beside: str = ""
+    related: str = ""
     reply: str = ""
 
 
@@ -67,14 +67,14 @@ def settles(question: Question, number: dict[str, int]) -> str:
     """Return a sentence with the cells and errata of a question, and the reply."""
     text = "No number depends on it"
     if question.cells:
-        beside = (
-            f", with the answer to {number[question.beside]}" if question.beside else ""
+        related = (
+            f", with the answer to {number[question.related]}" if question.related else ""
         )
         places = (
             f"{where}: {', '.join(map(cell, some))}"
             for where, some in groupby(question.cells, place)
         )
-        text = f"It settles **{len(question.cells)}** of the numbers{beside}: {'; '.join(places)}"
+        text = f"It settles **{len(question.cells)}** of the numbers{related}: {'; '.join(places)}"
     if question.errata:
         text += f". Entries of the register: {', '.join(link(one, one) for one in question.errata)}"
     return f"{text}. Your reply: *{question.reply or 'none yet'}*."

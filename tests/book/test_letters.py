@@ -34,11 +34,11 @@ def test_a_letter_has_six_to_eight_questions_on_its_paper_in_order():
             assert all(cell.startswith(f"{paper}/") for cell in question.cells)
             assert errata >= set(question.errata)
             assert question.cells or question.errata
-            assert question.beside in {"", *names[:number]}
+            assert question.related in {"", *names[:number]}
 
 
 def test_the_consequence_of_an_answer_has_links_and_the_reply():
-    entry = {"paper": "niu2024", "ask": "Why?", "text": "", "beside": "before"}
+    entry = {"paper": "niu2024", "ask": "Why?", "text": "", "related": "before"}
     question = complete("niu2024-scale-run", **entry)
     text = settles(question, {"before": 3})
     assert "**2**" in text
