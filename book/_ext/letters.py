@@ -68,7 +68,9 @@ def settles(question: Question, number: dict[str, int]) -> str:
     text = "No number depends on it"
     if question.cells:
         related = (
-            f", with the answer to {number[question.related]}" if question.related else ""
+            f", with the answer to {number[question.related]}"
+            if question.related
+            else ""
         )
         places = (
             f"{where}: {', '.join(map(cell, some))}"
