@@ -37,36 +37,45 @@ def register(
 ) -> RegistrationResult:
     """Fit the transform that maps source stars onto the same stars of a target.
 
-    For images, the stars are found and matched first (`stars`, `match`), which needs Astropy and
-    photutils.
+    A source position p maps to ``pivot - shift + scale R(rotation) (p - pivot)``. Positions are in
+    px, x before y, and the centre of the first pixel is (0, 0). Two arrays are matched by row. The
+    stars of images and of separate lists are matched first, with `match`; images also need Astropy
+    and photutils.
+
+    Without errors or weights, all stars have the same Gaussian noise, which follows from the
+    residuals. With ``sigma`` or covariances, the noise is known, and the result compares
+    chi-square with it. The fit includes no distortion, except for two models: "affine", and
+    "similarity+radial" with a cubic term about the pivot.
 
     Parameters
     ----------
     source : path, table or array_like, shape (n, 2)
-        Source stars, in px, x before y. A table contains matched stars, one per row, with the
-        columns ``x``, ``y`` (source), ``x_reference``, ``y_reference`` (target), in px. Optional
-        columns: ``sigma`` (or ``sigma_x``, ``sigma_y``), the standard deviation of one coordinate
-        of the difference, in px; ``weight``; ``mask``, 1 to leave out a star. A table is a
-        DataFrame, an Astropy table, a text file with the names in its first line ("-" is standard
-        input), or an ECSV, FITS, VOTable or SExtractor file. An image is an array of shape
-        (height, width), a `CCDData`, or a FITS file (``field.fits[SCI]`` if it contains several
-        images). Also `Stars`. Rows are counted from zero.
+        Source stars, in px. A table contains one matched star per row in the columns ``x``, ``y``
+        (source), ``x_reference``, ``y_reference`` (target). Optional columns: ``sigma`` (or
+        ``sigma_x``, ``sigma_y``), the standard deviation of one coordinate of target minus source,
+        in px; ``weight``; ``mask``, 1 to leave out a star. A table is a DataFrame, an Astropy
+        table, a text file with the names in its first line ("-" is standard input), or an ECSV,
+        FITS, VOTable or SExtractor file. An image is an array of shape (height, width), a
+        `CCDData`, or a FITS file (``field.fits[SCI]`` if it contains several images). The result
+        of `stars` is accepted too.
     target : array_like, shape (n, 2)
-        The same stars in the other image, in px, if `source` is an array of stars. Otherwise an
-        image, `Stars`, or a table with the columns ``x`` and ``y``, as in `stars`.
+        The same stars in the other image, in the order of the source, if `source` is an array of
+        stars. Otherwise an image, the result of `stars`, or a table with the columns ``x`` and
+        ``y``, in any order of rows. Default: the columns of `source`.
     pivot : array_like, shape (2,), optional
-        Pivot of rotation and scale, in px. Default: mean of the source stars, or the middle of an
+        Centre of rotation and scale, in px. Default: mean of the source stars, or the middle of an
         image.
     model : {"similarity", "shift", "rigid", "similarity+radial", "affine"}
-        Type of the transform.
+        Type of the transform. A similarity has a scale, a rotation and a shift, and "rigid" has no
+        scale.
     robust : bool, optional
-        Whether to guard against wrong matches. Default: true for images.
+        Whether to reject stars that do not fit the others. Default: true for images.
     weights : array_like, shape (n,), optional
         Relative weights of the stars, such as inverse variances. Zero drops a star.
     source_covariance, target_covariance : array_like, shape (n, 2, 2) or (2, 2), optional
         Known covariances of the positions, in px^2.
     start, radius : optional
-        Parameters of `match`, for images and lists.
+        Parameters of `match`, for images and separate lists.
     threshold : float, optional
         Parameter of `stars`, for images.
     sep : str, optional
@@ -75,21 +84,29 @@ def register(
     Returns
     -------
     RegistrationResult
-        Scale, rotation in radians, positive from x towards y, and shift in px: the pivot minus its
-        registered position. With covariance, residuals and the transform for other points.
+        ``parameters`` in the order of ``fit.names``: scale, rotation in radians (positive from x
+        towards y) and shift in px. ``interval()``: their confidence intervals of 95 %, by Student's
+        t-distribution if the noise is unknown. ``covariance``, ``residuals`` (target minus
+        registered source), ``transform.apply(points)`` for other points, and ``remarks``: warnings
+        such as wrong matches, distortion or an unlikely chi-square, with the cure.
 
     Raises
     ------
     ValueError
-        If the stars do not determine the model, or a parameter or a row of the table is wrong.
+        If the stars are too few or collinear, if no match is better than by chance, or if a
+        parameter or a row of a table is wrong.
+
+    Notes
+    -----
+    Implements: niu2024 (17).
 
     Examples
     --------
     Stars that are further right by 3 px in the target have the shift -3.
 
     >>> moved = register([[0, 0], [99, 0], [0, 99]], [[3, 0], [102, 0], [3, 99]])
-    >>> moved.parameters.round(9) + 0.0
-    array([ 1.,  0., -3.,  0.])
+    >>> [round(float(value), 9) for value in moved.parameters[:3]]
+    [1.0, 0.0, -3.0]
     """
     arguments = {name: value for name, value in locals().items() if value is not None}
     pair = source, target
