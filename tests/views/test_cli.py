@@ -53,9 +53,11 @@ def words(text):
 
 
 def test_list_names_every_item_in_the_order_of_print():
-    lines = [line.split() for line in output("list").splitlines() if line]
+    lines = [line.split() for line in output("contents").splitlines() if line]
     shown = [line[0] for line in lines if re.match(r"(niu2024|chen2023)/", line[0])]
     assert shown == [*catalogue(), *studies()]
+    assert output("list") == output("contents")
+    assert " list " not in output("--help")
 
 
 def test_check_counts_and_lists_the_verdicts():
@@ -145,7 +147,7 @@ def test_wrong_addresses_and_options_are_named():
 
 
 def test_tables_fit_80_columns_and_lose_no_word():
-    for command in ("list", "check", *(f"show {key}" for key in catalogue())):
+    for command in ("contents", "check", *(f"show {key}" for key in catalogue())):
         text = output(command)
         assert max(map(len, text.splitlines())) <= 80, command
         assert "…" not in text
@@ -169,7 +171,7 @@ def test_tables_fit_80_columns_and_lose_no_word():
             assert {w for w in every if w not in text and w not in joined} == set()
             assert max(map(len, text.splitlines())) <= width
     for columns in ("0", "1", "text", "-4", str(10**9)):
-        for command in ("list", f"show {TABLE}", "--help"):
+        for command in ("contents", f"show {TABLE}", "--help"):
             assert 200 < len(output(command, columns)) < 300_000
 
 

@@ -123,7 +123,8 @@ class Ledger(Frozen):
             if record.cell == address:
                 return record
         raise KeyError(
-            f"address: expected a printed cell, got {address!r}. `reproduce list` shows the keys"
+            f"address: expected a printed cell, got {address!r}. `reproduce contents` lists "
+            "the keys."
         )
 
     def table(self, key: str) -> TableRecord | None:

@@ -372,6 +372,6 @@ def find(pattern: str) -> tuple[PrintedCell, ...]:
     matching = tuple(c for c in cells if fnmatch.fnmatchcase(c.name, name or "*"))
     if not matching:
         raise KeyError(
-            f"no printed cell matches {pattern!r}; see `reproduce list` for the keys"
+            f"no printed cell matches {pattern!r}; see `reproduce contents` for the keys"
         )
     return matching

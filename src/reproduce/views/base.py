@@ -72,7 +72,7 @@ class ResultView(Display):
         return citation(self.key, form)
 
 
-class Item(ResultView):
+class ItemView(ResultView):
     """A table or a figure, of a paper or supplementary."""
 
     @property

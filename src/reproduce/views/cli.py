@@ -8,6 +8,7 @@ import math
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from copy import copy
 from pathlib import Path
 from typing import Any
 
@@ -237,14 +238,14 @@ def main() -> None:
     """
 
 
-@main.command("list")
+@main.command()
 @_JSON
-def list_items(as_json: bool) -> None:
+def contents(as_json: bool) -> None:
     """List all items in the order of the papers, and the supplementary tables.
 
     \b
     Example:
-      $ reproduce list
+      $ reproduce contents
       Items in printed order, then supplementary tables.
       key                   place            title
       ───────────────────────────────────────────────────────────
@@ -254,8 +255,14 @@ def list_items(as_json: bool) -> None:
     """
     from reproduce.views.contents import Contents
 
-    contents = Contents()
-    _show(as_json, contents.entries, contents.listed.print)
+    found = Contents()
+    _show(as_json, found.entries, found.listed.print)
+
+
+# The name of the command until version 0.2.
+_LIST = copy(contents)
+_LIST.hidden = True
+main.add_command(_LIST, "list")
 
 
 @main.command()

@@ -25,7 +25,7 @@ from reproduce.papers.declare import Drawing, Schematic, item_text
 from reproduce.printed.cells import anchor, find, library
 from reproduce.store.files import FIGURES, check_target, replacing, write_text
 from reproduce.views import computed, keys, numbers
-from reproduce.views.base import Item, Rerunnable, text_of
+from reproduce.views.base import ItemView, Rerunnable, text_of
 from reproduce.views.blocks import Block, Display, Html
 from reproduce.views.export import citation, export_frame, provenance_of, toolbar
 from reproduce.views.verdicts import filled
@@ -238,7 +238,7 @@ def figure_block(name: str, paint: Paint, alternative: str, caption: str) -> Htm
     return Html(_inline(vectors, name, alternative, _captioned(caption)))
 
 
-class Figure(Rerunnable, Item):
+class Figure(Rerunnable, ItemView):
     """A figure of a paper, drawn from its caption and the text, or a supplementary drawing.
 
     Parameters

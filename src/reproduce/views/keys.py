@@ -30,7 +30,7 @@ def check_key(key: str) -> str:
     )
     hint = f"such as {', '.join(near)}, " if near else ""
     raise KeyError(
-        f"key: expected a key of `reproduce list`, {hint}got {key!r}. Correct the key"
+        f"key: expected a key of `reproduce contents`, {hint}got {key!r}. Correct the key"
     )
 
 

@@ -9,7 +9,7 @@ from reproduce.papers.catalogue import studies
 from reproduce.papers.declare import Study
 from reproduce.printed.cells import anchor
 from reproduce.views import numbers
-from reproduce.views.base import Change, Item, Rerunnable, text_of
+from reproduce.views.base import Change, ItemView, Rerunnable, text_of
 from reproduce.views.blocks import Block, Fold, Grid, Html
 from reproduce.views.export import table_files, toolbar
 from reproduce.views.sweep import Sweep, of_study, swept
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from reproduce.printed.inputs import Inputs
 
 
-class StudyTable(Rerunnable, Item):
+class StudyTable(Rerunnable, ItemView):
     """A supplementary table of a paper, without verdicts.
 
     Parameters

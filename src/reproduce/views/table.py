@@ -16,7 +16,7 @@ from reproduce.papers.catalogue import computation_for, studies
 from reproduce.printed.cells import PrintedCell, anchor, library
 from reproduce.printed.number import symbol
 from reproduce.views import keys, verdicts
-from reproduce.views.base import Change, Item, ResultView, text_of
+from reproduce.views.base import Change, ItemView, ResultView, text_of
 from reproduce.views.blocks import (
     Block,
     Entry,
@@ -74,7 +74,7 @@ def table(address: str) -> Table | Cell | StudyTable:
     return Table(address)
 
 
-class Table(Item):
+class Table(ItemView):
     """A table or a group of quoted numbers: printed and computed values with verdicts.
 
     Parameters

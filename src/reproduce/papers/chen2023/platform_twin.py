@@ -66,7 +66,7 @@ class _Series(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class _Bench:
+class _SimulatedBench:
     """The simulated ground platform.
 
     Attributes
@@ -120,14 +120,14 @@ class _Bench:
         return _Series(spots, errors, self.design.misalignment(spots[1], zero))
 
 
-def bench(inputs: Inputs) -> _Bench:
+def bench(inputs: Inputs) -> _SimulatedBench:
     """Return the simulated bench of the printed numbers."""
     design, window = platform.as_designed(inputs), round(inputs[_WINDOW])
     radius = inputs[resolution.SPOT_RADIUS] / inputs[platform.PIXEL]
     error, _ = resolution.spot_errors(design.spots, radius, window)
     target = [(platform.scatter(inputs, g) ** 2).mean(axis=-1) for g in (1, 2)]
     flux = error.variance.mean(axis=-1) / np.stack(target)
-    return _Bench(design, design.spots - error.bias, flux, radius, window)
+    return _SimulatedBench(design, design.spots - error.bias, flux, radius, window)
 
 
 # Direction towards Orion, a well-known constellation: right ascension, declination, and rotation

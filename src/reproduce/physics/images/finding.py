@@ -133,10 +133,10 @@ def find_spots(
     deviations = noise[at] / limit
     del noise
     typical = slice(0, (len(peaks) + 1) // 2, len(peaks) // (2 * _MAX_TYPICAL) + 1)
-    fitted = partial(_Fit, light, deviations[typical], peaks[typical])
+    fitted = partial(_SpotFit, light, deviations[typical], peaks[typical])
     radius = _best_radius(fitted, guess)
     gain = _best_gain(fitted, radius)
-    fit = _Fit(light, deviations, peaks, radius, radius, gain)
+    fit = _SpotFit(light, deviations, peaks, radius, radius, gain)
     side = fit.left.shape[-1]
     last = np.array(image.shape[::-1]) - 1 - radius
     reach: Any = side // 2 + _TAIL_RADII * radius
@@ -242,7 +242,7 @@ def _detected(light: NDArray[Any], limit: NDArray[Any]) -> tuple[IntArray, float
     return peaks[order].astype(np.int64), float(np.sqrt(ratio / (2 * np.pi)))
 
 
-class _Fit:
+class _SpotFit:
     """Spots of a radius that fit windows around detections best, in digital numbers."""
 
     def __init__(
@@ -317,7 +317,7 @@ class _Fit:
         return np.asarray(moments * self.radius**2)
 
 
-def _best_radius(fitted: partial[_Fit], guess: float) -> float:
+def _best_radius(fitted: partial[_SpotFit], guess: float) -> float:
     """Return the radius that fits half of the spots best."""
     from scipy.optimize import minimize_scalar
 
@@ -331,7 +331,7 @@ def _best_radius(fitted: partial[_Fit], guess: float) -> float:
     return float(minimize_scalar(misfit, bounds=bounds, options={"xatol": 1e-3}).x)
 
 
-def _best_gain(fitted: partial[_Fit], radius: float) -> float:
+def _best_gain(fitted: partial[_SpotFit], radius: float) -> float:
     """Return electrons per digital number that explain the residuals of half of the spots.
 
     The residuals are those of the common shape, which need not be a Gaussian. Pixels count if
