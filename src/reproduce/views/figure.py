@@ -164,8 +164,10 @@ def _vector_of(figure: Drawn, provenance: Provenance = None) -> str:
         # A date would make every build differ from the last build.
         metadata = {"Description": note, "Date": None}
         figure.savefig(buffer, format="svg", metadata=metadata)
-    svg = buffer.getvalue()
-    return _FONTS.sub(r"\1, sans-serif", svg[svg.index("<svg") :])
+    # Pages contain many figures: no space between tags, and none at the ends of lines.
+    svg = re.sub(r">\s*\n\s*<", "><", buffer.getvalue())
+    svg = re.sub(r"\s*\n\s*", " ", svg[svg.index("<svg") :])
+    return _FONTS.sub(r"\1, sans-serif", svg)
 
 
 def write_figure(key: str, root: Path) -> None:
