@@ -346,3 +346,16 @@ def test_cells_are_shown_exported_and_rerun():
     assert not re.search("differs|consistent", text)
     for form in ("bibtex", "csl", "text"):
         assert "Chen et al. (2023)" in output(f"cite chen2023/heat --format {form}")
+
+
+def test_examples_of_the_help_are_real():
+    """Each line of the shown output is a line of the output."""
+    for command in ("", "check", "show", "contents", "audit", "posterior"):
+        text = output(f"{command} --help", 100)
+        pattern = r"\$ reproduce (.*)\n((?: {4}.*\n)+)"
+        example, expected = re.search(pattern, text).groups()
+        lines = {words(line) for line in run(shlex.split(example)).stdout.splitlines()}
+        shown = [words(line) for line in expected.splitlines() if line.strip(" ─")]
+        shown = [line for line in shown if "..." not in line]
+        assert len(shown) > 1, command
+        assert set(shown) <= lines, command

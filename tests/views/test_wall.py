@@ -129,6 +129,11 @@ def test_a_sweep_of_a_prediction_shows_its_intervals():
     assert float(low) == pytest.approx(frame["low"].min(), rel=0.02)
     assert float(high) == pytest.approx(frame["high"].max(), rel=0.02)
     assert re.search(r"0\.\d+ \(0\.\d+ to 0\.\d+\)°", html), "a unit with its number"
+    # Both ends keep a margin of 8 px from the picture and from its axis.
+    assert re.findall(r'<text x="52" y="([\d.]+)"', swept._repr_html_()) == [
+        "86.0",
+        "8.0",
+    ]
     whole = table.sweep(NOISE, values, replicates=20)
     lines = repr(whole).splitlines()
     assert max(map(len, lines)) <= 80
