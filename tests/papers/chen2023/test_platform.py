@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from numpy.random import SeedSequence, default_rng
+from scipy.stats import chi2
 
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.chen2023 import accuracy, platform_twin
@@ -163,3 +164,20 @@ def test_the_spots_fit_the_lasers_within_the_rounding_of_lengths():
         expected = np.hypot(24.12 * (1 / ratio - 1), 0.10)
         assert distance == pytest.approx(expected, abs=0.02)
         assert (distance < 0.12) == (scale == 1)
+
+
+def test_noise_explains_the_calibrated_directions_and_not_the_designed_ones(
+    platform, replicates
+):
+    """Shuster's test: the loss of n directions over the variance is chi-square of 2n - 3."""
+    noise = np.sqrt((scatter(INPUTS, 2) ** 2).mean(axis=-1)) * 13e-6 / 60e-3
+    design, (first, second) = platform.design, replicates[0].spots
+    seen, zero = design.seen(second), first.mean(axis=0)
+    displaced = zero + 0.1 * np.eye(4, 2)  # one laser, by a tenth of a pixel
+    rejected = []
+    for directions in (design.directions, design.seen(displaced), design.seen(zero)):
+        rotation = attitude(seen, directions, np.full(seen.shape[:-1], noise**-2.0))
+        losses = np.square(seen - directions @ rotation.mT).sum(axis=-1) / noise**2
+        rejected.append((losses.sum(axis=-1) > chi2(5).ppf(0.99)).mean())
+    assert rejected[:2] == [1.0, 1.0]
+    assert rejected[2] < 0.025
