@@ -160,7 +160,7 @@ def is_notebook(app: Sphinx, page: str) -> bool:
 def written(app: Sphinx, page: str) -> str:
     """Return the text of the notebook of a page."""
     text = executed(app, page).read_text(encoding="utf-8")
-    notebook: Any = nbformat.reads(text, as_version=4)  # type: ignore[no-untyped-call]
+    notebook: Any = nbformat.reads(text, as_version=4)  # type: ignore[no-untyped-call]  # nbformat has no types
     # The outputs of the cells are in the cache of Jupyter Book.
     kept = get_cache(
         app.config.nb_execution_cache_path or Path(app.outdir).parent / CACHE

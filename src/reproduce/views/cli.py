@@ -32,7 +32,7 @@ class _Shell(click.Group):
         as_json = "--json" in ctx.args
         try:
             return super().invoke(ctx)
-        except Exception as error:
+        except Exception as error:  # errors of the input become one line, others rise
             message = _message(error)
             if message is None:  # not an error of the input
                 raise

@@ -137,12 +137,12 @@ class Stars(Display):
         Covariance of the centres, in px^2; zero if unknown.
     middle : ndarray, shape (2,)
         Middle of the image or mean of the stars of a list, in px.
-    shapes : ndarray, shape (n, 3, 2)
-        Shapes of the spots of an image, as in `physics.images.finding.Found`; NaN for a list.
+    shapes : ndarray, shape (n, 2, 2)
+        Shapes of the spots of an image, as in `physics.images.finding.Detections`; NaN for a list.
     rejected : DataFrame
         Other detections, with the reason in the column ``dropped``.
     facts : dict of str to float
-        Facts of an image, as in `physics.images.finding.Found`.
+        Facts of an image, as in `physics.images.finding.Detections`.
     findings : tuple of Finding
         Warnings about an image.
     """
@@ -214,7 +214,7 @@ def _stars(
         if {*SIGMAS} & {*columns}:
             sigma = deviations(table)
         covariance = sigma[:, :, None] ** 2 * np.eye(2)
-        shapes, middle = np.full((len(centre), 3, 2), np.nan), centre.mean(axis=0)
+        shapes, middle = np.full((len(centre), 2, 2), np.nan), centre.mean(axis=0)
         columns = {key: column for key, column in columns.items() if key not in SIGMAS}
         findings = tuple(Finding("masked", note) for note in table.notes)
     flux = brightness(columns)
