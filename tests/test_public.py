@@ -41,7 +41,7 @@ SEPARATE = {"reproduce.inference.sampling", "reproduce.physics.attitude.diagnosi
 
 
 def used_names(tree):
-    """Yield module and name of what a module takes from the package, by import or attribute."""
+    """Yield module and name of each import or attribute of the package in a module."""
     modules = {}
     for node in ast.walk(tree):
         if isinstance(node, ast.ImportFrom) and str(node.module).startswith(

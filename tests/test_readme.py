@@ -42,6 +42,20 @@ def test_commands_run_and_show_the_printed_output(tmp_path, monkeypatch):
     assert output[: len(expected)] == expected
 
 
+def test_links_are_absolute_and_search_terms_present():
+    targets = re.findall(r"\]\(([^)]*)\)", README)
+    assert targets
+    assert all(target.startswith("https://") for target in targets)
+    for term in (
+        "image registration",
+        "similarity transform",
+        "uncertainty",
+        "star tracker",
+        "misalignment",
+    ):
+        assert term in README.replace("*", "").replace("\n", " ")
+
+
 def test_counts_of_verdicts():
     (row,) = re.findall(r"^all +(.*)$", run(["check"], "200").output, re.MULTILINE)
     *counts, weak = row.split()

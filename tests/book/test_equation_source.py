@@ -1,4 +1,4 @@
-"""Each equation of the book finds the function that implements it, by its own text."""
+"""Tests of the links from equations to the functions that implement them."""
 
 import ast
 import re

@@ -143,7 +143,7 @@ def test_printed_equations_give_the_numbers_computed_by_hand():
     ratio = shown["distortion-ratio"]
     assert ratio.printed / ratio.right == pytest.approx(1 / 0.9976)
     assert ratio.right == pytest.approx(0.9976**3 * 4.9 / 5.7)
-    # The shift is off by its own length at first, and by twice as much after every step.
+    # The error of the shift equals the shift at first, and doubles with every step.
     assert shown["iteration"].printed == pytest.approx(
         2**ITERATION_STEPS * math.hypot(0.3, 0.5), rel=1e-3
     )

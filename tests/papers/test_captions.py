@@ -1,4 +1,4 @@
-"""The texts of our own tables and options: their files are checked, and hold nothing unused."""
+"""Tests of the captions of supplementary tables and options."""
 
 import fnmatch
 import re

@@ -113,7 +113,7 @@ def test_the_edge_by_hand_and_by_monte_carlo():
 
 
 def test_free_distortions_pay_from_their_number_of_stars_on():
-    """Fewer stars fit a similarity better, more the distortions, with what it leaves out."""
+    """A similarity predicts better with few stars, and distortions with many stars."""
     equal = fact("niu2024/stars", "free-from")
     for stars, better in (
         (0.8 * equal, "similarity"),

@@ -111,18 +111,18 @@ def _iteration(number: _Number) -> _Values:
         registration.gauss_newton_step_printed,
         registration.gauss_newton_step,
     ):
-        found = np.array([1.0, 0.0, 0.0, 0.0])
+        estimate = np.array([1.0, 0.0, 0.0, 0.0])
         for _ in range(ITERATION_STEPS):
-            found = step(found, source, target, middle)
-        errors.append(np.linalg.norm((found - truth)[2:]))
+            estimate = step(estimate, source, target, middle)
+        errors.append(np.linalg.norm((estimate - truth)[2:]))
     return errors[0], errors[1], 0.0
 
 
 def _lasers(number: _Number) -> tuple[Any, float]:
     """Return the positions of the lasers in the focal plane, and the focal length."""
     half = number("chen2023/text-hardware#laser-diagonal") / 2
-    places = half * np.array([[0.0, -1.0], [-1.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
-    return places, number("chen2023/table-2#telescope-focal-length.value")
+    positions = half * np.array([[0.0, -1.0], [-1.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+    return positions, number("chen2023/table-2#telescope-focal-length.value")
 
 
 def _unit_vectors(number: _Number) -> _Values:
@@ -169,7 +169,7 @@ def _roll_leak(number: _Number) -> _Values:
     rolled = reference @ rotation_from_vector(np.array([0.0, 0.0, 60 * _ARCSEC]))
     forms = attitude.transform_error_printed, attitude.misalignment_between
     angles = [attitude.misalignment_angles(form(rolled, reference)) for form in forms]
-    return *(np.hypot(*one[:2]) / _ARCSEC for one in angles), 0.0
+    return *(np.hypot(*angle[:2]) / _ARCSEC for angle in angles), 0.0
 
 
 def _stage_angle(number: _Number) -> _Values:
@@ -182,17 +182,17 @@ def _stage_angle(number: _Number) -> _Values:
 
 def _stage_signs(number: _Number) -> _Values:
     """Move the lasers along Y, and measure the sense of the rotation with (5) and (7)."""
-    places, focal = _lasers(number)
+    positions, focal = _lasers(number)
     shift = number("chen2023/text-effectiveness#step")
     before, after = (
-        attitude.emitted_directions(places + np.array([0.0, moved]), focal)
+        attitude.emitted_directions(positions + np.array([0.0, moved]), focal)
         for moved in (0.0, shift)
     )
-    found = attitude.misalignment(before, after, np.eye(3))
+    measured = attitude.misalignment(before, after, np.eye(3))
     return (
         np.sign(attitude.stage_angle(shift, focal)),
         np.sign(attitude.stage_angles([0.0, shift], focal)[0]),
-        np.sign(attitude.misalignment_angles(found)[0]),
+        np.sign(attitude.misalignment_angles(measured)[0]),
     )
 
 
@@ -214,9 +214,9 @@ def _misalignment_side(number: _Number) -> _Values:
 
 def _line_of_sight(number: _Number) -> _Values:
     """Compare the bracket of (1) with the direction (2) of one point of the focal plane."""
-    places, focal = _lasers(number)
-    bracket = ground.image_vectors(places[:1], focal)[0]
-    emitted = attitude.emitted_directions(places[:1], focal)[0]
+    positions, focal = _lasers(number)
+    bracket = ground.image_vectors(positions[:1], focal)[0]
+    emitted = attitude.emitted_directions(positions[:1], focal)[0]
     cosine = bracket @ emitted / np.linalg.norm(bracket)
     # With a negative scaling factor the bracket changes its sign.
     return cosine, -cosine, 1.0

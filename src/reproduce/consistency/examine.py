@@ -151,16 +151,16 @@ def _projection(relation: Relation, ends: _Ends) -> Corners | None:
             return {"root": -math.inf if abs(first) < abs(last) else math.inf}
         return {"root": float(brentq(gap, low, high, xtol=1e-300))}
 
-    found = corner_intervals(root, (*relation.addresses, _TOLERANCE))["root"]
-    found = found._replace(low=max(found.low, low), high=min(found.high, high))
-    return found if found.low <= found.high else None
+    corners = corner_intervals(root, (*relation.addresses, _TOLERANCE))["root"]
+    corners = corners._replace(low=max(corners.low, low), high=min(corners.high, high))
+    return corners if corners.low <= corners.high else None
 
 
 def agreements(
     cells: Sheet, relations: Sequence[Relation], rule: str = ""
 ) -> dict[str, Agreement]:
     """Return the largest set of relations that agree on one value, for each unknown by name."""
-    ends, found = _ends(cells, rule), {}
+    ends, by_name = _ends(cells, rule), {}
     unknowns = {r.unknown.name: r.unknown for r in relations if r.unknown}
     for name, unknown in unknowns.items():
         allowed = {
@@ -168,8 +168,8 @@ def agreements(
             for relation in relations
             if relation.unknown is unknown and (corners := _projection(relation, ends))
         }
-        found[name] = _largest_agreement(unknown, allowed)
-    return found
+        by_name[name] = _largest_agreement(unknown, allowed)
+    return by_name
 
 
 def _largest_agreement(unknown: Unknown, allowed: dict[str, Interval]) -> Agreement:
@@ -179,7 +179,9 @@ def _largest_agreement(unknown: Unknown, allowed: dict[str, Interval]) -> Agreem
         for start, _ in allowed.values()
     ]
     size = max(map(len, overlaps), default=0)
-    shared = set(allowed).intersection(*(one for one in overlaps if len(one) == size))
+    shared = set(allowed).intersection(
+        *(overlap for overlap in overlaps if len(overlap) == size)
+    )
     members = tuple(name for name in allowed if name in shared)
     lows, highs = zip(unknown.domain, *(allowed[name] for name in members), strict=True)
     return Agreement(unknown, allowed, (max(lows), min(highs)), members)
@@ -277,15 +279,17 @@ def conflicts(
     sufficient, because intervals have a common point if every two of them have one. `joint`
     contains the declared combinations of relations, each with the names of its parts.
     """
-    ends, found = _ends(cells, ""), []
+    ends, sets = _ends(cells, ""), []
     for relation in (*relations, *joint):
         if relation.kind != "print" and (blamed := _contradiction(relation, ends)):
-            own = tuple(a for a in relation.addresses if a in blamed)
-            found.append(Conflict(own, tuple(relation.name.split(" + "))))
+            addresses = tuple(a for a in relation.addresses if a in blamed)
+            sets.append(Conflict(addresses, tuple(relation.name.split(" + "))))
     projections = [(r, p) for r in relations if (p := _projection(r, ends)) is not None]
-    for (one, a), (two, b) in itertools.combinations(projections, 2):
-        if one.unknown is two.unknown and max(a.low, b.low) > min(a.high, b.high):
+    for (first, a), (second, b) in itertools.combinations(projections, 2):
+        if first.unknown is second.unknown and max(a.low, b.low) > min(a.high, b.high):
             both = dict.fromkeys(x for x in (*a.sides, *b.sides) if x != _TOLERANCE)
-            found.append(Conflict(tuple(both), (one.name, two.name)))
-    unique = {frozenset(conflict.cells): conflict for conflict in reversed(found)}
-    return sorted(unique.values(), key=lambda found: (len(found.cells), found.cells))
+            sets.append(Conflict(tuple(both), (first.name, second.name)))
+    unique = {frozenset(conflict.cells): conflict for conflict in reversed(sets)}
+    return sorted(
+        unique.values(), key=lambda conflict: (len(conflict.cells), conflict.cells)
+    )

@@ -286,7 +286,11 @@ def declared(
     }
     relations: dict[str, Relation] = {}
     for line in itertools.chain.from_iterable(content.get("relations", {}).values()):
-        named = {part: one[line[part]] for part, one in shared.items() if part in line}
+        named = {
+            part: objects[line[part]]
+            for part, objects in shared.items()
+            if part in line
+        }
         for values in _placeholders(line.get("each", {})):
             relation = _relation(line | named, values, cells, prefix)
             if relation.name in relations:
@@ -301,8 +305,8 @@ def _relation(
     line: Mapping[str, Any], values: Mapping[str, str], cells: Sheet, prefix: str
 ) -> Relation:
     """Return the relation of a line with values of its placeholders."""
-    fields = {key: one for key, one in line.items() if key not in {"cells", "each"}}
-    marks = {key: re.sub(r"[^a-zA-Z0-9]", "-", one) for key, one in values.items()}
+    fields = {key: value for key, value in line.items() if key not in {"cells", "each"}}
+    marks = {key: re.sub(r"[^a-zA-Z0-9]", "-", value) for key, value in values.items()}
     pairs = (pair.split("=", 1) for pair in line["cells"].format(**values).split())
     if "restates" in line:
         fields["restates"] = prefix + line["restates"].format(**values)
@@ -328,13 +332,15 @@ def _relation(
 
 def _bound(pattern: str, cells: Sheet) -> str | tuple[str, ...]:
     """Return the address, or for a pattern the addresses, behind a name of a formula."""
-    found = tuple(address for address in cells if fnmatch.fnmatchcase(address, pattern))
-    if not found:
+    matches = tuple(
+        address for address in cells if fnmatch.fnmatchcase(address, pattern)
+    )
+    if not matches:
         raise ValueError(
             f"cells: expected an address, got {pattern!r}, which matches no printed number. "
             "Check it"
         )
-    return found if set("*?[") & set(pattern) else found[0]
+    return matches if set("*?[") & set(pattern) else matches[0]
 
 
 def _placeholders(each: Mapping[str, Any]) -> Iterator[dict[str, str]]:

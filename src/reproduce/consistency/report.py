@@ -54,8 +54,8 @@ class Audit:
         return tuple(a for a in related if a not in self.examined)
 
     def _within(self, relations: Iterable[Relation]) -> tuple[str, ...]:
-        found = {address for one in relations for address in one.addresses}
-        return tuple(address for address in self.cells if address in found)
+        related = {address for relation in relations for address in relation.addresses}
+        return tuple(address for address in self.cells if address in related)
 
     @property
     def read(self) -> tuple[examine.RelationResult, ...]:
@@ -87,8 +87,10 @@ class Audit:
         dict
             Outcome to the number of relations.
         """
-        found = [f for f in self.read if restating in {None, bool(f.relation.restates)}]
-        return {o: sum(f.outcome == o for f in found) for o in examine.OUTCOMES}
+        counted = [
+            f for f in self.read if restating in {None, bool(f.relation.restates)}
+        ]
+        return {o: sum(f.outcome == o for f in counted) for o in examine.OUTCOMES}
 
 
 @functools.cache
@@ -102,8 +104,8 @@ def audit_paper(paper: str) -> Audit:
     }
     content = declarations(paper)
     joint = {"relations": {"joint": content.get("joint", [])}}
-    every = (declared(one, cells, f"{paper}/") for one in (content, joint))
-    return audit(paper, cells, *every)
+    relations = (declared(part, cells, f"{paper}/") for part in (content, joint))
+    return audit(paper, cells, *relations)
 
 
 def audit(
@@ -175,12 +177,14 @@ class Erratum(BaseModel):
     def findings(self, audit: Audit) -> list[examine.RelationResult]:
         """Return the results of the relations that the entry names."""
         names = [finding.relation.name for finding in audit.findings]
-        named = {n for one in self.relations for n in fnmatch.filter(names, one)}
-        return [one for one in audit.findings if one.relation.name in named]
+        named = {name for p in self.relations for name in fnmatch.filter(names, p)}
+        return [result for result in audit.findings if result.relation.name in named]
 
     def demonstrations(self, audit: Audit) -> list[Demonstration]:
         """Return the equations, run as printed, that the entry names."""
-        return [shown for shown in audit.equations if shown.name in self.equations]
+        return [
+            equation for equation in audit.equations if equation.name in self.equations
+        ]
 
 
 def register(text: str) -> list[Erratum]:

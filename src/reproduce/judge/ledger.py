@@ -329,13 +329,13 @@ def frozen() -> dict[str, Expectation]:
     """Return the frozen verdicts by address."""
     expectations: dict[str, Expectation] = {}
     for entry in _entries("verdicts.toml", "expect"):
-        one = Expectation.model_validate(entry)
-        for cell in chain.from_iterable(map(find, one.cells)):
+        expectation = Expectation.model_validate(entry)
+        for cell in chain.from_iterable(map(find, expectation.cells)):
             if cell.address in expectations:
                 raise ValueError(
                     f"verdicts.toml: expected {cell.address} once, got it twice. Remove one"
                 )
-            expectations[cell.address] = one
+            expectations[cell.address] = expectation
     return expectations
 
 
@@ -350,13 +350,13 @@ class VerdictChange:
 
 def changed_verdicts(ledger: Ledger) -> list[VerdictChange]:
     """Return the cells whose verdict is not the frozen one."""
-    found = []
+    changes = []
     for record in ledger.records:
         expected = frozen().get(record.cell)
         verdict = expected.verdict if expected else "none"
         if record.verdict != verdict:
-            found.append(VerdictChange(record.cell, verdict, record.verdict))
-    return found
+            changes.append(VerdictChange(record.cell, verdict, record.verdict))
+    return changes
 
 
 def reason(address: str) -> str:

@@ -87,7 +87,7 @@ def plain_results(computation: Computation, inputs: Inputs) -> dict[str, Flag]:
     kinds: dict[str, Flag] = {}
     for name, size in ((name, abs(value)) for name, value in centre.items()):
         values = [inputs[address] for address in slopes[name]]
-        if any(one != {1.0} for one in slopes[name].values()):
+        if any(slope != {1.0} for slope in slopes[name].values()):
             continue
         if not values and inputs.cells and not size:
             kinds[name] = "difference"

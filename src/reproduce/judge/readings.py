@@ -94,22 +94,24 @@ class Evaluation:
 
         Each contains the choices that affect its result.
         """
-        results, found = self.results(name), dict[str, Reading]()
+        results, different = self.results(name), dict[str, Reading]()
         choices = [tuple(reading.choices.values()) for reading in self.cells[name]]
         result_of = dict(zip(choices, results, strict=True))
         for reading, result in zip(self.cells[name], results, strict=True):
-            if result not in found:
+            if result not in different:
                 affecting = {
                     option: chosen
                     for option, chosen in reading.choices.items()
                     if any(
-                        result_of[(*(reading.choices | {option: other}).values(),)]
+                        result_of[
+                            (*(reading.choices | {option: alternative}).values(),)
+                        ]
                         != result
-                        for other in self.computation.options[option]
+                        for alternative in self.computation.options[option]
                     )
                 }
-                found[result] = reading.model_copy(update={"choices": affecting})
-        return list(found.values())
+                different[result] = reading.model_copy(update={"choices": affecting})
+        return list(different.values())
 
     def summary(self, name: str) -> ReadingSummary:
         """Return the number of readings that agree, and the options that decide."""
@@ -125,27 +127,30 @@ class Evaluation:
             for reading in readings:
                 chosen = tuple(reading.choices[option] for option in names)
                 agreement.setdefault(chosen, set()).add(reading.agrees)
-            if decided_by is None and all(len(one) == 1 for one in agreement.values()):
+            if decided_by is None and all(len(o) == 1 for o in agreement.values()):
                 decided_by = names
             if len(names) == 1 and {False} in agreement.values():
-                ways = (way for (way,), one in agreement.items() if one == {False})
-                never[names[0]] = tuple(ways)
-            for chosen in (way for way, one in agreement.items() if one == {True}):
+                never[names[0]] = tuple(
+                    c for (c,), o in agreement.items() if o == {False}
+                )
+            for chosen in (
+                c for c, outcomes in agreement.items() if outcomes == {True}
+            ):
                 condition = dict(zip(names, chosen, strict=True))
-                if not any(one.items() <= condition.items() for one in conditions):
+                if not any(c.items() <= condition.items() for c in conditions):
                     conditions.append(condition)
         # Few choices first, then many readings.
         conditions.sort(
-            key=lambda one: (len(one), math.prod(len(options[o]) for o in one))
+            key=lambda c: (len(c), math.prod(len(options[option]) for option in c))
         )
-        found = self.distinct(name)
+        distinct = self.distinct(name)
         return ReadingSummary(
-            count=len(found),
-            agreeing=sum(reading.agrees for reading in found),
+            count=len(distinct),
+            agreeing=sum(reading.agrees for reading in distinct),
             decided_by=decided_by or (),
             agrees_if=tuple(conditions[:_MAX_CONDITIONS]),
             never=never,
-            closest=max(found, key=lambda one: self._closeness(name, one)),
+            closest=max(distinct, key=lambda reading: self._closeness(name, reading)),
         )
 
     def _closeness(self, name: str, reading: Reading) -> tuple[bool, bool, float]:
@@ -171,13 +176,11 @@ def evaluate(computation: Computation) -> Evaluation:
     literal = evaluate_readings(computation, computation.readings[:1])
     table, cells = library()[computation.key], {}
     for name, (reading,) in literal.cells.items():
-        found, known = _row(reading), stored[name][0]
+        row, known = _row(reading), stored[name][0]
         # The error of the median, which is last, may change more.
         draws = [0, 0, 0, _NOISE_DRAWS / computation.replicates, np.inf]
-        if (np.abs(found - known) > 1e-6 * np.abs(known) + draws).any():
-            raise _stale(
-                f"{computation.key}#{name} is {found}, stored {known.tolist()}"
-            )
+        if (np.abs(row - known) > 1e-6 * np.abs(known) + draws).any():
+            raise _stale(f"{computation.key}#{name} is {row}, stored {known.tolist()}")
         # The stored numbers of the literal reading too: rounding noise must not split readings.
         rows = zip(computation.readings, stored[name].tolist(), strict=True)
         cells[name] = [
@@ -192,7 +195,7 @@ def evaluate_readings(
 ) -> Evaluation:
     """Compute some readings, without stored results."""
     table, inputs = library()[computation.key], load_inputs(computation.inputs)
-    found: dict[str, list[Reading]] = {}
+    by_cell: dict[str, list[Reading]] = {}
     joint = []
     for choices in readings:
         one_reading = computation.with_options(choices)
@@ -206,9 +209,9 @@ def evaluate_readings(
                     f"{computation.name}: expected declared cells, got {name}. Declare it"
                 )
             reading = judge(table[name], result, choices, allowed.get(name))
-            found.setdefault(name, []).append(reading)
+            by_cell.setdefault(name, []).append(reading)
         joint.append(_joint(table, results))
-    return Evaluation(computation, found, np.array(joint))
+    return Evaluation(computation, by_cell, np.array(joint))
 
 
 def _joint(table: PrintedTable, results: Results) -> tuple[float, float]:
@@ -234,7 +237,9 @@ def all_readings() -> Iterator[tuple[str, Reading]]:
         for name in evaluation.cells:
             readings = evaluation.distinct(name)
             if len(readings) > 1:
-                yield from ((f"{computation.key}#{name}", one) for one in readings)
+                yield from (
+                    (f"{computation.key}#{name}", reading) for reading in readings
+                )
 
 
 def _row(reading: Reading) -> list[float]:
@@ -246,8 +251,8 @@ def _row(reading: Reading) -> list[float]:
 def packed(evaluation: Evaluation) -> dict[str, _Array]:
     """Return an evaluation as arrays, by the names under which the study stores them."""
     arrays = {
-        name: np.array(list(map(_row, found)))
-        for name, found in evaluation.cells.items()
+        name: np.array(list(map(_row, readings)))
+        for name, readings in evaluation.cells.items()
     }
     arrays["joint"] = evaluation.joint
     return {
@@ -260,7 +265,7 @@ def fingerprint(computation: Computation) -> str:
     inputs = {a: cell.text for a, cell in load_inputs(computation.inputs).cells.items()}
     table = library()[computation.key]
     printed = {c.address: c.shown for c in table.cells if computation.makes(c.name)}
-    options = [list(map(list, one.items())) for one in computation.readings]
+    options = [list(map(list, choices.items())) for choices in computation.readings]
     content = [options, inputs, printed, computation.replicates, computation.entropy]
     return hashlib.sha256(json.dumps(content).encode()).hexdigest()
 

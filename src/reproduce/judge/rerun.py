@@ -116,11 +116,11 @@ def options(key: str) -> dict[str, dict[str, Alternative]]:
     >>> list(options("niu2024/table-3")["translations"])
     ['table-1', 'table-2']
     """
-    found: dict[str, dict[str, Alternative]] = {}
+    by_option: dict[str, dict[str, Alternative]] = {}
     for computation in catalogue()[key].computations:
         for name, alternatives in computation.options.items():
-            found.setdefault(name, {}).update(alternatives)
-    return found
+            by_option.setdefault(name, {}).update(alternatives)
+    return by_option
 
 
 def rerun(
@@ -159,7 +159,9 @@ def rerun(
     known = options(key)
     for name, alternative in chosen.items():
         if alternative not in known.get(name, ()):
-            listed = "; ".join(f"{n} ({', '.join(one)})" for n, one in known.items())
+            listed = "; ".join(
+                f"{n} ({', '.join(choices)})" for n, choices in known.items()
+            )
             raise CannotChangeError(
                 f"{name}: expected an option of {key}, {listed or 'which has none'}, got "
                 f"{alternative!r}. Choose an alternative"
@@ -210,22 +212,21 @@ def check_randomness(
     if seed is replicates is None:
         return
     if not random:
-        above = (one for one in map(computation_for, changeable(key)) if one)
+        above = filter(None, map(computation_for, changeable(key)))
         changed = set(changes)
         random = any(
-            one.replicates and changed.intersection(upstream(one.inputs))
-            for one in above
+            c.replicates and changed.intersection(upstream(c.inputs)) for c in above
         )
     limits = {
         "seed": (seed, 0, math.inf),
         "replicates": (replicates, 2, _MAX_REPLICATES),
     }
-    for name, (number, least, most) in limits.items():
-        is_whole = isinstance(number, int | np.integer) and least <= number <= most
+    for name, (number, least, greatest) in limits.items():
+        is_whole = isinstance(number, int | np.integer) and least <= number <= greatest
         if number is not None and not (random and is_whole):
             expected = f"None, since {key} draws no random numbers"
             if random:
-                expected = f"a whole number from {least} to {most:,}"
+                expected = f"a whole number from {least} to {greatest:,}"
             raise CannotChangeError(f"{name}: expected {expected}, got {number!r}")
 
 
@@ -233,7 +234,10 @@ def checked_values(key: str, changes: Mapping[str, str | float]) -> dict[str, fl
     """Return the values of a user in SI units; raise an error for a cell that is not an input."""
     _refuse_strays(key, changes, changeable(key))
     try:
-        return {one: si_value(find(one)[0], text) for one, text in changes.items()}
+        return {
+            address: si_value(find(address)[0], text)
+            for address, text in changes.items()
+        }
     except ValueError as error:
         raise CannotChangeError(str(error)) from error
 
@@ -246,7 +250,7 @@ def _refuse_strays(
     for stray in (address for address in changes if address not in allowed):
         name = stray.rpartition("#")[2]
         near = difflib.get_close_matches(name, names, _MAX_SUGGESTED, cutoff=0.7)
-        listed = [names[one] for one in near] or allowed[:_MAX_SUGGESTED]
+        listed = [names[name] for name in near] or allowed[:_MAX_SUGGESTED]
         raise CannotChangeError(
             f"{stray}: expected an input of {subject}, such as {', '.join(listed)}. "
             f"All {len(allowed)} are in `.inputs`"
@@ -302,7 +306,7 @@ def _explained(key: str, changes: Mapping[str, str]) -> Iterator[None]:
 
 def _reading(key: str, chosen: dict[str, str]) -> Rerun:
     """Return an item under one reading of the text, with verdicts."""
-    found, literal = reread(key, chosen), reread(key, {})
+    chosen_ledger, literal = reread(key, chosen), reread(key, {})
     cells = tuple(
         ChangedCell(
             find(after.cell)[0],
@@ -311,10 +315,10 @@ def _reading(key: str, chosen: dict[str, str]) -> Rerun:
             after.interval,
             after.verdict,
         )
-        for before, after in zip(literal.records, found.records, strict=True)
+        for before, after in zip(literal.records, chosen_ledger.records, strict=True)
         if after.function
     )
-    return Rerun(key, {}, cells, {}, chosen, found.table(key))
+    return Rerun(key, {}, cells, {}, chosen, chosen_ledger.table(key))
 
 
 @dataclass

@@ -181,7 +181,7 @@ def reflected_by_cone(points: FloatArray, directions: FloatArray) -> FloatArray:
     array([ 0.,  0., -1.])
     """
     for _ in range(2):
-        square, mixed, rest = (
+        square, mixed, constant = (
             np.vecdot(left * _CONE_FORM, right)
             for left, right in (
                 (directions, directions),
@@ -189,7 +189,7 @@ def reflected_by_cone(points: FloatArray, directions: FloatArray) -> FloatArray:
                 (points, points),
             )
         )
-        root = np.sqrt((mixed**2 - square * rest).clip(0.0))
+        root = np.sqrt((mixed**2 - square * constant).clip(0.0))
         lengths = np.stack([-mixed - root, -mixed + root]) / square
         # A ray has just left a point at length zero.
         ahead = lengths > 1e-9 * (1.0 + np.abs(points).max())

@@ -218,8 +218,8 @@ def _array(name: str, source: Any) -> NDArray[Any]:
 
 def _plain(name: object) -> str:
     """Return the name of a column in lower case, without blanks and a unit of pixels."""
-    bare = re.sub(r"\s*[\[(](px|pixels?)[\])]$", "", str(name).strip().lower())
-    return re.sub(r"[\s-]+", "_", bare)
+    plain = re.sub(r"\s*[\[(](px|pixels?)[\])]$", "", str(name).strip().lower())
+    return re.sub(r"[\s-]+", "_", plain)
 
 
 def _numbers(source: str, name: object, column: Any) -> FloatArray:
@@ -234,8 +234,8 @@ def _numbers(source: str, name: object, column: Any) -> FloatArray:
         import pandas as pd
 
         column = pd.to_numeric(column.astype(object), errors="coerce").astype(float)
-    bare = getattr(column, "magnitude", getattr(column, "value", column))
-    array = np.ma.asarray(bare)
+    values = getattr(column, "magnitude", getattr(column, "value", column))
+    array = np.ma.asarray(values)
     if array.dtype.kind not in "biuf" or array.ndim != 1:
         return np.full(len(array), np.nan)
     return np.ma.filled(array.astype(np.float64, copy=False), np.nan)

@@ -77,9 +77,9 @@ def _by_image(table: DataTable, count: int) -> tuple[Images, FloatArray | None]:
     """Return the images of both groups, and the mean times of those at the present."""
     import pandas as pd
 
-    for name, least, most in (("group", 0, 1), ("laser", 1, count)):
-        allowed = np.isin(table.numbers[name], range(least, most + 1))
-        table.check(name, allowed, f"a whole number from {least} to {most}")
+    for name, least, greatest in (("group", 0, 1), ("laser", 1, count)):
+        allowed = np.isin(table.numbers[name], range(least, greatest + 1))
+        table.check(name, allowed, f"a whole number from {least} to {greatest}")
     frame = pd.DataFrame(dict(table.numbers), index=table.rows)
     label = next((column for column in IMAGES if column in frame), None)
     images, times = [], None
@@ -93,10 +93,10 @@ def _by_image(table: DataTable, count: int) -> tuple[Images, FloatArray | None]:
                 f"{table.path}, column group: expected 0 (the zero point) and 1 (the present), got "
                 f"no {group}. Add its spots"
             )
-        other = np.resize(lights[:count_seen], len(part)) != lights
-        if label is None and other.any():
+        swapped = np.resize(lights[:count_seen], len(part)) != lights
+        if label is None and swapped.any():
             raise TableFileError(
-                f"{table.path}, row {part.index[other.argmax()]}: expected images one after the "
+                f"{table.path}, row {part.index[swapped.argmax()]}: expected images one after the "
                 "other, each with all lights in one order, got another light. Add a column frame, "
                 "a number for each image"
             )

@@ -255,8 +255,8 @@ def contents(as_json: bool) -> None:
     """
     from reproduce.views.contents import Contents
 
-    found = Contents()
-    _show(as_json, found.entries, found.listed.print)
+    listing = Contents()
+    _show(as_json, listing.entries, listing.listed.print)
 
 
 # The name of the command until version 0.2.

@@ -78,12 +78,12 @@ def item_ledger(*keys: str) -> Ledger:
     """Return the ledger of some items."""
     if kept() is None:
         return ledger.build(keys)
-    whole = whole_ledger()
+    complete = whole_ledger()
     parts = {
-        "records": tuple(record for record in whole.records if record.key in keys),
-        "tables": tuple(record for record in whole.tables if record.key in keys),
+        "records": tuple(record for record in complete.records if record.key in keys),
+        "tables": tuple(record for record in complete.tables if record.key in keys),
     }
-    return whole.model_copy(update=parts)
+    return complete.model_copy(update=parts)
 
 
 @cache

@@ -170,10 +170,10 @@ class RegistrationResult(UserResult):
         with computing(table.path):
             pivot = registration.checked_pivot(pivot, points[0])
             self.fit = fit = fit_registration(*points, pivot, **settings)
-            found, terms = registration.diagnose_fit(fit, flux, table.named)
-        self.findings, self._sensitivities = found, terms
-        self.remarks = [*table.notes, *(one.text for one in found)]
-        exact = any(one.kind == "exact" for one in found)
+            findings, terms = registration.diagnose_fit(fit, flux, table.named)
+        self.findings, self._sensitivities = findings, terms
+        self.remarks = [*table.notes, *(finding.text for finding in findings)]
+        exact = any(finding.kind == "exact" for finding in findings)
         self._errors: FloatArray = np.where(exact, np.nan, fit.standard_errors)
         self.systematic: FloatArray = np.zeros(fit.cofactor.shape)
         self.model, self.transform = str(fit.model), fit.transform
@@ -337,13 +337,13 @@ class MisalignmentResult(UserResult):
         )
         count = len(self.platform.lasers)
         images, self.times, notes = read_images(count, spots, zero, times, sep)
-        self.diagnosis = found = diagnosis.diagnose_spots(self.platform, images)
-        self.findings = found.findings
+        self.diagnosis = result = diagnosis.diagnose_spots(self.platform, images)
+        self.findings = result.findings
         self.found = monitored(
-            *found.images, found.platform, found.widening, found.freedom
+            *result.images, result.platform, result.widening, result.freedom
         )
         self.angles = self.found.angles
-        self.remarks = [*(one.text for one in self.findings), *notes]
+        self.remarks = [*(finding.text for finding in self.findings), *notes]
         self.stability: Stability | None = None
         if self.times is not None:
             rows = np.argsort(self.times, kind="stable")
@@ -354,8 +354,8 @@ class MisalignmentResult(UserResult):
                 self.remarks.append(f"drift and averages are unknown: {error}")
         self._facts = {
             "images": len(self.angles),
-            "widening": found.widening,
-            **found.agreement,
+            "widening": result.widening,
+            **result.agreement,
             "over_time": self.over_time().reset_index().to_dict("records"),
         }
         self.title = (

@@ -290,7 +290,7 @@ class RegisteredPictures(RegistrationResult):
         names = {"source": source, "target": target}
         both = [_stars(one, threshold, sep, name) for name, one in names.items()]
         self.source_stars, self.target_stars = source, target = both
-        pairs, found = _paired(source, target, start, radius, pivot)
+        pairs, fit = _paired(source, target, start, radius, pivot)
         if pairs.attrs["mirrored"] and settings.get("model") != "affine":
             raise ValueError(
                 f"{source.name} and {target.name} mirror each other: flip one, or take the model "
@@ -302,7 +302,7 @@ class RegisteredPictures(RegistrationResult):
         points = pairs[[*STARS]].to_numpy()
         known = np.stack([s.covariance[row] for s, row in zip(both, rows, strict=True)])
         weights, self.extra_scatter = pair_weights(
-            points[:, :2], points[:, 2:], pivot, known, found, **used
+            points[:, :2], points[:, 2:], pivot, known, fit, **used
         )
         frames = [s.table.iloc[row] for s, row in zip(both, rows, strict=True)]
         for frame in frames:

@@ -29,10 +29,13 @@ class Readings(Display):
 
     def __init__(self, key: str) -> None:
         self.key = key
-        made = [evaluate(one) for one in catalogue()[key].computations if one.options]
-        made.sort(key=lambda found: len(found.computation.options), reverse=True)
-        self._found = [(one, names) for one in made if (names := _open_cells(one))]
-        options = (name for one, _ in self._found for name in one.computation.options)
+        computations = [c for c in catalogue()[key].computations if c.options]
+        computations.sort(key=lambda c: len(c.options), reverse=True)
+        evaluations = map(evaluate, computations)
+        self._evaluations = [
+            (e, names) for e in evaluations if (names := _open_cells(e))
+        ]
+        options = (name for e, _ in self._evaluations for name in e.computation.options)
         self._options = list(dict.fromkeys(options))
 
     def frame(self) -> pd.DataFrame:
@@ -48,7 +51,7 @@ class Readings(Display):
         import pandas as pd
 
         frame = pd.DataFrame({})
-        for evaluation, names in self._found:
+        for evaluation, names in self._evaluations:
             part = _frame(evaluation, names)
             shared = [name for name in evaluation.computation.options if name in frame]
             frame = frame.merge(part, how="left", on=shared) if len(frame) else part
@@ -63,7 +66,9 @@ class Readings(Display):
         frame = self.frame()
         if frame.empty:
             return [f"{self.key} has one reading."]
-        cells = [library()[self.key][n] for _, names in self._found for n in names]
+        cells = [
+            library()[self.key][n] for _, names in self._evaluations for n in names
+        ]
         shown: dict[str, Any] = {
             "caption": f"All {len(frame)} readings of {library()[self.key].place}. Bold: the "
             "printed number agrees. A predicted cell has its probability, any other cell its "
@@ -113,11 +118,11 @@ def _frame(evaluation: Evaluation, names: Iterable[str]) -> pd.DataFrame:
     return frame
 
 
-def summary(place: str, records: Iterable[Record]) -> Grid:
+def summary(label: str, records: Iterable[Record]) -> Grid:
     """Return a summary of the readings of each cell."""
     columns = ("cell", "printed", "readings that agree", "agrees with")
     return Grid.of(
-        f"Readings of {place}, cell by cell",
+        f"Readings of {label}, cell by cell",
         (*columns, "closest reading"),
         [verdicts.texts(record) for record in records if record.readings],
         kind="rp-small rp-readings",

@@ -113,8 +113,8 @@ class StudyTable(Rerunnable, ItemView):
         """Yield the table, or the first part of a folded table."""
         frame, grid, folded = self.frame(), self.grid, self._declared.folded
         yield Fold(str(frame[folded].iloc[0]), (grid,), opened=True) if folded else grid
-        if rest := len(frame) - len(grid.rows):
-            yield f"{rest:,} more rows, by {folded}, are in its files."
+        if omitted := len(frame) - len(grid.rows):
+            yield f"{omitted:,} more rows, by {folded}, are in its files."
         if not self.changes:
             where = f"study-{anchor(self.key)}"
             yield Html(

@@ -81,7 +81,7 @@ def test_monitoring_leaves_its_own_noise_when_nothing_bends():
 
 
 def test_monitoring_lags_by_half_an_average():
-    """At large amplitude what is left is the rate of change times five seconds."""
+    """At large amplitude the residual is the rate of change times five seconds."""
     times, unit, _ = positioning._year(satellite.altitude(INPUTS), None)
     amplitude = 500 * ARCSEC
     errors = positioning._residuals(INPUTS, amplitude)[positioning.CORRECTIONS[-1]]

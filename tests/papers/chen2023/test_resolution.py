@@ -52,7 +52,7 @@ def test_the_optimum_stands_between_window_and_pixel(content):
     best = int(content["predicted"].argmin())
     bias = content["bias"]
     assert bias[0] > 5 * bias[best] < bias[-1]
-    assert (np.diff(content["within"]) < 0).all(), "scatter alone has no optimum inside"
+    assert (np.diff(content["within"]) < 0).all(), "the scatter has no optimum inside"
 
 
 def test_replicated_studies_scatter_as_their_size_says():

@@ -1,4 +1,4 @@
-"""The calibration: where the table moves the star, and what theory says of the scheme."""
+"""Tests of the positions of the star during calibration, and of the scheme of angles."""
 
 from dataclasses import replace
 

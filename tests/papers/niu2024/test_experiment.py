@@ -47,7 +47,7 @@ def test_the_prediction_is_that_of_pencil_and_paper():
 
 
 def test_the_errors_add_up_to_the_printed_residuals():
-    """Green has half of the mean squared residual, the others the rest of their own."""
+    """Green has half of the mean squared residual, red and blue have the other half each."""
     green, *others = np.square(experiment._centroid_errors(INPUTS)[:, 0])
     squares = np.square(list(RESIDUAL.values()))
     np.testing.assert_allclose(green, squares.mean(axis=0) / 2, rtol=1e-12)
@@ -132,7 +132,7 @@ def test_the_tolerance_of_the_register_is_four_standard_deviations_of_the_twin()
 def test_the_stand_in_is_the_noise_of_two_channels():
     found = experiment.rmse_after(load_inputs(experiment.rmse_after.inputs))
     for result in found.values():
-        # Equal distortions leave less than a thousandth of a pixel beside the noise.
+        # Equal distortions add less than 0.001 px to the noise.
         assert result == pytest.approx(np.sqrt(2) * 0.05, rel=1e-3)
 
 

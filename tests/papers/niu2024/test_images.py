@@ -36,7 +36,7 @@ def test_a_magnitude_4_star_by_hand():
 
 
 def test_light_of_the_tabulated_stars_by_hand():
-    """Vega in red by the trapezoid over its table, V = 0.03 of its own; the same optics."""
+    """Integrate the spectrum of Vega over red by the trapezoid rule, with V = 0.03."""
     wavelength, table = spectra()["vega"]
     inside = (wavelength > 579.9e-9) & (wavelength < 680.1e-9)
     flux = np.trapezoid(table[inside], wavelength[inside])
@@ -112,7 +112,7 @@ def test_the_table_shows_the_stored_arrays(stored):
 
 
 def test_a_wrong_shift_of_red_costs_its_share_of_the_light():
-    """As the book says: half a pixel, times red over all light."""
+    """The error is half a pixel, times the fraction of red photons."""
     shift, light = "niu2024/table-4#translation-x.red", photons(2.0)
     wrong = images.similarities(INPUTS.changed({shift: INPUTS[shift] + 0.5}))
     seed = np.random.SeedSequence(3)

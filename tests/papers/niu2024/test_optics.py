@@ -1,4 +1,4 @@
-"""The camera of niu2024: what its bands say of its colours, by hand."""
+"""Tests of the camera of niu2024 against calculations by hand."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""Table 2 against the print of Table 1, by hand."""
+"""Tests of Table 2 against calculations by hand from Table 1."""
 
 import pytest
 

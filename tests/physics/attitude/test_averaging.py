@@ -1,4 +1,4 @@
-"""Averages over frames against NumPy's convolution, loops and the law of white noise."""
+"""Tests of averages over frames against NumPy's convolution, loops and white noise."""
 
 import numpy as np
 import pytest
@@ -37,7 +37,7 @@ def test_closed_forms_of_the_error_of_averages():
 
 
 def test_a_drift_is_found_within_its_error():
-    """Also if neighbours share noise; by Student's law with eight degrees of freedom."""
+    """Also for correlated noise; Student's t-distribution with eight degrees of freedom."""
     generator, times = default_rng(7), np.arange(400) * 2.0
     for memory in (0.0, 0.8):
         white = generator.standard_normal((400, 600))
@@ -77,7 +77,7 @@ def test_averages_stop_where_noise_has_a_floor():
 
 @pytest.mark.parametrize("kept", [np.r_[:300], np.r_[0:90, 91:200, 260:300]])
 def test_no_average_bridges_a_gap(kept):
-    """As if each piece were alone, with one lost frame between them."""
+    """Each part gives the result of a separate series; one frame between them is lost."""
     series = np.cumsum(default_rng(10).standard_normal((300, 2)), axis=0)
     found = stability(1.0 * kept, series[kept])
     assert len(found.counts) > 3

@@ -1,4 +1,4 @@
-"""Faults of spots, planted one by one, are named with their cure; clean spots hear nothing."""
+"""Tests of the warnings about faults of spots, and of their absence for clean spots."""
 
 import re
 from dataclasses import replace
@@ -174,8 +174,8 @@ def test_spots_of_another_platform_are_refused(count):
     ("platform", "frames"),
     [(SQUARE, 2), (SQUARE, 3), (SQUARE, 40), (WIDE, 5), (THREE, 10), (PAIR, 6)],
 )
-def test_clean_spots_hear_nothing(platform, frames):
-    """One set in a thousand may; of 300, three would be one time in four hundred thousand."""
+def test_clean_spots_give_no_warning(platform, frames):
+    """The rate of false warnings is 0.001, so that three of 300 have a probability of 0.004."""
     rng = default_rng(frames)
     found = [kinds(platform, drawn(platform, frames, rng)) for _ in range(300)]
     assert sum(map(bool, found)) <= 2

@@ -158,7 +158,7 @@ def test_in_the_camera_frame_the_error_is_that_of_11_in_the_tracker_frame_roll_l
     assert 3 * relation / ARCSEC == pytest.approx(1.14, abs=0.005)
     # The printed product T T_ref' would scatter twice as much about X and Y.
     assert_allclose(3 * in_tracker[:2] / ARCSEC, [1.94, 2.69], rtol=0.02)
-    # The roll, which the paper leaves out, is two hundred times worse.
+    # The roll, which the paper does not give, has a much larger error.
     assert 3 * in_camera[2] / ARCSEC == pytest.approx(218, rel=0.02)
 
 

@@ -13,7 +13,7 @@ LINE = 0.02 * np.array([[-1.0, 0.1], [1, 0.3]])
 RING = 0.03 * np.array([[np.cos(a), np.sin(a)] for a in np.arange(6)]) + [0.05, -0.02]
 TURN = np.array([15, -25, 400]) / ARCSEC_PER_RADIAN
 NOISE = 0.1
-# Lights, images at the zero point and at the present, share of spots lost, jitter of all in px.
+# Lights, images at the zero point and at the present, fraction of lost spots, jitter of all in px.
 CASES = {
     "two and two images": (SQUARE, 2, 2, 0.0, 0.0),
     "three and three": (SQUARE, 3, 3, 0.0, 0.0),

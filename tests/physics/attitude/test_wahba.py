@@ -165,8 +165,9 @@ def test_markley_cases(case):
 
     # Best means no worse than the truth.
     assert (loss(source @ found.mT) <= loss(exact) * (1 + 1e-6)).all()
-    # The error, in units of its predicted covariance, has three degrees of freedom. First
-    # order needs errors small beside the angles between the directions; 8 and 9 are not.
+    # The error, in units of its predicted covariance, has three degrees of freedom. The
+    # covariance is of first order: errors must be small compared with the angles between the
+    # directions, unlike those of cases 8 and 9.
     if case not in ("8", "9"):
         turns = Rotation.from_matrix(found @ truth.T).as_rotvec()
         outer = exact[0][:, :, None] * exact[0][:, None]

@@ -46,7 +46,7 @@ def test_a_quiet_series_has_its_amplitude_and_repeats(series):
 )
 def test_every_part_is_there(series, change, value):
     quiet, loud = series(orbits=400)[1], series(orbits=400, **{change: value})[1]
-    # About X alone: what is drawn there shifts the stream of what comes after it.
+    # Only about X: the numbers drawn there shift the random numbers that follow.
     assert np.abs(loud - quiet)[:, 0].max() > 0.01
 
 

@@ -1,4 +1,4 @@
-"""Leading axes of the image side: a batch gives what each of its members gives alone."""
+"""Tests of leading axes: a batch gives the same results as its members."""
 
 import numpy as np
 import pytest

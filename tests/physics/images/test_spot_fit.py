@@ -1,4 +1,4 @@
-"""Fitted centres beside another solver that starts from the brightest pixel."""
+"""Tests of fitted centres against another solver that starts from the brightest pixel."""
 
 import numpy as np
 import pytest
@@ -41,7 +41,7 @@ def brightest(window):
 
 
 def cost(state, window):
-    """Return what the likelihood makes least, and its slopes."""
+    """Return the negative log-likelihood and its slopes."""
     size = len(window)
     mean = model(state, size) + NOISE**2
     _, rows = _gradient(state, np.array(RADIUS), size, size)

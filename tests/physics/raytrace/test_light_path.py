@@ -39,7 +39,7 @@ def directions(spots):
 
 
 def feigned(light, kind):
-    """Angles of the camera that the tracker believes, from the spots alone."""
+    """Return the angles of the camera that the tracker derives from the spots."""
     # A third reflection mirrors the pattern.
     flip = np.array([1.0, 1.0 if kind == ROOF else -1.0])
     camera = emitted_directions(LASERS * flip, CAMERA)
@@ -88,7 +88,7 @@ def test_a_turn_of_the_camera_is_seen_in_full(kind):
 
 
 def test_through_a_cone_a_tilt_mimics_a_roll():
-    """The beam is beside the tip along X. Of second order in the field, and so a false roll."""
+    """The beam misses the tip along X. The effect is of second order: a false roll."""
     by_camera, by_cone = (
         np.array([feigned(path(CONE, **{name: t}), CONE) for t in TURN * np.eye(3)])
         for name in ("camera_turn", "turn")

@@ -1,4 +1,4 @@
-"""Mirrors and retro-reflectors against identities, the law of reflection and a root finder."""
+"""Tests of mirrors and retro-reflectors against identities and a root finder."""
 
 from itertools import permutations
 

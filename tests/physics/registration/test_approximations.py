@@ -41,8 +41,8 @@ def simulated_bias(channels, positions):
 def analytic_bias(channels, effect, sides):
     """The same to first order, over a detector covered evenly, as the page says it.
 
-    A radial error c p |p|^2 is best met by the scale c <r^4> / <r^2>, and leaves the shift alone; a
-    tilt errs with the square of the position and so moves the shift alone.
+    A radial error c p |p|^2 changes only the scale, by c <r^4> / <r^2>. A tilt has an error
+    proportional to the square of the position, and changes only the shift.
     """
     alone, k = channels.only(effect), channels.scale
     a, b = sides**2

@@ -176,7 +176,7 @@ def test_given_errors_are_held_against_the_scatter():
     assert float(found.text.split()[3]) == pytest.approx(2, rel=0.2)
 
 
-# Stars, wrong ones of them. One wrong of three, and two of four or five, cannot be told.
+# Stars, wrong ones of them. One wrong of three, and two of four or five, cannot be recognised.
 COVERED = [
     *((n, 0) for n in (3, 4, 5, 8, 10, 20, 80)),
     *((4, 1), (5, 1), (8, 2), (8, 3), (10, 2), (10, 4), (20, 1), (20, 4), (20, 8)),
@@ -197,7 +197,7 @@ def test_intervals_cover(count, wrong):
             held = ((low <= TRUE["similarity"]) & (TRUE["similarity"] <= high)).mean(
                 axis=0
             )
-            # Four deviations: one of some 300 shares would be off with a chance of 0.02.
+            # Four deviations: one of some 300 fractions exceeds them with a probability of 0.02.
             assert np.abs(held - level).max() < 4 * np.sqrt(level * (1 - level) / sets)
 
 

@@ -12,7 +12,7 @@ TRUE = np.array([1.002, 0.01, -3.0, 2.0])
 
 
 def field(generator, trials, n, wrong=0.0, sigma=0.1):
-    """Points all over the field and where they land, a share of them matched wrongly."""
+    """Return points and their targets, of which a fraction is matched wrongly."""
     source = generator.uniform((0, 0), (2064, 1544), (trials, n, 2))
     target = Registration("similarity", TRUE, PIVOT).apply(source)
     target += sigma * generator.standard_normal(target.shape)

@@ -51,12 +51,12 @@ def moving_average(series: ArrayLike, count: int) -> FloatArray:
     return (sums[..., count:] - sums[..., :-count]) / count + first
 
 
-def _check_counts(name: str, counts: Sequence[int], most: int) -> None:
-    whole = [validate.whole_number(name, count) for count in counts]
-    if not 0 < max(whole, default=0) <= most:
+def _check_counts(name: str, counts: Sequence[int], greatest: int) -> None:
+    numbers = [validate.whole_number(name, count) for count in counts]
+    if not 0 < max(numbers, default=0) <= greatest:
         raise ValueError(
-            f"{name}: expected numbers of frames up to {most}, got {counts}. Average fewer frames "
-            "or give a longer series"
+            f"{name}: expected numbers of frames up to {greatest}, got {counts}. Average "
+            "fewer frames or give a longer series"
         )
 
 
@@ -130,8 +130,8 @@ def allan_deviation(series: ArrayLike, counts: Sequence[int]) -> FloatArray:
 
 def _changes(frames: FloatArray, count: int) -> FloatArray:
     """Return the differences of averages over n frames from the next ones, (..., averages - 1)."""
-    whole = frames[..., : frames.shape[-1] // count * count]
-    averages = whole.reshape(*frames.shape[:-1], -1, count).mean(axis=-1)
+    complete = frames[..., : frames.shape[-1] // count * count]
+    averages = complete.reshape(*frames.shape[:-1], -1, count).mean(axis=-1)
     return np.diff(averages, axis=-1)
 
 

@@ -164,27 +164,27 @@ def diagnose_spots(
     correlated = score > -ndtri(_FALSE_ALARM / _TEST_COUNT)
     variance = np.cumsum((noise * widening) ** 2 / counts, axis=0)
     zero = Platform.of_spots(means[0], *platform.tracker[::-1])
-    found, limit = list[Finding](), np.inf
+    findings, limit = list[Finding](), np.inf
     tolerated = _MISFIT_FACTOR * correlated
     for model, spots, errors, problem in zip(
         (platform, zero), means, variance, _PROBLEMS, strict=True
     ):
         pattern = _Pattern(model, spots, errors, freedom, tolerated, lights)
         fit = pattern.fit("pattern", "", model.lasers, 1 / errors)
-        found += pattern.findings(fit, problem)
+        findings += pattern.findings(fit, problem)
     if not spare:
         text = "no group has two images of a light, so the noise is unknown. Add images"
-        found.append(Finding("spare", text))
+        findings.append(Finding("spare", text))
     if correlated:
         limit = sum(map(len, images)) * (1 - lag**2) / (1 + lag**2)
-        found.append(Finding("correlated", _CORRELATED_TEXT.format(lag, widening)))
+        findings.append(Finding("correlated", _CORRELATED_TEXT.format(lag, widening)))
     low, high = fdtri(fit.freedom, freedom, [0.025, 0.975]).tolist()
     if fit.misfit > high:
         limit = fit.freedom
     factor = max(fit.misfit, 1.0) ** 0.5 * (widening if correlated else 1.0)
     agreement = {"chi_square": fit.misfit, "low": low, "high": high}
     agreement["residual_rms"] = fit.rms
-    return Diagnosis(platform, images, found, agreement, factor, limit)
+    return Diagnosis(platform, images, findings, agreement, factor, limit)
 
 
 @dataclass(frozen=True)

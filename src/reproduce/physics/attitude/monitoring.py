@@ -139,7 +139,7 @@ def monitored(
     zero = np.nanmean(before, axis=0)
     angles, response = _measured("spots", now, zero, platform)
     groups = [(angles, response), _measured("zero_spots", before, zero, platform)]
-    squares, freedom, least = np.zeros(3), 0, np.full(3, np.inf)
+    squares, freedom, smallest = np.zeros(3), 0, np.full(3, np.inf)
     for series, moves in groups[::-1]:
         # Variance of the angles for spots of unit variance.
         variance = np.square(moves).sum(axis=(-2, -1))
@@ -147,7 +147,7 @@ def monitored(
         mean = np.nansum(weights * series, axis=0)
         squares += np.nansum(np.square(series - mean) / variance, axis=0)
         freedom += np.isfinite(series[:, 0]).sum() - 1
-        least = np.fmin(least, np.nanmin(variance, axis=0))
+        smallest = np.fmin(smallest, np.nanmin(variance, axis=0))
     # Noise of a spot, in px, from the scatter of each angle.
     noise = np.sqrt(squares / (freedom or np.nan))
     counts = np.isfinite(before[..., 0]).sum(axis=0)
@@ -159,7 +159,7 @@ def monitored(
         angles,
         np.einsum("faij,fbij->fab", scaled, scaled),
         mean,
-        noise * np.sqrt(least),
+        noise * np.sqrt(smallest),
         widening * noise * np.sqrt(past + single),
         min(freedom, limit),
     )

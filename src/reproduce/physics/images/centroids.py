@@ -170,11 +170,11 @@ def _sums(
     """
     edges = _edges(positions, radius[..., None], size)
     inside = _fractions(edges)
-    other = inside.sum(axis=-1, keepdims=True)[..., ::-1, :]
+    across = inside.sum(axis=-1, keepdims=True)[..., ::-1, :]
     width = -np.sqrt(2 * np.pi) * radius[..., None, None]
     slopes = np.diff(np.exp(-0.5 * edges**2)) / width
     flux = light[..., None, None]
-    return flux * inside * other, flux * slopes * other
+    return flux * inside * across, flux * slopes * across
 
 
 @validate.checked

@@ -249,9 +249,9 @@ def _band(low: float, high: float) -> tuple[float, float]:
 def _blackbody_photons(wavelength: FloatArray, temperature: FloatArray) -> FloatArray:
     """Return the photon spectrum of a blackbody, in units of its value at 550 nm."""
     # The exponentials of a cool star would overflow.
-    here = _SECOND_RADIATION / (wavelength * temperature)
-    there = _SECOND_RADIATION / (_V_WAVELENGTH * temperature)
-    ratio = np.exp(there - here) * np.expm1(-there) / np.expm1(-here)
+    exponent = _SECOND_RADIATION / (wavelength * temperature)
+    reference = _SECOND_RADIATION / (_V_WAVELENGTH * temperature)
+    ratio = np.exp(reference - exponent) * np.expm1(-reference) / np.expm1(-exponent)
     return (_V_WAVELENGTH / wavelength) ** 4 * ratio
 
 

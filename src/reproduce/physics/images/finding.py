@@ -181,10 +181,10 @@ def _without_background(image: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]
     from scipy.ndimage import median_filter, zoom
 
     stride = _STRIDE if min(image.shape) > _LARGE_PX else 1
-    sample = image[::stride, ::stride].astype(np.float64)
-    values = np.unique(sample[np.isfinite(sample)])
+    subset = image[::stride, ::stride].astype(np.float64)
+    values = np.unique(subset[np.isfinite(subset)])
     light = (image - float(np.median(values))).astype(np.float32, copy=False)
-    boxes = -(-np.array(sample.shape) // -(-np.array(image.shape) // _BOX_PX))
+    boxes = -(-np.array(subset.shape) // -(-np.array(image.shape) // _BOX_PX))
 
     def enlarged(mesh: FloatArray) -> NDArray[Any]:
         # The median of neighbours continues a slope beyond the boxes at the edge.
@@ -195,11 +195,11 @@ def _without_background(image: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]
         return full[y : y + len(image), x : x + len(image.T)]
 
     for _ in range(2):
-        rest = light[::stride, ::stride]
+        thinned_light = light[::stride, ::stride]
         background = Background2D(
-            rest,
+            thinned_light,
             tuple(boxes),
-            mask=np.isnan(rest),
+            mask=np.isnan(thinned_light),
             exclude_percentile=90.0,
             filter_size=1,
             bkg_rms_estimator=BiweightScaleBackgroundRMS(),
@@ -208,8 +208,8 @@ def _without_background(image: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]
     # Rounding to whole numbers is noise, too. The last term is for images without noise.
     rounding = float(np.diff(values).min()) / np.sqrt(12)
     noise = np.maximum(background.background_rms_mesh, rounding)
-    least = 0.0 if noise.all() else 1e-3 * float(np.nanmax(rest))
-    return light, enlarged(np.maximum(noise, least))
+    smallest = 0.0 if noise.all() else 1e-3 * float(np.nanmax(thinned_light))
+    return light, enlarged(np.maximum(noise, smallest))
 
 
 def _remove_hot_pixels(light: NDArray[Any], noise: NDArray[Any]) -> None:
@@ -311,8 +311,8 @@ class _SpotFit:
         part = np.nan_to_num(weight * self.left / total)
         offsets = np.stack([self.x, self.y])
         second = np.einsum("nyx,anyx,bnyx->nab", part, offsets, offsets)
-        rest = square / (square + 1) * (1 - part.sum(axis=(1, 2)))
-        second += rest[:, None, None] * np.eye(2)
+        remainder = square / (square + 1) * (1 - part.sum(axis=(1, 2)))
+        second += remainder[:, None, None] * np.eye(2)
         moments = np.linalg.inv(np.linalg.inv(second) - np.eye(2) / square)
         return np.asarray(moments * self.radius**2)
 

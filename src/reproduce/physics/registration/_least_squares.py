@@ -35,9 +35,11 @@ _LAST_MOVEMENT = 1e-11
 _MIN_EIGENVALUE = 1e-13
 
 
-def thinned(count: int, most: int) -> slice | NDArray[np.intp]:
+def thinned(count: int, limit: int) -> slice | NDArray[np.intp]:
     """Return at most `most` of `count` rows, spread evenly."""
-    return slice(None) if count <= most else np.linspace(0, count - 1, most).astype(int)
+    return (
+        slice(None) if count <= limit else np.linspace(0, count - 1, limit).astype(int)
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -360,11 +362,11 @@ def _check_not_mirrored(
     products = [np.abs(np.vecdot(o, weighted)) for o in (offsets, offsets.conj())]
     if not (products[1] > products[0]).any():
         return
-    spread, whole = (
+    spread, target_spread = (
         (weights * _squared(numbers)).sum(axis=-1) for numbers in (offsets, targets)
     )
     # A rounding error counts as a residual.
-    total = (1 + _ROUNDING_ERROR) * whole
+    total = (1 + _ROUNDING_ERROR) * target_spread
     residuals = (total - product**2 / spread for product in products)
     check_ratio(2 * np.count_nonzero(weights, axis=-1) - 4, *residuals)
 
@@ -375,9 +377,9 @@ def check_ratio(freedom: Any, residual: FloatArray, mirrored: FloatArray) -> Non
         return
     from scipy.special import fdtri  # this import takes longer than most fits
 
-    least = np.maximum(freedom, 1)
-    limit = fdtri(least, least, 1 - _MIRROR_PROBABILITY)
-    sets = np.asarray((freedom == least) & (residual > limit * mirrored))
+    denominator = np.maximum(freedom, 1)
+    limit = fdtri(denominator, denominator, 1 - _MIRROR_PROBABILITY)
+    sets = np.asarray((freedom == denominator) & (residual > limit * mirrored))
     if sets.any():
         count = f" (in {int(sets.sum())} of {sets.size} sets)" * bool(sets.ndim)
         raise validate.MirroredPointsError(

@@ -367,10 +367,10 @@ def diagnose_fit(
         if unmatched and richer:
             unmatched = _robust(replace(problem, model=richer))
     elif terms:
-        most = max(terms, key=lambda term: np.abs(term.change).max())
-        if np.abs(most.change).max() > _MAX_CHANGE and most.term != "brightness":
-            text = f"the intervals assume no {most.term} term, which would change "
-            text += _largest_change(most, right)
+        largest = max(terms, key=lambda term: np.abs(term.change).max())
+        if np.abs(largest.change).max() > _MAX_CHANGE and largest.term != "brightness":
+            text = f"the intervals assume no {largest.term} term, which would change "
+            text += _largest_change(largest, right)
             findings.append(Finding("sensitive", text))
     return findings + (_mismatched(unmatched, named) if unmatched else []), terms
 

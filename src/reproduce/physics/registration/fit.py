@@ -365,9 +365,9 @@ def _accepted(
     # Residuals of exact matches are rounding errors.
     reach = np.abs(problem.source).max() + np.abs(problem.target).max()
     rounding = _ROUNDING * (1 + reach) * np.abs(factor).max(axis=(-2, -1))
-    least = np.maximum(freedom, 1) * (rounding**2 + np.finfo(float).tiny)
+    smallest = np.maximum(freedom, 1) * (rounding**2 + np.finfo(float).tiny)
     count = np.count_nonzero(problem.counts, axis=-1, keepdims=True)
-    logarithm = -0.5 * freedom * np.log1p(square / np.maximum(others, least))
+    logarithm = -0.5 * freedom * np.log1p(square / np.maximum(others, smallest))
     return np.asarray(logarithm > np.log(FALSE_ALARM_ROBUST / count))
 
 

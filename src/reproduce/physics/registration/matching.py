@@ -92,8 +92,8 @@ def match_points(
                 f"start: expected two or more pairs of stars closer than {radius:.3g} px, got "
                 f"{len(rows)}. Correct it, or enlarge the radius"
             )
-        few = len(rows) < _MIN_ROBUST
-        return (rows, start) if few else _refined(rows, source, target, radius)
+        has_few = len(rows) < _MIN_ROBUST
+        return (rows, start) if has_few else _refined(rows, source, target, radius)
     if min(len(source), len(target)) >= _MIN_COMMON:
         for rows, chance in _candidates(source, target, radius):
             if chance < _MAX_CHANCE:
@@ -197,9 +197,9 @@ def _best(
     rows = neighbours(best, tree.data, radius)
     # Two stars agree by the transform itself. Density from the third nearest.
     distance = np.asarray(tree.query(best, 3)[0])
-    least = _ROUNDED_PX if (tree.data % 1).any() else _WHOLE_PX
-    agreement = np.maximum(np.sort(distance[rows[:, 0], 0])[3:], least)
-    third = np.maximum(distance[:, 2], least)
+    smallest = _ROUNDED_PX if (tree.data % 1).any() else _WHOLE_PX
+    agreement = np.maximum(np.sort(distance[rows[:, 0], 0])[3:], smallest)
+    third = np.maximum(distance[:, 2], smallest)
     expected = 2 * (third**-2.0).sum() * agreement**2
     chances = pdtrc(np.arange(len(agreement)) + 1, expected)
     return rows, trials * len(rows) * float(chances.min(initial=1.0))

@@ -1,4 +1,4 @@
-"""A posterior of the made-up paper: stars seen through both lenses, laid over each other."""
+"""A posterior of the made-up paper: stars seen through both lenses, registered to each other."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def truth(inputs):
 POSTERIORS = (
     Declaration(
         key="lamp-registration",
-        title="What is known of the transform between both lenses",
+        title="Transform between both lenses",
         paper="lamp2025",
         inputs=INPUTS,
         build=registration,
