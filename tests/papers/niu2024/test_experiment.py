@@ -47,7 +47,7 @@ def test_the_prediction_is_that_of_pencil_and_paper():
 
 
 def test_the_errors_add_up_to_the_printed_residuals():
-    """Green has half of the mean squared residual, red and blue have the other half each."""
+    """Green has half of the mean squared residual; red and blue have the remainders."""
     green, *others = np.square(experiment._centroid_errors(INPUTS)[:, 0])
     squares = np.square(list(RESIDUAL.values()))
     np.testing.assert_allclose(green, squares.mean(axis=0) / 2, rtol=1e-12)
