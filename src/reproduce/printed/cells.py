@@ -373,6 +373,7 @@ def find(pattern: str) -> tuple[PrintedCell, ...]:
     matching = tuple(c for c in cells if fnmatch.fnmatchcase(c.name, name or "*"))
     if not matching:
         raise KeyError(
-            f"no printed cell matches {pattern!r}; see `reproduce contents` for the keys"
+            f"address: expected a printed cell, got {pattern!r}, which matches none. "
+            "`reproduce contents` lists the keys"
         )
     return matching
