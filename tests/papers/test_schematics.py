@@ -17,6 +17,7 @@ from reproduce.physics.attitude import (
     rotation_from_vector,
     unit,
 )
+from reproduce.physics.optics import starlight
 from reproduce.physics.raytrace import fold_mirror_tilt, mirror_train
 from reproduce.physics.registration import fit_registration
 from reproduce.printed.cells import find
@@ -76,7 +77,7 @@ NAMES = re.compile(r"\{(\S+) printed\}|3CMOS|WGS84|J2000|> 0|^[vw][12]$")
 
 
 def test_schematics_have_a_title_a_style_and_printed_cells_in_place_of_numbers():
-    assert len(DRAWN) == 15
+    assert len(DRAWN) >= 15
     for key, one in DRAWN.items():
         root = tree(key)
         assert one.title, key
@@ -98,6 +99,54 @@ def test_a_fit_returns_the_angle_and_the_shift_of_the_drawn_planes():
     found = fit_registration(fixed @ back.T + blue, fixed + green, pivot=blue)
     assert found.parameters == pytest.approx([1.0, turn, *(blue - green)])
     assert turn > 0
+
+
+def named(key):
+    """Return the paths with an identifier, by it."""
+    paths = tree(key).iter(f"{SVG}path")
+    return {path.get("id"): points(path) for path in paths if path.get("id")}
+
+
+def test_the_drawn_axes_and_senses_of_the_rotary_table_are_those_of_its_matrix():
+    paths, page = named("niu2024/fig-3"), view(52, 20)[:, [1, 2, 0]].T  # y upwards
+    for name, axis in zip("xyz", page, strict=True):
+        [step] = np.diff(paths[f"axis-{name}"], axis=0)
+        assert step / np.hypot(*step) == pytest.approx(axis / np.hypot(*axis), abs=0.01)
+    for index, angles in enumerate(([0.1, 0.0], [0.0, 0.1])):
+        turn = Rotation.from_rotvec(0.1 * np.eye(3)[index])
+        assert starlight(*angles) == pytest.approx(turn.inv().apply([0.0, 0.0, 1.0]))
+        steps = np.diff(paths[f"sense-{'xy'[index]}"], axis=0)
+        drawn = np.linalg.det(np.stack([steps[:-1], steps[1:]], axis=1))
+        right = np.linalg.det(np.roll(page, -index - 1, axis=0)[:2])
+        assert (drawn * right > 0).all()
+
+
+def test_the_section_of_the_camera_is_to_scale():
+    paths, text = named("niu2024/fig-5"), "niu2024/text-optics#"
+    width = printed(f"{text}pixels-x") * printed(f"{text}pixel-pitch-x") * 1e-3
+    scale = np.ptp(paths["focal-length"][:, 0]) / printed(f"{text}focal-length")
+    for name in ("red", "green", "blue"):
+        length = np.hypot(*np.ptp(paths[name], axis=0))
+        assert length == pytest.approx(scale * width, rel=0.01)
+    lens = paths["focal-length"][0, 0]
+    across, up = paths["red"].mean(axis=0) - [lens, paths["green"][:, 1].mean()]
+    assert across + up == pytest.approx(np.ptp(paths["focal-length"][:, 0]), abs=0.1)
+
+
+def test_the_sketches_of_the_derivations_are_right():
+    """The scale of a cubic error over a full circle is 2/3 of the error at the edge."""
+    paths = named("niu2024/drawing-scale-bias")
+    (width, height), slope = np.ptp(paths["error"], axis=0), paths["fit"]
+    x, y = ((paths["error"] - paths["error"][0]) / (width, height)).T
+    assert y == pytest.approx(x**3, abs=0.01)
+    assert np.ptp(slope, axis=0) / (width, height) == pytest.approx(
+        [1, 2 / 3], abs=0.01
+    )
+    scale, turn = (
+        np.diff(one, axis=0)[0] for one in named("niu2024/drawing-lever").values()
+    )
+    assert abs(scale @ turn) < 0.01 * scale @ scale
+    assert np.linalg.det([scale, turn]) > 0
 
 
 def test_the_drawn_rotations_are_the_measured_misalignments():

@@ -9,8 +9,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
+import numpy as np
 from numpy.typing import ArrayLike
 
+from reproduce.papers.declare import Prediction, Result
 from reproduce.physics.validate import FloatArray
 
 if TYPE_CHECKING:
@@ -19,6 +21,8 @@ if TYPE_CHECKING:
 
 # Width in inches that a phone of 390 CSS pixels shows in full.
 NARROW = 3.7
+# Ends of the central 99 %, and the median.
+_CENTRAL = (0.005, 0.5, 0.995)
 
 
 def is_narrow(figure: Figure) -> bool:
@@ -60,6 +64,22 @@ def plot_band(
     edge = median.get_color()
     band = axes.fill_between(x, *ends[::2], facecolor=(edge, 0.2), edgecolor=edge)
     band.set(linewidth=0.6, linestyle=line)
+
+
+def plot_range(
+    axes: Axes,
+    y: ArrayLike,
+    results: Iterable[Result],
+    look: str,
+    label: str = "",
+    unit: float = 1.0,
+) -> FloatArray:
+    """Draw medians and central 99 % of n predictions along x; return them, shape (3, n)."""
+    draws = [one.draws for one in results if isinstance(one, Prediction)]
+    ends = np.quantile(draws, _CENTRAL, axis=-1) / unit
+    sides = np.abs(ends[::2] - ends[1])
+    axes.errorbar(ends[1], y, xerr=sides, fmt=look, capsize=4, lw=2.5, label=label)
+    return ends
 
 
 def set_log_ticks(axes: Axes, x: Iterable[float], y: Iterable[float]) -> None:

@@ -46,3 +46,16 @@ def test_a_fit_takes_up_the_pivot_whole_and_the_radial_terms_in_part():
             assert cost[LEFT] < 1e-9
         else:
             assert cost[LEFT] > 0.2 * cost[RMS]
+
+
+def test_effects_on_the_scales_by_hand():
+    """The circle of radius 6 degrees is nearly filled: mean squares R²/2 and R⁴/3."""
+    facts = approximations._scale_facts(load_inputs(approximations._errors.inputs))
+    radius = np.tan(np.radians(6)) * 25e-3 / 3.45e-6
+    assert facts["outermost"] == pytest.approx(radius, rel=0.05)
+    scatter = 0.05 * np.sqrt(2 / (137 * radius**2 / 2))
+    assert facts["distance"] == pytest.approx((0.00026 - 0.00005) / scatter, rel=0.1)
+    assert facts["rounding"] == pytest.approx(100 / 3)
+    for name, apart in (("bias-least", 57 - 49), ("bias-most", 49 - 36)):
+        kappa = 2 / 3 * apart * (radius * 3.45e-6) ** 2
+        assert facts[name] == pytest.approx(kappa / scatter, rel=0.1), name

@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
 
-from reproduce.papers.catalogue import catalogue
+from reproduce.judge import readings
 from reproduce.papers.niu2024 import simulation
 from reproduce.physics.registration import calibrate, fit_registration, starting_values
 from reproduce.printed.cells import find
 from reproduce.printed.inputs import load_inputs
+from reproduce.views.figure import draw
 
 INPUTS = load_inputs(simulation.calibrated_parameters.inputs)
 LITERAL = simulation._Bench(INPUTS, "square", "every-channel", "one", "table-1")
@@ -37,17 +37,42 @@ def prediction():
     return run(simulation.calibrated_parameters, 1000)
 
 
-def test_the_arrangement_is_the_printed_one_and_is_drawn_in_figure_4():
-    """The count by hand: lattice points in a circle of radius 6/0.9."""
+def test_the_literal_arrangement_is_the_printed_one_by_hand():
+    """Lattice points in a circle of radius 6/0.9."""
     steps = np.degrees(np.diff(np.unique(TABLE[:, 0].round(12))))
     np.testing.assert_allclose(steps, 0.9, atol=1e-9)
     side = range(-9, 10)
     inside = [(i, j) for i in side for j in side if i * i + j * j <= (6 / 0.9) ** 2]
     assert len(TABLE) == len(inside) == 137
-    figure = Figure()
-    catalogue()["niu2024/fig-4"].draw(figure, {})
-    points = figure.axes[0].lines[0].get_xydata()
-    np.testing.assert_array_equal(points, np.degrees(LITERAL.table))
+
+
+def test_figure_4_has_every_arrangement():
+    """137 angles within the printed range; only the last arrangement reaches its corners."""
+    axes = draw("niu2024/fig-4").axes
+    drawn = [one.lines[0].get_xydata() for one in axes]
+    np.testing.assert_array_equal(drawn[0], np.degrees(LITERAL.table))
+    assert len(drawn) == len({one.round(6).tobytes() for one in drawn}) == 9
+    ends = [np.abs(one).max(axis=0) for one in drawn]
+    assert all(len(one) == 137 for one in drawn)
+    assert (np.array(ends) <= (8 + 1e-9, 6 + 1e-9)).all()
+    corners = [bool((np.abs(one) > (7.5, 5.5)).all(axis=1).any()) for one in drawn]
+    assert corners == [False] * 8 + [True]
+
+
+def test_the_drawing_of_table_3_has_the_verdicts_of_the_ledger():
+    """None, one or both of the two readings agree, as the ledger found for each of them."""
+    found = readings.evaluate(simulation.calibrated_parameters)
+    literal = found.computation.literal
+    both = [literal, literal | {"translations": "table-2"}]
+    places = [found.computation.readings.index(reading) for reading in both]
+    axes = iter(draw("niu2024/drawing-table-3").axes)
+    for row in simulation.ROWS:
+        for channel in simulation.REGISTERED:
+            panel, cells = next(axes), found.cells[f"{row}.{channel}"]
+            agreeing = sum(cells[place].agrees for place in places)
+            assert panel.get_title("left").startswith(f"{row}, {channel}")
+            word = panel.get_title("right").partition(" ")[0]
+            assert word == ("none", "one", "both")[agreeing], (row, channel)
 
 
 def test_a_count_without_an_arrangement_is_rejected():

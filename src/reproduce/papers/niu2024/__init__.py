@@ -29,6 +29,10 @@ STUDIES = {
 
 # The modules of supplementary drawings.
 DRAWINGS = {
+    "niu2024/drawing-table-3": "simulation",
+    "niu2024/drawing-laboratory": "experiment",
+    "niu2024/drawing-scale-bias": "",
+    "niu2024/drawing-lever": "",
     "niu2024/drawing-fusion-star": "images",
     "niu2024/drawing-fusion-errors": "images",
     "niu2024/drawing-stars": "decisions",

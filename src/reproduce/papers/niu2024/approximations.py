@@ -18,7 +18,13 @@ import numpy as np
 from reproduce.papers.declare import Results, Rows, reproduces, studied
 from reproduce.papers.niu2024 import experiment, simulation
 from reproduce.papers.niu2024.registration import scale_factors
-from reproduce.papers.niu2024.simulation import CHANNELS, NOISE, REGISTERED
+from reproduce.papers.niu2024.simulation import (
+    CHANNELS,
+    NOISE,
+    REGISTERED,
+    numbers,
+    zero_positions,
+)
 from reproduce.physics.registration import (
     EFFECTS,
     Channels,
@@ -107,16 +113,51 @@ def _isolated(channels: Channels, effect: str, positions: FloatArray) -> FloatAr
     return field
 
 
+def _scale_facts(inputs: Inputs) -> dict[str, float]:
+    """Return effects on the fitted scales of the simulation, as multiples of their scatter.
+
+    The noise of two channels moves a scale by √2 σ over the root of the summed squared radii.
+    """
+    angles = simulation.arrangement(inputs)
+    true = simulation.instrument(inputs).imaged(angles)
+    zero = true[:, zero_positions(angles)]
+    radii = np.linalg.norm(true[0] - zero[0], axis=-1)
+    scatter = np.sqrt(2.0) * inputs[NOISE] / np.linalg.norm(radii)
+    fitted = fit_registration(true[1:], true[:1], zero[1:, 0]).transform.scale
+    actual, scales = (
+        numbers(inputs, f"niu2024/table-{table}#scale", REGISTERED) for table in (2, 3)
+    )
+    half = inputs.half_unit("niu2024/table-3#scale.red")
+    bias = np.abs(fitted - [*scale_factors(inputs).values()]) / scatter
+    return {
+        "outermost": radii.max(),
+        "bias-least": bias.min(),
+        "bias-most": bias.max(),
+        "distance": (np.abs(scales - fitted) - half).min() / scatter,
+        "rounding": 200.0 * half / abs(scales - actual)[0],
+    }
+
+
 def _facts(inputs: Inputs) -> dict[str, float]:
     """Return the errors of Table 1 for coefficients and tilt, and the noise over both axes."""
     errors = {row[:3]: row[4] for row in _errors.function(inputs)}
     return {
         f"{effect}-table-1-{channel}-rms": errors[_TITLES[effect], "Table 1", channel]
         for effect, channel in product(("coefficients", "tilt"), REGISTERED)
-    } | {"noise-rms": np.sqrt(2.0) * inputs[NOISE]}
+    } | {"noise-rms": np.sqrt(2.0) * inputs[NOISE], **_scale_facts(inputs)}
 
 
-@studied("niu2024/approximations", inputs=(*INPUTS, NOISE), named=_facts)
+@studied(
+    "niu2024/approximations",
+    inputs=(
+        *INPUTS,
+        *simulation.ANGLES,
+        NOISE,
+        "niu2024/table-2#scale.*",
+        "niu2024/table-3#scale.*",
+    ),
+    named=_facts,
+)
 def _errors(inputs: Inputs) -> Rows:
     """Compute the size of each error over the detector, and its residual after a fit."""
     positions = even_positions(_half_size(inputs), _POSITIONS_ACROSS)

@@ -29,13 +29,18 @@ precision. No verdict uses them.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.random import SeedSequence, default_rng
 
+from reproduce.papers.charts import legend_below, plot_range, set_size
 from reproduce.papers.declare import (
+    Marks,
     Prediction,
     Results,
     Rows,
+    draws,
     reproduces,
     seed_of,
     studied,
@@ -59,6 +64,9 @@ from reproduce.physics.registration import (
 )
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.inputs import Inputs
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _REPLICATES = 10_000
 # The cameras of all channels, each with a focal length and a distortion.
@@ -314,3 +322,29 @@ def _scale_errors(inputs: Inputs) -> Rows:
             apart = inputs[f"niu2024/table-4#scale.{channel}"] - ratios[channel]
             distance = max(0.0, abs(apart) - _SCALE_ROUNDING) / sigma
             yield channel, name, apart, sigma, distance
+
+
+@draws(
+    "niu2024/drawing-laboratory",
+    inputs=(*rmse_before.inputs, NOISE),
+    marks=["niu2024/text-experiment#rmse-*"],
+    random=True,
+)
+def _draw_residuals(figure: Figure, printed: Marks, inputs: Inputs) -> None:
+    """Draw the RMSE of the laboratory before and after registration."""
+    set_size(figure, 6.4, 4.2, 4.6)
+    axes, rows = figure.subplots(), -np.arange(4)
+    for y, look, way in ((0.0, "C0s", "one axis"), (0.25, "C1o", "both axes")):
+        computation = rmse_before.with_options({"rmse": way.split()[0]})
+        results = computation(inputs).values()
+        plot_range(axes, rows - y, results, look, f"before, {way}")
+    before, after = np.array([*printed.values()]).reshape(2, 2, 2).swapaxes(0, 1)
+    axes.hlines(rows + 0.25, after.flat, before.flat, colors="k", linewidth=0.8)
+    axes.plot(before.flat, rows + 0.25, "kD", label="printed before")
+    axes.plot(after.flat, rows + 0.25, "kD", mfc="none", label="printed after")
+    noise = rmse_after.function(inputs).values()
+    axes.plot([*noise], rows + 0.25, "C2^", mfc="none", label="after, assumed noise")
+    axes.axvline(1.0, c="k", ls=":", lw=1, label="one pixel")
+    axes.set(xlabel="RMSE (px)", xlim=(0, None))
+    axes.set_yticks(rows, ("red, x", "red, y", "blue, x", "blue, y"))
+    legend_below(figure, 3)

@@ -269,29 +269,21 @@ def _draw_star(figure: Figure, printed: Marks, inputs: Inputs) -> None:
     windows, corner = _exposures(spots, photons, 1, np.random.default_rng(9))
     green, *fused = _combinations(windows, corner, similarities(inputs))
     _, red, blue = windows[..., _MIDDLE_SLICE, _MIDDLE_SLICE]
-    centres = dict(zip(CHANNELS, spots - corner - _MARGIN_PIXELS + 0.5, strict=True))
-    registered = dict.fromkeys(CHANNELS, centres["green"])
+    places = dict(zip(CHANNELS, spots - corner - _MARGIN_PIXELS + 0.5, strict=True))
     halo = [withStroke(linewidth=3.5, foreground="white")]  # for dark pixels
     shape = (3, 2) if set_size(figure, 6.4, 4.6, 5.6) else (2, 3)
     grid = figure.subplots(*shape, sharex=True, sharey=True)
-    # Title, image, and the centres of the channels.
-    for axes, (title, [flux], marks) in zip(
-        grid.flat,
-        (
-            ("red", red, centres),
-            ("green", green, centres),
-            ("blue", blue, centres),
-            (KINDS[1], fused[0], centres),
-            (KINDS[2], fused[1], registered),
-        ),
-        strict=False,
-    ):
+    shown = zip(
+        ("red", "green", "blue", *KINDS[1:]), (red, green, blue, *fused), strict=True
+    )
+    for axes, (title, [flux]) in zip(grid.flat, shown, strict=False):
         root = np.sqrt(np.maximum(flux, 0))
         # Never quite black, which follows the text of the page and is white on a dark page.
         axes.pcolormesh(root, cmap="gray_r", vmin=0, vmax=1.1 * root.max())
         for name, look in _CHANNEL_MARKS.items():
             if title in (name, *KINDS[1:]):
-                [mark] = axes.plot(*marks[name], look, mfc="none")
+                place = places["green" if title == KINDS[2] else name]
+                [mark] = axes.plot(*place, look, mfc="none")
                 mark.set(markersize=9, markeredgewidth=1.3, path_effects=halo)
         axes.set(aspect="equal", title=title, xticks=[0, 3, 6, 9], yticks=[0, 3, 6, 9])
         axes.grid(visible=False)
@@ -303,16 +295,19 @@ def _draw_star(figure: Figure, printed: Marks, inputs: Inputs) -> None:
 @draws("niu2024/drawing-fusion-errors")
 def _draw_errors(figure: Figure, printed: Marks, inputs: Inputs) -> None:
     """Draw the centroid error of the solar star against magnitude, for three images."""
-    set_size(figure, 4.9, 4.4)
+    set_size(figure, 6.4, 3.6, 3.8)
     axes = figure.add_subplot()
-    errors = _stored().arrays["error"][list(STARS).index("solar")]
-    for kind, (name, look) in enumerate(
-        zip(KINDS, ("C6^:", "C1s--", "C0o-"), strict=True)
+    errors = _stored().arrays["error"][list(STARS).index("solar"), 0]
+    # A label to the left above its line, or to the right below it.
+    looks = (
+        ("C6^:", 2, (-4, 6), "right"),
+        ("C1s--", 0, (0, -16), "left"),
+        ("C0o-", 2, (8, -10), "left"),
+    )
+    for error, name, (look, place, shift, side) in zip(
+        errors.T, KINDS, looks, strict=True
     ):
-        for place, where, fill in ((0, "centre", "none"), (-1, "corner", "full")):
-            line = axes.semilogy(
-                MAGNITUDES, errors[place, :, kind], look, fillstyle=fill
-            )
-            line[0].set_label(f"{name}, {where}")
+        axes.semilogy(MAGNITUDES, error, look)
+        at = MAGNITUDES[place], error[place]
+        axes.annotate(name, at, shift, textcoords="offset points", ha=side)
     axes.set(xlabel="V (mag)", ylabel="centroid error, RMS (px)")
-    figure.legend(loc="outside lower center", fontsize=8)

@@ -25,12 +25,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache, lru_cache
+from itertools import product
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.random import Generator, SeedSequence, default_rng
 from numpy.typing import NDArray
 
+from reproduce.papers.charts import plot_range, set_size
 from reproduce.papers.declare import (
     Marks,
     Prediction,
@@ -325,13 +327,49 @@ def registration_rmse(
 
 @draws("niu2024/fig-4", inputs=ANGLES)
 def _draw_angles(figure: Figure, printed: Marks, inputs: Inputs) -> None:
-    """Draw the rotation angles of the rotary table in the simulation."""
-    angles = np.degrees(arrangement(inputs))
-    axes = figure.add_subplot()
-    label = f"{len(angles)} angles of the simulation"
-    axes.plot(*angles.T, "o", markersize=4, label=label)
+    """Draw the arrangements of the angles that the text allows, the literal one first."""
+    size = 1.2 if set_size(figure, 6.4, 5.6, 3.9) else 2.4
     corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1]])
     outline = np.degrees(corners * half_ranges(inputs)).T
-    axes.plot(*outline, "--", linewidth=1, label="printed range")
-    axes.set(aspect="equal", xlabel="middle frame (°)", ylabel="external frame (°)")
-    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=2)
+    grid = figure.subplots(3, 3, sharex=True, sharey=True).flat
+    for axes, name in zip(grid, _OPTIONS["angles"], strict=True):
+        axes.plot(*np.degrees(arrangement(inputs, name)).T, "o", markersize=size)
+        axes.plot(*outline, "--", linewidth=1)
+        axes.set(aspect="equal", xticks=(-8, 0, 8), yticks=(-6, 0, 6))
+        axes.set_title(name.replace("-", "\n", 1).replace("-", " "), fontsize=8.5)
+        axes.grid(visible=False)
+    figure.supxlabel("middle frame (°)", fontsize=9)
+    figure.supylabel("external frame (°)", fontsize=9)
+
+
+_UNITS = {"scale": ("", 1.0), "rotation": (" (°)", np.pi / 180)}
+_AGREEING = ("none agrees", "one agrees", "both agree")
+
+
+@draws(
+    "niu2024/drawing-table-3",
+    inputs=(*INPUTS, "niu2024/table-2#*", "niu2024/table-3#*"),
+    random=True,
+)
+def _draw_parameters(figure: Figure, printed: Marks, inputs: Inputs) -> None:
+    """Draw the parameters of Table 3 and their predicted ranges under both readings."""
+    shape = (8, 1) if set_size(figure, 6.4, 5.2, 8.8) else (4, 2)
+    grid = figure.subplots(*shape, sharey=True).flat
+    predicted = {
+        look: calibrated_parameters.with_options({"translations": table})(inputs)
+        for look, table in (("C0s", "table-2"), ("C1o", "table-1"))
+    }
+    for axes, (row, channel) in zip(grid, product(ROWS, REGISTERED), strict=True):
+        name, (sign, unit) = f"{row}.{channel}", _UNITS.get(row, (" (px)", 1.0))
+        value = inputs[f"niu2024/table-3#{name}"] / unit
+        half, agreeing = inputs.half_unit(f"niu2024/table-3#{name}") / unit, 0
+        for y, (look, results) in enumerate(predicted.items()):
+            ends = plot_range(axes, [y], [results[name]], look, unit=unit)
+            agreeing += bool(ends[0] - half <= value <= ends[2] + half)
+        axes.errorbar(value, 2, xerr=half, fmt="kD", mfc="k" if agreeing else "none")
+        axes.axvline(inputs[f"niu2024/table-2#{name}"] / unit, c="k", ls=":", lw=1)
+        axes.set_title(f"{row}, {channel}{sign}", loc="left", fontsize=9)
+        axes.set_title(_AGREEING[agreeing], loc="right", fontsize=9, weight="bold")
+        axes.set_yticks(range(3), ("if Table 2", "if Table 1", "printed"))
+        axes.margins(y=0.25)
+        axes.locator_params(axis="x", nbins=4)
