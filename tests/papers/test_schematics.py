@@ -177,8 +177,9 @@ def test_a_moved_laser_has_the_effect_of_the_written_rotation():
         angles = misalignment_angles(misalignment(at_rest, moved, np.eye(3)))
         about = int(np.abs(angles).argmax())
         sense = f"{'+' if angles[about] > 0 else '−'}{'XYZ'[about]}"
-        text = f"towards {axis}: as if the camera turned about {sense}"
-        assert text in labels(tree("chen2023/fig-6a"))
+        texts = labels(tree("chen2023/fig-6a"))
+        effect = texts[texts.index(f"to {axis}: camera") + 1]
+        assert effect == f"as if about {sense}"
 
 
 def test_the_scene_is_the_one_of_the_imaging_model():
@@ -217,31 +218,48 @@ def reflected(step, mirrors):
     return direction / np.hypot(*direction)
 
 
-def test_the_mirrors_of_the_tracker_have_the_printed_tilt():
+def test_drawn_light_obeys_the_mirrors_and_meets_in_one_point():
+    """Two rays of each laser, from the direction before the first mirror to the last."""
+    for name, count in (("1b", 3), ("2a", 3), ("3b", 1), ("6b", 3)):
+        root = tree(f"chen2023/fig-{name}")
+        mirrors, rays = marked(root, "mirror"), marked(root, "laser")
+        assert 2 * len(mirrors) == count * len(rays)
+        for place, ray in enumerate(rays):
+            steps, first = np.diff(ray, axis=0), count * (place // 2)
+            folded = steps[-2] / np.hypot(*steps[-2])
+            expected = reflected(steps[-2 - count], mirrors[first : first + count])
+            assert folded == pytest.approx(expected, abs=0.01), name
+        for one, other in zip(rays[::2], rays[1::2], strict=True):
+            assert one[-1] == pytest.approx(other[-1], abs=0.2), name
+
+
+def test_the_drawn_instruments_have_the_printed_angles():
+    between = printed("chen2023/text-satellite#boresight-angle")
     tilt = printed("chen2023/text-satellite#dihedral-angle")
     for key in ("chen2023/fig-3a", "chen2023/fig-3b"):
         assert angle(marked(tree(key), "mirror")[0]) == pytest.approx(tilt, abs=0.1)
-    root = tree("chen2023/fig-3b")
-    [star], [laser] = (marked(root, kind) for kind in ("star", "laser"))
-    into, folded = np.diff(laser[:3], axis=0)
-    direction = folded / np.hypot(*folded)
-    mirror = marked(root, "mirror")[:1]
-    assert direction == pytest.approx(reflected(into, mirror), abs=0.01)
-    assert star[-1][1] == pytest.approx(laser[-1][1])
+    assert np.degrees(fold_mirror_tilt(np.radians(between))) == pytest.approx(tilt)
+    for name in ("2a", "6b"):
+        steps = np.diff(marked(tree(f"chen2023/fig-{name}"), "laser")[0], axis=0)
+        cosine = steps[1] @ -steps[-2] / np.hypot(*steps[1]) / np.hypot(*steps[-2])
+        assert np.degrees(np.arccos(cosine)) == pytest.approx(between, abs=0.5)
 
 
-def test_the_bench_folds_the_laser_into_the_tracker():
-    """Three reflections carry the camera's boresight to the one of the tracker, backwards."""
-    root = tree("chen2023/fig-6b")
-    between = printed("chen2023/text-satellite#boresight-angle")
-    out, folded = (path[1] - path[0] for path in marked(root, "laser")[:2])
-    cosine = out @ -folded / np.hypot(*out) / np.hypot(*folded)
-    assert np.degrees(np.arccos(cosine)) == pytest.approx(between, abs=0.2)
-    mirrors = marked(root, "mirror")
-    direction = folded / np.hypot(*folded)
-    assert direction == pytest.approx(reflected(out, mirrors), abs=0.01)
-    tilt = np.degrees(fold_mirror_tilt(np.radians(between)))
-    assert angle(mirrors[2]) - (between - 90) == pytest.approx(tilt, abs=0.3)
+def test_the_bands_of_the_mirror_are_drawn_to_scale():
+    root, text = tree("chen2023/fig-3c"), "chen2023/text-satellite"
+    star, reflected_band, filtered = (
+        path for kind in ("star", "laser") for path in marked(root, kind)
+    )
+    edges = [
+        printed(f"{text}#{name}-{end}")
+        for name in ("transmission", "reflection")
+        for end in ("low", "high")
+    ]
+    drawn = np.concatenate([star, reflected_band])[:, 0]
+    slope, start = np.polyfit(edges, drawn, 1)
+    wavelength = (filtered[0, 0] - start) / slope
+    assert np.abs(drawn - np.polyval([slope, start], edges)).max() < 0.2
+    assert wavelength == pytest.approx(printed(f"{text}#laser-wavelength"), abs=0.5)
 
 
 def test_the_focal_plane_has_the_printed_number_of_detectors():

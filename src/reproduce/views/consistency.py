@@ -81,10 +81,10 @@ def audit(paper: str | None = None) -> ConsistencyAudit:
 class ConsistencyAudit(Display):
     """The audit of the printed numbers of papers, and the errata.
 
-    Its parts are ``score``, ``relations``, ``sets`` (the sets of numbers that cannot all
-    be right), ``equations`` (run as extracted), ``errata`` and ``assumptions`` (entries that
-    suppose something): ``contradictions("chen2023")["relations"]``. Each shows itself and has a
-    ``frame()``.
+    Its parts are ``score``, ``differences`` (between printed and computed numbers), ``relations``,
+    ``sets`` (the sets of numbers that cannot all be right), ``equations`` (run as extracted),
+    ``errata`` and ``assumptions`` (entries that suppose something):
+    ``audit("chen2023")["relations"]``. Each shows itself and has a ``frame()``.
 
     Parameters
     ----------
@@ -310,12 +310,22 @@ def _sides(finding: RelationResult, audit: Audit) -> str:
     )
 
 
+def _differences(audits: Sequence[Audit]) -> _Part:
+    """Show the distances between printed and computed numbers."""
+    from reproduce.views import differences  # it loads the figures
+
+    papers = [audit.name for audit in audits]
+    shown = differences.differences_block(papers)
+    return _Part((shown,), differences.distances(papers))
+
+
 def _digits(value: float) -> str:
     return minus(f"{0.0 if abs(value) < 1e-9 else value:.5g}")
 
 
 _PARTS: dict[str, Callable[[Sequence[Audit]], _Part]] = {
     "score": _score,
+    "differences": _differences,
     "relations": _relations,
     "sets": _sets,
     "equations": _equations,

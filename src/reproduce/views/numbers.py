@@ -66,7 +66,8 @@ def fact(quoted: Fact) -> str:
     from reproduce.papers.declare import Column  # a fit of stars needs no paper
 
     text = entry(quoted.value, Column("", quoted.form, quoted.zero))
-    return f"{text}\u202f{quoted.unit}" if quoted.unit else text
+    gap = "" if quoted.unit in {"", "°", "″"} else "\u202f"
+    return f"{text}{gap}{quoted.unit}"
 
 
 def powers(text: str) -> str:

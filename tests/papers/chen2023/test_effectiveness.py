@@ -137,17 +137,24 @@ def test_a_mean_with_the_ramp_would_lag_by_more_than_any_difference():
 
 
 def test_the_implied_focal_lengths_by_hand():
-    """Extremes of eight quotients, their common interval, and one difference of other columns."""
+    """Extremes of eight quotients, their common interval, and the largest differences."""
     facts = values(effectiveness._focal_lengths)
     for name, motion, angle in (
         ("printed-least", 19.99, 2.034),
         ("printed-most", 20.27, 2.006),
-        ("interchanged-least", 19.99, 2.006),
-        ("interchanged-most", 40.29, 4.042),
     ):
         length = motion * 1e-3 / np.tan(angle * ARCSEC)
         assert facts[name] == pytest.approx(length, abs=0.05), name
-    assert facts["interchanged-least"] < facts["shared-low"] < facts["shared-high"]
+    # The intervals of all eight lengths with the other motions overlap.
+    least = 19.99e-3 / np.tan(2.006 * ARCSEC)
+    assert least < facts["shared-low"] < facts["shared-high"] < least + 1.0
+    nominal, common = (
+        motion / length / ARCSEC
+        for motion, length in ((79.91e-6, 2.0), (19.99e-6, 2.05597))
+    )
+    assert facts["nominal-difference"] == pytest.approx(nominal - 7.955, abs=1e-4)
+    assert facts["common-difference"] == pytest.approx(2.125 - common, abs=1e-4)
+    assert facts["needed"] == pytest.approx(100 * 0.1 / 8.017)
     assert facts["largest-difference"] == pytest.approx(2.125 - 2.006)
     bound = library()["chen2023/text-effectiveness"]["difference-bound"]
     assert facts["largest-difference"] > bound.number.interval()[1]

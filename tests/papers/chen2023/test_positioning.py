@@ -1,9 +1,9 @@
-"""Positions on the ground: the budget by formula, by draws and by hand, and a year of orbits."""
+"""Positions on the ground: the budget by formula, by draws and by hand."""
 
 import numpy as np
 import pytest
 
-from reproduce.papers.chen2023 import platform, positioning, satellite
+from reproduce.papers.chen2023 import positioning
 from reproduce.papers.declare import seed_of
 from reproduce.physics.attitude import rotation_from_vector
 from reproduce.physics.ground import (
@@ -15,7 +15,7 @@ from reproduce.printed.inputs import load_inputs
 
 ARCSEC = np.pi / 180 / 3600
 DRAWS = 20_000
-INPUTS = load_inputs((*positioning.INPUTS, *positioning._YEAR_INPUTS))
+INPUTS = load_inputs(positioning.INPUTS)
 TERMS = positioning._terms(INPUTS)
 COVARIANCES = positioning._covariances(INPUTS)
 BUDGET = {name: [name] for name in TERMS} | {
@@ -72,33 +72,3 @@ def test_the_roll_moves_the_ground_by_its_arm():
     name = "misalignment about Z (roll), one frame"
     found = np.sqrt(np.trace(COVARIANCES[name][1]))
     assert found == pytest.approx(5e3 * TERMS[name][1][2], rel=1e-3)
-
-
-def test_monitoring_leaves_its_own_noise_when_nothing_bends():
-    errors = positioning._residuals(INPUTS, 1e-6 * ARCSEC)[positioning.CORRECTIONS[-1]]
-    expected = platform.angle_sigma(INPUTS, 2, 100)[:2]
-    np.testing.assert_allclose(errors.std(axis=0), expected, rtol=0.01)
-
-
-def test_monitoring_lags_by_half_an_average():
-    """At large amplitude the residual is the rate of change times five seconds."""
-    times, unit, _ = positioning._year(satellite.altitude(INPUTS), None)
-    amplitude = 500 * ARCSEC
-    errors = positioning._residuals(INPUTS, amplitude)[positioning.CORRECTIONS[-1]]
-    true = amplitude * unit[-len(errors) :]
-    rate = np.gradient(true, times[-len(errors) :] * 86400.0, axis=0)
-    assert np.median(np.abs(errors)) == pytest.approx(
-        np.median(np.abs(5.0 * rate)), rel=0.15
-    )
-
-
-def test_the_strategies_keep_their_order():
-    rows = positioning._strategies().set_index("Correction")
-    single, trend, recent, laser = (rows.loc[name] for name in positioning.CORRECTIONS)
-    assert ((laser < recent) & (recent < trend) & (trend < single)).all()
-    # The statements of the page: a pixel, and the error of the tracker.
-    limit = positioning._budget().set_index("Term")["nadir, centre (m)"].iloc[0]
-    assert laser.iloc[1] < 0.25 < recent.iloc[0]
-    assert recent.iloc[0] < limit < min(recent.iloc[1], trend.iloc[0])
-    assert laser.iloc[2] < limit
-    assert laser.iloc[3] == pytest.approx(limit, rel=0.1)

@@ -16,8 +16,8 @@ ITEMS = _made(
     ("platform_twin", "fig-1c fig-1d"),
     ("satellite", "table-1"),
     ("positioning", "text-positioning"),
-    ("", "fig-2a fig-2b fig-3a fig-3b"),
-    ("satellite", "fig-3c text-satellite"),
+    ("", "fig-2a fig-2b fig-3a fig-3b fig-3c"),
+    ("satellite", "text-satellite"),
     ("", "fig-4 fig-5 fig-6a fig-6b text-hardware"),
     ("platform", "table-2"),
     ("effectiveness", "text-effectiveness"),
@@ -35,7 +35,7 @@ ITEMS = _made(
 # The modules of the supplementary tables.
 STUDIES = _made(
     ("satellite", "retro-reflectors dichroic heat"),
-    ("positioning", "budget strategies"),
+    ("positioning", "budget"),
     ("attitude", "orders"),
     ("effectiveness", "focal-lengths differences"),
     ("decisions", "frames drift"),
@@ -43,6 +43,7 @@ STUDIES = _made(
 
 # The modules of the supplementary drawings.
 DRAWINGS = _made(
-    ("", "drawing-misalignment"),
+    ("", "drawing-misalignment drawing-wahba drawing-roll"),
+    ("resolution", "drawing-terms"),
     ("decisions", "drawing-frames"),
 )

@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.random import SeedSequence, default_rng
 
-from reproduce.papers.charts import legend_below, plot_band, set_log_ticks, two_panels
+from reproduce.papers.charts import legend_below, set_log_ticks, two_panels
 from reproduce.papers.chen2023 import platform
 from reproduce.papers.declare import Marks, Prediction, Results, draws, reproduces
-from reproduce.physics.attitude import scatter_of_averages
+from reproduce.physics.attitude import averaged_error, scatter_of_averages
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.inputs import Inputs
-from reproduce.units import ARCSEC_PER_RADIAN
+from reproduce.units import ARCSEC_PER_RADIAN, RADIANS_PER_ARCSEC
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -34,6 +34,8 @@ _REPLICATES = 2000
 INPUTS = (*platform.INSTRUMENT, "chen2023/table-3", FRAMES, COUNTS)
 # Replicates simulated at once: enough to be fast, few enough for a small memory.
 _BATCH_REPLICATES = 250
+# Floor of the dotted line in the figure, three sigma: the bound of the paper on its differences.
+_EXAMPLE_FLOOR = 0.1 * RADIANS_PER_ARCSEC
 
 
 @reproduces(
@@ -137,23 +139,31 @@ def pixel_angle(inputs: Inputs) -> Results:
 
 @draws("chen2023/table-4", inputs=INPUTS, random=True)
 def _draw(figure: Figure, printed: Marks, inputs: Inputs) -> None:
-    """Draw the accuracy of the matrices against the number of averaged frames."""
+    """Draw the printed accuracies over the predicted medians, against the averaged frames."""
     counts, predicted = inputs.array(COUNTS), frame_averaging(inputs)
-    panels = two_panels(figure, 4.0, 5.6, "accuracy (3σ, arcsec)")
-    looks = (("x", "C0", "-", "o"), ("y", "C1", "--", "s"))
+    panels = two_panels(figure, 3.8, 5.8, "printed over predicted (ratio)")
     for axes, (matrix, title) in zip(panels, _MATRICES.items(), strict=True):
-        for axis, colour, line, marker in looks:
+        for axis, look, shift in (("x", "C0o", 0.92), ("y", "C1s", 1.08)):
             names = [f"{count:g}.{matrix}-{axis}" for count in counts]
             cells = (predicted[name] for name in names)
             replicates = [cell.draws for cell in cells if isinstance(cell, Prediction)]
-            ends = (
-                np.quantile(replicates, [0.005, 0.5, 0.995], axis=1) * ARCSEC_PER_RADIAN
-            )
-            label = axis.upper()
-            plot_band(axes, counts, ends, colour, line, f"predicted, {label}")
+            low, median, high = np.quantile(replicates, [0.005, 0.5, 0.995], axis=1)
             values = np.array([printed[f"chen2023/table-4#{name}"] for name in names])
-            values *= ARCSEC_PER_RADIAN
-            axes.plot(counts, values, colour + marker, label=f"printed, {label}")
-        axes.set(xlabel="frames averaged", title=title)
-        set_log_ticks(axes, counts, (0.1, 0.2, 0.5, 1.0))
-    legend_below(figure, 4)
+            label, x = axis.upper(), counts * shift
+            ends = 1 - low / median, high / median - 1
+            shown = f"predicted, {label}"
+            axes.errorbar(
+                x, 1 + 0 * x, ends, fmt="none", ecolor=look[:2], capsize=4, label=shown
+            )
+            axes.plot(x, values / median, look, label=f"printed, {label}")
+        axes.axhline(1.0, color="k", lw=1)
+        # Without the floor the median of single frames is the accuracy of one frame.
+        single = printed[f"chen2023/table-4#1.{matrix}-x"]
+        floor = averaged_error(counts, single, _EXAMPLE_FLOOR) / averaged_error(
+            counts, single, 0.0
+        )
+        label = f"with a floor of {_EXAMPLE_FLOOR * ARCSEC_PER_RADIAN:g} arcsec"
+        axes.plot(counts, floor, "k:", label=label)
+        axes.set(xlabel="frames averaged (count)", title=title)
+        set_log_ticks(axes, counts, (0.5, 0.7, 1.0, 1.5, 2.0))
+    legend_below(figure, 3)

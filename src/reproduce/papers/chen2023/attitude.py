@@ -15,9 +15,23 @@ _PRINTED = "chen2023/table-4#1.transform-?"
 
 
 def _platform_facts(inputs: Inputs) -> dict[str, float]:
-    """Return the difference of the printed square of spots from the design, in per cent."""
-    ratio = platform.square_ratio(platform.as_designed(inputs))
-    return {"square-smaller": 100 * (1 - ratio)}
+    """Return size and shape of the printed square of spots, and the error of the roll.
+
+    In per cent smaller than the design, root mean square distance from a square of this size in px,
+    and error about Z over error about X.
+    """
+    designed = platform.as_designed(inputs)
+    ratio = platform.square_ratio(designed)
+    scaled = replace(designed, lasers=ratio * designed.lasers)
+    fitted = scaled.directions @ scaled.transform(scaled.spots).mT
+    distances = np.linalg.norm(scaled.seen(scaled.spots) - fitted, axis=-1)
+    x, _, z = platform.angle_sigma(inputs, 1, 1)
+    return {
+        "square-smaller": 100 * (1 - ratio),
+        "misfit": np.sqrt(np.square(distances).mean())
+        / platform.angle_of_one_pixel(inputs),
+        "roll": z / x,
+    }
 
 
 @studied(

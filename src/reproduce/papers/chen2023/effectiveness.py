@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.random import Generator, SeedSequence, default_rng
 
-from reproduce.papers.charts import legend_below, two_panels
+from reproduce.papers.charts import set_size
 from reproduce.papers.chen2023 import accuracy, platform
 from reproduce.papers.declare import (
     Marks,
@@ -35,12 +35,13 @@ from reproduce.papers.declare import (
 from reproduce.physics.attitude import stage_angle
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.inputs import Inputs
-from reproduce.units import RADIANS_PER_ARCSEC
+from reproduce.units import ARCSEC_PER_RADIAN, RADIANS_PER_ARCSEC
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _QUOTED = "chen2023/text-effectiveness#focal-length"
+BOUND = "chen2023/text-effectiveness#difference-bound"
 FRAMES = "chen2023/text-effectiveness#frames-per-state"
 STATES = (1, 2, 3, 4, 5)
 _MOVED = STATES[1:]
@@ -94,8 +95,8 @@ def motion(inputs: Inputs) -> Results:
     return results
 
 
-def _length(inputs: Inputs, columns: str, telescope: str) -> float:
-    """Return the focal length of the telescope in metres."""
+def telescope_length(inputs: Inputs, columns: str, telescope: str) -> float:
+    """Return the focal length of the telescope in metres under a reading."""
     if telescope == "common":
         # (10) relates the last angle about Y to a motion.
         (motion,) = _motions(inputs, "x" if columns == "printed" else "y", states="5")
@@ -109,7 +110,7 @@ def _reference(
     """Return the reference angles about an axis, in radians. Implements: chen2023 (10)."""
     # Either interchange pairs an angle with the motion of the other axis.
     moving = _MOTION_AXIS[about] if columns == "printed" else about
-    length = _length(inputs, columns, telescope)
+    length = telescope_length(inputs, columns, telescope)
     return stage_angle(_motions(inputs, moving, columns, states), length)
 
 
@@ -182,7 +183,7 @@ def monitored_angle(
     generator = default_rng(seed)
     errors = _monitoring_errors(inputs, generator, replicates)
     lag, noise = _averaging(inputs, images)
-    length = np.full(replicates, _length(inputs, columns, telescope))
+    length = np.full(replicates, telescope_length(inputs, columns, telescope))
     if telescope == "nominal":
         # One telescope for all angles of a replicate, anywhere in the range of a nominal length.
         spread = generator.uniform(-1, 1, replicates)
@@ -292,29 +293,55 @@ def bound(inputs: Inputs) -> Results:
     return {"difference-bound": np.abs(differences).max()}
 
 
-@draws("chen2023/table-5", inputs=monitored_angle.inputs)
+@draws("chen2023/table-5", inputs=monitored_angle.inputs, marks=[BOUND])
 def _draw(figure: Figure, printed: Marks, inputs: Inputs) -> None:
-    """Draw the focal length that each printed angle implies for its printed motion."""
-    panels = two_panels(figure, 3.6, 5.6, "focal length (mm)")
+    """Draw the differences from several reference angles, and the implied focal lengths."""
+    rows = (4, 1) if set_size(figure, 6.4, 6.6, 10.5) else (2, 2)
+    panels = np.reshape(figure.subplots(*rows, sharex=True), (2, 2))
     # Noise of the state and of the zero state.
     sigmas = np.sqrt(2.0) * platform.angle_sigma(inputs, 2, inputs.count(FRAMES))
-    left, right = np.add(_MOVED, -0.1), np.add(_MOVED, 0.1)
-    for axes, (about, axis), sigma in zip(
-        panels, (("y", "x"), ("x", "y")), sigmas[1::-1], strict=True
+    nominal = inputs[platform.TELESCOPE]
+    common = telescope_length(inputs, "motions", "common")
+    ends = np.array([-1, 1]) * printed[BOUND] * ARCSEC_PER_RADIAN
+    for (upper, lower), (about, axis), sigma in zip(
+        panels.T, (("y", "x"), ("x", "y")), sigmas[1::-1], strict=True
     ):
-        motions = _column(printed, f"motion-{axis}")
+        own, other = _motions(inputs, axis), _motions(inputs, about)
+        monitored = _column(printed, f"monitoring-{about}")
         reference = _column(printed, f"reference-{about}")
-        monitoring = _column(printed, f"monitoring-{about}")
-        length = _implied(motions, monitoring)
-        exchanged = _implied(_motions(inputs, about), reference)
-        axes.plot(left, _implied(motions, reference), "C0o", label="reference")
-        axes.plot(left, exchanged, "C0o", mfc="none", label="reference, exchanged")
-        error = length * sigma / np.abs(monitoring)
-        axes.errorbar(right, length, error, fmt="C1s", label="monitoring")
-        nominal = inputs[platform.TELESCOPE] * 1e3
-        axes.axhline(nominal, color="k", ls="--", lw=1, label="nominal")
-        axes.set(xlabel="state", title=f"stage along {axis.upper()}", xticks=_MOVED)
-    legend_below(figure, 4)
+        upper.axhspan(*ends, fc=("C6", 0.2), ec="C6", label="bound of the paper")
+        for shift, look, angles, label in (
+            (-0.21, "C0o", reference, "printed reference angle"),
+            (
+                -0.07,
+                "C1s",
+                stage_angle(own, nominal),
+                f"angle for {nominal * 1e3:.0f} mm",
+            ),
+            (0.07, "C2^", stage_angle(own, common), f"angle for {common * 1e3:.0f} mm"),
+            (0.21, "C3D", stage_angle(other, common), "same, columns exchanged"),
+        ):
+            error = (monitored - angles) * ARCSEC_PER_RADIAN
+            bar = sigma * ARCSEC_PER_RADIAN
+            upper.errorbar(np.add(_MOVED, shift), error, bar, fmt=look, label=label)
+        for look, motions, label in (
+            ("C2^", own, "motion of the same axis"),
+            ("C3D", other, "motion of the other axis"),
+        ):
+            lower.plot(_MOVED, _implied(motions, reference), look, label=label)
+        lower.axhline(nominal * 1e3, color="k", ls="--", lw=1, label="nominal")
+        lower.axhline(common * 1e3, color="C3", lw=1, label="one for all angles")
+        upper.set(title=f"angle about {about.upper()}", ylabel="difference (arcsec)")
+        lower.set(ylabel="focal length (mm)", xlabel="state", xticks=_MOVED)
+        upper.set_ylim(-0.25, 0.4)
+        lower.set_ylim(1990, 2095)
+    above, below = (row[0].get_legend_handles_labels() for row in panels)
+    names = {"ncols": rows[1], "title": "monitored angle minus"}
+    figure.legend(*above, loc="outside upper center", **names)
+    names["title"] = "focal length from the printed reference angle and"
+    figure.legend(*below, loc="outside lower center", **names)
+    for axes in panels.flat:
+        axes.label_outer()
 
 
 def _implied(motions: FloatArray, angles: FloatArray) -> FloatArray:
@@ -325,25 +352,47 @@ def _implied(motions: FloatArray, angles: FloatArray) -> FloatArray:
 def _implied_facts(inputs: Inputs) -> dict[str, float]:
     """Return the extremes of the implied focal lengths, and the range that agrees with all rows.
 
-    The largest difference is between monitored and reference angles with interchanged columns.
+    The largest differences are between monitored angles and reference angles: the printed ones with
+    interchanged columns, and those for two focal lengths. The needed accuracy of a focal length
+    changes the last reference angle by the bound of the paper.
     """
     _, own, half, other, _ = zip(*_focal_lengths.function(inputs), strict=True)
-    differences = [
-        _column(inputs, f"monitoring-{about}") - _column(inputs, f"reference-{axis}")
-        for about, axis in _MOTION_AXIS.items()
-    ]
+    nominal, common = (
+        inputs[platform.TELESCOPE],
+        telescope_length(inputs, "motions", "common"),
+    )
+    differences = (
+        np.array(
+            [
+                np.abs(_column(inputs, f"monitoring-{about}") - angles).max()
+                for about, axis in _MOTION_AXIS.items()
+                for angles in (
+                    _column(inputs, f"reference-{axis}"),
+                    stage_angle(_motions(inputs, axis), nominal),
+                    stage_angle(_motions(inputs, axis), common),
+                )
+            ]
+        )
+        / RADIANS_PER_ARCSEC
+    )
+    largest = differences.reshape(2, 3).max(axis=0)
     return {
         "printed-least": min(own),
         "printed-most": max(own),
-        "interchanged-least": min(other),
-        "interchanged-most": max(other),
         "shared-low": np.subtract(other, half).max(),
         "shared-high": np.add(other, half).min(),
-        "largest-difference": np.abs(differences).max() / RADIANS_PER_ARCSEC,
+        "largest-difference": largest[0],
+        "nominal-difference": largest[1],
+        "common-difference": largest[2],
+        "needed": 100 * inputs[BOUND] / abs(inputs[LAST]),
     }
 
 
-@studied("chen2023/focal-lengths", inputs=["chen2023/table-5#*"], named=_implied_facts)
+@studied(
+    "chen2023/focal-lengths",
+    inputs=["chen2023/table-5#*", platform.TELESCOPE, BOUND],
+    named=_implied_facts,
+)
 def _focal_lengths(inputs: Inputs) -> Rows:
     """Compute the focal lengths that the rows of Table V imply, also with columns exchanged."""
     # Rounding: a motion is the difference of two positions to 0.01 µm.

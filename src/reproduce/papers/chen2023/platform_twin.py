@@ -28,7 +28,6 @@ from numpy.typing import ArrayLike
 
 from reproduce.papers.charts import legend_below, set_size, two_panels
 from reproduce.papers.chen2023 import accuracy, effectiveness, platform, resolution
-from reproduce.papers.chen2023.satellite import LASER, STAR
 from reproduce.papers.declare import Marks, draws, seed_of
 from reproduce.physics import attitude, images
 from reproduce.physics.validate import FloatArray
@@ -135,10 +134,13 @@ def bench(inputs: Inputs) -> _SimulatedBench:
 _POINTING_DEG = (84.6, -0.4, 20.0)
 _FAINTEST_MAGNITUDE = 6.0
 _SERIES_INPUTS = (*INPUTS, accuracy.SMOOTHED, accuracy.DURATION)
-_MARGIN_PX = 12
+# Width of the shown part of an image around a spot.
+_SHOWN_PX = 9
 _draws_series = partial(draws, inputs=_SERIES_INPUTS, random=True)
 _draws_test = partial(
-    draws, inputs=(*_SERIES_INPUTS, _POSITIONS, effectiveness.FRAMES), random=True
+    draws,
+    inputs=(*_SERIES_INPUTS, _POSITIONS, effectiveness.FRAMES, effectiveness.LAST),
+    random=True,
 )
 
 
@@ -158,9 +160,8 @@ def _draw_frame(figure: Figure, printed: Marks, inputs: Inputs) -> None:
     set_size(figure, 6.0, 6.0, 4.2)
     axes = figure.add_subplot()
     x, y = spots[inside].T
-    axes.scatter(x, y, sizes[inside], STAR[:2], marker=STAR[2], label="stars")
-    label = "laser spots, printed"
-    axes.plot(*_pairs(printed).T, LASER, label=label)
+    axes.scatter(x, y, sizes[inside], "C2", label="stars")
+    axes.plot(*_pairs(printed).T, "C1s", label="laser spots, printed")
     axes.set(xlim=(-0.5, 1023.5), ylim=(1023.5, -0.5), aspect="equal")
     axes.set(xlabel="x (px)", ylabel="y (px)")
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, 1.09), ncols=2)
@@ -179,9 +180,12 @@ def _groups(inputs: Inputs) -> _Series:
 
 
 @cache
-def _stage_test(inputs: Inputs) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _stage_test(
+    inputs: Inputs, telescope: str = "nominal"
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the test of Figure 10: the printed positions, one state after the other.
 
+    The focal length of the telescope is the nominal one, or the common one of Table V.
     Times of the frames, (frames,), in seconds. Reference angles about X and Y and the angles
     monitored by the mean of up to 100 frames before, each (frames, 2), in radians.
     """
@@ -189,7 +193,8 @@ def _stage_test(inputs: Inputs) -> tuple[FloatArray, FloatArray, FloatArray]:
     positions = inputs.array(_POSITIONS).reshape(-1, 2)
     # A motion along one axis rotates the camera about the other; the printed signs are kept.
     motions = (positions - positions[0])[:, ::-1]
-    angles = attitude.stage_angle(motions, inputs[platform.TELESCOPE])
+    length = effectiveness.telescope_length(inputs, "motions", telescope)
+    angles = attitude.stage_angle(motions, length)
     spots = twin.rotated(np.insert(angles, 2, 0.0, axis=1))
     generator = default_rng(seed_of("chen2023/fig-10b", inputs.root))
     centroids = twin.centroids(spots, twin.flux[1], frames, generator)
@@ -204,29 +209,36 @@ def _stage_test(inputs: Inputs) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 @_draws_series("chen2023/fig-7", marks=[platform.SPOTS])
 def _draw_spots(figure: Figure, printed: Marks, inputs: Inputs) -> None:
-    """Draw the image of the four laser spots in the tracker, at the printed positions."""
-    twin = bench(inputs)
-    first = np.floor(twin.spots.min(axis=0)).astype(int) - _MARGIN_PX
-    end = np.ceil(twin.spots.max(axis=0)).astype(int) + _MARGIN_PX
-    width, height = (end - first).tolist()
-    mean = images.render_frame(
-        twin.spots - first, twin.flux[0], twin.radius, (width, height)
+    """Draw the images of the four laser spots in the tracker, at the printed positions."""
+    from matplotlib.patches import Rectangle
+
+    twin, generator = bench(inputs), default_rng(seed_of("chen2023/fig-7", inputs.root))
+    corners, inner = (
+        images.window_corners(twin.spots, size) for size in (_SHOWN_PX, twin.window)
     )
-    generator = default_rng(seed_of("chen2023/fig-7", inputs.root))
+    mean = images.spot_windows(
+        twin.spots, twin.flux[0], twin.radius, corners, _SHOWN_PX
+    )
     seen = images.expose(mean, images.Detector(), generator)
-    (left, top), (right, bottom) = first - 0.5, end - 0.5
-    set_size(figure, 6.4, 5.2, 3.2)
+    set_size(figure, 5.6, 4.8, 3.6)
     figure.set_layout_engine("compressed")
-    axes, centres = figure.add_subplot(), _pairs(printed)
-    extent = (left, right, bottom, top)
-    image = axes.imshow(seen, "gray", extent=extent, vmin=0.0)
-    axes.plot(*centres.T, "C1o", markersize=16, fillstyle="none", label="printed")
-    for number, (x, y) in enumerate(centres, start=1):
-        axes.annotate(f"{number}", (x + 2.5, y - 1.5), color="#E69F00")
-    axes.grid(visible=False)
-    axes.set(xlabel="x (px)", ylabel="y (px)")
-    axes.legend(loc="upper right", labelcolor="#E69F00")
-    figure.colorbar(image, ax=axes, label="electrons per frame")
+    panels = figure.subplots(2, 2)
+    for number, (axes, centre) in enumerate(
+        zip(panels.flat, _pairs(printed), strict=True)
+    ):
+        (left, top), start = corners[number] - 0.5, inner[number] - 0.5
+        extent = (left, left + _SHOWN_PX, top + _SHOWN_PX, top)
+        image = axes.imshow(
+            seen[number], "gray", extent=extent, vmin=0.0, vmax=seen.max()
+        )
+        window = Rectangle(start, twin.window, twin.window, fill=False, ec="C5")
+        axes.add_patch(window).set_label("window of the centroid")
+        axes.plot(*centre, "C1+", markersize=14, mew=2, label="printed centroid")
+        axes.grid(visible=False)
+        axes.set_xticks(left + np.array([0.5, 4.5, 8.5]))
+        axes.set(title=f"spot {number + 1}", xlabel="x (px)", ylabel="y (px)")
+    figure.colorbar(image, ax=panels, label="electrons per frame")
+    legend_below(figure, 2)
 
 
 @_draws_series("chen2023/fig-8", marks=["chen2023/text-accuracy#transform-single-?"])
@@ -243,7 +255,7 @@ def _draw_misalignment(figure: Figure, printed: Marks, inputs: Inputs) -> None:
     constant misalignment moves the whole series and does not change its scatter. The simulated
     bench has none, and the label of the axis states it.
     """
-    label = "angle, less offset (arcsec)"
+    label = "angle minus offset (arcsec)"
     _draw_series(figure, printed, inputs, _groups(inputs).misalignment, label)
 
 
@@ -252,6 +264,8 @@ def _draw_series(
 ) -> None:
     """Draw angles about X and Y of single frames and their means, with the printed limits."""
     count, frames = inputs.count(accuracy.SMOOTHED), np.arange(1, len(angles) + 1)
+    # Figures 8 and 9 have one scale.
+    reach = max(np.abs(group[:, :2]).max() for group in _groups(inputs)[1:])
     columns = zip(
         two_panels(figure, 3.4, 5.4, label),
         "XY",
@@ -261,13 +275,14 @@ def _draw_series(
     )
     for axes, axis, series, limit in columns:
         series = series * ARCSEC_PER_RADIAN
-        axes.plot(frames, series, ".", markersize=2.5, label="single frame")
+        axes.plot(frames, series, ".-", lw=0.3, markersize=2.5, label="single frame")
         means = attitude.moving_average(series, count)
         axes.plot(frames[count - 1 :], means, "k", lw=2.5, label=f"mean of {count}")
         for side, name in ((-1, "_"), (1, "printed, 3σ")):
             edge = series.mean() + side * limit * ARCSEC_PER_RADIAN
             axes.axhline(edge, color="k", linestyle="--", linewidth=1, label=name)
         axes.set(xlabel="frame", title=f"about {axis}")
+        axes.set_ylim(*(np.array([-1.05, 1.05]) * reach * ARCSEC_PER_RADIAN))
     legend_below(figure, 3)
 
 
@@ -284,39 +299,68 @@ def _draw_pattern(figure: Figure, printed: Marks, inputs: Inputs) -> None:
     axes.set(xlim=(0, 112), ylim=(0, 95))
 
 
-@_draws_test("chen2023/fig-10b", marks=["chen2023/table-5#[2-5].monitoring-y"])
+@_draws_test(
+    "chen2023/fig-10b",
+    marks=[
+        "chen2023/table-5#[2-5].monitoring-y",
+        "chen2023/table-5#[2-5].reference-y",
+        effectiveness.BOUND,
+    ],
+)
 def _draw_about_y(figure: Figure, printed: Marks, inputs: Inputs) -> None:
     """Draw the angles about Y while the stage moves along X."""
     _draw_test(figure, printed, inputs, "Y")
 
 
-@_draws_test("chen2023/fig-10c", marks=["chen2023/table-5#[2-5].monitoring-x"])
+@_draws_test(
+    "chen2023/fig-10c",
+    marks=[
+        "chen2023/table-5#[2-5].monitoring-x",
+        "chen2023/table-5#[2-5].reference-x",
+        effectiveness.BOUND,
+    ],
+)
 def _draw_about_x(figure: Figure, printed: Marks, inputs: Inputs) -> None:
     """Draw the angles about X while the stage moves along Y."""
     _draw_test(figure, printed, inputs, "X")
+
+
+def _draw_test(figure: Figure, printed: Marks, inputs: Inputs, axis: str) -> None:
+    """Draw the whole test with the printed angles, and its differences from the references."""
+    set_size(figure, 6.4, 5.6, 5.6)
+    upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
+    *values, bound = np.array([*printed.values()]) * ARCSEC_PER_RADIAN
+    monitored, reference = np.reshape(values, (2, -1))
+    frames = inputs.count(effectiveness.FRAMES)
+    smoothed = inputs.count(accuracy.SMOOTHED)
+    for telescope, look in (("nominal", "C0-"), ("common", "C1--")):
+        length = effectiveness.telescope_length(inputs, "motions", telescope)
+        times, _, angles = _stage_test(inputs, telescope)
+        angle = angles[:, "XY".index(axis)] * ARCSEC_PER_RADIAN
+        upper.plot(times, angle, look, label=f"simulated, {length * 1e3:.0f} mm")
+        rest = angle - np.repeat(np.insert(reference, 0, 0.0), frames)
+        # An average over a step is not an angle of a state.
+        rest[np.arange(len(rest)) % frames < smoothed] = np.nan
+        lower.plot(times, rest, look)
+    middles = times[frames + frames // 2 :: frames]
+    upper.plot(middles, monitored, "ks", label="printed")
+    lower.plot(middles, monitored - reference, "ks")
+    lower.axhspan(-bound, bound, fc=("C6", 0.2), ec="C6", label="bound of the paper")
+    upper.set_ylabel(f"angle about {axis} (arcsec)")
+    lower.set(xlabel="time (s)", ylabel="minus printed\nreference (arcsec)")
+    upper.legend()
+    lower.legend(loc="lower left")
 
 
 @_draws_test("chen2023/fig-1d")
 def _draw_example(figure: Figure, printed: Marks, inputs: Inputs) -> None:
     """Draw one move of the stage: the mean reaches the reference after its length."""
     set_size(figure, 6.4, 3.2, 2.8)
-    _draw_test(figure, printed, inputs, "Y")
-
-
-def _draw_test(figure: Figure, printed: Marks, inputs: Inputs, axis: str) -> None:
-    """Draw the whole test with the printed angles, or one move without printed angles."""
-    times, reference, monitored = _stage_test(inputs)
-    frames, axes = len(times) // len(effectiveness.STATES), figure.add_subplot()
-    shown = slice(None) if printed else slice(frames // 2, 2 * frames)
-    for angles, line, label in (
-        (monitored, "-", "monitored"),
-        (reference, "--", "reference"),
-    ):
-        values = angles[shown, "XY".index(axis)] * ARCSEC_PER_RADIAN
-        axes.plot(times[shown], values, line, label=label)
-    if printed:
-        values = _pairs(printed).ravel() * ARCSEC_PER_RADIAN
-        middles = times[frames + frames // 2 :: frames]
-        axes.plot(middles, values, "ks", label="monitored, printed")
-    axes.set(xlabel="time (s)", ylabel=f"angle about {axis} (arcsec)")
-    axes.legend()
+    axes, (times, *angles) = figure.add_subplot(), _stage_test(inputs)
+    for series, look in zip(angles, ("C1--", "C0-"), strict=True):
+        axes.plot(times, series[:, 1] * ARCSEC_PER_RADIAN, look)
+    axes.set(xlabel="time (s)", ylabel="angle about Y (arcsec)")
+    # The first state and the step to the second.
+    first, second = np.array([1, 4]) * times[-1] / 10
+    axes.set(xlim=(first / 2, second), ylim=(-2.6, 0.4))
+    axes.legend(("reference", "monitored"))

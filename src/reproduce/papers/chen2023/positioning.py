@@ -1,24 +1,16 @@
-"""From misalignment to metres on the ground: the error budget of SVGF-1, and a year of orbits.
+"""From misalignment to metres on the ground: the error budget of SVGF-1.
 
 The paper does not print the following values, which are assumed: centimetre orbits are 0.05 m along
-each axis, the principal point moves by one panchromatic pixel, a calibration has an error of 0.5
-arcsec at each sample, and heat has the effect of `physics.ground.thermal_series`. Angle errors of
-the monitoring are the errors of the ground platform.
-
-The paper gives arguments for monitoring, without a comparison. Here four corrections of a thermal
-misalignment, and no correction, are applied to one simulated year. The three methods without lasers
-have more calibrations than any ground segment.
+each axis, and the principal point moves by one panchromatic pixel. Angle errors of the monitoring
+are the errors of the ground platform.
 """
 
 from __future__ import annotations
 
-from functools import lru_cache
-
 import numpy as np
-from numpy.random import default_rng
 
 from reproduce.papers.chen2023 import accuracy, platform, satellite
-from reproduce.papers.declare import Results, Rows, reproduces, seed_of, studied
+from reproduce.papers.declare import Results, Rows, reproduces, studied
 from reproduce.physics import ground
 from reproduce.physics.attitude import rotation_from_vector
 from reproduce.physics.validate import FloatArray
@@ -28,7 +20,6 @@ from reproduce.units import RADIANS_PER_ARCSEC
 _POINTING = "chen2023/table-1#tracker-pointing-accuracy.value"
 _MONITORING = (*platform.INSTRUMENT, "chen2023/table-3#2-*", accuracy.SMOOTHED)
 INPUTS = (*_MONITORING, *satellite.CAMERA, _POINTING)
-_YEAR_INPUTS = (*_MONITORING, *satellite.CAMERA, accuracy.RATE)
 _ORBIT_ERROR_M = 0.05
 _SINGLE, _AVERAGED = "one frame", "averaged"
 # Views of the satellite: tilt off the nadir in deg, distance of the target from it in m.
@@ -39,22 +30,8 @@ _UNITS = {
     "turn": (RADIANS_PER_ARCSEC, "arcsec"),
     "image": (1e-6, "µm"),
 }
-_CALIBRATION_ERROR = 0.5 * RADIANS_PER_ARCSEC
-_SAMPLES_PER_ORBIT = 64
-# Long enough to distinguish the trend from slow variations. A week has a far larger error.
-_CAMPAIGN_DAYS = 60.0
-_YEAR_DAYS = 365.0
 # Fraction of the errors below CE90.
 _LEVEL = 0.9
-# Amplitudes of the columns of the table.
-_AMPLITUDES_ARCSEC = (0.5, 2.0, 10.0, 50.0)
-UNCORRECTED, *CORRECTIONS = (
-    "no correction",
-    "one calibration",
-    "trend and Fourier series of degree 2, fitted to the campaign",
-    "Fourier series of degree 3 over the three last orbits",
-    "star–laser monitoring, averaged",
-)
 
 
 @reproduces(
@@ -124,8 +101,14 @@ def _covariances(inputs: Inputs) -> dict[str, FloatArray]:
 
 
 def _budget_facts(inputs: Inputs) -> dict[str, float]:
-    """Return the altitude of the satellite in kilometres."""
-    return {"altitude": satellite.altitude(inputs) / 1e3}
+    """Return the altitude in kilometres, the level of the errors in %, and two at the nadir."""
+    rows = {name: nadir for name, _, _, nadir, *_ in _budget.function(inputs)}
+    return {
+        "altitude": satellite.altitude(inputs) / 1e3,
+        "level": 100 * _LEVEL,
+        "total": rows[f"all together, {_AVERAGED}"],
+        "tracker": rows["attitude of the tracker, at its limit"],
+    }
 
 
 @studied("chen2023/budget", inputs=INPUTS, named=_budget_facts)
@@ -139,63 +122,3 @@ def _budget(inputs: Inputs) -> Rows:
             scale, unit = _UNITS[kind]
             size = sigma.max() / scale
         yield (name, size, unit, *ground.circular_error(covariances))
-
-
-@lru_cache(maxsize=1)  # a year is large
-def _year(height: float, root: int | None) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the simulated campaign and the year after it at an altitude in metres.
-
-    Times, (samples,), in days, zero at the end of the campaign. Misalignment about X and Y for an
-    amplitude of one, (samples, 2). Standard normal numbers for the errors of calibrations and of
-    the monitoring, (samples, 2).
-    """
-    period = float(ground.orbital_period(height))
-    orbits = int(np.ceil((_YEAR_DAYS + _CAMPAIGN_DAYS) * ground.DAY_SECONDS / period))
-    generator = default_rng(seed_of("chen2023/year", root))
-    times, angles = ground.thermal_series(period, _SAMPLES_PER_ORBIT, orbits, generator)
-    return times - _CAMPAIGN_DAYS, angles, generator.standard_normal(angles.shape)
-
-
-def _residuals(inputs: Inputs, amplitude: float) -> dict[str, FloatArray]:
-    """Return the residual misalignment of each correction after the campaign.
-
-    Name to errors of shape (samples, 2), in radians.
-    """
-    times, unit, noise = _year(satellite.altitude(inputs), inputs.root)
-    true, known = amplitude * unit, int(np.searchsorted(times, 0.0))
-    measured = true + _CALIBRATION_ERROR * noise
-    # The lasers give the misalignment half an average late, with its noise.
-    count = inputs.count(accuracy.SMOOTHED)
-    late = times - 0.5 * count / inputs[accuracy.RATE] / ground.DAY_SECONDS
-    delayed = np.stack([np.interp(late, times, angle) for angle in true.T], axis=-1)
-    orbits = np.arange(len(times)) / _SAMPLES_PER_ORBIT
-    estimates = (
-        0.0,
-        measured[known - 1],
-        ground.trend_and_fourier(times, orbits, measured, known),
-        ground.last_orbits(measured, _SAMPLES_PER_ORBIT),
-        delayed + platform.angle_sigma(inputs, 2, count)[:2] * noise,
-    )
-    names = (UNCORRECTED, *CORRECTIONS)
-    return {
-        name: (true - estimate)[known:]
-        for name, estimate in zip(names, estimates, strict=True)
-    }
-
-
-def _campaign_facts(inputs: Inputs) -> dict[str, float]:
-    """Return the length of the campaign in days, and the level of the errors in per cent."""
-    return {"campaign": _CAMPAIGN_DAYS, "level": 100 * _LEVEL}
-
-
-@studied("chen2023/strategies", random=True, inputs=_YEAR_INPUTS, named=_campaign_facts)
-def _strategies(inputs: Inputs) -> Rows:
-    """Compute the positioning error over a year, for four corrections and four amplitudes."""
-    height = satellite.altitude(inputs)
-    years = [
-        _residuals(inputs, amplitude * RADIANS_PER_ARCSEC)
-        for amplitude in _AMPLITUDES_ARCSEC
-    ]
-    for name in (UNCORRECTED, *CORRECTIONS):
-        lengths = [np.hypot(*errors[name].T) for errors in years]
-        yield (name, *(np.quantile(lengths, _LEVEL, axis=1) * height))

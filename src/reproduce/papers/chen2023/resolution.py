@@ -25,19 +25,21 @@ and variance: the Monte Carlo agrees with it within its error.
 
 from __future__ import annotations
 
-from functools import cache, lru_cache
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Callable, Mapping
+from functools import cache, lru_cache, partial
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.random import SeedSequence, default_rng
 
-from reproduce.papers.charts import legend_below
+from reproduce.papers.charts import legend_below, set_log_ticks, set_size
 from reproduce.papers.chen2023 import platform
 from reproduce.papers.declare import (
     Marks,
     Prediction,
     Results,
     draws,
+    item_text,
     reproduces,
     seed_of,
 )
@@ -79,6 +81,7 @@ INPUTS = (
     "chen2023/text-resolution#resolution-high",
 )
 _REPLICATES = 2000
+_RADII = item_text("chen2023/text-resolution").options["radius"]
 # Printed radius over the standard deviation of the Gaussian.
 _WIDTHS = {
     "sigma": 1.0,
@@ -263,44 +266,71 @@ def curves(inputs: Inputs) -> dict[str, FloatArray]:
     "chen2023/fig-11a",
     inputs=INPUTS,
     marks=[_OPTIMUM, "chen2023/text-resolution#optimum-accuracy"],
-    random=True,
 )
 def _draw_centroids(figure: Figure, printed: Marks, inputs: Inputs) -> None:
     """Draw the centroiding accuracy against the angular resolution of the tracker."""
-    axes = _draw_curves(figure, inputs, 1.0)
     best, accuracy = printed.values()
-    best *= ARCSEC_PER_RADIAN
-    axes.plot(best, accuracy, "k*", markersize=13, label="printed best")
-    axes.set(ylabel="centroid error (1σ, px)")
-    legend_below(figure, 3)
+    axes = _draw_radii(figure, inputs, 1.0, np.argmin, (best, "printed optimum"))
+    axes.axhline(accuracy, color="k", lw=1)
+    axes.set(ylabel="centroid error (1σ, px)", ylim=(0.008, 0.1))
 
 
-@draws("chen2023/fig-11b", inputs=INPUTS, marks=[_SATURATION], random=True)
+@draws("chen2023/fig-11b", inputs=INPUTS, marks=[_SATURATION])
 def _draw_monitoring(figure: Figure, printed: Marks, inputs: Inputs) -> None:
     """Draw the monitoring accuracy against the angular resolution of the tracker."""
     angles, lasers = _resolutions(inputs), inputs.count(_LASERS)
     scale = attitude_accuracy(1.0, lasers, angles) * ARCSEC_PER_RADIAN
-    axes = _draw_curves(figure, inputs, scale)
-    limit = printed[_SATURATION] * ARCSEC_PER_RADIAN
-    axes.axvline(limit, color="k", linewidth=1, label="printed limit of gain")
-    axes.set(ylabel="monitoring error (1σ, arcsec)")
+    limit = partial(_saturation, relative=_relative_error(inputs), errors=3.0)
+    line = printed[_SATURATION], "printed limit"
+    axes = _draw_radii(figure, inputs, scale, limit, line)
+    axes.set(ylabel="monitoring error (1σ, arcsec)", ylim=(0.25, 4))
+
+
+def _draw_radii(
+    figure: Figure,
+    inputs: Inputs,
+    scale: FloatArray | float,
+    marked: Callable[[FloatArray], Any],
+    line: tuple[float, str],
+) -> Axes:
+    """Draw the error for each meaning of the radius, with one marked point; return the axes."""
+    curves = {}
+    for name, width in _WIDTHS.items():
+        error = predicted_errors(*_setting(inputs, _Case(width))).total * scale
+        label = _RADII[name].text.removeprefix("radius: ").removesuffix(" of the spot")
+        curves[label] = error, [marked(error)]
+    axes = _draw_curves(figure, inputs, curves)
+    axes.axvline(line[0] * ARCSEC_PER_RADIAN, color="k", lw=1, label=line[1])
     legend_below(figure, 3)
-
-
-def _draw_curves(figure: Figure, inputs: Inputs, scale: FloatArray | float) -> Axes:
-    """Draw the curves times a scale against the angular resolution; return the axes."""
-    axes = figure.add_subplot()
-    errors = {name: curve * scale for name, curve in curves(inputs).items()}
-    angles, few = _resolutions(inputs) * ARCSEC_PER_RADIAN, slice(None, None, 2)
-    simulated = errors["simulated"][few]
-    axes.plot(angles[few], simulated, "o", markersize=4, label="Monte Carlo")
-    for name, line, label in (
-        ("predicted", "-", "closed form"),
-        ("within", "--", "scatter only"),
-        ("bias", "-.", "bias only"),
-        ("bound", ":", "unbiased bound"),
-    ):
-        axes.plot(angles, errors[name], line, label=label)
-    axes.set(xlabel="angular resolution (arcsec per px)", yscale="log")
-    axes.set_ylim(bottom=errors["bound"].min() / 4)
     return axes
+
+
+def _draw_curves(
+    figure: Figure, inputs: Inputs, errors: Mapping[str, tuple[FloatArray, list[int]]]
+) -> Axes:
+    """Draw named curves with marked points against the resolution; return the axes."""
+    set_size(figure, 6.4, 4.4, 4.4)
+    axes, angles = figure.add_subplot(), _resolutions(inputs) * ARCSEC_PER_RADIAN
+    looks = ("C0o-", "C1s--", "C2D-.", "C3^:")
+    for (label, (curve, marks)), look in zip(errors.items(), looks, strict=True):
+        axes.plot(angles, curve, look, markersize=9, markevery=marks, label=label)
+    axes.set_xlabel("angular resolution (arcsec per px)")
+    set_log_ticks(axes, (10, 20, 40, 80), (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2))
+    return axes
+
+
+@draws("chen2023/drawing-terms", inputs=INPUTS, random=True)
+def _draw_terms(figure: Figure, printed: Marks, inputs: Inputs) -> None:
+    """Draw the terms of the centroid error in the literal reading."""
+    errors, few = curves(inputs), slice(None, None, 2)
+    labels = ("total", "noise", "bias", "Cramér–Rao bound")
+    terms = (errors[name] for name in ("predicted", "within", "bias", "bound"))
+    axes = _draw_curves(
+        figure,
+        inputs,
+        {label: (term, []) for label, term in zip(labels, terms, strict=True)},
+    )
+    angles = _resolutions(inputs)[few] * ARCSEC_PER_RADIAN
+    axes.plot(angles, errors["simulated"][few], "ko", ms=3, label="Monte Carlo")
+    axes.set(ylabel="centroid error (1σ, px)", ylim=(0.004, 0.1))
+    legend_below(figure, 3)

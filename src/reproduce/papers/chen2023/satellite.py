@@ -14,13 +14,12 @@ of the averaged misalignment.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from reproduce.papers.charts import set_size
 from reproduce.papers.chen2023 import platform
-from reproduce.papers.declare import Marks, Results, Rows, draws, reproduces, studied
+from reproduce.papers.declare import Results, Rows, reproduces, studied
 from reproduce.physics import attitude, ground
 from reproduce.physics.optics import field_of_view
 from reproduce.physics.raytrace import (
@@ -34,9 +33,6 @@ from reproduce.physics.validate import FloatArray
 from reproduce.printed.inputs import Inputs
 from reproduce.units import RADIANS_PER_ARCSEC
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 # Panchromatic camera: focal length, pixel size, ground resolution.
 CAMERA = (
     "chen2023/table-1#panchromatic-focal-length.value",
@@ -49,11 +45,6 @@ _EXPANSION = "chen2023/text-hardware#expansion-coefficient"
 _ACCURACY = "chen2023/table-4#100.misalignment-?"
 _PIXELS = "chen2023/table-2#tracker-pixels-x.value"
 _FIELD = "chen2023/table-1#tracker-field-of-view-x.value"
-_FILTER = "chen2023/text-hardware#filter-wavelength"
-_BANDS = (
-    "chen2023/text-satellite#transmission-*",
-    "chen2023/text-satellite#reflection-*",
-)
 # Assumed roll of the tracker about the camera's boresight on the bench. The paper prints no roll.
 _TRACKER_ROLL = np.pi / 4
 _TEST_ROTATION = 10 * RADIANS_PER_ARCSEC
@@ -62,9 +53,6 @@ _AROUND = 2.0 * np.pi * (np.arange(36) + 0.5) / 36
 _APERTURE = 0.1 * np.stack([np.cos(_AROUND), np.sin(_AROUND)], axis=-1)
 # A smaller fraction of a rotation is rounding noise.
 _ROUNDING_FACTOR = 1e-9
-
-# Colour and marker of laser light and of starlight.
-LASER, STAR = "C1s", "C2o"
 
 
 def altitude(inputs: Inputs) -> float:
@@ -176,9 +164,10 @@ def _retro_reflectors(inputs: Inputs) -> Rows:
         yield (kind, *(np.array(responses) / _TEST_ROTATION), blur, image)
 
 
-def _bench_facts(inputs: Inputs) -> dict[str, str]:
-    """Return the assumed roll of the bench."""
-    return {"assumed-roll": f"{np.degrees(_TRACKER_ROLL):.0f}°"}
+def _bench_facts(inputs: Inputs) -> dict[str, Any]:
+    """Return the assumed roll of the bench, and the smallest tolerance of the mirror."""
+    tolerance = min(row[2] for row in _dichroic.function(inputs))
+    return {"assumed-roll": f"{np.degrees(_TRACKER_ROLL):.0f}°", "tolerance": tolerance}
 
 
 @studied(
@@ -209,6 +198,12 @@ def _dichroic_response(boresight_angle: float) -> FloatArray:
     return turn_response(reflection(normal), [0.0, 0.0, -1.0]) @ axes
 
 
+def _heat_facts(inputs: Inputs) -> dict[str, float]:
+    """Return the temperatures at which the motion equals the accuracy."""
+    flight, *_, bench = _heat.function(inputs)
+    return {"flight": flight[-1], "bench": bench[-1]}
+
+
 @studied(
     "chen2023/heat",
     inputs=(
@@ -221,6 +216,7 @@ def _dichroic_response(boresight_angle: float) -> FloatArray:
         _ACCURACY,
         _EXPANSION,
     ),
+    named=_heat_facts,
 )
 def _heat(inputs: Inputs) -> Rows:
     """Compute the effects of thermal motion of the lasers, in flight and on the bench."""
@@ -237,17 +233,3 @@ def _heat(inputs: Inputs) -> Rows:
         kelvin = motion / (inputs[_EXPANSION] * inputs[platform.DIAGONAL])
         lengths = (camera / tracker, tracker * 1e3, np.degrees(float(view)))
         yield (name, *lengths, angle, motion * 1e6, kelvin)
-
-
-@draws("chen2023/fig-3c", marks=[*_BANDS, _FILTER])
-def _draw_filters(figure: Figure, printed: Marks, inputs: Inputs) -> None:
-    """Draw the bands of the dichroic mirror and of the band-pass filter."""
-    *bands, passed = (value * 1e9 for value in printed.values())
-    set_size(figure, 6.4, 2.2)
-    axes = figure.add_subplot()
-    # The width of the filter is not printed: a mark stands for its band.
-    axes.plot(passed, 0, LASER)
-    axes.plot(bands[2:], [1, 1], "C1--", linewidth=4)
-    axes.plot(bands[:2], [2, 2], "C2-.", linewidth=4)
-    axes.set_yticks([0, 1, 2], ["filter passes", "mirror reflects", "mirror transmits"])
-    axes.set(xlabel="wavelength (nm)", ylim=(-0.5, 2.5))

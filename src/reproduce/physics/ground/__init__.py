@@ -18,9 +18,4 @@ from reproduce.physics.ground.imaging import (
     image_vectors,
     imaged_position,
 )
-from reproduce.physics.ground.thermal import (
-    DAY_SECONDS,
-    last_orbits,
-    thermal_series,
-    trend_and_fourier,
-)
+from reproduce.physics.ground.thermal import trend_and_fourier

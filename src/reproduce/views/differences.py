@@ -1,0 +1,80 @@
+"""Distances between printed and computed numbers, in units of the largest that agrees."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Collection
+from operator import itemgetter
+from typing import TYPE_CHECKING, Any
+
+import pandas as pd
+
+from reproduce.judge.verdicts import AGREES
+from reproduce.papers.charts import is_narrow, set_size
+from reproduce.printed.cells import library
+from reproduce.views.blocks import Html
+from reproduce.views.computed import whole_ledger
+from reproduce.views.figure import figure_block
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def distances(papers: Collection[str]) -> list[dict[str, Any]]:
+    """Return the computed numbers of papers that agree or differ, those that differ first.
+
+    The distance is the middle of the printed interval minus the middle of the interval of the
+    computed number, over the sum of their half widths. It is at most one if both overlap.
+    """
+    rows = list[dict[str, Any]]()
+    for record in whole_ledger().records:
+        paper, agrees = record.key.partition("/")[0], record.verdict in AGREES
+        ends = (*(record.stands_for or ()), *(record.interval or ()))
+        known = [end for end in ends if end is not None]
+        if paper not in papers or not (agrees or record.verdict == "differs"):
+            continue
+        if len(known) == 4 and (width := known[1] - known[0] + known[3] - known[2]):
+            label = library()[record.key].by_name[record.cell.partition("#")[2]].label
+            number = f"{record.place.partition(',')[0]}: {label}"
+            distance = (known[0] + known[1] - known[2] - known[3]) / width
+            names = {"name": record.cell, "paper": paper, "number": number}
+            rows.append({**names, "agrees": agrees, "distance": distance})
+    return sorted(rows, key=itemgetter("agrees"))
+
+
+def differences_block(papers: Collection[str]) -> Html:
+    """Return the strip plot of the distances, one row per number that differs."""
+    columns = ["paper", "number", "agrees", "distance"]
+    found = pd.DataFrame(distances(papers), columns=columns)
+    lines = found["paper"] + ", " + found["number"]
+    lines = lines.where(~found["agrees"], found["paper"] + ", numbers that agree")
+    labels = list(dict.fromkeys(lines))
+
+    def paint(figure: Figure) -> None:
+        set_size(figure, 6.4, 0.34 * len(labels) + 1.0, 0.42 * len(labels) + 1.0)
+        axes = figure.add_subplot()
+        axes.axvspan(-1, 1, fc=("C6", 0.2), ec="C6")
+        for agrees, look in ((True, "C0|"), (False, "C1D")):
+            shown = found["agrees"] == agrees
+            axes.plot(found["distance"][shown], lines[shown].map(labels.index), look)
+        axes.set_xscale("symlog", linthresh=2)
+        ticks = (-5, -1, 0, 1, 5, 20)
+        axes.set_xticks(ticks, [f"{tick}".replace("-", "−") for tick in ticks])
+        names = [x.replace(", ", ",\n", 1) if is_narrow(figure) else x for x in labels]
+        axes.set_yticks(range(len(labels)), names)
+        axes.set(xlabel="distance (largest that agrees)", xlim=(-6, 30))
+        axes.invert_yaxis()
+
+    count = Counter(found["agrees"])
+    return figure_block(
+        "figure-differences",
+        paint,
+        f"Strip plot with one row for each of the {count[False]} numbers that differ, and one row "
+        f"of each paper for its numbers that agree, {count[True]} in all. The agreeing numbers "
+        "are short lines between minus one and one, in a shaded band. The others are diamonds "
+        "outside of the band: most are a few units away, one is much farther.",
+        "Distance of each printed number from the computed number, in units of the largest "
+        "distance at which the number still agrees. Diamonds: numbers that differ; lines: numbers "
+        "that agree; band: agreement. The unit contains the rounding of the printed number, and "
+        "the range of the computed number by rounded inputs or by chance.",
+    )
