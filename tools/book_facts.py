@@ -150,24 +150,12 @@ def _of_evidence() -> dict[str, str]:
     """Return the counts of the studies of the audit, and the times of the pages, by name."""
     planted = stored.table("planted-slips")
     seen = planted["relation"] | planted["verdict"]
-    strict = planted["compared"] | planted["verdict"]
     found = {
         "planted": str(len(planted)),
         "seen": f"{100 * seen.mean():.0f}\u202f%",
-        "strict": f"{100 * strict.mean():.0f}\u202f%",
-        "refused": str((planted["refused"] & ~seen).sum()),
-        "blind": str((~seen.groupby(planted["cell"]).any()).sum()),
     }
-    for row in stored.table("two-readings").itertuples():
-        for what in ("first", "second", "both", "merging"):
-            found[f"{row.what}-{what}"] = str(getattr(row, what))
-        for what in ("missed", "error"):
-            found[f"{row.what}-{what}"] = f"{getattr(row, what):.1f}"
-    for row in stored.table("rounding-residuals").itertuples():
-        name = f"{row.paper}-{row.against}"
-        found[f"{name}-telling"] = str(row.telling)
-        found[f"{name}-probability"] = f"{row.probability:.2f}"
-        found[f"{name}-exact"] = str(row.exact)
+    lines = stored.table("two-readings").set_index("what").loc["lines"]
+    found |= {f"lines-{what}": f"{lines[what]:.1f}" for what in ("missed", "error")}
     seconds = stored.table("page-times")["seconds"]
     (taken,) = stored.table("installed").itertuples()
     return found | {

@@ -1,8 +1,10 @@
-"""Print the built book as one PDF, and link it from the first page: ``make pdf``.
+"""Print the built book as PDF, and link the files from two pages: ``make pdf``.
 
-The articles of all pages are joined to one document with internal links, and Chromium prints it.
-The end of ``book/_static/ledger.css`` contains the style of the paper. Wide tables are rotated or
-shrunk here. With the same browser and fonts, equal pages give an equal file.
+The articles of the pages are joined to one document with internal links, and Chromium prints it.
+The book contains a title page and all chapters, and a second file the lists of numbers, relations,
+errata and functions. Each chapter is also a file of its own, cut from the book. The end of
+``book/_static/ledger.css`` contains the style of the paper. Wide tables are rotated or shrunk here.
+With the same browser and fonts, equal pages give an equal file.
 """
 
 from __future__ import annotations
@@ -15,32 +17,43 @@ from collections.abc import Iterator
 from io import BytesIO
 from typing import Any
 
+from jinja2 import Template
 from playwright.sync_api import Page, sync_playwright
 from pypdf import PdfReader, PdfWriter
 from pypdf.generic import NameObject, TextStringObject
 
 from build_book import ROOT
-from reproduce.version import ADDRESS, RELEASED
+from reproduce.version import ADDRESS, RELEASED, __version__
 from reproduce.views.export import DEVELOPERS
 
 HTML = ROOT / "book" / "_build" / "html"
-PDF = HTML / "reproduce-book.pdf"
+PDF, LISTS = HTML / "reproduce-book.pdf", HTML / "reproduce-lists.pdf"
 JOINED = HTML.parent / "joined.html"
 DAY = f"D:{RELEASED.replace('-', '')}000000Z"  # not the time of printing
+ABOUT = {"/Author": DEVELOPERS, "/CreationDate": DAY, "/ModDate": DAY}
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 MISSING = (
     "No Chromium was found: install it (Debian: apt install chromium; elsewhere: "
     ".venv/bin/python -m playwright install chromium)."
 )
 
-LINK = f'<li><p><a class="reference external" href="{PDF.name}">Print it (PDF)</a></p></li>\n'
+LINK = (
+    f'<li><p><a class="reference external" href="{PDF.name}">Read as PDF</a></p></li>\n'
+)
 LINKS = re.compile(r'(class="rp-links.*?)(?=</ul>)', re.DOTALL)
+FILES = re.compile(r'(class="rp-pdfs[^>]*>).*?(?=</div>)', re.DOTALL)
+# The pages of the second file.
+LISTED = re.compile(r"cells|audit/(relations|errata)|api/")
 # The menu of every page is the table of contents: captions of parts, and pages.
 MENU = re.compile(r'<p aria-level="2" class="caption".*?(?=</div>\s*</nav>)', re.DOTALL)
 ENTRY = re.compile(r'class="caption-text">(.*?)</span>|href="([^"#]+)"')
 STATIC = re.compile(r'"(\.\./)*_static')
 ARTICLE = re.compile(r"<article[^>]*>(.*?)(?:<script[^>]*>.*?)?</article>", re.DOTALL)
 TITLE = re.compile(r"<h[12]>(.*?)<a ", re.DOTALL)
+# The abstract: the first paragraph of the first page, and the paragraph with all counts.
+ABSTRACT = re.compile(
+    r'(<p>.*?</p>)(?:.*id="index:all-printed-numbers".*?(<p>.*?</p>))?', re.DOTALL
+)
 ASSET = re.compile(
     r'<link rel="stylesheet"[^>]*>|<link [^>]*rel="stylesheet" />'
     r"|<script>window\.MathJax.*?</script>|<script[^>]*/mathjax/[^>]*></script>"
@@ -49,22 +62,36 @@ TAG = re.compile(r"<[a-zA-Z][^>]*>")
 PLACE = re.compile(r'(\s(?:id|for|(?:xlink:)?href)="|url\(#)([^")]*)("|\))')
 HEADING = re.compile(r"(?<=<)(/?)h([1-5])\b")
 
-# Each page has sheets in portrait and landscape format, with its title at the top.
-SHEETS = """@page p{0} {{ @top-right {{ content: "{1}" }} }} .p{0} {{ page: p{0} }}
-@page t{0} {{ size: A4 landscape; @top-right {{ content: "{1}" }} }}
-.p{0} .rp-turned {{ page: t{0} }}
-"""
-JOIN = """<!DOCTYPE html><html lang="en" data-theme="light"><head><meta charset="utf-8">
-<title>{}</title>{}<style>{}</style></head><body class="rp-joined bd-content">{}</body></html>"""
-# A table wider than the text is rotated. A table wider than the rotated sheet is shrunk, and its
-# words are broken. Links to hidden elements are removed.
+# Each part has sheets in portrait and landscape format, with its title at the top.
+JOINED_PAGES = Template(
+    """<!DOCTYPE html><html lang="en" data-theme="light"><head><meta charset="utf-8">
+<title>{{ title }}</title>{{ assets }}<style>{% for caption, pages in parts %}
+{% set top = '{ @top-right { content: "' ~ caption ~ '" } }' %}
+@page p{{ loop.index }} {{ top }} .p{{ loop.index }} { page: p{{ loop.index }} }
+@page t{{ loop.index }} { size: A4 landscape } @page t{{ loop.index }} {{ top }}
+.p{{ loop.index }} .rp-turned { page: t{{ loop.index }} }{% endfor %}</style></head>
+<body class="rp-joined bd-content"><header class="rp-title"><p>{{ title }}</p>
+<p>{{ authors }}</p><p>Version {{ version }}, {{ day }}</p>{{ abstract }}</header>
+<nav><h1>Contents</h1>{% for caption, pages in parts %}<p class="caption">{{ caption }}</p>
+<ul>{% for page in pages %}<li><a href="#{{ page.name }}">{{ page.title }}</a></li>{% endfor %}
+</ul>{% endfor %}</nav>{% for caption, pages in parts %}{% set part = loop.index %}
+{% for page in pages %}
+<article class="bd-article p{{ part }}{% if loop.first %} rp-start{% endif %}"
+id="{{ page.name }}">{% if loop.first %}<h1>{{ caption }}</h1>{% endif %}{{ page.text }}</article>
+{% endfor %}{% endfor %}</body></html>"""
+)
+# A table a little wider than the text is shrunk, and its words are broken. A wider table is
+# rotated, and shrunk if the rotated sheet is too narrow. Links to hidden elements are removed.
 FIT = """() => {
   const tables = [...document.querySelectorAll("article table")];
   for (const [width, kind] of [["17.6cm", "rp-turned"], ["26.3cm", "rp-tight"]]) {
     document.body.style.width = width;
     const edge = document.body.getBoundingClientRect().right + 1;
     const wide = tables.filter((table) => table.getBoundingClientRect().right > edge);
-    for (const table of wide) table.classList.add("rp-turned", kind);
+    for (const table of wide) {
+      const shrinks = kind === "rp-turned" && table.getBoundingClientRect().right < 1.1 * edge;
+      table.classList.add(...(shrinks ? ["rp-tight"] : ["rp-turned", kind]));
+    }
   }
   document.body.style.width = "";
   for (const table of tables) table.classList.toggle("rp-short", table.offsetHeight < 500);
@@ -75,7 +102,7 @@ FIT = """() => {
 }"""
 NUMBER = """(sheets) => {
   for (const link of document.querySelectorAll("nav a"))
-    link.dataset.page = 1 + sheets["/" + link.hash.slice(1)];
+    link.dataset.page = 1 + sheets[link.hash.slice(1)];
 }"""
 TITLES = """() => [...document.querySelectorAll("h1, h2, h3, h4, h5, h6")]
   .filter((title) => title.checkVisibility()).map((title) => title.innerText.trim())"""
@@ -116,32 +143,45 @@ def moved(html: str, page: str, pages: list[str]) -> str:
     return TAG.sub(lambda tag: PLACE.sub(place, tag[0]), html)
 
 
-def joined() -> str:
-    """Return the one document: the first page, the contents, and the pages that these name."""
+def parts(*, listed: bool = False) -> list[tuple[str, list[str]]]:
+    """Return the parts of the book, or of the lists, with their pages in order."""
     first = (HTML / "index.html").read_text(encoding="utf-8")
-    menu = MENU.findall(first)[0].replace('role="heading"', "")
-    entries = ENTRY.findall(menu)
-    pages = ["index.html", *(page for _, page in entries if page)]
-    contents = f"<nav><h1>Contents</h1>{moved(menu, 'index.html', pages)}</nav>"
-    assets, sheets, body, part = dict[str, None](), list[str](), list[str](), ""
-    for caption, page in [("", "index.html"), *entries]:
+    found = [("Overview", ["index.html"])]
+    for caption, page in ENTRY.findall(MENU.findall(first)[0]):
         if caption:
-            part = f"<h1>{caption}</h1>"
-            continue
+            found.append((caption, []))
+        elif bool(LISTED.match(page)) is listed:
+            found[-1][1].append(page)
+    return [one for one in found[listed:] if one[1]]
+
+
+def joined(*, listed: bool = False) -> str:
+    """Return the document of the book, or of the lists: title, contents and pages."""
+    chapters = parts(listed=listed)
+    pages = [page for _, names in chapters for page in names]
+    assets, shown = dict[str, None](), {}
+    for page in pages:
         text = (HTML / page).read_text(encoding="utf-8").replace(LINK, "")
         assets |= dict.fromkeys(ASSET.findall(STATIC.sub('"html/_static', text)))
         (article,) = ARTICLE.findall(text)
-        sheets.append(
-            SHEETS.format(len(body), TITLE.findall(article)[0].replace('"', "”"))
-        )
         deeper = HEADING.sub(lambda found: f"{found[1]}h{int(found[2]) + 1}", article)
-        body.append(
-            f'<article class="bd-article p{len(body)}" id="{name(page)}">'
-            f"{part}{moved(deeper, page, pages)}</article>"
-        )
-        part = ""
-    head = TITLE.findall(body[0])[0], "".join(assets), "".join(sheets)
-    return JOIN.format(*head, "\n".join([body[0], contents, *body[1:]]))
+        shown[page] = {
+            "name": name(page),
+            "title": TITLE.findall(article)[0],
+            "text": moved(deeper, page, pages),
+        }
+    first = shown[pages[0]]
+    return JOINED_PAGES.render(
+        title="Pointing, reproduced: lists" if listed else first["title"],
+        authors=DEVELOPERS,
+        version=__version__,
+        day=RELEASED,
+        abstract="" if listed else "".join(ABSTRACT.findall(first["text"])[0]),
+        assets="".join(assets),
+        parts=[
+            (caption, [shown[page] for page in names]) for caption, names in chapters
+        ],
+    )
 
 
 def set_joined(page: Page) -> None:
@@ -161,15 +201,11 @@ def printed(page: Page) -> PdfWriter:
     def once() -> BytesIO:
         return BytesIO(page.pdf(prefer_css_page_size=True, outline=True, tagged=True))
 
-    first = PdfReader(once())
-    places = first.named_destinations.items()
-    page.evaluate(
-        NUMBER, {at: first.get_destination_page_number(place) for at, place in places}
-    )
+    page.evaluate(NUMBER, places(PdfReader(once())))
     pdf = PdfWriter(clone_from=once())
     for entry, title in zip(flat(pdf.outline), page.evaluate(TITLES), strict=True):
         entry.node[NameObject("/Title")] = TextStringObject(title)
-    pdf.add_metadata({"/Author": DEVELOPERS, "/CreationDate": DAY, "/ModDate": DAY})
+    pdf.add_metadata(ABOUT)
     return pdf
 
 
@@ -179,22 +215,54 @@ def flat(outline: Any) -> Iterator[Any]:
         yield from flat(entry) if isinstance(entry, list) else [entry]
 
 
+def places(pdf: PdfReader | PdfWriter) -> dict[str, int]:
+    """Return the sheet of each place, counted from zero."""
+    named = pdf.named_destinations.items()
+    return {at[1:]: pdf.get_destination_page_number(place) for at, place in named}
+
+
+def cut(pdf: PdfWriter) -> Iterator[tuple[str, str]]:
+    """Write each chapter with a folder as a file, and yield the files with their titles."""
+    at, chapters = places(pdf), parts()
+    starts = [at[name(pages[0])] for _, pages in chapters]
+    for (caption, pages), start, end in zip(
+        chapters, starts, [*starts[1:], len(pdf.pages)], strict=True
+    ):
+        folder, _, page = pages[0].partition("/")
+        if page:
+            chapter, file = PdfWriter(), f"reproduce-{folder}.pdf"
+            chapter.append(pdf, pages=(start, end), import_outline=False)
+            chapter.add_metadata({"/Title": caption, **ABOUT})
+            chapter.write(HTML / file)
+            yield file, caption
+
+
 def main() -> None:
-    """Write the PDF, and link it from the first page."""
-    JOINED.write_text(joined(), encoding="utf-8")
+    """Write the files, and link them from the first page and from the page of the data."""
     with sync_playwright() as playwright:
         known = (*BROWSERS, playwright.chromium.executable_path)
         path = next(filter(None, map(shutil.which, known)), None) or sys.exit(MISSING)
         browser = playwright.chromium.launch(executable_path=path)
         page = browser.new_context(offline=True).new_page()
-        set_joined(page)
-        printed(page).write(PDF)
+        for file in (LISTS, PDF):
+            JOINED.write_text(joined(listed=file == LISTS), encoding="utf-8")
+            set_joined(page)
+            pdf = printed(page)
+            pdf.write(file)
         browser.close()
-    index = HTML / "index.html"
-    text = index.read_text(encoding="utf-8").replace(LINK, "")
-    index.write_text(
-        LINKS.sub(lambda links: links[1] + LINK, text, count=1), encoding="utf-8"
-    )
+    files = [
+        (PDF.name, "the book"),
+        *cut(pdf),
+        (LISTS.name, "numbers, errata, functions"),
+    ]
+    links = ", ".join(f'<a href="{file}">{text}</a>' for file, text in files)
+    for start, pattern, link in (
+        ("index.html", LINKS, LINK),
+        ("data.html", FILES, f"<p>PDF: {links}.</p>"),
+    ):
+        text = (HTML / start).read_text(encoding="utf-8").replace(LINK, "")
+        linked = pattern.sub(rf"\g<1>{link}", text, count=1)
+        (HTML / start).write_text(linked, encoding="utf-8")
     print(f"The book as a PDF: {PDF}")
 
 

@@ -102,12 +102,12 @@ def cards(doctree: nodes.document, text: str) -> Iterator[tuple[str, str]]:
 
 
 def pages(env: BuildEnvironment) -> dict[str, str]:
-    """Return the page of each anchor, including equations."""
+    """Return the page of each anchor, including equations; of two pages, the one in a folder."""
     equations: Any = env.get_domain("math").data["objects"]  # label to page, number
     found = {f"equation-{label}": page for label, (page, _) in equations.items()}
     return found | {
         name: page
-        for page in sorted(outputs(env))
+        for page in sorted(outputs(env), key=lambda page: ("/" in page, page))
         for name in outputs(env)[page]["anchors"]
     }
 

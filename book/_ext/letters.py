@@ -16,6 +16,8 @@ from reproduce.judge.ledger import frozen
 from reproduce.locate import data_folder
 from reproduce.printed.cells import anchor, library
 
+FOLD = " <details><summary>The numbers</summary>{}.</details>"
+
 
 @dataclass(frozen=True)
 class Question:
@@ -73,18 +75,21 @@ def settles(question: Question, number: dict[str, int]) -> str:
             else ""
         )
         places = (
-            f"{where}: {', '.join(map(cell, some))}"
+            f"{where}: {'; '.join(map(cell, some))}"
             for where, some in groupby(question.cells, place)
         )
-        text = f"It settles **{len(question.cells)}** of the numbers{related}: {'; '.join(places)}"
+        cells = ". ".join(places)
+        text = f"It settles **{len(question.cells)}** of the numbers{related}"
     if question.errata:
         text += f". Entries of the register: {', '.join(link(one, one) for one in question.errata)}"
-    return f"{text}. Your reply: *{question.reply or 'none yet'}*."
+    text += f". Your reply: *{question.reply or 'none yet'}*."
+    return f"{text}{FOLD.format(cells)}" if question.cells else text
 
 
 def cell(address: str) -> str:
-    """Return a link to a cell with its name."""
-    return link(anchor(address), f"<code>{address.partition('#')[2]}</code>")
+    """Return a link to a cell with its label."""
+    key, _, name = address.partition("#")
+    return link(anchor(address), library()[key][name].label)
 
 
 class Questions(SphinxDirective):

@@ -14,7 +14,7 @@ from markupsafe import Markup
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
-LINK = Markup('<a href="#{}"><code>{}</code></a>')
+LINK = Markup('<a href="#{}">{}</a>')
 Moved = dict[str, tuple[str, str]]
 
 
@@ -52,7 +52,7 @@ class MovedDirective(SphinxDirective):
         """Compare the verdicts and write the tables."""
         from reproduce.judge.ledger import frozen, reason
         from reproduce.locate import data_folder
-        from reproduce.printed.cells import anchor
+        from reproduce.printed.cells import anchor, library
         from reproduce.views.blocks import Block, Grid, badge, html
         from reproduce.views.computed import item_ledger
 
@@ -75,11 +75,15 @@ class MovedDirective(SphinxDirective):
                 key, _, name = cell.partition("#")
                 why = reason(cell) or item_ledger(key).cell(cell).why
                 rows.setdefault((key, *found[cell], why), []).append(
-                    LINK.format(anchor(cell), name)
+                    LINK.format(anchor(cell), library()[key][name].label)
                 )
             lines = [
                 (
-                    Markup("{}: {}").format(key, Markup(", ").join(links)),
+                    Markup("{}, {}: {}").format(
+                        key.partition("/")[0],
+                        library()[key].place,
+                        Markup("; ").join(links),
+                    ),
                     Markup("<br>").join(map(badge, words)),
                     why,
                 )

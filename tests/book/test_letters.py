@@ -42,10 +42,12 @@ def test_the_consequence_of_an_answer_has_links_and_the_reply():
     question = complete("niu2024-scale-run", **entry)
     text = settles(question, {"before": 3})
     assert "**2**" in text
-    assert "answer to 3: Table 3: " in text
-    links = re.findall('href="#([^"]+)"', text)
-    assert links == [*map(anchor, question.cells), *question.errata]
+    assert "answer to 3." in text
     assert "none yet" in text
+    shown, folded = text.split("<summary>")
+    links = [re.findall('href="#([^"]+)"', part) for part in (shown, folded)]
+    assert links == [[*question.errata], [*map(anchor, question.cells)]]
+    assert "Table 3: " in folded
     answered = complete("niu2024-scale-run", **entry, reply="Name, on a day: a rerun.")
     assert "*Name, on a day: a rerun.*" in settles(answered, {"before": 3})
     assert "No number" in settles(

@@ -13,8 +13,9 @@ import make_pdf
 
 # One process reads the PDF, which takes some seconds.
 pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("pdf")]
-BODY = 9.5  # size of the text in the style sheet, in points
+BODY = 9.0  # size of the text in the style sheet, in points
 NUMBER = re.compile(r"\d+(?:\.\d+)?")
+MAX_SHEETS = 200
 TOC = make_pdf.ROOT / "book" / "_toc.yml"
 # Text of a page without folds, formulas, drawings and controls, with the code of its cells.
 SHOWN = """() => {
@@ -62,7 +63,11 @@ def documents(part):
     return names + [name for key in below for name in documents(part.get(key, []))]
 
 
-NAMES = documents(yaml.safe_load(TOC.read_text(encoding="utf-8")))
+NAMES = [
+    name
+    for name in documents(yaml.safe_load(TOC.read_text(encoding="utf-8")))
+    if not make_pdf.LISTED.match(name)
+]
 
 
 @pytest.fixture(scope="module")
@@ -80,14 +85,13 @@ def texts(pdf):
 @pytest.fixture(scope="module")
 def places(pdf):
     """Return the sheet of every named place, counted from zero."""
-    named = pdf.named_destinations.items()
-    return {name[1:]: pdf.get_destination_page_number(place) for name, place in named}
+    return make_pdf.places(pdf)
 
 
 @pytest.fixture(scope="module")
 def starts(places):
     """Return the first sheet of every page, in order."""
-    return [0, *(places[name] for name in NAMES[1:])]
+    return [places[name] for name in NAMES]
 
 
 @pytest.fixture(scope="module")
@@ -101,14 +105,14 @@ def joined(browser, pdf):
 
 def test_the_numbers_of_every_page_are_printed_in_order(open_page, starts, texts):
     assert len(NAMES) > 30
-    assert starts == sorted(set(starts))
-    assert starts[-1] < len(texts)
+    assert starts == sorted(starts)
+    assert starts[-1] < len(texts) <= MAX_SHEETS
     page = open_page(java_script_enabled=False)
-    ends = [*starts[1:], len(texts)]
+    ends = [*starts[1:], len(texts) - 1]  # two pages may share a sheet
     for name, start, end in zip(NAMES, starts, ends, strict=True):
         page.goto((make_pdf.HTML / f"{name}.html").as_uri())
         shown = Counter(NUMBER.findall(page.evaluate(SHOWN)))
-        printed = Counter(NUMBER.findall("\n".join(texts[start:end])))
+        printed = Counter(NUMBER.findall("\n".join(texts[start : end + 1])))
         assert shown, name
         assert shown - printed == Counter(), name
 
@@ -143,8 +147,8 @@ def test_sheets_and_contents_have_the_numbers_of_the_sheets(joined, texts, start
         n for n, text in enumerate(texts, 1) if str(n) not in text.splitlines()
     ] == []
     script = "() => [...document.querySelectorAll('nav a')].map(e => e.innerText)"
-    contents = unicodedata.normalize("NFKC", "\n".join(texts[: starts[1]]))
-    pairs = zip(joined.evaluate(script), starts[1:], strict=True)
+    contents = unicodedata.normalize("NFKC", "\n".join(texts[: starts[0]]))
+    pairs = zip(joined.evaluate(script), starts, strict=True)
     lines = {f"{title} {start + 1}" for title, start in pairs}
     assert lines <= set(contents.splitlines())
 
@@ -156,6 +160,22 @@ def test_the_outline_has_every_heading_in_order(joined, pdf):
     assert [entry.title for entry in entries] == headings
     assert sheets == sorted(sheets)
     assert len(pdf.outline) < len(headings) / 10, "sections are below chapters"
+
+
+def test_chapters_and_lists_are_files(pdf, places):
+    """Each chapter has the sheets from its first page to the next chapter."""
+    chapters = [pages[0].removesuffix(".html") for _, pages in make_pdf.parts()]
+    ends = [*(places[name] for name in chapters[1:]), len(pdf.pages)]
+    data = (make_pdf.HTML / "data.html").read_text(encoding="utf-8")
+    for name, end in zip(chapters, ends, strict=True):
+        if "/" in name:
+            file = f"reproduce-{name.partition('/')[0]}.pdf"
+            cut = PdfReader(make_pdf.HTML / file)
+            assert len(cut.pages) == end - places[name]
+            assert f'href="{file}"' in data
+    lists = make_pdf.places(PdfReader(make_pdf.LISTS))
+    assert {"cells", "audit/errata", "api/optics"} <= set(lists)
+    assert not set(lists) & set(NAMES)
 
 
 def test_the_first_page_links_to_the_pdf(pdf):

@@ -127,12 +127,7 @@ def test_one_digit_and_interchanged_columns_restore_table_v(columns):
 
 
 def test_the_corrected_motion_also_follows_from_the_positions():
-    audit = audit_paper("chen2023")
-    (alone,) = (c for c in audit.conflicts if c.relations == ("motion-4-y",))
-    assert set(alone.cells) == {
-        f"{TABLE_V}{cell}" for cell in ("4.motion-y", "4.position-y", "1.position-y")
-    }
-    relations = [f.relation for f in audit.findings]
+    relations = [f.relation for f in audit_paper("chen2023").findings]
     assert "motion-4-y" not in contradicted(table_v(), relations)
 
 
@@ -162,8 +157,6 @@ def test_results_that_depend_on_an_assumption_are_counted_separately():
         assumed = {f.relation.name for f in audit.supposed}
         assert len(audit.read) + len(assumed) == len(audit.findings)
         assert sum(audit.tally().values()) == len(audit.read)
-        blamed = {name for conflict in audit.conflicts for name in conflict.relations}
-        assert not assumed & blamed
         assert not any(shown.assumption for shown in audit.failing)
         for entry in (entry for entry in ERRATA if entry.paper == paper):
             evidence = {f.relation.assumption for f in entry.findings(audit)}
@@ -197,8 +190,8 @@ source = "by name"
 """
     plain = audited_table("made up", cells, line)
     supposed = audited_table("made up", cells, line + 'assumption = "the two are one"')
-    assert (plain.tally()["contradicts"], len(plain.conflicts)) == (1, 1)
-    assert (supposed.tally()["contradicts"], len(supposed.conflicts)) == (0, 0)
+    assert plain.tally()["contradicts"] == 1
+    assert supposed.tally()["contradicts"] == 0
     assert supposed.supposed[0].outcome == "contradicts"
 
 
@@ -218,8 +211,6 @@ def test_the_contradictions_of_niu2024_are_two():
         f"{name}-{c}" for name in ("solved-scale", "left-over") for c in ("red", "blue")
     }
     assert wrong == translations | scales
-    joint = [set(c.relations) for c in audit.conflicts if not wrong & set(c.relations)]
-    assert joint == []
     apart = {f.relation.name for f in audit.supposed if f.outcome == "contradicts"}
     assert {"before-after-red-x-y", "before-after-red-y-x", "scale-blue"} <= apart
     assert "scale-red" not in apart, "within the errors that the residuals allow"

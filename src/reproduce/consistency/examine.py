@@ -1,8 +1,7 @@
-"""Outcome of every relation of a paper: agreement, contradiction, and sets of cells in conflict."""
+"""Outcome of every relation of a paper: agreement or contradiction."""
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -118,20 +117,16 @@ def _gaps(
     return {str(i): left - right for i, left in enumerate(lefts)}
 
 
-def _contradiction(relation: Relation, ends: _Ends) -> tuple[str, ...]:
-    """Return the inputs that could reduce a contradiction; empty if the relation can hold."""
+def _contradicts(relation: Relation, ends: _Ends) -> bool:
+    """Return whether no values within the ends satisfy a relation without an unknown."""
     inputs = (*relation.addresses, _TOLERANCE)
-    if relation.unknown is not None:
-        return () if _projection(relation, ends) else inputs
     gaps = corner_intervals(lambda sides: _gaps(relation, ends, sides), inputs)
-    for low, high, moved in gaps.values():
-        if math.isnan(low) and math.isnan(high):  # such as a root of a negative number
-            return inputs
-        if low > 0 and relation.formula.sign != ">=":
-            return tuple(name for name, sides in moved.items() if sides[0])
-        if high < 0 and relation.formula.sign != "<=":
-            return tuple(name for name, sides in moved.items() if sides[1])
-    return ()
+    return any(
+        (math.isnan(low) and math.isnan(high))  # such as a root of a negative number
+        or (low > 0 and relation.formula.sign != ">=")
+        or (high < 0 and relation.formula.sign != "<=")
+        for low, high, _ in gaps.values()
+    )
 
 
 def _projection(relation: Relation, ends: _Ends) -> Corners | None:
@@ -202,7 +197,7 @@ def contradicted(
         if relation.kind == "print":
             return _agrees(relation, cells, *_sides(relation, cells, shared))
         if relation.unknown is None:
-            return not _contradiction(relation, ends)
+            return not _contradicts(relation, ends)
         return relation.name in shared[relation.unknown.name].members
 
     return frozenset(relation.name for relation in relations if not holds(relation))
@@ -259,37 +254,3 @@ def _agrees(relation: Relation, cells: Sheet, left: float, right: float) -> bool
         low, high = rounding_interval(cell.number, "digits")
         room += (high - low) / 2 * si_factor(cell.unit)
     return relation.missed_by(left, right) <= room
-
-
-@dataclass(frozen=True)
-class Conflict:
-    """Addresses of cells that cannot all be right, and the names of the relations between them."""
-
-    cells: tuple[str, ...]
-    relations: tuple[str, ...]
-
-
-def conflicts(
-    cells: Sheet, relations: Sequence[Relation], joint: Sequence[Relation] = ()
-) -> list[Conflict]:
-    """Return sets of cells that cannot all be right, in order of their size.
-
-    A relation that contradicts gives one set: the cells that could reduce the contradiction. Two
-    relations with the same unknown conflict if their intervals of it have no common point. This is
-    sufficient, because intervals have a common point if every two of them have one. `joint`
-    contains the declared combinations of relations, each with the names of its parts.
-    """
-    ends, sets = _ends(cells, ""), []
-    for relation in (*relations, *joint):
-        if relation.kind != "print" and (blamed := _contradiction(relation, ends)):
-            addresses = tuple(a for a in relation.addresses if a in blamed)
-            sets.append(Conflict(addresses, tuple(relation.name.split(" + "))))
-    projections = [(r, p) for r in relations if (p := _projection(r, ends)) is not None]
-    for (first, a), (second, b) in itertools.combinations(projections, 2):
-        if first.unknown is second.unknown and max(a.low, b.low) > min(a.high, b.high):
-            both = dict.fromkeys(x for x in (*a.sides, *b.sides) if x != _TOLERANCE)
-            sets.append(Conflict(tuple(both), (first.name, second.name)))
-    unique = {frozenset(conflict.cells): conflict for conflict in reversed(sets)}
-    return sorted(
-        unique.values(), key=lambda conflict: (len(conflict.cells), conflict.cells)
-    )

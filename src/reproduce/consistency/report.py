@@ -30,7 +30,6 @@ class Audit:
     - `name`: the paper.
     - `cells`: its printed numbers by address.
     - `findings`: result of each relation, with and without an assumption.
-    - `conflicts`: sets of cells that cannot all be right.
     - `unknowns`: values of the numbers that are not printed, by name.
     - `equations`: equations, run as extracted.
     """
@@ -38,7 +37,6 @@ class Audit:
     name: str
     cells: Sheet
     findings: tuple[examine.RelationResult, ...]
-    conflicts: tuple[examine.Conflict, ...]
     unknowns: dict[str, examine.Agreement]
     equations: tuple[Demonstration, ...]
 
@@ -102,25 +100,15 @@ def audit_paper(paper: str) -> Audit:
         for cell in table.cells
         if key.startswith(f"{paper}/") and cell.is_number
     }
-    content = declarations(paper)
-    joint = {"relations": {"joint": content.get("joint", [])}}
-    relations = (declared(part, cells, f"{paper}/") for part in (content, joint))
-    return audit(paper, cells, *relations)
+    return audit(paper, cells, declared(declarations(paper), cells, f"{paper}/"))
 
 
-def audit(
-    name: str,
-    cells: Sheet,
-    relations: Sequence[Relation],
-    joint: Sequence[Relation] = (),
-) -> Audit:
-    """Audit some cells by relations between them, and by declared combinations of relations."""
-    read = [relation for relation in relations if not relation.assumption]
+def audit(name: str, cells: Sheet, relations: Sequence[Relation]) -> Audit:
+    """Audit some cells by relations between them."""
     return Audit(
         name=name,
         cells=cells,
         findings=tuple(examine.examine(cells, relations)),
-        conflicts=tuple(examine.conflicts(cells, read, joint)),
         unknowns=examine.agreements(cells, relations),
         equations=demonstrations(cells, declarations(name).get("equations", {})),
     )

@@ -30,8 +30,7 @@ from reproduce.views.blocks import (
 )
 from reproduce.views.computed import item_ledger
 from reproduce.views.keys import check_paper
-from reproduce.views.numbers import minus
-from reproduce.views.verdicts import quantity
+from reproduce.views.numbers import minus, quantity
 
 _Row = dict[str, Any]
 
@@ -52,7 +51,7 @@ class _Part(Blocks):
     rows: list[_Row]
 
     def frame(self) -> pd.DataFrame:
-        """Return one row for each relation, set, equation or entry."""
+        """Return one row for each relation, equation or entry."""
         frame = pd.DataFrame(self.rows)
         return frame.set_index("name") if "name" in frame else frame
 
@@ -82,9 +81,8 @@ class ConsistencyAudit(Display):
     """The audit of the printed numbers of papers, and the errata.
 
     Its parts are ``score``, ``differences`` (between printed and computed numbers), ``relations``,
-    ``sets`` (the sets of numbers that cannot all be right), ``equations`` (run as extracted),
-    ``errata`` and ``assumptions`` (entries that suppose something):
-    ``audit("chen2023")["relations"]``. Each shows itself and has a ``frame()``.
+    ``equations`` (run as extracted), ``errata`` and ``assumptions`` (entries that suppose
+    something): ``audit("chen2023")["relations"]``. Each shows itself and has a ``frame()``.
 
     Parameters
     ----------
@@ -208,27 +206,6 @@ def _group(row: _Row) -> str:
     return _GROUPS[2] if row["restates"] else _GROUPS[1]
 
 
-def _sets(audits: Sequence[Audit]) -> _Part:
-    """List the sets of cells that cannot all be right."""
-    blocks, rows = [], list[_Row]()
-    for audit in audits:
-        wrong = {f.relation.name for f in audit.read if f.outcome == "contradicts"}
-        sets: list[_Row] = [
-            {
-                "paper": audit.name,
-                "cells": list(conflict.cells),
-                "relations": list(conflict.relations),
-                "only together": wrong.isdisjoint(conflict.relations),
-            }
-            for conflict in audit.conflicts
-        ]
-        caption = f"All {len(sets)} sets of {audit.name} that cannot all be right"
-        table = _table("sets", caption, ("cells", "relations"), sets)
-        blocks.append(Fold(caption, (table,), page=True))
-        rows += sets
-    return _Part(tuple(blocks), rows)
-
-
 def _equations(audits: Sequence[Audit]) -> _Part:
     """List the equations, run as extracted."""
     fields = ("name", "place", "asked", "printed", "right", "wanted", "meaning")
@@ -327,7 +304,6 @@ _PARTS: dict[str, Callable[[Sequence[Audit]], _Part]] = {
     "score": _score,
     "differences": _differences,
     "relations": _relations,
-    "sets": _sets,
     "equations": _equations,
     "errata": lambda audits: _errata(audits, supposed=False),
     "assumptions": lambda audits: _errata(audits, supposed=True),

@@ -15,7 +15,16 @@ from reproduce.judge.verdicts import VERDICTS
 from reproduce.papers.catalogue import catalogue, studies
 from reproduce.printed.cells import PAPERS, altered_files, anchor, library
 from reproduce.views import keys, verdicts
-from reproduce.views.blocks import Block, Blocks, Display, Fold, Grid, Html, rendered
+from reproduce.views.blocks import (
+    Block,
+    Blocks,
+    Display,
+    Fold,
+    Grid,
+    Html,
+    link,
+    rendered,
+)
 from reproduce.views.computed import item_ledger
 from reproduce.views.export import full_frame
 
@@ -128,12 +137,14 @@ class Contents(Display):
     @property
     def numbers(self) -> Blocks:
         """Every printed number, in a table that a page can sort and filter."""
-        rows = [
-            {column: row[column.lower()] for column in _COLUMNS}
-            for row in map(verdicts.texts, self._ledger.records)
-        ]
-        caption, kind = f"The {len(rows)} printed numbers", "rp-small rp-sortable"
-        return Blocks((Grid.of(caption, _COLUMNS, rows, kind=kind),))
+        rows = [verdicts.texts(record) for record in self._ledger.records]
+        for row, record in zip(rows, self._ledger.records, strict=True):
+            cell = library()[record.key][record.cell.partition("#")[2]]
+            row["number"] = link(cell.anchor, cell.label)
+            row["place"] = f"{record.key.partition('/')[0]}, {record.place}"
+        lines = [[row[column.lower()] for column in _COLUMNS] for row in rows]
+        caption, kind = f"The {len(rows)} printed cells", "rp-small rp-sortable"
+        return Blocks((Grid(caption, _COLUMNS, lines, kind=kind),))
 
     @property
     def listed(self) -> Blocks:
@@ -156,12 +167,10 @@ class Contents(Display):
 
 
 _COLUMNS = (
-    "Cell",
-    "Table",
+    "Number",
     "Place",
     "Printed",
     "Computed",
-    "Fraction of the tolerance",
     "Verdict",
     "Why",
 )
@@ -295,12 +304,14 @@ def _drawn(records: Iterable[Record]) -> Iterable[dict[str, Any]]:
         table, cells = library()[key], tuple(group)
         across, rows = max(1, len(table.columns)), len(table.rows)
         deep, half = ceil(rows / ceil(rows / MAX_ROWS)), PITCH_PIXELS // 2
-        name = table.place.partition(",")[0]
-        topic = key.partition("/")[2].removeprefix("text-")
+        name, _, section = table.place.partition(", section ")
+        topic = key.partition("/")[2].removeprefix("text-").capitalize()
         yield {
             "anchor": anchor(key),
             "title": table.title,
-            "name": topic if name == "Text" else name,
+            "name": f"{topic}, § {section.split(',')[0].split()[0]}"
+            if name == "Text"
+            else name,
             "counts": _counted(cells),
             "width": PITCH_PIXELS * across * ceil(rows / deep),
             "height": PITCH_PIXELS * MAX_ROWS,

@@ -66,8 +66,13 @@ def fact(quoted: Fact) -> str:
     from reproduce.papers.declare import Column  # a fit of stars needs no paper
 
     text = entry(quoted.value, Column("", quoted.form, quoted.zero))
-    gap = "" if quoted.unit in {"", "°", "″"} else "\u202f"
-    return f"{text}{gap}{quoted.unit}"
+    return quantity(text, quoted.unit)
+
+
+def quantity(value: str, mark: str) -> str:
+    """Return a number with its unit; nothing without a number."""
+    gap = "" if mark in {"", "°", "″"} else "\u202f"
+    return f"{value}{gap}{mark}" if value else ""
 
 
 def powers(text: str) -> str:

@@ -19,9 +19,8 @@ from reproduce.printed.number import UNITS, symbol
 from reproduce.store import studies
 from reproduce.views.blocks import Block, Blocks, Display, Entry, Grid, badge, link
 from reproduce.views.computed import item_ledger
-from reproduce.views.numbers import digits, minus, percent
+from reproduce.views.numbers import digits, minus, percent, quantity
 from reproduce.views.posterior import Posterior, book_posterior, interval
-from reproduce.views.verdicts import quantity
 
 # Columns of the calibrations with their power: standard deviations too small by 10 and 5 %.
 _POWERS = {"10": "narrow_10", "5": "narrow_5"}

@@ -17,7 +17,7 @@ from reproduce.printed.quantity import si_value
 from reproduce.views import verdicts
 from reproduce.views.base import Change, setting
 from reproduce.views.blocks import Block, Display, Grid, Html, rendered
-from reproduce.views.numbers import between, entry, minus
+from reproduce.views.numbers import between, entry, minus, quantity
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -255,7 +255,7 @@ def of_cells(rerun: Rerun, names: Sequence[str]) -> pd.DataFrame:
                 text += f" ({_text(cell, low)} to {_text(cell, high)})"
             bottom, top = cell.number.interval()
             row = (cell.name, changed.value, low, high, unit)
-            text = verdicts.quantity(text, unit) or "none"
+            text = quantity(text, unit) or "none"
             rows.append((*row, text, cell.number.value, bottom, top))
     return pd.DataFrame(rows, columns=_COLUMNS)
 

@@ -283,7 +283,7 @@ class Table(ItemView):
 def _notes(cell: PrintedCell) -> dict[str, str]:
     """Return the notes on a printed value, by the words next to it."""
     unit = cell.unit_assumed if cell.is_number else ""
-    notes = {"unit ours": unit, "misprint?": cell.misprint}
+    notes = {"assumed unit": unit, "possible misprint": cell.misprint}
     return {word: text for word, text in notes.items() if text}
 
 

@@ -15,7 +15,7 @@ from reproduce.printed.cells import PAPERS, PrintedCell, anchor, library
 from reproduce.printed.number import symbol
 from reproduce.views.blocks import Entry, badge, code, link
 from reproduce.views.computed import item_ledger, whole_ledger
-from reproduce.views.numbers import chance, minus
+from reproduce.views.numbers import chance, minus, quantity
 
 MEANINGS: dict[str, str] = {
     "exact": "recomputed and rounds to the printed digits",
@@ -210,12 +210,6 @@ def _read(record: Record, reading: Reading) -> str:
     extra = int(not reading.agrees or bool(marks))
     value = minus(_cell_of(record).number.format(reading.computed, extra=extra))
     return f"{quantity(value, symbol(record.unit or '1'))}, {qualified(reading)}"
-
-
-def quantity(value: str, mark: str) -> str:
-    """Return a number with its unit; nothing without a number."""
-    gap = "" if mark in {"", "°", "″"} else "\u202f"
-    return f"{value}{gap}{mark}" if value else ""
 
 
 def tally(records: Collection[Record]) -> dict[str, int]:

@@ -34,6 +34,7 @@ from reproduce.physics.registration import (
 )
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.inputs import Inputs
+from reproduce.units import ARCSEC_PER_RADIAN
 
 _FIRST_TERM_FRACTION = "niu2024/text-approximations#first-term-share"
 _INSTRUMENTS = {"Table 1": simulation.instrument, "Table 4": experiment.instrument}
@@ -139,12 +140,18 @@ def _scale_facts(inputs: Inputs) -> dict[str, float]:
 
 
 def _facts(inputs: Inputs) -> dict[str, float]:
-    """Return the errors of Table 1 for coefficients and tilt, and the noise over both axes."""
+    """Return errors of Table 1, the noise over both axes, and the angle of a pixel in arcsec."""
+    focal_length = simulation.instrument(inputs)[0][0].focal_length
+    angle = np.arctan(inputs["niu2024/text-optics#pixel-pitch-x"] / focal_length)
     errors = {row[:3]: row[4] for row in _errors.function(inputs)}
     return {
         f"{effect}-table-1-{channel}-rms": errors[_TITLES[effect], "Table 1", channel]
         for effect, channel in product(("coefficients", "tilt"), REGISTERED)
-    } | {"noise-rms": np.sqrt(2.0) * inputs[NOISE], **_scale_facts(inputs)}
+    } | {
+        "noise-rms": np.sqrt(2.0) * inputs[NOISE],
+        "pixel-angle": angle * ARCSEC_PER_RADIAN,
+        **_scale_facts(inputs),
+    }
 
 
 @studied(
