@@ -24,6 +24,7 @@ from markupsafe import Markup
 from pydantic import BaseModel, Field
 
 import page_cells
+from pack_book import write_zip
 from reproduce.consistency.report import Erratum, audit_paper
 from reproduce.judge import verdicts as judging
 from reproduce.judge.ledger import erratum
@@ -46,6 +47,7 @@ from reproduce.views.export import (
     table_files,
     with_provenance,
 )
+from reproduce.views.reports import FORMS, report
 from reproduce.views.study import StudyTable
 from reproduce.views.table import Cell, Table
 from reproduce.views.verdicts import facts_of
@@ -156,6 +158,9 @@ def _of_evidence() -> dict[str, str]:
     }
     lines = stored.table("two-readings").set_index("what").loc["lines"]
     found |= {f"lines-{what}": f"{lines[what]:.1f}" for what in ("missed", "error")}
+    for row in stored.table("withdrawn").itertuples():
+        found[f"{row.what}-listed"] = str(row.listed)
+        found[f"{row.what}-withdrawn"] = str(row.withdrawn)
     seconds = stored.table("page-times")["seconds"]
     (taken,) = stored.table("installed").itertuples()
     return found | {
@@ -355,7 +360,7 @@ def _exports(table: Table | StudyTable) -> dict[str, str]:
 
 
 def write_tables(folder: Path) -> None:
-    """Write the ledger, the errata and every table in all forms."""
+    """Write the ledger, the errata and every table in all forms, and the reports on each paper."""
     whole = computed.whole_ledger()
     texts = {
         "ledger.json": with_provenance(whole).model_dump_json(indent=2),
@@ -375,6 +380,12 @@ def write_tables(folder: Path) -> None:
     write_whole(folder)
     for name, text in texts.items():
         (folder / name).write_text(text, encoding="utf-8")
+    for paper in PAPERS:
+        files = {n: t for form in FORMS for n, t in report(paper, form).items()}
+        start = f"tables/{paper}-"
+        files |= {name: text for name, text in texts.items() if name.startswith(start)}
+        inside = ((name, text.encode()) for name, text in files.items())
+        write_zip(folder / f"{paper}-reports.zip", f"{paper}-reports", inside)
 
 
 if __name__ == "__main__":

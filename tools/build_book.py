@@ -3,7 +3,8 @@
 1. Files that were made of other sources are removed; if nothing has changed, that is all.
 2. `run_notebooks` computes numbers and pages on every core.
 3. Jupyter Book reads and writes the pages that have changed.
-4. `pack_book` puts wheel, lock and notebooks into one archive.
+4. The descriptions of the project are added, with the address of the book.
+5. `pack_book` puts wheel, lock and notebooks into one archive.
 """
 
 from __future__ import annotations
@@ -18,11 +19,13 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from pack_book import build_wheel, pack
+from release import DESCRIBE
 from reproduce.store.files import write_text
+from reproduce.version import ADDRESS, DOI
 
 ROOT = Path(__file__).resolve().parent.parent
 # Jupyter Book as on its own command line: every warning is an error, all are shown.
-JUPYTER_BOOK = (sys.executable, str(Path(sys.executable).with_name("jupyter-book")))
+JUPYTER_BOOK = (sys.executable, "-c", "from jupyter_book.cli.main import main; main()")
 STRICT = ("-W", "--keep-going", "-n")
 # Sources of the numbers, of all pages in addition, and of single pages in addition.
 SOURCES = {
@@ -43,10 +46,10 @@ def source_files(root: Path, part: str) -> Iterator[Path]:
 
 
 def digests(root: Path) -> dict[str, str]:
-    """Return a SHA-256 over Python's version, names and contents of each part's files."""
+    """Return a SHA-256 of each part: Python's version, addresses, names and contents of files."""
     found = {}
     for part in SOURCES:
-        total = hashlib.sha256(sys.version.encode())
+        total = hashlib.sha256(f"{sys.version} {ADDRESS} {DOI}".encode())
         for path in source_files(root, part):
             total.update(path.relative_to(root).as_posix().encode())
             total.update(hashlib.sha256(path.read_bytes()).digest())
@@ -98,6 +101,9 @@ def build(root: Path) -> int:
     command = (*JUPYTER_BOOK, "build", str(book), *STRICT)
     if code := subprocess.run(command, check=False).returncode:
         return code
+    for name, text in DESCRIBE.items():
+        if "/" not in name:
+            write_text(book / "_build" / "html" / name, text())
     wheel = book / "_build" / "wheel"
     if not wheel.is_dir():
         build_wheel(root, wheel)

@@ -24,7 +24,7 @@ INSTALL = (
 OPEN = ".venv/bin/python -m jupyter lab notebooks"
 README = """The book "Pointing, reproduced", to run and to change.
 
-Install, once, with Python 3.11 to 3.14:
+Install, once, with Python 3.11 or newer:
 
 {install}
 

@@ -14,6 +14,7 @@ import re
 import shutil
 import sys
 import tomllib
+from fnmatch import fnmatch
 from pathlib import Path
 from typing import Any
 
@@ -25,78 +26,22 @@ from pack_book import build_wheel, write_zip
 from reproduce.judge.ledger import frozen
 from reproduce.judge.verdicts import VERDICTS
 from reproduce.locate import papers
-from reproduce.version import ADDRESS, DOI, RELEASED, __version__, commit, version
+from reproduce.version import (
+    ADDRESS,
+    AUTHORS,
+    DOI,
+    RELEASED,
+    __version__,
+    commit,
+    version,
+)
 from reproduce.views.export import marks, released
 
 ROOT = Path(__file__).resolve().parent.parent
-# Descriptions of the files of a release, by the end of their names. Whole names are from the site.
-FILES = {
-    ".tar.gz": ("The sources of the package, with data and tests", "application/gzip"),
-    ".whl": ("The package to install, with its data", "application/zip"),
-    "-site.zip": ("The book as a site that opens from a disk", "application/zip"),
-    "reproduce-book.pdf": ("The book as a PDF", "application/pdf"),
-    "ledger.json": ("The ledger: one record per printed number", "application/json"),
-    "ledger.schema.json": ("The JSON Schema of the ledger", "application/schema+json"),
-    "ledger.csv": ("The ledger as one table", "text/csv"),
-    "ledger.parquet": ("The ledger as one table", "application/vnd.apache.parquet"),
-    "errata.json": (
-        "The register of errata: differences found, as records",
-        "application/json",
-    ),
-    "errata.csv": (
-        "The register of errata: differences found, as one table",
-        "text/csv",
-    ),
-    "verify_ledger.py": ("Derives every verdict of the ledger again", "text/x-python"),
-}
+SPDX = "https://spdx.org/licenses/"
+TEXTS = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
+FILES, COLUMNS, CFF = TEXTS["files"], TEXTS["columns"], TEXTS["citation"]
 TAKEN = [name for name in FILES if name[0].isalpha()]
-# Names in the Citation File Format.
-CFF = {
-    "title": "name",
-    "abstract": "description",
-    "version": "version",
-    "keywords": "keywords",
-}
-CFF |= {"date-released": "datePublished", "url": "url"}
-MESSAGE = (
-    "If you use this software or its reproduced tables, please cite it and the paper "
-    "concerned."
-)
-# The columns of the tables among the data.
-COLUMNS = {
-    "instruments/lensfun/tca.csv": {
-        **dict.fromkeys(("file", "maker", "lens"), "string"),
-        "crop": "number",
-        "model": "string",
-        **dict.fromkeys(("focal", "vr", "vb", "cr", "cb", "br", "bb"), "number"),
-    },
-    "printed/second-entry.csv": {"address": "string", "value": "string"},
-    "stars/spectra.csv": {
-        "wavelength_nm": "integer",
-        "vega": "number",
-        "sun": "number",
-    },
-}
-
-# Licences of measurements of other instruments, by folder.
-LICENCES = {
-    "instruments/2mass/": {
-        "name": "other-open",
-        "title": "public, with the acknowledgement in its folder",
-    },
-    "instruments/chandra/aimpoint.ecsv": {
-        "name": "BSD-2-Clause",
-        "path": "https://spdx.org/licenses/BSD-2-Clause",
-    },
-    "instruments/chandra/": {
-        "name": "BSD-3-Clause",
-        "path": "https://spdx.org/licenses/BSD-3-Clause",
-    },
-    "instruments/lensfun/": {
-        "name": "CC-BY-SA-3.0",
-        "path": "https://spdx.org/licenses/CC-BY-SA-3.0",
-    },
-}
 
 
 def reproduced() -> list[Entry]:
@@ -120,10 +65,11 @@ def about() -> dict[str, Any]:
     found: dict[str, Any] = {"name": project["name"], "keywords": project["keywords"]}
     found |= {"description": f"{project['description']}.", "version": __version__}
     found["datePublished"] = RELEASED
-    found["author"] = _thing("#authors", "Organization", project["authors"][0]["name"])
+    found["author"] = [_author(name) for name in AUTHORS]
     found["license"] = [
-        _thing(f"https://spdx.org/licenses/{name}", "CreativeWork", name)
+        _thing(SPDX + name, "CreativeWork", name)
         for name in project["license"].split(" AND ")
+        if not name.startswith("LicenseRef-")
     ]
     found["citation"] = [
         _thing(
@@ -137,6 +83,15 @@ def about() -> dict[str, Any]:
     return found | ({"identifier": f"https://doi.org/{DOI}"} if DOI else {})
 
 
+def _author(name: str) -> dict[str, str]:
+    """Return an author; a person is "Family, Given"."""
+    family, _, given = name.partition(", ")
+    place = f"#{re.sub(r'[^a-z]+', '-', name.lower())}"
+    if not given:
+        return _thing(place, "Organization", name)
+    return {"@id": place, "@type": "Person", "familyName": family, "givenName": given}
+
+
 def _thing(address: str, kind: str, name: str) -> dict[str, str]:
     return {"@id": address, "@type": kind, "name": name}
 
@@ -146,12 +101,16 @@ def citation() -> str:
     own = about()
     found: dict[str, Any] = {
         "cff-version": "1.2.0",
-        "message": MESSAGE,
+        "message": TEXTS["message"],
         "type": "software",
     }
     found |= {name: own[other] for name, other in CFF.items() if other in own}
     found |= {"doi": DOI} if DOI else {}
-    found["authors"] = [{"name": own["author"]["name"]}]
+    names = {"name": "name", "familyName": "family-names", "givenName": "given-names"}
+    found["authors"] = [
+        {names[field]: text for field, text in one.items() if field in names}
+        for one in own["author"]
+    ]
     found["license"] = [licence["name"] for licence in own["license"]]
     found["references"] = [_cited(paper) for paper in reproduced()]
     return str(yaml.safe_dump(found, sort_keys=False, allow_unicode=True, width=100))
@@ -200,7 +159,7 @@ def datapackage() -> str:
         "title": own["description"],
         "version": own["version"],
     }
-    found["licenses"] = [{"name": "CC-BY-4.0", "path": own["license"][-1]["@id"]}]
+    found["licenses"] = [_licence("CC-BY-4.0")]
     found["sources"] = [
         {"title": one["name"], "path": one["@id"]} for one in own["citation"]
     ]
@@ -222,14 +181,27 @@ def _resource(name: str, texts: dict[str, str]) -> dict[str, Any]:
         "description": what.replace("`", ""),
         "format": Path(name).name.partition(".")[2] or "text",
     }
-    if theirs := [
-        licence for folder, licence in LICENCES.items() if name.startswith(folder)
-    ]:
-        found["licenses"] = theirs
+    if (theirs := licence_of(f"data/{name}")) != "CC-BY-4.0":
+        found["licenses"] = [_licence(theirs)]
     if not name.endswith(".csv"):
         return found
     fields = [{"name": column, "type": kind} for column, kind in COLUMNS[name].items()]
     return found | {"type": "table", "encoding": "utf-8", "schema": {"fields": fields}}
+
+
+def licence_of(name: str) -> str:
+    """Return the licence of a file by REUSE.toml, where later tables have precedence."""
+    tables = tomllib.loads((ROOT / "REUSE.toml").read_text("utf-8"))["annotations"]
+    fitting = (
+        one for one in tables if any(fnmatch(name, path) for path in one["path"])
+    )
+    return [str(one["SPDX-License-Identifier"]) for one in fitting][-1]
+
+
+def _licence(name: str) -> dict[str, str]:
+    if name.startswith("LicenseRef-"):
+        return {"name": "other-open", "title": f"LICENSES/{name}.txt"}
+    return {"name": name, "path": SPDX + name}
 
 
 def _json(found: dict[str, Any]) -> str:
@@ -241,7 +213,7 @@ def write_crate(folder: Path) -> None:
     from rocrate.model import ContextEntity
     from rocrate.rocrate import ROCrate
 
-    crate = ROCrate(version="1.2")
+    crate = ROCrate(version="1.3")
 
     for name, value in about().items():
         listed = value if isinstance(value, list) else [value]
@@ -287,7 +259,7 @@ def kept() -> str:
     The marks of earlier releases are included.
     """
     lines = [f'version = "{__version__}"', f'released = "{RELEASED}"']
-    lines += [f'commit = "{commit(ROOT)}"', "", "[verdicts]"]
+    lines += [f'commit = "{commit(ROOT)[:10]}"', "", "[verdicts]"]
     for word in VERDICTS:
         cells = [cell for cell, one in frozen().items() if one.verdict == word]
         lines.append(f"{word} = {json.dumps(cells, indent=4)}")

@@ -30,7 +30,7 @@ import numpy as np
 from numpy._core import _multiarray_umath  # type: ignore[attr-defined]
 
 from page_cells import BOOK, notebooks
-from reproduce.version import commit
+from reproduce.version import build_record
 from run_notebooks import cache_of, outputs
 
 ROOT = BOOK.parent
@@ -100,7 +100,7 @@ def copy_checkout(target: Path) -> None:
         ignored = shutil.ignore_patterns("_build", "_extra", "__pycache__")
         shutil.copytree(ROOT / part, target / part, ignore=ignored)
     (target / "book" / "_extra").mkdir()
-    (target / "src/reproduce/_commit").write_text(commit(ROOT), encoding="utf-8")
+    (target / "src/reproduce/_commit").write_text(build_record(ROOT), encoding="utf-8")
 
 
 def differences(

@@ -23,7 +23,8 @@ FOLD = " <details><summary>The numbers</summary>{}.</details>"
 class Question:
     """A question to the authors, the cells that its answer settles, and related errata.
 
-    `related` is another question whose answer is needed, `reply` the answer of the authors.
+    `related` is another question whose answer is needed, `reply` the answer of the authors, and
+    `state` is none, received, disputed or settled.
     """
 
     id: str
@@ -34,6 +35,7 @@ class Question:
     errata: tuple[str, ...]
     related: str = ""
     reply: str = ""
+    state: str = "none"
 
 
 def questions(paper: str) -> list[Question]:
@@ -51,6 +53,8 @@ def complete(id: str, errata: tuple[str, ...] = (), **entry: str) -> Question:
     """Return a question with its cells and errata; those of the cells are first."""
     named = {address: one for address, one in frozen().items() if one.question == id}
     known = dict.fromkeys([*(one.erratum for one in named.values()), *errata])
+    if entry.get("reply"):
+        entry["reply"] += f" ({entry['state']})"
     return Question(id, cells=tuple(named), errata=tuple(filter(None, known)), **entry)
 
 

@@ -1,16 +1,21 @@
 """Sphinx extension: description, citation and data for the head of each page.
 
 Search engines show the description, and reference managers read the citation. Harvesters of data
-read JSON-LD in the terms of schema.org: a ``Dataset`` for each table of the page, and on the first
-page the ``Book`` and its papers.
+read the links of Signposting, and JSON-LD in the terms of schema.org: a ``WebPage``, a ``Dataset``
+for each table of the page, and on the first page the ``Book`` and its papers. The policy of a page
+allows only scripts in files of the book, and scripts with the text that the build wrote.
 """
 
 from __future__ import annotations
 
 import json
+import re
 import textwrap
+from base64 import b64encode
 from collections.abc import Iterator, Mapping
+from hashlib import sha256
 from html import escape
+from pathlib import Path
 from typing import Any
 
 from docutils import nodes
@@ -21,8 +26,24 @@ import anchors
 
 MAX_LENGTH = 300  # of a description, in characters
 META = '<meta name="{}" content="{}" />\n'
+LINK = '<link rel="{}" href="{}" />\n'
 LINKED = '<script type="application/ld+json">\n{}\n</script>\n'
 LICENSE = "https://creativecommons.org/licenses/by/4.0/"
+# `file:` is for pages from a disk. The theme writes scripts and two handlers into the pages.
+POLICY = (
+    "default-src 'self' file:; script-src 'self' file: 'unsafe-hashes' {}; object-src 'none'; "
+    "style-src 'self' file: 'unsafe-inline'; img-src 'self' file: data:; base-uri 'none'"
+)
+PROTECTED = '{}<meta http-equiv="Content-Security-Policy" content="{}" />'
+CHARSET = re.compile(r'<meta charset="utf-8" ?/?>')
+SCRIPT = re.compile(r"<script(?![^>]*\b(?:src|type)=)[^>]*>(.*?)</script>", re.DOTALL)
+# The search reads other pages, so every page allows the handlers of all.
+HANDLERS = {"toggleFullScreen()", "window.print()"}
+ABSENT = """<!doctype html>
+<html lang="en"><meta charset="utf-8"><title>Page not found</title>
+<p>No page has this address. See <a href="{0}index.html">the first page</a> or
+<a href="{0}find.html">find a number</a>.</p></html>
+"""
 MEDIA = {"csv": "text/csv", "json": "application/json", "tex": "application/x-tex"}
 MEDIA |= {"md": "text/markdown", "parquet": "application/vnd.apache.parquet"}
 FAIR = "A verdict of differs is a difference that we find, not a fault."
@@ -175,11 +196,15 @@ def fill(
     doctree: nodes.document | None,
 ) -> None:
     """Add description, citation and data to the head of a page with text."""
-    from reproduce.version import RELEASED
+    from reproduce.printed.cells import anchor
+    from reproduce.version import ADDRESS, RELEASED, content_id
     from reproduce.views.export import DEVELOPERS
 
     if doctree is None:
         return
+    own = content_id(Path(app.env.doc2path(page)))
+    if ADDRESS:
+        own = f"{ADDRESS}/{page}.html"
     title, book = app.env.titles[page].astext(), app.config.html_title
     head = {
         "description": described(doctree),
@@ -188,13 +213,62 @@ def fill(
         "citation_publication_date": RELEASED.replace("-", "/"),
     }
     tags = [META.format(name, escape(text)) for name, text in head.items() if text]
+    links = {"cite-as": own, "license": LICENSE}
+    links |= {"describedby": context["pathto"]("codemeta.json", 1)}
+    links |= {"canonical": own} if ADDRESS else {}
+    tags += [LINK.format(*link) for link in links.items()]
+    parts: list[dict[str, Any]] = []
     for data in linked(page, anchors.pages(app.env), head["description"]):
+        name = data.get("url", f"{own}#{anchor(data['identifier'][0])}")
+        parts.append({"@id": name} | data)
+    whole = {
+        "@context": "https://schema.org",
+        "@type": "WebPage",
+        "@id": own,
+        "name": title,
+        "isPartOf": {"@type": "Book", "name": book},
+        "hasPart": [{"@id": part["@id"]} for part in parts],
+    }
+    for data in (whole, *parts):
         text = json.dumps(data, ensure_ascii=False).replace("</", "<\\/")
         tags.append(LINKED.format(text))
     context["metatags"] = context.get("metatags", "") + "".join(tags)
 
 
+def protected(text: str) -> str:
+    """Return a page with a policy that allows its own scripts.
+
+    >>> "'sha256-LXEWQrcmsEQBYnyp+6wy9chTD7GQPMTbAiWHF5IaSIE='" in protected(
+    ...     '<meta charset="utf-8"><script>x</script>'
+    ... )
+    True
+    """
+    scripts = HANDLERS | set(SCRIPT.findall(text))
+    digests = (b64encode(sha256(script.encode()).digest()) for script in scripts)
+    policy = POLICY.format(
+        " ".join(sorted(f"'sha256-{one.decode()}'" for one in digests))
+    )
+    return CHARSET.sub(lambda found: PROTECTED.format(found[0], policy), text, count=1)
+
+
+def finish(app: Sphinx, error: Exception | None) -> None:
+    """Write the page for unknown addresses and the list of pages, and protect all pages."""
+    from reproduce.version import ADDRESS
+
+    if error is not None or app.builder.format != "html":
+        return
+    root = Path(app.outdir)
+    start = f"{ADDRESS}/" if ADDRESS else ""
+    (root / "404.html").write_text(ABSENT.format(start), encoding="utf-8")
+    if ADDRESS:
+        pages = "".join(f"{start}{page}.html\n" for page in sorted(app.env.found_docs))
+        (root / "sitemap.txt").write_text(pages, encoding="utf-8")
+    for path in root.rglob("*.html"):
+        path.write_text(protected(path.read_text(encoding="utf-8")), encoding="utf-8")
+
+
 def setup(app: Sphinx) -> dict[str, bool]:
     """Connect the handler."""
     app.connect("html-page-context", fill)
+    app.connect("build-finished", finish, priority=900)  # after all pages are written
     return {"parallel_read_safe": True, "parallel_write_safe": True}

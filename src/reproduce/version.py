@@ -1,22 +1,31 @@
-"""Version of the project, date of its release, and commit of the code."""
+"""Version of the project, its address, and identifiers of its code and data."""
 
+import os
 import subprocess
 from functools import cache
+from hashlib import sha1
 from pathlib import Path
 
 NAME = "reproduce-pointing"
 __version__ = "0.2.0"
 RELEASED = "2026-11-25"
-# Address of the published book, without a slash at its end, and DOI of its archive. Every citation
-# contains them. They are empty before the publication.
-ADDRESS = ""
-DOI = ""
+# A person is "Family, Given". `pyproject.toml` names the same authors.
+AUTHORS = ("The reproduce-pointing developers",)
+# A wheel contains the commit of its checkout, and the address and the DOI of its build.
+_BUILT = Path(__file__).with_name("_commit")
+_LINES = _BUILT.read_text().split("\n") if _BUILT.is_file() else []
+_COMMIT, _ADDRESS, _DOI = (*_LINES, "", "", "")[:3]
+# Address of the published book, and DOI of its archive. Every citation contains them. They are
+# empty before the publication.
+ADDRESS = os.environ.get("REPRODUCE_ADDRESS", _ADDRESS).rstrip("/")
+DOI = os.environ.get("REPRODUCE_DOI", _DOI)
 
 
 def version() -> str:
     """Return the version, the day of its release and the commit of this package."""
-    name = commit(Path(__file__).parents[2]) or "not recorded"
-    return f"{__version__}, {RELEASED}, commit {name}"
+    return (
+        f"{__version__}, {RELEASED}, commit {package_commit()[:10] or 'not recorded'}"
+    )
 
 
 def software() -> str:
@@ -24,25 +33,49 @@ def software() -> str:
     return f"{NAME} {version()}"
 
 
+def package_commit() -> str:
+    """Return the commit of this package; empty if it is unknown."""
+    return commit(Path(__file__).parents[2])
+
+
+def build_record(root: Path) -> str:
+    """Return the text of the file ``_commit`` of a wheel."""
+    return "\n".join((commit(root), ADDRESS, DOI))
+
+
+def content_id(path: Path, lines: tuple[int, int] | None = None) -> str:
+    """Return the identifier of a file at Software Heritage, or of lines of it.
+
+    It contains the hash that Git computes for the contents of the file.
+    """
+    content = path.read_bytes()
+    header = f"blob {len(content)}\0".encode()
+    found = f"swh:1:cnt:{sha1(header + content, usedforsecurity=False).hexdigest()}"
+    return found + (f";lines={lines[0]}-{lines[1]}" if lines else "")
+
+
 @cache
 def commit(root: Path) -> str:
-    """Return the abbreviated commit of an unchanged checkout; empty otherwise.
+    """Return the commit of an unchanged checkout; empty otherwise.
 
     A wheel contains the commit of the checkout that it was built from.
     """
-    built = Path(__file__).with_name("_commit")
-    if built.is_file():
-        return built.read_text()
-    if not (root / ".git").exists():
+    if _LINES:
+        return _COMMIT
+    # Without a folder, Windows would run a program of this name in the current folder.
+    name = "git.exe" if os.name == "nt" else "git"
+    folders = map(Path, os.get_exec_path())
+    programs = [f / name for f in folders if f.is_absolute() and (f / name).is_file()]
+    if not programs or not (root / ".git").exists():
         return ""
     queries = (
         ("status", "--porcelain", "--untracked-files=no"),
-        ("rev-parse", "--short=10", "HEAD"),
+        ("rev-parse", "HEAD"),
     )
     try:
         changed, name = (
             subprocess.run(
-                ["git", "--no-optional-locks", "-C", root, *words],
+                [programs[0], "--no-optional-locks", "-C", root, *words],
                 check=True,
                 capture_output=True,
                 text=True,

@@ -34,6 +34,8 @@ def test_a_letter_has_six_to_eight_questions_on_its_paper_in_order():
             assert all(cell.startswith(f"{paper}/") for cell in question.cells)
             assert errata >= set(question.errata)
             assert question.cells or question.errata
+            known = {"received", "disputed", "settled"} if question.reply else {"none"}
+            assert question.state in known
             assert question.related in {"", *names[:number]}
 
 
@@ -48,8 +50,10 @@ def test_the_consequence_of_an_answer_has_links_and_the_reply():
     links = [re.findall('href="#([^"]+)"', part) for part in (shown, folded)]
     assert links == [[*question.errata], [*map(anchor, question.cells)]]
     assert "Table 3: " in folded
-    answered = complete("niu2024-scale-run", **entry, reply="Name, on a day: a rerun.")
-    assert "*Name, on a day: a rerun.*" in settles(answered, {"before": 3})
+    answered = complete(
+        "niu2024-scale-run", **entry, reply="Name, on a day: a rerun.", state="settled"
+    )
+    assert "*Name, on a day: a rerun. (settled)*" in settles(answered, {"before": 3})
     assert "No number" in settles(
         complete("none", **entry, errata=("x",)), {"before": 3}
     )

@@ -2,14 +2,16 @@
 
 import json
 import re
+import subprocess
 from html import unescape
+from types import SimpleNamespace
 
 import pytest
 from docutils.core import publish_doctree
 from pyld import jsonld
 from reading import HTML
 
-from page_heads import MAX_LENGTH, MEDIA, described, linked
+from page_heads import MAX_LENGTH, MEDIA, described, finish, linked
 from reproduce import version
 from reproduce.papers.catalogue import studies
 from reproduce.printed.cells import PAPERS, anchor, library
@@ -19,6 +21,7 @@ META = re.compile(r'<meta name="(\w+)" content="([^"]*)" />')
 SCRIPT = re.compile(
     r'<script type="application/ld\+json">\n(.*?)\n</script>', re.DOTALL
 )
+ROOT = HTML.parents[2]
 SCHEMA, BASE = "http://schema.org/", "https://example.org/book/"
 LICENCE = "https://creativecommons.org/licenses/by/4.0/"
 REQUIRED = set(
@@ -112,6 +115,44 @@ def test_a_published_dataset_has_its_address(monkeypatch):
     assert "https://doi.org/10.1234/x" in data["identifier"]
 
 
+def git_hash(path):
+    command = ["git", "hash-object", "--no-filters", path]
+    return subprocess.run(
+        command, check=True, capture_output=True, text=True
+    ).stdout.strip()
+
+
+@pytest.mark.browser
+def test_a_built_page_allows_only_its_own_scripts(open_page):
+    """`defects` reports each script that the policy of a page stops, for each page."""
+    for path in (path for path in HTML.rglob("*.html") if "_static" not in path.parts):
+        start, policy, _ = path.read_text("utf-8").partition(
+            '<meta http-equiv="Content-Security-Policy"'
+        )
+        assert policy, path
+        assert "<script" not in start, path
+    page = open_page("404.html")
+    page.evaluate(
+        "() => document.body.insertAdjacentHTML('beforeend', '<img src=x onerror=done=1>')"
+    )
+    page.wait_for_timeout(200)
+    assert page.evaluate("() => window.done") is None
+
+
+def test_other_addresses_lead_to_the_book(tmp_path, monkeypatch):
+    builder = SimpleNamespace(format="html")
+    env = SimpleNamespace(found_docs={"index", "niu2024/own"})
+    app = SimpleNamespace(outdir=tmp_path, builder=builder, env=env)
+    finish(app, None)
+    assert 'href="index.html"' in (tmp_path / "404.html").read_text("utf-8")
+    assert not (tmp_path / "sitemap.txt").exists()
+    monkeypatch.setattr(version, "ADDRESS", "https://example.org/book")
+    finish(app, None)
+    assert f'href="{BASE}index.html"' in (tmp_path / "404.html").read_text("utf-8")
+    pages = [f"{BASE}{name}.html" for name in ("index", "niu2024/own")]
+    assert (tmp_path / "sitemap.txt").read_text("utf-8").split() == pages
+
+
 @pytest.mark.browser
 def test_built_pages_have_a_head_and_describe_every_table():
     titles, described_on = [], {}
@@ -124,8 +165,17 @@ def test_built_pages_have_a_head_and_describe_every_table():
         assert len(head["description"]) > 20, path
         assert not re.search(r"[<>{}\\#]", head["description"]), path
         titles.append(head["citation_title"])
-        for found in SCRIPT.findall(text):
-            data = expanded(json.loads(found), path.as_posix())
+        # Signposting, whose links and JSON-LD name the page alike.
+        links = dict(re.findall(r'<link rel="([\w-]+)" href="([^"]+)" />\n', text))
+        identity = f"swh:1:cnt:{git_hash(ROOT / 'book' / f'{path}.md')}"
+        assert (links["cite-as"], links["license"]) == (identity, LICENCE)
+        assert (HTML / f"{path}.html").parent.joinpath(links["describedby"]).is_file()
+        whole, *parts = (json.loads(found) for found in SCRIPT.findall(text))
+        assert (whole["@type"], whole["@id"]) == ("WebPage", identity)
+        assert [one["@id"] for one in whole["hasPart"]] == [one["@id"] for one in parts]
+        for found in parts:
+            assert found["@id"].startswith(f"{identity}#")
+            data = expanded(found, path.as_posix())
             if path.name == "index" and path.parent.name == "":
                 assert set(data["@type"]) == {
                     SCHEMA + "Book",

@@ -71,7 +71,9 @@ def test_csv_and_json_have_all_values_at_full_precision():
     expected = [np.nan if r.computed is None else r.computed for r in records]
     np.testing.assert_array_equal(frame["computed"], expected)
     read = ledger.Ledger.model_validate_json(table.export("json"))
-    assert [r.model_copy(update={"reason": ""}) for r in read.records] == list(records)
+    assert [
+        r.model_copy(update={"reason": "", "reply": ""}) for r in read.records
+    ] == list(records)
     reasons = read_csv(text, keep_default_na=False)["reason"]
     assert [record.reason for record in read.records] == list(reasons)
     assert read.cell(f"{KEY}#2.reference-x").reason
@@ -184,7 +186,7 @@ def test_the_commit_of_an_unchanged_checkout_is_named(tmp_path):
     git("add", "file")
     assert commit(tmp_path) == "", "no commit yet"
     git("commit", "--quiet", "--message", "First")
-    assert commit(tmp_path) == git("rev-parse", "HEAD")[:10] != ""
+    assert commit(tmp_path) == git("rev-parse", "HEAD") != ""
     file.write_text("changed", encoding="utf-8")
     assert commit(tmp_path) == ""
 

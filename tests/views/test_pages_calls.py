@@ -4,12 +4,14 @@ import io
 import json
 import re
 from html.parser import HTMLParser
+from zipfile import ZipFile
 
 import duckdb
 import jsonschema
 import numpy as np
 import pandas as pd
 import pytest
+import yaml
 
 import reproduce as rp
 from book_facts import Register, register, write_tables
@@ -162,11 +164,18 @@ def test_all_files_are_written_and_equal_each_time(shipped):
     files = {
         p.relative_to(shipped).as_posix() for p in shipped.rglob("*") if p.is_file()
     }
+    names |= {f"{paper}-reports.zip" for paper in PAPERS}
     assert files == names | {"verify_ledger.py", "readings.csv", "readings.parquet"}
     read = whole_ledger().model_validate_json((shipped / "ledger.json").read_text())
     assert read == with_provenance(whole_ledger())
     assert all(record.reason for record in read.records if record.verdict == "differs")
-    first = {path: path.read_bytes() for path in shipped.glob("*.parquet")}
+    for paper in PAPERS:
+        with ZipFile(shipped / f"{paper}-reports.zip") as packed:
+            inside = {name.partition("/")[2] for name in packed.namelist()}
+            stated = yaml.safe_load(packed.read(f"{paper}-reports/codecheck.yml"))
+        assert {one["file"] for one in stated["manifest"]} < inside
+    kinds = ("*.parquet", "*.zip")
+    first = {path: path.read_bytes() for kind in kinds for path in shipped.glob(kind)}
     write_tables(shipped)
     assert first == {path: path.read_bytes() for path in first}
 

@@ -16,7 +16,7 @@ from pydantic import Field, model_validator
 from reproduce.judge.propagate import plain_results
 from reproduce.judge.readings import Evaluation, ReadingSummary, evaluate
 from reproduce.judge.verdicts import CENTRAL, Comparison, Frozen, Reading, Verdict
-from reproduce.locate import data_folders
+from reproduce.locate import data_folder, data_folders
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import unpublished
 from reproduce.printed.cells import PrintedCell, PrintedTable, find, library
@@ -71,6 +71,8 @@ class Record(Comparison, _Printed):
     """all readings of the text in short; null if there is one reading"""
     reason: str = ""
     """reason of the frozen verdict"""
+    reply: Literal["", "none", "received", "disputed", "settled"] = ""
+    """state of the authors' reply to the question on the cell; empty without a question"""
 
 
 class TableRecord(Frozen):
@@ -367,6 +369,20 @@ def reason(address: str) -> str:
 def erratum(address: str) -> str:
     """Return the id of the erratum that explains a verdict; empty without an erratum."""
     return frozen()[address].erratum if address in frozen() else ""
+
+
+def reply_state(address: str) -> str:
+    """Return the state of the authors' reply to the question on a cell; empty without one."""
+    question = frozen()[address].question if address in frozen() else ""
+    return question and _reply_states().get(question, "none")
+
+
+@cache
+def _reply_states() -> dict[str, str]:
+    text = (data_folder() / "letters.toml").read_text(encoding="utf-8")
+    return {
+        one["id"]: one.get("state", "none") for one in tomllib.loads(text)["question"]
+    }
 
 
 @cache

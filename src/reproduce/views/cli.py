@@ -346,12 +346,17 @@ def show(
 @main.command("export")
 @_ADDRESS
 @click.option(
-    "--format", "form", required=True, help="Format: csv, json, latex or markdown."
+    "--format",
+    "form",
+    required=True,
+    help="Format: csv, json, latex, markdown or covariance. Of a paper: codecheck, rescience, "
+    "nanopublications or decisions.",
 )
 def export_item(address: str, form: str) -> None:
-    """Write the records of an item or a cell to standard output.
+    """Write the records of an item or a cell, or a report on a paper, to standard output.
 
-    The formats csv and json contain every field.
+    The formats csv and json contain every field. A report is the judgement of a paper in the form
+    of another register.
 
     \b
     Example:
@@ -360,7 +365,12 @@ def export_item(address: str, form: str) -> None:
       # citation: niu2024/table-2#scale.red: printed 0.9976, ...
       "key","cell","printed", ...
     """
-    click.echo(_item(address).export(form))
+    from reproduce.views.reports import FORMS, report
+
+    if form in FORMS:
+        click.echo("\n".join(report(address, form).values()))
+    else:
+        click.echo(_item(address).export(form))
 
 
 @main.command()

@@ -10,6 +10,7 @@ import hashlib
 import os
 import platform
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import TypeVar
@@ -68,7 +69,8 @@ def cached(
         result = compute()
     folder.mkdir(parents=True, exist_ok=True)
     content = dump(result)
-    with replacing(path) as part:
+    # On Windows a file that another process reads cannot be replaced; its content is the same.
+    with suppress(PermissionError), replacing(path) as part:
         part.write_bytes(content.encode() if isinstance(content, str) else content)
     return result
 

@@ -16,9 +16,9 @@ from jinja2 import Environment
 from markupsafe import Markup
 from pybtex.database import BibliographyData, Entry, Person, parse_file
 
-from reproduce.judge.ledger import Ledger, Record, reason
+from reproduce.judge.ledger import Ledger, Record, reason, reply_state
 from reproduce.locate import data_folder, papers
-from reproduce.papers.catalogue import drawings, studies
+from reproduce.papers.catalogue import catalogue, drawings, studies
 from reproduce.printed.cells import PAPERS, anchor, library
 from reproduce.version import (
     ADDRESS,
@@ -40,6 +40,7 @@ if TYPE_CHECKING:
 FORMATS = ("csv", "json", "latex", "markdown")
 # Endings of the files of each format.
 _ENDINGS = {"csv": "csv", "json": "json", "latex": "tex", "markdown": "md"}
+_COVARIANCE = "-covariance.csv"
 
 
 def export(part: Ledger, address: str, form: str, shown: Grid) -> str:
@@ -65,7 +66,15 @@ def export(part: Ledger, address: str, form: str, shown: Grid) -> str:
 
 def table_files(key: str) -> dict[str, str]:
     """Return the exports of a table: path below the root of the book to format."""
-    return {f"tables/{anchor(key)}.{ending}": form for form, ending in _ENDINGS.items()}
+    found = {
+        f"tables/{anchor(key)}.{ending}": form for form, ending in _ENDINGS.items()
+    }
+    random = key in catalogue() and any(
+        c.replicates for c in catalogue()[key].computations
+    )
+    return found | (
+        {f"tables/{anchor(key)}{_COVARIANCE}": "covariance"} if random else {}
+    )
 
 
 def provenance_of(cited: str, setting: str = "") -> dict[str, str]:
@@ -77,7 +86,8 @@ def provenance_of(cited: str, setting: str = "") -> dict[str, str]:
 def with_provenance(ledger: Ledger, address: str = "all") -> Ledger:
     """Return a ledger with the written reason of each verdict, and its provenance."""
     records = tuple(
-        r.model_copy(update={"reason": reason(r.cell)}) for r in ledger.records
+        r.model_copy(update={"reason": reason(r.cell), "reply": reply_state(r.cell)})
+        for r in ledger.records
     )
     return ledger.model_copy(
         update={"records": records} | provenance_of(citation(address, "text"))
@@ -104,7 +114,7 @@ def export_frame(
         return json.dumps({**provenance, "rows": rows}, indent=2, ensure_ascii=False)
     if form == "latex":
         table = frame.to_latex(index=False, escape=True, **frame.attrs.get("latex", {}))
-        return indent(comment, "% ") + _in_tex(table)
+        return indent(comment, "% ") + in_tex(table)
     dashes = ["---"] * len(frame.columns)
     lines = [frame.columns, dashes, *frame.to_numpy()]
     # Other programs read numbers with a hyphen as the sign.
@@ -115,12 +125,12 @@ def export_frame(
     return "\n".join([f"<!--\n{comment}-->\n", *(f"| {text} |" for text in texts)])
 
 
-def _in_tex(text: str) -> str:
+def in_tex(text: str) -> str:
     """Write signs of numbers and of units as LaTeX does.
 
     Examples
     --------
-    >>> print(_in_tex("-5e-5 µm"))
+    >>> print(in_tex("-5e-5 µm"))
     $-$5\\,$\\times$\\,10$^{-}$$^{5}$ \\textmu{}m
     """
     return powers(minus(text)).translate(_TEX)
@@ -158,6 +168,7 @@ def full_frame(records: Iterable[Record]) -> pd.DataFrame:
     rows = []
     for record in records:
         row = record.model_dump(exclude={"readings"}) | {"reason": reason(record.cell)}
+        row["reply"] = reply_state(record.cell)
         # These columns also exist without readings.
         row |= dict.fromkeys(_READINGS)
         if readings := record.readings:
@@ -506,8 +517,11 @@ def toolbar(
     if key in library():
         cells = [citation(c.address, "text") for c in library()[key].cells]
         citations.append("\n".join(text.partition("\n")[0] for text in cells))
-    names = {"tex": "LaTeX", "md": "Markdown"}
-    endings = {path: path.rpartition(".")[2] for path in files}
+    names = {"tex": "LaTeX", "md": "Markdown", "covariance": "Covariance"}
+    endings = {
+        path: "covariance" if path.endswith(_COVARIANCE) else path.rpartition(".")[2]
+        for path in files
+    }
     return Markup(
         _BAR.render(
             key=key,

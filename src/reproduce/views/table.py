@@ -27,7 +27,15 @@ from reproduce.views.blocks import (
     rendered,
 )
 from reproduce.views.computed import item_ledger
-from reproduce.views.export import export, full_frame, table_files, toolbar
+from reproduce.views.export import (
+    citation,
+    export,
+    export_frame,
+    full_frame,
+    provenance_of,
+    table_files,
+    toolbar,
+)
 from reproduce.views.readings import Readings, summary
 from reproduce.views.sweep import Changed, Sweep, of_cells, swept
 
@@ -220,7 +228,14 @@ class Table(ItemView):
         return swept(self.key, address, values, compute)
 
     def export(self, form: str) -> str:
-        """Return the table as csv, json, latex or markdown."""
+        """Return the table as csv, json, latex or markdown; `covariance` is that of its cells."""
+        if form == "covariance":
+            from reproduce.views.reports import covariance
+
+            given = provenance_of(
+                citation(self.key, "text"), "covariance, literal reading"
+            )
+            return export_frame(covariance(self.key), "csv", given)
         table, rows = self._printed, [*self._rows.values()]
         grid = Grid.of(self._caption, ("Quantity", *_HEADS, "Where"), rows)
         if (width := len(table.columns)) > 1:

@@ -1,0 +1,181 @@
+"""The judgement of a paper in the forms of other registers, from templates in `data/reports/`."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections import Counter
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+from reproduce import version
+from reproduce.judge.ledger import Record, reason, reply_state
+from reproduce.judge.verdicts import AGREES, CENTRAL
+from reproduce.locate import data_folder, papers
+from reproduce.papers.catalogue import catalogue
+from reproduce.papers.declare import Prediction
+from reproduce.printed.cells import anchor, library
+from reproduce.printed.inputs import load_inputs
+from reproduce.printed.number import si_factor
+from reproduce.views import export, keys
+from reproduce.views.computed import item_ledger
+from reproduce.views.verdicts import weak
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+# Files of each form.
+FORMS = {
+    "codecheck": ("codecheck.yml",),
+    "rescience": ("metadata.yaml", "article.tex"),
+    "nanopublications": ("nanopublications.trig",),
+    "decisions": ("astra.yaml",),
+}
+# Outcome of a replication to its relation in the Citation Typing Ontology.
+RELATIONS = {
+    "validated": "confirms",
+    "partially supported": "qualifies",
+    "contradicted": "disputes",
+    "inconclusive": "discusses",
+    "not tested": "discusses",
+}
+_TEX = {sign: rf"\{sign}" for sign in "&%$#_{}"} | {"\\": r"\textbackslash{}"}
+
+
+@dataclass(frozen=True)
+class Item:
+    """A table, figure or group of quoted numbers with its judgement."""
+
+    key: str
+    records: tuple[Record, ...]
+
+    @property
+    def counts(self) -> Counter[str]:
+        """Number of results of each verdict."""
+        return Counter(one.verdict for one in self.records if one.role == "result")
+
+    @property
+    def text(self) -> str:
+        """The counts in words."""
+        counts = {**self.counts, "weak agreements": weak(self.records)}
+        return (
+            ", ".join(f"{word}: {n}" for word, n in counts.items() if n)
+            or "inputs only"
+        )
+
+    @property
+    def outcome(self) -> str:
+        """Outcome as a replication. Weak agreement validates nothing."""
+        judged = {*self.counts} - {"unpublished"}
+        agrees = sum(self.counts[word] for word in AGREES) > weak(self.records)
+        if not judged:
+            return "not tested"
+        if agrees:
+            return "validated" if judged <= {*AGREES} else "partially supported"
+        return "contradicted" if judged == {"differs"} else "inconclusive"
+
+
+def report(paper: str, form: str) -> dict[str, str]:
+    """Return the files of a report on a paper, by name.
+
+    Parameters
+    ----------
+    paper : str
+        Name of the paper, such as ``niu2024``.
+    form : {"codecheck", "rescience", "nanopublications", "decisions"}
+        `codecheck` is the configuration of a CODECHECK, without the parts of the codechecker.
+        `rescience` is metadata and the body of an article for ReScience C. `nanopublications` are
+        unsigned. `decisions` are the options of the text with their alternatives, for ASTRA.
+
+    Returns
+    -------
+    dict
+        Name of each file to its text.
+
+    Raises
+    ------
+    ValueError
+        If the paper is unknown.
+
+    Examples
+    --------
+    >>> list(report("niu2024", "decisions"))
+    ['astra.yaml']
+    """
+    if paper not in papers():
+        raise ValueError(f"paper: expected one of {', '.join(papers())}, got {paper!r}")
+    templates = Environment(
+        loader=FileSystemLoader(data_folder() / "reports"),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    templates.filters |= {"quoted": _quoted, "tex": _tex, "name": _name}
+    named = [key for key in library() if key.startswith(f"{paper}/")]
+    options: dict[str, dict[str, dict[str, Any]]] = {key: {} for key in named}
+    for key in named:
+        for made in catalogue()[key].computations:
+            for option, ways in made.options.items():
+                options[key].setdefault(option, {}).update(ways)
+    whole, cited = json.loads(export.citation(named[0], "csl"))
+    values = {
+        "anchor": anchor,
+        "central": f"{CENTRAL:.0%}",
+        "cited": cited,
+        "commit": version.package_commit(),
+        "items": [Item(key, item_ledger(key).records) for key in named],
+        "keys": keys,
+        "options": options,
+        "open": {"differs", "ambiguous", "unpublished"},
+        "paper": paper,
+        "reason": reason,
+        "relations": RELATIONS,
+        "reply": reply_state,
+        "version": version,
+        "whole": whole,
+    }
+    return {file: templates.get_template(file).render(values) for file in FORMS[form]}
+
+
+def covariance(key: str) -> pd.DataFrame:
+    """Return the covariance of the predicted cells of a table, in printed units.
+
+    The prediction is that of the literal reading. The table is empty without predicted cells.
+    Computations with different random numbers have no common entries.
+    """
+    import pandas as pd
+
+    parts = []
+    for made in catalogue()[key].computations:
+        results = made(load_inputs(made.inputs)) if made.replicates else {}
+        draws = {
+            name: one.draws / si_factor(library()[key][name].unit)
+            for name, one in results.items()
+            if isinstance(one, Prediction)
+        }
+        if draws:
+            table = np.atleast_2d(np.cov(list(draws.values())))
+            parts.append(pd.DataFrame(table, index=[*draws], columns=[*draws]))
+    whole = pd.concat(parts) if parts else pd.DataFrame()
+    units = [library()[key][str(name)].unit for name in whole.index]
+    whole.insert(0, "unit", units)
+    return whole.rename_axis("cell").reset_index()
+
+
+def _quoted(text: str) -> str:
+    """Return a text in double quotes, as YAML and TriG read it."""
+    return json.dumps(text, ensure_ascii=False)
+
+
+def _name(text: str) -> str:
+    """Return an identifier of ASTRA."""
+    plain = re.sub(r"\W", "_", text.lower())
+    return plain if plain[:1].isalpha() else f"n{plain}"
+
+
+def _tex(text: object) -> str:
+    return export.in_tex("".join(_TEX.get(sign, sign) for sign in str(text)))

@@ -1,0 +1,246 @@
+"""Reports on a paper in the forms of other registers."""
+
+import json
+import re
+import subprocess
+import sys
+from collections import Counter
+
+import numpy as np
+import pytest
+import rdflib
+import yaml
+from click.testing import CliRunner
+
+import reproduce as rp
+from reproduce.judge.ledger import frozen, reply_state
+from reproduce.papers.catalogue import catalogue
+from reproduce.papers.declare import Prediction
+from reproduce.printed.cells import PAPERS, library
+from reproduce.printed.inputs import load_inputs
+from reproduce.views import export, reports
+from reproduce.views.cli import main
+from reproduce.views.computed import item_ledger
+
+NP = rdflib.Namespace("http://www.nanopub.org/nschema#")
+CITO = rdflib.Namespace("http://purl.org/spar/cito/")
+
+
+def of_paper(paper):
+    """Return the items of a paper by the name of their files."""
+    keys = [key for key in library() if key.startswith(f"{paper}/")]
+    return {
+        export.anchor(key): reports.Item(key, item_ledger(key).records) for key in keys
+    }
+
+
+@pytest.mark.parametrize("paper", PAPERS)
+def test_codecheck_has_the_parts_of_its_specification_that_are_ours(paper):
+    """Rules CC-CFG-001 to 007, 014 to 019, 021 to 023, 027 and 028 of rules-2.0.yml."""
+    text = reports.report(paper, "codecheck")["codecheck.yml"]
+    assert text.startswith("---\n")
+    found = yaml.safe_load(text)
+    assert found["version"] == "https://codecheck.org.uk/spec/config/2.0"
+    files = {one["file"] for one in found["manifest"]}
+    assert files == {f"tables/{name}.csv" for name in of_paper(paper)}
+    assert all(len(one["comment"]) > 20 for one in found["manifest"])
+    cited = json.loads(
+        export.citation(next(iter(of_paper(paper).values())).key, "csl")
+    )[1]
+    assert found["paper"]["title"] == cited["title"]
+    assert found["paper"]["reference"] == f"https://doi.org/{cited['DOI']}"
+    names = [one["name"] for one in found["paper"]["authors"]]
+    assert [name.split()[-1] for name in names] == [
+        a["family"] for a in cited["author"]
+    ]
+    assert not re.search("FIXME|TODO|XXXX", text)
+
+
+@pytest.mark.parametrize("paper", PAPERS)
+def test_rescience_has_the_fields_of_its_template_and_every_open_number(paper):
+    files = reports.report(paper, "rescience")
+    found = yaml.safe_load(files["metadata.yaml"])
+    assert found["title"].startswith("[Re] ")
+    assert found["type"] == "Replication"
+    pairs = {name: value for one in found["replication"] for name, value in one.items()}
+    assert pairs["doi"] in pairs["url"]
+    for name in ("code", "data", "dates", "article", "journal", "review"):
+        assert all(len(one) == 1 for one in found[name])
+    article = files["article.tex"]
+    items = re.findall(r"^\\item\[([^]]+)\] (\w+);", article, re.MULTILINE)
+    judged = {c: v.verdict for c, v in frozen().items() if c.startswith(f"{paper}/")}
+    open_ = {"differs", "ambiguous", "unpublished"}
+    expected = [
+        (c.partition("#")[2], word) for c, word in judged.items() if word in open_
+    ]
+    assert sorted(items) == sorted(expected)
+    bare = re.sub(r"^%.*|\\[&%$#_{}]", "", article)
+    assert bare.count("{") == bare.count("}")
+    assert not re.search(r"[%#_]|\.\.", bare)
+
+
+@pytest.mark.filterwarnings("ignore:(Dataset|Conj).*deprecated:DeprecationWarning")
+@pytest.mark.parametrize("paper", PAPERS)
+def test_each_judged_table_is_a_nanopublication(paper):
+    graph = rdflib.Dataset(default_union=True)
+    text = reports.report(paper, "nanopublications")["nanopublications.trig"]
+    graph.parse(data=text, format="trig")
+    found = {}
+    for name in graph.subjects(rdflib.RDF.type, NP.Nanopublication):
+        parts = [
+            graph.graph(graph.value(name, part))
+            for part in (NP.hasAssertion, NP.hasProvenance, NP.hasPublicationInfo)
+        ]
+        assert all(len(part) for part in parts)
+        ((_, relation, paper_),) = [t for t in parts[0] if t[1].startswith(CITO)]
+        assert (None, None, paper_) in parts[1]
+        found[name.rpartition("/")[2]] = relation.removeprefix(CITO)
+    items = {name: one for name, one in of_paper(paper).items() if one.counts}
+    assert found == {
+        name: reports.RELATIONS[one.outcome] for name, one in items.items()
+    }
+
+
+@pytest.mark.parametrize(
+    ("words", "flags", "outcome"),
+    [
+        ("exact consistent unpublished", (), "validated"),
+        ("exact differs", (), "partially supported"),
+        ("differs", (), "contradicted"),
+        ("differs ambiguous", (), "inconclusive"),
+        ("unpublished", (), "not tested"),
+        ("exact", ("copy",), "inconclusive"),
+        ("exact ambiguous", ("copy",), "inconclusive"),
+    ],
+)
+def test_an_outcome_never_says_more_than_the_verdicts(words, flags, outcome):
+    one = item_ledger("niu2024/table-2").cell("niu2024/table-2#scale.red")
+    records = tuple(
+        one.model_copy(update={"verdict": word, "flags": flags})
+        for word in words.split()
+    )
+    item = reports.Item("niu2024/table-2", records)
+    assert item.outcome == outcome
+    assert item.counts == Counter(words.split())
+
+
+@pytest.mark.parametrize("paper", PAPERS)
+def test_decisions_are_the_options_of_the_computations(paper):
+    found = yaml.safe_load(reports.report(paper, "decisions")["astra.yaml"])
+    expected = {}
+    for key, item in catalogue().items():
+        for made in item.computations if key.startswith(f"{paper}/") else ():
+            for option, ways in made.options.items():
+                name = (key.partition("/")[2], option)
+                expected[name] = {
+                    *expected.get(name, ()),
+                    *(w.text for w in ways.values()),
+                }
+    stated = {
+        (analysis["id"].replace("_", "-"), decision["id"]): {
+            one["label"] for one in decision["options"].values()
+        }
+        for analysis in found["analyses"].values()
+        for decision in analysis["decisions"].values()
+    }
+    assert stated == expected
+    for analysis in found["analyses"].values():
+        for decision in analysis["decisions"].values():
+            assert decision["default"] == next(iter(decision["options"]))
+            assert all(
+                re.fullmatch("[a-z][a-z0-9_]*", name) for name in decision["options"]
+            )
+
+
+def test_a_covariance_is_that_of_the_draws():
+    key = "niu2024/table-3"
+    frame = reports.covariance(key).set_index("cell")
+    (made,) = catalogue()[key].computations
+    results = made(load_inputs(made.inputs))
+    one, other = (results[f"translation-{axis}.red"].draws for axis in "xy")
+    found = frame.loc["translation-x.red", "translation-y.red"]
+    assert found == pytest.approx(np.cov(one, other)[0, 1], rel=1e-9)
+    rotation = np.degrees(results["rotation.red"].draws)
+    assert frame.loc["rotation.red", "rotation.red"] == pytest.approx(
+        rotation.var(ddof=1)
+    )
+    assert [*frame.columns] == ["unit", *frame.index]
+    for key in library():
+        random = [
+            name
+            for made in catalogue()[key].computations
+            for name, one in made(load_inputs(made.inputs)).items()
+            if made.replicates and isinstance(one, Prediction)
+        ]
+        assert any("covariance" in path for path in export.table_files(key)) == bool(
+            random
+        )
+    assert '"translation-x.red"' in rp.table("niu2024/table-3").export("covariance")
+
+
+def test_the_state_of_a_reply_is_in_the_ledger():
+    asked, given = "niu2024/table-3#scale.red", "niu2024/table-1#focal-length.red"
+    assert (reply_state(asked), reply_state(given)) == ("none", "")
+    record, other = (
+        json.loads(rp.table(address).export("json"))["records"][0]
+        for address in (asked, given)
+    )
+    assert (record["reply"], other["reply"]) == ("none", "")
+
+
+# The validator expects one nanopublication.
+VALIDATORS = """
+import sys, rdflib, yaml
+from astra.datamodel.astra_pydantic import Analysis
+from nanopub import Nanopub, NanopubConf
+trig, astra = sys.argv[1:]
+Analysis.model_validate(yaml.safe_load(open(astra, encoding="utf-8")))
+parts, whole = {}, rdflib.Dataset()
+whole.parse(trig, format="trig")
+for s, p, o, graph in whole.quads():
+    name = str(graph).partition("#")[0]
+    parts.setdefault(name, rdflib.Dataset()).add((s, p, o, graph))
+print(sum(Nanopub(rdf=part, conf=NanopubConf()).is_valid for part in parts.values()))
+"""
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("paper", PAPERS)
+def test_validators_of_the_registers_accept_the_reports(paper, tmp_path):
+    """The validators are not in the lock, since their packages exclude others."""
+    files = []
+    for form in ("nanopublications", "decisions"):
+        for name, text in reports.report(paper, form).items():
+            (tmp_path / name).write_text(text, encoding="utf-8")
+            files.append(name)
+    packages = ("--with", "astra-spec==0.0.14", "--with", "nanopub==2.0.1")
+    command = (
+        sys.executable,
+        "-m",
+        "uv",
+        "run",
+        "--no-project",
+        "--isolated",
+        *packages,
+    )
+    done = subprocess.run(
+        [*command, "python", "-c", VALIDATORS, *files],
+        cwd=tmp_path,
+        check=True,
+        capture_output=True,
+        text=True,
+    )
+    judged = [one for one in of_paper(paper).values() if one.counts]
+    assert int(done.stdout) == len(judged)
+
+
+def test_the_command_line_writes_reports_of_papers_only():
+    done = CliRunner().invoke(main, ["export", "niu2024", "--format", "rescience"])
+    assert done.output.rstrip("\n") == "\n".join(
+        reports.report("niu2024", "rescience").values()
+    ).rstrip("\n")
+    done = CliRunner().invoke(
+        main, ["export", "niu2024/table-3", "--format", "rescience"]
+    )
+    assert done.exit_code == 2
+    assert "paper: expected one of niu2024, chen2023" in done.output
