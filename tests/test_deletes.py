@@ -15,6 +15,7 @@ from reproduce.views.posterior import book_posterior
 
 ROOT = Path(__file__).parent.parent
 DELETE = re.compile(r"\.(rmtree|unlink|rmdir|removedirs)\(|\bos\.remove\(")
+PICKLE = re.compile(r"\b(pickle|joblib|shelve|dill|marshal|allow_pickle=True)\b")
 # All delete below book/_build, which only a build writes.
 DELETING = {
     ("book/_ext/notebook_downloads.py", "write"),
@@ -39,6 +40,15 @@ def test_all_places_that_delete_are_known():
     assert found == DELETING
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
     assert set(re.findall(r"\brm -r?f (.*?)(?:  #.*)?$", makefile, re.M)) == DELETED
+
+
+def test_no_code_reads_pickles():
+    """Sphinx reads those in `book/_build`, which the build makes."""
+    folders = ("src", "tools", "book/_ext", "benchmarks", ".binder")
+    for path in (path for name in folders for path in (ROOT / name).rglob("*.py")):
+        text = path.read_text(encoding="utf-8")
+        assert not PICKLE.search(text), path
+        assert text.count("np.load(") <= text.count("allow_pickle=False)"), path
 
 
 class Planted:

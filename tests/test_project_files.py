@@ -128,13 +128,24 @@ def test_locks_have_every_dependency_in_one_version():
     assert all(">=" in requirement for requirement in DEPENDENCIES)
 
 
-def test_no_file_names_a_registry_or_a_machine():
-    command = ["git", "ls-files", "--cached", "--others", "--exclude-standard"]
+def git(*words):
     # The variables of a hook would name another repository.
     clean = {name: v for name, v in os.environ.items() if name[:4] != "GIT_"}
-    listed = subprocess.run(
-        command, cwd=ROOT, env=clean, capture_output=True, text=True
+    return subprocess.run(
+        ["git", *words], cwd=ROOT, env=clean, capture_output=True, text=True
     )
+
+
+def test_a_tag_is_the_version():
+    """A release of a tag with another version than that of the code fails."""
+    tags = [
+        tag for tag in git("tag", "--points-at", "HEAD").stdout.split() if tag[0] == "v"
+    ]
+    assert tags in ([], [f"v{reproduce.__version__}"])
+
+
+def test_no_file_names_a_registry_or_a_machine():
+    listed = git("ls-files", "--cached", "--others", "--exclude-standard")
     if listed.returncode:
         pytest.skip("not a git checkout")
     names = {*listed.stdout.splitlines()} - {"tests/test_project_files.py"}

@@ -177,14 +177,15 @@ def _of_evidence() -> dict[str, str]:
 def _of_posterior(name: str) -> dict[str, str]:
     """Return the numbers of a posterior, by name.
 
-    ``shift-x-mean`` (-sd, -low, -high) of each parameter and consequence, and ``sbc-...`` of the
+    ``shift-x`` (mean ± sd) and ``shift-x-mean`` (-sd, -low, -high) of each parameter and consequence, and ``sbc-...`` of the
     stored calibration.
     """
-    from reproduce.views.posterior import Posterior, book_posterior, spread
+    from reproduce.views.posterior import Posterior, book_posterior, interval, spread
 
     found, texts = book_posterior(name), {}
     for row in found.summaries():
         label = _label(row.name)
+        texts[label] = f"{interval(row)[0]}{_gap(row.unit)}"
         for what, text in zip(("mean", "sd", "low", "high"), spread(row), strict=True):
             texts[f"{label}-{what}"] = f"{text.replace('-', '−')}{_gap(row.unit)}"
     for label, value in Posterior({"name": name}).truth.items():
@@ -214,40 +215,26 @@ def _of_calibration(name: str) -> Iterator[tuple[str, str]]:
 
 
 def _of_audits() -> dict[str, str]:
-    """Return the counts of the audit, by name.
+    """Return the counts of the audit of all papers, by name.
 
-    ``PAPER-relations``, ``-agreeing``, ``-rounding``, ``-tolerance`` and ``-contradicting`` count
-    relations that do not restate computed cells, ``-restating`` and ``-restating-contradicting``
-    the others, and ``-supposed`` those with an assumption. ``-examined`` and ``-numbers`` count
-    cells. The names without the paper count both papers. ``errata`` includes ``errata-standing``
-    (the conclusion stands) and ``errata-extraction``; ``errata-supposed`` are separate.
+    ``relations``, ``agreeing``, ``rounding``, ``tolerance`` and ``contradicting`` count relations
+    that do not restate computed cells, ``restating-contradicting`` the others, and ``supposed``
+    those with an assumption. ``errata`` includes ``errata-standing`` (the conclusion stands) and
+    ``errata-extraction``; ``errata-supposed`` are separate.
     """
-    counts: dict[str, int] = {}
-    audits = [audit_paper(paper) for paper in PAPERS]
-    for start, group in [*((f"{a.name}-", [a]) for a in audits), ("", audits)]:
-        for audit in group:
-            own, again = audit.tally(restating=False), audit.tally(restating=True)
-            kinds = ("agreeing", "rounding", "tolerance", "contradicting")
-            found = dict(zip(kinds, own.values(), strict=True))
-            found |= {
-                "relations": sum(own.values()),
-                "restating": sum(again.values()),
-                "restating-contradicting": again["contradicts"],
-                "examined": len(audit.examined),
-                "numbers": len(audit.cells),
-                "supposed": len(audit.supposed),
-            }
-            for name, count in found.items():
-                counts[start + name] = counts.get(start + name, 0) + count
-    read = [entry for entry in errata_register() if not entry.assumption]
-    counts["errata"] = len(read)
-    counts["errata-standing"] = sum(entry.conclusion == "stands" for entry in read)
-    counts["errata-extraction"] = sum(entry.extraction for entry in read)
-    supposed = [entry for entry in errata_register() if entry.assumption]
-    counts["errata-supposed"] = len(supposed)
-    counts["errata-supposed-standing"] = sum(
-        one.conclusion == "stands" for one in supposed
-    )
+    counts: Counter[str] = Counter()
+    for audit in map(audit_paper, PAPERS):
+        own, again = audit.tally(restating=False), audit.tally(restating=True)
+        kinds = ("agreeing", "rounding", "tolerance", "contradicting")
+        counts.update(dict(zip(kinds, own.values(), strict=True)))
+        counts["relations"] += sum(own.values())
+        counts["restating-contradicting"] += again["contradicts"]
+        counts["supposed"] += len(audit.supposed)
+    for entry in errata_register():
+        counts["errata-supposed" if entry.assumption else "errata"] += 1
+        if not entry.assumption:
+            counts["errata-standing"] += entry.conclusion == "stands"
+            counts["errata-extraction"] += entry.extraction
     return {label: str(count) for label, count in counts.items()}
 
 

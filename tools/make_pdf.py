@@ -171,7 +171,7 @@ def joined(*, listed: bool = False) -> str:
             "text": moved(deeper, page, pages),
         }
     first = shown[pages[0]]
-    return JOINED_PAGES.render(
+    document: str = JOINED_PAGES.render(
         title="Pointing, reproduced: lists" if listed else first["title"],
         authors=DEVELOPERS,
         version=__version__,
@@ -182,6 +182,7 @@ def joined(*, listed: bool = False) -> str:
             (caption, [shown[page] for page in names]) for caption, names in chapters
         ],
     )
+    return document
 
 
 def set_joined(page: Page) -> None:
@@ -215,7 +216,7 @@ def flat(outline: Any) -> Iterator[Any]:
         yield from flat(entry) if isinstance(entry, list) else [entry]
 
 
-def places(pdf: PdfReader | PdfWriter) -> dict[str, int]:
+def places(pdf: PdfReader | PdfWriter) -> dict[str, Any]:
     """Return the sheet of each place, counted from zero."""
     named = pdf.named_destinations.items()
     return {at[1:]: pdf.get_destination_page_number(place) for at, place in named}
@@ -231,7 +232,7 @@ def cut(pdf: PdfWriter) -> Iterator[tuple[str, str]]:
         folder, _, page = pages[0].partition("/")
         if page:
             chapter, file = PdfWriter(), f"reproduce-{folder}.pdf"
-            chapter.append(pdf, pages=(start, end), import_outline=False)
+            chapter.append(PDF, pages=(start, end), import_outline=False)
             chapter.add_metadata({"/Title": caption, **ABOUT})
             chapter.write(HTML / file)
             yield file, caption

@@ -9,7 +9,7 @@ from playwright.sync_api import Page
 from reading import DESKTOP, PHONE
 
 pytestmark = pytest.mark.browser
-# One page of each kind: menu, wall, tables, figures, sliders, folds, corner plots, errata, a form.
+# One page of each kind: menu, wall, tables, figures, sliders, folds, intervals, errata, a form.
 PAGES = (
     "index.html",
     "find.html",

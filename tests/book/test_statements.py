@@ -3,6 +3,7 @@
 import numpy as np
 from scipy.stats import chi2
 
+from reproduce.judge.ledger import frozen
 from reproduce.papers.chen2023 import effectiveness
 from reproduce.printed.cells import library
 from reproduce.printed.inputs import load_inputs
@@ -36,6 +37,25 @@ def test_the_differences_are_within_the_central_99_percent_and_beyond_the_upper_
     _, found, freedom, chance = row
     assert chi2.ppf(0.99, freedom) < found < chi2.ppf(0.995, freedom)
     assert abs(chance - chi2.sf(found, freedom)) < 1e-9
+
+
+def test_the_first_page_trusts_what_agrees():
+    """Its third column: yes, no, cannot be checked, open."""
+    found = frozen()
+    expected = {
+        "niu2024/table-2#scale.red": "exact",
+        "niu2024/table-3#rotation.red": "consistent",
+        "niu2024/table-3#rotation.blue": "consistent",
+        "niu2024/table-3#scale.red": "differs",
+        "niu2024/table-3#scale.blue": "differs",
+        "niu2024/text-experiment#rmse-after-red-x": "unpublished",
+        "chen2023/text-effectiveness#difference-bound": "exact",
+        "chen2023/table-5#3.reference-x": "ambiguous",
+        "chen2023/text-resolution#optimum": "ambiguous",
+    }
+    assert {cell: found[cell].verdict for cell in expected} == expected
+    counts = facts_of("chen2023/table-4")
+    assert counts["agree"].partition(" ")[0] == counts["results"]
 
 
 def test_words_and_dashes_are_not_counted_as_numbers():

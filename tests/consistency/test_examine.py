@@ -160,5 +160,3 @@ def test_last_digits_are_compared_for_a_relation_of_kind_print():
         audit = audited_table("made up", cells, text)
         (found,) = audit.findings
         assert found.outcome == outcome
-        assert not found.relation.compares
-        assert (audit.examined, audit.bounded) == ((), tuple(cells))

@@ -5,14 +5,13 @@ import pytest
 from errors import mcse_deviation, mcse_mean
 from scipy import stats
 from scipy.spatial.transform import Rotation
+from scipy.special import logsumexp
 
 from reproduce.inference.diagnostics import mcse_quantile
 from reproduce.inference.models import (
     SpotStatistics,
     misalignment_model,
-    small_angle_posterior,
 )
-from reproduce.inference.models.misalignment import _given_noise
 from reproduce.inference.sampling import Plan, sample
 from reproduce.printed.inputs import load_inputs
 from reproduce.units import ARCSEC_PER_RADIAN
@@ -39,12 +38,44 @@ def constant(platform):
     return misalignment_model(platform, SpotStatistics.of(spots, (False, False)))
 
 
+def given_noise(model):
+    """The posterior for a linear prediction, as a mixture of Gaussians over the noise.
+
+    Values of the noise and their probabilities, means of all other parameters given the noise, and
+    roots of their covariances.
+    """
+    likelihood = model.likelihood
+    *others, last = (one.prior for one in model.parameters)
+    middle, sigma = np.array([(one.mean, one.sigma) for one in others]).T
+    centre, spread = likelihood.start()
+    scale = spread[:-1]
+    response, left = likelihood.linearised(centre, scale)
+    # In units of the errors, or the matrices cannot be inverted.
+    response, off = response * scale, (middle - centre[:-1]) / scale
+    held = np.square(scale / sigma)
+    noise = centre[-1] + spread[-1] * np.linspace(-9, 9, 401)
+    precise = noise[:, None] ** -2
+    inverse = np.linalg.inv(response.T @ response * precise[..., None] + np.diag(held))
+    pull = response.T @ left * precise + held * off
+    means = np.einsum("mij,mj->mi", inverse, pull)
+    roots = np.linalg.cholesky(inverse)
+    squares = likelihood.statistics.squares + left @ left
+    logs = last.log_density(noise) - likelihood.statistics.size * np.log(noise)
+    logs += 0.5 * (np.vecdot(means, pull) - squares / noise**2)
+    logs += np.log(np.diagonal(roots, axis1=1, axis2=2)).sum(axis=1)
+    weight = np.exp(logs - logsumexp(logs))
+    return noise, weight, centre[:-1] + means * scale, roots * scale[:, None]
+
+
 def test_sampler_agrees_with_the_small_angle_limit(constant):
     """Mean, covariance and quantiles of the exact linear posterior, within Monte Carlo errors."""
     posterior = sample(constant, Plan(5, steps=300, warmup=120))
-    mean, covariance = small_angle_posterior(constant)
     generator, count = np.random.default_rng(3), 200_000
-    noise, weight, means, roots = _given_noise(constant)
+    noise, weight, means, roots = given_noise(constant)
+    rows = np.column_stack([means, noise])
+    mean = weight @ rows
+    covariance = ((rows - mean).T * weight) @ (rows - mean)
+    covariance[:-1, :-1] += np.einsum("m,mik,mjk->ij", weight, roots, roots)
     chosen = generator.choice(len(noise), count, p=weight)
     normal = generator.normal(size=(count, means.shape[1]))
     others = means[chosen] + np.einsum("nij,nj->ni", roots[chosen], normal)
@@ -67,7 +98,7 @@ def test_small_angle_posterior_is_the_normal_law_of_all_images(platform):
     """Independent: few images, SciPy's Gaussian of all spots with the parameters summed out."""
     groups = images(platform, np.zeros(3), 5)
     model = misalignment_model(platform, SpotStatistics.of(groups, (False, False)))
-    noises, weight, *_ = _given_noise(model)
+    noises, weight, *_ = given_noise(model)
     centre, spread = model.likelihood.start()
     response, left = model.likelihood.linearised(centre, spread[:-1])
     half = len(left) // 2  # without the slopes, which are zero at rest

@@ -12,27 +12,17 @@ from reproduce.inference import Normal
 from reproduce.inference.models import (
     SpotStatistics,
     distortion_model,
-    joint_model,
     misalignment_model,
 )
 
 REPLICATES = 600
 SEED = 3
-PIVOT = np.array([1030.0, 770.0])
 
 
 def held(model, **values):
     """The model with some known parameters, whose estimator neglects them."""
     known = {name: Normal(value, 1e-12, "known") for name, value in values.items()}
     return model.with_priors({name.replace("_", "-"): p for name, p in known.items()})
-
-
-def pair(registration, red=2.0, blue=0.5):
-    """Both channels, with scales far from one, so that the noise of the sources counts."""
-    data = registration.likelihood
-    sources = data.source, 0.5 * data.source + 0.07
-    model = joint_model(sources, data.target, (PIVOT, PIVOT + 3.0))
-    return held(model, red_scale=red, blue_scale=blue)
 
 
 def spots(platform, lever=0.0, **known):
@@ -48,8 +38,6 @@ NO_DRIFT = dict.fromkeys(("drift_x", "drift_y", "drift_z"), 0.0)
 NO_DISTORTION = {"source_distortion": 0.0, "target_distortion": 0.0}
 WELL_SPECIFIED = {
     "registration": lambda r, _: r,
-    "registration-joint": lambda r, _: pair(r),
-    "registration-joint-alike": lambda r, _: pair(r, 1.0, 1.0),
     "registration-distortion": lambda r, _: held(distortion_model(r), **NO_DISTORTION),
     "misalignment": lambda _, p: spots(p),
     "misalignment-drift": lambda _, p: spots(p, 134.0, **NO_DRIFT),
@@ -76,14 +64,12 @@ def test_intervals_cover_as_often_as_claimed(case, registration, platform):
     assert min(found.values()) > 1e-3 / 27, found
 
 
-def test_rough_errors_of_the_start_do_not_cover_as_claimed(registration, monkeypatch):
-    """The check above finds errors of another scale, and errors of one channel."""
-    for scales, wrong in (((2.0, 0.5), "red-scale"), ((1.0, 1.0), "noise")):
-        model = pair(registration, *scales)
-        assert coverage_probabilities(model)[wrong] > 1e-4
-        with monkeypatch.context() as rough:
-            rough.setattr(calibrations, "estimate", lambda one: one.start())
-            assert coverage_probabilities(model)[wrong] < 1e-6
+def test_errors_of_another_scale_do_not_cover_as_claimed(registration, monkeypatch):
+    """The check above finds an error that is too small by a third."""
+    monkeypatch.setattr(
+        calibrations, "estimate", lambda one: (one.start()[0], one.start()[1] / 1.5)
+    )
+    assert max(coverage_probabilities(registration).values()) < 1e-6
 
 
 def test_errors_of_quest_are_its_response_to_every_spot(platform):

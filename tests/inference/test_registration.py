@@ -1,4 +1,4 @@
-"""The registration models: likelihood, closed form, joint noise, and errors of the stars."""
+"""The registration models: likelihood, closed form, and errors of the stars."""
 
 import numpy as np
 import pandas as pd
@@ -14,7 +14,6 @@ from reproduce.inference import Normal
 from reproduce.inference.models import (
     GaussianRegistration,
     distortion_model,
-    joint_model,
     registration_model,
 )
 from reproduce.papers.posteriors import posteriors
@@ -47,45 +46,27 @@ def likelihood(**settings):
     return GaussianRegistration(prepare(SOURCE, TARGET, (900.0, 1100.0), **settings))
 
 
-@pytest.fixture(scope="module")
-def joint(registration):
-    data = registration.likelihood
-    noise = np.random.default_rng(4).normal(size=data.source.shape)
-    sources = data.source, data.source + 0.07 * noise
-    return joint_model(sources, data.target, (PIVOT, PIVOT + 3.0))
-
-
 def point_by_point(likelihood, parameters):
     """Log likelihood from all points, by the normal density of complex residuals."""
-    channels, found = likelihood.channels, []
-    green = likelihood.target @ [1, 1j]
-    for row in parameters:
-        residuals = []
-        for i, channel in enumerate(channels):
-            k, theta, x, y = row[4 * i : 4 * i + 4]
-            centre = channel.pivot @ [1, 1j]
-            offsets = channel.source @ [1, 1j] - centre
-            residuals.append(
-                green - k * np.exp(1j * theta) * offsets - centre + x + 1j * y
-            )
-        count, scales = len(channels), row[:8:4] * (len(channels) > 1)
-        shape = np.ones((count, count)) + np.diag(scales**2)[:count, :count]
-        law = stats.multivariate_normal(np.zeros(count), row[-1] ** 2 * shape)
-        parts = np.real(residuals), np.imag(residuals)
-        total = sum(law.logpdf(part.T).sum() for part in parts)
-        # Given the red points the blue ones are random too, which adds the Jacobian k^2 per star.
-        found.append(total + (2 * len(green) * np.log(row[4]) if count > 1 else 0.0))
+    found, centre = [], likelihood.pivot @ [1, 1j]
+    offsets, green = (
+        likelihood.source @ [1, 1j] - centre,
+        likelihood.target @ [1, 1j],
+    )
+    for k, theta, x, y, noise in parameters:
+        residuals = green - k * np.exp(1j * theta) * offsets - centre + x + 1j * y
+        parts = residuals.real, residuals.imag
+        found.append(sum(stats.norm.logpdf(part, 0, noise).sum() for part in parts))
     return np.array(found)
 
 
-def test_likelihood_agrees_with_all_points(registration, joint):
+def test_likelihood_agrees_with_all_points(registration):
     """To far better than the log likelihood varies over the start."""
-    for model in (registration, joint):
-        points = model.start(np.random.default_rng(2), 64)
-        whole = point_by_point(model.likelihood, points)
-        found = model.likelihood(points)
-        np.testing.assert_allclose(found, whole, rtol=1e-10, atol=1e-7)
-        assert np.ptp(whole) > 10
+    points = registration.start(np.random.default_rng(2), 64)
+    whole = point_by_point(registration.likelihood, points)
+    found = registration.likelihood(points)
+    np.testing.assert_allclose(found, whole, rtol=1e-10, atol=1e-7)
+    assert np.ptp(whole) > 10
 
 
 @pytest.mark.parametrize("model", MODELS)
@@ -221,15 +202,6 @@ def test_leaving_a_star_out_agrees_with_its_exact_prediction(tmp_path):
     np.testing.assert_allclose(elpd[good], np.array(exact)[good], atol=0.15)
     assert elpd.sum() == pytest.approx(sum(exact), abs=1.0)
     assert found.log_likelihood().shape == (log.size // 30, 30)
-
-
-def test_correlation_of_both_channels_is_checked(joint):
-    """Half, from the green noise in both channels."""
-    truth = np.array([1.0, 0.002, 0.3, 0.5, 1.0, -0.001, -0.4, -0.6, 0.05])
-    generator, name = np.random.default_rng(1), "correlation of both residuals"
-    drawn = (joint.likelihood.simulate(truth, generator) for _ in range(40))
-    shared = [joint.likelihood.checks(data)[name] for data in drawn]
-    assert abs(np.mean(shared) - 0.5) < 0.03
 
 
 def test_distortions_cancel_or_vanish(registration):

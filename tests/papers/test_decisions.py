@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from reproduce.inference.models import averaging_moments
 from reproduce.papers.catalogue import studies
 from reproduce.papers.chen2023 import decisions as camera
+from reproduce.papers.chen2023 import published
 from reproduce.papers.niu2024 import decisions as sensor
 from reproduce.papers.niu2024.posteriors import true_centroids
-from reproduce.papers.posteriors import posteriors
 from reproduce.physics.attitude import scatter_of_averages
 from reproduce.physics.registration import fit_registration
-from reproduce.printed.cells import find
 from reproduce.printed.inputs import load_inputs
 from reproduce.units import ARCSEC_PER_RADIAN
 
@@ -28,8 +28,9 @@ def white_and_floor():
     """Draws of both about X, by weighting draws of the prior with the likelihood of Table IV."""
     generator = np.random.default_rng(1)
     white = 0.38 * np.exp(0.12 * (2 * generator.random(60_000) - 1)) / ARCSEC_PER_RADIAN
-    floor = np.abs(generator.normal(0, 0.1 / 3, len(white))) / ARCSEC_PER_RADIAN
-    logs = camera._log_likelihood(FRAMES, "x", white, floor)
+    floor = generator.uniform(0, 0.1, len(white)) / ARCSEC_PER_RADIAN
+    likelihood = published.averaging(FRAMES, "x").likelihood
+    logs = likelihood(np.column_stack([white, floor]))
     shares = np.exp(logs - logs.max())
     chosen = generator.choice(len(white), 40_000, p=shares / shares.sum())
     return white[chosen], floor[chosen]
@@ -41,7 +42,7 @@ def test_the_law_of_table_4_is_that_of_simulated_series():
     drift = np.linspace(-1, 1, 800)
     series = generator.normal(size=(4000, 800)) + 0.1 * drift / drift.std(ddof=1)
     squares = scatter_of_averages(series, counts) ** 2
-    white, floor, pairs, bent = camera._moments(800, counts)
+    white, floor, pairs, bent = averaging_moments(800, counts)
     np.testing.assert_allclose(squares.mean(axis=0), white + 0.1**2 * floor, rtol=0.02)
     covariance = 2 * pairs + 4 * 0.1**2 * bent
     np.testing.assert_allclose(np.cov(squares.T), covariance, rtol=0.15)
@@ -53,44 +54,11 @@ def test_the_knee_is_that_of_weighted_draws(white_and_floor):
     assert fact("chen2023/frames", "knee-x") == pytest.approx(expected, rel=0.04)
 
 
-def test_where_table_5_says_that_averaging_stops(white_and_floor):
-    """From simulated scatters of the few printed differences, about a noise of any size."""
-    white, _ = white_and_floor
-    generator = np.random.default_rng(3)
-    scatter = np.sqrt(
-        np.mean(
-            [np.var(generator.normal(size=(40_000, 4)), axis=1, ddof=1) for _ in "xy"],
-            axis=0,
-        )
-    )
-    noises = fact("chen2023/frames", "differences") / ARCSEC_PER_RADIAN / scatter
-    for name, share in (("-low", 0.025), ("", 0.5), ("-high", 0.975)):
-        told = fact("chen2023/frames", f"stage-noise{name}") / ARCSEC_PER_RADIAN
-        assert told == pytest.approx(np.quantile(noises, share), rel=0.02)
-        told = fact("chen2023/frames", f"stage-frames{name}")
-        assert told == pytest.approx(
-            np.quantile((white / noises) ** 2, share), rel=0.06
-        )
-
-
-def test_the_printed_differences_have_the_scatter_of_the_angles():
-    """So the rule for frames does not depend on the reading of the columns."""
-    printed = [
-        [
-            find(f"chen2023/table-5#{n}.difference-{a}")[0].number.value
-            for n in range(2, 6)
-        ]
-        for a in "xy"
-    ]
-    expected = np.sqrt(np.var(printed, axis=1, ddof=1).mean())
-    assert fact("chen2023/frames", "differences") == pytest.approx(expected, rel=1e-9)
-
-
 def test_the_average_of_frames(white_and_floor):
     white, floor = white_and_floor
     expected = np.quantile(np.hypot(white / 10, floor), (0.025, 0.5, 0.975))
-    found = camera._noise(FRAMES, "x").averages(np.array([100]))[:, 0]
-    np.testing.assert_allclose(found, expected, rtol=0.02)
+    found = camera._averages(FRAMES, "x", np.array([100]))[:, 0]
+    np.testing.assert_allclose(found, expected * ARCSEC_PER_RADIAN, rtol=0.02)
 
 
 def test_the_edge_by_hand_and_by_monte_carlo():
@@ -125,25 +93,6 @@ def test_free_distortions_pay_from_their_number_of_stars_on():
         }
         squares["similarity"] += np.sum(sensor._neglected(STARS) ** 2)
         assert min(squares, key=squares.get) == better
-
-
-def test_the_age_of_a_calibration_is_that_of_least_squares():
-    """A line through the angles frame by frame: its middle, its slope and their errors."""
-    inputs = load_inputs(camera.INPUTS)
-    error, moved, spread = camera._drifting(inputs)
-    frames = inputs.count("chen2023/text-accuracy#frames")
-    # The error of a slope over a group is sqrt(12) times the error of its middle, and the angle
-    # about X includes the error of the calibration group.
-    assert spread == pytest.approx(np.sqrt(12 / 2) * error, rel=0.01)
-    truth = posteriors()["misalignment-drift"].true_values()["drift-x"]
-    assert abs(moved - truth) < 3 * spread
-    assert fact("chen2023/drift", "images") == pytest.approx(frames * error / moved)
-    assert fact("chen2023/drift", "followed") == pytest.approx(frames * error / spread)
-    shown = studies()["chen2023/drift"]().set_index("Images") / ARCSEC_PER_RADIAN
-    # At the end of its group, half of it after the middle: the root of 1 + 6 / 4.
-    constant, *_, followed = shown.loc[frames // 2]
-    assert followed == pytest.approx(np.sqrt(1 + 6 / 4) * error, rel=0.01)
-    assert constant == pytest.approx(np.hypot(error, moved / 2))
 
 
 def test_sufficient_numbers_of_stars():

@@ -226,7 +226,7 @@ def test_a_posterior_is_sampled_on_first_use_and_rerun_with_a_seed():
     frame = plain.frame()
     assert list(frame.index)[:2] == list(plain.priors.index)[:2]
     assert len(plain.draws) == plain.sampled.draws.shape[0]
-    assert "<svg" in plain.corner()._repr_html_()
+    assert "<svg" in plain.intervals()._repr_html_()
     assert (plain.rerun(seed=3).frame()["mean"] != frame["mean"]).all()
 
 

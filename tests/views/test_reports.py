@@ -13,6 +13,7 @@ import yaml
 from click.testing import CliRunner
 
 import reproduce as rp
+from reproduce.judge import ledger
 from reproduce.judge.ledger import frozen, reply_state
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import Prediction
@@ -178,7 +179,7 @@ def test_a_covariance_is_that_of_the_draws():
     assert '"translation-x.red"' in rp.table("niu2024/table-3").export("covariance")
 
 
-def test_the_state_of_a_reply_is_in_the_ledger():
+def test_the_state_of_a_reply_is_in_the_ledger(monkeypatch):
     asked, given = "niu2024/table-3#scale.red", "niu2024/table-1#focal-length.red"
     assert (reply_state(asked), reply_state(given)) == ("none", "")
     record, other = (
@@ -186,6 +187,9 @@ def test_the_state_of_a_reply_is_in_the_ledger():
         for address in (asked, given)
     )
     assert (record["reply"], other["reply"]) == ("none", "")
+    answered = {"niu2024-scale-run": "disputed"}
+    monkeypatch.setattr(ledger, "_reply_states", lambda: answered)
+    assert reply_state(asked) == "disputed"
 
 
 # The validator expects one nanopublication.

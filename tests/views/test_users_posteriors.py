@@ -188,7 +188,7 @@ def test_any_rotation_and_scale_is_sampled(stored):
     assert rows["scale"]["deviation"] < 1e-5
     data = {"kind": "file", "file": str(path), "rows": 81}
     data["sha256"] = hashlib.sha256(path.read_bytes()).hexdigest()
-    assert record["data"] == data | {"pivot": [pivot.tolist()]}
+    assert record["data"] == data | {"pivot": pivot.tolist()}
 
 
 def test_noise_that_is_lost_in_the_rounding_is_reported(stored):
@@ -317,7 +317,7 @@ def test_wrong_matches_are_named_by_their_rows_and_draws_are_saved(stored, tmp_p
 def test_simulated_data_have_a_provenance_and_a_truth():
     found = rp.posterior("registration")
     data, frame = found.data_record, found.frame()
-    pivot = [found.model.likelihood.pivot.tolist()]
+    pivot = found.model.likelihood.pivot.tolist()
     assert (data["kind"], data["paper"], data["pivot"]) == (
         "simulated",
         "niu2024",

@@ -36,7 +36,6 @@ from keep import write, write_table
 from reproduce.inference import Model, autocorrelation_time, thinned
 from reproduce.inference.models import (
     GaussianRegistration,
-    JointRegistration,
     MixtureRegistration,
     SpotLikelihood,
 )
@@ -175,7 +174,10 @@ def replicate(model: Model, seed: int, index: int) -> tuple[Counts, bool, Covere
     # In random order, because a consequence with random numbers depends on the row.
     order = Generator(PCG64(_stream(model, seed, index, 2))).permutation(len(draws) + 1)
     values = quantities(fitted, np.concatenate([truth[None], draws])[order])
-    ranks = (values < values[order == 0]).sum(axis=0)
+    below = values < values[order == 0]
+    # Equal values, such as a probability of one, are ranked in the random order.
+    below |= (values == values[order == 0]) & (np.cumsum(order == 0) == 0)[:, None]
+    ranks = below.sum(axis=0)
     return ranks, failed, _covered(fitted, truth)
 
 
@@ -225,37 +227,16 @@ def _covered(model: Model, truth: FloatArray) -> Covered:
 
 def estimate(likelihood: Any) -> Estimate:
     """Return the published estimates of the parameters; NaN for a parameter without an estimate."""
-    if isinstance(likelihood, JointRegistration):
-        return _both_channels(likelihood)
     if isinstance(likelihood, SpotLikelihood):
         return _quest(likelihood)
     if not isinstance(likelihood, GaussianRegistration):
-        raise TypeError(
-            f"likelihood: expected one with a published estimator, got {type(likelihood).__name__}"
-        )
+        unknown = np.full(len(likelihood.start()[0]), np.nan)
+        return unknown, unknown
     centre, spread = GaussianRegistration(likelihood.problem).start()
     # The residuals of wrong matches do not determine the noise.
     known = 4 if isinstance(likelihood, MixtureRegistration) else 5
     missing = np.full(len(likelihood.start()[0]) - known, np.nan)
     return np.append(centre[:known], missing), np.append(spread[:known], missing)
-
-
-def _both_channels(likelihood: JointRegistration) -> Estimate:
-    """Return the least-squares fit of each channel, and the mean of their noises.
-
-    The residuals of the channels have the green noise in common. Their correlation is
-    1 / sqrt((1 + k_red^2) (1 + k_blue^2)), and that of the noises its square.
-    """
-    fits = [channel.start() for channel in likelihood.channels]
-    scales = np.array([centre[0] for centre, _ in fits])
-    # The residual contains the noise of both images.
-    noises, (red, blue) = np.array(
-        [[fit[i][4] for fit in fits] for i in (0, 1)]
-    ) / np.hypot(1, scales)
-    shared = 1 / np.prod(1 + scales**2)
-    error = 0.5 * np.sqrt(red**2 + blue**2 + 2 * shared * red * blue)
-    centre, errors = (np.concatenate([fit[i][:4] for fit in fits]) for i in (0, 1))
-    return np.append(centre, noises.mean()), np.append(errors, error)
 
 
 def _quest(likelihood: SpotLikelihood) -> Estimate:

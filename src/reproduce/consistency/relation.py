@@ -147,7 +147,6 @@ class Relation(_Declared):
     """An equation or inequality between printed cells.
 
     - `name`: name of the relation.
-    - `declared`: name of its declaration, with placeholders.
     - `formula`: comparison. If the kind is ``print``, its names stand for the unit of the last
       printed digit.
     - `binding`: name in the formula to an address, or to the addresses of a list.
@@ -163,7 +162,6 @@ class Relation(_Declared):
     """
 
     name: str
-    declared: str
     formula: Formula
     binding: Mapping[str, str | tuple[str, ...]]
     source: str
@@ -183,12 +181,6 @@ class Relation(_Declared):
     claim: str | None = None
     reading: Finder = ""
     assumption: str = ""
-
-    @property
-    def compares(self) -> bool:
-        """Whether it compares the value of a printed number with another one."""
-        shared = len(self.addresses) > 1 or self.unknown is not None
-        return shared and self.kind != "print"
 
     @property
     def repeats(self) -> bool:
@@ -312,7 +304,6 @@ def _relation(
         fields["restates"] = prefix + line["restates"].format(**values)
     fields |= {
         "name": re.sub("-+", "-", line["name"].format(**marks)).strip("-"),
-        "declared": line["name"],
         "formula": Formula(line["formula"].format(**values)),
         "binding": {name: _bound(prefix + to, cells) for name, to in pairs},
     }

@@ -5,7 +5,7 @@ from __future__ import annotations
 import fnmatch
 import functools
 import tomllib
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -39,21 +39,6 @@ class Audit:
     findings: tuple[examine.RelationResult, ...]
     unknowns: dict[str, examine.Agreement]
     equations: tuple[Demonstration, ...]
-
-    @property
-    def examined(self) -> tuple[str, ...]:
-        """The cells that a relation compares with another cell, in the order of the paper."""
-        return self._within(f.relation for f in self.findings if f.relation.compares)
-
-    @property
-    def bounded(self) -> tuple[str, ...]:
-        """The cells of which relations give only a sign, a bound or a last digit."""
-        related = self._within(f.relation for f in self.findings)
-        return tuple(a for a in related if a not in self.examined)
-
-    def _within(self, relations: Iterable[Relation]) -> tuple[str, ...]:
-        related = {address for relation in relations for address in relation.addresses}
-        return tuple(address for address in self.cells if address in related)
 
     @property
     def read(self) -> tuple[examine.RelationResult, ...]:

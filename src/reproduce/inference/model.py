@@ -161,7 +161,8 @@ class Likelihood(Protocol):
         """Return the log likelihood, shape (n,), of parameter vectors, shape (n, d)."""
 
     def pointwise(self, parameters: FloatArray) -> FloatArray:
-        """Return the log likelihood of each observation, shape (n, ...)."""
+        """Return the log likelihood of each observation, shape (n, ...); by default of all data."""
+        return self(parameters)[:, None]
 
     def simulate(self, parameters: FloatArray, generator: Generator) -> Any:
         """Return data drawn for one parameter vector, shape (d,)."""

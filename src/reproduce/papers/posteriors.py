@@ -30,7 +30,7 @@ def posteriors() -> dict[str, Declaration]:
     Examples
     --------
     >>> list(posteriors())[0]
-    'registration'
+    'camera-red'
     """
     names = (f"reproduce.papers.{paper}.posteriors" for paper in papers())
     modules = [importlib.import_module(name) for name in names if find_spec(name)]

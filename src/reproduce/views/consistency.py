@@ -147,8 +147,6 @@ def _score(audits: Sequence[Audit]) -> _Part:
             {
                 "name": audit.name,
                 "Numbers": len(audit.cells),
-                "Compared with others": len(audit.examined),
-                "Only bounded": len(audit.bounded),
                 "Relations": sum(counts),
                 "Agree": counts[0],
                 "Only through rounding": counts[1],
@@ -184,7 +182,7 @@ def _relations(audits: Sequence[Audit]) -> _Part:
 def _relation(finding: RelationResult, audit: Audit) -> _Row:
     """Return the record of a relation."""
     relation, tolerance = finding.relation, finding.relation.tolerance
-    fields = "declared source kind claim reading assumption restates".split()
+    fields = "source kind claim reading assumption restates".split()
     return {
         "name": relation.name,
         "paper": audit.name,

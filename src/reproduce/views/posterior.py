@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from markupsafe import Markup
+from numpy.random import default_rng
 from numpy.typing import NDArray
 
 from reproduce import inference
@@ -29,6 +30,7 @@ from reproduce.inference import (
     sampling,
 )
 from reproduce.inference.models import (
+    GaussianRegistration,
     MixtureRegistration,
     exact_draws,
     probability_false,
@@ -36,15 +38,16 @@ from reproduce.inference.models import (
 from reproduce.inference.modes import Modes
 from reproduce.judge.rerun import check_randomness
 from reproduce.papers.posteriors import posteriors
+from reproduce.printed.cells import find
 from reproduce.store.files import DRAWS, check_target, replacing, write_text
 from reproduce.store.points import STARS, DataTable, is_table, matched_stars, read_table
 from reproduce.version import __version__
 from reproduce.views import computed
 from reproduce.views.base import text_of
 from reproduce.views.blocks import Block, Blocks, Display, Fold, Grid, Html
-from reproduce.views.corner import MAX_PARAMETERS, draw_corner
 from reproduce.views.export import cite_related, export_frame, provenance_of
 from reproduce.views.figure import figure_block
+from reproduce.views.intervals import correlated_pair, draw_intervals
 from reproduce.views.measurements import platform_of
 from reproduce.views.numbers import digits, minus, moments
 
@@ -215,10 +218,10 @@ class Posterior(Display):
         if table := self._table:
             data = {"kind": "file", "file": table.path, "rows": len(table.rows)}
             data["sha256"] = table.sha256
-        pivots = getattr(self.model.likelihood, "pivots", ())
-        return data | (
-            {"pivot": [pivot.tolist() for pivot in pivots]} if pivots else {}
-        )
+        likelihood = self.model.likelihood
+        if isinstance(likelihood, GaussianRegistration):
+            data["pivot"] = likelihood.pivot.tolist()
+        return data
 
     @property
     def data_text(self) -> str:
@@ -229,7 +232,8 @@ class Posterior(Display):
             text = simulated if self.declared.simulated else "as printed in"
             return f"{text} {self.declared.paper}"
         text = f"of {Path(data['file']).name}, {data['rows']} rows"
-        for x, y in data.get("pivot", ()):
+        if "pivot" in data:
+            x, y = data["pivot"]
             text += f", pivot ({x:.6g}, {y:.6g}) px"
             text += ", the mean of the stars" * ("pivot" not in self._arguments)
         return text
@@ -287,8 +291,8 @@ class Posterior(Display):
     @property
     def source(self) -> str:
         """Source code of the function that makes the model, and of its likelihood."""
-        kind = type(self.model.likelihood)
-        parts = (self.declared.build, kind.__call__, kind.pointwise)
+        kind, build = type(self.model.likelihood), self.declared.build
+        parts = getattr(build, "func", build), kind.__call__, kind.pointwise
         return "\n\n".join(dedent(text_of(part)) for part in parts)
 
     @property
@@ -326,7 +330,9 @@ class Posterior(Display):
         return self._framed(self.sampled.draws)
 
     def exact(self, draws: int = 10_000, seed: int = 0) -> pd.DataFrame:
-        """Return independent draws of a registration in closed form, without emcee.
+        """Return independent draws in closed form, without emcee.
+
+        Registrations and printed registrations have a closed form.
 
         Parameters
         ----------
@@ -345,14 +351,16 @@ class Posterior(Display):
         ValueError
             If the model has no closed form.
         """
-        return self._framed(exact_draws(self.model, draws, np.random.default_rng(seed)))
+        return self._framed(exact_draws(self.model, draws, default_rng(seed)))
+
+    def _columns(self, rows: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
+        """Return the values of the parameters in the displayed unit, by name."""
+        parameters = zip(self.model.parameters, rows.T, strict=True)
+        return {one.name: one.shown * column for one, column in parameters}
 
     def _framed(self, rows: NDArray[np.float64]) -> pd.DataFrame:
-        parameters = self.model.parameters
-        heads = [f"{parameter.name} ({parameter.unit})" for parameter in parameters]
-        return pd.DataFrame(
-            rows * [parameter.shown for parameter in parameters], columns=heads
-        )
+        units = {one.name: f"{one.name} ({one.unit})" for one in self.model.parameters}
+        return pd.DataFrame(self._columns(rows)).rename(columns=units)
 
     def log_likelihood(self) -> pd.DataFrame:
         """Return the log likelihood of each star or spot, one row per thinned draw."""
@@ -370,15 +378,16 @@ class Posterior(Display):
         }
         return {name: value * factors[name] for name, value in values.items()}
 
-    def corner(self, *names: str) -> Html:
-        """Return the corner plot of up to five parameters.
+    def intervals(self, *names: str) -> Html:
+        """Return the interval plot of some quantities, with the most correlated pair.
 
-        The truth of simulated data is marked, otherwise a least-squares or nominal estimate.
+        The truth of simulated data is marked, or the printed value, or the least-squares estimate
+        of your data. If a closed form exists, its intervals are below those of emcee.
 
         Parameters
         ----------
         *names : str
-            Names of the parameters. Default: the first five.
+            Names of parameters or consequences. Default: all parameters.
 
         Returns
         -------
@@ -388,29 +397,64 @@ class Posterior(Display):
         Raises
         ------
         ValueError
-            If a name is unknown or appears twice, or there are more than five names.
+            If a name is unknown or appears twice.
         """
-        known = self.model.names
-        names = names or known[:MAX_PARAMETERS]
-        if len({*names} & {*known}) < len(names) or len(names) > MAX_PARAMETERS:
+        rows, symbols = self.sampled.draws, {}
+        derived = self.model.consequences(rows)
+        values, units = self._columns(rows), {}
+        for one in self.model.parameters:
+            symbols[one.name], units[one.name] = f"${one.label}$", one.unit
+        for key, found in derived.items():
+            symbols[key], units[key] = key.replace(" ", "\n", 1), found.unit
+            values[key] = found.values
+        names = names or self.model.names
+        if len({*names} & {*values}) < len(names):
             raise ValueError(
-                f"names: expected up to {MAX_PARAMETERS} different parameters of "
-                f"{', '.join(known)}, got {', '.join(names)}. All draws are in `draws`"
+                f"names: expected different quantities of {', '.join(values)}, got "
+                f"{', '.join(names)}. All draws are in `draws`"
             )
         kind, marks = "truth of the simulation", self.truth
-        if not marks:
-            kind = "least-squares or nominal estimate"
-            start = self.model.likelihood.start()[0].tolist()
-            marks = self._shown(dict(zip(known, start, strict=True)))
-        marks = {name: marks[name] for name in names if name in marks}
-        caption = f"Posterior of {self.name}, data {self.data_text}."
-        caption += f" Orange: {kind}." * bool(marks)
-        caption += " Contours contain 50 % and 95 % of the draws." * (len(names) > 1)
+        if self._table:
+            kind, (centre, _) = "least squares", self.model.likelihood.start()
+            marks = self._shown(
+                dict(zip(self.model.names, centre.tolist(), strict=True))
+            )
+        elif not marks:
+            kind, texts = "printed value", self.declared.summary.items()
+            marks = self._shown({key: find(a)[0].si for key, a in texts if "#" in a})
+        try:
+            exact = self._columns(exact_draws(self.model, len(rows), default_rng(0)))
+        except ValueError:
+            exact = {}
+        draws = {key: values[key] for key in names}
+        pair, correlation = correlated_pair(draws)
+        marked = [key for key in names if key in marks]
+        ends = {key: np.quantile(draws[key], (0.025, 0.975)) for key in marked}
+        inside = sum(low <= marks[key] <= high for key, (low, high) in ends.items())
+        sentences = [
+            f"Posterior {self.name}, data {self.data_text}.",
+            "Dots: medians; thick and thin lines: central 50 % and 95 %.",
+            f"Dashed: {kind}." * bool(marked),
+            f"The 95 % intervals contain {inside} of {len(marked)} true values."
+            * bool(marked and self.truth),
+            "Below, in green: the closed form." * bool(exact.keys() & draws),
+            f"Panel: draws of {' and '.join(pair)}, with a correlation of "
+            f"{minus(f'{correlation:.2f}')}." * bool(pair),
+        ]
         return figure_block(
-            f"figure-posterior-{self.model.name}-corner" + "-own" * (not self._in_book),
-            partial(draw_corner, posterior=self.sampled, names=names, marks=marks),
-            f"Histograms and contours of {', '.join(names)} in the posterior.",
-            caption,
+            f"figure-posterior-{self.model.name}" + "-own" * (not self._in_book),
+            partial(
+                draw_intervals,
+                draws=draws,
+                labels={
+                    key: symbols[key] + f" ({units[key]})" * (units[key] != "1")
+                    for key in names
+                },
+                marks=marks,
+                exact=exact,
+            ),
+            f"Medians and intervals of {', '.join(names)} in the posterior {self.name}.",
+            " ".join(filter(None, sentences)),
         )
 
     def save(self, path: str | Path) -> Path:

@@ -19,7 +19,7 @@ from reproduce.printed.number import UNITS, symbol
 from reproduce.store import studies
 from reproduce.views.blocks import Block, Blocks, Display, Entry, Grid, badge, link
 from reproduce.views.computed import item_ledger
-from reproduce.views.numbers import digits, minus, percent, quantity
+from reproduce.views.numbers import digits, percent, quantity
 from reproduce.views.posterior import Posterior, book_posterior, interval
 
 # Columns of the calibrations with their power: standard deviations too small by 10 and 5 %.
@@ -168,8 +168,6 @@ def _summarised(key: str, row: Summary, text: str) -> dict[str, Entry]:
     """Return the row of a quantity; `text` is the address of its printed cell, or a label."""
     mark = symbol(row.unit) if row.unit in UNITS else row.unit
     mean, ends = (quantity(text_, mark) for text_ in interval(row))
-    truth = Posterior({"name": key}).truth.get(row.name)
-    known = "" if truth is None else minus(quantity(f"{truth:.6g}", mark))
     printed, verdict = Markup(""), Markup("")
     if "#" in text:
         (cell,) = find(text)
@@ -181,7 +179,6 @@ def _summarised(key: str, row: Summary, text: str) -> dict[str, Entry]:
         "Printed": printed,
         "Posterior, mean ± sd": mean,
         "95 % interval": ends,
-        "Truth of our simulation": known,
         "Verdict": verdict,
     }
 

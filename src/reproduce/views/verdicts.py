@@ -282,7 +282,6 @@ def facts_of(name: str) -> dict[str, str]:
         "cells": len(chosen),
         "numbers": sum(_cell_of(record).is_number for record in chosen),
         "unsettled": count["differs"] + count["ambiguous"] + count["unpublished"],
-        "judged": count["exact"] + count["consistent"] + count["differs"],
     }
     return _counts(chosen) | {what: str(number) for what, number in counts.items()}
 

@@ -1,17 +1,23 @@
 """Models of the posteriors, with the posteriors of each module.
 
-- `registration`: registration and registration-joint, and predictions of new stars.
+- `registration`: registration, and predictions of new stars.
 - `mixture`: registration-distortion and registration-mixture, evaluated star by star.
-- `misalignment`: misalignment and misalignment-drift, and the small-angle limit.
+- `misalignment`: misalignment and misalignment-drift.
+- `published`: camera and simulation, from printed estimates and residuals.
+- `bench`: averaging and stage, from printed noise and angles.
 """
 
+from reproduce.inference.models.bench import (
+    AveragedNoise,
+    StageAngles,
+    averaging_moments,
+)
 from reproduce.inference.models.misalignment import (
     AXES,
     MOUNT_SIGMA,
     SpotLikelihood,
     SpotStatistics,
     misalignment_model,
-    small_angle_posterior,
 )
 from reproduce.inference.models.mixture import (
     MixtureRegistration,
@@ -19,13 +25,13 @@ from reproduce.inference.models.mixture import (
     mixture_model,
     probability_false,
 )
+from reproduce.inference.models.published import PrintedFit
 from reproduce.inference.models.registration import (
     TRANSFORM,
     GaussianRegistration,
-    JointRegistration,
     NewStars,
     exact_draws,
     fitted_model,
-    joint_model,
     registration_model,
+    registration_parameter,
 )

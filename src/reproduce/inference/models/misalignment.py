@@ -14,7 +14,6 @@ from typing import Self
 
 import numpy as np
 from numpy.random import Generator
-from scipy.special import logsumexp
 
 from reproduce.inference import (
     Derived,
@@ -34,8 +33,6 @@ AXES = "xyz"
 MOUNT_SIGMA = 5e-3
 # Steps of the central differences, as fractions of the scale of each parameter.
 _STEP_RATIO = 1e-3
-# Values of the noise in the small-angle posterior, and their half-range in its standard errors.
-NOISE_POINTS, NOISE_RANGE_SIGMA = 401, 9.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -290,70 +287,3 @@ def misalignment_model(
     likelihood = SpotLikelihood(platform, statistics, drifts)
     name = "misalignment-drift" if drifts else "misalignment"
     return Model(name, parameters, likelihood, derived)
-
-
-def small_angle_posterior(model: Model) -> tuple[FloatArray, FloatArray]:
-    """Return the posterior of a misalignment if its prediction is replaced by its tangent.
-
-    It is exact in the limit of small angles.
-
-    Parameters
-    ----------
-    model : Model
-        A misalignment. Each prior except that of the noise is a `Normal`.
-
-    Returns
-    -------
-    mean : ndarray, shape (d,)
-        Mean of all parameters, the noise last.
-    covariance : ndarray, shape (d, d)
-        Covariance of the parameters.
-
-    Raises
-    ------
-    TypeError
-        If another prior is not a `Normal`.
-    """
-    noise, weight, means, roots = _given_noise(model)
-    rows = np.column_stack([means, noise])
-    mean = weight @ rows
-    covariance = ((rows - mean).T * weight) @ (rows - mean)
-    covariance[:-1, :-1] += np.einsum("m,mik,mjk->ij", weight, roots, roots)
-    return mean, covariance
-
-
-def _given_noise(model: Model) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return the small-angle posterior as a mixture of Gaussians over the noise.
-
-    Values of the noise, in px, and their probabilities, (m,), means of all other parameters given
-    the noise, (m, d - 1), in SI units, and roots of their covariances, (m, d - 1, d - 1). The
-    product of a root with its transpose is the covariance.
-    """
-    likelihood = model.likelihood_of(SpotLikelihood)
-    *others, last = (one.prior for one in model.parameters)
-    priors = [(one.mean, one.sigma) for one in others if isinstance(one, Normal)]
-    if len(priors) < len(others):
-        raise TypeError(
-            "model: expected Gaussian priors of all parameters except the noise. Use the draws"
-        )
-    middle, sigma = np.array(priors).T
-    centre, spread = likelihood.start()
-    scale = spread[:-1]
-    response, left = likelihood.linearised(centre, scale)
-    # In units of the errors, or the matrices cannot be inverted.
-    response, off = response * scale, (middle - centre[:-1]) / scale
-    held = np.square(scale / sigma)
-    noise = centre[-1] + spread[-1] * np.linspace(
-        -NOISE_RANGE_SIGMA, NOISE_RANGE_SIGMA, NOISE_POINTS
-    )
-    precise = noise[:, None] ** -2
-    inverse = np.linalg.inv(response.T @ response * precise[..., None] + np.diag(held))
-    pull = response.T @ left * precise + held * off
-    means = np.einsum("mij,mj->mi", inverse, pull)
-    roots = np.linalg.cholesky(inverse)
-    squares = likelihood.statistics.squares + left @ left
-    logs = last.log_density(noise) - likelihood.statistics.size * np.log(noise)
-    logs += 0.5 * (np.vecdot(means, pull) - squares / noise**2)
-    logs += np.log(np.diagonal(roots, axis1=1, axis2=2)).sum(axis=1)
-    weight = np.exp(logs - logsumexp(logs))
-    return noise, weight, centre[:-1] + means * scale, roots * scale[:, None]

@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from reproduce.inference import Model, Normal, Parameter, PosteriorSamples, Uniform
 from reproduce.inference.models.registration import (
     GaussianRegistration,
-    StarLikelihood,
     fit_checks,
 )
 from reproduce.physics.registration import as_complex, as_points, fit_problem
@@ -38,8 +37,6 @@ class _DistortedRegistration(GaussianRegistration):
     Each is the displacement at the edge of the field, in px, so that it does not depend on the
     unit of the coefficient.
     """
-
-    __call__ = StarLikelihood.__call__
 
     def places(
         self, parameters: FloatArray, source: FloatArray | None = None
@@ -109,8 +106,6 @@ class MixtureRegistration(GaussianRegistration):
 
     corner: tuple[float, float]
     side: float
-
-    __call__ = StarLikelihood.__call__
 
     def _densities(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the log density of each target, (n, points), as a right and a wrong match."""

@@ -1,4 +1,4 @@
-"""Registration with Gaussian noise of one channel or two, and its consequences at new stars.
+"""Registration with Gaussian noise, and its consequences at new stars.
 
 Points have shape (n, 2), in px, x before y. The target points are random, and the source points are
 fixed. Models, parameters and their order are those of `physics.registration.MODELS`, followed by
@@ -26,11 +26,11 @@ from reproduce.inference import (
     Prior,
     Uniform,
 )
+from reproduce.inference.models.published import PrintedFit
 from reproduce.physics.registration import (
     MODELS,
     UNITS,
     Problem,
-    Registration,
     RegistrationFit,
     as_complex,
     fit_problem,
@@ -43,7 +43,6 @@ from reproduce.physics.validate import FloatArray
 from reproduce.units import DEGREES_PER_RADIAN
 
 TRANSFORM = MODELS["similarity"]
-_CHANNELS = ("red", "blue")
 # Values of parameter vectors and stars that are evaluated together, which limits the memory.
 _MAX_VALUES = 1_000_000
 # Parameter vectors that are evaluated together at new stars, and the seed of their noise.
@@ -89,39 +88,8 @@ def fit_checks(fit: RegistrationFit) -> dict[str, float]:
     }
 
 
-class StarLikelihood(Likelihood):
-    """A likelihood that is a product over the stars of one or more channels."""
-
-    channels: tuple[GaussianRegistration, ...]
-
-    @property
-    def target(self) -> FloatArray:
-        """Points in the reference channel, shape (points, 2), in px."""
-        return self.channels[0].problem.target
-
-    @property
-    def pivots(self) -> tuple[FloatArray, ...]:
-        """Pivot of every channel, shape (2,), in px."""
-        return tuple(channel.problem.pivot for channel in self.channels)
-
-    @property
-    def observed(self) -> dict[str, FloatArray]:
-        """The target points."""
-        return {"target": self.target}
-
-    def parts(self, parameters: FloatArray) -> list[FloatArray]:
-        """Return the parameter vectors in parts that fit into the memory."""
-        count = -(-len(parameters) * len(self.target) // _MAX_VALUES)
-        return np.array_split(parameters, max(count, 1))
-
-    def __call__(self, parameters: FloatArray) -> FloatArray:
-        """Return the log likelihood, shape (n,)."""
-        parts = self.parts(parameters)
-        return np.concatenate([self.pointwise(part).sum(axis=-1) for part in parts])
-
-
 @dataclass(frozen=True, eq=False)
-class GaussianRegistration(StarLikelihood):
+class GaussianRegistration(Likelihood):
     """Registration of one channel with Gaussian noise.
 
     - `problem`: the same stars in the channel and in the reference channel, with weights or
@@ -131,16 +99,19 @@ class GaussianRegistration(StarLikelihood):
     problem: Problem
 
     @property
-    def channels(  # type: ignore[override]  # never assigned
-        self,
-    ) -> tuple[GaussianRegistration, ...]:
-        """The channel."""
-        return (self,)
-
-    @property
     def source(self) -> FloatArray:
         """Points in the channel, shape (points, 2), in px."""
         return self.problem.source
+
+    @property
+    def target(self) -> FloatArray:
+        """Points in the reference channel, shape (points, 2), in px."""
+        return self.problem.target
+
+    @property
+    def observed(self) -> dict[str, FloatArray]:
+        """The target points."""
+        return {"target": self.target}
 
     @property
     def pivot(self) -> FloatArray:
@@ -155,8 +126,9 @@ class GaussianRegistration(StarLikelihood):
     @property
     def is_linear(self) -> bool:
         """Whether the chi-square is quadratic in the coordinates of `linear`."""
-        problem = self.problem
-        return problem.model == "similarity" and problem.source_covariance is None
+        similarity = self.problem.model == "similarity"
+        plain = type(self) is GaussianRegistration and similarity
+        return plain and self.problem.source_covariance is None
 
     @property
     def _size(self) -> int:
@@ -205,12 +177,18 @@ class GaussianRegistration(StarLikelihood):
     def __call__(self, parameters: FloatArray) -> FloatArray:
         """Return the log likelihood, shape (n,)."""
         if not self.is_linear:
-            return super().__call__(parameters)
+            parts = map(self.pointwise, self.parts(parameters))
+            return np.concatenate([part.sum(axis=-1) for part in parts])
         off = self.linear(parameters) - self.linear(self.fit.parameters[None])
         squares = self.fit.chi_square + np.vecdot(off @ self._normal_matrix, off)
         noise = self.noise(parameters)
         constant = self._constant.sum() - 2 * len(self.target) * np.log(noise)
         return np.asarray(constant - squares / (2 * noise**2))
+
+    def parts(self, parameters: FloatArray) -> list[FloatArray]:
+        """Return the parameter vectors in parts that fit into the memory."""
+        count = -(-len(parameters) * len(self.target) // _MAX_VALUES)
+        return np.array_split(parameters, max(count, 1))
 
     def pointwise(self, parameters: FloatArray) -> FloatArray:
         """Return the log likelihood of each star, shape (n, points)."""
@@ -260,12 +238,10 @@ class GaussianRegistration(StarLikelihood):
         return fit_checks((self if data is None else self.with_data(data)).fit)
 
 
-def _parameter(name: str, prior: Prior, channel: str = "") -> Parameter:
-    """Return a parameter of a registration, of a named channel if there are two."""
+def registration_parameter(name: str, prior: Prior) -> Parameter:
+    """Return a parameter of a registration, with its symbol and unit."""
     own = (f"a_{{{name}}}", UNITS.get(name, "1"), 1.0)
     label, unit, shown = _DISPLAY.get(name, own)
-    if channel:
-        name, label = f"{channel}-{name}", f"{label}_\\mathrm{{{channel[0]}}}"
     return Parameter(name, label, unit, prior, shown)
 
 
@@ -381,7 +357,7 @@ def fitted_model(likelihood: GaussianRegistration) -> Model:
             1e3 * residual,
             "no scale preferred: a billionth to a thousand times the residuals of least squares",
         )
-    parameters = tuple(_parameter(*item) for item in priors.items())
+    parameters = tuple(registration_parameter(*item) for item in priors.items())
     return Model("registration", parameters, likelihood)
 
 
@@ -421,7 +397,7 @@ def exact_draws(model: Model, count: int, generator: Generator) -> FloatArray:
     Parameters
     ----------
     model : Model
-        Similarity with uniform priors, without errors of the source.
+        Similarity with uniform priors and without errors of the source, or printed estimates.
     count : int
         Number of draws.
     generator : numpy.random.Generator
@@ -437,38 +413,46 @@ def exact_draws(model: Model, count: int, generator: Generator) -> FloatArray:
     ValueError
         If the model is another one, or the priors exclude most of the posterior.
     """
-    likelihood = model.likelihood
-    if (
-        type(likelihood) is not GaussianRegistration
-        or not likelihood.is_linear
-        or any(isinstance(one.prior, Normal) for one in model.parameters)
-    ):
+    likelihood: Likelihood | None = model.likelihood
+    many = _DRAWS_PER_EXACT * count
+    if any(isinstance(one.prior, Normal) for one in model.parameters):
+        likelihood = None
+    if isinstance(likelihood, PrintedFit):
+        rows, inside = likelihood.exact(many, generator), np.ones(many, dtype=bool)
+    elif isinstance(likelihood, GaussianRegistration) and likelihood.is_linear:
+        rows = _exact_similarities(likelihood, many, generator)[:, : model.dimension]
+        # Flat in scale and rotation is flat in the two parts divided by the scale.
+        scales = rows[:, 0]
+        inside = generator.uniform(size=many) < scales.min() / scales
+    else:
         raise ValueError(
             "exact: expected a similarity with uniform priors and no errors of the source, got "
             f"{model.name}. Use the draws of emcee"
         )
-    fit, many = likelihood.fit, _DRAWS_PER_EXACT * count
-    noise = np.ones(many)
-    if not fit.errors_known:
-        freedom = float(fit.degrees_of_freedom)
-        noise = np.sqrt(fit.chi_square / generator.chisquare(freedom, many))
-    normal = generator.normal(size=(many, 4))
-    root = np.linalg.cholesky(likelihood.linear_cofactor)
-    rows = likelihood.linear(fit.parameters[None]) + noise[:, None] * (normal @ root.T)
-    factors, angle = rows[:, 0] + 1j * rows[:, 1], fit.parameters[1]
-    scales = np.abs(factors)
-    angles = angle + np.angle(factors * np.exp(-1j * angle))
-    rows = np.column_stack([scales, angles, rows[:, 2:], noise])[:, : model.dimension]
     # The prior of the noise is that of the closed form within its bounds.
-    inside = np.isfinite(model.log_prior(rows))
-    # Flat in scale and rotation is flat in the two parts divided by the scale.
-    inside &= generator.uniform(size=many) < scales.min() / scales
+    inside &= np.isfinite(model.log_prior(rows))
     if inside.sum() < count:
         raise ValueError(
             f"exact: expected priors that contain most of the posterior, got {inside.mean():.2g} "
             "of it. Use the draws of emcee"
         )
     return rows[inside][:count]
+
+
+def _exact_similarities(
+    likelihood: GaussianRegistration, count: int, generator: Generator
+) -> FloatArray:
+    """Return draws for priors that are flat in the linear coordinates, shape (count, 5)."""
+    fit, noise = likelihood.fit, np.ones(count)
+    if not fit.errors_known:
+        freedom = float(fit.degrees_of_freedom)
+        noise = np.sqrt(fit.chi_square / generator.chisquare(freedom, count))
+    normal = generator.normal(size=(count, 4))
+    root = np.linalg.cholesky(likelihood.linear_cofactor)
+    rows = likelihood.linear(fit.parameters[None]) + noise[:, None] * (normal @ root.T)
+    factors, angle = rows[:, 0] + 1j * rows[:, 1], fit.parameters[1]
+    angles = angle + np.angle(factors * np.exp(-1j * angle))
+    return np.column_stack([np.abs(factors), angles, rows[:, 2:], noise])
 
 
 @dataclass(frozen=True, eq=False)
@@ -479,20 +463,16 @@ class NewStars:
     - `source`, (points, 2): new stars, in px.
     - `registered`, (points, 2): positions by the least-squares transform, in px.
     - `arcsec_per_px`: of the reference channel.
-    - `channel`: name and columns of a channel of `JointRegistration`, if the model is joint.
     """
 
     likelihood: GaussianRegistration
     source: FloatArray
     registered: FloatArray
     arcsec_per_px: float
-    channel: tuple[str, tuple[int, ...]] | None = None
 
     def __call__(self, parameters: FloatArray) -> dict[str, Consequence]:
         """Return the RMSE in px and as an angle, and the error at the outermost star."""
-        generator, prefix = Generator(PCG64(NOISE_SEED)), ""
-        if self.channel:
-            prefix, parameters = f"{self.channel[0]} ", parameters[:, self.channel[1]]
+        generator = Generator(PCG64(NOISE_SEED))
         offsets = self.source - self.source.mean(axis=0)
         outermost = np.hypot(*offsets.T).argmax()
         errors, displacements = [], []
@@ -500,143 +480,14 @@ class NewStars:
             rows = parameters[first : first + CHUNK_SIZE]
             off = self.likelihood.places(rows, self.source) - self.registered
             displacements.append(np.hypot(*off[:, outermost].T))
-            # The noise of the joint model is that of one image, a residual has that of both.
-            noise = rows[:, 4] * (np.hypot(1, rows[:, 0]) if self.channel else 1.0)
-            off += noise[:, None, None] * generator.normal(size=off.shape)
+            off += rows[:, 4, None, None] * generator.normal(size=off.shape)
             # As in niu2024 (26), both axes together.
             errors.append(np.sqrt(np.square(off).sum(axis=-1).mean(axis=-1)))
         rmse, displacement = map(np.concatenate, (errors, displacements))
         return {
-            f"{prefix}test points, RMSE": Consequence(rmse, "px"),
-            f"{prefix}test points, pointing error": Consequence(
+            "test points, RMSE": Consequence(rmse, "px"),
+            "test points, pointing error": Consequence(
                 rmse * self.arcsec_per_px, "arcsec"
             ),
-            f"{prefix}outermost star, misregistration": Consequence(displacement, "px"),
+            "outermost star, misregistration": Consequence(displacement, "px"),
         }
-
-
-@dataclass(frozen=True, eq=False)
-class JointRegistration(StarLikelihood):
-    """Both channels at once, red and blue, registered to green.
-
-    Both share the green noise, so their residuals are correlated. The green, red and blue points
-    of a star are its true position in the respective channel plus noise. Given the red points, and
-    with a flat prior of the true position, the two residuals of a star are Gaussian per axis with
-    covariance noise^2 [[1 + k_red^2, 1], [1, 1 + k_blue^2]]. The blue points are random too, which
-    adds the Jacobian k_blue^2 per star.
-
-    - `channels`: registration of red and of blue, with the same target.
-
-    Parameters are scale, rotation and shift of red, then of blue, and the noise of one image.
-    """
-
-    channels: tuple[GaussianRegistration, ...]
-
-    @property
-    def observed(self) -> dict[str, FloatArray]:
-        """The blue and green points, which are random given the red ones."""
-        return {"blue": self.channels[1].source, "target": self.target}
-
-    def pointwise(self, parameters: FloatArray) -> FloatArray:
-        """Return the log likelihood of each star, shape (n, points)."""
-        red, blue = (
-            self.target - channel.places(parameters[:, 4 * i : 4 * i + 4])
-            for i, channel in enumerate(self.channels)
-        )
-        red_variance, blue_variance = (1 + parameters[:, i, None] ** 2 for i in (0, 4))
-        determinant = red_variance * blue_variance - 1
-        squares = blue_variance * np.vecdot(red, red) - 2 * np.vecdot(red, blue)
-        squares += red_variance * np.vecdot(blue, blue)
-        noise = parameters[:, 8, None]
-        # Two axes of a pair of residuals, and the Jacobian of the blue transform.
-        constant = -np.log(determinant) - 4 * np.log(noise) - 2 * np.log(2 * np.pi)
-        constant += 2 * np.log(parameters[:, 4, None])
-        return np.asarray(constant - squares / (2 * noise**2 * determinant))
-
-    def simulate(
-        self, parameters: FloatArray, generator: Generator
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return blue and green points for one parameter vector, given the red ones; in px."""
-        blue = Registration.similarity(
-            parameters[4], parameters[5], parameters[6:8], self.pivots[1]
-        )
-        noise = parameters[8] * generator.normal(size=(3, *self.target.shape))
-        red, _ = self.channels
-        true = red.places(parameters[None, :4], red.source + noise[0])[0]
-        return blue.inverse().apply(true) + noise[1], true + noise[2]
-
-    def with_data(self, data: tuple[FloatArray, FloatArray]) -> Self:
-        """Return the likelihood of the same red points with other blue and green points."""
-        red, blue = (one.with_data(data[1]) for one in self.channels)
-        moved = replace(blue, problem=replace(blue.problem, source=data[0]))
-        return replace(self, channels=(red, moved))
-
-    def start(self) -> tuple[FloatArray, FloatArray]:
-        """Return the least-squares fits of both channels and their standard errors.
-
-        The noise is that of one image.
-        """
-        (red, red_error), (blue, blue_error) = (one.start() for one in self.channels)
-        ratios = np.hypot(1, (red[0], blue[0]))
-        noise = float(np.mean((red[4], blue[4]) / ratios))
-        wider = [
-            np.sqrt(2) * one[:4] / ratio
-            for one, ratio in zip((red_error, blue_error), ratios, strict=True)
-        ]
-        return (
-            np.concatenate([red[:4], blue[:4], [noise]]),
-            np.append(wider, red_error[4] / ratios[0]),
-        )
-
-    def checks(
-        self, data: tuple[FloatArray, FloatArray] | None = None
-    ) -> dict[str, float]:
-        """Return the checks of each channel, and the correlation of their residuals."""
-        fits = [one.fit for one in (self.with_data(data) if data else self).channels]
-        residuals = [fit.residuals.ravel() for fit in fits]
-        return {
-            f"{name}: {key}": value
-            for name, fit in zip(_CHANNELS, fits, strict=True)
-            for key, value in fit_checks(fit).items()
-        } | {
-            "correlation of both residuals": float(
-                np.asarray(np.corrcoef(residuals))[0, 1]
-            )
-        }
-
-
-def joint_model(
-    sources: tuple[FloatArray, FloatArray],
-    target: FloatArray,
-    pivots: tuple[FloatArray, FloatArray],
-) -> Model:
-    """Return the registration of red and blue to green, with one noise in all channels.
-
-    Parameters
-    ----------
-    sources : tuple of ndarray, shape (n, 2)
-        Red and blue points, in px.
-    target : ndarray, shape (n, 2)
-        Green points, in px.
-    pivots : tuple of ndarray, shape (2,)
-        Principal points of red and blue, in px.
-
-    Returns
-    -------
-    Model
-        Parameters scale, rotation (rad), shift-x, shift-y of red and of blue, and noise (px).
-    """
-    likelihood = JointRegistration(
-        tuple(
-            GaussianRegistration(prepare(source, target, pivot))
-            for source, pivot in zip(sources, pivots, strict=True)
-        )
-    )
-    priors = [_book_priors(source, target) for source in sources]
-    parameters = [
-        _parameter(name, own[name], channel)
-        for channel, own in zip(_CHANNELS, priors, strict=True)
-        for name in TRANSFORM
-    ]
-    parameters.append(_parameter("noise", priors[0]["noise"]))
-    return Model("registration-joint", tuple(parameters), likelihood)

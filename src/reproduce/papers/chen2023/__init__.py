@@ -38,7 +38,7 @@ STUDIES = _made(
     ("positioning", "budget"),
     ("attitude", "orders"),
     ("effectiveness", "focal-lengths differences"),
-    ("decisions", "frames drift"),
+    ("decisions", "frames"),
 )
 
 # The modules of the supplementary drawings.

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.random import PCG64, Generator
 
 from reproduce.inference import Consequence, LogUniform, Model, Normal, Prior, models
-from reproduce.papers.chen2023 import satellite
+from reproduce.papers.chen2023 import published, satellite
 from reproduce.papers.chen2023.platform import (
     INSTRUMENT,
     SIGMAS,
@@ -93,11 +93,6 @@ def _misalignment(inputs: Inputs, drifts: bool = False) -> Model:
         drifts=drifts,
         derived=(_OnTheGround(satellite.altitude(inputs)),),
     )
-
-
-def drift(inputs: Inputs) -> Model:
-    """Return a misalignment that drifts through the monitoring group."""
-    return _misalignment(inputs, drifts=True)
 
 
 def _your_model(
@@ -178,6 +173,7 @@ def _file(drifts: bool) -> File:
 
 
 POSTERIORS = (
+    *published.POSTERIORS,
     Declaration(
         "misalignment",
         "Constant misalignment from laser spots",
@@ -196,7 +192,7 @@ POSTERIORS = (
         "Drifting misalignment from laser spots",
         "chen2023",
         INPUTS,
-        drift,
+        partial(_misalignment, drifts=True),
         _file(drifts=True),
         partial(_truth, drifts=True),
         steps=330,

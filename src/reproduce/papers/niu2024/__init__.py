@@ -23,6 +23,7 @@ ITEMS = {
 STUDIES = {
     "niu2024/approximations": "approximations",
     "niu2024/scale-errors": "experiment",
+    "niu2024/printed-scales": "published",
     "niu2024/fusion": "images",
     "niu2024/stars": "decisions",
 }
@@ -37,4 +38,5 @@ DRAWINGS = {
     "niu2024/drawing-fusion-star": "images",
     "niu2024/drawing-fusion-errors": "images",
     "niu2024/drawing-stars": "decisions",
+    "niu2024/drawing-printed-scales": "published",
 }

@@ -19,8 +19,8 @@ import numpy as np
 from numpy.random import PCG64, Generator, default_rng
 
 from reproduce.inference import Model, models
-from reproduce.papers.niu2024 import simulation
-from reproduce.papers.niu2024.simulation import NOISE, REGISTERED, ROWS
+from reproduce.papers.niu2024 import published, simulation
+from reproduce.papers.niu2024.simulation import NOISE
 from reproduce.papers.posteriors import Declaration, File, data_stream
 from reproduce.physics.optics import angle_from_pixels
 from reproduce.physics.registration import (
@@ -40,8 +40,6 @@ from reproduce.units import ARCSEC_PER_RADIAN
 _FALSE_FRACTION = 0.3
 _TEST_POINTS = "niu2024/text-simulation#test-points"
 INPUTS = (*simulation.INPUTS, "niu2024/text-optics#pixel-pitch-*", _TEST_POINTS)
-# Columns of the joint model for the model of one channel: its transform, and the noise.
-_JOINT_COLUMNS = ((0, 1, 2, 3, 8), (4, 5, 6, 7, 8))
 # With fewer stars a wrong match is indistinguishable from noise.
 _MIN_STARS_MIXTURE = 10
 # Arguments of `fit_registration` that the posterior shares with `register`.
@@ -59,22 +57,29 @@ def _noisy(inputs: Inputs, true: FloatArray, *key: int) -> FloatArray:
     return true + simulation.noise(inputs) * unit
 
 
-def truth(inputs: Inputs, channels: tuple[str, ...] = ("red",)) -> dict[str, float]:
-    """Return the transforms of the simulation without its distortions, and its noise.
+def truth(inputs: Inputs) -> dict[str, float]:
+    """Return the similarity of red without noise, and the noise of both its images.
 
-    The noise of a single channel includes both its images. The noise of two channels is the noise
-    of one image.
+    The similarity contains the mean effect of the distortions.
     """
-    (green, *cameras), (_, *rotations) = simulation.instrument(inputs)
-    values: dict[str, float] = {}
-    for channel, camera, rotation in zip(REGISTERED, cameras, rotations, strict=True):
-        if channel in channels:
-            prefix = f"{channel}-" if len(channels) > 1 else ""
-            names = (prefix + name for name in models.TRANSFORM)
-            similarity = similarity_between(camera, rotation, green).parameters
-            values |= dict(zip(names, similarity.tolist(), strict=True))
-    images = 1.0 if len(channels) > 1 else float(np.hypot(1, values["scale"]))
-    return {**values, "noise": inputs[NOISE] * images}
+    green, red, _ = true_centroids(inputs)
+    fit = fit_registration(red, green, pivot(inputs, "red"))
+    values = dict(zip(models.TRANSFORM, fit.parameters.tolist(), strict=True))
+    return {**values, "noise": inputs[NOISE] * float(np.hypot(1, values["scale"]))}
+
+
+def _distorted_truth(inputs: Inputs) -> dict[str, float]:
+    """Return the transform of ideal points in red, the noise, and both distortions at the edge."""
+    (green, red, _), (_, rotation, _) = simulation.instrument(inputs)
+    ideal = similarity_between(red, rotation, green).parameters.tolist()
+    offsets = true_centroids(inputs)[1] - red.principal_point
+    edge = np.hypot(*offsets.T).max()
+    moved = {
+        f"{side}-distortion": float(camera.radial_distortion * edge**3)
+        * camera.pixel_pitch**2
+        for side, camera in (("source", red), ("target", green))
+    }
+    return truth(inputs) | dict(zip(models.TRANSFORM, ideal, strict=True)) | moved
 
 
 def pivot(inputs: Inputs, channel: str) -> FloatArray:
@@ -85,7 +90,7 @@ def pivot(inputs: Inputs, channel: str) -> FloatArray:
 def _predicting(inputs: Inputs, model: Model) -> Model:
     """Return the model with its consequences at the test points in red."""
     likelihood = model.likelihood_of(models.GaussianRegistration)
-    return replace(model, derived=(_new_stars(inputs, likelihood, "red"),))
+    return replace(model, derived=(_new_stars(inputs, likelihood),))
 
 
 def _plain(inputs: Inputs, wrong: float = 0.0) -> Model:
@@ -112,16 +117,6 @@ def _mixture(inputs: Inputs) -> Model:
     return _predicting(inputs, models.mixture_model(_plain(inputs, _FALSE_FRACTION)))
 
 
-def _joint(inputs: Inputs) -> Model:
-    """Return both channels registered to green at once."""
-    green, *sources = _noisy(inputs, true_centroids(inputs), 1)
-    red, blue = (pivot(inputs, channel) for channel in REGISTERED)
-    model = models.joint_model((sources[0], sources[1]), green, (red, blue))
-    channels = model.likelihood_of(models.JointRegistration).channels
-    parts = zip(channels, REGISTERED, _JOINT_COLUMNS, strict=True)
-    return replace(model, derived=tuple(_new_stars(inputs, *part) for part in parts))
-
-
 def _test_points(inputs: Inputs) -> FloatArray:
     """Return measured test points in green, red and blue, shape (3, points, 2), in px."""
     generator = default_rng(data_stream(inputs, 3, 0, 0))
@@ -131,31 +126,21 @@ def _test_points(inputs: Inputs) -> FloatArray:
 
 
 def _new_stars(
-    inputs: Inputs,
-    likelihood: models.GaussianRegistration,
-    channel: str,
-    columns: tuple[int, ...] = (),
+    inputs: Inputs, likelihood: models.GaussianRegistration
 ) -> models.NewStars:
-    """Return the consequences of one channel's registration at the test points.
+    """Return the consequences of the registration of red at the test points.
 
-    The transform in use is the least-squares transform of the correctly matched stars. `columns`
-    are the columns of the channel in the joint model.
+    The transform in use is the least-squares transform of the correctly matched stars.
     """
     right = getattr(likelihood, "agreeing", slice(None))
     fit = fit_registration(
         likelihood.source[right], likelihood.target[right], likelihood.pivot
     )
-    source = _test_points(inputs)[simulation.CHANNELS.index(channel)]
+    _, source, _ = _test_points(inputs)
     pitch = inputs["niu2024/text-optics#pixel-pitch-x"]
     focal_length = inputs["niu2024/table-1#focal-length.green"]
     angle = float(angle_from_pixels(1.0, pitch, focal_length)) * ARCSEC_PER_RADIAN
-    return models.NewStars(
-        likelihood,
-        source,
-        fit.transform.apply(source),
-        angle,
-        (channel, columns) if columns else None,
-    )
+    return models.NewStars(likelihood, source, fit.transform.apply(source), angle)
 
 
 def _your_registration(
@@ -219,25 +204,13 @@ _NO_FILE = (
 _RED = partial(Declaration, paper="niu2024", inputs=INPUTS, truth=truth)
 
 POSTERIORS = (
+    *published.POSTERIORS,
     _RED(
         "registration",
         "Registration of one channel: similarity and Gaussian noise",
         build=_registration,
         file=_file(_your_registration, "model", *_ERRORS),
         walkers=240,
-    ),
-    _RED(
-        "registration-joint",
-        "Registration of both channels: they share the green noise",
-        build=_joint,
-        file=_NO_FILE,
-        truth=partial(truth, channels=REGISTERED),
-        summary={
-            f"{channel}-{name}": f"niu2024/table-3#{row}.{channel}"
-            for channel in REGISTERED
-            for name, row in zip(models.TRANSFORM, ROWS, strict=True)
-        }
-        | {"noise": NOISE},
     ),
     _RED(
         "registration-mixture",
@@ -253,5 +226,6 @@ POSTERIORS = (
         "Registration with both distortions free",
         build=_distortion,
         file=_NO_FILE,
+        truth=_distorted_truth,
     ),
 )

@@ -1,0 +1,182 @@
+"""Posteriors of the printed tests of a laser bench: averaged noise, and angles of a moving stage.
+
+Angles and noise are in rad, motions and focal lengths in m.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import Self
+
+import numpy as np
+from numpy.random import Generator
+from scipy.special import expit
+
+from reproduce.inference import Consequence, Likelihood
+from reproduce.physics.attitude import moving_average, scatter_of_averages, stage_angle
+from reproduce.physics.validate import FloatArray
+
+
+def _drift(images: int) -> FloatArray:
+    """Return a linear drift of unit standard deviation, shape (images,)."""
+    drift = np.linspace(-1, 1, images)
+    return np.asarray(drift / drift.std(ddof=1))
+
+
+@cache
+def averaging_moments(images: int, counts: tuple[int, ...]) -> tuple[FloatArray, ...]:
+    """Return the moments of the variances of running averages over some of all images.
+
+    Means for unit white noise and for a unit floor, (m,), and traces of products for the white part
+    and for the mixed part of their covariances, (m, m).
+    """
+    forms, drift = [], _drift(images)
+    for count in counts:
+        averages = moving_average(np.eye(images), count)
+        centred = averages - averages.mean(axis=1, keepdims=True)
+        forms.append(centred @ centred.T / (averages.shape[1] - 1))
+    stacked = np.stack(forms)
+    bent = stacked @ drift
+    pairs = np.tensordot(stacked, stacked, axes=([1, 2], [2, 1]))
+    return np.trace(stacked, axis1=1, axis2=2), bent @ drift, pairs, bent @ bent.T
+
+
+@dataclass(frozen=True, eq=False)
+class AveragedNoise(Likelihood):
+    """Likelihood of the scatter of running averages over images with white noise and a floor.
+
+    Parameter vectors are the white noise of one image and the floor, which drifts linearly through
+    the series and which no average removes. The averages share images, so their variances are
+    correlated quadratic forms of Gaussian numbers, with exact mean and covariance. Their square
+    roots are nearly Gaussian. Rounding adds the variance of a uniform distribution.
+
+    - `scatter`, (m,): printed standard deviations of the averages.
+    - `half_unit`: half a unit of their last digit.
+    - `counts`: number of images in each average.
+    - `images`: number of images of the series.
+    """
+
+    scatter: FloatArray
+    half_unit: float
+    counts: tuple[int, ...]
+    images: int
+
+    def __call__(self, parameters: FloatArray) -> FloatArray:
+        """Return the log likelihood, shape (n,)."""
+        ones, drifts, pairs, bent = averaging_moments(self.images, self.counts)
+        white, floor = np.square(parameters.T)[..., None]
+        mean = white * ones + floor * drifts
+        covariance = (
+            2 * (white**2)[..., None] * pairs + 4 * (white * floor)[..., None] * bent
+        )
+        root, variance = np.sqrt(mean), np.diagonal(covariance, axis1=1, axis2=2)
+        covariance = covariance / (4 * root[:, :, None] * root[:, None])
+        rounding = self.half_unit**2 / 3 * np.eye(len(self.counts))
+        factor = np.linalg.cholesky(covariance + rounding)
+        residual = self.scatter - root * (1 - variance / mean**2 / 8)
+        scaled = np.linalg.solve(factor, residual[..., None])[..., 0]
+        logs = np.log(np.diagonal(factor, axis1=1, axis2=2)) + 0.5 * scaled**2
+        return np.asarray(-logs.sum(axis=1))
+
+    def simulate(self, parameters: FloatArray, generator: Generator) -> FloatArray:
+        """Return printed standard deviations drawn for one parameter vector, shape (m,)."""
+        white, floor = parameters
+        noise = generator.normal(size=self.images)
+        series = white * noise + floor * _drift(self.images)
+        scatter, unit = scatter_of_averages(series, self.counts), 2 * self.half_unit
+        return np.asarray(np.round(scatter / unit) * unit)
+
+    def with_data(self, data: FloatArray) -> Self:
+        """Return the likelihood of other standard deviations."""
+        return replace(self, scatter=data)
+
+    def start(self) -> tuple[FloatArray, FloatArray]:
+        """Return the noise of one image and a small floor, with their errors, shape (2,) each."""
+        white = self.scatter[0]
+        return white * np.array([1.0, 0.05]), white * np.array([0.05, 0.03])
+
+    def checks(self, data: FloatArray | None = None) -> dict[str, float]:
+        """Return the scatter of the averages."""
+        scatter = self.scatter if data is None else data
+        names = (f"average of {count}" for count in self.counts)
+        return dict(zip(names, scatter.tolist(), strict=True))
+
+    @property
+    def observed(self) -> dict[str, FloatArray]:
+        """The printed standard deviations."""
+        return {"scatter": self.scatter}
+
+
+@dataclass(frozen=True, eq=False)
+class StageAngles(Likelihood):
+    """Likelihood of monitored angles of a moving stage, if the order of two columns is unknown.
+
+    Parameter vectors are the focal length of the telescope and the noise of the mean of one state.
+    All angles share the noise of the zero state. Both orders of the columns of motions have the
+    same prior probability.
+
+    - `angles`, (2, states): monitored angles about both axes, relative to the zero state.
+    - `motions`, (2, states): motions of the stage that rotate the camera about these axes in the
+      printed order.
+    """
+
+    angles: FloatArray
+    motions: FloatArray
+
+    def orders(self, parameters: FloatArray) -> FloatArray:
+        """Return the log likelihood of the printed and of the interchanged order, (2, n)."""
+        focal_length, noise = parameters.T[..., None, None]
+        found = []
+        for motions in (self.motions, self.motions[::-1]):
+            scaled = (self.angles - stage_angle(motions, focal_length)) / noise
+            # The inverse of the covariance, one plus the matrix of ones.
+            shared = scaled.sum(axis=2) ** 2 / (self.angles.shape[1] + 1)
+            found.append(-(np.square(scaled).sum(axis=2) - shared).sum(axis=1) / 2)
+        logs = np.stack(found) - self.angles.size * np.log(parameters[:, 1])
+        return np.asarray(logs)
+
+    def __call__(self, parameters: FloatArray) -> FloatArray:
+        """Return the log likelihood, shape (n,)."""
+        return np.asarray(np.logaddexp(*self.orders(parameters)) - np.log(2))
+
+    def interchanged(self, parameters: FloatArray) -> dict[str, Consequence]:
+        """Return the probability that the columns of motions are interchanged."""
+        printed, interchanged = self.orders(parameters)
+        return {"columns interchanged": Consequence(expit(interchanged - printed), "1")}
+
+    def simulate(self, parameters: FloatArray, generator: Generator) -> FloatArray:
+        """Return monitored angles drawn for one parameter vector, shape (2, states)."""
+        focal_length, noise = parameters
+        motions = self.motions[:: generator.choice([1, -1])]
+        zero = generator.normal(size=(len(motions), 1))
+        errors = generator.normal(size=motions.shape) - zero
+        return np.asarray(stage_angle(motions, focal_length) + noise * errors)
+
+    def with_data(self, data: FloatArray) -> Self:
+        """Return the likelihood of other angles."""
+        return replace(self, angles=data)
+
+    def start(self) -> tuple[FloatArray, FloatArray]:
+        """Return least-squares estimates for the better order, with their errors, (2,) each."""
+        fits, states = [], self.angles.shape[1]
+        for motions in (self.motions, self.motions[::-1]):
+            # A small angle is minus the motion over the focal length.
+            squares = np.square(motions).sum()
+            slope = -(self.angles * motions).sum() / squares
+            rms = np.sqrt(np.mean((self.angles + slope * motions) ** 2))
+            # The noise of the zero state adds to the error.
+            spread = rms * np.sqrt((1 + states) / squares)
+            fits.append((rms, 1 / slope, spread / slope**2))
+        noise, focal_length, error = min(fits)
+        return np.array([focal_length, noise]), np.array([error, noise / 3])
+
+    def checks(self, data: FloatArray | None = None) -> dict[str, float]:
+        """Return the largest angles about both axes."""
+        largest = np.abs(self.angles if data is None else data).max(axis=1)
+        return {f"largest angle {i}": one for i, one in enumerate(largest.tolist(), 1)}
+
+    @property
+    def observed(self) -> dict[str, FloatArray]:
+        """The monitored angles."""
+        return {"angles": self.angles}
