@@ -13,6 +13,7 @@ book, with the facts of all papers or of the given papers.
 from __future__ import annotations
 
 import json
+import re
 import sys
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
@@ -35,15 +36,18 @@ from reproduce.printed.cells import PAPERS, library
 from reproduce.printed.number import NOMINAL_FRACTION
 from reproduce.store import studies as stored
 from reproduce.store.files import write_text
+from reproduce.version import ADDRESS
 from reproduce.views import computed, numbers, verdicts
-from reproduce.views.blocks import html
+from reproduce.views.blocks import html, rendered
 from reproduce.views.computed import item_ledger, whole_ledger
 from reproduce.views.consistency import ConsistencyAudit, errata_register
 from reproduce.views.contents import Contents
 from reproduce.views.export import (
     citation,
     export_frame,
+    in_words,
     provenance_of,
+    recomputed,
     table_files,
     with_provenance,
 )
@@ -52,6 +56,13 @@ from reproduce.views.study import StudyTable
 from reproduce.views.table import Cell, Table
 from reproduce.views.verdicts import facts_of
 
+# Formats of a citation that a card copies.
+CITATIONS = {
+    "citation": "text",
+    "BibTeX": "bibtex",
+    "RIS": "ris",
+    "sentence": "sentence",
+}
 # Start of the series that collects the numbers of a page.
 QUOTED = "quoted = pd.Series("
 
@@ -177,8 +188,8 @@ def _of_evidence() -> dict[str, str]:
 def _of_posterior(name: str) -> dict[str, str]:
     """Return the numbers of a posterior, by name.
 
-    ``shift-x`` (mean ± sd) and ``shift-x-mean`` (-sd, -low, -high) of each parameter and consequence, and ``sbc-...`` of the
-    stored calibration.
+    ``shift-x`` (mean ± sd) and ``shift-x-mean`` (-sd, -low, -high) of each parameter and
+    consequence, and ``sbc-...`` of the stored calibration.
     """
     from reproduce.views.posterior import Posterior, book_posterior, interval, spread
 
@@ -246,19 +257,22 @@ def write_facts(path: Path, *papers: str) -> None:
 
 
 def card(cell: Cell, place: str) -> str:
-    """Return the card of a cell: buttons that copy, and all properties of the cell."""
-    button = Markup('<button type="button" data-{}="{}">Copy {}</button>').format
-    forms = {"citation": "text", "BibTeX": "bibtex", "RIS": "ris"}
-    copied = {name: cell.cite(form) for name, form in forms.items()} | {
-        "code": cell.rerun_code
-    }
-    taken = [
-        button("link", f"#{place}", "link"),
-        button("record", cell.address, "JSON"),
-    ]
-    taken[1:1] = [button("copy", text, name) for name, text in copied.items()]
-    return Markup("<p>{}</p>").format(Markup(" ").join(taken)) + Markup(
-        html(cell.blocks())
+    """Return the card of a cell: verdict and result, a menu to cite it, and all properties."""
+    record, key = cell.record, cell.address.partition("#")[0]
+    reason = re.split(r"(?<=\.) (?=[A-Z])", str(verdicts.texts(record)["why"]))[0]
+    copied = {name: cell.cite(form) for name, form in CITATIONS.items()}
+    printed = library()[key].by_name[cell.address.partition("#")[2]]
+    return rendered(
+        "card",
+        cell=cell,
+        record=record,
+        place=f"{ADDRESS}/goto.html#{place}" if ADDRESS else f"#{place}",
+        words=f"{in_words(printed)} ({key})",
+        sigma=printed.sigma,
+        recomputed=recomputed(record),
+        sentence=Markup(reason),
+        copied=copied | {"code": cell.rerun_code},
+        properties=Markup(html(cell.blocks())),
     )
 
 

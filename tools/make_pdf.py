@@ -71,7 +71,8 @@ JOINED_PAGES = Template(
 @page t{{ loop.index }} { size: A4 landscape } @page t{{ loop.index }} {{ top }}
 .p{{ loop.index }} .rp-turned { page: t{{ loop.index }} }{% endfor %}</style></head>
 <body class="rp-joined bd-content"><header class="rp-title"><p>{{ title }}</p>
-<p>{{ authors }}</p><p>Version {{ version }}, {{ day }}</p>{{ abstract }}</header>
+<p>{{ authors }}</p><p>Version {{ version }}, {{ day }}</p>
+{% if abstract %}<p><strong>Abstract</strong></p>{{ abstract }}{% endif %}</header>
 <nav><h1>Contents</h1>{% for caption, pages in parts %}<p class="caption">{{ caption }}</p>
 <ul>{% for page in pages %}<li><a href="#{{ page.name }}">{{ page.title }}</a></li>{% endfor %}
 </ul>{% endfor %}</nav>{% for caption, pages in parts %}{% set part = loop.index %}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
 from collections.abc import Iterable, Iterator
@@ -76,10 +77,15 @@ def contents(root: Path, build: Path) -> Iterator[tuple[str, bytes]]:
 
 
 def pack(root: Path) -> Path:
-    """Write the archive of a built book and return its path. Equal files give an equal archive."""
+    """Write the archive of a built book and its wheel, and return the path of the archive.
+
+    Equal files give an equal archive.
+    """
     build = root / "book" / "_build"
     archive = build / "html" / ARCHIVE
     archive.parent.mkdir(parents=True, exist_ok=True)
+    (wheel,) = (build / "wheel").glob("*.whl")
+    shutil.copy(wheel, archive.parent)
     write_zip(archive, "reproduce-book", contents(root, build))
     return archive
 

@@ -65,7 +65,11 @@ def about() -> dict[str, Any]:
     found: dict[str, Any] = {"name": project["name"], "keywords": project["keywords"]}
     found |= {"description": f"{project['description']}.", "version": __version__}
     found["datePublished"] = RELEASED
-    found["author"] = [_author(name) for name in AUTHORS]
+    # A person is "Family, Given".
+    found["author"] = [
+        _thing(f"#author-{place}", "Person" if "," in name else "Organization", name)
+        for place, name in enumerate(AUTHORS, start=1)
+    ]
     found["license"] = [
         _thing(SPDX + name, "CreativeWork", name)
         for name in project["license"].split(" AND ")
@@ -83,15 +87,6 @@ def about() -> dict[str, Any]:
     return found | ({"identifier": f"https://doi.org/{DOI}"} if DOI else {})
 
 
-def _author(name: str) -> dict[str, str]:
-    """Return an author; a person is "Family, Given"."""
-    family, _, given = name.partition(", ")
-    place = f"#{re.sub(r'[^a-z]+', '-', name.lower())}"
-    if not given:
-        return _thing(place, "Organization", name)
-    return {"@id": place, "@type": "Person", "familyName": family, "givenName": given}
-
-
 def _thing(address: str, kind: str, name: str) -> dict[str, str]:
     return {"@id": address, "@type": kind, "name": name}
 
@@ -106,10 +101,12 @@ def citation() -> str:
     }
     found |= {name: own[other] for name, other in CFF.items() if other in own}
     found |= {"doi": DOI} if DOI else {}
-    names = {"name": "name", "familyName": "family-names", "givenName": "given-names"}
+    parts = ("family-names", "given-names")
     found["authors"] = [
-        {names[field]: text for field, text in one.items() if field in names}
-        for one in own["author"]
+        dict(zip(parts, name.split(", "), strict=True))
+        if "," in name
+        else {"name": name}
+        for name in AUTHORS
     ]
     found["license"] = [licence["name"] for licence in own["license"]]
     found["references"] = [_cited(paper) for paper in reproduced()]

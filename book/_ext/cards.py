@@ -2,7 +2,8 @@
 
 A link to a printed cell, an equation, a figure, a symbol, an erratum or a reference gets the class
 ``rp-has-card``, and `cards.js` shows the card. `tools/book_facts.py` writes the cards of the cells,
-the pages contain the others. All are in one script, since a page from a disk can load only scripts.
+the pages contain the others. Each page has a script with the cards of its anchors, since a page
+from a disk can load only scripts.
 """
 
 import json
@@ -132,30 +133,42 @@ def cite(app: Sphinx, doctree: nodes.document, page: str) -> None:
 
 
 def write(app: Sphinx, error: Exception | None) -> None:
-    """Write the script of all cards."""
+    """Write a script for each page, with the cards of its anchors and the records of its cells."""
     if error is not None or app.builder.format != "html":
         return
-    book, held = Path(app.srcdir), pages(app.env)
+    book, out, held = Path(app.srcdir), Path(app.outdir), pages(app.env)
 
     def from_root(link: re.Match[str]) -> str:
         kind, name = link.groups()
         place = name if "/" in name else f"{held[name]}.html#{name}"
         return f'{kind}="{place}"'
 
-    found = dict(cells(book))
-    for shown in outputs(app.env).values():
-        found |= shown["cards"]
+    known = dict(cells(book))
+    shown = {page: {**one["cards"]} for page, one in outputs(app.env).items()}
+    for page, found in shown.items():
+        names = {*outputs(app.env)[page]["anchors"]} & {*known}
+        found |= {name: known[name] for name in sorted(names)}
     for one in symbols(book):
         signs = ", ".join(f"${tex}$" for tex in one.written)
-        html = MATH.sub(r"\\(\1\\)", escape(f"{signs}: {one.meaning}"))
-        found[one.name] = f"<p>{html}</p>"
-    found = {name: WITHIN.sub(from_root, html) for name, html in found.items()}
-    script = f"window.rpCards = {json.dumps(found, ensure_ascii=False)};\n"
-    if (ledger := Path(app.outdir) / "ledger.json").is_file():
-        records = json.loads(ledger.read_text(encoding="utf-8"))["records"]
-        by_cell = json.dumps({one["cell"]: one for one in records}, ensure_ascii=False)
-        script += f"window.rpLedger = {by_cell};\n"
-    (Path(app.outdir) / "cards.js").write_text(script, encoding="utf-8")
+        text = MATH.sub(r"\\(\1\\)", escape(f"{signs}: {one.meaning}"))
+        shown[NOTATION][one.name] = f"<p>{text}</p>"
+    records = json.loads((out / "ledger.json").read_text(encoding="utf-8"))["records"]
+    by_cell = {re.sub("[/#.]", "-", one["cell"]): one for one in records}
+    for page, found in shown.items():
+        held_here = {
+            "cards": {
+                name: WITHIN.sub(from_root, text) for name, text in found.items()
+            },
+            "records": {
+                by_cell[name]["cell"]: by_cell[name] for name in {*by_cell} & {*found}
+            },
+        }
+        path = out / "cards" / f"{page}.js"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        text = json.dumps(held_here, ensure_ascii=False, sort_keys=True)
+        path.write_text(
+            f"(window.rpCards ??= {{}})[{json.dumps(page)}] = {text};\n", "utf-8"
+        )
 
 
 def setup(app: Sphinx) -> dict[str, bool]:

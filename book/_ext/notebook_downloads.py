@@ -28,9 +28,18 @@ from sphinx.application import Sphinx
 
 from equation_numbers import printed_number
 from fact_roles import FILE, facts, name_of
+from reproduce.version import ADDRESS, __version__
 
 FOLDER = "notebooks"
+WHEEL = "reproduce_pointing-{}-py3-none-any.whl"
 CACHE = ".jupyter_cache"
+# The first cell of a notebook, which needs the package. It is not in an index of packages.
+INSTALL = """\
+# This notebook needs the package of the book. Without it, this cell installs its wheel{place}.
+from importlib.util import find_spec
+
+if find_spec("reproduce") is None:
+    %pip install --quiet {wheel}"""
 ROLE = re.compile(r"\{(?P<role>[a-z:]+)\}`(?P<text>[^`]+)`")
 TITLED = re.compile(r"(?P<title>.+?)\s*<(?P<target>[^>]+)>")
 # Options of a directive, titles of admonitions, and directives without text.
@@ -174,12 +183,22 @@ def written(app: Sphinx, page: str) -> str:
             )
         elif "hide-input" in cell.metadata.get("tags", []):
             cell.metadata["jupyter"] = {"source_hidden": True}
-    notebook.cells = [cell for cell in notebook.cells if cell.source.strip()]
+    install: Any = nbformat.v4.new_code_cell(install_code())  # type: ignore[no-untyped-call]  # nbformat has no types
+    notebook.cells = [install, *(one for one in notebook.cells if one.source.strip())]
     for number, cell in enumerate(notebook.cells):
         cell["id"] = f"cell-{number}"  # those of MyST are random
     notebook.metadata = {"kernelspec": notebook.metadata["kernelspec"]}
     nbformat.validate(notebook)
     return json.dumps(notebook, ensure_ascii=False, indent=1) + "\n"
+
+
+def install_code() -> str:
+    """Return the code that installs the wheel of the book, if there is no package."""
+    name = WHEEL.format(__version__)
+    if ADDRESS:
+        return INSTALL.format(place="", wheel=f"{ADDRESS}/downloads/{name}")
+    place = ", which\n# the page 'Run it and change it' contains and you save next to this file"
+    return INSTALL.format(place=place, wheel=f"./{name}")
 
 
 def offer(

@@ -5,6 +5,7 @@ from a package after the build, since every page loads all scripts that are belo
 before the build.
 """
 
+import json
 import re
 import shutil
 from importlib.metadata import distribution
@@ -50,6 +51,14 @@ def copy_mathjax(app: Sphinx, error: Exception | None) -> None:
         target = Path(app.outdir) / "_static" / "mathjax" / MATHJAX
         target.parent.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(mathjax_source(), target)
+
+
+def write_scripts(app: Sphinx, error: Exception | None) -> None:
+    """Write a script with the text of each table, which a page from a disk can save."""
+    if error is None and app.builder.format == "html":
+        for path in (Path(app.outdir) / "tables").glob("*.[tjm]*"):
+            text = json.dumps(path.read_text(encoding="utf-8"), ensure_ascii=False)
+            path.with_name(f"{path.name}.js").write_text(f"rpFile({text});\n", "utf-8")
 
 
 def only_icons(script: str, used: set[str]) -> str:
@@ -147,4 +156,5 @@ def setup(app: Sphinx) -> dict[str, bool]:
     app.connect("html-page-context", lighten, priority=901)
     app.connect("build-finished", copy_mathjax)
     app.connect("build-finished", drop_icons)
+    app.connect("build-finished", write_scripts)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -1,19 +1,22 @@
-"""Sphinx extension: a search for keys, tables, figures, equations and printed numbers.
+"""Sphinx extension: a search for sections, keys, tables, figures, equations and printed numbers.
 
 The search of Sphinx ignores numbers and the outputs of notebooks. The search page first shows the
 results of this index of names, such as ``Table V``, ``0.9973``, ``niu2024/table-3`` and
-``equation 17``. The index is a script, so that it works from a disk.
+``equation 17``, and of the words of each section. The index is a script, so that it works from a
+disk.
 """
 
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, TypeAlias
 
 from docutils import nodes
+from markupsafe import Markup
 from sphinx.application import Sphinx
 
 from anchors import pages
@@ -21,8 +24,20 @@ from anchors import pages
 SCRIPT = Path(__file__).with_name("own_search.js")
 INDEX = "search-index.js"
 ROMAN = ("i", "ii", "iii", "iv", "v", "vi", "vii", "viii", "ix", "x", "xi", "xii")
-# Address, text of the result, main names and other names.
-Entry: TypeAlias = tuple[str, str, list[str], list[str]]
+# Address, text of the result, main names, other names and further words.
+Entry: TypeAlias = tuple[str, str, list[str], list[str], str]
+# Subjects of a page under other names than its title has.
+SUBJECTS = {
+    "run": "install, installation, download the notebooks",
+    "data": "download data, LaTeX, BibTeX, export, CSV, JSON",
+    "reading": "verdicts, what is blocked",
+    "notation": "sign convention, symbols",
+    "chen2023/attitude": "QUEST, Wahba",
+    "posteriors/index": "how many stars",
+    "posteriors/registration": "uncertainty of rotation, interval",
+    "posteriors/misalignment": "misalignment interval, roll",
+}
+WORD = re.compile(r"[^\W\d_][\w-]+")
 
 
 def renumbered(place: str) -> list[str]:
@@ -58,7 +73,7 @@ def of_items(held: dict[str, str]) -> Iterator[Entry]:
         if link:
             shown = f"{whole} of {paper}: {keys.title(key)}"
             others = with_paper(paper, renumbered(place))
-            yield link, shown, [key, *with_paper(paper, names)], others
+            yield link, shown, [key, *with_paper(paper, names)], others, ""
         for cell in library()[key].cells if key in library() else ():
             if place := links.get(cell.anchor, link):
                 shown = (
@@ -66,7 +81,7 @@ def of_items(held: dict[str, str]) -> Iterator[Entry]:
                 )
                 plain = getattr(cell.content, "text", cell.content)
                 numbers = dict.fromkeys([str(plain), str(cell.shown), cell.name])
-                yield place, shown, [cell.address], [*numbers]
+                yield place, shown, [cell.address], [*numbers], ""
 
 
 def with_paper(paper: str, names: list[str]) -> list[str]:
@@ -84,7 +99,23 @@ def of_equations(app: Sphinx) -> Iterator[Entry]:
         ]
         names = [*with_paper(paper, forms), label, f"{paper} {number}"]
         link, shown = f"{page}.html#equation-{label}", f"Equation ({number}) of {paper}"
-        yield link, shown, names, []
+        yield link, shown, names, [], ""
+
+
+def of_sections(page: str, doctree: nodes.document) -> Iterator[Entry]:
+    """Yield a page and its sections, with the words of their text and of their tables."""
+    title, subjects = "", SUBJECTS.get(page, "")
+    for section in doctree.findall(nodes.section):
+        heading = section.next_node(nodes.title).astext()
+        shown, title = (f"{title}: {heading}", title) if title else (heading, heading)
+        words = set[str]()
+        for part in section.findall(nodes.Text):
+            is_html = isinstance(part.parent, nodes.raw)
+            text = Markup(part).striptags() if is_html else str(part)
+            words |= {*WORD.findall(text.lower())}
+        names = [heading, *filter(None, subjects.split(", "))]
+        link, subjects = f"{page}.html#{section['ids'][0]}", ""
+        yield link, shown, names, [], " ".join(sorted(words))
 
 
 def of_studies(held: dict[str, str]) -> Iterator[Entry]:
@@ -95,14 +126,19 @@ def of_studies(held: dict[str, str]) -> Iterator[Entry]:
     for key, study in studies().items():
         if page := held.get(name := f"study-{anchor(key)}"):
             shown = f"{study.title}: a supplementary table"
-            yield f"{page}.html#{name}", shown, [key, study.title], []
+            yield f"{page}.html#{name}", shown, [key, study.title], [], ""
 
 
 def entries(app: Sphinx) -> list[Entry]:
     """Return the whole index, tables and figures before their cells."""
     held = pages(app.env)
     items = sorted(of_items(held), key=lambda entry: "#" in entry[2][0])
-    return [*items, *of_equations(app), *of_studies(held)]
+    sections = (
+        entry
+        for page in sorted(app.env.found_docs)
+        for entry in of_sections(page, app.env.get_doctree(page))
+    )
+    return [*items, *of_equations(app), *of_studies(held), *sections]
 
 
 def write(app: Sphinx, error: Exception | None) -> None:

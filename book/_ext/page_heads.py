@@ -202,9 +202,8 @@ def fill(
 
     if doctree is None:
         return
-    own = content_id(Path(app.env.doc2path(page)))
-    if ADDRESS:
-        own = f"{ADDRESS}/{page}.html"
+    source = content_id(Path(app.env.doc2path(page)))
+    own = f"{ADDRESS}/{page}.html" if ADDRESS else source
     title, book = app.env.titles[page].astext(), app.config.html_title
     head = {
         "description": described(doctree),
@@ -213,14 +212,15 @@ def fill(
         "citation_publication_date": RELEASED.replace("-", "/"),
     }
     tags = [META.format(name, escape(text)) for name, text in head.items() if text]
-    links = {"cite-as": own, "license": LICENSE}
-    links |= {"describedby": context["pathto"]("codemeta.json", 1)}
-    links |= {"canonical": own} if ADDRESS else {}
-    tags += [LINK.format(*link) for link in links.items()]
-    parts: list[dict[str, Any]] = []
-    for data in linked(page, anchors.pages(app.env), head["description"]):
-        name = data.get("url", f"{own}#{anchor(data['identifier'][0])}")
-        parts.append({"@id": name} | data)
+    about = context["pathto"]("codemeta.json", 1)
+    links = zip(
+        ("cite-as", "license", "describedby"), (own, LICENSE, about), strict=True
+    )
+    tags += [LINK.format(*link) for link in links]
+    parts = [
+        {"@id": data.get("url", f"{own}#{anchor(data['identifier'][0])}")} | data
+        for data in linked(page, anchors.pages(app.env), head["description"])
+    ]
     whole = {
         "@context": "https://schema.org",
         "@type": "WebPage",
@@ -257,8 +257,7 @@ def finish(app: Sphinx, error: Exception | None) -> None:
 
     if error is not None or app.builder.format != "html":
         return
-    root = Path(app.outdir)
-    start = f"{ADDRESS}/" if ADDRESS else ""
+    root, start = Path(app.outdir), ADDRESS and f"{ADDRESS}/"
     (root / "404.html").write_text(ABSENT.format(start), encoding="utf-8")
     if ADDRESS:
         pages = "".join(f"{start}{page}.html\n" for page in sorted(app.env.found_docs))

@@ -39,7 +39,11 @@ const reach = () => {
 };
 addEventListener("load", () => {
   reach();
-  window.MathJax?.startup?.promise.then(reach);
+  // A formula is no control: only one that scrolls is a stop of the Tab key.
+  window.MathJax?.startup?.promise.then(() => {
+    for (const one of document.querySelectorAll("mjx-container[tabindex]")) one.removeAttribute("tabindex");
+    reach();
+  });
   document.addEventListener("toggle", reach, true);
   addEventListener("resize", reach);
 });
@@ -84,4 +88,41 @@ document.addEventListener("DOMContentLoaded", () => {
     bar.addEventListener("input", filter);
     filter();
   }
+});
+
+// The typesetting of formulas moves the target of a link: it stays in place until a reader acts.
+document.addEventListener("DOMContentLoaded", () => {
+  const reached = () => document.getElementById(decodeURIComponent(location.hash.slice(1)));
+  // A link moves the focus to a table, which shows a ring as if the Tab key had led there.
+  const calm = () => {
+    document.querySelector(".rp-reached")?.classList.remove("rp-reached");
+    reached()?.classList.add("rp-reached");
+    document.activeElement?.addEventListener("blur", () => reached()?.classList.remove("rp-reached"), { once: true });
+  };
+  addEventListener("hashchange", calm);
+  const target = reached();
+  if (!target) return;
+  calm();
+  const keep = new ResizeObserver(() => target.scrollIntoView({ behavior: "instant" }));
+  const stop = () => keep.disconnect();
+  keep.observe(document.querySelector("article") ?? document.body);
+  for (const act of ["wheel", "touchstart", "keydown", "pointerdown"]) addEventListener(act, stop, { once: true, passive: true });
+  addEventListener("load", async () => {
+    await window.MathJax?.startup?.promise;
+    await document.fonts.ready;
+    setTimeout(stop, 500); // ms: the last formulas have their height
+  });
+});
+
+// From a disk a browser shows a file in place of the page. A script has the text of a table; others open beside it.
+document.addEventListener("click", (event) => {
+  const link = event.target.closest?.("a[download]");
+  if (location.protocol !== "file:" || !/\.(tex|json|md|svg|png|pdf|py)$/.test(link?.pathname ?? "")) return;
+  if (!/\/tables\/[^/]*$/.test(link.pathname)) { link.target = "_blank"; return; }
+  event.preventDefault();
+  window.rpFile = (text) => {
+    const href = URL.createObjectURL(new Blob([text], { type: "text/plain" }));
+    Object.assign(document.createElement("a"), { href, download: link.pathname.split("/").pop() }).click();
+  };
+  document.head.append(Object.assign(document.createElement("script"), { src: `${link.href}.js` }));
 });

@@ -4,13 +4,19 @@
 (() => {
   const root = document.documentElement.dataset.content_root || "./";
   const DELAY = 350; // ms: a pointer that only passes by opens nothing
-  let cards, shown, timer, dismissed;
+  const scripts = {};
+  let shown, timer, dismissed;
 
-  // A script is all that a page from a disk may load beside itself.
-  const load = () => cards ??= new Promise((resolve, reject) => {
+  // A script is all that a page from a disk may load beside itself: one for each page with anchors.
+  const pageOf = (link) => {
+    const start = new URL(root, location.href).href.replace(/[^/]*$/, "");
+    const place = new URL(link.getAttribute("href"), location.href).href;
+    return place.slice(start.length).split(/\.html|#/)[0] || "index";
+  };
+  const load = (page) => scripts[page] ??= new Promise((resolve, reject) => {
     const script = document.createElement("script");
-    script.src = `${root}cards.js`;
-    script.onload = () => resolve(window.rpCards);
+    script.src = `${root}cards/${page}.js`;
+    script.onload = () => resolve(window.rpCards[page]);
     script.onerror = reject;
     document.head.append(script);
   });
@@ -41,12 +47,20 @@
 
   // The Tab key stops once in a card and goes on to the next number; an arrow makes all of it reachable.
   const reach = (yes) => {
-    const [, ...more] = box.querySelectorAll("a, button, [tabindex]");
+    const [, ...more] = box.querySelectorAll("summary, a, button, [tabindex]");
     for (const one of more) yes ? one.removeAttribute("tabindex") : one.tabIndex = -1;
   };
 
+  // The address of the published book, or of this server. A path on a disk leads nowhere else: words and anchor.
+  const addressOf = ({ link, words }) => {
+    if (link.startsWith("https:")) return link;
+    const url = new URL(root + link, location.href);
+    return url.protocol === "file:" ? `${words}: goto.html${url.hash}` : url.href;
+  };
+
   const open = async (link) => {
-    const html = (await load())[keyOf(link)];
+    const { cards, records } = await load(pageOf(link));
+    const html = cards[keyOf(link)];
     if (!html || shown === link) return;
     close();
     // The browser's own tooltip would lie over the card.
@@ -57,8 +71,8 @@
     box.setAttribute("aria-label", `About ${link.ariaLabel || link.textContent.trim() || keyOf(link)}`);
     for (const one of box.querySelectorAll("a[href]")) one.href = root + one.getAttribute("href");
     for (const one of box.querySelectorAll("img")) one.src = root + one.dataset.src;
-    for (const one of box.querySelectorAll("[data-record]")) one.dataset.copy = JSON.stringify(window.rpLedger[one.dataset.record], null, 2);
-    for (const one of box.querySelectorAll("[data-link]")) one.dataset.copy = new URL(root + one.dataset.link, location.href).href;
+    for (const one of box.querySelectorAll("[data-record]")) one.dataset.copy = JSON.stringify(records[one.dataset.record], null, 2);
+    for (const one of box.querySelectorAll("[data-link]")) one.dataset.copy = addressOf(one.dataset);
     reach(false);
     (link.closest("svg") ?? link).after(box);
     box.showPopover();
@@ -67,6 +81,13 @@
     await window.MathJax?.typesetPromise?.([box]);
     place(link);
   };
+
+  // A table is one stop of the Tab key. The arrow keys lead from number to number.
+  const linksOf = (table) => [...table.querySelectorAll("a.rp-has-card")].filter((one) => !box.contains(one));
+  const rove = () => {
+    for (const table of document.querySelectorAll("article table")) linksOf(table).slice(1).forEach((one) => { one.tabIndex = -1; });
+  };
+  document.addEventListener("DOMContentLoaded", rove);
 
   const linkOf = (target) => target.closest?.("a.rp-has-card");
   const later = (action) => { clearTimeout(timer); timer = setTimeout(action, DELAY); };
@@ -98,12 +119,19 @@
   });
   document.addEventListener("keydown", (event) => {
     if (event.key === "Escape") close();
+    const at = linkOf(document.activeElement ?? document.body), step = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
+    const links = step && at?.closest("table") ? linksOf(at.closest("table")) : [];
+    const next = links[links.indexOf(at) + step];
+    if (next) { event.preventDefault(); at.tabIndex = -1; next.tabIndex = 0; next.focus(); }
     if (event.key !== "ArrowDown" || !shown || document.activeElement !== shown) return;
     event.preventDefault(); // the arrow leads from the link into its card
     reach(true);
-    box.querySelector("button, a").focus();
+    box.querySelector("summary, button, a").focus();
   });
-  box.addEventListener("toggle", (event) => { if (event.newState === "closed") { dismissed = shown; shown = undefined; } });
+  // An unfolded part needs more room.
+  box.addEventListener("toggle", (event) => { if (event.target !== box && shown) place(shown); }, true);
+  box.addEventListener("toggle", (event) => {
+    if (event.target !== box) return; if (event.newState === "closed") { dismissed = shown; shown = undefined; } });
   addEventListener("scroll", () => { if (shown && !box.matches(":hover") && !box.contains(document.activeElement)) close(); }, { passive: true });
 
   const copy = async (text) => {

@@ -5,6 +5,7 @@ import re
 import subprocess
 import sys
 from pathlib import Path
+from posixpath import basename, dirname, join, normpath
 
 import pytest
 from reading import DESKTOP, HTML, PHONE, built_pages, violations
@@ -22,9 +23,14 @@ CELLS = [cell for table in library().values() for cell in table.cells]
 
 @pytest.fixture(scope="module")
 def scripts():
-    """Return the cards by anchor, and the records of the ledger by cell."""
-    lines = (HTML / "cards.js").read_text(encoding="utf-8").splitlines()
-    return [json.loads(line.partition(" = ")[2].rstrip(";")) for line in lines]
+    """Return cards and records of each page."""
+    found = {}
+    for path in sorted((HTML / "cards").rglob("*.js")):
+        text = path.read_text(encoding="utf-8")
+        page = path.relative_to(HTML / "cards").with_suffix("").as_posix()
+        assert text.startswith(f'(window.rpCards ??= {{}})["{page}"] = ')
+        found[page] = json.loads(text.partition(" = ")[2].rstrip().rstrip(";"))
+    return found
 
 
 @pytest.fixture
@@ -33,47 +39,60 @@ def wide(open_page):
     return open_page(PAGE, viewport=DESKTOP, permissions=permissions)
 
 
-def names_with_cards(page):
-    """Return the names of the cards of all marked links of a page."""
+def all_cards(scripts):
+    return {
+        name: text for one in scripts.values() for name, text in one["cards"].items()
+    }
+
+
+def linked(page):
+    """Yield page and name of the cards of all marked links of a page."""
     text = (HTML / page).read_text(encoding="utf-8")
     links = re.findall(r'<a\b(?=[^>]*rp-has-card)[^>]*href="([^"#]*)#([^"]*)"', text)
-    start = {True: "bibliography-", False: ""}
-    return {start[place.endswith("bibliography.html")] + name for place, name in links}
+    for place, name in links:
+        target = normpath(join(dirname(page), place or basename(page)))
+        start = "bibliography-" * (target == "bibliography.html")
+        yield target.removesuffix(".html"), start + name
 
 
 def test_every_printed_cell_has_a_card_and_a_record(scripts):
-    cards, records = scripts
+    cards = all_cards(scripts)
     assert all(cell.address in cards[cell.anchor] for cell in CELLS)
     ledger = json.loads((HTML / "ledger.json").read_text(encoding="utf-8"))["records"]
-    assert records == {record["cell"]: record for record in ledger}
-    assert set(records) == {cell.address for cell in CELLS}
+    for one in scripts.values():
+        names = {cell.address for cell in CELLS if cell.anchor in one["cards"]}
+        found = {r["cell"]: r for r in ledger if r["cell"] in names}
+        assert one["records"] == found
 
 
-def test_every_marked_link_has_a_card(scripts):
-    names = {page: names_with_cards(page) for page in built_pages()}
-    every = set().union(*names.values())
-    assert every <= set(scripts[0])
-    kinds = {name.partition("-")[0] for name in every}
+def test_every_marked_link_has_a_card_in_the_script_of_its_page(scripts):
+    links = {page: {*linked(page)} for page in built_pages()}
+    every = set().union(*links.values())
+    assert [one for one in every if one[1] not in scripts[one[0]]["cards"]] == []
+    kinds = {name.partition("-")[0] for _, name in every}
     assert {"equation", "figure", "symbol", "bibliography", *PAPERS} <= kinds
-    assert "chen2023-table-5-columns" in names["chen2023/effectiveness.html"]  # erratum
-    assert names["index.html"] >= {cell.anchor for cell in CELLS}
+    assert ("audit/errata", "chen2023-table-5-columns") in links[
+        "chen2023/effectiveness.html"
+    ]
+    assert {name for _, name in links["index.html"]} >= {cell.anchor for cell in CELLS}
+    largest = max((HTML / "cards").rglob("*.js"), key=lambda path: path.stat().st_size)
+    assert largest.stat().st_size < 600_000
 
 
 def test_symbols_are_those_of_the_paper_of_the_page(scripts):
     """The laser transform of one paper has the symbol of the residuals of the other."""
-    (transform,) = (
-        n for n, c in scripts[0].items() if c.endswith(": laser transform</p>")
-    )
-    assert transform in names_with_cards("chen2023/attitude.html")
-    assert transform not in names_with_cards("niu2024/calibration.html")
+    cards = scripts["notation"]["cards"]
+    (transform,) = (n for n, c in cards.items() if c.endswith(": laser transform</p>"))
+    assert ("notation", transform) in linked("chen2023/attitude.html")
+    assert ("notation", transform) not in linked("niu2024/calibration.html")
     notation = (HTML / "notation.html").read_text(encoding="utf-8")
     rows = re.findall(r'id="(symbol-\d+)"', notation)
-    assert rows == [name for name in scripts[0] if name.startswith("symbol-")]
+    assert sorted(rows) == [name for name in cards if name.startswith("symbol-")]
 
 
 def test_links_and_images_of_cards_exist(scripts):
     texts, images = {}, 0
-    for card, text in scripts[0].items():
+    for card, text in all_cards(scripts).items():
         for page, name in re.findall(r'href="(?!https)([^"#]*)#?([^"]*)"', text):
             if page not in texts:
                 texts[page] = (HTML / page).read_text(encoding="utf-8")
@@ -94,31 +113,82 @@ def test_a_card_opens_if_the_pointer_rests_and_copies_its_contents(wide):
     assert card.count() == 0
     link.hover()
     card.wait_for(state="visible")
-    cell, shown, copied = rp.table(ADDRESS), card.inner_text(), []
-    assert cell.printed in shown
-    assert cell.verdict in shown
+    cell, shown, copied = rp.table(ADDRESS), card.inner_text(), {}
+    assert shown.startswith(f"{cell.verdict} printed {cell.printed}, recomputed ")
+    box = card.bounding_box()
+    assert (box["width"] <= 360, box["height"] <= 320) == (True, True)
+    assert card.locator("button:visible, table:visible").count() == 0
+    for fold in card.locator("summary").all():
+        fold.click()
     assert card.locator("a[href*=equation]").count() == len(cell.record.equations)
     for button in card.locator("button").all():
         button.click()
-        copied.append(wide.evaluate("navigator.clipboard.readText()"))
-    link_, text, bibtex, ris, code, record = copied
+        name = button.inner_text().rstrip(" ✓")
+        copied[name] = wide.evaluate("navigator.clipboard.readText()")
     # The pages may be of another commit than the tests.
-    commit = re.compile(r", commit (not recorded|\w+)")
-    for form, cited in (("text", text), ("bibtex", bibtex), ("ris", ris)):
-        expected = commit.sub("", rp.cite(ADDRESS, form))
-        assert commit.sub("", cited.replace("\r\n", "\n")) == expected
-    assert rp.verify(text) == "unchanged"
-    assert code.startswith(f'rp.table("{ADDRESS}").rerun(')
-    stated = json.loads(record)
+    ours = re.compile(
+        r", commit (not recorded|\w+)|commit swh:1:rev:\w+, |commit = .*\n"
+    )
+    for form, name in (
+        ("text", "citation"),
+        ("bibtex", "BibTeX"),
+        ("sentence", "sentence"),
+    ):
+        expected = ours.sub("", rp.cite(ADDRESS, form))
+        assert ours.sub("", copied[name].replace("\r\n", "\n")) == expected
+    assert copied["RIS"].startswith("TY  - COMP")
+    assert copied["code"] == cell.rerun_code
+    stated = json.loads(copied["JSON"])
     assert (stated["cell"], tuple(stated["stands_for"])) == (
         ADDRESS,
         cell.record.stands_for,
     )
     wide.keyboard.press("Escape")
     card.wait_for(state="hidden")
-    assert link_ == f"file://{HTML}/{PLACE}"
-    wide.goto(link_)
-    assert wide.locator(CELL).is_visible()
+    # A path on a disk leads nowhere for others.
+    name = PLACE.partition("#")[2]
+    assert copied["link"].startswith("Table 3, scale factor, red (niu2024/table-3)")
+    assert copied["link"].endswith(f": goto.html#{name}")
+
+
+def test_the_link_of_a_card_is_an_address_on_a_server(open_page, served):
+    page = open_page(
+        permissions=["clipboard-read", "clipboard-write"], viewport=DESKTOP
+    )
+    page.goto(f"{served}/{PLACE}")
+    page.locator(CELL).hover()
+    page.locator(".rp-card summary").first.click()
+    page.locator(".rp-card [data-link]").click()
+    assert page.evaluate("navigator.clipboard.readText()") == f"{served}/{PLACE}"
+
+
+def test_a_card_in_bold_text_is_not_bold(wide):
+    link = wide.locator("strong a.rp-has-card").locator("visible=true").first
+    link.hover()
+    card = wide.locator(".rp-card")
+    card.wait_for(state="visible")
+    assert card.evaluate("e => getComputedStyle(e).fontWeight") == "400"
+
+
+ADDED = """() => [...document.querySelectorAll('article a.rp-has-card')].filter(e =>
+    e.tabIndex >= 0 && e.checkVisibility() && e.getClientRects().length).length"""
+
+
+def test_cards_add_few_stops_and_arrows_lead_through_a_table(open_page):
+    page = open_page(viewport=DESKTOP)
+    for address in built_pages():
+        page.goto(f"file://{HTML}/{address}")
+        assert page.evaluate(ADDED) <= 60, address
+    page.goto(f"file://{HTML}/{PAGE}")
+    first = page.locator("#niu2024-table-3 a.rp-has-card").first
+    first.focus()
+    page.keyboard.press("ArrowRight")
+    href = page.evaluate("document.activeElement.getAttribute('href')")
+    assert href == page.locator("#niu2024-table-3 a.rp-has-card").nth(1).get_attribute(
+        "href"
+    )
+    page.keyboard.press("ArrowLeft")
+    assert first.evaluate("e => e === document.activeElement")
 
 
 def test_the_keyboard_leads_into_a_card_and_out_of_it(wide):
@@ -166,6 +236,7 @@ def test_marks_symbols_equations_errata_figures_and_references_have_cards(wide):
 
 def test_a_function_of_a_card_leads_to_its_text(wide):
     wide.locator(CELL).hover()
+    wide.locator(".rp-card summary").last.click()
     wide.locator(".rp-card a[href*='#function-']").click()
     text = wide.locator("#function-niu2024-table-3-calibrated_parameters")
     text.wait_for(state="visible")

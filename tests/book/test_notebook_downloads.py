@@ -9,7 +9,8 @@ import pytest
 from bs4 import BeautifulSoup
 from reading import HTML
 
-from notebook_downloads import FOLDER, plain, spoken_in
+import notebook_downloads
+from notebook_downloads import FOLDER, install_code, plain, spoken_in
 
 NOTEBOOKS = HTML.parent / FOLDER
 # A number that does not begin a longer word.
@@ -43,6 +44,23 @@ def test_roles_become_their_text(tmp_path):
         plain("{computed}`k#b`", spoken_in(app, "part/one"), str)
 
 
+def test_a_notebook_installs_a_wheel_and_nothing_from_an_index(monkeypatch):
+    for address, place in (
+        ("", "--quiet ./reproduce_pointing-0."),
+        ("https://a.org/b", "--quiet https://a.org/b/downloads/reproduce_pointing-0."),
+    ):
+        monkeypatch.setattr(notebook_downloads, "ADDRESS", address)
+        assert place in install_code()
+        assert install_code().endswith("-py3-none-any.whl")
+
+
+@pytest.mark.browser
+def test_the_wheel_of_the_first_cell_is_next_to_the_book():
+    wheel = install_code().rpartition("/")[2]
+    assert (HTML / "downloads" / wheel).is_file()
+    assert f'href="downloads/{wheel}"' in (HTML / "run.html").read_text("utf-8")
+
+
 @pytest.mark.browser
 def test_a_notebook_has_the_headings_numbers_and_outputs_of_its_page():
     paths = sorted(NOTEBOOKS.rglob("*.ipynb"))
@@ -58,6 +76,8 @@ def test_a_notebook_has_the_headings_numbers_and_outputs_of_its_page():
         ids = [cell.id for cell in notebook.cells]
         assert ids == [f"cell-{number}" for number in range(len(ids))]
         assert all(cell.source.strip() for cell in notebook.cells)
+        install, *notebook.cells = notebook.cells
+        assert install.source == install_code()
         code = [cell for cell in notebook.cells if cell.cell_type == "code"]
         assert any(cell.outputs for cell in code) or not code
         assert all(cell.execution_count for cell in code)

@@ -1,11 +1,17 @@
 """The first result of a search, from a disk and without a network."""
 
+import json
+import subprocess
 from urllib.parse import quote, unquote, urldefrag
 
 import pytest
+from docutils.core import publish_doctree
+from myst_parser.docutils_ import Parser
+from playwright._impl._driver import compute_driver_executable
 from reading import HTML
 
-from own_search import of_items, of_studies, renumbered
+from own_search import SCRIPT as SOURCE
+from own_search import of_items, of_sections, of_studies, renumbered
 from reproduce.printed.cells import library
 
 FOUND = "#rp-found li a"
@@ -20,6 +26,20 @@ FIRST = {
     "niu2024 equation 17": "equation-niu2024-17",
     "chen2023/frames": "study-chen2023-frames",
     "scale.red": "niu2024-table-2-scale-red",
+}
+# Questions of readers to the page that answers them.
+PAGES = {
+    "roll": ("posteriors/misalignment", "chen2023/accuracy"),
+    "install": ("run",),
+    "QUEST": ("chen2023/attitude",),
+    "LaTeX": ("data",),
+    "sign convention": ("notation",),
+    "what is blocked": ("reading",),
+    "uncertainty of rotation": ("posteriors/registration",),
+    "download data": ("data",),
+    "misalignment 95 % interval": ("posteriors/misalignment",),
+    "Cramer-Rao": ("chen2023/resolution",),
+    "how many stars": ("posteriors/index",),
 }
 
 
@@ -37,10 +57,70 @@ def test_every_printed_number_of_a_shown_table_is_in_the_index():
 
 
 def test_supplementary_tables_have_their_key_and_title():
-    ((address, shown, names, _),) = of_studies({"study-chen2023-frames": "there"})
+    ((address, shown, names, *_),) = of_studies({"study-chen2023-frames": "there"})
     assert address == "there.html#study-chen2023-frames"
     assert names == ["chen2023/frames", "Number of frames to average"]
     assert shown.startswith(names[1])
+
+
+INDEX = [
+    ["a.html#a", "Uncontrolled installation", ["Uncontrolled installation"], [], ""],
+    ["b.html#b", "The question", ["The question"], [], "rolled quaternions"],
+    [
+        "c.html#c",
+        "Attitude",
+        ["Attitude", "QUEST"],
+        [],
+        "wahba roll installing cramér–rao",
+    ],
+    ["d.html#d", "Table 3 of lamp2025", ["Table 3"], [], ""],
+    ["e.html#e", "Table 30 of lamp2025", ["Table 30"], [], ""],
+]
+SCRIPT = """
+globalThis.window = {REPRODUCE_INDEX: %s};
+globalThis.location = {search: `?q=${encodeURIComponent(QUERY)}`};
+const node = () => ({append(...all) { all.forEach(one => one.href && console.log(one.href)); }});
+globalThis.document = {createElement: node, getElementById: () => ({before() {}})};
+%s"""
+
+
+@pytest.mark.parametrize(
+    ("query", "found"),
+    {
+        "roll": "cb",
+        "install": "c",
+        "QUEST": "c",
+        "question": "b",
+        "what is the question": "b",
+        "Cramer-Rao": "c",
+        "Table 3": "de",
+    }.items(),
+)
+def test_words_are_found_and_not_their_parts(query, found):
+    code = SCRIPT % (json.dumps(INDEX), SOURCE.read_text(encoding="utf-8"))
+    node, _ = compute_driver_executable()
+    command = [node, "-e", f"const QUERY = {json.dumps(query)};{code}"]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert done.stdout.split() == [f"{name}.html#{name}" for name in found]
+
+
+def test_sections_have_their_words_and_the_subjects_of_their_page():
+    source = "# Data\n\nFirst words.\n\n## Files\n\nThe 12 tables."
+    settings = {"doctitle_xform": False}
+    doctree = publish_doctree(source, parser=Parser(), settings_overrides=settings)
+    whole, part = of_sections("data", doctree)
+    assert (whole[0], whole[1], part[0], part[1]) == (
+        "data.html#data",
+        "Data",
+        "data.html#files",
+        "Data: Files",
+    )
+    assert "LaTeX" in whole[2]
+    assert part[2] == ["Files"]
+    assert (whole[4], part[4]) == (
+        "data files first tables the words",
+        "files tables the",
+    )
 
 
 @pytest.mark.browser
@@ -56,6 +136,10 @@ def test_searches_from_the_disk_log_no_error_and_find_the_place(open_page):
         address, fragment = urldefrag(str(link))
         assert unquote(fragment) == anchor
         assert f'id="{anchor}"' in (HTML / address).read_text(encoding="utf-8")
+    for query, places in PAGES.items():
+        page.goto(f"{(HTML / 'search.html').as_uri()}?q={quote(query)}")
+        link = page.locator(FOUND).first.get_attribute("href")
+        assert urldefrag(str(link))[0].removesuffix(".html") in places, query
     page.goto(f"{(HTML / 'search.html').as_uri()}?q=simulation")
     page.wait_for_selector(SPHINX, timeout=10_000)
     page.wait_for_timeout(500)

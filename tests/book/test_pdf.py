@@ -20,7 +20,8 @@ TOC = make_pdf.ROOT / "book" / "_toc.yml"
 # Text of a page without folds, formulas, drawings and controls, with the code of its cells.
 SHOWN = """() => {
     const copy = document.querySelector('article').cloneNode(true);
-    const not = 'details, svg, script, style, .math, .rp-bar, .rp-dial, .rp-filter, .viewcode-link';
+    const not = 'details, svg, script, style, .math, .rp-bar, .rp-dial, .rp-filter, '
+        + '.viewcode-link, .rp-pdfs';
     copy.querySelectorAll(not).forEach(e => e.remove());
     const walk = document.createTreeWalker(copy, NodeFilter.SHOW_TEXT), texts = [];
     while (walk.nextNode()) texts.push(walk.currentNode.data);

@@ -45,8 +45,12 @@ def test_descriptions_come_from_one_source(monkeypatch):
     address, doi = "https://example.org/book", "10.1/x"
     monkeypatch.setattr(release, "ADDRESS", address)
     monkeypatch.setattr(release, "DOI", doi)
+    monkeypatch.setattr(release, "AUTHORS", ("Doe, Jane", "The others"))
     cited, code = yaml.safe_load(release.citation()), json.loads(release.codemeta())
     assert (cited["url"], cited["doi"]) == (address, doi)
+    person = {"family-names": "Doe", "given-names": "Jane"}
+    assert cited["authors"] == [person, {"name": "The others"}]
+    assert [one["@type"] for one in code["author"]] == ["Person", "Organization"]
     assert (code["url"], code["identifier"]) == (address, f"https://doi.org/{doi}")
 
 

@@ -139,3 +139,13 @@ def test_an_erratum_shows_its_verdicts_and_the_values_that_each_pair_requires():
     for side, end in zip((-1, 1), found.groups(), strict=True):
         shift, angle = 20.27 + side * 0.005, (2.006 - side * 0.0005) * math.pi / 648000
         assert float(end) == pytest.approx(shift * 1e-3 / math.tan(angle), rel=1e-5)
+
+
+def test_numbers_agree_if_the_intervals_of_print_and_result_overlap():
+    """State 4: 60.66 printed, 60.36 computed, with half a digit of one and of two positions."""
+    rows = rp.audit()["differences"].frame()
+    assert (rows["distance"].abs() <= 1).equals(rows["agrees"])
+    assert rows["distance"]["chen2023/table-5#4.motion-y"] == pytest.approx(
+        0.30 / 0.015
+    )
+    assert (~rows["agrees"]).sum() == 7

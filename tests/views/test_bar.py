@@ -40,9 +40,8 @@ def test_a_table_has_address_citation_files_inputs_and_functions(key):
             assert f'href="#{name}">({number})</a>' in rows
         if one.replicates:
             assert f"{one.entropy[1]} of this function; {one.replicates:,}" in rows
-    # The text of the cards is on the page too.
-    for cell in library()[key].cells:
-        assert rp.cite(cell.address, "text").partition("\n")[0] in unescape(html)
+    for form in ("text", "bibtex"):
+        assert rp.cite(key, form) in unescape(bar)
 
 
 def test_a_quoted_table_has_no_function_and_a_terminal_needs_no_citation(monkeypatch):
@@ -55,10 +54,24 @@ def test_a_quoted_table_has_no_function_and_a_terminal_needs_no_citation(monkeyp
     assert not re.search("<summary>(Function|Inputs)", html)
 
 
-def test_the_code_of_a_card_computes_its_cell():
-    for address in ("niu2024/table-3#scale.red", "niu2024/table-1#focal-length.red"):
-        again = eval(rp.table(address).rerun_code, {"rp": rp})
-        assert address.partition("#")[2] in repr(again)
+@pytest.mark.parametrize(
+    "key", ["niu2024/table-2", "niu2024/table-3", "chen2023/table-5"]
+)
+def test_the_code_of_a_card_changes_its_cell(key):
+    """A count of states or a difference of nothing does not depend on a number."""
+    constant = {f"chen2023/table-5#1.motion-{axis}" for axis in "xy"}
+    for cell in library()[key].cells:
+        code = rp.table(cell.address).rerun_code
+        result = rp.table(cell.address).record.role == "result"
+        assert (".rerun(" in code) is (result and cell.address not in constant)
+    for name in ("scale.red", "4.motion-y"):
+        if name in library()[key].by_name:
+            again = eval(rp.table(f"{key}#{name}").rerun_code, {"rp": rp}).frame()
+            assert again.loc[name, "changed"] != again.loc[name, "unchanged"]
+            (changed,) = eval(
+                rp.table(f"{key}#{name}").rerun_code, {"rp": rp}
+            ).changes.items()
+            assert changed[1] != rp.table(changed[0]).printed
 
 
 def test_figures_have_caption_citation_and_files(tmp_path, monkeypatch):
@@ -73,7 +86,7 @@ def test_figures_have_caption_citation_and_files(tmp_path, monkeypatch):
             html = figure._repr_html_()
         assert "</span>What &lt;is&gt; drawn.</figcaption>" in html
         assert re.findall(r'href="#(figures/[^"]+)"', html) == files
-        assert key in html[html.index("<summary>Cite") :]
+        assert anchor(key) in html[html.index("<summary>Cite") :]
         figures.write_figure(key, tmp_path)
         paths = [tmp_path / path for path in files]
         assert "".join(path.suffix for path in paths) == endings

@@ -3,8 +3,12 @@
 import io
 import json
 import re
+import runpy
+import shutil
 import subprocess
 import time
+import tomllib
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -25,6 +29,7 @@ from reproduce.views.computed import whole_ledger
 from reproduce.views.export import FORMATS, _mark, _statement_of, citation, verify
 from reproduce.views.figure import draw, save
 
+ROOT = Path(__file__).parents[2]
 KEY, STUDY = "chen2023/table-5", "chen2023/heat"
 CELLS = (
     "niu2024/table-3#scale.red",
@@ -62,47 +67,79 @@ def first_entry(address):
     )
 
 
-def test_csv_and_json_have_all_values_at_full_precision():
+def test_json_has_all_values_and_csv_has_the_layout_of_the_paper():
     records, table = whole_ledger().of(KEY), rp.table(KEY)
-    text = table.export("csv")
-    frame = read_csv(text, dtype={"printed": str})
-    for name in ("cell", "printed"):
-        assert list(frame[name]) == [getattr(record, name) for record in records]
-    expected = [np.nan if r.computed is None else r.computed for r in records]
-    np.testing.assert_array_equal(frame["computed"], expected)
     read = ledger.Ledger.model_validate_json(table.export("json"))
     assert [
         r.model_copy(update={"reason": "", "reply": ""}) for r in read.records
     ] == list(records)
-    reasons = read_csv(text, keep_default_na=False)["reason"]
-    assert [record.reason for record in read.records] == list(reasons)
     assert read.cell(f"{KEY}#2.reference-x").reason
+    frame = read_csv(table.export("csv"), dtype=str, keep_default_na=False)
+    printed = library()[KEY]
+    assert list(frame)[2:] == [column.label for column in printed.columns]
+    assert list(dict.fromkeys(frame["row"])) == [row.label for row in printed.rows]
+    lines = frame.set_index("value").drop(columns="row")
+    for name, texts in (
+        ("printed", [record.printed for record in records]),
+        ("verdict", [r.verdict if r.unit else "" for r in records]),
+    ):
+        assert list(lines.loc[name].to_numpy().ravel()) == texts
+    found = pd.to_numeric(lines.loc["recomputed"].to_numpy().ravel())
+    numbers = [r.computed if r.function else np.nan for r in records]
+    np.testing.assert_allclose(found, numbers, atol=0.005)
+    assert max(map(len, lines.to_numpy().ravel())) < len("unpublished")
+    sigma = read_csv(rp.table("chen2023/table-4").export("csv")).set_index("value")
+    assert set(sigma.loc["sigma", "Misalignment, X"]) == {"3"}
+    quoted = read_csv(rp.table("niu2024/text-optics").export("csv"))
+    assert len(quoted) == len(library()["niu2024/text-optics"].cells)
+    cell = read_csv(rp.table(CELLS[1]).export("csv"))
+    assert cell["computed"][0] == whole_ledger().cell(CELLS[1]).computed
 
 
 def test_markdown_and_latex_have_the_layout_of_the_table():
     printed = library()[KEY]
-    rows = rows_of(rp.table(KEY).export("markdown"))
-    assert len(rows) == 2 + len(printed.rows)
-    assert {len(row) for row in rows} == {1 + len(printed.columns)}
+    rows = rows_of(rp.table(KEY).export("markdown").rpartition("\n\n")[0])
+    assert {len(row) for row in rows} == {2 + len(printed.columns)}
     column = rows[0].index("Difference about Y")
-    assert rows[3][column] == "-0.040″, -0.040, exact difference"
-    text = rp.table(KEY).export("latex")
-    assert text.count(r"\\") == 1 + len(printed.rows)
+    (state,) = (number for number, row in enumerate(rows) if row[0] == "State 2")
+    shown = [row[column] for row in rows[state : state + 4]]
+    assert shown == ["-0.040″", "-0.040ᵉ*", "-0.0410", "-0.0390"]
+    text = rp.table("chen2023/table-4").export("latex")
     for part in (
-        r"\label{tab:chen2023-table-5}",
-        r"10.03 \textmu{}m, input",
-        "$-$0.040$''$, $-$0.040, exact difference",
-        r"\begin{tabular}{lrrrrrrrrrr}",
+        r"\label{tab:chen2023-table-4}",
+        r"\cite{chen2023}, recomputed in \cite{reproduce-chen2023-table-4}",
+        "% @misc{reproduce-chen2023-table-4,",
+        r"1.16$''$ (3$\sigma$) & 1.14$''$ (3$\sigma$)",
+        r"& recomputed &  & 1.14$^\mathrm{c}$",
+        r"$^\mathrm{c}$ consistent: inside the central 99 \% of",
+        r"\usepackage{booktabs,graphicx,textcomp}",
     ):
         assert part in text
-    for key in (*library(), *studies()):
-        assert rp.table(key).export("latex").isascii(), key
     rows = rows_of(rp.table(f"{KEY}#2.difference-y").export("markdown"))
     assert rows[0] == ["Cell", f"{KEY}#2.difference-y"]
     assert any(row[0] == "verdict" and row[1].startswith("exact") for row in rows)
-    rows = rows_of(rp.table("niu2024/text-optics").export("markdown"))
-    assert rows[0] == ["Quantity", "Printed", "Computed", "Verdict", "Where"]
-    assert len(rows) == 2 + len(library()["niu2024/text-optics"].cells)
+
+
+@pytest.mark.parametrize("key", [*library(), *studies()])
+def test_latex_is_balanced(key):
+    """Every row has the columns of the table; braces, mathematics and environments close."""
+    text = rp.table(key).export("latex")
+    assert text.isascii()
+    body = "\n".join(line for line in text.splitlines() if line[:1] != "%")
+    bare = re.sub(r"\\[\\&%$#_{}]", "", body.replace("\\\\", ""))
+    assert bare.count("{") == bare.count("}")
+    assert bare.count("$") % 2 == 0
+    assert not re.search(
+        r"[#^_~<>]",
+        re.sub(r"\$[^$]*\$|\\(label|cite){[^}]*}", "", bare.replace("~", "")),
+    )
+    begun = re.findall(r"\\begin{(.*?)}", body)
+    assert sorted(begun) == sorted(re.findall(r"\\end{(.*?)}", body))
+    kinds = re.search(r"\\begin{tabular}{(.*)}", body)[1]
+    columns = len(re.sub("{[^}]*}+", "", kinds))
+    rows = body.partition(r"\midrule")[2].partition(r"\bottomrule")[0]
+    counts = {len(re.findall(r"(?<!\\)&", r)) for r in rows.splitlines() if "&" in r}
+    assert counts == {columns - 1}
 
 
 def test_supplementary_tables_read_back_equal():
@@ -135,7 +172,7 @@ def test_citations_name_item_paper_and_authors(monkeypatch):
         listed = json.loads(citation(key, "csl"))
         assert [entry["id"] for entry in listed] == list(parsed)
         assert listed[1]["DOI"] == parsed[paper].fields["doi"]
-        assert key in citation(key, "text").splitlines()[0]
+        assert citation(key, "text").startswith("The reproduce-pointing developers (2")
     assert "Table 3 of Niu et al. (2024)" in citation("niu2024/table-3", "text")
     for names, shown in (("A", "A"), ("AB", "A and B"), ("ABC", "A et al.")):
         people = {"author": [Person(last=name) for name in names]}
@@ -144,7 +181,30 @@ def test_citations_name_item_paper_and_authors(monkeypatch):
         assert exporting._et_al("any") == f"{shown} (1776)"
 
 
-def test_ris_and_bibtex_agree():
+def test_the_authors_are_those_of_the_project():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+    assert [one["name"] for one in project["authors"]] == [*version.AUTHORS]
+
+
+def test_the_sentence_of_a_cell_has_place_numbers_and_verdict():
+    for address, parts in {
+        f"{KEY}#4.motion-y": (
+            "Table V, state 4, motion Y, of",
+            "60.66 µm",
+            "“differs”",
+        ),
+        "chen2023/table-4#1.transform-x": ("1.16″ (3σ)", "gives 1.14", "99 %"),
+        "niu2024/text-simulation#noise": ("Section 4.1, standard", "It is an input"),
+        f"{KEY}#4.monitoring-y": ("The literal reading of the text gives",),
+    }.items():
+        sentence = rp.cite(address, "sentence")
+        assert all(part in sentence for part in parts), sentence
+        assert "(The reproduce-pointing developers, 2026;" in sentence
+
+
+@pytest.mark.parametrize("commit", ["", "0123456789abcdef0123456789abcdef01234567"])
+def test_formats_agree_and_have_version_commit_day_and_identifiers(commit, monkeypatch):
+    monkeypatch.setattr(version, "commit", lambda root: commit)
     for address in ("all", KEY, CELLS[0], STUDY):
         papers = list(PAPERS) if address == "all" else [address.split("/")[0]]
         read = rispy.loads(citation(address, "ris"))
@@ -156,6 +216,60 @@ def test_ris_and_bibtex_agree():
             assert ris["title"] == re.sub(r"[{}\\]", "", entry.fields["title"])
             assert ris["year"] == entry.fields["year"]
             assert ris.get("doi") == entry.fields.get("doi")
+        own, csl = read[0], json.loads(citation(address, "csl"))[0]
+        assert own["edition"] == csl["version"] == __version__
+        day = RELEASED.split("-")
+        assert csl["issued"] == {"date-parts": [[*map(int, day)]]}
+        assert own["date"] == "/".join(day)
+        known = ", ".join(exporting.identifiers(address).values())
+        assert (known or None) == own.get("accession_number")
+        assert (known or None) == csl.get("archive_location")
+        assert (commit in known) is (
+            f"commit {commit}" == own.get("custom1", "commit ")
+        )
+        assert csl.get("custom", {"commit": ""})["commit"] == commit
+
+
+def test_identifiers_are_the_hashes_of_git():
+    def git(*words):
+        command = ["git", "-C", ROOT, *words]
+        done = subprocess.run(command, check=True, capture_output=True, text=True)
+        return done.stdout.strip()
+
+    found = exporting.identifiers(CELLS[0])
+    data = git("hash-object", "data/printed/niu2024/table-3.toml")
+    assert found["data"] == f"swh:1:cnt:{data}"
+    file, _, line = whole_ledger().cell(CELLS[0]).line.rpartition(":")
+    content, _, lines = found["function"].partition(";lines=")
+    (path,) = (ROOT / "src").rglob(Path(file).name)
+    assert content == f"swh:1:cnt:{git('hash-object', path)}"
+    first, last = map(int, lines.split("-"))
+    texts = path.read_text("utf-8").splitlines()
+    assert first <= int(line) < last
+    assert texts[first - 1].startswith("@reproduces")
+    assert (texts[last - 1][:4], texts[last]) == ("    ", "")
+    head = git("rev-parse", "HEAD")
+    assert found.get("commit", f"swh:1:rev:{head}") == f"swh:1:rev:{head}"
+
+
+def test_address_and_doi_are_those_of_the_environment_or_of_the_wheel(
+    tmp_path, monkeypatch
+):
+    file = shutil.copy(version.__file__, tmp_path)
+    for name in ("ADDRESS", "DOI"):
+        monkeypatch.delenv(f"REPRODUCE_{name}", raising=False)
+    assert runpy.run_path(file)["ADDRESS"] == ""
+    monkeypatch.setenv("REPRODUCE_ADDRESS", "https://example.org/book/")
+    monkeypatch.setenv("REPRODUCE_DOI", "10.1234/x")
+    built = runpy.run_path(file)
+    assert (built["ADDRESS"], built["DOI"]) == ("https://example.org/book", "10.1234/x")
+    (tmp_path / "_commit").write_text(built["build_record"](ROOT), encoding="utf-8")
+    monkeypatch.delenv("REPRODUCE_ADDRESS")
+    monkeypatch.setenv("REPRODUCE_DOI", "10.1234/y")
+    installed = runpy.run_path(file)
+    assert installed["ADDRESS"] == "https://example.org/book"
+    assert installed["DOI"] == "10.1234/y"
+    assert installed["package_commit"]() == version.commit(ROOT)
 
 
 def test_figures_are_drawn_equal_and_mark_every_printed_value(tmp_path):
@@ -200,7 +314,7 @@ def test_an_export_names_version_commit_and_citation(commit, monkeypatch):
         for form in FORMATS:
             text = rp.table(address).export(form)
             assert provenance(text, form) == (source, citation(address, "text"))
-    assert verify(citation(CELLS[0], "text").splitlines()[0]) == "unchanged"
+    assert verify(citation(CELLS[0], "text").splitlines()[0]) == "current"
 
 
 def test_a_user_setting_is_named_in_the_file():
@@ -249,58 +363,82 @@ def test_fits_and_figures_name_the_software(tmp_path):
 
 
 def cited(text, source):
+    """Return a citation as version 0.2.0 wrote it."""
     return f"{text}. {version.NAME} {source}. {_mark(text)}"
 
 
 @pytest.mark.parametrize("address", CELLS)
-def test_the_citation_of_a_cell_can_be_verified(address, monkeypatch):
+def test_a_citation_is_current_moved_or_unknown(address, monkeypatch):
     text = citation(address, "text")
     line, paper = text.splitlines()
     record = whole_ledger().cell(address)
-    assert line.startswith(f"{address}: printed {record.printed}")
+    assert f" [{address}]: printed {record.printed.replace('-', '−')}" in line
     assert f", {record.verdict}. reproduce-pointing " in line
     assert "doi:10." in paper
-    assert (
-        re.search(r"rp:[0-9a-f]{12}$", line)[0] == first_entry(address).fields["note"]
-    )
-    assert verify(text) == verify(line) == "unchanged"
+    mark = re.search(r"rp:[0-9a-f]{12}$", line)[0]
+    assert first_entry(address).fields["note"].endswith(mark)
+    assert verify(text) == verify(line) == verify(line.replace(" ", "\n")) == "current"
     for wrong in (text.replace("printed ", "printed 1"), "some words"):
-        assert verify(wrong).startswith("not confirmed")
+        assert verify(wrong).startswith("unknown: its words")
     now, older = _statement_of(record), f"{address}: printed 1, exact"
     gone, source = older.replace("#", "#no-"), "0.0.1, 2026-01-01, x"
     for unknown in (older, gone, now):
-        assert verify(cited(unknown, source)).startswith("well-formed, not known")
-    known = {source: [_mark(older), _mark(gone)], "0.0.2, 2026-01-02, y": [_mark(now)]}
+        assert verify(cited(unknown, source)).startswith("unknown: not stated")
+    later = "0.0.2, 2026-01-02, y"
+    known = {source: [_mark(older), _mark(gone)], later: [_mark(now)]}
     monkeypatch.setattr(exporting, "released", lambda: known)
     moved = verify(cited(older, source))
     assert moved.startswith(f"moved since {source}: now {now}, for ")
     assert moved.endswith(ledger.reason(address) or record.why)
     assert verify(cited(gone, source)).startswith(f"moved since {source}: now ")
-    assert verify(cited(now, "0.0.2, 2026-01-02, y")) == "unchanged"
+    assert verify(cited(now, later)) == "current"
 
 
-def test_a_citation_of_an_unknown_source_is_not_unchanged(monkeypatch):
+def test_a_citation_of_a_release_is_current_if_value_and_verdict_are(monkeypatch):
+    """Version 0.2.0 stated addresses, units of the data files and six digits."""
+    ((source, marks),) = exporting.released().items()
+    start = f"{CELLS[0]}: printed 0.9973, recomputed 0.99756"
+    found = {
+        text: verify(cited(text, source)).partition(" ")[0]
+        for text in (
+            f"{start}3 [0.997538, 0.997587], differs",
+            "niu2024/table-1#focal-length.red: printed 25.0601 mm, input",
+        )
+    }
+    assert set(found.values()) == {"unknown:", "current"}
+    assert len(marks) == len(set(marks)) == 343
+    for digit, verdict, word in (
+        (4, "differs", "current"),
+        (9, "differs", "moved"),
+        (4, "exact", "moved"),
+    ):
+        text = f"{start}{digit} [0, 1], {verdict}"
+        monkeypatch.setattr(exporting, "released", lambda t=text: {source: [_mark(t)]})
+        assert verify(cited(text, source)).partition(" ")[0] == word
+
+
+def test_a_citation_of_an_unknown_source_is_not_current(monkeypatch):
     monkeypatch.setattr(version, "commit", lambda root: "0123456789")
     text = citation(CELLS[0], "text")
     claim = f"{CELLS[0]}: printed 0.9973, recomputed 0.9973 [0.9972, 0.9974], exact"
     wrong = [cited(claim, version.version())]
     for true, other in (
-        (__version__, "9.9.9"),
+        (f" {__version__},", " 9.9.9,"),
         (RELEASED, "1999-01-01"),
-        ("0123456789", "deadbeef00"),
+        ("commit 0123456789", "commit deadbeef00"),
     ):
         assert true in text
         wrong.append(text.replace(true, other))
-    assert all(verify(one).startswith("well-formed, not known") for one in wrong)
+    assert all(verify(one).startswith("unknown: not stated") for one in wrong)
 
 
 def test_the_time_to_verify_is_linear():
     sizes = (8_000, 128_000)
-    for text in ("a", "#", "a#", "a#: printed ", ". reproduce-pointing ", "rp:"):
+    for text in ("a", "#", "a#", "(2026). ", "[a#b]: ", ". reproduce-pointing ", "rp:"):
         times = {size: [] for size in sizes}
         for size in sizes * 3:
             begin = time.process_time()
-            assert verify(text * (size // len(text))).startswith("not confirmed")
+            assert verify(text * (size // len(text))).startswith("unknown: ")
             times[size].append(time.process_time() - begin)
         small, large = (min(times[size]) for size in sizes)
         assert large < 60 * max(small, 0.002), text
@@ -317,3 +455,4 @@ def test_citations_have_the_address_and_the_doi_of_a_published_book(monkeypatch)
         assert url.startswith("https://example.org/book/goto.html#")
         assert url in citation(address, "text")
         assert f"UR  - {url}" in citation(address, "ris")
+        assert "swh:" not in citation(address, "text")

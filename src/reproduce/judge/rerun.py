@@ -13,8 +13,11 @@ from __future__ import annotations
 import difflib
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
+from decimal import Decimal
+from functools import cache
+from itertools import product
 from typing import TypeVar
 
 import numpy as np
@@ -25,7 +28,7 @@ from reproduce.papers.catalogue import catalogue, changeable, computation_for, u
 from reproduce.papers.declare import Alternative, Computation, Prediction, Result
 from reproduce.printed.cells import PrintedCell, find, library
 from reproduce.printed.inputs import Inputs, load_inputs
-from reproduce.printed.number import Interval, si_factor
+from reproduce.printed.number import Interval, si_factor, symbol
 from reproduce.printed.quantity import si_value
 
 _Made = TypeVar("_Made")
@@ -188,6 +191,38 @@ def rerun(
                 cells[name] = ChangedCell(cell, unchanged, value, ends)
     ordered = (cells[name] for name in library()[key].by_name if name in cells)
     return Rerun(key, changed, tuple(ordered), run.replaced, chosen)
+
+
+@cache
+def effective_changes(key: str) -> dict[str, tuple[str, str]]:
+    """Return an input and another value of it for each computed cell that it changes, by name.
+
+    The value is one or ten units of the last printed digit higher.
+    """
+    random = any(
+        computation.replicates for computation in catalogue()[key].computations
+    )
+    replicates = 2 if random else None
+    inputs = [cell for one in changeable(key) if (cell := find(one)[0]).is_number]
+
+    def texts(changes: Mapping[str, str]) -> dict[str, str]:
+        cells = rerun(key, changes, replicates=replicates).cells
+        return {
+            one.cell.name: one.cell.number.format(one.value or 0.0, extra=1)
+            for one in cells
+        }
+
+    start, found = texts({}), dict[str, tuple[str, str]]()
+    for units, cell in product((1, 10), inputs):
+        number = Decimal(cell.text) + Decimal(units).scaleb(cell.number.exponent)
+        change = cell.address, f"{number:f} {symbol(cell.unit)}".strip()
+        with suppress(CannotChangeError):
+            for name, value in texts(dict([change])).items():
+                if value != start[name] and cell.address in changeable(f"{key}#{name}"):
+                    found.setdefault(name, change)
+        if len(found) == len(start):
+            break
+    return found
 
 
 def by_name(

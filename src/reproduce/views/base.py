@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any, Self
 from reproduce.judge import rerun
 from reproduce.papers.catalogue import catalogue, changeable, drawings
 from reproduce.papers.declare import Drawing
-from reproduce.printed.cells import find
 from reproduce.views import keys
 from reproduce.views.blocks import Display
 from reproduce.views.export import citation, export_frame, provenance_of
@@ -35,16 +34,6 @@ class ResultView(Display):
     def inputs(self) -> tuple[str, ...]:
         """Addresses of its inputs, direct or through other items."""
         return changeable(self.key)
-
-    @property
-    def rerun_code(self) -> str:
-        """A line of code that computes it with another value of its first input."""
-        line, numbers = (
-            f'rp.table("{self.key}")',
-            (find(address)[0] for address in self.inputs),
-        )
-        read = next((cell for cell in numbers if cell.is_number), None)
-        return line + (f'.rerun({{"{read.address}": "{read.text}"}})' if read else "")
 
     @abstractmethod
     def frame(self) -> pd.DataFrame:

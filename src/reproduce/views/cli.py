@@ -355,15 +355,15 @@ def show(
 def export_item(address: str, form: str) -> None:
     """Write the records of an item or a cell, or a report on a paper, to standard output.
 
-    The formats csv and json contain every field. A report is the judgement of a paper in the form
-    of another register.
+    The format csv has the layout of the table, and json contains every field. A report is the
+    judgement of a paper in the form of another register.
 
     \b
     Example:
-      $ reproduce export "niu2024/table-2#scale.red" --format csv
+      $ reproduce export niu2024/table-2 --format csv
       # software: reproduce-pointing ...
-      # citation: niu2024/table-2#scale.red: printed 0.9976, ...
-      "key","cell","printed", ...
+      # citation: The reproduce-pointing developers (2026). Reproduction of Table 2 ...
+      "row","value","Red","Blue"
     """
     from reproduce.views.reports import FORMS, report
 
@@ -401,7 +401,7 @@ def figure(key: str, out: Path, changes: dict[str, str], seed: int | None) -> No
     "form",
     default="bibtex",
     show_default=True,
-    help="Format: bibtex, ris, csl or text.",
+    help="Format: bibtex, ris, csl, text or sentence.",
 )
 def cite(address: str, form: str) -> None:
     """Print the citation of a reproduced item or cell and its paper.
@@ -409,7 +409,7 @@ def cite(address: str, form: str) -> None:
     \b
     Example:
       $ reproduce cite "niu2024/table-2#scale.red" --format text
-      niu2024/table-2#scale.red: printed 0.9976, recomputed 0.997602 [...], exact. ...
+      The reproduce-pointing developers (2026). Table 2, scale factor, red, of Niu et al. ...
     """
     from reproduce.views.export import citation
 
@@ -421,17 +421,18 @@ def cite(address: str, form: str) -> None:
 def verify(citation: str) -> None:
     """Compare the citation of a cell, as text, with known statements.
 
-    The exit status is 0 if the statement is unchanged, otherwise 1.
+    The result is "current", "moved since VERSION" or "unknown". The exit status is 0 for a current
+    statement, otherwise 1.
 
     \b
     Example:
-      $ reproduce verify "niu2024/table-2#scale.red: printed 0.9976, ... rp:..."
-      unchanged
+      $ reproduce verify "... Table 2, scale factor, red, of Niu et al. (2024) ... rp:..."
+      current
     """
     from reproduce.views.export import verify
 
     click.echo(result := verify(citation))
-    sys.exit(result != "unchanged")
+    sys.exit(result != "current")
 
 
 @main.command()

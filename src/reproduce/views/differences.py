@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Collection
 from operator import itemgetter
 from typing import TYPE_CHECKING, Any
@@ -46,8 +45,8 @@ def differences_block(papers: Collection[str]) -> Html:
     """Return the strip plot of the distances, one row per number that differs."""
     columns = ["paper", "number", "agrees", "distance"]
     found = pd.DataFrame(distances(papers), columns=columns)
-    lines = found["paper"] + ", " + found["number"]
-    lines = lines.where(~found["agrees"], found["paper"] + ", numbers that agree")
+    agreeing = found["paper"] + ", numbers that agree"
+    lines = agreeing.where(found["agrees"], found["paper"] + ", " + found["number"])
     labels = list(dict.fromkeys(lines))
 
     def paint(figure: Figure) -> None:
@@ -58,21 +57,20 @@ def differences_block(papers: Collection[str]) -> Html:
             shown = found["agrees"] == agrees
             axes.plot(found["distance"][shown], lines[shown].map(labels.index), look)
         axes.set_xscale("symlog", linthresh=2)
-        ticks = (-5, -1, 0, 1, 5, 20)
-        axes.set_xticks(ticks, [f"{tick}".replace("-", "−") for tick in ticks])
+        axes.set_xticks([-5, -1, 0, 1, 5, 20], ["−5", "−1", "0", "1", "5", "20"])
         names = [x.replace(", ", ",\n", 1) if is_narrow(figure) else x for x in labels]
         axes.set_yticks(range(len(labels)), names)
         axes.set(xlabel="distance (largest that agrees)", xlim=(-6, 30))
         axes.invert_yaxis()
 
-    count = Counter(found["agrees"])
+    agree = int(found["agrees"].sum())
     return figure_block(
         "figure-differences",
         paint,
-        f"Strip plot with one row for each of the {count[False]} numbers that differ, and one row "
-        f"of each paper for its numbers that agree, {count[True]} in all. The agreeing numbers "
-        "are short lines between minus one and one, in a shaded band. The others are diamonds "
-        "outside of the band: most are a few units away, one is much farther.",
+        f"Strip plot with one row for each of {len(found) - agree} numbers that differ, and a row "
+        f"of each paper for its numbers that agree, {agree} in all. The agreeing numbers are short "
+        "lines between minus one and one, in a shaded band. The others are diamonds outside of "
+        "the band: most are a few units away, one is much farther.",
         "Distance of each printed number from the computed number, in units of the largest "
         "distance at which the number still agrees. Diamonds: numbers that differ; lines: numbers "
         "that agree; band: agreement. The unit contains the rounding of the printed number, and "

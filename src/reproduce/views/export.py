@@ -3,34 +3,40 @@
 from __future__ import annotations
 
 import csv
+import inspect
 import json
 import re
 import tomllib
+import unicodedata
 from collections.abc import Iterable, Mapping
 from functools import cache
 from hashlib import sha256
+from pathlib import Path
 from textwrap import indent
 from typing import TYPE_CHECKING, Any
 
-from jinja2 import Environment
+from jinja2 import Environment, PackageLoader
 from markupsafe import Markup
 from pybtex.database import BibliographyData, Entry, Person, parse_file
+from pybtex.database.output.bibtex import Writer
 
 from reproduce.judge.ledger import Ledger, Record, reason, reply_state
 from reproduce.locate import data_folder, papers
-from reproduce.papers.catalogue import catalogue, drawings, studies
-from reproduce.printed.cells import PAPERS, anchor, library
+from reproduce.papers.catalogue import catalogue, computation_for, drawings, studies
+from reproduce.printed.cells import PAPERS, PrintedCell, anchor, library
 from reproduce.version import (
     ADDRESS,
+    AUTHORS,
     DOI,
     NAME,
     RELEASED,
     __version__,
+    content_id,
+    package_commit,
     software,
     version,
 )
 from reproduce.views import keys, verdicts
-from reproduce.views.blocks import Grid, plain
 from reproduce.views.computed import item_ledger, whole_ledger
 from reproduce.views.numbers import minus, powers
 
@@ -43,25 +49,125 @@ _ENDINGS = {"csv": "csv", "json": "json", "latex": "tex", "markdown": "md"}
 _COVARIANCE = "-covariance.csv"
 
 
-def export(part: Ledger, address: str, form: str, shown: Grid) -> str:
-    """Return the records of an item or a cell in a format of other programs.
+def export(
+    part: Ledger,
+    address: str,
+    form: str,
+    frame: pd.DataFrame,
+    caption: str,
+    legend: str = "",
+) -> str:
+    """Return an item or a cell in a format of other programs.
 
-    JSON and CSV contain every field of each record. LaTeX and Markdown have the layout of `shown`.
+    JSON contains every field of each record. The other formats contain `frame`. In LaTeX it has a
+    caption with citations, and in LaTeX and Markdown a legend.
     """
     if form == "json":
         return with_provenance(part, address).model_dump_json(indent=2)
-    frame = full_frame(part.records)
-    if form != "csv":
-        import pandas as pd
+    provenance = provenance_of(citation(address, "text"))
+    if form == "latex":
+        name, paper = f"reproduce-{anchor(address)}", address.partition("/")[0]
+        cited = rf" Printed in \cite{{{paper}}}, recomputed in \cite{{{name}}}."
+        return _latex(
+            frame,
+            provenance,
+            caption=caption.translate(ESCAPED) + cited,
+            anchor=anchor(address),
+            legend=legend.translate(ESCAPED),
+            entries=citation(address, "bibtex"),
+        )
+    text = export_frame(frame, form, provenance)
+    return f"{text}\n\n{legend}\n" if legend and form == "markdown" else text
 
-        lines = [list(map(plain, line)) for line in (shown.head, *shown.rows)]
-        frame = pd.DataFrame(lines[1:], columns=lines[0], dtype=str)
-        frame.attrs["latex"] = {
-            "caption": plain(shown.caption),
-            "label": f"tab:{anchor(address.partition('#')[0])}",
-            "column_format": "l" + "r" * (len(lines[0]) - 1),
-        }
-    return export_frame(frame, form, provenance_of(citation(address, "text")))
+
+# Longer texts in LaTeX are in columns of this kind, and wider tables are scaled to the page.
+_SENTENCE_CHARACTERS, _SENTENCE = 30, r"p{0.25\textwidth}"
+_MAX_COLUMNS = 7
+
+
+def _latex(frame: pd.DataFrame, provenance: Mapping[str, str], **context: str) -> str:
+    """Return a DataFrame as a table in LaTeX, with a caption if the context has one."""
+    texts = [
+        [
+            minus(f"{entry:z.6g}" if isinstance(entry, float) else str(entry))
+            for entry in line
+        ]
+        for line in (frame.columns, *frame.to_numpy())
+    ]
+    columns = [
+        _SENTENCE
+        if max(map(len, column)) > _SENTENCE_CHARACTERS
+        else "rl"[name in {"", "quantity", "place"}]
+        for name, *column in zip(*texts, strict=True)
+    ]
+    heads, *rows = ([text.translate(ESCAPED) for text in line] for line in texts)
+    is_wide = len(heads) > _MAX_COLUMNS
+    settings = Environment(
+        loader=PackageLoader("reproduce.views"),
+        block_start_string="<%",
+        block_end_string="%>",
+        variable_start_string="<<",
+        variable_end_string=">>",
+        trim_blocks=True,
+    )
+    text = settings.get_template("table.tex").render(
+        context,
+        comment=_comment(provenance),
+        kind="table*" if is_wide else "table",
+        begin=r"\resizebox{\textwidth}{!}{%" if is_wide else "{",
+        columns="".join(columns),
+        heads=heads,
+        rows=rows,
+    )
+    return in_tex(text) + "\n"
+
+
+def _comment(provenance: Mapping[str, str]) -> str:
+    """Return the provenance of an export as lines."""
+    return "".join(f"{name}: {text}\n" for name, text in provenance.items())
+
+
+def in_tex(text: str) -> str:
+    """Write signs of numbers and of units as LaTeX does.
+
+    Examples
+    --------
+    >>> print(in_tex("-5e-5 µm"))
+    $-$5\\,$\\times$\\,10$^{-}$$^{5}$ \\textmu{}m
+    """
+    return powers(minus(text)).translate(_TEX)
+
+
+ESCAPED: dict[int, str] = str.maketrans(
+    {sign: f"\\{sign}" for sign in "&%$#_{}"}
+    | {sign: f"${sign}$" for sign in "<>"}
+    | {"^": r"\textasciicircum{}", "~": r"\textasciitilde{}", "\\": "/"}
+)
+_TEX: dict[int, str] = str.maketrans(
+    {
+        "−": "$-$",
+        "×": r"$\times$",
+        "\u202f": r"\,",
+        "\u00a0": "~",
+        "″": "$''$",
+        "µ": r"\textmu{}",
+        "–": "--",
+        "°": r"\textdegree{}",
+        "σ": r"$\sigma$",
+        "χ": r"$\chi$",
+        "Δ": r"$\Delta$",
+        "θ": r"$\theta$",
+        "≈": r"$\approx$",
+        "≥": r"$\geq$",
+        "±": r"$\pm$",
+        "⁻": "$^{-}$",
+        **{sign: f"$^{{{digit}}}$" for digit, sign in enumerate("⁰¹²³⁴⁵⁶⁷⁸⁹")},
+        **{
+            sign: rf"$^\mathrm{{{unicodedata.normalize('NFKC', sign)}}}$"
+            for sign in "ᵉᶜᵈᵃᵘ"
+        },
+    }
+)
 
 
 def table_files(key: str) -> dict[str, str]:
@@ -103,18 +209,16 @@ def export_frame(
     """
     _check_format(form, FORMATS)
     provenance = provenance or provenance_of(citation("all", "text"))
-    comment = "".join(f"{name}: {text}\n" for name, text in provenance.items())
     if form == "csv":
         # Words are quoted, since an address contains the sign of a comment.
-        return indent(comment, "# ") + str(
+        return indent(_comment(provenance), "# ") + str(
             frame.to_csv(index=False, quoting=csv.QUOTE_NONNUMERIC)
         )
     if form == "json":
         rows = frame.astype(object).where(frame.notna(), None).to_dict("records")
         return json.dumps({**provenance, "rows": rows}, indent=2, ensure_ascii=False)
     if form == "latex":
-        table = frame.to_latex(index=False, escape=True, **frame.attrs.get("latex", {}))
-        return indent(comment, "% ") + in_tex(table)
+        return _latex(frame, provenance)
     dashes = ["---"] * len(frame.columns)
     lines = [frame.columns, dashes, *frame.to_numpy()]
     # Other programs read numbers with a hyphen as the sign.
@@ -122,40 +226,9 @@ def export_frame(
         " | ".join(str(cell).replace("|", "\\|").replace("−", "-") for cell in line)
         for line in lines
     ]
-    return "\n".join([f"<!--\n{comment}-->\n", *(f"| {text} |" for text in texts)])
-
-
-def in_tex(text: str) -> str:
-    """Write signs of numbers and of units as LaTeX does.
-
-    Examples
-    --------
-    >>> print(in_tex("-5e-5 µm"))
-    $-$5\\,$\\times$\\,10$^{-}$$^{5}$ \\textmu{}m
-    """
-    return powers(minus(text)).translate(_TEX)
-
-
-_TEX: dict[int, str] = str.maketrans(
-    {
-        "−": "$-$",
-        "×": r"$\times$",
-        "\u202f": r"\,",
-        "″": "$''$",
-        "µ": r"\textmu{}",
-        "–": "--",
-        "°": r"\textdegree{}",
-        "σ": r"$\sigma$",
-        "χ": r"$\chi$",
-        "Δ": r"$\Delta$",
-        "θ": r"$\theta$",
-        "≈": r"$\approx$",
-        "≥": r"$\geq$",
-        "±": r"$\pm$",
-        "⁻": "$^{-}$",
-        **{sign: f"$^{{{digit}}}$" for digit, sign in enumerate("⁰¹²³⁴⁵⁶⁷⁸⁹")},
-    }
-)
+    return "\n".join(
+        [f"<!--\n{_comment(provenance)}-->\n", *(f"| {text} |" for text in texts)]
+    )
 
 
 def full_frame(records: Iterable[Record]) -> pd.DataFrame:
@@ -198,7 +271,7 @@ _READINGS = (
     "closest_computed",
     "closest_probability",
 )
-_CITATION_FORMATS = ("bibtex", "ris", "csl", "text")
+_CITATION_FORMATS = ("bibtex", "ris", "csl", "text", "sentence")
 # Field of BibTeX to its name in CSL, and name in CSL to the tag of RIS.
 _CSL_FIELDS = {
     "title": "title",
@@ -209,6 +282,8 @@ _CSL_FIELDS = {
     "doi": "DOI",
     "url": "URL",
     "note": "note",
+    "version": "version",
+    "swhid": "archive_location",
 }
 _RIS_TAGS = {
     "title": "TI",
@@ -219,8 +294,10 @@ _RIS_TAGS = {
     "DOI": "DO",
     "URL": "UR",
     "note": "N1",
+    "version": "ET",
+    "archive_location": "AN",
 }
-DEVELOPERS = "The reproduce-pointing developers"
+DEVELOPERS = " and ".join(AUTHORS)
 WHOLE = "Pointing, reproduced: the printed numbers of two papers, recomputed and judged"
 
 
@@ -234,7 +311,7 @@ def citation(address: str, form: str) -> str:
             f"address: expected text, such as 'niu2024/table-3', got {address!r}"
         )
     if address == "all":
-        return _written("reproduce-pointing", WHOLE, "All printed numbers", form)
+        return _written("reproduce-pointing", WHOLE, form)
     key, _, name = address.partition("#")
     paper = key.partition("/")[0]
     if key in studies() or key in drawings():
@@ -243,14 +320,13 @@ def citation(address: str, form: str) -> str:
     keys.check_key(key)
     entry = f"reproduce-{anchor(address)}"
     if name:
-        text = _statement_of(item_ledger(key).cell(library()[key][name].address))
-        return _written(entry, text, _mark(text), form, paper, address)
-    place = keys.place(key).partition(",")[0]
-    if place == "Text":
-        place = f"the numbers quoted in the text ({key.split('/')[1]})"
-    title = f"Reproduction of {place} of {_et_al(paper)}: {keys.title(key)}"
-    note = f"Item {key}, anchor {anchor(key)}"
-    return _written(entry, title, note, form, paper, key)
+        record = item_ledger(key).cell(library()[key][name].address)
+        if form == "sentence":
+            return _sentence_of(record)
+        text = _statement_of(record)
+        return _written(entry, text, form, paper, address, _mark(text))
+    title = f"Reproduction of {_place(key)} of {_et_al(paper)}: {keys.title(key)}"
+    return _written(entry, title, form, paper, key)
 
 
 def cite(address: str, form: str = "bibtex") -> str:
@@ -260,8 +336,9 @@ def cite(address: str, form: str = "bibtex") -> str:
     ----------
     address : str
         Key, cell such as ``niu2024/table-3#scale.red``, or ``all`` for the whole project.
-    form : {"bibtex", "ris", "csl", "text"}
-        Format of the citation.
+    form : {"bibtex", "ris", "csl", "text", "sentence"}
+        Format of the citation. ``sentence`` is a sentence for a manuscript, without the entries of
+        the list of references.
 
     Returns
     -------
@@ -275,33 +352,110 @@ def cite(address: str, form: str = "bibtex") -> str:
 
     Examples
     --------
-    >>> print(cite("niu2024/table-3", "text").splitlines()[1].split(".")[0])
-    Yanzhao Niu, Xinguo Wei, and Jian Li
+    >>> print(cite("niu2024/table-2#scale.red", "sentence").partition(" is")[0])
+    The number printed in Table 2, scale factor, red, of Niu et al. (2024)
     """
     return citation(address, form)
 
 
 def cite_related(kind: str, name: str, paper: str, title: str, form: str) -> str:
     """Return the citation of a posterior or a supplementary table, and of its paper."""
-    link = "of" if kind == "Posterior" else "beside"
-    whole = f"{kind} {link} {_et_al(paper)}: {title}"
-    entry = f"reproduce-{kind.lower()}-{anchor(name)}"
-    return _written(entry, whole, f"{kind} {name}", form, paper, name)
+    names = {"Study": "Supplementary table to", "Drawing": "Supplementary figure to"}
+    whole = f"{names.get(kind, f'{kind} of')} {_et_al(paper)}: {title}"
+    return _written(
+        f"reproduce-{kind.lower()}-{anchor(name)}", whole, form, paper, name
+    )
+
+
+def _place(key: str) -> str:
+    """Return the place of an item in its paper."""
+    place = keys.place(key).partition(",")[0]
+    group = f"the numbers quoted in the text ({key.partition('/')[2]})"
+    return group if place == "Text" else place
+
+
+def in_words(cell: PrintedCell) -> str:
+    """Return a cell in words, such as ``Table V, state 4, motion Y``."""
+    place, section = cell.place.split(", ", 1)
+    parts = [
+        part if part[:2].isupper() else part[:1].lower() + part[1:]
+        for part in cell.label.split(", ")
+    ]
+    return ", ".join((section if place == "Text" else place, *parts))
+
+
+def identifiers(address: str) -> dict[str, str]:
+    """Return the identifiers at Software Heritage of commit, data file and function.
+
+    They are computed from the files of this package, and resolve if an archived repository
+    contains the files. Cells and supplementary tables have a function.
+
+    Examples
+    --------
+    >>> identifiers("niu2024/table-2#scale.red")["data"][:10]
+    'swh:1:cnt:'
+    """
+    key, _, cell = address.partition("#")
+    paper, _, item = key.partition("/")
+    name = package_commit()
+    found = {"commit": f"swh:1:rev:{name}"} if name else {}
+    if key in library():
+        path = papers()[paper] / "printed" / paper / f"{item}.toml"
+        found["data"] = content_id(path)
+    if made := computation_for(address) if cell else studies().get(key):
+        function = inspect.unwrap(made.function)
+        lines, first = inspect.getsourcelines(function)
+        span = first, first + len(lines) - 1
+        found["function"] = content_id(Path(inspect.getfile(function)), span)
+    return found
 
 
 def _statement_of(record: Record) -> str:
-    """Return the printed value, the computed value to six digits and the verdict of a cell."""
-    unit = "" if record.unit in {"", "1"} else f" {record.unit}"
-    parts = [f"{record.cell}: printed {record.printed}{unit}"]
-    if record.computed is not None and record.role == "result":
-        what = "assumed" if "stand_in" in record.flags else "recomputed"
-        ends = ", ".join(f"{end:.6g}" for end in record.interval or ())
-        parts.append(f"{what} {record.computed:.6g}{ends and f' [{ends}]'}{unit}")
+    """Return the place, the printed value, the computed value and the verdict of a cell."""
+    cell = library()[record.key].by_name[record.cell.partition("#")[2]]
+    paper = record.key.partition("/")[0]
+    words = in_words(cell)
+    start = f"{words[:1].upper()}{words[1:]}, of {_et_al(paper)} [{record.cell}]"
+    sigma = f" ({cell.sigma}σ)" if cell.sigma else ""
+    parts = [f"{start}: printed {cell.shown}{sigma}"]
+    parts += filter(None, [recomputed(record)])
     if record.verdict == "ambiguous" and record.readings:
         parts.append(
             f"agrees with {record.readings.agreeing} of {record.readings.count} readings"
         )
-    return ", ".join((*parts, record.verdict))
+    # A citation has plain spaces before units.
+    return " ".join(", ".join((*parts, record.verdict)).split())
+
+
+def recomputed(record: Record) -> str:
+    """Return the computed value of a result with its interval; empty without one."""
+    shown = verdicts.texts(record)
+    if record.role != "result" or not shown["computed"]:
+        return ""
+    what = "assumed" if "stand_in" in record.flags else "recomputed"
+    ends = shown["allowed by rounded inputs"] or shown["predicted, central 99 %"]
+    return f"{what} {shown['computed']}{ends and f' ({ends})'}"
+
+
+def _sentence_of(record: Record) -> str:
+    """Return sentences on a cell for a manuscript."""
+    start, _, rest = _statement_of(record).partition(": printed ")
+    printed = rest.split(", ")[0]
+    first = f"The number printed in {start.partition(' [')[0]} is {printed}."
+    value = recomputed(record).partition(" ")[2] or "no value"
+    meaning = verdicts.MEANINGS[record.verdict]
+    verdict = f"with the verdict “{verdicts.qualified(record)}”: {meaning}"
+    subject = (
+        "The literal reading of the text" if record.readings else "Its reproduction"
+    )
+    if record.role != "result":
+        return f"{first} It is an input of the reproduction {_author_year()}."
+    return f"{first} {subject} gives {value}, {verdict} {_author_year()}."
+
+
+def _author_year() -> str:
+    """Return the reference to this package in a sentence."""
+    return f"({DEVELOPERS}, {RELEASED[:4]}; {NAME} {__version__})"
 
 
 def _mark(statement: str) -> str:
@@ -310,11 +464,11 @@ def _mark(statement: str) -> str:
 
 
 def verify(citation: str) -> str:
-    """Compare the citation of a cell with the present statement of this package.
+    """Compare the citation of a cell with the statements of this package and of its releases.
 
     The mark of a citation is a checksum of its statement, which anyone can compute. It protects
-    the words against changes. It is no signature, so only statements that this package makes or
-    that a stored release made are confirmed.
+    the statement against changes. It is no signature, so only statements that this package makes
+    or that a stored release made are confirmed. Authors and addresses are not compared.
 
     Parameters
     ----------
@@ -324,13 +478,12 @@ def verify(citation: str) -> str:
     Returns
     -------
     str
-        ``unchanged`` if this package makes the statement, and version, day and commit of the
-        citation are those of this package or of a stored release.
-        ``moved since VERSION: now ...`` if the stored release VERSION made the statement and this
-        package makes another one, with the reason for the present verdict.
-        ``well-formed, not known to this package: ...`` if words and mark belong together, but
-        nothing is known provenance the version or provenance the statement.
-        ``not confirmed: ...`` if words and mark do not belong together.
+        ``current`` if this package made the statement, or if a stored release made it and the
+        computed value, to six digits, and the verdict are the same now.
+        ``moved since VERSION: now ...`` if the stored release VERSION made the statement and the
+        value or the verdict is another one now, with the reason for the present verdict.
+        ``unknown: ...`` otherwise, with the reason: statement and mark do not belong together, or
+        neither this package nor a release made the statement.
 
     Raises
     ------
@@ -340,29 +493,46 @@ def verify(citation: str) -> str:
     Examples
     --------
     >>> verify(cite("niu2024/table-2#scale.red", "text"))
-    'unchanged'
+    'current'
     """
     if not isinstance(citation, str):
         raise TypeError(
             f"citation: expected text, got {citation!r}. Use the form 'text' of `cite`"
         )
-    statement, _, rest = " ".join(citation.split()).partition(f". {NAME} ")
+    text, _, rest = " ".join(citation.split()).partition(f". {NAME} ")
+    # Authors and year are before the statement, except in citations of version 0.2.0.
+    statement = re.sub(r"^[^\[(]* \(\d{4}\)\. ", "", text, count=1)
     source, _, rest = rest.partition(". ")
     marked = re.search(r"\brp:\w+", rest)
     if not marked or marked[0] != _mark(statement):
-        return "not confirmed: its words and its mark do not belong together"
-    address = statement.partition(": ")[0]
+        return "unknown: its words and its mark do not belong together"
+    named = re.search(r"\[(\S+#\S+)\]: |^(\S+#\S+): ", statement)
+    address = named[1] or named[2] if named else "it"
     key, _, name = address.partition("#")
+    is_released = marked[0] in released().get(source, ())
     now = f"{address} is not a printed number"
     if key in library() and name in library()[key].by_name:
         record = item_ledger(key).cell(address)
         now = _statement_of(record)
-        if now == statement and source in {version(), *released()}:
-            return "unchanged"
+        if now == statement and (is_released or source == version()):
+            return "current"
+        if is_released and _agrees(statement, record):
+            return "current"
         now = f"{now}, for {reason(address) or record.why}"
-    if marked[0] in released().get(source, ()):
+    if is_released:
         return f"moved since {source}: now {now}"
-    return f"well-formed, not known to this package: not stated by version {source}; now {now}"
+    return f"unknown: not stated by version {source}; now {now}"
+
+
+def _agrees(statement: str, record: Record) -> bool:
+    """Return whether a statement of version 0.2.0 has the verdict and the value of a record."""
+    found = re.search(r"(?:recomputed|assumed) ([-−]?[\d.]+(?:e[-+]?\d+)?)", statement)
+    value = record.computed if record.role == "result" else None
+    if found and value is not None:
+        same = float(found[1].replace("−", "-")) == float(f"{value:.6g}")
+    else:
+        same = not found and value is None
+    return same and statement.endswith(f", {record.verdict}")
 
 
 @cache
@@ -391,45 +561,59 @@ def _et_al(paper: str) -> str:
 
 
 def _written(
-    name: str, title: str, note: str, form: str, paper: str = "", address: str = ""
+    name: str, title: str, form: str, paper: str = "", address: str = "", mark: str = ""
 ) -> str:
     """Return the entry of an address of the book, and the entries of its papers."""
     _check_format(form, _CITATION_FORMATS)
+    if form == "sentence":
+        return f"{title} {_author_year()}."
     page = f"/goto.html#{anchor(address)}" if address else ""
     permalink = ADDRESS and ADDRESS + page
+    archived = identifiers(address)
+    listed = ", ".join(f"{what} {one}" for what, one in archived.items())
+    note = "" if permalink or not listed else f"Software Heritage: {listed}"
     # Braces keep a bibliography style from changing the case of names, and BibTeX from taking the
     # name of the group for a first and a last name.
     fields = {
         "title": f"{{{title}}}",
         "year": RELEASED[:4],
+        "date": RELEASED,
+        "version": __version__,
+        "commit": package_commit(),
         "howpublished": software(),
-        "note": note,
+        "note": ". ".join(filter(None, (note, mark))),
+        "swhid": ", ".join(archived.values()),
         "doi": DOI,
         "url": permalink,
     }
     fields = {key: text for key, text in fields.items() if text}
-    people = {"author": [Person("{" + DEVELOPERS + "}")]}
-    entries = {name: Entry("misc", fields=fields, persons=people)}
+    people = [Person(one if ", " in one else f"{{{one}}}") for one in AUTHORS]
+    entries = {name: Entry("misc", fields=fields, persons={"author": people})}
     entries |= {key: _paper(key) for key in ([paper] if paper else PAPERS)}
     if form == "bibtex":
-        return str(BibliographyData(entries).to_string("bibtex")).strip()
+        return str(Writer().to_string(BibliographyData(entries))).strip()
     items = [_csl(key, entry) for key, entry in entries.items()]
     if form == "csl":
         return json.dumps(items, indent=2, ensure_ascii=False)
     if form == "ris":
         return "\n".join(map(_ris, items))
-    from pybtex.backends.plaintext import Backend
+    # `verify` reads the statement of a cell between the year and the name of the software.
+    doi = DOI and f"https://doi.org/{DOI}"
+    start = f"{DEVELOPERS} ({RELEASED[:4]}). {title}"
+    own = ". ".join(filter(None, (start, software(), note, permalink, doi, mark)))
+    return "\n".join((own + "." * (not mark), *map(_in_text, [*entries][1:])))
 
-    # The key of an entry is set by BibliographyData.
-    listed = BibliographyData(entries).entries.values()
-    formatted = _style().format_entries(listed)
-    texts = [entry.text.render(Backend()).strip() for entry in formatted]
-    if note.startswith(
-        "rp:"
-    ):  # the statement of a cell comes first: `verify` inputs it
-        parts = (f"{title}. {software()}.", permalink, note)
-        texts[0] = " ".join(filter(None, parts))
-    return "\n".join(texts)
+
+@cache
+def _in_text(key: str) -> str:
+    """Return the citation of a paper as text, which is slow to write."""
+    from pybtex.backends.plaintext import Backend
+    from pybtex.style.formatting.unsrt import Style
+
+    (entry,) = Style().format_entries(
+        BibliographyData({key: _paper(key)}).entries.values()
+    )
+    return str(entry.text.render(Backend())).strip()
 
 
 def _csl(name: str, entry: Entry) -> dict[str, Any]:
@@ -442,38 +626,38 @@ def _csl(name: str, entry: Entry) -> dict[str, Any]:
         people.append(
             {"family": family, "given": given} if given else {"literal": family}
         )
+    is_article = entry.type == "article"
+    day = fields.get("date", fields["year"])
     item: dict[str, Any] = {
         "id": name,
-        "type": "article-journal" if entry.type == "article" else "software",
+        "type": "article-journal" if is_article else "software",
         "author": people,
-        "issued": {"date-parts": [[int(fields["year"])]]},
+        "issued": {"date-parts": [[*map(int, day.split("-"))]]},
     }
-    item |= {csl: fields[key] for key, csl in _CSL_FIELDS.items() if key in fields}
-    return item if entry.type == "article" else item | {"version": __version__}
+    if "commit" in fields:
+        item["custom"] = {"commit": fields["commit"]}
+    return item | {
+        csl: fields[key] for key, csl in _CSL_FIELDS.items() if key in fields
+    }
 
 
 def _ris(item: Mapping[str, Any]) -> str:
     """Return an item of CSL in the format of Research Information Systems."""
     is_software = item["type"] == "software"
-    ((year,),) = item["issued"]["date-parts"]
-    lines = [("TY", "COMP" if is_software else "JOUR"), ("PY", year)]
+    (day,) = item["issued"]["date-parts"]
+    lines = [("TY", "COMP" if is_software else "JOUR"), ("PY", day[0])]
     lines += [("AU", ", ".join(person.values())) for person in item["author"]]
     lines += [(tag, item[key]) for key, tag in _RIS_TAGS.items() if key in item]
-    lines += [("N2", software())] if is_software else []
+    if is_software:
+        lines.append(("DA", "{}/{:02}/{:02}".format(*day)))
+        lines += [("C1", f"commit {one}") for one in item.get("custom", {}).values()]
+        lines += [("DB", "Software Heritage")] * ("archive_location" in item)
     return "".join(f"{tag}  - {value}\n" for tag, value in (*lines, ("ER", "")))
 
 
 def _check_format(form: str, known: tuple[str, ...]) -> None:
     if form not in known:
         raise ValueError(f"format: expected one of {', '.join(known)}, got {form!r}")
-
-
-@cache
-def _style() -> Any:
-    """Return the style of citations as text, which is slow to find."""
-    from pybtex.plugin import find_plugin
-
-    return find_plugin("pybtex.style.formatting", "unsrt")()
 
 
 _BAR = Environment(autoescape=True).from_string(

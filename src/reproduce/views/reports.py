@@ -42,7 +42,6 @@ RELATIONS = {
     "inconclusive": "discusses",
     "not tested": "discusses",
 }
-_TEX = {sign: rf"\{sign}" for sign in "&%$#_{}"} | {"\\": r"\textbackslash{}"}
 
 
 @dataclass(frozen=True)
@@ -178,4 +177,4 @@ def _name(text: str) -> str:
 
 
 def _tex(text: object) -> str:
-    return export.in_tex("".join(_TEX.get(sign, sign) for sign in str(text)))
+    return export.in_tex(str(text).translate(export.ESCAPED))

@@ -24,6 +24,7 @@ from reproduce.views.blocks import (
     Grid,
     Html,
     html,
+    plain,
     rendered,
 )
 from reproduce.views.computed import item_ledger
@@ -36,6 +37,7 @@ from reproduce.views.export import (
     table_files,
     toolbar,
 )
+from reproduce.views.numbers import minus
 from reproduce.views.readings import Readings, summary
 from reproduce.views.sweep import Changed, Sweep, of_cells, swept
 
@@ -43,9 +45,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from reproduce.views.study import StudyTable
-
-
-_HEADS = ("Printed", "Computed", "Verdict")
 
 
 def table(address: str) -> Table | Cell | StudyTable:
@@ -107,23 +106,6 @@ class Table(ItemView):
         """Return one cell by its name, such as ``scale.red``."""
         return Cell(self._printed[name])
 
-    @cached_property
-    def _rows(self) -> dict[str, dict[str, str]]:
-        """Texts of each cell by its name and by column, for terminals and exports."""
-        rows = {}
-        pairs = zip(self._printed.cells, self._ledger.records, strict=True)
-        for cell, record in pairs:
-            sigma = [f"{cell.sigma}σ"] if cell.sigma else []
-            rows[cell.name] = {
-                "cell": cell.name,
-                "Quantity": cell.label,
-                "Printed": " ".join((*cell.shown.split(), *sigma, *_notes(cell))),
-                "Computed": verdicts.computed(record),
-                "Verdict": f"{record.verdict} {verdicts.flags(record.flags)}".strip(),
-                "Where": cell.place if cell.place != self._printed.place else "",
-            }
-        return rows
-
     def frame(self) -> pd.DataFrame:
         """Return the table in the layout of the paper.
 
@@ -138,7 +120,7 @@ class Table(ItemView):
         table, records = self._printed, self._ledger.records
         rows = [(r.printed, verdicts.computed(r), r.verdict) for r in records]
         columns = ["printed", "computed", "verdict"]
-        frame = pd.DataFrame(rows, list(self._rows), columns)
+        frame = pd.DataFrame(rows, list(table.by_name), columns)
         if len(table.columns) <= 1:
             units = [record.unit and symbol(record.unit) for record in records]
             return frame.assign(unit=units)
@@ -149,6 +131,12 @@ class Table(ItemView):
     def cells(self) -> pd.DataFrame:
         """Return one row per cell, with every field of the ledger."""
         return full_frame(self._ledger.of(self.key))
+
+    @property
+    def rerun_code(self) -> str:
+        """A line of code that computes it with another value of an input."""
+        changes = rerunning.effective_changes(self.key).values()
+        return _rerun_code(self.key, next(iter(changes), None))
 
     @property
     def readings(self) -> Readings:
@@ -228,7 +216,14 @@ class Table(ItemView):
         return swept(self.key, address, values, compute)
 
     def export(self, form: str) -> str:
-        """Return the table as csv, json, latex or markdown; `covariance` is that of its cells."""
+        """Return the table as csv, json, latex, markdown or covariance.
+
+        A table with several columns has the layout of the paper, with a line for each value:
+        printed, recomputed, and the ends of its interval. A group of quoted numbers has a row for
+        each cell. JSON contains every field of the ledger. The covariance is between the cells.
+        """
+        import pandas as pd
+
         if form == "covariance":
             from reproduce.views.reports import covariance
 
@@ -236,19 +231,26 @@ class Table(ItemView):
                 citation(self.key, "text"), "covariance, literal reading"
             )
             return export_frame(covariance(self.key), "csv", given)
-        table, rows = self._printed, [*self._rows.values()]
-        grid = Grid.of(self._caption, ("Quantity", *_HEADS, "Where"), rows)
-        if (width := len(table.columns)) > 1:
-            # One text in each cell, in the layout of the paper; words have no verdict.
-            texts = [
-                ", ".join(filter(None, map(row.get, _HEADS[: 3 if c.is_number else 1])))
-                for c, row in zip(table.cells, rows, strict=True)
+        table, records = self._printed, self._ledger.records
+        pairs = zip(table.cells, records, strict=True)
+        frame = pd.DataFrame([_values(cell, record, form) for cell, record in pairs])
+        frame = frame[[name for name in frame if any(frame[name])]]
+        if len(table.columns) > 1:
+            lines = [
+                [line.label for line in part] for part in (table.rows, table.columns)
             ]
-            columns = [[row.label for row in table.rows]]
-            columns += [texts[i::width] for i in range(width)]
-            heads = ["", *(column.label for column in table.columns)]
-            grid = Grid(self._caption, heads, [*zip(*columns, strict=True)])
-        return export(self._ledger, self.key, form, grid)
+            frame.index = pd.MultiIndex.from_product(lines, names=["row", "value"])
+            stacked = pd.Series(frame.stack()).unstack(1, sort=False)
+            frame = stacked[stacked.any(axis=1)].reset_index(names=["row", "value"])
+            if form != "csv":
+                frame.loc[frame["row"].duplicated(), "row"] = ""
+                frame = frame.rename(columns={"row": "", "value": ""})
+        else:
+            frame.insert(0, "quantity", [cell.label for cell in table.cells])
+            if len({cell.place for cell in table.cells}) > 1:
+                frame["place"] = [cell.place for cell in table.cells]
+        caption = f"{table.place}. {table.title}."
+        return export(self._ledger, self.key, form, frame, caption, _legend(records))
 
     @property
     def _caption(self) -> str:
@@ -265,13 +267,22 @@ class Table(ItemView):
         page = rendered(
             "table",
             table=table,
-            records=dict(zip(self._rows, records, strict=True)),
+            records=dict(zip(table.by_name, records, strict=True)),
             verdicts=verdicts,
             notes=_notes,
             anchor=where,
             caption=caption,
         )
-        yield Html(page, Grid.of(caption, ("cell", *_HEADS), [*self._rows.values()]))
+        rows = [
+            {
+                "cell": cell.name,
+                "Printed": " ".join((_printed(cell), *_notes(cell))),
+                "Computed": verdicts.computed(record),
+                "Verdict": f"{record.verdict} {verdicts.flags(record.flags)}".strip(),
+            }
+            for cell, record in zip(table.cells, records, strict=True)
+        ]
+        yield Html(page, Grid.of(caption, rows[0], rows))
         notes = Counter(note for cell in table.cells for note in _notes(cell).items())
         for (word, text), count in notes.items():
             cells = f"{count} cells" if count > 1 else "1 cell"
@@ -293,6 +304,69 @@ class Table(ItemView):
             lambda: toolbar(self.key, where, files, self.source, shown),
             f"{self.key}: reproduce show {self.key}#CELL shows all about a cell",
         )
+
+
+# Signs of the verdicts in LaTeX and Markdown.
+_MARKS = {
+    "exact": "ᵉ",
+    "consistent": "ᶜ",
+    "differs": "ᵈ",
+    "ambiguous": "ᵃ",
+    "unpublished": "ᵘ",
+}
+
+
+def _printed(cell: PrintedCell) -> str:
+    """Return a printed value with its standard deviations."""
+    return " ".join((*cell.shown.split(), *[f"({cell.sigma}σ)"] * bool(cell.sigma)))
+
+
+def _values(cell: PrintedCell, record: Record, form: str) -> dict[str, str]:
+    """Return the values of a cell with the displayed digits.
+
+    In CSV unit, standard deviations and verdict have their own names.
+    """
+    is_result = record.role == "result"
+    computed = verdicts.computed(record) if is_result else ""
+    ends = dict.fromkeys(
+        minus(cell.number.format(end, extra=1))
+        for end in (is_result and record.interval) or ()
+    )
+    low, high = ends if len(ends) > 1 else ("", "")
+    values = {"printed": cell.text, "recomputed": computed, "from": low, "to": high}
+    if form == "csv":
+        values["unit"] = cell.unit and symbol(cell.unit)
+        values["sigma"] = str(cell.sigma or "")
+        values["verdict"] = record.verdict if cell.is_number else ""
+        return {name: text.replace("−", "-") for name, text in values.items()}
+    values["printed"] = _printed(cell)
+    if is_result:
+        weak = "*" * verdicts.weak([record])
+        values["recomputed"] = f"{computed or '–'}{_MARKS[record.verdict]}{weak}"
+    return values
+
+
+def _legend(records: Sequence[Record]) -> str:
+    """Return the legend of the signs of verdicts, and of the interval."""
+    signs = [
+        f"{mark} {word}: {verdicts.MEANINGS[word]}"
+        for word, mark in _MARKS.items()
+        if any(record.verdict == word for record in records)
+    ]
+    return "; ".join((*signs, _INTERVAL)) + "." if signs else ""
+
+
+# The end of a legend.
+_INTERVAL = (
+    "*: weak agreement, such as a copy or a wide tolerance; from, to: central 99 % of the "
+    "simulation, or results that rounded inputs allow"
+)
+
+
+def _rerun_code(address: str, change: tuple[str, str] | None) -> str:
+    """Return the call of a table or a cell, with the change of an input."""
+    call = '.rerun({{"{}": "{}"}})'.format(*change) if change else ""
+    return f'rp.table("{address}"){call}'
 
 
 def _notes(cell: PrintedCell) -> dict[str, str]:
@@ -378,6 +452,12 @@ class Cell(ResultView):
         """Options of its table."""
         return self.table.options
 
+    @property
+    def rerun_code(self) -> str:
+        """A line of code that computes it with another value of an input that changes it."""
+        changes = rerunning.effective_changes(self._cell.key)
+        return _rerun_code(self.address, changes.get(self._cell.name))
+
     def frame(self) -> pd.DataFrame:
         """Return its record as a column."""
         import pandas as pd
@@ -391,9 +471,14 @@ class Cell(ResultView):
 
     def export(self, form: str) -> str:
         """Return its record as csv, json, latex or markdown."""
-        [grid] = self.blocks()
-        part = Ledger(records=(self.record,), tables=())
-        return export(part, self.address, form, grid)
+        import pandas as pd
+
+        part, [grid] = Ledger(records=(self.record,), tables=()), self.blocks()
+        frame = full_frame(part.records)
+        if form != "csv":
+            rows = [[*map(plain, row)] for row in grid.rows]
+            frame = pd.DataFrame(rows, columns=[*map(plain, grid.head)])
+        return export(part, self.address, form, frame, f"{self._cell.label}.")
 
     def blocks(self) -> list[Grid]:
         """Return a table with a row for each property of the cell."""

@@ -69,6 +69,10 @@ def test_the_effects_of_heat_by_hand():
         accuracy * focal / (1e-6 * 22e-3),
     ]
     np.testing.assert_allclose(rows.T, columns, rtol=1e-6)
+    heat, mirror = satellite._heat.facts(), satellite._dichroic.facts()
+    assert heat["flight"].value == pytest.approx(accuracy * 14.0 / 22e-9)
+    assert heat["bench"].value == pytest.approx(accuracy * 2.0 / 22e-9)
+    assert mirror["tolerance"].value == pytest.approx(0.15 / 2)
     factor, _, kelvin = by_name(satellite._dichroic()).loc["across it"]
     assert factor == pytest.approx(2.0)
     assert kelvin == pytest.approx(accuracy / 2 / 1e-6)

@@ -156,11 +156,10 @@ def _draw_frame(figure: Figure, printed: Marks, inputs: Inputs) -> None:
     seen = (rays[:, 2] > 0.9) & (stars.magnitude <= _FAINTEST_MAGNITUDE)
     spots = attitude.received_spots(rays[seen], *platform.as_designed(inputs).tracker)
     sizes = 5 * 1.7 ** (_FAINTEST_MAGNITUDE - stars.magnitude[seen])
-    inside = ((spots > 0) & (spots < inputs.array(platform.PIXELS) - 1)).all(axis=1)
     set_size(figure, 6.0, 6.0, 4.2)
     axes = figure.add_subplot()
-    x, y = spots[inside].T
-    axes.scatter(x, y, sizes[inside], "C2", label="stars")
+    x, y = spots.T
+    axes.scatter(x, y, sizes, "C2", label="stars")
     axes.plot(*_pairs(printed).T, "C1s", label="laser spots, printed")
     axes.set(xlim=(-0.5, 1023.5), ylim=(1023.5, -0.5), aspect="equal")
     axes.set(xlabel="x (px)", ylabel="y (px)")

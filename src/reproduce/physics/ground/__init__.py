@@ -5,7 +5,6 @@ from reproduce.physics.ground.earth import (
     earth_fixed,
     earth_from_inertial,
     local_axes,
-    orbital_period,
     satellite_from_inertial,
 )
 from reproduce.physics.ground.imaging import (

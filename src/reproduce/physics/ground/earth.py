@@ -17,15 +17,13 @@ import numpy as np
 
 from reproduce.physics import validate
 from reproduce.physics.attitude import unit
-from reproduce.physics.validate import Direction, FloatArray, Positive
+from reproduce.physics.validate import Direction, FloatArray
 
 # Largest UT1 - UTC in seconds and pole in radians. The IERS prints UT1 - UTC in seconds, below 0.9,
 # and the pole in seconds of arc, so larger numbers are in another unit.
 _LARGEST_UT1_UTC, _LARGEST_POLE = 1.0, 1e-4
-# Defining constants of the World Geodetic System 1984 (NGA.STND.0036): equatorial radius in m, and
-# gravitational constant in m^3/s^2.
+# Defining constants of the World Geodetic System 1984 (NGA.STND.0036): equatorial radius in m.
 EARTH_RADIUS, _FLATTENING = 6378137.0, 1.0 / 298.257223563
-_EARTH_GM = 3.986004418e14
 # Semi-axes along X, Y and Z, in m.
 EARTH_AXES = EARTH_RADIUS * np.array([1.0, 1.0, 1.0 - _FLATTENING])
 
@@ -164,28 +162,3 @@ def satellite_from_inertial(position: Direction, velocity: Direction) -> FloatAr
     down = -unit("position", position)
     side = -unit("velocity", np.cross(position, velocity))
     return np.stack([np.cross(side, down), side, down], axis=-2)
-
-
-@validate.checked
-def orbital_period(altitude: Positive) -> FloatArray:
-    """Return the period of a circular orbit.
-
-    Parameters
-    ----------
-    altitude : array_like, shape (...)
-        Altitude above the equatorial radius, in metres.
-
-    Returns
-    -------
-    ndarray, shape (...)
-        Period, in seconds.
-
-    Examples
-    --------
-    The period of a geostationary satellite is a sidereal day.
-
-    >>> round(float(orbital_period(35786e3)) / 3600, 2)
-    23.93
-    """
-    radius = EARTH_RADIUS + altitude
-    return np.asarray(2.0 * np.pi * np.sqrt(radius**3 / _EARTH_GM))
