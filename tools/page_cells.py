@@ -7,9 +7,8 @@ outputs are those of a notebook: printed text, the value of the last line and op
 from __future__ import annotations
 
 import ast
-import os
 from collections.abc import Iterator
-from contextlib import contextmanager, redirect_stderr, redirect_stdout
+from contextlib import chdir, redirect_stderr, redirect_stdout
 from io import StringIO
 from pathlib import Path
 from typing import Any
@@ -64,7 +63,7 @@ def execute(page: Path) -> tuple[Any, dict[str, Any]]:
         "name": "python",
         "pygments_lexer": "ipython3",
     }
-    with _in_folder(page.parent):
+    with chdir(page.parent):
         for number, cell in enumerate(code(notebook), start=1):
             name = f"{page.name}, cell {number}"
             with (
@@ -77,17 +76,6 @@ def execute(page: Path) -> tuple[Any, dict[str, Any]]:
             cell.execution_count = number
             cell.outputs = list(_outputs(printed.getvalue(), value, number))
     return notebook, variables
-
-
-@contextmanager
-def _in_folder(folder: Path) -> Iterator[None]:
-    """Change to a folder, as Jupyter does, and back."""
-    before = Path.cwd()
-    os.chdir(folder)
-    try:
-        yield
-    finally:
-        os.chdir(before)
 
 
 def _run_cell(source: str, name: str, namespace: dict[str, Any]) -> Any:

@@ -106,7 +106,7 @@ def of_sections(page: str, doctree: nodes.document) -> Iterator[Entry]:
     """Yield a page and its sections, with the words of their text and of their tables."""
     title, subjects = "", SUBJECTS.get(page, "")
     for section in doctree.findall(nodes.section):
-        heading = section.next_node(nodes.title).astext()
+        heading = next(section.findall(nodes.title)).astext()
         shown, title = (f"{title}: {heading}", title) if title else (heading, heading)
         words = set[str]()
         for part in section.findall(nodes.Text):

@@ -41,6 +41,7 @@ SCRIPT = re.compile(r"<script(?![^>]*\b(?:src|type)=)[^>]*>(.*?)</script>", re.D
 HANDLERS = {"toggleFullScreen()", "window.print()"}
 ABSENT = """<!doctype html>
 <html lang="en"><meta charset="utf-8"><title>Page not found</title>
+<meta name="viewport" content="width=device-width">
 <p>No page has this address. See <a href="{0}index.html">the first page</a> or
 <a href="{0}find.html">find a number</a>.</p></html>
 """
@@ -79,7 +80,8 @@ def plain(part: nodes.Text) -> str:
     """
     match part.parent:
         case nodes.raw():
-            return Markup(part).striptags()
+            is_html = part.parent["format"] == "html"
+            return Markup(part).striptags() if is_html else ""
         case nodes.math():
             return part.replace(r"\,", " ").replace("\\", "")
     return str(part)

@@ -82,10 +82,16 @@
     place(link);
   };
 
-  // A table is one stop of the Tab key. The arrow keys lead from number to number.
-  const linksOf = (table) => [...table.querySelectorAll("a.rp-has-card")].filter((one) => !box.contains(one));
+  // A table or a list is one stop of the Tab key. The arrow keys lead from number to number.
+  const GROUP = ":is(table, ul, ol, dl)";
+  const linksOf = (group) => [...group.querySelectorAll("a.rp-has-card")].filter((one) => !box.contains(one));
+  const groupOf = (link) => {
+    let group = link?.closest(GROUP);
+    for (let up = group; up; up = up.parentElement.closest(GROUP)) group = up;
+    return group;
+  };
   const rove = () => {
-    for (const table of document.querySelectorAll("article table")) linksOf(table).slice(1).forEach((one) => { one.tabIndex = -1; });
+    for (const group of document.querySelectorAll(`article ${GROUP}`)) linksOf(group).slice(1).forEach((one) => { one.tabIndex = -1; });
   };
   document.addEventListener("DOMContentLoaded", rove);
 
@@ -120,7 +126,7 @@
   document.addEventListener("keydown", (event) => {
     if (event.key === "Escape") close();
     const at = linkOf(document.activeElement ?? document.body), step = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
-    const links = step && at?.closest("table") ? linksOf(at.closest("table")) : [];
+    const links = step && groupOf(at) ? linksOf(groupOf(at)) : [];
     const next = links[links.indexOf(at) + step];
     if (next) { event.preventDefault(); at.tabIndex = -1; next.tabIndex = 0; next.focus(); }
     if (event.key !== "ArrowDown" || !shown || document.activeElement !== shown) return;

@@ -42,7 +42,7 @@ FAR = """name => {
     "address",
     [
         "niu2024/registration.html#equation-niu2024-17",
-        "chen2023/attitude.html#equation-chen2023-24",
+        "niu2024/calibration.html#equation-niu2024-24",
         "niu2024/simulation.html#niu2024-table-3",
     ],
 )

@@ -157,7 +157,7 @@ def test_the_overview_is_above_its_code_with_the_papers_side_by_side(open_page):
     page = open_page("index.html", viewport=DESKTOP)
     walls = page.locator(".rp-walls > div")
     first, second = (walls.nth(index).bounding_box() for index in (0, 1))
-    code = page.locator("details.above-input").first.bounding_box()
+    code = page.locator(".cell:has(.rp-walls) > details").bounding_box()
     assert first["y"] == second["y"]
     assert first["x"] + first["width"] < second["x"]
     assert code["y"] > first["y"] + first["height"]

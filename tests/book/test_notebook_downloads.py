@@ -58,7 +58,7 @@ def test_a_notebook_installs_a_wheel_and_nothing_from_an_index(monkeypatch):
 def test_the_wheel_of_the_first_cell_is_next_to_the_book():
     wheel = install_code().rpartition("/")[2]
     assert (HTML / "downloads" / wheel).is_file()
-    assert f'href="downloads/{wheel}"' in (HTML / "run.html").read_text("utf-8")
+    assert f"href='downloads/{wheel}'" in (HTML / "run.html").read_text("utf-8")
 
 
 @pytest.mark.browser

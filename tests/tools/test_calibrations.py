@@ -105,7 +105,7 @@ def test_stored_calibrations_are_those_of_the_present_models(name):
     in an ensemble, so one of the three replicates may have other ranks on another processor.
     """
     found, model = stored.load(name), posteriors()[name].model()
-    least = 1000 if posteriors()[name].simulated else 100
+    least = 1000 if posteriors()[name].simulated else 30
     assert found.replicates >= (2000 if name in MAIN else least)
     assert found.names == named(model)
     assert found.ranks.min() >= 0

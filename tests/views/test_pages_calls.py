@@ -16,7 +16,7 @@ import yaml
 import reproduce as rp
 from book_facts import Register, register, write_tables
 from reproduce.judge.ledger import erratum
-from reproduce.papers.catalogue import studies
+from reproduce.papers.catalogue import catalogue, studies
 from reproduce.papers.declare import Column, Fact
 from reproduce.printed.cells import PAPERS, anchor, library
 from reproduce.views import numbers, verdicts
@@ -75,9 +75,12 @@ def test_every_cell_has_a_unique_anchor_its_printed_number_and_its_verdict():
 def test_the_index_adds_up():
     """A row for each paper, for each item, and for all."""
     html, found = rp.contents().index._repr_html_(), {}
+    keys = {anchor(key): key for key in catalogue()}
+    assert ">Section I and II-A<" in html
     for row in re.findall(r'<tr><th scope="row">(.*?)</tr>', html, re.DOTALL):
         counts = re.findall(r"<td[^>]*>([\d·]+)<", row)
-        name = "".join(re.findall(r"<code>(.*?)</code>|^(\w+)<", row)[0])
+        name = keys.get("".join(re.findall(r'^<a href="#(?:figure-)?(.*?)"', row)))
+        name = name or row.partition("<")[0]
         found[name] = [int(count.replace("·", "0")) for count in counts]
     for name, counts in found.items():
         records = [
@@ -101,8 +104,10 @@ def test_facts_of_cells_items_and_papers():
     assert (cell["printed"], cell["verdict"]) == ("0.0698°", "consistent")
     assert facts_of("niu2024/table-3")["joint"] == "below 1/2,000"
     every = facts_of("all")
-    kinds = [int(every[name].split()[0]) for name in ("exact", "consistent", "differs")]
-    assert (every["cells"], int(every["judged"])) == ("343", sum(kinds))
+    kinds = [
+        int(every[name].split()[0]) for name in verdicts.VERDICTS if name != "input"
+    ]
+    assert (every["cells"], int(every["results"])) == ("343", sum(kinds))
     for name in ("nobody1999", "niu2024/table-3#scale.green"):
         with pytest.raises(KeyError):
             facts_of(name)

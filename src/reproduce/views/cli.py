@@ -447,7 +447,7 @@ def audit(paper: str | None, as_json: bool) -> None:
       The consistency checks
       chen2023
         Numbers: 218
-        Compared with others: 198
+        Relations: 269
       ...
     """
     from reproduce.views.consistency import ConsistencyAudit
@@ -604,11 +604,11 @@ def posterior(
 
     \b
     Example:
-      $ reproduce posterior registration
-      Posterior registration, data simulated by us with printed settings of niu2024.
-      Quantity             truth            mean ± sd         95 % interval
-      ─────────────────────────────────────────────────────────────────────
-      scale             0.997602  0.997566 ± 0.000012  0.997544 to 0.997589
+      $ reproduce posterior simulation-red
+      Posterior simulation-red, data as printed in niu2024.
+      Quantity               mean ± sd         95 % interval
+      ──────────────────────────────────────────────────────
+      scale        0.997300 ± 0.000030  0.997248 to 0.997352
       ...
     """
     from reproduce.views import posteriors

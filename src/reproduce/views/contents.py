@@ -161,7 +161,8 @@ class Contents(Display):
     def blocks(self) -> tuple[Block, ...]:
         """Return a mark for every number, and the same as lists."""
         overview = Html(_overview_grid(self._ledger.records))
-        return overview, Fold("The same in words", self.index.shown)
+        lists = (*self.listed.shown, *self.index.shown)
+        return overview, Fold("The same in words", lists)
 
 
 _COLUMNS = (

@@ -71,8 +71,8 @@ def differences_block(papers: Collection[str]) -> Html:
         f"of each paper for its numbers that agree, {agree} in all. The agreeing numbers are short "
         "lines between minus one and one, in a shaded band. The others are diamonds outside of "
         "the band: most are a few units away, one is much farther.",
-        "Distance of each printed number from the computed number, in units of the largest "
-        "distance at which the number still agrees. Diamonds: numbers that differ; lines: numbers "
-        "that agree; band: agreement. The unit contains the rounding of the printed number, and "
-        "the range of the computed number by rounded inputs or by chance.",
+        f"{len(found) - agree} printed numbers are farther from the computed number than the "
+        "largest distance that agrees, which is the unit of the axis. Diamonds: numbers that "
+        "differ; lines: numbers that agree; band: agreement. The unit contains the rounding of "
+        "the printed number, and the range of the computed number by rounded inputs or by chance.",
     )

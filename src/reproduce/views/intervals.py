@@ -31,9 +31,10 @@ def correlated_pair(
         pair: float(np.corrcoef(draws[pair[0]], draws[pair[1]])[0, 1])
         for pair in combinations(draws, 2)
     }
-    pair = max(found, key=lambda pair: abs(found[pair]), default=("", ""))
-    worth = abs(found.get(pair, 0.0)) > _MIN_CORRELATION
-    return (pair, found[pair]) if worth else ((), 0.0)
+    pair = max(found, key=lambda pair: abs(found[pair]), default=None)
+    if pair is None or abs(found[pair]) < _MIN_CORRELATION:
+        return (), 0.0
+    return pair, found[pair]
 
 
 def draw_intervals(

@@ -381,8 +381,8 @@ class Posterior(Display):
     def intervals(self, *names: str) -> Html:
         """Return the interval plot of some quantities, with the most correlated pair.
 
-        The truth of simulated data is marked, or the printed value, or the least-squares estimate
-        of your data. If a closed form exists, its intervals are below those of emcee.
+        The truth of simulated data or the printed value is marked. If a closed form exists, its
+        intervals are below those of emcee.
 
         Parameters
         ----------
@@ -414,12 +414,7 @@ class Posterior(Display):
                 f"{', '.join(names)}. All draws are in `draws`"
             )
         kind, marks = "truth of the simulation", self.truth
-        if self._table:
-            kind, (centre, _) = "least squares", self.model.likelihood.start()
-            marks = self._shown(
-                dict(zip(self.model.names, centre.tolist(), strict=True))
-            )
-        elif not marks:
+        if not (marks or self._table):
             kind, texts = "printed value", self.declared.summary.items()
             marks = self._shown({key: find(a)[0].si for key, a in texts if "#" in a})
         try:

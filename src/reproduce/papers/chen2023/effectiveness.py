@@ -333,6 +333,8 @@ def _draw(figure: Figure, printed: Marks, inputs: Inputs) -> None:
         lower.axhline(common * 1e3, color="C3", lw=1, label="one for all angles")
         upper.set(title=f"angle about {about.upper()}", ylabel="difference (arcsec)")
         lower.set(ylabel="focal length (mm)", xlabel="state", xticks=_MOVED)
+        if rows == (4, 1):
+            lower.set_title(f"angle about {about.upper()}")
         upper.set_ylim(-0.25, 0.4)
         lower.set_ylim(1990, 2095)
     above, below = (row[0].get_legend_handles_labels() for row in panels)

@@ -274,7 +274,7 @@ def _draw_series(
     )
     for axes, axis, series, limit in columns:
         series = series * ARCSEC_PER_RADIAN
-        axes.plot(frames, series, ".-", lw=0.3, markersize=2.5, label="single frame")
+        axes.plot(frames, series, lw=0.6, label="single frame")
         means = attitude.moving_average(series, count)
         axes.plot(frames[count - 1 :], means, "k", lw=2.5, label=f"mean of {count}")
         for side, name in ((-1, "_"), (1, "printed, 3σ")):

@@ -48,6 +48,11 @@ _SOURCES = {
         (1,),
     ),
 }
+# Printed numbers of the cameras and of the positions.
+_DESIGN_INPUTS = {
+    "camera": (*simulation.ANGLES, *experiment.CAMERAS),
+    "simulation": simulation.INPUTS,
+}
 _PRIORS: dict[str, Prior] = {
     "scale": Uniform(0.5, 2.0, "between half and double: channels of one telescope"),
     "rotation": Uniform(-0.5, 0.5, "detectors behind one prism are mounted alike"),
@@ -119,8 +124,7 @@ def _declaration(kind: str, channel: str) -> Declaration:
         f"Printed registration of {channel} ({where})",
         "niu2024",
         (
-            *simulation.INPUTS,
-            *experiment.CAMERAS,
+            *_DESIGN_INPUTS[kind],
             *summary.values(),
             points,
             residuals.format(channel),
@@ -144,8 +148,15 @@ _DESIGNS = {
     "positions of the simulation": 1.0,
     "a tenth of the positions": 10.0,
 }
+# The rotations and translations of the cameras are also the printed estimates.
 _SCALE_INPUTS = tuple(
-    dict.fromkeys(address for one in POSTERIORS[:2] for address in one.inputs)
+    dict.fromkeys(
+        address
+        for declaration in POSTERIORS[:2]
+        for address in declaration.inputs
+        if address
+        not in {"niu2024/table-4#rotation.*", "niu2024/table-4#translation-*"}
+    )
 )
 
 
@@ -172,9 +183,9 @@ def _draw_scales(figure: Figure, printed: Marks, inputs: Inputs) -> None:
     axes = figure.subplots()
     rows = list(_printed_scales.function(inputs))
     for height, (channel, _, value, error, _) in enumerate(rows):
-        colour = {"red": "C1", "blue": "C0"}[channel]
-        axes.errorbar(value, -height, xerr=2 * error, fmt=f"{colour}o", capsize=3)
+        look = {"red": "C1o", "blue": "C0s"}[channel]
+        axes.errorbar(value, -height, xerr=2 * error, fmt=look, capsize=3)
     axes.axvline(0.0, color="k", linewidth=1)
     labels = [f"{channel}: {name}" for channel, name, *_ in rows]
     axes.set_yticks(-np.arange(len(rows)), labels)
-    axes.set_xlabel("scale factor minus cameras (ppm)")
+    axes.set_xlabel("scale minus cameras (ppm)")

@@ -106,14 +106,19 @@ def half_ranges(inputs: Inputs) -> FloatArray:
     return (high - low) / 2
 
 
+def _lattice(inputs: Inputs, name: str) -> FloatArray:
+    """Return the angles of one alternative with any count, shape (n, 2), in radians."""
+    full, step = _OPTIONS["angles"][name].text, inputs["niu2024/text-simulation#step"]
+    half_x, half_y = half_ranges(inputs)
+    return arrangement_angles(full, half_x, half_y, step)
+
+
 @cache
 def arrangement(
     inputs: Inputs, name: str = next(iter(_OPTIONS["angles"]))
 ) -> FloatArray:
     """Return the angles of one alternative, by default the literal one, (n, 2), in radians."""
-    full, step = _OPTIONS["angles"][name].text, inputs["niu2024/text-simulation#step"]
-    half_x, half_y = half_ranges(inputs)
-    angles = arrangement_angles(full, half_x, half_y, step)
+    angles = _lattice(inputs, name)
     if len(angles) != (count := inputs.count("niu2024/text-simulation#angle-count")):
         raise ValueError(
             f"niu2024/text-simulation#angle-count: expected {len(angles)}, which the "
@@ -333,8 +338,9 @@ def _draw_angles(figure: Figure, printed: Marks, inputs: Inputs) -> None:
     outline = np.degrees(corners * half_ranges(inputs)).T
     grid = figure.subplots(3, 3, sharex=True, sharey=True).flat
     for axes, name in zip(grid, _OPTIONS["angles"], strict=True):
-        axes.plot(*np.degrees(arrangement(inputs, name)).T, "o", markersize=size)
-        axes.plot(*outline, "--", linewidth=1)
+        angles = np.degrees(_lattice(inputs, name))
+        axes.plot(*angles.T, "o", markersize=size, label=name)
+        axes.plot(*outline, "--", linewidth=1, label="printed range")
         axes.set(aspect="equal", xticks=(-8, 0, 8), yticks=(-6, 0, 6))
         axes.set_title(name.replace("-", "\n", 1).replace("-", " "), fontsize=8.5)
         axes.grid(visible=False)
