@@ -2,7 +2,7 @@
 
 The articles of the pages are joined to one document with internal links, and Chromium prints it.
 The book contains a title page and all chapters, and a second file the lists of numbers, relations,
-errata and functions. Each chapter is also a file of its own, cut from the book. The end of
+errata and functions. Each chapter is also a separate file, cut from the book. The end of
 ``book/_static/ledger.css`` contains the style of the paper. Wide tables are rotated or shrunk here.
 With the same browser and fonts, equal pages give an equal file.
 """
