@@ -6,6 +6,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from scipy.stats import norm, t
 
 from reproduce.papers.catalogue import catalogue, drawings
 from reproduce.papers.declare import Schematic
@@ -147,6 +148,19 @@ def test_the_sketches_of_the_derivations_are_right():
     )
     assert abs(scale @ turn) < 0.01 * scale @ scale
     assert np.linalg.det([scale, turn]) > 0
+
+
+def test_the_sketch_of_student_s_t_has_the_densities_and_intervals():
+    """Four stars have four degrees of freedom."""
+    paths = named("niu2024/drawing-student")
+    assert len(paths) == 4
+    scale = np.ptp(paths["normal-interval"][:, 0]) / (2 * norm.ppf(0.995))
+    peak = np.ptp(paths["normal"][:, 1])
+    for name, law in (("normal", norm), ("student", t(4))):
+        x, height = ((paths[name] - [200, -170]) / [scale, peak]).T
+        assert height == pytest.approx(law.pdf(x) / norm.pdf(0), abs=0.01)
+        ends = (paths[f"{name}-interval"][:, 0] - 200) / scale
+        assert law.cdf(ends) == pytest.approx([0.005, 0.995], abs=1e-4)
 
 
 def test_the_drawn_rotations_are_the_measured_misalignments():

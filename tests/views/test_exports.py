@@ -189,7 +189,7 @@ def test_the_authors_are_those_of_the_project():
 def test_the_sentence_of_a_cell_has_place_numbers_and_verdict():
     for address, parts in {
         f"{KEY}#4.motion-y": (
-            "Table V, state 4, motion Y, of",
+            "Table V, state 4, motion along Y, of",
             "60.66 µm",
             "“differs”",
         ),

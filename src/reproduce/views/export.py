@@ -375,7 +375,7 @@ def _place(key: str) -> str:
 
 
 def in_words(cell: PrintedCell) -> str:
-    """Return a cell in words, such as ``Table V, state 4, motion Y``."""
+    """Return a cell in words, such as ``Table V, state 4, motion along Y``."""
     place, section = cell.place.split(", ", 1)
     parts = [
         part if part[:2].isupper() else part[:1].lower() + part[1:]

@@ -34,6 +34,7 @@ DRAWINGS = {
     "niu2024/drawing-laboratory": "experiment",
     "niu2024/drawing-scale-bias": "",
     "niu2024/drawing-lever": "",
+    "niu2024/drawing-student": "",
     "niu2024/drawing-channels": "",
     "niu2024/drawing-fusion-star": "images",
     "niu2024/drawing-fusion-errors": "images",
