@@ -59,7 +59,7 @@ ASSET = re.compile(
     r"|<script>window\.MathJax.*?</script>|<script[^>]*/mathjax/[^>]*></script>"
 )
 TAG = re.compile(r"<[a-zA-Z][^>]*>")
-PLACE = re.compile(r'(\s(?:id|for|(?:xlink:)?href)="|url\(#)([^")]*)("|\))')
+PLACE = re.compile(r'(\s(?:id|for|(?:xlink:)?href)=["\']|url\(#)([^"\')]*)(["\']|\))')
 HEADING = re.compile(r"(?<=<)(/?)h([1-5])\b")
 
 # Each part has sheets in portrait and landscape format, with its title at the top.

@@ -111,7 +111,7 @@ def of_sections(page: str, doctree: nodes.document) -> Iterator[Entry]:
         words = set[str]()
         for part in section.findall(nodes.Text):
             is_html = isinstance(part.parent, nodes.raw)
-            text = Markup(part).striptags() if is_html else str(part)
+            text = Markup(part.replace("<", " <")).striptags() if is_html else str(part)
             words |= {*WORD.findall(text.lower())}
         names = [heading, *filter(None, subjects.split(", "))]
         link, subjects = f"{page}.html#{section['ids'][0]}", ""

@@ -91,9 +91,15 @@
     return group;
   };
   const rove = () => {
-    for (const group of document.querySelectorAll(`article ${GROUP}`)) linksOf(group).slice(1).forEach((one) => { one.tabIndex = -1; });
+    for (const group of document.querySelectorAll(`article ${GROUP}`)) {
+      const links = linksOf(group), first = links.find((one) => one.checkVisibility()) ?? links[0];
+      for (const one of links) one === first ? one.removeAttribute("tabindex") : one.tabIndex = -1;
+    }
   };
   document.addEventListener("DOMContentLoaded", rove);
+  // A filter or a sorted column changes the first number of a list.
+  document.addEventListener("input", rove);
+  document.addEventListener("click", (event) => { if (event.target.closest(".rp-sortable thead")) rove(); });
 
   const linkOf = (target) => target.closest?.("a.rp-has-card");
   const later = (action) => { clearTimeout(timer); timer = setTimeout(action, DELAY); };
