@@ -1,7 +1,7 @@
 // Results of the index of this book on the search page, before the results of Sphinx.
 (function () {
   "use strict";
-  const SHOWN = 12;
+  const SHOWN = 12, own = document.currentScript?.src;
   // No page can be fetched from a disk: Sphinx would log an error for each summary.
   if (location.protocol === "file:") DOCUMENTATION_OPTIONS.SHOW_SEARCH_SUMMARY = false;
   // Names are compared without case, repeated spaces, quotes, and with one kind of minus sign.
@@ -69,6 +69,16 @@
     results.before(section);
   }
 
-  if (document.readyState === "loading") document.addEventListener("DOMContentLoaded", show);
-  else show();
+  // The index is loaded only for a query.
+  function start() {
+    if (window.REPRODUCE_INDEX) return show();
+    if (!new URLSearchParams(location.search).get("q")) return;
+    const index = document.createElement("script");
+    index.src = new URL("search-index.js", own);
+    index.onload = show;
+    document.head.append(index);
+  }
+
+  if (document.readyState === "loading") document.addEventListener("DOMContentLoaded", start);
+  else start();
 })();

@@ -158,12 +158,11 @@ def load(
     context: dict[str, Any],
     doctree: nodes.document | None,
 ) -> None:
-    """Load both scripts only on the search page."""
+    """Load the script only on the search page."""
     if page == "search":
-        for name in (INDEX, SCRIPT.name):
-            address = context["pathto"](f"_static/{name}", 1)
-            tag = f'<script defer src="{address}"></script>'
-            context["metatags"] = context.get("metatags", "") + tag
+        address = context["pathto"](f"_static/{SCRIPT.name}", 1)
+        tag = f'<script defer src="{address}"></script>'
+        context["metatags"] = context.get("metatags", "") + tag
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
