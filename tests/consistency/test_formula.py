@@ -57,7 +57,7 @@ def test_wrong_lines_are_rejected():
         ({"sorce": "x"}, "sorce"),
         ({"source": ""}, "source"),
         ({"kind": "guess"}, "kind"),
-        ({"reading": "fourth"}, "reading"),
+        ({"found_by": "fourth"}, "found_by"),
         ({"formula": "a = b", "restates": "t#2.length"}, "solved for"),
         ({"formula": "a <= b", "restates": "t#1.length"}, "solved for"),
     ):

@@ -111,4 +111,4 @@ def test_the_time_to_read_a_wide_table_is_linear(tmp_path):
         rp.register(tmp_path / f"{columns}.csv")
         times[columns].append(time.process_time() - begin)
     small, large = (min(times[size]) for size in sizes)
-    assert large < 40 * small
+    assert large < 30 * small

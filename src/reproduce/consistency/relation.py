@@ -156,7 +156,7 @@ class Relation(_Declared):
     - `restates`: cell that the package computes by another function, with its reading. Such a
       relation is a second entry of this computation, and no further evidence.
     - `claim`: conclusion of the paper that depends on it.
-    - `reading`: reading of the paper that found it.
+    - `found_by`: reading of the paper that found it.
     - `assumption`: assumption that the paper does not state. Such a relation is counted
       separately, and is no evidence of a contradiction in the paper.
     """
@@ -179,7 +179,7 @@ class Relation(_Declared):
     tolerance: Tolerance | None = None
     restates: str = ""
     claim: str | None = None
-    reading: Finder = ""
+    found_by: Finder = ""
     assumption: str = ""
 
     @property

@@ -130,7 +130,7 @@ class Erratum(BaseModel):
     because: str
     """reason for this"""
     status: Literal["open", "one reading of several", "reported", "confirmed"]
-    reading: Finder
+    found_by: Finder
     """independent reading of the paper that found it, as for a relation"""
     again: bool = False
     """whether the third reading, which knew no list, also found it"""

@@ -43,7 +43,7 @@ class _Traits(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
 
     # pydantic evaluates the list of units; mypy accepts only written literals.
-    unit: Literal[tuple(UNITS)] | None = None  # type: ignore[valid-type]
+    unit: Literal[tuple(UNITS)] | None = None  # type: ignore[valid-type]  # from data
     unit_assumed: str | None = None
     role: Role | None = None
     qualifier: _Qualifier | None = None

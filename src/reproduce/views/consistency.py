@@ -182,7 +182,7 @@ def _relations(audits: Sequence[Audit]) -> _Part:
 def _relation(finding: RelationResult, audit: Audit) -> _Row:
     """Return the record of a relation."""
     relation, tolerance = finding.relation, finding.relation.tolerance
-    fields = "source kind claim reading assumption restates".split()
+    fields = "source kind claim found_by assumption restates".split()
     return {
         "name": relation.name,
         "paper": audit.name,

@@ -14,7 +14,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from reproduce import version
 from reproduce.judge.ledger import Record, reason, reply_state
 from reproduce.judge.verdicts import AGREES, CENTRAL
-from reproduce.locate import data_folder, papers
+from reproduce.locate import data_folder
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import Prediction
 from reproduce.printed.cells import anchor, library
@@ -104,8 +104,7 @@ def report(paper: str, form: str) -> dict[str, str]:
     >>> list(report("niu2024", "decisions"))
     ['astra.yaml']
     """
-    if paper not in papers():
-        raise ValueError(f"paper: expected one of {', '.join(papers())}, got {paper!r}")
+    keys.check_paper(paper)
     templates = Environment(
         loader=FileSystemLoader(data_folder() / "reports"),
         undefined=StrictUndefined,
