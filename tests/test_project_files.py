@@ -121,7 +121,7 @@ def test_locks_have_every_dependency_in_one_version():
     assert not {"sphinx", "jupyter-book", "myst-nb"} & set(notebooks)
     (count,) = studies.table("installed")["packages"]
     assert count == len(notebooks) < 0.8 * len(book)
-    only_tests = "pytest hypothesis mypy ruff playwright scikit-image dask frictionless"
+    only_tests = "pytest hypothesis mypy ruff playwright scikit-image frictionless"
     assert set(only_tests.split()) <= set(tests) - set(book)
     rows = [line for line in read("CONTRIBUTING.md").splitlines() if line[:1] == "|"]
     assert packages(every) <= set(re.findall(r"[a-z0-9-]+", " ".join(rows)))
