@@ -197,7 +197,7 @@ def install_code() -> str:
     name = WHEEL.format(__version__)
     if ADDRESS:
         return INSTALL.format(place="", wheel=f"{ADDRESS}/downloads/{name}")
-    place = ", which\n# the page 'Run it and change it' contains and you save next to this file"
+    place = ", which\n# the page 'Installation and reruns' contains and you save next to this file"
     return INSTALL.format(place=place, wheel=f"./{name}")
 
 

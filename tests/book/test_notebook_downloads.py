@@ -52,6 +52,14 @@ def test_a_notebook_installs_a_wheel_and_nothing_from_an_index(monkeypatch):
         monkeypatch.setattr(notebook_downloads, "ADDRESS", address)
         assert place in install_code()
         assert install_code().endswith("-py3-none-any.whl")
+    monkeypatch.setattr(notebook_downloads, "ADDRESS", "")
+    title = (
+        (HTML.parents[1] / "run.md")
+        .read_text("utf-8")
+        .partition("\n# ")[2]
+        .split("\n")[0]
+    )
+    assert f"the page '{title}'" in install_code()
 
 
 @pytest.mark.browser
