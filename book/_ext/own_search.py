@@ -30,7 +30,7 @@ Entry: TypeAlias = tuple[str, str, list[str], list[str], str]
 SUBJECTS = {
     "run": "install, installation, download the notebooks",
     "data": "download data, LaTeX, BibTeX, export, CSV, JSON",
-    "reading": "verdicts, what is ambiguous",
+    "reading": "verdicts, what is blocked",
     "notation": "sign convention, symbols",
     "chen2023/attitude": "QUEST, Wahba",
     "posteriors/index": "how many stars",
