@@ -195,7 +195,7 @@ def _of_posterior(name: str) -> dict[str, str]:
 
     found, texts = book_posterior(name), {}
     for row in found.summaries():
-        label = _label(row.name)
+        label = row.name.replace(" ", "-").replace(",", "")
         texts[label] = f"{interval(row)[0]}{_gap(row.unit)}"
         for what, text in zip(("mean", "sd", "low", "high"), spread(row), strict=True):
             texts[f"{label}-{what}"] = f"{text.replace('-', '−')}{_gap(row.unit)}"
@@ -203,10 +203,6 @@ def _of_posterior(name: str) -> dict[str, str]:
         row = next(row for row in found.rows if row.name == label)
         texts[f"{label}-off"] = f"{abs(row.mean - value) / row.deviation:.1f}"
     return texts | dict(_of_calibration(name))
-
-
-def _label(name: str) -> str:
-    return name.replace(" ", "-").replace(",", "")
 
 
 def _gap(unit: str) -> str:
@@ -356,10 +352,6 @@ def write_parquet(frame: pd.DataFrame, path: Path, about: Mapping[str, str]) -> 
         )
 
 
-def _exports(table: Table | StudyTable) -> dict[str, str]:
-    return {path: table.export(form) for path, form in table_files(table.key).items()}
-
-
 def write_tables(folder: Path) -> None:
     """Write the ledger, the errata and every table in all forms, and the reports on each paper."""
     whole = computed.whole_ledger()
@@ -373,10 +365,9 @@ def write_tables(folder: Path) -> None:
     }
     referee = Path(__file__).with_name("verify_ledger.py")
     texts[referee.name] = referee.read_text(encoding="utf-8")
-    for key in library():
-        texts |= _exports(Table(key))
-    for key in studies():
-        texts |= _exports(StudyTable(key))
+    for table in (*map(Table, library()), *map(StudyTable, studies())):
+        forms = table_files(table.key).items()
+        texts |= {path: table.export(form) for path, form in forms}
     (folder / "tables").mkdir(parents=True, exist_ok=True)
     write_whole(folder)
     for name, text in texts.items():

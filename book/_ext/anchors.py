@@ -18,6 +18,8 @@ from sphinx.application import Sphinx
 from sphinx.environment import BuildEnvironment
 from sphinx.environment.collectors import EnvironmentCollector
 
+from after_build import SAFE, after_build
+
 ID = re.compile(r'\bid="([^"]+)"')
 TAG = re.compile(r"<a\b[^>]*>")
 HREF = re.compile(r'\bhref="([^"#]*)#([^"]+)"')
@@ -155,17 +157,16 @@ def number(app: Sphinx, doctree: nodes.document, page: str) -> None:
         raw[:] = [nodes.Text(FIGURE.sub(numbered, raw.astext()))]
 
 
-def write(app: Sphinx, error: Exception | None) -> None:
+def write(app: Sphinx) -> None:
     """Write the page that redirects to an anchor."""
-    if error is None and app.builder.format == "html":
-        places = json.dumps(pages(app.env), ensure_ascii=False)
-        path = Path(app.outdir) / "goto.html"
-        path.write_text(GOTO.replace("PLACES", places), encoding="utf-8")
+    places = json.dumps(pages(app.env), ensure_ascii=False)
+    path = Path(app.outdir) / "goto.html"
+    path.write_text(GOTO.replace("PLACES", places), encoding="utf-8")
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
     """Connect the handlers."""
     app.add_env_collector(Collector)
     app.connect("doctree-resolved", number)
-    app.connect("build-finished", write)
-    return {"parallel_read_safe": True, "parallel_write_safe": True}
+    after_build(app, write)
+    return SAFE

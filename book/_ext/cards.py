@@ -18,6 +18,7 @@ from docutils import nodes
 from sphinx.application import Sphinx
 from sphinx.builders.html import StandaloneHTMLBuilder
 
+from after_build import SAFE, after_build
 from anchors import HREF, TAG, address, outputs, pages
 
 FILE = Path("_build") / "cards.json"
@@ -112,8 +113,9 @@ def mark(app: Sphinx, doctree: nodes.document, page: str) -> None:
             # A formula has no text before it is typeset.
             label = escape(f"Symbol {math.astext()}")
             opening = f'<a class="{HAS_CARD}" href="{uri}" aria-label="{label}">'
-            tags = (nodes.raw("", tag, format="html") for tag in (opening, "</a>"))
-            first, last = tags
+            first, last = (
+                nodes.raw("", tag, format="html") for tag in (opening, "</a>")
+            )
             math.replace_self([first, math.deepcopy(), last])
 
 
@@ -132,10 +134,8 @@ def cite(app: Sphinx, doctree: nodes.document, page: str) -> None:
             found[f"{BIBLIOGRAPHY}-{citation['ids'][0]}"] = text
 
 
-def write(app: Sphinx, error: Exception | None) -> None:
+def write(app: Sphinx) -> None:
     """Write a script for each page, with the cards of its anchors and the records of its cells."""
-    if error is not None or app.builder.format != "html":
-        return
     book, out, held = Path(app.srcdir), Path(app.outdir), pages(app.env)
 
     def from_root(link: re.Match[str]) -> str:
@@ -175,5 +175,5 @@ def setup(app: Sphinx) -> dict[str, bool]:
     """Connect the handlers."""
     app.connect("doctree-resolved", mark)
     app.connect("doctree-resolved", cite)
-    app.connect("build-finished", write)
-    return {"parallel_read_safe": True, "parallel_write_safe": True}
+    after_build(app, write)
+    return SAFE

@@ -12,6 +12,8 @@ from sphinx.application import Sphinx
 from sphinx.domains.math import MathDomain
 from sphinx.util import logging
 
+from after_build import SAFE
+
 logger = logging.getLogger(__name__)
 
 LABEL = re.compile(
@@ -66,4 +68,4 @@ def setup(app: Sphinx) -> dict[str, bool]:
     """Replace the mathematics domain."""
     app.add_config_value("equation_prefixes", {}, "env", [dict])
     app.add_domain(PaperMathDomain, override=True)
-    return {"parallel_read_safe": True, "parallel_write_safe": True}
+    return SAFE

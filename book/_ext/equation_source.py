@@ -15,6 +15,7 @@ from docutils import nodes
 from sphinx.application import Sphinx
 from sphinx.transforms import SphinxTransform
 
+from after_build import SAFE
 from paper_links import claimed
 
 
@@ -93,4 +94,4 @@ class Unfold(SphinxTransform):
 def setup(app: Sphinx) -> dict[str, bool]:
     """Register the transform."""
     app.add_transform(Unfold)
-    return {"parallel_read_safe": True, "parallel_write_safe": True}
+    return SAFE

@@ -15,6 +15,8 @@ from docutils import nodes
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxRole
 
+from after_build import SAFE
+
 FILE = Path("_build") / "facts.json"
 
 
@@ -64,4 +66,4 @@ def setup(app: Sphinx) -> dict[str, bool]:
     """Register the roles."""
     for role in ("printed", "computed", "verdict", "fact"):
         app.add_role(role, Fact())
-    return {"parallel_read_safe": True, "parallel_write_safe": True}
+    return SAFE

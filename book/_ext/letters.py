@@ -12,6 +12,7 @@ from docutils import nodes
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
+from after_build import SAFE
 from reproduce.judge.ledger import frozen
 from reproduce.locate import data_folder
 from reproduce.printed.cells import anchor, library
@@ -115,4 +116,4 @@ class Questions(SphinxDirective):
 def setup(app: Sphinx) -> dict[str, bool]:
     """Register the directive."""
     app.add_directive("questions", Questions)
-    return {"parallel_read_safe": True, "parallel_write_safe": True}
+    return SAFE

@@ -14,6 +14,8 @@ from markupsafe import Markup
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
+from after_build import SAFE
+
 LINK = Markup('<a href="#{}">{}</a>')
 Moved = dict[str, tuple[str, str]]
 
@@ -97,4 +99,4 @@ class MovedDirective(SphinxDirective):
 def setup(app: Sphinx) -> dict[str, bool]:
     """Register the directive."""
     app.add_directive("moved", MovedDirective)
-    return {"parallel_read_safe": True, "parallel_write_safe": True}
+    return SAFE

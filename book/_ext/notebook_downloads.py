@@ -11,7 +11,6 @@ import json
 import re
 import shutil
 from collections.abc import Callable
-from functools import cache
 from pathlib import Path
 from posixpath import dirname, join, normpath
 from typing import Any
@@ -19,13 +18,9 @@ from typing import Any
 import nbformat
 from docutils import nodes
 from jupyter_cache import get_cache
-from markdown_it import MarkdownIt
-from markdown_it.renderer import RendererHTML
-from markdown_it.token import Token
-from myst_parser.config.main import MdParserConfig
-from myst_parser.parsers.mdit import create_md_parser
 from sphinx.application import Sphinx
 
+from after_build import SAFE, after_build
 from equation_numbers import printed_number
 from fact_roles import FILE, facts, name_of
 from reproduce.version import ADDRESS, __version__
@@ -42,18 +37,15 @@ if find_spec("reproduce") is None:
     %pip install --quiet {wheel}"""
 ROLE = re.compile(r"\{(?P<role>[a-z:]+)\}`(?P<text>[^`]+)`")
 TITLED = re.compile(r"(?P<title>.+?)\s*<(?P<target>[^>]+)>")
-# Options of a directive, titles of admonitions, and directives without text.
-OPTION = re.compile(r"^:[\w-]+:.*\n?", re.MULTILINE)
+# A target, the label of a formula, and a directive: colons or backticks, name, title and body.
+TARGET = re.compile(r"^\([^()\n]+\)=\n", re.MULTILINE)
+LABEL = re.compile(r"^\$\$ \((?P<label>[\w-]+)\)$", re.MULTILINE)
+DIRECTIVE = re.compile(
+    r"^(?P<fence>:::|```)\{(?P<kind>\w+)\} *(?P<title>.*)\n"
+    r"(?::[\w-]+:.*\n)*(?P<body>(?:.*\n)*?)(?P=fence)$",
+    re.MULTILINE,
+)
 ADMONITIONS = {"admonition": "", "note": "Note", "warning": "Warning"}
-WRAPPERS = {"div"}
-EXTENSIONS = {
-    "dollarmath",
-    "colon_fence",
-    "deflist",
-    "fieldlist",
-    "attrs_inline",
-    "attrs_block",
-}
 Spoken = Callable[[str, str], str]
 
 
@@ -74,51 +66,21 @@ def plain(text: str, spoken: Spoken, number: Callable[[str], str]) -> str:
     >
     > Beware.
     """
-    lines = text.splitlines()
-    for token in reversed(
-        [one for one in _parser().parse(text) if one.map and not one.level]
-    ):
-        first, last = token.map or (0, 0)
-        if token.type == "myst_target":
-            lines[first:last] = []
-        elif token.type == "math_block_label":
-            tag = f"\\tag{{{number(token.info)}}}"
-            lines[first:last] = [
-                "$$",
-                *token.content.strip("\n").splitlines(),
-                tag,
-                "$$",
-            ]
-        elif token.type in ("fence", "colon_fence") and token.info.startswith("{"):
-            lines[first:last] = _directive(token, spoken, number)
-    words = ROLE.sub(
-        lambda found: spoken(found["role"], found["text"]), "\n".join(lines)
+    text = DIRECTIVE.sub(_quoted, TARGET.sub("", text))
+    text = LABEL.sub(lambda found: f"\\tag{{{number(found['label'])}}}\n$$", text)
+    return ROLE.sub(lambda found: spoken(found["role"], found["text"]), text).strip(
+        "\n"
     )
-    return words.strip("\n")
 
 
-@cache
-def _parser() -> MarkdownIt:
-    """Return the parser of MyST, with the extensions of the book."""
-    return create_md_parser(MdParserConfig(enable_extensions=EXTENSIONS), RendererHTML)
-
-
-def _directive(token: Token, spoken: Spoken, number: Callable[[str], str]) -> list[str]:
+def _quoted(directive: re.Match[str]) -> str:
     """Return an admonition as a quotation with its title, or the text of a wrapper."""
-    kind, _, title = token.info.strip().removeprefix("{").partition("}")
-    body = token.content
-    while option := OPTION.match(body):
-        body = body[option.end() :]
-    inner = plain(body, spoken, number)
-    if kind in WRAPPERS:
-        return inner.splitlines()
-    if kind not in ADMONITIONS:
-        raise ValueError(
-            f"{{{kind}}}: expected one of {sorted({*ADMONITIONS, *WRAPPERS})}. "
-            "Add the directive to notebook_downloads."
-        )
-    quoted = [f"**{title.strip() or ADMONITIONS[kind]}**", "", *inner.splitlines()]
-    return [f"> {line}".rstrip() for line in quoted]
+    if directive["kind"] == "div":
+        return directive["body"].removesuffix("\n")
+    named = ADMONITIONS[directive["kind"]]
+    title = directive["title"] or named
+    lines = [f"**{title}**", "", *directive["body"].splitlines()]
+    return "\n".join(f"> {line}".rstrip() for line in lines)
 
 
 def spoken_in(app: Sphinx, page: str) -> Spoken:
@@ -213,10 +175,8 @@ def offer(
         context["ipynb_source"] = f"{page}.ipynb"
 
 
-def write(app: Sphinx, error: Exception | None) -> None:
+def write(app: Sphinx) -> None:
     """Write all notebooks, next to the sources of the pages and to a separate folder."""
-    if error is not None or app.builder.format != "html":
-        return
     folder = Path(app.outdir).parent / FOLDER
     shutil.rmtree(folder, ignore_errors=True)
     for page in sorted(app.env.found_docs):
@@ -231,5 +191,5 @@ def write(app: Sphinx, error: Exception | None) -> None:
 def setup(app: Sphinx) -> dict[str, bool]:
     """Connect the handlers; the offer goes before the theme makes its buttons."""
     app.connect("html-page-context", offer, priority=400)
-    app.connect("build-finished", write)
-    return {"parallel_read_safe": True, "parallel_write_safe": True}
+    after_build(app, write)
+    return SAFE

@@ -15,6 +15,8 @@ from typing import Any
 from docutils import nodes
 from sphinx.application import Sphinx
 
+from after_build import SAFE, after_build
+
 ICONS = "scripts/fontawesome.js"
 # An icon in that script: its name, size, other names, code and drawing.
 ICON = re.compile(
@@ -24,9 +26,6 @@ NAMED = re.compile(r"\bfa-([a-z0-9-]+)")
 # The coordinates of a drawing, and a number with more than one decimal.
 COORDINATES = re.compile(r'(?<= )(d|x|y)="[^"]*"')
 FINE = re.compile(r"-?\d+\.\d{2,}")
-# Points that share a group, and their styles.
-POINTS = re.compile(r"<g([^>]*)>((?:\s*<use [^>]*/>){2,})\s*</g>")
-STYLE = re.compile(r' style="([^"]*)"')
 DRAWING = re.compile(r"<svg .*?</svg>", re.DOTALL)
 # The full build: the smaller one loses a page's mathematics at \boldsymbol.
 MATHJAX = "tex-svg-full.js"
@@ -45,20 +44,18 @@ def point_to_local_mathjax(app: Sphinx) -> None:
     app.config.mathjax_path = f"mathjax/{MATHJAX}"
 
 
-def copy_mathjax(app: Sphinx, error: Exception | None) -> None:
+def copy_mathjax(app: Sphinx) -> None:
     """Copy the script next to the pages."""
-    if error is None and app.builder.format == "html":
-        target = Path(app.outdir) / "_static" / "mathjax" / MATHJAX
-        target.parent.mkdir(parents=True, exist_ok=True)
-        shutil.copyfile(mathjax_source(), target)
+    target = Path(app.outdir) / "_static" / "mathjax" / MATHJAX
+    target.parent.mkdir(parents=True, exist_ok=True)
+    shutil.copyfile(mathjax_source(), target)
 
 
-def write_scripts(app: Sphinx, error: Exception | None) -> None:
+def write_scripts(app: Sphinx) -> None:
     """Write a script with the text of each table, which a page from a disk can save."""
-    if error is None and app.builder.format == "html":
-        for path in (Path(app.outdir) / "tables").glob("*.[tjm]*"):
-            text = json.dumps(path.read_text(encoding="utf-8"), ensure_ascii=False)
-            path.with_name(f"{path.name}.js").write_text(f"rpFile({text});\n", "utf-8")
+    for path in (Path(app.outdir) / "tables").glob("*.[tjm]*"):
+        text = json.dumps(path.read_text(encoding="utf-8"), ensure_ascii=False)
+        path.with_name(f"{path.name}.js").write_text(f"rpFile({text});\n", "utf-8")
 
 
 def only_icons(script: str, used: set[str]) -> str:
@@ -72,10 +69,8 @@ def only_icons(script: str, used: set[str]) -> str:
     )
 
 
-def drop_icons(app: Sphinx, error: Exception | None) -> None:
+def drop_icons(app: Sphinx) -> None:
     """Keep the icons that pages or other scripts of the theme use."""
-    if error is not None or app.builder.format != "html":
-        return
     root = Path(app.outdir)
     scripts = root / "_static" / "scripts"
     naming = [*root.rglob("*.html"), *scripts.glob("*sphinx*theme.js")]
@@ -93,23 +88,12 @@ def drop_icons(app: Sphinx, error: Exception | None) -> None:
 
 
 def coarser(drawing: str) -> str:
-    """Return a drawing with coordinates rounded to 0.1 pt, and with common styles written once.
+    """Return a drawing with coordinates rounded to 0.1 pt.
 
     >>> coarser('<svg id="a1.2345"><path d="M 1.23456 -0.00123 L 3.14 2"/></svg>')
     '<svg id="a1.2345"><path d="M 1.2 0 L 3.1 2"/></svg>'
-    >>> coarser('<g> <use x="1" style="fill: red"/> <use x="2" style="fill: red"/> </g>')
-    '<g style="fill: red"> <use x="1"/> <use x="2"/></g>'
     """
-    drawing = COORDINATES.sub(lambda found: FINE.sub(_rounded, found[0]), drawing)
-    return POINTS.sub(_shared, drawing)
-
-
-def _shared(group: re.Match[str]) -> str:
-    """Return points with a common style moved to their group."""
-    styles = set(STYLE.findall(group[2]))
-    if len(styles) != 1 or "style=" in group[1]:
-        return group[0]
-    return f'<g{group[1]} style="{styles.pop()}">{STYLE.sub("", group[2])}</g>'
+    return COORDINATES.sub(lambda found: FINE.sub(_rounded, found[0]), drawing)
 
 
 def _rounded(number: re.Match[str]) -> str:
@@ -154,7 +138,6 @@ def setup(app: Sphinx) -> dict[str, bool]:
     """Connect the handlers; `lighten` goes after the extension that adds thebe."""
     app.connect("builder-inited", point_to_local_mathjax)
     app.connect("html-page-context", lighten, priority=901)
-    app.connect("build-finished", copy_mathjax)
-    app.connect("build-finished", drop_icons)
-    app.connect("build-finished", write_scripts)
-    return {"parallel_read_safe": True, "parallel_write_safe": True}
+    for write in (copy_mathjax, drop_icons, write_scripts):
+        after_build(app, write)
+    return SAFE

@@ -19,6 +19,7 @@ from docutils import nodes
 from markupsafe import Markup
 from sphinx.application import Sphinx
 
+from after_build import SAFE, after_build
 from anchors import pages
 
 SCRIPT = Path(__file__).with_name("own_search.js")
@@ -141,14 +142,13 @@ def entries(app: Sphinx) -> list[Entry]:
     return [*items, *of_equations(app), *of_studies(held), *sections]
 
 
-def write(app: Sphinx, error: Exception | None) -> None:
+def write(app: Sphinx) -> None:
     """Write index and script next to the pages."""
-    if error is None and app.builder.format == "html":
-        folder = Path(app.outdir) / "_static"
-        index = json.dumps(entries(app), ensure_ascii=False, separators=(",", ":"))
-        text = f"window.REPRODUCE_INDEX = {index};\n"
-        (folder / INDEX).write_text(text, encoding="utf-8")
-        shutil.copyfile(SCRIPT, folder / SCRIPT.name)
+    folder = Path(app.outdir) / "_static"
+    index = json.dumps(entries(app), ensure_ascii=False, separators=(",", ":"))
+    text = f"window.REPRODUCE_INDEX = {index};\n"
+    (folder / INDEX).write_text(text, encoding="utf-8")
+    shutil.copyfile(SCRIPT, folder / SCRIPT.name)
 
 
 def load(
@@ -168,5 +168,5 @@ def load(
 def setup(app: Sphinx) -> dict[str, bool]:
     """Connect the handlers."""
     app.connect("html-page-context", load)
-    app.connect("build-finished", write)
-    return {"parallel_read_safe": True, "parallel_write_safe": True}
+    after_build(app, write)
+    return SAFE

@@ -23,6 +23,7 @@ from markupsafe import Markup
 from sphinx.application import Sphinx
 
 import anchors
+from after_build import SAFE, after_build
 
 MAX_LENGTH = 300  # of a description, in characters
 META = '<meta name="{}" content="{}" />\n'
@@ -253,12 +254,10 @@ def protected(text: str) -> str:
     return CHARSET.sub(lambda found: PROTECTED.format(found[0], policy), text, count=1)
 
 
-def finish(app: Sphinx, error: Exception | None) -> None:
+def finish(app: Sphinx) -> None:
     """Write the page for unknown addresses and the list of pages, and protect all pages."""
     from reproduce.version import ADDRESS
 
-    if error is not None or app.builder.format != "html":
-        return
     root, start = Path(app.outdir), ADDRESS and f"{ADDRESS}/"
     (root / "404.html").write_text(ABSENT.format(start), encoding="utf-8")
     if ADDRESS:
@@ -271,5 +270,5 @@ def finish(app: Sphinx, error: Exception | None) -> None:
 def setup(app: Sphinx) -> dict[str, bool]:
     """Connect the handler."""
     app.connect("html-page-context", fill)
-    app.connect("build-finished", finish, priority=900)  # after all pages are written
-    return {"parallel_read_safe": True, "parallel_write_safe": True}
+    after_build(app, finish, priority=900)  # after the other writers
+    return SAFE

@@ -9,6 +9,8 @@ from typing import Any
 
 from sphinx.application import Sphinx
 
+from after_build import SAFE
+
 CLAIM = re.compile(
     r"^(\s*)(Implements:|Printed form of) (niu2024|chen2023) (\(\d+\).*)$"
 )
@@ -57,4 +59,4 @@ def link_equations(
 def setup(app: Sphinx) -> dict[str, bool]:
     """Connect the handler, before napoleon turns sections into fields."""
     app.connect("autodoc-process-docstring", link_equations, priority=400)
-    return {"parallel_read_safe": True, "parallel_write_safe": True}
+    return SAFE

@@ -241,3 +241,9 @@ def test_a_trend_and_a_temperature_are_predicted(page):
     measured, found = page["predict"](made)
     np.testing.assert_allclose(found["temperature"], measured, atol=1e-8)
     assert np.abs(found["trend"] - measured).max() > 1
+    angle = 2 * np.pi * made["year"].to_numpy()
+    made[CORRECTION] = np.outer(years, [-1.5, 0.3]) + np.stack(
+        [np.cos(angle), np.sin(2 * angle)], axis=1
+    )
+    measured, found = page["predict"](made)
+    np.testing.assert_allclose(found["periodic"], measured, atol=1e-8)

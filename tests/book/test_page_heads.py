@@ -143,11 +143,11 @@ def test_other_addresses_lead_to_the_book(tmp_path, monkeypatch):
     builder = SimpleNamespace(format="html")
     env = SimpleNamespace(found_docs={"index", "niu2024/own"})
     app = SimpleNamespace(outdir=tmp_path, builder=builder, env=env)
-    finish(app, None)
+    finish(app)
     assert 'href="index.html"' in (tmp_path / "404.html").read_text("utf-8")
     assert not (tmp_path / "sitemap.txt").exists()
     monkeypatch.setattr(version, "ADDRESS", "https://example.org/book")
-    finish(app, None)
+    finish(app)
     assert f'href="{BASE}index.html"' in (tmp_path / "404.html").read_text("utf-8")
     pages = [f"{BASE}{name}.html" for name in ("index", "niu2024/own")]
     assert (tmp_path / "sitemap.txt").read_text("utf-8").split() == pages

@@ -41,16 +41,7 @@ from reproduce.inference.models import (
 )
 from reproduce.inference.sampling import Plan, run_ensemble
 from reproduce.papers.posteriors import posteriors
-from reproduce.physics.attitude import (
-    angle_jacobian,
-    cross_matrix,
-    laser_transform,
-    misalignment,
-    misalignment_angles,
-    received_directions,
-    received_jacobian,
-    vector_from_rotation,
-)
+from reproduce.physics.attitude import cross_matrix, vector_from_rotation
 from reproduce.physics.validate import FloatArray
 from reproduce.store import studies
 
@@ -82,6 +73,7 @@ QUANTITY = "log likelihood"
 SIMULATIONS = 4000
 # Simulated calibrations that give the probability of finding a fault.
 TRIALS = 400
+_POWER_SEED = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,9 +118,9 @@ class Ranks:
             0.5 * ((beside < reach).mean(axis=0) + (beside <= reach).mean(axis=0))
         )
 
-    def probabilities(self, seed: int = 1) -> FloatArray:
+    def probabilities(self) -> FloatArray:
         """Return the probability of ranks at least as uneven, shape (names,)."""
-        simulated = band_statistics(self.replicates, seed)
+        simulated = band_statistics(self.replicates, seed=1)
         smaller = np.searchsorted(simulated, _least(self.counts()), side="right")
         return np.asarray((smaller + 1) / (len(simulated) + 1))
 
@@ -242,18 +234,14 @@ def estimate(likelihood: Any) -> Estimate:
 def _quest(likelihood: SpotLikelihood) -> Estimate:
     """Return mount, misalignment and noise by QUEST, without drift and laser scale."""
     platform, data = likelihood.platform, likelihood.statistics
-    received = received_directions(data.means, *platform.tracker)
-    zero = laser_transform(platform.directions, received[0])
-    turns = misalignment(platform.directions, received[1:], zero)
+    zero = platform.transform(data.means[0])
     mount = vector_from_rotation(platform.reference.T @ zero)
-    angles = misalignment_angles(turns)[0]
+    angles = platform.misalignment(data.means[1], zero)
     # The scatter about the mean of a group: a drift counts as noise.
     drift = np.square(data.moments[1]).sum(axis=(-2, -1)) @ data.weights[1]
     freedom = int((data.counts - 1).sum()) * data.means[0].size
     noise = float(np.sqrt((data.squares + drift) / freedom))
-    moves = received_jacobian(data.means, *platform.tracker)
-    camera = np.broadcast_to(platform.directions, received.shape)
-    response = angle_jacobian(camera, received, moves).reshape(len(moves), 3, -1)
+    response = platform.response(data.means).reshape(len(data.means), 3, -1)
     first, second = (noise**2 / data.counts)[:, None, None] * (response @ response.mT)
     # Response of a rotation vector to a small rotation after it. The pattern determines the roll
     # hundreds of times worse than the tilts, so a vector of some arc minutes already transfers
@@ -282,13 +270,11 @@ def calibrate(
 
 
 @lru_cache(maxsize=32)
-def band_statistics(
-    replicates: int, seed: int, simulations: int = SIMULATIONS
-) -> FloatArray:
-    """Return smallest pointwise probabilities for uniform ranks, sorted, (simulations,)."""
+def band_statistics(replicates: int, seed: int) -> FloatArray:
+    """Return smallest pointwise probabilities for uniform ranks, sorted, (SIMULATIONS,)."""
     generator = Generator(PCG64(seed))
     even = np.full(DRAWS + 1, 1 / (DRAWS + 1))
-    counts = np.cumsum(generator.multinomial(replicates, even, simulations), axis=1)
+    counts = np.cumsum(generator.multinomial(replicates, even, SIMULATIONS), axis=1)
     return np.sort(_least(counts))
 
 
@@ -308,19 +294,19 @@ def _least(counts: Counts) -> FloatArray:
 
 
 @lru_cache(maxsize=32)
-def power(replicates: int, stretch: float, level: float = 0.95, seed: int = 2) -> float:
+def power(replicates: int, stretch: float) -> float:
     """Return the probability of finding a posterior whose width is wrong by the factor `stretch`.
 
     The fraction of simulated calibrations of a Gaussian posterior whose curve of ranks leaves the
-    band of this level.
+    band of 95 %.
     """
-    generator = Generator(PCG64(seed))
+    generator = Generator(PCG64(_POWER_SEED))
     truths = generator.standard_normal((TRIALS, replicates))
     ranks = generator.binomial(DRAWS, ndtr(truths / stretch))
     counts = np.array([np.bincount(one, minlength=DRAWS + 1) for one in ranks]).cumsum(
         axis=1
     )
-    limit = np.quantile(band_statistics(replicates, seed), 1 - level)
+    limit = np.quantile(band_statistics(replicates, _POWER_SEED), 0.05)
     return float((_least(counts) < limit).mean())
 
 
@@ -376,35 +362,29 @@ def table() -> pd.DataFrame:
     the published estimator. `narrow_10`: probability of finding a standard deviation that is 10 %
     too small with this number of replicates.
     """
-    rows = []
+    tables = []
     for key in posteriors():
         found = load(key)
         theirs = found.estimator_coverage(0.95)
         # Consequences and the log likelihood have no published estimator.
-        published = np.append(theirs, np.full(len(found.names) - len(theirs), np.nan))
+        missing = np.full(len(found.names) - len(theirs), np.nan)
         chances = found.probabilities()
         errors = np.minimum(np.sqrt(chances * (1 - chances) / SIMULATIONS), chances / 5)
-        powers = [power(found.replicates, 1 - share) for share in NARROW.values()]
-        columns = zip(
-            found.names, chances, errors, found.coverage(0.95), published, strict=True
-        )
-        failed = int(found.failed.sum())
-        rows += [
-            (key, name, found.replicates, failed, *map(float, numbers), *powers)
-            for name, *numbers in columns
-        ]
-    heads = (
-        "posterior",
-        "quantity",
-        "replicates",
-        "failed",
-        "even",
-        "even_error",
-        "covers_95",
-        "published_95",
-        *NARROW,
-    )
-    return pd.DataFrame(rows, columns=list(heads))
+        columns = {
+            "posterior": key,
+            "quantity": found.names,
+            "replicates": found.replicates,
+            "failed": found.failed.sum(),
+            "even": chances,
+            "even_error": errors,
+            "covers_95": found.coverage(0.95),
+            "published_95": np.append(theirs, missing),
+        }
+        powers = {
+            name: power(found.replicates, 1 - share) for name, share in NARROW.items()
+        }
+        tables.append(pd.DataFrame(columns | powers))
+    return pd.concat(tables, ignore_index=True)
 
 
 def main() -> None:

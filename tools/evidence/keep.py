@@ -8,30 +8,22 @@ from __future__ import annotations
 import hashlib
 import io
 import json
-import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from reproduce.store.studies import Note, StudyError, digest, folder
 
 
 def write(
-    name: str, arrays: Mapping[str, NDArray[Any]], note: Note, where: Path | None = None
+    name: str, arrays: Mapping[str, Any], note: Note, where: Path | None = None
 ) -> None:
     """Store arrays and their note; equal arrays give an equal file."""
     buffer = io.BytesIO()
-    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
-        for key, array in arrays.items():
-            # NumPy's own writer would store the present date.
-            entry = zipfile.ZipInfo(f"{key}.npy", date_time=(1980, 1, 1, 0, 0, 0))
-            entry.compress_type = zipfile.ZIP_DEFLATED
-            with archive.open(entry, "w") as file:
-                np.lib.format.write_array(file, np.asarray(array), allow_pickle=False)
+    np.savez_compressed(buffer, **arrays)
     content = buffer.getvalue()
     target = where or folder()
     sha256 = hashlib.sha256(content).hexdigest()

@@ -56,8 +56,8 @@ def evaluate_readings(executor: Executor) -> StoredStudy:
 
 def simulate_fusion(executor: Executor) -> StoredStudy:
     """Simulate the fused images."""
-    note = {"seed": fusion.SEED, "replicates": PHASES * fusion.TRIALS}
-    return fusion.simulate(executor), {**note}
+    repeats = PHASES * fusion.TRIALS
+    return fusion.simulate(executor), {"seed": fusion.SEED, "replicates": repeats}
 
 
 STUDIES = {"readings": evaluate_readings, "niu2024-fusion": simulate_fusion}

@@ -6,16 +6,14 @@ import fnmatch
 import inspect
 import re
 import zlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property, lru_cache
 from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
-import numpy as np
 from numpy.random import SeedSequence
-from numpy.typing import NDArray
 
 from reproduce.papers.texts import Alternative as Alternative
 from reproduce.papers.texts import Column as Column
@@ -24,6 +22,7 @@ from reproduce.papers.texts import Options as Options
 from reproduce.papers.texts import item_text as item_text
 from reproduce.papers.texts import parse_texts as parse_texts
 from reproduce.papers.texts import unpublished as unpublished
+from reproduce.physics.validate import FloatArray
 from reproduce.printed.inputs import Inputs, load_inputs
 
 if TYPE_CHECKING:
@@ -45,15 +44,41 @@ class Prediction:
         of a table, so that the cells keep their correlation.
     """
 
-    draws: NDArray[np.float64]
+    draws: FloatArray
 
 
 Result = float | Prediction
 Results = Mapping[str, Result]
 # Rows of a supplementary table.
 Rows = Iterator[tuple[Any, ...]]
-# Printed values that a figure marks, in SI units by address.
-Marks = Mapping[str, float]
+
+
+def by_cell(form: str, values: FloatArray, *labels: Iterable[Any]) -> dict[str, Result]:
+    """Return the results of an array by cell name.
+
+    Parameters
+    ----------
+    form : str
+        Name of a cell with a blank for each axis, such as ``{}.motion-{}``.
+    values : ndarray
+        Numbers, or their draws along a last axis.
+    *labels : iterable
+        Labels along each axis.
+
+    Returns
+    -------
+    dict
+        Numbers or predictions by name.
+
+    Examples
+    --------
+    >>> by_cell("shift-{}.{}", np.array([[1.0, 2.0]]), "x", ("red", "blue"))
+    {'shift-x.red': 1.0, 'shift-x.blue': 2.0}
+    """
+    names = [form.format(*parts) for parts in product(*labels)]
+    rows = values.reshape(len(names), *values.shape[len(labels) :])
+    results = rows.tolist() if rows.ndim == 1 else map(Prediction, rows)
+    return dict(zip(names, results, strict=True))
 
 
 @dataclass(frozen=True)
@@ -268,7 +293,7 @@ def reproduces(
 class Drawing(PaperFunction):
     """A function that draws on a matplotlib figure.
 
-    Its arguments are the figure, the values of the marked cells, and the inputs.
+    Its arguments are the figure, the marked printed cells, and the inputs.
 
     Parameters
     ----------
@@ -283,7 +308,7 @@ class Drawing(PaperFunction):
     marks: tuple[str, ...]
 
     def __call__(
-        self, figure: Figure, printed: Marks, inputs: Inputs | None = None
+        self, figure: Figure, printed: Inputs, inputs: Inputs | None = None
     ) -> None:
         """Draw on an empty figure, from the printed or from changed inputs."""
         self.function(figure, printed, self._loaded(inputs))
@@ -356,11 +381,18 @@ class Study(PaperFunction):
         return frame
 
     def facts(self) -> dict[str, Fact]:
-        """Compute the facts that sentences quote, by name."""
-        values = self.named(self._loaded(None)) if self.named else {}
-        forms = item_text(self.key).facts
+        """Return the facts that sentences quote, by name: of the table, or computed by `named`."""
+        inputs, facts = self._loaded(None), item_text(self.key).facts
+        values = dict(self.named(inputs)) if self.named else {}
+        frame = self(inputs)
+        for name, fact in facts.items():
+            if fact.column:
+                rows = frame
+                for column, value in fact.rows.items():
+                    rows = rows[rows[column] == value]
+                values[name] = rows[fact.column].agg(fact.take)
         return {
-            name: replace(forms[name], value=value) for name, value in values.items()
+            name: replace(facts[name], value=value) for name, value in values.items()
         }
 
 

@@ -22,7 +22,8 @@ from reproduce.judge.rerun import CannotChangeError
 from reproduce.papers.catalogue import catalogue, drawings
 from reproduce.papers.charts import NARROW
 from reproduce.papers.declare import Drawing, Schematic, item_text
-from reproduce.printed.cells import anchor, find, library
+from reproduce.printed.cells import anchor, library
+from reproduce.printed.inputs import Inputs, load_inputs
 from reproduce.store.files import FIGURES, check_target, replacing, write_text
 from reproduce.views import computed, keys, numbers
 from reproduce.views.base import ItemView, Rerunnable, text_of
@@ -32,8 +33,6 @@ from reproduce.views.verdicts import filled
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as MatplotlibFigure
-
-    from reproduce.printed.inputs import Inputs
 
 _STYLE = Path(__file__).parent / "figures.mplstyle"
 _XML = '<?xml version="1.0" encoding="utf-8" standalone="no"?>\n'
@@ -81,8 +80,7 @@ def draw(key: str, inputs: Inputs | None = None, *, narrow: bool = False) -> Dra
         style, end, body = drawing.text.partition("</style>")
         return style + end + filled(body, {})
     patterns = [*([key] if key in library() else []), *drawing.marks]
-    marked = (cell for pattern in patterns for cell in find(pattern))
-    printed = {cell.address: cell.si for cell in marked if cell.is_number}
+    printed = load_inputs(patterns)
     return _styled_figure(
         lambda figure: drawing(figure, printed, inputs), narrow=narrow
     )

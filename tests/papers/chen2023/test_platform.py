@@ -8,10 +8,11 @@ from scipy.stats import chi2
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.chen2023 import accuracy, platform_twin
 from reproduce.papers.chen2023.platform import (
+    DIAGONAL,
     SPOTS,
     angle_response,
     as_designed,
-    designed_positions,
+    lasers,
     scatter,
 )
 from reproduce.physics.attitude import (
@@ -43,9 +44,10 @@ def full_solution(spots):
 
 
 def test_each_laser_sits_at_the_corner_towards_its_spot():
-    found = designed_positions(PRINTED, 22e-3)
     np.testing.assert_allclose(
-        found, np.array([[0, -11], [-11, 0], [11, 0], [0, 11]]) * 1e-3, atol=1e-15
+        lasers(INPUTS),
+        np.array([[0, -11], [-11, 0], [11, 0], [0, 11]]) * 1e-3,
+        atol=1e-15,
     )
 
 
@@ -154,8 +156,8 @@ def test_the_spots_fit_the_lasers_within_the_rounding_of_lengths():
         (2.056, 22e-3, 0.977),
         (2.056, 21.5e-3, 1),
     ):
-        lasers = designed_positions(design.spots, diagonal)
-        designed = emitted_directions(lasers, telescope)
+        points = lasers(INPUTS.changed({DIAGONAL: diagonal}))
+        designed = emitted_directions(points, telescope)
         sizes = [np.linalg.norm(one - one.mean(axis=0)) for one in (seen, designed)]
         ratio = sizes[0] / sizes[1]
         assert ratio == pytest.approx(scale, abs=2e-3)

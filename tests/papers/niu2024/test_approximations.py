@@ -50,7 +50,7 @@ def test_a_fit_takes_up_the_pivot_whole_and_the_radial_terms_in_part():
 
 def test_effects_on_the_scales_by_hand():
     """The circle of radius 6 degrees is nearly filled: mean squares R²/2 and R⁴/3."""
-    facts = approximations._scale_facts(load_inputs(approximations._errors.inputs))
+    facts = approximations._facts(load_inputs(approximations._errors.inputs))
     radius = np.tan(np.radians(6)) * 25e-3 / 3.45e-6
     assert facts["outermost"] == pytest.approx(radius, rel=0.05)
     scatter = 0.05 * np.sqrt(2 / (137 * radius**2 / 2))

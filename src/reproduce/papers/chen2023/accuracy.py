@@ -15,7 +15,13 @@ from numpy.random import SeedSequence, default_rng
 
 from reproduce.papers.charts import legend_below, set_log_ticks, two_panels
 from reproduce.papers.chen2023 import platform
-from reproduce.papers.declare import Marks, Prediction, Results, draws, reproduces
+from reproduce.papers.declare import (
+    Prediction,
+    Results,
+    by_cell,
+    draws,
+    reproduces,
+)
 from reproduce.physics.attitude import averaged_error, scatter_of_averages
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.inputs import Inputs
@@ -51,12 +57,7 @@ def frame_averaging(inputs: Inputs, seed: SeedSequence, replicates: int) -> Resu
     """
     counts = [int(count) for count in inputs.array(COUNTS)]
     draws = _simulated_accuracies(inputs, seed, replicates, counts)
-    return {
-        f"{count}.{matrix}-{axis}": Prediction(draws[:, group, place, column])
-        for group, matrix in enumerate(_MATRICES)
-        for column, count in enumerate(counts)
-        for place, axis in enumerate("xy")
-    }
+    return by_cell("{2}.{0}-{1}", np.moveaxis(draws, 0, -1), _MATRICES, "xy", counts)
 
 
 def _simulated_accuracies(
@@ -109,14 +110,14 @@ def times(inputs: Inputs) -> Results:
 )
 def quoted_accuracy(inputs: Inputs) -> Results:
     """Return the first and last row of Table IV, which the text quotes."""
-    results = {}
-    for matrix in _MATRICES:
-        smoothed = inputs.array(f"chen2023/table-4#100.{matrix}-?")
-        results[f"{matrix}-smoothed-bound"] = smoothed.max()
-        for axis in "xy":
-            single = inputs[f"chen2023/table-4#1.{matrix}-{axis}"]
-            results[f"{matrix}-single-{axis}"] = single
-    return results
+    single, smoothed = (
+        inputs.array(f"chen2023/table-4#{count}.*-?").reshape(2, 2)
+        for count in (1, 100)
+    )
+    return {
+        **by_cell("{}-single-{}", single, _MATRICES, "xy"),
+        **by_cell("{}-smoothed-bound", smoothed.max(axis=1), _MATRICES),
+    }
 
 
 @reproduces(
@@ -138,17 +139,16 @@ def pixel_angle(inputs: Inputs) -> Results:
 
 
 @draws("chen2023/table-4", inputs=INPUTS, random=True)
-def _draw(figure: Figure, printed: Marks, inputs: Inputs) -> None:
+def _draw(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     """Draw the printed accuracies over the predicted medians, against the averaged frames."""
     counts, predicted = inputs.array(COUNTS), frame_averaging(inputs)
     panels = two_panels(figure, 3.8, 5.8, "printed over predicted (ratio)")
     for axes, (matrix, title) in zip(panels, _MATRICES.items(), strict=True):
         for axis, look, shift in (("x", "C0o", 0.92), ("y", "C1s", 1.08)):
-            names = [f"{count:g}.{matrix}-{axis}" for count in counts]
-            cells = (predicted[name] for name in names)
+            cells = (predicted[f"{count:g}.{matrix}-{axis}"] for count in counts)
             replicates = [cell.draws for cell in cells if isinstance(cell, Prediction)]
             low, median, high = np.quantile(replicates, [0.005, 0.5, 0.995], axis=1)
-            values = np.array([printed[f"chen2023/table-4#{name}"] for name in names])
+            values = printed.array(f"chen2023/table-4#*.{matrix}-{axis}")
             label, x = axis.upper(), counts * shift
             ends = 1 - low / median, high / median - 1
             shown = f"predicted, {label}"
@@ -159,9 +159,8 @@ def _draw(figure: Figure, printed: Marks, inputs: Inputs) -> None:
         axes.axhline(1.0, color="k", lw=1)
         # Without the floor the median of single frames is the accuracy of one frame.
         single = printed[f"chen2023/table-4#1.{matrix}-x"]
-        floor = averaged_error(counts, single, _EXAMPLE_FLOOR) / averaged_error(
-            counts, single, 0.0
-        )
+        floor = averaged_error(counts, single, _EXAMPLE_FLOOR)
+        floor /= averaged_error(counts, single)
         label = f"with a floor of {_EXAMPLE_FLOOR * ARCSEC_PER_RADIAN:g} arcsec"
         axes.plot(counts, floor, "k:", label=label)
         axes.set(xlabel="frames averaged (count)", title=title)

@@ -13,7 +13,7 @@ import numpy as np
 
 from reproduce.papers.charts import legend_below, plot_band, set_log_ticks, two_panels
 from reproduce.papers.chen2023 import accuracy, effectiveness, platform, published
-from reproduce.papers.declare import Marks, Rows, draws, studied
+from reproduce.papers.declare import Rows, draws, studied
 from reproduce.physics.attitude import averaged_error
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.inputs import Inputs
@@ -92,19 +92,18 @@ def _frames(inputs: Inputs) -> Rows:
 
 
 @draws("chen2023/drawing-frames", inputs=_FRAME_INPUTS, marks=_MARKS)
-def _draw_frames(figure: Figure, printed: Marks, inputs: Inputs) -> None:
+def _draw_frames(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     """Draw the error of the misalignment against the number of averaged frames."""
     counts = np.geomspace(1, 1000, 40)
     panels = two_panels(figure, 3.9, 6.0, "error, one sigma (arcsec)")
-    values = np.array([*printed.values()]).reshape(2, -1)
-    points = values / platform.SIGMAS * ARCSEC_PER_RADIAN
-    for axes, axis, column in zip(panels, "xy", points, strict=True):
+    for axes, axis, mark in zip(panels, "xy", _MARKS, strict=True):
         ends = _averages(inputs, axis, counts)
         plot_band(axes, counts, ends, "C0", "-", "median, with 95 %")
         white = ends[1, 0] / np.sqrt(counts)
         axes.plot(counts, white, "C6--", label="white noise")
         shown = inputs.array(accuracy.COUNTS)
-        axes.plot(shown, column, "ko", markersize=4, label="Table IV")
+        points = printed.array(mark) / platform.SIGMAS * ARCSEC_PER_RADIAN
+        axes.plot(shown, points, "ko", markersize=4, label="Table IV")
         axes.set(title=f"about {axis.upper()}", ylim=(0.008, 0.6))
         axes.set_xlabel("frames averaged (count)")
         set_log_ticks(axes, (1, 10, 100, 1000), (0.01, 0.02, 0.05, 0.1, 0.2, 0.5))

@@ -23,10 +23,9 @@ from numpy.random import Generator, SeedSequence, default_rng
 from reproduce.papers.charts import set_size
 from reproduce.papers.chen2023 import accuracy, platform
 from reproduce.papers.declare import (
-    Marks,
-    Prediction,
     Results,
     Rows,
+    by_cell,
     draws,
     item_text,
     reproduces,
@@ -43,10 +42,10 @@ if TYPE_CHECKING:
 _QUOTED = "chen2023/text-effectiveness#focal-length"
 BOUND = "chen2023/text-effectiveness#difference-bound"
 FRAMES = "chen2023/text-effectiveness#frames-per-state"
-STATES = (1, 2, 3, 4, 5)
-_MOVED = STATES[1:]
-# A motion along one axis rotates the camera about the other axis.
-_MOTION_AXIS = {"x": "y", "y": "x"}
+_MOVED_STATES = (2, 3, 4, 5)
+# A motion along one axis rotates the camera about the other axis. Arrays of both, of shape (4, 2),
+# have the motions along X and Y, and the angles about Y and X.
+_ABOUT = "yx"
 _REPLICATES = 4000
 # The angle from which one focal length for the whole table is computed.
 LAST = "chen2023/table-5#5.reference-y"
@@ -60,27 +59,26 @@ _MEASURED = (
 )
 
 
-def _by_state(name: str, values: FloatArray) -> dict[str, float]:
-    """Return the cells of a column for the states with a motion."""
-    return {f"{s}.{name}": v for s, v in zip(_MOVED, values.tolist(), strict=True)}
+def _printed(inputs: Inputs, name: str) -> FloatArray:
+    """Return printed angles about Y and X in the states with a motion, shape (4, 2)."""
+    return inputs.array(f"chen2023/table-5#[2-5].{name}-?").reshape(-1, 2)
 
 
-def _column(printed: Inputs | Marks, name: str) -> FloatArray:
-    """Return a printed column of the states with a motion, shape (4,)."""
-    return np.array([printed[f"chen2023/table-5#{state}.{name}"] for state in _MOVED])
-
-
-def _motions(
-    inputs: Inputs, axis: str, columns: str = "", states: str = "[2-5]"
-) -> FloatArray:
-    """Return the motions of the stage along an axis: as printed, or differences of positions.
+def _motions(inputs: Inputs, columns: str = "") -> FloatArray:
+    """Return the motions of the stage, (4, 2): as printed, or differences of positions.
 
     One printed motion has a typographical error, which the differences do not have.
     """
     if columns == "printed":
-        return inputs.array(f"chen2023/table-5#{states}.motion-{axis}")
-    first = inputs[f"chen2023/table-5#1.position-{axis}"]
-    return inputs.array(f"chen2023/table-5#{states}.position-{axis}") - first
+        return inputs.array("chen2023/table-5#[2-5].motion-?").reshape(-1, 2)
+    positions = inputs.array("chen2023/table-5#*.position-?").reshape(-1, 2)
+    return positions[1:] - positions[0]
+
+
+def _travel(inputs: Inputs, axis: str) -> float:
+    """Return the difference between the last and the first position along an axis."""
+    first, *_, last = inputs.array(f"chen2023/table-5#*.position-{axis}")
+    return last - first
 
 
 @reproduces(
@@ -88,30 +86,17 @@ def _motions(
 )
 def motion(inputs: Inputs) -> Results:
     """Compute the motions of the stage: the position minus the position of the first state."""
-    results = {}
-    for axis in _MOTION_AXIS:
-        results[f"1.motion-{axis}"] = 0.0
-        results |= _by_state(f"motion-{axis}", _motions(inputs, axis))
-    return results
+    motions = np.insert(_motions(inputs), 0, 0.0, axis=0)
+    return by_cell("{}.motion-{}", motions, (1, *_MOVED_STATES), "xy")
 
 
 def telescope_length(inputs: Inputs, columns: str, telescope: str) -> float:
     """Return the focal length of the telescope in metres under a reading."""
     if telescope == "common":
         # (10) relates the last angle about Y to a motion.
-        (motion,) = _motions(inputs, "x" if columns == "printed" else "y", states="5")
-        return -motion / np.tan(inputs[LAST])
+        travel = _travel(inputs, "x" if columns == "printed" else "y")
+        return -travel / np.tan(inputs[LAST])
     return inputs[{"quoted": _QUOTED, "nominal": platform.TELESCOPE}[telescope]]
-
-
-def _reference(
-    inputs: Inputs, about: str, columns: str, telescope: str, states: str = "[2-5]"
-) -> FloatArray:
-    """Return the reference angles about an axis, in radians. Implements: chen2023 (10)."""
-    # Either interchange pairs an angle with the motion of the other axis.
-    moving = _MOTION_AXIS[about] if columns == "printed" else about
-    length = telescope_length(inputs, columns, telescope)
-    return stage_angle(_motions(inputs, moving, columns, states), length)
 
 
 @reproduces(
@@ -124,10 +109,12 @@ def reference_angle(inputs: Inputs, *, columns: str, telescope: str) -> Results:
 
     Implements: chen2023 (10).
     """
-    results: dict[str, float] = {}
-    for about in _MOTION_AXIS:
-        angles = _reference(inputs, about, columns, telescope)
-        results |= _by_state(f"reference-{about}", angles)
+    motions = _motions(inputs, columns)
+    if columns != "printed":
+        # Either interchange pairs an angle with the motion of the other axis.
+        motions = motions[:, ::-1]
+    angles = stage_angle(motions, telescope_length(inputs, columns, telescope))
+    results = by_cell("{}.reference-{}", angles, _MOVED_STATES, _ABOUT)
     del results["5.reference-y"]
     return results
 
@@ -151,8 +138,11 @@ def last_reference_angle(inputs: Inputs, *, columns: str, telescope: str) -> Res
 
     Implements: chen2023 (10).
     """
-    (angle,) = _reference(inputs, "y", columns, telescope, states="5")
-    return {"5.reference-y": angle}
+    motion = _travel(inputs, "y")
+    if columns == "printed":
+        motion = inputs["chen2023/table-5#5.motion-x"]
+    length = telescope_length(inputs, columns, telescope)
+    return {"5.reference-y": float(stage_angle(motion, length))}
 
 
 @reproduces(
@@ -188,17 +178,13 @@ def monitored_angle(
         # One telescope for all angles of a replicate, anywhere in the range of a nominal length.
         spread = generator.uniform(-1, 1, replicates)
         length += spread * inputs.half_width(platform.TELESCOPE)
-    results = {}
-    for place, (about, axis) in enumerate(_MOTION_AXIS.items()):
-        motions = _motions(inputs, about if columns == "motions" else axis, columns)
-        angles = stage_angle(np.insert(motions, 0, 0.0)[:, None], length)
-        # A mean that includes the ramp contains a part of the step from the state before.
-        means = angles[1:] - lag * np.diff(angles, axis=0)
-        for state, angle in zip(
-            _MOVED, means + noise * errors[..., place].T, strict=True
-        ):
-            results[f"{state}.monitoring-{about}"] = Prediction(angle)
-    return results
+    motions = _motions(inputs, columns)
+    if columns == "motions":
+        motions = motions[:, ::-1]
+    angles = stage_angle(np.insert(motions, 0, 0.0, axis=0)[..., None], length)
+    # A mean that includes the ramp contains a part of the step from the state before.
+    means = angles[1:] - lag * np.diff(angles, axis=0) + noise * errors
+    return by_cell("{}.monitoring-{}", means, _MOVED_STATES, _ABOUT)
 
 
 def _averaging(inputs: Inputs, images: str) -> tuple[float, float]:
@@ -221,16 +207,16 @@ def _averaging(inputs: Inputs, images: str) -> tuple[float, float]:
 def _monitoring_errors(
     inputs: Inputs, generator: Generator, replicates: int
 ) -> FloatArray:
-    """Return the errors of monitored angles by centroid noise, (replicates, states, 2).
+    """Return the errors of monitored angles by centroid noise, (4, 2, replicates), in radians.
 
-    They are about X and Y, in radians, for all states except the zero state, whose error they
-    share.
+    They share the error of the zero state.
     """
     response = platform.angle_response(inputs)[:2]
     spots = platform.scatter(inputs, 2) / np.sqrt(inputs.count(FRAMES))
-    noise = generator.standard_normal((replicates, len(STATES), *spots.shape)) * spots
+    states = 1 + len(_MOVED_STATES)
+    noise = generator.standard_normal((replicates, states, *spots.shape)) * spots
     angles = np.tensordot(noise, response, axes=([-2, -1], [-2, -1]))
-    return angles[:, 1:] - angles[:, :1]
+    return np.moveaxis(angles[:, 1:] - angles[:, :1], 0, -1)[:, ::-1]
 
 
 @reproduces(
@@ -240,12 +226,8 @@ def _monitoring_errors(
 )
 def difference(inputs: Inputs) -> Results:
     """Compute the differences of the printed monitored and reference angles."""
-    results: dict[str, float] = {}
-    for about in _MOTION_AXIS:
-        monitored = _column(inputs, f"monitoring-{about}")
-        angles = monitored - _column(inputs, f"reference-{about}")
-        results |= _by_state(f"difference-{about}", angles)
-    return results
+    differences = _printed(inputs, "monitoring") - _printed(inputs, "reference")
+    return by_cell("{}.difference-{}", differences, _MOVED_STATES, _ABOUT)
 
 
 @reproduces(
@@ -294,7 +276,7 @@ def bound(inputs: Inputs) -> Results:
 
 
 @draws("chen2023/table-5", inputs=monitored_angle.inputs, marks=[BOUND])
-def _draw(figure: Figure, printed: Marks, inputs: Inputs) -> None:
+def _draw(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     """Draw the differences from several reference angles, and the implied focal lengths."""
     rows = (4, 1) if set_size(figure, 6.4, 6.6, 10.5) else (2, 2)
     panels = np.reshape(figure.subplots(*rows, sharex=True), (2, 2))
@@ -303,39 +285,37 @@ def _draw(figure: Figure, printed: Marks, inputs: Inputs) -> None:
     nominal = inputs[platform.TELESCOPE]
     common = telescope_length(inputs, "motions", "common")
     ends = np.array([-1, 1]) * printed[BOUND] * ARCSEC_PER_RADIAN
-    for (upper, lower), (about, axis), sigma in zip(
-        panels.T, (("y", "x"), ("x", "y")), sigmas[1::-1], strict=True
-    ):
-        own, other = _motions(inputs, axis), _motions(inputs, about)
-        monitored = _column(printed, f"monitoring-{about}")
-        reference = _column(printed, f"reference-{about}")
+    monitored, reference = (_printed(printed, n) for n in ("monitoring", "reference"))
+    own = _motions(inputs)
+    other = own[:, ::-1]
+    differences = (
+        ("C0o", reference, "printed reference angle"),
+        ("C1s", stage_angle(own, nominal), f"angle for {nominal * 1e3:.0f} mm"),
+        ("C2^", stage_angle(own, common), f"angle for {common * 1e3:.0f} mm"),
+        ("C3D", stage_angle(other, common), "same, columns exchanged"),
+    )
+    lengths = (
+        ("C2^", own, "motion of the same axis"),
+        ("C3D", other, "motion of the other axis"),
+    )
+    for place, (upper, lower) in enumerate(panels.T):
+        bar = sigmas[1 - place] * ARCSEC_PER_RADIAN
         upper.axhspan(*ends, fc=("C6", 0.2), ec="C6", label="bound of the paper")
-        for shift, look, angles, label in (
-            (-0.21, "C0o", reference, "printed reference angle"),
-            (
-                -0.07,
-                "C1s",
-                stage_angle(own, nominal),
-                f"angle for {nominal * 1e3:.0f} mm",
-            ),
-            (0.07, "C2^", stage_angle(own, common), f"angle for {common * 1e3:.0f} mm"),
-            (0.21, "C3D", stage_angle(other, common), "same, columns exchanged"),
-        ):
-            error = (monitored - angles) * ARCSEC_PER_RADIAN
-            bar = sigma * ARCSEC_PER_RADIAN
-            upper.errorbar(np.add(_MOVED, shift), error, bar, fmt=look, label=label)
-        for look, motions, label in (
-            ("C2^", own, "motion of the same axis"),
-            ("C3D", other, "motion of the other axis"),
-        ):
-            lower.plot(_MOVED, _implied(motions, reference), look, label=label)
+        shifts = np.linspace(-0.21, 0.21, 4)
+        for shift, (look, angles, label) in zip(shifts, differences, strict=True):
+            error = (monitored - angles)[:, place] * ARCSEC_PER_RADIAN
+            at = shift + _MOVED_STATES
+            upper.errorbar(at, error, bar, fmt=look, label=label)
+        for look, motions, label in lengths:
+            implied = _implied(motions, reference)[:, place]
+            lower.plot(_MOVED_STATES, implied, look, label=label)
         lower.axhline(nominal * 1e3, color="k", ls="--", lw=1, label="nominal")
         lower.axhline(common * 1e3, color="C3", lw=1, label="one for all angles")
-        upper.set(title=f"angle about {about.upper()}", ylabel="difference (arcsec)")
-        lower.set(ylabel="focal length (mm)", xlabel="state", xticks=_MOVED)
+        title = f"angle about {_ABOUT[place].upper()}"
+        upper.set(title=title, ylabel="difference (arcsec)", ylim=(-0.25, 0.4))
+        lower.set(ylabel="focal length (mm)", xlabel="state", xticks=_MOVED_STATES)
         if rows == (4, 1):
-            lower.set_title(f"angle about {about.upper()}")
-        upper.set_ylim(-0.25, 0.4)
+            lower.set_title(title)
         lower.set_ylim(1990, 2095)
     above, below = (row[0].get_legend_handles_labels() for row in panels)
     names = {"ncols": rows[1], "title": "monitored angle minus"}
@@ -352,35 +332,21 @@ def _implied(motions: FloatArray, angles: FloatArray) -> FloatArray:
 
 
 def _implied_facts(inputs: Inputs) -> dict[str, float]:
-    """Return the extremes of the implied focal lengths, and the range that agrees with all rows.
+    """Return the range of focal lengths that agrees with all rows, and differences.
 
     The largest differences are between monitored angles and reference angles: the printed ones with
     interchanged columns, and those for two focal lengths. The needed accuracy of a focal length
     changes the last reference angle by the bound of the paper.
     """
-    _, own, half, other, _ = zip(*_focal_lengths.function(inputs), strict=True)
-    nominal, common = (
-        inputs[platform.TELESCOPE],
-        telescope_length(inputs, "motions", "common"),
-    )
-    differences = (
-        np.array(
-            [
-                np.abs(_column(inputs, f"monitoring-{about}") - angles).max()
-                for about, axis in _MOTION_AXIS.items()
-                for angles in (
-                    _column(inputs, f"reference-{axis}"),
-                    stage_angle(_motions(inputs, axis), nominal),
-                    stage_angle(_motions(inputs, axis), common),
-                )
-            ]
-        )
-        / RADIANS_PER_ARCSEC
-    )
-    largest = differences.reshape(2, 3).max(axis=0)
+    _, _, half, other, _ = zip(*_focal_lengths.function(inputs), strict=True)
+    monitored, reference = (_printed(inputs, n) for n in ("monitoring", "reference"))
+    lengths = inputs[platform.TELESCOPE], telescope_length(inputs, "motions", "common")
+    stage = (stage_angle(_motions(inputs), length) for length in lengths)
+    largest = [
+        np.abs(monitored - angles).max() / RADIANS_PER_ARCSEC
+        for angles in (reference[:, ::-1], *stage)
+    ]
     return {
-        "printed-least": min(own),
-        "printed-most": max(own),
         "shared-low": np.subtract(other, half).max(),
         "shared-high": np.add(other, half).min(),
         "largest-difference": largest[0],
@@ -399,41 +365,39 @@ def _focal_lengths(inputs: Inputs) -> Rows:
     """Compute the focal lengths that the rows of Table V imply, also with columns exchanged."""
     # Rounding: a motion is the difference of two positions to 0.01 µm.
     half_motion, half_angle = 1e-8, 0.0005 * RADIANS_PER_ARCSEC
-    for about, axis in (("y", "x"), ("x", "y")):
-        angles, motions = _column(inputs, f"reference-{about}"), _motions(inputs, axis)
-        own, other = (
-            _implied(motions, angles),
-            _implied(_motions(inputs, about), angles),
-        )
-        relative = half_motion / np.abs(motions) + half_angle / np.abs(angles)
-        for state, *row in zip(_MOVED, own, own * relative, other, strict=True):
-            yield (f"reference about {about.upper()}, state {state}", *row, row[1])
+    angles, motions = _printed(inputs, "reference"), _motions(inputs)
+    own, other = _implied(motions, angles), _implied(motions[:, ::-1], angles)
+    half = own * (half_motion / np.abs(motions) + half_angle / np.abs(angles))
+    for axis, *columns in zip(_ABOUT.upper(), own.T, half.T, other.T, strict=True):
+        for state, *row in zip(_MOVED_STATES, *columns, strict=True):
+            yield (f"reference about {axis}, state {state}", *row, row[1])
 
 
-def _shared_zero_chi_square(differences: FloatArray, sigma: float) -> float:
-    """Return chi-square of differences that each contain the noise of one zero state."""
-    count = differences.size + 1
-    total = np.square(differences).sum() - differences.sum() ** 2 / count
-    return total / sigma**2
+def _shared_zero_chi_square(
+    differences: FloatArray, sigma: FloatArray | float
+) -> FloatArray:
+    """Return chi-square of each column, whose differences contain the noise of one zero state."""
+    mean_square = differences.sum(axis=0) ** 2 / (len(differences) + 1)
+    return (np.square(differences).sum(axis=0) - mean_square) / sigma**2
 
 
 def _test_facts(inputs: Inputs) -> dict[str, float]:
-    """Return chi-square of means over a state, and the differences.
+    """Return the mean and the largest difference, and a lag.
 
     The lag is the lag of a mean over the smoothed angles of a whole state, with its ramp.
     """
-    state, *_ = _differences.function(inputs)
     smoothed, frames = inputs.count(accuracy.SMOOTHED), inputs.count(FRAMES)
     # After a step the mean of the last n images lacks (n - 1)/n, ..., 1/n, 0 of it.
     short = (smoothed - 1) / (2 * frames)
     last = inputs.array("chen2023/table-5#5.reference-?")
     differences = inputs.array("chen2023/table-5#[2-5].difference-?")
     return {
-        "ramp-lag": np.abs(last).mean() / len(_MOVED) * short / RADIANS_PER_ARCSEC,
+        "ramp-lag": np.abs(last).mean()
+        / len(_MOVED_STATES)
+        * short
+        / RADIANS_PER_ARCSEC,
         "mean": differences.mean() / RADIANS_PER_ARCSEC,
         "largest": np.abs(differences).max() / RADIANS_PER_ARCSEC,
-        "state-chi-square": state[1],
-        "freedom": state[2],
     }
 
 
@@ -453,16 +417,14 @@ def _differences(inputs: Inputs) -> Rows:
     from scipy.special import chdtrc
 
     few, frames = inputs.count(accuracy.SMOOTHED), inputs.count(FRAMES)
-    freedom = len(_MOVED) * len(_MOTION_AXIS)
+    differences = _printed(inputs, "difference")
     for name, row, averaged in (
         (f"one frame of Table IV, means of {frames}", 1, frames),
         (f"one frame of Table IV, means of {few}", 1, few),
         (f"{few} frames of Table IV", few, 1),
     ):
-        chi_square = 0.0
-        for about in _MOTION_AXIS:
-            accurate = inputs[f"chen2023/table-4#{row}.misalignment-{about}"]
-            sigma = accurate / platform.SIGMAS / np.sqrt(averaged)
-            column = _column(inputs, f"difference-{about}")
-            chi_square += _shared_zero_chi_square(column, sigma)
-        yield name, chi_square, freedom, chdtrc(freedom, chi_square)
+        # About X and Y.
+        accurate = inputs.array(f"chen2023/table-4#{row}.misalignment-?")[::-1]
+        sigma = accurate / platform.SIGMAS / np.sqrt(averaged)
+        chi_square = _shared_zero_chi_square(differences, sigma).sum()
+        yield name, chi_square, differences.size, chdtrc(differences.size, chi_square)

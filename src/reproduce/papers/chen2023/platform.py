@@ -79,18 +79,14 @@ def printed_spots(inputs: Inputs) -> FloatArray:
 
 
 def lasers(inputs: Inputs) -> FloatArray:
-    """Return the designed positions of the lasers, shape (4, 2), in metres."""
-    return designed_positions(printed_spots(inputs), inputs[DIAGONAL])
-
-
-def designed_positions(spots: FloatArray, diagonal: float) -> FloatArray:
     """Return the designed positions of the lasers in the focal plane, shape (4, 2), in metres.
 
     Each laser is at the corner that is nearest to its spot.
     """
+    spots = printed_spots(inputs)
     offsets = spots - spots.mean(axis=0)
     # The square stands on a corner.
-    return np.round(offsets / np.abs(offsets).max()) * diagonal / 2
+    return np.round(offsets / np.abs(offsets).max()) * inputs[DIAGONAL] / 2
 
 
 def angle_response(inputs: Inputs) -> FloatArray:

@@ -25,10 +25,11 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.random import Generator, default_rng
 from numpy.typing import ArrayLike
+from scipy.spatial.transform import Rotation
 
 from reproduce.papers.charts import legend_below, set_size, two_panels
 from reproduce.papers.chen2023 import accuracy, effectiveness, platform, resolution
-from reproduce.papers.declare import Marks, draws, seed_of
+from reproduce.papers.declare import draws, seed_of
 from reproduce.physics import attitude, images
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.inputs import Inputs
@@ -145,14 +146,12 @@ _draws_test = partial(
 
 
 @draws("chen2023/fig-1c", inputs=platform.INSTRUMENT, marks=[platform.SPOTS])
-def _draw_frame(figure: Figure, printed: Marks, inputs: Inputs) -> None:
+def _draw_frame(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     """Draw a frame of the tracker: stars of the catalogue and the four laser spots."""
     (alpha, delta, roll), stars = _POINTING_DEG, bright_stars()
-    # Intrinsic rotations about Z, X and Z.
-    rotations = attitude.rotation_from_vector(
-        np.radians([[0, 0, alpha + 90], [90 - delta, 0, 0], [0, 0, roll]])
-    )
-    rays = stars.directions @ np.linalg.multi_dot(rotations)
+    angles = alpha + 90, 90 - delta, roll
+    pointing = Rotation.from_euler("ZXZ", angles, degrees=True)
+    rays = pointing.inv().apply(stars.directions)
     seen = (rays[:, 2] > 0.9) & (stars.magnitude <= _FAINTEST_MAGNITUDE)
     spots = attitude.received_spots(rays[seen], *platform.as_designed(inputs).tracker)
     sizes = 5 * 1.7 ** (_FAINTEST_MAGNITUDE - stars.magnitude[seen])
@@ -160,15 +159,10 @@ def _draw_frame(figure: Figure, printed: Marks, inputs: Inputs) -> None:
     axes = figure.add_subplot()
     x, y = spots.T
     axes.scatter(x, y, sizes, "C2", label="stars")
-    axes.plot(*_pairs(printed).T, "C1s", label="laser spots, printed")
+    axes.plot(*platform.printed_spots(printed).T, "C1s", label="laser spots, printed")
     axes.set(xlim=(-0.5, 1023.5), ylim=(1023.5, -0.5), aspect="equal")
     axes.set(xlabel="x (px)", ylabel="y (px)")
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, 1.09), ncols=2)
-
-
-def _pairs(printed: Marks) -> FloatArray:
-    """Return printed pairs of x and y, shape (n, 2)."""
-    return np.array([*printed.values()]).reshape(-1, 2)
 
 
 @cache
@@ -207,7 +201,7 @@ def _stage_test(
 
 
 @_draws_series("chen2023/fig-7", marks=[platform.SPOTS])
-def _draw_spots(figure: Figure, printed: Marks, inputs: Inputs) -> None:
+def _draw_spots(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     """Draw the images of the four laser spots in the tracker, at the printed positions."""
     from matplotlib.patches import Rectangle
 
@@ -223,7 +217,7 @@ def _draw_spots(figure: Figure, printed: Marks, inputs: Inputs) -> None:
     figure.set_layout_engine("compressed")
     panels = figure.subplots(2, 2)
     for number, (axes, centre) in enumerate(
-        zip(panels.flat, _pairs(printed), strict=True)
+        zip(panels.flat, platform.printed_spots(printed), strict=True)
     ):
         (left, top), start = corners[number] - 0.5, inner[number] - 0.5
         extent = (left, left + _SHOWN_PX, top + _SHOWN_PX, top)
@@ -241,13 +235,13 @@ def _draw_spots(figure: Figure, printed: Marks, inputs: Inputs) -> None:
 
 
 @_draws_series("chen2023/fig-8", marks=["chen2023/text-accuracy#transform-single-?"])
-def _draw_transform(figure: Figure, printed: Marks, inputs: Inputs) -> None:
+def _draw_transform(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     """Draw the error of the laser transform over the first group, single and smoothed."""
     _draw_series(figure, printed, inputs, _groups(inputs).transform, "error (arcsec)")
 
 
 @_draws_series("chen2023/fig-9", marks=["chen2023/text-accuracy#misalignment-single-?"])
-def _draw_misalignment(figure: Figure, printed: Marks, inputs: Inputs) -> None:
+def _draw_misalignment(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     """Draw the monitored misalignment over the second group, single and smoothed.
 
     The bench had another alignment in the second group, and the paper prints no number for it. A
@@ -259,7 +253,7 @@ def _draw_misalignment(figure: Figure, printed: Marks, inputs: Inputs) -> None:
 
 
 def _draw_series(
-    figure: Figure, printed: Marks, inputs: Inputs, angles: FloatArray, label: str
+    figure: Figure, printed: Inputs, inputs: Inputs, angles: FloatArray, label: str
 ) -> None:
     """Draw angles about X and Y of single frames and their means, with the printed limits."""
     count, frames = inputs.count(accuracy.SMOOTHED), np.arange(1, len(angles) + 1)
@@ -269,7 +263,7 @@ def _draw_series(
         two_panels(figure, 3.4, 5.4, label),
         "XY",
         angles.T,
-        printed.values(),
+        map(printed.__getitem__, printed.cells),
         strict=False,
     )
     for axes, axis, series, limit in columns:
@@ -286,9 +280,9 @@ def _draw_series(
 
 
 @draws("chen2023/fig-10a", marks=[_POSITIONS])
-def _draw_pattern(figure: Figure, printed: Marks, inputs: Inputs) -> None:
+def _draw_pattern(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     """Draw the motion pattern of the stage with its five states."""
-    positions = _pairs(printed) * 1e6
+    positions = printed.array(_POSITIONS).reshape(-1, 2) * 1e6
     axes = figure.add_subplot()
     axes.plot(*positions.T, "--", linewidth=1)
     axes.plot(*positions.T, "C1^", markersize=8)
@@ -306,7 +300,7 @@ def _draw_pattern(figure: Figure, printed: Marks, inputs: Inputs) -> None:
         effectiveness.BOUND,
     ],
 )
-def _draw_about_y(figure: Figure, printed: Marks, inputs: Inputs) -> None:
+def _draw_about_y(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     """Draw the angles about Y while the stage moves along X."""
     _draw_test(figure, printed, inputs, "Y")
 
@@ -319,17 +313,21 @@ def _draw_about_y(figure: Figure, printed: Marks, inputs: Inputs) -> None:
         effectiveness.BOUND,
     ],
 )
-def _draw_about_x(figure: Figure, printed: Marks, inputs: Inputs) -> None:
+def _draw_about_x(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     """Draw the angles about X while the stage moves along Y."""
     _draw_test(figure, printed, inputs, "X")
 
 
-def _draw_test(figure: Figure, printed: Marks, inputs: Inputs, axis: str) -> None:
+def _draw_test(figure: Figure, printed: Inputs, inputs: Inputs, axis: str) -> None:
     """Draw the whole test with the printed angles, and its differences from the references."""
     set_size(figure, 6.4, 5.6, 5.6)
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
-    *values, bound = np.array([*printed.values()]) * ARCSEC_PER_RADIAN
-    monitored, reference = np.reshape(values, (2, -1))
+    bound = printed[effectiveness.BOUND] * ARCSEC_PER_RADIAN
+    monitored, reference = (
+        printed.array(f"chen2023/table-5#[2-5].{name}-{axis.lower()}")
+        * ARCSEC_PER_RADIAN
+        for name in ("monitoring", "reference")
+    )
     frames = inputs.count(effectiveness.FRAMES)
     smoothed = inputs.count(accuracy.SMOOTHED)
     for telescope, look in (("nominal", "C0-"), ("common", "C1--")):
@@ -352,7 +350,7 @@ def _draw_test(figure: Figure, printed: Marks, inputs: Inputs, axis: str) -> Non
 
 
 @_draws_test("chen2023/fig-1d")
-def _draw_example(figure: Figure, printed: Marks, inputs: Inputs) -> None:
+def _draw_example(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     """Draw one move of the stage: the mean reaches the reference after its length."""
     set_size(figure, 6.4, 3.2, 2.8)
     axes, (times, *angles) = figure.add_subplot(), _stage_test(inputs)

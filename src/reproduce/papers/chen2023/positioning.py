@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from reproduce.papers.chen2023 import accuracy, platform, satellite
-from reproduce.papers.declare import Results, Rows, reproduces, studied
+from reproduce.papers.declare import Results, Rows, by_cell, reproduces, studied
 from reproduce.physics import ground
 from reproduce.physics.attitude import rotation_from_vector
 from reproduce.physics.validate import FloatArray
@@ -41,12 +41,8 @@ _LEVEL = 0.9
 )
 def quoted_resolution(inputs: Inputs) -> Results:
     """Return the ground resolutions of Table I, which the introduction quotes."""
-    return {
-        f"{sensor}-resolution": inputs[
-            f"chen2023/table-1#{sensor}-ground-resolution.value"
-        ]
-        for sensor in ("panchromatic", "multispectral")
-    }
+    sizes = inputs.array("chen2023/table-1#*ground-resolution.value")
+    return by_cell("{}-resolution", sizes, ("panchromatic", "multispectral"))
 
 
 def _terms(inputs: Inputs) -> dict[str, tuple[str, FloatArray]]:
@@ -85,30 +81,23 @@ def _covariances(inputs: Inputs) -> dict[str, FloatArray]:
 
     The last two are the covariances of all terms, with one frame and with the average of many.
     """
-    jacobians = [ground.ground_jacobian(*_look(inputs, *look)) for look in LOOKS]
-    positions = np.concatenate([jacobian.position for jacobian in jacobians])
-    covariances = {}
-    for name, (kind, sigma) in _terms(inputs).items():
-        slopes = [getattr(jacobian, f"by_{kind}") for jacobian in jacobians]
-        covariances[name] = ground.ground_covariance(
-            positions, np.concatenate(slopes), np.diag(sigma**2)
-        )
-    sums = {}
+    looks = zip(*(_look(inputs, *look) for look in LOOKS), strict=True)
+    jacobian = ground.ground_jacobian(*map(np.stack, looks))
+    covariances = {
+        name: ground.ground_covariance(
+            jacobian.position, getattr(jacobian, f"by_{kind}"), np.diag(sigma**2)
+        )[:, 0]
+        for name, (kind, sigma) in _terms(inputs).items()
+    }
     for mean, other in ((_SINGLE, _AVERAGED), (_AVERAGED, _SINGLE)):
         parts = [cov for name, cov in covariances.items() if not name.endswith(other)]
-        sums[f"all together, {mean}"] = np.sum(parts, axis=0)
-    return covariances | sums
+        covariances[f"all together, {mean}"] = np.sum(parts, axis=0)
+    return covariances
 
 
 def _budget_facts(inputs: Inputs) -> dict[str, float]:
-    """Return the altitude in kilometres, the level of the errors in %, and two at the nadir."""
-    rows = {name: nadir for name, _, _, nadir, *_ in _budget.function(inputs)}
-    return {
-        "altitude": satellite.altitude(inputs) / 1e3,
-        "level": 100 * _LEVEL,
-        "total": rows[f"all together, {_AVERAGED}"],
-        "tracker": rows["attitude of the tracker, at its limit"],
-    }
+    """Return the altitude in kilometres, and the level of the errors in %."""
+    return {"altitude": satellite.altitude(inputs) / 1e3, "level": 100 * _LEVEL}
 
 
 @studied("chen2023/budget", inputs=INPUTS, named=_budget_facts)

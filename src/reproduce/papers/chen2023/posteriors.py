@@ -69,8 +69,11 @@ def _truth(inputs: Inputs, drifts: bool = False) -> dict[str, float]:
     return dict(zip(names, values.tolist(), strict=False))
 
 
-def _simulated_images(inputs: Inputs, drifts: bool) -> models.SpotStatistics:
-    """Return simulated images of a calibration group and of a group that may drift."""
+def _misalignment(inputs: Inputs, drifts: bool = False) -> Model:
+    """Return a misalignment after a calibration group, constant or with a drift.
+
+    The images of both groups are simulated.
+    """
     generator = Generator(PCG64(data_stream(inputs, 2, int(drifts))))
     frames, design = inputs.count(_FRAMES), as_designed(inputs)
     noise = np.sqrt(np.square(inputs.array("chen2023/table-3") / SIGMAS).mean())
@@ -82,14 +85,9 @@ def _simulated_images(inputs: Inputs, drifts: bool) -> models.SpotStatistics:
         angles = first + np.linspace(0, 1, frames)[:, None] * (last - first)
         true = design.predicted(np.zeros((frames, 3)), angles[:, None], lasers)[:, 0]
         groups.append(true + noise * generator.normal(size=true.shape))
-    return models.SpotStatistics.of(groups, (False, drifts))
-
-
-def _misalignment(inputs: Inputs, drifts: bool = False) -> Model:
-    """Return a misalignment after a calibration group, constant or with a drift."""
     return models.misalignment_model(
-        as_designed(inputs),
-        _simulated_images(inputs, drifts),
+        design,
+        models.SpotStatistics.of(groups, (False, drifts)),
         drifts=drifts,
         derived=(_OnTheGround(satellite.altitude(inputs)),),
     )
@@ -152,14 +150,14 @@ def _priors(model: Model, images: list[FloatArray]) -> dict[str, Prior]:
         1e3 * residual,
         "no scale preferred: a millionth to a thousand times the residual of least squares",
     )
-    priors: dict[str, Prior] = {"noise": noise}
-    for axis, angle in (("x", across), ("y", across), ("z", roll)):
-        priors |= {
-            f"mount-{axis}": mount,
-            f"angle-{axis}": angle,
-            f"drift-{axis}": angle,
-        }
-    return {name: prior for name, prior in priors.items() if name in model.names}
+    priors: dict[str, Prior] = {"noise": noise, "mount": mount}
+    priors |= {"angle": across, "drift": across}
+    rolls = {"angle-z": roll, "drift-z": roll}
+    return {
+        name: rolls.get(name, priors[kind])
+        for name in model.names
+        if (kind := name.partition("-")[0]) in priors
+    }
 
 
 def _file(drifts: bool) -> File:

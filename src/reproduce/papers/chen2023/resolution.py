@@ -35,7 +35,6 @@ from numpy.random import SeedSequence, default_rng
 from reproduce.papers.charts import legend_below, set_log_ticks, set_size
 from reproduce.papers.chen2023 import platform
 from reproduce.papers.declare import (
-    Marks,
     Prediction,
     Results,
     draws,
@@ -67,6 +66,7 @@ PHASES = "chen2023/text-resolution#phases"
 _TRIALS = "chen2023/text-resolution#trials"
 _LASERS = "chen2023/text-resolution#lasers"
 _OPTIMUM = "chen2023/text-resolution#optimum"
+_ACCURACY = "chen2023/text-resolution#optimum-accuracy"
 _SATURATION = "chen2023/text-resolution#saturation"
 INPUTS = (
     SPOT_RADIUS,
@@ -265,18 +265,18 @@ def curves(inputs: Inputs) -> dict[str, FloatArray]:
 @draws(
     "chen2023/fig-11a",
     inputs=INPUTS,
-    marks=[_OPTIMUM, "chen2023/text-resolution#optimum-accuracy"],
+    marks=[_OPTIMUM, _ACCURACY],
 )
-def _draw_centroids(figure: Figure, printed: Marks, inputs: Inputs) -> None:
+def _draw_centroids(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     """Draw the centroiding accuracy against the angular resolution of the tracker."""
-    best, accuracy = printed.values()
-    axes = _draw_radii(figure, inputs, 1.0, np.argmin, (best, "printed optimum"))
-    axes.axhline(accuracy, color="k", lw=1)
+    line = printed[_OPTIMUM], "printed optimum"
+    axes = _draw_radii(figure, inputs, 1.0, np.argmin, line)
+    axes.axhline(printed[_ACCURACY], color="k", lw=1)
     axes.set(ylabel="centroid error (1σ, px)", ylim=(0.008, 0.1))
 
 
 @draws("chen2023/fig-11b", inputs=INPUTS, marks=[_SATURATION])
-def _draw_monitoring(figure: Figure, printed: Marks, inputs: Inputs) -> None:
+def _draw_monitoring(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     """Draw the monitoring accuracy against the angular resolution of the tracker."""
     angles, lasers = _resolutions(inputs), inputs.count(_LASERS)
     scale = attitude_accuracy(1.0, lasers, angles) * ARCSEC_PER_RADIAN
@@ -320,7 +320,7 @@ def _draw_curves(
 
 
 @draws("chen2023/drawing-terms", inputs=INPUTS, random=True)
-def _draw_terms(figure: Figure, printed: Marks, inputs: Inputs) -> None:
+def _draw_terms(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     """Draw the terms of the centroid error in the literal reading."""
     errors, few = curves(inputs), slice(None, None, 2)
     labels = ("total", "noise", "bias", "Cramér–Rao bound")

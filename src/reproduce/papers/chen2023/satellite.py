@@ -165,9 +165,8 @@ def _retro_reflectors(inputs: Inputs) -> Rows:
 
 
 def _bench_facts(inputs: Inputs) -> dict[str, Any]:
-    """Return the assumed roll of the bench, and the smallest tolerance of the mirror."""
-    tolerance = min(row[2] for row in _dichroic.function(inputs))
-    return {"assumed-roll": f"{np.degrees(_TRACKER_ROLL):.0f}°", "tolerance": tolerance}
+    """Return the assumed roll of the bench."""
+    return {"assumed-roll": f"{np.degrees(_TRACKER_ROLL):.0f}°"}
 
 
 @studied(
@@ -198,12 +197,6 @@ def _dichroic_response(boresight_angle: float) -> FloatArray:
     return turn_response(reflection(normal), [0.0, 0.0, -1.0]) @ axes
 
 
-def _heat_facts(inputs: Inputs) -> dict[str, float]:
-    """Return the temperatures at which the motion equals the accuracy."""
-    flight, *_, bench = _heat.function(inputs)
-    return {"flight": flight[-1], "bench": bench[-1]}
-
-
 @studied(
     "chen2023/heat",
     inputs=(
@@ -216,7 +209,6 @@ def _heat_facts(inputs: Inputs) -> dict[str, float]:
         _ACCURACY,
         _EXPANSION,
     ),
-    named=_heat_facts,
 )
 def _heat(inputs: Inputs) -> Rows:
     """Compute the effects of thermal motion of the lasers, in flight and on the bench."""

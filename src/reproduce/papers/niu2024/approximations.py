@@ -66,7 +66,7 @@ def scale_near_one(inputs: Inputs) -> Results:
 
     Implements: niu2024 (6).
     """
-    scales = scale_factors(inputs).values()
+    scales = scale_factors(inputs).tolist()
     return {"scale-approximation": max(scales, key=lambda scale: abs(scale - 1))}
 
 
@@ -106,51 +106,33 @@ def _channels(inputs: Inputs, table: str, channel: str) -> Channels:
     return Channels(source, green, rotation, (x, y), (tilt, tilt), (second, reference))
 
 
-def _isolated(channels: Channels, effect: str, positions: FloatArray) -> FloatArray:
-    """Return the error field of one effect only."""
-    field = error_field(channels.only(effect), positions)
-    if effect == "coefficients":
-        return field - error_field(channels.only("cube"), positions)
-    return field
+def _facts(inputs: Inputs) -> dict[str, float]:
+    """Return effects on the scales, the noise over both axes, and the angle of a pixel.
 
-
-def _scale_facts(inputs: Inputs) -> dict[str, float]:
-    """Return effects on the fitted scales of the simulation, as multiples of their scatter.
-
-    The noise of two channels moves a scale by √2 σ over the root of the summed squared radii.
+    Effects on the fitted scales of the simulation are multiples of their scatter. The noise of two
+    channels moves a scale by √2 σ over the root of the summed squared radii.
     """
-    angles = simulation.arrangement(inputs)
-    true = simulation.instrument(inputs).imaged(angles)
+    angles, instrument = simulation.arrangement(inputs), simulation.instrument(inputs)
+    true = instrument.imaged(angles)
     zero = true[:, zero_positions(angles)]
     radii = np.linalg.norm(true[0] - zero[0], axis=-1)
-    scatter = np.sqrt(2.0) * inputs[NOISE] / np.linalg.norm(radii)
+    noise = np.sqrt(2.0) * inputs[NOISE]
+    scatter = noise / np.linalg.norm(radii)
     fitted = fit_registration(true[1:], true[:1], zero[1:, 0]).transform.scale
     actual, scales = (
         numbers(inputs, f"niu2024/table-{table}#scale", REGISTERED) for table in (2, 3)
     )
     half = inputs.half_unit("niu2024/table-3#scale.red")
-    bias = np.abs(fitted - [*scale_factors(inputs).values()]) / scatter
+    green, pitch = instrument.cameras[0], inputs["niu2024/text-optics#pixel-pitch-x"]
+    bias = np.abs(fitted - scale_factors(inputs)) / scatter
     return {
         "outermost": radii.max(),
         "bias-least": bias.min(),
         "bias-most": bias.max(),
         "distance": (np.abs(scales - fitted) - half).min() / scatter,
         "rounding": 200.0 * half / abs(scales - actual)[0],
-    }
-
-
-def _facts(inputs: Inputs) -> dict[str, float]:
-    """Return errors of Table 1, the noise over both axes, and the angle of a pixel in arcsec."""
-    focal_length = simulation.instrument(inputs)[0][0].focal_length
-    angle = np.arctan(inputs["niu2024/text-optics#pixel-pitch-x"] / focal_length)
-    errors = {row[:3]: row[4] for row in _errors.function(inputs)}
-    return {
-        f"{effect}-table-1-{channel}-rms": errors[_TITLES[effect], "Table 1", channel]
-        for effect, channel in product(("coefficients", "tilt"), REGISTERED)
-    } | {
-        "noise-rms": np.sqrt(2.0) * inputs[NOISE],
-        "pixel-angle": angle * ARCSEC_PER_RADIAN,
-        **_scale_facts(inputs),
+        "noise-rms": noise,
+        "pixel-angle": np.arctan(pitch / green.focal_length) * ARCSEC_PER_RADIAN,
     }
 
 
@@ -169,7 +151,10 @@ def _errors(inputs: Inputs) -> Rows:
     """Compute the size of each error over the detector, and its residual after a fit."""
     positions = even_positions(_half_size(inputs), _POSITIONS_ACROSS)
     for table, channel, effect in product(_INSTRUMENTS, REGISTERED, EFFECTS):
-        error = _isolated(_channels(inputs, table, channel), effect, positions)
+        channels = _channels(inputs, table, channel)
+        error = error_field(channels.only(effect), positions)
+        if effect == "coefficients":
+            error = error - error_field(channels.only("cube"), positions)
         # A fit removes the scale, rotation and shift of the positions.
         fit = fit_registration(positions * 1e6, positions * 1e6 + error, (0.0, 0.0))
         lengths = np.linalg.norm([error, fit.residuals], axis=-1)

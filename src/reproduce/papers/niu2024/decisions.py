@@ -15,7 +15,7 @@ from scipy.special import chndtrix
 
 from reproduce.inference import Normal, models
 from reproduce.papers.charts import legend_below, plot_band, set_log_ticks, set_size
-from reproduce.papers.declare import Marks, Rows, draws, studied
+from reproduce.papers.declare import Rows, draws, studied
 from reproduce.papers.niu2024 import posteriors, simulation
 from reproduce.papers.niu2024.simulation import NOISE
 from reproduce.physics.ground import circular_error
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 _QUANTILES = (0.025, 0.5, 0.975)
 INPUTS = simulation.INPUTS
 _COUNT = "niu2024/text-simulation#angle-count"
-_MODELS = {"similarity": "registration", "distortions free": "registration-distortion"}
+_MODELS = ("similarity", "distortions free")
 _STAR_COUNTS = (10, 20, 50, 100, 200, 500, 1000)
 # Steps of the derivatives: scale, rotation, two shifts, two distortions.
 _DERIVATIVE_STEPS = np.array([1e-6, 1e-6, 1e-3, 1e-3, 1e-3, 1e-3])
@@ -68,10 +68,9 @@ def _designs(inputs: Inputs) -> dict[str, _Design]:
     green, red, _ = posteriors.true_centroids(inputs)
     middle, true = posteriors.pivot(inputs, "red"), posteriors.truth(inputs)
     plain = models.registration_model(red, green, middle)
+    extended = plain, models.distortion_model(plain)
     designs = {}
-    for name, model in zip(
-        _MODELS, (plain, models.distortion_model(plain)), strict=True
-    ):
+    for name, model in zip(_MODELS, extended, strict=True):
         likelihood = model.likelihood_of(models.GaussianRegistration)
         priors = [parameter.prior for parameter in model.parameters[5:]]
         sigmas = [prior.sigma for prior in priors if isinstance(prior, Normal)]
@@ -137,18 +136,16 @@ def _star_facts(inputs: Inputs) -> dict[str, float]:
     """Return errors at the edge for the printed number of stars, and sufficient numbers."""
     count = inputs.count(_COUNT)
     number = np.array([count])
-    low, _, high = _QUANTILES
-    facts = {"all": count, "interval": 100 * (high - low), "level": 100 * high}
-    for name, ends in _edge_errors(inputs, number).items():
+    left_out, sufficient = np.hypot(*_neglected(inputs)), _sufficient(inputs)
+    facts = {"all": count, "level": 100 * _QUANTILES[2], "left-out": left_out}
+    for name, (_, [middle], [high]) in _edge_errors(inputs, number).items():
         kind = name.split()[0]
-        facts[f"{kind}-enough"] = _sufficient(inputs)[name]
-        _, facts[f"{kind}-all"], facts[f"{kind}-all-high"] = ends[:, 0].tolist()
-    facts["left-out"] = np.hypot(*_neglected(inputs))
+        facts |= {f"{kind}-all": middle, f"{kind}-all-high": high}
+        facts[f"{kind}-enough"] = sufficient[name]
     # Equal mean squares: the one of the similarity includes the neglected distortion.
-    plain, free = (
-        np.trace(design.at_edge(number)[0]) for design in _designs(inputs).values()
-    )
-    facts["free-from"] = count * (free - plain) / facts["left-out"] ** 2
+    edges = (one.at_edge(number)[0] for one in _designs(inputs).values())
+    plain, free = map(np.trace, edges)
+    facts["free-from"] = count * (free - plain) / left_out**2
     return facts
 
 
@@ -161,7 +158,7 @@ def _stars(inputs: Inputs) -> Rows:
 
 
 @draws("niu2024/drawing-stars", inputs=INPUTS)
-def _draw_stars(figure: Figure, printed: Marks, inputs: Inputs) -> None:
+def _draw_stars(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     """Draw the error at the edge of the field against the number of stars."""
     counts = np.geomspace(10, 1000, 30)
     set_size(figure, 6.0, 3.6, 4.2)

@@ -36,10 +36,9 @@ from numpy.random import SeedSequence, default_rng
 
 from reproduce.papers.charts import legend_below, plot_range, set_size
 from reproduce.papers.declare import (
-    Marks,
-    Prediction,
     Results,
     Rows,
+    by_cell,
     draws,
     reproduces,
     seed_of,
@@ -92,7 +91,7 @@ def scale_factors(inputs: Inputs) -> Results:
     Implements: niu2024 (6).
     """
     ratios = registration.scale_factors(inputs, "niu2024/table-4")
-    return {f"scale.{channel}": ratio for channel, ratio in ratios.items()}
+    return by_cell("scale.{}", ratios, REGISTERED)
 
 
 def instrument(inputs: Inputs) -> Instrument:
@@ -109,11 +108,6 @@ def _shifts(inputs: Inputs) -> FloatArray:
 def half_field(inputs: Inputs) -> FloatArray:
     """Return half the printed field of view along x and y, shape (2,), in radians."""
     return inputs.array("niu2024/text-optics#field-of-view-?") / 2
-
-
-def _cells(name: str) -> list[str]:
-    """Return the names of the cells of red and blue along x and y."""
-    return [f"{name}-{channel}-{axis}" for channel in REGISTERED for axis in "xy"]
 
 
 def _residuals(inputs: Inputs) -> FloatArray:
@@ -190,8 +184,8 @@ def rmse_before(
     values = rmse_per_axis(measured[:, 1:], measured[:, :1])
     if rmse == "both":
         values[:] = np.linalg.norm(values, axis=-1, keepdims=True)
-    draws = values.reshape(replicates, -1).T
-    return dict(zip(_cells("rmse-before"), map(Prediction, draws), strict=True))
+    draws = np.moveaxis(values, 0, -1)
+    return by_cell("rmse-before-{}-{}", draws, REGISTERED, "xy")
 
 
 @reproduces(
@@ -212,7 +206,7 @@ def rmse_after(inputs: Inputs) -> Results:
     fit = fit_registration(true[1:], true[:1], _shifts(inputs))
     misfit = np.square(fit.residuals).mean(axis=-2)
     expected = np.sqrt(misfit + 2 * inputs[NOISE] ** 2)
-    return dict(zip(_cells("rmse-after"), expected.flat, strict=True))
+    return by_cell("rmse-after-{}-{}", expected, REGISTERED, "xy")
 
 
 @reproduces(
@@ -229,7 +223,7 @@ def pointing_errors(inputs: Inputs) -> Results:
     pitches = inputs.array("niu2024/text-optics#pixel-pitch-?")
     focal_length = inputs["niu2024/table-4#focal-length.green"]
     angles = optics.angle_from_pixels(_residuals(inputs), pitches, focal_length)
-    return dict(zip(_cells("pointing-error"), angles.flat, strict=True))
+    return by_cell("pointing-error-{}-{}", angles, REGISTERED, "xy")
 
 
 def twin_fits(
@@ -288,16 +282,6 @@ _ERROR_FRACTIONS = {
 }
 
 
-def _scale_facts(inputs: Inputs) -> dict[str, float]:
-    """Return the smallest and largest distance of each scale factor from the ratio."""
-    rows = list(_scale_errors.function(inputs))
-    return {
-        f"{channel}-{end}": choose(row[-1] for row in rows if row[0] == channel)
-        for channel in REGISTERED
-        for end, choose in (("least", min), ("most", max))
-    }
-
-
 @studied(
     "niu2024/scale-errors",
     inputs=(
@@ -306,7 +290,6 @@ def _scale_facts(inputs: Inputs) -> dict[str, float]:
         "niu2024/table-4#scale.*",
         "niu2024/text-experiment#rmse-after-*",
     ),
-    named=_scale_facts,
     random=True,
 )
 def _scale_errors(inputs: Inputs) -> Rows:
@@ -316,10 +299,10 @@ def _scale_errors(inputs: Inputs) -> Rows:
     ratios = registration.scale_factors(inputs, "niu2024/table-4")
     for name, fraction in _ERROR_FRACTIONS.items():
         cameras, fits = twin_fits(inputs, seed, _FIT_REPLICATES, fraction * residual)
-        for channel in REGISTERED:
+        for channel, printed in zip(REGISTERED, ratios, strict=True):
             ratio = cameras["green"].focal_length / cameras[channel].focal_length
             sigma = np.std(fits[channel].parameters[:, 0] - ratio)
-            apart = inputs[f"niu2024/table-4#scale.{channel}"] - ratios[channel]
+            apart = inputs[f"niu2024/table-4#scale.{channel}"] - printed
             distance = max(0.0, abs(apart) - _SCALE_ROUNDING) / sigma
             yield channel, name, apart, sigma, distance
 
@@ -330,7 +313,7 @@ def _scale_errors(inputs: Inputs) -> Rows:
     marks=["niu2024/text-experiment#rmse-*"],
     random=True,
 )
-def _draw_residuals(figure: Figure, printed: Marks, inputs: Inputs) -> None:
+def _draw_residuals(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     """Draw the RMSE of the laboratory before and after registration."""
     set_size(figure, 6.4, 4.2, 4.6)
     axes, rows = figure.subplots(), -np.arange(4)
@@ -338,7 +321,8 @@ def _draw_residuals(figure: Figure, printed: Marks, inputs: Inputs) -> None:
         computation = rmse_before.with_options({"rmse": way.split()[0]})
         results = computation(inputs).values()
         plot_range(axes, rows - y, results, look, f"before, {way}")
-    before, after = np.array([*printed.values()]).reshape(2, 2, 2).swapaxes(0, 1)
+    values = printed.array("niu2024/text-experiment#rmse-*")
+    before, after = values.reshape(2, 2, 2).swapaxes(0, 1)
     axes.hlines(rows + 0.25, after.flat, before.flat, colors="k", linewidth=0.8)
     axes.plot(before.flat, rows + 0.25, "kD", label="printed before")
     axes.plot(after.flat, rows + 0.25, "kD", mfc="none", label="printed after")

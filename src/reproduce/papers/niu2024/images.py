@@ -24,7 +24,7 @@ import numpy as np
 from numpy.random import Generator, SeedSequence
 
 from reproduce.papers.charts import set_size
-from reproduce.papers.declare import Marks, Rows, draws, studied
+from reproduce.papers.declare import Rows, draws, studied
 from reproduce.papers.niu2024 import experiment
 from reproduce.papers.niu2024.simulation import CHANNELS, Instrument
 from reproduce.physics import images
@@ -103,14 +103,12 @@ def similarities(inputs: Inputs) -> list[Registration]:
 
 def photons_from(inputs: Inputs, star: str, magnitude: float) -> FloatArray:
     """Return the photons from one of `STARS` at each detector in one exposure, shape (3,)."""
-    spectrum, photons = STARS[star], []
-    for channel in CHANNELS:
-        low, high = inputs.array(f"niu2024/text-optics#band-{channel}-*")
-        if isinstance(spectrum, str):
-            table = spectra()[spectrum]
-            photons.append(images.tabulated_star(magnitude, *table, low, high))
-        else:
-            photons.append(images.blackbody_band(magnitude, spectrum, low, high))
+    bands = [inputs.array(f"niu2024/text-optics#band-{name}-*") for name in CHANNELS]
+    if isinstance(spectrum := STARS[star], str):
+        table = spectra()[spectrum]
+        photons = [images.tabulated_star(magnitude, *table, *band) for band in bands]
+    else:
+        photons = [images.blackbody_band(magnitude, spectrum, *band) for band in bands]
     # Square metres and seconds of an exposure.
     collected = np.pi / 4 * APERTURE**2 * TRANSMISSION
     return collected * inputs["niu2024/text-experiment#exposure"] * np.stack(photons)
@@ -223,19 +221,10 @@ def _stored() -> studies.StoredStudy:
 
 
 def _facts(inputs: Inputs) -> dict[str, float | str]:
-    """Return errors in the corner at V = 4, and signal-to-noise ratios of all cells."""
-    arrays = _stored().arrays
-    at_corner = arrays["error"][:, -1, MAGNITUDES.index(4.0)]
-    green, plain, registered = at_corner[list(STARS).index("solar")]
-    single, _, fused = np.moveaxis(arrays["signal_to_noise"], -1, 0)
+    """Return the gain in the signal-to-noise ratio, and the number of trials."""
+    single, _, fused = np.moveaxis(_stored().arrays["signal_to_noise"], -1, 0)
     gains = np.median(fused / single, axis=(1, 2))
     return {
-        "green": green,
-        "plain": plain,
-        "registered": registered,
-        "plain-least": at_corner[:, 1].min(),
-        "plain-most": at_corner[:, 1].max(),
-        "registered-bias": arrays["bias"][..., 2].max(),
         "gain-least": gains.min(),
         "gain-most": gains.max(),
         "trials": int(_stored().note["replicates"]),
@@ -251,15 +240,11 @@ def _centroids(inputs: Inputs) -> Rows:
         yield (*label, *row)
 
 
-_CHANNEL_MARKS = {
-    "red": "C1s",
-    "green": "C2o",
-    "blue": "C0^",
-}
+_CHANNEL_MARKS = {"red": "C1s", "green": "C2o", "blue": "C0^"}
 
 
 @draws("niu2024/drawing-fusion-star", inputs=INPUTS)
-def _draw_star(figure: Figure, printed: Marks, inputs: Inputs) -> None:
+def _draw_star(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     """Draw one star near the corner of the field: three channels, and both sums of them."""
     from matplotlib.patheffects import withStroke
 
@@ -293,7 +278,7 @@ def _draw_star(figure: Figure, printed: Marks, inputs: Inputs) -> None:
 
 
 @draws("niu2024/drawing-fusion-errors")
-def _draw_errors(figure: Figure, printed: Marks, inputs: Inputs) -> None:
+def _draw_errors(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     """Draw the centroid error of the solar star against magnitude, for three images."""
     set_size(figure, 6.4, 3.6, 3.8)
     axes = figure.add_subplot()

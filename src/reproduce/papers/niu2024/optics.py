@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from reproduce.papers.declare import Results, reproduces
+import numpy as np
+
+from reproduce.papers.declare import Results, by_cell, reproduces
 from reproduce.physics import optics
 from reproduce.printed.inputs import Inputs
 
@@ -18,12 +20,12 @@ from reproduce.printed.inputs import Inputs
 )
 def field_of_view(inputs: Inputs) -> Results:
     """Compute the field of view from the size of the detector and the focal length."""
-    x, y = optics.field_of_view(
+    angles = optics.field_of_view(
         inputs.array("niu2024/text-optics#pixels-?"),
         inputs.array("niu2024/text-optics#pixel-pitch-?"),
         inputs["niu2024/text-optics#focal-length"],
     )
-    return {"field-of-view-x": x, "field-of-view-y": y}
+    return by_cell("field-of-view-{}", angles, "xy")
 
 
 @reproduces(
@@ -33,11 +35,11 @@ def field_of_view(inputs: Inputs) -> Results:
 )
 def centre_wavelengths(inputs: Inputs, *, centre: str) -> Results:
     """Compute the middles of the bands, or of thirds of the band of the starlight."""
-    low, high = inputs.array("niu2024/text-experiment#simulator-band-*")
-    wavelengths = {}
-    for third, band in enumerate(("blue", "green", "red")):
-        middle = inputs.array(f"niu2024/text-optics#band-{band}-*").mean()
-        if centre == "third":
-            middle = low + (high - low) * (2 * third + 1) / 6
-        wavelengths[f"centre-wavelength-{band}"] = middle
-    return wavelengths
+    bands = "blue", "green", "red"
+    if centre == "third":
+        low, high = inputs.array("niu2024/text-experiment#simulator-band-*")
+        middles = low + (high - low) * np.array([1, 3, 5]) / 6
+    else:
+        ends = [inputs.array(f"niu2024/text-optics#band-{band}-*") for band in bands]
+        middles = np.mean(ends, axis=1)
+    return by_cell("centre-wavelength-{}", middles, bands)

@@ -87,42 +87,21 @@ def pivot(inputs: Inputs, channel: str) -> FloatArray:
     return inputs.array(f"niu2024/table-1#principal-point-?.{channel}")
 
 
-def _predicting(inputs: Inputs, model: Model) -> Model:
-    """Return the model with its consequences at the test points in red."""
-    likelihood = model.likelihood_of(models.GaussianRegistration)
-    return replace(model, derived=(_new_stars(inputs, likelihood),))
+def _model(
+    inputs: Inputs, extend: Callable[[Model], Model] | None = None, wrong: float = 0.0
+) -> Model:
+    """Return red registered to green, with a fraction of stars matched wrongly.
 
-
-def _plain(inputs: Inputs, wrong: float = 0.0) -> Model:
-    """Return red registered to green, with a fraction of stars matched wrongly."""
+    The model may be extended. Its consequences are those at the test points.
+    """
     green, red, _ = _noisy(inputs, true_centroids(inputs), 1)
     order = Generator(PCG64(data_stream(inputs, 4))).permutation(len(red))
     false = order[: round(wrong * len(red))]
     green[false] = green[np.roll(false, 1)]
-    return models.registration_model(red, green, pivot(inputs, "red"))
-
-
-def _registration(inputs: Inputs) -> Model:
-    """Return the red channel registered to green."""
-    return _predicting(inputs, _plain(inputs))
-
-
-def _distortion(inputs: Inputs) -> Model:
-    """Return the red channel with both distortions free."""
-    return _predicting(inputs, models.distortion_model(_plain(inputs)))
-
-
-def _mixture(inputs: Inputs) -> Model:
-    """Return the red channel with three of ten stars matched wrongly."""
-    return _predicting(inputs, models.mixture_model(_plain(inputs, _FALSE_FRACTION)))
-
-
-def _test_points(inputs: Inputs) -> FloatArray:
-    """Return measured test points in green, red and blue, shape (3, points, 2), in px."""
-    generator = default_rng(data_stream(inputs, 3, 0, 0))
-    half, count = simulation.half_ranges(inputs), inputs.count(_TEST_POINTS)
-    directions = generator.uniform(-half, half, (count, 2))
-    return _noisy(inputs, simulation.instrument(inputs).imaged(directions), 3, 1)
+    model = models.registration_model(red, green, pivot(inputs, "red"))
+    model = extend(model) if extend else model
+    likelihood = model.likelihood_of(models.GaussianRegistration)
+    return replace(model, derived=(_new_stars(inputs, likelihood),))
 
 
 def _new_stars(
@@ -136,7 +115,11 @@ def _new_stars(
     fit = fit_registration(
         likelihood.source[right], likelihood.target[right], likelihood.pivot
     )
-    _, source, _ = _test_points(inputs)
+    generator = default_rng(data_stream(inputs, 3, 0, 0))
+    half, count = simulation.half_ranges(inputs), inputs.count(_TEST_POINTS)
+    directions = generator.uniform(-half, half, (count, 2))
+    true = simulation.instrument(inputs).imaged(directions)
+    _, source, _ = _noisy(inputs, true, 3, 1)
     pitch = inputs["niu2024/text-optics#pixel-pitch-x"]
     focal_length = inputs["niu2024/table-1#focal-length.green"]
     angle = float(angle_from_pixels(1.0, pitch, focal_length)) * ARCSEC_PER_RADIAN
@@ -208,14 +191,14 @@ POSTERIORS = (
     _RED(
         "registration",
         "Registration of one channel: similarity and Gaussian noise",
-        build=_registration,
+        build=_model,
         file=_file(_your_registration, "model", *_ERRORS),
         walkers=240,
     ),
     _RED(
         "registration-mixture",
         "Registration with wrong matches: a good/bad mixture",
-        build=_mixture,
+        build=partial(_model, extend=models.mixture_model, wrong=_FALSE_FRACTION),
         file=_file(_your_mixture, *_ERRORS),
         truth=lambda inputs: {**truth(inputs), "false-share": _FALSE_FRACTION},
         steps=350,
@@ -224,7 +207,7 @@ POSTERIORS = (
     _RED(
         "registration-distortion",
         "Registration with both distortions free",
-        build=_distortion,
+        build=partial(_model, extend=models.distortion_model),
         file=_NO_FILE,
         truth=_distorted_truth,
     ),

@@ -19,7 +19,7 @@ import numpy as np
 
 from reproduce.inference import Consequence, LogUniform, Model, Prior, Uniform, models
 from reproduce.papers.charts import set_size
-from reproduce.papers.declare import Marks, Rows, draws, item_text, studied
+from reproduce.papers.declare import Rows, draws, item_text, studied
 from reproduce.papers.niu2024 import experiment, simulation
 from reproduce.papers.niu2024.simulation import CHANNELS, REGISTERED, ROWS, Instrument
 from reproduce.papers.posteriors import Declaration
@@ -74,29 +74,6 @@ def _noise_free_fit(
     return fit_registration(true[place], true[0], pivot, target_covariance=np.eye(2))
 
 
-def _printed_fit(inputs: Inputs, kind: str, channel: str) -> models.PrintedFit:
-    """Return the printed estimates and residuals of a channel, with all possible designs."""
-    table, points, residuals, instrument, averaged = _SOURCES[kind]
-    cells = [f"{table}#{row}.{channel}" for row in ROWS]
-    errors = [
-        _noise_free_fit(
-            instrument(inputs), simulation.arrangement(inputs, name), channel
-        ).standard_errors
-        for name in item_text("niu2024/text-simulation").options["angles"]
-    ]
-    printed = inputs.array(residuals.format(channel))
-    # Section 4.3 has a residual of each axis.
-    axes = 2 // len(printed)
-    return models.PrintedFit(
-        np.array([inputs[cell] for cell in cells]),
-        np.array([inputs.half_unit(cell) for cell in cells]),
-        np.concatenate([np.array(errors) / np.sqrt(count) for count in averaged]),
-        printed,
-        np.full(len(printed), axes * inputs.count(points)),
-        axes,
-    )
-
-
 def _against_cameras(parameters: FloatArray, expected: float) -> dict[str, Consequence]:
     """Return the difference between the scale factor and that of noise-free images."""
     difference = (parameters[:, 0] - expected) * 1e6
@@ -104,13 +81,35 @@ def _against_cameras(parameters: FloatArray, expected: float) -> dict[str, Conse
 
 
 def _model(inputs: Inputs, kind: str, channel: str) -> Model:
-    angles = simulation.arrangement(inputs)
-    fit = _noise_free_fit(_SOURCES[kind][3](inputs), angles, channel)
+    """Return the printed estimates and residuals of a channel, with all possible designs."""
+    table, points, residuals, instrument, averaged = _SOURCES[kind]
+    cells = [f"{table}#{row}.{channel}" for row in ROWS]
+    patterns = item_text("niu2024/text-simulation").options["angles"]
+    fits = [
+        _noise_free_fit(
+            instrument(inputs), simulation.arrangement(inputs, name), channel
+        )
+        for name in patterns
+    ]
+    errors = np.array([fit.standard_errors for fit in fits])
+    printed = inputs.array(residuals.format(channel))
+    # Section 4.3 has a residual of each axis.
+    axes = 2 // len(printed)
+    likelihood = models.PrintedFit(
+        np.array([inputs[cell] for cell in cells]),
+        np.array([inputs.half_unit(cell) for cell in cells]),
+        np.concatenate([errors / np.sqrt(count) for count in averaged]),
+        printed,
+        np.full(len(printed), axes * inputs.count(points)),
+        axes,
+    )
+    # The first pattern is the literal one.
+    expected = float(fits[0].parameters[0])
     return Model(
         f"{kind}-{channel}",
         tuple(models.registration_parameter(*item) for item in _PRIORS.items()),
-        _printed_fit(inputs, kind, channel),
-        (partial(_against_cameras, expected=float(fit.parameters[0])),),
+        likelihood,
+        (partial(_against_cameras, expected=expected),),
     )
 
 
@@ -177,7 +176,7 @@ def _printed_scales(inputs: Inputs) -> Rows:
 
 
 @draws("niu2024/drawing-printed-scales", inputs=_SCALE_INPUTS)
-def _draw_scales(figure: Figure, printed: Marks, inputs: Inputs) -> None:
+def _draw_scales(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     """Draw the difference between scale factors and cameras, with two standard deviations."""
     set_size(figure, 6.0, 2.8, 3.4)
     axes = figure.subplots()

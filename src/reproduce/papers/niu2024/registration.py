@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from reproduce.papers.declare import Results, reproduces
+from reproduce.papers.declare import Results, by_cell, reproduces
 from reproduce.papers.niu2024.simulation import REGISTERED, numbers, points
 from reproduce.physics import optics
+from reproduce.physics.validate import FloatArray
 from reproduce.printed.inputs import Inputs
 
 
-def scale_factors(inputs: Inputs, table: str = "niu2024/table-1") -> dict[str, float]:
-    """Return the ratio of green's focal length in a table to the length of each channel."""
+def scale_factors(inputs: Inputs, table: str = "niu2024/table-1") -> FloatArray:
+    """Return the ratios of green's focal length in a table to those of red and blue."""
     green, *others = numbers(inputs, f"{table}#focal-length")
-    return {
-        channel: float(optics.scale_factor(green, length))
-        for channel, length in zip(REGISTERED, others, strict=True)
-    }
+    return optics.scale_factor(green, others)
 
 
 @reproduces(
@@ -27,7 +25,7 @@ def true_scale(inputs: Inputs) -> Results:
 
     Implements: niu2024 (6).
     """
-    return {f"scale.{channel}": k for channel, k in scale_factors(inputs).items()}
+    return by_cell("scale.{}", scale_factors(inputs), REGISTERED)
 
 
 @reproduces(
@@ -41,8 +39,4 @@ def true_translation(inputs: Inputs) -> Results:
     Implements: niu2024 (14).
     """
     green, *others = points(inputs, "niu2024/table-1#principal-point")
-    return {
-        f"translation-{axis}.{channel}": shift
-        for channel, point in zip(REGISTERED, others, strict=True)
-        for axis, shift in zip("xy", point - green, strict=True)
-    }
+    return by_cell("translation-{1}.{0}", others - green, REGISTERED, "xy")

@@ -34,9 +34,9 @@ from numpy.typing import NDArray
 
 from reproduce.papers.charts import plot_range, set_size
 from reproduce.papers.declare import (
-    Marks,
-    Prediction,
+    Result,
     Results,
+    by_cell,
     draws,
     item_text,
     reproduces,
@@ -261,11 +261,7 @@ def calibrated_parameters(
     """
     bench = _Bench(inputs, angles, noise, repeats, translations)
     parameters = bench.calibrated(default_rng(seed), replicates).parameters
-    return {
-        f"{row}.{channel}": Prediction(parameters[:, place, column])
-        for place, channel in enumerate(REGISTERED)
-        for column, row in enumerate(ROWS)
-    }
+    return by_cell("{1}.{0}", np.moveaxis(parameters, 0, -1), REGISTERED, ROWS)
 
 
 @lru_cache(maxsize=2)
@@ -319,19 +315,18 @@ def registration_rmse(
     Implements: niu2024 (17), (18), (26).
     """
     bench = _Bench(inputs, angles, noise, repeats, translations)
-    results = {}
+    results: dict[str, Result] = {}
     for name, axes in _residuals(bench, seed, replicates, tests, parameters).items():
         if rmse in {"x", "y"}:
             values = axes[..., "xy".index(rmse)]
         else:
             values = np.hypot(*axes.T).T / (1.0 if rmse == "both" else np.sqrt(2))
-        for channel, column in zip(REGISTERED, values.T, strict=True):
-            results[f"rmse-{name}-{channel}"] = Prediction(column)
+        results |= by_cell(f"rmse-{name}-{{}}", values.T, REGISTERED)
     return results
 
 
 @draws("niu2024/fig-4", inputs=ANGLES)
-def _draw_angles(figure: Figure, printed: Marks, inputs: Inputs) -> None:
+def _draw_angles(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     """Draw the arrangements of the angles that the text allows, the literal one first."""
     size = 1.2 if set_size(figure, 6.4, 5.6, 3.9) else 2.4
     corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1]])
@@ -357,7 +352,7 @@ _AGREEING = ("none agrees", "one agrees", "both agree")
     inputs=(*INPUTS, "niu2024/table-2#*", "niu2024/table-3#*"),
     random=True,
 )
-def _draw_parameters(figure: Figure, printed: Marks, inputs: Inputs) -> None:
+def _draw_parameters(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     """Draw the parameters of Table 3 and their predicted ranges under both readings."""
     shape = (8, 1) if set_size(figure, 6.4, 5.2, 8.8) else (4, 2)
     grid = figure.subplots(*shape, sharey=True).flat

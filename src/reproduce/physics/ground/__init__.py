@@ -17,4 +17,3 @@ from reproduce.physics.ground.imaging import (
     image_vectors,
     imaged_position,
 )
-from reproduce.physics.ground.thermal import trend_and_fourier
