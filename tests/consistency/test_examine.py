@@ -4,10 +4,9 @@ import math
 
 import numpy as np
 import pytest
-from made_up import TABLES, audited_table, declared, finding, printed_cell
+from made_up import audited_table, finding, printed_cell
 
 from reproduce.consistency.equations import ITERATION_STEPS
-from reproduce.consistency.examine import contradicted
 from reproduce.consistency.report import audit_paper
 
 TEXT = """
@@ -70,20 +69,6 @@ def test_a_rounding_rule_that_lifts_a_contradiction_is_named():
     assert outcomes("a = b + c + d", *numbers) == ("contradicts", "")
 
 
-@pytest.mark.parametrize("table", TABLES)
-def test_a_wrong_first_digit_contradicts(table):
-    """A relation with the wrong cell contradicts."""
-    right, relations = TABLES[table]()
-    assert not contradicted(right, relations)
-    for address, cell in right.items():
-        text = cell.number.text
-        wrong = printed_cell(
-            address, str((int(text[0]) + 4) % 9 + 1) + text[1:], cell.unit
-        )
-        found = contradicted(right | {address: wrong}, relations)
-        assert any(address in one.addresses for one in relations if one.name in found)
-
-
 @pytest.mark.parametrize(
     ("paper", "relation", "right", "unit"),
     [
@@ -103,15 +88,7 @@ def test_right_sides_are_those_computed_by_hand(paper, relation, right, unit):
 
 def test_left_sides_of_inequalities_by_hand():
     audit = audit_paper("niu2024")
-    radius = math.sqrt(
-        (math.tan(math.radians(8)) ** 2 + math.tan(math.radians(6)) ** 2) / 3
-    )
-    assert finding(audit, "before-scale-red").left == pytest.approx(
-        0.0601 / 3.45e-3 * radius
-    )
-    assert finding(audit, "before-shift-red").left == pytest.approx(
-        math.hypot(1.9, 2.3)
-    )
+    radius = math.hypot(*np.tan(np.radians([8, 6]))) / math.sqrt(3)
     points = np.radians(np.linspace(-1, 1, 401))
     x, y = 25 * np.tan(8 * points)[:, None], 25 * np.tan(6 * points)
     square = x**2 + y**2
@@ -136,19 +113,6 @@ def test_printed_equations_give_the_numbers_computed_by_hand():
     )
     assert shown["stage-angle"].right == pytest.approx(-10.3132, abs=1e-4)
     assert shown["stage-signs"].printed == -shown["stage-signs"].wanted
-
-
-def test_no_two_relations_are_equal():
-    for paper in ("niu2024", "chen2023"):
-        found = [f.relation for f in audit_paper(paper).findings]
-        texts = {(one.formula.text, *map(str, one.binding.items())) for one in found}
-        assert len(texts) == len(found)
-
-
-def test_a_number_bound_twice_counts_once():
-    cells = {"t#a": printed_cell("t#a", "1.0")}
-    (relation,) = declared(TEXT.format(formula="x = y", cells="x=t#a y=t#a"), cells)
-    assert relation.addresses == ("t#a",)
 
 
 def test_last_digits_are_compared_for_a_relation_of_kind_print():

@@ -7,7 +7,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from reproduce.consistency.examine import rounding_interval
-from reproduce.consistency.relation import Tolerance
 from reproduce.printed.cells import library
 from reproduce.printed.inputs import load_inputs as given_cells
 from reproduce.printed.number import PrintedNumber, si_factor
@@ -16,20 +15,15 @@ from reproduce.printed.number import PrintedNumber, si_factor
 @pytest.mark.parametrize(
     ("text", "qualifier", "rule", "wanted"),
     [
-        ("2.0", None, "", (1.95, 2.05)),
         ("2.0", None, "truncation", (2.0, 2.1)),
         ("-2.0", None, "truncation", (-2.1, -2.0)),
         ("0.0", None, "truncation", (-0.1, 0.1)),
         ("2.0", None, "ceiling", (1.9, 2.0)),
         ("-2.0", None, "ceiling", (-2.1, -2.0)),
-        ("2.1", "about", "", (2.0, 2.2)),
         ("2.1", "about", "ceiling", (2.0, 2.2)),
-        ("2.0", "about", "", (1.5, 2.5)),
-        ("2.0", "within", "", (2.0, 2.0)),
         ("2.0", "about", "digits", (1.95, 2.05)),
         ("4", "within", "digits", (4.0, 4.0)),
         ("2.0", "less", "truncation", (2.0, 2.0)),
-        ("2.0", "nominal", "", (1.9, 2.1)),
         ("2.0", "nominal", "truncation", (1.9, 2.1)),
     ],
 )
@@ -65,8 +59,3 @@ def test_rules_are_those_of_decimal_arithmetic(value, step):
         text = str(value.quantize(Decimal(step), rounding=rounding))
         low, high = rounding_interval(PrintedNumber(text), rule)
         assert low - 1e-9 <= float(value) <= high + 1e-9
-
-
-def test_tolerances_are_read_in_their_unit_or_in_hundredths():
-    assert Tolerance(size=0.025, reason="small angles").text == "2.5 %"
-    assert Tolerance(size=0.3, reason="nominal", unit="arcsec").text == "0.3 arcsec"

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy import stats
 
-from reproduce.inference.models import NewStars, distortion_model, exact_draws
+from reproduce.inference.models import NewStars, exact_draws
 from reproduce.papers.chen2023.posteriors import _OnTheGround
 from reproduce.physics.registration import Registration
 from reproduce.units import ARCSEC_PER_RADIAN
@@ -37,17 +37,6 @@ def test_consequences_at_new_stars_contain_the_error_of_the_transform(registrati
     angle = found["test points, pointing error"].values
     np.testing.assert_allclose(angle / rmse, 28.5)
     assert (consequence(draws)["test points, RMSE"].values == rmse).all()
-
-
-def test_the_distortion_model_predicts_other_stars(registration):
-    """The edge of the field does not depend on the new stars."""
-    likelihood = distortion_model(registration).likelihood
-    rows = np.append(likelihood.start()[0][:5], (0.6, 0.4))[None]
-    places = likelihood.places(rows)[0, :7]
-    other = likelihood.places(rows, likelihood.source[:7])[0]
-    np.testing.assert_array_equal(other, places)
-    plain = registration.likelihood.places(rows[:, :5])[0, :7]
-    assert 0.001 < np.abs(places - plain).max() < 2.0
 
 
 def test_ground_error_of_a_misalignment():

@@ -9,7 +9,7 @@ from reproduce.inference import posterior_checks
 from reproduce.inference.sampling import Plan, sample
 from reproduce.papers.posteriors import posteriors
 
-PLAN = Plan(5, steps=500, warmup=200)
+PLAN = Plan(5, ensembles=2, steps=300, warmup=120)
 
 
 def test_coordinates_are_one_to_one_with_the_stated_volume():

@@ -1,12 +1,16 @@
 """Two modes of a posterior are found, and one mode is not split."""
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pandas as pd
 import pytest
 
-import reproduce as rp
+from reproduce.inference.models import mixture_model, registration_model
 from reproduce.inference.modes import MAX_DIP, dip, two_modes
-from reproduce.store.points import STARS
+from reproduce.inference.posterior import bimodal
+from reproduce.views.posterior import Posterior, book_posterior
 
 COUNT, SAMPLES = 1000, 400
 ONE_MODE = ("uniform", "normal", "exponential", "standard_cauchy", "lognormal")
@@ -46,26 +50,26 @@ def test_dip_of_known_distributions():
     assert two_modes(np.ones(100)) is None
 
 
-def test_a_mixture_with_two_modes_reports_both():
-    """Of 40 stars 8 are exchanged and 4 lie some noises off: the noise is small or large."""
+def test_a_parameter_with_two_modes_is_named_with_both_in_the_displayed_unit():
+    found = book_posterior("misalignment")
+    values = split(np.random.default_rng(2), found.chain[..., 5].size, 0.16)
+    parameter, chain = found.model.parameters[5], found.chain.copy()
+    chain[..., 5] = values.reshape(chain.shape[:-1]) / parameter.shown
+    modes = bimodal(replace(found, chain=chain))
+    assert list(modes) == [parameter.name]
+    assert modes[parameter.name].low == pytest.approx(0.24, abs=0.03)
+    assert modes[parameter.name].below == pytest.approx(0.16, abs=0.02)
+
+
+def test_stars_that_only_a_robust_fit_drops_give_a_warning():
+    """Of 40 stars 8 are exchanged and 4 lie some noises off."""
     generator = np.random.default_rng(3)
     source = generator.uniform(0, 2000, (40, 2))
     target = 1.0004 * source + [3, -2] + 0.2 * generator.normal(size=source.shape)
     target[:8] = target[np.roll(np.arange(8), 1)]
     target[8:12] += generator.normal(0, 2.0, (4, 2))
-    frame = pd.DataFrame(np.hstack([source, target]), columns=list(STARS))
-    found = rp.posterior("registration-mixture", frame)
-    modes = found.modes["noise"]
-    # The true noise is 0.2 px. The other mode includes the stars near their places.
-    assert 0.15 < modes.low < 0.3
-    assert modes.high > 1.5 * modes.low
-    halfway = (modes.low + modes.high) / 2
-    below = (found.draws["noise (px)"] < halfway).mean()
-    assert modes.below == pytest.approx(below, abs=0.05)
-    assert 0.05 < modes.below < 0.95
-    fit = rp.register(frame, robust=True).fit
-    assert (fit.weights == 0).sum() > (found.stars()["probability_false"] > 0.5).sum()
-    text = " ".join(repr(found).split())
-    assert "Warning: noise has two modes: " in text
-    assert "a robust fit drops " in text
-    assert found.record()["modes"]["noise"] == modes._asdict()
+    model = mixture_model(registration_model(source, target, (1000, 1000)))
+    for false, warned in ((8, True), (11, False)):
+        stars = pd.DataFrame({"probability_false": (np.arange(40) < false) * 1.0})
+        shown = SimpleNamespace(model=model, _stars=stars)
+        assert ("drops" in Posterior._dropped.fget(shown)) == warned

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from reproduce.inference import models
 from reproduce.papers.niu2024 import experiment, published, simulation
 from reproduce.papers.posteriors import posteriors
 from reproduce.physics.registration import fit_registration
@@ -14,15 +13,6 @@ from reproduce.views.posterior import book_posterior
 
 def likelihood_of(key):
     return posteriors()[key].model().likelihood
-
-
-def test_emcee_agrees_with_exact_draws_of_a_printed_fit():
-    found = book_posterior("camera-red")
-    generator = np.random.default_rng(3)
-    exact = models.exact_draws(found.model, 40_000, generator)
-    spread = exact.std(axis=0)
-    assert (np.abs(found.draws.mean(axis=0) - exact.mean(axis=0)) < 0.05 * spread).all()
-    assert found.draws.std(axis=0) == pytest.approx(spread, rel=0.04)
 
 
 def test_a_printed_fit_has_the_variance_of_rounding_and_noise():

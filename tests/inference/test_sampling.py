@@ -12,6 +12,7 @@ from reproduce.inference import UnconvergedError, sampling
 from reproduce.inference.sampling import Plan, sample
 
 PLAN = Plan(3, steps=300, warmup=120)
+SINGLE = replace(PLAN, ensembles=1)
 
 
 @pytest.fixture(scope="module")
@@ -21,12 +22,12 @@ def plain(registration):
 
 def test_only_the_seed_decides(registration, plain):
     np.random.seed(1)  # noqa: NPY002 - emcee must not use the global state
-    again = sample(registration, PLAN)
-    np.testing.assert_array_equal(again.chain, plain.chain)
+    again = sample(registration, SINGLE)
+    np.testing.assert_array_equal(again.chain, plain.chain[:1])
     with pytest.raises(ValueError, match="walkers: "):
         sample(registration, replace(PLAN, walkers=31))
-    other = sample(registration, replace(PLAN, seed=4))
-    assert not np.array_equal(other.chain, plain.chain)
+    other = sample(registration, replace(SINGLE, seed=4))
+    assert not np.array_equal(other.chain, again.chain)
     assert len({tuple(ensemble[0, 0]) for ensemble in plain.chain}) == PLAN.ensembles
 
 
@@ -36,12 +37,12 @@ def test_executors_give_identical_draws(registration, plain):
         ProcessPoolExecutor(2, mp_context=get_context("spawn")),
     ):
         with pool:
-            chain = sample(registration, PLAN, executor=pool).chain
-        np.testing.assert_array_equal(chain, plain.chain)
+            pair = sample(registration, replace(PLAN, ensembles=2), executor=pool)
+        np.testing.assert_array_equal(pair.chain, plain.chain[:2])
 
 
 def test_short_chains_are_run_again_with_the_advised_steps(registration, monkeypatch):
-    short = replace(PLAN, steps=60, warmup=10)
+    short = replace(SINGLE, steps=60, warmup=10)
     with pytest.raises(UnconvergedError) as caught:
         sample(registration, short)
     needed = caught.value.steps
@@ -71,8 +72,6 @@ def test_saved_groups_are_those_of_arviz(plain, registration, tmp_path):
         assert abs(found.values.mean() - row.mean) < 0.1 * row.deviation
     data = registration.likelihood
     np.testing.assert_array_equal(tree["observed_data"]["target"], data.target)
-    for group in ("posterior_predictive", "prior_predictive"):
-        assert tree[group]["target"].dims == ("chain", "draw", "star", "axis")
     log = tree["log_likelihood"]["target"]
     assert log.dims == ("chain", "draw", "star")
     # The draws are some of those of the posterior, by number.
@@ -86,5 +85,3 @@ def test_saved_groups_are_those_of_arviz(plain, registration, tmp_path):
     noise = float(tree["posterior"]["noise"].mean())
     # Variances of residuals and of simulated noise, minus those of four parameters.
     assert float(off.std()) == pytest.approx(noise * np.sqrt(2), rel=0.05)
-    prior = tree["prior"]["scale"]
-    assert 0.5 < float(prior.min()) < 0.7 < 1.8 < float(prior.max()) < 2.0

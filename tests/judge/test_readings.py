@@ -147,31 +147,23 @@ def test_three_readings_of_a_stored_computation_are_computed_again(name):
 CAMERA = simulation.calibrated_parameters
 
 
-def test_a_changed_option_makes_the_stored_readings_stale():
-    fewer = {**CAMERA.options, "repeats": {"one": CAMERA.options["repeats"]["one"]}}
-    changed = replace(CAMERA, options=fewer)
-    assert readings.fingerprint(changed) != readings.fingerprint(CAMERA)
-    with pytest.raises(StudyError, match=f"other inputs or options; {STALE}"):
-        readings.evaluate.__wrapped__(changed)
-
-
-def test_a_changed_input_makes_the_stored_readings_stale(monkeypatch):
-    cells, before = load_inputs(CAMERA.inputs).cells, readings.fingerprint(CAMERA)
-    noise = replace(cells[simulation.NOISE], content=PrintedNumber("0.06"))
-    moved = Inputs({**cells, simulation.NOISE: noise})
-    monkeypatch.setattr(readings, "load_inputs", lambda _: moved)
-    assert readings.fingerprint(CAMERA) != before
-    with pytest.raises(StudyError, match=STALE):
-        readings.evaluate.__wrapped__(CAMERA)
-
-
-def test_a_changed_result_makes_the_stored_readings_stale(monkeypatch):
+def test_changed_options_inputs_and_results_make_the_stored_readings_stale(monkeypatch):
     """The literal reading is computed anew and compared."""
-    study = readings._study()
-    name = f"{CAMERA.name}:scale.red"
-    moved = {**study.arrays, name: study.arrays[name] * (1 + 1e-5)}
-    monkeypatch.setattr(
-        readings, "_study", lambda: SimpleNamespace(note=study.note, arrays=moved)
-    )
+    again, before = readings.evaluate.__wrapped__, readings.fingerprint(CAMERA)
+    fewer = {**CAMERA.options, "repeats": {"one": CAMERA.options["repeats"]["one"]}}
+    with pytest.raises(StudyError, match=f"other inputs or options; {STALE}"):
+        again(replace(CAMERA, options=fewer))
+    cells = load_inputs(CAMERA.inputs).cells
+    noise = replace(cells[simulation.NOISE], content=PrintedNumber("0.06"))
+    with monkeypatch.context() as patched:
+        moved = Inputs({**cells, simulation.NOISE: noise})
+        patched.setattr(readings, "load_inputs", lambda _: moved)
+        assert readings.fingerprint(CAMERA) != before
+        with pytest.raises(StudyError, match=STALE):
+            again(CAMERA)
+    study, name = readings._study(), f"{CAMERA.name}:scale.red"
+    arrays = {**study.arrays, name: study.arrays[name] * (1 + 1e-5)}
+    stored = SimpleNamespace(note=study.note, arrays=arrays)
+    monkeypatch.setattr(readings, "_study", lambda: stored)
     with pytest.raises(StudyError, match=rf"table-3#scale\.red is .*{STALE}$"):
-        readings.evaluate.__wrapped__(CAMERA)
+        again(CAMERA)

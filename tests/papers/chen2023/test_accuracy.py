@@ -28,13 +28,6 @@ def test_a_single_frame_agrees_with_the_papers_formula(predicted):
             assert np.median(draws) == pytest.approx(formula, rel=0.02)
 
 
-def test_averages_fall_with_the_root_of_their_length(predicted):
-    single = np.median(predicted["1.transform-x"].draws)
-    for count in (4, 16, 25):
-        average = np.median(predicted[f"{count}.transform-x"].draws)
-        assert average == pytest.approx(single / np.sqrt(count), rel=0.04)
-
-
 def test_long_averages_are_uncertain_by_themselves(predicted):
     """Few averages over 100 of 800 frames are independent: scatter of the scatter."""
     for count, low, high in ((1, 0.02, 0.03), (49, 0.12, 0.19), (100, 0.17, 0.28)):

@@ -49,15 +49,16 @@ def test_a_drift_is_found_within_its_error():
         assert inside.mean() == pytest.approx(0.95, abs=error)
 
 
-def test_the_floor_of_white_noise_has_an_honest_interval():
+@pytest.mark.parametrize("averages", [5, 25])
+def test_the_floor_of_white_noise_has_an_honest_interval(averages):
     count, nothing = 16, np.zeros(2000)
-    series = default_rng(8).standard_normal((2000, 400))
+    series = default_rng(8).standard_normal((2000, 16 * averages))
     found = Stability(
         nothing,
         nothing,
         series.T,
         np.array([count]),
-        np.array([25]),
+        np.array([averages]),
         allan_deviation(series, [count]).T,
     )
     low, high = found.floor_interval(0.95)
@@ -75,9 +76,9 @@ def test_averages_stop_where_noise_has_a_floor():
     assert alone.reached[0] >= 256
 
 
-@pytest.mark.parametrize("kept", [np.r_[:300], np.r_[0:90, 91:200, 260:300]])
-def test_no_average_bridges_a_gap(kept):
+def test_no_average_bridges_a_gap():
     """Each part gives the result of a separate series; one frame between them is lost."""
+    kept = np.r_[0:90, 91:200, 260:300]
     series = np.cumsum(default_rng(10).standard_normal((300, 2)), axis=0)
     found = stability(1.0 * kept, series[kept])
     assert len(found.counts) > 3
@@ -85,13 +86,12 @@ def test_no_average_bridges_a_gap(kept):
     for place, count in enumerate(found.counts):
         squares, start = [], 0
         for piece in pieces:
-            starts = range(-start % count, len(piece) - count + 1, count)
-            means = np.array([piece[one : one + count].mean(axis=0) for one in starts])
-            squares.append(np.square(np.diff(means, axis=0)).reshape(-1, 2))
+            whole = piece[-start % count :]
+            whole = whole[: len(whole) // count * count].reshape(-1, count, 2)
+            squares.extend(np.square(np.diff(whole.mean(axis=1), axis=0)))
             start += len(piece) + 1
-        expected = np.concatenate(squares)
-        assert found.averages[place] == len(expected) + 1
-        root = np.sqrt(expected.mean(axis=0) / 2)
+        assert found.averages[place] == len(squares) + 1
+        root = np.sqrt(np.mean(squares, axis=0) / 2)
         assert_allclose(found.deviations[place], root, rtol=1e-9)
 
 
@@ -100,10 +100,8 @@ def test_no_average_bridges_a_gap(kept):
     [
         (moving_average, (np.zeros(5), 6), "count"),
         (scatter_of_averages, (np.zeros(5), [5]), "counts"),
-        (scatter_of_averages, (np.zeros(5), []), "counts"),
         (allan_deviation, (np.zeros(15), [8]), "counts"),
         (stability, (np.arange(15.0), np.zeros((15, 1))), "series"),
-        (stability, (np.zeros(20), np.zeros((20, 1))), "times"),
         (stability, (np.r_[np.arange(20.0), 19.3], np.zeros((21, 1))), "times"),
     ],
 )

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from numpy.random import default_rng
 from numpy.testing import assert_allclose
+from scipy.spatial.transform import Rotation
 
 from reproduce.physics.attitude import (
     rotation_from_vector,
@@ -53,20 +54,8 @@ def published():
     """Return the 480 published lines of sight, instrument position, chain and answers."""
     case = json.loads((DATA / "geolocation_case_1.json").read_text())
     elevation, azimuth = np.radians([case["elevation_deg"], case["azimuth_deg"]])
-    about_x = np.array(
-        [
-            [1, 0, 0],
-            [0, np.cos(elevation), -np.sin(elevation)],
-            [0, np.sin(elevation), np.cos(elevation)],
-        ]
-    )
-    about_y = np.array(
-        [
-            [np.cos(azimuth), 0, np.sin(azimuth)],
-            [0, 1, 0],
-            [-np.sin(azimuth), 0, np.cos(azimuth)],
-        ]
-    )
+    about_x = Rotation.from_euler("x", elevation).as_matrix()
+    about_y = Rotation.from_euler("y", azimuth).as_matrix()
     earth_from_iss = np.array(case["earth_from_inertial"]) @ case["inertial_from_iss"]
     chain = (
         earth_from_iss

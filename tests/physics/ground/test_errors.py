@@ -28,11 +28,6 @@ def distance_to_ground(origin, directions):
     return np.linalg.norm(found - origin, axis=-1)
 
 
-def on_the_ellipsoid(points):
-    axes = EARTH_RADIUS * np.array([1, 1, 1 - 1 / 298.257223563])
-    return np.sum((points / axes) ** 2, axis=-1)
-
-
 def test_resolution_and_altitude_are_inverses():
     heights = np.geomspace(1e5, 4e7, 9)
     pixels = ground_resolution(10.0, 1e-5, heights)

@@ -12,13 +12,6 @@ FAMILY = {name: arrangement_angles(name, *HALVES) for name in arrangement_names(
 SQUARE, CIRCLE = "square, step between neighbours", "circle of the smaller half range"
 
 
-def test_square_from_the_corner_is_the_grid_of_a_loop_over_the_range() -> None:
-    x, y = np.arange(-8, 8.01, 0.9), np.arange(-6, 6.01, 0.9)
-    expected = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-    found = FAMILY[f"{SQUARE}; from the lower left corner; rectangle"]
-    assert_allclose(np.degrees(found), expected, atol=1e-12)
-
-
 def test_quincunx_of_eleven_by_seven_and_ten_by_six_fills_the_range() -> None:
     even = np.meshgrid(np.linspace(-8, 8, 11), np.linspace(-6, 6, 7))
     odd = np.meshgrid(np.linspace(-7.2, 7.2, 10), np.linspace(-5, 5, 6))
@@ -55,18 +48,21 @@ def test_every_arrangement_is_sorted_and_within_the_range() -> None:
         assert_array_equal(order, np.arange(len(order)))
 
 
-def test_windows_contain_the_whole_numbers_that_they_should_with_their_edges() -> None:
+def test_windows_contain_the_places_that_they_should_with_their_edges() -> None:
     windows = {
-        "rectangle": lambda i, j: True,
+        "rectangle": lambda i, j: abs(i) <= 10 and abs(j) <= 5,
         "rectangle without its border": lambda i, j: abs(i) < 10 and abs(j) < 5,
         "inscribed ellipse": lambda i, j: i * i + 4 * j * j <= 100,
         CIRCLE: lambda i, j: i * i + j * j <= 25,
         "circle of the larger half range": lambda i, j: i * i + j * j <= 100,
         "diamond": lambda i, j: abs(i) + 2 * abs(j) <= 10,
     }
-    for window, inside in windows.items():
-        grid = ((i, j) for j in range(-5, 6) for i in range(-10, 11))
-        expected = [place for place in grid if inside(*place)]
-        name = f"{SQUARE}; centred; {window}"
-        found = arrangement_angles(name, 10.0, 5.0, 1.0)
-        assert_allclose(found, expected, atol=1e-12)
+    for offset, half in (("centred", 0.0), ("half a spacing along both", 0.5)):
+        for window, inside in windows.items():
+            grid = ((i + half, j + half) for j in range(-6, 6) for i in range(-11, 11))
+            expected = [
+                place for place in grid if abs(place[1]) <= 5 and inside(*place)
+            ]
+            name = f"{SQUARE}; {offset}; {window}"
+            found = arrangement_angles(name, 10.0, 5.0, 1.0)
+            assert_allclose(found, expected, atol=1e-12)

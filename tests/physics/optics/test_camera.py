@@ -5,18 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from numpy.random import default_rng
-from numpy.testing import assert_allclose, assert_array_equal
+from numpy.testing import assert_allclose
 
 from reproduce.physics.optics import (
     Camera,
     angle_from_pixels,
-    distortion_ratio,
     field_of_view,
     ideal_positions,
     image_points,
-    radial_displacements,
     reference_points_scaled,
-    scale_factor,
 )
 from reproduce.units import ARCSEC_PER_RADIAN
 
@@ -50,26 +47,6 @@ def test_image_points_are_those_by_hand() -> None:
         spots = image_points(rng.uniform(0.1, 9, (40, 1)) * stars, channel, theta)
         assert_allclose(spots @ [1, 1j], expected, rtol=1e-13)
         assert_allclose(ideal_positions(stars, focal) @ [1, 1j], ideal, rtol=1e-13)
-
-
-def test_ratio_of_distortions_is_the_ratio_of_computed_displacements() -> None:
-    stars, green, blue = directions(), (21e-3, 50.0), (20e-3, 40.0)
-    k = scale_factor(green[0], blue[0])
-    ideal_blue = ideal_positions(stars, blue[0])
-    assert_allclose(k * ideal_blue, ideal_positions(stars, green[0]), rtol=1e-14)
-    displaced = [
-        radial_displacements(ideal_positions(stars, f), m) for f, m in (green, blue)
-    ]
-    expected = distortion_ratio(k, green[1], blue[1])
-    assert_allclose(displaced[0] / displaced[1], expected, rtol=1e-12)
-
-
-def test_the_approximations_of_the_ratio_are_limits_of_it() -> None:
-    k = np.array([0.998, 1.0, 1.002])
-    assert_array_equal(distortion_ratio(k), distortion_ratio(k, 7.0, 7.0))
-    moved = reference_points_scaled([[1.0, 0.0]], k, (0.0, 0.0))
-    error = moved[:, 0, 0] / distortion_ratio(k) - 1
-    assert_allclose(error, 2 * (1 - k), atol=2e-5)
 
 
 def test_scaled_points_are_exact_where_distortion_is_shared_as_assumed() -> None:

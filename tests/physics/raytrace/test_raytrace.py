@@ -34,17 +34,6 @@ def test_a_corner_cube_returns_every_direction_however_it_turns():
         assert_allclose(train, -np.eye(3), atol=1e-12)
 
 
-def test_two_mirrors_at_a_right_angle():
-    train, turn = mirror_train(ROOF), 1e-3
-    assert_allclose(train, np.diag([-1.0, 1.0, -1.0]), atol=1e-12)
-    # Without effect about the edge, twice the turn across it, a roll about the beam.
-    assert_allclose(turned_train(train, [0, 0.7, 0]), train, atol=1e-12)
-    found = turned_train(train, [turn, 0, 0]) @ [0, 0, 1.0]
-    assert np.arccos(-found[2]) == pytest.approx(2 * turn, rel=1e-6)
-    moved = (turned_train(train, [0, 0, turn]) - train) @ [0.01, 0.0, 1.0]
-    assert np.linalg.norm(moved) == pytest.approx(2 * turn * 0.01, rel=1e-3)
-
-
 def test_the_order_of_a_train_is_that_of_the_light():
     first, second = RNG.normal(size=(2, 3))
     expected = reflection(second) @ reflection(first)
@@ -60,13 +49,6 @@ def test_the_response_is_the_derivative_of_the_turned_train():
             plus, minus = (turned_train(train, sign * turn) for sign in (1, -1))
             slope = directions @ (plus - minus).T / (2 * step)
             assert_allclose(found[..., axis], slope, atol=1e-9)
-
-
-def ring(offset=0.0, count=12):
-    around = 2 * np.pi * (np.arange(count) + 0.5) / count
-    places = [0.3 * np.cos(around), 0.3 * np.sin(around), np.full(count, -2.0)]
-    beam = np.array([np.sin(offset), 0, np.cos(offset)])
-    return np.stack(places, axis=-1), np.tile(beam, (count, 1))
 
 
 def test_a_cone_against_a_root_finder_and_a_numerical_normal():
