@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from made_up import audited_table, finding, printed_cell
 
-from reproduce.consistency.equations import ITERATION_STEPS
+from reproduce.consistency.equations import _ITERATION_STEPS
 from reproduce.consistency.report import audit_paper
 
 TEXT = """
@@ -109,7 +109,7 @@ def test_printed_equations_give_the_numbers_computed_by_hand():
     assert ratio.right == pytest.approx(0.9976**3 * 4.9 / 5.7)
     # The error of the shift equals the shift at first, and doubles with every step.
     assert shown["iteration"].printed == pytest.approx(
-        2**ITERATION_STEPS * math.hypot(0.3, 0.5), rel=1e-3
+        2**_ITERATION_STEPS * math.hypot(0.3, 0.5), rel=1e-3
     )
     assert shown["stage-angle"].right == pytest.approx(-10.3132, abs=1e-4)
     assert shown["stage-signs"].printed == -shown["stage-signs"].wanted

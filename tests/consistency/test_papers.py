@@ -12,7 +12,7 @@ import pint
 import pytest
 from made_up import PINT, audited_table, printed_cell
 
-from reproduce.consistency.examine import contradicted, rounding_interval
+from reproduce.consistency.examine import _rounding_interval, contradicted
 from reproduce.consistency.report import audit_paper, register
 from reproduce.printed.number import UNITS, si_factor
 
@@ -24,7 +24,7 @@ TABLE_V = "chen2023/table-5#"
 
 def box(cell):
     """Return the values that a cell stands for, in SI."""
-    return [si_factor(cell.unit) * end for end in rounding_interval(cell.number)]
+    return [si_factor(cell.unit) * end for end in _rounding_interval(cell.number)]
 
 
 def points(boxes, generator):

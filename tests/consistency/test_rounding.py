@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from reproduce.consistency.examine import rounding_interval
+from reproduce.consistency.examine import _rounding_interval
 from reproduce.printed.cells import library
 from reproduce.printed.inputs import load_inputs as given_cells
 from reproduce.printed.number import PrintedNumber, si_factor
@@ -28,7 +28,7 @@ from reproduce.printed.number import PrintedNumber, si_factor
     ],
 )
 def test_intervals_of_print(text, qualifier, rule, wanted):
-    found = rounding_interval(PrintedNumber(text, qualifier=qualifier), rule)
+    found = _rounding_interval(PrintedNumber(text, qualifier=qualifier), rule)
     assert found == pytest.approx(wanted)
 
 
@@ -36,7 +36,7 @@ def test_the_ledger_and_the_audit_take_the_same_interval_for_every_printed_numbe
     cells = [c for t in library().values() for c in t.cells if c.is_number]
     assert {c.number.qualifier for c in cells} > {None, "about", "nominal"}
     for cell in (cell for cell in cells if not cell.number.is_bound):
-        ends = rounding_interval(cell.number)
+        ends = _rounding_interval(cell.number)
         assert ends == cell.number.interval()
         inputs = given_cells([cell.address])
         for side, end in zip((-1.0, 1.0), ends, strict=True):
@@ -57,5 +57,5 @@ def test_rules_are_those_of_decimal_arithmetic(value, step):
         (ROUND_CEILING, "ceiling"),
     ):
         text = str(value.quantize(Decimal(step), rounding=rounding))
-        low, high = rounding_interval(PrintedNumber(text), rule)
+        low, high = _rounding_interval(PrintedNumber(text), rule)
         assert low - 1e-9 <= float(value) <= high + 1e-9

@@ -14,7 +14,7 @@ from reproduce.inference import (
     diagnostics,
     summarised,
 )
-from reproduce.inference.diagnostics import mcse_quantile, require
+from reproduce.inference.diagnostics import _mcse_quantile, require
 from reproduce.inference.sampling import move_mixture
 
 
@@ -58,7 +58,7 @@ def test_errors_of_mean_and_median_scatter_by_the_standard_error():
     """60 repeats, four standard deviations."""
     chains = [autoregressive(0.7, (4, 500, 8), seed) for seed in range(60)]
     means = [chain.mean() / mcse_mean(chain) for chain in chains]
-    medians = [np.median(chain) / mcse_quantile(chain, 0.5) for chain in chains]
+    medians = [np.median(chain) / _mcse_quantile(chain, 0.5) for chain in chains]
     for ratios in (means, medians):
         assert abs(np.std(ratios) - 1) < 4 / np.sqrt(2 * 60)
 

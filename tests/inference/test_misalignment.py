@@ -6,7 +6,7 @@ from errors import mcse_deviation, mcse_mean
 from scipy import stats
 from scipy.spatial.transform import Rotation
 
-from reproduce.inference.diagnostics import mcse_quantile
+from reproduce.inference.diagnostics import _mcse_quantile
 from reproduce.inference.models import (
     SpotStatistics,
     misalignment_model,
@@ -58,7 +58,7 @@ def test_sampler_agrees_with_the_small_angle_limit(constant):
         for probability in (0.025, 0.975):
             known = mean[i] + errors[i] * stats.norm.ppf(probability)
             off = abs(np.quantile(chain, probability) - known)
-            assert off < 5 * mcse_quantile(chain, probability), name
+            assert off < 5 * _mcse_quantile(chain, probability), name
     noise = posterior.chain[..., -1]
     expected = start[-1] / np.sqrt(2 * likelihood.statistics.size)
     assert abs(noise.std() - expected) < 5 * mcse_deviation(noise)

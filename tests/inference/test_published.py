@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from reproduce.inference import PosteriorSamples
+from reproduce.inference.sampling import Plan, run_ensemble
 from reproduce.papers.niu2024 import experiment, published, simulation
 from reproduce.papers.posteriors import posteriors
 from reproduce.physics.registration import fit_registration
@@ -100,3 +102,15 @@ def test_the_focal_length_of_the_stage_is_that_of_generalised_least_squares():
     spread = np.sqrt(density @ (lengths - mean) ** 2)
     assert length.deviation == pytest.approx(1e3 * spread, rel=0.05)
     assert chance.mean == pytest.approx(weights[1].sum() / weights.sum(), abs=0.01)
+
+
+def test_printed_numbers_are_saved_in_the_groups_of_arviz():
+    """Arrays of different lengths and dimensions have separate dimensions."""
+    for key in ("camera-red", "averaging-x", "stage"):
+        model = posteriors()[key].model()
+        chain, log, accepted = run_ensemble(model, Plan(1, 1, 0, 60, 20), 0)
+        found = PosteriorSamples(model, 1, chain[None], log[None], (accepted,))
+        tree = found.to_datatree()
+        for name, values in model.likelihood.observed.items():
+            np.testing.assert_array_equal(tree["observed_data"][name], values)
+            assert tree["prior_predictive"][name].shape == (1, 250, *values.shape)

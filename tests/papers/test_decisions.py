@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from reproduce.inference.models import averaging_moments
+from reproduce.inference.models.bench import _averaging_moments
 from reproduce.papers.catalogue import studies
 from reproduce.papers.chen2023 import decisions as camera
 from reproduce.papers.chen2023 import published
@@ -42,7 +42,7 @@ def test_the_law_of_table_4_is_that_of_simulated_series():
     drift = np.linspace(-1, 1, 800)
     series = generator.normal(size=(4000, 800)) + 0.1 * drift / drift.std(ddof=1)
     squares = scatter_of_averages(series, counts) ** 2
-    white, floor, pairs, bent = averaging_moments(800, counts)
+    white, floor, pairs, bent = _averaging_moments(800, counts)
     np.testing.assert_allclose(squares.mean(axis=0), white + 0.1**2 * floor, rtol=0.02)
     covariance = 2 * pairs + 4 * 0.1**2 * bent
     np.testing.assert_allclose(np.cov(squares.T), covariance, rtol=0.15)

@@ -119,6 +119,12 @@ def test_the_transform_agrees_with_scikit_image_and_the_truth(fit):
     assert (error < 5 * fit.fit.standard_errors).all()
 
 
+def test_a_rerun_with_another_threshold_finds_other_stars(fit):
+    brighter = fit.rerun(threshold=100.0)
+    assert 10 < len(brighter.source_stars) < len(fit.source_stars)
+    assert brighter.parameters == pytest.approx(fit.parameters, abs=0.1)
+
+
 def test_a_mirror_image_is_reported():
     mirrored = rp.match(rp.stars(RED[:, ::-1]), rp.stars(GREEN))
     assert mirrored.attrs["mirrored"]

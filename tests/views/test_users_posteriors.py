@@ -290,16 +290,14 @@ def test_one_wrong_match_is_a_misfit_that_the_mixture_names(stored, tmp_path):
 
 def test_wrong_matches_are_named_by_their_rows_and_draws_are_saved(stored, tmp_path):
     found = rp.posterior(MIXTURE, stored(*stars(wrong=8, count=40)))
-    text = "8 of 40 stars are probably matched wrongly: row 0, 1, 2, 3, 4 and 3 more"
+    text = "8 of 40 stars are probably matched wrongly: row 0, 1, 2, 3, 4, 5, 6, 7"
     assert found.false_stars == text
     for shown in (" ".join(repr(found).split()), found._repr_html_()):
         assert f"{text}." in shown
     frame = found.stars()
     assert frame.columns.tolist() == ["row", "x", "y", "probability_false"]
     assert frame["row"].tolist() == list(range(40))
-    likely = frame[frame["probability_false"] > 0.5].iloc[::-1]
-    found.__dict__["_stars"] = likely.assign(probability_false=np.linspace(0.6, 0.9, 8))
-    assert "8 of 8 stars are probably matched wrongly: row 0, 1, 2" in found.false_stars
+    assert (frame["probability_false"] > 0.5).sum() == 8
     file = found.save(tmp_path / "p.csv")
     pd.testing.assert_frame_equal(pd.read_csv(file, comment="#"), found.draws)
     head = [line for line in file.read_text().splitlines() if line.startswith("# ")]

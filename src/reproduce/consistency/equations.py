@@ -19,7 +19,7 @@ from reproduce.printed.number import si_factor
 
 # Far above the noise of double precision, far below any printed digit.
 _ZERO_TOLERANCE = 1e-9
-ITERATION_STEPS = 5
+_ITERATION_STEPS = 5
 _ARCSEC = si_factor("arcsec")
 # Returns the number of a printed cell in SI units.
 _Number = Callable[[str], float]
@@ -112,7 +112,7 @@ def _iteration(number: _Number) -> _Values:
         registration.gauss_newton_step,
     ):
         estimate = np.array([1.0, 0.0, 0.0, 0.0])
-        for _ in range(ITERATION_STEPS):
+        for _ in range(_ITERATION_STEPS):
             estimate = step(estimate, source, target, middle)
         errors.append(np.linalg.norm((estimate - truth)[2:]))
     return errors[0], errors[1], 0.0

@@ -34,7 +34,7 @@ OUTCOMES: tuple[RelationOutcome, ...] = get_args(RelationOutcome)
 _Ends = Mapping[str, tuple[float, float, float]]
 
 
-def rounding_interval(number: PrintedNumber, rule: str = "") -> Interval:
+def _rounding_interval(number: PrintedNumber, rule: str = "") -> Interval:
     """Return the values that a number stands for, in the printed unit; a bound is a point.
 
     The default is rounding to the nearest digit, with the tolerance of a qualifier. The rule
@@ -56,7 +56,7 @@ def _ends(cells: Sheet, rule: str) -> _Ends:
     ends = {}
     for address, cell in cells.items():
         factor = si_factor(cell.unit)
-        low, high = (factor * end for end in rounding_interval(cell.number, rule))
+        low, high = (factor * end for end in _rounding_interval(cell.number, rule))
         slack = _SLACK_RATIO * max(abs(low), abs(high))
         ends[address] = (low - slack, cell.si, high + slack)
     return ends
@@ -155,16 +155,16 @@ def agreements(
     cells: Sheet, relations: Sequence[Relation], rule: str = ""
 ) -> dict[str, Agreement]:
     """Return the largest set of relations that agree on one value, for each unknown by name."""
-    ends, by_name = _ends(cells, rule), {}
+    ends, allowed = _ends(cells, rule), dict[str, dict[str, Interval]]()
     unknowns = {r.unknown.name: r.unknown for r in relations if r.unknown}
-    for name, unknown in unknowns.items():
-        allowed = {
-            relation.name: corners[:2]
-            for relation in relations
-            if relation.unknown is unknown and (corners := _projection(relation, ends))
-        }
-        by_name[name] = _largest_agreement(unknown, allowed)
-    return by_name
+    for relation in relations:
+        if relation.unknown and (corners := _projection(relation, ends)):
+            group = allowed.setdefault(relation.unknown.name, {})
+            group[relation.name] = corners[:2]
+    return {
+        name: _largest_agreement(unknown, allowed.get(name, {}))
+        for name, unknown in unknowns.items()
+    }
 
 
 def _largest_agreement(unknown: Unknown, allowed: dict[str, Interval]) -> Agreement:
@@ -174,9 +174,7 @@ def _largest_agreement(unknown: Unknown, allowed: dict[str, Interval]) -> Agreem
         for start, _ in allowed.values()
     ]
     size = max(map(len, overlaps), default=0)
-    shared = set(allowed).intersection(
-        *(overlap for overlap in overlaps if len(overlap) == size)
-    )
+    shared = {*allowed}.intersection(*(one for one in overlaps if len(one) == size))
     members = tuple(name for name in allowed if name in shared)
     lows, highs = zip(unknown.domain, *(allowed[name] for name in members), strict=True)
     return Agreement(unknown, allowed, (max(lows), min(highs)), members)
@@ -209,23 +207,24 @@ def examine(cells: Sheet, relations: Sequence[Relation]) -> list[RelationResult]
     A relation agrees only within a tolerance if it contradicts without its tolerance, and with
     *about* and *nominal* numbers that stand for their rounding only.
     """
-    wrong, *others = (contradicted(cells, relations, r) for r in ("", *_OTHER_RULES))
+    wrong = contradicted(cells, relations)
+    rescues = {
+        rule: wrong - contradicted(cells, relations, rule) for rule in _OTHER_RULES
+    }
     strict = [r.model_copy(update={"tolerance": None}) for r in relations]
     beyond_rounding = contradicted(cells, strict, "digits")
     shared, results = agreements(cells, relations), []
     for relation in relations:
         left, right = _sides(relation, cells, shared)
         outcome: RelationOutcome = "agrees only through rounding"
-        rescues: list[str] = []
         if relation.name in wrong:
             outcome = "contradicts"
-            rules = zip(_OTHER_RULES, others, strict=True)
-            rescues = [rule for rule, names in rules if relation.name not in names]
         elif _agrees(relation, cells, left, right):
             outcome = "agrees"
         elif relation.name in beyond_rounding:
             outcome = "agrees only within a tolerance"
-        results.append(RelationResult(relation, outcome, left, right, *rescues[:1]))
+        rule = next((r for r in _OTHER_RULES if relation.name in rescues[r]), "")
+        results.append(RelationResult(relation, outcome, left, right, rule))
     return results
 
 
@@ -251,6 +250,6 @@ def _agrees(relation: Relation, cells: Sheet, left: float, right: float) -> bool
     room = _NOISE_RATIO * max(abs(left), abs(right))
     if relation.result is not None and relation.kind != "print":
         cell = cells[relation.result]
-        low, high = rounding_interval(cell.number, "digits")
+        low, high = _rounding_interval(cell.number, "digits")
         room += (high - low) / 2 * si_factor(cell.unit)
     return relation.missed_by(left, right) <= room

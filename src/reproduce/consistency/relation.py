@@ -13,12 +13,12 @@ A formula compares two expressions in named cells: ``motion = position - first``
 from __future__ import annotations
 
 import fnmatch
-import importlib.resources
 import itertools
 import math
 import re
 import tomllib
 from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, Literal
 
@@ -149,7 +149,7 @@ class Relation(_Declared):
     - `name`: name of the relation.
     - `formula`: comparison. If the kind is ``print``, its names stand for the unit of the last
       printed digit.
-    - `binding`: name in the formula to an address, or to the addresses of a list.
+    - `binding`: name in the formula to an address, or to the addresses of a list of numbers.
     - `source`: passage of the paper: an equation, a definition, or geometry.
     - `kind`: kind of evidence.
     - `unknown`, `tolerance`: number that is not printed, and allowed difference.
@@ -163,7 +163,7 @@ class Relation(_Declared):
 
     name: str
     formula: Formula
-    binding: Mapping[str, str | tuple[str, ...]]
+    binding: Mapping[str, tuple[str, ...]]
     source: str
     kind: Literal[
         "equation",
@@ -195,26 +195,23 @@ class Relation(_Declared):
     @property
     def addresses(self) -> tuple[str, ...]:
         """The addresses of its cells, each once."""
-        bound = ([a] if isinstance(a, str) else a for a in self.binding.values())
-        return tuple(dict.fromkeys(itertools.chain.from_iterable(bound)))
+        return tuple(dict.fromkeys(itertools.chain(*self.binding.values())))
 
     @property
     def result(self) -> str | None:
         """The cell that the right side computes, if the formula is solved for one."""
-        bound = self.binding.get(self.formula.result)
-        return bound if isinstance(bound, str) else None
+        bound = self.binding.get(self.formula.result, ())
+        return bound[0] if len(bound) == 1 else None
 
     def scope(
         self, by_address: Mapping[str, Any], unknown: Any = None
     ) -> dict[str, Any]:
         """Return the values of the names of the formula."""
-        named = {self.unknown.name: unknown} if self.unknown else {}
-        return named | {
-            name: by_address[bound]
-            if isinstance(bound, str)
-            else [by_address[address] for address in bound]
-            for name, bound in self.binding.items()
-        }
+        found = {self.unknown.name: unknown} if self.unknown else {}
+        for name, bound in self.binding.items():
+            values = [by_address[address] for address in bound]
+            found[name] = values if len(values) > 1 else values[0]
+        return found
 
     def values(
         self, by_address: Mapping[str, float], unknown: float = 0.0
@@ -233,11 +230,7 @@ class Relation(_Declared):
 
 def declarations(paper: str) -> dict[str, Any]:
     """Return the declared relations and equations of a paper; empty without a file."""
-    file = (
-        importlib.resources.files("reproduce.consistency")
-        / "relations"
-        / f"{paper}.toml"
-    )
+    file = Path(__file__).parent / "relations" / f"{paper}.toml"
     return tomllib.loads(file.read_text(encoding="utf-8")) if file.is_file() else {}
 
 
@@ -277,7 +270,7 @@ def declared(
         },
     }
     relations: dict[str, Relation] = {}
-    for line in itertools.chain.from_iterable(content.get("relations", {}).values()):
+    for line in itertools.chain(*content.get("relations", {}).values()):
         named = {
             part: objects[line[part]]
             for part, objects in shared.items()
@@ -321,17 +314,15 @@ def _relation(
     return relation
 
 
-def _bound(pattern: str, cells: Sheet) -> str | tuple[str, ...]:
-    """Return the address, or for a pattern the addresses, behind a name of a formula."""
-    matches = tuple(
-        address for address in cells if fnmatch.fnmatchcase(address, pattern)
-    )
+def _bound(pattern: str, cells: Sheet) -> tuple[str, ...]:
+    """Return the addresses behind a name of a formula."""
+    matches = tuple(a for a in cells if fnmatch.fnmatchcase(a, pattern))
     if not matches:
         raise ValueError(
             f"cells: expected an address, got {pattern!r}, which matches no printed number. "
             "Check it"
         )
-    return matches if set("*?[") & set(pattern) else matches[0]
+    return matches
 
 
 def _placeholders(each: Mapping[str, Any]) -> Iterator[dict[str, str]]:

@@ -14,6 +14,7 @@ from reproduce.inference.diagnostics import (
 from reproduce.inference.model import (
     Consequence,
     Derived,
+    Estimate,
     Likelihood,
     LogUniform,
     Model,

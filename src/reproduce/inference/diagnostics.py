@@ -91,7 +91,7 @@ def _effective_size(chains: FloatArray) -> float:
 def _rank_normalised(values: FloatArray) -> FloatArray:
     """Return normal scores of the ranks of all values together, with the shape of `values`."""
     ranks = rankdata(values, axis=None).reshape(values.shape)
-    return np.asarray(ndtri((ranks - 0.375) / (values.size + 0.25)))
+    return ndtri((ranks - 0.375) / (values.size + 0.25))
 
 
 def _split_rhat(draws: FloatArray) -> float:
@@ -116,7 +116,7 @@ def _split_rhat(draws: FloatArray) -> float:
     return float(np.sqrt(max(squares)))
 
 
-def mcse_quantile(chains: FloatArray, probability: float) -> float:
+def _mcse_quantile(chains: FloatArray, probability: float) -> float:
     """Return the Monte Carlo standard error of a quantile, in the unit of the draws.
 
     Half the distance between the quantiles that bound it with one standard error.
@@ -172,13 +172,36 @@ class Summary:
 class UnconvergedError(ArithmeticError):
     """Raised for chains that fail a convergence criterion.
 
-    `missed` lists the failures, the worst one first. `taken` is the number of kept steps. `steps`
-    is the sufficient number by the measured autocorrelation; None if more steps do not help.
+    Parameters
+    ----------
+    factors : dict
+        Failure to the factor on the steps that lifts it; infinite if more steps do not help.
+    taken : int
+        Number of kept steps.
+
+    Attributes
+    ----------
+    missed : list of str
+        Failures, the worst one first.
+    steps : int or None
+        Sufficient number of steps by the measured autocorrelation, if more steps help.
     """
 
-    missed: list[str]
-    taken: int
-    steps: int | None
+    def __init__(self, factors: dict[str, float], taken: int) -> None:
+        super().__init__(factors, taken)
+        self.taken, factor = taken, max(factors.values())
+        self.missed = sorted(factors, key=factors.__getitem__, reverse=True)
+        self.steps = None
+        if np.isfinite(factor):
+            self.steps = int(np.ceil(_STEPS_MARGIN * factor * taken / 100)) * 100
+
+    def __str__(self) -> str:
+        advice = "find out what keeps the ensembles from mixing"
+        if self.steps is not None:
+            advice = f"take about {self.steps} steps"
+        rest = len(self.missed) - 1
+        more = f" (and {rest} more)" * (rest > 0)
+        return f"the chains are rejected: {self.missed[0]}{more}; {advice}"
 
 
 def thinned(chains: FloatArray, time: float) -> FloatArray:
@@ -220,7 +243,7 @@ def summarised(name: str, unit: str, draws: FloatArray, shown: float = 1.0) -> S
         median,
         high,
         mcse=float(draws.std() / np.sqrt(draws.size / time)) * shown,
-        mcse_end=max(mcse_quantile(values, end) for end in ENDS),
+        mcse_end=max(_mcse_quantile(values, end) for end in ENDS),
         rhat=_split_rhat(thinned(draws, time)),
         bulk=_effective_size(_rank_normalised(draws)),
         tail=min(_effective_size((draws <= end).astype(float)) for end in tails),
@@ -262,24 +285,17 @@ def require(
         if not row.rhat <= limits.rhat:
             text = f"{row.name}: R-hat {row.rhat:.4f}, at most {limits.rhat:g} allowed"
             factors[text] = _MIXING_FACTOR if np.isfinite(row.rhat) else np.inf
-        steps_text = f"autocorrelation times ({row.time:.1f} steps each)"
         for name, size, least in (
-            (steps_text, steps / row.time, times),
+            (
+                f"autocorrelation times ({row.time:.1f} steps each)",
+                steps / row.time,
+                times,
+            ),
             ("bulk effective sample size", row.bulk, limits.size),
             ("tail effective sample size", row.tail, limits.size),
         ):
             if not size >= least:
                 text = f"{row.name}: {name} {size:.3g}, at least {least:g} required"
                 factors[text] = least / size if size > 0 else np.inf
-    if not factors:
-        return
-    missed = sorted(factors, key=factors.__getitem__, reverse=True)
-    factor, needed = factors[missed[0]], None
-    advice = "find out what keeps the ensembles from mixing"
-    if np.isfinite(factor):
-        needed = int(np.ceil(_STEPS_MARGIN * factor * steps / 100)) * 100
-        advice = f"take about {needed} steps"
-    more = f" (and {len(missed) - 1} more)" if len(missed) > 1 else ""
-    error = UnconvergedError(f"the chains are rejected: {missed[0]}{more}; {advice}")
-    error.steps, error.taken, error.missed = needed, steps, missed
-    raise error
+    if factors:
+        raise UnconvergedError(factors, steps)

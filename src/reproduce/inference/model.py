@@ -13,11 +13,14 @@ from typing import Any, Protocol, Self, TypeVar
 
 import numpy as np
 from numpy.random import Generator
+from scipy.optimize import Bounds, differential_evolution
 from scipy.special import ndtr, ndtri
 
 from reproduce.physics.validate import FloatArray, finite_array, positive
 
-Kind = TypeVar("Kind")
+_Kind = TypeVar("_Kind")
+# An estimate of the parameters and its standard error, both of shape (d,).
+Estimate = tuple[FloatArray, FloatArray]
 # Callback with the number of finished parts of the work, and the number of all parts.
 Progress = Callable[[int, int], None]
 
@@ -26,9 +29,8 @@ _START_SPREAD_RATIO = 3.0
 _MAX_START_ATTEMPTS = 1000
 # Standard deviations between a prior and an estimate, beyond which they disagree.
 _MAX_PRIOR_DISTANCE_SIGMA = 3.0
-# Population that finds a start if a prior and the data disagree: points, points that make the next
-# population, number of populations, and decades by which the first one exceeds the rough errors.
-_POPULATION_SIZE, _PARENT_COUNT, _MAX_GENERATIONS, _START_DECADES = 2000, 200, 200, 6.0
+# Half width of the search for a start in that case, in standard deviations.
+_SEARCH_SIGMA = 10.0
 # Scales in which an ensemble moves: coordinate of a parameter, parameter at a coordinate, and
 # logarithm of the derivative of the parameter by the coordinate.
 _SCALES: dict[str, tuple[Callable[[FloatArray], FloatArray], ...]] = {
@@ -99,9 +101,9 @@ class LogUniform(Uniform):
         super().__post_init__()
 
     def log_density(self, values: FloatArray) -> FloatArray:
-        inside = np.isfinite(super().log_density(values))
-        safe = np.where(inside, values, 1.0)
-        return np.where(inside, -np.log(safe * np.log(self.high / self.low)), -np.inf)
+        flat, safe = super().log_density(values), np.maximum(values, self.low)
+        log = -np.log(safe * np.log(self.high / self.low))
+        return np.where(np.isfinite(flat), log, flat)
 
     def draw(self, generator: Generator, count: int) -> FloatArray:
         return np.exp(generator.uniform(np.log(self.low), np.log(self.high), count))
@@ -131,7 +133,7 @@ class Normal:
 
     def log_density(self, values: FloatArray) -> FloatArray:
         scaled = (values - self.mean) / self.sigma
-        return np.asarray(-0.5 * scaled**2 - np.log(self.sigma * np.sqrt(2 * np.pi)))
+        return -0.5 * scaled**2 - np.log(self.sigma * np.sqrt(2 * np.pi))
 
     def draw(self, generator: Generator, count: int) -> FloatArray:
         return generator.normal(self.mean, self.sigma, count)
@@ -174,7 +176,7 @@ class Likelihood(Protocol):
     def with_data(self, data: Any) -> Self:
         """Return the likelihood of other data, in the form that `simulate` returns."""
 
-    def start(self) -> tuple[FloatArray, FloatArray]:
+    def start(self) -> Estimate:
         """Return a rough estimate and its rough standard error, both of shape (d,)."""
 
     def checks(self, data: Any | None = None) -> dict[str, float]:
@@ -203,6 +205,11 @@ class Parameter:
     shown: float = 1.0
     natural: tuple[float, ...] = ()
     scale: str = ""
+
+    @property
+    def text(self) -> str:
+        """Its prior in the displayed unit."""
+        return str(self.prior.in_unit(self.shown))
 
     @property
     def shown_unit(self) -> str:
@@ -241,7 +248,7 @@ class Model:
     likelihood: Likelihood
     derived: tuple[Derived, ...] = ()
 
-    def likelihood_of(self, kind: type[Kind]) -> Kind:
+    def likelihood_of(self, kind: type[_Kind]) -> _Kind:
         """Return the likelihood, or raise `TypeError` if it is of another kind."""
         if not isinstance(self.likelihood, kind):
             raise TypeError(
@@ -259,6 +266,11 @@ class Model:
     def dimension(self) -> int:
         """Number of parameters."""
         return len(self.parameters)
+
+    @property
+    def shown(self) -> FloatArray:
+        """Displayed units per SI unit of each parameter, shape (d,)."""
+        return np.array([parameter.shown for parameter in self.parameters])
 
     def log_prior(self, parameters: FloatArray) -> FloatArray:
         """Return the log prior density, shape (n,), of vectors of shape (n, d)."""
@@ -340,28 +352,32 @@ class Model:
                 found[one.name] = (value, error, distance)
         return found
 
-    def _compatible_start(self, generator: Generator) -> tuple[FloatArray, FloatArray]:
-        """Return centre and spread of the posterior if priors and data disagree.
+    def _compatible_start(self, generator: Generator) -> Estimate:
+        """Return centre and spread of the posterior if priors and data disagree."""
+        bounds = []
+        for one, value, error in zip(
+            self.parameters, *self.likelihood.start(), strict=True
+        ):
+            prior, reach = one.prior, _SEARCH_SIGMA * error
+            if isinstance(prior, Normal):
+                width = _SEARCH_SIGMA * prior.sigma
+                low, high = prior.mean - width, prior.mean + width
+                bounds.append((min(low, value - reach), max(high, value + reach)))
+            else:
+                bounds.append((prior.low, prior.high))
 
-        A population of points moves to the region of high posterior density.
-        """
-        rough, spread = self.likelihood.start()
-        wide = 10 ** generator.uniform(0, _START_DECADES, (_POPULATION_SIZE, 1))
-        steps = generator.normal(size=(_POPULATION_SIZE, self.dimension))
-        points, apart = rough + spread * wide * steps, self.disagreements()
-        for i, one in enumerate(self.parameters):
-            if one.name in apart or isinstance(one.prior, LogUniform):
-                points[:, i] = one.prior.draw(generator, _POPULATION_SIZE)
-        for _ in range(_MAX_GENERATIONS):
-            log = self.log_posterior(points)
-            order = np.argsort(-log)[:_PARENT_COUNT]
-            parents = points[order]
-            if log[order[0]] - log[order[-1]] < self.dimension:
-                break
-            rows = generator.integers(0, _PARENT_COUNT, (3, _POPULATION_SIZE))
-            a, b, c = parents[rows]
-            points = a + (b - c) * generator.normal(size=(_POPULATION_SIZE, 1))
-        return parents.mean(axis=0), parents.std(axis=0)
+        def cost(points: Any) -> Any:
+            return -self.log_posterior(points.T)
+
+        found = differential_evolution(
+            cost,
+            Bounds(*np.transpose(bounds)),
+            rng=generator,
+            polish=False,
+            vectorized=True,
+            updating="deferred",
+        )
+        return found.x, found.population.std(axis=0)
 
     def start(self, generator: Generator, walkers: int) -> FloatArray:
         """Return over-dispersed starting points about a displaced centre, shape (walkers, d).

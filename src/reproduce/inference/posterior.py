@@ -22,15 +22,22 @@ from reproduce.inference.model import LogUniform, Model, Uniform
 from reproduce.inference.modes import Modes, two_modes
 from reproduce.physics.validate import FloatArray
 
-Simulate = Callable[[FloatArray, Generator], Any]
+_Simulate = Callable[[FloatArray, Generator], Any]
+# Dimensions of a saved file: of draws, and of observed arrays with more than one dimension.
+_SAMPLE = ("chain", "draw")
+_DIMENSIONS: dict[str, tuple[str, ...]] = {
+    "target": ("star", "axis"),
+    "spots": ("group", "light", "axis"),
+    "angles": ("axis", "state"),
+}
 # Draws per ensemble and values per group in a saved file.
 _MAX_SAVED_DRAWS, _MAX_SAVED_VALUES = 250, 2_000_000
 # Simulated data sets of the predictive checks, and the probability of a misfit by chance, of all
 # numbers together.
-REPLICATES, MISFIT_PROBABILITY = 1000, 0.01
+_REPLICATES, _MISFIT_PROBABILITY = 1000, 0.01
 # Draws pile up at a bound if more than this fraction is within this number of standard deviations.
 # A Gaussian that a bound cuts two standard deviations from its mean has this fraction.
-BOUND_DISTANCE, BOUND_FRACTION = 0.1, 0.005
+_BOUND_DISTANCE, _BOUND_FRACTION = 0.1, 0.005
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,16 +89,15 @@ class PosteriorSamples:
         A quantity that fails a criterion is an `UnconvergedError`. The number of autocorrelation
         times is a criterion of the parameters only.
         """
-        stride = max(1, int(np.ceil(self.time)))
+        stride = int(np.ceil(self.time))
         chain = self.chain[:, ::stride]
         quantities = self.model.consequences(chain.reshape(-1, self.model.dimension))
-        rows = [
-            diagnostics.summarised(
-                name, quantity.unit, quantity.values.reshape(chain.shape[:3])
+        rows = []
+        for name, one in quantities.items():
+            row = diagnostics.summarised(
+                name, one.unit, one.values.reshape(chain.shape[:3])
             )
-            for name, quantity in quantities.items()
-        ]
-        rows = [replace(row, time=stride * row.time) for row in rows]
+            rows.append(replace(row, time=stride * row.time))
         diagnostics.require(rows, self.chain.shape[1], self.acceptance, times=0.0)
         return rows
 
@@ -130,44 +136,47 @@ class PosteriorSamples:
 
         def dataset(
             variables: Mapping[str, FloatArray],
-            dimensions: tuple[str, ...] = ("chain", "draw"),
+            sample: tuple[str, ...] = _SAMPLE,
             **coordinates: Any,
         ) -> Any:
-            named = {}
-            for name, values in variables.items():
-                axes = ("group", "light") if name == "spots" else ("star",)
-                named[name] = ((*dimensions, *axes, "axis")[: values.ndim], values)
+            named = {
+                name: (
+                    (*sample, *_DIMENSIONS.get(name, (f"{name}_dim_0",)))[
+                        : values.ndim
+                    ],
+                    values,
+                )
+                for name, values in variables.items()
+            }
             return xarray.Dataset(named, coordinates)
 
         def parameters(draws: FloatArray) -> Any:
-            found = dataset(
+            return xarray.Dataset(
                 {
-                    p.name: p.shown * draws[..., i]
+                    p.name: (
+                        _SAMPLE,
+                        p.shown * draws[..., i],
+                        {"units": p.unit, "prior": p.text, "reason": p.prior.reason},
+                    )
                     for i, p in enumerate(model.parameters)
                 }
             )
-            for p in model.parameters:
-                text = str(p.prior.in_unit(p.shown))
-                found[p.name].attrs = {
-                    "units": p.unit,
-                    "prior": text,
-                    "reason": p.prior.reason,
-                }
-            return found
 
         def predictive(
-            draws: FloatArray, simulate: Simulate, **coordinates: Any
+            draws: FloatArray, simulate: _Simulate, **coordinates: Any
         ) -> Any:
-            flat = draws.reshape(-1, model.dimension)
-            data = [likelihood.with_data(simulate(one, generator)) for one in flat]
+            data = [
+                likelihood.with_data(simulate(row, generator)).observed
+                for row in draws.reshape(-1, model.dimension)
+            ]
             variables = {
-                name: np.reshape(
-                    [one.observed[name] for one in data],
-                    (*draws.shape[:2], *values.shape),
-                )
-                for name, values in likelihood.observed.items()
+                name: np.stack([one[name] for one in data]) for name in data[0]
             }
-            return dataset(variables, **coordinates)
+            shape = draws.shape[:2]
+            return dataset(
+                {k: v.reshape(*shape, *v.shape[1:]) for k, v in variables.items()},
+                **coordinates,
+            )
 
         pointwise = {[*likelihood.observed][-1]: self.log_likelihood()}
         groups = {
@@ -203,7 +212,7 @@ class PredictiveCheck:
 
 
 def posterior_checks(
-    posterior: PosteriorSamples, replicates: int = REPLICATES
+    posterior: PosteriorSamples, replicates: int = _REPLICATES
 ) -> list[PredictiveCheck]:
     """Compare each number of `Likelihood.checks` with simulations from the posterior."""
     likelihood, draws = posterior.model.likelihood, posterior.draws
@@ -232,7 +241,7 @@ def misfit(checks: Sequence[PredictiveCheck]) -> str:
     texts = [
         f"{one.name} is {one.observed:.3g}, in 95 % of its repeats {one.low:.3g} to {one.high:.3g}"
         for one in checks
-        if one.tail < MISFIT_PROBABILITY / len(checks)
+        if one.tail < _MISFIT_PROBABILITY / len(checks)
     ]
     return f"the model does not fit: {'; '.join(texts)}" if texts else ""
 
@@ -242,7 +251,7 @@ def prior_warnings(posterior: PosteriorSamples) -> list[str]:
     texts, apart = [], posterior.model.disagreements()
     for i, one in enumerate(posterior.model.parameters):
         unit = one.shown_unit
-        prior = f"its prior ({one.prior.in_unit(one.shown)}{unit})"
+        prior = f"its prior ({one.text}{unit})"
         if one.name in apart:
             value, error, distance = apart[one.name]
             texts.append(
@@ -254,8 +263,8 @@ def prior_warnings(posterior: PosteriorSamples) -> list[str]:
             scale = np.log if isinstance(one.prior, LogUniform) else np.asarray
             values = scale(posterior.chain[..., i])
             for bound in (one.prior.low, one.prior.high):
-                near = np.abs(values - scale(bound)) < BOUND_DISTANCE * values.std()
-                if near.mean() > BOUND_FRACTION and bound not in one.natural:
+                near = np.abs(values - scale(bound)) < _BOUND_DISTANCE * values.std()
+                if near.mean() > _BOUND_FRACTION and bound not in one.natural:
                     texts.append(
                         f"{one.name} piles up at the bound {bound * one.shown:.4g}{unit} of "
                         f"{prior}: it is a limit, not an estimate"

@@ -27,12 +27,12 @@ from reproduce.physics.validate import FloatArray, whole_number
 # Degrees of freedom and relative width of two Student-t proposals. The near one fits a nearly
 # Gaussian posterior. The far one is heavier and wider than the posteriors of this book, so that no
 # walker remains in a tail.
-NEAR_PROPOSAL, FAR_PROPOSAL = (30.0, 1.05), (4.0, 1.5)
+_NEAR_PROPOSAL, _FAR_PROPOSAL = (30.0, 1.05), (4.0, 1.5)
 _FAR_FRACTION = 0.2
 # Fractions of stretch, differential evolution and complement moves. In the warm-up the first two
 # bring a distant ensemble to the posterior. Later they move curved or heavy-tailed posteriors, and
 # the complement makes draws nearly independent.
-WARMUP_FRACTIONS, STEADY_FRACTIONS = (0.3, 0.4, 0.3), (0.05, 0.1, 0.85)
+_WARMUP_FRACTIONS, _STEADY_FRACTIONS = (0.3, 0.4, 0.3), (0.05, 0.1, 0.85)
 # A chain that needs more steps is rejected.
 _MAX_STEPS = 20_000
 
@@ -60,7 +60,7 @@ class _ComplementMove(moves.RedBlueMove):  # type: ignore[misc]  # emcee has no 
         correlation = scaled.T @ scaled / len(others) + 1e-10 * np.eye(dimension)
         root = np.linalg.cholesky(correlation)
         far = (random.rand(count) < _FAR_FRACTION).astype(int)
-        degrees, width = np.array([NEAR_PROPOSAL, FAR_PROPOSAL])[far].T
+        degrees, width = np.array([_NEAR_PROPOSAL, _FAR_PROPOSAL])[far].T
         reach = width / np.sqrt(random.chisquare(degrees) / degrees)
         steps = reach[:, None] * random.standard_normal(sample.shape)
         before = ((sample - mean) / scale) @ np.linalg.inv(root).T
@@ -76,15 +76,13 @@ def _log_proposal(steps: FloatArray) -> FloatArray:
         - gammaln(degrees / 2)
         - dimension * np.log(np.sqrt(degrees) * width)
         - 0.5 * (degrees + dimension) * np.log1p(squared / (degrees * width**2))
-        for degrees, width in (NEAR_PROPOSAL, FAR_PROPOSAL)
+        for degrees, width in (_NEAR_PROPOSAL, _FAR_PROPOSAL)
     )
-    return np.asarray(
-        np.logaddexp(np.log1p(-_FAR_FRACTION) + near, np.log(_FAR_FRACTION) + far)
-    )
+    return np.logaddexp(np.log1p(-_FAR_FRACTION) + near, np.log(_FAR_FRACTION) + far)
 
 
 def move_mixture(
-    fractions: tuple[float, float, float] = STEADY_FRACTIONS,
+    fractions: tuple[float, float, float] = _STEADY_FRACTIONS,
 ) -> list[tuple[moves.Move, float]]:
     """Return the moves of an ensemble for emcee, with their fractions."""
     kinds = (moves.StretchMove(), moves.DEMove(), _ComplementMove())
@@ -215,7 +213,7 @@ def run_ensemble(
             vectorize=True,
             moves=move_mixture(fractions),
         )
-        for fractions in (WARMUP_FRACTIONS, STEADY_FRACTIONS)
+        for fractions in (_WARMUP_FRACTIONS, _STEADY_FRACTIONS)
     )
     starts, steps = (SeedSequence(plan.seed, spawn_key=(ensemble, i)) for i in (0, 1))
     points = model.start(Generator(PCG64(starts)), sampler.nwalkers)

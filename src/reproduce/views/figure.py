@@ -36,13 +36,19 @@ if TYPE_CHECKING:
 
 _STYLE = Path(__file__).parent / "figures.mplstyle"
 _XML = '<?xml version="1.0" encoding="utf-8" standalone="no"?>\n'
+# Names of the provenance and of dates in the metadata of each format.
+_METADATA = {
+    "svg": ("Description", "Date"),
+    "pdf": ("Subject", "CreationDate"),
+    "png": ("Description",),
+}
 # Sizes on a narrow page, in points. Text is not smaller than 8 points.
 _SMALL = {"font.size": 8.5, "axes.titlesize": 9.0}
 _FONTS = re.compile(r"(font-family: 'DejaVu Sans')[^;\"]*")
-Paint = Callable[["MatplotlibFigure"], None]
+_Paint = Callable[["MatplotlibFigure"], None]
 # A matplotlib figure, or the SVG of a schematic.
-Drawn: TypeAlias = "MatplotlibFigure | str"
-Provenance = Mapping[str, str] | None
+_Drawn: TypeAlias = "MatplotlibFigure | str"
+_Provenance = Mapping[str, str] | None
 
 
 def drawable() -> list[str]:
@@ -60,7 +66,7 @@ def _declared_drawing(key: str) -> Drawing | Schematic:
     raise ValueError(f"{key} has no figure; these have one: {known}")
 
 
-def _styled_figure(paint: Paint, *, narrow: bool = False) -> MatplotlibFigure:
+def _styled_figure(paint: _Paint, *, narrow: bool = False) -> MatplotlibFigure:
     """Return a figure in the project's style, for a wide page or for a narrow one."""
     from matplotlib import style
     from matplotlib.figure import Figure as MatplotlibFigure
@@ -73,7 +79,7 @@ def _styled_figure(paint: Paint, *, narrow: bool = False) -> MatplotlibFigure:
     return figure
 
 
-def draw(key: str, inputs: Inputs | None = None, *, narrow: bool = False) -> Drawn:
+def draw(key: str, inputs: Inputs | None = None, *, narrow: bool = False) -> _Drawn:
     """Draw an item or a supplementary drawing, with its printed values."""
     drawing = _declared_drawing(key)
     if isinstance(drawing, Schematic):
@@ -86,56 +92,46 @@ def draw(key: str, inputs: Inputs | None = None, *, narrow: bool = False) -> Dra
     )
 
 
-def _data(figure: Drawn) -> pd.DataFrame:
-    """Return the lines, points and labels of a figure."""
+def _data(figure: _Drawn) -> pd.DataFrame:
+    """Return the lines, points and labels; of a schematic, in units of its view box."""
+    rows: list[tuple[int, str, float, float]] = []
     if isinstance(figure, str):
-        return _labels(figure)
-    parts = [pd.DataFrame(columns=["panel", "curve", "x", "y"])]
-    for panel, axes in enumerate(figure.axes, start=1):
+        for label in ElementTree.fromstring(figure).iter(
+            "{http://www.w3.org/2000/svg}text"
+        ):
+            place = float(label.get("x", 0)), float(label.get("y", 0))
+            rows.append((1, "".join(label.itertext()), *place))
+    for panel, axes in enumerate(getattr(figure, "axes", ()), start=1):
         drawn = [(line.get_label(), line.get_xydata()) for line in axes.lines]
-        drawn += [
-            (artist.get_label(), artist.get_offsets()) for artist in axes.collections
-        ]
-        drawn += [(artist.get_text(), [artist.get_position()]) for artist in axes.texts]
+        drawn += [(one.get_label(), one.get_offsets()) for one in axes.collections]
+        drawn += [(text.get_text(), [text.get_position()]) for text in axes.texts]
         for number, (label, points) in enumerate(drawn, start=1):
-            part = pd.DataFrame(np.reshape(points, (-1, 2)), columns=["x", "y"])
             name = str(label)
             curve = f"curve {number}" if name.startswith("_") else name
-            parts.append(part.assign(panel=panel, curve=curve))
-    filled_parts = [part for part in parts if len(part)] or parts
-    return pd.concat(filled_parts, ignore_index=True)[["panel", "curve", "x", "y"]]
-
-
-def _labels(svg: str) -> pd.DataFrame:
-    """Return the labels of a schematic with their places, in units of its view box."""
-    rows = [
-        (
-            1,
-            "".join(label.itertext()),
-            float(label.get("x", 0)),
-            float(label.get("y", 0)),
-        )
-        for label in ElementTree.fromstring(svg).iter(
-            "{http://www.w3.org/2000/svg}text"
-        )
-    ]
+            points = np.reshape(points, (-1, 2)).tolist()
+            rows += [(panel, curve, x, y) for x, y in points]
     return pd.DataFrame(rows, columns=["panel", "curve", "x", "y"])
 
 
-def save(figure: Drawn, path: Path, provenance: Provenance = None) -> None:
+def save(figure: _Drawn, path: Path, provenance: _Provenance = None) -> None:
     """Write a figure with its provenance to a file."""
+    form = path.suffix[1:].lower()
+    if form == "svg":
+        write_text(path, _XML + _vector_of(figure, provenance))
+    else:
+        with replacing(path) as part:
+            _write(figure, part, form, provenance)
+
+
+def _write(figure: Any, target: Any, form: str, provenance: _Provenance) -> None:
+    """Write a matplotlib figure without a date, so that builds are equal."""
     from matplotlib import style
 
-    if path.suffix.lower() == ".svg":
-        write_text(path, _XML + _vector_of(figure, provenance))
-    elif not isinstance(figure, str):
-        note = "\n".join((provenance or {}).values())
-        # A date would make every build differ from the last build.
-        metadata: dict[str, Any] = {"Description": note}
-        if path.suffix.lower() == ".pdf":
-            metadata = {"Subject": note, "CreationDate": None}
-        with style.context(_STYLE), replacing(path) as part:
-            figure.savefig(part, format=path.suffix[1:].lower(), metadata=metadata)
+    subject, *dates = _METADATA[form]
+    note = "\n".join((provenance or {}).values())
+    with style.context(_STYLE):
+        metadata = {subject: note, **dict.fromkeys(dates)}
+        figure.savefig(target, format=form, metadata=metadata)
 
 
 def _figure_files(key: str) -> list[str]:
@@ -149,19 +145,14 @@ def _endings(key: str) -> tuple[str, ...]:
     return (".svg",) if is_schematic else FIGURES
 
 
-def _vector_of(figure: Drawn, provenance: Provenance = None) -> str:
+def _vector_of(figure: _Drawn, provenance: _Provenance = None) -> str:
     """Return a figure with its provenance as SVG."""
-    from matplotlib import style
-
-    note = "\n".join((provenance or {}).values())
     if isinstance(figure, str):
-        note = f"<metadata>{escape(note)}</metadata>\n  <title>"
-        return figure.replace("<title>", note, 1)
+        note = escape("\n".join((provenance or {}).values()))
+        title = f"<metadata>{note}</metadata>\n  <title>"
+        return figure.replace("<title>", title, 1)
     buffer = io.StringIO()
-    with style.context(_STYLE):
-        # A date would make every build differ from the last build.
-        metadata = {"Description": note, "Date": None}
-        figure.savefig(buffer, format="svg", metadata=metadata)
+    _write(figure, buffer, "svg", provenance)
     # Pages contain many figures: no space between tags, and none at the ends of lines.
     svg = re.sub(r">\s*\n\s*<", "><", buffer.getvalue())
     svg = re.sub(r"\s*\n\s*", " ", svg[svg.index("<svg") :])
@@ -185,7 +176,7 @@ def write_figure(key: str, root: Path) -> None:
 
 
 def _page_vectors(
-    key: str, figure: Drawn | None = None, provenance: Provenance = None
+    key: str, figure: _Drawn | None = None, provenance: _Provenance = None
 ) -> list[str]:
     """Return a figure for wide and for narrow pages, which a build draws once."""
 
@@ -230,7 +221,7 @@ def _captioned(caption: str) -> Markup:
     )
 
 
-def figure_block(name: str, paint: Paint, alternative: str, caption: str) -> Html:
+def figure_block(name: str, paint: _Paint, alternative: str, caption: str) -> Html:
     """Return a figure that is not among the files of the book."""
     vectors = [
         _vector_of(_styled_figure(paint, narrow=narrow)) for narrow in (False, True)
@@ -255,13 +246,13 @@ class Figure(Rerunnable, ItemView):
     def _declared(self) -> Drawing | Schematic:
         return _declared_drawing(self.key)
 
-    def _compute(self, inputs: Inputs | None) -> Drawn:
+    def _compute(self, inputs: Inputs | None) -> _Drawn:
         return draw(self.key, inputs)
 
     @property
-    def drawn(self) -> Drawn:
+    def drawn(self) -> _Drawn:
         """The matplotlib figure, or the SVG of a schematic."""
-        figure: Drawn = self._made[0]
+        figure: _Drawn = self._made[0]
         return figure
 
     def frame(self) -> pd.DataFrame:
@@ -373,15 +364,13 @@ class Panels(Display, list[Figure]):
                 "`inputs` of each panel lists them."
             )
         random = [panel for panel in self if panel.random] or self
-        return Panels(
-            panel.rerun(own, seed=seed if panel in random else None)
-            if (
-                own := {name: changes[name] for name in changes if name in panel.inputs}
-            )
-            or (seed is not None and panel in random)
-            else panel
-            for panel in self
-        )
+        panels = Panels()
+        for panel in self:
+            own = {name: changes[name] for name in changes if name in panel.inputs}
+            number = seed if panel in random else None
+            is_same = not own and number is None
+            panels.append(panel if is_same else panel.rerun(own, seed=number))
+        return panels
 
 
 def figure(key: str) -> Figure | Panels:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_Array = NDArray[np.float64]
+FloatArray = NDArray[np.float64]
 # Bounds of the central 95 %, of the central 50 %, and the median.
 _QUANTILES = (0.025, 0.25, 0.5, 0.75, 0.975)
 # Correlation from which a pair has a panel, and draws that the panel shows at most.
@@ -24,7 +24,7 @@ _STRIP_INCHES, _PANEL_INCHES = 0.75, 3.2
 
 
 def correlated_pair(
-    draws: Mapping[str, _Array],
+    draws: Mapping[str, FloatArray],
 ) -> tuple[tuple[str, ...], float]:
     """Return the most correlated pair and its correlation; no names if it is not worth a panel."""
     found = {
@@ -39,10 +39,10 @@ def correlated_pair(
 
 def draw_intervals(
     figure: Figure,
-    draws: Mapping[str, _Array],
+    draws: Mapping[str, FloatArray],
     labels: Mapping[str, str],
     marks: Mapping[str, float],
-    exact: Mapping[str, _Array],
+    exact: Mapping[str, FloatArray],
 ) -> None:
     """Draw median, 50 % and 95 % of each quantity, with marks and exact draws by name."""
     (pair, _), height = correlated_pair(draws), _STRIP_INCHES * len(draws)
@@ -76,7 +76,7 @@ def draw_intervals(
         axes.locator_params(nbins=4)
 
 
-def _draw_interval(axes: Axes, values: _Array, height: float, colour: str) -> None:
+def _draw_interval(axes: Axes, values: FloatArray, height: float, colour: str) -> None:
     """Draw the intervals and the median of draws."""
     low, lower, median, upper, high = np.quantile(values, _QUANTILES)
     axes.plot([low, high], [height] * 2, color=colour, linewidth=1.5)

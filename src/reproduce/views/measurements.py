@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 import tomllib
 from abc import abstractmethod
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
@@ -83,7 +83,7 @@ def misalignment(
         If the spots are mirrored or belong to another platform, two lights are swapped or at one
         position, or a group has fewer than two lights.
     """
-    return MisalignmentResult(spots, zero, platform, times, sep)
+    return MisalignmentResult(**locals())
 
 
 class UserResult(Display):
@@ -93,10 +93,14 @@ class UserResult(Display):
     inputs: tuple[str, ...] = ()
     findings: list[Any]
     remarks: list[str]
-    _arguments: Mapping[str, Any]
     _function: Callable[..., Any]
+    _fit: Callable[..., None]
     _rows: str
     _facts: dict[str, Any]
+
+    def __init__(self, **arguments: Any) -> None:
+        self._arguments = arguments
+        self._fit(**arguments)
 
     @property
     def source(self) -> str:
@@ -159,11 +163,9 @@ class RegistrationResult(UserResult):
     _function = staticmethod(fit_registration)
     _rows = "parameters"
 
-    def __init__(
+    def _fit(
         self, source: Any, target: Any = None, pivot: Any = None, **settings: Any
     ) -> None:
-        self._arguments = {"source": source, "target": target, "pivot": pivot}
-        self._arguments |= settings
         table, settings = matched_stars(source, target, settings)
         points = table.points("x", "y"), table.points("x_reference", "y_reference")
         flux = brightness(table.numbers)
@@ -313,13 +315,8 @@ class MisalignmentResult(UserResult):
 
     _rows = "angles"
 
-    def __init__(
-        self,
-        spots: Any,
-        zero: Any = None,
-        platform: Any = None,
-        times: Any = None,
-        sep: str | None = None,
+    def _fit(
+        self, spots: Any, zero: Any, platform: Any, times: Any, sep: str | None
     ) -> None:
         # These imports are slow, and a registration does not need them.
         from reproduce.papers.chen2023.platform import INSTRUMENT, as_designed
@@ -327,8 +324,6 @@ class MisalignmentResult(UserResult):
         from reproduce.printed.inputs import load_inputs
         from reproduce.store.spots import read_images
 
-        self._arguments = {"spots": spots, "zero": zero, "platform": platform}
-        self._arguments |= {"times": times, "sep": sep}
         self._function, self.inputs = monitored, INSTRUMENT if platform is None else ()
         self.platform = (
             as_designed(load_inputs(INSTRUMENT))

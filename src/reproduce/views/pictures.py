@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from reproduce.physics.images import find_spots, shape_finding
 from reproduce.physics.registration import (
@@ -27,10 +27,9 @@ from reproduce.store.points import (
     read_table,
 )
 from reproduce.views.blocks import Block, Display, Fold, Grid
-from reproduce.views.measurements import RegistrationResult
+from reproduce.views.measurements import FloatArray, RegistrationResult
 from reproduce.views.numbers import minus
 
-FloatArray = NDArray[np.float64]
 # Default of the largest distance of a pair: in px, and as a fraction of the field.
 _PAIR_PX, _PAIR_FRACTION = 2.0, 1e-3
 # Fewest pairs of a robust fit.
@@ -275,10 +274,10 @@ class RegisteredPictures(RegistrationResult):
     ``reproduce.posterior("registration", data=fit.pairs)`` samples the posterior of the same model.
     """
 
-    def __init__(
+    def _fit(
         self,
         source: Any,
-        target: Any,
+        target: Any = None,
         pivot: Any = None,
         start: Any = None,
         radius: float | None = None,
@@ -308,10 +307,7 @@ class RegisteredPictures(RegistrationResult):
         for frame in frames:
             weights = weights * frame.get("weight", pd.Series([1.0])).to_numpy()
         shown = frames[0].filter(["flux", "mag"]).reset_index(drop=True)
-        super().__init__(pairs.join(shown).assign(weight=weights), None, pivot, **used)
-        self._arguments = {"source": source, "target": target, "pivot": pivot}
-        self._arguments |= {"start": start, "radius": radius, "robust": robust}
-        self._arguments |= settings
+        super()._fit(pairs.join(shown).assign(weight=weights), None, pivot, **used)
         shapes = [s.shapes[row] for s, row in zip(both, rows, strict=True)]
         finding, covariance = shape_finding(shapes[0], shapes[1], self.transform.matrix)
         warnings = [*source.findings, *target.findings, *([finding] if finding else [])]

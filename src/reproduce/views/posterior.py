@@ -11,14 +11,13 @@ from importlib.metadata import version
 from importlib.util import find_spec
 from io import BytesIO
 from pathlib import Path
-from textwrap import dedent
+from textwrap import dedent, shorten
 from typing import Any
 
 import numpy as np
 import pandas as pd
 from markupsafe import Markup
 from numpy.random import default_rng
-from numpy.typing import NDArray
 
 from reproduce import inference
 from reproduce.inference import (
@@ -43,17 +42,19 @@ from reproduce.store.files import DRAWS, check_target, replacing, write_text
 from reproduce.store.points import STARS, DataTable, is_table, matched_stars, read_table
 from reproduce.version import __version__
 from reproduce.views import computed
-from reproduce.views.base import text_of
-from reproduce.views.blocks import Block, Blocks, Display, Fold, Grid, Html
-from reproduce.views.export import cite_related, export_frame, provenance_of
+from reproduce.views.base import ResultView, text_of
+from reproduce.views.blocks import Block, Blocks, Fold, Grid, Html
+from reproduce.views.export import cite_related, export_frame
 from reproduce.views.figure import figure_block
-from reproduce.views.intervals import correlated_pair, draw_intervals
+from reproduce.views.intervals import FloatArray, correlated_pair, draw_intervals
 from reproduce.views.measurements import platform_of
 from reproduce.views.numbers import digits, minus, moments
 
 _PLAN_ARGUMENTS = ("steps", "walkers", "seed")
-# Probably false stars that a sentence names.
-_MAX_NAMED = 5
+# Arguments that do not belong to your data.
+_OTHER_ARGUMENTS = {"name", "data", "priors", "data_seed", *_PLAN_ARGUMENTS}
+# Characters of the numbers of probably false stars in a sentence.
+_NAMES_WIDTH = 40
 # Arrays of a sampled posterior that a build stores.
 _STORED_ARRAYS = ("chain", "log_posterior", "acceptance")
 
@@ -80,7 +81,7 @@ def book_posterior(name: str) -> PosteriorSamples:
     )
 
 
-class Posterior(Display):
+class Posterior(ResultView):
     """A posterior of the book, or the same model for your data, sampled on first use.
 
     Parameters
@@ -90,17 +91,18 @@ class Posterior(Display):
     """
 
     def __init__(self, arguments: Mapping[str, Any]) -> None:
-        self._arguments, settings = arguments, dict(arguments)
-        self.name, data = settings.pop("name"), settings.pop("data", None)
+        self._arguments, data = arguments, arguments.get("data")
+        self.key = self.name = arguments["name"]
         if self.name not in posteriors():
             raise ValueError(
                 f"name: expected one of {', '.join(posteriors())}, got {self.name!r}"
             )
         self.declared = posteriors()[self.name]
-        self._priors, seed = settings.pop("priors", {}), settings.pop("data_seed", None)
+        self._priors, seed = arguments.get("priors", {}), arguments.get("data_seed")
         check_randomness(self.name, True, (), seed)
-        plan = {key: settings.pop(key) for key in _PLAN_ARGUMENTS if key in settings}
+        plan = {key: arguments[key] for key in _PLAN_ARGUMENTS if key in arguments}
         self.plan = self.declared.plan(**plan)
+        settings = {k: arguments[k] for k in arguments if k not in _OTHER_ARGUMENTS}
         self._table: DataTable | None = None
         self.remarks: tuple[str, ...] = ()
         if seed is not None and (data is not None or not self.declared.simulated):
@@ -119,14 +121,11 @@ class Posterior(Display):
             raise ValueError(f"{min(settings)}: expected data with it, got none")
         else:
             model = self.declared.model(seed)
-        # Printed cells that the model depends on.
-        self.inputs = self.declared.inputs if data is None else ()
-        shown = {one.name: one for one in model.parameters}
-        priors = {
-            key: _prior(shown[key], one) if key in shown else one
-            for key, one in self._priors.items()
-        }
-        self.model = model.with_priors(priors)
+        own = dict(self._priors)
+        for parameter in model.parameters:
+            if parameter.name in own:
+                own[parameter.name] = _prior(parameter, own[parameter.name])
+        self.model = model.with_priors(own)
 
     def _read(
         self, data: Any, settings: dict[str, Any]
@@ -152,17 +151,17 @@ class Posterior(Display):
     @property
     def changes(self) -> str:
         """Arguments that differ from the posterior of the book, in one line."""
-        changes = [f"prior of {name}" for name in self._priors]
-        for name in ("data_seed", *_PLAN_ARGUMENTS):
-            if name in self._arguments:
-                changes.append(f"{name} = {self._arguments[name]}")
-        return ", ".join(changes)
+        names = [n for n in ("data_seed", *_PLAN_ARGUMENTS) if n in self._arguments]
+        changes = [f"{name} = {self._arguments[name]}" for name in names]
+        return ", ".join([*(f"prior of {name}" for name in self._priors), *changes])
 
     @property
-    def provenance(self) -> dict[str, str]:
-        """Provenance in files."""
-        setting = f"data {self.data_text}; {self.changes or 'no change'}"
-        return provenance_of(self.cite("text"), setting)
+    def inputs(self) -> tuple[str, ...]:
+        """Addresses of the printed cells that the model depends on."""
+        return () if self._table else self.declared.inputs
+
+    def _setting(self) -> str:
+        return f"data {self.data_text}; {self.changes or 'no change'}"
 
     @property
     def _in_book(self) -> bool:
@@ -280,13 +279,10 @@ class Posterior(Display):
         """Stars that are probably matched wrongly, in one line; empty without such a model."""
         if self._stars is None:
             return ""
-        likely = self._stars.query("probability_false > 0.5")
-        likely = likely.sort_values("probability_false", ascending=False, kind="stable")
-        numbers = likely.iloc[:, 0].astype(str)
-        rest = len(likely) - _MAX_NAMED
-        names = ", ".join(numbers[:_MAX_NAMED]) + f" and {rest} more" * (rest > 0)
-        text = f"{len(likely)} of {len(self._stars)} stars are probably matched wrongly"
-        return f"{text}: {likely.columns[0]} {names}" if names else text
+        false = self._stars.query("probability_false > 0.5").iloc[:, 0]
+        names = shorten(", ".join(map(str, false)), _NAMES_WIDTH, placeholder=" ...")
+        text = f"{len(false)} of {len(self._stars)} stars are probably matched wrongly"
+        return f"{text}: {false.name} {names}" if names else text
 
     @property
     def source(self) -> str:
@@ -310,24 +306,17 @@ class Posterior(Display):
 
     summary = frame
 
-    def export(self, form: str) -> str:
-        """Return the summary as csv, json, latex or markdown."""
-        return export_frame(self.frame(), form, self.provenance)
-
     @property
     def priors(self) -> pd.DataFrame:
         """Unit and prior of each parameter, with the reason."""
-        rows = [
-            (p.name, p.unit, str(p.prior.in_unit(p.shown)), p.prior.reason)
-            for p in self.model.parameters
-        ]
+        rows = [(p.name, p.unit, p.text, p.prior.reason) for p in self.model.parameters]
         columns = ["parameter", "unit", "prior", "why"]
         return pd.DataFrame(rows, columns=columns).set_index("parameter")
 
     @property
     def draws(self) -> pd.DataFrame:
         """All draws, one column per parameter, in the displayed unit."""
-        return self._framed(self.sampled.draws)
+        return self._in_units(self.sampled.draws)
 
     def exact(self, draws: int = 10_000, seed: int = 0) -> pd.DataFrame:
         """Return independent draws in closed form, without emcee.
@@ -351,16 +340,11 @@ class Posterior(Display):
         ValueError
             If the model has no closed form.
         """
-        return self._framed(exact_draws(self.model, draws, default_rng(seed)))
+        return self._in_units(exact_draws(self.model, draws, default_rng(seed)))
 
-    def _columns(self, rows: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
-        """Return the values of the parameters in the displayed unit, by name."""
-        parameters = zip(self.model.parameters, rows.T, strict=True)
-        return {one.name: one.shown * column for one, column in parameters}
-
-    def _framed(self, rows: NDArray[np.float64]) -> pd.DataFrame:
-        units = {one.name: f"{one.name} ({one.unit})" for one in self.model.parameters}
-        return pd.DataFrame(self._columns(rows)).rename(columns=units)
+    def _in_units(self, rows: FloatArray) -> pd.DataFrame:
+        heads = [f"{one.name} ({one.unit})" for one in self.model.parameters]
+        return pd.DataFrame(rows * self.model.shown, columns=heads)
 
     def log_likelihood(self) -> pd.DataFrame:
         """Return the log likelihood of each star or spot, one row per thinned draw."""
@@ -372,10 +356,9 @@ class Posterior(Display):
         """Parameters of the simulation, in the displayed unit; empty for other data."""
         return {} if self._table else self._shown(self.declared.true_values())
 
-    def _shown(self, values: Mapping[str, float]) -> dict[str, float]:
-        factors = {
-            parameter.name: parameter.shown for parameter in self.model.parameters
-        }
+    def _shown(self, values: Mapping[str, Any]) -> dict[str, Any]:
+        """Return values by the name of their parameter in the displayed unit."""
+        factors = dict(zip(self.model.names, self.model.shown.tolist(), strict=True))
         return {name: value * factors[name] for name, value in values.items()}
 
     def intervals(self, *names: str) -> Html:
@@ -399,15 +382,18 @@ class Posterior(Display):
         ValueError
             If a name is unknown or appears twice.
         """
-        rows, symbols = self.sampled.draws, {}
-        derived = self.model.consequences(rows)
-        values, units = self._columns(rows), {}
-        for one in self.model.parameters:
-            symbols[one.name], units[one.name] = f"${one.label}$", one.unit
-        for key, found in derived.items():
-            symbols[key], units[key] = key.replace(" ", "\n", 1), found.unit
-            values[key] = found.values
-        names = names or self.model.names
+        model, rows = self.model, self.sampled.draws
+        columns = zip(model.parameters, (rows * model.shown).T, strict=True)
+        quantities = [(p.name, f"${p.label}$", p.unit, x) for p, x in columns]
+        quantities += [
+            (key, key.replace(" ", "\n", 1), one.unit, one.values)
+            for key, one in model.consequences(rows).items()
+        ]
+        values = {key: draws for key, _, _, draws in quantities}
+        labels = {
+            k: text + f" ({unit})" * (unit != "1") for k, text, unit, _ in quantities
+        }
+        names = names or model.names
         if len({*names} & {*values}) < len(names):
             raise ValueError(
                 f"names: expected different quantities of {', '.join(values)}, got "
@@ -418,7 +404,8 @@ class Posterior(Display):
             kind, texts = "printed value", self.declared.summary.items()
             marks = self._shown({key: find(a)[0].si for key, a in texts if "#" in a})
         try:
-            exact = self._columns(exact_draws(self.model, len(rows), default_rng(0)))
+            found = exact_draws(model, len(rows), default_rng(0)) * model.shown
+            exact = dict(zip(model.names, found.T, strict=True))
         except ValueError:
             exact = {}
         draws = {key: values[key] for key in names}
@@ -437,16 +424,9 @@ class Posterior(Display):
             f"{minus(f'{correlation:.2f}')}." * bool(pair),
         ]
         return figure_block(
-            f"figure-posterior-{self.model.name}" + "-own" * (not self._in_book),
+            f"figure-posterior-{model.name}" + "-own" * (not self._in_book),
             partial(
-                draw_intervals,
-                draws=draws,
-                labels={
-                    key: symbols[key] + f" ({units[key]})" * (units[key] != "1")
-                    for key in names
-                },
-                marks=marks,
-                exact=exact,
+                draw_intervals, draws=draws, labels=labels, marks=marks, exact=exact
             ),
             f"Medians and intervals of {', '.join(names)} in the posterior {self.name}.",
             " ".join(filter(None, sentences)),
@@ -481,7 +461,7 @@ class Posterior(Display):
             return path
         tree, data = self.sampled.to_datatree(), self.data_record
         facts = {"data": json.dumps(data), "versions": json.dumps(_versions())}
-        tree.attrs |= {"kind_of_data": data["kind"], **facts, **self.provenance}
+        tree.attrs |= {"kind_of_data": data["kind"]} | facts | self.provenance
         with replacing(path) as part:
             tree.to_netcdf(part)
         return path
@@ -517,21 +497,18 @@ class Posterior(Display):
 
     def record(self) -> dict[str, Any]:
         """Return the summary with its provenance for other programs."""
-        samples = self.sampled
-        sizes = zip(
-            ("ensembles", "steps", "walkers"), samples.chain.shape, strict=False
-        )
-        frames = {"parameters": self.frame(), "priors": self.priors}
+        samples, priors = self.sampled, self.priors.rename_axis("name").reset_index()
+        ensembles, steps, walkers = samples.chain.shape[:3]
         stars = {} if self._stars is None else {"stars": self._stars.to_dict("records")}
         return {
             "model": self.name,
             "seed": samples.seed,
-            **dict(sizes),
+            "ensembles": ensembles,
+            "steps": steps,
+            "walkers": walkers,
             "acceptance": list(samples.acceptance),
-            **{
-                key: frame.rename_axis("name").reset_index().to_dict("records")
-                for key, frame in frames.items()
-            },
+            "parameters": [asdict(row) for row in samples.summaries()],
+            "priors": priors.to_dict("records"),
             "modes": {name: modes._asdict() for name, modes in self.modes.items()},
             "checks": [asdict(check) for check in self.checks],
             "warnings": self.findings,
@@ -545,14 +522,15 @@ class Posterior(Display):
         truth, rows = self.truth, []
         for row in self.sampled.summaries():
             mean, ends = interval(row)
-            unit = "" if row.unit == "1" else f" ({row.unit})"
+            unit = f" ({row.unit})" * (row.unit != "1")
             true = minus(f"{truth[row.name]:.6g}") if row.name in truth else ""
-            texts = {"Quantity": row.name + unit, "truth": true, "mean ± sd": mean}
-            rows.append(texts | {"95 % interval": ends})
+            rows.append((row.name + unit, true, mean, ends))
+        heads = ("Quantity", "truth", "mean ± sd", "95 % interval")
+        records = [dict(zip(heads, row, strict=True)) for row in rows]
         changed = f" Changed: {self.changes}." if self.changes else ""
         identifier = f"posterior-{self.name}" if self._in_book else ""
         caption = f"Posterior {self.name}, data {self.data_text}.{changed}"
-        yield Grid.of(caption, rows[0], rows, identifier=identifier)
+        yield Grid.of(caption, heads, records, identifier=identifier)
         yield self._convergence
         if false := self.false_stars:
             yield f"{false}."

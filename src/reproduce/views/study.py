@@ -93,21 +93,20 @@ class StudyTable(Rerunnable, ItemView):
             frame = frame[frame[study.folded] == frame[study.folded].iloc[0]]
         forms = {column.name: column.form for column in study.columns}
         behind = {*(column.error for column in study.columns), study.folded}
-        texts = {}
-        for column in study.columns:
-            if column.name not in behind:
-                errors = frame.get(column.error, [None] * len(frame))
-                texts[column.name] = [
-                    numbers.entry(
-                        value,
-                        column,
-                        (error, forms[column.error]) if column.error else None,
-                    )
-                    for value, error in zip(frame[column.name], errors, strict=True)
-                ]
+        shown = [column for column in study.columns if column.name not in behind]
+        rows = [
+            [
+                numbers.entry(
+                    row[column.name],
+                    column,
+                    (row[column.error], forms[column.error]) if column.error else None,
+                )
+                for column in shown
+            ]
+            for row in frame.to_dict("records")
+        ]
         where = f"study-{anchor(self.key)}" + ("-changed" if self.changes else "")
-        rows = [list(row) for row in zip(*texts.values(), strict=True)]
-        return Grid(caption, [*texts], rows, where, "rp-study")
+        return Grid(caption, [c.name for c in shown], rows, where, "rp-study")
 
     def blocks(self) -> Iterator[Block]:
         """Yield the table, or the first part of a folded table."""

@@ -61,23 +61,22 @@ class Changed(Display):
         import pandas as pd
 
         rows = []
-        for changed in self._cells:
-            cell, value = changed.cell, changed.value
-            low, high = changed.interval or (None, None)
+        for one in self._cells:
+            cell, value, ends = one.cell, one.value, one.interval or (None, None)
             difference = None
             if value is not None and cell.is_number:
                 difference = value - cell.number.value
-            row = {
+            row: dict[str, Any] = {
                 "cell": cell.name,
                 "printed": cell.text,
-                "unchanged": changed.unchanged,
+                "unchanged": one.unchanged,
                 "changed": value,
                 "changed - printed": difference,
-                "low": low,
-                "high": high,
+                "low": ends[0],
+                "high": ends[1],
                 "unit": cell.unit and symbol(cell.unit),
             }
-            rows.append(row | ({"verdict": changed.verdict} if changed.verdict else {}))
+            rows.append(row | ({"verdict": one.verdict} if one.verdict else {}))
         return pd.DataFrame(rows).set_index("cell")
 
     @property
@@ -93,23 +92,17 @@ class Changed(Display):
             caption += " From and to: the central 99 % of the prediction."
         if self.result.joint:
             caption += f" {verdicts.joint_sentence(self.result.joint)}"
+        heads = ("cell", "printed", "unchanged", value, "from", "to", "verdict", "unit")
         rows = []
-        for changed in self._cells:
-            cell, (low, high) = changed.cell, changed.interval or (None, None)
-            before = None if self.result.is_reading else changed.unchanged
-            numbers = {
-                "unchanged": before,
-                value: changed.value,
-                "from": low,
-                "to": high,
-            }
-            texts = {name: _text(cell, number) for name, number in numbers.items()}
-            words = {"verdict": changed.verdict, "unit": symbol(cell.unit)}
-            if cell.is_number:
-                rows.append(
-                    {"cell": cell.name, "printed": minus(cell.text), **texts} | words
-                )
-        return Grid.of(caption, rows[0], rows)
+        for one in self._cells:
+            if (cell := one.cell).is_number:
+                before = None if self.result.is_reading else one.unchanged
+                numbers = (before, one.value, *(one.interval or (None, None)))
+                texts = (_text(cell, number) for number in numbers)
+                words = (cell.name, minus(cell.text), *texts)
+                row = (*words, one.verdict, symbol(cell.unit))
+                rows.append(dict(zip(heads, row, strict=True)))
+        return Grid.of(caption, heads, rows)
 
     def blocks(self) -> Iterator[Block]:
         """Yield the table of the cells."""
@@ -131,9 +124,9 @@ class Sweep(Display):
     printed : list of bool
         Whether the value of a step is the printed one.
     rows : DataFrame
-        One row per step and number, step by step: setting, cell, computed, low, high, unit, text,
-        and for its picture the height of the dashed line (mark) and the smallest range (bottom,
-        top).
+        One row per step and number, which are its index: setting, cell, computed, low, high, unit,
+        text, and for its picture the height of the dashed line (mark) and the smallest range
+        (bottom, top).
     dashed : str
         Meaning of the dashed lines of the pictures.
     """
@@ -152,21 +145,16 @@ class Sweep(Display):
     @property
     def grid(self) -> Grid:
         """The numbers in the displayed format, one row per step."""
-        lines = []
-        for printed, part in zip(self.printed, self._parts, strict=True):
-            setting = part["setting"].iloc[0] + " (printed)" * printed
-            lines.append((setting, *part["text"]))
-        return Grid(self.caption, (self.label, *part["cell"]), lines)
-
-    @property
-    def _parts(self) -> list[pd.DataFrame]:
-        """Rows of each step."""
-        count = len(self.rows) // len(self.printed)
-        return [self.rows[i : i + count] for i in range(0, len(self.rows), count)]
+        steps = [part for _, part in self.rows.groupby(level="step")]
+        lines = [
+            (part["setting"].iloc[0] + " (printed)" * printed, *part["text"])
+            for printed, part in zip(self.printed, steps, strict=True)
+        ]
+        return Grid(self.caption, (self.label, *steps[0]["cell"]), lines)
 
     def blocks(self) -> Iterator[Block]:
         """Yield the table, on a page with a slider and a picture of each number."""
-        count, grid = len(self._parts[0]), self.grid
+        grid = self.grid
         page = rendered(
             "sweep",
             sweep=self,
@@ -174,7 +162,7 @@ class Sweep(Display):
             ends=self.rows["setting"].iloc[[0, -1]].tolist(),
             size=(_WIDTH_PX, _HEIGHT_PX),
             axis=(_LEFT_PX, _WIDTH_PX - _MARGIN_PX),
-            pictures=[_picture(self.rows[i::count]) for i in range(count)],
+            pictures=[_picture(part) for _, part in self.rows.groupby(level="number")],
         )
         yield Html(page, grid)
 
@@ -221,20 +209,23 @@ def swept(
     """
     import pandas as pd
 
-    names = (moved,) if isinstance(moved, str) else tuple(moved)
-    if isinstance(values, str) or not values:
-        raise ValueError(f"values: expected a list of values, got {values!r}")
-    steps: list[Any] = [[v] if isinstance(v, str | int | float) else v for v in values]
+    names = [moved] if isinstance(moved, str) else [*moved]
+    steps = [
+        [value] if isinstance(value, str | int | float) else [*value]
+        for value in ([] if isinstance(values, str) else values)
+    ]
     if {*map(len, steps)} != {len(names)}:
         listed = ", ".join(names)
-        raise ValueError(f"values: expected {listed} for each step, got {values!r}")
+        raise ValueError(
+            f"values: expected a list with {listed} for each step, got {values!r}"
+        )
     cells, printed, parts = [find(name)[0] for name in names], [], []
     for step in steps:
-        same = map(isclose, map(si_value, cells, step), (cell.si for cell in cells))
-        text = ", ".join(map(str, step))
-        printed.append(all(same))
-        parts.append(compute(dict(zip(names, step, strict=True))).assign(setting=text))
-    rows = pd.concat(parts, ignore_index=True)
+        numbers = zip(cells, map(si_value, cells, step), strict=True)
+        printed.append(all(isclose(number, cell.si) for cell, number in numbers))
+        change = dict(zip(names, step, strict=True))
+        parts.append(compute(change).assign(setting=", ".join(map(str, step))))
+    rows = pd.concat(parts, keys=range(len(parts)), names=["step", "number"])
     caption = f"{key} for {len(steps)} values of {' and '.join(names)}"
     if rows["low"].notna().any():
         caption += ". In brackets: the central 99 % of the prediction"

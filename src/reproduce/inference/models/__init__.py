@@ -10,7 +10,6 @@
 from reproduce.inference.models.bench import (
     AveragedNoise,
     StageAngles,
-    averaging_moments,
 )
 from reproduce.inference.models.misalignment import (
     AXES,

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.random import Generator
 from scipy.special import expit
 
-from reproduce.inference import Consequence, Likelihood
+from reproduce.inference import Consequence, Estimate, Likelihood
 from reproduce.physics.attitude import moving_average, scatter_of_averages, stage_angle
 from reproduce.physics.validate import FloatArray
 
@@ -21,11 +21,11 @@ from reproduce.physics.validate import FloatArray
 def _drift(images: int) -> FloatArray:
     """Return a linear drift of unit standard deviation, shape (images,)."""
     drift = np.linspace(-1, 1, images)
-    return np.asarray(drift / drift.std(ddof=1))
+    return drift / drift.std(ddof=1)
 
 
 @cache
-def averaging_moments(images: int, counts: tuple[int, ...]) -> tuple[FloatArray, ...]:
+def _averaging_moments(images: int, counts: tuple[int, ...]) -> tuple[FloatArray, ...]:
     """Return the moments of the variances of running averages over some of all images.
 
     Means for unit white noise and for a unit floor, (m,), and traces of products for the white part
@@ -64,7 +64,7 @@ class AveragedNoise(Likelihood):
 
     def __call__(self, parameters: FloatArray) -> FloatArray:
         """Return the log likelihood, shape (n,)."""
-        ones, drifts, pairs, bent = averaging_moments(self.images, self.counts)
+        ones, drifts, pairs, bent = _averaging_moments(self.images, self.counts)
         white, floor = np.square(parameters.T)[..., None]
         mean = white * ones + floor * drifts
         covariance = (
@@ -77,7 +77,7 @@ class AveragedNoise(Likelihood):
         residual = self.scatter - root * (1 - variance / mean**2 / 8)
         scaled = np.linalg.solve(factor, residual[..., None])[..., 0]
         logs = np.log(np.diagonal(factor, axis1=1, axis2=2)) + 0.5 * scaled**2
-        return np.asarray(-logs.sum(axis=1))
+        return -logs.sum(axis=1)
 
     def simulate(self, parameters: FloatArray, generator: Generator) -> FloatArray:
         """Return printed standard deviations drawn for one parameter vector, shape (m,)."""
@@ -85,13 +85,13 @@ class AveragedNoise(Likelihood):
         noise = generator.normal(size=self.images)
         series = white * noise + floor * _drift(self.images)
         scatter, unit = scatter_of_averages(series, self.counts), 2 * self.half_unit
-        return np.asarray(np.round(scatter / unit) * unit)
+        return np.round(scatter / unit) * unit
 
     def with_data(self, data: FloatArray) -> Self:
         """Return the likelihood of other standard deviations."""
         return replace(self, scatter=data)
 
-    def start(self) -> tuple[FloatArray, FloatArray]:
+    def start(self) -> Estimate:
         """Return the noise of one image and a small floor, with their errors, shape (2,) each."""
         white = self.scatter[0]
         return white * np.array([1.0, 0.05]), white * np.array([0.05, 0.03])
@@ -134,11 +134,11 @@ class StageAngles(Likelihood):
             shared = scaled.sum(axis=2) ** 2 / (self.angles.shape[1] + 1)
             found.append(-(np.square(scaled).sum(axis=2) - shared).sum(axis=1) / 2)
         logs = np.stack(found) - self.angles.size * np.log(parameters[:, 1])
-        return np.asarray(logs)
+        return logs
 
     def __call__(self, parameters: FloatArray) -> FloatArray:
         """Return the log likelihood, shape (n,)."""
-        return np.asarray(np.logaddexp(*self.orders(parameters)) - np.log(2))
+        return np.logaddexp(*self.orders(parameters)) - np.log(2)
 
     def interchanged(self, parameters: FloatArray) -> dict[str, Consequence]:
         """Return the probability that the columns of motions are interchanged."""
@@ -151,13 +151,13 @@ class StageAngles(Likelihood):
         motions = self.motions[:: generator.choice([1, -1])]
         zero = generator.normal(size=(len(motions), 1))
         errors = generator.normal(size=motions.shape) - zero
-        return np.asarray(stage_angle(motions, focal_length) + noise * errors)
+        return stage_angle(motions, focal_length) + noise * errors
 
     def with_data(self, data: FloatArray) -> Self:
         """Return the likelihood of other angles."""
         return replace(self, angles=data)
 
-    def start(self) -> tuple[FloatArray, FloatArray]:
+    def start(self) -> Estimate:
         """Return least-squares estimates for the better order, with their errors, (2,) each."""
         fits, states = [], self.angles.shape[1]
         for motions in (self.motions, self.motions[::-1]):

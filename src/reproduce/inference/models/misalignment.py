@@ -17,6 +17,7 @@ from numpy.random import Generator
 
 from reproduce.inference import (
     Derived,
+    Estimate,
     Likelihood,
     LogUniform,
     Model,
@@ -53,12 +54,12 @@ class SpotStatistics:
     @property
     def means(self) -> FloatArray:
         """Mean spots, shape (groups, lasers, 2), in px."""
-        return np.asarray(self.moments[0])
+        return self.moments[0]
 
     @property
     def counts(self) -> FloatArray:
         """Images in each group, shape (groups,)."""
-        return np.asarray(self.weights[0])
+        return self.weights[0]
 
     @property
     def size(self) -> int:
@@ -136,7 +137,7 @@ class SpotLikelihood(Likelihood):
         off = np.square(data.moments - self.moments(parameters)).sum(axis=(-2, -1))
         squares = data.squares + (off * data.weights).sum(axis=(-2, -1))
         constant = -data.size * (np.log(noise) + 0.5 * np.log(2 * np.pi))
-        return np.asarray(constant - squares / (2 * noise**2))
+        return constant - squares / (2 * noise**2)
 
     @property
     def observed(self) -> dict[str, FloatArray]:
@@ -148,7 +149,7 @@ class SpotLikelihood(Likelihood):
         means = self.moments(parameters)[:, 0]
         off = np.square(self.statistics.means - means).sum(axis=-1)
         variance = parameters[:, -1, None, None] ** 2 / self.statistics.counts[:, None]
-        return np.asarray(-np.log(2 * np.pi * variance) - off / (2 * variance))
+        return -np.log(2 * np.pi * variance) - off / (2 * variance)
 
     def simulate(self, parameters: FloatArray, generator: Generator) -> SpotStatistics:
         """Return the statistics of simulated images for one parameter vector."""
@@ -166,7 +167,7 @@ class SpotLikelihood(Likelihood):
         """Return the likelihood of other spots of the same instrument."""
         return replace(self, statistics=data)
 
-    def start(self) -> tuple[FloatArray, FloatArray]:
+    def start(self) -> Estimate:
         """Return three Gauss-Newton steps from rough values, and standard errors."""
         freedom = self.statistics.freedom
         noise = np.sqrt(self.statistics.squares / freedom)

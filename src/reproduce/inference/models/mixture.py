@@ -15,7 +15,14 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from reproduce.inference import Model, Normal, Parameter, PosteriorSamples, Uniform
+from reproduce.inference import (
+    Estimate,
+    Model,
+    Normal,
+    Parameter,
+    PosteriorSamples,
+    Uniform,
+)
 from reproduce.inference.models.registration import (
     GaussianRegistration,
     fit_checks,
@@ -26,7 +33,7 @@ from reproduce.physics.validate import FloatArray
 # Steps of Newton's method for the inverse distortion. Each doubles the number of correct digits.
 _NEWTON_STEPS = 4
 # Draws that give the probabilities of the stars.
-MAX_DRAWS = 4000
+_MAX_DRAWS = 4000
 # Side of the square of the wrong matches over the extent of the stars: no star is on an edge.
 _SQUARE_RATIO = 1.01
 
@@ -57,9 +64,9 @@ class _DistortedRegistration(GaussianRegistration):
         carried = factor * ratio * offsets
         carried = carried * (1 + bend * np.abs(carried / edge) ** 2)
         shift = parameters[:, 2:3] + 1j * parameters[:, 3:4]
-        return np.asarray(as_points(carried - shift) + self.pivot)
+        return as_points(carried - shift) + self.pivot
 
-    def start(self) -> tuple[FloatArray, FloatArray]:
+    def start(self) -> Estimate:
         """Return the least-squares fit and its standard errors, and no distortion."""
         centre, spread = super().start()
         return np.append(centre, (0.0, 0.0)), np.append(spread, (0.1, 0.1))
@@ -120,12 +127,12 @@ class MixtureRegistration(GaussianRegistration):
 
     def pointwise(self, parameters: FloatArray) -> FloatArray:
         """Return the log likelihood of each star, shape (n, points)."""
-        return np.asarray(np.logaddexp(*self._densities(parameters)))
+        return np.logaddexp(*self._densities(parameters))
 
     def false(self, parameters: FloatArray) -> FloatArray:
         """Return the probability that each star is wrongly matched, shape (n, points)."""
         right, wrong = self._densities(parameters)
-        return np.asarray(np.exp(wrong - np.logaddexp(right, wrong)))
+        return np.exp(wrong - np.logaddexp(right, wrong))
 
     def simulate(self, parameters: FloatArray, generator: Generator) -> FloatArray:
         """Return target points for one parameter vector, shape (points, 2), in px."""
@@ -148,7 +155,7 @@ class MixtureRegistration(GaussianRegistration):
         """The stars that the robust fit does not reject, (points,)."""
         return fit_problem(self.problem, robust=True).weights > 0
 
-    def start(self) -> tuple[FloatArray, FloatArray]:
+    def start(self) -> Estimate:
         """Return the fit of the stars that agree, and the fraction of the others."""
         agreeing, count = self.agreeing, len(self.source)
         right = GaussianRegistration(self.problem.rows(agreeing))
@@ -206,6 +213,6 @@ def mixture_model(base: Model) -> Model:
 def probability_false(posterior: PosteriorSamples) -> FloatArray:
     """Return the posterior probability that each star is wrongly matched, (points,)."""
     likelihood = posterior.model.likelihood_of(MixtureRegistration)
-    draws = posterior.draws[:: -(-len(posterior.draws) // MAX_DRAWS)]
+    draws = posterior.draws[:: -(-len(posterior.draws) // _MAX_DRAWS)]
     parts = map(likelihood.false, likelihood.parts(draws))
-    return np.asarray(sum(part.sum(axis=0) for part in parts) / len(draws))
+    return sum(part.sum(axis=0) for part in parts) / len(draws)

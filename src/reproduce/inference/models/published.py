@@ -15,8 +15,11 @@ import numpy as np
 from numpy.random import Generator
 from scipy.special import logsumexp, ndtr
 
-from reproduce.inference import Likelihood
+from reproduce.inference import Estimate, Likelihood
 from reproduce.physics.validate import FloatArray
+
+# Printed estimates and residuals.
+_Printed = tuple[FloatArray, FloatArray]
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +49,7 @@ class PrintedFit(Likelihood):
 
     def __call__(self, parameters: FloatArray) -> FloatArray:
         """Return the log likelihood, shape (n,)."""
-        return np.asarray(self.pointwise(parameters).sum(axis=1))
+        return self.pointwise(parameters).sum(axis=1)
 
     def pointwise(self, parameters: FloatArray) -> FloatArray:
         """Return the log likelihood of the estimates together and of each residual, (n, 1 + r)."""
@@ -64,9 +67,7 @@ class PrintedFit(Likelihood):
         scaled = self.counts / self.per_mean * (self.residuals / noise) ** 2
         return np.column_stack([estimates, -self.counts * np.log(noise) - scaled / 2])
 
-    def simulate(
-        self, parameters: FloatArray, generator: Generator
-    ) -> tuple[FloatArray, FloatArray]:
+    def simulate(self, parameters: FloatArray, generator: Generator) -> _Printed:
         """Return printed estimates and residuals drawn for one parameter vector."""
         *values, noise = parameters
         errors, unit = generator.choice(self.errors), 2 * self.half_units
@@ -74,7 +75,7 @@ class PrintedFit(Likelihood):
         squares = generator.chisquare(self.counts) / self.counts * self.per_mean
         return np.round(estimates / unit) * unit, noise * np.sqrt(squares)
 
-    def with_data(self, data: tuple[FloatArray, FloatArray]) -> Self:
+    def with_data(self, data: _Printed) -> Self:
         """Return the likelihood of other estimates and residuals."""
         return replace(self, estimates=data[0], residuals=data[1])
 
@@ -84,7 +85,7 @@ class PrintedFit(Likelihood):
         count = float(self.counts.sum())
         return count, float(np.sqrt(squares.sum() / count))
 
-    def start(self) -> tuple[FloatArray, FloatArray]:
+    def start(self) -> Estimate:
         """Return the printed estimates with the noise, and their errors, shape (p + 1,) each."""
         count, noise = self._noise()
         errors = np.hypot(noise * self.errors.max(axis=0), self.half_units)
@@ -106,9 +107,7 @@ class PrintedFit(Likelihood):
         values = generator.normal(self.estimates + rounding, noise * errors)
         return np.column_stack([values, noise])
 
-    def checks(
-        self, data: tuple[FloatArray, FloatArray] | None = None
-    ) -> dict[str, float]:
+    def checks(self, data: _Printed | None = None) -> dict[str, float]:
         """Return the residuals."""
         residuals = self.residuals if data is None else data[1]
         return {f"residual {i}": one for i, one in enumerate(residuals.tolist(), 1)}

@@ -11,13 +11,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.random import PCG64, Generator
 
 from reproduce.inference import (
     Consequence,
+    Estimate,
     Likelihood,
     LogUniform,
     Model,
@@ -45,11 +46,11 @@ from reproduce.units import DEGREES_PER_RADIAN
 TRANSFORM = MODELS["similarity"]
 # Values of parameter vectors and stars that are evaluated together, which limits the memory.
 _MAX_VALUES = 1_000_000
-# Parameter vectors that are evaluated together at new stars, and the seed of their noise.
-CHUNK_SIZE, NOISE_SEED = 10_000, 52
+# Seed of the noise of new stars.
+_NOISE_SEED = 52
 # Half-widths of flat priors: of a shift in fields, of a scale in ratios of the sizes of both
 # patterns, of any parameter in standard errors.
-SHIFT_FIELDS, SCALE_RATIOS, STANDARD_ERRORS = 10.0, 10.0, 1e3
+_SHIFT_FIELDS, _SCALE_RATIOS, _STANDARD_ERRORS = 10.0, 10.0, 1e3
 # Draws in closed form per requested draw, since the bounds of priors reject some.
 _DRAWS_PER_EXACT = 10
 # Symbol, displayed unit and its number per SI unit.
@@ -152,7 +153,7 @@ class GaussianRegistration(Likelihood):
         (scale, angle), slopes = self.fit.parameters[:2], np.eye(4)
         sine, cosine = np.sin(angle), np.cos(angle)
         slopes[:2, :2] = [[cosine, -scale * sine], [sine, scale * cosine]]
-        return np.asarray(slopes @ self.fit.cofactor @ slopes.T)
+        return slopes @ self.fit.cofactor @ slopes.T
 
     @cached_property
     def precision(self) -> FloatArray:
@@ -161,14 +162,12 @@ class GaussianRegistration(Likelihood):
 
     def _precision(self, transforms: FloatArray) -> FloatArray:
         inverse = residuals_at(self.problem, transforms)[1]
-        return np.asarray(self.problem.counts[:, None, None] * inverse)
+        return self.problem.counts[:, None, None] * inverse
 
     @cached_property
     def _constant(self) -> FloatArray:
         """Log density of each star at its predicted position for a noise of one, (points,)."""
-        return np.asarray(
-            0.5 * np.linalg.slogdet(self.precision)[1] - np.log(2 * np.pi)
-        )
+        return 0.5 * np.linalg.slogdet(self.precision)[1] - np.log(2 * np.pi)
 
     @cached_property
     def _normal_matrix(self) -> FloatArray:
@@ -183,7 +182,7 @@ class GaussianRegistration(Likelihood):
         squares = self.fit.chi_square + np.vecdot(off @ self._normal_matrix, off)
         noise = self.noise(parameters)
         constant = self._constant.sum() - 2 * len(self.target) * np.log(noise)
-        return np.asarray(constant - squares / (2 * noise**2))
+        return constant - squares / (2 * noise**2)
 
     def parts(self, parameters: FloatArray) -> list[FloatArray]:
         """Return the parameter vectors in parts that fit into the memory."""
@@ -197,7 +196,7 @@ class GaussianRegistration(Likelihood):
             inverse = self._precision(parameters[:, : self._size])
         squares = np.vecdot(residuals, (inverse @ residuals[..., None])[..., 0])
         noise = self.noise(parameters)[:, None]
-        return np.asarray(self._constant - 2 * np.log(noise) - squares / (2 * noise**2))
+        return self._constant - 2 * np.log(noise) - squares / (2 * noise**2)
 
     def places(
         self, parameters: FloatArray, source: FloatArray | None = None
@@ -216,13 +215,13 @@ class GaussianRegistration(Likelihood):
         # Any matrix whose product with its transpose is the covariance.
         root = np.linalg.inv(np.linalg.cholesky(self.precision)).mT
         noise = self.noise(parameters[None]) * (root @ normal)[..., 0]
-        return np.asarray(self.places(parameters[None])[0] + noise)
+        return self.places(parameters[None])[0] + noise
 
     def with_data(self, data: FloatArray) -> Self:
         """Return the likelihood of the same sources with other target points."""
         return replace(self, problem=replace(self.problem, target=data))
 
-    def start(self) -> tuple[FloatArray, FloatArray]:
+    def start(self) -> Estimate:
         """Return the fit and its standard errors."""
         fit = self.fit
         if fit.errors_known:
@@ -232,6 +231,19 @@ class GaussianRegistration(Likelihood):
         errors = noise * np.sqrt(np.diagonal(fit.cofactor))
         last = noise / np.sqrt(2 * freedom)
         return np.append(fit.parameters, noise), np.append(errors, last)
+
+    def exact(self, count: int, generator: Generator) -> FloatArray:
+        """Return draws for priors that are flat in the linear coordinates, shape (count, 5)."""
+        fit, noise = self.fit, np.ones(count)
+        if not fit.errors_known:
+            freedom = float(fit.degrees_of_freedom)
+            noise = np.sqrt(fit.chi_square / generator.chisquare(freedom, count))
+        normal = generator.normal(size=(count, 4))
+        root = np.linalg.cholesky(self.linear_cofactor)
+        rows = self.linear(fit.parameters[None]) + noise[:, None] * (normal @ root.T)
+        factors, angle = rows[:, 0] + 1j * rows[:, 1], fit.parameters[1]
+        angles = angle + np.angle(factors * np.exp(-1j * angle))
+        return np.column_stack([np.abs(factors), angles, rows[:, 2:], noise])
 
     def checks(self, data: FloatArray | None = None) -> dict[str, float]:
         """Return numbers of the residuals of the fit."""
@@ -370,15 +382,15 @@ def _wide_priors(fit: RegistrationFit) -> dict[str, Prior]:
         for points in (problem.target, problem.source)
     )
     half_widths = {
-        "1": SCALE_RATIOS * target_size / source_size,
-        "px": SHIFT_FIELDS * float(np.ptp(problem.target, axis=0).max()),
+        "1": _SCALE_RATIOS * target_size / source_size,
+        "px": _SHIFT_FIELDS * float(np.ptp(problem.target, axis=0).max()),
         "px^-2": float(np.hypot(*(problem.source - problem.pivot).T).max()) ** -2,
     }
     errors = np.nan_to_num(fit.standard_errors)
     for name, value, error in zip(fit.names, fit.parameters, errors, strict=True):
         half, reason = np.pi, "any: the full circle, cut opposite to least squares"
         if name != "rotation":
-            half = max(half_widths[UNITS.get(name, "1")], STANDARD_ERRORS * error)
+            half = max(half_widths[UNITS.get(name, "1")], _STANDARD_ERRORS * error)
             reason = (
                 "ten times the largest plausible value, or a thousand standard errors"
             )
@@ -413,46 +425,29 @@ def exact_draws(model: Model, count: int, generator: Generator) -> FloatArray:
     ValueError
         If the model is another one, or the priors exclude most of the posterior.
     """
-    likelihood: Likelihood | None = model.likelihood
+    likelihood: Any = model.likelihood
     many = _DRAWS_PER_EXACT * count
-    if any(isinstance(one.prior, Normal) for one in model.parameters):
-        likelihood = None
-    if isinstance(likelihood, PrintedFit):
-        rows, inside = likelihood.exact(many, generator), np.ones(many, dtype=bool)
-    elif isinstance(likelihood, GaussianRegistration) and likelihood.is_linear:
-        rows = _exact_similarities(likelihood, many, generator)[:, : model.dimension]
-        # Flat in scale and rotation is flat in the two parts divided by the scale.
-        scales = rows[:, 0]
-        inside = generator.uniform(size=many) < scales.min() / scales
-    else:
+    is_linear = isinstance(likelihood, GaussianRegistration) and likelihood.is_linear
+    if not (is_linear or isinstance(likelihood, PrintedFit)) or any(
+        isinstance(one.prior, Normal) for one in model.parameters
+    ):
         raise ValueError(
             "exact: expected a similarity with uniform priors and no errors of the source, got "
             f"{model.name}. Use the draws of emcee"
         )
+    rows = likelihood.exact(many, generator)[:, : model.dimension]
     # The prior of the noise is that of the closed form within its bounds.
-    inside &= np.isfinite(model.log_prior(rows))
+    inside = np.isfinite(model.log_prior(rows))
+    if is_linear:
+        # Flat in scale and rotation is flat in the two parts divided by the scale.
+        scales = rows[:, 0]
+        inside &= generator.uniform(size=many) < scales.min() / scales
     if inside.sum() < count:
         raise ValueError(
             f"exact: expected priors that contain most of the posterior, got {inside.mean():.2g} "
             "of it. Use the draws of emcee"
         )
     return rows[inside][:count]
-
-
-def _exact_similarities(
-    likelihood: GaussianRegistration, count: int, generator: Generator
-) -> FloatArray:
-    """Return draws for priors that are flat in the linear coordinates, shape (count, 5)."""
-    fit, noise = likelihood.fit, np.ones(count)
-    if not fit.errors_known:
-        freedom = float(fit.degrees_of_freedom)
-        noise = np.sqrt(fit.chi_square / generator.chisquare(freedom, count))
-    normal = generator.normal(size=(count, 4))
-    root = np.linalg.cholesky(likelihood.linear_cofactor)
-    rows = likelihood.linear(fit.parameters[None]) + noise[:, None] * (normal @ root.T)
-    factors, angle = rows[:, 0] + 1j * rows[:, 1], fit.parameters[1]
-    angles = angle + np.angle(factors * np.exp(-1j * angle))
-    return np.column_stack([np.abs(factors), angles, rows[:, 2:], noise])
 
 
 @dataclass(frozen=True, eq=False)
@@ -472,12 +467,11 @@ class NewStars:
 
     def __call__(self, parameters: FloatArray) -> dict[str, Consequence]:
         """Return the RMSE in px and as an angle, and the error at the outermost star."""
-        generator = Generator(PCG64(NOISE_SEED))
+        generator = Generator(PCG64(_NOISE_SEED))
         offsets = self.source - self.source.mean(axis=0)
         outermost = np.hypot(*offsets.T).argmax()
         errors, displacements = [], []
-        for first in range(0, len(parameters), CHUNK_SIZE):
-            rows = parameters[first : first + CHUNK_SIZE]
+        for rows in self.likelihood.parts(parameters):
             off = self.likelihood.places(rows, self.source) - self.registered
             displacements.append(np.hypot(*off[:, outermost].T))
             off += rows[:, 4, None, None] * generator.normal(size=off.shape)
