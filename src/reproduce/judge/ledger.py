@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import math
 import tomllib
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Iterator, Mapping
 from functools import cache
 from itertools import chain
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -135,14 +134,14 @@ class Ledger(Frozen):
 
 
 def build(
-    keys: Iterable[str] | None = None,
+    keys: Collection[str] | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Ledger:
     """Run the computations of the items and judge every printed cell.
 
     Parameters
     ----------
-    keys : iterable of str, optional
+    keys : collection of str, optional
         Keys of the items. Default: all items.
     progress : callable, optional
         Callback with the number of finished items and the number of all items.
@@ -157,17 +156,16 @@ def build(
     KeyError
         If a key is unknown.
     """
-    items = catalogue()
-    asked = set(items if keys is None else keys)
-    if unknown := asked - set(items):
+    listed = [key for key in catalogue() if keys is None or key in keys]
+    if keys is not None and (unknown := {*keys}.difference(listed)):
         raise KeyError(
-            f"keys: expected some of {', '.join(items)}, got {sorted(unknown)}. Check them"
+            f"keys: expected keys of items, got {sorted(unknown)}. Check them"
         )
-    parts: list[Ledger] = []
-    for key in filter(asked.__contains__, items):
+    parts = []
+    for key in listed:
         parts.append(_judged(key))
         if progress is not None:
-            progress(len(parts), len(asked))
+            progress(len(parts), len(listed))
     return Ledger(
         records=tuple(record for part in parts for record in part.records),
         tables=tuple(table for part in parts for table in part.tables),
@@ -253,25 +251,19 @@ def _results(evaluation: Evaluation, table: PrintedTable) -> dict[str, Record]:
 
 def _why(cell: PrintedCell, reading: Reading) -> str:
     """Return the verdict of the literal reading in words."""
-    value, low, high = (
-        cell.number.format(number, extra=1)
-        for number in (reading.computed, *reading.interval)
-    )
-    if reading.probability is not None:
-        probability = f"probability {reading.probability:.2g}"
-        if reading.probability == 0.0:
-            probability = "beyond every replicate"
-        side = "inside" if reading.agrees else "outside"
-        return (
-            f"{side} the central {CENTRAL:.0%} of the prediction, {low} to {high} "
-            f"({probability})"
-        )
-    if "bound" in reading.flags:
-        return f"{value} {'keeps' if reading.agrees else 'breaks'} the bound"
+    agrees, flags, p = reading.agrees, reading.flags, reading.probability
+    numbers = (reading.computed, *reading.interval)
+    value, low, high = (cell.number.format(number, extra=1) for number in numbers)
+    if p is not None:
+        side = "inside" if agrees else "outside"
+        chance = f"probability {p:.2g}" if p else "beyond every replicate"
+        return f"{side} the central {CENTRAL:.0%} of the prediction, {low} to {high} ({chance})"
+    if "bound" in flags:
+        return f"{value} {'keeps' if agrees else 'breaks'} the bound"
     allowed = f"rounded inputs allow {low} to {high}"
-    if not reading.agrees:
+    if not agrees:
         return f"{value}; {allowed}, which excludes the printed number"
-    if (reading.share or 0) > 1 or "rounding" in reading.flags:
+    if (reading.share or 0) > 1 or "rounding" in flags:
         return f"{value} does not round to the printed digits; {allowed}"
     return f"{value} rounds to the printed digits"
 
@@ -279,8 +271,8 @@ def _why(cell: PrintedCell, reading: Reading) -> str:
 def _table_record(evaluation: Evaluation) -> TableRecord:
     """Return the joint record of the predicted cells of a computation."""
     key, cells = evaluation.computation.key, evaluation.cells
-    results = list(zip(*map(evaluation.results, cells), strict=True))
-    distinct = [results.index(result) for result in dict.fromkeys(results)]
+    results = [evaluation.results(name).ravel() for name in cells]
+    distinct = np.sort(np.unique(np.stack(results), axis=1, return_index=True)[1])
     judged = [name for name in cells if not unpublished(key, name)]
     agreeing = np.sum([[r.agrees for r in cells[name]] for name in judged], axis=0)
     joint = evaluation.joint[:, 0]
@@ -341,8 +333,7 @@ def frozen() -> dict[str, Expectation]:
     return expectations
 
 
-@dataclass(frozen=True)
-class VerdictChange:
+class _VerdictChange(NamedTuple):
     """A cell whose verdict is not the frozen one."""
 
     cell: str
@@ -350,30 +341,33 @@ class VerdictChange:
     found: str
 
 
-def changed_verdicts(ledger: Ledger) -> list[VerdictChange]:
+def changed_verdicts(ledger: Ledger) -> list[_VerdictChange]:
     """Return the cells whose verdict is not the frozen one."""
-    changes = []
-    for record in ledger.records:
-        expected = frozen().get(record.cell)
-        verdict = expected.verdict if expected else "none"
-        if record.verdict != verdict:
-            changes.append(VerdictChange(record.cell, verdict, record.verdict))
-    return changes
+    known = {address: one.verdict for address, one in frozen().items()}
+    return [
+        _VerdictChange(one.cell, known.get(one.cell, "none"), one.verdict)
+        for one in ledger.records
+        if one.verdict != known.get(one.cell)
+    ]
+
+
+def _expected(address: str) -> Expectation:
+    return frozen().get(address, Expectation(verdict="input"))
 
 
 def reason(address: str) -> str:
     """Return the reason of the frozen verdict of a cell; empty without a reason."""
-    return frozen()[address].reason if address in frozen() else ""
+    return _expected(address).reason
 
 
 def erratum(address: str) -> str:
     """Return the id of the erratum that explains a verdict; empty without an erratum."""
-    return frozen()[address].erratum if address in frozen() else ""
+    return _expected(address).erratum
 
 
 def reply_state(address: str) -> str:
     """Return the state of the authors' reply to the question on a cell; empty without one."""
-    question = frozen()[address].question if address in frozen() else ""
+    question = _expected(address).question
     return question and _reply_states().get(question, "none")
 
 

@@ -10,10 +10,10 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
-from itertools import chain, combinations
+from functools import cache, partial
+from itertools import chain, combinations, compress, product
 from typing import Any
 
 import numpy as np
@@ -25,12 +25,13 @@ from reproduce.judge.verdicts import (
     Propagated,
     Reading,
     joint_probability,
-    judge,
+    judge_prediction,
     judge_summary,
+    judge_value,
 )
 from reproduce.papers.catalogue import catalogue
-from reproduce.papers.declare import Computation, Prediction, Results, unpublished
-from reproduce.printed.cells import PrintedTable, library
+from reproduce.papers.declare import Computation, Prediction, unpublished
+from reproduce.printed.cells import library
 from reproduce.printed.inputs import load_inputs
 from reproduce.printed.number import si_factor
 from reproduce.store import studies
@@ -82,75 +83,73 @@ class Evaluation:
     cells: Mapping[str, Sequence[Reading]]
     joint: _Array
 
-    def results(self, name: str) -> list[str]:
-        """Return the result of a cell under every reading as text, equal for equal results."""
-        return [
+    def results(self, name: str) -> _Array:
+        """Return the result of a cell under every reading as text, equal for equal results.
+
+        The array has an axis for each option, in the order of its alternatives.
+        """
+        texts = [
             " ".join(f"{v:.9e}" for v in (r.computed, *r.interval, r.probability or 0))
             for r in self.cells[name]
         ]
+        return np.reshape(texts, [*map(len, self.computation.options.values())])
 
     def distinct(self, name: str) -> list[Reading]:
         """Return the readings of a cell that give different results.
 
         Each contains the choices that affect its result.
         """
-        results, different = self.results(name), dict[str, Reading]()
-        choices = [tuple(reading.choices.values()) for reading in self.cells[name]]
-        result_of = dict(zip(choices, results, strict=True))
-        for reading, result in zip(self.cells[name], results, strict=True):
-            if result not in different:
-                affecting = {
-                    option: chosen
-                    for option, chosen in reading.choices.items()
-                    if any(
-                        result_of[
-                            (*(reading.choices | {option: alternative}).values(),)
-                        ]
-                        != result
-                        for alternative in self.computation.options[option]
-                    )
-                }
-                different[result] = reading.model_copy(update={"choices": affecting})
-        return list(different.values())
+        results, readings = self.results(name), self.cells[name]
+        different = []
+        for first in np.sort(np.unique(results, return_index=True)[1]):
+            place = np.unravel_index(first, results.shape)
+            affecting = {}
+            for axis, (option, choice) in enumerate(readings[first].choices.items()):
+                others = results[(*place[:axis], slice(None), *place[axis + 1 :])]
+                if (others != results[place]).any():
+                    affecting[option] = choice
+            different.append(readings[first].model_copy(update={"choices": affecting}))
+        return different
 
     def summary(self, name: str) -> ReadingSummary:
         """Return the number of readings that agree, and the options that decide."""
-        readings, options = self.cells[name], self.computation.options
-        decided_by: tuple[str, ...] | None = None
+        options, distinct = self.computation.options, self.distinct(name)
+        agrees = np.reshape(
+            [reading.agrees for reading in self.cells[name]],
+            [*map(len, options.values())],
+        )
+        decided_by: list[tuple[str, ...]] = []
         conditions: list[dict[str, str]] = []
         never: dict[str, tuple[str, ...]] = {}
-        for names in _subsets(options):
+        # The smallest sets of options first.
+        sizes = range(len(options) + 1)
+        for names in chain.from_iterable(combinations(options, n) for n in sizes):
             full = len(conditions) >= _MAX_CONDITIONS
-            if full and decided_by is not None and len(names) > len(conditions[-1]):
+            if full and decided_by and len(names) > len(conditions[-1]):
                 break
-            agreement: dict[tuple[str, ...], set[bool]] = {}
-            for reading in readings:
-                chosen = tuple(reading.choices[option] for option in names)
-                agreement.setdefault(chosen, set()).add(reading.agrees)
-            if decided_by is None and all(len(o) == 1 for o in agreement.values()):
-                decided_by = names
-            if len(names) == 1 and {False} in agreement.values():
+            rest = tuple(i for i, one in enumerate(options) if one not in names)
+            always, sometimes = agrees.all(axis=rest), agrees.any(axis=rest)
+            if (always == sometimes).all():
+                decided_by.append(names)
+            if len(names) == 1 and not sometimes.all():
                 never[names[0]] = tuple(
-                    c for (c,), o in agreement.items() if o == {False}
+                    compress(options[names[0]], np.atleast_1d(~sometimes))
                 )
-            for chosen in (
-                c for c, outcomes in agreement.items() if outcomes == {True}
+            for chosen in compress(
+                product(*(options[one] for one in names)), always.flat
             ):
                 condition = dict(zip(names, chosen, strict=True))
                 if not any(c.items() <= condition.items() for c in conditions):
                     conditions.append(condition)
         # Few choices first, then many readings.
-        conditions.sort(
-            key=lambda c: (len(c), math.prod(len(options[option]) for option in c))
-        )
-        distinct = self.distinct(name)
+        conditions.sort(key=lambda c: (len(c), math.prod(len(options[o]) for o in c)))
         return ReadingSummary(
             count=len(distinct),
             agreeing=sum(reading.agrees for reading in distinct),
-            decided_by=decided_by or (),
+            decided_by=next(iter(decided_by), ()),
             agrees_if=tuple(conditions[:_MAX_CONDITIONS]),
             never=never,
-            closest=max(distinct, key=lambda reading: self._closeness(name, reading)),
+            closest=max(distinct, key=partial(self._closeness, name)),
         )
 
     def _closeness(self, name: str, reading: Reading) -> tuple[bool, bool, float]:
@@ -160,11 +159,6 @@ class Evaluation:
             printed = library()[self.computation.key][name].number.value
             near = -abs(reading.computed - printed)
         return reading.agrees, not reading.flags, near
-
-
-def _subsets(names: Collection[str]) -> Iterator[tuple[str, ...]]:
-    """Yield the subsets of some names, the smallest first."""
-    return chain.from_iterable(combinations(names, n) for n in range(len(names) + 1))
 
 
 @cache
@@ -208,38 +202,39 @@ def evaluate_readings(
                 raise ValueError(
                     f"{computation.name}: expected declared cells, got {name}. Declare it"
                 )
-            reading = judge(table[name], result, choices, allowed.get(name))
+            number, unit = table[name].number, si_factor(table[name].unit)
+            if isinstance(result, Prediction):
+                reading = judge_prediction(number, result.draws / unit, choices)
+            else:
+                low, high, wide = allowed.get(name, Propagated(result, result, False))
+                ends = low / unit, high / unit
+                reading = judge_value(number, result / unit, ends, choices, wide=wide)
             by_cell.setdefault(name, []).append(reading)
-        joint.append(_joint(table, results))
+        drawn = [
+            (table[name], result.draws)
+            for name, result in results.items()
+            if isinstance(result, Prediction)
+            and np.ptp(result.draws) > 0
+            and not unpublished(table.key, name)
+        ]
+        chance = math.nan, math.nan
+        if drawn:
+            scaled = [draws / si_factor(cell.unit) for cell, draws in drawn]
+            intervals = [cell.number.interval() for cell, _ in drawn]
+            chance = joint_probability(np.stack(scaled), np.array(intervals))
+        joint.append(chance)
     return Evaluation(computation, by_cell, np.array(joint))
-
-
-def _joint(table: PrintedTable, results: Results) -> tuple[float, float]:
-    """Return the joint probability of all predicted cells; NaN if none is predicted."""
-    drawn = {
-        name: result.draws / si_factor(table[name].unit)
-        for name, result in results.items()
-        if isinstance(result, Prediction)
-        and np.ptp(result.draws) > 0
-        and not unpublished(table.key, name)
-    }
-    if not drawn:
-        return math.nan, math.nan
-    intervals = [table[name].number.interval() for name in drawn]
-    return joint_probability(np.stack(list(drawn.values())), np.array(intervals))
 
 
 def all_readings() -> Iterator[tuple[str, Reading]]:
     """Yield the address and every reading of each cell that has several."""
     items = catalogue().values()
-    for computation in chain.from_iterable(item.computations for item in items):
-        evaluation = evaluate(computation)
+    for evaluation in (evaluate(one) for item in items for one in item.computations):
         for name in evaluation.cells:
             readings = evaluation.distinct(name)
             if len(readings) > 1:
-                yield from (
-                    (f"{computation.key}#{name}", reading) for reading in readings
-                )
+                address = f"{evaluation.computation.key}#{name}"
+                yield from ((address, reading) for reading in readings)
 
 
 def _row(reading: Reading) -> list[float]:
@@ -250,13 +245,10 @@ def _row(reading: Reading) -> list[float]:
 
 def packed(evaluation: Evaluation) -> dict[str, _Array]:
     """Return an evaluation as arrays, by the names under which the study stores them."""
-    arrays = {
-        name: np.array(list(map(_row, readings)))
-        for name, readings in evaluation.cells.items()
-    }
-    arrays["joint"] = evaluation.joint
+    rows = {name: [*map(_row, cells)] for name, cells in evaluation.cells.items()}
     return {
-        f"{evaluation.computation.name}:{name}": array for name, array in arrays.items()
+        f"{evaluation.computation.name}:{name}": np.array(array)
+        for name, array in {**rows, "joint": evaluation.joint}.items()
     }
 
 

@@ -45,7 +45,7 @@ class CannotChangeError(ValueError):
 
 
 @dataclass(frozen=True)
-class ChangedCell:
+class _ChangedCell:
     """One cell of an item under a change, in the printed unit.
 
     Parameters
@@ -77,7 +77,7 @@ class Rerun:
         Key of the item.
     changes : dict
         Address to the value as given, and ``seed`` or ``replicates`` if they are changed.
-    cells : tuple of ChangedCell
+    cells : tuple of _ChangedCell
         Every cell that the item computes.
     replaced : dict
         Address of each printed input that a recomputed value replaces, to that value in the
@@ -90,7 +90,7 @@ class Rerun:
 
     key: str
     changes: dict[str, str]
-    cells: tuple[ChangedCell, ...]
+    cells: tuple[_ChangedCell, ...]
     replaced: dict[str, float]
     options: dict[str, str] = field(default_factory=dict)
     joint: TableRecord | None = None
@@ -188,7 +188,7 @@ def rerun(
                 if not np.isfinite([value, *(ends or ())]).all():
                     raise ArithmeticError(f"{cell.address} is not a finite number")
                 unchanged = _median(before[name], unit)
-                cells[name] = ChangedCell(cell, unchanged, value, ends)
+                cells[name] = _ChangedCell(cell, unchanged, value, ends)
     ordered = (cells[name] for name in library()[key].by_name if name in cells)
     return Rerun(key, changed, tuple(ordered), run.replaced, chosen)
 
@@ -267,29 +267,27 @@ def check_randomness(
 
 def checked_values(key: str, changes: Mapping[str, str | float]) -> dict[str, float]:
     """Return the values of a user in SI units; raise an error for a cell that is not an input."""
-    _refuse_strays(key, changes, changeable(key))
-    try:
-        return {
-            address: si_value(find(address)[0], text)
-            for address, text in changes.items()
-        }
-    except ValueError as error:
-        raise CannotChangeError(str(error)) from error
+    allowed, values = changeable(key), {}
+    for address, text in changes.items():
+        if address not in allowed:
+            raise _stray(key, address, allowed)
+        try:
+            values[address] = si_value(find(address)[0], text)
+        except ValueError as error:
+            raise CannotChangeError(str(error)) from error
+    return values
 
 
-def _refuse_strays(
-    subject: str, changes: Iterable[str], allowed: Sequence[str]
-) -> None:
-    """Raise an error for the first cell that is not an input; suggest similar inputs."""
+def _stray(key: str, stray: str, allowed: Sequence[str]) -> CannotChangeError:
+    """Return the error of a cell that is not an input, with similar inputs."""
     names = {address.partition("#")[2]: address for address in reversed(allowed)}
-    for stray in (address for address in changes if address not in allowed):
-        name = stray.rpartition("#")[2]
-        near = difflib.get_close_matches(name, names, _MAX_SUGGESTED, cutoff=0.7)
-        listed = [names[name] for name in near] or allowed[:_MAX_SUGGESTED]
-        raise CannotChangeError(
-            f"{stray}: expected an input of {subject}, such as {', '.join(listed)}. "
-            f"All {len(allowed)} are in `.inputs`"
-        )
+    name = stray.rpartition("#")[2]
+    near = difflib.get_close_matches(name, names, _MAX_SUGGESTED, cutoff=0.7)
+    listed = [names[name] for name in near] or allowed[:_MAX_SUGGESTED]
+    return CannotChangeError(
+        f"{stray}: expected an input of {key}, such as {', '.join(listed)}. All {len(allowed)} "
+        "are in `.inputs`"
+    )
 
 
 def compute_with_changes(
@@ -343,7 +341,7 @@ def _reading(key: str, chosen: dict[str, str]) -> Rerun:
     """Return an item under one reading of the text, with verdicts."""
     chosen_ledger, literal = reread(key, chosen), reread(key, {})
     cells = tuple(
-        ChangedCell(
+        _ChangedCell(
             find(after.cell)[0],
             before.computed,
             after.computed,

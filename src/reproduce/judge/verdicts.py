@@ -11,9 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict
 
-from reproduce.papers.declare import Prediction, Result
-from reproduce.printed.cells import PrintedCell
-from reproduce.printed.number import PrintedNumber, si_factor
+from reproduce.printed.number import PrintedNumber
 
 Verdict = Literal["input", "exact", "consistent", "differs", "ambiguous", "unpublished"]
 # In the order in which readers see them.
@@ -88,39 +86,6 @@ class Propagated(NamedTuple):
     low: float
     high: float
     wide: bool
-
-
-def judge(
-    cell: PrintedCell,
-    result: Result,
-    choices: Mapping[str, str],
-    allowed: Propagated | None = None,
-) -> Reading:
-    """Compare the result of one reading with the printed number of a cell.
-
-    Parameters
-    ----------
-    cell : PrintedCell
-        Printed cell.
-    result : float or Prediction
-        Result, in SI units.
-    choices : mapping
-        Options of the reading to their alternatives.
-    allowed : Propagated, optional
-        Results that rounded inputs allow. Default: the result.
-
-    Returns
-    -------
-    Reading
-        Comparison with its verdict.
-    """
-    unit = si_factor(cell.unit)
-    if isinstance(result, Prediction):
-        return judge_prediction(cell.number, result.draws / unit, choices)
-    low, high, wide = allowed or (result, result, False)
-    return judge_value(
-        cell.number, result / unit, (low / unit, high / unit), choices, wide=wide
-    )
 
 
 def judge_value(

@@ -84,21 +84,21 @@ def _item(declared: list[Any]) -> Item:
 
 @cache
 def _declarations(key: str, module: str) -> list[Any]:
-    """Return the declarations of a key: its schematic, and the declarations in its module."""
-    files = schematic_files(key)
-    declared: list[Any] = [Schematic(key, files)] if files else []
-    if module:
-        declared += [
-            value
-            for value in vars(importlib.import_module(module)).values()
-            if isinstance(value, PaperFunction)
-            and (value.key, value.function.__module__) == (key, module)
-        ]
-        if not declared:
-            raise ValueError(
-                f"{key}: expected its declaration in {module}, got none. Add it, or correct "
-                "the key in the package of the paper."
-            )
+    """Return the declarations of a key in its module; without a module, its schematic."""
+    if not module:
+        files = schematic_files(key)
+        return [Schematic(key, files)] if files else []
+    declared = [
+        value
+        for value in vars(importlib.import_module(module)).values()
+        if isinstance(value, PaperFunction)
+        and (value.key, value.function.__module__) == (key, module)
+    ]
+    if not declared:
+        raise ValueError(
+            f"{key}: expected its declaration in {module}, got none. Add it, or correct the key "
+            "in the package of the paper."
+        )
     return declared
 
 

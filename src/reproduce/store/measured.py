@@ -28,7 +28,7 @@ _RECORD = np.dtype(
 
 
 @dataclass(frozen=True, eq=False)
-class CatalogueStars:
+class _CatalogueStars:
     """Stars of a catalogue.
 
     Attributes
@@ -47,7 +47,7 @@ class CatalogueStars:
 
 
 @cache
-def bright_stars() -> CatalogueStars:
+def bright_stars() -> _CatalogueStars:
     """Return the Bright Star Catalogue, without the entries that are no stars.
 
     Examples
@@ -67,7 +67,7 @@ def bright_stars() -> CatalogueStars:
         [np.cos(delta) * np.cos(alpha), np.cos(delta) * np.sin(alpha), np.sin(delta)],
         axis=-1,
     )
-    return CatalogueStars(
+    return _CatalogueStars(
         table["number"].astype(np.int64),
         directions,
         table["magnitude"].astype(np.float64) / 100,

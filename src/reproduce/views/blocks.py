@@ -6,6 +6,7 @@ A template writes each block as HTML for a page, and rich writes it for a termin
 from __future__ import annotations
 
 import io
+import json
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -13,7 +14,13 @@ from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Any, Literal
 
-from jinja2 import Environment, PackageLoader
+from jinja2 import (
+    ChoiceLoader,
+    Environment,
+    FileSystemLoader,
+    PackageLoader,
+    select_autoescape,
+)
 from markupsafe import Markup, escape
 from rich import box
 from rich.cells import cell_len
@@ -22,7 +29,10 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
+from reproduce.locate import data_folder
+from reproduce.printed.cells import anchor
 from reproduce.views.numbers import minus, powers_in_html
+from reproduce.views.tex import escaped, in_tex
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -40,17 +50,30 @@ _STYLES |= {"ambiguous": "yellow", "unpublished": "cyan", "input": "dim"}
 
 @cache
 def _templates() -> Environment:
-    return Environment(
-        loader=PackageLoader("reproduce.views"),
-        autoescape=True,
+    folders = [
+        PackageLoader("reproduce.views"),
+        FileSystemLoader(data_folder() / "reports"),
+    ]
+    made = Environment(
+        loader=ChoiceLoader(folders),
+        autoescape=select_autoescape(),
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    made.globals["anchor"] = anchor
+    made.filters |= {
+        "escaped": escaped,
+        "tex": lambda text: in_tex(escaped(text)),
+        # A text in double quotes, as YAML and TriG read it.
+        "quoted": lambda text: json.dumps(text, ensure_ascii=False),
+    }
+    return made
 
 
 def rendered(template: str, **context: Any) -> Markup:
-    """Return the HTML of a template of the folder ``templates``."""
-    return Markup(_templates().get_template(f"{template}.html").render(context))
+    """Return a template of the folder ``templates`` (HTML by default) or of ``data/reports``."""
+    name = template if "." in template else f"{template}.html"
+    return Markup(_templates().get_template(name).render(context))
 
 
 @dataclass(frozen=True)

@@ -238,9 +238,9 @@ def main() -> None:
     """
 
 
-@main.command()
+@main.command("contents")
 @_JSON
-def contents(as_json: bool) -> None:
+def _contents(as_json: bool) -> None:
     """List all items in the order of the papers, and the supplementary tables.
 
     \b
@@ -260,15 +260,15 @@ def contents(as_json: bool) -> None:
 
 
 # The name of the command until version 0.2.
-_LIST = copy(contents)
+_LIST = copy(_contents)
 _LIST.hidden = True
 main.add_command(_LIST, "list")
 
 
-@main.command()
+@main.command("check")
 @click.argument("keys", nargs=-1, metavar="[KEY|PAPER]...")
 @click.option("--json", "as_json", is_flag=True, help="JSON record of each cell.")
-def check(keys: tuple[str, ...], as_json: bool) -> None:
+def _check(keys: tuple[str, ...], as_json: bool) -> None:
     """Judge every printed cell and compare the verdicts with the frozen ones.
 
     The exit status is 0 only if every verdict is as frozen and every file of printed numbers has
@@ -298,7 +298,7 @@ def check(keys: tuple[str, ...], as_json: bool) -> None:
         sys.exit(1)
 
 
-@main.command()
+@main.command("show")
 @_ADDRESS
 @_SET
 @_SEED
@@ -315,7 +315,7 @@ def check(keys: tuple[str, ...], as_json: bool) -> None:
     metavar="NAME=ALTERNATIVE",
     help="Reading of the text. Repeatable.  [default: the literal reading]",
 )
-def show(
+def _show_item(
     address: str,
     changes: dict[str, str],
     options: dict[str, str],
@@ -352,7 +352,7 @@ def show(
     help="Format: csv, json, latex, markdown or covariance. Of a paper: codecheck, rescience, "
     "nanopublications or decisions.",
 )
-def export_item(address: str, form: str) -> None:
+def _export(address: str, form: str) -> None:
     """Write the records of an item or a cell, or a report on a paper, to standard output.
 
     The format csv has the layout of the table, and json contains every field. A report is the
@@ -373,14 +373,14 @@ def export_item(address: str, form: str) -> None:
         click.echo(_item(address).export(form))
 
 
-@main.command()
+@main.command("figure")
 @click.argument("key")
 @click.option(
     "--out", type=_FIGURE, required=True, help="Output file: .svg, .pdf or .png."
 )
 @_SET
 @_SEED
-def figure(key: str, out: Path, changes: dict[str, str], seed: int | None) -> None:
+def _figure(key: str, out: Path, changes: dict[str, str], seed: int | None) -> None:
     """Draw the figure of an item.
 
     \b
@@ -394,7 +394,7 @@ def figure(key: str, out: Path, changes: dict[str, str], seed: int | None) -> No
     click.echo(printable(f"Wrote {out}"))
 
 
-@main.command()
+@main.command("cite")
 @_ADDRESS
 @click.option(
     "--format",
@@ -403,7 +403,7 @@ def figure(key: str, out: Path, changes: dict[str, str], seed: int | None) -> No
     show_default=True,
     help="Format: bibtex, ris, csl, text or sentence.",
 )
-def cite(address: str, form: str) -> None:
+def _cite(address: str, form: str) -> None:
     """Print the citation of a reproduced item or cell and its paper.
 
     \b
@@ -416,9 +416,9 @@ def cite(address: str, form: str) -> None:
     click.echo(citation(address, form))
 
 
-@main.command()
+@main.command("verify")
 @click.argument("citation")
-def verify(citation: str) -> None:
+def _verify(citation: str) -> None:
     """Compare the citation of a cell, as text, with known statements.
 
     The result is "current", "moved since VERSION" or "unknown". The exit status is 0 for a current
@@ -435,10 +435,10 @@ def verify(citation: str) -> None:
     sys.exit(result != "current")
 
 
-@main.command()
+@main.command("audit")
 @click.argument("paper", required=False, metavar="[PAPER]")
 @_JSON
-def audit(paper: str | None, as_json: bool) -> None:
+def _audit(paper: str | None, as_json: bool) -> None:
     """Check the printed numbers of a paper for consistency.
 
     \b
@@ -456,7 +456,7 @@ def audit(paper: str | None, as_json: bool) -> None:
     _show(as_json, result.as_json, result.print)
 
 
-@main.command()
+@main.command("register")
 @click.argument("files", type=_FILE, nargs=-1, required=True, metavar="FILE...")
 @_PIVOT
 @_MODEL
@@ -485,7 +485,7 @@ def audit(paper: str | None, as_json: bool) -> None:
     help="Rough transform about the pivot, in degrees and px.  [default: found from the stars]",
 )
 @_JSON
-def register(
+def _register(
     files: tuple[Path, ...],
     as_json: bool,
     start: tuple[float, float, float, float] | None,
@@ -527,12 +527,12 @@ def register(
     _show(as_json, fit.record, fit.print)
 
 
-@main.command()
+@main.command("misalignment")
 @click.argument("file", type=_FILE)
 @_PLATFORM
 @_SEP
 @_JSON
-def misalignment(file: Path, as_json: bool, **settings: Any) -> None:
+def _misalignment(file: Path, as_json: bool, **settings: Any) -> None:
     """Measure the misalignment of your camera since the zero point, from spots of its lights.
 
     FILE is a table, as for register: one spot per row, in px, with the columns group (0 at
@@ -554,7 +554,7 @@ def misalignment(file: Path, as_json: bool, **settings: Any) -> None:
     _show(as_json, result.record, result.print)
 
 
-@main.command()
+@main.command("posterior")
 @click.argument("name", required=False, metavar="[NAME]")
 @click.option(
     "--list",
@@ -592,7 +592,7 @@ def misalignment(file: Path, as_json: bool, **settings: Any) -> None:
     help="Output file of the draws: .csv, or .nc (ArviZ).",
 )
 @_JSON
-def posterior(
+def _posterior(
     name: str | None, listed: bool, as_json: bool, out: Path | None, **settings: Any
 ) -> None:
     """Sample the posterior NAME and print its summary.

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
 from itertools import groupby
-from math import ceil
 from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
@@ -13,7 +12,7 @@ from markupsafe import Markup
 from reproduce.judge.ledger import Ledger, Record, build, changed_verdicts
 from reproduce.judge.verdicts import VERDICTS
 from reproduce.papers.catalogue import catalogue, studies
-from reproduce.printed.cells import PAPERS, altered_files, anchor, library
+from reproduce.printed.cells import PAPERS, altered_files, library
 from reproduce.views import keys, verdicts
 from reproduce.views.blocks import (
     Block,
@@ -209,7 +208,7 @@ class Check(Display):
         import pandas as pd
 
         columns = ["cell", "expected", "found"]
-        return pd.DataFrame(map(vars, self.changed_verdicts), columns=columns)
+        return pd.DataFrame(self.changed_verdicts, columns=columns)
 
     def faults(self) -> list[str]:
         """Return a sentence for each change and its remedy."""
@@ -247,16 +246,14 @@ def _entry(key: str) -> dict[str, Any]:
 
 def _tallies(listed: Sequence[str], ledger: Ledger) -> list[dict[str, Any]]:
     """Return a record for each item, with its number of cells by verdict if it has cells."""
-    rows = []
-    for key in listed:
-        records, target = ledger.of(key), anchor(key)
-        row: dict[str, Any] = {"paper": key.partition("/")[0], "target": target}
-        if records:
-            row |= _counts(records)
-        else:
-            row["target"] = f"figure-{target}"
-        rows.append(_entry(key) | row)
-    return rows
+    return [
+        {
+            **_entry(key),
+            "paper": key.partition("/")[0],
+            **(_counts(ledger.of(key)) if key in library() else {}),
+        }
+        for key in listed
+    ]
 
 
 def _counts(records: Sequence[Record]) -> dict[str, int]:
@@ -287,40 +284,15 @@ def _index(listed: Sequence[str], ledger: Ledger) -> Html:
 
 def _overview_grid(records: Sequence[Record]) -> Markup:
     """Draw a mark for every record with a link to its cell, and a legend."""
-    papers = groupby(records, key=lambda record: record.key.partition("/")[0])
+    keys = dict.fromkeys(record.key for record in records)
     return rendered(
         "wall",
-        papers=((paper, _drawn(group)) for paper, group in papers),
+        papers=groupby(keys, key=lambda key: key.partition("/")[0]),
+        records=records,
+        library=library(),
+        pitch=PITCH_PIXELS,
+        max_rows=MAX_ROWS,
         shapes=SHAPES,
         verdicts=verdicts,
-        records=records,
+        counted=_counted,
     )
-
-
-def _drawn(records: Iterable[Record]) -> Iterable[dict[str, Any]]:
-    """Yield the drawing of each item: its cells in the layout of the paper."""
-    for key, group in groupby(records, key=lambda record: record.key):
-        table, cells = library()[key], tuple(group)
-        across, rows = max(1, len(table.columns)), len(table.rows)
-        deep, half = ceil(rows / ceil(rows / MAX_ROWS)), PITCH_PIXELS // 2
-        name, _, section = table.place.partition(", section ")
-        topic = key.partition("/")[2].removeprefix("text-").capitalize()
-        yield {
-            "anchor": anchor(key),
-            "title": table.title,
-            "name": f"{topic}, § {section.split(',')[0].split()[0]}"
-            if name == "Text"
-            else name,
-            "counts": _counted(cells),
-            "width": PITCH_PIXELS * across * ceil(rows / deep),
-            "height": PITCH_PIXELS * MAX_ROWS,
-            "marks": [
-                (
-                    cell,
-                    record,
-                    PITCH_PIXELS * (i // across // deep * across + i % across) + half,
-                    PITCH_PIXELS * (i // across % deep) + half,
-                )
-                for i, (cell, record) in enumerate(zip(table.cells, cells, strict=True))
-            ],
-        }

@@ -7,7 +7,6 @@ import inspect
 import json
 import re
 import tomllib
-import unicodedata
 from collections.abc import Iterable, Mapping
 from functools import cache
 from hashlib import sha256
@@ -15,7 +14,6 @@ from pathlib import Path
 from textwrap import indent
 from typing import TYPE_CHECKING, Any
 
-from jinja2 import Environment, PackageLoader
 from markupsafe import Markup
 from pybtex.database import BibliographyData, Entry, Person, parse_file
 from pybtex.database.output.bibtex import Writer
@@ -37,8 +35,10 @@ from reproduce.version import (
     version,
 )
 from reproduce.views import keys, verdicts
+from reproduce.views.blocks import rendered
 from reproduce.views.computed import item_ledger, whole_ledger
-from reproduce.views.numbers import minus, powers
+from reproduce.views.numbers import minus
+from reproduce.views.tex import in_tex
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -49,138 +49,13 @@ _ENDINGS = {"csv": "csv", "json": "json", "latex": "tex", "markdown": "md"}
 _COVARIANCE = "-covariance.csv"
 
 
-def export(
-    part: Ledger,
-    address: str,
-    form: str,
-    frame: pd.DataFrame,
-    caption: str,
-    legend: str = "",
-) -> str:
-    """Return an item or a cell in a format of other programs.
-
-    JSON contains every field of each record. The other formats contain `frame`. In LaTeX it has a
-    caption with citations, and in LaTeX and Markdown a legend.
-    """
-    if form == "json":
-        return with_provenance(part, address).model_dump_json(indent=2)
-    provenance = provenance_of(citation(address, "text"))
-    if form == "latex":
-        name, paper = f"reproduce-{anchor(address)}", address.partition("/")[0]
-        cited = rf" Printed in \cite{{{paper}}}, recomputed in \cite{{{name}}}."
-        return _latex(
-            frame,
-            provenance,
-            caption=caption.translate(ESCAPED) + cited,
-            anchor=anchor(address),
-            legend=legend.translate(ESCAPED),
-            entries=citation(address, "bibtex"),
-        )
-    text = export_frame(frame, form, provenance)
-    return f"{text}\n\n{legend}\n" if legend and form == "markdown" else text
-
-
-# Longer texts in LaTeX are in columns of this kind, and wider tables are scaled to the page.
-_SENTENCE_CHARACTERS, _SENTENCE = 30, r"p{0.25\textwidth}"
-_MAX_COLUMNS = 7
-
-
-def _latex(frame: pd.DataFrame, provenance: Mapping[str, str], **context: str) -> str:
-    """Return a DataFrame as a table in LaTeX, with a caption if the context has one."""
-    texts = [
-        [
-            minus(f"{entry:z.6g}" if isinstance(entry, float) else str(entry))
-            for entry in line
-        ]
-        for line in (frame.columns, *frame.to_numpy())
-    ]
-    columns = [
-        _SENTENCE
-        if max(map(len, column)) > _SENTENCE_CHARACTERS
-        else "rl"[name in {"", "quantity", "place"}]
-        for name, *column in zip(*texts, strict=True)
-    ]
-    heads, *rows = ([text.translate(ESCAPED) for text in line] for line in texts)
-    is_wide = len(heads) > _MAX_COLUMNS
-    settings = Environment(
-        loader=PackageLoader("reproduce.views"),
-        block_start_string="<%",
-        block_end_string="%>",
-        variable_start_string="<<",
-        variable_end_string=">>",
-        trim_blocks=True,
-    )
-    text = settings.get_template("table.tex").render(
-        context,
-        comment=_comment(provenance),
-        kind="table*" if is_wide else "table",
-        begin=r"\resizebox{\textwidth}{!}{%" if is_wide else "{",
-        columns="".join(columns),
-        heads=heads,
-        rows=rows,
-    )
-    return in_tex(text) + "\n"
-
-
-def _comment(provenance: Mapping[str, str]) -> str:
-    """Return the provenance of an export as lines."""
-    return "".join(f"{name}: {text}\n" for name, text in provenance.items())
-
-
-def in_tex(text: str) -> str:
-    """Write signs of numbers and of units as LaTeX does.
-
-    Examples
-    --------
-    >>> print(in_tex("-5e-5 µm"))
-    $-$5\\,$\\times$\\,10$^{-}$$^{5}$ \\textmu{}m
-    """
-    return powers(minus(text)).translate(_TEX)
-
-
-ESCAPED: dict[int, str] = str.maketrans(
-    {sign: f"\\{sign}" for sign in "&%$#_{}"}
-    | {sign: f"${sign}$" for sign in "<>"}
-    | {"^": r"\textasciicircum{}", "~": r"\textasciitilde{}", "\\": "/"}
-)
-_TEX: dict[int, str] = str.maketrans(
-    {
-        "−": "$-$",
-        "×": r"$\times$",
-        "\u202f": r"\,",
-        "\u00a0": "~",
-        "″": "$''$",
-        "µ": r"\textmu{}",
-        "–": "--",
-        "°": r"\textdegree{}",
-        "σ": r"$\sigma$",
-        "χ": r"$\chi$",
-        "Δ": r"$\Delta$",
-        "θ": r"$\theta$",
-        "≈": r"$\approx$",
-        "≥": r"$\geq$",
-        "±": r"$\pm$",
-        "⁻": "$^{-}$",
-        **{sign: f"$^{{{digit}}}$" for digit, sign in enumerate("⁰¹²³⁴⁵⁶⁷⁸⁹")},
-        **{
-            sign: rf"$^\mathrm{{{unicodedata.normalize('NFKC', sign)}}}$"
-            for sign in "ᵉᶜᵈᵃᵘ"
-        },
-    }
-)
-
-
 def table_files(key: str) -> dict[str, str]:
     """Return the exports of a table: path below the root of the book to format."""
-    found = {
-        f"tables/{anchor(key)}.{ending}": form for form, ending in _ENDINGS.items()
-    }
-    random = key in catalogue() and any(
-        c.replicates for c in catalogue()[key].computations
-    )
-    return found | (
-        {f"tables/{anchor(key)}{_COVARIANCE}": "covariance"} if random else {}
-    )
+    path = f"tables/{anchor(key)}"
+    found = {f"{path}.{ending}": form for form, ending in _ENDINGS.items()}
+    if key in catalogue() and any(c.replicates for c in catalogue()[key].computations):
+        found[f"{path}{_COVARIANCE}"] = "covariance"
+    return found
 
 
 def provenance_of(cited: str, setting: str = "") -> dict[str, str]:
@@ -189,46 +64,54 @@ def provenance_of(cited: str, setting: str = "") -> dict[str, str]:
     return {name: text for name, text in texts.items() if text}
 
 
+def _explained(record: Record) -> Record:
+    """Return a record with the written reason of its verdict and the state of the reply."""
+    texts = {"reason": reason(record.cell), "reply": reply_state(record.cell)}
+    return record.model_copy(update=texts)
+
+
 def with_provenance(ledger: Ledger, address: str = "all") -> Ledger:
     """Return a ledger with the written reason of each verdict, and its provenance."""
-    records = tuple(
-        r.model_copy(update={"reason": reason(r.cell), "reply": reply_state(r.cell)})
-        for r in ledger.records
-    )
-    return ledger.model_copy(
-        update={"records": records} | provenance_of(citation(address, "text"))
-    )
+    records = tuple(map(_explained, ledger.records))
+    provenance = provenance_of(citation(address, "text"))
+    return ledger.model_copy(update={"records": records, **provenance})
 
 
 def export_frame(
-    frame: pd.DataFrame, form: str, provenance: Mapping[str, str] | None = None
+    frame: pd.DataFrame,
+    form: str,
+    provenance: Mapping[str, str] | None = None,
+    address: str = "",
+    caption: str = "",
+    legend: str = "",
 ) -> str:
     """Write any DataFrame as csv, json, latex or markdown.
 
-    Its provenance is a comment before the rows; in JSON it is next to the rows.
+    Its provenance is a comment before the rows; in JSON it is next to the rows. In LaTeX the table
+    of an address has a caption with citations. A legend is below it, also in Markdown.
     """
     _check_format(form, FORMATS)
     provenance = provenance or provenance_of(citation("all", "text"))
+    comment = "".join(f"{name}: {text}\n" for name, text in provenance.items())
     if form == "csv":
         # Words are quoted, since an address contains the sign of a comment.
-        return indent(_comment(provenance), "# ") + str(
+        return indent(comment, "# ") + str(
             frame.to_csv(index=False, quoting=csv.QUOTE_NONNUMERIC)
         )
     if form == "json":
         rows = frame.astype(object).where(frame.notna(), None).to_dict("records")
         return json.dumps({**provenance, "rows": rows}, indent=2, ensure_ascii=False)
-    if form == "latex":
-        return _latex(frame, provenance)
-    dashes = ["---"] * len(frame.columns)
-    lines = [frame.columns, dashes, *frame.to_numpy()]
-    # Other programs read numbers with a hyphen as the sign.
+    lines = [[*frame.columns], *frame.to_numpy().tolist()]
+    context = {"caption": caption, "address": address, "legend": legend}
+    if form == "markdown":
+        return rendered("table.md", lines=lines, comment=comment, **context)
+    entries = citation(address, "bibtex") if address else ""
     texts = [
-        " | ".join(str(cell).replace("|", "\\|").replace("−", "-") for cell in line)
+        [minus(f"{e:z.6g}" if isinstance(e, float) else str(e)) for e in line]
         for line in lines
     ]
-    return "\n".join(
-        [f"<!--\n{_comment(provenance)}-->\n", *(f"| {text} |" for text in texts)]
-    )
+    context |= {"comment": comment, "entries": entries}
+    return in_tex(rendered("table.tex", lines=texts, **context)) + "\n"
 
 
 def full_frame(records: Iterable[Record]) -> pd.DataFrame:
@@ -239,22 +122,16 @@ def full_frame(records: Iterable[Record]) -> pd.DataFrame:
     import pandas as pd
 
     rows = []
-    for record in records:
-        row = record.model_dump(exclude={"readings"}) | {"reason": reason(record.cell)}
-        row["reply"] = reply_state(record.cell)
+    for record in map(_explained, records):
+        row = record.model_dump(exclude={"readings"})
         # These columns also exist without readings.
         row |= dict.fromkeys(_READINGS)
-        if readings := record.readings:
-            closest = readings.closest
-            choices = verdicts.choices_text(closest.choices)
+        if found := record.readings:
+            closest = found.closest
+            texts = verdicts.deciding(found), verdicts.choices_text(closest.choices)
             numbers = closest.computed, closest.probability
-            texts = (
-                readings.count,
-                readings.agreeing,
-                verdicts.deciding(readings),
-                choices,
-            )
-            row |= zip(_READINGS, (*texts, *numbers), strict=True)
+            values = (found.count, found.agreeing, *texts, *numbers)
+            row |= zip(_READINGS, values, strict=True)
         for name in ("stands_for", "interval"):
             row[f"{name}_low"], row[f"{name}_high"] = row.pop(name) or (None, None)
         for name in ("flags", "equations", "seed", "inputs"):
@@ -272,7 +149,7 @@ _READINGS = (
     "closest_probability",
 )
 _CITATION_FORMATS = ("bibtex", "ris", "csl", "text", "sentence")
-# Field of BibTeX to its name in CSL, and name in CSL to the tag of RIS.
+# Field of BibTeX to its name in CSL.
 _CSL_FIELDS = {
     "title": "title",
     "journal": "container-title",
@@ -284,18 +161,6 @@ _CSL_FIELDS = {
     "note": "note",
     "version": "version",
     "swhid": "archive_location",
-}
-_RIS_TAGS = {
-    "title": "TI",
-    "container-title": "JO",
-    "volume": "VL",
-    "issue": "IS",
-    "page": "SP",
-    "DOI": "DO",
-    "URL": "UR",
-    "note": "N1",
-    "version": "ET",
-    "archive_location": "AN",
 }
 DEVELOPERS = " and ".join(AUTHORS)
 WHOLE = "Pointing, reproduced: the printed numbers of two papers, recomputed and judged"
@@ -381,7 +246,7 @@ def in_words(cell: PrintedCell) -> str:
         part if part[:2].isupper() else part[:1].lower() + part[1:]
         for part in cell.label.split(", ")
     ]
-    return ", ".join((section if place == "Text" else place, *parts))
+    return ", ".join([section if place == "Text" else place, *parts])
 
 
 def identifiers(address: str) -> dict[str, str]:
@@ -412,19 +277,18 @@ def identifiers(address: str) -> dict[str, str]:
 
 def _statement_of(record: Record) -> str:
     """Return the place, the printed value, the computed value and the verdict of a cell."""
-    cell = library()[record.key].by_name[record.cell.partition("#")[2]]
-    paper = record.key.partition("/")[0]
-    words = in_words(cell)
-    start = f"{words[:1].upper()}{words[1:]}, of {_et_al(paper)} [{record.cell}]"
+    cell = library()[record.key][record.cell.partition("#")[2]]
+    words, paper = in_words(cell), record.key.partition("/")[0]
     sigma = f" ({cell.sigma}σ)" if cell.sigma else ""
-    parts = [f"{start}: printed {cell.shown}{sigma}"]
-    parts += filter(None, [recomputed(record)])
-    if record.verdict == "ambiguous" and record.readings:
-        parts.append(
-            f"agrees with {record.readings.agreeing} of {record.readings.count} readings"
-        )
+    parts = [
+        f"{words[:1].upper()}{words[1:]}, of {_et_al(paper)} [{record.cell}]: printed "
+        f"{cell.shown}{sigma}",
+        recomputed(record),
+    ]
+    if record.verdict == "ambiguous" and (found := record.readings):
+        parts.append(f"agrees with {found.agreeing} of {found.count} readings")
     # A citation has plain spaces before units.
-    return " ".join(", ".join((*parts, record.verdict)).split())
+    return " ".join(", ".join(filter(None, (*parts, record.verdict))).split())
 
 
 def recomputed(record: Record) -> str:
@@ -440,17 +304,15 @@ def recomputed(record: Record) -> str:
 def _sentence_of(record: Record) -> str:
     """Return sentences on a cell for a manuscript."""
     start, _, rest = _statement_of(record).partition(": printed ")
-    printed = rest.split(", ")[0]
-    first = f"The number printed in {start.partition(' [')[0]} is {printed}."
-    value = recomputed(record).partition(" ")[2] or "no value"
-    meaning = verdicts.MEANINGS[record.verdict]
-    verdict = f"with the verdict “{verdicts.qualified(record)}”: {meaning}"
-    subject = (
-        "The literal reading of the text" if record.readings else "Its reproduction"
+    return rendered(
+        "sentence.txt",
+        record=record,
+        place=start.partition(" [")[0],
+        printed=rest.split(", ")[0],
+        value=recomputed(record).partition(" ")[2],
+        source=_author_year(),
+        verdicts=verdicts,
     )
-    if record.role != "result":
-        return f"{first} It is an input of the reproduction {_author_year()}."
-    return f"{first} {subject} gives {value}, {verdict} {_author_year()}."
 
 
 def _author_year() -> str:
@@ -527,11 +389,9 @@ def verify(citation: str) -> str:
 def _agrees(statement: str, record: Record) -> bool:
     """Return whether a statement of version 0.2.0 has the verdict and the value of a record."""
     found = re.search(r"(?:recomputed|assumed) ([-−]?[\d.]+(?:e[-+]?\d+)?)", statement)
+    stated = found and float(found[1].replace("−", "-"))
     value = record.computed if record.role == "result" else None
-    if found and value is not None:
-        same = float(found[1].replace("−", "-")) == float(f"{value:.6g}")
-    else:
-        same = not found and value is None
+    same = stated == (None if value is None else float(f"{value:.6g}"))
     return same and statement.endswith(f", {record.verdict}")
 
 
@@ -596,7 +456,7 @@ def _written(
     if form == "csl":
         return json.dumps(items, indent=2, ensure_ascii=False)
     if form == "ris":
-        return "\n".join(map(_ris, items))
+        return rendered("citation.ris", items=items)
     # `verify` reads the statement of a cell between the year and the name of the software.
     doi = DOI and f"https://doi.org/{DOI}"
     start = f"{DEVELOPERS} ({RELEASED[:4]}). {title}"
@@ -641,40 +501,9 @@ def _csl(name: str, entry: Entry) -> dict[str, Any]:
     }
 
 
-def _ris(item: Mapping[str, Any]) -> str:
-    """Return an item of CSL in the format of Research Information Systems."""
-    is_software = item["type"] == "software"
-    (day,) = item["issued"]["date-parts"]
-    lines = [("TY", "COMP" if is_software else "JOUR"), ("PY", day[0])]
-    lines += [("AU", ", ".join(person.values())) for person in item["author"]]
-    lines += [(tag, item[key]) for key, tag in _RIS_TAGS.items() if key in item]
-    if is_software:
-        lines.append(("DA", "{}/{:02}/{:02}".format(*day)))
-        lines += [("C1", f"commit {one}") for one in item.get("custom", {}).values()]
-        lines += [("DB", "Software Heritage")] * ("archive_location" in item)
-    return "".join(f"{tag}  - {value}\n" for tag, value in (*lines, ("ER", "")))
-
-
 def _check_format(form: str, known: tuple[str, ...]) -> None:
     if form not in known:
         raise ValueError(f"format: expected one of {', '.join(known)}, got {form!r}")
-
-
-_BAR = Environment(autoescape=True).from_string(
-    """<div class="rp-bar">\
-<a href="#{{ anchor }}" aria-label="Permalink: {{ key }}"><code>{{ key }}</code></a>
-<details><summary>Cite</summary>\
-{% for text in citations %}<pre tabindex="0">{{ text }}</pre>{% endfor %}</details>
-<span>{% for path, name in files.items() %}{% if not loop.first %} · {% endif %}\
-<a href="#{{ path }}" download>{{ name }}</a>{% endfor %}</span>\
-{% if functions %}
-<details><summary>Function</summary>\
-{% for text in functions %}\
-{% set name = text.partition('def ')[2].partition('(')[0] %}\
-<pre tabindex="0" id="function-{{ anchor }}-{{ name }}">{{ text }}</pre>{% endfor %}</details>\
-{% endif %}{% if inputs %}
-<details><summary>Inputs</summary>{{ inputs }}</details>{% endif %}</div>"""
-)
 
 
 def toolbar(
@@ -701,18 +530,12 @@ def toolbar(
     if key in library():
         cells = [citation(c.address, "text") for c in library()[key].cells]
         citations.append("\n".join(text.partition("\n")[0] for text in cells))
-    names = {"tex": "LaTeX", "md": "Markdown", "covariance": "Covariance"}
-    endings = {
-        path: "covariance" if path.endswith(_COVARIANCE) else path.rpartition(".")[2]
-        for path in files
-    }
-    return Markup(
-        _BAR.render(
-            key=key,
-            anchor=anchor,
-            citations=citations,
-            files={path: names.get(e, e.upper()) for path, e in endings.items()},
-            functions=source.split("\n\n\n") if source else (),
-            inputs=inputs,
-        )
+    return rendered(
+        "bar",
+        key=key,
+        anchor=anchor,
+        citations=citations,
+        files=files,
+        source=source,
+        inputs=inputs,
     )

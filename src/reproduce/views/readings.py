@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterable
+from functools import partial
+from typing import TYPE_CHECKING
+
+from markupsafe import Markup
 
 from reproduce.judge.ledger import Record
-from reproduce.judge.readings import Evaluation, evaluate
+from reproduce.judge.readings import evaluate
+from reproduce.judge.rerun import options
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import unpublished
-from reproduce.printed.cells import PrintedCell, library
+from reproduce.printed.cells import library
 from reproduce.views import verdicts
-from reproduce.views.blocks import Block, Display, Grid, Html, rendered
+from reproduce.views.blocks import Block, Display, Grid
 from reproduce.views.numbers import minus
 
 if TYPE_CHECKING:
@@ -29,14 +33,6 @@ class Readings(Display):
 
     def __init__(self, key: str) -> None:
         self.key = key
-        computations = [c for c in catalogue()[key].computations if c.options]
-        computations.sort(key=lambda c: len(c.options), reverse=True)
-        evaluations = map(evaluate, computations)
-        self._evaluations = [
-            (e, names) for e in evaluations if (names := _open_cells(e))
-        ]
-        options = (name for e, _ in self._evaluations for name in e.computation.options)
-        self._options = list(dict.fromkeys(options))
 
     def frame(self) -> pd.DataFrame:
         """Return one row per reading.
@@ -51,71 +47,50 @@ class Readings(Display):
         import pandas as pd
 
         frame = pd.DataFrame({})
-        for evaluation, names in self._evaluations:
-            part = _frame(evaluation, names)
-            shared = [name for name in evaluation.computation.options if name in frame]
-            frame = frame.merge(part, how="left", on=shared) if len(frame) else part
-        agrees = [name for name in frame if str(name).endswith(" agrees")]
-        frame["agreeing"] = frame[agrees].eq(True).sum(axis=1)
+        computations = [c for c in catalogue()[self.key].computations if c.options]
+        for computation in sorted(computations, key=lambda c: -len(c.options)):
+            evaluation, part = evaluate(computation), pd.DataFrame(computation.readings)
+            shared = [option for option in part if option in frame]
+            for name, readings in evaluation.cells.items():
+                if unpublished(self.key, name) or len(evaluation.distinct(name)) == 1:
+                    continue
+                part[name] = [float(f"{reading.computed:.9g}") for reading in readings]
+                if readings[0].probability is not None:
+                    part[f"{name} p"] = [reading.probability for reading in readings]
+                    part["joint p"] = evaluation.joint[:, 0]
+                part[f"{name} agrees"] = [reading.agrees for reading in readings]
+            if len(part.columns) > len(computation.options):
+                frame = frame.merge(part, how="left", on=shared) if len(frame) else part
+        frame["agreeing"] = frame.filter(regex=" agrees$").eq(True).sum(axis=1)
         # Readings that differ only in options without effect on the results are one reading.
-        effects = frame.drop(columns=self._options).round(12)
+        effects = frame.drop(columns=options(self.key), errors="ignore").round(12)
         return frame[~effects.duplicated()].reset_index(drop=True)
 
     def blocks(self) -> list[Block]:
         """Return the table of all readings, which a page can sort."""
-        frame = self.frame()
+        frame, table = self.frame(), library()[self.key]
         if frame.empty:
             return [f"{self.key} has one reading."]
-        cells = [
-            library()[self.key][n] for _, names in self._evaluations for n in names
+        caption = (
+            f"All {len(frame)} readings of {table.place}. Bold: the printed number agrees. A "
+            "predicted cell has its probability, any other cell its computed value."
+        )
+        columns = {name: frame[name] for name in options(self.key) if name in frame}
+        for name in (name for name in map(str, frame) if f"{name} agrees" in frame):
+            cell = table[name]
+            texts = frame[name].map(partial(cell.number.format, extra=1)).map(minus)
+            if f"{name} p" in frame:
+                texts = frame[f"{name} p"].map("{:.3g}".format)
+            texts = texts.where(frame[name].notna(), "")
+            bold = texts.map(Markup("<b>{}</b>").format)
+            columns[name] = texts.mask(frame[f"{name} agrees"].eq(True), bold)
+        columns["cells that agree"] = frame["agreeing"].map(str)
+        if "joint p" in frame:
+            columns["joint p"] = frame["joint p"].map("{:.2g}".format)
+        rows = [*zip(*columns.values(), strict=True)]
+        return [
+            Grid(caption, [*columns], rows, kind="rp-small rp-sortable rp-readings-all")
         ]
-        shown: dict[str, Any] = {
-            "caption": f"All {len(frame)} readings of {library()[self.key].place}. Bold: the "
-            "printed number agrees. A predicted cell has its probability, any other cell its "
-            "computed value.",
-            "options": self._options,
-            "cells": cells,
-            "rows": [
-                row | {cell.name: _text(cell, row) for cell in cells}
-                for row in frame.to_dict("records")
-            ],
-            "joint": "joint p" in frame,
-        }
-        names = [*self._options, *(cell.name for cell in cells), "agreeing", "joint p"]
-        terminal = Grid.of(shown["caption"], names, shown["rows"])
-        return [Html(rendered("readings", **shown), terminal)]
-
-
-def _text(cell: PrintedCell, row: Mapping[Any, Any]) -> str:
-    """Return the probability of a predicted cell, or its value; nothing if it has none."""
-    p = row.get(f"{cell.name} p")
-    value = minus(cell.number.format(row[cell.name], 1)) if p is None else f"{p:.3g}"
-    return value if row[cell.name] == row[cell.name] else ""
-
-
-def _open_cells(evaluation: Evaluation) -> list[str]:
-    """Return the cells of a computation whose result depends on the reading."""
-    key = evaluation.computation.key
-    return [
-        n
-        for n in evaluation.cells
-        if not unpublished(key, n) and len(evaluation.distinct(n)) > 1
-    ]
-
-
-def _frame(evaluation: Evaluation, names: Iterable[str]) -> pd.DataFrame:
-    """Return the choices and the results of one computation under all its readings."""
-    import pandas as pd
-
-    frame = pd.DataFrame(evaluation.computation.readings)
-    for name in names:
-        readings = evaluation.cells[name]
-        frame[name] = [float(f"{reading.computed:.9g}") for reading in readings]
-        if readings[0].probability is not None:
-            frame[f"{name} p"] = [reading.probability for reading in readings]
-            frame["joint p"] = evaluation.joint[:, 0]
-        frame[f"{name} agrees"] = [reading.agrees for reading in readings]
-    return frame
 
 
 def summary(label: str, records: Iterable[Record]) -> Grid:

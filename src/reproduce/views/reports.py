@@ -1,4 +1,4 @@
-"""The judgement of a paper in the forms of other registers, from templates in `data/reports/`."""
+"""The judgement of a paper in the forms of other registers, from templates in ``data/reports``."""
 
 from __future__ import annotations
 
@@ -6,21 +6,19 @@ import json
 import re
 from collections import Counter
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
-
-import numpy as np
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from typing import TYPE_CHECKING
 
 from reproduce import version
 from reproduce.judge.ledger import Record, reason, reply_state
+from reproduce.judge.rerun import options
 from reproduce.judge.verdicts import AGREES, CENTRAL
-from reproduce.locate import data_folder
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import Prediction
-from reproduce.printed.cells import anchor, library
+from reproduce.printed.cells import library
 from reproduce.printed.inputs import load_inputs
 from reproduce.printed.number import si_factor
 from reproduce.views import export, keys
+from reproduce.views.blocks import rendered
 from reproduce.views.computed import item_ledger
 from reproduce.views.verdicts import weak
 
@@ -60,10 +58,8 @@ class Item:
     def text(self) -> str:
         """The counts in words."""
         counts = {**self.counts, "weak agreements": weak(self.records)}
-        return (
-            ", ".join(f"{word}: {n}" for word, n in counts.items() if n)
-            or "inputs only"
-        )
+        listed = ", ".join(f"{word}: {n}" for word, n in counts.items() if n)
+        return listed or "inputs only"
 
     @property
     def outcome(self) -> str:
@@ -105,29 +101,16 @@ def report(paper: str, form: str) -> dict[str, str]:
     ['astra.yaml']
     """
     keys.check_paper(paper)
-    templates = Environment(
-        loader=FileSystemLoader(data_folder() / "reports"),
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-    )
-    templates.filters |= {"quoted": _quoted, "tex": _tex, "name": _name}
     named = [key for key in library() if key.startswith(f"{paper}/")]
-    options: dict[str, dict[str, dict[str, Any]]] = {key: {} for key in named}
-    for key in named:
-        for made in catalogue()[key].computations:
-            for option, ways in made.options.items():
-                options[key].setdefault(option, {}).update(ways)
     whole, cited = json.loads(export.citation(named[0], "csl"))
     values = {
-        "anchor": anchor,
         "central": f"{CENTRAL:.0%}",
         "cited": cited,
         "commit": version.package_commit(),
         "items": [Item(key, item_ledger(key).records) for key in named],
         "keys": keys,
-        "options": options,
+        "name": _name,
+        "options": {key: options(key) for key in named},
         "open": {"differs", "ambiguous", "unpublished"},
         "paper": paper,
         "reason": reason,
@@ -136,7 +119,7 @@ def report(paper: str, form: str) -> dict[str, str]:
         "version": version,
         "whole": whole,
     }
-    return {file: templates.get_template(file).render(values) for file in FORMS[form]}
+    return {file: rendered(file, **values) for file in FORMS[form]}
 
 
 def covariance(key: str) -> pd.DataFrame:
@@ -149,31 +132,17 @@ def covariance(key: str) -> pd.DataFrame:
 
     parts = []
     for made in catalogue()[key].computations:
-        results = made(load_inputs(made.inputs)) if made.replicates else {}
-        draws = {
-            name: one.draws / si_factor(library()[key][name].unit)
-            for name, one in results.items()
-            if isinstance(one, Prediction)
-        }
-        if draws:
-            table = np.atleast_2d(np.cov(list(draws.values())))
-            parts.append(pd.DataFrame(table, index=[*draws], columns=[*draws]))
+        if made.replicates:
+            results = made(load_inputs(made.inputs)).items()
+            draws = {n: one.draws for n, one in results if isinstance(one, Prediction)}
+            factors = [si_factor(library()[key][name].unit) for name in draws]
+            parts.append((pd.DataFrame(draws) / factors).cov())
     whole = pd.concat(parts) if parts else pd.DataFrame()
-    units = [library()[key][str(name)].unit for name in whole.index]
-    whole.insert(0, "unit", units)
+    whole.insert(0, "unit", [library()[key][str(name)].unit for name in whole.index])
     return whole.rename_axis("cell").reset_index()
-
-
-def _quoted(text: str) -> str:
-    """Return a text in double quotes, as YAML and TriG read it."""
-    return json.dumps(text, ensure_ascii=False)
 
 
 def _name(text: str) -> str:
     """Return an identifier of ASTRA."""
     plain = re.sub(r"\W", "_", text.lower())
     return plain if plain[:1].isalpha() else f"n{plain}"
-
-
-def _tex(text: object) -> str:
-    return export.in_tex(str(text).translate(export.ESCAPED))

@@ -12,7 +12,7 @@ from markupsafe import Markup
 from reproduce.judge import rerun as rerunning
 from reproduce.judge.ledger import Ledger, Record
 from reproduce.judge.verdicts import AGREES
-from reproduce.papers.catalogue import computation_for, studies
+from reproduce.papers.catalogue import changeable, computation_for, studies
 from reproduce.printed.cells import PrintedCell, anchor, library
 from reproduce.printed.number import symbol
 from reproduce.views import keys, verdicts
@@ -29,13 +29,12 @@ from reproduce.views.blocks import (
 )
 from reproduce.views.computed import item_ledger
 from reproduce.views.export import (
-    citation,
-    export,
     export_frame,
     full_frame,
     provenance_of,
     table_files,
     toolbar,
+    with_provenance,
 )
 from reproduce.views.numbers import minus
 from reproduce.views.readings import Readings, summary
@@ -227,10 +226,10 @@ class Table(ItemView):
         if form == "covariance":
             from reproduce.views.reports import covariance
 
-            given = provenance_of(
-                citation(self.key, "text"), "covariance, literal reading"
-            )
+            given = provenance_of(self.cite("text"), "covariance, literal reading")
             return export_frame(covariance(self.key), "csv", given)
+        if form == "json":
+            return with_provenance(self._ledger, self.key).model_dump_json(indent=2)
         table, records = self._printed, self._ledger.records
         pairs = zip(table.cells, records, strict=True)
         frame = pd.DataFrame([_values(cell, record, form) for cell, record in pairs])
@@ -249,21 +248,16 @@ class Table(ItemView):
             frame.insert(0, "quantity", [cell.label for cell in table.cells])
             if len({cell.place for cell in table.cells}) > 1:
                 frame["place"] = [cell.place for cell in table.cells]
-        caption = f"{table.place}. {table.title}."
-        return export(self._ledger, self.key, form, frame, caption, _legend(records))
-
-    @property
-    def _caption(self) -> str:
-        table = self._printed
-        results = any(record.role == "result" for record in self._ledger.records)
-        legend = " In each cell: printed, then computed, then the verdict."
-        shown = legend if results and len(table.columns) > 1 else ""
-        return f"{table.place}. {table.title}.{shown}"
+        caption, legend = f"{table.place}. {table.title}.", _legend(records)
+        return export_frame(frame, form, self.provenance, self.key, caption, legend)
 
     def blocks(self) -> Iterator[Block]:
         """Yield the table with its notes, readings, reasons and sources."""
-        table, records, caption = self._printed, self._ledger.records, self._caption
-        where = anchor(self.key)
+        table, records, where = self._printed, self._ledger.records, anchor(self.key)
+        results = [record for record in records if record.role == "result"]
+        caption = f"{table.place}. {table.title}."
+        if results and len(table.columns) > 1:
+            caption += " In each cell: printed, then computed, then the verdict."
         page = rendered(
             "table",
             table=table,
@@ -296,7 +290,7 @@ class Table(ItemView):
             listed = f'rp.table("{self.key}").readings lists them'
             whole = Html(lambda: html(self.readings.blocks()), listed)
             yield Fold("All readings of the text", (whole,))
-        if results := [record for record in records if record.role == "result"]:
+        if results:
             yield Fold("How each cell was judged", tuple(_judged(table.place, results)))
         inputs = rendered("inputs", table=self, cells=verdicts.linked(self.inputs))
         shown, files = inputs if self.inputs else "", table_files(self.key)
@@ -326,23 +320,23 @@ def _values(cell: PrintedCell, record: Record, form: str) -> dict[str, str]:
 
     In CSV unit, standard deviations and verdict have their own names.
     """
-    is_result = record.role == "result"
-    computed = verdicts.computed(record) if is_result else ""
-    ends = dict.fromkeys(
-        minus(cell.number.format(end, extra=1))
-        for end in (is_result and record.interval) or ()
-    )
-    low, high = ends if len(ends) > 1 else ("", "")
-    values = {"printed": cell.text, "recomputed": computed, "from": low, "to": high}
+    values = {"printed": cell.text, "recomputed": "", "from": "", "to": ""}
+    if record.role == "result":
+        values["recomputed"] = verdicts.computed(record)
+        ends = [cell.number.format(e, extra=1) for e in record.interval or ()]
+        if len({*ends}) > 1:
+            values["from"], values["to"] = map(minus, ends)
     if form == "csv":
         values["unit"] = cell.unit and symbol(cell.unit)
         values["sigma"] = str(cell.sigma or "")
         values["verdict"] = record.verdict if cell.is_number else ""
         return {name: text.replace("−", "-") for name, text in values.items()}
     values["printed"] = _printed(cell)
-    if is_result:
+    if record.role == "result":
         weak = "*" * verdicts.weak([record])
-        values["recomputed"] = f"{computed or '–'}{_MARKS[record.verdict]}{weak}"
+        values["recomputed"] = (
+            f"{values['recomputed'] or '–'}{_MARKS[record.verdict]}{weak}"
+        )
     return values
 
 
@@ -473,19 +467,22 @@ class Cell(ResultView):
         """Return its record as csv, json, latex or markdown."""
         import pandas as pd
 
-        part, [grid] = Ledger(records=(self.record,), tables=()), self.blocks()
-        frame = full_frame(part.records)
+        if form == "json":
+            part = Ledger(records=(self.record,), tables=())
+            return with_provenance(part, self.address).model_dump_json(indent=2)
+        frame, caption = full_frame([self.record]), f"{self._cell.label}."
         if form != "csv":
+            (grid,) = self.blocks()
             rows = [[*map(plain, row)] for row in grid.rows]
             frame = pd.DataFrame(rows, columns=[*map(plain, grid.head)])
-        return export(part, self.address, form, frame, f"{self._cell.label}.")
+        return export_frame(frame, form, self.provenance, self.address, caption)
 
     def blocks(self) -> list[Grid]:
         """Return a table with a row for each property of the cell."""
         record, shown = self.record, verdicts.texts(self.record)
         meaning = verdicts.MEANINGS[record.verdict]
         shown["verdict"] = f"{verdicts.qualified(record)}: {meaning}"
-        shown["inputs"] = verdicts.linked(self.inputs)
+        shown["inputs"] = verdicts.linked(changeable(self.address))
         names = [*shown][3:]  # without the cell, its table and its place
         lines = [(name, shown[name]) for name in names if shown[name]]
         head = ("Cell", self.address)

@@ -34,6 +34,7 @@ WEAK: dict[Flag, str] = {
     "tolerance": "wide tolerance",
     "wide": "wide prediction",
 }
+_FLAGS = {**WEAK, "stand_in": "assumed value"}
 # Columns of `texts` with the numbers of a cell.
 NUMBERS = (
     "printed",
@@ -54,27 +55,31 @@ def _cell_of(record: Record) -> PrintedCell:
 
 def texts(record: Record) -> dict[str, Entry]:
     """Return the texts of a record by name of the column; empty texts do not apply."""
-    cell, drawn = _cell_of(record), record.probability is not None
-    interval = _between(record, record.interval or ())
-    unit = symbol(record.unit or "1")
-    error = minus(f"{record.error:.1g}") if record.error else ""
+    cell, interval = _cell_of(record), _interval(record, record.interval)
+    unit, is_drawn = symbol(record.unit or "1"), record.probability is not None
     shown: dict[str, Entry] = {
         "cell": link(cell.anchor, code(cell.name)),
         "table": record.key,
         "place": record.place,
         "printed": cell.shown,
-        "stands for": _between(record, record.stands_for or ()),
+        "stands for": _interval(record, record.stands_for),
         "computed": quantity(computed(record, extra=1), unit),
-        "Monte Carlo error": quantity(error, unit),
-        "allowed by rounded inputs": "" if drawn else interval,
-        "predicted, central 99 %": interval if drawn else "",
+        "Monte Carlo error": quantity(
+            minus(f"{record.error:.1g}") if record.error else "", unit
+        ),
+        "allowed by rounded inputs": "" if is_drawn else interval,
+        "predicted, central 99 %": interval if is_drawn else "",
         "fraction of the tolerance": ""
         if record.share is None
         else f"{record.share:.2f}",
         "probability": _probability(record),
         "verdict": badge(record.verdict, qualified(record)),
-        "why": _why(record),
+        "why": minus(reason(record.cell) or record.why),
     }
+    if known := erratum(record.cell):
+        shown["why"] = Markup("{} {}<br>The authors' reply: {}").format(
+            shown["why"], link(known, f"Erratum {known}"), replied(known)
+        )
     if made := computation_for(record.cell):
         paper, name = record.key.partition("/")[0], made.function.__name__
         function = link(f"function-{anchor(record.key)}-{name}", made.name)
@@ -85,28 +90,18 @@ def texts(record: Record) -> dict[str, Entry]:
             seed = "{} of the project, {} of this function; {:,} replicates"
             shown["seed"] = seed.format(*made.entropy, made.replicates)
     if readings := record.readings:
-        closest, p = _read(record, readings.closest), _probability(readings.closest)
+        closest = readings.closest
+        p = _probability(closest)
         shown["readings that agree"] = f"{readings.agreeing} of {readings.count}"
         shown["agrees with"] = deciding(readings)
-        shown["closest reading"] = (
-            f"{choices_text(readings.closest.choices)}: {closest}"
-            + f", p = {p}" * bool(p)
-        ).replace("= <", "<")
+        text = f"{choices_text(closest.choices)}: {_read(record, closest)}"
+        shown["closest reading"] = (text + f", p = {p}" * bool(p)).replace("= <", "<")
     return shown
 
 
 def linked(addresses: Iterable[str]) -> Markup:
     """Return addresses with links to the cells."""
     return Markup(", ").join(link(anchor(address), address) for address in addresses)
-
-
-def _why(record: Record) -> Entry:
-    """Return the reason of a verdict, with its erratum and the reply of the authors."""
-    why, known = minus(reason(record.cell) or record.why), erratum(record.cell)
-    if not known:
-        return why
-    text = Markup("{} {}<br>The authors' reply: {}")
-    return text.format(why, link(known, f"Erratum {known}"), replied(known))
 
 
 def computed(record: Record, extra: int = 0) -> str:
@@ -122,9 +117,9 @@ def computed(record: Record, extra: int = 0) -> str:
     )
 
 
-def _between(record: Record, ends: Sequence[float | None]) -> str:
+def _interval(record: Record, ends: Sequence[float | None] | None) -> str:
     """Return an interval of a record; empty if it is open or a point."""
-    if None in ends or len({*ends}) < 2:
+    if not ends or None in ends or len({*ends}) == 1:
         return ""
     number = _cell_of(record).number
     text = " to ".join(number.format(end or 0.0, extra=1) for end in ends)
@@ -132,9 +127,7 @@ def _between(record: Record, ends: Sequence[float | None]) -> str:
 
 
 def _probability(record: Record | Reading) -> str:
-    if record.probability is None or record.mcse is None:
-        return ""
-    return chance(record.probability, record.mcse)
+    return "" if record.mcse is None else chance(record.probability or 0.0, record.mcse)
 
 
 def _joint_facts(joint: TableRecord) -> dict[str, str]:
@@ -195,19 +188,14 @@ def deciding(summary: ReadingSummary) -> str:
     if summary.agreeing in {0, summary.count}:
         return ""
     always = "; or ".join(map(choices_text, summary.agrees_if))
-    never = ", ".join(
-        f"{name}={alternative}"
-        for name, alternatives in summary.never.items()
-        for alternative in alternatives
-    )
-    decided = f"Decided by {', '.join(summary.decided_by)}. Always with {always}"
-    return f"{decided}. Never with {never}" if never else decided
+    text = f"Decided by {', '.join(summary.decided_by)}. Always with {always}"
+    never = [f"{n}={one}" for n, listed in summary.never.items() for one in listed]
+    return f"{text}. Never with {', '.join(never)}" if never else text
 
 
 def _read(record: Record, reading: Reading) -> str:
     """Return the computed value and the verdict of a cell under one reading."""
-    marks = flags(reading.flags)
-    extra = int(not reading.agrees or bool(marks))
+    extra = int(not reading.agrees or bool(flags(reading.flags)))
     value = minus(_cell_of(record).number.format(reading.computed, extra=extra))
     return f"{quantity(value, symbol(record.unit or '1'))}, {qualified(reading)}"
 
@@ -225,8 +213,7 @@ def weak(records: Iterable[Record]) -> int:
 
 def flags(names: Iterable[Flag]) -> str:
     """Return the flags of a verdict in words."""
-    shown = {**WEAK, "stand_in": "assumed value"}
-    return ", ".join(shown[name] for name in names if name in shown)
+    return ", ".join(_FLAGS[name] for name in names if name in _FLAGS)
 
 
 def qualified(record: Record | Reading) -> str:
@@ -277,13 +264,10 @@ def facts_of(name: str) -> dict[str, str]:
         )
     records = whole_ledger().records
     chosen = [r for r in records if name in {"all", r.key.partition("/")[0]}]
-    count = tally(chosen)
-    counts = {
-        "cells": len(chosen),
-        "numbers": sum(_cell_of(record).is_number for record in chosen),
-        "unsettled": count["differs"] + count["ambiguous"] + count["unpublished"],
-    }
-    return _counts(chosen) | {what: str(number) for what, number in counts.items()}
+    open_ = [r for r in chosen if r.verdict in {"differs", "ambiguous", "unpublished"}]
+    numbers = [record for record in chosen if _cell_of(record).is_number]
+    counted = {"cells": chosen, "numbers": numbers, "unsettled": open_}
+    return _counts(chosen) | {what: str(len(part)) for what, part in counted.items()}
 
 
 def filled(text: str, known: Mapping[str, str]) -> str:
@@ -310,11 +294,10 @@ def _facts_of_cell(record: Record) -> dict[str, str]:
         "probability": _probability(record) or "none",
     }
     summary, made = record.readings, computation_for(record.cell)
-    if summary is None or made is None:
+    if not (summary and made):
         return facts
-    cells = evaluate(made).cells[_cell_of(record).name]
-    for choices, reading in zip(made.readings, cells, strict=True):
-        changed = choices.items() - made.literal.items()
+    for reading in evaluate(made).cells[_cell_of(record).name]:
+        changed = reading.choices.items() - made.literal.items()
         if len(changed) == 1:
             name = "-".join(("if", *next(iter(changed))))
             facts[name] = _read(record, reading).partition(",")[0]
