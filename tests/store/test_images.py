@@ -94,9 +94,8 @@ def test_a_huge_image_is_refused_before_its_pixels_are_read(tmp_path, monkeypatc
     monkeypatch.setattr(
         fits.PrimaryHDU, "data", property(lambda unit: pytest.fail("read"))
     )
-    for source in (tmp_path / "a.fits", RAMP):
-        with pytest.raises(ImageError, match="599 px"):
-            read_image(source)
+    with pytest.raises(ImageError, match="599 px"):
+        read_image(tmp_path / "a.fits")
 
 
 def header(bits, *sides):
@@ -144,7 +143,7 @@ BAD = {
     ),
     "cube.fits": (lambda p: fits.writeto(p, np.zeros((5, 30, 30))), "shape"),
     "huge.fits": (header(-64, 10**5, 10**5), "truncated"),
-    "bomb.fits.gz": (header(-64, 30_000, 30_000), "900,000,000 px"),
+    "bomb.fits.gz": (header(-64, 30_000, 30_000), "30000, 30000"),
     "damaged.fits.gz": (damaged, "CRC"),
     "cut.fits.gz": (
         lambda p: p.write_bytes(gzip.compress(RAMP.tobytes())[:50]),

@@ -298,8 +298,6 @@ def test_the_platform_can_be_replaced_and_wrong_spots_are_named(lasers, tmp_path
         ("zero", lambda: rp.misalignment(path, zero)),
         ("spots", lambda: rp.misalignment(now[:, :3], zero)),
         ("spots", lambda: rp.misalignment(now[None], zero)),
-        ("times", lambda: rp.misalignment(now, zero, times=np.arange(19))),
-        ("times", lambda: rp.misalignment(now, zero, times=[np.nan] * 20)),
     ):
         with pytest.raises(ValueError, match=rf"^{argument}\b.*: expected"):
             wrong()
@@ -367,9 +365,16 @@ def test_all_types_of_input_give_the_same_angles_and_warnings(lights, tmp_path):
 def test_wrong_tables_of_spots_name_row_and_column(lights):
     toml, zero, now = lights
     whole = spot_frame(zero, now).drop(columns="frame")
-    lost, sorted_ = whole.drop(index=110), whole.sort_values(["group", "laser"])
-    wrong = [(lost, "column frame"), (sorted_, "column frame")]
-    wrong += [(whole.assign(frame=0), "column laser")]
+    lost, by_light = (
+        whole.drop(index=110),
+        whole.sort_values(["group", "laser"], kind="stable"),
+    )
+    expected = rp.misalignment(whole, platform=toml).angles
+    np.testing.assert_array_equal(
+        rp.misalignment(by_light, platform=toml).angles, expected
+    )
+    wrong = [(lost, "column frame")]
+    wrong += [(whole.assign(frame=0), "each light once")]
     for name, value in (("group", 2), ("laser", 0), ("laser", 2.5)):
         changed = whole.assign(**{name: whole[name].where(whole.index != 3, value)})
         wrong.append((changed, f"row 3, column {name}"))
@@ -396,34 +401,22 @@ def test_a_wrong_platform_is_reported_in_one_line(tmp_path):
         assert named in json.loads(result.stdout)["error"]
 
 
-def test_times_of_images_give_drift_and_averages():
-    """Two lights that rotate uniformly, in arcsec per unit of time, some spots lost."""
+def test_times_of_a_table_are_the_index_of_its_images():
+    """Two lights, some spots lost; a table has no empty image."""
     design = rp.Platform.of_spots([[120, 30], [-90, 160]], 0.05, 5e-6, (0, 0))
-    times, rates = 10 + 0.5 * np.arange(64), np.array([4.0, -6.0, 0.0])
-    now = images_of(design, times[:, None] * rates, 64, seed=6)
+    times = 10 + 0.5 * np.arange(64)
+    now = images_of(design, times[:, None] * [4.0, -6.0, 0.0], 64, seed=6)
     zero = images_of(design, [0, 0, 0], 10, seed=7)
     now[3, 0] = now[8] = np.nan
-    found = rp.misalignment(now, zero, design, times)
+    found = rp.misalignment(now, zero, design)
     rows = spot_frame(zero, now)
     rows["time"] = np.where(rows["group"], times[rows["frame"]], rows["frame"])
     rows = rows.drop(columns="frame").sample(frac=1, random_state=0)
     read = rp.misalignment(rows, platform=design)
-    seen = np.isfinite(now).all(axis=-1).any(axis=1)  # a table has no empty image
-    np.testing.assert_array_equal(read.times, times[seen])
+    seen = np.isfinite(now).all(axis=-1).any(axis=1)
+    assert read.images().index.name == "time"
+    np.testing.assert_array_equal(read.images().index, times[seen])
     np.testing.assert_allclose(read.angles, found.angles[seen], atol=1e-12)
-    series = found.over_time()
-    pd.testing.assert_frame_equal(series, read.over_time())
-    error = series["its error (arcsec)"]
-    assert ((series["drift (arcsec)"] - rates) / error).abs().max() < 4
-    assert (error[:2] < 0.2).all()
-    assert found.images()["time"].tolist() == times.tolist()
-    assert len(found.record()["over_time"]) == 3
-    # Without times, or with too few images, there are angles and no averages.
-    for count, wrong, named in ((64, None, ""), (15, times[:15], "got 13")):
-        other = rp.misalignment(now[:count], zero, design, wrong)
-        assert other.over_time().empty
-        assert any(named in remark for remark in other.remarks)
-        np.testing.assert_array_equal(other.angles, found.angles[:count])
 
 
 def test_the_covariance_of_an_image_is_that_of_draws():
@@ -477,6 +470,19 @@ def test_arrays_and_files_of_stars_and_the_command_give_the_same_fit(stars, tmp_
     wrong = CliRunner().invoke(main, [*command, "--json"])
     assert wrong.exit_code == 2
     assert "x_reference" in json.loads(wrong.stdout)["error"]
+
+
+def test_intervals_that_allow_a_term_are_those_of_its_model(stars):
+    """To the accuracy of one step and of the quantiles."""
+    fit = rp.register(stars, pivot=(500, 500))
+    rich = fit.rerun(model="similarity+radial").interval()[:4]
+    error = fit.standard_errors[:, None]
+    np.testing.assert_allclose(
+        (fit.interval(term="radial") - rich) / error, 0, atol=0.02
+    )
+    assert "if a radial term is possible" in words(repr(fit))
+    with pytest.raises(ValueError, match=r"^term: .*radial, tilt, affine"):
+        fit.interval(term="shear")
 
 
 def test_all_types_of_input_have_the_same_wrong_matches(stars, tmp_path):

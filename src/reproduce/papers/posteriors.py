@@ -145,7 +145,7 @@ class Declaration:
                 raise TableFileError(f"{table.path}: {error}") from error
         unused = table.optional if len(used) < len(arguments) else ()
         notes = (f"this model takes no column {name}" for name in unused)
-        return model, (*remarks, *table.notes, *notes)
+        return model, (*remarks, *notes)
 
 
 def data_stream(inputs: Inputs, *key: int) -> SeedSequence:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import functools
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, ParamSpec, TypeVar, get_args, get_origin
 
@@ -22,6 +22,8 @@ P = ParamSpec("P")
 R = TypeVar("R")
 # Largest error of the products of rows of a rotation matrix. Rounding errors are smaller.
 _ORTHOGONALITY_TOLERANCE = 1e-6
+# Rows that a warning names, at most.
+_MAX_ROWS = 5
 
 
 class DegenerateGeometryError(ValueError):
@@ -41,16 +43,30 @@ class Finding:
     rows: tuple[int, ...] = ()
 
 
+def row_numbers(rows: Sequence[int]) -> str:
+    """Return the numbers of rows as text, the first five of them.
+
+    Examples
+    --------
+    >>> row_numbers([3, 4]), row_numbers(range(9))
+    ('rows 3, 4', 'rows 0, 1, 2, 3, 4, ...')
+    """
+    shown = ", ".join(map(str, rows[:_MAX_ROWS])) + ", ..." * (len(rows) > _MAX_ROWS)
+    return f"row{'s' * (len(rows) > 1)} {shown}"
+
+
 def number_array(name: str, value: ArrayLike, *, shape: _Shape = ()) -> FloatArray:
     """Return `value` as `finite_array` does, but accept NaN and infinity."""
     has_unit = hasattr(value, "to") and (
         hasattr(value, "unit") or hasattr(value, "units")
     )
-    content: object = "rows of unequal length"
+    content: object = "a quantity" if has_unit else "rows of unequal length"
     try:
+        if has_unit:
+            raise TypeError
         raw = np.asarray(value)
-        content = "a quantity" if has_unit else raw.dtype
-        if has_unit or raw.dtype.kind in "cUSmM":
+        content = raw.dtype
+        if raw.dtype.kind in "cUSmM":
             raise TypeError
         array = raw.astype(np.float64, copy=False)
     except (TypeError, ValueError, OverflowError):

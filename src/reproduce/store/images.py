@@ -31,10 +31,10 @@ _MIN_SIDE = 16
 _MAX_PIXELS = 400_000_000
 # Largest magnitude of a pixel: single precision ends at 3e38.
 _MAX_VALUE = 1e30
-# Touching pixels with the highest value, at least, in an image with a saturated star.
-_MIN_SATURATED = 4
 # Bytes of a compressed file that are checked at once.
 _BLOCK_BYTES = 1 << 20
+# Touching pixels with the highest value, at least, in an image with a saturated star.
+_MIN_SATURATED = 4
 
 
 class ImageError(ValueError):
@@ -59,6 +59,20 @@ def is_image(source: Any) -> bool:
     shape = getattr(content, "shape", ())
     has_sides = len(shape) in (2, 3) and sorted(shape)[-2] >= _MIN_SIDE
     return has_sides and not hasattr(source, "columns")
+
+
+def are_separate(source: Any, target: Any) -> bool:
+    """Return whether stars must be found or matched: two files, an image, or a result of `stars`.
+
+    Examples
+    --------
+    >>> are_separate("one.csv", "other.csv"), are_separate("matched.csv", None)
+    (True, False)
+    """
+    pair = source, target
+    if target is not None and all(isinstance(one, str | Path) for one in pair):
+        return True
+    return any(is_image(one) or hasattr(one, "rejected") for one in pair)
 
 
 def read_image(
@@ -107,7 +121,6 @@ def read_image(
             raise ValueError(
                 f"expected real numbers, got {pixels.dtype}. Convert the image"
             )
-        _check_size(pixels.shape)
         missing = ~np.isfinite(pixels) | np.ma.getmask(source)
         if missing.any():
             pixels = np.where(missing, np.nan, pixels)
@@ -119,14 +132,6 @@ def read_image(
             )
         sigma = None if uncertainty is None else _deviations(uncertainty, pixels)
         return pixels, high if _is_saturated(pixels, high) else np.inf, sigma
-
-
-def _check_size(shape: tuple[int, ...]) -> None:
-    if math.prod(shape) > _MAX_PIXELS:
-        raise ValueError(
-            f"expected an image of up to {_MAX_PIXELS:,} px, got {math.prod(shape):,} px. Use a "
-            "part of it"
-        )
 
 
 def _is_saturated(pixels: NDArray[Any], high: float) -> bool:
@@ -216,11 +221,11 @@ def _from_fits(path: str) -> Any:
             )
         extension = extension or images[0]
         unit = units[int(extension) if extension.isdecimal() else extension]
-        if not unit.is_image or not unit.shape:
+        if not (unit.is_image and 0 < math.prod(unit.shape) <= _MAX_PIXELS):
             raise ValueError(
-                f"expected an extension with an image, got {extension}. Name another one"
+                f"expected an image of up to {_MAX_PIXELS:,} px, got {extension} with the shape "
+                f"{unit.shape}. Name another extension, or use a part"
             )
-        _check_size(unit.shape)
         data = np.squeeze(unit.data)
     if name["file"].lower().endswith(".gz"):  # Astropy does not read the check sum
         with gzip.open(name["file"]) as stream:

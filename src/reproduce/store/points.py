@@ -21,11 +21,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from reproduce.physics.validate import finite_array
+
 FloatArray = NDArray[np.float64]
 # Largest length in px or angle in arcsec. Squares of squares of larger numbers overflow.
 _LARGEST_NUMBER = 1e30
-_MASK = "mask"
-_PIXEL_UNITS = ("px", "pix", "pixel", "pixels", "css_pixel")  # the last is Pint's
+_PIXEL_UNITS = ("px", "pix", "pixel", "pixels")
 # Columns that are lengths on the detector.
 _LENGTH_COLUMNS = re.compile(r"(x|y)(_reference)?|sigma(_[xy])?")
 # Formats that Astropy reads, by the end of a file name.
@@ -41,8 +42,8 @@ _ASTROPY_FORMATS = {
 # Stars of one channel: their places there and in the reference channel, in px.
 STARS = ("x", "y", "x_reference", "y_reference")
 SIGMAS = ("sigma", "sigma_x", "sigma_y")
-# Rows that a remark names, and columns that an error names, at most.
-_MAX_ROWS, _MAX_NAMES = 5, 12
+# Columns that an error names, at most.
+_MAX_NAMES = 12
 
 
 class TableFileError(ValueError):
@@ -60,19 +61,17 @@ class DataTable:
     columns : tuple of str
         Names of the required columns, in the requested order.
     numbers : mapping
-        Each column that the source contains, without masked rows, shape (rows,).
-    rows : ndarray of int, shape (rows,)
-        Number of each row in the source, from zero.
-    notes : tuple of str
-        Remarks on the input.
+        Each column that the source contains, shape (rows,).
     """
 
     path: str
     columns: tuple[str, ...]
     numbers: Mapping[str, FloatArray]
-    rows: NDArray[np.int64]
-    notes: tuple[str, ...] = ()
     _content: bytes | None = None
+
+    def __len__(self) -> int:
+        """Return the number of rows."""
+        return len(self.numbers[self.columns[0]])
 
     @cached_property
     def values(self) -> FloatArray:
@@ -95,19 +94,12 @@ class DataTable:
             self.values.tobytes() if self._content is None else self._content
         ).hexdigest()
 
-    def named(self, rows: Sequence[int] | NDArray[np.int64]) -> str:
-        """Return the numbers of rows as text: "rows 3, 4"."""
-        labels = self.rows[np.asarray(rows, dtype=int)]
-        shown = ", ".join(map(str, labels[:_MAX_ROWS].tolist()))
-        more = ", ..." * (len(labels) > _MAX_ROWS)
-        return f"row{'s' * (len(labels) > 1)} {shown}{more}"
-
     def check(self, name: str, right: NDArray[np.bool_], expected: str) -> None:
         """Raise the error that names source, row and column of the first wrong number."""
         for row in np.flatnonzero(~right)[:1].tolist():
             raise TableFileError(
-                f"{self.path}, row {self.rows[row]}, column {name}: expected {expected}, got "
-                f"{self.numbers[name][row]:g}. Correct, remove or mask the row"
+                f"{self.path}, row {row}, column {name}: expected {expected}, got "
+                f"{self.numbers[name][row]:g}. Correct or remove the row"
             )
 
 
@@ -132,16 +124,17 @@ def is_table(source: object) -> bool:
     >>> is_table("stars.csv"), is_table([[1, 2]])
     (True, False)
     """
-    return isinstance(source, str | Path) or _columns(source) is not None
+    return isinstance(source, str | Path) or _headings(source) is not None
 
 
-def _columns(source: Any) -> list[tuple[str, Any]] | None:
-    """Return the names and columns of a table, or None for another object."""
-    if hasattr(source, "iloc") and hasattr(source, "columns"):
-        return list(source.items())
+def _headings(source: Any) -> Sequence[Any] | None:
+    """Return the names of the columns of a table, or None for another object."""
+    if hasattr(source, "iloc"):
+        source = getattr(source, "columns", None)
+        return source if source is None else list(source)
     fields = getattr(getattr(source, "dtype", None), "names", None)
-    names = getattr(source, "colnames", fields)
-    return None if names is None else [(name, source[name]) for name in names]
+    names: Sequence[Any] | None = getattr(source, "colnames", fields)
+    return names
 
 
 def read_table(
@@ -153,89 +146,63 @@ def read_table(
 ) -> DataTable:
     """Return columns of numbers from a file, standard input ("-"), a table or an array.
 
-    Rows with 1 in a column ``mask`` are left out. `sep` separates the columns of a text file, as
-    in `pandas.read_csv`. Default: a comma. An array contains the columns in their order. Errors use
-    `name` for a source that is not a file.
+    `sep` separates the columns of a text file, as in `pandas.read_csv`. Default: a comma. An array
+    contains the columns in their order. Errors use `name` for a source that is not a file.
     """
     content = None
     if isinstance(source, str | Path):
         name = "standard input" if str(source) == "-" else str(source)
         content = _content(name, source)
         source = _parsed(name, content, sep)
-    named = _columns(source)
-    if named is None:
-        array = source if hasattr(source, "T") else _array(name, source)
-        if array.ndim != 2 or array.shape[1] != len(columns) or not len(array):
+    if (headings := _headings(source)) is None:
+        array = finite_array(name, source, shape=(None, len(columns)))
+        if array.ndim != 2:
             raise ValueError(
                 f"{name}: expected shape (n, {len(columns)}), got {array.shape}. Rows are stars"
             )
-        # Columns keep a mask and a unit.
-        named = list(zip(columns, array.T, strict=True))
-    names = [_plain(heading) for heading, _ in named]
-    extra = (column for column in (*optional, _MASK) if column in names)
-    selected = dict.fromkeys([*columns, *extra])
-    for column in selected:
-        # pandas calls the second column with the name x in a file x.1.
-        if names.count(column) != 1 or f"{column}.1" in names:
-            headings = ", ".join(repr(heading[:40]) for heading in names[:_MAX_NAMES])
-            raise TableFileError(
-                f"{name}: expected one column {column} among the names in the first line, got "
-                f"{headings}. Lengths are in px. Give sep if no comma separates the columns"
+        numbers = dict(zip(columns, array.T, strict=True))
+    else:
+        names = [_plain(heading) for heading in headings]
+        extra = (column for column in optional if column in names)
+        numbers = {}
+        for column in dict.fromkeys([*columns, *extra]):
+            # pandas calls the second column with the name x in a file x.1.
+            if names.count(column) != 1 or f"{column}.1" in names:
+                shown = ", ".join(repr(one[:40]) for one in names[:_MAX_NAMES])
+                raise TableFileError(
+                    f"{name}: expected one column {column} among the names in the first line, got "
+                    f"{shown}. Lengths are in px. Give sep if no comma separates the columns"
+                )
+            heading = headings[names.index(column)]
+            numbers[column] = _numbers(
+                f"{name}, column {heading}", column, source[heading]
             )
-    numbers = {
-        column: _numbers(name, *named[names.index(column)]) for column in selected
-    }
-    rows = np.arange(len(numbers[columns[0]]))
-    table = DataTable(name, tuple(columns), numbers, rows, (), content)
-    if _MASK in numbers:
-        flags = numbers[_MASK]
-        right = (flags == 0) | (flags == 1)
-        table.check(_MASK, right, "0, or 1 to drop the row")
-        used = numbers.pop(_MASK) == 0
-        masked = np.flatnonzero(~used)
-        note = f"{len(masked)} of {len(rows)} rows are masked ({table.named(masked)}) and left out"
-        numbers = {column: values[used] for column, values in numbers.items()}
-        notes = (note,) if len(masked) else ()
-        table = replace(table, numbers=numbers, rows=rows[used], notes=notes)
-    if not len(table.rows):
-        raise TableFileError(
-            f"{name}: expected at least one row without a mask, got zero. Add rows"
-        )
+    table = DataTable(name, tuple(columns), numbers, content)
+    if not len(table):
+        raise TableFileError(f"{name}: expected at least one row, got zero. Add rows")
     for column, values in numbers.items():
         right = np.abs(values) < _LARGEST_NUMBER  # false for NaN
         table.check(column, right, f"a finite number below {_LARGEST_NUMBER:g}")
     return table
 
 
-def _array(name: str, source: Any) -> NDArray[Any]:
-    try:
-        return np.asarray(source)
-    except ValueError as error:
-        raise TypeError(
-            f"{name}: expected an array of numbers, got another object. Pass rows of equal length"
-        ) from error
-
-
 def _plain(name: object) -> str:
-    """Return the name of a column in lower case, without blanks and a unit of pixels."""
-    plain = re.sub(r"\s*[\[(](px|pixels?)[\])]$", "", str(name).strip().lower())
-    return re.sub(r"[\s-]+", "_", plain)
+    """Return the name of a column in lower case, without blanks at its ends and a unit of px."""
+    return str(name).lower().removesuffix("(px)").strip().replace(" ", "_")
 
 
-def _numbers(source: str, name: object, column: Any) -> FloatArray:
+def _numbers(place: str, name: str, column: Any) -> FloatArray:
     """Return a column as numbers, with NaN for other entries; lengths must be in px."""
-    unit = getattr(column, "unit", getattr(column, "units", None))
-    unit = str(_PIXEL_UNITS[0] if unit is None else unit).lower()
-    if unit not in _PIXEL_UNITS and _LENGTH_COLUMNS.fullmatch(_plain(name)):
+    unit = str(getattr(column, "unit", None) or "px").lower()
+    if unit not in _PIXEL_UNITS and _LENGTH_COLUMNS.fullmatch(name):
         raise TableFileError(
-            f"{source}, column {name}: expected px, got {unit}. Convert the column to px"
+            f"{place}: expected px, got {unit}. Convert the column to px"
         )
     if hasattr(column, "iloc") and column.dtype not in (float, int, complex):
         import pandas as pd
 
         column = pd.to_numeric(column.astype(object), errors="coerce").astype(float)
-    values = getattr(column, "magnitude", getattr(column, "value", column))
-    array = np.ma.asarray(values)
+    array = np.ma.asarray(getattr(column, "value", column))
     if array.dtype.kind not in "biuf" or array.ndim != 1:
         return np.full(len(array), np.nan)
     return np.ma.filled(array.astype(np.float64, copy=False), np.nan)
@@ -287,21 +254,16 @@ def matched_stars(
 
     The stars are in one table of matched stars, or in two arrays or tables, row by row.
     """
-    fit = {name: value for name, value in settings.items() if name != "sep"}
-    sep = settings.get("sep")
+    fit = dict(settings)
+    sep = fit.pop("sep", None)
     if target is not None:
         first, second = (
             read_table(image, STARS[:2], (), sep, name)
             for name, image in (("source", source), ("target", target))
         )
-        if not np.array_equal(first.rows, second.rows):
-            raise ValueError(
-                "source and target: expected equal rows after masking, got "
-                f"{len(first.rows)} and {len(second.rows)}. Row i of both must be the same star"
-            )
-        columns = (*first.numbers.values(), *second.numbers.values())
-        numbers = dict(zip(STARS, columns, strict=True))
-        return DataTable("the arrays", STARS, numbers, first.rows, first.notes), fit
+        values = (*first.numbers.values(), *second.numbers.values())
+        numbers = dict(zip(STARS, values, strict=True))
+        return replace(first, path="the arrays", columns=STARS, numbers=numbers), fit
     if not is_table(source):
         raise ValueError(
             "target: expected the stars of the other image, got none. Pass them, or a table of "
@@ -313,11 +275,10 @@ def matched_stars(
         errors["weights"] = table.numbers["weight"]
     if {*SIGMAS} & {*table.numbers}:
         errors["target_covariance"] = deviations(table)[..., None] ** 2 * np.eye(2)
-    for name in errors:
-        if fit.get(name) is not None:
-            raise ValueError(
-                f"{name}: expected no argument, got one and a column of the table. Remove one"
-            )
+    if twice := errors.keys() & fit.keys():
+        raise ValueError(
+            f"{min(twice)}: expected no argument, got one and a column of the table. Remove one"
+        )
     return table, fit | errors
 
 

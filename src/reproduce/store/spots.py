@@ -3,7 +3,7 @@
 Images have shape (frames, lights, 2), in px. A lost spot is NaN: its coordinates are NaN, masked or
 larger than 1e30. A row of a table is a spot with the columns ``group`` (0 at the zero point, 1 at
 the present), ``laser`` (from 1), ``x`` and ``y`` in px, and ``frame`` or ``time``, the number of
-its image. Without this number, the images are complete and in order.
+its image. Without this number, no spot is lost and the images are in order.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from reproduce.physics.validate import FloatArray, finite_array, number_array
+from reproduce.physics.validate import FloatArray, number_array
 from reproduce.store.points import (
     _LARGEST_NUMBER,
     DataTable,
@@ -29,31 +29,29 @@ Images = tuple[FloatArray, FloatArray]
 
 
 def read_images(
-    count: int, spots: Any, zero: Any = None, times: Any = None, sep: str | None = None
-) -> tuple[Images, FloatArray | None, list[str]]:
-    """Return the images of both groups, times of those at the present, and remarks.
+    count: int, spots: Any, zero: Any = None, sep: str | None = None
+) -> tuple[Images, Any, list[str]]:
+    """Return the images of both groups, labels of those at the present, and remarks.
 
-    Shape (frames, count, 2), in px; `spots` may be a table of both groups.
+    Shape (frames, count, 2), in px; `spots` may be a table of both groups, whose labels are a
+    pandas index.
     """
+    labels = None
     if is_table(spots):
-        if zero is not None or times is not None:
+        if zero is not None:
             raise ValueError(
-                "zero, times: expected no arguments with a table, which contains both groups, got "
-                "one. Leave them out"
+                "zero: expected no argument with a table, which contains both groups, got one. "
+                "Leave it out"
             )
-        table = read_table(spots, SPOTS, IMAGES, sep)
-        pair, when = _by_image(table, count)
-        return pair, when, [*table.notes, *lost_spots(pair)]
-    if zero is None:
+        pair, labels = images_of(read_table(spots, SPOTS, IMAGES, sep), count)
+    elif zero is None:
         raise ValueError(
             "zero: expected the images at the zero point, got no argument. Pass them, or a table "
             "of both groups"
         )
-    pair = _array("zero", zero, count), _array("spots", spots, count)
-    when = None
-    if times is not None:
-        when = finite_array("times", times, shape=pair[1].shape[:1])
-    return pair, when, lost_spots(pair)
+    else:
+        pair = _array("zero", zero, count), _array("spots", spots, count)
+    return pair, labels, lost_spots(pair)
 
 
 def _array(name: str, images: Any, count: int) -> FloatArray:
@@ -68,52 +66,38 @@ def _array(name: str, images: Any, count: int) -> FloatArray:
     return np.where(seen, array, np.nan)
 
 
-def images_of(table: DataTable, count: int) -> Images:
-    """Return the images of a table of spots of `count` lights, of both groups."""
-    return _by_image(table, count)[0]
+def images_of(table: DataTable, count: int) -> tuple[Images, Any]:
+    """Return the images of a table of spots of `count` lights, and labels of those at the present.
 
-
-def _by_image(table: DataTable, count: int) -> tuple[Images, FloatArray | None]:
-    """Return the images of both groups, and the mean times of those at the present."""
+    Without a number of the image, the spots of each light are in the order of the images.
+    """
     import pandas as pd
 
     for name, least, greatest in (("group", 0, 1), ("laser", 1, count)):
         allowed = np.isin(table.numbers[name], range(least, greatest + 1))
         table.check(name, allowed, f"a whole number from {least} to {greatest}")
-    frame = pd.DataFrame(dict(table.numbers), index=table.rows)
+    frame = pd.DataFrame(dict(table.numbers))
+    series = frame.groupby(["group", "laser"])["x"]
     label = next((column for column in IMAGES if column in frame), None)
-    images, times = [], None
-    for group in range(2):
-        part = frame[frame["group"] == group]
-        lights = part["laser"].to_numpy()
-        count_seen = max(len(np.unique(lights)), 1)
-        image = np.arange(len(part)) // count_seen if label is None else part[label]
-        if not len(part):
-            raise TableFileError(
-                f"{table.path}, column group: expected 0 (the zero point) and 1 (the present), got "
-                f"no {group}. Add its spots"
-            )
-        swapped = np.resize(lights[:count_seen], len(part)) != lights
-        if label is None and swapped.any():
-            raise TableFileError(
-                f"{table.path}, row {part.index[swapped.argmax()]}: expected images one after the "
-                "other, each with all lights in one order, got another light. Add a column frame, "
-                "a number for each image"
-            )
-        columns = pd.MultiIndex.from_product([["x", "y"], range(1, count + 1)])
-        part = part.assign(image=image)
-        try:
-            spots = part.pivot(index="image", columns="laser", values=["x", "y"])
-        except ValueError as error:
-            raise TableFileError(
-                f"{table.path}, column laser: expected each light once in an image ({error}). "
-                "Remove a spot"
-            ) from error
-        wide = spots.reindex(columns=columns).to_numpy()
-        images.append(wide.reshape(-1, 2, count).swapaxes(1, 2))
-        if "time" in part:
-            times = part.groupby("image")["time"].mean().to_numpy()
-    return (images[0], images[1]), times
+    frame["image"] = series.cumcount() if label is None else frame[label]
+    columns = pd.MultiIndex.from_product([["x", "y"], range(1, count + 1)])
+    try:
+        wide = frame.pivot(index=["group", "image"], columns="laser", values=["x", "y"])
+        groups = [wide.reindex(columns=columns).loc[group] for group in range(2)]
+    except (KeyError, ValueError) as error:
+        raise TableFileError(
+            f"{table.path}: expected each light once in an image, and the groups 0 (the zero "
+            f"point) and 1 (the present), got others ({error}). Add or remove spots"
+        ) from error
+    if label is None and series.size().groupby("group").nunique().max() > 1:
+        raise TableFileError(
+            f"{table.path}, column laser: expected equally many spots of each light, got others. "
+            "Add a column frame, a number for each image"
+        )
+    zero, now = (
+        group.to_numpy().reshape(-1, 2, count).swapaxes(1, 2) for group in groups
+    )
+    return (zero, now), groups[1].index.rename(label or "image")
 
 
 def lost_spots(pair: Images) -> list[str]:

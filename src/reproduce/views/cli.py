@@ -496,8 +496,8 @@ def _register(
     One FILE is a table of matched stars: a text file with the names in its first line, - for
     standard input, or an ECSV, FITS, VOTable or SExtractor file. A row is a star, in px, with the
     columns x, y (source) and x_reference, y_reference (target), in any order and case. Optional
-    columns are sigma (px, one coordinate of the difference; or sigma_x, sigma_y), weight and mask
-    (1 drops the row). The default pivot is the mean of the source stars.
+    columns are sigma (px, one coordinate of the difference; or sigma_x, sigma_y) and weight (0
+    drops the row). The default pivot is the mean of the source stars.
 
     Two FILEs are FITS images, such as field.fits or field.fits[SCI], or tables with the columns
     x, y, and flux or mag if known. Their stars are found and matched, and the fit is robust. The
@@ -538,8 +538,7 @@ def _misalignment(file: Path, as_json: bool, **settings: Any) -> None:
     FILE is a table, as for register: one spot per row, in px, with the columns group (0 at
     the zero point, 1 at the present), laser (from 1, in the order of the platform), x, y, in any
     order and case. A column frame, a number that the spots of an image share, is necessary if
-    spots are lost. A column time adds the drift and averages. A column mask drops a row if it is
-    1. A platform is a TOML file of the arguments of Platform.
+    spots are lost. A platform is a TOML file of the arguments of Platform.
 
     \b
     Example:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 import tomllib
 from abc import abstractmethod
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from reproduce.physics import registration
 from reproduce.physics.registration import fit_registration
+from reproduce.store.images import are_separate
 from reproduce.store.points import (
     TableFileError,
     brightness,
@@ -22,16 +23,19 @@ from reproduce.store.points import (
     matched_stars,
 )
 from reproduce.units import ARCSEC_PER_RADIAN
-from reproduce.views.blocks import Block, Display, Grid
+from reproduce.views.blocks import Block, Display, Fold, Grid
 from reproduce.views.numbers import between, moments
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from reproduce.physics.attitude import Platform, Stability
+    from reproduce.physics.attitude import Platform
 
 FloatArray = NDArray[np.float64]
 _LEVEL = 0.95
+# Arguments of `register` for matched stars only, and for images and lists only.
+_FOR_STARS = {"weights", "source_covariance", "target_covariance"}
+_FOR_IMAGES = {"start", "radius", "threshold"}
 _CONSISTENCY_TEXTS = {
     "noise": "Noise of one coordinate, from the residuals: {:.3g} px (95 % interval {:.3g} to "
     "{:.3g}).",
@@ -44,7 +48,6 @@ def misalignment(
     spots: str | Path | pd.DataFrame | ArrayLike,
     zero: ArrayLike | None = None,
     platform: Platform | str | Path | None = None,
-    times: ArrayLike | None = None,
     *,
     sep: str | None = None,
 ) -> MisalignmentResult:
@@ -59,16 +62,13 @@ def misalignment(
         Images at the present, in px. Or both groups as a DataFrame or a CSV file ("-" is standard
         input), one spot per row, with the columns ``group`` (0 at the zero point, 1 at the
         present), ``laser``, ``x``, ``y``, and optionally ``frame`` (a number that the spots of an
-        image share; without it no spot may be lost), ``time`` and ``mask`` (1 drops a row). A spot
-        that is NaN or masked in an array is lost, and its image has a lower weight.
+        image share; without it no spot may be lost) and ``time``. A spot that is NaN or
+        masked in an array is lost, and its image has a lower weight.
     zero : array_like, shape (frames, lights, 2), optional
         Images at the zero point, if `spots` is an array.
     platform : Platform or path, optional
         Lights and tracker, or a TOML file of the arguments of `Platform`. Default: the ground
         platform of chen2023 as designed.
-    times : array_like, shape (frames,), optional
-        Times of the images at the present, in any unit, if `spots` is an array. They are necessary
-        for ``over_time()`` and ``stability``, the drift and averages.
     sep : str, optional
         Separator of the columns of a text file. Default: a comma.
 
@@ -83,7 +83,7 @@ def misalignment(
         If the spots are mirrored or belong to another platform, two lights are swapped or at one
         position, or a group has fewer than two lights.
     """
-    return MisalignmentResult(**locals())
+    return MisalignmentResult(spots, zero, platform, sep)
 
 
 class UserResult(Display):
@@ -93,14 +93,10 @@ class UserResult(Display):
     inputs: tuple[str, ...] = ()
     findings: list[Any]
     remarks: list[str]
+    _arguments: Mapping[str, Any]
     _function: Callable[..., Any]
-    _fit: Callable[..., None]
     _rows: str
     _facts: dict[str, Any]
-
-    def __init__(self, **arguments: Any) -> None:
-        self._arguments = arguments
-        self._fit(**arguments)
 
     @property
     def source(self) -> str:
@@ -158,28 +154,49 @@ class RegistrationResult(UserResult):
     `physics.registration.fit.fit_registration`. The warnings are ``findings``, each with its kind
     and its rows, and sentences in ``remarks``. ``systematic`` is a covariance that the residuals do
     not show, zero for lists of stars. The arguments are those of `reproduce.register`.
+
+    If the stars are from images or separate lists, it also has the ``source_stars`` and
+    ``target_stars``, their ``pairs`` with residuals, the ``extra_scatter`` beyond the errors of the
+    centres, in px, and a ``log``.
+    ``reproduce.posterior("registration", data=fit.pairs)`` samples the posterior of the same model.
     """
 
     _function = staticmethod(fit_registration)
     _rows = "parameters"
 
-    def _fit(
+    def __init__(
         self, source: Any, target: Any = None, pivot: Any = None, **settings: Any
     ) -> None:
+        self._arguments = {"source": source, "target": target, "pivot": pivot}
+        self._arguments |= settings
+        found, is_matched = None, not are_separate(source, target)
+        for name in settings.keys() & (_FOR_IMAGES if is_matched else _FOR_STARS):
+            kind = "matched stars" if is_matched else "images or lists"
+            raise ValueError(f"{name}: expected none for {kind}, got one. Leave it out")
+        if not is_matched:
+            from reproduce.views.pictures import PairedStars  # it is slow
+
+            found = PairedStars(source, target, pivot, **settings)
+            self._arguments |= {"source": found.source, "target": found.target}
+            source, target, pivot = found.pairs, None, found.pivot
+            settings = found.settings
         table, settings = matched_stars(source, target, settings)
         points = table.points("x", "y"), table.points("x_reference", "y_reference")
         flux = brightness(table.numbers)
         with computing(table.path):
             pivot = registration.checked_pivot(pivot, points[0])
             self.fit = fit = fit_registration(*points, pivot, **settings)
-            findings, terms = registration.diagnose_fit(fit, flux, table.named)
-        self.findings, self._sensitivities = findings, terms
-        self.remarks = [*table.notes, *(finding.text for finding in findings)]
-        exact = any(finding.kind == "exact" for finding in findings)
+            self.findings, terms = registration.diagnose_fit(fit, flux)
+        self._sensitivities = {term.term: term for term in terms}
+        exact = any(finding.kind == "exact" for finding in self.findings)
         self._errors: FloatArray = np.where(exact, np.nan, fit.standard_errors)
         self.systematic: FloatArray = np.zeros(fit.cofactor.shape)
         self.model, self.transform = str(fit.model), fit.transform
         self.parameters, self.residuals = fit.parameters, fit.residuals
+        self.title = (
+            f"{fit.model} from {len(fit.residuals)} stars, pivot ({pivot[0]:.6g}, "
+            f"{pivot[1]:.6g}) px"
+        )
         self._facts = {
             "model": self.model,
             "stars": len(fit.residuals),
@@ -187,10 +204,21 @@ class RegistrationResult(UserResult):
             "residual_rms": float(np.sqrt(np.square(fit.residuals).mean())),
             **self.consistency,
         }
-        self.title = (
-            f"{fit.model} from {len(fit.residuals)} stars, pivot ({pivot[0]:.6g}, "
-            f"{pivot[1]:.6g}) px"
-        )
+        self.log: list[str] = []
+        if found is not None:
+            findings, covariance = found.described(fit)
+            self.findings += findings
+            # An unknown displacement of the centres widens the interval of the shift.
+            shift = [fit.names.index(f"shift-{axis}") for axis in "xy"]
+            self.systematic[np.ix_(shift, shift)] = covariance
+            self.source_stars, self.target_stars = found.source, found.target
+            self.pairs, self.log = found.pairs, found.log
+            self.extra_scatter = found.extra_scatter
+            names = {"source": found.source.name, "target": found.target.name}
+            self.title = f"{names['source']} on {names['target']}: {self.title}"
+            self._facts |= names
+            self._facts |= {"log": self.log, "beyond_px": self.extra_scatter}
+        self.remarks = [finding.text for finding in self.findings]
 
     @property
     def covariance(self) -> FloatArray:
@@ -202,13 +230,15 @@ class RegistrationResult(UserResult):
         """Standard errors of the parameters, shape (p,); NaN if unknown."""
         return np.sqrt(self._errors**2 + np.diagonal(self.systematic))
 
-    def interval(self, level: float = _LEVEL) -> FloatArray:
+    def interval(self, level: float = _LEVEL, term: str | None = None) -> FloatArray:
         """Return the lowest and highest value of each parameter.
 
         Parameters
         ----------
         level : float
             Probability of the interval.
+        term : str, optional
+            Term of `sensitivity` that may be present, such as "radial". Default: no other term.
 
         Returns
         -------
@@ -216,8 +246,18 @@ class RegistrationResult(UserResult):
             Bounds, in the unit of each parameter.
         """
         centre = self.parameters[:, None]
-        wider = self.standard_errors / self._errors
-        return centre + (self.fit.interval(level) - centre) * wider[:, None]
+        wider = (self.standard_errors / self._errors)[:, None]
+        ends = centre + (self.fit.interval(level) - centre) * wider
+        if term is None:
+            return ends
+        if term not in self._sensitivities:
+            known = ", ".join(self._sensitivities)
+            raise ValueError(
+                f"term: expected one of {known}, got {term!r}. Leave it out"
+            )
+        one = self._sensitivities[term]
+        moved = centre + (one.change * self._errors)[:, None]
+        return np.asarray(moved + (ends - centre) * one.error[:, None])
 
     @property
     def consistency(self) -> dict[str, float]:
@@ -250,7 +290,8 @@ class RegistrationResult(UserResult):
         import pandas as pd
 
         columns = {
-            term.term: [*term.change, term.p_value] for term in self._sensitivities
+            name: [*term.change, term.p_value]
+            for name, term in self._sensitivities.items()
         }
         index = pd.Index([*self.fit.names, "p-value"], name="parameter")
         names = {"brightness": "bright - faint"}
@@ -267,7 +308,14 @@ class RegistrationResult(UserResult):
         if self._sensitivities:
             title = "change of each parameter with one more term, in its standard deviations"
             yield Grid.of_frame(title, self.sensitivity(), digits=2)
+        if "radial" in self._sensitivities:
+            title = "95 % intervals if a radial term is possible"
+            ends = map(_ends, self.interval(term="radial"), self.standard_errors)
+            texts = [*zip(self.fit.names, self.frame()["unit"], ends, strict=True)]
+            yield Grid(title, ("parameter", "unit", "95 % interval"), texts)
         yield from warnings
+        if self.log:
+            yield Fold("Detection of the stars, and dropped pairs", tuple(self.log))
 
     def record(self) -> dict[str, Any]:
         """Return the numbers and warnings for other programs, including the sensitivity."""
@@ -299,11 +347,15 @@ class RegistrationResult(UserResult):
             # Further decimals of a fit without an error are rounding.
             texts = (f"{round(value, 12):z.10g}", "")
             if 0 < error < np.inf:
-                ends = f"{between(low, error)} to {between(high, error)}"
-                texts = (moments(value, error), ends)
+                texts = (moments(value, error), _ends((low, high), error))
             rows.append((name, unit, *texts))
         heads = ("parameter", "unit", "value ± standard deviation", "95 % interval")
         return Grid(self.title, heads, rows)
+
+
+def _ends(ends: Iterable[float], error: float) -> str:
+    """Return the ends of an interval as text."""
+    return " to ".join(between(end, error) for end in ends)
 
 
 class MisalignmentResult(UserResult):
@@ -315,15 +367,21 @@ class MisalignmentResult(UserResult):
 
     _rows = "angles"
 
-    def _fit(
-        self, spots: Any, zero: Any, platform: Any, times: Any, sep: str | None
+    def __init__(
+        self,
+        spots: Any,
+        zero: Any = None,
+        platform: Any = None,
+        sep: str | None = None,
     ) -> None:
         # These imports are slow, and a registration does not need them.
         from reproduce.papers.chen2023.platform import INSTRUMENT, as_designed
-        from reproduce.physics.attitude import diagnosis, monitored, stability
+        from reproduce.physics.attitude import diagnosis, monitored
         from reproduce.printed.inputs import load_inputs
         from reproduce.store.spots import read_images
 
+        self._arguments = {"spots": spots, "zero": zero, "platform": platform}
+        self._arguments["sep"] = sep
         self._function, self.inputs = monitored, INSTRUMENT if platform is None else ()
         self.platform = (
             as_designed(load_inputs(INSTRUMENT))
@@ -331,7 +389,7 @@ class MisalignmentResult(UserResult):
             else platform_of(platform)
         )
         count = len(self.platform.lasers)
-        images, self.times, notes = read_images(count, spots, zero, times, sep)
+        images, self._labels, notes = read_images(count, spots, zero, sep)
         self.diagnosis = result = diagnosis.diagnose_spots(self.platform, images)
         self.findings = result.findings
         self.found = monitored(
@@ -339,58 +397,29 @@ class MisalignmentResult(UserResult):
         )
         self.angles = self.found.angles
         self.remarks = [*(finding.text for finding in self.findings), *notes]
-        self.stability: Stability | None = None
-        if self.times is not None:
-            rows = np.argsort(self.times, kind="stable")
-            rows = rows[np.isfinite(self.angles[rows]).all(axis=1)]
-            try:
-                self.stability = stability(self.times[rows], self.angles[rows])
-            except ValueError as error:
-                self.remarks.append(f"drift and averages are unknown: {error}")
         self._facts = {
             "images": len(self.angles),
             "widening": result.widening,
             **result.agreement,
-            "over_time": self.over_time().reset_index().to_dict("records"),
         }
         self.title = (
             "misalignment in {images} images since the zero point; chi-square per degree of "
             "freedom {chi_square:.2g}, expected {low:.2g} to {high:.2g}"
         ).format(**self._facts)
 
-    def over_time(self) -> pd.DataFrame:
-        """Return the drift per unit of time and the smallest error of an average, in arcsec.
-
-        The table is empty without times. The drift is a straight line. The smallest error is the
-        lowest Allan deviation without the drift, with its 95 % interval and the number of images.
-        """
-        if (stability := self.stability) is None:
-            return _by_axis(())[:0]
-        ends = stability.floor_interval(_LEVEL)
-        names = ("drift", "its error", "least", "low (95 %)", "high (95 %)")
-        table = _by_axis(
-            names, stability.rate, stability.rate_error, stability.floor, *ends
-        )
-        return table.assign(**{"images averaged": stability.reached})
-
-    def blocks(self) -> Iterator[Block]:
-        """Yield the angles, the warnings, and the drift if times are known."""
-        yield from super().blocks()
-        if self.stability is not None:
-            title = "drift in a unit of time, and error of an average"
-            yield Grid.of_frame(title, self.over_time())
-
     def images(self) -> pd.DataFrame:
         """Return the angles of each image about X, Y and Z of the camera, in arcsec.
 
-        They are NaN in an image of fewer than two lights. A column ``time`` contains known times.
+        They are NaN in an image of fewer than two lights. The index is the ``frame`` or ``time`` of
+        a table, or counts from one.
         """
         import pandas as pd
 
         index = pd.RangeIndex(1, len(self.angles) + 1, name="image")
+        if self._labels is not None:
+            index = self._labels
         angles = self.angles * ARCSEC_PER_RADIAN
-        frame = pd.DataFrame(angles, index, columns=list("XYZ"))
-        return frame if self.times is None else frame.assign(time=self.times)
+        return pd.DataFrame(angles, index, columns=list("XYZ"))
 
     def covariance(self) -> FloatArray:
         """Return the covariance of the angles of each image, (images, 3, 3), in arcsec squared.
@@ -405,18 +434,18 @@ class MisalignmentResult(UserResult):
         The error includes the zero point, the correlation of images and the misfit of the pattern.
         The interval uses Student's t-distribution, because the scatter is an estimate.
         """
-        average, ends = self.found, self.found.interval(_LEVEL)
-        names = ("mean", "scatter", "error of the mean", "95% low", "95% high")
-        return _by_axis(names, average.mean, average.scatter, average.error, *ends)
+        import pandas as pd
 
-
-def _by_axis(names: Sequence[str], *columns: FloatArray) -> pd.DataFrame:
-    """Return columns in arcsec, a row for each axis of the camera."""
-    import pandas as pd
-
-    pairs = zip(names, columns, strict=True)
-    shown = {f"{name} (arcsec)": column * ARCSEC_PER_RADIAN for name, column in pairs}
-    return pd.DataFrame(shown, pd.Index(list("XYZ"), name="about"))
+        average, (low, high) = self.found, self.found.interval(_LEVEL)
+        columns = {
+            "mean (arcsec)": average.mean,
+            "scatter (arcsec)": average.scatter,
+            "error of the mean (arcsec)": average.error,
+            "95% low (arcsec)": low,
+            "95% high (arcsec)": high,
+        }
+        index = pd.Index(list("XYZ"), name="about")
+        return pd.DataFrame(columns, index) * ARCSEC_PER_RADIAN
 
 
 def platform_of(source: Platform | str | Path) -> Platform:

@@ -9,15 +9,17 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from reproduce.physics.images import find_spots, shape_finding
 from reproduce.physics.registration import (
     Finding,
     Registration,
+    RegistrationFit,
     match_points,
     pair_weights,
 )
+from reproduce.physics.validate import number_array
 from reproduce.store.images import ImageError, is_image, read_image, reading
 from reproduce.store.points import (
     SIGMAS,
@@ -26,14 +28,12 @@ from reproduce.store.points import (
     deviations,
     read_table,
 )
-from reproduce.views.blocks import Block, Display, Fold, Grid
-from reproduce.views.measurements import FloatArray, RegistrationResult
+from reproduce.views.blocks import Block, Display, Grid
 from reproduce.views.numbers import minus
 
+FloatArray = NDArray[np.float64]
 # Default of the largest distance of a pair: in px, and as a fraction of the field.
 _PAIR_PX, _PAIR_FRACTION = 2.0, 1e-3
-# Fewest pairs of a robust fit.
-_MIN_PAIRS_ROBUST = 4
 # Largest number of stars in a display.
 _MAX_SHOWN = 10
 # Units of the facts of an image.
@@ -61,7 +61,7 @@ def stars(
         `CCDData`, whose mask and uncertainty apply. Also a list of stars in any order: an array of
         shape (n, 2), or a table as in `register` with the columns ``x`` and ``y``, in px. Optional
         columns are ``flux`` or ``mag`` (brighter stars have a lower magnitude), by which `match`
-        selects stars, ``sigma`` (or ``sigma_x``, ``sigma_y``), in px, and ``weight``.
+        selects stars, and ``sigma`` (or ``sigma_x``, ``sigma_y``), in px.
     threshold : float, optional
         Detection threshold, in standard deviations of the noise. Default: 5.
     sep : str, optional
@@ -161,13 +161,13 @@ class Stars(Display):
         return self.table[["x", "y"]].to_numpy(float)
 
     @property
-    def log(self) -> list[str]:
+    def log(self) -> str:
         """Warnings, facts, and numbers of dropped detections."""
-        reasons = self.rejected["dropped"].value_counts().add_prefix("dropped, ")
         facts = {f"{key}, {_UNITS.get(key, 'px')}": n for key, n in self.facts.items()}
+        reasons = self.rejected["dropped"].value_counts().add_prefix("dropped, ")
         numbers = (facts | reasons.to_dict()).items()
         lines = (f"{key}: {minus(f'{number:.5g}')}" for key, number in numbers)
-        return [*(finding.text for finding in self.findings), *lines]
+        return "; ".join([*(finding.text for finding in self.findings), *lines])
 
     def __len__(self) -> int:
         """Return the number of stars."""
@@ -181,7 +181,7 @@ class Stars(Display):
         """Yield the first stars and the log."""
         title = f"{len(self)} stars of {self.name}, in px, of which {_MAX_SHOWN} or fewer are shown"
         yield Grid.of_frame(title, self.table.head(_MAX_SHOWN).rename_axis("star"))
-        yield "; ".join(self.log)
+        yield self.log
 
 
 def _stars(
@@ -194,7 +194,6 @@ def _stars(
     if isinstance(source, Stars):
         return source
     name = str(source) if isinstance(source, str | Path) else name
-    facts, findings = dict[str, float](), tuple[Finding, ...]()
     columns: dict[str, Any]
     if is_image(source):
         pixels, saturation, noise = read_image(source, name)
@@ -206,33 +205,34 @@ def _stars(
         middle = (np.array(pixels.shape[::-1]) - 1) / 2
         facts, findings = spots.facts, spots.findings
     else:
-        optional = (*SIGMAS, "flux", "mag", "weight")
-        table = read_table(source, _CENTRE[:2], optional, sep, name)
-        name, centre, columns = table.path, table.values, table.optional
-        sigma = np.zeros_like(centre)
-        if {*SIGMAS} & {*columns}:
-            sigma = deviations(table)
-        covariance = sigma[:, :, None] ** 2 * np.eye(2)
-        shapes, middle = np.full((len(centre), 2, 2), np.nan), centre.mean(axis=0)
-        columns = {key: column for key, column in columns.items() if key not in SIGMAS}
-        findings = tuple(Finding("masked", note) for note in table.notes)
-    flux = brightness(columns)
+        table = read_table(source, _CENTRE[:2], (*SIGMAS, "flux", "mag"), sep, name)
+        name, centre = table.path, table.values
+        names = {"flux", "mag"} & {*table.numbers}
+        columns = {name: table.numbers[name] for name in names}
+        has_errors = {*SIGMAS} & {*table.numbers}
+        sigma = deviations(table) if has_errors else np.zeros_like(centre)
+        covariance, middle = sigma[:, :, None] ** 2 * np.eye(2), centre.mean(axis=0)
+        shapes, facts = np.full((len(centre), 2, 2), np.nan), {}
+        findings = ()
     frame = pd.DataFrame(np.hstack([centre, sigma]), columns=_CENTRE)
     frame = frame.assign(**{"dropped": "", **columns})
-    order = np.arange(len(frame)) if flux is None else np.argsort(-flux, kind="stable")
-    rows = order[frame["dropped"].to_numpy()[order] == ""]
+    if (flux := brightness(columns)) is not None:
+        frame = frame.iloc[np.argsort(-flux, kind="stable")]
+    is_dropped = frame["dropped"] != ""
+    kept = frame[~is_dropped]
+    rows = kept.index.to_numpy()
     stars = Stars(
         name,
-        frame.iloc[rows].drop(columns="dropped").reset_index(drop=True),
+        kept.drop(columns="dropped").reset_index(drop=True),
         covariance[rows],
         middle,
         shapes[rows],
-        frame[frame["dropped"] != ""],
+        frame[is_dropped],
         facts,
         findings,
     )
     if not len(rows):
-        raise ImageError(f"{name}: expected stars, got {'; '.join(stars.log)}")
+        raise ImageError(f"{name}: expected stars, got {stars.log}")
     return stars
 
 
@@ -248,13 +248,10 @@ def _paired(
     near = radius or _PAIR_PX + _PAIR_FRACTION * float(field)
     start = getattr(start, "transform", start)
     if start is not None and not isinstance(start, Registration):
-        if np.shape(start) != (4,):
-            raise ValueError(
-                f"start: expected a transform or four numbers, got {start!r}. Give scale, rotation "
-                "in radians, and shift in x and y in px"
-            )
-        pivot = source.middle if pivot is None else pivot
-        start = Registration("similarity", start, pivot)
+        start = number_array("start", start, shape=(4,))
+        start = Registration(
+            "similarity", start, source.middle if pivot is None else pivot
+        )
     with reading(f"{source.name} and {target.name}"):
         rows, transform = match_points(source.points, target.points, near, start)
     a, b = rows.T
@@ -265,20 +262,14 @@ def _paired(
     return pairs.assign(row=a, row_reference=b), transform
 
 
-class RegisteredPictures(RegistrationResult):
-    """The transform that maps the stars of one image onto the stars of another image.
+class PairedStars:
+    """Stars of two images or lists, and the pairs of them as a table of matched stars."""
 
-    In addition to `RegistrationResult`, it has the ``source_stars`` and ``target_stars``, their
-    ``pairs`` with residuals, the ``extra_scatter`` beyond the errors of the centres, in px, and a
-    ``log``.
-    ``reproduce.posterior("registration", data=fit.pairs)`` samples the posterior of the same model.
-    """
-
-    def _fit(
+    def __init__(
         self,
         source: Any,
-        target: Any = None,
-        pivot: Any = None,
+        target: Any,
+        pivot: Any,
         start: Any = None,
         radius: float | None = None,
         threshold: float | None = None,
@@ -286,51 +277,37 @@ class RegisteredPictures(RegistrationResult):
         robust: bool = True,
         **settings: Any,
     ) -> None:
-        names = {"source": source, "target": target}
-        both = [_stars(one, threshold, sep, name) for name, one in names.items()]
-        self.source_stars, self.target_stars = source, target = both
-        pairs, fit = _paired(source, target, start, radius, pivot)
-        if pairs.attrs["mirrored"] and settings.get("model") != "affine":
-            raise ValueError(
-                f"{source.name} and {target.name} mirror each other: flip one, or take the model "
-                "affine"
-            )
-        pivot = source.middle if pivot is None else pivot
-        used = settings | {"robust": robust and len(pairs) >= _MIN_PAIRS_ROBUST}
-        rows = [pairs["row"].to_numpy(), pairs["row_reference"].to_numpy()]
-        points = pairs[[*STARS]].to_numpy()
-        known = np.stack([s.covariance[row] for s, row in zip(both, rows, strict=True)])
+        self.source = source = _stars(source, threshold, sep, "source")
+        self.target = target = _stars(target, threshold, sep, "target")
+        self.pivot = source.middle if pivot is None else pivot
+        pairs, transform = _paired(source, target, start, radius, pivot)
+        self.settings = settings | {"robust": robust}
+        row, row_reference = pairs["row"].to_numpy(), pairs["row_reference"].to_numpy()
         weights, self.extra_scatter = pair_weights(
-            points[:, :2], points[:, 2:], pivot, known, fit, **used
+            source.points[row],
+            target.points[row_reference],
+            self.pivot,
+            np.stack([source.covariance[row], target.covariance[row_reference]]),
+            transform,
+            **self.settings,
         )
-        frames = [s.table.iloc[row] for s, row in zip(both, rows, strict=True)]
-        for frame in frames:
-            weights = weights * frame.get("weight", pd.Series([1.0])).to_numpy()
-        shown = frames[0].filter(["flux", "mag"]).reset_index(drop=True)
-        super()._fit(pairs.join(shown).assign(weight=weights), None, pivot, **used)
-        shapes = [s.shapes[row] for s, row in zip(both, rows, strict=True)]
-        finding, covariance = shape_finding(shapes[0], shapes[1], self.transform.matrix)
-        warnings = [*source.findings, *target.findings, *([finding] if finding else [])]
-        self.findings += warnings
-        self.remarks += [one.text for one in warnings]
-        # An unknown displacement of the centres widens the interval of the shift.
-        shift = [self.fit.names.index(f"shift-{axis}") for axis in "xy"]
-        self.systematic[np.ix_(shift, shift)] = covariance
-        self.title = f"{source.name} on {target.name}: {self.title}"
-        fitted, (x, y) = self.fit.weights > 0, self.residuals.T
-        self.pairs = pairs.assign(
-            residual_x=x, residual_y=y, used=fitted, weight=self.fit.weights
+        self._shapes = source.shapes[row], target.shapes[row_reference]
+        shown = source.table.filter(["flux", "mag"]).iloc[row].reset_index(drop=True)
+        self.pairs = pairs.join(shown).assign(weight=weights)
+        self.pairs.attrs = pairs.attrs
+
+    def described(self, fit: RegistrationFit) -> tuple[list[Finding], FloatArray]:
+        """Complete the pairs by a fit; return warnings, and a covariance of the shift in px^2."""
+        used, (x, y) = fit.weights > 0, fit.residuals.T
+        self.pairs = self.pairs.assign(
+            residual_x=x, residual_y=y, used=used, weight=fit.weights
         )
         self.log = [
-            *(f"{one.name}: {'; '.join(one.log)}" for one in both),
-            pairs.attrs["log"],
+            *(f"{stars.name}: {stars.log}" for stars in (self.source, self.target)),
+            self.pairs.attrs["log"],
             f"scatter of the pairs beyond the errors of the centres: {self.extra_scatter:.2g} px",
-            f"pairs that are dropped because they do not fit the others: {np.sum(~fitted)}",
+            f"pairs that are dropped because they do not fit the others: {np.sum(~used)}",
         ]
-        self._facts |= {"source": source.name, "target": target.name}
-        self._facts |= {"log": self.log, "beyond_px": self.extra_scatter}
-
-    def blocks(self) -> Iterator[Block]:
-        """Yield the parameters, the warnings, and the log."""
-        yield from super().blocks()
-        yield Fold("Detection of the stars, and dropped pairs", tuple(self.log))
+        finding, covariance = shape_finding(*self._shapes, fit.transform.matrix)
+        findings = [*self.source.findings, *self.target.findings]
+        return findings + ([finding] if finding else []), covariance

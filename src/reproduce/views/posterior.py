@@ -112,11 +112,9 @@ class Posterior(ResultView):
         if data is not None:
             self._table, settings = self._read(data, settings)
             model, self.remarks = self.declared.supplied(self._table, settings)
-            rows = self._table.rows
             # Stars of weight zero are omitted.
-            self._rows = rows[
-                np.broadcast_to(settings.get("weights", 1.0), rows.shape) > 0
-            ]
+            weights = settings.get("weights", np.ones(len(self._table)))
+            self._rows = np.flatnonzero(np.asarray(weights) > 0)
         elif settings:
             raise ValueError(f"{min(settings)}: expected data with it, got none")
         else:
@@ -215,7 +213,7 @@ class Posterior(ResultView):
             "sha256": self.declared.sha256(),
         }
         if table := self._table:
-            data = {"kind": "file", "file": table.path, "rows": len(table.rows)}
+            data = {"kind": "file", "file": table.path, "rows": len(table)}
             data["sha256"] = table.sha256
         likelihood = self.model.likelihood
         if isinstance(likelihood, GaussianRegistration):

@@ -7,17 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 from numpy.typing import ArrayLike
 
-from reproduce.store.images import is_image
 from reproduce.views.measurements import RegistrationResult
 
 if TYPE_CHECKING:
     import pandas as pd
 
     from reproduce.views.pictures import Stars
-
-# Arguments of `register` for matched stars only, and for images and lists only.
-_FOR_STARS = ("weights", "source_covariance", "target_covariance")
-_FOR_IMAGES = ("start", "radius", "threshold")
 
 
 def register(
@@ -53,7 +48,7 @@ def register(
         Source stars, in px. A table contains one matched star per row in the columns ``x``, ``y``
         (source), ``x_reference``, ``y_reference`` (target). Optional columns: ``sigma`` (or
         ``sigma_x``, ``sigma_y``), the standard deviation of one coordinate of target minus source,
-        in px; ``weight``; ``mask``, 1 to leave out a star. A table is a DataFrame, an Astropy
+        in px; ``weight``, 0 to leave out a star. A table is a DataFrame, an Astropy
         table, a text file with the names in its first line ("-" is standard input), or an ECSV,
         FITS, VOTable or SExtractor file. An image is an array of shape (height, width), a
         `CCDData`, or a FITS file (``field.fits[SCI]`` if it contains several images). The result
@@ -108,17 +103,7 @@ def register(
     >>> [round(float(value), 9) for value in moved.parameters[:3]]
     [1.0, 0.0, -3.0]
     """
-    arguments = {name: value for name, value in locals().items() if value is not None}
-    pair = source, target
-    files = target is not None and all(isinstance(value, str | Path) for value in pair)
-    images = files or any(
-        is_image(value) or hasattr(value, "rejected") for value in pair
-    )
-    for name in arguments.keys() & {*(_FOR_STARS if images else _FOR_IMAGES)}:
-        kind = "images or lists" if images else "matched stars"
-        raise ValueError(f"{name}: expected none for {kind}, got one. Leave it out")
-    if images:
-        from reproduce.views.pictures import RegisteredPictures
-
-        return RegisteredPictures(**arguments)
-    return RegistrationResult(**arguments)
+    settings = {name: value for name, value in locals().items() if value is not None}
+    for name in ("source", "target", "pivot"):
+        settings.pop(name, None)
+    return RegistrationResult(source, target, pivot, **settings)

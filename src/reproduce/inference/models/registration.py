@@ -358,7 +358,7 @@ def fitted_model(likelihood: GaussianRegistration) -> Model:
         )
     priors = _wide_priors(likelihood.fit)
     if not problem.errors_known:
-        if fits_exactly(likelihood.fit, problem.source, problem.target):
+        if fits_exactly(likelihood.fit):
             raise ValueError(
                 "target: expected points with noise, got points that fit without any error. Use "
                 "`reproduce.register`"

@@ -102,7 +102,7 @@ def _your_model(
     `reproduce.misalignment`.
     """
     design: Platform = arguments.get("platform") or as_designed(load_inputs(INSTRUMENT))
-    pair = images_of(table, len(design.lasers))
+    pair, _ = images_of(table, len(design.lasers))
     diagnosis = diagnose_spots(design, pair, drifts)
     remarks = [*(finding.text for finding in diagnosis.findings), *lost_spots(pair)]
     images = [

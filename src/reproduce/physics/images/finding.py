@@ -43,6 +43,8 @@ _DEGREES, _SCALES = (2, 2), (0.5, 1.0, 2.0)
 # Differences of size and axes that matter, as fractions of the squared width: 5 % and 1 % of the
 # width; probability of a false warning.
 _MIN_DIFFERENCES, _FALSE_WARNING = np.array([0.1, 0.02, 0.02]), 0.01
+# Half the sum of both axes, half their difference, and the term of the diagonal, of a matrix.
+_AXES = np.array([[[1, 0], [0, 1]], [[1, 0], [0, -1]], [[0, 1], [1, 0]]]) / 2
 # Stars at least of each image, and the fraction of them that is trimmed from each end.
 _MIN_STARS_COMPARED, _TRIMMED = 4, 0.2
 _ODD = "not the shape of a spot"
@@ -395,10 +397,7 @@ def shape_finding(
         return None, error
     first = linear @ first @ linear.T
     # Half the sum and difference of the axes along x and y, and the term of the diagonal.
-    parts = [
-        np.stack([m[:, 0, 0] + m[:, 1, 1], m[:, 0, 0] - m[:, 1, 1], 2 * m[:, 0, 1]]) / 2
-        for m in (first, second)
-    ]
+    parts = [np.einsum("kij,nij->kn", _AXES, m) for m in (first, second)]
     means = [np.median(part, axis=1) for part in parts]
     change, size = means[1] - means[0], (means[0] + means[1])[0] / 2
     test = ttest_ind(*parts, axis=1, equal_var=False, trim=_TRIMMED)
@@ -410,10 +409,9 @@ def shape_finding(
     text = f"the spots of the images differ in shape, with radii of {radii} px"
     # Defocus is equal in all directions and displaces no centre.
     if differs[1:].any():
-        _, along, diagonal = change
-        _, axes = np.linalg.eigh([[along, diagonal], [diagonal, -along]])
-        length = np.sqrt(2 * np.hypot(along, diagonal))
+        moments, axes = np.linalg.eigh(2 * np.tensordot(change[1:], _AXES[1:], 1))
+        trail = axes[:, int(change[0] > 0)]
+        error = 2 * moments[1] * np.outer(trail, trail)
+        length = np.sqrt(2 * moments[1])
         text += f"; a trail would displace the shift by about {length:.2g} px"
-        trail = length * axes[:, int(change[0] > 0)]
-        error = np.outer(trail, trail)
     return Finding("shape", f"{text}. Use images of the same focus and tracking"), error

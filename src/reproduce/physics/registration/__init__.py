@@ -22,7 +22,6 @@ from reproduce.physics.registration.diagnosis import (
     diagnose_fit,
     fits_exactly,
     sensitivities,
-    tied,
 )
 from reproduce.physics.registration.fit import (
     RegistrationFit,

@@ -5,22 +5,21 @@ Image points have shape (n, 2), in px, as in `fit`. One diagnosis serves arrays,
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from reproduce.physics import validate
-from reproduce.physics.registration._least_squares import Problem, prepare, thinned
+from reproduce.physics.registration._least_squares import Problem, thinned
 from reproduce.physics.registration.fit import (
     FALSE_ALARM_ROBUST,
     RegistrationFit,
     _whitened,
     fit_problem,
-    fit_registration,
 )
-from reproduce.physics.validate import Finding, FloatArray
+from reproduce.physics.validate import Finding, FloatArray, row_numbers
 
 # Probability of a warning of the model if it is right, and of the errors if they are right.
 FALSE_ALARM = 0.05
@@ -41,20 +40,10 @@ _MIN_SPAN, _MAX_RATIO = 50.0, 20.0
 _MAX_FIELDS = 100.0
 # Ratio of width to length below which the stars lie in a line.
 _LINE_RATIO = 1e-3
-# Fraction of stars with equal displacements above which rounding hides the noise.
-_MAX_TIED = 0.1
-# Smallest independent fraction of a term, and the number added to the diagonal to measure it.
-_MIN_INDEPENDENT, _RIDGE = 1e-4, 1e-12
+# Smallest independent fraction of a term.
+_MIN_INDEPENDENT = 1e-4
 # Change of a parameter that exceeds the half of its 95 % interval, in standard deviations.
 _MAX_CHANGE = 2.0
-# Terms that a model does not contain. No model contains a tilt.
-_MISSING_TERMS = {
-    "shift": ("rotation", "scale", "radial", "tilt", "affine"),
-    "rigid": ("scale", "radial", "tilt", "affine"),
-    "similarity": ("radial", "tilt", "affine"),
-    "similarity+radial": ("tilt", "affine"),
-    "affine": ("radial", "tilt"),
-}
 # Models that contain a term.
 _RICHER_MODELS = {
     "rotation": "rigid",
@@ -62,8 +51,6 @@ _RICHER_MODELS = {
     "radial": "similarity+radial",
     "affine": "affine",
 }
-
-Named = Callable[[Sequence[int]], str]
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,12 +65,15 @@ class Sensitivity:
     change : ndarray, shape (p,)
         Change of each parameter, in its standard error. For ``brightness``, the difference of the
         halves in the standard error of that difference.
+    error : ndarray, shape (p,)
+        Standard error of each parameter if the term is unknown, in its standard error.
     p_value : float
         Probability of such an improvement of the fit without the term.
     """
 
     term: str
     change: FloatArray
+    error: FloatArray
     p_value: float
 
 
@@ -110,6 +100,7 @@ def sensitivities(
 
     Examples
     --------
+    >>> from reproduce.physics.registration import fit_registration
     >>> grid = np.indices((5, 5)).reshape(2, -1).T * 9.0 - 18
     >>> bent = grid * (1 + 1e-4 * np.square(grid).sum(axis=1, keepdims=True))
     >>> target = bent + 1e-3 * np.sin(7 * grid[:, ::-1])
@@ -131,31 +122,35 @@ def sensitivities(
     freedom = 2 * int(np.count_nonzero(problem.counts)) - count
     changes = []
     for term, added in terms.items():
-        # Columns: parameters, term, residuals; each of length one.
-        rows = (factor @ np.concatenate([jacobian, added], axis=-1)).reshape(
-            residuals.size, -1
-        )
-        rows = np.column_stack([rows, residuals.ravel()])
-        lengths = np.sqrt(np.maximum(np.square(rows).sum(axis=0), np.finfo(float).tiny))
-        rows = rows / lengths
-        gram = rows.T @ rows + _RIDGE * np.eye(len(lengths))
-        triangle = np.asarray(np.linalg.cholesky(gram), dtype=np.float64)
-        independent, pull = triangle[count:-1, count:-1], triangle[-1, count:-1]
-        spare = freedom - len(pull)
-        if spare <= 0 or np.diagonal(independent).min() < _MIN_INDEPENDENT:
+        spare = freedom - added.shape[-1]
+        if spare <= 0:
             continue
-        steps = np.linalg.solve(independent.T, pull)
-        noise = float(triangle[-1, -1]) / np.sqrt(spare)
+        # Columns: parameters, term, residuals; each of length one.
+        rows = factor @ np.concatenate([jacobian, added], axis=-1)
+        rows = np.column_stack([rows.reshape(residuals.size, -1), residuals.ravel()])
+        lengths = np.maximum(np.linalg.norm(rows, axis=0), np.finfo(float).tiny)
+        triangle: FloatArray = np.asarray(np.linalg.qr(rows / lengths, mode="r"))
+        independent, pull = triangle[count:-1, count:-1], triangle[count:-1, -1]
+        if np.abs(np.diagonal(independent)).min() < _MIN_INDEPENDENT:
+            continue
+        steps = np.linalg.solve(independent, pull)
+        noise = abs(float(triangle[-1, -1])) / np.sqrt(spare)
         # The F test does not depend on the scale of the errors.
         p_value = float(fdtrc(len(pull), spare, pull @ pull / len(pull) / noise**2))
+        # Standard errors of the parameters without and with the term, over the noise.
+        plain, rich = (
+            np.linalg.norm(np.linalg.inv(part)[:count], axis=1)
+            for part in (triangle[:count, :count], triangle[:-1, :-1])
+        )
         if term == "brightness":
-            error = noise * np.linalg.norm(np.linalg.inv(independent), axis=0)
-            change = steps / error
+            change = steps / noise / np.linalg.norm(np.linalg.inv(independent), axis=1)
         else:
-            pulled = triangle[count:-1, :count].T @ steps
-            moved = -np.linalg.solve(triangle[:count, :count].T, pulled)
+            pulled = triangle[:count, count:-1] @ steps
+            moved = -np.linalg.solve(triangle[:count, :count], pulled)
             change = moved * lengths[-1] / lengths[:count] / fit.standard_errors
-        changes.append(Sensitivity(term, change.round(9), p_value))
+        if not fit.errors_known:
+            rich *= noise * np.sqrt(freedom) / np.linalg.norm(triangle[count:, -1])
+        changes.append(Sensitivity(term, change.round(9), rich / plain, p_value))
     return changes
 
 
@@ -172,7 +167,8 @@ def _terms(fit: RegistrationFit, source: FloatArray) -> dict[str, FloatArray]:
         "tilt": along[..., None] * along[:, None, :],
         "affine": np.stack([along * (1, -1), across], axis=-1),
     }
-    return {name: terms[name] for name in _MISSING_TERMS[fit.model]}
+    # The affine model contains rotation and scale under other names: `sensitivities` finds it.
+    return {name: term for name, term in terms.items() if name not in fit.names}
 
 
 def chi_square_range(fit: RegistrationFit) -> tuple[float, float]:
@@ -190,6 +186,7 @@ def chi_square_range(fit: RegistrationFit) -> tuple[float, float]:
 
     Examples
     --------
+    >>> from reproduce.physics.registration import fit_registration
     >>> square = np.array([[0.0, 0], [9, 0], [0, 9], [9, 9]])
     >>> np.round(chi_square_range(fit_registration(square, square, (0, 0))), 2)
     array([0.12, 2.79])
@@ -201,15 +198,13 @@ def chi_square_range(fit: RegistrationFit) -> tuple[float, float]:
     return float(ends[0]), float(ends[1])
 
 
-def fits_exactly(fit: RegistrationFit, source: FloatArray, target: FloatArray) -> bool:
+def fits_exactly(fit: RegistrationFit) -> bool:
     """Return whether the residuals of the stars of weight above zero are rounding errors.
 
     Parameters
     ----------
     fit : RegistrationFit
         Fit of one set of stars.
-    source, target : ndarray, shape (n, 2)
-        Points of the fit, in px.
 
     Returns
     -------
@@ -218,14 +213,20 @@ def fits_exactly(fit: RegistrationFit, source: FloatArray, target: FloatArray) -
 
     Examples
     --------
+    >>> from reproduce.physics.registration import fit_registration
     >>> square = np.array([[0.0, 0], [9, 0], [0, 9], [9, 9]])
-    >>> fits_exactly(fit_registration(square, square + 1 / 3, (0, 0)), square, square + 1 / 3)
+    >>> fits_exactly(fit_registration(square, square + 1 / 3, (0, 0)))
     True
     """
-    residuals = fit.residuals * (fit.weights > 0)[:, None]
+    problem, used = fit.problem, (fit.weights > 0)[:, None]
     residual, *largest = (
         np.linalg.norm(np.ravel(values), np.inf)
-        for values in (residuals, source, target, fit.transform.pivot)
+        for values in (
+            fit.residuals * used,
+            problem.source,
+            problem.target,
+            problem.pivot,
+        )
     )
     return bool(residual < _EXACT_FRACTION * max(largest))
 
@@ -269,48 +270,13 @@ def checked_pivot(pivot: ArrayLike | None, points: FloatArray) -> FloatArray:
     return pivot
 
 
-def tied(source: FloatArray, target: FloatArray) -> bool:
-    """Return whether equal displacements show that rounding hides the noise.
-
-    Parameters
-    ----------
-    source, target : ndarray, shape (n, 2)
-        The same stars in both images, in px.
-
-    Returns
-    -------
-    bool
-        True if the digits of the positions hide the noise.
-
-    Examples
-    --------
-    >>> field = np.arange(40.0).reshape(20, 2) ** 1.5 // 1
-    >>> tied(field, field + 3)
-    True
-    """
-    part = thinned(len(source), _LARGE_FIELD)
-    source, moved = source[part], (target - source)[part].round(9)
-    steps, counts = np.unique(moved, axis=0, return_counts=True)
-    if counts.max() <= max(2, _MAX_TIED * len(moved)):
-        return False
-    pivot = source.mean(axis=0)
-    robust = _robust(prepare(source, source + moved, pivot))
-    fit = robust or fit_registration(source, source + moved, pivot)
-    change = np.abs(fit.parameters[:2] - [1, 0]).max() * np.ptp(source, axis=0).max()
-    digits = np.diff(np.unique(steps.round(9)))
-    # A scale or rotation distributes the displacements over the digits.
-    return bool(change < digits.min(initial=np.inf) / 2)
-
-
 def diagnose_fit(
-    fit: RegistrationFit,
-    brightness: ArrayLike | None = None,
-    named: Named = lambda rows: f"rows {', '.join(map(str, rows))}",
+    fit: RegistrationFit, brightness: ArrayLike | None = None
 ) -> tuple[list[Finding], list[Sensitivity]]:
     """Return the warnings of a registration, and its sensitivities.
 
     The kinds are ``unit``, ``duplicate`` (up to 100,000 stars), ``line``, ``few`` (too few stars),
-    ``exact``, ``tied``, ``errors``, ``model`` (a term improves the fit), ``sensitive`` (a term that
+    ``exact``, ``errors``, ``model`` (a term improves the fit), ``sensitive`` (a term that
     the stars do not exclude would change a parameter by more than 2 standard errors),
     ``brightness``, ``mismatched`` and ``dropped`` (by a robust fit).
 
@@ -320,8 +286,6 @@ def diagnose_fit(
         Fit of one set of stars.
     brightness : array_like, shape (n,), optional
         As in `sensitivities`.
-    named : callable
-        Function that returns the numbers of rows as text: "rows 3, 4".
 
     Returns
     -------
@@ -337,42 +301,39 @@ def diagnose_fit(
 
     Examples
     --------
+    >>> from reproduce.physics.registration import fit_registration
     >>> square = np.array([[0.0, 0], [90, 0], [0, 90], [90, 90]])
     >>> findings, _ = diagnose_fit(fit_registration(square, square + 1 / 3, (0, 0)))
     >>> [finding.kind for finding in findings]
     ['exact']
     """
     problem, unmatched = fit.problem, None
-    findings = [*_stars(fit, named), *_errors(fit), *_dropped(fit, named)]
-    if fits_exactly(fit, problem.source, problem.target):
+    findings = [*_stars(fit), *_errors(fit), *_dropped(fit)]
+    if fits_exactly(fit):
         # Without a degree of freedom the residuals are zero by construction.
         if not fit.errors_known and fit.degrees_of_freedom > 0:
             text = "the residuals are zero, so the errors cannot be estimated"
             findings.append(Finding("exact", text))
         return findings, []
-    if tied(problem.source, problem.target):
-        text = "many stars have exactly equal displacements: rounding hides their noise"
-        findings.append(Finding("tied", text))
-    elif not fit.robust and _any_far(fit):
+    if not fit.robust and _any_far(fit):
         # Wrong matches must not hide a distortion.
         unmatched = _robust(problem)
     right = unmatched or fit
+    if fits_exactly(right):
+        return [*findings, *_mismatched(right)], []
     # A few stars that fit each other may be too few for any term.
     terms = sensitivities(right, brightness) or sensitivities(fit, brightness)
-    doubtful = min(terms, key=lambda term: term.p_value, default=None)
-    if doubtful and doubtful.p_value < FALSE_ALARM / len(terms):
-        findings.append(_model_finding(doubtful, right))
-        # A distortion must not be taken for wrong matches.
-        richer = _RICHER_MODELS.get(doubtful.term)
-        if unmatched and richer:
-            unmatched = _robust(replace(problem, model=richer))
-    elif terms:
-        largest = max(terms, key=lambda term: np.abs(term.change).max())
-        if np.abs(largest.change).max() > _MAX_CHANGE and largest.term != "brightness":
-            text = f"the intervals assume no {largest.term} term, which would change "
-            text += _largest_change(largest, right)
-            findings.append(Finding("sensitive", text))
-    return findings + (_mismatched(unmatched, named) if unmatched else []), terms
+    if terms:
+        doubtful = min(terms, key=lambda term: term.p_value)
+        if doubtful.p_value < FALSE_ALARM / len(terms):
+            findings.append(_model_finding(doubtful, right))
+            # A distortion must not be taken for wrong matches.
+            richer = _RICHER_MODELS.get(doubtful.term)
+            if unmatched and richer:
+                unmatched = _robust(replace(problem, model=richer))
+        else:
+            findings += _sensitive(terms, right)
+    return findings + (_mismatched(unmatched) if unmatched else []), terms
 
 
 def _robust(problem: Problem) -> RegistrationFit | None:
@@ -385,94 +346,93 @@ def _robust(problem: Problem) -> RegistrationFit | None:
         return None
 
 
-def _stars(fit: RegistrationFit, named: Named) -> list[Finding]:
-    """Return the warnings of the positions of the stars."""
-    both, count = (fit.problem.source, fit.problem.target), len(fit.residuals)
+def _stars(fit: RegistrationFit) -> Iterator[Finding]:
+    """Yield the warnings of the positions of the stars."""
+    both, count = [fit.problem.source, fit.problem.target], len(fit.residuals)
     part = np.stack(both)[:, thinned(count, _LARGE_FIELD)]
     span = float(np.ptp(part, axis=1).max())
     # Wrong matches do not change the medians.
     centred = np.abs(part - np.median(part, axis=1, keepdims=True))
     small, large = np.sort(np.median(centred, axis=(1, 2)))
-    findings = []
     if span < _MIN_SPAN:
-        findings.append(
-            Finding("unit", f"the stars span {span:.4g} px: are these pixels?")
-        )
+        yield Finding("unit", f"the stars span {span:.4g} px: are these pixels?")
     elif large > _MAX_RATIO * small > 0:
-        text = (
-            f"one image spans {large / small:.3g} times the other: are both in pixels?"
-        )
-        findings.append(Finding("unit", text))
+        ratio = f"{large / small:.3g} times the other"
+        yield Finding("unit", f"one image spans {ratio}: are both in pixels?")
     if count <= _MAX_COMPARED:
-        first = [np.unique(image, axis=0, return_index=True)[1] for image in both]
-        rows = np.setdiff1d(
-            np.arange(count), np.intersect1d(first[0], first[1])
-        ).tolist()
+        first, other = (np.unique(one, axis=0, return_index=True)[1] for one in both)
+        rows = np.setdiff1d(np.arange(count), np.intersect1d(first, other)).tolist()
+        text = f"{len(rows)} of {count} rows repeat a star of an earlier row"
         if rows:
-            text = f"{len(rows)} of {count} rows repeat a star of an earlier row ({named(rows)})"
-            findings.append(Finding("duplicate", text, tuple(rows)))
-    if count > 2:
-        stars = part[0] - part[0].mean(axis=0)
-        length, width = np.linalg.svd(stars, compute_uv=False)
-        if width <= _LINE_RATIO * length:
-            text = "the stars lie in a line: their mirror image would fit as well"
-            findings.append(Finding("line", text))
-    return findings
+            yield Finding("duplicate", f"{text} ({row_numbers(rows)})", tuple(rows))
+    length, width = np.linalg.svd(part[0] - part[0].mean(axis=0), compute_uv=False)
+    if count > 2 and width <= _LINE_RATIO * length:
+        text = "the stars lie in a line: their mirror image would fit as well"
+        yield Finding("line", text)
 
 
 def _errors(fit: RegistrationFit) -> list[Finding]:
     """Return the warning of residuals that contradict the given errors, or of too few stars."""
-    if fit.degrees_of_freedom <= 0:
+    freedom = float(fit.degrees_of_freedom)
+    if freedom <= 0:
         text = "the stars leave no degree of freedom to estimate the errors"
         return [] if fit.errors_known else [Finding("few", text)]
-    ratio = float(fit.chi_square) / float(fit.degrees_of_freedom)
-    low, high = chi_square_range(fit)
-    if low < ratio < high or not fit.errors_known:
-        return []
+    ratio, (low, high) = float(fit.chi_square) / freedom, chi_square_range(fit)
     text = (
         f"the residuals are {np.sqrt(ratio):.3g} times the given errors. To estimate the errors "
         "from the residuals, pass weights 1 / sigma^2 instead"
     )
-    return [Finding("errors", text)]
+    wrong = fit.errors_known and not low < ratio < high
+    return [Finding("errors", text)] if wrong else []
 
 
-def _dropped(fit: RegistrationFit, named: Named) -> list[Finding]:
-    """Return the warnings of a robust fit: the stars that it left out, and too few stars."""
+def _dropped(fit: RegistrationFit) -> Iterator[Finding]:
+    """Yield the warnings of a robust fit: the stars that it left out, and too few stars."""
     rows, count = np.flatnonzero(fit.rejected).tolist(), len(fit.weights)
-    findings = []
     if rows:
-        text = f"{len(rows)} of {count} stars have zero weight ({named(rows)})"
-        findings.append(Finding("dropped", text, tuple(rows)))
+        text = f"{len(rows)} of {count} stars have zero weight ({row_numbers(rows)})"
+        yield Finding("dropped", text, tuple(rows))
     if fit.robust and count < _MIN_STARS_ROBUST:
         text = f"with {count} stars a robust fit can detect one wrong match, not two"
-        findings.append(Finding("few", text))
-    return findings
+        yield Finding("few", text)
 
 
 def _any_far(fit: RegistrationFit) -> bool:
-    """Return whether a field is small, has weights, or has a residual far above the median."""
+    """Return whether a field is small, or has a residual far above the median."""
     lengths, count = np.hypot(*fit.residuals.T), len(fit.residuals)
     # The median of a two-dimensional Gaussian residual is sqrt(2 log 2) standard deviations.
     limit = np.sqrt(np.log2(count / FALSE_ALARM_ROBUST)) * np.median(lengths)
-    weighted = fit.errors_known or np.ptp(fit.weights) > 0
-    return bool(count < _LARGE_FIELD or weighted or lengths.max() > limit)
+    return bool(count < _LARGE_FIELD or lengths.max() > limit)
 
 
-def _mismatched(fit: RegistrationFit, named: Named) -> list[Finding]:
+def _mismatched(fit: RegistrationFit) -> list[Finding]:
     """Return the warning that names the stars that a robust fit left out."""
-    rows = np.flatnonzero(fit.rejected)
+    rows, lengths = np.flatnonzero(fit.rejected), np.hypot(*fit.residuals.T)
     if fit.degrees_of_freedom < _MIN_FREEDOM or not len(rows):
         return []
-    lengths = np.hypot(*fit.residuals.T)
     rows = rows[np.argsort(-lengths[rows])]
-    squares = np.square(lengths[fit.weights > 0]).sum() / float(fit.degrees_of_freedom)
-    furthest = lengths[rows[0]] / max(float(np.sqrt(squares)), np.finfo(float).tiny)
+    named = row_numbers(rows.tolist())
+    if fits_exactly(fit):
+        text = f", which fit exactly ({named}): wrong matches, or too few digits?"
+    else:
+        squares = np.square(lengths[fit.weights > 0]).sum()
+        rms = np.sqrt(squares / float(fit.degrees_of_freedom))
+        furthest = f"up to {lengths[rows[0]] / rms:.3g} standard deviations"
+        text = f" ({named}; {furthest}): wrong matches?"
     text = (
-        f"{len(rows)} of {len(lengths)} stars do not fit the others ({named(rows.tolist())}; up to "
-        f"{furthest:.3g} standard deviations): wrong matches? Pass robust=True, or use "
+        f"{len(rows)} of {len(lengths)} stars do not fit the others{text} Pass robust=True, or use "
         "registration-mixture"
     )
     return [Finding("mismatched", text, tuple(rows.tolist()))]
+
+
+def _sensitive(terms: list[Sensitivity], fit: RegistrationFit) -> list[Finding]:
+    """Return the note on the term that would change a parameter most."""
+    largest = max(terms, key=lambda term: np.abs(term.change).max())
+    if np.abs(largest.change).max() <= _MAX_CHANGE or largest.term == "brightness":
+        return []
+    text = f"the intervals assume no {largest.term} term, which would change "
+    return [Finding("sensitive", text + _largest_change(largest, fit))]
 
 
 def _largest_change(term: Sensitivity, fit: RegistrationFit) -> str:

@@ -6,7 +6,7 @@ of neighbours, whose shapes do not change under a similarity. Points are in px, 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from itertools import combinations
 from typing import Any
 
@@ -76,7 +76,7 @@ def match_points(
     ------
     ValueError
         If a list has fewer than four points, the points do not agree better than by chance, or a
-        start leaves fewer than two pairs.
+        start leaves fewer than four pairs.
 
     Examples
     --------
@@ -85,22 +85,16 @@ def match_points(
     >>> bool((rows.sum(axis=1) == 39).all()), transform.apply([[100.0, 0]]).round(6)
     (True, array([[104.,   4.]]))
     """
+    found: Iterable[tuple[IntArray, float]] = _candidates(source, target, radius)
     if start is not None:
-        rows = neighbours(start.apply(source), target, radius)
-        if len(rows) < 2:
-            raise ValueError(
-                f"start: expected two or more pairs of stars closer than {radius:.3g} px, got "
-                f"{len(rows)}. Correct it, or enlarge the radius"
-            )
-        has_few = len(rows) < _MIN_ROBUST
-        return (rows, start) if has_few else _refined(rows, source, target, radius)
-    if min(len(source), len(target)) >= _MIN_COMMON:
-        for rows, chance in _candidates(source, target, radius):
-            if chance < _MAX_CHANCE:
-                return _refined(rows, source, target, radius)
+        found = [(neighbours(start.apply(source), target, radius), 0.0)]
+    for rows, chance in found:
+        if len(rows) >= _MIN_COMMON and chance < _MAX_CHANCE:
+            return _refined(rows, source, target, radius)
     raise ValueError(
         f"source, target: expected {_MIN_COMMON} or more common stars, got lists of "
-        f"{len(source)} and {len(target)} stars that agree as well as by chance. Give a start"
+        f"{len(source)} and {len(target)} stars that agree as well as by chance. Give a start, or "
+        "another one"
     )
 
 
@@ -155,6 +149,8 @@ def _candidates(
 ) -> Iterator[tuple[IntArray, float]]:
     """Yield the pairs under the best transform of each kind and sample, and their probability."""
     first, other = as_complex(source), as_complex(target)
+    if min(len(first), len(other)) < _MIN_COMMON:
+        return
     yield _best(first, other, radius, _shifts(source, target, radius))
     # The first stars, then those with the most distant nearest neighbour: two lists of the same
     # stars have this order in common for any rotation and any order of rows.
