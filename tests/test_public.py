@@ -164,12 +164,3 @@ def test_public_functions_are_documented():
                 assert ("Parameters\n---" in text) >= needed, name
                 assert re.search(r"^(Returns|Yields)\n---", text, re.MULTILINE), name
             assert ">>> " in text, name
-
-
-def test_private_names_are_found():
-    for line in (
-        "from reproduce.physics.optics.camera import _turned\n",
-        "from reproduce.physics.optics import camera as c\nc._turned(1, 2)\n",
-    ):
-        expected = [("reproduce.physics.optics.camera", "_turned")]
-        assert list(used_names(ast.parse(line))) == expected

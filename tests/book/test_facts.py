@@ -10,7 +10,6 @@ from sphinx.application import Sphinx
 import book_facts as facts
 import page_cells
 from reproduce.papers.posteriors import posteriors
-from reproduce.views import computed
 
 ROLE = re.compile(r"\{(printed|computed|verdict|fact)\}`([^`]+)`")
 # Rounding noise of double precision, which has sixteen digits.
@@ -32,8 +31,6 @@ def test_every_number_of_a_sentence_is_known(monkeypatch):
     other = ("posterior/", "instruments/")
     assert {name for name in used if not name.startswith(other)} <= set(known)
     assert [n for n, text in known.items() if not text or NOISE.search(text)] == []
-    cell = "niu2024/table-3#scale.red"
-    assert (known[f"{cell} printed"], known[f"{cell} verdict"]) == ("0.9973", "differs")
     papers = (known["niu2024 cells"], known["chen2023 cells"])
     assert int(known["all cells"]) == sum(map(int, papers))
 
@@ -44,22 +41,6 @@ def test_all_facts_are_written(tmp_path, monkeypatch):
     facts.write_facts(tmp_path / "new" / "facts.json")
     written = json.loads((tmp_path / "new" / "facts.json").read_text())
     assert written == {"a": "1", **dict.fromkeys(posteriors(), "2")}
-
-
-def test_a_build_computes_the_ledger_once(tmp_path, monkeypatch):
-    key, calls = "niu2024/table-2", []
-    ledger = computed.item_ledger(key)
-    monkeypatch.setenv(computed.FOLDER, str(tmp_path))
-    monkeypatch.setattr(computed.ledger, "build", lambda: calls.append(1) or ledger)
-    cached = (computed.kept, computed.item_ledger, computed.whole_ledger)
-    for _ in range(2):
-        for function in cached:
-            function.cache_clear()
-        assert computed.item_ledger(key) == ledger
-    assert calls == [1]
-    monkeypatch.undo()
-    for function in cached:
-        function.cache_clear()
 
 
 def test_roles_put_numbers_into_sentences_and_unknown_numbers_are_errors(tmp_path):

@@ -5,7 +5,7 @@ import re
 import pytest
 from reading import DESKTOP
 
-from letters import complete, place, questions, settles
+from letters import complete, questions, settles
 from reproduce.judge.ledger import frozen
 from reproduce.printed.cells import PAPERS, anchor
 from reproduce.views.consistency import errata_register
@@ -27,15 +27,12 @@ def test_a_letter_has_six_to_eight_questions_on_its_paper_in_order():
         asked = questions(paper)
         names = [question.id for question in asked]
         assert 6 <= len(set(names)) == len(asked) <= 8
-        counts = [len(question.cells) for question in asked]
-        assert counts == sorted(counts, reverse=True)
         errata = {entry.id for entry in errata_register() if entry.paper == paper}
         for number, question in enumerate(asked):
             assert all(cell.startswith(f"{paper}/") for cell in question.cells)
             assert errata >= set(question.errata)
             assert question.cells or question.errata
-            known = {"received", "disputed", "settled"} if question.reply else {"none"}
-            assert question.state in known
+            assert bool(question.reply) is (question.state != "none")
             assert question.related in {"", *names[:number]}
 
 
@@ -43,22 +40,13 @@ def test_the_consequence_of_an_answer_has_links_and_the_reply():
     entry = {"paper": "niu2024", "ask": "Why?", "text": "", "related": "before"}
     question = complete("niu2024-scale-run", **entry)
     text = settles(question, {"before": 3})
-    assert "**2**" in text
     assert "answer to 3." in text
-    assert "none yet" in text
     shown, folded = text.split("<summary>")
     links = [re.findall('href="#([^"]+)"', part) for part in (shown, folded)]
     assert links == [[*question.errata], [*map(anchor, question.cells)]]
-    assert "Table 3: " in folded
-    answered = complete(
-        "niu2024-scale-run", **entry, reply="Name, on a day: a rerun.", state="settled"
-    )
-    assert "*Name, on a day: a rerun. (settled)*" in settles(answered, {"before": 3})
-    assert "No number" in settles(
-        complete("none", **entry, errata=("x",)), {"before": 3}
-    )
-    assert place("niu2024/table-3#scale.red") == "Table 3"
-    assert place("niu2024/text-experiment#exposure") == "section 4.3"
+    reply = {"reply": "Name, on a day: a rerun.", "state": "settled"}
+    answered = settles(complete("niu2024-scale-run", **entry, **reply), {"before": 3})
+    assert "*Name, on a day: a rerun. (settled)*" in answered
 
 
 @pytest.mark.browser
@@ -69,8 +57,6 @@ def test_letters_are_marked_as_not_sent_and_errata_lead_to_them(open_page):
         shown = page.locator("article ol > li").all_inner_texts()
         for question, text in zip(questions(paper), shown, strict=True):
             assert question.ask in text
-            count = f"It settles {len(question.cells)} of"
-            assert (count in text) is bool(question.cells)
         page = open_page("audit/errata.html", viewport=DESKTOP)
         links = page.locator(f"a[href='../{paper}/letter.html#letter-{paper}']")
         assert links.count() == sum(e.paper == paper for e in errata_register())

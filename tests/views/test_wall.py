@@ -2,9 +2,9 @@
 
 import re
 from collections import Counter
-from html.parser import HTMLParser
 
 import pytest
+from bs4 import BeautifulSoup
 
 import reproduce as rp
 from reproduce.judge.rerun import CannotChangeError
@@ -18,69 +18,46 @@ STARS, NOISE = "niu2024/stars", "niu2024/text-simulation#noise"
 BORESIGHTS = "chen2023/text-satellite#boresight-angle"
 
 
-def tags(text, name):
-    """Return the attributes of all tags of a name."""
-    found = []
-    parser = HTMLParser()
-    parser.handle_starttag = lambda tag, attrs: (
-        tag == name and found.append(dict(attrs))
-    )
-    parser.feed(str(text))
-    return found
+def parse(html):
+    return BeautifulSoup(str(html), "html.parser")
 
 
 def test_every_number_is_a_mark_that_leads_to_its_cell():
     """With the shape and the class of its verdict; the legend has their counts."""
     records = item_ledger("niu2024/table-2", "niu2024/text-optics").records
-    drawn, _, legend = contents._overview_grid(records).partition(
-        '<ul class="rp-wall-legend">'
-    )
-    links = [tag["href"] for tag in tags(drawn, "a") if tag.get("tabindex") == "-1"]
+    page = parse(contents._overview_grid(records))
+    marks = page.select("a[tabindex] path:not(.rp-hit)")
+    links = [mark.find_parent("a")["href"] for mark in marks]
     assert links == [f"#{anchor(record.cell)}" for record in records]
-    heads = [tag["href"] for tag in tags(drawn, "a") if "tabindex" not in tag]
-    assert heads == ["#niu2024-text-optics", "#niu2024-table-2"]
-    marks = [tag for tag in tags(drawn, "path") if tag["class"] != "rp-hit"]
-    verdicts = [m["class"].split()[0].removeprefix("rp-mark-") for m in marks]
+    verdicts = [mark["class"][0].removeprefix("rp-mark-") for mark in marks]
     assert verdicts == [record.verdict for record in records]
-    shapes = {verdict: m["d"] for verdict, m in zip(verdicts, marks, strict=True)}
-    assert shapes.items() <= contents.SHAPES.items()
+    assert [mark["d"] for mark in marks] == [contents.SHAPES[one] for one in verdicts]
     assert len(set(contents.SHAPES.values())) == len(contents.SHAPES)
-    counts = re.findall(r"<strong>(\d+) (\w+)</strong>", legend)
-    assert {word: int(n) for n, word in counts if n != "0"} == Counter(verdicts)
+    counts = [one.text.split() for one in page.select(".rp-wall-legend strong")]
+    assert {one[1]: int(one[0]) for one in counts if one[0] != "0"} == Counter(verdicts)
 
 
-def test_marks_have_the_layout_of_the_paper():
-    """A long table continues in further columns; all tables have the same height."""
-    rows, pitch = contents.MAX_ROWS, contents.PITCH_PIXELS
-    for key, table in library().items():
-        drawn = str(contents._overview_grid(item_ledger(key).records))
-        heights = set(re.findall(r'viewBox="0 0 \d+ (\d+)"', drawn))
-        assert heights == {str(rows * pitch)}
-        places = re.findall(r"translate\((\d+) (\d+)\)", drawn)
-        found = [(int(x) // pitch, int(y) // pitch) for x, y in places]
-        assert len(set(found)) == len(found) == len(table.cells)
-        assert max(y for _, y in found) < rows
-        if len(table.rows) <= rows:
-            across, down = range(max(1, len(table.columns))), range(len(table.rows))
-            assert found == [(x, y) for y in down for x in across]
-        if key == "chen2023/table-3":
-            assert [*found[:2], *found[8:10]] == [(0, 0), (1, 0), (2, 0), (3, 0)]
+def test_a_paper_has_a_mark_of_every_cell_and_a_row_of_every_item():
     for paper in PAPERS:
         keys = [key for key in catalogue() if key.startswith(f"{paper}/")]
         shown = rp.contents(paper)._repr_html_()
         cells = sum(len(library()[key].cells) for key in keys if key in library())
         assert shown.count('class="rp-hit"') == cells
         assert not any(other in shown for other in PAPERS if other != paper)
-        index = tags(rp.contents(paper).index._repr_html_(), "a")
+        links = parse(rp.contents(paper).index._repr_html_()).select("a")
         starts = [f"#{'figure-' * (key not in library())}{anchor(key)}" for key in keys]
-        assert [tag["href"] for tag in index] == starts
+        assert [link["href"] for link in links] == starts
 
 
-def drawn(html):
-    """Return the dial of a sweep, and the heights of its points and dashed lines."""
-    (dial,) = tags(html, "input")
-    dashed = re.findall(r'class="rp-dashed" d="M\d+ ([\d.]+)H', html)
-    return dial, re.findall(r'cy="([\d.]+)"', html), dashed
+def heights(html):
+    """Return the heights of the points of a sweep and of its dashed lines."""
+    page = parse(html)
+    dashed = [
+        re.search(r"M\d+ ([\d.]+)H", p["d"])[1] for p in page.select(".rp-dashed")
+    ]
+    return [float(point["cy"]) for point in page.select("circle")], [
+        *map(float, dashed)
+    ]
 
 
 def test_a_sweep_of_a_table_has_the_values_of_each_rerun():
@@ -93,28 +70,12 @@ def test_a_sweep_of_a_table_has_the_values_of_each_rerun():
         single = rp.table(TABLE).rerun({FOCAL: value}).frame()
         assert computed[(value, "scale.red")] == single.loc["scale.red", "changed"]
     assert f"{values[1]} (printed)" in repr(swept)
-    html = swept._repr_html_()
-    dial, heights, dashed = drawn(html)
+    (dial,) = parse(swept._repr_html_()).select("input")
     assert (dial["type"], dial["max"], dial["value"]) == ("range", "2", "1")
-    assert "hidden" in next(p for p in tags(html, "p") if p["class"] == "rp-dial")
-    assert html.count("<tr") == 1 + len(values)
     # Blue does not depend on the focal length of red.
-    assert len(set(heights[3:])) == 1 < len(set(heights[:3]))
-    assert abs(float(heights[3]) - float(dashed[1])) < 10
-
-
-def test_a_sweep_of_a_supplementary_table_selects_rows_and_columns():
-    values, column = ["0.02 px", "0.05 px", "0.1 px"], "similarity (px)"
-    swept = rp.table(STARS).sweep(NOISE, values, [column], {"Stars": [50, 137]})
-    computed = swept.frame()["computed"]
-    assert len(computed) == 2 * len(values)
-    for value in values:
-        single = rp.table(STARS).rerun({NOISE: value}).frame().set_index("Stars")
-        for stars in (50, 137):
-            expected = single.loc[stars, column]
-            assert computed[(value, f"Stars {stars}: {column}")] == expected
-    _, heights, dashed = drawn(swept._repr_html_())
-    assert dashed == [heights[1], heights[4]]
+    points, dashed = heights(swept._repr_html_())
+    assert len(set(points[3:])) == 1 < len(set(points[:3]))
+    assert abs(points[3] - dashed[1]) < 10
 
 
 def test_a_sweep_of_a_prediction_shows_its_intervals():
@@ -123,23 +84,11 @@ def test_a_sweep_of_a_prediction_shows_its_intervals():
     single = table.rerun({NOISE: "0.2 px"}, replicates=20).frame()
     frame, html = swept.frame(), swept._repr_html_()
     assert frame["computed"].iloc[1] == single.loc["rotation.red", "changed"]
-    assert "<figcaption>rotation.red (°)</figcaption>" in html
-    low, high, *ends = re.findall(r"<text [^>]*>([^<]*)</text>", html)
-    assert ends == values
+    low, high, *_ = (one.text for one in parse(html).select("svg text"))
     assert float(low) == pytest.approx(frame["low"].min(), rel=0.02)
     assert float(high) == pytest.approx(frame["high"].max(), rel=0.02)
-    assert re.search(r"0\.\d+ \(0\.\d+ to 0\.\d+\)°", html), "a unit with its number"
-    # Both ends keep a margin of 8 px from the picture and from its axis.
-    assert re.findall(r'<text x="52" y="([\d.]+)"', swept._repr_html_()) == [
-        "86.0",
-        "8.0",
-    ]
-    whole = table.sweep(NOISE, values, replicates=20)
-    lines = repr(whole).splitlines()
+    lines = repr(table.sweep(NOISE, values, replicates=20)).splitlines()
     assert max(map(len, lines)) <= 80
-    for row in whole.grid.rows:
-        block = " ".join(lines[lines.index(row[0]) :])
-        assert all(text in block for text in row[1:])
 
 
 REJECTED = {
@@ -147,19 +96,7 @@ REJECTED = {
     "value": [(TABLE, FOCAL, [])],
     "expected": [("niu2024/table-3", NOISE, "0.2 px")],
     "scale.green": [(TABLE, FOCAL, ["25 mm"], ["scale.green"])],
-    "similarity": [(STARS, NOISE, ["0.1 px"], ["similarity"], {})],
-    "Star": [(STARS, NOISE, ["0.1 px"], [], {"Star": 50})],
     "rows": [(STARS, NOISE, ["0.1 px"], [], {"Stars": 51})],
-    "missing": [(STARS, "missing", [1], [], {})],
-    "Axis": [
-        (
-            "chen2023/dichroic",
-            BORESIGHTS,
-            ["90°"],
-            ["Axis of the mirror's rotation"],
-            {},
-        )
-    ],
 }
 
 
@@ -170,3 +107,12 @@ def test_a_sweep_names_a_wrong_argument():
                 rp.table(key).sweep(*arguments)
     with pytest.raises(CannotChangeError, match="speed"):
         rp.table(STARS).rerun(speed=1)
+
+
+def test_a_sweep_of_a_supplementary_table_selects_rows_and_columns():
+    values, column = ["0.02 px", "0.1 px"], "similarity (px)"
+    swept = rp.table(STARS).sweep(NOISE, values, [column], {"Stars": [50, 137]})
+    for value in values:
+        single = rp.table(STARS).rerun({NOISE: value}).frame().set_index("Stars")
+        found = swept.frame()["computed"][value]
+        assert found.tolist() == single.loc[[50, 137], column].tolist()
