@@ -94,8 +94,9 @@ FIT = """() => {
       table.classList.add(...(shrinks ? ["rp-tight"] : ["rp-turned", kind]));
     }
   }
+  document.body.style.width = "17.6cm";
+  for (const table of tables) table.classList.toggle("rp-short", table.offsetHeight < 250);
   document.body.style.width = "";
-  for (const table of tables) table.classList.toggle("rp-short", table.offsetHeight < 500);
   for (const link of document.querySelectorAll('a[href^="#"]')) {
     const place = document.getElementById(link.getAttribute("href").slice(1));
     if (place && !place.checkVisibility()) link.removeAttribute("href");

@@ -15,7 +15,8 @@ import make_pdf
 pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("pdf")]
 BODY = 9.0  # size of the text in the style sheet, in points
 NUMBER = re.compile(r"\d+(?:\.\d+)?")
-MAX_SHEETS = 200
+MAX_SHEETS, MIN_FILL = 200, 0.55
+TOP, BOTTOM = (72 / 25.4 * margin for margin in (17, 18))  # as in the style sheet
 TOC = make_pdf.ROOT / "book" / "_toc.yml"
 # Text of a page without folds, formulas, drawings and controls, with the code of its cells.
 SHOWN = """() => {
@@ -79,8 +80,27 @@ def pdf():
 
 
 @pytest.fixture(scope="module")
-def texts(pdf):
-    return [sheet.extract_text() for sheet in pdf.pages]
+def sheets(pdf):
+    """Return the text of each sheet, and the filled fraction of its height."""
+
+    def read(sheet):
+        heights = []
+
+        def note(text, outer, inner, font, size):
+            if text.strip():
+                heights.append(outer[1] * inner[4] + outer[3] * inner[5] + outer[5])
+
+        text, height = sheet.extract_text(visitor_text=note), float(sheet.mediabox[3])
+        bottom, top = BOTTOM, height - TOP
+        lowest = min(at for at in [*heights, top] if at > bottom)
+        return text, (top - lowest) / (top - bottom)
+
+    return [read(sheet) for sheet in pdf.pages]
+
+
+@pytest.fixture(scope="module")
+def texts(sheets):
+    return [text for text, _ in sheets]
 
 
 @pytest.fixture(scope="module")
@@ -116,6 +136,15 @@ def test_the_numbers_of_every_page_are_printed_in_order(open_page, starts, texts
         printed = Counter(NUMBER.findall("\n".join(texts[start : end + 1])))
         assert shown, name
         assert shown - printed == Counter(), name
+
+
+def test_only_the_title_and_ends_of_chapters_are_half_empty(sheets, places):
+    chapters = [places[make_pdf.name(pages[0])] for _, pages in make_pdf.parts()]
+    ends = {0, *(start - 1 for start in chapters), len(sheets) - 1}
+    fills = {number: fill for number, (_, fill) in enumerate(sheets)}
+    assert max(fills.values()) > 0.9
+    short = {n + 1: f for n, f in fills.items() if f < MIN_FILL and n not in ends}
+    assert short == {}
 
 
 def test_every_link_leads_to_a_place(joined, pdf, places):

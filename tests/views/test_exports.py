@@ -109,12 +109,14 @@ def test_latex_is_balanced(key):
     assert bare.count("$") % 2 == 0
     assert not re.search(
         r"[#^_~<>]",
-        re.sub(r"\$[^$]*\$|\\(label|cite){[^}]*}", "", bare.replace("~", "")),
+        re.sub(
+            r"\$[^$]*\$|\\(label|cite){[^}]*}|>(?=[{\\])", "", bare.replace("~", "")
+        ),
     )
     begun = re.findall(r"\\begin{(.*?)}", body)
     assert sorted(begun) == sorted(re.findall(r"\\end{(.*?)}", body))
-    kinds = re.search(r"\\begin{tabular}{(.*)}", body)[1]
-    columns = len(re.sub("{[^}]*}+", "", kinds))
+    kinds = re.search(r"\\begin{(?:tabular|longtable)}{(.*)}", body)[1]
+    columns = len(re.sub(">?{[^}]*}+", "", kinds))
     rows = body.partition(r"\midrule")[2].partition(r"\bottomrule")[0]
     counts = {len(re.findall(r"(?<!\\)&", r)) for r in rows.splitlines() if "&" in r}
     assert counts == {columns - 1}

@@ -47,6 +47,10 @@ FORMATS = ("csv", "json", "latex", "markdown")
 # Endings of the files of each format.
 _ENDINGS = {"csv": "csv", "json": "json", "latex": "tex", "markdown": "md"}
 _COVARIANCE = "-covariance.csv"
+# In LaTeX, longer texts are broken into lines, also at the signs of addresses, and a table with
+# more columns spans the page, or is transposed. A longer table is broken over pages.
+_SENTENCE_CHARACTERS, _BREAKS = 30, re.compile("(?<=[/.:#_=])(?=[a-z])")
+_MAX_COLUMNS, _MAX_ROWS = 7, 60
 
 
 def table_files(key: str) -> dict[str, str]:
@@ -105,13 +109,31 @@ def export_frame(
     context = {"caption": caption, "address": address, "legend": legend}
     if form == "markdown":
         return rendered("table.md", lines=lines, comment=comment, **context)
-    entries = citation(address, "bibtex") if address else ""
     texts = [
         [minus(f"{e:z.6g}" if isinstance(e, float) else str(e)) for e in line]
         for line in lines
     ]
-    context |= {"comment": comment, "entries": entries}
-    return in_tex(rendered("table.tex", lines=texts, **context)) + "\n"
+    if len(frame) < _MAX_COLUMNS < len(frame.columns):
+        texts = [list(column) for column in zip(*texts, strict=True)]
+    width = min(0.7, 2 / len(texts[0]))
+    columns = [
+        rf">{{\raggedright\arraybackslash}}p{{{width:.2f}\linewidth}}"
+        if max(map(len, column)) > _SENTENCE_CHARACTERS
+        else "lr"[any(text[:1].isdigit() for text in column)]
+        for _, *column in zip(*texts, strict=True)
+    ]
+    is_wide = len(columns) > _MAX_COLUMNS or max(map(len, columns)) > 1
+    table = rendered(
+        "table.tex",
+        lines=[[_BREAKS.sub("\u200b", text) for text in line] for line in texts],
+        columns=columns,
+        kind="{table*}" if is_wide else "{table}",
+        environment="{longtable}" if len(frame) > _MAX_ROWS else "{tabular}",
+        comment=comment,
+        entries=citation(address, "bibtex") if address else "",
+        **context,
+    )
+    return in_tex(table) + "\n"
 
 
 def full_frame(records: Iterable[Record]) -> pd.DataFrame:

@@ -15,6 +15,7 @@ _SIGNS: dict[int, str] = str.maketrans(
         "×": r"$\times$",
         "\u202f": r"\,",
         "\u00a0": "~",
+        "\u200b": r"\allowbreak{}",
         "″": "$''$",
         "µ": r"\textmu{}",
         "–": "--",
