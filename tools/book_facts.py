@@ -28,7 +28,7 @@ import page_cells
 from pack_book import write_zip
 from reproduce.consistency.report import Erratum, audit_paper
 from reproduce.judge import verdicts as judging
-from reproduce.judge.ledger import erratum
+from reproduce.judge.ledger import erratum, reply_state
 from reproduce.judge.readings import all_readings
 from reproduce.locate import data_folder
 from reproduce.papers.catalogue import catalogue, studies
@@ -267,6 +267,7 @@ def card(cell: Cell, place: str) -> str:
         sigma=printed.sigma,
         recomputed=recomputed(record),
         sentence=Markup(reason),
+        reply=reply_state(cell.address),
         copied=copied | {"code": cell.rerun_code},
         properties=Markup(html(cell.blocks())),
     )

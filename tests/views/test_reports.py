@@ -13,6 +13,7 @@ import yaml
 from click.testing import CliRunner
 
 import reproduce as rp
+from book_facts import card
 from reproduce.judge import ledger
 from reproduce.judge.ledger import frozen, reply_state
 from reproduce.papers.catalogue import catalogue
@@ -156,14 +157,21 @@ def test_a_covariance_is_that_of_the_draws():
         assert any("covariance" in path for path in files) is is_random
 
 
-def test_the_state_of_a_reply_is_in_the_ledger(monkeypatch):
+def test_the_state_of_a_reply_is_in_ledger_table_card_and_citation(monkeypatch):
     asked, given = "niu2024/table-3#scale.red", "niu2024/table-1#focal-length.red"
     assert (reply_state(asked), reply_state(given)) == ("none", "")
     (record,) = json.loads(rp.table(asked).export("json"))["records"]
     assert record["reply"] == "none"
+    shown = "reply of the authors: disputed"
+    table, cell = rp.table("niu2024/table-3"), rp.table(asked)
+    assert shown not in table._repr_html_() + cell.cite("sentence")
+    assert "The authors' reply: none." in card(cell, "")
     answered = {"niu2024-scale-run": "disputed"}
     monkeypatch.setattr(ledger, "_reply_states", lambda: answered)
     assert reply_state(asked) == "disputed"
+    assert f'<span class="rp-flag">{shown}</span>' in table._repr_html_()
+    assert cell.cite("sentence").endswith(f" The {shown}.")
+    assert "The authors' reply: disputed." in card(cell, "")
 
 
 # The validator expects one nanopublication.

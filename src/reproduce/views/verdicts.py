@@ -7,7 +7,14 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 
 from markupsafe import Markup, escape
 
-from reproduce.judge.ledger import Record, TableRecord, erratum, reason, replies
+from reproduce.judge.ledger import (
+    Record,
+    TableRecord,
+    erratum,
+    reason,
+    replies,
+    reply_state,
+)
 from reproduce.judge.readings import ReadingSummary, evaluate
 from reproduce.judge.verdicts import AGREES, VERDICTS, Flag, Reading
 from reproduce.papers.catalogue import computation_for
@@ -226,6 +233,12 @@ def replied(erratum: str) -> Markup:
     """Return the reply of the authors to an erratum, or a link to the letter to them."""
     letter = link(f"letter-{erratum.partition('-')[0]}", "how to answer")
     return escape(replies()[erratum]) or Markup("none yet; {}").format(letter)
+
+
+def replied_state(address: str) -> str:
+    """Return the state of the authors' reply to a cell; empty without a reply."""
+    state = reply_state(address)
+    return f"reply of the authors: {state}" if state not in {"", "none"} else ""
 
 
 def facts_of(name: str) -> dict[str, str]:
