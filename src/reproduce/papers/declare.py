@@ -72,6 +72,7 @@ def by_cell(form: str, values: FloatArray, *labels: Iterable[Any]) -> dict[str, 
 
     Examples
     --------
+    >>> import numpy as np
     >>> by_cell("shift-{}.{}", np.array([[1.0, 2.0]]), "x", ("red", "blue"))
     {'shift-x.red': 1.0, 'shift-x.blue': 2.0}
     """
