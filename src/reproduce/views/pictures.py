@@ -19,7 +19,6 @@ from reproduce.physics.registration import (
     match_points,
     pair_weights,
 )
-from reproduce.physics.validate import number_array
 from reproduce.store.images import ImageError, is_image, read_image, reading
 from reproduce.store.points import (
     SIGMAS,
@@ -248,7 +247,11 @@ def _paired(
     near = radius or _PAIR_PX + _PAIR_FRACTION * float(field)
     start = getattr(start, "transform", start)
     if start is not None and not isinstance(start, Registration):
-        start = number_array("start", start, shape=(4,))
+        if np.shape(start) != (4,):
+            raise ValueError(
+                f"start: expected a transform or four numbers, got {start!r}. Give scale, rotation "
+                "in radians, and shift in x and y in px"
+            )
         start = Registration(
             "similarity", start, source.middle if pivot is None else pivot
         )
