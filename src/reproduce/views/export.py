@@ -47,10 +47,8 @@ FORMATS = ("csv", "json", "latex", "markdown")
 # Endings of the files of each format.
 _ENDINGS = {"csv": "csv", "json": "json", "latex": "tex", "markdown": "md"}
 _COVARIANCE = "-covariance.csv"
-# In LaTeX, longer texts are broken into lines, also at the signs of addresses, and a table with
-# more columns spans the page, or is transposed. A longer table is broken over pages.
-_SENTENCE_CHARACTERS, _BREAKS = 30, re.compile("(?<=[/.:#_=])(?=[a-z])")
-_MAX_COLUMNS, _MAX_ROWS = 7, 60
+# In LaTeX, longer texts have several lines, and wider tables of few rows are transposed.
+_SENTENCE_CHARACTERS, _MAX_COLUMNS = 30, 7
 
 
 def table_files(key: str) -> dict[str, str]:
@@ -109,31 +107,21 @@ def export_frame(
     context = {"caption": caption, "address": address, "legend": legend}
     if form == "markdown":
         return rendered("table.md", lines=lines, comment=comment, **context)
+    if len(frame) < _MAX_COLUMNS < len(frame.columns):
+        lines = [list(column) for column in zip(*lines, strict=True)]
     texts = [
         [minus(f"{e:z.6g}" if isinstance(e, float) else str(e)) for e in line]
         for line in lines
     ]
-    if len(frame) < _MAX_COLUMNS < len(frame.columns):
-        texts = [list(column) for column in zip(*texts, strict=True)]
-    width = min(0.7, 2 / len(texts[0]))
     columns = [
-        rf">{{\raggedright\arraybackslash}}p{{{width:.2f}\linewidth}}"
+        rf">{{\raggedright\arraybackslash}}p{{{2 / (1 + len(texts[0])):.2f}\linewidth}}"
         if max(map(len, column)) > _SENTENCE_CHARACTERS
-        else "lr"[any(text[:1].isdigit() for text in column)]
+        else "lr"[any(text.strip("−")[:1].isdigit() for text in column)]
         for _, *column in zip(*texts, strict=True)
     ]
-    is_wide = len(columns) > _MAX_COLUMNS or max(map(len, columns)) > 1
-    table = rendered(
-        "table.tex",
-        lines=[[_BREAKS.sub("\u200b", text) for text in line] for line in texts],
-        columns=columns,
-        kind="{table*}" if is_wide else "{table}",
-        environment="{longtable}" if len(frame) > _MAX_ROWS else "{tabular}",
-        comment=comment,
-        entries=citation(address, "bibtex") if address else "",
-        **context,
-    )
-    return in_tex(table) + "\n"
+    context |= {"comment": comment, "columns": columns}
+    entries = citation(address, "bibtex") if address else ""
+    return in_tex(rendered("table.tex", lines=texts, entries=entries, **context))
 
 
 def full_frame(records: Iterable[Record]) -> pd.DataFrame:

@@ -5,9 +5,15 @@ import unicodedata
 from reproduce.views.numbers import minus, powers
 
 _ESCAPED: dict[int, str] = str.maketrans(
-    {sign: f"\\{sign}" for sign in "&%$#_{}"}
+    {sign: f"\\{sign}" for sign in "&%$_{}"}
     | {sign: f"${sign}$" for sign in "<>"}
-    | {"^": r"\textasciicircum{}", "~": r"\textasciitilde{}", "\\": "/"}
+    | {
+        "^": r"\textasciicircum{}",
+        "~": r"\textasciitilde{}",
+        "\\": "/",
+        "/": r"/\allowbreak{}",
+        "#": r"\#\allowbreak{}",
+    }
 )
 _SIGNS: dict[int, str] = str.maketrans(
     {
@@ -15,7 +21,6 @@ _SIGNS: dict[int, str] = str.maketrans(
         "×": r"$\times$",
         "\u202f": r"\,",
         "\u00a0": "~",
-        "\u200b": r"\allowbreak{}",
         "″": "$''$",
         "µ": r"\textmu{}",
         "–": "--",
@@ -28,10 +33,9 @@ _SIGNS: dict[int, str] = str.maketrans(
         "≥": r"$\geq$",
         "±": r"$\pm$",
         "⁻": "$^{-}$",
-        **{sign: f"$^{{{digit}}}$" for digit, sign in enumerate("⁰¹²³⁴⁵⁶⁷⁸⁹")},
         **{
             sign: rf"$^\mathrm{{{unicodedata.normalize('NFKC', sign)}}}$"
-            for sign in "ᵉᶜᵈᵃᵘ"
+            for sign in "⁰¹²³⁴⁵⁶⁷⁸⁹ᵉᶜᵈᵃᵘ"
         },
     }
 )
@@ -48,6 +52,6 @@ def in_tex(text: str) -> str:
     Examples
     --------
     >>> print(in_tex("-5e-5 µm"))
-    $-$5\\,$\\times$\\,10$^{-}$$^{5}$ \\textmu{}m
+    $-$5\\,$\\times$\\,10$^{-}$$^\\mathrm{5}$ \\textmu{}m
     """
     return powers(minus(text)).translate(_SIGNS)
