@@ -44,6 +44,7 @@ def refused(source, *places):
         ("x,y\n", ()),
         ("x,z\n1,2\n", ("column y", "'z'")),
         ("x,x,y\n1,2,3\n", ("column x",)),
+        ("x,y,Mask\n1,2,0\n", ("column mask",)),
         ("x,y\n1,2,9\n3,4,9\n", ()),
         ("x,y\n1,2\n3,4,5\n", ("line 3",)),
         ("x,y\n1,2\n3\n", ("row 1", "column y")),

@@ -163,6 +163,10 @@ def read_table(
         numbers = dict(zip(columns, array.T, strict=True))
     else:
         names = [_plain(heading) for heading in headings]
+        if "mask" in names:
+            raise TableFileError(
+                f"{name}: expected no column mask, got one. Remove it and the masked rows"
+            )
         extra = (column for column in optional if column in names)
         numbers = {}
         for column in dict.fromkeys([*columns, *extra]):
