@@ -271,7 +271,7 @@ def _why(cell: PrintedCell, reading: Reading) -> str:
 def _table_record(evaluation: Evaluation) -> TableRecord:
     """Return the joint record of the predicted cells of a computation."""
     key, cells = evaluation.computation.key, evaluation.cells
-    results = [evaluation.results(name).ravel() for name in cells]
+    results = [evaluation.results(name) for name in cells]
     distinct = np.sort(np.unique(np.stack(results), axis=1, return_index=True)[1])
     judged = [name for name in cells if not unpublished(key, name)]
     agreeing = np.sum([[r.agrees for r in cells[name]] for name in judged], axis=0)

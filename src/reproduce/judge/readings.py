@@ -83,23 +83,23 @@ class Evaluation:
     cells: Mapping[str, Sequence[Reading]]
     joint: _Array
 
-    def results(self, name: str) -> _Array:
-        """Return the result of a cell under every reading as text, equal for equal results.
-
-        The array has an axis for each option, in the order of its alternatives.
-        """
-        texts = [
+    def results(self, name: str) -> list[str]:
+        """Return the result of a cell under every reading as text, equal for equal results."""
+        return [
             " ".join(f"{v:.9e}" for v in (r.computed, *r.interval, r.probability or 0))
             for r in self.cells[name]
         ]
-        return np.reshape(texts, [*map(len, self.computation.options.values())])
+
+    def _by_option(self, values: Sequence[Any]) -> _Array:
+        """Return a value of every reading as an array with an axis for each option."""
+        return np.reshape(values, [*map(len, self.computation.options.values())])
 
     def distinct(self, name: str) -> list[Reading]:
         """Return the readings of a cell that give different results.
 
         Each contains the choices that affect its result.
         """
-        results, readings = self.results(name), self.cells[name]
+        results, readings = self._by_option(self.results(name)), self.cells[name]
         different = []
         for first in np.sort(np.unique(results, return_index=True)[1]):
             place = np.unravel_index(first, results.shape)
@@ -114,10 +114,7 @@ class Evaluation:
     def summary(self, name: str) -> ReadingSummary:
         """Return the number of readings that agree, and the options that decide."""
         options, distinct = self.computation.options, self.distinct(name)
-        agrees = np.reshape(
-            [reading.agrees for reading in self.cells[name]],
-            [*map(len, options.values())],
-        )
+        agrees = self._by_option([reading.agrees for reading in self.cells[name]])
         decided_by: list[tuple[str, ...]] = []
         conditions: list[dict[str, str]] = []
         never: dict[str, tuple[str, ...]] = {}

@@ -30,7 +30,6 @@ from rich.table import Table
 from rich.text import Text
 
 from reproduce.locate import data_folder
-from reproduce.printed.cells import anchor
 from reproduce.views.numbers import minus, powers_in_html
 from reproduce.views.tex import escaped, in_tex
 
@@ -50,6 +49,8 @@ _STYLES |= {"ambiguous": "yellow", "unpublished": "cyan", "input": "dim"}
 
 @cache
 def _templates() -> Environment:
+    from reproduce.printed.cells import anchor  # a fit of stars needs no printed number
+
     folders = [
         PackageLoader("reproduce.views"),
         FileSystemLoader(data_folder() / "reports"),
