@@ -18,11 +18,6 @@ def number(address):
     return AUDIT.cells[f"chen2023/{address}"].si
 
 
-def test_the_claim_on_the_reflector_of_the_satellite_holds():
-    assert SHOWN["retroreflector"].holds
-    assert "II-B" in SHOWN["retroreflector"].place
-
-
 def test_a_roll_leaks_by_the_distance_of_the_spots_from_the_boresight():
     spots = [[number(f"text-platform#spot-{i}-{a}") for a in "xy"] for i in "1234"]
     table = "table-2#tracker-"

@@ -87,7 +87,7 @@ def banana(points):
 def test_moves_leave_a_curved_density_unchanged():
     """The Gaussian proposal does not fit it, but the draws must be right."""
     chains = []
-    for seed in range(4):
+    for seed in range(2):
         sampler = emcee.EnsembleSampler(
             64, 2, banana, vectorize=True, moves=move_mixture()
         )

@@ -58,6 +58,8 @@ def test_stochastic_tables_have_a_joint_probability(whole):
         assert 0 < table.joint_probability <= 1
         assert table.expected_outside == pytest.approx(0.01 * table.cells)
         assert table.replicates >= 2000
+        fits = table.outside == 0 and table.joint_probability > 0.01
+        assert table.readings > 1 or table.fitting == fits
     # It is a bound if no replicate is so far from the prediction.
     table = whole.table("niu2024/table-3")
     assert _joint_chance(table.joint_probability, table) == "below 1/2,000"

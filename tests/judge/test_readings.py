@@ -167,3 +167,10 @@ def test_changed_options_inputs_and_results_make_the_stored_readings_stale(monke
     monkeypatch.setattr(readings, "_study", lambda: stored)
     with pytest.raises(StudyError, match=rf"table-3#scale\.red is .*{STALE}$"):
         again(CAMERA)
+
+
+def test_a_reading_that_agrees_weakly_is_farther_than_one_without_a_flag():
+    found = readings.evaluate(made_up(lambda a, b: 0.99761))
+    plain, *_ = found.cells[CELL]
+    weak = plain.model_copy(update={"flags": ("rounding",), "computed": 0.9976})
+    assert found._closeness(CELL, plain) > found._closeness(CELL, weak)

@@ -107,8 +107,3 @@ def test_a_study_computes_the_declared_columns():
             numeric = frame[column.name].dtype.kind in "if"
             assert numeric == bool(column.form), f"{key}: {column.name}"
             assert column.error in {"", *heads}
-
-
-def test_seeds_differ_between_computations():
-    seeds = [c.entropy for c in COMPUTATIONS if c.replicates]
-    assert len(set(seeds)) == len(seeds) > 0

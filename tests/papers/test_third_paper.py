@@ -13,9 +13,6 @@ FOLDER = Path(__file__).parent.parent / "made_up"
 PROJECT = FOLDER.parent.parent
 SCRIPT = """
 import json
-import sys
-sys.path.insert(0, "tools")
-import book_facts
 import reproduce as rp
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.posteriors import posteriors
@@ -41,7 +38,6 @@ print(json.dumps({
         for table in (ratio, ratio.rerun({"lamp2025/table-1#focal-length.far": "150 mm"}))
     ],
     "inputs": rp.posterior("lamp-registration").inputs,
-    "facts": book_facts.unsampled("lamp2025"),
     "posteriors": [name for name in posteriors() if name.startswith("lamp")],
     "model": list(posteriors()["lamp-registration"].model().names),
 }))
@@ -109,14 +105,6 @@ def test_its_posterior_is_found(found):
     assert found["posteriors"] == ["lamp-registration"]
     assert found["inputs"] == ["lamp2025/table-1#focal-length.*"]
     assert "scale" in found["model"]
-
-
-def test_its_facts_are_computed_for_its_page(found):
-    facts = found["facts"]
-    assert facts["lamp2025/table-2#angle.near printed"] == "20.6″"
-    assert facts["lamp2025/table-2#angle.near computed"] == "20.6″"
-    assert facts["lamp2025/table-2#angle.near verdict"] == "exact"
-    assert facts["lamp2025/table-2 differs"] == "1"
 
 
 def test_a_paper_without_its_entry_in_the_references_is_refused(tmp_path):
