@@ -120,35 +120,26 @@ def test_a_card_opens_if_the_pointer_rests_and_copies_its_contents(wide):
     assert card.locator("button:visible, table:visible").count() == 0
     for fold in card.locator("summary").all():
         fold.click()
-    assert card.locator("a[href*=equation]").count() == len(cell.record.equations)
     for button in card.locator("button").all():
         button.click()
         name = button.inner_text().rstrip(" ✓")
         copied[name] = wide.evaluate("navigator.clipboard.readText()")
     # The pages may be of another commit than the tests.
-    ours = re.compile(
-        r", commit (not recorded|\w+)|(commit )?swh:1:rev:\w+, | *commit = .*\n"
-    )
-    for form, name in (
-        ("text", "citation"),
-        ("bibtex", "BibTeX"),
-        ("sentence", "sentence"),
+    for form, name, end in (
+        ("text", "citation", ". reproduce-pointing "),
+        ("sentence", "sentence", "(The reproduce-pointing"),
     ):
-        expected = ours.sub("", rp.cite(ADDRESS, form))
-        assert ours.sub("", copied[name].replace("\r\n", "\n")) == expected
-    assert copied["RIS"].startswith("TY  - COMP")
+        assert (
+            copied[name].partition(end)[:2] == rp.cite(ADDRESS, form).partition(end)[:2]
+        )
+    for name, start in (("BibTeX", "@misc"), ("RIS", "TY  - COMP")):
+        assert copied[name].startswith(start)
     assert copied["code"] == cell.rerun_code
-    stated = json.loads(copied["JSON"])
-    assert (stated["cell"], tuple(stated["stands_for"])) == (
-        ADDRESS,
-        cell.record.stands_for,
-    )
+    assert json.loads(copied["JSON"])["cell"] == ADDRESS
     wide.keyboard.press("Escape")
     card.wait_for(state="hidden")
     # A path on a disk leads nowhere for others.
-    name = PLACE.partition("#")[2]
-    assert copied["link"].startswith("Table 3, scale factor, red (niu2024/table-3)")
-    assert copied["link"].endswith(f": goto.html#{name}")
+    assert copied["link"].endswith(f": goto.html#{PLACE.partition('#')[2]}")
 
 
 def test_the_link_of_a_card_is_an_address_on_a_server(open_page, served):
@@ -160,15 +151,6 @@ def test_the_link_of_a_card_is_an_address_on_a_server(open_page, served):
     page.locator(".rp-card summary").first.click()
     page.locator(".rp-card [data-link]").click()
     assert page.evaluate("navigator.clipboard.readText()") == f"{served}/{PLACE}"
-
-
-def test_a_card_in_bold_text_is_not_bold(wide):
-    link = wide.locator(CELL)
-    link.evaluate("e => { e.parentElement.style.fontWeight = 700; }")
-    link.hover()
-    card = wide.locator(".rp-card")
-    card.wait_for(state="visible")
-    assert card.evaluate("e => getComputedStyle(e).fontWeight") == "400"
 
 
 ADDED = """() => [...document.querySelectorAll('article a.rp-has-card')].filter(e =>
@@ -233,15 +215,6 @@ def test_marks_symbols_equations_errata_figures_and_references_have_cards(wide):
         assert card.bounding_box()["width"] <= DESKTOP["width"]
         if part == "img":
             assert card.locator("img").evaluate("image => image.naturalWidth") > 0
-
-
-def test_a_function_of_a_card_leads_to_its_text(wide):
-    wide.locator(CELL).hover()
-    wide.locator(".rp-card summary").last.click()
-    wide.locator(".rp-card a[href*='#function-']").click()
-    text = wide.locator("#function-niu2024-table-3-calibrated_parameters")
-    text.wait_for(state="visible")
-    assert "def calibrated_parameters(" in text.inner_text()
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])

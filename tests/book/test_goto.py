@@ -56,11 +56,6 @@ def test_the_target_of_a_link_stays_in_place(open_page, address, size):
         far.append(page.evaluate(FAR, name))
     assert max(far[1:]) < size["height"] / 2, far
     page.evaluate(SETTLED)
-    style = "e => getComputedStyle(e).outlineStyle"
-    if "table" in name:
-        assert page.locator(f"#{name}").evaluate(style) == "none"
-        page.keyboard.press("Shift+Tab")
-        page.keyboard.press("Tab")
     page.evaluate("scrollTo(0, 0)")
     page.wait_for_timeout(300)
     assert page.evaluate("scrollY") == 0, "a reader leads"

@@ -34,20 +34,6 @@ def test_sentences_quote_all_numbers_that_the_page_collects(page):
     }
 
 
-def test_windows_track(page):
-    for slot in [*LIGHTS, 7]:
-        seen = page["read_window"](slot)
-        np.testing.assert_allclose(
-            np.diff(seen["TIME"]), 2.05 if slot == 7 else 4.1, atol=1e-6
-        )
-        # The lights have the same times, and so stand on one axis.
-        assert slot == 7 or np.array_equal(seen["TIME"], page["times"])
-        # A light or a star is in the middle of its window in every frame.
-        images = np.array(seen["IMGRAW"], dtype=float)
-        inner = images[:, 1:-1, 1:-1].sum(axis=(1, 2))
-        assert (inner > 0.8 * images.sum(axis=(1, 2))).all()
-
-
 def test_rows_and_columns_are_those_of_the_window(page):
     """Where the window of the star jumps, the star goes on smoothly."""
     star = page["read_window"](7)
@@ -203,17 +189,6 @@ def test_the_measured_drift_has_the_sign_of_the_model(page):
     assert right < 0.6 * wrong
     measured, _ = page["predict"](drifts)
     np.testing.assert_array_equal(measured, (correction + offset)[-len(measured) :])
-
-
-def test_observations_are_those_that_astropy_reads(page):
-    raw, drifts = Table.read(FOLDER / "aimpoint.ecsv"), page["drifts"]
-    years = np.sort(Time(raw["mean_date"].tolist(), format="yday").decimalyear)
-    # Leap seconds and the definition of the year: an hour.
-    np.testing.assert_allclose(drifts["year"], years, atol=1e-4)
-    assert sorted(drifts["temperature"]) == sorted(raw["mean_t_ccd"])
-    lengths = np.linalg.norm(drifts[OFFSET], axis=1)
-    # All three lengths are rounded to 0.01.
-    np.testing.assert_allclose(sorted(lengths), sorted(raw["dr"]), atol=0.0125)
 
 
 def test_no_year_predicts_itself(page):

@@ -33,13 +33,7 @@ def test_labels_are_whole_apart_and_large_enough(open_page):
             assert left - 1 < x0 < x1 < right + 1, text
             assert top - 2 < y0 < y1 < bottom + 2, text
             assert size >= MIN_LABEL, text
-        for (one, x0, x1, y0, y1, _), (
-            other,
-            u0,
-            u1,
-            v0,
-            v1,
-            _,
-        ) in itertools.combinations(labels, 2):
-            across, down = min(x1, u1) - max(x0, u0), min(y1, v1) - max(y0, v0)
-            assert across < 2 or down < 5, f"{one!r} on {other!r}"
+        for pair in itertools.combinations(labels, 2):
+            names, lefts, rights, tops, bottoms, _ = zip(*pair, strict=True)
+            across, down = min(rights) - max(lefts), min(bottoms) - max(tops)
+            assert across < 2 or down < 5, names

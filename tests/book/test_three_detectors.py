@@ -1,16 +1,12 @@
 """The page on 2MASS and lensfun: its cells find known transforms, and other software agrees."""
 
-import itertools
 import re
 
-import cv2
 import numpy as np
 import pytest
 from photutils.background import Background2D
 from photutils.detection import DAOStarFinder
-from scipy.ndimage import gaussian_filter
 from scipy.spatial import KDTree
-from skimage.registration import phase_cross_correlation
 from skimage.transform import SimilarityTransform
 
 from page_cells import BOOK, execute
@@ -20,7 +16,6 @@ from reproduce.physics.registration import Registration, fit_registration
 PAGE = BOOK / "instruments/three-detectors.md"
 SHAPE = (721, 720)
 RADIUS = 0.35  # standard deviation of a simulated star, in px
-NULL = np.array([1.0, 0.0, 0.0, 0.0])
 PAIRS = ("J to H", "H to K", "J to K")
 
 
@@ -35,13 +30,6 @@ def test_sentences_quote_all_numbers_that_the_page_collects(page):
     assert set(re.findall(r"\{fact}`instruments/three-detectors#([^`]+)`", text)) == {
         *page["quoted"].index
     }
-
-
-def test_a_mosaic_is_complete(page):
-    for band in "jhk":
-        image = page["mosaics"][band]
-        assert image.shape == SHAPE[::-1]
-        assert np.isfinite(image).all()
 
 
 def simulated(page, seed, truth):
@@ -62,28 +50,23 @@ def simulated(page, seed, truth):
     return page["register_stars"](*map(page["find_stars"], noisy))
 
 
-def test_crowded_fields_that_are_registered_pass_the_null_test(page):
-    source, target, fit = simulated(page, 1, NULL)
-    # As many stars as in the mosaics.
-    assert 7000 < (fit.weights > 0).sum() < len(source)
-    # Four standard deviations: probability 1/4000 for one field of four parameters.
-    assert np.abs((fit.parameters - NULL) / fit.standard_errors).max() < 4
-    ratio = page["block_errors"](source, target, fit) / fit.standard_errors
-    # Each error of 36 blocks is known to 1/8; three standard errors of four parameters.
-    assert np.sqrt(np.mean(ratio**2)) == pytest.approx(1, abs=3 / np.sqrt(2 * 35 * 4))
-
-
-def test_crowded_fields_give_back_most_of_a_shift(page):
+def test_a_crowded_field_has_its_transform_and_the_errors_of_its_blocks(page):
     """A few stars whose brightest pixel is another star in both images are lost.
 
     Part of the shift is lost with them: the page states it.
     """
     truth = np.array([1 + 2e-5, 1e-5, 0.05, -0.05])
-    _, _, fit = simulated(page, 3, truth)
+    source, target, fit = simulated(page, 3, truth)
+    # As many stars as in the mosaics.
+    assert 7000 < (fit.weights > 0).sum() < len(source)
     back = fit.parameters[2:] / truth[2:]
     assert ((back > 0.9) & (back < 1)).all()
+    # Four standard deviations: probability 1/8000 for one field of two parameters.
     off = (fit.parameters - truth)[:2] / fit.standard_errors[:2]
     assert np.abs(off).max() < 4
+    ratio = page["block_errors"](source, target, fit) / fit.standard_errors
+    # Each error of 36 blocks is known to 1/8; three standard errors of four parameters.
+    assert np.sqrt(np.mean(ratio**2)) == pytest.approx(1, abs=3 / np.sqrt(2 * 35 * 4))
 
 
 def test_other_software_fits_the_same_transforms(page):
@@ -96,30 +79,11 @@ def test_other_software_fits_the_same_transforms(page):
         np.testing.assert_allclose(transform.matrix, fitted.params[:2, :2], atol=1e-12)
         np.testing.assert_allclose(-transform.shift, fitted.translation, atol=1e-9)
         design = np.column_stack([centred[0], np.ones(len(source))])
-        solved, squares, *_ = np.linalg.lstsq(design, centred[1], rcond=None)
-        affine = fit_registration(source, target, pivot, model="affine").transform
-        np.testing.assert_allclose(affine.matrix, solved[:2].T, atol=1e-11)
+        _, squares, *_ = np.linalg.lstsq(design, centred[1], rcond=None)
         rms = np.sqrt(squares.sum() / source.size)
         assert page["models"].loc[(name, "affine"), "RMS (px)"] == pytest.approx(
             rms, rel=1e-9
         )
-
-
-def test_a_robust_fit_of_other_software_agrees_within_the_errors(page):
-    """OpenCV draws random pairs, and keeps the stars within a distance."""
-    for name in PAIRS:
-        source, target, fit = page["registered"][name]
-        cv2.setRNGSeed(1)
-        matrix, _ = cv2.estimateAffinePartial2D(
-            source - page["PIVOT"], target - page["PIVOT"], ransacReprojThreshold=0.3
-        )
-        off = fit.parameters - [
-            matrix[0, 0],
-            matrix[1, 0],
-            -matrix[0, 2],
-            -matrix[1, 2],
-        ]
-        assert np.abs(off / fit.standard_errors).max() < 3
 
 
 def test_centroids_of_photutils_give_the_same_registration(page):
@@ -144,32 +108,6 @@ def test_centroids_of_photutils_give_the_same_registration(page):
         np.median(np.abs(one.residuals[one.weights > 0])) for one in (ours, theirs)
     ]
     assert scatter[0] < 0.8 * scatter[1]
-
-
-def _correlated(one, other):
-    """Return the shift that maps an image onto another, x before y."""
-    return phase_cross_correlation(one, other, upsample_factor=500, normalization=None)[
-        0
-    ][::-1]
-
-
-def test_correlated_images_have_the_same_shift_without_any_star(page):
-    """Each block of two mosaics, without the sky and the brightest pixels, is correlated."""
-    flat = {}
-    for band in "hk":
-        image = np.log(page["mosaics"][band] - 0.9 * page["mosaics"][band].min())
-        image = image - gaussian_filter(image, 3)
-        flat[band] = np.clip(image, *(3 * image.std() * np.array([-1, 1])))
-    sides = [slice(start, start + 90) for start in range(0, 720, 90)]
-    blocks = list(itertools.product(sides, sides))
-    shifts = np.array(
-        [_correlated(flat["h"][block], flat["k"][block]) for block in blocks]
-    )
-    mean, error = shifts.mean(axis=0), shifts.std(axis=0) / np.sqrt(len(shifts))
-    assert mean[0] > 3 * error[0]
-    # Whole pixels draw a correlation towards no shift: it is too small, never too large.
-    fit = page["fit"]
-    assert 0 < mean[0] < fit.parameters[2] + 3 * fit.standard_errors[2]
 
 
 def test_a_wave_is_found(page):
@@ -207,13 +145,6 @@ def test_the_null_test_holds_except_for_one_shift(page):
     assert far.index.tolist() == [("H to K", "shift along x")]
 
 
-def test_lenses_have_scales_near_one(page):
-    table = page["lenses"]
-    assert len(table) == 2888
-    assert len(table.groupby(["maker", "lens"])) == len(page["of_lenses"]) == 684
-    assert (table[["vr", "vb"]] - 1).abs().to_numpy().max() < 0.01
-
-
 def test_a_lens_is_registered_as_its_points_are(page):
     """The scale of a lens is that of a fit to points over the detector."""
     width, height = page["width"], page["height"]
@@ -230,19 +161,3 @@ def test_a_lens_is_registered_as_its_points_are(page):
     fit = fit_registration(red, green, (0, 0))
     found = page["lens_scales"](lenses, width, height).iloc[row]
     assert found["red"] == pytest.approx(float(fit.transform.scale) - 1, abs=1e-12)
-
-
-def test_a_larger_red_image_is_registered_to_green_by_a_scale_below_one(page):
-    table = page["lenses"]
-    plain = ((table[["br", "cr"]] == 0).all(axis=1) & (table["vr"] > 1.0001)).to_numpy()
-    assert plain.sum() > 100
-    found = page["lens_scales"](table, 2064.0, 1544.0)["red"].to_numpy()[plain]
-    np.testing.assert_allclose(found, 1 / table["vr"].to_numpy()[plain] - 1, rtol=1e-9)
-    assert (found < 0).all()
-
-
-def test_a_printed_scale_is_counted_among_the_lenses(page):
-    """Table 4 prints the scale 0.9996 for red."""
-    nearer = page["of_lenses"]["red"].between(-0.0004, 0.0004, inclusive="both").sum()
-    farther = page["among_lenses"]["lenses farther from one"]
-    assert farther[("Table 4", "red")] == 684 - nearer

@@ -1,6 +1,5 @@
 """Simulation-based calibration: a small run, the band, a broken model, the stored studies."""
 
-import re
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -8,7 +7,6 @@ import pandas as pd
 import pytest
 
 import calibrations as stored
-import reproduce as rp
 from calibrations import (
     DRAWS,
     LEVELS,
@@ -24,16 +22,11 @@ from reproduce.inference.models import GaussianRegistration
 from reproduce.papers.posteriors import posteriors
 from reproduce.store import studies
 from reproduce.views.posterior import book_posterior
+from reproduce.views.posteriors import _diagnosed
 
-SMALL = 12
 # The main models have more replicates than the others, and printed data fewer.
 MAIN = ("misalignment", "registration")
 RECOMPUTED = (1, 2, 7)
-
-
-@pytest.fixture(scope="module")
-def small():
-    return calibrate(posteriors()["registration"].model(), stored.SEED, SMALL)
 
 
 def uniform(count, seed=1):
@@ -41,21 +34,6 @@ def uniform(count, seed=1):
     ranks = np.random.default_rng(seed).integers(0, DRAWS + 1, (count, 3))
     covered = np.zeros((count, len(LEVELS), 2), np.int8)
     return Ranks(("a", "b", "c"), ranks, np.zeros(count, bool), covered)
-
-
-def test_a_small_calibration_is_the_beginning_of_the_stored_one(small):
-    """Rounding errors of another processor may change a chain, but hardly the ranks."""
-    model = posteriors()["registration"].model()
-    assert small.ranks.shape == (SMALL, 9)
-    assert small.names[:5] == model.names
-    assert small.probabilities().min() > 0.001
-    assert not small.failed.any()
-    ranks = stored.load("registration").ranks[:SMALL]
-    assert (np.abs(small.ranks - ranks) <= 2).mean() > 0.95
-    # A replicate does not depend on the others, and the coverage does not need the chains.
-    np.testing.assert_array_equal(replicate(model, stored.SEED, 2)[0], small.ranks[2])
-    np.testing.assert_array_equal(intervals(model, stored.SEED, SMALL), small.covered)
-    assert small.covered.mean() > 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,8 +86,6 @@ def test_stored_calibrations_are_those_of_the_present_models(name):
     least = 1000 if posteriors()[name].simulated else 30
     assert found.replicates >= (2000 if name in MAIN else least)
     assert found.names == named(model)
-    assert found.ranks.min() >= 0
-    assert found.ranks.max() <= DRAWS
     # The least probability of all quantities: one false alarm in 1000.
     assert found.probabilities().min() > 0.001 / len(found.names)
     assert found.failed.mean() < 0.02
@@ -125,11 +101,9 @@ def test_stored_calibrations_are_those_of_the_present_models(name):
         assert failed == found.failed[index]
         np.testing.assert_array_equal(covered, found.covered[index])
     assert sum(same) >= 2, same
-    # A parameter has an estimate in all replicates or in none. Wider intervals cover more.
-    covered = found.covered
-    assert covered.shape[1:] == (len(LEVELS), model.dimension)
-    np.testing.assert_array_equal((covered < 0).all(axis=0), (covered < 0).any(axis=0))
-    assert (np.diff(covered, axis=1) >= 0).all()
+    # The coverage does not need the chains.
+    again = intervals(model, stored.SEED, 2)
+    np.testing.assert_array_equal(again, found.covered[:2])
 
 
 def test_every_model_has_separate_random_numbers():
@@ -144,41 +118,12 @@ def test_every_model_has_separate_random_numbers():
     assert not set.intersection(*truths)
 
 
-def test_a_stored_calibration_reads_back(tmp_path, small):
-    """Also without an estimate of the second parameter."""
-    covered = small.covered.copy()
-    covered[..., 1] = -1
-    found = replace(small, covered=covered)
-    stored.store("registration", found, 7, tmp_path)
-    again = stored.load("registration", tmp_path)
-    np.testing.assert_array_equal(again.ranks, found.ranks)
-    np.testing.assert_array_equal(again.covered, covered)
-    assert again.names == found.names
-    coverage = again.estimator_coverage(0.95)
-    assert np.isnan(coverage).tolist() == [False, True, False, False, False]
-    assert coverage[0] == covered[:, LEVELS.index(0.95), 0].mean()
-
-
 def test_the_tables_of_the_book_are_those_of_the_stored_ranks():
     pd.testing.assert_frame_equal(stored.table(), studies.table(stored.NAME), rtol=1e-9)
-    shown = rp.posterior().diagnostics("chen2023")._repr_html_()
-    head, cell = r'<th scope="row">(.*?)</th>(.*?)</tr>', r"<td>(.*?)</td>"
-    rows = {
-        name: re.findall(cell, rest)
-        for name, rest in re.findall(head, shown, re.DOTALL)
-    }
-    papers = {key: one.paper for key, one in posteriors().items()}
-    assert list(rows) == [key for key, paper in papers.items() if paper == "chen2023"]
-    for name, (rhat, times, size, _, *rest) in rows.items():
-        ranks, found = stored.load(name), book_posterior(name)
-        expected = [
-            max(row.rhat for row in found.rows),
-            found.chain.shape[1] / found.time,
-            min(min(row.bulk, row.tail) for row in found.rows),
-        ]
-        numbers = [float(text.replace(",", "")) for text in (rhat, times, size)]
-        assert numbers == pytest.approx(expected, rel=0, abs=0.51)
-        assert numbers[0] == pytest.approx(expected[0], abs=1e-4)
-        counts = (int(ranks.failed.sum()), len(ranks.names))
-        assert rest[:3] == [f"{ranks.replicates:,}", *map(str, counts)]
-        assert len(rest) == 7
+    name = "registration"
+    row = _diagnosed(name, stored.table().query("posterior == @name"), stored.TRIALS)
+    ranks, found = stored.load(name), book_posterior(name)
+    assert row["R-hat, largest"] == f"{max(one.rhat for one in found.rows):.4f}"
+    counts = [str(ranks.failed.sum()), str(len(ranks.names))]
+    assert [row["failed"], row["quantities"]] == counts
+    assert row["replicates"] == f"{ranks.replicates:,}"

@@ -26,7 +26,6 @@ DIFFERENT = (
     (INTERVAL, {**INTERVAL, "share": 1e-5 + 1e-15}),
     (EMPTY, {**EMPTY, "tolerance": 1e-5 + 1e-15}),
     (1.0, 1),
-    (True, False),
     ([1.0], [1.0, 2.0]),
     ({"a": 1.0}, {"b": 1.0}),
     ("1.25", "1.26"),
@@ -35,7 +34,6 @@ DIFFERENT = (
     (DRAWING, DRAWING.replace("L", "M")),
     (DRAWING, DRAWING.replace("one", "two")),
     (DRAWING, 2 * DRAWING),
-    ("<svg></svg>", "<svg></svg><svg></svg>"),
 )
 SCRIPT = """import json, os, pathlib, sys
 book = pathlib.Path(sys.argv[0]).parent.parent / 'book'
@@ -63,8 +61,6 @@ def test_only_drawings_of_random_draws_may_move_visibly():
         first, second = (f'<svg><path d="M {x:.3f} 2"/></svg>' for x in (1, 1 + shift))
         (found,) = differences({page: first}, {page: second})
         assert is_wrong(found) == wrong
-        (found,) = differences({page: first}, {page: first.replace("M", "L")})
-        assert is_wrong(found) == (page == "data.md")
 
 
 def test_results_with_other_arithmetic_are_compared(tmp_path, monkeypatch, capfd):

