@@ -272,7 +272,7 @@ class Table(ItemView):
                 "cell": cell.name,
                 "Printed": " ".join((_printed(cell), *_notes(cell))),
                 "Computed": verdicts.computed(record),
-                "Verdict": f"{record.verdict} {verdicts.flags(record.flags)}".strip(),
+                "Verdict": " ".join(filter(None, _verdict_texts(record))),
             }
             for cell, record in zip(table.cells, records, strict=True)
         ]
@@ -361,6 +361,11 @@ def _rerun_code(address: str, change: tuple[str, str] | None) -> str:
     """Return the call of a table or a cell, with the change of an input."""
     call = '.rerun({{"{}": "{}"}})'.format(*change) if change else ""
     return f'rp.table("{address}"){call}'
+
+
+def _verdict_texts(record: Record) -> tuple[str, str, str]:
+    replied = verdicts.replied_state(record.cell)
+    return record.verdict, verdicts.flags(record.flags), replied
 
 
 def _notes(cell: PrintedCell) -> dict[str, str]:
