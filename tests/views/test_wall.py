@@ -69,6 +69,9 @@ def test_a_sweep_of_a_table_has_the_values_of_each_rerun():
         single = rp.table(TABLE).rerun({FOCAL: value}).frame()
         assert computed[(value, "scale.red")] == single.loc["scale.red", "changed"]
     assert f"{values[1]} (printed)" in repr(swept)
+    for shown in (repr(swept), swept._repr_html_()):
+        assert "Scale factor, Red" in shown
+        assert "scale.red" not in shown
     (dial,) = parse(swept._repr_html_()).select("input")
     assert (dial["type"], dial["max"], dial["value"]) == ("range", "2", "1")
     # Blue does not depend on the focal length of red.

@@ -124,8 +124,8 @@ class Sweep(Display):
     printed : list of bool
         Whether the value of a step is the printed one.
     rows : DataFrame
-        One row per step and number, which are its index: setting, cell, computed, low, high, unit,
-        text, and for its picture the height of the dashed line (mark) and the smallest range
+        One row per step and number, which are its index: setting, cell, label, computed, low, high,
+        unit, text, and for its picture the height of the dashed line (mark) and the smallest range
         (bottom, top).
     dashed : str
         Meaning of the dashed lines of the pictures.
@@ -150,7 +150,7 @@ class Sweep(Display):
             (part["setting"].iloc[0] + " (printed)" * printed, *part["text"])
             for printed, part in zip(self.printed, steps, strict=True)
         ]
-        return Grid(self.caption, (self.label, *steps[0]["cell"]), lines)
+        return Grid(self.caption, (self.label, *steps[0]["label"]), lines)
 
     def blocks(self) -> Iterator[Block]:
         """Yield the table, on a page with a slider and a picture of each number."""
@@ -185,7 +185,7 @@ def _picture(rows: pd.DataFrame) -> dict[str, Any]:
     x = np.linspace(start, end, len(values)).round(1)
     marks = np.column_stack([x, height(values)])
     return {
-        "cell": first["cell"],
+        "label": first["label"],
         "unit": first["unit"],
         "marks": marks[np.isfinite(values[:, 1])].tolist(),
         "dashed": height(first["mark"]) if np.isfinite(first["mark"]) else None,
@@ -194,7 +194,7 @@ def _picture(rows: pd.DataFrame) -> dict[str, Any]:
 
 
 def swept(
-    key: str,
+    place: str,
     moved: str | Sequence[str],
     values: Sequence[str | float | Sequence[str | float]],
     compute: Callable[[Change], pd.DataFrame],
@@ -226,11 +226,12 @@ def swept(
         change = dict(zip(names, step, strict=True))
         parts.append(compute(change).assign(setting=", ".join(map(str, step))))
     rows = pd.concat(parts, keys=range(len(parts)), names=["step", "number"])
-    caption = f"{key} for {len(steps)} values of {' and '.join(names)}"
+    inputs = "an input" if len(names) == 1 else f"{len(names)} inputs"
+    caption = f"{place}, for {len(steps)} values of {inputs}."
     if rows["low"].notna().any():
-        caption += ". In brackets: the central 99 % of the prediction"
+        caption += " In brackets: the central 99 % of the prediction."
     label = ", ".join(cell.label for cell in cells)
-    return Sweep(f"{caption}.", label, printed, rows, dashed)
+    return Sweep(caption, label, printed, rows, dashed)
 
 
 def of_cells(rerun: Rerun, names: Sequence[str]) -> pd.DataFrame:
@@ -245,13 +246,14 @@ def of_cells(rerun: Rerun, names: Sequence[str]) -> pd.DataFrame:
             if changed.interval:
                 text += f" ({_text(cell, low)} to {_text(cell, high)})"
             bottom, top = cell.number.interval()
-            row = (cell.name, changed.value, low, high, unit)
+            row = (cell.name, cell.label, changed.value, low, high, unit)
             text = quantity(text, unit) or "none"
             rows.append((*row, text, cell.number.value, bottom, top))
     return pd.DataFrame(rows, columns=_COLUMNS)
 
 
-_COLUMNS = ["cell", "computed", "low", "high", "unit", "text", "mark", "bottom", "top"]
+_COLUMNS = ["cell", "label", "computed", "low", "high", "unit", "text", "mark"]
+_COLUMNS += ["bottom", "top"]
 
 
 def of_study(
@@ -291,6 +293,6 @@ def of_study(
             mark, text = float(old[name]), entry(new[name], columns[name])
             room = _MIN_CHANGE_RATIO * abs(mark)
             cell = ": ".join(filter(None, (", ".join(texts), name)))
-            row = (cell, float(new[name]), None, None, "", text)
+            row = (cell, cell, float(new[name]), None, None, "", text)
             rows.append((*row, mark, mark - room, mark + room))
     return pd.DataFrame(rows, columns=_COLUMNS)

@@ -212,7 +212,7 @@ class Table(ItemView):
             result = rerunning.rerun(self.key, step, replicates=replicates)
             return of_cells(result, cells)
 
-        return swept(self.key, address, values, compute)
+        return swept(self._printed.place, address, values, compute)
 
     def export(self, form: str) -> str:
         """Return the table as csv, json, latex, markdown or covariance.
