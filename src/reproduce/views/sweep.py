@@ -99,7 +99,7 @@ class Changed(Display):
                 before = None if self.result.is_reading else one.unchanged
                 numbers = (before, one.value, *(one.interval or (None, None)))
                 texts = (_text(cell, number) for number in numbers)
-                words = (cell.name, minus(cell.text), *texts)
+                words = (cell.label, minus(cell.text), *texts)
                 row = (*words, one.verdict, symbol(cell.unit))
                 rows.append(dict(zip(heads, row, strict=True)))
         return Grid.of(caption, heads, rows)
