@@ -164,6 +164,8 @@ def joined(*, listed: bool = False) -> str:
     assets, shown = dict[str, None](), {}
     for page in pages:
         text = (HTML / page).read_text(encoding="utf-8").replace(LINK, "")
+        # A second print does not contain the links that the first one wrote.
+        text = FILES.sub(r"\1", text)
         assets |= dict.fromkeys(ASSET.findall(STATIC.sub('"html/_static', text)))
         (article,) = ARTICLE.findall(text)
         deeper = HEADING.sub(lambda found: f"{found[1]}h{int(found[2]) + 1}", article)
