@@ -11,6 +11,7 @@ import pytest
 import rdflib
 import yaml
 from click.testing import CliRunner
+from jinja2 import UndefinedError
 
 import reproduce as rp
 from book_facts import card
@@ -20,6 +21,7 @@ from reproduce.papers.catalogue import catalogue
 from reproduce.printed.cells import PAPERS, library
 from reproduce.printed.inputs import load_inputs
 from reproduce.views import export, reports
+from reproduce.views.blocks import rendered
 from reproduce.views.cli import main
 from reproduce.views.computed import item_ledger
 
@@ -155,6 +157,11 @@ def test_a_covariance_is_that_of_the_draws():
     for one, is_random in ((key, True), ("niu2024/table-2", False)):
         files = export.table_files(one)
         assert any("covariance" in path for path in files) is is_random
+
+
+def test_a_file_without_a_value_is_an_error():
+    with pytest.raises(UndefinedError, match="items"):
+        rendered("citation.ris")
 
 
 def test_the_state_of_a_reply_is_in_ledger_table_card_and_citation(monkeypatch):

@@ -19,6 +19,7 @@ from jinja2 import (
     Environment,
     FileSystemLoader,
     PackageLoader,
+    StrictUndefined,
     select_autoescape,
 )
 from markupsafe import Markup, escape
@@ -71,10 +72,17 @@ def _templates() -> Environment:
     return made
 
 
+@cache
+def _files() -> Environment:
+    """Return the templates of files for other programs, where every value must be known."""
+    return _templates().overlay(undefined=StrictUndefined)
+
+
 def rendered(template: str, **context: Any) -> Markup:
     """Return a template of the folder ``templates`` (HTML by default) or of ``data/reports``."""
-    name = template if "." in template else f"{template}.html"
-    return Markup(_templates().get_template(name).render(context))
+    if "." not in template:
+        return Markup(_templates().get_template(f"{template}.html").render(context))
+    return Markup(_files().get_template(template).render(context))
 
 
 @dataclass(frozen=True)
