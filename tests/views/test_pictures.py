@@ -237,6 +237,7 @@ def test_wrong_arguments_are_named():
         (lambda: rp.stars(RED, threshold=-3), "threshold: expected"),
         (lambda: rp.stars(wrong), "row 1, column sigma"),
         (lambda: rp.stars(wrong[:0]), "expected"),
+        (lambda: rp.stars(wrong.assign(sigma=1, weight=1)), "column weight"),
         (lambda: rp.register(square, square + 1, threshold=5), "threshold"),
         (lambda: rp.register(RED, GREEN, weights=[1, 2]), "^weights: "),
     ):

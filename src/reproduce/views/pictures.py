@@ -204,8 +204,13 @@ def _stars(
         middle = (np.array(pixels.shape[::-1]) - 1) / 2
         facts, findings = spots.facts, spots.findings
     else:
-        table = read_table(source, _CENTRE[:2], (*SIGMAS, "flux", "mag"), sep, name)
+        optional = (*SIGMAS, "flux", "mag", "weight")
+        table = read_table(source, _CENTRE[:2], optional, sep, name)
         name, centre = table.path, table.values
+        if "weight" in table.numbers:
+            raise ValueError(
+                f"{name}: expected no column weight in the stars of one image, got one. Give sigma"
+            )
         names = {"flux", "mag"} & {*table.numbers}
         columns = {name: table.numbers[name] for name in names}
         has_errors = {*SIGMAS} & {*table.numbers}
