@@ -84,7 +84,9 @@ def test_a_notebook_has_the_headings_and_numbers_of_its_page():
         assert all(cell.execution_count for cell in code)
         text = "\n".join(cell.source for cell in notebook.cells).replace("'", "’")
         words = "\n".join(c.source for c in notebook.cells if c.cell_type == "markdown")
-        assert not re.search(r"\{[a-z:]+\}`|^\([^)\s]+\)=$|^`{3}\{", words, re.M), path
+        assert not re.search(
+            r"\{[a-z:]+\}`|^\([^)\s]+\)=$|^(`{3}|:::)\{", words, re.M
+        ), path
         for link in re.findall(r"\]\(([^)#]+\.ipynb)\)", words):
             assert (path.parent / link).is_file()
         article = BeautifulSoup(page, "html.parser").article
