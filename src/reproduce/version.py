@@ -7,8 +7,8 @@ from hashlib import sha1
 from pathlib import Path
 
 NAME = "reproduce-pointing"
-__version__ = "0.2.0"
-RELEASED = "2026-11-25"
+__version__ = "0.3.0"
+RELEASED = "2026-11-27"
 # A person is "Family, Given". `pyproject.toml` names the same authors.
 AUTHORS = ("The reproduce-pointing developers",)
 # A wheel contains the commit of its checkout, and the address and the DOI of its build.
