@@ -30,7 +30,7 @@ def test_matrix_of_a_rotation_vector_agrees_with_scipy():
 
 
 def test_rotation_vector_comes_back_to_the_last_digits():
-    usable = VECTORS[np.linalg.norm(VECTORS, axis=-1) < 3.1]
+    usable = VECTORS[np.linalg.norm(VECTORS, axis=-1) < np.pi]
     back = vector_from_rotation(rotation_from_vector(usable))
     assert_allclose(back, usable, rtol=1e-12, atol=1e-15)
 
@@ -50,7 +50,7 @@ def test_unit_vectors_of_any_length():
 @pytest.mark.parametrize(
     ("function", "arguments", "name"),
     [
-        (vector_from_rotation, (np.diag([-1, -1, 1]),), "rotation"),
+        (vector_from_rotation, (np.diag([-1, 1, 1]),), "rotation"),
         (unit, ("v", [[1, 0, 0], [0, 0, 0]]), r"v.* index \(1,\)"),
         (unit, ("v", [1e200, 0, 0]), "v"),
     ],

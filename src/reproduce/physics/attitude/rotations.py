@@ -18,6 +18,8 @@ worst axis.
 
 from __future__ import annotations
 
+from typing import Annotated, Any
+
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation as SciPyRotation
@@ -31,6 +33,7 @@ from reproduce.physics.validate import (
     Weights,
 )
 
+_Rotations = Annotated[Any, (None, 3, 3), validate.rotations]
 # Relative gap below which rounding rotates the result by a milliradian: that of directions about a
 # microradian apart, or of a weight of this fraction.
 _MIN_EIGENVALUE_GAP = 1e-12
@@ -59,15 +62,8 @@ def unit(name: str, vectors: ArrayLike) -> FloatArray:
     array([0., 0., 1.])
     """
     array = validate.finite_array(name, vectors, shape=(3,))
-    length = np.sqrt(np.einsum("...i,...i->...", array, array))
-    usable = (length > 0) & np.isfinite(length)
-    if not usable.all():
-        first = tuple(np.argwhere(~usable)[0].tolist())
-        raise ValueError(
-            f"{name}: expected a length above zero, got {length[first]:g} at index {first}. "
-            "Remove this row, or give it weight zero and any direction"
-        )
-    return np.asarray(array / length[..., None])
+    lengths = np.sqrt(np.einsum("...i,...i->...", array, array))
+    return array / validate.positive(f"{name} (length)", lengths)[..., None]
 
 
 @validate.checked
@@ -117,7 +113,7 @@ def rotation_from_vector(rotation_vector: Direction) -> FloatArray:
 
 @validate.checked
 def vector_from_rotation(rotation: Rotation) -> FloatArray:
-    """Return the rotation vector of a rotation by less than 180 deg.
+    """Return the rotation vector of a rotation, of at most 180 deg.
 
     Parameters
     ----------
@@ -129,25 +125,14 @@ def vector_from_rotation(rotation: Rotation) -> FloatArray:
     ndarray, shape (..., 3)
         Axis times angle, in radians, right-handed.
 
-    Raises
-    ------
-    ValueError
-        If a rotation is larger than 179.9 deg.
-
     Examples
     --------
     >>> vector_from_rotation([[0, -1, 0], [1, 0, 0], [0, 0, 1]]) / np.pi
     array([0. , 0. , 0.5])
     """
-    twist = 0.5 * (rotation - rotation.mT)[..., [2, 0, 1], [1, 2, 0]]
-    cosine = 0.5 * (np.trace(rotation, axis1=-2, axis2=-1) - 1.0)
-    angle = np.arctan2(np.linalg.norm(twist, axis=-1), cosine)
-    if (angle > np.radians(179.9)).any():
-        raise ValueError(
-            "rotation: expected angles below 179.9 deg, got "
-            f"{np.degrees(angle.max()):.4g} deg. Choose a frame nearer to the other frame"
-        )
-    return np.asarray(twist / np.sinc(angle / np.pi)[..., None])
+    # A batch of more axes needs SciPy 1.17.
+    vectors = SciPyRotation.from_matrix(rotation.reshape(-1, 3, 3)).as_rotvec()
+    return np.asarray(vectors.reshape(rotation.shape[:-1]))
 
 
 @validate.checked
@@ -221,11 +206,9 @@ def quest(
     """
     profile = _profile(target_vectors, source_vectors, weights)
     _nearest_rotation(profile)  # raises an error if a rotation is free
-    davenport = np.zeros((4, 4))
-    davenport[:3, :3] = profile + profile.T - np.trace(profile) * np.eye(3)
-    davenport[:3, 3] = (profile.T - profile)[[1, 2, 0], [2, 0, 1]]
-    davenport[3, :3] = davenport[:3, 3]
-    davenport[3, 3] = np.trace(profile)
+    trace, twist = np.trace(profile), (profile.T - profile)[[1, 2, 0], [2, 0, 1]]
+    upper = profile + profile.T - trace * np.eye(3)
+    davenport = np.block([[upper, twist[:, None]], [twist, trace]])
     square, volume = np.square(profile).sum(), 8.0 * np.linalg.det(profile)
     minors = 2.0 * (square**2 - np.square(profile @ profile.T).sum())
     root = 1.0  # the sum of the weights, an upper bound
@@ -233,16 +216,18 @@ def quest(
         excess = root**2 - square
         value = excess**2 - root * volume - minors
         root -= max(value / (4.0 * root * excess - volume), 0.0)
-    matrix = davenport - root * np.eye(4)
-    cofactors = np.zeros((4, 4))
-    for i, j in np.ndindex(4, 4):
-        minor = np.delete(np.delete(matrix, i, axis=0), j, axis=1)
-        cofactors[i, j] = (-1) ** (i + j) * np.linalg.det(minor)
-    quaternion = cofactors[np.abs(cofactors.diagonal()).argmax()]
+    rows = (np.delete(davenport - root * np.eye(4), i, axis=0) for i in range(4))
+    # Cofactors of each row, up to a common sign: a quaternion, of length zero for some rows.
+    cofactors = [
+        [np.linalg.det(np.vstack([others, axis])) for axis in np.eye(4)]
+        for others in rows
+    ]
+    quaternion = max(cofactors, key=np.linalg.norm)
     return np.asarray(SciPyRotation.from_quat(quaternion).as_matrix())
 
 
-def mean_rotation(matrices: ArrayLike) -> FloatArray:
+@validate.checked
+def mean_rotation(matrices: _Rotations) -> FloatArray:
     """Return the rotation closest to several rotations, in the sum of squared differences.
 
     Parameters
@@ -265,8 +250,7 @@ def mean_rotation(matrices: ArrayLike) -> FloatArray:
     >>> mean_rotation([np.eye(3), np.eye(3)]).diagonal()
     array([1., 1., 1.])
     """
-    array = validate.rotations("matrices", matrices, shape=(None, 3, 3))
-    return _nearest_rotation(array.mean(axis=-3))
+    return _nearest_rotation(matrices.mean(axis=-3))
 
 
 def _profile(
