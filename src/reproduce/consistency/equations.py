@@ -96,7 +96,8 @@ def _rotary_matrix(number: _Number) -> _Values:
 
 def _unit_circle(number: _Number) -> _Values:
     turn = number("niu2024/table-2#rotation.red")
-    return registration.constraint_printed(turn), registration.constraint(turn), 0.0
+    cosine, sine = np.cos(turn), np.sin(turn)
+    return 2 * cosine**2 - 1, cosine**2 + sine**2 - 1, 0.0
 
 
 def _iteration(number: _Number) -> _Values:
@@ -167,8 +168,8 @@ def _roll_leak(number: _Number) -> _Values:
     across, along = (spots.mean(axis=0) - optics.detector_centre(size)) * scale
     reference = rotation_from_vector(np.array([-along, across, 0.0]))
     rolled = reference @ rotation_from_vector(np.array([0.0, 0.0, 60 * _ARCSEC]))
-    forms = attitude.transform_error_printed, attitude.misalignment_between
-    angles = [attitude.misalignment_angles(form(rolled, reference)) for form in forms]
+    forms = rolled @ reference.T, attitude.misalignment_between(rolled, reference)
+    angles = [attitude.misalignment_angles(form) for form in forms]
     return *(np.hypot(*angle[:2]) / _ARCSEC for angle in angles), 0.0
 
 

@@ -20,6 +20,7 @@ FloatArray = NDArray[np.float64]
 _Shape = tuple[int | str | None, ...]
 P = ParamSpec("P")
 R = TypeVar("R")
+C = TypeVar("C")
 # Largest error of the products of rows of a rotation matrix. Rounding errors are smaller.
 _ORTHOGONALITY_TOLERANCE = 1e-6
 # Rows that a warning names, at most.
@@ -144,7 +145,7 @@ def _valid(name: str, array: FloatArray, valid: Any, expected: str) -> FloatArra
     return array
 
 
-def size(name: str, value: ArrayLike, *, shape: _Shape = ()) -> float:
+def _size(name: str, value: ArrayLike, *, shape: _Shape = ()) -> float:
     """Return one number above zero as a float."""
     array = positive(name, value)
     if array.ndim:
@@ -175,7 +176,8 @@ def rotations(name: str, matrices: ArrayLike, *, shape: _Shape = (3, 3)) -> Floa
 Number = Annotated[Any, ()]
 Positive = Annotated[Any, (), positive]
 NonNegative = Annotated[Any, (), non_negative]
-Size = Annotated[Any, (), size]
+Size = Annotated[Any, (), _size]
+Sides = Annotated[Any, (2,), positive]
 Point = Annotated[Any, (2,)]
 Points = Annotated[Any, ("n", 2)]
 Direction = Annotated[Any, (3,)]
@@ -230,6 +232,12 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
         return function(*bound.args, **bound.kwargs)
 
     return wrapper
+
+
+def checked_fields(cls: type[C]) -> type[C]:
+    """Check the fields of a dataclass when they are set, as `checked` does with arguments."""
+    cls.__init__ = checked(cls.__init__)  # type: ignore[method-assign]
+    return cls
 
 
 def weights_for(weights: ArrayLike | None, count: int) -> FloatArray:

@@ -2,13 +2,23 @@
 
 from __future__ import annotations
 
+from itertools import product
+
 import numpy as np
 from numpy.testing import assert_allclose, assert_array_equal
 
-from reproduce.physics.optics import arrangement_angles, arrangement_names
+from reproduce.physics.optics import arrangement_angles, arrangements
 
 HALF_X, HALF_Y, STEP = HALVES = np.radians((8.0, 6.0, 0.9))
-FAMILY = {name: arrangement_angles(name, *HALVES) for name in arrangement_names()}
+NAMES = map(
+    "; ".join,
+    product(
+        arrangements._lattices(np.ones(2), 1.0),
+        (*arrangements._OFFSETS, arrangements._CORNER),
+        arrangements._windows(np.ones((1, 2)), np.ones(2)),
+    ),
+)
+FAMILY = {name: arrangement_angles(name, *HALVES) for name in NAMES}
 SQUARE, CIRCLE = "square, step between neighbours", "circle of the smaller half range"
 
 

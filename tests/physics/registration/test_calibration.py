@@ -1,4 +1,4 @@
-"""The paper's iteration: derivatives, convergence, starting values, and its printed forms."""
+"""The paper's iteration: derivatives, convergence, starting values, and its printed form."""
 
 from __future__ import annotations
 
@@ -10,14 +10,11 @@ from numpy.testing import assert_allclose, assert_array_equal
 from reproduce.physics.registration import (
     Registration,
     calibrate,
-    constraint,
-    constraint_printed,
     deviations,
     fit_registration,
     gauss_newton_step,
     gauss_newton_step_printed,
     jacobian,
-    random_starts,
     starting_values,
 )
 from reproduce.physics.validate import DegenerateGeometryError
@@ -103,14 +100,6 @@ def test_printed_sign_walks_away_from_every_start_but_the_solution() -> None:
     assert_allclose(stay, solution, atol=1e-9)
 
 
-def test_printed_constraint_holds_at_45_degrees_alone() -> None:
-    angles = np.radians(np.arange(0, 361, 5))
-    assert_allclose(constraint(angles), 0, atol=1e-15)
-    assert_allclose(constraint_printed(angles), np.cos(2 * angles), atol=1e-15)
-    held = np.abs(constraint_printed(angles)) < 1e-12
-    assert_allclose(np.degrees(angles[held]), [45, 135, 225, 315])
-
-
 def test_line_direction_by_singular_vectors() -> None:
     rng = default_rng(4)
     points = rng.normal(size=(30, 2)) * (5, 0.5) @ [[0.8, 0.6], [-0.6, 0.8]] + (100, 50)
@@ -136,12 +125,8 @@ def test_two_line_rotation_takes_the_short_way_round() -> None:
 
 def test_random_restarts_all_end_at_the_closed_form() -> None:
     source, target = spots(15, (3,))
-    starts = random_starts(
-        np.tile(START, (3, 1)), (0.5, 3.0, 50, 50), 20, default_rng(5)
-    )
-    assert starts.shape == (20, 3, 4)
-    assert (np.abs(starts - START) <= (0.5, 3.0, 50, 50)).all()
-    ends = [calibrate(source, target, PIVOT, start).parameters for start in starts]
+    moves = default_rng(5).uniform(-1, 1, (20, 3, 4)) * (0.5, 3.0, 50, 50)
+    ends = [calibrate(source, target, PIVOT, START + m).parameters for m in moves]
     closed = fit_registration(source, target, PIVOT)
     assert_allclose(ends, np.broadcast_to(closed.parameters, (20, 3, 4)), atol=1e-9)
 

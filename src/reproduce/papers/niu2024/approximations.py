@@ -11,6 +11,8 @@ of two of the five effects. The assumed values are:
 
 from __future__ import annotations
 
+from dataclasses import replace
+from functools import partial
 from itertools import product
 
 import numpy as np
@@ -25,13 +27,7 @@ from reproduce.papers.niu2024.simulation import (
     numbers,
     zero_positions,
 )
-from reproduce.physics.registration import (
-    EFFECTS,
-    Channels,
-    error_field,
-    even_positions,
-    fit_registration,
-)
+from reproduce.physics.registration import error_field, fit_registration
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.inputs import Inputs
 from reproduce.units import ARCSEC_PER_RADIAN
@@ -45,15 +41,8 @@ INPUTS = (
     "niu2024/text-optics#pixels-*",
     _FIRST_TERM_FRACTION,
 )
-# Positions along either side of the detector.
-_POSITIONS_ACROSS = 200
-_TITLES = {
-    "coefficients": "unequal coefficients",
-    "cube": "k³ for k",
-    "pivot": "green's pivot",
-    "tilt": "tilt",
-    "second term": "second radial term",
-}
+# Middles of 200 equal parts of either side of the detector, in half sides from its centre.
+_MIDDLES = (np.arange(200) + 0.5) / 100 - 1
 
 
 @reproduces(
@@ -91,19 +80,31 @@ def _half_size(inputs: Inputs) -> FloatArray:
     return inputs.array("niu2024/text-optics#pixels-?") * pitch / 2
 
 
-def _channels(inputs: Inputs, table: str, channel: str) -> Channels:
-    """Return a channel and green, with the printed parameters and the assumed values."""
+def _error_fields(
+    inputs: Inputs, table: str, channel: str, positions: FloatArray
+) -> dict[str, FloatArray]:
+    """Return the error of each effect at positions in a channel, (n, 2), in px, by its name.
+
+    The effects have the printed parameters and the assumed values.
+    """
     cameras, rotations = _INSTRUMENTS[table](inputs)
     index = CHANNELS.index(channel)
     green, source, rotation = cameras[0], cameras[index], rotations[index]
-    tilt = np.tan(abs(rotation))
+    field = partial(error_field, positions=positions, rotation=rotation)
+    both = source, green
+    straight = [replace(camera, radial_distortion=0.0) for camera in both]
+    distortions = np.array([camera.radial_distortion for camera in both])
+    cube = field(source, replace(green, radial_distortion=distortions[0]))
+    moved = green.principal_point - source.principal_point
     # The second term is the remainder that the printed fraction leaves at the corner.
     rest = (1 / inputs[_FIRST_TERM_FRACTION] - 1) / np.square(_half_size(inputs)).sum()
-    second, reference = (
-        round(float(camera.radial_distortion) * rest, 12) for camera in (source, green)
-    )
-    x, y = (green.principal_point - source.principal_point).tolist()
-    return Channels(source, green, rotation, (x, y), (tilt, tilt), (second, reference))
+    return {
+        "unequal coefficients": field(*both) - cube,
+        "k³ for k": cube,
+        "green's pivot": field(*straight, pivot_error=moved),
+        "tilt": field(*straight, tilt=np.tan(np.abs([rotation, rotation]))),
+        "second radial term": field(*straight, second_term=rest * distortions),
+    }
 
 
 def _facts(inputs: Inputs) -> dict[str, float]:
@@ -149,14 +150,13 @@ def _facts(inputs: Inputs) -> dict[str, float]:
 )
 def _errors(inputs: Inputs) -> Rows:
     """Compute the size of each error over the detector, and its residual after a fit."""
-    positions = even_positions(_half_size(inputs), _POSITIONS_ACROSS)
-    for table, channel, effect in product(_INSTRUMENTS, REGISTERED, EFFECTS):
-        channels = _channels(inputs, table, channel)
-        error = error_field(channels.only(effect), positions)
-        if effect == "coefficients":
-            error = error - error_field(channels.only("cube"), positions)
-        # A fit removes the scale, rotation and shift of the positions.
-        fit = fit_registration(positions * 1e6, positions * 1e6 + error, (0.0, 0.0))
-        lengths = np.linalg.norm([error, fit.residuals], axis=-1)
-        whole, rest = np.sqrt(np.square(lengths).mean(axis=-1)).tolist()
-        yield _TITLES[effect], table, channel, lengths[0].max(), whole, rest
+    grid = np.stack(np.meshgrid(_MIDDLES, _MIDDLES), axis=-1).reshape(-1, 2)
+    positions = grid * _half_size(inputs)
+    for table, channel in product(_INSTRUMENTS, REGISTERED):
+        fields = _error_fields(inputs, table, channel, positions)
+        for effect, error in fields.items():
+            # A fit removes the scale, rotation and shift of the positions.
+            fit = fit_registration(positions * 1e6, positions * 1e6 + error, (0.0, 0.0))
+            lengths = np.linalg.norm([error, fit.residuals], axis=-1)
+            whole, rest = np.sqrt(np.square(lengths).mean(axis=-1)).tolist()
+            yield effect, table, channel, lengths[0].max(), whole, rest

@@ -12,7 +12,6 @@ from reproduce.physics.attitude.angles import (
     stage_angle,
     stage_angle_printed,
     stage_angles,
-    transform_error_printed,
 )
 from reproduce.physics.attitude.averaging import (
     Stability,

@@ -137,11 +137,6 @@ def misalignment_angles(camera_now_from_camera_zero: Rotation) -> FloatArray:
         Rotation vector (theta_X, theta_Y, theta_Z) in the camera frame, in radians,
         right-handed: a positive theta_Y rotates the boresight towards X.
 
-    Raises
-    ------
-    ValueError
-        If a rotation is 180 deg.
-
     Examples
     --------
     After a right-handed rotation of the camera by 90 deg about Z, a direction along X at the zero
@@ -254,35 +249,6 @@ def misalignment_between(
     array([1., 1., 1.])
     """
     return tracker_from_camera_now.mT @ tracker_from_camera_zero
-
-
-@checked
-def transform_error_printed(
-    tracker_from_camera: Rotation, tracker_from_camera_reference: Rotation
-) -> FloatArray:
-    """Return the error of a laser transform as the product in the text.
-
-    The text behind Fig. 8 multiplies the transform by the transposed reference, T T_ref'.
-    That product begins and ends in the tracker, where the spots are off the boresight, so
-    the large error of the roll of the spots contributes to X and Y. The quoted accuracies belong
-    to the camera frame: use `misalignment_between`.
-
-    Parameters
-    ----------
-    tracker_from_camera, tracker_from_camera_reference : array_like, shape (..., 3, 3)
-        A laser transform, and the reference.
-
-    Returns
-    -------
-    ndarray, shape (..., 3, 3)
-        A small rotation within the tracker frame.
-
-    Examples
-    --------
-    >>> transform_error_printed(np.eye(3), np.eye(3)).diagonal()
-    array([1., 1., 1.])
-    """
-    return tracker_from_camera @ tracker_from_camera_reference.mT
 
 
 @checked

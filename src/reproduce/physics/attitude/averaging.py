@@ -8,14 +8,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Annotated, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from scipy.special import gammaincinv
 
 from reproduce.physics import validate
 from reproduce.physics.validate import FloatArray, NonNegative, Positive
 
+_Series = Annotated[Any, ("frames",)]
+_Angles = Annotated[Any, ("frames", None)]
 # Fewest averages of a deviation, and fewest frames.
 _MIN_AVERAGES = 8
 _MIN_FRAMES = 2 * _MIN_AVERAGES
@@ -23,7 +26,8 @@ _MIN_FRAMES = 2 * _MIN_AVERAGES
 _DRIFT_PARTS = 10
 
 
-def moving_average(series: ArrayLike, count: int) -> FloatArray:
+@validate.checked
+def moving_average(series: _Series, count: int) -> FloatArray:
     """Return the averages over every run of `count` consecutive frames.
 
     Parameters
@@ -43,11 +47,10 @@ def moving_average(series: ArrayLike, count: int) -> FloatArray:
     >>> moving_average([1, 2, 6, 10], 2)
     array([1.5, 4. , 8. ])
     """
-    frames = validate.finite_array("series", series, shape=(None,))
-    _check_counts("count", [count], frames.shape[-1])
+    _check_counts("count", [count], series.shape[-1])
     # Sums start at the first frame, because a common offset would cost digits.
-    first = frames[..., :1]
-    sums = np.cumsum(np.insert(frames - first, 0, 0.0, axis=-1), axis=-1)
+    first = series[..., :1]
+    sums = np.cumsum(np.insert(series - first, 0, 0.0, axis=-1), axis=-1)
     return (sums[..., count:] - sums[..., :-count]) / count + first
 
 
@@ -60,7 +63,8 @@ def _check_counts(name: str, counts: Sequence[int], greatest: int) -> None:
         )
 
 
-def scatter_of_averages(series: ArrayLike, counts: Sequence[int]) -> FloatArray:
+@validate.checked
+def scatter_of_averages(series: _Series, counts: Sequence[int]) -> FloatArray:
     """Return the standard deviation of moving averages over n frames of a series, for each n.
 
     The values for different n come from the same frames, so they are strongly correlated. For n
@@ -88,13 +92,13 @@ def scatter_of_averages(series: ArrayLike, counts: Sequence[int]) -> FloatArray:
     >>> scatter_of_averages([0, 2, 0, 2, 0, 2, 0, 2, 0, 2], [2])
     array([0.])
     """
-    frames = validate.finite_array("series", series, shape=(None,))
-    _check_counts("counts", counts, frames.shape[-1] - 1)
-    averages = (moving_average(frames, count) for count in counts)
+    _check_counts("counts", counts, series.shape[-1] - 1)
+    averages = (moving_average(series, count) for count in counts)
     return np.stack([average.std(axis=-1, ddof=1) for average in averages], axis=-1)
 
 
-def allan_deviation(series: ArrayLike, counts: Sequence[int]) -> FloatArray:
+@validate.checked
+def allan_deviation(series: _Series, counts: Sequence[int]) -> FloatArray:
     """Return the Allan deviation of averages over n frames of a series, for each n.
 
     It is the root of half the mean square difference of neighbouring averages. For white noise, it
@@ -122,9 +126,8 @@ def allan_deviation(series: ArrayLike, counts: Sequence[int]) -> FloatArray:
     >>> allan_deviation([0, 2, 0, 2, 0, 2], [1, 2]).round(3) + 0.0
     array([1.414, 0.   ])
     """
-    frames = validate.finite_array("series", series, shape=(None,))
-    _check_counts("counts", counts, frames.shape[-1] // 2)
-    squares = [np.square(_changes(frames, count)).mean(axis=-1) for count in counts]
+    _check_counts("counts", counts, series.shape[-1] // 2)
+    squares = [np.square(_changes(series, count)).mean(axis=-1) for count in counts]
     return np.sqrt(np.stack(squares, axis=-1) / 2)
 
 
@@ -192,7 +195,8 @@ class Stability:
         return self.floor * np.sqrt(half / gammaincinv(half, ends))
 
 
-def stability(times: ArrayLike, series: ArrayLike) -> Stability:
+@validate.checked
+def stability(times: _Series, series: _Angles) -> Stability:
     """Return the drift of a series of angles, and the number of frames that an average needs.
 
     Parameters
@@ -218,29 +222,27 @@ def stability(times: ArrayLike, series: ArrayLike) -> Stability:
     >>> drift.rate.round(9), drift.floor.round(9) + 0.0
     (array([3.]), array([0.]))
     """
-    values = validate.finite_array("series", series, shape=(None, None))
-    when = validate.finite_array("times", times, shape=(len(values),))
-    if len(values) < _MIN_FRAMES:
+    if len(series) < _MIN_FRAMES:
         raise ValueError(
-            f"series: expected {_MIN_FRAMES} frames or more, got {len(values)}. Add frames"
+            f"series: expected {_MIN_FRAMES} frames or more, got {len(series)}. Add frames"
         )
-    steps = np.diff(when)
+    steps = np.diff(times)
     usual = np.median(steps)
     if steps.min() <= 0 or steps.min() < usual / 2:
         raise ValueError(
             f"times: expected increasing, evenly spaced frames, got a step of {steps.min():.2g} "
             f"and a median step of {usual:.2g}. Sort them and leave out frames in between"
         )
-    when = when - when.mean()
-    rate, level = np.polyfit(when, values, 1)
-    left = values - level - when[:, None] * rate
-    parts = np.array_split(np.column_stack([when, values]), _DRIFT_PARTS)
+    when = times - times.mean()
+    rate, level = np.polyfit(when, series, 1)
+    left = series - level - when[:, None] * rate
+    parts = np.array_split(np.column_stack([when, series]), _DRIFT_PARTS)
     means = np.array([part.mean(axis=0) for part in parts])
     _, covariance = np.polyfit(means[:, 0], means[:, 1:], 1, cov=True)
     # A lost frame in a gap separates the averages of both sides.
     broken = np.insert(left, np.flatnonzero(steps > 1.5 * usual) + 1, np.nan, axis=0).T
     results = []
-    for power in range(int(np.log2(len(values) // _MIN_AVERAGES)) + 1):
+    for power in range(int(np.log2(len(series) // _MIN_AVERAGES)) + 1):
         count = 2**power
         squares = np.square(_changes(broken, count))
         averages = int(np.isfinite(squares[0]).sum()) + 1

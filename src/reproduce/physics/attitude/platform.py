@@ -14,7 +14,7 @@ w_i^k in the tracker. Leading axes are a batch.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations
 
@@ -29,7 +29,14 @@ from reproduce.physics.attitude.angles import (
     misalignment_angles,
 )
 from reproduce.physics.attitude.rotations import rotation_from_vector, unit
-from reproduce.physics.validate import Directions, FloatArray, Point, Points, Positive
+from reproduce.physics.validate import (
+    Directions,
+    FloatArray,
+    Point,
+    Points,
+    Positive,
+    Size,
+)
 
 
 @validate.checked
@@ -123,14 +130,8 @@ def received_spots(
     >>> received_spots([[-0.6, 0.0, 0.8]], (10.0, 10.0), pixel_pitch=1.0, focal_length=4.0)
     array([[13., 10.]])
     """
-    if (directions[..., 2] <= 0).any():
-        raise ValueError(
-            "directions: expected light from in front of the tracker, got a third component of "
-            f"{directions[..., 2].min():g}. Check the sign of Z, the boresight of the tracker"
-        )
     pixels = (focal_length / pixel_pitch)[..., None, None]
-    slopes = directions[..., :2] / directions[..., 2:]
-    return principal_point[..., None, :] - pixels * slopes
+    return principal_point[..., None, :] - pixels * _slopes(directions)
 
 
 @validate.checked
@@ -168,6 +169,16 @@ def _rays(points: FloatArray, centre: FloatArray, scale: FloatArray) -> FloatArr
     return np.insert(slopes, 2, 1.0, axis=-1)
 
 
+def _slopes(directions: FloatArray) -> FloatArray:
+    """Return X / Z and Y / Z of directions in front of an instrument."""
+    if (directions[..., 2] <= 0).any():
+        raise ValueError(
+            "directions: expected light in front of the instrument, got a third component of "
+            f"{directions[..., 2].min():g}. Check the sign of Z, the boresight"
+        )
+    return directions[..., :2] / directions[..., 2:]
+
+
 def _check_distinct(name: str, points: FloatArray, numbers: Iterable[int]) -> None:
     """Raise `ValueError` if two lights, called by their numbers, have the same position."""
     for (first, point), (second, other) in combinations(
@@ -184,6 +195,7 @@ def _check_distinct(name: str, points: FloatArray, numbers: Iterable[int]) -> No
 _LARGEST_PITCH = 1e-3
 
 
+@validate.checked_fields
 @dataclass(frozen=True, eq=False)
 class Platform:
     """Two or more lights that move with a camera, and the tracker that images them, as designed.
@@ -215,44 +227,36 @@ class Platform:
            [0., 1.]])
     """
 
-    lasers: FloatArray
-    camera_focal_length: float
-    tracker_focal_length: float
-    pixel_pitch: float
-    principal_point: FloatArray
-    spots: FloatArray = field(default_factory=lambda: np.empty((0, 2)))
+    lasers: Points
+    camera_focal_length: Size
+    tracker_focal_length: Size
+    pixel_pitch: Size
+    principal_point: Point
+    spots: Points = None
 
     def __post_init__(self) -> None:
-        lasers = validate.finite_array("lasers", self.lasers, shape=(None, 2))
-        if lasers.ndim != 2 or len(lasers) < 2:
+        if self.lasers.ndim != 2 or len(self.lasers) < 2:
             raise ValueError(
-                f"lasers: expected two lights or more, (n, 2), got {lasers.shape}"
+                f"lasers: expected two lights or more, (n, 2), got {self.lasers.shape}"
             )
-        _check_distinct("lights", lasers, range(1, len(lasers) + 1))
-        names = ("camera_focal_length", "tracker_focal_length", "pixel_pitch")
-        lengths = {name: validate.size(name, getattr(self, name)) for name in names}
-        if lengths["pixel_pitch"] > _LARGEST_PITCH:
+        _check_distinct("lights", self.lasers, range(1, len(self.lasers) + 1))
+        if self.pixel_pitch > _LARGEST_PITCH:
             raise ValueError(
                 f"pixel_pitch: expected metres, below {_LARGEST_PITCH:g}, "
                 f"got {self.pixel_pitch:g}. Give 5.5e-6 for 5.5 micrometres"
             )
-        centre = validate.finite_array(
-            "principal_point", self.principal_point, shape=(2,)
-        )
-        spots = centre + lasers / self.camera_focal_length * self.pixels
-        if len(self.spots):
-            spots = validate.finite_array("spots", self.spots, shape=lasers.shape)
-        self.__dict__.update(
-            lengths, lasers=lasers, principal_point=centre, spots=spots
-        )
+        if self.spots is None:
+            spots = self.lasers / self.camera_focal_length * self.pixels
+            object.__setattr__(self, "spots", self.principal_point + spots)
 
     @classmethod
+    @validate.checked
     def of_directions(
         cls,
-        directions: ArrayLike,
-        tracker_focal_length: float,
-        pixel_pitch: float,
-        principal_point: FloatArray,
+        directions: Directions,
+        tracker_focal_length: Size,
+        pixel_pitch: Size,
+        principal_point: Point,
     ) -> Platform:
         """Return the platform of lights with known directions.
 
@@ -275,22 +279,17 @@ class Platform:
         array([[0.  , 0.  ],
                [0.75, 0.  ]])
         """
-        rays = validate.finite_array("directions", directions, shape=(None, 3))
-        if (rays[:, 2] <= 0).any():
-            raise ValueError(
-                f"directions: expected a third component above zero, got {rays[:, 2].min():g}. "
-                "Check the sign of Z, the boresight of the camera"
-            )
-        lasers = -rays[:, :2] / rays[:, 2:]
+        lasers = -_slopes(directions)
         return cls(lasers, 1.0, tracker_focal_length, pixel_pitch, principal_point)
 
     @classmethod
+    @validate.checked
     def of_spots(
         cls,
-        spots: ArrayLike,
-        tracker_focal_length: float,
-        pixel_pitch: float,
-        principal_point: FloatArray,
+        spots: Points,
+        tracker_focal_length: Size,
+        pixel_pitch: Size,
+        principal_point: Point,
     ) -> Platform:
         """Return the platform of lights of which only the spots are known.
 
@@ -314,9 +313,7 @@ class Platform:
         array([[50.,  0.],
                [ 0., 50.]])
         """
-        points = validate.finite_array("spots", spots, shape=(None, 2))
-        lasers = (points - np.asarray(principal_point)) * pixel_pitch
-        length = tracker_focal_length
+        lasers, length = (spots - principal_point) * pixel_pitch, tracker_focal_length
         return cls(lasers, length, length, pixel_pitch, principal_point)
 
     def with_lights(self, lights: NDArray[np.bool_]) -> Platform:

@@ -10,14 +10,22 @@ magnitudes are Johnson's V. Spectra are photon spectra: photons per metre of wav
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.random import Generator
-from numpy.typing import ArrayLike
 
 from reproduce.physics import validate
-from reproduce.physics.validate import FloatArray, NonNegative, Number, Positive
+from reproduce.physics.validate import (
+    FloatArray,
+    NonNegative,
+    Number,
+    Positive,
+    Size,
+    Weights,
+)
 
+_Wavelengths = Annotated[Any, ("n",), validate.positive]
 # Variance of the rounding error of whole digital numbers, in DN^2.
 _ROUNDING_VARIANCE = 1.0 / 12.0
 
@@ -151,7 +159,7 @@ _V_WIDTH, _NODES = 10e-9, 40
 
 @validate.checked
 def blackbody_band(
-    magnitude: Number, temperature: Positive, low: float, high: float
+    magnitude: Number, temperature: Positive, low: Size, high: Size
 ) -> FloatArray:
     """Return the photons of a blackbody star in a band, above the atmosphere.
 
@@ -177,9 +185,11 @@ def blackbody_band(
     >>> float(blackbody_band(7.5, 5800, 500e-9, 600e-9).round(-6))
     10000000.0
     """
-    middle, half = _band(low, high)
+    _check_band(low, high)
+    half = (high - low) / 2
     nodes, weights = np.polynomial.legendre.leggauss(_NODES)
-    spectrum = _blackbody_photons(middle + half * nodes, temperature[..., None])
+    wavelengths = (low + high) / 2 + half * nodes
+    spectrum = _blackbody_photons(wavelengths, temperature[..., None])
     return np.asarray(
         _ZERO_MAGNITUDE * 10 ** (-0.4 * magnitude) * half * (spectrum @ weights)
     )
@@ -188,10 +198,10 @@ def blackbody_band(
 @validate.checked
 def tabulated_star(
     magnitude: Number,
-    wavelength: ArrayLike,
-    photons: ArrayLike,
-    low: float,
-    high: float,
+    wavelength: _Wavelengths,
+    photons: Weights,
+    low: Size,
+    high: Size,
 ) -> FloatArray:
     """Return the photons of a star in a band, from a tabulated spectrum scaled to a magnitude.
 
@@ -221,29 +231,24 @@ def tabulated_star(
     >>> float(tabulated_star(0.0, [400e-9, 700e-9], [1.0, 1.0], 600e-9, 601e-9).round(-6))
     101000000.0
     """
-    length = validate.positive("wavelength", wavelength, shape=(None,))
-    table = validate.finite_array("photons", photons, shape=(len(length),))
-    if length.ndim != 1 or (np.diff(length) <= 0).any():
+    if wavelength.ndim != 1 or (np.diff(wavelength) <= 0).any():
         raise ValueError(
             "wavelength: expected one increasing column, got another order. Sort the table"
         )
-    _band(low, high)
+    _check_band(low, high)
     edges = _V_WAVELENGTH - _V_WIDTH / 2, _V_WAVELENGTH + _V_WIDTH / 2
     level = validate.positive(
-        "photons", _tabulated_band(length, table, *edges) / _V_WIDTH
+        "photons", _tabulated_band(wavelength, photons, *edges) / _V_WIDTH
     )
-    width = _tabulated_band(length, table, low, high) / level
+    width = _tabulated_band(wavelength, photons, low, high) / level
     return np.asarray(_ZERO_MAGNITUDE * 10 ** (-0.4 * magnitude) * width)
 
 
-def _band(low: float, high: float) -> tuple[float, float]:
-    """Return the middle and half the width of a band."""
-    first, last = validate.size("low", low), validate.size("high", high)
-    if not first < last:
+def _check_band(low: float, high: float) -> None:
+    if not low < high:
         raise ValueError(
             f"low: expected an edge below the upper edge {high}, got {low}. Exchange them"
         )
-    return (first + last) / 2, (last - first) / 2
 
 
 def _blackbody_photons(wavelength: FloatArray, temperature: FloatArray) -> FloatArray:

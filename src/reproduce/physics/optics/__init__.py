@@ -1,9 +1,6 @@
 """Cameras and channels: where a star falls on each detector, in ideal and distorted positions."""
 
-from reproduce.physics.optics.arrangements import (
-    arrangement_angles,
-    arrangement_names,
-)
+from reproduce.physics.optics.arrangements import arrangement_angles
 from reproduce.physics.optics.camera import (
     Camera,
     angle_from_pixels,

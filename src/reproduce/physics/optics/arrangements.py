@@ -8,8 +8,6 @@ lattices. Its points are 2a apart along a row, and its rows are b apart.
 
 from __future__ import annotations
 
-from itertools import product
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -49,7 +47,7 @@ def arrangement_angles(name: str, half_x: Size, half_y: Size, step: Size) -> Flo
     Parameters
     ----------
     name : str
-        Lattice, offset and window, separated by semicolons; see `arrangement_names`.
+        Lattice, offset and window, separated by semicolons, as in Figure 4.
     half_x, half_y, step : float
         Half the range in x and in y, and the step of the angles, in radians, above zero.
 
@@ -61,7 +59,9 @@ def arrangement_angles(name: str, half_x: Size, half_y: Size, step: Size) -> Flo
     Raises
     ------
     ValueError
-        If the name is unknown, or the step is too small for the range.
+        If the step is too small for the range.
+    KeyError
+        If a part of the name is unknown.
 
     Examples
     --------
@@ -79,46 +79,19 @@ def arrangement_angles(name: str, half_x: Size, half_y: Size, step: Size) -> Flo
             f"step: expected at least 1/{_MAX_STEPS} of the half range, got {step:g} for "
             f"{half.max():g}. Give all three in radians"
         )
-    if name not in arrangement_names():
-        raise ValueError(
-            f"name: expected a name of arrangement_names(), got {name!r}. Choose one of them"
-        )
     lattice, offset, window = name.split("; ")
-    spacing, chequered = (
-        _lattices(half, step)[lattice],
-        not lattice.startswith("square"),
-    )
-    reach = (2 * half / spacing).astype(int) + 2
-    j, i = np.mgrid[-reach[1] : reach[1] + 1, -reach[0] : reach[0] + 1].reshape(2, -1)
+    spacing = _lattices(half, step)[lattice]
+    # Points of a chequered grid are two spacings apart along a row.
+    along = 1 if lattice.startswith("square") else 2
+    x, y = (2 * half / spacing).astype(int) + 2
+    j, i = np.mgrid[-y : y + 1, -x : x + 1].reshape(2, -1)
     origin = -half
     if offset != _CORNER:
-        origin = spacing * _OFFSETS[offset] / [1 if chequered else 2, 2]
+        origin = spacing * _OFFSETS[offset] * [along / 2, 1 / 2]
     nodes = origin + spacing * np.stack([i, j], axis=-1)
-    selected = (i + j) % (2 if chequered else 1) == 0
     inside = _windows(nodes, half)
-    return np.asarray(nodes[selected & inside["rectangle"] & inside[window]])
-
-
-def arrangement_names() -> list[str]:
-    """Return the names of all arrangements: every lattice, offset and window.
-
-    Returns
-    -------
-    list of str
-        Names for `arrangement_angles`.
-
-    Examples
-    --------
-    >>> arrangement_names()[0]
-    'square, step between neighbours; centred; rectangle'
-    """
-    lattices, windows = (
-        _lattices(np.ones(2), 1.0),
-        _windows(np.ones((1, 2)), np.ones(2)),
-    )
-    return [
-        "; ".join(parts) for parts in product(lattices, (*_OFFSETS, _CORNER), windows)
-    ]
+    selected = ((i + j) % along == 0) & inside["rectangle"] & inside[window]
+    return np.asarray(nodes[selected])
 
 
 def _lattices(half: FloatArray, step: float) -> dict[str, FloatArray]:

@@ -22,7 +22,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from reproduce.physics import validate
 from reproduce.physics.validate import (
@@ -32,11 +31,13 @@ from reproduce.physics.validate import (
     Point,
     Points,
     Positive,
+    Sides,
     Size,
 )
 
 
-def detector_centre(pixels: ArrayLike) -> FloatArray:
+@validate.checked
+def detector_centre(pixels: Sides) -> FloatArray:
     """Return the middle of a detector, which replaces an unprinted principal point.
 
     Parameters
@@ -54,9 +55,10 @@ def detector_centre(pixels: ArrayLike) -> FloatArray:
     >>> detector_centre((3, 4))
     array([1. , 1.5])
     """
-    return (validate.positive("pixels", pixels, shape=(2,)) - 1) / 2
+    return (pixels - 1) / 2
 
 
+@validate.checked_fields
 @dataclass(frozen=True, eq=False)
 class Camera:
     """Imaging parameters of one channel, checked when they are set.
@@ -77,18 +79,6 @@ class Camera:
     principal_point: Point
     radial_distortion: Number
     pixel_pitch: Positive
-
-    def __post_init__(self) -> None:
-        point = validate.finite_array(
-            "principal_point", self.principal_point, shape=(2,)
-        )
-        radial = validate.finite_array("radial_distortion", self.radial_distortion)
-        self.__dict__.update(
-            focal_length=validate.positive("focal_length", self.focal_length),
-            principal_point=point,
-            radial_distortion=radial,
-            pixel_pitch=validate.positive("pixel_pitch", self.pixel_pitch),
-        )
 
 
 @validate.checked
@@ -227,8 +217,9 @@ def image_points(
     return spots / camera.pixel_pitch + camera.principal_point
 
 
+@validate.checked
 def field_of_view(
-    pixels: ArrayLike, pixel_pitch: ArrayLike, focal_length: ArrayLike
+    pixels: Positive, pixel_pitch: Positive, focal_length: Positive
 ) -> FloatArray:
     """Return the full field of view of a row of pixels about the boresight.
 
@@ -246,9 +237,7 @@ def field_of_view(
     >>> float(np.degrees(field_of_view(2000, 1e-5, 10e-3)).round(9))
     90.0
     """
-    return 2 * angle_from_pixels(
-        validate.positive("pixels", pixels) / 2, pixel_pitch, focal_length
-    )
+    return 2 * angle_from_pixels(pixels / 2, pixel_pitch, focal_length)
 
 
 @validate.checked

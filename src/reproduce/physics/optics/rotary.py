@@ -10,6 +10,7 @@ towards positive y.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,6 +18,9 @@ from numpy.typing import ArrayLike
 from reproduce.physics import validate
 from reproduce.physics.optics.camera import Camera, image_points
 from reproduce.physics.validate import FloatArray, Number
+
+_Rotations = Annotated[Any, ("channels",)]
+_Angles = Annotated[Any, (None, 2)]
 
 
 @validate.checked
@@ -98,8 +102,9 @@ def starlight(external: ArrayLike, middle: ArrayLike) -> FloatArray:
     return rotary_matrix(external, middle)[..., 2]
 
 
+@validate.checked
 def channel_centroids(
-    cameras: Sequence[Camera], rotations: ArrayLike, angles: ArrayLike
+    cameras: Sequence[Camera], rotations: _Rotations, angles: _Angles
 ) -> FloatArray:
     """Return the image points of the star of the simulator in every channel, without noise.
 
@@ -120,7 +125,7 @@ def channel_centroids(
     Raises
     ------
     ValueError
-        If there is no camera, the counts differ, or the star is behind the sensor.
+        If the counts of cameras and rotations differ, or the star is behind the sensor.
 
     Examples
     --------
@@ -128,16 +133,7 @@ def channel_centroids(
     >>> channel_centroids([camera], [0.0], [[0.0, np.pi / 4]]).round(6)
     array([[[  50., 2060.]]])
     """
-    rotations = validate.finite_array("rotations", rotations, shape=(None,))
-    if rotations.shape != (len(cameras),):
-        raise ValueError(
-            f"rotations: expected one per camera ({len(cameras)}), got shape {rotations.shape}. "
-            "Give zero for the reference channel"
-        )
-    middle, external = np.moveaxis(
-        validate.finite_array("angles", angles, shape=(None, 2)), -1, 0
-    )
-    directions = starlight(external, middle)
+    directions = starlight(angles[..., 1], angles[..., 0])
     channels = zip(cameras, rotations, strict=True)
     return np.stack(
         [image_points(directions, *channel) for channel in channels], axis=-3

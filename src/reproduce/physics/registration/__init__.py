@@ -4,13 +4,10 @@ from reproduce.physics.registration._least_squares import Problem, prepare, resi
 from reproduce.physics.registration.calibration import (
     Calibration,
     calibrate,
-    constraint,
-    constraint_printed,
     deviations,
     gauss_newton_step,
     gauss_newton_step_printed,
     jacobian,
-    random_starts,
     registration_bound,
     starting_values,
 )
@@ -34,15 +31,12 @@ from reproduce.physics.registration.matching import (
     pair_weights,
 )
 from reproduce.physics.registration.transforms import (
-    EFFECTS,
     MODELS,
     UNITS,
-    Channels,
     Registration,
     as_complex,
     as_points,
     error_field,
-    even_positions,
     paired_points,
     principal_point_shift,
     registered_image,

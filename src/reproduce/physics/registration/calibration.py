@@ -1,15 +1,12 @@
-"""The calibration procedure of niu2024, section 3.2: Gauss-Newton in two stages, with restarts.
+"""The calibration procedure of niu2024, section 3.2: Gauss-Newton in two stages.
 
 Image points have shape (..., n, 2), in px, x before y, with the centre of the first pixel at
 (0, 0); parameter vectors u = (k, theta, shift x, shift y) have shape (..., 4); the leading axes are
 a batch of independent calibrations. Starting vectors come from two lines and the zero position
-(`starting_values`) or at random (`random_starts`). `fit.fit_registration` reaches the same minimum
-in closed form. This module contains the iteration of the paper, its convergence, and the Cramér-Rao
-bound, the least covariance of any unbiased calibration.
-
-The paper prints the constraint cos^2 + cos^2 = 1, which is true only at odd multiples of 45 degrees
-(`constraint_printed`). The identity is cos^2 + sin^2 = 1 (`constraint`). No step needs to enforce
-it, because the angle is the parameter.
+(`starting_values`). `fit.fit_registration` reaches the same minimum in closed form. This module
+contains the iteration of the paper, its convergence, and the Cramér-Rao bound, the least covariance
+of any unbiased calibration. No step needs the constraint cos^2 + sin^2 = 1, because the angle is
+the parameter.
 """
 
 from __future__ import annotations
@@ -18,13 +15,12 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from reproduce.physics import validate
 from reproduce.physics.registration._least_squares import gauss_newton, model_jacobian
 from reproduce.physics.registration.fit import fit_registration
 from reproduce.physics.registration.transforms import Registration, as_complex
-from reproduce.physics.validate import FloatArray, NonNegative, Number, Point, Points
+from reproduce.physics.validate import FloatArray, NonNegative, Point, Points
 
 _PARAMETERS = 4
 _Vector = Annotated[Any, (_PARAMETERS,)]
@@ -199,39 +195,6 @@ def starting_values(
     return np.stack(np.broadcast_arrays(1.0, rotation, *shift), axis=-1)
 
 
-@validate.checked
-def random_starts(
-    start: _Vector, half_widths: ArrayLike, count: int, generator: np.random.Generator
-) -> FloatArray:
-    """Return random starting vectors, uniform within a box.
-
-    Parameters
-    ----------
-    start : array_like, shape (..., 4)
-        Centre of the box.
-    half_widths : array_like, shape (4,)
-        Half widths of the box in k, theta (radians), shift x and shift y (px); zero or more.
-    count : int
-        Number of starts.
-    generator : numpy.random.Generator
-        Source of the random numbers.
-
-    Returns
-    -------
-    ndarray, shape (count, ..., 4)
-        Starting vectors of `calibrate`.
-
-    Examples
-    --------
-    >>> random_starts((1, 0, 0, 0), (0, 0, 0, 0), 2, np.random.default_rng(1))
-    array([[1., 0., 0., 0.],
-           [1., 0., 0., 0.]])
-    """
-    box = validate.non_negative("half_widths", half_widths, shape=(_PARAMETERS,))
-    count = validate.whole_number("count", count)
-    return start + box * generator.uniform(-1, 1, (count, *start.shape))
-
-
 @dataclass(frozen=True, eq=False)
 class Calibration:
     """Result of the two-stage iteration, with its path.
@@ -310,48 +273,6 @@ def calibrate(
             path.append(path[-1] + np.where(moving[..., None], step, 0.0))
             moving &= movement >= _LAST_MOVEMENT
     return Calibration(np.stack(path), firsts[1] - 1, pivot)
-
-
-@validate.checked
-def constraint(rotation: Number) -> FloatArray:
-    """Return cos^2 + sin^2 - 1, which is zero at every angle.
-
-    Parameters
-    ----------
-    rotation : array_like, shape (...)
-        Angle theta, in radians.
-
-    Returns
-    -------
-    ndarray, shape (...)
-        Zero, except for rounding errors.
-
-    Examples
-    --------
-    >>> float(constraint(0.0))
-    0.0
-    """
-    return np.asarray(np.cos(rotation) ** 2 + np.sin(rotation) ** 2 - 1)
-
-
-@validate.checked
-def constraint_printed(rotation: Number) -> FloatArray:
-    """Return the constraint as extracted from section 3.2: cos^2 + cos^2 - 1.
-
-    This is cos(2 theta), zero only at odd multiples of 45 degrees, and almost one for a detector
-    that is rotated by a fraction of a degree. Parameters are those of `constraint`.
-
-    Returns
-    -------
-    ndarray, shape (...)
-        Value of the printed constraint.
-
-    Examples
-    --------
-    >>> float(constraint_printed(0.0))
-    1.0
-    """
-    return np.asarray(2 * np.cos(rotation) ** 2 - 1)
 
 
 @validate.checked

@@ -16,14 +16,13 @@ x + iy. Scaling and rotating is then one multiplication.
 
 The four-parameter model of a source channel and the reference neglects five effects: different
 distortions, k^3 unlike k, a pivot that is not the principal point, the tilt of a detector, and a
-second radial term. For each there is the *error field*, reference point minus modelled point at the
-true parameters, of shape (n, 2), in px of the reference. Its positions have shape (n, 2), in metres
-on the focal plane of the source, x before y, from the principal point.
+second radial term. `error_field` returns their error. Its positions are in metres on the focal
+plane of the source, x before y, from the principal point.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -45,7 +44,6 @@ MODELS: dict[str, tuple[str, ...]] = {
 }
 # Units of the parameters; scales and matrix elements have none.
 UNITS = {"rotation": "rad", "shift-x": "px", "shift-y": "px", "radial": "px^-2"}
-EFFECTS = ("coefficients", "cube", "pivot", "tilt", "second term")
 
 
 def as_complex(points: FloatArray) -> ComplexArray:
@@ -446,79 +444,35 @@ def _linear_part(model: str, parameters: FloatArray) -> FloatArray:
     return rows.reshape(*batch, 2, 2)
 
 
-@dataclass(frozen=True, eq=False)
-class Channels:
-    """A source channel and the reference, with the effects that the model neglects.
-
-    Attributes
-    ----------
-    source, reference : Camera
-        Imaging parameters of both channels.
-    rotation : float
-        Angle of the source detector against the reference, in radians.
-    pivot_error : tuple of float
-        Assumed pivot minus principal point of the source, in px.
-    tilt : tuple of float
-        Slopes of the source detector along x and y: the tangents of its tilt. A positive slope
-        moves that side away from the lens, where positions are further from the centre.
-    second_term : tuple of float
-        Second radial coefficients of source and reference, in m^-4.
-    """
-
-    source: Camera
-    reference: Camera
-    rotation: float = 0.0
-    pivot_error: tuple[float, float] = (0.0, 0.0)
-    tilt: tuple[float, float] = (0.0, 0.0)
-    second_term: tuple[float, float] = (0.0, 0.0)
-
-    @property
-    def scale(self) -> float:
-        """Scale factor k."""
-        return float(self.reference.focal_length / self.source.focal_length)
-
-    def only(self, effect: str) -> Channels:
-        """Return the same channels with only one of the effects.
-
-        Parameters
-        ----------
-        effect : str
-            One of `EFFECTS`. "coefficients" keeps both distortions, "cube" gives both channels the
-            distortion of the source.
-
-        Returns
-        -------
-        Channels
-            Channels without the other effects.
-        """
-        if effect not in EFFECTS:
-            raise ValueError(
-                f"effect: expected one of {', '.join(EFFECTS)}, got {effect!r}. Correct the name"
-            )
-        source = self.source.radial_distortion
-        other = self.reference.radial_distortion if effect == "coefficients" else source
-        bent = effect in ("coefficients", "cube")
-        field = {"pivot": "pivot_error", "second term": "second_term"}.get(
-            effect, effect
-        )
-        return Channels(
-            replace(self.source, radial_distortion=bent * source),
-            replace(self.reference, radial_distortion=bent * other),
-            self.rotation,
-            **({} if bent else {field: getattr(self, field)}),
-        )
-
-
 @validate.checked
-def error_field(channels: Channels, positions: Points) -> FloatArray:
+def error_field(
+    source: Camera,
+    reference: Camera,
+    positions: Points,
+    rotation: Number = 0.0,
+    *,
+    pivot_error: Point = (0.0, 0.0),
+    tilt: Point = (0.0, 0.0),
+    second_term: Point = (0.0, 0.0),
+) -> FloatArray:
     """Return reference points minus modelled points, at the true parameters.
 
     Parameters
     ----------
-    channels : Channels
-        Channels with the neglected effects.
+    source, reference : Camera
+        Imaging parameters of both channels. Different distortions are an effect that the model
+        neglects.
     positions : array_like, shape (n, 2)
         Ideal positions in the source channel, in metres.
+    rotation : float
+        Angle of the source detector against the reference, in radians.
+    pivot_error : array_like, shape (2,)
+        Assumed pivot minus principal point of the source, in px.
+    tilt : array_like, shape (2,)
+        Slopes of the source detector along x and y: the tangents of its tilt. A positive slope
+        moves that side away from the lens, where positions are further from the centre.
+    second_term : array_like, shape (2,)
+        Second radial coefficients of source and reference, in m^-4.
 
     Returns
     -------
@@ -530,60 +484,25 @@ def error_field(channels: Channels, positions: Points) -> FloatArray:
     Equal channels without distortion have no error.
 
     >>> camera = Camera(25e-3, (1000, 700), 0, 1e-5)
-    >>> error_field(Channels(camera, camera), [[1e-3, 2e-3]])
+    >>> error_field(camera, camera, [[1e-3, 2e-3]])
     array([[0., 0.]])
     """
-    both = channels.source, channels.reference
-    ideal = positions, positions * channels.scale
-    source, reference = (
-        _displaced(points, camera, second)
-        for points, camera, second in zip(
-            ideal, both, channels.second_term, strict=True
-        )
-    )
+    truth = similarity_between(source, rotation, reference)
+    ideal = positions * (reference.focal_length / source.focal_length)
+    expected = _displaced(ideal, reference, second_term[1])
+    bent = _displaced(positions, source, second_term[0])
     # The ray through a point p of the plane at F meets the tilted plane at p F / (F - p . tilt).
-    slope = (source @ np.asarray(channels.tilt))[:, None] / channels.source.focal_length
-    source = source / (1 - slope) * np.sqrt(1 + np.square(channels.tilt))
-    source = turned_onto_detector(source, channels.rotation)
-    seen, expected = (
-        points / camera.pixel_pitch + camera.principal_point
-        for points, camera in zip((source, reference), both, strict=True)
-    )
+    slope = (bent @ tilt)[:, None] / source.focal_length
+    bent = bent / (1 - slope) * np.sqrt(1 + np.square(tilt))
+    bent = turned_onto_detector(bent, rotation)
+    seen = bent / source.pixel_pitch + source.principal_point
     # True parameters, but about the pivot that is assumed.
-    truth = similarity_between(channels.source, channels.rotation, channels.reference)
-    pivot = channels.source.principal_point + np.asarray(channels.pivot_error)
-    rotated = turned_onto_detector(seen - pivot, -truth.rotation)
-    return expected - (truth.scale * rotated + pivot - truth.shift)
+    pivot = source.principal_point + pivot_error
+    rotated = turned_onto_detector(seen - pivot, -rotation)
+    modelled = truth.scale * rotated + pivot - truth.shift
+    return expected / reference.pixel_pitch + reference.principal_point - modelled
 
 
 def _displaced(ideal: FloatArray, camera: Camera, second: float) -> FloatArray:
     squared = np.square(ideal).sum(axis=-1, keepdims=True)
     return ideal * (1 + camera.radial_distortion * squared + second * squared**2)
-
-
-def even_positions(half_size: ArrayLike, across: int = 200) -> FloatArray:
-    """Return positions on an even grid over a detector.
-
-    Parameters
-    ----------
-    half_size : array_like, shape (2,)
-        Half the sides of the detector, in metres.
-    across : int
-        Number of positions along each side.
-
-    Returns
-    -------
-    ndarray, shape (across * across, 2)
-        Middles of equal cells, in metres, rows from the smallest y.
-
-    Examples
-    --------
-    >>> even_positions((2.0, 1.0), 2)
-    array([[-1. , -0.5],
-           [ 1. , -0.5],
-           [-1. ,  0.5],
-           [ 1. ,  0.5]])
-    """
-    sides = validate.positive("half_size", half_size, shape=(2,))
-    steps = (np.arange(across) + 0.5) / across * 2 - 1
-    return np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2) * sides
