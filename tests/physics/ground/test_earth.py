@@ -1,4 +1,4 @@
-"""Earth rotation and lines of sight against numbers that others published."""
+"""Places and lines of sight against numbers that others published."""
 
 import json
 from pathlib import Path
@@ -10,12 +10,12 @@ from numpy.random import default_rng
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
+import page_cells
 from reproduce.physics.attitude import (
     rotation_from_vector,
 )
 from reproduce.physics.ground import (
     earth_fixed,
-    earth_from_inertial,
     ground_jacobian,
     image_vectors,
     imaged_position,
@@ -28,25 +28,13 @@ DATA = Path(__file__).parents[1] / "data"
 ARCSEC = np.pi / 180 / 3600
 
 
-def sofa():
-    return json.loads((DATA / "earth_rotation.json").read_text())["sofa_cookbook_5.5"]
-
-
-def orientation(case, **changes):
-    settings = {
-        "ut1_utc": case["ut1_utc_s"],
-        "pole": (case["xp_arcsec"] * ARCSEC, case["yp_arcsec"] * ARCSEC),
-        "celestial_pole": (
-            case["dX06_mas"] * ARCSEC / 1e3,
-            case["dY06_mas"] * ARCSEC / 1e3,
-        ),
-    }
-    return settings | changes
-
-
-def test_the_matrix_of_the_sofa_cookbook():
-    case = sofa()
-    found = earth_from_inertial(case["utc"], **orientation(case))
+def test_the_page_computes_the_matrix_of_the_sofa_cookbook():
+    case = json.loads((DATA / "earth_rotation.json").read_text())["sofa_cookbook_5.5"]
+    texts = page_cells.cells(page_cells.BOOK / "chen2023" / "positioning.md")
+    (cell,) = (text for text in texts if "import erfa" in text)
+    variables: dict = {}
+    exec(cell, variables)
+    found = variables["earth_from_inertial"]
     assert_allclose(found, case["gcrs_to_itrs"], rtol=0, atol=1e-11)
 
 
@@ -144,11 +132,6 @@ def test_the_jacobian_is_the_derivative(tilt):
 
 
 def test_bad_input_is_refused():
-    with pytest.raises(ValueError, match="isoformat"):
-        earth_from_inertial("yesterday", 0.0)
-    for wrong in ((-72.0,), (0.0, (0.03, 0.48)), (np.nan,)):
-        with pytest.raises(ValueError, match="ut1_utc"):
-            earth_from_inertial("2020-01-01", *wrong)
     with pytest.raises(ValueError, match="coordinates"):
         earth_fixed([10.0, 50.0, 0.0])
     with pytest.raises(ValueError, match="velocity"):

@@ -3,7 +3,6 @@
 from reproduce.physics.ground.earth import (
     EARTH_RADIUS,
     earth_fixed,
-    earth_from_inertial,
     local_axes,
     satellite_from_inertial,
 )

@@ -40,7 +40,6 @@ _Spread = Annotated[Any, ("k", "k")]
 _Plane = Annotated[Any, (2, 2)]
 # Strips over which a normal distribution in the plane is integrated; enough for five digits.
 _SECTORS = 256
-_HALVINGS = 60
 # Smallest ratio of the semi-axes that differs from a line.
 _MIN_RATIO = 1e-12
 
@@ -320,6 +319,8 @@ def circular_error(covariance: _Plane, share: float = 0.9) -> FloatArray:
         raise ValueError(
             f"share: expected a fraction between 0 and 1, got {share}. Give 0.9 for 90 %"
         )
+    from scipy.optimize import elementwise  # the other functions do not need it
+
     values = np.linalg.eigvalsh(covariance)
     if (values[..., 0] < -1e-9 * values[..., 1].clip(0.0)).any():
         raise ValueError(
@@ -328,13 +329,13 @@ def circular_error(covariance: _Plane, share: float = 0.9) -> FloatArray:
         )
     small, large = np.sqrt(np.moveaxis(values.clip(0.0), -1, 0))
     ratio = small / np.where(large > 0, large, 1.0)
-    low = np.zeros_like(ratio)
-    high = low + np.sqrt(-2.0 * np.log1p(-share))
-    for _ in range(_HALVINGS):
-        middle = 0.5 * (low + high)
-        inside = _fraction_inside(middle, ratio) < share
-        low, high = np.where(inside, middle, low), np.where(inside, high, middle)
-    return high * large
+    # The radius for equal semi-axes, the largest one, has a closed form.
+    bracket = 0.0, 1.01 * np.sqrt(-2.0 * np.log1p(-share))
+
+    def excess(radius: FloatArray, ratio: FloatArray) -> FloatArray:
+        return _fraction_inside(radius, ratio) - share
+
+    return np.asarray(elementwise.find_root(excess, bracket, args=(ratio,)).x * large)
 
 
 def _fraction_inside(radius: FloatArray, ratio: FloatArray) -> FloatArray:

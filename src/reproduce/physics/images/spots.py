@@ -21,8 +21,6 @@ from reproduce.physics import validate
 from reproduce.physics.validate import FloatArray, NonNegative, Point, Positive
 
 IntArray = NDArray[np.int64]
-# Largest distance from its centre at which a spot adds flux to a frame, in radii.
-_REACH_RADII = 6.0
 
 
 @validate.checked
@@ -55,12 +53,8 @@ def window_corners(positions: Point, size: int) -> IntArray:
         raise ValueError(
             f"size: expected an odd number, got {size}. Add or remove a pixel"
         )
-    return (_nearest_pixels(positions) - size // 2).astype(np.int64)
-
-
-def _nearest_pixels(positions: FloatArray) -> FloatArray:
-    """Return the pixels that contain points, with halves rounded up."""
-    return np.floor(positions + 0.5)
+    # Halves are rounded up.
+    return (np.floor(positions + 0.5) - size // 2).astype(np.int64)
 
 
 @validate.checked
@@ -137,14 +131,10 @@ def render_frame(
     """
     points = positions.reshape(-1, 2)
     widths = np.broadcast_to(radius, len(points))
-    reach = np.ceil(_REACH_RADII * widths.max() + 0.5)
-    profiles = []
-    for axis, side in enumerate(size):
-        count = validate.whole_number("size", side)
-        offsets = np.arange(count) - _nearest_pixels(points[:, axis, np.newaxis])
-        fractions = _fractions(_edges(points[:, axis], widths, count))
-        profiles.append(np.where(np.abs(offsets) <= reach, fractions, 0.0))
-    across, down = profiles
+    across, down = (
+        _fractions(_edges(centres, widths, validate.whole_number("size", side)))
+        for centres, side in zip(points.T, size, strict=True)
+    )
     return (down.T * photons) @ across
 
 
