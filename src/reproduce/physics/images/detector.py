@@ -30,6 +30,7 @@ _Wavelengths = Annotated[Any, ("n",), validate.positive]
 _ROUNDING_VARIANCE = 1.0 / 12.0
 
 
+@validate.checked_fields
 @dataclass(frozen=True)
 class Detector:
     """Parameters of an image sensor.
@@ -44,8 +45,8 @@ class Detector:
         Mean charge of a pixel without light, in electrons per exposure. It has shot noise.
     read_noise : float
         Standard deviation of the readout, in electrons.
-    full_well : float
-        Largest charge of a pixel, in electrons.
+    full_well : float, optional
+        Largest charge of a pixel, in electrons. Default: no limit.
     offset : float
         Output without charge, in DN, zero or more.
     bits : int, optional
@@ -53,24 +54,20 @@ class Detector:
         rounding and clipping.
     """
 
-    quantum_efficiency: float = 1.0
-    gain: float = 1.0
-    dark_signal: float = 0.0
-    read_noise: float = 0.0
-    full_well: float = np.inf
-    offset: float = 0.0
+    quantum_efficiency: Size = 1.0
+    gain: Size = 1.0
+    dark_signal: NonNegative = 0.0
+    read_noise: NonNegative = 0.0
+    full_well: Size = None
+    offset: NonNegative = 0.0
     bits: int | None = None
 
     def __post_init__(self) -> None:
-        if not 0 < self.quantum_efficiency <= 1:
+        if self.quantum_efficiency > 1:
             raise ValueError(
-                f"quantum_efficiency: expected above 0 and at most 1, got "
-                f"{self.quantum_efficiency}. Pass a fraction, not a percentage"
+                f"quantum_efficiency: expected at most 1, got {self.quantum_efficiency:g}. "
+                "Pass a fraction, not a percentage"
             )
-        validate.positive("gain", self.gain)
-        validate.positive("full_well", min(self.full_well, np.finfo(float).max))
-        for name in ("dark_signal", "read_noise", "offset"):
-            validate.non_negative(name, getattr(self, name))
         if self.bits is not None and not 1 <= self.bits <= 32:
             raise ValueError(f"bits: expected 1 to 32, got {self.bits}. Change it")
 
@@ -110,7 +107,7 @@ def expose(
     # The sum of two Poisson numbers is a Poisson number.
     mean = detector.quantum_efficiency * photons + detector.dark_signal
     charge = np.asarray(generator.poisson(mean), dtype=np.float64)
-    np.minimum(charge, detector.full_well, out=charge)
+    np.clip(charge, 0.0, detector.full_well, out=charge)
     if detector.read_noise:
         noise = generator.standard_normal(charge.shape)
         noise *= detector.read_noise

@@ -11,7 +11,6 @@ pixels.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -312,32 +311,27 @@ def _optimum(
     flux = np.where(seen, light, 0.0) * shape
     squares = np.maximum((shape**2).sum(axis=(1, 2)), _MIN_VARIANCE)
     state[:, 2] = flux.sum(axis=(1, 2)) / squares
-    optimum, information = np.full((count, 3), np.nan), np.full((count, 3, 3), np.nan)
-    rows: Any
-    rows, damping = np.arange(count), np.full(count, _DAMPING)
-    cost, moved, score, matrix = _likelihood(state, light, radius, variance)
+    damping = np.full(count, _DAMPING)
+    found = state, *_likelihood(state, light, radius, variance)
+    state, cost, moved, score, matrix = found
     for _ in range(_MAX_STEPS):
-        possible = np.isfinite(cost)
-        done = possible & (moved < _CONVERGED_PX)
-        optimum[rows[done]], information[rows[done]] = state[done], matrix[done]
-        active = possible & ~done & (damping < _MAX_DAMPING)
-        rows, damping, state, cost, moved, score, matrix = (
-            values[active]
-            for values in (rows, damping, state, cost, moved, score, matrix)
-        )
+        waiting = np.isfinite(cost) & (moved >= _CONVERGED_PX)
+        rows = np.flatnonzero(waiting & (damping < _MAX_DAMPING))
         if not len(rows):
             break
-        trial = state + _step(matrix, score, damping)
-        values = _likelihood(trial, light[rows], radius[rows], variance[rows])
+        trial = state[rows] + _step(matrix[rows], score[rows], damping[rows])
+        values = trial, *_likelihood(trial, light[rows], radius[rows], variance[rows])
         # Close to the optimum, rounding hides the change of the cost.
-        rounding = _COST_ROUNDING * np.where(values[1] < moved, 1, -1) * np.abs(cost)
-        better = values[0] <= cost + rounding
-        for old, new in zip(
-            (state, cost, moved, score, matrix), (trial, *values), strict=True
-        ):
-            old[better] = new[better]
-        damping = np.maximum(damping * np.where(better, 0.1, 10.0), _MIN_DAMPING)
-    return optimum, information
+        sign = np.where(values[2] < moved[rows], 1, -1)
+        limit = cost[rows] + _COST_ROUNDING * sign * np.abs(cost[rows])
+        better = values[1] <= limit
+        for old, new in zip(found, values, strict=True):
+            old[rows[better]] = new[better]
+        changed = damping[rows] * np.where(better, 0.1, 10.0)
+        damping[rows] = np.maximum(changed, _MIN_DAMPING)
+    failed = ~(np.isfinite(cost) & (moved < _CONVERGED_PX))
+    state[failed] = matrix[failed] = np.nan
+    return state, matrix
 
 
 def _likelihood(
