@@ -17,7 +17,7 @@ ARROWS = {
     "papers": {
         *{"papers", "inference", "physics", "store", "printed.inputs", "units"},
         *{"locate.papers", "locate.search_path"},
-        *{"locate.schematic_files", "locate.caption_files"},
+        *{"locate.data_files", "locate.read_toml"},
     },
     "judge": {"judge", "papers", "printed", "locate", "store.studies"},
     "consistency": {"consistency", "printed", "physics"},

@@ -28,8 +28,8 @@ import page_cells
 from pack_book import write_zip
 from reproduce.consistency.report import Erratum, audit_paper
 from reproduce.judge import verdicts as judging
-from reproduce.judge.ledger import erratum, reply_state
-from reproduce.judge.readings import all_readings
+from reproduce.judge.ledger import expected, item_ledger
+from reproduce.judge.readings import evaluate
 from reproduce.locate import data_folder
 from reproduce.papers.catalogue import catalogue, studies
 from reproduce.printed.cells import PAPERS, library
@@ -39,7 +39,7 @@ from reproduce.store.files import write_text
 from reproduce.version import ADDRESS
 from reproduce.views import computed, numbers, verdicts
 from reproduce.views.blocks import html, rendered
-from reproduce.views.computed import item_ledger, whole_ledger
+from reproduce.views.computed import whole_ledger
 from reproduce.views.consistency import ConsistencyAudit, errata_register
 from reproduce.views.contents import Contents
 from reproduce.views.export import (
@@ -132,7 +132,7 @@ def unsampled(*papers: str) -> dict[str, str]:
             quoted = study.facts().items()
             found |= {f"{key}#{name}": numbers.fact(one) for name, one in quoted}
     causes = Counter(
-        erratum(r.cell)
+        expected(r.cell).erratum
         for r in records
         if r.verdict in {"differs", "ambiguous", "unpublished"}
     )
@@ -267,7 +267,7 @@ def card(cell: Cell, place: str) -> str:
         sigma=printed.sigma,
         recomputed=recomputed(record),
         sentence=Markup(reason),
-        reply=reply_state(cell.address),
+        reply=record.reply,
         copied=copied | {"code": cell.rerun_code},
         properties=Markup(html(cell.blocks())),
     )
@@ -325,9 +325,11 @@ def write_whole(folder: Path) -> None:
 
 def readings_frame() -> pd.DataFrame:
     """Return every reading of every cell that has several."""
+    items = catalogue().values()
+    evaluations = [evaluate(one) for item in items for one in item.computations]
     return pd.DataFrame(
         {
-            "cell": address,
+            "cell": f"{evaluation.computation.key}#{name}",
             "choices": verdicts.choices_text(one.choices),
             "verdict": one.verdict,
             "computed": one.computed,
@@ -335,7 +337,10 @@ def readings_frame() -> pd.DataFrame:
             "high": one.interval[1],
             "probability": one.probability,
         }
-        for address, one in all_readings()
+        for evaluation in evaluations
+        for name in evaluation.cells
+        if len(readings := evaluation.distinct(name)) > 1
+        for one in readings
     )
 
 

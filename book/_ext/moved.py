@@ -52,11 +52,10 @@ class MovedDirective(SphinxDirective):
 
     def run(self) -> list[nodes.Node]:
         """Compare the verdicts and write the tables."""
-        from reproduce.judge.ledger import frozen, reason
+        from reproduce.judge.ledger import frozen, item_ledger
         from reproduce.locate import data_folder
         from reproduce.printed.cells import anchor, library
         from reproduce.views.blocks import Block, Grid, badge, html
-        from reproduce.views.computed import item_ledger
 
         path = data_folder() / "last-release.toml"
         self.env.note_dependency(str(path))
@@ -75,7 +74,8 @@ class MovedDirective(SphinxDirective):
             rows: dict[tuple[str, ...], list[Markup]] = {}
             for cell in entry["cells"]:
                 key, _, name = cell.partition("#")
-                why = reason(cell) or item_ledger(key).cell(cell).why
+                record = item_ledger(key).cell(cell)
+                why = record.reason or record.why
                 rows.setdefault((key, *found[cell], why), []).append(
                     LINK.format(anchor(cell), library()[key][name].label)
                 )

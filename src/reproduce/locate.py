@@ -9,8 +9,10 @@ from __future__ import annotations
 
 import os
 import re
+import tomllib
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 _ENTRY = re.compile(r"^@\w+\{([^,\s]+),", re.MULTILINE)
 
@@ -57,17 +59,21 @@ def data_folders() -> tuple[Path, ...]:
     return (data_folder(), *(folder / "data" for folder in search_path()))
 
 
-def caption_files(name: str) -> list[Path]:
-    """Return the caption file of a paper or of a page for all papers: one, or none."""
-    paths = (folder / "captions" / f"{name}.toml" for folder in data_folders())
+def data_files(name: str) -> list[Path]:
+    """Return the files with a name in the data folders, such as ``captions/niu2024.toml``."""
+    paths = (folder / name for folder in data_folders())
     return [path for path in paths if path.is_file()]
 
 
-def schematic_files(key: str) -> tuple[Path, ...]:
-    """Return the SVG files of a schematic, the shared style first; empty if there is none."""
-    paths = (folder / "schematics" / f"{key}.svg" for folder in data_folders())
-    files = [path for path in paths if path.is_file()]
-    return (data_folder() / "schematics" / "style.svg", files[0]) if files else ()
+def read_toml(path: Path, kind: Any) -> Any:
+    """Return the content of a TOML file as a type; an error names the file and every fault."""
+    from pydantic import TypeAdapter  # slow to import
+
+    try:
+        content = tomllib.loads(path.read_text(encoding="utf-8"))
+        return TypeAdapter(kind).validate_python(content)
+    except ValueError as error:  # of pydantic or of TOML
+        raise ValueError(f"{path}: {error}") from error
 
 
 @cache

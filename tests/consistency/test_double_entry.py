@@ -17,8 +17,8 @@ from reproduce.judge.ledger import build
 from reproduce.judge.propagate import result_intervals
 from reproduce.judge.readings import evaluate
 from reproduce.papers.catalogue import catalogue, computation_for
-from reproduce.papers.declare import reproduces, unpublished
-from reproduce.printed.cells import PAPERS, find
+from reproduce.papers.declare import reproduces
+from reproduce.printed.cells import PAPERS, find, library
 from reproduce.printed.inputs import load_inputs
 from reproduce.views.verdicts import choices_text
 
@@ -42,7 +42,7 @@ def computed():
             mark = f" ({choices_text(choices)})" if choices else ""
             intervals = result_intervals(one, load_inputs(one.inputs))
             for name, interval in intervals.items():
-                if not unpublished(computation.key, name):
+                if not library()[computation.key][name].unpublished:
                     found[f"{computation.key}#{name}{mark}"] = (one, interval[:2])
     return found
 

@@ -5,7 +5,7 @@ import json
 import pytest
 
 from reproduce.judge import ledger
-from reproduce.judge.ledger import Ledger, reread
+from reproduce.judge.ledger import Ledger, item_ledger
 from reproduce.judge.readings import evaluate
 from reproduce.locate import data_folder
 from reproduce.papers.catalogue import catalogue, computation_for
@@ -68,14 +68,14 @@ def test_stochastic_tables_have_a_joint_probability(whole):
 
 def test_a_reading_has_the_same_joint_probability_in_the_ledger_and_in_a_rerun():
     chosen = {"columns": "motions", "telescope": "common", "images": "with-ramp"}
-    (rerun,) = reread("chen2023/table-5", chosen).tables
+    (rerun,) = item_ledger("chen2023/table-5", **chosen).tables
     found = evaluate(effectiveness.monitored_angle)
     place = found.computation.readings.index(chosen)
     assert rerun.joint_probability == pytest.approx(found.joint[place, 0], rel=1e-9)
 
 
 def test_one_item_is_judged_as_in_the_whole(whole):
-    ledger._judged.cache_clear()
+    item_ledger.cache_clear()
     single = ledger.build(["chen2023/table-5"])
     assert single.records == whole.of("chen2023/table-5")
     assert single.tables == (whole.table("chen2023/table-5"),)
@@ -96,7 +96,7 @@ def test_unknown_keys_and_faults_in_the_frozen_verdicts_are_named(
     ):
         with pytest.raises(KeyError, match=name):
             call()
-    monkeypatch.setattr(ledger, "data_folders", lambda: (tmp_path,))
+    monkeypatch.setattr(ledger, "data_files", lambda name: [tmp_path / name])
     for verdict, cells, named in (
         ("maybe", ["niu2024/table-1"], "maybe"),
         ("differs", ["niu2024/table-1"], "reason"),

@@ -13,7 +13,7 @@ from matplotlib.patches import Patch
 from matplotlib.path import Path
 
 import reproduce as rp
-from reproduce.locate import schematic_files
+from reproduce.locate import data_files
 from reproduce.papers.catalogue import drawings
 from reproduce.views.figure import _inline, _vector_of, draw, drawable
 from reproduce.views.numbers import powers
@@ -159,7 +159,7 @@ def test_every_graph_can_be_read(width):
     assert contrast("white", "black") == pytest.approx(21.0)
     assert contrast("#777777", "white") == pytest.approx(4.48, abs=0.005)
     for key in (*drawable(), *drawings()):
-        if not schematic_files(key):  # these are tested in a browser
+        if not data_files(f"schematics/{key}.svg"):  # these are tested in a browser
             figure = draw(key, narrow=width == WIDTH_PHONE)
             FigureCanvasAgg(figure).draw()
             assert list(faults(figure, width)) == [], key

@@ -14,7 +14,7 @@ from bs4 import BeautifulSoup
 
 import reproduce as rp
 from book_facts import Register, register, write_tables
-from reproduce.judge.ledger import erratum
+from reproduce.judge.ledger import expected
 from reproduce.papers.catalogue import catalogue, studies
 from reproduce.papers.declare import Column, Fact
 from reproduce.printed.cells import PAPERS, anchor, library
@@ -176,7 +176,7 @@ def test_the_files_have_the_records_of_ledger_and_register(shipped):
         assert list(cells[name]) == [getattr(record, name) for record in records]
     errata = pd.read_csv(shipped / "errata.csv", comment="#").set_index("id")
     assert set(errata.index) == entries
-    named = {(erratum(record.cell), record.cell) for record in records}
+    named = {(expected(record.cell).erratum, record.cell) for record in records}
     listed = errata["results"].dropna().str.split().explode()
     assert {pair for pair in named if pair[0]} <= {*listed.items()}
     stored = json.loads(register().model_dump_json())

@@ -16,14 +16,13 @@ from jinja2 import UndefinedError
 import reproduce as rp
 from book_facts import card
 from reproduce.judge import ledger
-from reproduce.judge.ledger import frozen, reply_state
+from reproduce.judge.ledger import expected, frozen, item_ledger
 from reproduce.papers.catalogue import catalogue
 from reproduce.printed.cells import PAPERS, library
 from reproduce.printed.inputs import load_inputs
 from reproduce.views import export, reports
 from reproduce.views.blocks import rendered
 from reproduce.views.cli import main
-from reproduce.views.computed import item_ledger
 
 NP = rdflib.Namespace("http://www.nanopub.org/nschema#")
 CITO = rdflib.Namespace("http://purl.org/spar/cito/")
@@ -150,7 +149,7 @@ def test_a_covariance_is_that_of_the_draws():
     frame = reports.covariance(key).set_index("cell")
     (made,) = catalogue()[key].computations
     results = made(load_inputs(made.inputs))
-    one, other = (results[f"translation-{axis}.red"].draws for axis in "xy")
+    one, other = (results[f"translation-{axis}.red"] for axis in "xy")
     found = frame.loc["translation-x.red", "translation-y.red"]
     assert found == pytest.approx(np.cov(one, other)[0, 1], rel=1e-9)
     assert [*frame.columns] == ["unit", *frame.index]
@@ -166,7 +165,7 @@ def test_a_file_without_a_value_is_an_error():
 
 def test_the_state_of_a_reply_is_in_ledger_table_card_and_citation(monkeypatch):
     asked, given = "niu2024/table-3#scale.red", "niu2024/table-1#focal-length.red"
-    assert (reply_state(asked), reply_state(given)) == ("none", "")
+    assert (expected(asked).reply, expected(given).reply) == ("none", "")
     (record,) = json.loads(rp.table(asked).export("json"))["records"]
     assert record["reply"] == "none"
     shown = "reply of the authors: disputed"
@@ -175,10 +174,12 @@ def test_the_state_of_a_reply_is_in_ledger_table_card_and_citation(monkeypatch):
     assert "The authors' reply: none." in card(cell, "")
     answered = {"niu2024-scale-run": "disputed"}
     monkeypatch.setattr(ledger, "_reply_states", lambda: answered)
-    assert reply_state(asked) == "disputed"
+    item_ledger.cache_clear()
+    table, cell = rp.table("niu2024/table-3"), rp.table(asked)
     assert f'<span class="rp-flag">{shown}</span>' in table._repr_html_()
     assert cell.cite("sentence").endswith(f" The {shown}.")
     assert "The authors' reply: disputed." in card(cell, "")
+    item_ledger.cache_clear()
 
 
 # The validator expects one nanopublication.

@@ -7,11 +7,11 @@ import pytest
 from bs4 import BeautifulSoup
 
 import reproduce as rp
+from reproduce.judge.ledger import build
 from reproduce.judge.rerun import CannotChangeError
 from reproduce.papers.catalogue import catalogue
 from reproduce.printed.cells import PAPERS, anchor, library
 from reproduce.views import contents
-from reproduce.views.computed import item_ledger
 
 TABLE, FOCAL = "niu2024/table-2", "niu2024/table-1#focal-length.red"
 STARS, NOISE = "niu2024/stars", "niu2024/text-simulation#noise"
@@ -23,7 +23,7 @@ def parse(html):
 
 def test_every_number_is_a_mark_that_leads_to_its_cell():
     """With the shape and the class of its verdict; the legend has their counts."""
-    records = item_ledger("niu2024/table-2", "niu2024/text-optics").records
+    records = build(["niu2024/table-2", "niu2024/text-optics"]).records
     page = parse(contents._overview_grid(records))
     marks = page.select("a[tabindex] path:not(.rp-hit)")
     links = [mark.find_parent("a")["href"] for mark in marks]

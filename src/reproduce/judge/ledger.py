@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import tomllib
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator
 from functools import cache
 from itertools import chain
 from typing import Any, Literal, NamedTuple
@@ -15,15 +15,15 @@ from pydantic import Field, model_validator
 from reproduce.judge.propagate import plain_results
 from reproduce.judge.readings import Evaluation, ReadingSummary, evaluate
 from reproduce.judge.verdicts import CENTRAL, Comparison, Frozen, Reading, Verdict
-from reproduce.locate import data_folder, data_folders
+from reproduce.locate import data_files, data_folder, read_toml
 from reproduce.papers.catalogue import catalogue
-from reproduce.papers.declare import unpublished
 from reproduce.printed.cells import PrintedCell, PrintedTable, find, library
 from reproduce.printed.inputs import load_inputs
 
 _JOINT_TEXT = (
     "probability of a table as far out as the printed one, all cells simulated together"
 )
+_Reply = Literal["", "none", "received", "disputed", "settled"]
 
 
 class _Printed(Frozen):
@@ -70,7 +70,7 @@ class Record(Comparison, _Printed):
     """all readings of the text in short; null if there is one reading"""
     reason: str = ""
     """reason of the frozen verdict"""
-    reply: Literal["", "none", "received", "disputed", "settled"] = ""
+    reply: _Reply = ""
     """state of the authors' reply to the question on the cell; empty without a question"""
 
 
@@ -120,13 +120,7 @@ class Ledger(Frozen):
 
     def cell(self, address: str) -> Record:
         """Return the record of one cell."""
-        for record in self.records:
-            if record.cell == address:
-                return record
-        raise KeyError(
-            f"address: expected a printed cell, got {address!r}. `reproduce contents` lists "
-            "the keys."
-        )
+        return {record.cell: record for record in self.records}[address]
 
     def table(self, key: str) -> TableRecord | None:
         """Return the joint record of a table; None if it has no predicted cells."""
@@ -156,14 +150,10 @@ def build(
     KeyError
         If a key is unknown.
     """
-    listed = [key for key in catalogue() if keys is None or key in keys]
-    if keys is not None and (unknown := {*keys}.difference(listed)):
-        raise KeyError(
-            f"keys: expected keys of items, got {sorted(unknown)}. Check them"
-        )
+    listed = dict.fromkeys(catalogue() if keys is None else keys)
     parts = []
     for key in listed:
-        parts.append(_judged(key))
+        parts.append(item_ledger(key))
         if progress is not None:
             progress(len(parts), len(listed))
     return Ledger(
@@ -172,20 +162,16 @@ def build(
     )
 
 
-def reread(key: str, choices: Mapping[str, str]) -> Ledger:
-    """Return the ledger of an item under one reading of the text."""
-    return _judged(key, tuple(choices.items()))
-
-
 @cache
-def _judged(key: str, choices: tuple[tuple[str, str], ...] = ()) -> Ledger:
+def item_ledger(key: str, **choices: str) -> Ledger:
+    """Return the ledger of an item; with the choices of some options, of one reading."""
+    item, tables = catalogue()[key], []
     if key not in library():  # a figure contains no printed numbers
         return Ledger(records=(), tables=())
     records = {cell.name: _unjudged(cell) for cell in library()[key].cells}
-    tables = []
-    for computation in catalogue()[key].computations:
+    for computation in item.computations:
         if choices:
-            computation = computation.with_options(dict(choices))
+            computation = computation.with_options(choices)
         evaluation = evaluate(computation)
         records |= _results(evaluation, library()[key])
         if not np.isnan(evaluation.joint[0, 0]):
@@ -195,7 +181,8 @@ def _judged(key: str, choices: tuple[tuple[str, str], ...] = ()) -> Ledger:
 
 def _unjudged(cell: PrintedCell) -> Record:
     """Return the record of a cell that no computation makes."""
-    missing = cell.is_number and unpublished(cell.key, cell.name)
+    missing = cell.is_number and cell.unpublished
+    known = expected(cell.address)
     ends, why = None, "words or a dash"
     if cell.is_number:
         low, high = (e if math.isfinite(e) else None for e in cell.number.interval())
@@ -210,6 +197,8 @@ def _unjudged(cell: PrintedCell) -> Record:
         role="result" if missing else "given",
         verdict="unpublished" if missing else "input",
         why=f"needs {missing}" if missing else why,
+        reason=known.reason,
+        reply=known.reply,
     )
 
 
@@ -229,7 +218,7 @@ def _results(evaluation: Evaluation, table: PrintedTable) -> dict[str, Record]:
             "equations": computation.equations,
             "seed": computation.entropy or None,
         }
-        if unpublished(cell.key, name):
+        if cell.unpublished:
             fields["flags"] = ("stand_in",)
         else:
             fields |= vars(literal) | {"why": _why(cell, literal)}
@@ -271,9 +260,10 @@ def _why(cell: PrintedCell, reading: Reading) -> str:
 def _table_record(evaluation: Evaluation) -> TableRecord:
     """Return the joint record of the predicted cells of a computation."""
     key, cells = evaluation.computation.key, evaluation.cells
+    table = library()[key]
     results = [evaluation.results(name) for name in cells]
     distinct = np.sort(np.unique(np.stack(results), axis=1, return_index=True)[1])
-    judged = [name for name in cells if not unpublished(key, name)]
+    judged = [name for name in cells if not table[name].unpublished]
     agreeing = np.sum([[r.agrees for r in cells[name]] for name in judged], axis=0)
     joint = evaluation.joint[:, 0]
     fits = (agreeing == len(judged)) & (joint >= 1 - CENTRAL)
@@ -303,6 +293,11 @@ class Expectation(Frozen):
     erratum: str = ""
     question: str = ""
 
+    @property
+    def reply(self) -> _Reply:
+        """State of the authors' reply to the question; empty without a question."""
+        return _reply_states().get(self.question, "none") if self.question else ""
+
     @model_validator(mode="after")
     def _has_reason(self) -> Expectation:
         if self.verdict == "differs" and not self.reason:
@@ -314,8 +309,8 @@ class Expectation(Frozen):
 
 def _entries(file: str, name: str) -> Iterator[dict[str, Any]]:
     """Yield the entries of a TOML file of every data folder."""
-    for folder in data_folders():
-        yield from tomllib.loads((folder / file).read_text(encoding="utf-8"))[name]
+    for path in data_files(file):
+        yield from tomllib.loads(path.read_text(encoding="utf-8"))[name]
 
 
 @cache
@@ -351,32 +346,15 @@ def changed_verdicts(ledger: Ledger) -> list[_VerdictChange]:
     ]
 
 
-def _expected(address: str) -> Expectation:
+def expected(address: str) -> Expectation:
+    """Return the frozen verdict of a cell, by default that of an input."""
     return frozen().get(address, Expectation(verdict="input"))
 
 
-def reason(address: str) -> str:
-    """Return the reason of the frozen verdict of a cell; empty without a reason."""
-    return _expected(address).reason
-
-
-def erratum(address: str) -> str:
-    """Return the id of the erratum that explains a verdict; empty without an erratum."""
-    return _expected(address).erratum
-
-
-def reply_state(address: str) -> str:
-    """Return the state of the authors' reply to the question on a cell; empty without one."""
-    question = _expected(address).question
-    return question and _reply_states().get(question, "none")
-
-
 @cache
-def _reply_states() -> dict[str, str]:
-    text = (data_folder() / "letters.toml").read_text(encoding="utf-8")
-    return {
-        one["id"]: one.get("state", "none") for one in tomllib.loads(text)["question"]
-    }
+def _reply_states() -> dict[str, _Reply]:
+    letters = read_toml(data_folder() / "letters.toml", dict)["question"]
+    return {one["id"]: one.get("state", "none") for one in letters}
 
 
 @cache

@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from reproduce.judge.verdicts import TOLERANT, Flag, Propagated
-from reproduce.papers.declare import Computation, Prediction
+from reproduce.judge.verdicts import TOLERANT, Flag
+from reproduce.papers.declare import Computation
 from reproduce.printed.corners import corner_intervals
 from reproduce.printed.inputs import Inputs
 
@@ -16,7 +16,9 @@ from reproduce.printed.inputs import Inputs
 _SLOPE_DECIMALS, _SIZE_RATIO = 9, 1e-9
 
 
-def result_intervals(computation: Computation, inputs: Inputs) -> dict[str, Propagated]:
+def result_intervals(
+    computation: Computation, inputs: Inputs
+) -> dict[str, tuple[float, float, bool]]:
     """Propagate the rounding of the printed inputs through a deterministic computation.
 
     Tests compare every interval with results at random points inside the rounding intervals.
@@ -31,26 +33,21 @@ def result_intervals(computation: Computation, inputs: Inputs) -> dict[str, Prop
     Returns
     -------
     dict
-        Name of each cell to its interval, by `corner_intervals`.
+        Name of each cell to the ends of its interval, by `corner_intervals`, and whether an input
+        with a wide tolerance changes it.
     """
     corners = corner_intervals(
-        lambda sides: _values(computation, inputs.shifted(sides)),
+        lambda sides: computation(inputs.shifted(sides)),
         inputs.rounded(),
     )
-    intervals = {}
-    for name, (low, high, sides) in corners.items():
-        qualifiers = {inputs.cells[address].number.qualifier for address in sides}
-        wide = not qualifiers.isdisjoint(TOLERANT)
-        intervals[name] = Propagated(low, high, wide)
-    return intervals
-
-
-def _values(computation: Computation, inputs: Inputs) -> dict[str, float]:
-    """Return the results of a computation, without predictions."""
+    tolerant = {
+        address
+        for address in inputs.rounded()
+        if inputs.cells[address].number.qualifier in TOLERANT
+    }
     return {
-        name: float(value)
-        for name, value in computation(inputs).items()
-        if not isinstance(value, Prediction)
+        name: (low, high, not tolerant.isdisjoint(sides))
+        for name, (low, high, sides) in corners.items()
     }
 
 
@@ -74,27 +71,30 @@ def plain_results(computation: Computation, inputs: Inputs) -> dict[str, Flag]:
         maximum, ties included) or ``difference`` (one input minus another, or minus itself).
         Other cells are not in it.
     """
-    centre = _values(computation, inputs)
-    slopes: dict[str, dict[str, set[float]]] = {name: {} for name in centre}
+    centre, moved = computation(inputs), {}
     for address in (a for a, cell in inputs.cells.items() if cell.is_number):
         step = 2 * inputs.half_unit(address) or 1.0  # a count moves by one
-        for change in (step, -step):
-            moved = inputs.changed({address: inputs[address] + change})
-            for name, value in _values(computation, moved).items():
-                slope = round((value - centre[name]) / change, _SLOPE_DECIMALS)
-                if slope:
-                    slopes[name].setdefault(address, set()).add(abs(slope))
+        moved[address] = {
+            change: computation(inputs.changed({address: inputs[address] + change}))
+            for change in (step, -step)
+        }
     kinds: dict[str, Flag] = {}
-    for name, size in ((name, abs(value)) for name, value in centre.items()):
-        values = [inputs[address] for address in slopes[name]]
-        if any(slope != {1.0} for slope in slopes[name].values()):
+    for name, value in centre.items():
+        slopes = {
+            address: {
+                abs(round((after[name] - value) / change, _SLOPE_DECIMALS))
+                for change, after in results.items()
+            }
+            - {0.0}
+            for address, results in moved.items()
+        }
+        followed = [inputs[address] for address, sizes in slopes.items() if sizes]
+        if any(sizes - {1.0} for sizes in slopes.values()) or not inputs.cells:
             continue
-        if not values and inputs.cells and not size:
-            kinds[name] = "difference"
-        elif values and np.allclose(np.abs(values), size, rtol=_SIZE_RATIO, atol=0):
+        if followed and np.allclose(np.abs(followed), abs(value), _SIZE_RATIO, 0):
             kinds[name] = "copy"
-        elif len(values) == 2 and math.isclose(
-            abs(values[0] - values[1]), size, rel_tol=_SIZE_RATIO
-        ):
-            kinds[name] = "difference"
+        elif len(followed) in {0, 2}:
+            difference = abs(np.diff(followed).sum())
+            if math.isclose(difference, abs(value), rel_tol=_SIZE_RATIO):
+                kinds[name] = "difference"
     return kinds

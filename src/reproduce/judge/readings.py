@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, partial
 from itertools import chain, combinations, compress, product
@@ -22,15 +22,13 @@ from numpy.typing import NDArray
 from reproduce.judge.propagate import result_intervals
 from reproduce.judge.verdicts import (
     Frozen,
-    Propagated,
     Reading,
     joint_probability,
     judge_prediction,
     judge_summary,
     judge_value,
 )
-from reproduce.papers.catalogue import catalogue
-from reproduce.papers.declare import Computation, Prediction, unpublished
+from reproduce.papers.declare import Computation
 from reproduce.printed.cells import library
 from reproduce.printed.inputs import load_inputs
 from reproduce.printed.number import si_factor
@@ -103,11 +101,11 @@ class Evaluation:
         different = []
         for first in np.sort(np.unique(results, return_index=True)[1]):
             place = np.unravel_index(first, results.shape)
-            affecting = {}
-            for axis, (option, choice) in enumerate(readings[first].choices.items()):
-                others = results[(*place[:axis], slice(None), *place[axis + 1 :])]
-                if (others != results[place]).any():
-                    affecting[option] = choice
+            affecting = {
+                option: choice
+                for i, (option, choice) in enumerate(readings[first].choices.items())
+                if len({*results[(*place[:i], slice(None), *place[i + 1 :])]}) > 1
+            }
             different.append(readings[first].model_copy(update={"choices": affecting}))
         return different
 
@@ -121,9 +119,6 @@ class Evaluation:
         # The smallest sets of options first.
         sizes = range(len(options) + 1)
         for names in chain.from_iterable(combinations(options, n) for n in sizes):
-            full = len(conditions) >= _MAX_CONDITIONS
-            if full and decided_by and len(names) > len(conditions[-1]):
-                break
             rest = tuple(i for i, one in enumerate(options) if one not in names)
             always, sometimes = agrees.all(axis=rest), agrees.any(axis=rest)
             if (always == sometimes).all():
@@ -190,48 +185,33 @@ def evaluate_readings(
     joint = []
     for choices in readings:
         one_reading = computation.with_options(choices)
-        results = one_reading(inputs)
-        allowed: Mapping[str, Propagated] = {}
-        if not computation.replicates:
-            allowed = result_intervals(one_reading, inputs)
-        for name, result in results.items():
+        stochastic = bool(computation.replicates)
+        allowed = {} if stochastic else result_intervals(one_reading, inputs)
+        draws, intervals = [], []
+        for name, result in one_reading(inputs).items():
             if not computation.makes(name):
                 raise ValueError(
                     f"{computation.name}: expected declared cells, got {name}. Declare it"
                 )
-            number, unit = table[name].number, si_factor(table[name].unit)
-            if isinstance(result, Prediction):
-                reading = judge_prediction(number, result.draws / unit, choices)
+            cell, unit = table[name], si_factor(table[name].unit)
+            if stochastic:
+                scaled = result / unit
+                reading = judge_prediction(cell.number, scaled, choices)
+                if np.ptp(scaled) > 0 and not cell.unpublished:
+                    draws.append(scaled)
+                    intervals.append(cell.number.interval())
             else:
-                low, high, wide = allowed.get(name, Propagated(result, result, False))
+                low, high, wide = allowed[name]
                 ends = low / unit, high / unit
-                reading = judge_value(number, result / unit, ends, choices, wide=wide)
+                reading = judge_value(
+                    cell.number, result / unit, ends, choices, wide=wide
+                )
             by_cell.setdefault(name, []).append(reading)
-        drawn = [
-            (table[name], result.draws)
-            for name, result in results.items()
-            if isinstance(result, Prediction)
-            and np.ptp(result.draws) > 0
-            and not unpublished(table.key, name)
-        ]
         chance = math.nan, math.nan
-        if drawn:
-            scaled = [draws / si_factor(cell.unit) for cell, draws in drawn]
-            intervals = [cell.number.interval() for cell, _ in drawn]
-            chance = joint_probability(np.stack(scaled), np.array(intervals))
+        if draws:
+            chance = joint_probability(np.stack(draws), np.array(intervals))
         joint.append(chance)
     return Evaluation(computation, by_cell, np.array(joint))
-
-
-def all_readings() -> Iterator[tuple[str, Reading]]:
-    """Yield the address and every reading of each cell that has several."""
-    items = catalogue().values()
-    for evaluation in (evaluate(one) for item in items for one in item.computations):
-        for name in evaluation.cells:
-            readings = evaluation.distinct(name)
-            if len(readings) > 1:
-                address = f"{evaluation.computation.key}#{name}"
-                yield from ((address, reading) for reading in readings)
 
 
 def _row(reading: Reading) -> list[float]:

@@ -12,26 +12,24 @@ from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field
 from decimal import Decimal
-from functools import cache
+from functools import cache, cached_property
 from itertools import product
-from typing import TypeVar
+from typing import NamedTuple
 
 import numpy as np
 
-from reproduce.judge.ledger import TableRecord, reread
+from reproduce.judge.ledger import TableRecord, item_ledger
 from reproduce.judge.verdicts import central_interval
 from reproduce.papers.catalogue import catalogue, changeable, computation_for, upstream
-from reproduce.papers.declare import Alternative, Computation, Prediction, Result
+from reproduce.papers.declare import Alternative, Computation, Result
 from reproduce.printed.cells import PrintedCell, find, library
 from reproduce.printed.inputs import Inputs, load_inputs
 from reproduce.printed.number import Interval, si_factor, symbol
 from reproduce.printed.quantity import si_value
 
-_Made = TypeVar("_Made")
 # Relative difference of two results that rounding noise can explain.
 _NOISE_RATIO = 1e-9
 # More replicates would only fill the memory.
@@ -44,20 +42,12 @@ class CannotChangeError(ValueError):
     """Raised for a cell that is not an input, a value that does not fit, or an unknown option."""
 
 
-@dataclass(frozen=True)
-class _ChangedCell:
+class _ChangedCell(NamedTuple):
     """One cell of an item under a change, in the printed unit.
 
-    Parameters
-    ----------
-    cell : PrintedCell
-        Printed cell.
-    unchanged, value : float, optional
-        Computed value, or median of the prediction, without and with the change.
-    interval : tuple of float, optional
-        Central 99 % of a prediction.
-    verdict : str
-        Verdict under the chosen reading, if only options are changed.
+    - `unchanged`, `value`: computed value or median of the prediction, without and with the change.
+    - `interval`: central 99 % of a prediction.
+    - `verdict`: under the chosen reading, if only options are changed.
     """
 
     cell: PrintedCell
@@ -65,40 +55,6 @@ class _ChangedCell:
     value: float | None
     interval: Interval | None = None
     verdict: str = ""
-
-
-@dataclass(frozen=True)
-class Rerun:
-    """An item computed again under a change.
-
-    Parameters
-    ----------
-    key : str
-        Key of the item.
-    changes : dict
-        Address to the value as given, and ``seed`` or ``replicates`` if they are changed.
-    cells : tuple of _ChangedCell
-        Every cell that the item computes.
-    replaced : dict
-        Address of each printed input that a recomputed value replaces, to that value in the
-        printed unit.
-    options : dict
-        Option to the chosen alternative.
-    joint : TableRecord, optional
-        Joint probability of a stochastic table, if only options are changed.
-    """
-
-    key: str
-    changes: dict[str, str]
-    cells: tuple[_ChangedCell, ...]
-    replaced: dict[str, float]
-    options: dict[str, str] = field(default_factory=dict)
-    joint: TableRecord | None = None
-
-    @property
-    def is_reading(self) -> bool:
-        """Whether this is a reading of the paper as printed, without changed inputs."""
-        return bool(self.options) and not self.changes
 
 
 def options(key: str) -> dict[str, dict[str, Alternative]]:
@@ -126,143 +82,36 @@ def options(key: str) -> dict[str, dict[str, Alternative]]:
     return by_option
 
 
-def rerun(
-    key: str,
-    changes: Mapping[str, str | float] | None = None,
-    *,
-    seed: int | None = None,
-    replicates: int | None = None,
-    chosen: Mapping[str, str] | None = None,
-) -> Rerun:
-    """Compute an item again under a change, or under a reading of the text.
-
-    Parameters
-    ----------
-    key : str
-        Key of the item.
-    changes : mapping, optional
-        Address of an input to a value as printed, with its unit.
-    seed, replicates : int, optional
-        Seed of the random number generator, and number of replicates.
-    chosen : mapping, optional
-        Option of the text to one of its alternatives.
-
-    Returns
-    -------
-    Rerun
-        Printed, computed and changed value of each cell.
-
-    Raises
-    ------
-    CannotChangeError
-        If a cell is not an input, a value does not fit, or the item cannot be computed.
-    """
-    changes, chosen = dict(changes or {}), dict(chosen or {})
-    run = _Run(checked_values(key, changes), seed, replicates, chosen)
-    known = options(key)
-    for name, alternative in chosen.items():
-        if alternative not in known.get(name, ()):
-            listed = "; ".join(
-                f"{n} ({', '.join(choices)})" for n, choices in known.items()
-            )
-            raise CannotChangeError(
-                f"{name}: expected an option of {key}, {listed or 'which has none'}, got "
-                f"{alternative!r}. Choose an alternative"
-            )
-    computations = catalogue()[key].computations
-    random = any(computation.replicates for computation in computations)
-    check_randomness(key, random, changes, seed, replicates)
-    changed = by_name(changes, seed, replicates)
-    if chosen and not changed:
-        return _reading(key, chosen)
-    cells = {}
-    with _explained(key, changed | chosen):
-        for computation in computations:
-            before = computation.with_options(chosen)(load_inputs(computation.inputs))
-            for name, after in run.results(computation).items():
-                cell, ends = library()[key][name], None
-                unit = si_factor(cell.unit)
-                if isinstance(after, Prediction):
-                    ends = central_interval(after.draws / unit)
-                value = _median(after, unit)
-                if not np.isfinite([value, *(ends or ())]).all():
-                    raise ArithmeticError(f"{cell.address} is not a finite number")
-                unchanged = _median(before[name], unit)
-                cells[name] = _ChangedCell(cell, unchanged, value, ends)
-    ordered = (cells[name] for name in library()[key].by_name if name in cells)
-    return Rerun(key, changed, tuple(ordered), run.replaced, chosen)
-
-
-@cache
-def effective_changes(key: str) -> dict[str, tuple[str, str]]:
-    """Return an input and another value of it for each computed cell that it changes, by name.
+def effective_change(address: str) -> tuple[str, str] | None:
+    """Return an input of a cell and another value of it that changes the computed value.
 
     The value is one or ten units of the last printed digit higher.
     """
-    random = any(
-        computation.replicates for computation in catalogue()[key].computations
-    )
-    replicates = 2 if random else None
-    inputs = [cell for one in changeable(key) if (cell := find(one)[0]).is_number]
-
-    def texts(changes: Mapping[str, str]) -> dict[str, str]:
-        cells = rerun(key, changes, replicates=replicates).cells
-        return {
-            one.cell.name: one.cell.number.format(one.value or 0.0, extra=1)
-            for one in cells
-        }
-
-    start, found = texts({}), dict[str, tuple[str, str]]()
+    key, _, name = address.partition("#")
+    computed = name in _texts(key)
+    inputs = [find(one)[0] for one in changeable(address) if computed]
     for units, cell in product((1, 10), inputs):
         number = Decimal(cell.text) + Decimal(units).scaleb(cell.number.exponent)
         change = cell.address, f"{number:f} {symbol(cell.unit)}".strip()
         with suppress(CannotChangeError):
-            for name, value in texts(dict([change])).items():
-                if value != start[name] and cell.address in changeable(f"{key}#{name}"):
-                    found.setdefault(name, change)
-        if len(found) == len(start):
-            break
-    return found
+            if _texts(key, change)[name] != _texts(key)[name]:
+                return change
+    return None
 
 
-def by_name(
-    changes: Mapping[str, str | float], seed: int | None, replicates: int | None = None
-) -> dict[str, str]:
-    """Return all changes as given, by address, ``seed`` or ``replicates``."""
-    every = {**changes, "seed": seed, "replicates": replicates}
-    return {name: str(value) for name, value in every.items() if value is not None}
-
-
-def check_randomness(
-    key: str,
-    random: bool,
-    changes: Iterable[str],
-    seed: int | None,
-    replicates: int | None = None,
-) -> None:
-    """Raise an error for a seed or a number of replicates that an item cannot take.
-
-    Random numbers are drawn by the item, or between a change and the inputs of the item.
-    """
-    if seed is replicates is None:
-        return
-    if not random:
-        above = filter(None, map(computation_for, changeable(key)))
-        changed = set(changes)
-        random = any(
-            c.replicates and changed.intersection(upstream(c.inputs)) for c in above
-        )
-    limits = {
-        "seed": (seed, 0, math.inf),
-        "replicates": (replicates, 2, _MAX_REPLICATES),
+@cache
+def _texts(key: str, *changes: tuple[str, str]) -> dict[str, str]:
+    """Return the displayed values of the computed cells under some changes, by name."""
+    replicates = 2 if _is_random(key) else None
+    return {
+        one.cell.name: one.cell.number.format(one.value or 0.0, extra=1)
+        for one in Rerun(key, dict(changes), replicates=replicates).cells
     }
-    for name, (number, least, greatest) in limits.items():
-        is_whole = isinstance(number, int | np.integer) and least <= number <= greatest
-        if number is not None and not (random and is_whole):
-            expected = f"None, since {key} draws no random numbers"
-            if random:
-                expected = f"a whole number from {least} to {greatest:,}"
-            raise CannotChangeError(f"{name}: expected {expected}, got {number!r}")
+
+
+def _is_random(key: str) -> bool:
+    """Return whether the computations of an item draw random numbers."""
+    return any(computation.replicates for computation in catalogue()[key].computations)
 
 
 def checked_values(key: str, changes: Mapping[str, str | float]) -> dict[str, float]:
@@ -278,117 +127,182 @@ def checked_values(key: str, changes: Mapping[str, str | float]) -> dict[str, fl
     return values
 
 
+def check_randomness(
+    key: str, random: bool, seed: int | None, replicates: int | None = None
+) -> None:
+    """Raise an error for a seed or a number of replicates that an object cannot take."""
+    for name, number, least, greatest in (
+        ("seed", seed, 0, math.inf),
+        ("replicates", replicates, 2, _MAX_REPLICATES),
+    ):
+        is_whole = isinstance(number, int | np.integer) and least <= number <= greatest
+        if number is not None and not (random and is_whole):
+            expected = f"None, since {key} draws no random numbers"
+            if random:
+                expected = f"a whole number from {least} to {greatest:,}"
+            raise CannotChangeError(f"{name}: expected {expected}, got {number!r}")
+
+
 def _stray(key: str, stray: str, allowed: Sequence[str]) -> CannotChangeError:
-    """Return the error of a cell that is not an input, with similar inputs."""
-    names = {address.partition("#")[2]: address for address in reversed(allowed)}
-    name = stray.rpartition("#")[2]
-    near = difflib.get_close_matches(name, names, _MAX_SUGGESTED, cutoff=0.7)
-    listed = [names[name] for name in near] or allowed[:_MAX_SUGGESTED]
+    """Return the error of a cell that is not an input, with similar names of inputs."""
+    listed = difflib.get_close_matches(stray, allowed, _MAX_SUGGESTED, cutoff=0)
     return CannotChangeError(
         f"{stray}: expected an input of {key}, such as {', '.join(listed)}. All {len(allowed)} "
         "are in `.inputs`"
     )
 
 
-def compute_with_changes(
-    key: str,
-    patterns: tuple[str, ...],
-    changes: Mapping[str, str | float],
-    seed: int | None,
-    compute: Callable[[Inputs], _Made],
-) -> tuple[_Made, dict[str, float]]:
-    """Return the result of `compute` with changed inputs, and the replaced printed inputs.
+class Rerun:
+    """An item under one set of changes. Every computation runs at most once.
 
     Parameters
     ----------
     key : str
-        Key of the item.
-    patterns : tuple of str
-        Addresses of its inputs.
-    changes : mapping
+        Key of an item, a supplementary table or a drawing.
+    changes : mapping, optional
         Address of an input to a value as printed, with its unit.
-    seed : int, optional
-        Seed of the random number generator.
-    compute : callable
-        Function of the inputs.
+    seed, replicates : int, optional
+        Seed of the random number generator, and number of replicates.
+    chosen : mapping, optional
+        Option of the text to one of its alternatives.
+    random : bool, optional
+        Whether the object draws random numbers. Default: whether the item does.
 
-    Returns
-    -------
-    result
-        Result of `compute`.
+    Attributes
+    ----------
+    changes : dict
+        All changes as given, by address, ``seed`` or ``replicates``.
+    options : dict
+        Option to the chosen alternative.
     replaced : dict
-        Address to the recomputed value that replaces the printed one, in the printed unit.
+        Address of each printed input that a recomputed value replaced, to that value in the
+        printed unit.
+
+    Raises
+    ------
+    CannotChangeError
+        If a cell is not an input, a value does not fit, or an option is unknown.
     """
-    run = _Run(checked_values(key, changes), seed)
-    with _explained(key, by_name(changes, seed)):
-        return compute(run.inputs(patterns)), run.replaced
 
+    def __init__(
+        self,
+        key: str,
+        changes: Mapping[str, str | float] | None = None,
+        *,
+        seed: int | None = None,
+        replicates: int | None = None,
+        chosen: Mapping[str, str] | None = None,
+        random: bool | None = None,
+    ) -> None:
+        self.key, self._seed, self._replicates = key, seed, replicates
+        self.options, changes = dict(chosen or {}), changes or {}
+        self._values = checked_values(key, changes)
+        given = {**changes, "seed": seed, "replicates": replicates}
+        self.changes = {n: str(text) for n, text in given.items() if text is not None}
+        self.replaced: dict[str, float] = {}
+        self._results: dict[str, Mapping[str, Result]] = {}
+        known = options(key) if chosen else {}
+        for name, alternative in self.options.items():
+            if alternative not in known.get(name, ()):
+                listed = "; ".join(
+                    f"{n} ({', '.join(choices)})" for n, choices in known.items()
+                )
+                raise CannotChangeError(
+                    f"{name}: expected an option of {key}, {listed or 'which has none'}, got "
+                    f"{alternative!r}. Choose an alternative"
+                )
+        random = _is_random(key) if random is None else random
+        if not random:  # perhaps between a change and the inputs
+            above = filter(None, map(computation_for, changeable(key)))
+            random = any(c.replicates and self._reaches(c.inputs) for c in above)
+        check_randomness(key, random, seed, replicates)
 
-@contextmanager
-def _explained(key: str, changes: Mapping[str, str]) -> Iterator[None]:
-    """Add the item and the changes to an error of a computation."""
-    try:
-        with np.errstate(all="ignore"):
-            yield
-    except (ValueError, ArithmeticError, IndexError, MemoryError) as error:
-        setting = ", ".join(f"{name} = {text}" for name, text in changes.items())
-        raise CannotChangeError(
-            f"{key} cannot be computed with {setting}: {error}"
-        ) from error
+    @property
+    def is_reading(self) -> bool:
+        """Whether this is a reading of the paper as printed, without changed inputs."""
+        return bool(self.options) and not self.changes
 
+    @property
+    def joint(self) -> TableRecord | None:
+        """Joint probability of a stochastic table under a reading."""
+        if not self.is_reading:
+            return None
+        return item_ledger(self.key, **self.options).table(self.key)
 
-def _reading(key: str, chosen: dict[str, str]) -> Rerun:
-    """Return an item under one reading of the text, with verdicts."""
-    chosen_ledger, literal = reread(key, chosen), reread(key, {})
-    cells = tuple(
-        _ChangedCell(
-            find(after.cell)[0],
-            before.computed,
-            after.computed,
-            after.interval,
-            after.verdict,
-        )
-        for before, after in zip(literal.records, chosen_ledger.records, strict=True)
-        if after.function
-    )
-    return Rerun(key, {}, cells, {}, chosen, chosen_ledger.table(key))
+    @cached_property
+    def cells(self) -> tuple[_ChangedCell, ...]:
+        """Every cell that the item computes, in printed order."""
+        table, cells = library()[self.key], {}
+        if self.is_reading:
+            chosen, literal = (
+                item_ledger(self.key, **self.options),
+                item_ledger(self.key),
+            )
+            return tuple(
+                _ChangedCell(
+                    cell, before.computed, after.computed, after.interval, after.verdict
+                )
+                for cell, before, after in zip(
+                    table.cells, literal.records, chosen.records, strict=True
+                )
+                if after.function
+            )
+        with self.explained():
+            for computation in catalogue()[self.key].computations:
+                before = computation.with_options(self.options)
+                unchanged = before(load_inputs(computation.inputs))
+                for name, after in self.results(computation).items():
+                    unit, ends = si_factor(table[name].unit), None
+                    if computation.replicates:
+                        ends = central_interval(after / unit)
+                    numbers = _median(unchanged[name], unit), _median(after, unit)
+                    if not np.isfinite([*numbers, *(ends or ())]).all():
+                        raise ArithmeticError(
+                            f"{table[name].address} is not a finite number"
+                        )
+                    cells[name] = _ChangedCell(table[name], *numbers, ends)
+        return tuple(cells[name] for name in table.by_name if name in cells)
 
+    def _reaches(self, patterns: tuple[str, ...]) -> bool:
+        """Return whether a changed value is an input, direct or through other items."""
+        return not self._values.keys().isdisjoint(upstream(patterns))
 
-@dataclass
-class _Run:
-    """Values of cells under one set of changes. Every computation runs at most once."""
-
-    values: Mapping[str, float]
-    seed: int | None
-    replicates: int | None = None
-    chosen: Mapping[str, str] = field(default_factory=dict)
-    replaced: dict[str, float] = field(default_factory=dict)
-    _results: dict[str, Mapping[str, Result]] = field(default_factory=dict)
+    @contextmanager
+    def explained(self) -> Iterator[None]:
+        """Add the item and the changes to an error of a computation."""
+        try:
+            with np.errstate(all="ignore"):
+                yield
+        except (ValueError, ArithmeticError, IndexError, MemoryError) as error:
+            setting = ", ".join(map(" = ".join, (self.changes | self.options).items()))
+            raise CannotChangeError(
+                f"{self.key} cannot be computed with {setting}: {error}"
+            ) from error
 
     def results(self, computation: Computation) -> Mapping[str, Result]:
         """Return the results of a computation whose inputs follow the changes."""
         if computation.name not in self._results:
             inputs = self.inputs(computation.inputs)
-            run = computation.with_options(self.chosen)
-            self._results[computation.name] = run(inputs, self.replicates)
+            run = computation.with_options(self.options)
+            self._results[computation.name] = run(inputs, self._replicates)
         return self._results[computation.name]
 
     def inputs(self, patterns: tuple[str, ...]) -> Inputs:
         """Return the inputs that match patterns, with the changes and recomputed values."""
-        inputs = load_inputs(patterns, self.seed)
+        inputs = load_inputs(patterns, self._seed)
         values = {address: self._input(address) for address in inputs.cells}
         return inputs.changed({a: v for a, v in values.items() if v is not None})
 
     def _input(self, address: str) -> float | None:
         """Return the value that replaces a printed input; None if the printed value remains."""
-        if address in self.values:
-            return self.values[address]
+        if address in self._values:
+            return self._values[address]
         above = computation_for(address)
-        if above is None or self.values.keys().isdisjoint(upstream(above.inputs)):
+        if above is None or not self._reaches(above.inputs):
             return None
         cell = find(address)[0]
-        unchanged = above.with_options(self.chosen)(
-            load_inputs(above.inputs, self.seed), self.replicates
+        unchanged = above.with_options(self.options)(
+            load_inputs(above.inputs, self._seed), self._replicates
         )
         if cell.name not in unchanged:
             return None
@@ -406,6 +320,4 @@ class _Run:
 
 def _median(result: Result, unit: float = 1.0) -> float:
     """Return the median of a result in a unit, which is applied first, as in the ledger."""
-    if isinstance(result, Prediction):
-        return float(np.median(result.draws / unit))
-    return float(result) / unit
+    return float(np.median(result / unit))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Iterable, Mapping
-from typing import Literal, NamedTuple, get_args
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,14 +78,6 @@ class Reading(Comparison):
     def agrees(self) -> bool:
         """Whether the printed number agrees with this reading."""
         return self.verdict in AGREES
-
-
-class Propagated(NamedTuple):
-    """Results that rounded inputs allow, in SI units, and whether an input has a wide tolerance."""
-
-    low: float
-    high: float
-    wide: bool
 
 
 def judge_value(

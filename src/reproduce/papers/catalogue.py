@@ -9,7 +9,7 @@ from functools import cache
 from operator import itemgetter
 from typing import Any
 
-from reproduce.locate import papers, schematic_files
+from reproduce.locate import data_files, papers
 from reproduce.papers.declare import (
     Computation,
     Drawing,
@@ -86,8 +86,7 @@ def _item(declared: list[Any]) -> Item:
 def _declarations(key: str, module: str) -> list[Any]:
     """Return the declarations of a key in its module; without a module, its schematic."""
     if not module:
-        files = schematic_files(key)
-        return [Schematic(key, files)] if files else []
+        return [Schematic(key, path) for path in data_files(f"schematics/{key}.svg")]
     declared = [
         value
         for value in vars(importlib.import_module(module)).values()

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from reproduce.papers.declare import Prediction, Result
+from reproduce.papers.declare import Result
 from reproduce.physics.validate import FloatArray
 
 if TYPE_CHECKING:
@@ -75,8 +75,7 @@ def plot_range(
     unit: float = 1.0,
 ) -> FloatArray:
     """Draw medians and central 99 % of n predictions along x; return them, shape (3, n)."""
-    draws = [one.draws for one in results if isinstance(one, Prediction)]
-    ends = np.quantile(draws, _CENTRAL, axis=-1) / unit
+    ends = np.quantile([*results], _CENTRAL, axis=-1) / unit
     sides = np.abs(ends[::2] - ends[1])
     axes.errorbar(ends[1], y, xerr=sides, fmt=look, capsize=4, lw=2.5, label=label)
     return ends

@@ -15,13 +15,12 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from numpy.random import SeedSequence
 
+from reproduce.locate import data_files
 from reproduce.papers.texts import Alternative as Alternative
 from reproduce.papers.texts import Column as Column
 from reproduce.papers.texts import Fact as Fact
 from reproduce.papers.texts import Options as Options
 from reproduce.papers.texts import item_text as item_text
-from reproduce.papers.texts import parse_texts as parse_texts
-from reproduce.papers.texts import unpublished as unpublished
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.inputs import Inputs, load_inputs
 
@@ -33,21 +32,9 @@ if TYPE_CHECKING:
 ROOT_SEED = 20_240_102
 
 
-@dataclass(frozen=True)
-class Prediction:
-    """Predicted distribution of a random or measured number.
-
-    Parameters
-    ----------
-    draws : ndarray, shape (replicates,)
-        Replicates of the number in SI units. The same index is the same replicate in every cell
-        of a table, so that the cells keep their correlation.
-    """
-
-    draws: FloatArray
-
-
-Result = float | Prediction
+# A float, or draws as an array of shape (replicates,), in SI units. The same index is the same
+# replicate in every cell of a table, so that the cells keep their correlation.
+Result = Any
 Results = Mapping[str, Result]
 # Rows of a supplementary table.
 Rows = Iterator[tuple[Any, ...]]
@@ -68,7 +55,7 @@ def by_cell(form: str, values: FloatArray, *labels: Iterable[Any]) -> dict[str, 
     Returns
     -------
     dict
-        Numbers or predictions by name.
+        Numbers or draws by name.
 
     Examples
     --------
@@ -78,7 +65,7 @@ def by_cell(form: str, values: FloatArray, *labels: Iterable[Any]) -> dict[str, 
     """
     names = [form.format(*parts) for parts in product(*labels)]
     rows = values.reshape(len(names), *values.shape[len(labels) :])
-    results = rows.tolist() if rows.ndim == 1 else map(Prediction, rows)
+    results = rows.tolist() if rows.ndim == 1 else rows
     return dict(zip(names, results, strict=True))
 
 
@@ -114,8 +101,8 @@ class PaperFunction:
 class Computation(PaperFunction):
     """A function that computes printed cells.
 
-    The function takes the inputs (and, if stochastic, the seed and the number of replicates) and
-    returns results by cell name, in SI units.
+    The function takes the inputs and returns numbers by cell name, in SI units. A stochastic one
+    also takes the seed and the number of replicates, and returns draws.
 
     Parameters
     ----------
@@ -320,14 +307,15 @@ class Schematic:
     """A drawing by hand: an SVG file, whose ``{ADDRESS printed}`` stand for printed cells."""
 
     key: str
-    files: tuple[Path, ...]
+    path: Path
     inputs: ClassVar[tuple[str, ...]] = ()
     random: ClassVar[bool] = False
 
     @cached_property
     def text(self) -> str:
         """SVG with the style that all schematics share."""
-        shared, drawn = (path.read_text(encoding="utf-8") for path in self.files)
+        paths = *data_files("schematics/style.svg"), self.path
+        shared, drawn = (path.read_text(encoding="utf-8") for path in paths)
         style = shared[shared.index("<style") : shared.index("</svg>")]
         return drawn.replace(">", f">\n  {style.rstrip()}", 1)
 

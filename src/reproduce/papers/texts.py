@@ -5,18 +5,15 @@ A table of the file has the last part of a key as its name and the fields of `It
 
 from __future__ import annotations
 
-import fnmatch
-import tomllib
 from collections.abc import Mapping
 from dataclasses import field
 from functools import cache
-from pathlib import Path
 from typing import Any
 
-from pydantic import ConfigDict, TypeAdapter
+from pydantic import ConfigDict
 from pydantic.dataclasses import dataclass
 
-from reproduce.locate import caption_files
+from reproduce.locate import data_files, read_toml
 
 _STRICT = ConfigDict(extra="forbid")
 
@@ -91,7 +88,6 @@ class ItemText:
     - `folded`: name of the column by whose values a long table is shown in parts.
     - `facts`: formats of the numbers that sentences quote.
     - `options`: option to its alternatives, the literal one first.
-    - `unpublished`: pattern of cell names to the data that the paper does not publish.
     - `figure`: texts of a figure; ``{ADDRESS printed}`` is replaced by the printed cell.
     """
 
@@ -101,7 +97,6 @@ class ItemText:
     folded: str = ""
     facts: dict[str, Fact] = field(default_factory=dict)
     options: dict[str, dict[str, Alternative]] = field(default_factory=dict)
-    unpublished: dict[str, str] = field(default_factory=dict)
     figure: _FigureText = _FigureText("", "")
 
 
@@ -111,31 +106,9 @@ def item_text(key: str) -> ItemText:
     return _of_paper(paper).get(name, ItemText())
 
 
-def unpublished(key: str, name: str) -> str:
-    """Return the unpublished data that a cell needs; empty if the paper publishes them."""
-    missing = item_text(key).unpublished.items()
-    return next(
-        (data for cells, data in missing if fnmatch.fnmatchcase(name, cells)), ""
-    )
-
-
 @cache
 def _of_paper(paper: str) -> dict[str, ItemText]:
     texts: dict[str, ItemText] = {}
-    for path in caption_files(paper):
-        texts |= parse_texts(path.read_text(encoding="utf-8"), path)
+    for path in data_files(f"captions/{paper}.toml"):
+        texts |= read_toml(path, dict[str, ItemText])
     return texts
-
-
-def parse_texts(text: str, path: Path) -> dict[str, ItemText]:
-    """Return the texts of a file by name.
-
-    Raises
-    ------
-    ValueError
-        If the file is not valid. The message names the position of every fault.
-    """
-    try:
-        return TypeAdapter(dict[str, ItemText]).validate_python(tomllib.loads(text))
-    except ValueError as error:  # of pydantic or of TOML
-        raise ValueError(f"{path}: {error}") from error

@@ -5,10 +5,8 @@ from __future__ import annotations
 import fnmatch
 import hashlib
 import re
-import tomllib
 from dataclasses import dataclass
 from functools import cache, cached_property
-from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import (
@@ -16,11 +14,10 @@ from pydantic import (
     BaseModel,
     ConfigDict,
     StringConstraints,
-    ValidationError,
     model_validator,
 )
 
-from reproduce.locate import data_folders, papers
+from reproduce.locate import data_folders, papers, read_toml
 from reproduce.printed.number import UNITS, PrintedNumber, si_factor, symbol
 
 PAPERS = tuple(papers())
@@ -31,10 +28,6 @@ Role = Literal[
 _Qualifier = Literal["about", "nominal", "less", "greater", "at-least", "within"]
 # A no-break space keeps sign and digits on one line.
 _SIGNS = {"less": "<", "greater": ">", "at-least": "≥", "within": "±", "about": "≈"}
-
-
-class PrintedFileError(ValueError):
-    """A file of printed numbers with faults, which the message lists."""
 
 
 class _Traits(BaseModel):
@@ -52,6 +45,14 @@ class _Traits(BaseModel):
     page: str | None = None
     spelled: str | None = None
     misprint: str | None = None
+    unpublished: str | None = None
+
+    @property
+    def position(self) -> str:
+        """Page or section; empty without either."""
+        if self.page:
+            return f"page {self.page}"
+        return f"section {self.section}" if self.section else ""
 
 
 _TRAITS = set(_Traits.model_fields)
@@ -60,21 +61,20 @@ _TRAITS = set(_Traits.model_fields)
 class _Entry(_Traits):
     """One cell of a table: digits or text, and traits that its row and column do not have."""
 
-    value: Annotated[str, AfterValidator(lambda text: PrintedNumber(text).text)] | None
+    value: (
+        Annotated[str, AfterValidator(lambda text: PrintedNumber(text).text)] | None
+    ) = None
     text: str | None = None
 
     @model_validator(mode="before")
     @classmethod
     def _complete(cls, entry: Any) -> Any:
         """Accept quoted digits in place of an entry, and require digits or text."""
-        if isinstance(entry, int | float):
-            raise ValueError(f'expected a quoted number, got {entry}. Write "{entry}".')
-        fields = {"value": None} | (
-            {"value": entry} if isinstance(entry, str) else entry
-        )
-        if (fields["value"] is None) == ("text" not in fields):
+        if not isinstance(entry, dict):
+            return {"value": entry}
+        if ("value" in entry) == ("text" in entry):
             raise ValueError("expected either value (digits) or text (words, a dash)")
-        return fields
+        return entry
 
 
 class _Line(_Traits):
@@ -105,7 +105,7 @@ class _File(_Traits):
 
     @model_validator(mode="after")
     def _is_complete(self) -> _File:
-        if not (self.page or self.section):
+        if not self.position:
             raise ValueError("expected a page or section, got none. Add the position.")
         if bool(self.cell) == bool(self.row or self.column):
             raise ValueError(
@@ -144,6 +144,8 @@ class PrintedCell:
         1 or 3 if the paper gives the number as one or three standard deviations.
     unit_assumed, misprint : str, optional
         Reason for an assumed unit, and for a suspected typographical error.
+    unpublished : str, optional
+        Data that the number needs, and that the paper does not publish.
     """
 
     key: str
@@ -156,6 +158,7 @@ class PrintedCell:
     sigma: int | None = None
     unit_assumed: str | None = None
     misprint: str | None = None
+    unpublished: str | None = None
 
     @property
     def address(self) -> str:
@@ -251,34 +254,12 @@ def anchor(address: str) -> str:
     return re.sub("[/#.]", "-", address)
 
 
-def read(path: Path, key: str) -> PrintedTable:
-    """Return the table of a file of printed numbers.
-
-    Raises
-    ------
-    PrintedFileError
-        If the file has faults. The message lists them with their position.
-    """
-    source = f"{path.parent.name}/{path.name}"
-    try:
-        return build(tomllib.loads(path.read_text(encoding="utf-8")), key, source)
-    except tomllib.TOMLDecodeError as error:
-        raise PrintedFileError(f"{source}: not valid TOML: {error}") from error
-
-
-def build(content: Any, key: str, source: str = "") -> PrintedTable:
+def build(content: Any, key: str) -> PrintedTable:
     """Return the table of the content of a file.
 
     Each cell has the traits of its file, column and row that its entry does not have.
     """
-    try:
-        file = _File.model_validate(content)
-    except ValidationError as error:
-        faults = (
-            f"{source}: {'.'.join(map(str, fault['loc']))}: {fault['msg']}"
-            for fault in error.errors()
-        )
-        raise PrintedFileError("\n".join(faults)) from error
+    file = _File.model_validate(content)
     cells = [
         _cell(key, entry.id, entry.label, [file, entry]) for entry in file.cell
     ] + [
@@ -292,9 +273,9 @@ def build(content: Any, key: str, source: str = "") -> PrintedTable:
         for column, entry in zip(file.column, row.cells, strict=True)
     ]
     if len({cell.name for cell in cells}) < len(cells):
-        raise PrintedFileError(f"{source}: expected each id once, got a duplicate")
+        raise ValueError(f"{key}: expected each id once, got a duplicate")
     rows, columns = tuple(file.row or file.cell), tuple(file.column)
-    place = _place(file, file)
+    place = f"{file.place}, {file.position}"
     return PrintedTable(key, file.title, place, rows, columns, tuple(cells))
 
 
@@ -305,28 +286,25 @@ def _cell(key: str, name: str, label: str, owners: list[Any]) -> PrintedCell:
         traits |= owner.model_dump(include=_TRAITS, exclude_none=True)
     file, *_, entry = owners
     content: PrintedNumber | str = entry.text or ""
+    unit = ""
     if entry.value is not None:
         if missing := {"unit", "role"} - set(traits):
-            raise PrintedFileError(f"{key}#{name}: missing {missing.pop()}")
-        is_count = traits["unit"] == "count"
-        content = PrintedNumber(entry.value, is_count, traits.get("qualifier"))
+            raise ValueError(f"{key}#{name}: missing {missing.pop()}")
+        unit = traits["unit"]
+        content = PrintedNumber(entry.value, unit == "count", traits.get("qualifier"))
     return PrintedCell(
         key,
         name,
         label,
         content,
-        traits["unit"] if entry.value is not None else "",
+        unit,
         traits.get("role", "specification"),
-        _place(file, entry if entry.section or entry.page else file),
+        f"{file.place}, {entry.position or file.position}",
         traits.get("sigma"),
         traits.get("unit_assumed"),
-        entry.misprint,
+        traits.get("misprint"),
+        traits.get("unpublished"),
     )
-
-
-def _place(file: _File, at: _Traits) -> str:
-    """Return the position of a cell, with its page or section."""
-    return f"{file.place}, {f'page {at.page}' if at.page else f'section {at.section}'}"
 
 
 @cache
@@ -339,7 +317,7 @@ def library() -> dict[str, PrintedTable]:
     '0.9973'
     """
     return {
-        (key := f"{paper}/{path.stem}"): read(path, key)
+        (key := f"{paper}/{path.stem}"): build(read_toml(path, _File), key)
         for paper, folder in papers().items()
         for path in sorted((folder / "printed" / paper).glob("*.toml"))
     }

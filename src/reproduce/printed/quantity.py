@@ -31,12 +31,10 @@ def si_value(cell: PrintedCell, value: str | float) -> float:
     matched = _VALUE.fullmatch(str(value).replace("−", "-"))
     number, unit = (float(matched[1]), matched[2]) if matched else (math.nan, "")
     limit, expected = _MAX_COUNT_RATIO * cell.number.value, ""
-    if not matched:
-        expected = f"a number in the printed format ({cell.shown})"
+    if not math.isfinite(number):
+        expected = f"a finite number in the printed format ({cell.shown})"
     elif unit not in units:
         expected = f"{symbol(cell.unit) or 'no unit'} as printed ({cell.shown})"
-    elif not math.isfinite(number):
-        expected = "a finite number"
     elif cell.unit == "count" and not (number.is_integer() and 0 <= number <= limit):
         expected = f"a whole number up to {limit:.0f}"
     if expected:

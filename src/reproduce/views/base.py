@@ -117,8 +117,7 @@ class Rerunnable(ResultView):
     ) -> None:
         self.key, self.seed, self._changes = key, seed, dict(changes or {})
         random = self.random  # an unknown key raises an error
-        rerun.checked_values(key, self._changes)
-        rerun.check_randomness(key, random, self._changes, seed)
+        self._rerun = rerun.Rerun(key, changes, seed=seed, random=random)
 
     @property
     @abstractmethod
@@ -133,9 +132,9 @@ class Rerunnable(ResultView):
     def _made(self) -> tuple[Any, dict[str, float]]:
         if not self.changes:
             return self._compute(None), {}
-        return rerun.compute_with_changes(
-            self.key, self._declared.inputs, self._changes, self.seed, self._compute
-        )
+        with self._rerun.explained():
+            made = self._compute(self._rerun.inputs(self._declared.inputs))
+        return made, self._rerun.replaced
 
     @property
     def random(self) -> bool:
@@ -145,7 +144,7 @@ class Rerunnable(ResultView):
     @property
     def changes(self) -> dict[str, str]:
         """The changes: address or ``seed`` to the value as given."""
-        return rerun.by_name(self._changes, self.seed)
+        return self._rerun.changes
 
     def _setting(self, remark: str = "your setting") -> str:
         return (

@@ -76,19 +76,6 @@ def cached(
 
 
 @cache
-def item_ledger(*keys: str) -> Ledger:
-    """Return the ledger of some items."""
-    if kept() is None:
-        return ledger.build(keys)
-    complete = whole_ledger()
-    parts = {
-        "records": tuple(record for record in complete.records if record.key in keys),
-        "tables": tuple(record for record in complete.tables if record.key in keys),
-    }
-    return complete.model_copy(update=parts)
-
-
-@cache
 def whole_ledger() -> Ledger:
     """Return the ledger of all items."""
     return cached(

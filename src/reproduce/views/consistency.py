@@ -12,7 +12,7 @@ import pandas as pd
 
 from reproduce.consistency.examine import RelationResult
 from reproduce.consistency.report import Audit, Erratum, audit_paper, register
-from reproduce.judge.ledger import erratum, frozen, replies
+from reproduce.judge.ledger import frozen, item_ledger, replies
 from reproduce.locate import data_folders
 from reproduce.printed.cells import PAPERS, anchor
 from reproduce.printed.number import si_factor, symbol
@@ -28,7 +28,6 @@ from reproduce.views.blocks import (
     code,
     rendered,
 )
-from reproduce.views.computed import item_ledger
 from reproduce.views.keys import check_paper
 from reproduce.views.numbers import minus, quantity
 
@@ -224,7 +223,7 @@ def _errata(audits: Sequence[Audit], *, supposed: bool) -> _Part:
     for entry in errata_register():
         for audit in audits:
             if entry.paper == audit.name and bool(entry.assumption) == supposed:
-                cells = [cell for cell in frozen() if erratum(cell) == entry.id]
+                cells = [a for a, one in frozen().items() if one.erratum == entry.id]
                 texts = {"name": entry.id, **entry.model_dump(exclude={"id"})}
                 rows.append(texts | {"results": cells})
                 findings = entry.findings(audit)

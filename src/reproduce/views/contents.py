@@ -24,7 +24,7 @@ from reproduce.views.blocks import (
     link,
     rendered,
 )
-from reproduce.views.computed import item_ledger
+from reproduce.views.computed import whole_ledger
 from reproduce.views.export import full_frame
 
 if TYPE_CHECKING:
@@ -115,7 +115,7 @@ class Contents(Display):
 
     @cached_property
     def _ledger(self) -> Ledger:
-        return item_ledger(*self.keys)
+        return whole_ledger() if self.papers == PAPERS else build(self.keys)
 
     def entries(self) -> list[dict[str, Any]]:
         """Return a record for each item and supplementary table, without computing it."""

@@ -18,7 +18,7 @@ from markupsafe import Markup
 from pybtex.database import BibliographyData, Entry, Person, parse_file
 from pybtex.database.output.bibtex import Writer
 
-from reproduce.judge.ledger import Ledger, Record, reason, reply_state
+from reproduce.judge.ledger import Ledger, Record, item_ledger
 from reproduce.locate import data_folder, papers
 from reproduce.papers.catalogue import catalogue, computation_for, drawings, studies
 from reproduce.printed.cells import PAPERS, PrintedCell, anchor, library
@@ -36,7 +36,7 @@ from reproduce.version import (
 )
 from reproduce.views import keys, verdicts
 from reproduce.views.blocks import rendered
-from reproduce.views.computed import item_ledger, whole_ledger
+from reproduce.views.computed import whole_ledger
 from reproduce.views.numbers import minus
 from reproduce.views.tex import in_tex
 
@@ -66,17 +66,9 @@ def provenance_of(cited: str, setting: str = "") -> dict[str, str]:
     return {name: text for name, text in texts.items() if text}
 
 
-def _explained(record: Record) -> Record:
-    """Return a record with the written reason of its verdict and the state of the reply."""
-    texts = {"reason": reason(record.cell), "reply": reply_state(record.cell)}
-    return record.model_copy(update=texts)
-
-
 def with_provenance(ledger: Ledger, address: str = "all") -> Ledger:
-    """Return a ledger with the written reason of each verdict, and its provenance."""
-    records = tuple(map(_explained, ledger.records))
-    provenance = provenance_of(citation(address, "text"))
-    return ledger.model_copy(update={"records": records, **provenance})
+    """Return a ledger with its provenance."""
+    return ledger.model_copy(update=provenance_of(citation(address, "text")))
 
 
 def export_frame(
@@ -125,14 +117,14 @@ def export_frame(
 
 
 def full_frame(records: Iterable[Record]) -> pd.DataFrame:
-    """Return one row per cell, with every field of the ledger and the reason.
+    """Return one row per cell, with every field of the ledger.
 
     Lists are words with blanks between them. An interval is two columns.
     """
     import pandas as pd
 
     rows = []
-    for record in map(_explained, records):
+    for record in records:
         row = record.model_dump(exclude={"readings"})
         # These columns also exist without readings.
         row |= dict.fromkeys(_READINGS)
@@ -390,7 +382,7 @@ def verify(citation: str) -> str:
             return "current"
         if is_released and _agrees(statement, record):
             return "current"
-        now = f"{now}, for {reason(address) or record.why}"
+        now = f"{now}, for {record.reason or record.why}"
     if is_released:
         return f"moved since {source}: now {now}"
     return f"unknown: not stated by version {source}; now {now}"

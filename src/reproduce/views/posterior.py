@@ -99,7 +99,7 @@ class Posterior(ResultView):
             )
         self.declared = posteriors()[self.name]
         self._priors, seed = arguments.get("priors", {}), arguments.get("data_seed")
-        check_randomness(self.name, True, (), seed)
+        check_randomness(self.name, True, seed)
         plan = {key: arguments[key] for key in _PLAN_ARGUMENTS if key in arguments}
         self.plan = self.declared.plan(**plan)
         settings = {k: arguments[k] for k in arguments if k not in _OTHER_ARGUMENTS}

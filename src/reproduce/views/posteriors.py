@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from reproduce import inference
 from reproduce.inference import ConvergenceCriteria, Summary
+from reproduce.judge.ledger import item_ledger
 from reproduce.papers.declare import item_text
 from reproduce.papers.posteriors import posteriors
 from reproduce.physics.attitude import Platform
@@ -18,7 +19,6 @@ from reproduce.printed.cells import find
 from reproduce.printed.number import UNITS, symbol
 from reproduce.store import studies
 from reproduce.views.blocks import Block, Blocks, Display, Entry, Grid, badge, link
-from reproduce.views.computed import item_ledger
 from reproduce.views.numbers import digits, percent, quantity
 from reproduce.views.posterior import Posterior, book_posterior, interval
 

@@ -12,7 +12,6 @@ from reproduce.judge.ledger import Record
 from reproduce.judge.readings import evaluate
 from reproduce.judge.rerun import options
 from reproduce.papers.catalogue import catalogue
-from reproduce.papers.declare import unpublished
 from reproduce.printed.cells import library
 from reproduce.views import verdicts
 from reproduce.views.blocks import Block, Display, Grid
@@ -46,13 +45,13 @@ class Readings(Display):
         """
         import pandas as pd
 
-        frame = pd.DataFrame({})
+        frame, table = pd.DataFrame({}), library()[self.key]
         computations = [c for c in catalogue()[self.key].computations if c.options]
         for computation in sorted(computations, key=lambda c: -len(c.options)):
             evaluation, part = evaluate(computation), pd.DataFrame(computation.readings)
             shared = [option for option in part if option in frame]
             for name, readings in evaluation.cells.items():
-                if unpublished(self.key, name) or len(evaluation.distinct(name)) == 1:
+                if table[name].unpublished or len(evaluation.distinct(name)) == 1:
                     continue
                 part[name] = [float(f"{reading.computed:.9g}") for reading in readings]
                 if readings[0].probability is not None:

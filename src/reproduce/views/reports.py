@@ -9,17 +9,15 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from reproduce import version
-from reproduce.judge.ledger import Record, reason, reply_state
+from reproduce.judge.ledger import Record, item_ledger
 from reproduce.judge.rerun import options
 from reproduce.judge.verdicts import AGREES, CENTRAL
 from reproduce.papers.catalogue import catalogue
-from reproduce.papers.declare import Prediction
 from reproduce.printed.cells import library
 from reproduce.printed.inputs import load_inputs
 from reproduce.printed.number import si_factor
 from reproduce.views import export, keys
 from reproduce.views.blocks import rendered
-from reproduce.views.computed import item_ledger
 from reproduce.views.verdicts import weak
 
 if TYPE_CHECKING:
@@ -113,9 +111,7 @@ def report(paper: str, form: str) -> dict[str, str]:
         "options": {key: options(key) for key in named},
         "open": {"differs", "ambiguous", "unpublished"},
         "paper": paper,
-        "reason": reason,
         "relations": RELATIONS,
-        "reply": reply_state,
         "version": version,
         "whole": whole,
     }
@@ -133,8 +129,7 @@ def covariance(key: str) -> pd.DataFrame:
     parts = []
     for made in catalogue()[key].computations:
         if made.replicates:
-            results = made(load_inputs(made.inputs)).items()
-            draws = {n: one.draws for n, one in results if isinstance(one, Prediction)}
+            draws = made(load_inputs(made.inputs))
             factors = [si_factor(library()[key][name].unit) for name in draws]
             parts.append((pd.DataFrame(draws) / factors).cov())
     whole = pd.concat(parts) if parts else pd.DataFrame()

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from markupsafe import Markup
 
 from reproduce.judge import rerun as rerunning
-from reproduce.judge.ledger import Ledger, Record
+from reproduce.judge.ledger import Ledger, Record, item_ledger
 from reproduce.judge.verdicts import AGREES
 from reproduce.papers.catalogue import changeable, computation_for, studies
 from reproduce.printed.cells import PrintedCell, anchor, library
@@ -27,7 +27,6 @@ from reproduce.views.blocks import (
     plain,
     rendered,
 )
-from reproduce.views.computed import item_ledger
 from reproduce.views.export import (
     export_frame,
     full_frame,
@@ -134,8 +133,9 @@ class Table(ItemView):
     @property
     def rerun_code(self) -> str:
         """A line of code that computes it with another value of an input."""
-        changes = rerunning.effective_changes(self.key).values()
-        return _rerun_code(self.key, next(iter(changes), None))
+        cells = (cell.address for cell in self._printed.cells)
+        changes = filter(None, map(rerunning.effective_change, cells))
+        return _rerun_code(self.key, next(changes, None))
 
     @property
     def readings(self) -> Readings:
@@ -173,7 +173,7 @@ class Table(ItemView):
         ValueError
             If a cell is not an input, a value does not fit its cell, or an option is unknown.
         """
-        result = rerunning.rerun(
+        result = rerunning.Rerun(
             self.key, changes, seed=seed, replicates=replicates, chosen=options
         )
         return Changed(result)
@@ -209,7 +209,7 @@ class Table(ItemView):
             self[name]
 
         def compute(step: Change) -> pd.DataFrame:
-            result = rerunning.rerun(self.key, step, replicates=replicates)
+            result = rerunning.Rerun(self.key, step, replicates=replicates)
             return of_cells(result, cells)
 
         return swept(self._printed.place, address, values, compute)
@@ -364,7 +364,7 @@ def _rerun_code(address: str, change: tuple[str, str] | None) -> str:
 
 
 def _verdict_texts(record: Record) -> tuple[str, str, str]:
-    replied = verdicts.replied_state(record.cell)
+    replied = verdicts.replied_state(record)
     return record.verdict, verdicts.flags(record.flags), replied
 
 
@@ -454,8 +454,7 @@ class Cell(ResultView):
     @property
     def rerun_code(self) -> str:
         """A line of code that computes it with another value of an input that changes it."""
-        changes = rerunning.effective_changes(self._cell.key)
-        return _rerun_code(self.address, changes.get(self._cell.name))
+        return _rerun_code(self.address, rerunning.effective_change(self.address))
 
     def frame(self) -> pd.DataFrame:
         """Return its record as a column."""

@@ -10,10 +10,9 @@ from markupsafe import Markup, escape
 from reproduce.judge.ledger import (
     Record,
     TableRecord,
-    erratum,
-    reason,
+    expected,
+    item_ledger,
     replies,
-    reply_state,
 )
 from reproduce.judge.readings import ReadingSummary, evaluate
 from reproduce.judge.verdicts import AGREES, VERDICTS, Flag, Reading
@@ -21,7 +20,7 @@ from reproduce.papers.catalogue import computation_for
 from reproduce.printed.cells import PAPERS, PrintedCell, anchor, library
 from reproduce.printed.number import symbol
 from reproduce.views.blocks import Entry, badge, code, link
-from reproduce.views.computed import item_ledger, whole_ledger
+from reproduce.views.computed import whole_ledger
 from reproduce.views.numbers import chance, minus, quantity
 
 MEANINGS: dict[str, str] = {
@@ -81,9 +80,9 @@ def texts(record: Record) -> dict[str, Entry]:
         else f"{record.share:.2f}",
         "probability": _probability(record),
         "verdict": badge(record.verdict, qualified(record)),
-        "why": minus(reason(record.cell) or record.why),
+        "why": minus(record.reason or record.why),
     }
-    if known := erratum(record.cell):
+    if known := expected(record.cell).erratum:
         shown["why"] = Markup("{} {}<br>The authors' reply: {}").format(
             shown["why"], link(known, f"Erratum {known}"), replied(known)
         )
@@ -235,9 +234,9 @@ def replied(erratum: str) -> Markup:
     return escape(replies()[erratum]) or Markup("none yet; {}").format(letter)
 
 
-def replied_state(address: str) -> str:
+def replied_state(record: Record) -> str:
     """Return the state of the authors' reply to a cell; empty without a reply."""
-    state = reply_state(address)
+    state = record.reply
     return f"reply of the authors: {state}" if state not in {"", "none"} else ""
 
 

@@ -24,12 +24,12 @@ def test_a_single_frame_agrees_with_the_papers_formula(predicted):
         for axis, across in (("x", 1), ("y", 0)):
             delta = 3 * np.sqrt((spots[:, across] ** 2).mean())
             formula = float(attitude_accuracy(delta, 4, pixel))
-            draws = predicted[f"1.{matrix}-{axis}"].draws
+            draws = predicted[f"1.{matrix}-{axis}"]
             assert np.median(draws) == pytest.approx(formula, rel=0.02)
 
 
 def test_long_averages_are_uncertain_by_themselves(predicted):
     """Few averages over 100 of 800 frames are independent: scatter of the scatter."""
     for count, low, high in ((1, 0.02, 0.03), (49, 0.12, 0.19), (100, 0.17, 0.28)):
-        draws = predicted[f"{count}.transform-x"].draws
+        draws = predicted[f"{count}.transform-x"]
         assert low < draws.std() / draws.mean() < high

@@ -32,9 +32,7 @@ def result(computation, name, replicates=None, **choices):
 
 def test_a_monitored_angle_goes_with_the_motion_that_the_reading_gives_it():
     def drawn(**choices):
-        return result(
-            effectiveness.monitored_angle, "3.monitoring-y", 400, **choices
-        ).draws
+        return result(effectiveness.monitored_angle, "3.monitoring-y", 400, **choices)
 
     length = 79.91e-6 / np.tan(8.017 * ARCSEC)
     spread = drawn().std()

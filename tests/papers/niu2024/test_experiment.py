@@ -42,7 +42,7 @@ def test_the_prediction_is_that_of_pencil_and_paper():
         squares = by_hand(scale, np.radians(rotation), shift)
         expected = squares + np.square(RESIDUAL[channel])
         for axis, square in zip("xy", expected, strict=True):
-            values = draws[f"rmse-before-{channel}-{axis}"].draws
+            values = draws[f"rmse-before-{channel}-{axis}"]
             # The distortion adds its part to the mean square: a few hundredths of a pixel.
             assert (values**2).mean() == pytest.approx(square, rel=0.03)
 

@@ -81,7 +81,7 @@ def test_the_predictions_have_the_centre_and_the_width_of_linear_theory(predicti
         points = TRUE[place] - TRUE[place].mean(axis=0)
         width = 0.05 * np.sqrt(2) / np.sqrt((points**2).sum())
         for row, value in zip(simulation.ROWS, clean, strict=True):
-            draws = prediction[f"{row}.{channel}"].draws
+            draws = prediction[f"{row}.{channel}"]
             assert abs(draws.mean() - value) < 4.5 * draws.std() / np.sqrt(draws.size)
             if not row.startswith("translation"):
                 assert draws.std() == pytest.approx(width, rel=0.08), row
@@ -89,7 +89,7 @@ def test_the_predictions_have_the_centre_and_the_width_of_linear_theory(predicti
 
 def test_both_channels_share_the_noise_of_green(prediction):
     """Two fits against the same green centroids correlate by about one half."""
-    red, blue = (prediction[f"scale.{channel}"].draws for channel in ("red", "blue"))
+    red, blue = (prediction[f"scale.{channel}"] for channel in ("red", "blue"))
     assert np.corrcoef(red, blue)[0, 1] == pytest.approx(0.5, abs=0.08)
 
 
@@ -117,7 +117,7 @@ def test_test_points_fill_the_range_or_are_different_angles():
 
 def median_rmse(name, **choices):
     """Return the median of an RMSE under one reading."""
-    return np.median(run(simulation.registration_rmse, 400, **choices)[name].draws)
+    return np.median(run(simulation.registration_rmse, 400, **choices)[name])
 
 
 def test_the_residual_after_registration_adds_up():

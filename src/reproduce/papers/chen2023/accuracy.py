@@ -16,7 +16,6 @@ from numpy.random import SeedSequence, default_rng
 from reproduce.papers.charts import legend_below, set_log_ticks, two_panels
 from reproduce.papers.chen2023 import platform
 from reproduce.papers.declare import (
-    Prediction,
     Results,
     by_cell,
     draws,
@@ -145,8 +144,7 @@ def _draw(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     panels = two_panels(figure, 3.8, 5.8, "printed over predicted (ratio)")
     for axes, (matrix, title) in zip(panels, _MATRICES.items(), strict=True):
         for axis, look, shift in (("x", "C0o", 0.92), ("y", "C1s", 1.08)):
-            cells = (predicted[f"{count:g}.{matrix}-{axis}"] for count in counts)
-            replicates = [cell.draws for cell in cells if isinstance(cell, Prediction)]
+            replicates = [predicted[f"{count:g}.{matrix}-{axis}"] for count in counts]
             low, median, high = np.quantile(replicates, [0.005, 0.5, 0.995], axis=1)
             values = printed.array(f"chen2023/table-4#*.{matrix}-{axis}")
             label, x = axis.upper(), counts * shift

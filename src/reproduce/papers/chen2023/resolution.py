@@ -35,7 +35,6 @@ from numpy.random import SeedSequence, default_rng
 from reproduce.papers.charts import legend_below, set_log_ticks, set_size
 from reproduce.papers.chen2023 import platform
 from reproduce.papers.declare import (
-    Prediction,
     Results,
     draws,
     item_text,
@@ -143,9 +142,9 @@ def optimum(
     monitoring = attitude_accuracy(scatter, inputs.count(_LASERS), angles)
     saturation = _saturation(monitoring, _relative_error(inputs), float(threshold))
     return {
-        "optimum": Prediction(angles[scatter.argmin(axis=-1)]),
-        "optimum-accuracy": Prediction(scatter.min(axis=-1)),
-        "saturation": Prediction(angles[saturation]),
+        "optimum": angles[scatter.argmin(axis=-1)],
+        "optimum-accuracy": scatter.min(axis=-1),
+        "saturation": angles[saturation],
     }
 
 

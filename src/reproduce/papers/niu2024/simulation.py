@@ -45,7 +45,7 @@ from reproduce.physics import validate
 from reproduce.physics.optics import Camera, arrangement_angles, channel_centroids
 from reproduce.physics.registration import (
     Registration,
-    fit_registration,
+    closed_similarity,
     rmse_per_axis,
 )
 from reproduce.physics.validate import FloatArray
@@ -203,8 +203,10 @@ class _Bench:
         unit = generator.standard_normal((replicates, *true.shape[-3:]))
         return true + sigma * factors * unit
 
-    def calibrated(self, generator: Generator, replicates: int) -> Registration:
-        """Return the calibrated transforms of red and blue, batch shape (replicates, 2).
+    def calibrated(
+        self, generator: Generator, replicates: int
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the calibrated parameters of red and blue, (replicates, 2, 4), and the pivots.
 
         The fit is the closed form, which is the limit of the iteration of section 3.2. A zero
         position that is not in an arrangement is measured in addition to its points.
@@ -213,8 +215,8 @@ class _Bench:
         angles = self.table if zero.size else np.vstack([self.table, np.zeros((1, 2))])
         measured = self.measured(generator, replicates, angles)
         pivots = measured[:, 1:, zero.item() if zero.size else count]
-        fitted = measured[:, :, :count]
-        return fit_registration(fitted[:, 1:], fitted[:, :1], pivots).transform
+        green, others = measured[:, :1, :count], measured[:, 1:, :count]
+        return closed_similarity(others, green, pivots, np.ones(count))[0], pivots
 
     def tested(self, generator: Generator, replicates: int, tests: str) -> FloatArray:
         """Return centroids of random test points, shape (replicates, 3, points, 2), in px."""
@@ -260,7 +262,7 @@ def calibrated_parameters(
     Implements: niu2024 (14), (17), (18), (19), (20), (21), (22), (23), (24), (25).
     """
     bench = _Bench(inputs, angles, noise, repeats, translations)
-    parameters = bench.calibrated(default_rng(seed), replicates).parameters
+    parameters, _ = bench.calibrated(default_rng(seed), replicates)
     return by_cell("{1}.{0}", np.moveaxis(parameters, 0, -1), REGISTERED, ROWS)
 
 
@@ -278,7 +280,8 @@ def _residuals(
     if parameters == "table-3":
         transform = bench.printed()
     else:
-        transform = bench.calibrated(generator, replicates)
+        fitted = bench.calibrated(generator, replicates)
+        transform = Registration("similarity", *fitted)
     green, before = measured[:, :1], measured[:, 1:]
     return {
         "before": rmse_per_axis(before, green),

@@ -1,6 +1,11 @@
 """Registration: the transform between two channels, fitted, bounded and diagnosed."""
 
 from reproduce.physics.registration._least_squares import Problem, prepare, residuals_at
+from reproduce.physics.registration._similarity import (
+    as_complex,
+    as_points,
+    closed_similarity,
+)
 from reproduce.physics.registration.calibration import (
     Calibration,
     calibrate,
@@ -34,8 +39,6 @@ from reproduce.physics.registration.transforms import (
     MODELS,
     UNITS,
     Registration,
-    as_complex,
-    as_points,
     error_field,
     paired_points,
     principal_point_shift,

@@ -1,4 +1,4 @@
-"""Least squares for all models: the similarity in closed form, the others by Gauss-Newton.
+"""Least squares for all models and known errors, by Gauss-Newton steps.
 
 Shapes, units and models are those of `fit` and `transforms`. In comments, x is a source point, y a
 target point, f the transform and u its parameters.
@@ -13,21 +13,19 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from reproduce.physics import validate
+from reproduce.physics.registration._similarity import (
+    centred,
+    check_not_mirrored,
+    closed_similarity,
+)
 from reproduce.physics.registration.transforms import (
     MODELS,
-    ComplexArray,
     Registration,
     _linear_part,
     _parameter_names,
-    as_complex,
-    as_points,
 )
 from reproduce.physics.validate import FloatArray, Point, Points, Weights
 
-# Relative rounding error of a sum of many numbers.
-_ROUNDING_ERROR = 64 * float(np.finfo(np.float64).eps)
-# Probability that noise resembles a mirror image.
-_MIRROR_PROBABILITY = 1e-6
 _MAX_STEPS = 60
 # Root mean square movement at which the iteration stops, in px.
 _LAST_MOVEMENT = 1e-11
@@ -66,6 +64,10 @@ class Problem:
             target_covariance=self.target_covariance[..., rows, :, :],
             source_covariance=None if error is None else error[..., rows, :, :],
         )
+
+    def closed(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return the similarity of the points, as in `closed_similarity`."""
+        return closed_similarity(self.source, self.target, self.pivot, self.counts)
 
     def transformed(self, parameters: FloatArray, points: FloatArray) -> FloatArray:
         """Return registered points, shape (..., n, 2), in px, for these parameters."""
@@ -262,10 +264,11 @@ def _starting_point(problem: Problem) -> FloatArray:
     if (
         problem.model == "shift"
     ):  # linear too, but the target must not mirror the source
-        offsets, _, targets, _ = _centred_points(problem)
-        _check_not_mirrored(offsets, targets, problem.counts)
+        images = problem.source, problem.target
+        offsets, targets = (centred(image, problem.counts)[0] for image in images)
+        check_not_mirrored(offsets, targets, problem.counts)
         return np.zeros(problem.pivot.shape)
-    return from_similarity(problem.model, closed_similarity(problem)[0])
+    return from_similarity(problem.model, problem.closed()[0])
 
 
 def from_similarity(model: str, closed: FloatArray) -> FloatArray:
@@ -276,116 +279,6 @@ def from_similarity(model: str, closed: FloatArray) -> FloatArray:
     if model == "similarity+radial":
         return np.concatenate([closed, np.zeros_like(closed[..., :1])], axis=-1)
     return closed[..., -len(MODELS[model]) :]
-
-
-def closed_similarity(problem: Problem) -> tuple[FloatArray, ...]:
-    """Return the same as `iterated` for a similarity of points without known errors.
-
-    The model (17), (18) is linear in k cos(theta), k sin(theta) and the shift, so its
-    least-squares solution needs no iteration and no starting value.
-    """
-    weights, total = problem.counts, problem.counts.sum(axis=-1)
-    # Sums of squares about the centroids lose no digits, wherever the pivot is.
-    offsets, centroid, targets, target_centroid = _centred_points(problem)
-    weighted = weights * offsets
-    spread = np.vecdot(offsets, weighted).real
-    _check_spread("source", spread, total, centroid)
-    # Displacements are small if both images are similar, so their sums keep their digits.
-    moved, drift = _centred(problem.target - problem.source, weights)
-    change = np.vecdot(weighted, moved) / spread
-    factor = 1.0 + change
-    _check_not_mirrored(offsets, targets, weights)
-    _check_spread("target", _squared(factor) * spread, total, target_centroid)
-    lever = centroid - as_complex(problem.pivot)
-    shift, scale = change * lever - drift, np.abs(factor)
-    residuals = moved - change[..., None] * offsets
-    # Scale, rotation and the image of the centroid are uncorrelated. The shift depends on scale and
-    # rotation through the lever from the pivot to the centroid.
-    cofactor, lever = np.zeros((*scale.shape, 4, 4)), factor / scale * lever
-    cofactor[..., 0, 0] = 1 / spread
-    cofactor[..., 1, 1] = 1 / (spread * scale**2)
-    cofactor[..., 0, 2:] = cofactor[..., 2:, 0] = as_points(lever / spread)
-    cofactor[..., 1, 2:] = cofactor[..., 2:, 1] = as_points(
-        1j * lever / (spread * scale)
-    )
-    cofactor[..., [2, 3], [2, 3]] = (1 / total + _squared(lever) / spread)[..., None]
-    return (
-        np.stack([scale, np.angle(factor), shift.real, shift.imag], axis=-1),
-        as_points(residuals),
-        np.asarray((weights * _squared(residuals)).sum(axis=-1)),
-        cofactor,
-        problem.source,
-    )
-
-
-def _centred_points(problem: Problem) -> tuple[ComplexArray, ...]:
-    """Return source points about their centroid, the centroid, and both of the target."""
-    return (
-        *_centred(problem.source, problem.counts),
-        *_centred(problem.target, problem.counts),
-    )
-
-
-def _centred(
-    points: FloatArray, weights: FloatArray
-) -> tuple[ComplexArray, ComplexArray]:
-    numbers = as_complex(points)
-    centroid = (weights * numbers).sum(axis=-1) / weights.sum(axis=-1)
-    return numbers - centroid[..., None], centroid
-
-
-def _squared(numbers: ComplexArray) -> FloatArray:
-    return numbers.real**2 + numbers.imag**2
-
-
-def _check_spread(
-    name: str, spread: FloatArray, total: FloatArray, centroid: ComplexArray
-) -> None:
-    # The rounding error of coincident points grows with their distance from the origin.
-    if not (spread > total * _ROUNDING_ERROR**2 * _squared(centroid)).all():
-        raise validate.DegenerateGeometryError(
-            f"{name}: expected at least two different points of weight above zero, got one point "
-            "or coincident points. Add points across the field, row by row in both images"
-        )
-
-
-def _check_not_mirrored(
-    offsets: ComplexArray, targets: ComplexArray, weights: FloatArray
-) -> None:
-    """Raise `MirroredPointsError` if the target mirrors the source; both minus their means.
-
-    The residual of a similarity of the mirrored source is then so much smaller than that of the
-    source itself that chance does not explain it: for noise only, and a source that is its own
-    mirror image, the ratio follows the F distribution. Two points are never a mirror image.
-    """
-    weighted = weights * targets
-    products = [np.abs(np.vecdot(o, weighted)) for o in (offsets, offsets.conj())]
-    if not (products[1] > products[0]).any():
-        return
-    spread, target_spread = (
-        (weights * _squared(numbers)).sum(axis=-1) for numbers in (offsets, targets)
-    )
-    # A rounding error counts as a residual.
-    total = (1 + _ROUNDING_ERROR) * target_spread
-    residuals = (total - product**2 / spread for product in products)
-    check_ratio(2 * np.count_nonzero(weights, axis=-1) - 4, *residuals)
-
-
-def check_ratio(freedom: Any, residual: FloatArray, mirrored: FloatArray) -> None:
-    """Raise `MirroredPointsError` if a mirror image has much smaller squared residuals."""
-    if not (residual > mirrored).any():
-        return
-    from scipy.special import fdtri  # this import takes longer than most fits
-
-    denominator = np.maximum(freedom, 1)
-    limit = fdtri(denominator, denominator, 1 - _MIRROR_PROBABILITY)
-    sets = np.asarray((freedom == denominator) & (residual > limit * mirrored))
-    if sets.any():
-        count = f" (in {int(sets.sum())} of {sets.size} sets)" * bool(sets.ndim)
-        raise validate.MirroredPointsError(
-            f"target: expected no mirror image, got one of the source points{count}. Replace x of "
-            "one image by the width minus x (flip one axis), or fit the affine model"
-        )
 
 
 def model_jacobian(

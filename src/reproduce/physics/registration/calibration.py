@@ -18,8 +18,9 @@ import numpy as np
 
 from reproduce.physics import validate
 from reproduce.physics.registration._least_squares import gauss_newton, model_jacobian
+from reproduce.physics.registration._similarity import as_complex
 from reproduce.physics.registration.fit import fit_registration
-from reproduce.physics.registration.transforms import Registration, as_complex
+from reproduce.physics.registration.transforms import Registration
 from reproduce.physics.validate import FloatArray, NonNegative, Point, Points
 
 _PARAMETERS = 4

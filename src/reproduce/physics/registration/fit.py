@@ -20,18 +20,13 @@ from numpy.typing import ArrayLike, NDArray
 from reproduce.physics import validate
 from reproduce.physics.registration._least_squares import (
     Problem,
-    check_ratio,
-    closed_similarity,
     from_similarity,
     iterated,
     prepare,
     thinned,
 )
-from reproduce.physics.registration.transforms import (
-    MODELS,
-    Registration,
-    as_complex,
-)
+from reproduce.physics.registration._similarity import as_complex, check_ratio
+from reproduce.physics.registration.transforms import MODELS, Registration
 from reproduce.physics.validate import FloatArray
 
 # Fewest points of a robust fit.
@@ -282,9 +277,12 @@ def _solved(problem: Problem, used: NDArray[np.bool_] | None = None) -> Registra
     """Return the fit of all points, or of the used points."""
     if used is not None:
         problem = replace(problem, counts=problem.counts * used)
-    closed = problem.model == "similarity" and not problem.errors_known
-    solve = closed_similarity if closed else iterated
-    parameters, residuals, chi_square, cofactor, points = solve(problem)
+    if problem.model == "similarity" and not problem.errors_known:
+        parameters, residuals, cofactor = problem.closed()
+        squares, points = np.square(residuals).sum(axis=-1), problem.source
+        chi_square = np.asarray((problem.counts * squares).sum(axis=-1))
+    else:
+        parameters, residuals, chi_square, cofactor, points = iterated(problem)
     return RegistrationFit(
         problem,
         Registration(problem.model, parameters, problem.pivot),

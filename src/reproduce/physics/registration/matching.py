@@ -13,12 +13,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reproduce.physics.registration.fit import fit_registration
-from reproduce.physics.registration.transforms import (
-    Registration,
+from reproduce.physics.registration._similarity import (
+    ComplexArray,
     as_complex,
     as_points,
 )
+from reproduce.physics.registration.fit import fit_registration
+from reproduce.physics.registration.transforms import Registration
 from reproduce.physics.validate import FloatArray
 
 # Common stars that identify a transform, at least: three agree too often by chance.
@@ -39,7 +40,6 @@ _MIN_ROBUST, _ROUNDS = 7, 4
 # Iterations of the scatter beyond the errors; variance of an exact position, in px^2.
 _SCATTER_STEPS, _EXACT_VARIANCE = 6, 1e-12
 
-ComplexArray = NDArray[np.complex128]
 IntArray = NDArray[np.int64]
 
 

@@ -11,8 +11,7 @@ fixed pivot, with q = point - pivot:
 * affine: A q + pivot - shift.
 
 R(theta) rotates x towards y for a positive angle. The shift is the principal point of the source
-minus that of the target, so it is *subtracted*. A similarity takes a point as the complex number
-x + iy. Scaling and rotating is then one multiplication.
+minus that of the target, so it is *subtracted*.
 
 The four-parameter model of a source channel and the reference neglects five effects: different
 distortions, k^3 unlike k, a pivot that is not the principal point, the tilt of a detector, and a
@@ -26,13 +25,16 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from reproduce.physics import validate
 from reproduce.physics.optics import Camera, turned_onto_detector
+from reproduce.physics.registration._similarity import (
+    ComplexArray,
+    as_complex,
+    as_points,
+)
 from reproduce.physics.validate import FloatArray, Number, Point, Points, Positive
-
-ComplexArray = NDArray[np.complex128]
 
 # Names of the parameters, in the order of all arrays of parameters.
 MODELS: dict[str, tuple[str, ...]] = {
@@ -44,29 +46,6 @@ MODELS: dict[str, tuple[str, ...]] = {
 }
 # Units of the parameters; scales and matrix elements have none.
 UNITS = {"rotation": "rad", "shift-x": "px", "shift-y": "px", "radial": "px^-2"}
-
-
-def as_complex(points: FloatArray) -> ComplexArray:
-    """Return points (..., 2) as complex numbers x + iy of shape (...).
-
-    Examples
-    --------
-    >>> as_complex(np.array([[3.0, 4.0]]))
-    array([3.+4.j])
-    """
-    return np.ascontiguousarray(points).view(np.complex128)[..., 0]
-
-
-def as_points(numbers: ComplexArray) -> FloatArray:
-    """Return complex numbers x + iy of shape (...) as points (..., 2).
-
-    Examples
-    --------
-    >>> as_points(np.array([3 + 4j]))
-    array([[3., 4.]])
-    """
-    # ascontiguousarray would add an axis to a single number.
-    return np.asarray(numbers, order="C")[..., None].view(np.float64)
 
 
 @dataclass(frozen=True, eq=False)
