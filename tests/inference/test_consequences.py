@@ -3,7 +3,7 @@
 import numpy as np
 from scipy import stats
 
-from reproduce.inference.models import NewStars, exact_draws
+from reproduce.inference.models import NewStars
 from reproduce.papers.chen2023.posteriors import _OnTheGround
 from reproduce.physics.registration import Registration
 from reproduce.units import ARCSEC_PER_RADIAN
@@ -27,7 +27,7 @@ def test_rmse_at_new_stars_of_a_known_transform_is_a_chi_square(registration):
 
 def test_consequences_at_new_stars_contain_the_error_of_the_transform(registration):
     """The RMSE exceeds the noise of both axes, since stars determine four parameters."""
-    draws = exact_draws(registration, 6000, np.random.default_rng(1))
+    draws = registration.exact(6000, np.random.default_rng(1))
     data = registration.likelihood
     consequence = NewStars(data, SOURCE, data.fit.transform.apply(SOURCE), 28.5)
     found = consequence(draws)

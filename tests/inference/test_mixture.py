@@ -1,5 +1,7 @@
 """Wrong matches: densities, the start, and the probability of each star."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -7,7 +9,6 @@ from scipy import stats
 
 import reproduce as rp
 from reproduce.inference.models import (
-    exact_draws,
     mixture_model,
     probability_false,
     registration_model,
@@ -15,6 +16,7 @@ from reproduce.inference.models import (
 from reproduce.inference.sampling import Plan, sample
 from reproduce.physics.registration import Registration
 from reproduce.store.points import STARS
+from reproduce.views.posterior import Posterior
 
 FIELD = np.array([2064.0, 1544.0])
 PIVOT = FIELD / 2
@@ -51,7 +53,7 @@ def test_three_wrong_matches_in_ten_are_named_and_move_nothing(wrong):
     assert (false[:wrong] > 0.9).all()
     assert (false[wrong:] < 0.1).all()
     right = registration_model(source[wrong:], target[wrong:], PIVOT)
-    exact = exact_draws(right, 40_000, np.random.default_rng(1))[:, :4]
+    exact = right.exact(40_000, np.random.default_rng(1))[:, :4]
     draws, spread = found.draws[:, :4], exact.std(axis=0)
     offsets = (draws.mean(axis=0) - exact.mean(axis=0)) / spread
     np.testing.assert_allclose(offsets, 0, atol=0.05)
@@ -74,7 +76,7 @@ def test_a_density_is_the_sum_of_both_cases():
     np.testing.assert_allclose(likelihood(rows), np.log(both).sum(axis=1), rtol=1e-10)
     np.testing.assert_allclose(likelihood.false(rows), 1 - right / both, atol=1e-10)
     # Outside of the square there are no wrong matches.
-    far = likelihood.with_data(likelihood.target + 3 * likelihood.side)
+    far = likelihood.with_target(likelihood.target + 3 * likelihood.side)
     assert (far.false(rows) == 0).all()
 
 
@@ -98,13 +100,13 @@ def test_wrong_matches_are_drawn_with_the_fraction_and_positions_of_the_model():
     point, right = likelihood.start()[0], stars(0)[1]
     point[5] = 0.3
     generator = np.random.default_rng(2)
-    drawn = np.stack([likelihood.simulate(point, generator) for _ in range(400)])
+    drawn = np.stack([likelihood.simulate(point, generator).target for _ in range(400)])
     false = np.abs(drawn - right).max(axis=-1) > 2.0
     assert abs(false.mean() - 0.3) < 4 * np.sqrt(0.21 / false.size)
     places = (drawn[false] - likelihood.corner) / likelihood.side
     assert stats.kstest(places.ravel(), "uniform").pvalue > 0.001
     # In a repeat the same stars are wrongly matched.
-    again = np.stack([likelihood.repeat(point, generator) for _ in range(100)])
+    again = np.stack([likelihood.repeat(point, generator).target for _ in range(100)])
     false = np.abs(again - right).max(axis=-1) > 2.0
     assert false[:, :18].mean() > 0.99
     assert not false[:, 18:].any()
@@ -119,7 +121,6 @@ def test_the_mixture_has_the_noise_model_of_the_registration():
     found = rp.posterior("registration-mixture", frame, pivot=tuple(PIVOT))
     likelihood = found.model.likelihood
     assert found.model.names[-2:] == ("shift-y", "false-share")
-    assert not any("takes no column" in one for one in found.remarks)
     point = likelihood.start()[0]
     left = target - likelihood.places(point[None])[0]
     right = stats.norm.pdf(left, scale=sigma[:, None]).prod(axis=1) * (1 - point[-1])
@@ -127,3 +128,18 @@ def test_the_mixture_has_the_noise_model_of_the_registration():
     np.testing.assert_allclose(
         likelihood.pointwise(point[None])[0], expected, rtol=1e-8
     )
+
+
+def test_stars_that_only_a_robust_fit_drops_give_a_warning():
+    """Of 40 stars 8 are exchanged and 4 lie some noises off."""
+    generator = np.random.default_rng(3)
+    source = generator.uniform(0, 2000, (40, 2))
+    target = 1.0004 * source + [3, -2] + 0.2 * generator.normal(size=source.shape)
+    target[:8] = target[np.roll(np.arange(8), 1)]
+    target[8:12] += generator.normal(0, 2.0, (4, 2))
+    model = mixture_model(registration_model(source, target, (1000, 1000)))
+    dropped = {"dropped_by_robust_fit": ~model.likelihood.agreeing}
+    for false, warned in ((8, True), (11, False)):
+        stars = {"probability_false": (np.arange(40) < false) * 1.0, **dropped}
+        shown = SimpleNamespace(_stars=pd.DataFrame(stars))
+        assert ("drops" in Posterior._dropped.fget(shown)) == warned

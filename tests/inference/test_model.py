@@ -1,5 +1,7 @@
 """Every posterior of the book: coordinates, pointwise likelihood, consequences and checks."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.stats import norm
@@ -18,7 +20,7 @@ def test_coordinates_are_one_to_one_with_the_stated_volume():
         generator = np.random.default_rng(seed)
         truth = drawn_prior(model, generator, 1)[0]
         data = model.likelihood.simulate(truth, generator)
-        points = model.with_data(data).start(generator, 6)
+        points = replace(model, likelihood=data).start(generator, 6)
         coordinates = model.coordinates(points)
         assert not np.allclose(coordinates[:, 4:], points[:, 4:])
         np.testing.assert_allclose(model.parameters_at(coordinates), points, rtol=1e-9)
@@ -62,6 +64,7 @@ def test_predictive_checks_pass_for_data_of_the_model_and_show_a_distortion(
     data = registration.likelihood
     offsets = data.source - data.pivot
     bent = data.target + 1e-7 * offsets * (offsets**2).sum(axis=1, keepdims=True)
-    found = posterior_checks(sample(registration.with_data(bent), PLAN), 100)
+    distorted = replace(registration, likelihood=data.with_target(bent))
+    found = posterior_checks(sample(distorted, PLAN), 100)
     tails = {check.name: check.tail for check in found}
     assert tails["outer residual, outwards (px)"] < 0.02

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from matplotlib.figure import Figure
 
 import reproduce as rp
 from book_facts import of_posteriors
@@ -18,6 +19,7 @@ from reproduce.store import studies
 from reproduce.views import computed
 from reproduce.views import posteriors as pages
 from reproduce.views.cli import main
+from reproduce.views.intervals import draw_intervals
 from reproduce.views.posterior import book_posterior
 
 FOLDER = Path(__file__).parents[2] / "book" / "posteriors"
@@ -116,12 +118,20 @@ def test_an_interval_plot_has_the_most_correlated_pair():
     html = book.intervals().text
     assert "Panel: draws of mount-z and angle-z" in html
     assert "Panel" not in book.intervals("angle-x", "noise").text
-    for wrong in (("noise", "noise"), ("nothing",)):
-        with pytest.raises(ValueError, match="names: "):
-            book.intervals(*wrong)
+    with pytest.raises(ValueError, match="names: "):
+        book.intervals("nothing")
     printed = rp.posterior("camera-red").intervals().text
     assert "Dashed: printed value." in printed
     assert "closed form" in printed
+
+
+def test_an_interval_plot_shows_both_modes_of_a_quantity():
+    draws = np.random.default_rng(1).normal(0.0, 0.1, 1000)
+    figure, values = Figure(), np.append(draws, 1.0 + draws)
+    draw_intervals(figure, {"a": values}, {"a": "a"}, {}, {})
+    x, density = figure.axes[0].collections[0].get_paths()[0].vertices.T
+    valley = np.abs(x - 0.5) < 0.2
+    assert density[valley].max() < 0.3 * density.max()
 
 
 def test_facts_are_the_numbers_of_the_object():

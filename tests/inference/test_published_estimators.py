@@ -74,7 +74,7 @@ def test_errors_of_quest_are_its_response_to_every_spot(platform):
             for side in (step, -step):
                 moments = data.moments.copy()
                 moments[(0, *index)] += side
-                moved = likelihood.with_data(replace(data, moments=moments))
+                moved = replace(likelihood, statistics=replace(data, moments=moments))
                 ends.append(estimate(moved)[0])
             slope = (ends[0] - ends[1]) / (2 * step)
             variance += slope**2 / data.counts[index[0]]
@@ -90,7 +90,7 @@ def test_quest_takes_a_drift_for_noise(platform):
     likelihood = spots(platform, 134.0).likelihood
     truth = np.array([0, 0, 0, 0, 0, 0, 4e-4, 0, 0, 1.0, 0.017])
     drawn = likelihood.simulate(truth, np.random.default_rng(1))
-    noise = estimate(likelihood.with_data(drawn))[0][-1]
-    drift = np.square(drawn.moments[1, 1]).mean() * 134.0 / (2 * 399)
+    noise = estimate(drawn)[0][-1]
+    drift = np.square(drawn.statistics.moments[1, 1]).mean() * 134.0 / (2 * 399)
     assert noise == pytest.approx(np.hypot(0.017, np.sqrt(drift)), rel=0.03)
     assert noise > 3 * 0.017

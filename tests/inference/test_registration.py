@@ -163,7 +163,7 @@ def test_arguments_and_models_that_do_not_fit_are_rejected():
 def test_simulated_stars_scatter_as_stated():
     data = likelihood(target_covariance=TILTED, weights=np.full(30, 4.0))
     point, generator = data.start()[0], np.random.default_rng(1)
-    drawn = np.stack([data.simulate(point, generator) for _ in range(4000)])
+    drawn = np.stack([data.simulate(point, generator).target for _ in range(4000)])
     drawn = drawn - data.places(point[None])
     np.testing.assert_allclose(np.cov(drawn.reshape(-1, 2).T), TILTED / 4, atol=0.001)
 

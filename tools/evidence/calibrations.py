@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import argparse
 from concurrent.futures import Executor, ProcessPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from importlib.metadata import version
 from multiprocessing import get_context
@@ -134,7 +134,7 @@ def simulated(model: Model, seed: int, index: int) -> tuple[FloatArray, Model]:
     """Return the truth of one replicate, (d,), and the model with data simulated from it."""
     generator = Generator(PCG64(_stream(model, seed, index, 0)))
     truth = drawn_prior(model, generator, 1)[0]
-    return truth, model.with_data(model.likelihood.simulate(truth, generator))
+    return truth, replace(model, likelihood=model.likelihood.simulate(truth, generator))
 
 
 def drawn_prior(model: Model, generator: Generator, count: int) -> FloatArray:

@@ -128,6 +128,7 @@ class Tolerance(_Declared):
     The size is relative to the right side or, with a unit, absolute in that unit.
     """
 
+    name: str
     size: float
     reason: str
     unit: str | None = None
@@ -259,21 +260,11 @@ def declared(
         If a line has an unknown entry, two lines have one name, or the names of a formula are not
         those of its cells.
     """
-    shared: dict[str, dict[str, Any]] = {
-        "unknown": {
-            name: Unknown(name=name, **fields)
-            for name, fields in content.get("unknown", {}).items()
-        },
-        "tolerance": {
-            name: Tolerance(**fields)
-            for name, fields in content.get("tolerance", {}).items()
-        },
-    }
     relations: dict[str, Relation] = {}
     for line in itertools.chain(*content.get("relations", {}).values()):
         named = {
-            part: objects[line[part]]
-            for part, objects in shared.items()
+            part: {"name": line[part], **content[part][line[part]]}
+            for part in ("unknown", "tolerance")
             if part in line
         }
         for values in _placeholders(line.get("each", {})):
@@ -290,14 +281,17 @@ def _relation(
     line: Mapping[str, Any], values: Mapping[str, str], cells: Sheet, prefix: str
 ) -> Relation:
     """Return the relation of a line with values of its placeholders."""
-    fields = {key: value for key, value in line.items() if key not in {"cells", "each"}}
-    marks = {key: re.sub(r"[^a-zA-Z0-9]", "-", value) for key, value in values.items()}
-    pairs = (pair.split("=", 1) for pair in line["cells"].format(**values).split())
+    fields = {
+        key: value.format(**values) if isinstance(value, str) else value
+        for key, value in line.items()
+        if key != "each"
+    }
+    pairs = (pair.split("=", 1) for pair in fields.pop("cells").split())
     if "restates" in line:
-        fields["restates"] = prefix + line["restates"].format(**values)
+        fields["restates"] = prefix + fields["restates"]
     fields |= {
-        "name": re.sub("-+", "-", line["name"].format(**marks)).strip("-"),
-        "formula": Formula(line["formula"].format(**values)),
+        "name": re.sub(r"[^a-zA-Z0-9]+", "-", fields["name"]).strip("-"),
+        "formula": Formula(fields["formula"]),
         "binding": {name: _bound(prefix + to, cells) for name, to in pairs},
     }
     relation = Relation.model_validate(fields)

@@ -31,7 +31,7 @@ class Audit:
     - `cells`: its printed numbers by address.
     - `findings`: result of each relation, with and without an assumption.
     - `unknowns`: values of the numbers that are not printed, by name.
-    - `equations`: equations, run as extracted.
+    - `equations`: equations that fail as extracted.
     """
 
     name: str
@@ -50,29 +50,20 @@ class Audit:
         """The results that depend on an assumption of this project."""
         return tuple(f for f in self.findings if f.relation.assumption)
 
-    @property
-    def failing(self) -> tuple[Demonstration, ...]:
-        """The equations that fail as extracted, without those that depend on an assumption."""
-        return tuple(e for e in self.equations if not (e.holds or e.assumption))
-
-    def tally(
-        self, *, restating: bool | None = None
-    ) -> dict[examine.RelationOutcome, int]:
+    def tally(self, *, restating: bool) -> dict[examine.RelationOutcome, int]:
         """Count the relations without assumptions by outcome, every outcome present.
 
         Parameters
         ----------
-        restating : bool, optional
-            Whether the counted relations restate a computed number. Default: all relations.
+        restating : bool
+            Whether the counted relations restate a computed number.
 
         Returns
         -------
         dict
             Outcome to the number of relations.
         """
-        counted = [
-            f for f in self.read if restating in {None, bool(f.relation.restates)}
-        ]
+        counted = [f for f in self.read if bool(f.relation.restates) == restating]
         return {o: sum(f.outcome == o for f in counted) for o in examine.OUTCOMES}
 
 
@@ -152,12 +143,6 @@ class Erratum(BaseModel):
         names = [finding.relation.name for finding in audit.findings]
         named = {name for p in self.relations for name in fnmatch.filter(names, p)}
         return [result for result in audit.findings if result.relation.name in named]
-
-    def demonstrations(self, audit: Audit) -> list[Demonstration]:
-        """Return the equations, run as printed, that the entry names."""
-        return [
-            equation for equation in audit.equations if equation.name in self.equations
-        ]
 
 
 def register(text: str) -> list[Erratum]:

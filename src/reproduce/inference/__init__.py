@@ -27,7 +27,6 @@ from reproduce.inference.model import (
 from reproduce.inference.posterior import (
     PosteriorSamples,
     PredictiveCheck,
-    bimodal,
     misfit,
     posterior_checks,
     prior_warnings,

@@ -7,7 +7,7 @@ mean of the ensemble, which shows walkers that move together.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -254,7 +254,7 @@ def summarised(name: str, unit: str, draws: FloatArray, shown: float = 1.0) -> S
 def require(
     rows: Sequence[Summary],
     steps: int,
-    acceptance: Sequence[float],
+    acceptance: Iterable[float],
     times: float = ConvergenceCriteria.times,
 ) -> None:
     """Raise `UnconvergedError` if a criterion is not met, or a number is not finite.
@@ -265,7 +265,7 @@ def require(
         Summaries of all parameters.
     steps : int
         Kept steps of each ensemble.
-    acceptance : sequence of float
+    acceptance : iterable of float
         Fraction of accepted moves of each ensemble.
     times : float
         Smallest number of autocorrelation times in the kept steps.

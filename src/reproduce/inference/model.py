@@ -27,6 +27,8 @@ Progress = Callable[[int, int], None]
 # Ratio of the spread of a start to the expected spread of the posterior.
 _START_SPREAD_RATIO = 3.0
 _MAX_START_ATTEMPTS = 1000
+# Draws in closed form per requested draw, since the bounds of priors reject some.
+_DRAWS_PER_EXACT = 10
 # Standard deviations between a prior and an estimate, beyond which they disagree.
 _MAX_PRIOR_DISTANCE_SIGMA = 3.0
 # Half width of the search for a start in that case, in standard deviations.
@@ -34,6 +36,7 @@ _SEARCH_SIGMA = 10.0
 # Scales in which an ensemble moves: coordinate of a parameter, parameter at a coordinate, and
 # logarithm of the derivative of the parameter by the coordinate.
 _SCALES: dict[str, tuple[Callable[[FloatArray], FloatArray], ...]] = {
+    "": (np.copy, np.copy, np.zeros_like),
     "log": (np.log, np.exp, np.log),
     "normal score": (
         ndtri,
@@ -166,21 +169,30 @@ class Likelihood(Protocol):
         """Return the log likelihood of each observation, shape (n, ...); by default of all data."""
         return self(parameters)[:, None]
 
-    def simulate(self, parameters: FloatArray, generator: Generator) -> Any:
-        """Return data drawn for one parameter vector, shape (d,)."""
+    def simulate(self, parameters: FloatArray, generator: Generator) -> Self:
+        """Return the likelihood of data drawn for one parameter vector, shape (d,)."""
 
-    def repeat(self, parameters: FloatArray, generator: Generator) -> Any:
-        """Return data of a repeat of the experiment, for one parameter vector, shape (d,)."""
+    def repeat(self, parameters: FloatArray, generator: Generator) -> Self:
+        """Return the likelihood of a repeat of the experiment, for one parameter vector, (d,)."""
         return self.simulate(parameters, generator)
 
-    def with_data(self, data: Any) -> Self:
-        """Return the likelihood of other data, in the form that `simulate` returns."""
+    def exact(self, count: int, generator: Generator) -> FloatArray:
+        """Return independent draws for uniform priors without bounds, shape (n, d)."""
+        raise ValueError(
+            "exact: expected printed estimates, or a similarity without errors of the source. Use "
+            "the draws of emcee"
+        )
 
     def start(self) -> Estimate:
         """Return a rough estimate and its rough standard error, both of shape (d,)."""
 
-    def checks(self, data: Any | None = None) -> dict[str, float]:
-        """Return the numbers of the data, or of other data, for predictive checks."""
+    def checks(self, other: Self) -> dict[str, float]:
+        """Return numbers of the data of `other` for predictive checks; by default all data."""
+        return {
+            f"{name} {i}": value
+            for name, values in other.observed.items()
+            for i, value in enumerate(values.ravel().tolist(), 1)
+        }
 
 
 @dataclass(frozen=True)
@@ -236,7 +248,7 @@ class Model:
     - `name`: name in tables, messages and stored runs.
     - `parameters`: in the order of the columns of every parameter array.
     - `likelihood`: log likelihood with its data.
-    - `derived`: functions that return consequences of the parameters.
+    - `derived`: function that returns consequences of the parameters.
 
     Examples
     --------
@@ -246,7 +258,7 @@ class Model:
     name: str
     parameters: tuple[Parameter, ...]
     likelihood: Likelihood
-    derived: tuple[Derived, ...] = ()
+    derived: Derived | None = None
 
     def likelihood_of(self, kind: type[_Kind]) -> _Kind:
         """Return the likelihood, or raise `TypeError` if it is of another kind."""
@@ -291,23 +303,20 @@ class Model:
 
     def parameters_at(self, coordinates: FloatArray) -> FloatArray:
         """Return the parameter vectors at coordinates, shape (..., d)."""
-        with np.errstate(over="ignore"):  # far outside: infinite, and rejected
-            return self._mapped(coordinates, 1)
-
-    def _mapped(self, values: FloatArray, function: int) -> FloatArray:
-        mapped = values.copy()
-        for i, parameter in enumerate(self.parameters):
-            if parameter.scale:
-                mapped[..., i] = _SCALES[parameter.scale][function](values[..., i])
-        return mapped
+        return self._mapped(coordinates, 1)
 
     def log_volume(self, parameters: FloatArray) -> FloatArray:
         """Return the log determinant of the derivatives by the coordinates, shape (...)."""
-        total = np.zeros(parameters.shape[:-1])
-        for i, parameter in enumerate(self.parameters):
-            if parameter.scale:
-                total += _SCALES[parameter.scale][2](parameters[..., i])
-        return total
+        return self._mapped(parameters, 2).sum(axis=-1)
+
+    def _mapped(self, values: FloatArray, function: int) -> FloatArray:
+        columns = np.moveaxis(values, -1, 0)
+        with np.errstate(over="ignore"):  # far outside: infinite, and rejected
+            mapped = [
+                _SCALES[one.scale][function](column)
+                for one, column in zip(self.parameters, columns, strict=True)
+            ]
+        return np.stack(mapped, axis=-1)
 
     def log_density(self, coordinates: FloatArray) -> FloatArray:
         """Return the log posterior density of the coordinates, shape (n,)."""
@@ -319,12 +328,7 @@ class Model:
 
     def consequences(self, parameters: FloatArray) -> dict[str, Consequence]:
         """Return all consequences of parameter vectors, by name."""
-        parts = [derived(parameters) for derived in self.derived]
-        return {name: one for part in parts for name, one in part.items()}
-
-    def with_data(self, data: Any) -> Model:
-        """Return the model with other data."""
-        return replace(self, likelihood=self.likelihood.with_data(data))
+        return self.derived(parameters) if self.derived else {}
 
     def with_priors(self, priors: Mapping[str, Prior]) -> Model:
         """Return the model with other priors, by name; an unknown name is a ValueError."""
@@ -337,6 +341,24 @@ class Model:
             replace(p, prior=priors.get(p.name, p.prior)) for p in self.parameters
         )
         return replace(self, parameters=tuple(parameters))
+
+    def exact(self, count: int, generator: Generator) -> FloatArray:
+        """Return independent draws in closed form, without a sampler, shape (count, d).
+
+        The priors must be uniform. A `ValueError` is raised if the model has no closed form, or if
+        the priors exclude most of the posterior.
+        """
+        rows = self.likelihood.exact(_DRAWS_PER_EXACT * count, generator)
+        rows = rows[:, : self.dimension]
+        # The prior of the noise is that of the closed form within its bounds.
+        rows = rows[np.isfinite(self.log_prior(rows))]
+        normal = any(isinstance(one.prior, Normal) for one in self.parameters)
+        if normal or len(rows) < count:
+            raise ValueError(
+                "exact: expected uniform priors that contain most of the posterior, got other "
+                "priors. Use the draws of emcee"
+            )
+        return rows[:count]
 
     def disagreements(self) -> dict[str, tuple[float, float, float]]:
         """Return the parameters whose prior and data disagree.

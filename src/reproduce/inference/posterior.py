@@ -1,15 +1,16 @@
 """Draws of a posterior, their summaries and groups of ArviZ, and warnings.
 
-The warnings are predictive checks, draws that pile up at a bound of a prior, priors that the data
-contradict, and two modes of a parameter. A predictive check compares a number of the data with data
+The warnings are predictive checks, draws that pile up at a bound of a prior, and priors that the
+data contradict. A predictive check compares a number of the data with data
 that are simulated with parameters from the posterior.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -19,12 +20,10 @@ from numpy.typing import NDArray
 from reproduce.inference import diagnostics
 from reproduce.inference.diagnostics import Summary
 from reproduce.inference.model import LogUniform, Model, Uniform
-from reproduce.inference.modes import Modes, two_modes
 from reproduce.physics.validate import FloatArray
 
 _Simulate = Callable[[FloatArray, Generator], Any]
-# Dimensions of a saved file: of draws, and of observed arrays with more than one dimension.
-_SAMPLE = ("chain", "draw")
+# Dimensions of the observed arrays of a saved file that have more than one dimension.
 _DIMENSIONS: dict[str, tuple[str, ...]] = {
     "target": ("star", "axis"),
     "spots": ("group", "light", "axis"),
@@ -48,14 +47,14 @@ class PosteriorSamples:
     - `seed`: root of its random numbers.
     - `chain`, (ensembles, steps, walkers, d): all draws after warm-up.
     - `log_posterior`, (ensembles, steps, walkers): unnormalised.
-    - `acceptance`: fraction of accepted moves of each ensemble.
+    - `acceptance`, (ensembles,): fraction of accepted moves of each ensemble.
     """
 
     model: Model
     seed: int
     chain: FloatArray
     log_posterior: FloatArray
-    acceptance: tuple[float, ...]
+    acceptance: FloatArray
 
     @property
     def time(self) -> float:
@@ -127,70 +126,47 @@ class PosteriorSamples:
         ``log_likelihood`` and ``posterior_predictive`` have fewer draws, with their numbers. An
         observation is a star, or the mean of a spot.
         """
-        import xarray
+        import arviz_base
 
         model, likelihood = self.model, self.model.likelihood
         generator = Generator(PCG64(SeedSequence(self.seed, spawn_key=(98,))))
         columns = [p.prior.draw(generator, _MAX_SAVED_DRAWS) for p in model.parameters]
         prior, (rows, selected) = np.stack(columns, axis=-1)[None], self.selected
 
-        def dataset(
-            variables: Mapping[str, FloatArray],
-            sample: tuple[str, ...] = _SAMPLE,
-            **coordinates: Any,
-        ) -> Any:
-            named = {
-                name: (
-                    (*sample, *_DIMENSIONS.get(name, (f"{name}_dim_0",)))[
-                        : values.ndim
-                    ],
-                    values,
-                )
-                for name, values in variables.items()
-            }
-            return xarray.Dataset(named, coordinates)
-
-        def parameters(draws: FloatArray) -> Any:
-            return xarray.Dataset(
-                {
-                    p.name: (
-                        _SAMPLE,
-                        p.shown * draws[..., i],
-                        {"units": p.unit, "prior": p.text, "reason": p.prior.reason},
-                    )
-                    for i, p in enumerate(model.parameters)
-                }
+        def parameters(draws: FloatArray) -> dict[str, FloatArray]:
+            return dict(
+                zip(model.names, (draws * model.shown).T.swapaxes(1, 2), strict=True)
             )
 
-        def predictive(
-            draws: FloatArray, simulate: _Simulate, **coordinates: Any
-        ) -> Any:
+        def predictive(draws: FloatArray, simulate: _Simulate) -> dict[str, FloatArray]:
             data = [
-                likelihood.with_data(simulate(row, generator)).observed
+                simulate(row, generator).observed
                 for row in draws.reshape(-1, model.dimension)
             ]
-            variables = {
-                name: np.stack([one[name] for one in data]) for name in data[0]
+            return {
+                name: np.reshape(
+                    [one[name] for one in data], (*draws.shape[:2], *values.shape)
+                )
+                for name, values in likelihood.observed.items()
             }
-            shape = draws.shape[:2]
-            return dataset(
-                {k: v.reshape(*shape, *v.shape[1:]) for k, v in variables.items()},
-                **coordinates,
-            )
 
-        pointwise = {[*likelihood.observed][-1]: self.log_likelihood()}
         groups = {
             "posterior": parameters(self._thinned(self.chain)),
-            "sample_stats": dataset({"lp": self._thinned(self.log_posterior)}),
-            "log_likelihood": dataset(pointwise, draw=rows),
-            "posterior_predictive": predictive(selected, likelihood.repeat, draw=rows),
+            "sample_stats": {"lp": self._thinned(self.log_posterior)},
+            "log_likelihood": {[*likelihood.observed][-1]: self.log_likelihood()},
+            "posterior_predictive": predictive(selected, likelihood.repeat),
             "prior": parameters(prior),
             "prior_predictive": predictive(prior, likelihood.simulate),
-            "observed_data": dataset(likelihood.observed, ()),
+            "observed_data": likelihood.observed,
         }
-        groups["sample_stats"].attrs["acceptance"] = list(self.acceptance)
-        tree = xarray.DataTree.from_dict(groups)
-        tree.attrs |= {"model": model.name, "seed": self.seed}
+        tree = arviz_base.from_dict(groups, dims=_DIMENSIONS)
+        tree.attrs = {"model": model.name, "seed": self.seed}
+        tree["sample_stats"].attrs["acceptance"] = self.acceptance
+        for group in ("log_likelihood", "posterior_predictive"):
+            tree[group].coords["draw"] = rows
+        for group, p in product(("posterior", "prior"), model.parameters):
+            text = {"units": p.unit, "prior": p.text, "reason": p.prior.reason}
+            tree[group][p.name].attrs |= text
         return tree
 
 
@@ -218,9 +194,9 @@ def posterior_checks(
     likelihood, draws = posterior.model.likelihood, posterior.draws
     generator = Generator(PCG64(SeedSequence(posterior.seed, spawn_key=(99,))))
     rows = draws[np.linspace(0, len(draws) - 1, replicates).astype(int)]
-    simulated = (likelihood.checks(likelihood.repeat(row, generator)) for row in rows)
-    predicted = np.array([[*numbers.values()] for numbers in simulated])
-    observed = likelihood.checks()
+    simulated = (likelihood.repeat(row, generator) for row in rows)
+    predicted = np.array([[*likelihood.checks(one).values()] for one in simulated])
+    observed = likelihood.checks(likelihood)
     values = np.array([*observed.values()])
     # Two-sided. Ties count half.
     below = (predicted < values).mean(axis=0) + 0.5 * (predicted == values).mean(axis=0)
@@ -270,12 +246,3 @@ def prior_warnings(posterior: PosteriorSamples) -> list[str]:
                         f"{prior}: it is a limit, not an estimate"
                     )
     return texts
-
-
-def bimodal(posterior: PosteriorSamples) -> dict[str, Modes]:
-    """Return the modes of each parameter with two modes, in the displayed unit."""
-    modes = {
-        one.name: two_modes(one.shown * posterior.draws[:, i])
-        for i, one in enumerate(posterior.model.parameters)
-    }
-    return {name: found for name, found in modes.items() if found}

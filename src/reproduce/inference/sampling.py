@@ -160,9 +160,8 @@ def sample(
         results.append(result)
         if progress is not None:
             progress(len(results), plan.ensembles)
-    chain, log_posterior, accepted = map(np.stack, zip(*results, strict=True))
-    acceptance = tuple(accepted.tolist())
-    found = PosteriorSamples(model, plan.seed, chain, log_posterior, acceptance)
+    arrays = map(np.stack, zip(*results, strict=True))
+    found = PosteriorSamples(model, plan.seed, *arrays)
     try:
         require(found.rows, plan.steps, found.acceptance)
         if longer:

@@ -6,7 +6,6 @@ import importlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cache
-from hashlib import sha256
 from importlib.util import find_spec
 from typing import Any
 
@@ -103,12 +102,6 @@ class Declaration:
         """Return the parameters of the simulation; empty if the data are not simulated."""
         return self.truth(load_inputs(self.inputs)) if self.truth else {}
 
-    def sha256(self) -> str:
-        """Return the hash of the printed cells of the model, which determine the data."""
-        cells = sorted(load_inputs(self.inputs).cells.items())
-        texts = "".join(f"{address} {cell.text}\n" for address, cell in cells)
-        return sha256(texts.encode()).hexdigest()
-
     def plan(
         self,
         steps: int | None = None,
@@ -128,24 +121,19 @@ class Declaration:
 
     def supplied(
         self, table: DataTable, arguments: Mapping[str, Any]
-    ) -> tuple[Model, tuple[str, ...]]:
+    ) -> tuple[Model, list[str]]:
         """Return the model of your data and remarks; raise `TableFileError` for unusable data.
 
         The priors of measured quantities follow from the scale of the data. An instrument or a
         design that the data do not determine is by default the one of the paper.
         """
-        file = self.format()
-        used = {name: arguments[name] for name in arguments if name in file.accepts}
         with computing(table.path):
             try:
-                model, remarks = file.read(table, used)
+                return self.format().read(table, arguments)
+            except TableFileError:
+                raise
             except ValueError as error:
-                if isinstance(error, TableFileError):
-                    raise
                 raise TableFileError(f"{table.path}: {error}") from error
-        unused = table.optional if len(used) < len(arguments) else ()
-        notes = (f"this model takes no column {name}" for name in unused)
-        return model, (*remarks, *notes)
 
 
 def data_stream(inputs: Inputs, *key: int) -> SeedSequence:

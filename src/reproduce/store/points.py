@@ -78,11 +78,6 @@ class DataTable:
         """The required columns, shape (rows, columns)."""
         return self.points(*self.columns)
 
-    @property
-    def optional(self) -> dict[str, FloatArray]:
-        """The optional columns that the source contains."""
-        return {n: c for n, c in self.numbers.items() if n not in self.columns}
-
     def points(self, *names: str) -> FloatArray:
         """Return the named columns, shape (rows, names)."""
         return np.column_stack([self.numbers[name] for name in names])

@@ -35,6 +35,18 @@ _Row = dict[str, Any]
 
 # Conclusions on the paper, in decreasing order of the consequence.
 _CONCLUSIONS = ("moves", "not supported as printed", "open", "stands")
+_SCORE = (
+    "Numbers",
+    "Relations",
+    "Agree",
+    "Only through rounding",
+    "Only within a tolerance",
+    "Contradict",
+    "Restate computed cells",
+    "Contradict among these",
+    "Equations that fail as extracted",
+    "Depend on an assumption",
+)
 _GROUPS = (
     "do not simply agree",
     "agree",
@@ -80,7 +92,7 @@ class ConsistencyAudit(Display):
     """The audit of the printed numbers of papers, and the errata.
 
     Its parts are ``score``, ``differences`` (between printed and computed numbers), ``relations``,
-    ``equations`` (run as extracted), ``errata`` and ``assumptions`` (entries that suppose
+    ``equations`` (that fail as extracted), ``errata`` and ``assumptions`` (entries that suppose
     something): ``audit("chen2023")["relations"]``. Each shows itself and has a ``frame()``.
 
     Parameters
@@ -141,26 +153,20 @@ def _score(audits: Sequence[Audit]) -> _Part:
     rows: list[_Row] = []
     for audit in audits:
         counts, again = (list(audit.tally(restating=x).values()) for x in (False, True))
-        supposing = sum(bool(shown.assumption) for shown in audit.equations)
-        rows.append(
-            {
-                "name": audit.name,
-                "Numbers": len(audit.cells),
-                "Relations": sum(counts),
-                "Agree": counts[0],
-                "Only through rounding": counts[1],
-                "Only within a tolerance": counts[2],
-                "Contradict": counts[3],
-                "Restate computed cells": sum(again),
-                "Contradict among these": again[3],
-                "Equations run": len(audit.equations) - supposing,
-                "Fail as extracted": len(audit.failing),
-                "Depend on an assumption": len(audit.supposed) + supposing,
-            }
+        supposing = [one for one in audit.equations if one.assumption]
+        numbers = (
+            len(audit.cells),
+            sum(counts),
+            *counts,
+            sum(again),
+            again[-1],
+            len(audit.equations) - len(supposing),
+            len(audit.supposed) + len(supposing),
         )
-    heads = ["Paper", *list(rows[0])[1:]]
-    shown = [row | {"Paper": code(row["name"])} for row in rows]
-    grid = Grid.of("The consistency checks", heads, shown, kind="rp-score")
+        rows.append({"name": audit.name, **dict(zip(_SCORE, numbers, strict=True))})
+    shown = [{"Paper": code(row["name"]), **row} for row in rows]
+    columns = ("Paper", *_SCORE)
+    grid = Grid.of("The consistency checks", columns, shown, kind="rp-score")
     return _Part((grid,), rows)
 
 
@@ -204,17 +210,11 @@ def _group(row: _Row) -> str:
 
 
 def _equations(audits: Sequence[Audit]) -> _Part:
-    """List the equations, run as extracted."""
-    fields = ("name", "place", "asked", "printed", "right", "wanted", "meaning")
-    rows = [
-        {name: getattr(equation, name) for name in (*fields, "holds", "assumption")}
-        for audit in audits
-        for equation in audit.equations
-    ]
-    columns = ("place", "asked", "meaning", "printed", "right", "wanted")
-    return _Part(
-        (_table("equations", "Equations run as extracted", columns, rows),), rows
-    )
+    """List the equations that fail as extracted."""
+    rows = [vars(equation) for audit in audits for equation in audit.equations]
+    columns = ("place", "asked", "meaning", "printed", "right")
+    caption = "Equations that fail as extracted"
+    return _Part((_table("equations", caption, columns, rows),), rows)
 
 
 def _errata(audits: Sequence[Audit], *, supposed: bool) -> _Part:
@@ -229,7 +229,7 @@ def _errata(audits: Sequence[Audit], *, supposed: bool) -> _Part:
                 findings = entry.findings(audit)
                 evidence[entry.id] = {
                     "sides": {f.relation.name: _sides(f, audit) for f in findings},
-                    "runs": entry.demonstrations(audit),
+                    "runs": [e for e in audit.equations if e.name in entry.equations],
                     "verdicts": {cell: _judged(cell) for cell in cells},
                     "reply": replies()[entry.id],
                 }

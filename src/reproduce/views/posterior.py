@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping
 from concurrent.futures import Executor
+from contextlib import suppress
 from dataclasses import asdict
 from functools import cache, cached_property, partial
 from importlib.metadata import version
@@ -23,7 +24,6 @@ from reproduce import inference
 from reproduce.inference import (
     PosteriorSamples,
     Summary,
-    bimodal,
     misfit,
     prior_warnings,
     sampling,
@@ -31,10 +31,8 @@ from reproduce.inference import (
 from reproduce.inference.models import (
     GaussianRegistration,
     MixtureRegistration,
-    exact_draws,
     probability_false,
 )
-from reproduce.inference.modes import Modes
 from reproduce.judge.rerun import check_randomness
 from reproduce.papers.posteriors import posteriors
 from reproduce.printed.cells import find
@@ -43,7 +41,7 @@ from reproduce.store.points import STARS, DataTable, is_table, matched_stars, re
 from reproduce.version import __version__
 from reproduce.views import computed
 from reproduce.views.base import ResultView, text_of
-from reproduce.views.blocks import Block, Blocks, Fold, Grid, Html
+from reproduce.views.blocks import Block, Blocks, Fold, Grid, Html, rendered
 from reproduce.views.export import cite_related, export_frame
 from reproduce.views.figure import figure_block
 from reproduce.views.intervals import FloatArray, correlated_pair, draw_intervals
@@ -71,10 +69,7 @@ def book_posterior(name: str) -> PosteriorSamples:
 
     def load(content: bytes) -> PosteriorSamples:
         with np.load(BytesIO(content), allow_pickle=False) as arrays:
-            chain, density, acceptance = (arrays[key] for key in _STORED_ARRAYS)
-        return PosteriorSamples(
-            model, plan.seed, chain, density, tuple(acceptance.tolist())
-        )
+            return PosteriorSamples(model, plan.seed, **arrays)
 
     return computed.cached(
         f"posterior-{name}.npz", lambda: sampling.sample(model, plan), dump, load
@@ -104,7 +99,7 @@ class Posterior(ResultView):
         self.plan = self.declared.plan(**plan)
         settings = {k: arguments[k] for k in arguments if k not in _OTHER_ARGUMENTS}
         self._table: DataTable | None = None
-        self.remarks: tuple[str, ...] = ()
+        self.remarks: list[str] = []
         if seed is not None and (data is not None or not self.declared.simulated):
             raise ValueError(
                 f"data_seed: expected none, because the data of {self.name} are not simulated here"
@@ -119,11 +114,12 @@ class Posterior(ResultView):
             raise ValueError(f"{min(settings)}: expected data with it, got none")
         else:
             model = self.declared.model(seed)
-        own = dict(self._priors)
-        for parameter in model.parameters:
-            if parameter.name in own:
-                own[parameter.name] = _prior(parameter, own[parameter.name])
-        self.model = model.with_priors(own)
+        own = {
+            one.name: _prior(one, self._priors[one.name])
+            for one in model.parameters
+            if one.name in self._priors
+        }
+        self.model = model.with_priors({**self._priors, **own})
 
     def _read(
         self, data: Any, settings: dict[str, Any]
@@ -204,13 +200,12 @@ class Posterior(ResultView):
     def data_record(self) -> dict[str, Any]:
         """Data for programs: kind, paper, truth or file, hash and pivot.
 
-        The hash is the hash of the file, or of the printed cells that the model depends on.
+        The hash is that of the file.
         """
         data: dict[str, Any] = {
             "kind": "simulated" if self.declared.simulated else "printed",
             "paper": self.declared.paper,
             "truth": self.truth,
-            "sha256": self.declared.sha256(),
         }
         if table := self._table:
             data = {"kind": "file", "file": table.path, "rows": len(table)}
@@ -224,16 +219,8 @@ class Posterior(ResultView):
     def data_text(self) -> str:
         """Data in one line."""
         data = self.data_record
-        if data["kind"] != "file":
-            simulated = "simulated by us with printed settings of"
-            text = simulated if self.declared.simulated else "as printed in"
-            return f"{text} {self.declared.paper}"
-        text = f"of {Path(data['file']).name}, {data['rows']} rows"
-        if "pivot" in data:
-            x, y = data["pivot"]
-            text += f", pivot ({x:.6g}, {y:.6g}) px"
-            text += ", the mean of the stars" * ("pivot" not in self._arguments)
-        return text
+        is_mean = "pivot" in data.keys() - self._arguments.keys()
+        return str(rendered("posterior-data.txt", data=data, is_mean=is_mean))
 
     @cached_property
     def checks(self) -> list[inference.PredictiveCheck]:
@@ -246,8 +233,8 @@ class Posterior(ResultView):
         Returns
         -------
         pandas.DataFrame
-            One row per star: its row in your table or its number, its position in px, and
-            ``probability_false``, the mean over the draws.
+            One row per star: its row in your table or its number, its position in px,
+            ``probability_false``, the mean over the draws, and whether a robust fit drops it.
 
         Raises
         ------
@@ -263,14 +250,22 @@ class Posterior(ResultView):
 
     @cached_property
     def _stars(self) -> pd.DataFrame | None:
-        likelihood, table = self.model.likelihood, self._table
+        likelihood = self.model.likelihood
         if not isinstance(likelihood, MixtureRegistration):
             return None
-        found = pd.DataFrame(likelihood.source, columns=["x", "y"])
-        found["probability_false"] = probability_false(self.sampled)
-        rows = self._rows if table else range(1, len(found) + 1)
-        found.insert(0, "row" if table else "star", rows)
-        return found
+        x, y = likelihood.source.T
+        name, rows = (
+            ("row", self._rows) if self._table else ("star", np.arange(len(x)) + 1)
+        )
+        return pd.DataFrame(
+            {
+                name: rows,
+                "x": x,
+                "y": y,
+                "probability_false": probability_false(self.sampled),
+                "dropped_by_robust_fit": ~likelihood.agreeing,
+            }
+        )
 
     @property
     def false_stars(self) -> str:
@@ -299,7 +294,7 @@ class Posterior(ResultView):
 
     def frame(self) -> pd.DataFrame:
         """Return the summary: one row per parameter and consequence, in the displayed unit."""
-        frame = pd.DataFrame(map(vars, self.sampled.summaries()))
+        frame = pd.DataFrame(self.sampled.summaries())
         return frame.set_index("name").rename_axis("parameter")
 
     summary = frame
@@ -338,7 +333,7 @@ class Posterior(ResultView):
         ValueError
             If the model has no closed form.
         """
-        return self._in_units(exact_draws(self.model, draws, default_rng(seed)))
+        return self._in_units(self.model.exact(draws, default_rng(seed)))
 
     def _in_units(self, rows: FloatArray) -> pd.DataFrame:
         heads = [f"{one.name} ({one.unit})" for one in self.model.parameters]
@@ -356,8 +351,10 @@ class Posterior(ResultView):
 
     def _shown(self, values: Mapping[str, Any]) -> dict[str, Any]:
         """Return values by the name of their parameter in the displayed unit."""
-        factors = dict(zip(self.model.names, self.model.shown.tolist(), strict=True))
-        return {name: value * factors[name] for name, value in values.items()}
+        parameters = self.model.parameters
+        return {
+            p.name: p.shown * values[p.name] for p in parameters if p.name in values
+        }
 
     def intervals(self, *names: str) -> Html:
         """Return the interval plot of some quantities, with the most correlated pair.
@@ -378,56 +375,48 @@ class Posterior(ResultView):
         Raises
         ------
         ValueError
-            If a name is unknown or appears twice.
+            If a name is unknown.
         """
-        model, rows = self.model, self.sampled.draws
-        columns = zip(model.parameters, (rows * model.shown).T, strict=True)
-        quantities = [(p.name, f"${p.label}$", p.unit, x) for p, x in columns]
-        quantities += [
-            (key, key.replace(" ", "\n", 1), one.unit, one.values)
-            for key, one in model.consequences(rows).items()
-        ]
-        values = {key: draws for key, _, _, draws in quantities}
+        model, rows, exact = self.model, self.sampled.draws, dict[str, FloatArray]()
+        values = dict(zip(model.names, (rows * model.shown).T, strict=True))
         labels = {
-            k: text + f" ({unit})" * (unit != "1") for k, text, unit, _ in quantities
+            one.name: f"${one.label}$" + _in_brackets(one.unit)
+            for one in model.parameters
         }
+        for key, one in model.consequences(rows).items():
+            values[key] = one.values
+            labels[key] = key.replace(" ", "\n", 1) + _in_brackets(one.unit)
         names = names or model.names
-        if len({*names} & {*values}) < len(names):
+        if unknown := {*names} - {*values}:
             raise ValueError(
-                f"names: expected different quantities of {', '.join(values)}, got "
-                f"{', '.join(names)}. All draws are in `draws`"
+                f"names: expected quantities of {', '.join(values)}, got {min(unknown)}"
             )
         kind, marks = "truth of the simulation", self.truth
         if not (marks or self._table):
             kind, texts = "printed value", self.declared.summary.items()
             marks = self._shown({key: find(a)[0].si for key, a in texts if "#" in a})
-        try:
-            found = exact_draws(model, len(rows), default_rng(0)) * model.shown
+        with suppress(ValueError):
+            found = self.exact(len(rows)).to_numpy()
             exact = dict(zip(model.names, found.T, strict=True))
-        except ValueError:
-            exact = {}
         draws = {key: values[key] for key in names}
         pair, correlation = correlated_pair(draws)
-        marked = [key for key in names if key in marks]
-        ends = {key: np.quantile(draws[key], (0.025, 0.975)) for key in marked}
-        inside = sum(low <= marks[key] <= high for key, (low, high) in ends.items())
-        sentences = [
-            f"Posterior {self.name}, data {self.data_text}.",
-            "Dots: medians; thick and thin lines: central 50 % and 95 %.",
-            f"Dashed: {kind}." * bool(marked),
-            f"The 95 % intervals contain {inside} of {len(marked)} true values."
-            * bool(marked and self.truth),
-            "Below, in green: the closed form." * bool(exact.keys() & draws),
-            f"Panel: draws of {' and '.join(pair)}, with a correlation of "
-            f"{minus(f'{correlation:.2f}')}." * bool(pair),
-        ]
+        tails = (np.mean(draws[key] < marks[key]) for key in names if key in marks)
+        caption = rendered(
+            "posterior-intervals.txt",
+            posterior=self,
+            kind=kind,
+            inside=[0.025 <= tail <= 0.975 for tail in tails],
+            exact=exact.keys() & draws,
+            pair=pair,
+            correlation=minus(f"{correlation:.2f}"),
+        )
         return figure_block(
             f"figure-posterior-{model.name}" + "-own" * (not self._in_book),
             partial(
                 draw_intervals, draws=draws, labels=labels, marks=marks, exact=exact
             ),
             f"Medians and intervals of {', '.join(names)} in the posterior {self.name}.",
-            " ".join(filter(None, sentences)),
+            str(caption),
         )
 
     def save(self, path: str | Path) -> Path:
@@ -436,7 +425,7 @@ class Posterior(ResultView):
         The draws are nearly independent. An ``.nc`` file has the groups of ArviZ: posterior,
         sample_stats, log_likelihood, posterior_predictive, prior, prior_predictive and
         observed_data, with units, priors and the source of the data as attributes. It needs the
-        packages xarray and h5netcdf.
+        packages arviz-base and h5netcdf.
 
         Parameters
         ----------
@@ -496,18 +485,17 @@ class Posterior(ResultView):
     def record(self) -> dict[str, Any]:
         """Return the summary with its provenance for other programs."""
         samples, priors = self.sampled, self.priors.rename_axis("name").reset_index()
-        ensembles, steps, walkers = samples.chain.shape[:3]
+        sizes = zip(
+            ("ensembles", "steps", "walkers"), samples.chain.shape, strict=False
+        )
         stars = {} if self._stars is None else {"stars": self._stars.to_dict("records")}
         return {
             "model": self.name,
             "seed": samples.seed,
-            "ensembles": ensembles,
-            "steps": steps,
-            "walkers": walkers,
-            "acceptance": list(samples.acceptance),
+            **dict(sizes),
+            "acceptance": samples.acceptance.tolist(),
             "parameters": [asdict(row) for row in samples.summaries()],
             "priors": priors.to_dict("records"),
-            "modes": {name: modes._asdict() for name, modes in self.modes.items()},
             "checks": [asdict(check) for check in self.checks],
             "warnings": self.findings,
             "data": self.data_record,
@@ -517,18 +505,16 @@ class Posterior(ResultView):
 
     def blocks(self) -> Iterator[Block]:
         """Yield the summary, the convergence, the wrong matches, and warnings."""
-        truth, rows = self.truth, []
-        for row in self.sampled.summaries():
-            mean, ends = interval(row)
-            unit = f" ({row.unit})" * (row.unit != "1")
-            true = minus(f"{truth[row.name]:.6g}") if row.name in truth else ""
-            rows.append((row.name + unit, true, mean, ends))
         heads = ("Quantity", "truth", "mean ± sd", "95 % interval")
-        records = [dict(zip(heads, row, strict=True)) for row in rows]
+        truth = {key: minus(f"{one:.6g}") for key, one in self.truth.items()}
+        rows = []
+        for row in self.sampled.summaries():
+            name, true = row.name + _in_brackets(row.unit), truth.get(row.name, "")
+            rows.append(dict(zip(heads, (name, true, *interval(row)), strict=True)))
         changed = f" Changed: {self.changes}." if self.changes else ""
         identifier = f"posterior-{self.name}" if self._in_book else ""
         caption = f"Posterior {self.name}, data {self.data_text}.{changed}"
-        yield Grid.of(caption, heads, records, identifier=identifier)
+        yield Grid.of(caption, heads, rows, identifier=identifier)
         yield self._convergence
         if false := self.false_stars:
             yield f"{false}."
@@ -537,28 +523,16 @@ class Posterior(ResultView):
 
     @property
     def findings(self) -> list[str]:
-        """Warnings: priors, modes, stars that a robust fit drops, predictive checks, the data."""
-        modes = (
-            f"{name} has two modes: {100 * one.below:.0f} % of the draws near {one.low:.3g}, "
-            f"{100 * one.above:.0f} % near {one.high:.3g} (in {self.priors['unit'][name]}). Its "
-            "mean is in neither mode"
-            for name, one in self.modes.items()
-        )
-        found = [*prior_warnings(self.sampled), *modes, self._dropped]
+        """Warnings: priors, stars that a robust fit drops, predictive checks, the data."""
+        found = [*prior_warnings(self.sampled), self._dropped]
         return [one for one in (*found, misfit(self.checks), *self.remarks) if one]
-
-    @cached_property
-    def modes(self) -> dict[str, Modes]:
-        """Two modes of each parameter that has two, with the fractions of the draws, by name."""
-        return bimodal(self.sampled)
 
     @property
     def _dropped(self) -> str:
         """Warning if a robust fit drops more stars than the mixture."""
-        likelihood = self.model.likelihood
-        if self._stars is None or not isinstance(likelihood, MixtureRegistration):
+        if self._stars is None:
             return ""
-        dropped = (~likelihood.agreeing).sum()
+        dropped = self._stars["dropped_by_robust_fit"].sum()
         false = (self._stars["probability_false"] > 0.5).sum()
         text = (
             f"a robust fit drops {dropped} stars, the mixture {false}: wrong stars close to their "
@@ -568,23 +542,21 @@ class Posterior(ResultView):
 
     @property
     def _convergence(self) -> str:
-        samples, frame = self.sampled, self.frame()
-        ensembles, steps, walkers = samples.chain.shape[:3]
-        return (
-            f"{ensembles} ensembles of {walkers} walkers, {steps} steps each, seed {samples.seed}; "
-            f"acceptance {min(samples.acceptance):.2f} to {max(samples.acceptance):.2f}, R-hat up "
-            f"to {frame['rhat'].max():.3f}, effective sample sizes from "
-            f"{frame[['bulk', 'tail']].to_numpy().min():.0f}; frame() lists them."
-        )
+        texts = {"samples": self.sampled, "summary": self.frame()}
+        return str(rendered("posterior-chains.txt", **texts))
 
 
-_NETCDF_PACKAGES = ("xarray", "h5netcdf")
+_NETCDF_PACKAGES = ("arviz_base", "h5netcdf")
 
 
 def _versions() -> dict[str, str]:
     """Return the versions of the software that made a posterior."""
     versions = {name: version(name) for name in ("numpy", "scipy", "emcee")}
     return {"reproduce-pointing": __version__, **versions}
+
+
+def _in_brackets(unit: str) -> str:
+    return "" if unit == "1" else f" ({unit})"
 
 
 def spread(row: Summary) -> tuple[str, str, str, str]:

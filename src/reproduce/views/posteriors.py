@@ -6,7 +6,6 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import pandas as pd
-from markupsafe import Markup
 from numpy.typing import ArrayLike
 
 from reproduce import inference
@@ -22,6 +21,7 @@ from reproduce.views.blocks import Block, Blocks, Display, Entry, Grid, badge, l
 from reproduce.views.numbers import digits, percent, quantity
 from reproduce.views.posterior import Posterior, book_posterior, interval
 
+_COLUMNS = ("Quantity", "Printed", "Posterior, mean ± sd", "95 % interval", "Verdict")
 # Columns of the calibrations with their power: standard deviations too small by 10 and 5 %.
 _POWERS = {"10": "narrow_10", "5": "narrow_5"}
 # Fraction of correct curves that leave their own band.
@@ -98,13 +98,14 @@ class Posteriors(Display):
 
     def blocks(self) -> Iterator[Block]:
         """Yield one table of all posteriors."""
-        rows = []
-        for key, declared in posteriors().items():
-            summaries = {row.name: row for row in book_posterior(key).summaries()}
-            for name, text in declared.summary.items():
-                rows.append(_summarised(key, summaries[name], text))
+        rows = [
+            _summarised(key, row, declared.summary[row.name])
+            for key, declared in posteriors().items()
+            for row in book_posterior(key).summaries()
+            if row.name in declared.summary
+        ]
         caption = item_text("posteriors/all").caption
-        yield Grid.of(caption, rows[0], rows, identifier="posteriors")
+        yield Grid.of(caption, _COLUMNS, rows, identifier="posteriors")
 
     @property
     def models(self) -> Blocks:
@@ -147,13 +148,10 @@ class Posteriors(Display):
         stored = stored[stored["posterior"].isin(names)]
         models = stored.groupby("posterior", sort=False)
         rows = [_diagnosed(str(name), one, trials) for name, one in models]
-        least, count, limits = stored["even"].min(), len(stored), ConvergenceCriteria
+        least, count = stored["even"].min(), len(stored)
         caption = item_text("posteriors/diagnostics").caption.format(
             paper=paper,
-            rhat=limits.rhat,
-            times=limits.times,
-            size=limits.size,
-            acceptance=limits.acceptance,
+            limits=ConvergenceCriteria,
             count=count,
             band=100 * (1 - _OUTSIDE_FRACTION),
             outside=(stored["even"] < _OUTSIDE_FRACTION).sum(),
@@ -168,38 +166,34 @@ def _summarised(key: str, row: Summary, text: str) -> dict[str, Entry]:
     """Return the row of a quantity; `text` is the address of its printed cell, or a label."""
     mark = symbol(row.unit) if row.unit in UNITS else row.unit
     mean, ends = (quantity(text_, mark) for text_ in interval(row))
-    printed, verdict = Markup(""), Markup("")
+    found: dict[str, Entry] = {"Posterior, mean ± sd": mean, "95 % interval": ends}
     if "#" in text:
         (cell,) = find(text)
-        printed = link(cell.anchor, cell.shown)
-        verdict = badge(item_ledger(cell.key).cell(text).verdict)
+        found["Printed"] = link(cell.anchor, cell.shown)
+        found["Verdict"] = badge(item_ledger(cell.key).cell(text).verdict)
         text = cell.label
-    return {
-        "Quantity": link(f"posterior-{key}", text),
-        "Printed": printed,
-        "Posterior, mean ± sd": mean,
-        "95 % interval": ends,
-        "Verdict": verdict,
-    }
+    return {**found, "Quantity": link(f"posterior-{key}", text)}
 
 
 def _diagnosed(name: str, stored: pd.DataFrame, trials: int) -> dict[str, Entry]:
     """Return the row of a posterior: chains, then calibration."""
     samples = book_posterior(name)
+    chains = pd.DataFrame(samples.rows)
     least, wide = stored.sort_values("even").iloc[0], 100 * stored["covers_95"]
-    row: dict[str, Entry] = {
+    powers = {
+        f"sd {percentage} % too small leaves its band": percent(least[column], trials)
+        for percentage, column in _POWERS.items()
+    }
+    return {
         "Model": name,
-        "R-hat, largest": f"{max(one.rhat for one in samples.rows):.4f}",
+        "R-hat, largest": f"{chains['rhat'].max():.4f}",
         "steps / τ, fewest": f"{samples.chain.shape[1] / samples.time:.0f}",
-        "ESS, smallest": f"{min(min(one.bulk, one.tail) for one in samples.rows):,.0f}",
+        "ESS, smallest": f"{chains[['bulk', 'tail']].to_numpy().min():,.0f}",
         "acceptance": f"{min(samples.acceptance):.2f} to {max(samples.acceptance):.2f}",
         "replicates": f"{least['replicates']:,}",
         "failed": str(least["failed"]),
         "quantities": str(len(stored)),
         "smallest p (even)": digits(least["even"], least["even_error"]),
         "95 % covers": f"{wide.min():.1f} to {wide.max():.1f} %",
+        **powers,
     }
-    for percentage, column in _POWERS.items():
-        text = percent(least[column], trials)
-        row[f"sd {percentage} % too small leaves its band"] = text
-    return row

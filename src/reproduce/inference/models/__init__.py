@@ -29,7 +29,6 @@ from reproduce.inference.models.registration import (
     TRANSFORM,
     GaussianRegistration,
     NewStars,
-    exact_draws,
     fitted_model,
     registration_model,
     registration_parameter,

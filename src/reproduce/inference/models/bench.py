@@ -79,28 +79,18 @@ class AveragedNoise(Likelihood):
         logs = np.log(np.diagonal(factor, axis1=1, axis2=2)) + 0.5 * scaled**2
         return -logs.sum(axis=1)
 
-    def simulate(self, parameters: FloatArray, generator: Generator) -> FloatArray:
-        """Return printed standard deviations drawn for one parameter vector, shape (m,)."""
+    def simulate(self, parameters: FloatArray, generator: Generator) -> Self:
+        """Return the likelihood of standard deviations drawn for one parameter vector."""
         white, floor = parameters
         noise = generator.normal(size=self.images)
         series = white * noise + floor * _drift(self.images)
         scatter, unit = scatter_of_averages(series, self.counts), 2 * self.half_unit
-        return np.round(scatter / unit) * unit
-
-    def with_data(self, data: FloatArray) -> Self:
-        """Return the likelihood of other standard deviations."""
-        return replace(self, scatter=data)
+        return replace(self, scatter=np.round(scatter / unit) * unit)
 
     def start(self) -> Estimate:
         """Return the noise of one image and a small floor, with their errors, shape (2,) each."""
         white = self.scatter[0]
         return white * np.array([1.0, 0.05]), white * np.array([0.05, 0.03])
-
-    def checks(self, data: FloatArray | None = None) -> dict[str, float]:
-        """Return the scatter of the averages."""
-        scatter = self.scatter if data is None else data
-        names = (f"average of {count}" for count in self.counts)
-        return dict(zip(names, scatter.tolist(), strict=True))
 
     @property
     def observed(self) -> dict[str, FloatArray]:
@@ -145,17 +135,14 @@ class StageAngles(Likelihood):
         printed, interchanged = self.orders(parameters)
         return {"columns interchanged": Consequence(expit(interchanged - printed), "1")}
 
-    def simulate(self, parameters: FloatArray, generator: Generator) -> FloatArray:
-        """Return monitored angles drawn for one parameter vector, shape (2, states)."""
+    def simulate(self, parameters: FloatArray, generator: Generator) -> Self:
+        """Return the likelihood of monitored angles drawn for one parameter vector."""
         focal_length, noise = parameters
         motions = self.motions[:: generator.choice([1, -1])]
         zero = generator.normal(size=(len(motions), 1))
         errors = generator.normal(size=motions.shape) - zero
-        return stage_angle(motions, focal_length) + noise * errors
-
-    def with_data(self, data: FloatArray) -> Self:
-        """Return the likelihood of other angles."""
-        return replace(self, angles=data)
+        angles = stage_angle(motions, focal_length) + noise * errors
+        return replace(self, angles=angles)
 
     def start(self) -> Estimate:
         """Return least-squares estimates for the better order, with their errors, (2,) each."""
@@ -170,11 +157,6 @@ class StageAngles(Likelihood):
             fits.append((rms, 1 / slope, spread / slope**2))
         noise, focal_length, error = min(fits)
         return np.array([focal_length, noise]), np.array([error, noise / 3])
-
-    def checks(self, data: FloatArray | None = None) -> dict[str, float]:
-        """Return the largest angles about both axes."""
-        largest = np.abs(self.angles if data is None else data).max(axis=1)
-        return {f"largest angle {i}": one for i, one in enumerate(largest.tolist(), 1)}
 
     @property
     def observed(self) -> dict[str, FloatArray]:

@@ -151,8 +151,8 @@ class SpotLikelihood(Likelihood):
         variance = parameters[:, -1, None, None] ** 2 / self.statistics.counts[:, None]
         return -np.log(2 * np.pi * variance) - off / (2 * variance)
 
-    def simulate(self, parameters: FloatArray, generator: Generator) -> SpotStatistics:
-        """Return the statistics of simulated images for one parameter vector."""
+    def simulate(self, parameters: FloatArray, generator: Generator) -> Self:
+        """Return the likelihood of simulated images for one parameter vector."""
         counts, levers = self.statistics.weights
         images = []
         for mean, slope, count in zip(
@@ -161,11 +161,7 @@ class SpotLikelihood(Likelihood):
             path = mean + np.linspace(-1, 1, count)[:, None, None] * slope
             noise = generator.standard_normal(path.shape)
             images.append(path + float(parameters[-1]) * noise)
-        return SpotStatistics.of(images, tuple(levers > 0))
-
-    def with_data(self, data: SpotStatistics) -> Self:
-        """Return the likelihood of other spots of the same instrument."""
-        return replace(self, statistics=data)
+        return replace(self, statistics=SpotStatistics.of(images, tuple(levers > 0)))
 
     def start(self) -> Estimate:
         """Return three Gauss-Newton steps from rough values, and standard errors."""
@@ -207,9 +203,9 @@ class SpotLikelihood(Likelihood):
         squares = self.statistics.squares + residuals @ residuals
         return float(np.sqrt(squares / self.statistics.size))
 
-    def checks(self, data: SpotStatistics | None = None) -> dict[str, float]:
+    def checks(self, other: Self) -> dict[str, float]:
         """Return scatter, shape of the pattern and motion of its centre, in px."""
-        data = data or self.statistics
+        data = other.statistics
         width, height = np.ptp(data.means.mean(axis=0), axis=0)
         x, y = (data.means[-1] - data.means[0]).mean(axis=0)
         return {
@@ -239,7 +235,7 @@ def misalignment_model(
     statistics: SpotStatistics,
     *,
     drifts: bool = False,
-    derived: tuple[Derived, ...] = (),
+    derived: Derived | None = None,
 ) -> Model:
     """Return a misalignment from two groups of images, the first one at the zero point.
 
@@ -251,8 +247,8 @@ def misalignment_model(
         Statistics of both groups, with slopes of the second group if it drifts.
     drifts : bool
         Whether the misalignment drifts linearly in the second group.
-    derived : tuple of callable
-        Functions that return consequences of the parameters.
+    derived : callable, optional
+        Function that returns consequences of the parameters.
 
     Returns
     -------

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Self
 
 import numpy as np
 from numpy.random import Generator
@@ -134,21 +135,21 @@ class MixtureRegistration(GaussianRegistration):
         right, wrong = self._densities(parameters)
         return np.exp(wrong - np.logaddexp(right, wrong))
 
-    def simulate(self, parameters: FloatArray, generator: Generator) -> FloatArray:
-        """Return target points for one parameter vector, shape (points, 2), in px."""
+    def simulate(self, parameters: FloatArray, generator: Generator) -> Self:
+        """Return the registration of target points drawn for one parameter vector."""
         return self._drawn(parameters, parameters[-1], generator)
 
-    def repeat(self, parameters: FloatArray, generator: Generator) -> FloatArray:
-        """Return target points of a repeat, in which the same stars are wrongly matched."""
+    def repeat(self, parameters: FloatArray, generator: Generator) -> Self:
+        """Return the registration of a repeat, in which the same stars are wrongly matched."""
         return self._drawn(parameters, self.false(parameters[None])[0], generator)
 
     def _drawn(
         self, parameters: FloatArray, fraction: FloatArray, generator: Generator
-    ) -> FloatArray:
+    ) -> Self:
         wrong = generator.uniform(size=len(self.source)) < fraction
-        right = super().simulate(parameters, generator)
+        right = super().simulate(parameters, generator).target
         anywhere = self.corner + self.side * generator.uniform(size=right.shape)
-        return np.where(wrong[:, None], anywhere, right)
+        return self.with_target(np.where(wrong[:, None], anywhere, right))
 
     @cached_property
     def agreeing(self) -> NDArray[np.bool_]:
@@ -164,11 +165,9 @@ class MixtureRegistration(GaussianRegistration):
         error = np.sqrt(fraction * (1 - fraction) / count)
         return np.append(centre, fraction), np.append(spread, error)
 
-    def checks(self, data: FloatArray | None = None) -> dict[str, float]:
+    def checks(self, other: Self) -> dict[str, float]:
         """Return the checks of the plain registration for the stars that agree in these data."""
-        target = self.target if data is None else data
-        problem = replace(self.problem, target=target).rows(self.agreeing)
-        return fit_checks(fit_problem(problem))
+        return fit_checks(fit_problem(other.problem.rows(self.agreeing)))
 
 
 def mixture_model(base: Model) -> Model:

@@ -18,9 +18,6 @@ from scipy.special import logsumexp, ndtr
 from reproduce.inference import Estimate, Likelihood
 from reproduce.physics.validate import FloatArray
 
-# Printed estimates and residuals.
-_Printed = tuple[FloatArray, FloatArray]
-
 
 @dataclass(frozen=True, eq=False)
 class PrintedFit(Likelihood):
@@ -67,17 +64,14 @@ class PrintedFit(Likelihood):
         scaled = self.counts / self.per_mean * (self.residuals / noise) ** 2
         return np.column_stack([estimates, -self.counts * np.log(noise) - scaled / 2])
 
-    def simulate(self, parameters: FloatArray, generator: Generator) -> _Printed:
-        """Return printed estimates and residuals drawn for one parameter vector."""
+    def simulate(self, parameters: FloatArray, generator: Generator) -> Self:
+        """Return the likelihood of estimates and residuals drawn for one parameter vector."""
         *values, noise = parameters
         errors, unit = generator.choice(self.errors), 2 * self.half_units
         estimates = generator.normal(values, noise * errors)
         squares = generator.chisquare(self.counts) / self.counts * self.per_mean
-        return np.round(estimates / unit) * unit, noise * np.sqrt(squares)
-
-    def with_data(self, data: _Printed) -> Self:
-        """Return the likelihood of other estimates and residuals."""
-        return replace(self, estimates=data[0], residuals=data[1])
+        estimates = np.round(estimates / unit) * unit
+        return replace(self, estimates=estimates, residuals=noise * np.sqrt(squares))
 
     def _noise(self) -> tuple[float, float]:
         """Return the number of residuals, and the noise that all residuals imply."""
@@ -106,11 +100,6 @@ class PrintedFit(Likelihood):
         rounding = self.half_units * generator.uniform(-1, 1, errors.shape)
         values = generator.normal(self.estimates + rounding, noise * errors)
         return np.column_stack([values, noise])
-
-    def checks(self, data: _Printed | None = None) -> dict[str, float]:
-        """Return the residuals."""
-        residuals = self.residuals if data is None else data[1]
-        return {f"residual {i}": one for i, one in enumerate(residuals.tolist(), 1)}
 
     @property
     def observed(self) -> dict[str, FloatArray]:

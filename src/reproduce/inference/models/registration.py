@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 from numpy.random import PCG64, Generator
@@ -22,12 +22,10 @@ from reproduce.inference import (
     Likelihood,
     LogUniform,
     Model,
-    Normal,
     Parameter,
     Prior,
     Uniform,
 )
-from reproduce.inference.models.published import PrintedFit
 from reproduce.physics.registration import (
     MODELS,
     UNITS,
@@ -51,8 +49,6 @@ _NOISE_SEED = 52
 # Half-widths of flat priors: of a shift in fields, of a scale in ratios of the sizes of both
 # patterns, of any parameter in standard errors.
 _SHIFT_FIELDS, _SCALE_RATIOS, _STANDARD_ERRORS = 10.0, 10.0, 1e3
-# Draws in closed form per requested draw, since the bounds of priors reject some.
-_DRAWS_PER_EXACT = 10
 # Symbol, displayed unit and its number per SI unit.
 _DISPLAY: dict[str, tuple[str, str, float]] = {
     "scale": ("k", "1", 1.0),
@@ -209,17 +205,17 @@ class GaussianRegistration(Likelihood):
         points = np.broadcast_to(points, (len(parameters), *points.shape))
         return self.problem.transformed(parameters[:, : self._size], points)
 
-    def simulate(self, parameters: FloatArray, generator: Generator) -> FloatArray:
-        """Return target points for one parameter vector, shape (points, 2), in px."""
+    def simulate(self, parameters: FloatArray, generator: Generator) -> Self:
+        """Return the registration of target points drawn for one parameter vector."""
         normal = generator.normal(size=(*self.source.shape, 1))
         # Any matrix whose product with its transpose is the covariance.
         root = np.linalg.inv(np.linalg.cholesky(self.precision)).mT
         noise = self.noise(parameters[None]) * (root @ normal)[..., 0]
-        return self.places(parameters[None])[0] + noise
+        return self.with_target(self.places(parameters[None])[0] + noise)
 
-    def with_data(self, data: FloatArray) -> Self:
-        """Return the likelihood of the same sources with other target points."""
-        return replace(self, problem=replace(self.problem, target=data))
+    def with_target(self, target: FloatArray) -> Self:
+        """Return the registration of the same sources to other target points, (points, 2)."""
+        return replace(self, problem=replace(self.problem, target=target))
 
     def start(self) -> Estimate:
         """Return the fit and its standard errors."""
@@ -233,7 +229,14 @@ class GaussianRegistration(Likelihood):
         return np.append(fit.parameters, noise), np.append(errors, last)
 
     def exact(self, count: int, generator: Generator) -> FloatArray:
-        """Return draws for priors that are flat in the linear coordinates, shape (count, 5)."""
+        """Return draws of a similarity for priors that are flat in scale and rotation, (n, 5).
+
+        With priors that are flat in the coordinates of `linear`, the posterior is normal in them
+        given the noise, and the noise has an inverse gamma distribution. Rejection converts the
+        draws, so n is smaller than `count`.
+        """
+        if not self.is_linear:
+            return super().exact(count, generator)
         fit, noise = self.fit, np.ones(count)
         if not fit.errors_known:
             freedom = float(fit.degrees_of_freedom)
@@ -243,11 +246,14 @@ class GaussianRegistration(Likelihood):
         rows = self.linear(fit.parameters[None]) + noise[:, None] * (normal @ root.T)
         factors, angle = rows[:, 0] + 1j * rows[:, 1], fit.parameters[1]
         angles = angle + np.angle(factors * np.exp(-1j * angle))
-        return np.column_stack([np.abs(factors), angles, rows[:, 2:], noise])
+        scales = np.abs(factors)
+        # Flat in scale and rotation is flat in the two parts divided by the scale.
+        kept = generator.uniform(size=count) < scales.min() / scales
+        return np.column_stack([scales, angles, rows[:, 2:], noise])[kept]
 
-    def checks(self, data: FloatArray | None = None) -> dict[str, float]:
+    def checks(self, other: Self) -> dict[str, float]:
         """Return numbers of the residuals of the fit."""
-        return fit_checks((self if data is None else self.with_data(data)).fit)
+        return fit_checks(other.fit)
 
 
 def registration_parameter(name: str, prior: Prior) -> Parameter:
@@ -397,57 +403,6 @@ def _wide_priors(fit: RegistrationFit) -> dict[str, Prior]:
         low = 0.0 if name == "scale" else float(value - half)
         priors[name] = Uniform(low, float(value + half), reason)
     return priors
-
-
-def exact_draws(model: Model, count: int, generator: Generator) -> FloatArray:
-    """Return independent draws of a similarity in closed form, without a sampler.
-
-    With flat priors the posterior is normal in the coordinates of `GaussianRegistration.linear`
-    given the noise, and the noise has an inverse gamma distribution. Rejection converts the draws
-    to priors that are flat in scale and rotation, with their bounds.
-
-    Parameters
-    ----------
-    model : Model
-        Similarity with uniform priors and without errors of the source, or printed estimates.
-    count : int
-        Number of draws.
-    generator : numpy.random.Generator
-        Random number generator.
-
-    Returns
-    -------
-    ndarray, shape (count, d)
-        Draws in the order of the parameters of the model.
-
-    Raises
-    ------
-    ValueError
-        If the model is another one, or the priors exclude most of the posterior.
-    """
-    likelihood: Any = model.likelihood
-    many = _DRAWS_PER_EXACT * count
-    is_linear = isinstance(likelihood, GaussianRegistration) and likelihood.is_linear
-    if not (is_linear or isinstance(likelihood, PrintedFit)) or any(
-        isinstance(one.prior, Normal) for one in model.parameters
-    ):
-        raise ValueError(
-            "exact: expected a similarity with uniform priors and no errors of the source, got "
-            f"{model.name}. Use the draws of emcee"
-        )
-    rows = likelihood.exact(many, generator)[:, : model.dimension]
-    # The prior of the noise is that of the closed form within its bounds.
-    inside = np.isfinite(model.log_prior(rows))
-    if is_linear:
-        # Flat in scale and rotation is flat in the two parts divided by the scale.
-        scales = rows[:, 0]
-        inside &= generator.uniform(size=many) < scales.min() / scales
-    if inside.sum() < count:
-        raise ValueError(
-            f"exact: expected priors that contain most of the posterior, got {inside.mean():.2g} "
-            "of it. Use the draws of emcee"
-        )
-    return rows[inside][:count]
 
 
 @dataclass(frozen=True, eq=False)

@@ -89,7 +89,7 @@ def _misalignment(inputs: Inputs, drifts: bool = False) -> Model:
         design,
         models.SpotStatistics.of(groups, (False, drifts)),
         drifts=drifts,
-        derived=(_OnTheGround(satellite.altitude(inputs)),),
+        derived=_OnTheGround(satellite.altitude(inputs)),
     )
 
 

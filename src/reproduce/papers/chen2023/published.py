@@ -67,7 +67,7 @@ def _stage(inputs: Inputs) -> Model:
         Parameter("focal-length", "f", "mm", length, 1e3),
         Parameter("noise", r"\sigma", "arcsec", _STATE, ARCSEC_PER_RADIAN),
     )
-    return Model("stage", parameters, likelihood, (likelihood.interchanged,))
+    return Model("stage", parameters, likelihood, likelihood.interchanged)
 
 
 _NO_FILE = "its data are the printed numbers of the paper"

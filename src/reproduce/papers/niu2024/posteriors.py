@@ -102,7 +102,7 @@ def _model(
     model = models.registration_model(red, green, pivot(inputs, "red"))
     model = extend(model) if extend else model
     likelihood = model.likelihood_of(models.GaussianRegistration)
-    return replace(model, derived=(_new_stars(inputs, likelihood),))
+    return replace(model, derived=_new_stars(inputs, likelihood))
 
 
 def _new_stars(

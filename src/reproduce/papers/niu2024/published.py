@@ -109,7 +109,7 @@ def _model(inputs: Inputs, kind: str, channel: str) -> Model:
         f"{kind}-{channel}",
         tuple(models.registration_parameter(*item) for item in _PRIORS.items()),
         likelihood,
-        (partial(_against_cameras, expected=expected),),
+        partial(_against_cameras, expected=expected),
     )
 
 
