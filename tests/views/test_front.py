@@ -285,7 +285,8 @@ def test_all_types_of_input_give_the_same_angles_and_warnings(lights, tmp_path):
         rp.misalignment(path, platform=toml),
         rp.misalignment(frame.sample(frac=1, random_state=1), platform=toml),
     ]
-    (finding,) = results[0].findings
+    finding, lost = results[0].findings
+    assert lost.kind == "lost"
     assert (finding.kind, "light 4" in finding.text) == ("displaced", True)
     remarks = results[0].remarks
     assert remarks[-1].startswith("5 of 200 spots are lost")

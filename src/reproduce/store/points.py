@@ -124,12 +124,9 @@ def is_table(source: object) -> bool:
 
 def _headings(source: Any) -> Sequence[Any] | None:
     """Return the names of the columns of a table, or None for another object."""
-    if hasattr(source, "iloc"):
-        source = getattr(source, "columns", None)
-        return source if source is None else list(source)
-    fields = getattr(getattr(source, "dtype", None), "names", None)
-    names: Sequence[Any] | None = getattr(source, "colnames", fields)
-    return names
+    names = getattr(getattr(source, "dtype", None), "names", None)
+    columns = getattr(source, "columns", None) if names is None else names
+    return columns if columns is None else list(columns)
 
 
 def read_table(
@@ -272,8 +269,8 @@ def matched_stars(
     errors: dict[str, Any] = {}
     if "weight" in table.numbers:
         errors["weights"] = table.numbers["weight"]
-    if {*SIGMAS} & {*table.numbers}:
-        errors["target_covariance"] = deviations(table)[..., None] ** 2 * np.eye(2)
+    if (covariance := covariances(table)) is not None:
+        errors["target_covariance"] = covariance
     if twice := errors.keys() & fit.keys():
         raise ValueError(
             f"{min(twice)}: expected no argument, got one and a column of the table. Remove one"
@@ -286,9 +283,11 @@ def brightness(columns: Mapping[str, FloatArray]) -> FloatArray | None:
     return -columns["mag"] if "mag" in columns else columns.get("flux")
 
 
-def deviations(table: DataTable) -> FloatArray:
-    """Return the standard deviations along x and y in the columns of a table, (n, 2)."""
+def covariances(table: DataTable) -> FloatArray | None:
+    """Return covariances by columns of standard deviations, (n, 2, 2), or None without them."""
     columns = table.numbers
+    if not {*SIGMAS} & {*columns}:
+        return None
     names = [
         f"sigma_{axis}" if f"sigma_{axis}" in columns else "sigma" for axis in "xy"
     ]
@@ -299,4 +298,4 @@ def deviations(table: DataTable) -> FloatArray:
                 "column"
             )
         table.check(name, columns[name] > 0, "a standard deviation above zero")
-    return table.points(*names)
+    return table.points(*names)[..., None] ** 2 * np.eye(2)

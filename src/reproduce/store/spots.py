@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from reproduce.physics.validate import FloatArray, number_array
+from reproduce.physics.validate import Finding, FloatArray, number_array
 from reproduce.store.points import (
     _LARGEST_NUMBER,
     DataTable,
@@ -30,8 +30,8 @@ Images = tuple[FloatArray, FloatArray]
 
 def read_images(
     count: int, spots: Any, zero: Any = None, sep: str | None = None
-) -> tuple[Images, Any, list[str]]:
-    """Return the images of both groups, labels of those at the present, and remarks.
+) -> tuple[Images, Any, list[Finding]]:
+    """Return the images of both groups, labels of those at the present, and findings.
 
     Shape (frames, count, 2), in px; `spots` may be a table of both groups, whose labels are a
     pandas index.
@@ -100,8 +100,8 @@ def images_of(table: DataTable, count: int) -> tuple[Images, Any]:
     return (zero, now), groups[1].index.rename(label or "image")
 
 
-def lost_spots(pair: Images) -> list[str]:
-    """Return the remark on lost spots."""
+def lost_spots(pair: Images) -> list[Finding]:
+    """Return the finding on lost spots."""
     lost = np.concatenate([np.isnan(group[..., 0]).ravel() for group in pair])
     text = f"{lost.sum()} of {lost.size} spots are lost: an image with fewer spots has less weight"
-    return [text] if lost.any() else []
+    return [Finding("lost", text)] * bool(lost.any())

@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from reproduce.physics import registration
-from reproduce.physics.registration import fit_registration
-from reproduce.store.images import are_separate
+from reproduce.physics.registration import Finding, fit_registration
 from reproduce.store.points import (
     TableFileError,
     brightness,
@@ -23,7 +22,7 @@ from reproduce.store.points import (
     matched_stars,
 )
 from reproduce.units import ARCSEC_PER_RADIAN
-from reproduce.views.blocks import Block, Display, Fold, Grid
+from reproduce.views.blocks import Block, Display, Grid
 from reproduce.views.numbers import between, moments
 
 if TYPE_CHECKING:
@@ -33,9 +32,6 @@ if TYPE_CHECKING:
 
 FloatArray = NDArray[np.float64]
 _LEVEL = 0.95
-# Arguments of `register` for matched stars only, and for images and lists only.
-_FOR_STARS = {"weights", "source_covariance", "target_covariance"}
-_FOR_IMAGES = {"start", "radius", "threshold"}
 _CONSISTENCY_TEXTS = {
     "noise": "Noise of one coordinate, from the residuals: {:.3g} px (95 % interval {:.3g} to "
     "{:.3g}).",
@@ -91,8 +87,7 @@ class UserResult(Display):
 
     title: str
     inputs: tuple[str, ...] = ()
-    findings: list[Any]
-    remarks: list[str]
+    findings: list[Finding]
     _arguments: Mapping[str, Any]
     _function: Callable[..., Any]
     _rows: str
@@ -102,6 +97,11 @@ class UserResult(Display):
     def source(self) -> str:
         """Source code of the function that computes it."""
         return inspect.getsource(inspect.unwrap(self._function)).rstrip()
+
+    @property
+    def remarks(self) -> list[str]:
+        """Sentences of the findings."""
+        return [finding.text for finding in self.findings]
 
     @abstractmethod
     def frame(self) -> pd.DataFrame:
@@ -115,11 +115,9 @@ class UserResult(Display):
     def blocks(self) -> Iterator[Block]:
         """Yield the numbers and the warnings."""
         yield self.grid
-        notes = {
-            finding.text for finding in self.findings if finding.kind == "sensitive"
-        }
-        for line in self.remarks:
-            yield f"{'Note' if line in notes else 'Warning'}: {line}."
+        for finding in self.findings:
+            kind = "Note" if finding.kind == "sensitive" else "Warning"
+            yield f"{kind}: {finding.text}."
 
     def record(self) -> dict[str, Any]:
         """Return the numbers and warnings for other programs; unknown numbers are None."""
@@ -154,11 +152,6 @@ class RegistrationResult(UserResult):
     `physics.registration.fit.fit_registration`. The warnings are ``findings``, each with its kind
     and its rows, and sentences in ``remarks``. ``systematic`` is a covariance that the residuals do
     not show, zero for lists of stars. The arguments are those of `reproduce.register`.
-
-    If the stars are from images or separate lists, it also has the ``source_stars`` and
-    ``target_stars``, their ``pairs`` with residuals, the ``extra_scatter`` beyond the errors of the
-    centres, in px, and a ``log``.
-    ``reproduce.posterior("registration", data=fit.pairs)`` samples the posterior of the same model.
     """
 
     _function = staticmethod(fit_registration)
@@ -169,16 +162,6 @@ class RegistrationResult(UserResult):
     ) -> None:
         self._arguments = {"source": source, "target": target, "pivot": pivot}
         self._arguments |= settings
-        found, is_matched = None, not are_separate(source, target)
-        for name in settings.keys() & (_FOR_IMAGES if is_matched else _FOR_STARS):
-            kind = "matched stars" if is_matched else "images or lists"
-            raise ValueError(f"{name}: expected none for {kind}, got one. Leave it out")
-        if not is_matched:
-            from reproduce.views.pictures import PairedStars  # it is slow
-
-            found = PairedStars(source, target, pivot, **settings)
-            source, target, pivot = found.pairs, None, found.pivot
-            settings = found.settings
         table, settings = matched_stars(source, target, settings)
         points = table.points("x", "y"), table.points("x_reference", "y_reference")
         flux = brightness(table.numbers)
@@ -203,21 +186,6 @@ class RegistrationResult(UserResult):
             "residual_rms": float(np.sqrt(np.square(fit.residuals).mean())),
             **self.consistency,
         }
-        self.log: list[str] = []
-        if found is not None:
-            findings, covariance = found.described(fit)
-            self.findings += findings
-            # An unknown displacement of the centres widens the interval of the shift.
-            shift = [fit.names.index(f"shift-{axis}") for axis in "xy"]
-            self.systematic[np.ix_(shift, shift)] = covariance
-            self.source_stars, self.target_stars = found.source, found.target
-            self.pairs, self.log = found.pairs, found.log
-            self.extra_scatter = found.extra_scatter
-            names = {"source": found.source.name, "target": found.target.name}
-            self.title = f"{names['source']} on {names['target']}: {self.title}"
-            self._facts |= names
-            self._facts |= {"log": self.log, "beyond_px": self.extra_scatter}
-        self.remarks = [finding.text for finding in self.findings]
 
     @property
     def covariance(self) -> FloatArray:
@@ -244,19 +212,17 @@ class RegistrationResult(UserResult):
         ndarray, shape (p, 2)
             Bounds, in the unit of each parameter.
         """
-        centre = self.parameters[:, None]
-        wider = (self.standard_errors / self._errors)[:, None]
-        ends = centre + (self.fit.interval(level) - centre) * wider
-        if term is None:
-            return ends
-        if term not in self._sensitivities:
-            known = ", ".join(self._sensitivities)
-            raise ValueError(
-                f"term: expected one of {known}, got {term!r}. Leave it out"
-            )
-        one = self._sensitivities[term]
-        moved = centre + (one.change * self._errors)[:, None]
-        return np.asarray(moved + (ends - centre) * one.error[:, None])
+        centre, wider = self.parameters, self.standard_errors / self._errors
+        if term is not None:
+            if term not in self._sensitivities:
+                known = ", ".join(self._sensitivities)
+                raise ValueError(
+                    f"term: expected one of {known}, got {term!r}. Leave it out"
+                )
+            one = self._sensitivities[term]
+            centre, wider = centre + one.change * self._errors, wider * one.error
+        ends = self.fit.interval(level) - self.parameters[:, None]
+        return np.asarray(centre[:, None] + ends * wider[:, None])
 
     @property
     def consistency(self) -> dict[str, float]:
@@ -306,15 +272,12 @@ class RegistrationResult(UserResult):
             )
         if self._sensitivities:
             title = "change of each parameter with one more term, in its standard deviations"
-            yield Grid.of_frame(title, self.sensitivity(), digits=2)
-        if "radial" in self._sensitivities:
-            title = "95 % intervals if a radial term is possible"
-            ends = map(_ends, self.interval(term="radial"), self.standard_errors)
-            texts = [*zip(self.fit.names, self.frame()["unit"], ends, strict=True)]
-            yield Grid(title, ("parameter", "unit", "95 % interval"), texts)
+            shown = self.sensitivity()
+            if "radial" in shown:
+                ends = map(_ends, self.interval(term="radial"), self.standard_errors)
+                shown["95 % interval if a radial term is possible"] = [*ends, ""]
+            yield Grid.of_frame(title, shown, digits=2)
         yield from warnings
-        if self.log:
-            yield Fold("Detection of the stars, and dropped pairs", tuple(self.log))
 
     def record(self) -> dict[str, Any]:
         """Return the numbers and warnings for other programs, including the sensitivity."""
@@ -360,8 +323,8 @@ def _ends(ends: Iterable[float], error: float) -> str:
 class MisalignmentResult(UserResult):
     """Misalignment of your camera in each image, from the spots of its lights.
 
-    The warnings are in ``findings``, and with remarks on the input in ``remarks``. ``diagnosis``
-    contains the agreement of both groups. The arguments are those of `reproduce.misalignment`.
+    The warnings are ``findings``, with sentences in ``remarks``. ``diagnosis`` contains
+    the agreement of both groups. The arguments are those of `reproduce.misalignment`.
     """
 
     _rows = "angles"
@@ -390,12 +353,11 @@ class MisalignmentResult(UserResult):
         count = len(self.platform.lasers)
         images, self._labels, notes = read_images(count, spots, zero, sep)
         self.diagnosis = result = diagnosis.diagnose_spots(self.platform, images)
-        self.findings = result.findings
+        self.findings = [*result.findings, *notes]
         self.found = monitored(
             *result.images, result.platform, result.widening, result.freedom
         )
         self.angles = self.found.angles
-        self.remarks = [*(finding.text for finding in self.findings), *notes]
         self._facts = {
             "images": len(self.angles),
             "widening": result.widening,

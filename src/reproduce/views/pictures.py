@@ -15,7 +15,6 @@ from reproduce.physics.images import find_spots, shape_finding
 from reproduce.physics.registration import (
     Finding,
     Registration,
-    RegistrationFit,
     match_points,
     pair_weights,
 )
@@ -24,10 +23,11 @@ from reproduce.store.points import (
     SIGMAS,
     STARS,
     brightness,
-    deviations,
+    covariances,
     read_table,
 )
-from reproduce.views.blocks import Block, Display, Grid
+from reproduce.views.blocks import Block, Display, Fold, Grid
+from reproduce.views.measurements import RegistrationResult
 from reproduce.views.numbers import minus
 
 FloatArray = NDArray[np.float64]
@@ -50,6 +50,7 @@ def stars(
     *,
     threshold: float | None = None,
     sep: str | None = None,
+    name: str = "source",
 ) -> Stars:
     """Find the stars of an image, with Astropy and photutils.
 
@@ -65,6 +66,8 @@ def stars(
         Detection threshold, in standard deviations of the noise. Default: 5.
     sep : str, optional
         Separator of the columns of a text file. Default: a comma.
+    name : str
+        Name of an array or table.
 
     Returns
     -------
@@ -76,7 +79,52 @@ def stars(
     ValueError
         If the image cannot be read or contains no stars.
     """
-    return _stars(source, threshold, sep)
+    if isinstance(source, Stars):
+        return source
+    name = str(source) if isinstance(source, str | Path) else name
+    columns: dict[str, Any]
+    if is_image(source):
+        pixels, saturation, noise = read_image(source, name)
+        with reading(name):
+            spots = find_spots(pixels, threshold, noise, saturation)
+        centre, covariance, shapes = spots.centre, spots.covariance, spots.shapes
+        columns = {"flux": spots.flux, "dropped": spots.reasons}
+        middle = (np.array(pixels.shape[::-1]) - 1) / 2
+        facts, findings = spots.facts, spots.findings
+    else:
+        optional = (*SIGMAS, "flux", "mag", "weight")
+        table = read_table(source, _CENTRE[:2], optional, sep, name)
+        name, centre = table.path, table.values
+        if "weight" in table.numbers:
+            raise ValueError(
+                f"{name}: expected no column weight in the stars of one image, got one. Give sigma"
+            )
+        columns = {n: table.numbers[n] for n in ("flux", "mag") if n in table.numbers}
+        shapes = np.full((len(centre), 2, 2), np.nan)
+        given = covariances(table)
+        covariance = np.zeros_like(shapes) if given is None else given
+        middle, facts, findings = centre.mean(axis=0), {}, ()
+    sigma = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+    frame = pd.DataFrame(np.hstack([centre, sigma]), columns=_CENTRE)
+    frame = frame.assign(**{"dropped": "", **columns})
+    if (flux := brightness(columns)) is not None:
+        frame = frame.iloc[np.argsort(-flux, kind="stable")]
+    is_dropped = frame["dropped"] != ""
+    kept = frame[~is_dropped]
+    rows = kept.index.to_numpy()
+    found = Stars(
+        name,
+        kept.drop(columns="dropped").reset_index(drop=True),
+        covariance[rows],
+        middle,
+        shapes[rows],
+        frame[is_dropped],
+        facts,
+        findings,
+    )
+    if not len(rows):
+        raise ImageError(f"{name}: expected stars, got {found.log}")
+    return found
 
 
 def match(
@@ -103,7 +151,8 @@ def match(
     -------
     DataFrame
         Pairs in the columns of `register`, with the rows of both stars. Its ``attrs`` contain
-        ``mirrored``, whether the images mirror each other.
+        ``mirrored``, whether the images mirror each other, and the affine ``transform`` under which
+        the pairs are neighbours.
 
     Raises
     ------
@@ -117,7 +166,26 @@ def match(
     >>> match(target[::-1] - (5, 0), target)["row_reference"].tolist()
     [3, 2, 1, 0]
     """
-    return _paired(_stars(source), _stars(target), start, radius)[0]
+    first, second = stars(source, name="source"), stars(target, name="target")
+    field = np.ptp(np.vstack([first.points, second.points]), axis=0).max()
+    near = radius or _PAIR_PX + _PAIR_FRACTION * float(field)
+    start = getattr(start, "transform", start)
+    if start is not None and not isinstance(start, Registration):
+        if np.shape(start) != (4,):
+            raise ValueError(
+                f"start: expected a transform or four numbers, got {start!r}. Give scale, rotation "
+                "in radians, and shift in x and y in px"
+            )
+        start = Registration("similarity", start, first.middle)
+    with reading(f"{first.name} and {second.name}"):
+        rows, transform = match_points(first.points, second.points, near, start)
+    a, b = rows.T
+    pairs = pd.DataFrame(np.hstack([first.points[a], second.points[b]]), columns=STARS)
+    counts = f"{len(pairs)} pairs of {len(first)} and {len(second)} stars"
+    pairs.attrs["log"] = f"{counts}, less than {near:.3g} px apart"
+    pairs.attrs["transform"] = transform
+    pairs.attrs["mirrored"] = bool(np.linalg.det(transform.matrix) < 0)
+    return pairs.assign(row=a, row_reference=b)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -183,139 +251,63 @@ class Stars(Display):
         yield self.log
 
 
-def _stars(
-    source: Any,
-    threshold: float | None = None,
-    sep: str | None = None,
-    name: str = "source",
-) -> Stars:
-    """Return the stars of an image, or of a table or array of positions."""
-    if isinstance(source, Stars):
-        return source
-    name = str(source) if isinstance(source, str | Path) else name
-    columns: dict[str, Any]
-    if is_image(source):
-        pixels, saturation, noise = read_image(source, name)
-        with reading(name):
-            spots = find_spots(pixels, threshold, noise, saturation)
-        centre, covariance, shapes = spots.centre, spots.covariance, spots.shapes
-        sigma = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
-        columns = {"flux": spots.flux, "dropped": spots.reasons}
-        middle = (np.array(pixels.shape[::-1]) - 1) / 2
-        facts, findings = spots.facts, spots.findings
-    else:
-        optional = (*SIGMAS, "flux", "mag", "weight")
-        table = read_table(source, _CENTRE[:2], optional, sep, name)
-        name, centre = table.path, table.values
-        if "weight" in table.numbers:
-            raise ValueError(
-                f"{name}: expected no column weight in the stars of one image, got one. Give sigma"
-            )
-        names = {"flux", "mag"} & {*table.numbers}
-        columns = {name: table.numbers[name] for name in names}
-        has_errors = {*SIGMAS} & {*table.numbers}
-        sigma = deviations(table) if has_errors else np.zeros_like(centre)
-        covariance, middle = sigma[:, :, None] ** 2 * np.eye(2), centre.mean(axis=0)
-        shapes, facts = np.full((len(centre), 2, 2), np.nan), {}
-        findings = ()
-    frame = pd.DataFrame(np.hstack([centre, sigma]), columns=_CENTRE)
-    frame = frame.assign(**{"dropped": "", **columns})
-    if (flux := brightness(columns)) is not None:
-        frame = frame.iloc[np.argsort(-flux, kind="stable")]
-    is_dropped = frame["dropped"] != ""
-    kept = frame[~is_dropped]
-    rows = kept.index.to_numpy()
-    stars = Stars(
-        name,
-        kept.drop(columns="dropped").reset_index(drop=True),
-        covariance[rows],
-        middle,
-        shapes[rows],
-        frame[is_dropped],
-        facts,
-        findings,
-    )
-    if not len(rows):
-        raise ImageError(f"{name}: expected stars, got {stars.log}")
-    return stars
+class PairedRegistration(RegistrationResult):
+    """Registration of images or separate lists, whose stars are matched first.
 
-
-def _paired(
-    source: Stars,
-    target: Stars,
-    start: Any = None,
-    radius: float | None = None,
-    pivot: Any = None,
-) -> tuple[pd.DataFrame, Registration]:
-    """Return the pairs of `match`, and the transform under which they are neighbours."""
-    field = np.ptp(np.vstack([source.points, target.points]), axis=0).max()
-    near = radius or _PAIR_PX + _PAIR_FRACTION * float(field)
-    start = getattr(start, "transform", start)
-    if start is not None and not isinstance(start, Registration):
-        if np.shape(start) != (4,):
-            raise ValueError(
-                f"start: expected a transform or four numbers, got {start!r}. Give scale, rotation "
-                "in radians, and shift in x and y in px"
-            )
-        start = Registration(
-            "similarity", start, source.middle if pivot is None else pivot
-        )
-    with reading(f"{source.name} and {target.name}"):
-        rows, transform = match_points(source.points, target.points, near, start)
-    a, b = rows.T
-    pairs = pd.DataFrame(np.hstack([source.points[a], target.points[b]]), columns=STARS)
-    counts = f"{len(pairs)} pairs of {len(source)} and {len(target)} stars"
-    pairs.attrs["log"] = f"{counts}, less than {near:.3g} px apart"
-    pairs.attrs["mirrored"] = bool(np.linalg.det(transform.matrix) < 0)
-    return pairs.assign(row=a, row_reference=b), transform
-
-
-class PairedStars:
-    """Stars of two images or lists, and the pairs of them as a table of matched stars."""
+    It also has the ``source_stars`` and ``target_stars``, their ``pairs`` with residuals, the
+    ``extra_scatter`` beyond the errors of the centres, in px, and a ``log``.
+    ``reproduce.posterior("registration", data=fit.pairs)`` samples the posterior of the same model.
+    """
 
     def __init__(
-        self,
-        source: Any,
-        target: Any,
-        pivot: Any,
-        start: Any = None,
-        radius: float | None = None,
-        threshold: float | None = None,
-        sep: str | None = None,
-        robust: bool = True,
-        **settings: Any,
+        self, source: Any, target: Any = None, pivot: Any = None, **settings: Any
     ) -> None:
-        self.source = source = _stars(source, threshold, sep, "source")
-        self.target = target = _stars(target, threshold, sep, "target")
-        self.pivot = source.middle if pivot is None else pivot
-        pairs, transform = _paired(source, target, start, radius, pivot)
-        self.settings = settings | {"robust": robust}
-        row, row_reference = pairs["row"].to_numpy(), pairs["row_reference"].to_numpy()
+        arguments = {"source": source, "target": target, "pivot": pivot, **settings}
+        start, radius = settings.pop("start", None), settings.pop("radius", None)
+        options = {n: settings.pop(n, None) for n in ("threshold", "sep")}
+        settings = {"robust": True, **settings}
+        self.source_stars = first = stars(source, **options, name="source")
+        self.target_stars = second = stars(target, **options, name="target")
+        pivot = first.middle if pivot is None else pivot
+        if np.shape(start) == (4,):
+            start = Registration("similarity", start, pivot)
+        pairs = match(first, second, start, radius)
+        row, other = pairs[["row", "row_reference"]].to_numpy().T
         weights, self.extra_scatter = pair_weights(
-            source.points[row],
-            target.points[row_reference],
-            self.pivot,
-            np.stack([source.covariance[row], target.covariance[row_reference]]),
-            transform,
-            **self.settings,
+            first.points[row],
+            second.points[other],
+            pivot,
+            np.stack([first.covariance[row], second.covariance[other]]),
+            pairs.attrs["transform"],
+            **settings,
         )
-        self._shapes = source.shapes[row], target.shapes[row_reference]
-        shown = source.table.filter(["flux", "mag"]).iloc[row].reset_index(drop=True)
-        self.pairs = pairs.join(shown).assign(weight=weights)
-        self.pairs.attrs = pairs.attrs
-
-    def described(self, fit: RegistrationFit) -> tuple[list[Finding], FloatArray]:
-        """Complete the pairs by a fit; return warnings, and a covariance of the shift in px^2."""
-        used, (x, y) = fit.weights > 0, fit.residuals.T
-        self.pairs = self.pairs.assign(
-            residual_x=x, residual_y=y, used=used, weight=fit.weights
+        pairs["weight"] = weights
+        for name in {"flux", "mag"} & {*first.table}:
+            pairs[name] = first.table[name].to_numpy()[row]
+        super().__init__(pairs, None, pivot, **settings)
+        self._arguments = arguments
+        used, (x, y) = self.fit.weights > 0, self.residuals.T
+        self.pairs = pairs.assign(
+            residual_x=x, residual_y=y, used=used, weight=self.fit.weights
         )
         self.log = [
-            *(f"{stars.name}: {stars.log}" for stars in (self.source, self.target)),
-            self.pairs.attrs["log"],
+            *(f"{image.name}: {image.log}" for image in (first, second)),
+            pairs.attrs["log"],
             f"scatter of the pairs beyond the errors of the centres: {self.extra_scatter:.2g} px",
             f"pairs that are dropped because they do not fit the others: {np.sum(~used)}",
         ]
-        finding, covariance = shape_finding(*self._shapes, fit.transform.matrix)
-        findings = [*self.source.findings, *self.target.findings]
-        return findings + ([finding] if finding else []), covariance
+        found, covariance = shape_finding(
+            first.shapes[row], second.shapes[other], self.transform.matrix
+        )
+        self.findings += [*first.findings, *second.findings, *found]
+        # An unknown displacement of the centres widens the interval of the shift.
+        shift = [self.fit.names.index(f"shift-{axis}") for axis in "xy"]
+        self.systematic[np.ix_(shift, shift)] = covariance
+        self.title = f"{first.name} on {second.name}: {self.title}"
+        self._facts |= {"source": first.name, "target": second.name, "log": self.log}
+        self._facts["beyond_px"] = self.extra_scatter
+
+    def blocks(self) -> Iterator[Block]:
+        """Yield the blocks of a registration, and the log."""
+        yield from super().blocks()
+        yield Fold("Detection of the stars, and dropped pairs", tuple(self.log))

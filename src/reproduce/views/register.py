@@ -7,12 +7,17 @@ from typing import TYPE_CHECKING, Any
 
 from numpy.typing import ArrayLike
 
+from reproduce.store.images import are_separate
 from reproduce.views.measurements import RegistrationResult
 
 if TYPE_CHECKING:
     import pandas as pd
 
     from reproduce.views.pictures import Stars
+
+# Arguments for matched stars only, and for images and lists only.
+_FOR_STARS = {"weights", "source_covariance", "target_covariance"}
+_FOR_IMAGES = {"start", "radius", "threshold"}
 
 
 def register(
@@ -106,4 +111,12 @@ def register(
     settings = {name: value for name, value in locals().items() if value is not None}
     for name in ("source", "target", "pivot"):
         settings.pop(name, None)
+    separate = are_separate(source, target)
+    for name in settings.keys() & (_FOR_STARS if separate else _FOR_IMAGES):
+        kind = "images or lists" if separate else "matched stars"
+        raise ValueError(f"{name}: expected none for {kind}, got one. Leave it out")
+    if separate:
+        from reproduce.views.pictures import PairedRegistration  # it is slow
+
+        return PairedRegistration(source, target, pivot, **settings)
     return RegistrationResult(source, target, pivot, **settings)

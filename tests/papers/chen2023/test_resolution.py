@@ -8,7 +8,6 @@ from reproduce.physics.images import (
     Detector,
     centre_of_gravity,
     expose,
-    predicted_errors,
     spot_windows,
 )
 from reproduce.printed.inputs import load_inputs
@@ -30,9 +29,9 @@ def content():
 
 def test_the_monte_carlo_is_what_the_closed_form_predicts(content):
     """Over 71 resolutions, with the error of the variance of biased phases taken into account."""
-    law = predicted_errors(
-        *resolution._setting(INPUTS, CASES[0])._replace(phases=PHASES)
-    )
+    positions = np.stack([PHASES, 0 * PHASES], axis=-1)
+    setting = resolution._setting(INPUTS, CASES[0])._replace(positions=positions)
+    law = resolution._predicted(setting)
     square = (law.bias**2 + law.variance).mean(axis=-1)
     spread = 2 * law.variance**2 + 4 * law.bias**2 * law.variance
     error = np.sqrt(spread.mean(axis=-1) / (50 * 500))
@@ -69,7 +68,7 @@ def test_replicated_studies_scatter_as_their_size_says():
 
 def best(case):
     """The optimum in arc seconds and the error there in px, by the closed form."""
-    error = predicted_errors(*resolution._setting(INPUTS, case)).total
+    error = resolution._predicted(resolution._setting(INPUTS, case)).total
     return resolution._resolutions(INPUTS)[error.argmin()] / ARCSEC, error.min()
 
 
@@ -99,14 +98,14 @@ def test_the_flux_gives_the_variance_of_table_3():
     printed = np.mean((INPUTS.array("chen2023/table-3") / 3) ** 2)
     for fraction in (0.0, 0.5):
         case = resolution._Case(read_fraction=fraction)
-        light = resolution._setting(INPUTS, case).light
-        mean = spot_windows(spots, light.signal, 7.5 / 13, corners, 5)
+        setting = resolution._setting(INPUTS, case)
+        mean = spot_windows(spots, setting.light, 7.5 / 13, corners, 5)
         frames = np.broadcast_to(mean, (20_000, *mean.shape))
-        sensor = Detector(read_noise=light.read_noise)
+        sensor = Detector(read_noise=setting.read_noise)
         seen = expose(frames, sensor, np.random.default_rng(4))
         variance = centre_of_gravity(seen, corners).var(axis=0).mean()
         assert variance == pytest.approx(printed, rel=0.02)
-        assert (light.read_noise > 0) == (fraction > 0)
+        assert (setting.read_noise > 0) == (fraction > 0)
 
 
 def test_each_width_is_the_distance_at_which_the_flux_has_its_level():
@@ -114,5 +113,5 @@ def test_each_width_is_the_distance_at_which_the_flux_has_its_level():
     levels = (np.exp(-0.5), np.exp(-1), 0.5, np.exp(-2))
     for case, level in zip(CASES[:4], levels, strict=True):
         radii = resolution._setting(INPUTS, case).radii
-        sigma = radii[0] * resolution._resolutions(INPUTS)[0] / pixel
+        sigma = radii[0, 0] * resolution._resolutions(INPUTS)[0] / pixel
         assert np.exp(-0.5 * (7.5 / (13 * sigma)) ** 2) == pytest.approx(level)

@@ -125,7 +125,7 @@ class GaussianRegistration(Likelihood):
         """Whether the chi-square is quadratic in the coordinates of `linear`."""
         similarity = self.problem.model == "similarity"
         plain = type(self) is GaussianRegistration and similarity
-        return plain and self.problem.source_covariance is None
+        return plain and not self.problem.source_covariance.any()
 
     @property
     def _size(self) -> int:
@@ -188,7 +188,7 @@ class GaussianRegistration(Likelihood):
     def pointwise(self, parameters: FloatArray) -> FloatArray:
         """Return the log likelihood of each star, shape (n, points)."""
         residuals, inverse = self.target - self.places(parameters), self.precision
-        if self.problem.source_covariance is not None:
+        if self.problem.source_covariance.any():
             inverse = self._precision(parameters[:, : self._size])
         squares = np.vecdot(residuals, (inverse @ residuals[..., None])[..., 0])
         noise = self.noise(parameters)[:, None]

@@ -104,7 +104,7 @@ def _your_model(
     design: Platform = arguments.get("platform") or as_designed(load_inputs(INSTRUMENT))
     pair, _ = images_of(table, len(design.lasers))
     diagnosis = diagnose_spots(design, pair, drifts)
-    remarks = [*(finding.text for finding in diagnosis.findings), *lost_spots(pair)]
+    remarks = [one.text for one in (*diagnosis.findings, *lost_spots(pair))]
     images = [
         group[np.isfinite(group).all(axis=(-2, -1))] for group in diagnosis.images
     ]

@@ -44,10 +44,8 @@ from reproduce.papers.declare import (
 from reproduce.physics.attitude import attitude_accuracy
 from reproduce.physics.images import (
     CentroidError,
-    Light,
     centre_of_gravity_error,
-    least_variance,
-    predicted_errors,
+    cramer_rao_variance,
     simulated_errors,
     window_corners,
 )
@@ -157,18 +155,21 @@ class _Case(NamedTuple):
 
 
 class _Setting(NamedTuple):
-    """Arguments of the models of the centroid error.
+    """Arguments of the models of the centroid error, for a spot that moves along x.
 
-    - `phases`: positions of the spot in its pixel, (phases,), in px.
-    - `light`: flux and read noise, in electrons.
-    - `radii`: standard deviation of the spot, (resolutions,), in px.
-    - `size`: width of the window, in px.
+    - `positions`: positions of the spot from the middle of its window, (phases, 2), in px.
+    - `light`: flux, in electrons.
+    - `radii`: standard deviation of the spot, (resolutions, 1), in px.
+    - `corner`, `size`: first pixel and width of the window, in px.
+    - `read_noise`: noise of a pixel without flux, in electrons.
     """
 
-    phases: FloatArray
-    light: Light
+    positions: FloatArray
+    light: float
     radii: FloatArray
+    corner: FloatArray
     size: int
+    read_noise: float
 
 
 def _resolutions(inputs: Inputs) -> FloatArray:
@@ -200,7 +201,21 @@ def _setting(inputs: Inputs, case: _Case) -> _Setting:
     count = inputs.count(PHASES)
     phases = (np.arange(count) + 0.5) / count - 0.5
     radii = sigma / (_resolutions(inputs) * inputs[platform.FOCAL_LENGTH])
-    return _Setting(phases, Light(case.flux_factor * flux, read), radii, size)
+    return _Setting(
+        np.stack([phases, 0.0 * phases], axis=-1),
+        case.flux_factor * flux,
+        radii[:, None],
+        np.full(2, -float(size // 2)),
+        size,
+        read,
+    )
+
+
+def _predicted(setting: _Setting) -> CentroidError:
+    """Return the closed form of the errors along x, (resolutions, phases)."""
+    error = centre_of_gravity_error(*setting)
+    parts = error.bias, error.variance, error.slope
+    return CentroidError(*(part[..., 0] for part in parts))
 
 
 def _relative_error(inputs: Inputs) -> float:
@@ -217,7 +232,7 @@ def _replicated_scatter(
     Standard deviation of the errors of all phases and trials, (replicates, resolutions), in px.
     """
     trials = inputs.count(_TRIALS)
-    law = predicted_errors(*_setting(inputs, case))
+    law = _predicted(_setting(inputs, case))
     deviation = np.sqrt(law.variance / trials)
     generator, shape = default_rng(seed), (replicates, *law.bias.shape)
     # Mean and variance of normal errors within a phase are independent.
@@ -244,12 +259,12 @@ def curves(inputs: Inputs) -> dict[str, FloatArray]:
     ``angles`` in radians; in px ``simulated`` (Monte Carlo), ``predicted`` (all errors together),
     ``within`` (scatter without bias), ``bias`` and ``bound``.
     """
-    phases, light, radii, size = setting = _setting(inputs, _Case())
-    law, trials = predicted_errors(*setting), inputs.count(_TRIALS)
+    setting = _setting(inputs, _Case())
+    law, trials = _predicted(setting), inputs.count(_TRIALS)
     generator = default_rng(seed_of("chen2023/fig-11a", inputs.root))
     simulated = [
-        simulated_errors(phases, light, radius, size, trials, generator).std()
-        for radius in radii
+        simulated_errors(*setting._replace(radii=radius), trials, generator).std()
+        for radius in setting.radii
     ]
     return {
         "angles": _resolutions(inputs),
@@ -257,7 +272,7 @@ def curves(inputs: Inputs) -> dict[str, FloatArray]:
         "predicted": law.total,
         "within": law.within,
         "bias": np.sqrt((law.bias**2).mean(axis=-1)),
-        "bound": np.sqrt(least_variance(*setting).mean(axis=-1)),
+        "bound": np.sqrt(cramer_rao_variance(*setting)[..., 0].mean(axis=-1)),
     }
 
 
@@ -295,7 +310,7 @@ def _draw_radii(
     """Draw the error for each meaning of the radius, with one marked point; return the axes."""
     curves = {}
     for name, width in _WIDTHS.items():
-        error = predicted_errors(*_setting(inputs, _Case(width))).total * scale
+        error = _predicted(_setting(inputs, _Case(width))).total * scale
         label = _RADII[name].text.removeprefix("radius: ").removesuffix(" of the spot")
         curves[label] = error, [marked(error)]
     axes = _draw_curves(figure, inputs, curves)

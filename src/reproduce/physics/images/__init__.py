@@ -2,12 +2,9 @@
 
 from reproduce.physics.images.centroids import (
     CentroidError,
-    Light,
     centre_of_gravity,
     centre_of_gravity_error,
     cramer_rao_variance,
-    least_variance,
-    predicted_errors,
     simulated_errors,
 )
 from reproduce.physics.images.detector import (

@@ -5,9 +5,7 @@ Positions are in px, x before y, with the centre of the first pixel at (0, 0). W
 flux, without background. The estimator that fits the shape of a spot is in `spots`.
 
 In closed forms and simulations, flux is in electrons, and the radius of a spot is the standard
-deviation of its Gaussian, in px. Leading axes are a batch. The last functions place a spot at
-phases within a pixel: it moves along x, with its y at the middle of a row of pixels, in a window of
-`size` pixels around that pixel.
+deviation of its Gaussian, in px. Leading axes are a batch.
 """
 
 from __future__ import annotations
@@ -16,7 +14,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.random import Generator
-from numpy.typing import ArrayLike
 
 from reproduce.physics import validate
 from reproduce.physics.images.spots import _edges, _fractions, _gradient
@@ -218,47 +215,28 @@ def cramer_rao_variance(
     return np.linalg.inv(information).diagonal(axis1=-2, axis2=-1)[..., :2]
 
 
-@dataclass(frozen=True)
-class Light:
-    """Flux and noise of a spot.
-
-    Attributes
-    ----------
-    signal : float
-        Flux of the whole spot, in electrons.
-    read_noise : float
-        Noise of a pixel without flux, in electrons.
-    """
-
-    signal: float
-    read_noise: float = 0.0
-
-
+@validate.checked
 def simulated_errors(
-    phases: ArrayLike,
-    light: Light,
-    radius: float,
+    positions: Point,
+    light: NonNegative,
+    radius: Positive,
+    corners: Point,
     size: int,
+    read_noise: NonNegative,
     trials: int,
     generator: Generator,
 ) -> FloatArray:
-    """Return the errors of simulated centroids along x.
+    """Return the errors of simulated centroids along x in one window.
 
     Each column of the window is drawn as one number, because the centre of gravity along x depends
     only on the sums of columns, and sums of Poisson or normal numbers have the same distribution.
 
     Parameters
     ----------
-    phases : array_like, shape (n,)
-        Positions of the spot relative to the middle of the window, in px.
-    light : Light
-        Flux and read noise, in electrons.
-    radius : float
-        Standard deviation of the Gaussian, in px.
-    size : int
-        Width and height of the window, in px; odd.
+    positions, light, radius, corners, size, read_noise
+        As in `centre_of_gravity_error`, for positions of shape (n, 2) and one window.
     trials : int
-        Number of simulations of each phase.
+        Number of simulations of each position.
     generator : numpy.random.Generator
         Source of the noise.
 
@@ -274,78 +252,18 @@ def simulated_errors(
 
     Examples
     --------
-    >>> simulated_errors([0.0], Light(1e12), 0.5, 5, 2, np.random.default_rng(1)).round(4).shape
+    >>> rng = np.random.default_rng(1)
+    >>> simulated_errors([[0, 0]], 1e12, [0.5], (-2, -2), 5, 0.0, 2, rng).shape
     (2, 1)
     """
-    positions, flux, width, corner, size, _ = _placed(phases, light, radius, size)
-    columns = _sums(positions - corner, flux, width, size)[0][:, 0]
+    columns = _sums(positions - corners, light, radius, size)[0][:, 0]
     shape = (validate.whole_number("trials", trials), *columns.shape)
     seen = generator.poisson(columns, size=shape).astype(np.float64)
-    if light.read_noise:
+    if read_noise:
         noise = generator.standard_normal(shape)
-        noise *= light.read_noise * np.sqrt(size)
+        noise *= read_noise * np.sqrt(size)
         seen += noise
-    pixel = np.stack([np.ones(size), np.arange(size) + corner[0]], axis=-1)
+    pixel = np.stack([np.ones(size), np.arange(size) + corners[0]], axis=-1)
     moments = seen.reshape(-1, size) @ pixel
     _check_flux(moments[:, 0])
     return (moments[:, 1] / moments[:, 0]).reshape(shape[:-1]) - positions[:, 0]
-
-
-def predicted_errors(
-    phases: ArrayLike, light: Light, radius: ArrayLike, size: int
-) -> CentroidError:
-    """Return the closed form of the errors of `simulated_errors`.
-
-    Parameters are those of `simulated_errors`, with radii of shape (...).
-
-    Returns
-    -------
-    CentroidError
-        Bias, variance and slope along x, of shape (..., n).
-
-    Examples
-    --------
-    >>> predicted_errors([0.0], Light(1e4), 0.5, 5).bias.round(12) + 0.0
-    array([0.])
-    """
-    error = centre_of_gravity_error(*_placed(phases, light, radius, size))
-    return CentroidError(
-        error.bias[..., 0], error.variance[..., 0], error.slope[..., 0]
-    )
-
-
-def least_variance(
-    phases: ArrayLike, light: Light, radius: ArrayLike, size: int
-) -> FloatArray:
-    """Return the Cramér-Rao bound of the variance of the same centroids, along x, at each phase.
-
-    Parameters are those of `predicted_errors`.
-
-    Returns
-    -------
-    ndarray, shape (..., n)
-        Variance, in px^2.
-
-    Examples
-    --------
-    For photon noise and fine pixels, it is the squared radius over the number of electrons.
-
-    >>> (least_variance([0.0], Light(1e4), 4.0, 41) ** 0.5).round(3)
-    array([0.04])
-    """
-    return cramer_rao_variance(*_placed(phases, light, radius, size))[..., 0]
-
-
-def _placed(
-    phases: ArrayLike, light: Light, radius: ArrayLike, size: int
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, int, FloatArray]:
-    """Return positions, flux, radii, corner, size and read noise, with the phases last."""
-    offsets = validate.finite_array("phases", phases, shape=(None,))
-    return (
-        np.stack([offsets, 0.0 * offsets], axis=-1),
-        np.asarray(light.signal),
-        validate.positive("radius", radius)[..., None],
-        np.full(2, -float(validate.whole_number("size", size) // 2)),
-        size,
-        np.asarray(light.read_noise),
-    )

@@ -12,6 +12,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.polynomial.polynomial import polyvander2d
 from numpy.typing import ArrayLike, NDArray
 
@@ -43,8 +44,8 @@ _DEGREES, _SCALES = (2, 2), (0.5, 1.0, 2.0)
 # Differences of size and axes that matter, as fractions of the squared width: 5 % and 1 % of the
 # width; probability of a false warning.
 _MIN_DIFFERENCES, _FALSE_WARNING = np.array([0.1, 0.02, 0.02]), 0.01
-# Half the sum of both axes, half their difference, and the term of the diagonal, of a matrix.
-_AXES = np.array([[[1, 0], [0, 1]], [[1, 0], [0, -1]], [[0, 1], [1, 0]]]) / 2
+# Half the sum and difference of the moments along x and y, and the mixed moment, of a flat matrix.
+_AXES = np.array([[1, 0, 0, 1], [1, 0, 0, -1], [0, 1, 1, 0]]) / 2
 # Stars at least of each image, and the fraction of them that is trimmed from each end.
 _MIN_STARS_COMPARED, _TRIMMED = 4, 0.2
 _ODD = "not the shape of a spot"
@@ -260,8 +261,8 @@ class _SpotFit:
         half = np.clip(np.ceil(_HALF_RADII * reach), _MIN_HALF_PX, _MAX_HALF_PX)
         size = min(2 * int(half) + 1, *(s - 1 + s % 2 for s in light.shape))
         corners = np.clip(peaks - size // 2, 0, np.array(light.shape[::-1]) - size)
-        x, y = (corners[:, axis, None] + np.arange(size) for axis in (0, 1))
-        pixels = light[y[:, :, None], x[:, None]].astype(np.float64)
+        x, y = corners.T
+        pixels = sliding_window_view(light, (size, size))[y, x].astype(np.float64)
         self.is_saturated = np.isinf(pixels).any(axis=(1, 2))
         pixels[~np.isfinite(pixels)] = np.nan
         gain = gain or _DARK_GAIN / float(noise.min()) ** 2
@@ -273,8 +274,9 @@ class _SpotFit:
         self.variance = self.dark + self.model / gain
         self.radius = radius
         # In radii, from the centre.
-        self.x = (x[:, None] - self.centre[:, None, :1]) / radius + 0 * pixels
-        self.y = (y[:, :, None] - self.centre[:, None, 1:]) / radius + 0 * pixels
+        places = (corners - self.centre)[..., None] + np.arange(size)
+        x, y = np.moveaxis(places / radius, 1, 0)
+        self.x, self.y = np.broadcast_arrays(x[:, None], y[..., None])
 
     def weight(self, width: float) -> FloatArray:
         """Return a Gaussian around the centre, whose width is in radii."""
@@ -288,7 +290,9 @@ class _SpotFit:
         basis = np.hstack(
             [powers * (flux * self.weight(scale))[seen][:, None] for scale in _SCALES]
         )
-        terms = np.linalg.lstsq(basis, (self.left / sigma)[seen])[0]
+        # The normal equations are small: spots have thousands of pixels.
+        pull = basis.T @ (self.left / sigma)[seen]
+        terms = np.linalg.lstsq(basis.T @ basis, pull)[0]
         left = self.left.copy()
         left[seen] -= basis @ terms * sigma[seen]
         return left, len(terms)
@@ -357,7 +361,7 @@ def _best_gain(fitted: partial[_SpotFit], radius: float) -> float:
 
 def shape_finding(
     source: FloatArray, target: FloatArray, matrix: ArrayLike = ((1, 0), (0, 1))
-) -> tuple[Finding | None, FloatArray]:
+) -> tuple[list[Finding], FloatArray]:
     """Compare the shapes of the spots of two images.
 
     If the shapes differ in a direction, for example in a trailed image, the flux along the trail
@@ -373,7 +377,7 @@ def shape_finding(
 
     Returns
     -------
-    finding : Finding or None
+    findings : list of Finding
         Warning with the kind "shape", if the sizes differ significantly and by more than 5 % of the
         width, or the axes by more than 1 %.
     covariance : ndarray, shape (2, 2)
@@ -382,9 +386,9 @@ def shape_finding(
     Examples
     --------
     >>> same = np.eye(2) + np.random.default_rng(1).normal(0, 0.01, (20, 2, 2))
-    >>> shape_finding(same, same)[0] is None
-    True
-    >>> finding, error = shape_finding(same, same + [[3, 0], [0, 0]])
+    >>> shape_finding(same, same)[0]
+    []
+    >>> (finding,), error = shape_finding(same, same + [[3, 0], [0, 0]])
     >>> finding.kind, error.round(2) + 0.0
     ('shape', array([[3., 0.],
            [0., 0.]]))
@@ -394,24 +398,23 @@ def shape_finding(
     linear, error = np.asarray(matrix, dtype=np.float64), np.zeros((2, 2))
     first, second = (m[np.isfinite(m).all(axis=(1, 2))] for m in (source, target))
     if min(len(first), len(second)) < _MIN_STARS_COMPARED:
-        return None, error
-    first = linear @ first @ linear.T
-    # Half the sum and difference of the axes along x and y, and the term of the diagonal.
-    parts = [np.einsum("kij,nij->kn", _AXES, m) for m in (first, second)]
-    means = [np.median(part, axis=1) for part in parts]
-    change, size = means[1] - means[0], (means[0] + means[1])[0] / 2
+        return [], error
+    parts = [_AXES @ m.reshape(-1, 4).T for m in (linear @ first @ linear.T, second)]
+    before, after = (np.median(part, axis=1) for part in parts)
+    change, size = after - before, (before + after)[0] / 2
     test = ttest_ind(*parts, axis=1, equal_var=False, trim=_TRIMMED)
     differs = np.asarray(test.pvalue) < _FALSE_WARNING / change.size
     differs &= np.abs(change) > _MIN_DIFFERENCES * size
     if not differs.any():
-        return None, error
-    radii = " and ".join(f"{np.sqrt(mean[0]):.3g}" for mean in means)
+        return [], error
+    radii = " and ".join(f"{np.sqrt(mean[0]):.3g}" for mean in (before, after))
     text = f"the spots of the images differ in shape, with radii of {radii} px"
     # Defocus is equal in all directions and displaces no centre.
     if differs[1:].any():
-        moments, axes = np.linalg.eigh(2 * np.tensordot(change[1:], _AXES[1:], 1))
-        trail = axes[:, int(change[0] > 0)]
-        error = 2 * moments[1] * np.outer(trail, trail)
-        length = np.sqrt(2 * moments[1])
-        text += f"; a trail would displace the shift by about {length:.2g} px"
-    return Finding("shape", f"{text}. Use images of the same focus and tracking"), error
+        # The direction of a complex number turns twice as fast as the trail of the wider image.
+        trail = np.sqrt(2 * np.sign(change[0]) * complex(*change[1:]))
+        axis = [trail.real, trail.imag]
+        error = np.outer(axis, axis)
+        text += f"; a trail would displace the shift by about {abs(trail):.2g} px"
+    finding = Finding("shape", f"{text}. Use images of the same focus and tracking")
+    return [finding], error

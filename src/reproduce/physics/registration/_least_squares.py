@@ -51,18 +51,17 @@ class Problem:
     counts: FloatArray  # (..., n), relative weights
     errors_known: bool  # whether the covariance of either image is given
     target_covariance: FloatArray  # (..., n, 2, 2), in px^2; unit matrices if unknown
-    source_covariance: FloatArray | None = None
+    source_covariance: FloatArray  # zero if unknown
 
     def rows(self, rows: Any) -> Problem:
         """Return the problem of a part of the points."""
-        error = self.source_covariance
         return replace(
             self,
             source=self.source[..., rows, :],
             target=self.target[..., rows, :],
             counts=self.counts[..., rows],
             target_covariance=self.target_covariance[..., rows, :, :],
-            source_covariance=None if error is None else error[..., rows, :, :],
+            source_covariance=self.source_covariance[..., rows, :, :],
         )
 
     def closed(self) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -99,11 +98,9 @@ class Problem:
             squares = np.vecdot(offsets, offsets)[..., None, None]
             bent = 2 * radial * offsets[..., None] * offsets[..., None, :]
             carry = carry @ ((1 + radial * squares) * np.eye(2) + bent)
-        residuals = self.target - self.transformed(parameters, points)
-        total = self.target_covariance
-        if self.source_covariance is not None:
-            residuals = residuals - (carry @ (self.source - points)[..., None])[..., 0]
-            total = total + carry @ self.source_covariance @ carry.mT
+        moved = (carry @ (self.source - points)[..., None])[..., 0]
+        residuals = self.target - self.transformed(parameters, points) - moved
+        total = self.target_covariance + carry @ self.source_covariance @ carry.mT
         if not self.errors_known:
             return residuals, total, carry
         return residuals, np.asarray(np.linalg.inv(total), dtype=np.float64), carry
@@ -134,10 +131,6 @@ def prepare(
     )
     shape = (*batch, n, 2, 2)
     errors_known = source_covariance is not None or target_covariance is not None
-    if target_covariance is None:
-        error = np.broadcast_to((not errors_known) * np.eye(2), shape)
-    else:
-        error = _covariance("target_covariance", target_covariance, shape)
     return Problem(
         np.broadcast_to(source, shape[:-1]),
         np.broadcast_to(target, shape[:-1]),
@@ -145,10 +138,8 @@ def prepare(
         model,
         np.broadcast_to(counts, (*batch, n)),
         errors_known,
-        error,
-        source_covariance
-        if source_covariance is None
-        else _covariance("source_covariance", source_covariance, shape),
+        _covariance("target_covariance", target_covariance, shape, not errors_known),
+        _covariance("source_covariance", source_covariance, shape, 0.0),
     )
 
 
@@ -170,8 +161,12 @@ def residuals_at(
     return problem.linearized(parameters, problem.source)[:2]
 
 
-def _covariance(name: str, value: ArrayLike, shape: tuple[int, ...]) -> FloatArray:
-    """Return checked covariances of the points, shape (..., n, 2, 2)."""
+def _covariance(
+    name: str, value: ArrayLike | None, shape: tuple[int, ...], variance: float
+) -> FloatArray:
+    """Return checked covariances of the points, shape (..., n, 2, 2), by default of a variance."""
+    if value is None:
+        return np.broadcast_to(variance * np.eye(2), shape)
     matrices = validate.finite_array(name, value, shape=(2, 2))
     asymmetry = np.abs(matrices - matrices.mT).max()
     if (
@@ -192,7 +187,10 @@ def _covariance(name: str, value: ArrayLike, shape: tuple[int, ...]) -> FloatArr
 
 
 def gauss_newton(
-    rows: FloatArray, residuals: FloatArray, weighted: FloatArray
+    rows: FloatArray,
+    residuals: FloatArray,
+    weighted: FloatArray,
+    smallest: float = _MIN_EIGENVALUE,
 ) -> tuple[FloatArray, FloatArray]:
     """Return the step (..., p) and the inverse normal matrix (..., p, p) of rows (..., m, p)."""
     normal = rows.mT @ weighted
@@ -201,7 +199,7 @@ def gauss_newton(
     outer = length[..., :, None] * length[..., None, :]
     # The columns of the scaled matrix have length one.
     scaled = normal / np.where(outer > 0, outer, 1)
-    if not (np.linalg.eigvalsh(scaled)[..., 0] > _MIN_EIGENVALUE).all():
+    if not (np.linalg.eigvalsh(scaled)[..., 0] > smallest).all():
         raise validate.DegenerateGeometryError(
             "points: expected points that fix every parameter of the model, got too few, "
             "coincident or collinear ones. Add points across the field, or fit a simpler model"
@@ -236,9 +234,8 @@ def iterated(problem: Problem) -> tuple[FloatArray, ...]:
         moved = rows @ step[..., None, :, None]
         pulled = information @ (residuals[..., None] - moved)
         before, parameters = points, parameters + step
-        if problem.source_covariance is not None:
-            shift = problem.source_covariance @ carry.mT @ pulled
-            points = problem.source + shift[..., 0]
+        shift = problem.source_covariance @ carry.mT @ pulled
+        points = problem.source + shift[..., 0]
         movements = (moved[..., 0], points - before)
         if (
             max(np.square(movement).mean(axis=(-2, -1)).max() for movement in movements)
@@ -289,17 +286,18 @@ def model_jacobian(
     In px per unit of the parameter.
     """
     (x, y), names = np.moveaxis(offsets, -1, 0), MODELS[model]
-    values = dict(zip(names, np.moveaxis(parameters, -1, 0)[..., None], strict=True))
-    zero = 0.0 * (x + values["shift-x"])
-    columns = {"shift-x": (zero - 1, zero), "shift-y": (zero, zero - 1)}
-    columns |= {"xx": (x, zero), "xy": (y, zero), "yx": (zero, x), "yy": (zero, y)}
+    # Complex numbers, as in `Registration`.
+    columns: dict[str, Any] = {"xx": x, "xy": y, "yx": 1j * x, "yy": 1j * y}
+    columns |= {"shift-x": -1.0, "shift-y": -1j}
     if "rotation" in names:
-        cosine, sine = np.cos(values["rotation"]), np.sin(values["rotation"])
-        square, scale = x**2 + y**2, values.get("scale", 1.0)
-        along, across = cosine * x - sine * y, sine * x + cosine * y
-        columns["radial"] = scale * along * square, scale * across * square
-        bent = 1 + values.get("radial", 0.0) * square
-        columns["scale"] = along * bent, across * bent
-        columns["rotation"] = -scale * across * bent, scale * along * bent
-    pairs = [np.broadcast_arrays(*columns[name], zero)[:2] for name in names]
-    return np.stack([np.stack(pair, axis=-1) for pair in pairs], axis=-1)
+        values = dict(
+            zip(names, np.moveaxis(parameters, -1, 0)[..., None], strict=True)
+        )
+        turned, square = np.exp(1j * values["rotation"]) * (x + 1j * y), x**2 + y**2
+        bent = turned * (1 + values.get("radial", 0.0) * square)
+        scale = values.get("scale", 1.0)
+        columns |= {"scale": bent, "rotation": 1j * scale * bent}
+        columns["radial"] = scale * turned * square
+    zero = 0 * (x + parameters[..., :1])
+    rows = np.stack([columns[name] + zero for name in names], axis=-1)
+    return np.stack([rows.real, rows.imag], axis=-2)

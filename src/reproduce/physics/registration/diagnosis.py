@@ -6,19 +6,25 @@ Image points have shape (n, 2), in px, as in `fit`. One diagnosis serves arrays,
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from reproduce.physics import validate
-from reproduce.physics.registration._least_squares import Problem, thinned
+from reproduce.physics.registration._least_squares import (
+    Problem,
+    gauss_newton,
+    thinned,
+)
 from reproduce.physics.registration.fit import (
     FALSE_ALARM_ROBUST,
     RegistrationFit,
     _whitened,
     fit_problem,
 )
+from reproduce.physics.registration.transforms import as_complex, as_points
 from reproduce.physics.validate import Finding, FloatArray, row_numbers
 
 # Probability of a warning of the model if it is right, and of the errors if they are right.
@@ -50,6 +56,11 @@ _RICHER_MODELS = {
     "scale": "similarity",
     "radial": "similarity+radial",
     "affine": "affine",
+}
+_TERM_TEXTS = {
+    "model": "the {term} term improves the fit (p = {p:.1g}) and changes {change}",
+    "brightness": "bright and faint stars differ in {change}: do the centroids depend on the flux?",
+    "sensitive": "the intervals assume no {term} term, which would change {change}",
 }
 
 
@@ -122,53 +133,57 @@ def sensitivities(
     freedom = 2 * int(np.count_nonzero(problem.counts)) - count
     changes = []
     for term, added in terms.items():
-        spare = freedom - added.shape[-1]
+        number = added.shape[-1]
+        spare = freedom - number
         if spare <= 0:
             continue
-        # Columns: parameters, term, residuals; each of length one.
-        rows = factor @ np.concatenate([jacobian, added], axis=-1)
-        rows = np.column_stack([rows.reshape(residuals.size, -1), residuals.ravel()])
-        lengths = np.maximum(np.linalg.norm(rows, axis=0), np.finfo(float).tiny)
-        triangle: FloatArray = np.asarray(np.linalg.qr(rows / lengths, mode="r"))
-        independent, pull = triangle[count:-1, count:-1], triangle[count:-1, -1]
-        if np.abs(np.diagonal(independent)).min() < _MIN_INDEPENDENT:
-            continue
-        steps = np.linalg.solve(independent, pull)
-        noise = abs(float(triangle[-1, -1])) / np.sqrt(spare)
-        # The F test does not depend on the scale of the errors.
-        p_value = float(fdtrc(len(pull), spare, pull @ pull / len(pull) / noise**2))
-        # Standard errors of the parameters without and with the term, over the noise.
-        plain, rich = (
-            np.linalg.norm(np.linalg.inv(part)[:count], axis=1)
-            for part in (triangle[:count, :count], triangle[:-1, :-1])
-        )
-        if term == "brightness":
-            change = steps / noise / np.linalg.norm(np.linalg.inv(independent), axis=1)
-        else:
-            pulled = triangle[:count, count:-1] @ steps
-            moved = -np.linalg.solve(triangle[:count, :count], pulled)
-            change = moved * lengths[-1] / lengths[:count] / fit.standard_errors
-        if not fit.errors_known:
-            rich *= noise * np.sqrt(freedom) / np.linalg.norm(triangle[count:, -1])
-        changes.append(Sensitivity(term, change.round(9), rich / plain, p_value))
+        richer = np.concatenate([jacobian, added], axis=-1)
+        with suppress(validate.DegenerateGeometryError):
+            (step, plain, squares), (moved, rich, left) = (
+                _stepped(factor @ rows, residuals) for rows in (jacobian, richer)
+            )
+            noise = np.sqrt(left / spare)
+            # The F test does not depend on the scale of the errors.
+            gain = max(squares - left, 0.0) / number / noise**2
+            change = (moved[:count] - step) / fit.standard_errors
+            if term == "brightness":
+                change = moved[count:] / rich[count:] / noise
+            error = rich[:count] / plain
+            if not fit.errors_known:
+                error *= noise / np.sqrt(squares / freedom)
+            p_value = float(fdtrc(number, spare, gain))
+            changes.append(Sensitivity(term, change.round(9), error, p_value))
     return changes
+
+
+def _stepped(
+    rows: FloatArray, residuals: FloatArray
+) -> tuple[FloatArray, FloatArray, float]:
+    """Return a step of Gauss-Newton, its errors for unit noise, and the sum of squares left."""
+    flat, rest = rows.reshape(residuals.size, -1), residuals.ravel()
+    step, cofactor = gauss_newton(flat, rest, flat, _MIN_INDEPENDENT**2)
+    rest = rest - flat @ step
+    return step, np.sqrt(np.diagonal(cofactor)), float(rest @ rest)
 
 
 def _terms(fit: RegistrationFit, source: FloatArray) -> dict[str, FloatArray]:
     """Return the displacements, (n, 2, columns), of the terms that the model does not contain."""
     apply, pivot = fit.transform.apply, fit.transform.pivot
-    offsets = apply(source) - apply(pivot[None])
+    offsets = as_complex(apply(source) - apply(pivot[None]))
     along = offsets / max(float(np.abs(offsets).max()), 1e-300)
-    across = along[:, ::-1]
     terms = {
-        "rotation": (across * (-1, 1))[..., None],
-        "scale": along[..., None],
-        "radial": (along * np.square(along).sum(axis=-1, keepdims=True))[..., None],
-        "tilt": along[..., None] * along[:, None, :],
-        "affine": np.stack([along * (1, -1), across], axis=-1),
+        "rotation": [1j * along],
+        "scale": [along],
+        "radial": [along * np.abs(along) ** 2],
+        "tilt": [along * along.real, along * along.imag],
+        "affine": [along.conj(), 1j * along.conj()],
     }
     # The affine model contains rotation and scale under other names: `sensitivities` finds it.
-    return {name: term for name, term in terms.items() if name not in fit.names}
+    return {
+        name: np.stack([*map(as_points, term)], axis=-1)
+        for name, term in terms.items()
+        if name not in fit.names
+    }
 
 
 def chi_square_range(fit: RegistrationFit) -> tuple[float, float]:
@@ -218,17 +233,10 @@ def fits_exactly(fit: RegistrationFit) -> bool:
     >>> fits_exactly(fit_registration(square, square + 1 / 3, (0, 0)))
     True
     """
-    problem, used = fit.problem, (fit.weights > 0)[:, None]
-    residual, *largest = (
-        np.linalg.norm(np.ravel(values), np.inf)
-        for values in (
-            fit.residuals * used,
-            problem.source,
-            problem.target,
-            problem.pivot,
-        )
-    )
-    return bool(residual < _EXACT_FRACTION * max(largest))
+    problem, used = fit.problem, fit.weights > 0
+    images = problem.source, problem.target, problem.pivot
+    reach = max(np.abs(points).max() for points in images)
+    return bool(np.abs(fit.residuals[used]).max() < _EXACT_FRACTION * reach)
 
 
 def checked_pivot(pivot: ArrayLike | None, points: FloatArray) -> FloatArray:
@@ -307,33 +315,31 @@ def diagnose_fit(
     >>> [finding.kind for finding in findings]
     ['exact']
     """
-    problem, unmatched = fit.problem, None
-    findings = [*_stars(fit), *_errors(fit), *_dropped(fit)]
+    findings = [*_stars(fit), *_errors(fit)]
+    if fit.robust:
+        findings += _rejected(fit, "dropped", ". They have no weight")
     if fits_exactly(fit):
         # Without a degree of freedom the residuals are zero by construction.
         if not fit.errors_known and fit.degrees_of_freedom > 0:
             text = "the residuals are zero, so the errors cannot be estimated"
             findings.append(Finding("exact", text))
         return findings, []
-    if not fit.robust and _any_far(fit):
-        # Wrong matches must not hide a distortion.
-        unmatched = _robust(problem)
-    right = unmatched or fit
-    if fits_exactly(right):
-        return [*findings, *_mismatched(right)], []
-    # A few stars that fit each other may be too few for any term.
-    terms = sensitivities(right, brightness) or sensitivities(fit, brightness)
+    # Wrong matches must not hide a distortion.
+    others = _robust(fit.problem) if not fit.robust and _any_far(fit) else None
+    right, terms = others or fit, list[Sensitivity]()
+    if not fits_exactly(right):
+        # A few stars that fit each other may be too few for any term.
+        terms = sensitivities(right, brightness) or sensitivities(fit, brightness)
     if terms:
-        doubtful = min(terms, key=lambda term: term.p_value)
-        if doubtful.p_value < FALSE_ALARM / len(terms):
-            findings.append(_model_finding(doubtful, right))
-            # A distortion must not be taken for wrong matches.
-            richer = _RICHER_MODELS.get(doubtful.term)
-            if unmatched and richer:
-                unmatched = _robust(replace(problem, model=richer))
-        else:
-            findings += _sensitive(terms, right)
-    return findings + (_mismatched(unmatched) if unmatched else []), terms
+        found, richer = _term_finding(terms, right)
+        findings += found
+        # A distortion must not be taken for wrong matches.
+        if others and richer:
+            others = _robust(replace(fit.problem, model=richer))
+    if others and others.degrees_of_freedom >= _MIN_FREEDOM:
+        remedy = ": wrong matches? Pass robust=True, or use registration-mixture"
+        findings += _rejected(others, "mismatched", remedy)
+    return findings, terms
 
 
 def _robust(problem: Problem) -> RegistrationFit | None:
@@ -371,30 +377,23 @@ def _stars(fit: RegistrationFit) -> Iterator[Finding]:
         yield Finding("line", text)
 
 
-def _errors(fit: RegistrationFit) -> list[Finding]:
-    """Return the warning of residuals that contradict the given errors, or of too few stars."""
-    freedom = float(fit.degrees_of_freedom)
-    if freedom <= 0:
-        text = "the stars leave no degree of freedom to estimate the errors"
-        return [] if fit.errors_known else [Finding("few", text)]
-    ratio, (low, high) = float(fit.chi_square) / freedom, chi_square_range(fit)
-    text = (
-        f"the residuals are {np.sqrt(ratio):.3g} times the given errors. To estimate the errors "
-        "from the residuals, pass weights 1 / sigma^2 instead"
-    )
-    wrong = fit.errors_known and not low < ratio < high
-    return [Finding("errors", text)] if wrong else []
-
-
-def _dropped(fit: RegistrationFit) -> Iterator[Finding]:
-    """Yield the warnings of a robust fit: the stars that it left out, and too few stars."""
-    rows, count = np.flatnonzero(fit.rejected).tolist(), len(fit.weights)
-    if rows:
-        text = f"{len(rows)} of {count} stars have zero weight ({row_numbers(rows)})"
-        yield Finding("dropped", text, tuple(rows))
+def _errors(fit: RegistrationFit) -> Iterator[Finding]:
+    """Yield the warnings of too few stars, and of residuals that contradict the given errors."""
+    freedom, count = float(fit.degrees_of_freedom), len(fit.weights)
     if fit.robust and count < _MIN_STARS_ROBUST:
         text = f"with {count} stars a robust fit can detect one wrong match, not two"
         yield Finding("few", text)
+    if freedom <= 0 and not fit.errors_known:
+        text = "the stars leave no degree of freedom to estimate the errors"
+        yield Finding("few", text)
+    if freedom > 0 and fit.errors_known:
+        ratio, (low, high) = float(fit.chi_square) / freedom, chi_square_range(fit)
+        text = (
+            f"the residuals are {np.sqrt(ratio):.3g} times the given errors. To estimate the "
+            "errors from the residuals, pass weights 1 / sigma^2 instead"
+        )
+        if not low < ratio < high:
+            yield Finding("errors", text)
 
 
 def _any_far(fit: RegistrationFit) -> bool:
@@ -405,49 +404,34 @@ def _any_far(fit: RegistrationFit) -> bool:
     return bool(count < _LARGE_FIELD or lengths.max() > limit)
 
 
-def _mismatched(fit: RegistrationFit) -> list[Finding]:
-    """Return the warning that names the stars that a robust fit left out."""
+def _rejected(fit: RegistrationFit, kind: str, remedy: str) -> Iterator[Finding]:
+    """Yield the warning that names the stars that a robust fit left out."""
     rows, lengths = np.flatnonzero(fit.rejected), np.hypot(*fit.residuals.T)
-    if fit.degrees_of_freedom < _MIN_FREEDOM or not len(rows):
-        return []
-    rows = rows[np.argsort(-lengths[rows])]
-    named = row_numbers(rows.tolist())
-    if fits_exactly(fit):
-        text = f", which fit exactly ({named}): wrong matches, or too few digits?"
-    else:
-        squares = np.square(lengths[fit.weights > 0]).sum()
-        rms = np.sqrt(squares / float(fit.degrees_of_freedom))
-        furthest = f"up to {lengths[rows[0]] / rms:.3g} standard deviations"
-        text = f" ({named}; {furthest}): wrong matches?"
-    text = (
-        f"{len(rows)} of {len(lengths)} stars do not fit the others{text} Pass robust=True, or use "
-        "registration-mixture"
-    )
-    return [Finding("mismatched", text, tuple(rows.tolist()))]
+    if len(rows):
+        rows = rows[np.argsort(-lengths[rows])]
+        named = f"{row_numbers(rows.tolist())}, up to {lengths[rows[0]]:.3g} px"
+        exact = ", which fit exactly" * fits_exactly(fit)
+        text = f"{len(rows)} of {len(lengths)} stars do not fit the others{exact} ({named})"
+        yield Finding(kind, text + remedy, tuple(rows.tolist()))
 
 
-def _sensitive(terms: list[Sensitivity], fit: RegistrationFit) -> list[Finding]:
-    """Return the note on the term that would change a parameter most."""
-    largest = max(terms, key=lambda term: np.abs(term.change).max())
-    if np.abs(largest.change).max() <= _MAX_CHANGE or largest.term == "brightness":
-        return []
-    text = f"the intervals assume no {largest.term} term, which would change "
-    return [Finding("sensitive", text + _largest_change(largest, fit))]
-
-
-def _largest_change(term: Sensitivity, fit: RegistrationFit) -> str:
-    """Return the largest change of a parameter as text, with the model that has the term."""
+def _term_finding(
+    terms: list[Sensitivity], fit: RegistrationFit
+) -> tuple[list[Finding], str | None]:
+    """Return the warning of a significant term with the model that has it, or a note on a term."""
+    term = min(terms, key=lambda term: term.p_value)
+    kind = "brightness" if term.term == "brightness" else "model"
+    if term.p_value >= FALSE_ALARM / len(terms):
+        term, kind = max(terms, key=lambda term: np.abs(term.change).max()), "sensitive"
     worst = int(np.abs(term.change).argmax())
+    largest = float(term.change[worst])
+    if kind == "sensitive" and (
+        abs(largest) <= _MAX_CHANGE or term.term == "brightness"
+    ):
+        return [], None
+    change = f"{fit.names[worst]} by {largest:.2g} standard deviations"
+    text = _TERM_TEXTS[kind].format(term=term.term, p=term.p_value, change=change)
     model = _RICHER_MODELS.get(term.term)
-    remedy = f'. Pass model="{model}"' if model else ""
-    return f"{fit.names[worst]} by {term.change[worst]:.2g} standard deviations{remedy}"
-
-
-def _model_finding(term: Sensitivity, fit: RegistrationFit) -> Finding:
-    """Return the warning of a significant term."""
-    change = _largest_change(term, fit)
-    if term.term == "brightness":
-        text = f"bright and faint stars differ in {change}: do the centroids depend on the flux?"
-        return Finding("brightness", text)
-    text = f"the {term.term} term improves the fit (p = {term.p_value:.1g}) and changes {change}"
-    return Finding("model", text)
+    if model:
+        text += f'. Pass model="{model}"'
+    return [Finding(kind, text)], model if kind == "model" else None

@@ -381,13 +381,17 @@ def _repeated_median(problem: Problem) -> FloatArray:
             f"source: expected {_MIN_STARS_ROBUST} or more points for a robust fit, got {n}. Add "
             "points, or pass robust=False"
         )
-    part, used = thinned(n, _MAX_PAIRED), problem.counts > 0
-    source, target = as_complex(problem.source), as_complex(problem.target)
+    part = thinned(n, _MAX_PAIRED)
+    source, target = (
+        np.where(problem.counts > 0, as_complex(points), np.nan)
+        for points in (problem.source, problem.target)
+    )
     between, across = (
         image[..., part, None] - image[..., None, part] for image in (source, target)
     )
-    pairs = used[..., part, None] & used[..., None, part] & (between != 0)
-    ratio = np.where(pairs, across / np.where(pairs, between, 1), np.nan)
+    between[between == 0] = np.nan
+    with np.errstate(invalid="ignore"):
+        ratio = across / between
     # A point without partners has no median and is left out of the next one.
     real, imaginary = (_median(_median(part)) for part in (ratio.real, ratio.imag))
     factor = real + 1j * imaginary
@@ -398,7 +402,6 @@ def _repeated_median(problem: Problem) -> FloatArray:
         )
     pivot = as_complex(problem.pivot)
     moved = target - factor[..., None] * (source - pivot[..., None])
-    moved = np.where(used, moved, np.nan)
     x, y = (_median(part) for part in (moved.real, moved.imag))
     return np.stack(
         [np.abs(factor), np.angle(factor), pivot.real - x, pivot.imag - y], axis=-1
