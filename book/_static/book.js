@@ -4,11 +4,11 @@ document.addEventListener("DOMContentLoaded", () => {
     const dial = sweep.querySelector(".rp-dial");
     const input = dial.querySelector("input");
     const rows = [...sweep.querySelectorAll("tbody tr")];
-    const marks = [...sweep.querySelectorAll("svg")].map((one) => [...one.querySelectorAll(".rp-at")]);
+    const points = [...sweep.querySelectorAll("[clip-path] > use")];
     const show = () => {
       const at = Number(input.value);
       rows.forEach((row, number) => { row.hidden = number !== at; });
-      marks.forEach((set) => set.forEach((one, number) => one.classList.toggle("rp-now", number === at)));
+      points.forEach((one, number) => one.classList.toggle("rp-other", number % rows.length !== at));
       const setting = rows[at].querySelector("th").textContent;
       dial.querySelector("output").textContent = setting;
       input.setAttribute("aria-valuetext", setting);

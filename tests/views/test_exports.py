@@ -26,7 +26,6 @@ from reproduce.version import RELEASED, __version__
 from reproduce.views import export as exporting
 from reproduce.views.computed import whole_ledger
 from reproduce.views.export import FORMATS, _mark, _statement_of, citation, verify
-from reproduce.views.figure import draw, save
 
 ROOT = Path(__file__).parents[2]
 KEY, STUDY = "chen2023/table-5", "chen2023/heat"
@@ -235,9 +234,11 @@ def test_address_and_doi_are_those_of_the_environment_or_of_the_wheel(
 
 def test_figures_are_drawn_equal_and_mark_every_printed_value(tmp_path):
     for name in ("a.svg", "b.svg"):
-        save(draw("niu2024/fig-4"), tmp_path / name)
+        rp.figure("niu2024/fig-4").save(tmp_path / name)
     assert (tmp_path / "a.svg").read_bytes() == (tmp_path / "b.svg").read_bytes()
-    lines = [line for axes in draw("chen2023/table-4").axes for line in axes.lines]
+    lines = [
+        line for axes in rp.figure("chen2023/table-4").drawn.axes for line in axes.lines
+    ]
     marked = [line for line in lines if line.get_label().startswith("printed")]
     records = [r for r in whole_ledger().of("chen2023/table-4") if r.unit == "arcsec"]
     found = np.sort(np.concatenate([line.get_ydata() for line in marked]))

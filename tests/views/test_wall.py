@@ -49,14 +49,15 @@ def test_a_paper_has_a_mark_of_every_cell_and_a_row_of_every_item():
 
 
 def heights(html):
-    """Return the heights of the points of a sweep and of its dashed lines."""
-    page = parse(html)
-    dashed = [
-        re.search(r"M\d+ ([\d.]+)H", p["d"])[1] for p in page.select(".rp-dashed")
+    """Return the heights of the points of a sweep, of its dashed lines and of its bars."""
+    page = parse(html).select_one(".rp-wide")
+    points = [float(point["y"]) for point in page.select("[clip-path] > use")]
+    lines = [
+        [float(y) for y in re.findall(r"[ML] [\d.]+ ([\d.]+)", path["d"])]
+        for path in page.select("path[style*=dasharray], [id*=LineCollection] path[d]")
     ]
-    return [float(point["cy"]) for point in page.select("circle")], [
-        *map(float, dashed)
-    ]
+    dashed = [ends[0] for ends in lines if ends[0] == ends[1]]
+    return points, dashed, [low - high for low, high in lines if low != high]
 
 
 def test_a_sweep_of_a_table_has_the_values_of_each_rerun():
@@ -75,9 +76,10 @@ def test_a_sweep_of_a_table_has_the_values_of_each_rerun():
     (dial,) = parse(swept._repr_html_()).select("input")
     assert (dial["type"], dial["max"], dial["value"]) == ("range", "2", "1")
     # Blue does not depend on the focal length of red.
-    points, dashed = heights(swept._repr_html_())
+    points, dashed, _ = heights(swept._repr_html_())
     assert len(set(points[3:])) == 1 < len(set(points[:3]))
-    assert abs(points[3] - dashed[1]) < 10
+    blue = library()[TABLE]["scale.blue"].number.value
+    assert (points[3] > dashed[1]) == (computed.iloc[1] < blue)
 
 
 def test_a_sweep_of_a_prediction_shows_its_intervals():
@@ -86,9 +88,9 @@ def test_a_sweep_of_a_prediction_shows_its_intervals():
     single = table.rerun({NOISE: "0.2 px"}, replicates=20).frame()
     frame, html = swept.frame(), swept._repr_html_()
     assert frame["computed"].iloc[1] == single.loc["rotation.red", "changed"]
-    low, high, *_ = (one.text for one in parse(html).select("svg text"))
-    assert float(low) == pytest.approx(frame["low"].min(), rel=0.02)
-    assert float(high) == pytest.approx(frame["high"].max(), rel=0.02)
+    widths = (frame["high"] - frame["low"]).to_numpy(float)
+    bars = heights(html)[2]
+    assert bars[1] / bars[0] == pytest.approx(widths[1] / widths[0], rel=1e-3)
     lines = repr(table.sweep(NOISE, values, replicates=20)).splitlines()
     assert max(map(len, lines)) <= 80
 

@@ -156,12 +156,13 @@ class Grid:
     def of(
         cls,
         caption: Entry,
-        columns: Iterable[str],
-        rows: Sequence[Mapping[str, Any]],
+        columns: Iterable[Any],
+        rows: Sequence[Mapping[Any, Any]],
+        digits: int = 5,
         **looks: Any,
     ) -> Grid:
         """Return some columns of records, without empty columns."""
-        texts = {n: [_text(row.get(n, "")) for row in rows] for n in columns}
+        texts = {n: [_text(row.get(n, ""), digits) for row in rows] for n in columns}
         shown = {name: column for name, column in texts.items() if any(column)}
         lines = [*zip(*shown.values(), strict=True)]
         return cls(caption, [*shown], lines, **looks)
@@ -171,14 +172,8 @@ class Grid:
         cls, caption: Entry, frame: pd.DataFrame, digits: int = 6, kind: str = ""
     ) -> Grid:
         """Return a DataFrame, whose index contains the names of the rows."""
-        rows = [
-            [
-                entry if isinstance(entry, str) else minus(f"{entry:z.{digits}g}")
-                for entry in row
-            ]
-            for row in frame.itertuples()
-        ]
-        return cls(caption, [str(frame.index.name), *frame], rows, kind=kind)
+        rows = frame.reset_index()
+        return cls.of(caption, rows, rows.to_dict("records"), digits, kind=kind)
 
     @property
     def markup(self) -> Markup:
@@ -201,11 +196,11 @@ class Grid:
             yield Padding(Text("\n".join(lines)), (0, 0, 0, 2))
 
 
-def _text(value: object) -> Entry:
+def _text(value: object, digits: int) -> Entry:
     if isinstance(value, str):
         return value
     if isinstance(value, float):
-        return minus(f"{value:.5g}")
+        return minus(f"{value:z.{digits}g}")
     if isinstance(value, dict):
         value = list(map(": ".join, value.items()))
     return ", ".join(map(str, value)) if isinstance(value, list) else str(value)

@@ -31,7 +31,7 @@ from reproduce.views.blocks import (
 from reproduce.views.keys import check_paper
 from reproduce.views.numbers import minus, quantity
 
-_Row = dict[str, Any]
+_Row = dict[Any, Any]
 
 # Conclusions on the paper, in decreasing order of the consequence.
 _CONCLUSIONS = ("moves", "not supported as printed", "open", "stands")
@@ -290,7 +290,7 @@ def _differences(audits: Sequence[Audit]) -> _Part:
 
     papers = [audit.name for audit in audits]
     shown = differences.differences_block(papers)
-    return _Part((shown,), differences.distances(papers))
+    return _Part((shown,), differences.distances(papers).to_dict("records"))
 
 
 def _digits(value: float) -> str:

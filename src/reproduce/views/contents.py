@@ -12,7 +12,7 @@ from markupsafe import Markup
 from reproduce.judge.ledger import Ledger, Record, build, changed_verdicts
 from reproduce.judge.verdicts import VERDICTS
 from reproduce.papers.catalogue import catalogue, studies
-from reproduce.printed.cells import PAPERS, altered_files, library
+from reproduce.printed.cells import PAPERS, altered_files, find, library
 from reproduce.views import keys, verdicts
 from reproduce.views.blocks import (
     Block,
@@ -136,14 +136,18 @@ class Contents(Display):
     @property
     def numbers(self) -> Blocks:
         """Every printed number, in a table that a page can sort and filter."""
-        rows = [verdicts.texts(record) for record in self._ledger.records]
-        for row, record in zip(rows, self._ledger.records, strict=True):
-            cell = library()[record.key][record.cell.partition("#")[2]]
-            row["number"] = link(cell.anchor, cell.label)
-            row["place"] = f"{record.key.partition('/')[0]}, {record.place}"
-        lines = [[row[column.lower()] for column in _COLUMNS] for row in rows]
+        rows = [
+            {name.capitalize(): text for name, text in verdicts.texts(record).items()}
+            | {
+                "Number": link(cell.anchor, cell.label),
+                "Place": f"{record.key.partition('/')[0]}, {record.place}",
+            }
+            for record in self._ledger.records
+            for cell in find(record.cell)
+        ]
+        columns = ("Number", "Place", "Printed", "Computed", "Verdict", "Why")
         caption, kind = f"The {len(rows)} printed cells", "rp-small rp-sortable"
-        return Blocks((Grid(caption, _COLUMNS, lines, kind=kind),))
+        return Blocks((Grid.of(caption, columns, rows, kind=kind),))
 
     @property
     def listed(self) -> Blocks:
@@ -162,16 +166,6 @@ class Contents(Display):
         overview = Html(_overview_grid(self._ledger.records))
         lists = (*self.listed.shown, *self.index.shown)
         return overview, Fold("The same in words", lists)
-
-
-_COLUMNS = (
-    "Number",
-    "Place",
-    "Printed",
-    "Computed",
-    "Verdict",
-    "Why",
-)
 
 
 class Check(Display):

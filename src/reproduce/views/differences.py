@@ -3,50 +3,51 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from operator import itemgetter
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import pandas as pd
 
 from reproduce.judge.verdicts import AGREES
 from reproduce.papers.charts import is_narrow, set_size
-from reproduce.printed.cells import library
+from reproduce.printed.cells import find
 from reproduce.views.blocks import Html
 from reproduce.views.computed import whole_ledger
+from reproduce.views.export import full_frame
 from reproduce.views.figure import figure_block
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def distances(papers: Collection[str]) -> list[dict[str, Any]]:
+def distances(papers: Collection[str]) -> pd.DataFrame:
     """Return the computed numbers of papers that agree or differ, those that differ first.
 
     The distance is the middle of the printed interval minus the middle of the interval of the
     computed number, over the sum of their half widths. It is at most one if both overlap.
     """
-    rows = list[dict[str, Any]]()
-    for record in whole_ledger().records:
-        paper, agrees = record.key.partition("/")[0], record.verdict in AGREES
-        ends = (*(record.stands_for or ()), *(record.interval or ()))
-        known = [end for end in ends if end is not None]
-        if paper not in papers or not (agrees or record.verdict == "differs"):
-            continue
-        if len(known) == 4 and (width := known[1] - known[0] + known[3] - known[2]):
-            label = library()[record.key].by_name[record.cell.partition("#")[2]].label
-            number = f"{record.place.partition(',')[0]}: {label}"
-            distance = (known[0] + known[1] - known[2] - known[3]) / width
-            names = {"name": record.cell, "paper": paper, "number": number}
-            rows.append({**names, "agrees": agrees, "distance": distance})
-    return sorted(rows, key=itemgetter("agrees"))
+    frame = full_frame(whole_ledger().records)
+    frame["paper"] = frame["key"].str.partition("/")[0]
+    frame["agrees"] = frame["verdict"].isin(AGREES)
+    compared = frame["agrees"] | frame["verdict"].eq("differs")
+    frame = frame[compared & frame["paper"].isin(papers)]
+    printed, computed = (
+        frame[[f"{name}_low", f"{name}_high"]].astype(float)
+        for name in ("stands_for", "interval")
+    )
+    widths = printed.diff(axis=1).iloc[:, 1] + computed.diff(axis=1).iloc[:, 1]
+    middles = printed.sum(axis=1) - computed.sum(axis=1)
+    labels = [find(cell)[0].label for cell in frame["cell"]]
+    frame["number"] = frame["place"].str.partition(",")[0] + ": " + labels
+    found = frame.assign(name=frame["cell"], distance=middles / widths)[widths > 0]
+    columns = ["name", "paper", "number", "agrees", "distance"]
+    return found[columns].sort_values("agrees", kind="stable")
 
 
 def differences_block(papers: Collection[str]) -> Html:
     """Return the strip plot of the distances, one row per number that differs."""
-    columns = ["paper", "number", "agrees", "distance"]
-    found = pd.DataFrame(distances(papers), columns=columns)
-    agreeing = found["paper"] + ", numbers that agree"
-    lines = agreeing.where(found["agrees"], found["paper"] + ", " + found["number"])
+    found = distances(papers)
+    numbers = found["number"].mask(found["agrees"], "numbers that agree")
+    lines = found["paper"] + ", " + numbers
     labels = list(dict.fromkeys(lines))
 
     def paint(figure: Figure) -> None:

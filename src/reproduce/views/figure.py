@@ -28,7 +28,7 @@ from reproduce.store.files import FIGURES, check_target, replacing, write_text
 from reproduce.views import computed, keys, numbers
 from reproduce.views.base import ItemView, Rerunnable, text_of
 from reproduce.views.blocks import Block, Display, Html
-from reproduce.views.export import citation, export_frame, provenance_of, toolbar
+from reproduce.views.export import toolbar
 from reproduce.views.verdicts import filled
 
 if TYPE_CHECKING:
@@ -48,7 +48,6 @@ _FONTS = re.compile(r"(font-family: 'DejaVu Sans')[^;\"]*")
 _Paint = Callable[["MatplotlibFigure"], None]
 # A matplotlib figure, or the SVG of a schematic.
 _Drawn: TypeAlias = "MatplotlibFigure | str"
-_Provenance = Mapping[str, str] | None
 
 
 def drawable() -> list[str]:
@@ -113,17 +112,9 @@ def _data(figure: _Drawn) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=["panel", "curve", "x", "y"])
 
 
-def save(figure: _Drawn, path: Path, provenance: _Provenance = None) -> None:
-    """Write a figure with its provenance to a file."""
-    form = path.suffix[1:].lower()
-    if form == "svg":
-        write_text(path, _XML + _vector_of(figure, provenance))
-    else:
-        with replacing(path) as part:
-            _write(figure, part, form, provenance)
-
-
-def _write(figure: Any, target: Any, form: str, provenance: _Provenance) -> None:
+def _write(
+    figure: Any, target: Any, form: str, provenance: Mapping[str, str] | None
+) -> None:
     """Write a matplotlib figure without a date, so that builds are equal."""
     from matplotlib import style
 
@@ -145,7 +136,7 @@ def _endings(key: str) -> tuple[str, ...]:
     return (".svg",) if is_schematic else FIGURES
 
 
-def _vector_of(figure: _Drawn, provenance: _Provenance = None) -> str:
+def _vector_of(figure: _Drawn, provenance: Mapping[str, str] | None = None) -> str:
     """Return a figure with its provenance as SVG."""
     if isinstance(figure, str):
         note = escape("\n".join((provenance or {}).values()))
@@ -161,30 +152,26 @@ def _vector_of(figure: _Drawn, provenance: _Provenance = None) -> str:
 
 def write_figure(key: str, root: Path) -> None:
     """Write the images and the data of a figure below the root of the book."""
-    figure, provenance = draw(key), provenance_of(citation(key, "text"))
-    wide = _page_vectors(key, figure, provenance)[0]
+    shown = Figure(key)
+    _page_vectors(key, shown.drawn)
     (root / "figures").mkdir(parents=True, exist_ok=True)
     for path in (root / name for name in _figure_files(key)):
         if path.suffix == ".csv":
-            write_text(path, export_frame(_data(figure), "csv", provenance))
-        elif path.suffix == ".svg":
-            write_text(path, _XML + wide)
+            write_text(path, shown.export("csv"))
         else:
-            save(figure, path, provenance)
-            if not isinstance(figure, str):
-                figure.set_layout_engine("none")  # the layout stays as it is
+            shown.save(path)
+            if not isinstance(shown.drawn, str):
+                shown.drawn.set_layout_engine("none")  # the layout stays as it is
 
 
-def _page_vectors(
-    key: str, figure: _Drawn | None = None, provenance: _Provenance = None
-) -> list[str]:
+def _page_vectors(key: str, figure: _Drawn | None = None) -> list[str]:
     """Return a figure for wide and for narrow pages, which a build draws once."""
 
     def make() -> list[str]:
         wide = draw(key) if figure is None else figure
-        if isinstance(wide, str):  # a schematic fits wide and narrow pages
-            return [_vector_of(wide, provenance)]
-        return [_vector_of(wide, provenance), _vector_of(draw(key, narrow=True))]
+        # A schematic fits wide and narrow pages.
+        narrow = [] if isinstance(wide, str) else [draw(key, narrow=True)]
+        return list(map(_vector_of, (wide, *narrow)))
 
     return computed.cached(f"figure-{anchor(key)}.json", make, json.dumps, json.loads)
 
@@ -262,7 +249,12 @@ class Figure(Rerunnable, ItemView):
     def save(self, path: str | Path) -> Path:
         """Write the figure as SVG, PDF or PNG, by the ending of `path`; a schematic as SVG."""
         path = check_target(path, _endings(self.key))
-        save(self.drawn, path, self.provenance)
+        form = path.suffix[1:].lower()
+        if form == "svg":
+            write_text(path, _XML + _vector_of(self.drawn, self.provenance))
+        else:
+            with replacing(path) as part:
+                _write(self.drawn, part, form, self.provenance)
         return path
 
     @cached_property
@@ -363,14 +355,14 @@ class Panels(Display, list[Figure]):
                 f"changes: expected inputs of the panels, got {', '.join(unknown)}. "
                 "`inputs` of each panel lists them."
             )
-        random = [panel for panel in self if panel.random] or self
-        panels = Panels()
-        for panel in self:
-            own = {name: changes[name] for name in changes if name in panel.inputs}
-            number = seed if panel in random else None
-            is_same = not own and number is None
-            panels.append(panel if is_same else panel.rerun(own, seed=number))
-        return panels
+        fixed = any(panel.random for panel in self)
+        return Panels(
+            panel.rerun(
+                {name: changes[name] for name in changes if name in panel.inputs},
+                seed=None if fixed and not panel.random else seed,
+            )
+            for panel in self
+        )
 
 
 def figure(key: str) -> Figure | Panels:

@@ -77,7 +77,7 @@ class StudyTable(Rerunnable, ItemView):
                 study, (before, self.rerun(step).frame()), columns, rows or {}
             )
 
-        return swept(self.title, moved, values, compute, "with what is printed")
+        return swept(self.title, moved, values, compute, "values as printed")
 
     def frame(self) -> pd.DataFrame:
         """Return the numbers, in the units of the column names."""

@@ -2,31 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import isclose
+from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from reproduce.judge.rerun import Rerun
+from reproduce.papers.charts import set_size
 from reproduce.papers.declare import Study
-from reproduce.printed.cells import PrintedCell, find
+from reproduce.printed.cells import PrintedCell, anchor, find
 from reproduce.printed.number import symbol
 from reproduce.printed.quantity import si_value
 from reproduce.views import verdicts
 from reproduce.views.base import Change, setting
 from reproduce.views.blocks import Block, Display, Grid, Html, rendered
-from reproduce.views.numbers import between, entry, minus, quantity
+from reproduce.views.figure import figure_block
+from reproduce.views.numbers import entry, minus, quantity
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.figure import Figure
 
-# Size of a picture, its margin, and the room of its axes, in CSS pixels.
-_WIDTH_PX, _HEIGHT_PX, _MARGIN_PX = 220, 110, 8
-_LEFT_PX, _FOOT_PX = 56, 16
-# Relative change of a number of a supplementary table that fills the height of a picture.
-_MIN_CHANGE_RATIO = 0.05
+# Height of a panel, and most panels of a graph.
+_PANEL_INCHES, _MAX_PANELS = 1.7, 8
 
 
 class Changed(Display):
@@ -39,15 +40,17 @@ class Changed(Display):
     result : reproduce.judge.rerun.Rerun
         Computed values with ``changes``, ``options``, and the printed inputs that recomputed
         values ``replaced``.
-    name : str
-        Name of the only cell to show. Default: all cells.
+    names : collection of str
+        Names of the cells to show. Default: all cells.
     """
 
-    def __init__(self, result: Rerun, name: str = "") -> None:
+    def __init__(self, result: Rerun, names: Collection[str] = ()) -> None:
         self.result = result
         self.changes, self.options = result.changes, result.options
         self.replaced = result.replaced
-        self._cells = [cell for cell in result.cells if name in {"", cell.cell.name}]
+        self._cells = [
+            one for one in result.cells if not names or one.cell.name in names
+        ]
 
     def frame(self) -> pd.DataFrame:
         """Return the printed, computed and changed values, and their difference.
@@ -60,31 +63,49 @@ class Changed(Display):
         """
         import pandas as pd
 
-        rows = []
-        for one in self._cells:
-            cell, value, ends = one.cell, one.value, one.interval or (None, None)
-            difference = None
-            if value is not None and cell.is_number:
-                difference = value - cell.number.value
-            row: dict[str, Any] = {
-                "cell": cell.name,
-                "printed": cell.text,
+        rows = [
+            {
+                "cell": one.cell.name,
+                "printed": one.cell.text,
                 "unchanged": one.unchanged,
-                "changed": value,
-                "changed - printed": difference,
-                "low": ends[0],
-                "high": ends[1],
-                "unit": cell.unit and symbol(cell.unit),
+                "changed": one.value,
+                "changed - printed": None
+                if one.value is None or not one.cell.is_number
+                else one.value - one.cell.number.value,
+                "low": one.interval and one.interval[0],
+                "high": one.interval and one.interval[1],
+                "unit": one.cell.unit and symbol(one.cell.unit),
+                "verdict": one.verdict,
             }
-            rows.append(row | ({"verdict": one.verdict} if one.verdict else {}))
-        return pd.DataFrame(rows).set_index("cell")
+            for one in self._cells
+        ]
+        frame = pd.DataFrame(rows).set_index("cell")
+        return frame if frame["verdict"].any() else frame.drop(columns="verdict")
+
+    def numbers(self) -> list[dict[str, str]]:
+        """Return the numbers in the displayed format."""
+        return [
+            {
+                "cell": one.cell.label,
+                "printed": minus(one.cell.text),
+                "unchanged": _text(one.cell, one.unchanged),
+                "changed": _text(one.cell, one.value),
+                "from": _text(one.cell, one.interval and one.interval[0]),
+                "to": _text(one.cell, one.interval and one.interval[1]),
+                "verdict": one.verdict,
+                "unit": symbol(one.cell.unit),
+            }
+            for one in self._cells
+            if one.cell.is_number
+        ]
 
     @property
     def grid(self) -> Grid:
         """The numbers and the changes in the displayed format, without empty columns."""
-        value, remark = "changed", "your setting, without a verdict"
+        value, before = "changed", ["unchanged"]
+        remark = "your setting, without a verdict"
         if self.result.is_reading:
-            value = "computed"
+            value, before = "computed", []
             remark = "one reading of the text; the verdict of a cell is based on all readings"
         changes = self.changes | self.options
         caption = setting(f"{self.result.key} with", changes, self.replaced, remark)
@@ -92,16 +113,8 @@ class Changed(Display):
             caption += " From and to: the central 99 % of the prediction."
         if self.result.joint:
             caption += f" {verdicts.joint_sentence(self.result.joint)}"
-        heads = ("cell", "printed", "unchanged", value, "from", "to", "verdict", "unit")
-        rows = []
-        for one in self._cells:
-            if (cell := one.cell).is_number:
-                before = None if self.result.is_reading else one.unchanged
-                numbers = (before, one.value, *(one.interval or (None, None)))
-                texts = (_text(cell, number) for number in numbers)
-                words = (cell.label, minus(cell.text), *texts)
-                row = (*words, one.verdict, symbol(cell.unit))
-                rows.append(dict(zip(heads, row, strict=True)))
+        heads = ("cell", "printed", *before, value, "from", "to", "verdict", "unit")
+        rows = [row | {"computed": row["changed"]} for row in self.numbers()]
         return Grid.of(caption, heads, rows)
 
     def blocks(self) -> Iterator[Block]:
@@ -119,18 +132,20 @@ class Sweep(Display):
 
     Parameters
     ----------
+    name : str
+        Anchor of its graph.
     caption, label : str
         Caption of the table, and names of the input.
     printed : list of bool
         Whether the value of a step is the printed one.
     rows : DataFrame
         One row per step and number, which are its index: setting, cell, label, computed, low, high,
-        unit, text, and for its picture the height of the dashed line (mark) and the smallest range
-        (bottom, top).
+        unit, text, and the height of the dashed line of its panel (mark).
     dashed : str
-        Meaning of the dashed lines of the pictures.
+        Meaning of the dashed lines.
     """
 
+    name: str
     caption: str
     label: str
     printed: list[bool]
@@ -153,44 +168,31 @@ class Sweep(Display):
         return Grid(self.caption, (self.label, *steps[0]["label"]), lines)
 
     def blocks(self) -> Iterator[Block]:
-        """Yield the table, on a page with a slider and a picture of each number."""
+        """Yield the table, on a page with a slider and a graph of the numbers."""
         grid = self.grid
-        page = rendered(
-            "sweep",
-            sweep=self,
-            grid=grid.markup,
-            ends=self.rows["setting"].iloc[[0, -1]].tolist(),
-            size=(_WIDTH_PX, _HEIGHT_PX),
-            axis=(_LEFT_PX, _WIDTH_PX - _MARGIN_PX),
-            pictures=[_picture(part) for _, part in self.rows.groupby(level="number")],
-        )
+        numbers = [part for _, part in self.rows.groupby(level="number")]
+
+        def paint(figure: Figure) -> None:
+            set_size(figure, 6.4, 0.4 + _PANEL_INCHES * len(numbers))
+            panels = figure.subplots(len(numbers), sharex=True, squeeze=False)[:, 0]
+            for axes, part in zip(panels, numbers, strict=True):
+                low, value, high = part[["low", "computed", "high"]].to_numpy(float).T
+                axes.axhline(part["mark"].iloc[0], color="C1", linestyle="--")
+                axes.errorbar(
+                    part["setting"], value, [value - low, high - value], fmt="C0o"
+                )
+                label, unit = part[["label", "unit"]].iloc[0]
+                axes.set_title(fill(label + f" ({unit})" * bool(unit), 45))
+            panels[-1].set_xlabel(self.label)
+
+        def page() -> str:
+            words = f"Graph of the computed values against {self.label}."
+            caption = f"{self.caption} Dashed: the {self.dashed}."
+            graph = figure_block(self.name, paint, words, caption)
+            shown = graph.markup if len(numbers) <= _MAX_PANELS else ""
+            return rendered("sweep", sweep=self, grid=grid.markup, graph=shown)
+
         yield Html(page, grid)
-
-
-def _picture(rows: pd.DataFrame) -> dict[str, Any]:
-    """Return the places of a number in its picture: median, central 99 %, and a dashed line."""
-    first = rows.iloc[0]
-    values = rows[["low", "computed", "high"]].to_numpy(float)
-    values = np.where(np.isnan(values), values[:, [1]], values)
-    seen = np.array([*values.ravel(), first["bottom"], first["top"]], dtype=float)
-    seen = seen[np.isfinite(seen)]
-    low, high = (seen.min(), seen.max()) if len(seen) else (0.0, 0.0)
-    room = _HEIGHT_PX - _FOOT_PX - 2 * _MARGIN_PX
-
-    def height(value: Any) -> Any:
-        part = (value - low) / (high - low or 1)
-        return np.round(_HEIGHT_PX - _FOOT_PX - _MARGIN_PX - room * part, 1)
-
-    start, end = _LEFT_PX + 2 * _MARGIN_PX, _WIDTH_PX - 2 * _MARGIN_PX
-    x = np.linspace(start, end, len(values)).round(1)
-    marks = np.column_stack([x, height(values)])
-    return {
-        "label": first["label"],
-        "unit": first["unit"],
-        "marks": marks[np.isfinite(values[:, 1])].tolist(),
-        "dashed": height(first["mark"]) if np.isfinite(first["mark"]) else None,
-        "ends": [(between(end, high - low or 1), height(end)) for end in (low, high)],
-    }
 
 
 def swept(
@@ -198,7 +200,7 @@ def swept(
     moved: str | Sequence[str],
     values: Sequence[str | float | Sequence[str | float]],
     compute: Callable[[Change], pd.DataFrame],
-    dashed: str = "printed",
+    dashed: str = "printed values",
 ) -> Sweep:
     """Compute a table for each value of an input; `compute` returns the rows of a step.
 
@@ -231,29 +233,25 @@ def swept(
     if rows["low"].notna().any():
         caption += " In brackets: the central 99 % of the prediction."
     label = ", ".join(cell.label for cell in cells)
-    return Sweep(caption, label, printed, rows, dashed)
+    name = f"sweep-{anchor('-'.join(names))}"
+    return Sweep(name, caption, label, printed, rows, dashed)
 
 
-def of_cells(rerun: Rerun, names: Sequence[str]) -> pd.DataFrame:
-    """Return the rows of the named cells of a table under a change. Default: all cells."""
-    import pandas as pd
-
-    rows = []
-    for changed in rerun.cells:
-        cell, (low, high) = changed.cell, changed.interval or (None, None)
-        if cell.is_number and (not names or cell.name in names):
-            text, unit = _text(cell, changed.value), symbol(cell.unit)
-            if changed.interval:
-                text += f" ({_text(cell, low)} to {_text(cell, high)})"
-            bottom, top = cell.number.interval()
-            row = (cell.name, cell.label, changed.value, low, high, unit)
-            text = quantity(text, unit) or "none"
-            rows.append((*row, text, cell.number.value, bottom, top))
-    return pd.DataFrame(rows, columns=_COLUMNS)
-
-
-_COLUMNS = ["cell", "label", "computed", "low", "high", "unit", "text", "mark"]
-_COLUMNS += ["bottom", "top"]
+def of_cells(changed: Changed) -> pd.DataFrame:
+    """Return the rows of the numbers of a table under a change."""
+    frame = changed.frame().dropna(subset="changed - printed")
+    frame["mark"] = frame["changed"] - frame["changed - printed"]
+    frame[["label", "text"]] = [
+        (
+            row["cell"],
+            quantity(
+                row["changed"] + f" ({row['from']} to {row['to']})" * bool(row["from"]),
+                row["unit"],
+            ),
+        )
+        for row in changed.numbers()
+    ]
+    return frame.rename(columns={"changed": "computed"}).reset_index()
 
 
 def of_study(
@@ -290,9 +288,8 @@ def of_study(
     for old, new in pairs:
         texts = [old[n] if isinstance(old[n], str) else f"{n} {old[n]}" for n in labels]
         for name in names or [name for name in columns if name != first]:
-            mark, text = float(old[name]), entry(new[name], columns[name])
-            room = _MIN_CHANGE_RATIO * abs(mark)
             cell = ": ".join(filter(None, (", ".join(texts), name)))
-            row = (cell, cell, float(new[name]), None, None, "", text)
-            rows.append((*row, mark, mark - room, mark + room))
-    return pd.DataFrame(rows, columns=_COLUMNS)
+            text, numbers = entry(new[name], columns[name]), (new[name], old[name])
+            rows.append((cell, cell, text, *map(float, numbers)))
+    names = ["cell", "label", "text", "computed", "mark"]
+    return pd.DataFrame(rows, columns=names).assign(low=None, high=None, unit="")

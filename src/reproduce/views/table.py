@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -122,9 +122,9 @@ class Table(ItemView):
         if len(table.columns) <= 1:
             units = [record.unit and symbol(record.unit) for record in records]
             return frame.assign(unit=units)
-        labels, width = [row.id for row in table.rows], len(table.columns)
-        parts = [frame[i::width].set_axis(labels) for i in range(width)]
-        return pd.concat(parts, axis=1, keys=[column.id for column in table.columns])
+        ids = [[line.id for line in lines] for lines in (table.rows, table.columns)]
+        frame.index = pd.MultiIndex.from_product(ids)
+        return pd.DataFrame(frame.unstack(sort=False)).swaplevel(axis=1)[ids[1]]
 
     def cells(self) -> pd.DataFrame:
         """Return one row per cell, with every field of the ledger."""
@@ -210,7 +210,7 @@ class Table(ItemView):
 
         def compute(step: Change) -> pd.DataFrame:
             result = rerunning.Rerun(self.key, step, replicates=replicates)
-            return of_cells(result, cells)
+            return of_cells(Changed(result, cells))
 
         return swept(self._printed.place, address, values, compute)
 
@@ -389,17 +389,15 @@ def _judged(place: str, records: Sequence[Record]) -> Iterator[Block]:
 
 
 def _grouped(
-    caption: str, columns: Sequence[str], rows: Iterable[Mapping[str, Entry]]
+    caption: str, columns: Sequence[str], rows: Sequence[Mapping[str, Entry]]
 ) -> Grid:
     """Return a table with a row for each combination of texts, and its cells."""
-    groups: dict[tuple[Entry, ...], list[Entry]] = {}
-    for row in rows:
-        texts = tuple(row.get(column, "") for column in columns)
-        groups.setdefault(texts, []).append(row["cell"])
-    lines = [
-        {"cells": Markup(", ").join(cells), **dict(zip(columns, texts, strict=True))}
-        for texts, cells in groups.items()
-    ]
+    import pandas as pd
+
+    names = ("cell", *columns)
+    frame = pd.DataFrame({n: [row.get(n, "") for row in rows] for n in names})
+    groups = frame.groupby([*columns], sort=False)["cell"].agg(Markup(", ").join)
+    lines = groups.rename("cells").reset_index().to_dict("records")
     return Grid.of(caption, ("cells", *columns), lines, kind="rp-small")
 
 
@@ -465,7 +463,7 @@ class Cell(ResultView):
     def rerun(self, changes: Change | None = None, **settings: Any) -> Changed:
         """Compute the cell again with changed inputs, as `Table.rerun`."""
         rerunning.checked_values(self.address, changes or {})
-        return Changed(self.table.rerun(changes, **settings).result, self._cell.name)
+        return Changed(self.table.rerun(changes, **settings).result, [self._cell.name])
 
     def export(self, form: str) -> str:
         """Return its record as csv, json, latex or markdown."""
