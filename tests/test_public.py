@@ -42,8 +42,8 @@ SEPARATE = {"reproduce.inference.sampling", "reproduce.physics.attitude.diagnosi
 
 def used_names(tree):
     """Yield module and name of each import or attribute of the package in a module."""
-    modules = {}
-    for node in ast.walk(tree):
+    modules, nodes = {}, list(ast.walk(tree))
+    for node in nodes:
         if isinstance(node, ast.ImportFrom) and str(node.module).startswith(
             "reproduce"
         ):
@@ -53,9 +53,11 @@ def used_names(tree):
                     modules[alias.asname or alias.name] = inner
                 elif node.module in MODULES:
                     yield node.module, alias.name
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Attribute) and ast.unparse(node.value) in modules:
-            yield modules[ast.unparse(node.value)], node.attr
+    for node in nodes:
+        if isinstance(node, ast.Attribute):
+            name = getattr(node.value, "id", None)
+            if name in modules:
+                yield modules[name], node.attr
 
 
 def names_of_page(path):

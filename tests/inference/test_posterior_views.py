@@ -85,10 +85,11 @@ def test_a_posterior_shows_the_truth_of_simulated_data_and_the_changes(tmp_path)
     html = book._repr_html_()
     assert f"<td>{book.truth['scale']:.6g}</td>" in html
     path, noise = stars_file(tmp_path), {"noise": (0.01, 1)}
-    yours = rp.posterior("registration", path, steps=300, priors=noise)
+    plan = {"steps": 280, "walkers": 80}
+    yours = rp.posterior("registration", path, priors=noise, **plan)
     html = yours._repr_html_()
     assert "stars.csv, 60 rows, pivot" in html
-    assert "Changed: prior of noise, steps = 300." in html
+    assert "Changed: prior of noise, steps = 280, walkers = 80." in html
     assert "tru" not in html.replace("structure", "")
     cut = yours.rerun(priors={"noise": (0.01, 0.1)})
     for text in (repr(cut), cut._repr_html_()):

@@ -102,7 +102,7 @@ def test_posterior_and_fit_agree(case):
     """In means, standard deviations and warnings, within Monte Carlo errors."""
     data, settings = CASES[case]
     result = rp.register(data, **settings)
-    found = rp.posterior("registration", data, steps=300, **settings)
+    found = rp.posterior("registration", data, steps=280, walkers=80, **settings)
     fit = result.fit
     warnings = (one.text for one in result.findings if one.kind != "sensitive")
     assert found.remarks == tuple(warnings)

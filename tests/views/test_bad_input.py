@@ -14,7 +14,7 @@ import reproduce as rp
 def test_a_terminal_shows_the_progress_on_standard_error():
     ours, process_end = pty.openpty()
     environment = os.environ | {"TERM": "xterm", "COLUMNS": "80"}
-    command = [sys.executable, "-m", "reproduce", "check", "--json"]
+    command = [sys.executable, "-m", "reproduce", "check", "niu2024/table-3"]
     with subprocess.Popen(
         command, stdout=subprocess.DEVNULL, stderr=process_end, env=environment
     ) as process:
@@ -33,7 +33,7 @@ def test_a_terminal_shows_the_progress_on_standard_error():
 def test_output_is_utf_8_for_any_encoding_of_the_stream():
     for encoding, command in (
         ("ascii", "show niu2024/table-3"),
-        ("cp1252", "audit chen2023"),
+        ("cp1252", "show niu2024/table-4"),
     ):
         environment = os.environ | {"PYTHONIOENCODING": encoding, "COLUMNS": "80"}
         arguments = [sys.executable, "-m", "reproduce", *command.split()]

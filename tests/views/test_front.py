@@ -175,7 +175,9 @@ def test_a_posterior_is_sampled_on_first_use_and_rerun_with_a_seed():
     assert "sampled" not in vars(plain), "no sampling yet"
     assert plain.inputs
     assert len(plain.draws) == plain.sampled.draws.shape[0]
-    one, other = (plain.rerun(seed=seed, steps=400).frame()["mean"] for seed in (3, 4))
+    one, other = (
+        plain.rerun(seed=seed, steps=280, walkers=80).frame()["mean"] for seed in (3, 4)
+    )
     assert (one != other).all()
 
 

@@ -151,11 +151,12 @@ def test_a_prior_that_contradicts_the_data_is_reported_with_its_distance(stored)
     fit = fit_registration(source, target, source.mean(axis=0))
     value, error = unit * fit.parameters[1], unit * fit.standard_errors[1]
     normal = Normal(3.0, 1e-3, "a test")
-    for prior, distance in (
-        (normal, (3.0 - value) / np.hypot(1e-3, error)),
-        ((5, 6), (5 - value) / error),
+    for prior, steps, distance in (
+        (normal, 240, (3.0 - value) / np.hypot(1e-3, error)),
+        ((5, 6), 800, (5 - value) / error),
     ):
-        found = rp.posterior("registration", path, priors={"rotation": prior})
+        plan = {"steps": steps, "walkers": 96}
+        found = rp.posterior("registration", path, priors={"rotation": prior}, **plan)
         mean, deviation = found.frame().loc["rotation", ["mean", "deviation"]]
         width = 1e-3 if prior is normal else 1.0
         assert deviation < 1.5 * width
@@ -235,7 +236,7 @@ def test_unconverged_chains_give_the_required_number_of_steps(stored):
 
 def test_one_wrong_match_is_a_misfit(stored):
     path, furthest = stored(*stars(wrong=1, count=12)), "star furthest off, over rms"
-    plain = rp.posterior("registration", path, steps=400)
+    plain = rp.posterior("registration", path, steps=280, walkers=80)
     (misfit,) = (text for text in plain.record()["warnings"] if "does not fit" in text)
     assert furthest in misfit
     (check,) = (c for c in plain.record()["checks"] if c["name"] == furthest)

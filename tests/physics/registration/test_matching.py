@@ -108,12 +108,11 @@ def test_many_stars_in_the_order_of_y_are_matched_as_fast_as_shuffled_stars(degr
     target = turned.apply(stars) + noise
     ordered = tuple(places[np.argsort(places[:, 1])] for places in (stars, target))
     times = {True: [], False: []}
-    for is_ordered in (True, False) * 2:
+    for is_ordered in (False, True) * 2:
         start = time.process_time()
         pairs = rp.match(*(ordered if is_ordered else (stars, target)))
         times[is_ordered].append(time.process_time() - start)
     assert min(times[True]) < 5 * min(times[False])
-    pairs = rp.match(*ordered)
     places = (
         pairs[["x", "y"]].to_numpy(),
         pairs[["x_reference", "y_reference"]].to_numpy(),
@@ -157,7 +156,7 @@ def test_the_magnitude_selects_the_bright_stars(kind):
 @pytest.mark.parametrize("count", [4, 6, 12, 40, 300])
 def test_unrelated_fields_are_rejected(count):
     """Also if both have a cluster at one place, or whole numbers as positions."""
-    for seed in range(6 if count == 300 else 24):
+    for seed in range({40: 8, 300: 3}.get(count, 24)):
         rng = default_rng([7, count, seed])
         uniform, whole = (
             rng.uniform(0, FIELD, (2, count, 2)),
