@@ -151,8 +151,8 @@ def match(
     -------
     DataFrame
         Pairs in the columns of `register`, with the rows of both stars. Its ``attrs`` contain
-        ``mirrored``, whether the images mirror each other, and the affine ``transform`` under which
-        the pairs are neighbours.
+        ``mirrored``, whether the images mirror each other, and the ``matrix`` of the affine
+        transform under which the stars of a pair are neighbours.
 
     Raises
     ------
@@ -168,7 +168,11 @@ def match(
     """
     first, second = stars(source, name="source"), stars(target, name="target")
     field = np.ptp(np.vstack([first.points, second.points]), axis=0).max()
-    near = radius or _PAIR_PX + _PAIR_FRACTION * float(field)
+    near = _PAIR_PX + _PAIR_FRACTION * float(field) if radius is None else radius
+    if not near > 0:
+        raise ValueError(
+            f"radius: expected a distance above zero, got {radius!r}. Leave it out"
+        )
     start = getattr(start, "transform", start)
     if start is not None and not isinstance(start, Registration):
         if np.shape(start) != (4,):
@@ -183,7 +187,7 @@ def match(
     pairs = pd.DataFrame(np.hstack([first.points[a], second.points[b]]), columns=STARS)
     counts = f"{len(pairs)} pairs of {len(first)} and {len(second)} stars"
     pairs.attrs["log"] = f"{counts}, less than {near:.3g} px apart"
-    pairs.attrs["transform"] = transform
+    pairs.attrs["matrix"] = transform.matrix.tolist()
     pairs.attrs["mirrored"] = bool(np.linalg.det(transform.matrix) < 0)
     return pairs.assign(row=a, row_reference=b)
 
@@ -278,11 +282,11 @@ class PairedRegistration(RegistrationResult):
             second.points[other],
             pivot,
             np.stack([first.covariance[row], second.covariance[other]]),
-            pairs.attrs["transform"],
+            pairs.attrs["matrix"],
             **settings,
         )
         pairs["weight"] = weights
-        for name in {"flux", "mag"} & {*first.table}:
+        for name in first.table.filter(["flux", "mag"]):
             pairs[name] = first.table[name].to_numpy()[row]
         super().__init__(pairs, None, pivot, **settings)
         self._arguments = arguments

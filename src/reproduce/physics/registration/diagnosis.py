@@ -130,6 +130,7 @@ def sensitivities(
         half = np.where(flux > np.median(flux), 0.5, -0.5)
         terms["brightness"] = half[:, None, None] * jacobian
     factor, residuals = _whitened(problem, fit.parameters, problem.source)
+    base = factor @ jacobian
     freedom = 2 * int(np.count_nonzero(problem.counts)) - count
     changes = []
     for term, added in terms.items():
@@ -137,11 +138,10 @@ def sensitivities(
         spare = freedom - number
         if spare <= 0:
             continue
-        richer = np.concatenate([jacobian, added], axis=-1)
+        richer = np.concatenate([base, factor @ added], axis=-1)
         with suppress(validate.DegenerateGeometryError):
-            (step, plain, squares), (moved, rich, left) = (
-                _stepped(factor @ rows, residuals) for rows in (jacobian, richer)
-            )
+            step, plain, squares = _stepped(base, residuals)
+            moved, rich, left = _stepped(richer, residuals)
             noise = np.sqrt(left / spare)
             # The F test does not depend on the scale of the errors.
             gain = max(squares - left, 0.0) / number / noise**2
@@ -209,8 +209,9 @@ def chi_square_range(fit: RegistrationFit) -> tuple[float, float]:
     from scipy.special import chdtri
 
     freedom = float(fit.degrees_of_freedom)
-    ends = chdtri(freedom, np.array([1 - FALSE_ALARM / 2, FALSE_ALARM / 2])) / freedom
-    return float(ends[0]), float(ends[1])
+    tails = np.array([1 - FALSE_ALARM / 2, FALSE_ALARM / 2])
+    low, high = (chdtri(freedom, tails) / freedom).tolist()
+    return low, high
 
 
 def fits_exactly(fit: RegistrationFit) -> bool:
@@ -286,7 +287,8 @@ def diagnose_fit(
     The kinds are ``unit``, ``duplicate`` (up to 100,000 stars), ``line``, ``few`` (too few stars),
     ``exact``, ``errors``, ``model`` (a term improves the fit), ``sensitive`` (a term that
     the stars do not exclude would change a parameter by more than 2 standard errors),
-    ``brightness``, ``mismatched`` and ``dropped`` (by a robust fit).
+    ``brightness``, ``unmatched`` (the target does not follow the source), ``mismatched`` and
+    ``dropped`` (by a robust fit).
 
     Parameters
     ----------
@@ -324,10 +326,11 @@ def diagnose_fit(
             text = "the residuals are zero, so the errors cannot be estimated"
             findings.append(Finding("exact", text))
         return findings, []
+    findings += _unrelated(fit)
     # Wrong matches must not hide a distortion.
     others = _robust(fit.problem) if not fit.robust and _any_far(fit) else None
     right, terms = others or fit, list[Sensitivity]()
-    if not fits_exactly(right):
+    if not (others and fits_exactly(others)):
         # A few stars that fit each other may be too few for any term.
         terms = sensitivities(right, brightness) or sensitivities(fit, brightness)
     if terms:
@@ -371,15 +374,16 @@ def _stars(fit: RegistrationFit) -> Iterator[Finding]:
         text = f"{len(rows)} of {count} rows repeat a star of an earlier row"
         if rows:
             yield Finding("duplicate", f"{text} ({row_numbers(rows)})", tuple(rows))
-    length, width = np.linalg.svd(part[0] - part[0].mean(axis=0), compute_uv=False)
-    if count > 2 and width <= _LINE_RATIO * length:
+    sides = np.linalg.svd(part[0] - part[0].mean(axis=0), compute_uv=False)
+    if count > 2 and sides[1] <= _LINE_RATIO * sides[0]:
         text = "the stars lie in a line: their mirror image would fit as well"
         yield Finding("line", text)
 
 
 def _errors(fit: RegistrationFit) -> Iterator[Finding]:
     """Yield the warnings of too few stars, and of residuals that contradict the given errors."""
-    freedom, count = float(fit.degrees_of_freedom), len(fit.weights)
+    freedom = float(fit.degrees_of_freedom)
+    count = int(np.count_nonzero(fit.rejected | (fit.weights > 0)))
     if fit.robust and count < _MIN_STARS_ROBUST:
         text = f"with {count} stars a robust fit can detect one wrong match, not two"
         yield Finding("few", text)
@@ -394,6 +398,20 @@ def _errors(fit: RegistrationFit) -> Iterator[Finding]:
         )
         if not low < ratio < high:
             yield Finding("errors", text)
+
+
+def _unrelated(fit: RegistrationFit) -> Iterator[Finding]:
+    """Yield the warning of rows that are not the same stars: the scale agrees with zero."""
+    from scipy.special import fdtrc
+
+    freedom = float(fit.degrees_of_freedom)
+    if "scale" in fit.names and freedom > 1:
+        scale, error = float(fit.parameters[0]), float(fit.standard_errors[0])
+        if fdtrc(2, freedom, (scale / error) ** 2 / 2) > FALSE_ALARM_ROBUST:
+            text = (
+                f"the scale is {scale:.2g} ± {error:.2g}: are the rows the same stars?"
+            )
+            yield Finding("unmatched", text)
 
 
 def _any_far(fit: RegistrationFit) -> bool:
@@ -429,7 +447,7 @@ def _term_finding(
         abs(largest) <= _MAX_CHANGE or term.term == "brightness"
     ):
         return [], None
-    change = f"{fit.names[worst]} by {largest:.2g} standard deviations"
+    change = f"{fit.names[worst]} by {largest:z.2g} standard deviations"
     text = _TERM_TEXTS[kind].format(term=term.term, p=term.p_value, change=change)
     model = _RICHER_MODELS.get(term.term)
     if model:

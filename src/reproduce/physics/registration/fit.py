@@ -375,15 +375,16 @@ def _repeated_median(problem: Problem) -> FloatArray:
     Points of weight zero are ignored. Fewer than four points, or half of them in one place, raise
     `DegenerateGeometryError`.
     """
-    n = problem.source.shape[-2]
+    used = problem.counts > 0
+    n = used.sum(axis=-1).min()
     if n < _MIN_STARS_ROBUST:
         raise validate.DegenerateGeometryError(
             f"source: expected {_MIN_STARS_ROBUST} or more points for a robust fit, got {n}. Add "
             "points, or pass robust=False"
         )
-    part = thinned(n, _MAX_PAIRED)
+    part = thinned(problem.source.shape[-2], _MAX_PAIRED)
     source, target = (
-        np.where(problem.counts > 0, as_complex(points), np.nan)
+        np.where(used, as_complex(points), np.nan)
         for points in (problem.source, problem.target)
     )
     between, across = (

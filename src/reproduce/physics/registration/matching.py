@@ -261,7 +261,7 @@ def pair_weights(
     target: FloatArray,
     pivot: ArrayLike,
     covariances: FloatArray,
-    start: Registration,
+    matrix: ArrayLike = ((1, 0), (0, 1)),
     **settings: Any,
 ) -> tuple[FloatArray, float]:
     """Return the weights of pairs of points, and the scatter in addition to their errors.
@@ -275,8 +275,8 @@ def pair_weights(
         As in `fit_registration`.
     covariances : ndarray, shape (2, n, 2, 2), in px^2
         Covariances of the source and of the target.
-    start : Registration
-        Transform under which the points are neighbours.
+    matrix : array_like, shape (2, 2)
+        Linear part of a rough transform from source to target.
     **settings
         Parameters of `fit_registration`.
 
@@ -291,10 +291,11 @@ def pair_weights(
     --------
     >>> square = np.array([[0.0, 0], [9, 0], [0, 9], [9, 9]])
     >>> known = np.tile(1e-4 * np.eye(2), (2, 4, 1, 1))
-    >>> pair_weights(square, square, (0, 0), known, Registration.similarity(1, 0, (0, 0), (0, 0)))
+    >>> pair_weights(square, square, (0, 0), known)
     (array([1., 1., 1., 1.]), 0.0)
     """
-    spread = start.matrix @ covariances[0] @ start.matrix.T + covariances[1]
+    linear = np.asarray(matrix, dtype=np.float64)
+    spread = linear @ covariances[0] @ linear.T + covariances[1]
     variance = np.maximum(np.trace(spread, axis1=1, axis2=2) / 2, _EXACT_VARIANCE)
     extra = 0.0
     for _ in range(_SCATTER_STEPS):
