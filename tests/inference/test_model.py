@@ -4,10 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.stats import norm
+from scipy.stats import kstest, norm, truncnorm
 
+import reproduce as rp
 from calibrations import drawn_prior
-from reproduce.inference import posterior_checks
+from reproduce.inference import Normal, Uniform, posterior_checks
 from reproduce.inference.sampling import Plan, sample
 from reproduce.papers.posteriors import posteriors
 
@@ -31,6 +32,20 @@ def test_coordinates_are_one_to_one_with_the_stated_volume():
         jacobian = np.moveaxis((ahead - behind) / 2e-5, 0, -1)
         volume = np.linalg.slogdet(jacobian)[1]
         np.testing.assert_allclose(model.log_volume(points), volume, atol=1e-4)
+
+
+def test_a_normal_prior_of_a_noise_is_truncated_at_zero():
+    priors = {"noise": Normal(0.02, 0.05, "a test"), "false-share": Normal(0, 1, "too")}
+    model = rp.posterior("registration-mixture", priors=priors).model
+    prior = dict(zip(model.names, model.parameters, strict=True))["noise"].prior
+    draws = prior.draw(np.random.default_rng(1), 1000)
+    assert kstest(draws, truncnorm(-0.4, np.inf, 0.02, 0.05).cdf).pvalue > 1e-3
+    rows = np.repeat(model.start(np.random.default_rng(1), 1), 3, axis=0)
+    rows[1:, 4:] *= [[-1, 1], [1, -1]]
+    assert np.isfinite(model.log_posterior(rows)).tolist() == [True, False, False]
+    for wrong in (Normal(-1, 0.1, "a test"), Uniform(-1, 1, "a test"), (-1, 1)):
+        with pytest.raises(ValueError, match=r"^prior of noise: "):
+            rp.posterior("registration", priors={"noise": wrong})
 
 
 @pytest.mark.parametrize("name", list(posteriors()))

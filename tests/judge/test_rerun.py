@@ -111,6 +111,12 @@ def test_seed_and_replicates_are_changes():
                 rerun.Rerun(key, **{name: value})
 
 
+def test_a_row_keeps_its_name_if_its_heading_is_changed():
+    key = "chen2023/table-4"
+    found = cells(rerun.rerun(key, {f"{key}#25.frames": "49"}, replicates=50))
+    assert found["25.transform-x"].value == found["49.transform-x"].value
+
+
 def test_a_seed_counts_if_random_numbers_are_drawn_between_a_change_and_an_item():
     """The text quotes Table IV, which is drawn again if its frames are changed."""
     key, frames = "chen2023/text-accuracy", {"chen2023/text-accuracy#frames": "400"}

@@ -9,6 +9,7 @@ import pytest
 from astropy.io import fits
 from astropy.nddata import (
     CCDData,
+    InverseVariance,
     NDData,
     StdDevUncertainty,
     UnknownUncertainty,
@@ -67,6 +68,8 @@ def test_the_uncertainty_of_an_image_is_its_deviation():
     for wrong in (StdDevUncertainty(0.0 * RAMP), UnknownUncertainty(RAMP), [1.0, 2.0]):
         with pytest.raises(ImageError, match="uncertainty"):
             read_image(NDData(RAMP, uncertainty=wrong))
+    missing = read_image(NDData(RAMP, uncertainty=InverseVariance(0.0 * RAMP)))[2]
+    assert np.isinf(missing).all()
     constant = read_image(NDData(RAMP, uncertainty=StdDevUncertainty(5.0)))[2]
     assert (constant == 5).all()
 
@@ -83,7 +86,7 @@ def test_a_file_of_several_images_asks_for_the_extension(tmp_path):
         read_image(path)
     for name, image in (("SCI", RAMP + 1), ("sci", RAMP + 1), ("4", RAMP + 3)):
         assert (read_image(f"{path}[{name}]")[0] == image).all()
-    for wrong in ("ERR", "9", "5", "0"):
+    for wrong in ("ERR", "9", "5", "0", "A", " a "):
         with pytest.raises(ImageError, match=rf"mef.fits\[{wrong}\]"):
             read_image(f"{path}[{wrong}]")
 

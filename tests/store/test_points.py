@@ -8,6 +8,7 @@ import pint
 import pytest
 from astropy import units
 from astropy.coordinates import SkyCoord
+from astropy.io import fits
 from astropy.table import QTable, Table
 from numpy.random import default_rng
 from numpy.testing import assert_allclose, assert_array_equal
@@ -108,6 +109,16 @@ def test_astropy_tables_and_their_files_are_read_in_px_only(tmp_path, name, form
         refused(source, "column Y", "arcsec")
 
 
+def test_a_file_of_several_tables_is_refused(tmp_path):
+    path = tmp_path / "two.fits"
+    catalogue = fits.table_to_hdu(Table.from_pandas(STARS))
+    catalogue.header["TUNIT1"] = "PIXEL"
+    fits.HDUList([fits.PrimaryHDU(), catalogue]).writeto(path)
+    assert_array_equal(read_table(path, COLUMNS).values, STARS[["x", "y"]])
+    fits.append(path, catalogue.data)
+    refused(path, "multiple tables")
+
+
 def test_a_sextractor_catalogue_is_read(tmp_path):
     text = "# 1 X Object position [pixel]\n# 2 Y Object position [pixel]\n 1.5 2.5\n"
     found = read_table(write(tmp_path, text, "s.cat"), COLUMNS)
@@ -121,8 +132,10 @@ def test_masked_entries_and_columns_of_other_kinds():
     assert read_table(table, COLUMNS).values.tolist() == [[1, 3], [2, 4]]
     table["y"].mask[1] = True
     refused(table, "row 1", "column y")
-    for odd in (1j * np.ones(2), np.zeros(2, "datetime64[s]")):
+    complex_numbers = 1j * np.ones(2)
+    for odd in (complex_numbers, complex_numbers.astype(object), np.zeros(2, "M8[s]")):
         refused(pd.DataFrame({"x": [1.0, 2], "y": odd}), "row 0", "column y")
+    refused(STARS.to_records()[0], "row 0", "column x")
 
 
 def test_two_tables_of_matched_stars_give_the_fit_of_one():
@@ -136,6 +149,9 @@ def test_two_tables_of_matched_stars_give_the_fit_of_one():
     assert_array_equal(rp.register(source, target).parameters, wanted)
     with pytest.raises(ValueError, match="source and target"):
         rp.register(source[3:], target)
+    for name in ("sigma", "weight"):
+        with pytest.raises(ValueError, match=f"^{name}: expected"):
+            rp.register(source, target.to_pandas().assign(**{name: 1.0}))
 
 
 def test_arrays_with_masks_units_or_other_shapes_are_refused():

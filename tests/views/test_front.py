@@ -302,6 +302,8 @@ def test_all_types_of_input_give_the_same_angles_and_warnings(lights, tmp_path):
         pd.testing.assert_frame_equal(result.frame(), results[0].frame())
     for shown in (repr(result), result._repr_html_(), piped):
         assert finding.text in words(shown)
+    whole = np.ma.masked_equal(np.nan_to_num(now).astype(int), 0)
+    assert rp.misalignment(whole, zero, platform=toml).remarks[-1] == remarks[-1]
     empty = results[0].images().isna().all(axis=1)
     assert empty.index[empty].tolist() == [10]
 
@@ -315,8 +317,11 @@ def test_a_wrong_platform_is_reported_in_one_line(tmp_path):
         (TOML.replace("5e-6", "5.0"), "pixel_pitch: expected metres"),
         (TOML.replace("[0.1, 0, 1]", "[0, 0, 1]"), "lights 1 and 2"),
         (f"a={'[' * 5000}{']' * 5000}", "expected TOML"),
+        (TOML.replace("dir", "spots=[[1, 2]]\n#").replace("5e-6", "9" * 400), "large"),
+        # Editors of Windows write this mark.
+        ("\ufeff" + TOML, "at least one row"),
     ):
-        platform.write_text(text)
+        platform.write_text(text, encoding="utf-8")
         command = ["misalignment", str(path), "--platform", str(platform), "--json"]
         result = CliRunner().invoke(main, command)
         assert result.exit_code == 2

@@ -16,7 +16,7 @@ from numpy.random import Generator
 from scipy.optimize import Bounds, differential_evolution
 from scipy.special import ndtr, ndtri
 
-from reproduce.physics.validate import FloatArray, finite_array, positive
+from reproduce.physics.validate import FloatArray, finite_array, non_negative, positive
 
 _Kind = TypeVar("_Kind")
 # An estimate of the parameters and its standard error, both of shape (d,).
@@ -82,6 +82,11 @@ class Uniform:
         """Return the prior in another unit, with `scale` new units per old unit."""
         return type(self)(self.low * scale, self.high * scale, self.reason)
 
+    def above_zero(self) -> Self:
+        """Return the prior of a positive number; raise ValueError for a bound below zero."""
+        non_negative("low", self.low)
+        return self
+
     def distance(self, value: float, error: float) -> float:
         """Return the distance of an estimate from the prior, in standard deviations."""
         return max(self.low - value, value - self.high, 0.0) / error
@@ -141,14 +146,33 @@ class Normal:
     def draw(self, generator: Generator, count: int) -> FloatArray:
         return generator.normal(self.mean, self.sigma, count)
 
-    def in_unit(self, scale: float) -> Normal:
-        return Normal(self.mean * scale, self.sigma * scale, self.reason)
+    def in_unit(self, scale: float) -> Self:
+        return type(self)(self.mean * scale, self.sigma * scale, self.reason)
+
+    def above_zero(self) -> Normal:
+        return _PositiveNormal(self.mean, self.sigma, self.reason)
 
     def distance(self, value: float, error: float) -> float:
         return float(abs(value - self.mean) / np.hypot(self.sigma, error))
 
     def __str__(self) -> str:
         return f"normal, mean {self.mean:.6g}, standard deviation {self.sigma:.6g}"
+
+
+class _PositiveNormal(Normal):
+    """Gaussian prior of a number above zero; its density is not normalized."""
+
+    def __post_init__(self) -> None:
+        positive("mean", self.mean)
+        super().__post_init__()
+
+    def log_density(self, values: FloatArray) -> FloatArray:
+        return np.where(values > 0, super().log_density(values), -np.inf)
+
+    def draw(self, generator: Generator, count: int) -> FloatArray:
+        below = ndtr(-self.mean / self.sigma)
+        score = ndtri(generator.uniform(below, 1, count))
+        return np.asarray(self.mean + self.sigma * score)
 
 
 # The text of a prior describes its distribution in words and numbers.
@@ -294,7 +318,9 @@ class Model:
         total = self.log_prior(parameters)
         inside = np.isfinite(total)
         if inside.any():
-            total[inside] += self.likelihood(parameters[inside])
+            # A Normal prior of a noise or a fraction also has impossible values.
+            with np.errstate(invalid="ignore"):
+                total[inside] += self.likelihood(parameters[inside])
         return np.where(np.isnan(total), -np.inf, total)
 
     def coordinates(self, parameters: FloatArray) -> FloatArray:

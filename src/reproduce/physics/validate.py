@@ -138,9 +138,10 @@ def _valid(name: str, array: FloatArray, valid: Any, expected: str) -> FloatArra
     """Return an array; raise ValueError with the first value that is not valid."""
     if not valid.all():
         first = tuple(np.argwhere(~valid)[0].tolist())
+        place = f" at index {first}" if first else ""
         raise ValueError(
-            f"{name}: expected {expected}, got {array[first]:g} at index {first}. Check its sign "
-            "and its unit, or remove the row"
+            f"{name}: expected {expected}, got {array[first]:g}{place}. Check its sign and its "
+            "unit, or remove the row"
         )
     return array
 

@@ -151,7 +151,9 @@ def _deviations(uncertainty: Any, pixels: NDArray[Any]) -> FloatArray:
 
     # Astropy squares in the type of the array, and small integers overflow.
     values = type(uncertainty)(np.asarray(uncertainty.array, np.float64))
-    sigma = np.broadcast_to(values.represent_as(StdDevUncertainty).array, pixels.shape)
+    with np.errstate(divide="ignore"):  # an inverse variance of zero
+        sigma = values.represent_as(StdDevUncertainty).array
+    sigma = np.broadcast_to(sigma, pixels.shape)
     if not (sigma[np.isfinite(pixels)] > 0).all():
         raise ValueError(
             "uncertainty: expected values above zero, got zero or less. Mask these pixels"
@@ -173,7 +175,7 @@ def reading(name: str) -> Iterator[None]:
         ) from error
     except Exception as error:  # libraries raise many types for a damaged file
         message = " ".join(str(error).split()) or type(error).__name__
-        if not re.match(r"(\w+: )?expected ", message):
+        if not re.match(r"([\w, ]+: )?expected ", message):
             message = f"expected a complete and readable image, got {message!r}. Check the file"
         raise ImageError(f"{name}: {message}") from error
 
@@ -199,7 +201,9 @@ def _image_names(units: Any) -> list[str]:
     """Return the two-dimensional images of a FITS file: names of extensions, or numbers."""
     names = [unit.name for unit in units]
     return [
-        name if name != "PRIMARY" and names.count(name) == 1 else str(number)
+        str(number)
+        if name == "PRIMARY" or name.isdecimal() or names.count(name) > 1
+        else name
         for number, (name, unit) in enumerate(zip(names, units, strict=True))
         if unit.is_image and unit.header.get("NAXIS", 0) >= 2
     ]
@@ -214,17 +218,19 @@ def _from_fits(path: str) -> Any:
         )
     with _open_fits(name) as units:
         images, extension = _image_names(units), name["extension"]
-        if extension is None and len(images) != 1:
+        names = [unit.name for unit in units]
+        same = names.count((extension or "").strip().upper())
+        if same > 1 or (extension is None and len(images) != 1):
             raise ValueError(
                 f"expected one image, got {', '.join(images) or 'none'}. Name the extension in "
-                f"brackets, such as {Path(path).name}[{(*images, 'SCI')[0]}]"
+                f"brackets, such as {Path(name['file']).name}[{(*images, 'SCI')[0]}]"
             )
         extension = extension or images[0]
         unit = units[int(extension) if extension.isdecimal() else extension]
         if not (unit.is_image and 0 < math.prod(unit.shape) <= _MAX_PIXELS):
             raise ValueError(
                 f"expected an image of up to {_MAX_PIXELS:,} px, got {extension} with the shape "
-                f"{unit.shape}. Name another extension, or use a part"
+                f"{getattr(unit, 'shape', None)}. Name another extension, or use a part"
             )
         data = np.squeeze(unit.data)
     if name["file"].lower().endswith(".gz"):  # Astropy does not read the check sum

@@ -197,10 +197,10 @@ def _numbers(place: str, name: str, column: Any) -> FloatArray:
     if hasattr(column, "iloc") and column.dtype not in (float, int, complex):
         import pandas as pd
 
-        column = pd.to_numeric(column.astype(object), errors="coerce").astype(float)
+        column = pd.to_numeric(column.astype(object), errors="coerce").to_numpy()
     array = np.ma.asarray(getattr(column, "value", column))
     if array.dtype.kind not in "biuf" or array.ndim != 1:
-        return np.full(len(array), np.nan)
+        return np.full(array.shape[:1] or 1, np.nan)
     return np.ma.filled(array.astype(np.float64, copy=False), np.nan)
 
 
@@ -217,15 +217,17 @@ def _parsed(name: str, content: bytes, sep: str | None) -> Any:
     lower = name.lower()
     form = next((f for end, f in _ASTROPY_FORMATS.items() if lower.endswith(end)), None)
     try:
-        if form or content.startswith(b"SIMPLE  ="):
-            from astropy.table import Table as AstropyTable
-
-            return AstropyTable.read(BytesIO(content), format=form or "fits")
         import pandas as pd
 
         with warnings.catch_warnings():
-            # pandas drops columns without a name with this warning.
+            warnings.simplefilter("ignore")  # units that Astropy does not know
+            # pandas drops columns without a name, and Astropy all tables but the first.
             warnings.simplefilter("error", pd.errors.ParserWarning)
+            warnings.filterwarnings("error", message=".*(multiple tables|truncated)")
+            if form or content.startswith(b"SIMPLE  ="):
+                from astropy.table import Table as AstropyTable
+
+                return AstropyTable.read(BytesIO(content), format=form or "fits")
             return pd.read_csv(
                 BytesIO(content),
                 sep=sep or ",",
@@ -254,9 +256,14 @@ def matched_stars(
     sep = fit.pop("sep", None)
     if target is not None:
         first, second = (
-            read_table(image, STARS[:2], (), sep, name)
+            read_table(image, STARS[:2], (*SIGMAS, "weight"), sep, name)
             for name, image in (("source", source), ("target", target))
         )
+        if ignored := {*first.numbers, *second.numbers} - {*STARS[:2]}:
+            raise ValueError(
+                f"{min(ignored)}: expected none in two tables matched by row, got a column. Join "
+                f"the tables with the columns {', '.join(STARS)}"
+            )
         values = (*first.numbers.values(), *second.numbers.values())
         numbers = dict(zip(STARS, values, strict=True))
         return replace(first, path="the arrays", columns=STARS, numbers=numbers), fit

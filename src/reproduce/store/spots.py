@@ -56,7 +56,8 @@ def read_images(
 
 def _array(name: str, images: Any, count: int) -> FloatArray:
     """Return the images of an array, with NaN for both coordinates of a lost spot."""
-    unmasked = images.filled(np.nan) if np.ma.isMaskedArray(images) else images
+    masked = np.ma.isMaskedArray(images)
+    unmasked = images.astype(float).filled(np.nan) if masked else images
     array = number_array(name, unmasked, shape=(None, count, 2))
     if array.ndim != 3:
         raise ValueError(

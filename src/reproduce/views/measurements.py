@@ -49,8 +49,9 @@ def misalignment(
 ) -> MisalignmentResult:
     """Return the misalignment of your camera since the zero point, from spots of its lights.
 
-    ``findings`` names a displaced light, a pattern of another size, repeated images and correlated
-    images. Correlated images and a chi-square above 1 widen the standard errors.
+    ``findings`` names a displaced light, a pattern of another size, a spot far from its place in
+    other images, repeated images and correlated images. Correlated images and a chi-square above 1
+    widen the standard errors.
 
     Parameters
     ----------
@@ -420,12 +421,12 @@ def platform_of(source: Platform | str | Path) -> Platform:
         return source
     make: Callable[..., Platform] = Platform
     try:
-        table = tomllib.loads(Path(source).read_text(encoding="utf-8"))
+        table = tomllib.loads(Path(source).read_text(encoding="utf-8-sig"))
         if "directions" in table:
             make = Platform.of_directions
         elif "lasers" not in table:
             make = Platform.of_spots
         return make(**table)
-    except (TypeError, ValueError, RecursionError) as error:
+    except (TypeError, ValueError, OverflowError, RecursionError) as error:
         known = ", ".join(inspect.signature(make).parameters)
         raise TableFileError(f"{source}: expected TOML of {known} ({error})") from error

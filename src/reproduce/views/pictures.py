@@ -169,10 +169,6 @@ def match(
     first, second = stars(source, name="source"), stars(target, name="target")
     field = np.ptp(np.vstack([first.points, second.points]), axis=0).max()
     near = _PAIR_PX + _PAIR_FRACTION * float(field) if radius is None else radius
-    if not near > 0:
-        raise ValueError(
-            f"radius: expected a distance above zero, got {radius!r}. Leave it out"
-        )
     start = getattr(start, "transform", start)
     if start is not None and not isinstance(start, Registration):
         if np.shape(start) != (4,):

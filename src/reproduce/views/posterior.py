@@ -574,14 +574,14 @@ def _prior(
     parameter: inference.Parameter, prior: inference.Prior | tuple[float, float]
 ) -> inference.Prior:
     """Return your prior in SI units; its numbers are in the displayed unit."""
-    if not isinstance(prior, inference.Prior):
-        try:
+    try:
+        if not isinstance(prior, inference.Prior):
             low, high = map(float, prior)
-            if low < 0 and isinstance(parameter.prior, inference.LogUniform):
-                raise ValueError(f"expected zero or more, got {low:g}")
             prior = inference.Uniform(low, high, "bounds given by the user")
-        except (TypeError, ValueError) as error:
-            raise ValueError(
-                f"prior of {parameter.name}: {error}. Give two bounds"
-            ) from error
+        if isinstance(parameter.prior, inference.LogUniform):
+            prior = prior.above_zero()
+    except (TypeError, ValueError) as error:
+        raise ValueError(
+            f"prior of {parameter.name}: {error}. Give two bounds"
+        ) from error
     return prior.in_unit(1 / parameter.shown)

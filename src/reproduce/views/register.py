@@ -61,7 +61,8 @@ def register(
     target : array_like, shape (n, 2)
         The same stars in the other image, in the order of the source, if `source` is an array of
         stars. Otherwise an image, the result of `stars`, or a table with the columns ``x`` and
-        ``y``, in any order of rows. Default: the columns of `source`.
+        ``y``, in any order of rows. Two tables that are not files are matched by row, without
+        columns of errors. Default: the columns of `source`.
     pivot : array_like, shape (2,), optional
         Centre of rotation and scale, in px. Default: mean of the source stars, or the middle of an
         image.

@@ -69,6 +69,16 @@ def drifting(images):
     return images
 
 
+def stray(images):
+    images[1][3, 2] = 0  # where some programs write a lost spot
+    return images
+
+
+def repeated(images):
+    images[0][4:7] = images[0][:3]
+    return images
+
+
 LONGER = replace(SQUARE, tracker_focal_length=0.066)
 LINE = Platform(CORNERS[[1, 0, 2]] * [1, 0], 2.0, 0.06, 13e-6, CENTRE)
 # Platform, change of its images, kind, words; and a wrong factor of the focal length.
@@ -95,6 +105,8 @@ FAULTS = {
         "unit of the spots",
     ),
     "motion": (SQUARE, drifting, "correlated", "drift"),
+    "lost as zero": (SQUARE, stray, "stray", "present, light 3 in image 4 .*lost"),
+    "same files": (WIDE, repeated, "repeated", "zero point, 3 of .* repeat"),
     "two at once": (
         WIDE,
         lambda images: moved(1, 2)(moved(3, [-2, 3])(images)),

@@ -61,6 +61,14 @@ def test_a_wrong_match_among_exact_stars_is_named():
     assert "exactly" in found.text
 
 
+def test_many_wrong_matches_of_a_large_field_are_named():
+    """They increase the median of the residuals, so that none is far above it."""
+    source, target, generator = stars(3, 10_000)
+    target[:4500] = generator.uniform(0, 2000, (4500, 2))
+    (found,) = (one for one in diagnosed(source, target) if one.kind == "mismatched")
+    assert len(found.rows) == pytest.approx(4500, abs=10)
+
+
 def test_right_fields_get_a_warning_as_often_as_stated():
     doubted = 0
     for seed in range(400):
@@ -189,6 +197,7 @@ def test_a_star_ten_deviations_off_is_found(count):
         ("line", lambda s, t: (s * [1, 0], s * [1, 0] + 0.05 * np.sin(s))),
         ("exact", lambda s, _: (s, s + 3)),
         ("few", lambda s, t: (s[:2], t[:2])),
+        ("unmatched", lambda s, t: (s, t[::-1])),
     ],
 )
 def test_every_other_doubt_is_named(kind, change):
@@ -196,6 +205,9 @@ def test_every_other_doubt_is_named(kind, change):
     assert kind in kinds(*change(source, target))
     assert kinds(source, target) == []
     assert kinds(source[:5], target[:5], robust=True) == ["few"]
+    few = np.arange(40) < 7  # a star of weight zero is none
+    assert kinds(source, target, weights=few, robust=True) == ["few"]
+    assert "few" in kinds(source[:1], target[:1], model="shift")
 
 
 def test_given_errors_are_held_against_the_scatter():
@@ -234,5 +246,6 @@ def test_intervals_cover(count, wrong):
 
 def test_a_pivot_that_takes_the_digits_is_refused():
     source, _, _ = stars(8, 5)
-    with pytest.raises(ValueError, match="within 100 fields"):
-        diagnosis.checked_pivot(np.array([1e15, 0.0]), source)
+    for wrong in (np.array([1e15, 0.0]), PIVOT[None]):
+        with pytest.raises(ValueError, match="within 100 fields"):
+            diagnosis.checked_pivot(wrong, source)

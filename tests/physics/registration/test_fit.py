@@ -224,6 +224,8 @@ def test_points_that_fix_too_little_are_refused():
         fit_registration(line, line, PIVOT, model="affine")
     with pytest.raises(DegenerateGeometryError, match="4 or more"):
         fit_registration(line[:2], line[:2], PIVOT, robust=True)
+    with pytest.raises(DegenerateGeometryError, match="4 or more"):
+        fit_registration(line, line, PIVOT, np.arange(9) < 3, robust=True)
     with pytest.raises(DegenerateGeometryError, match="parameters"):
         _ = fit_registration(line[:1], line[:1], PIVOT, model="shift").covariance
     with pytest.raises(DegenerateGeometryError, match="one place"):

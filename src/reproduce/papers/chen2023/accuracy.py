@@ -56,7 +56,15 @@ def frame_averaging(inputs: Inputs, seed: SeedSequence, replicates: int) -> Resu
     """
     counts = [int(count) for count in inputs.array(COUNTS)]
     draws = _simulated_accuracies(inputs, seed, replicates, counts)
-    return by_cell("{2}.{0}-{1}", np.moveaxis(draws, 0, -1), _MATRICES, "xy", counts)
+    return by_cell(
+        "{2}.{0}-{1}", np.moveaxis(draws, 0, -1), _MATRICES, "xy", _rows(inputs)
+    )
+
+
+def _rows(inputs: Inputs) -> list[str]:
+    """Return the names of the rows, which stay if a number of frames is changed."""
+    names = (address.partition("#")[2].partition(".") for address in inputs.cells)
+    return [row for row, _, column in names if column == "frames"]
 
 
 def _simulated_accuracies(
@@ -144,7 +152,7 @@ def _draw(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     panels = two_panels(figure, 3.8, 5.8, "printed over predicted (ratio)")
     for axes, (matrix, title) in zip(panels, _MATRICES.items(), strict=True):
         for axis, look, shift in (("x", "C0o", 0.92), ("y", "C1s", 1.08)):
-            replicates = [predicted[f"{count:g}.{matrix}-{axis}"] for count in counts]
+            replicates = [predicted[f"{row}.{matrix}-{axis}"] for row in _rows(inputs)]
             low, median, high = np.quantile(replicates, [0.005, 0.5, 0.995], axis=1)
             values = printed.array(f"chen2023/table-4#*.{matrix}-{axis}")
             label, x = axis.upper(), counts * shift

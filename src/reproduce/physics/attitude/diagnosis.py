@@ -38,6 +38,9 @@ _KNOWN_FREEDOM = 1e9
 _MISFIT_FACTOR = 20.0
 # Residual of spots of another platform, as a fraction of the size of the pattern.
 _FOREIGN_FRACTION = 0.1
+# Distance of a spot from its place in other images, over the median distance, that noise cannot
+# explain.
+_FAR_RATIO = 20.0
 # Iterations of a fit of rotation and size.
 _SIZE_ROUNDS = 5
 # Causes that leave no usable angle.
@@ -164,7 +167,7 @@ def diagnose_spots(
     correlated = score > -ndtri(_FALSE_ALARM / _TEST_COUNT)
     variance = np.cumsum((noise * widening) ** 2 / counts, axis=0)
     zero = Platform.of_spots(means[0], *platform.tracker[::-1])
-    findings, limit = list[Finding](), np.inf
+    findings, limit = [*_single_images(images, lights)], np.inf
     tolerated = _MISFIT_FACTOR * correlated
     for model, spots, errors, problem in zip(
         (platform, zero), means, variance, _PROBLEMS, strict=True
@@ -185,6 +188,29 @@ def diagnose_spots(
     agreement = {"chi_square": fit.misfit, "low": low, "high": high}
     agreement["residual_rms"] = fit.rms
     return Diagnosis(platform, images, findings, agreement, factor, limit)
+
+
+def _single_images(
+    images: tuple[FloatArray, FloatArray], lights: NDArray[np.int64]
+) -> Iterator[Finding]:
+    """Yield the faults of single images: repeated ones, and a spot far from its place."""
+    for when, spots in zip(("zero point", "present"), images, strict=True):
+        rows = np.flatnonzero(np.isfinite(spots[..., 0]).any(axis=1))
+        group = spots[rows]
+        if repeats := len(group) - len({image.tobytes() for image in group}):
+            text = (
+                f"at the {when}, {repeats} of {len(group)} images repeat another one. "
+            )
+            yield Finding("repeated", text + "Remove them")
+        off = group - np.nanmedian(group, axis=0)
+        # The spots of an image move together.
+        distance = np.linalg.norm(off - np.nanmedian(off, axis=1)[:, None], axis=2)
+        row, light = np.unravel_index(np.nanargmax(distance), distance.shape)
+        far = distance[row, light]
+        if far > _FAR_RATIO * max(float(np.nanmedian(distance)), _MIN_NOISE_PX):
+            text = f"at the {when}, light {lights[light]} in image {rows[row] + 1} is {far:.2g} px "
+            text += "from its place: a wrong spot? Mark it as lost (NaN or masked)"
+            yield Finding("stray", text)
 
 
 @dataclass(frozen=True)

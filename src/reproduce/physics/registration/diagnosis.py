@@ -36,6 +36,8 @@ _LARGE_FIELD = 8_000
 # Number of stars, spread over the rows, with which models are compared; duplicates are not sought
 # among more stars.
 _MAX_COMPARED = 100_000
+# Stars of a large field in which many wrong matches are sought, at most.
+_MAX_SAMPLE = 200
 # Smallest number of degrees of freedom with which the other stars can show a wrong match.
 _MIN_FREEDOM = 4
 # Smallest number of stars with which a robust fit can detect two wrong matches.
@@ -271,7 +273,8 @@ def checked_pivot(pivot: ArrayLike | None, points: FloatArray) -> FloatArray:
     pivot = validate.number_array("pivot", pivot, shape=(2,))
     # The fit itself rejects coincident stars.
     field = float(np.ptp(points, axis=0).max()) or np.inf
-    if not np.abs(middle - pivot).max() <= _MAX_FIELDS * field:
+    is_near = np.abs(middle - pivot).max() <= _MAX_FIELDS * field
+    if pivot.shape != (2,) or not is_near:
         raise ValueError(
             f"pivot: expected a point within {_MAX_FIELDS:g} fields of the stars, got {pivot}. "
             "Pass the principal point of the channel, in px"
@@ -415,11 +418,15 @@ def _unrelated(fit: RegistrationFit) -> Iterator[Finding]:
 
 
 def _any_far(fit: RegistrationFit) -> bool:
-    """Return whether a field is small, or has a residual far above the median."""
+    """Return whether a field is small, or has a residual that does not fit the others."""
     lengths, count = np.hypot(*fit.residuals.T), len(fit.residuals)
     # The median of a two-dimensional Gaussian residual is sqrt(2 log 2) standard deviations.
     limit = np.sqrt(np.log2(count / FALSE_ALARM_ROBUST)) * np.median(lengths)
-    return bool(count < _LARGE_FIELD or lengths.max() > limit)
+    if count < _LARGE_FIELD or lengths.max() > limit:
+        return True
+    # Many wrong matches increase the median. Their fraction shows in a part of the stars.
+    part = _robust(fit.problem.rows(thinned(count, _MAX_SAMPLE)))
+    return part is not None and bool(part.rejected.any())
 
 
 def _rejected(fit: RegistrationFit, kind: str, remedy: str) -> Iterator[Finding]:
