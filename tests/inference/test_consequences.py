@@ -4,7 +4,7 @@ import numpy as np
 from scipy import stats
 
 from reproduce.inference.models import NewStars
-from reproduce.papers.chen2023.posteriors import _OnTheGround
+from reproduce.papers.chen2023.posteriors import _on_the_ground
 from reproduce.physics.registration import Registration
 from reproduce.units import ARCSEC_PER_RADIAN
 
@@ -41,7 +41,7 @@ def test_consequences_at_new_stars_contain_the_error_of_the_transform(registrati
 
 def test_ground_error_of_a_misalignment():
     angles = np.random.default_rng(4).normal((1e-4, -5e-5, 2e-4), 1e-6, (1000, 3))
-    found = _OnTheGround(ALTITUDE)(np.pad(angles, ((0, 0), (3, 0))))
+    found = _on_the_ground(np.pad(angles, ((0, 0), (3, 0))), ALTITUDE)
     error = np.hypot(*(angles[:, :2] - angles[:, :2].mean(axis=0)).T)
     ignored = found["position error uncorrected"].values.mean()
     for name, unit in (("pointing", ARCSEC_PER_RADIAN), ("position", ALTITUDE)):

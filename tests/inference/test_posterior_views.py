@@ -69,8 +69,8 @@ def test_a_summary_contains_the_printed_number_and_its_verdict():
     assert found.declared.summary[name] == address
     row = found.frame().loc[name]
     (summary,) = (one for one in found.sampled.summaries() if one.name == name)
-    shown = pages._summarised(found.name, summary, address).values()
-    label, printed, mean, ends, verdict = shown
+    shown = pages._summarised(found.name, summary, address)
+    label, printed, mean, ends, verdict = map(shown.get, pages._COLUMNS)
     numbers = [float(x.rstrip("°")) for x in (*mean.split(" ± "), *ends.split(" to "))]
     expected = row[["mean", "deviation", "low", "high"]].tolist()
     assert numbers == pytest.approx(expected, rel=0.05)

@@ -113,7 +113,7 @@ def test_seed_and_replicates_are_changes():
 
 def test_a_row_keeps_its_name_if_its_heading_is_changed():
     key = "chen2023/table-4"
-    found = cells(rerun.rerun(key, {f"{key}#25.frames": "49"}, replicates=50))
+    found = cells(rerun.Rerun(key, {f"{key}#25.frames": "49"}, replicates=50))
     assert found["25.transform-x"].value == found["49.transform-x"].value
 
 

@@ -172,8 +172,9 @@ def test_the_state_of_a_reply_is_in_ledger_table_card_and_citation(monkeypatch):
     table, cell = rp.table("niu2024/table-3"), rp.table(asked)
     assert shown not in table._repr_html_() + cell.cite("sentence")
     assert "The authors' reply: none." in card(cell, "")
-    answered = {"niu2024-scale-run": "disputed"}
-    monkeypatch.setattr(ledger, "_reply_states", lambda: answered)
+    answered = expected(asked).model_copy(update={"reply": "disputed"})
+    verdicts = {**frozen(), asked: answered}
+    monkeypatch.setattr(ledger, "frozen", lambda: verdicts)
     item_ledger.cache_clear()
     table, cell = rp.table("niu2024/table-3"), rp.table(asked)
     assert f'<span class="rp-flag">{shown}</span>' in table._repr_html_()

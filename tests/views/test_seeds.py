@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import reproduce as rp
+from reproduce.judge.ledger import build
 from reproduce.judge.rerun import CannotChangeError
 from reproduce.locate import papers
 from reproduce.papers import declare
@@ -37,6 +38,7 @@ def content(shown):
 @pytest.mark.parametrize("kind", [Figure, rp.table], ids=["figures", "tables"])
 def test_a_seed_reaches_every_random_number_or_is_rejected(kind, monkeypatch):
     """Without the seed of the project, no other random number can be drawn."""
+    build()  # drawings quote the ledger, which has the seed of the project
     for find, key in SHOWN:
         if find is not kind:
             continue

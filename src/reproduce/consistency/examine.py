@@ -9,7 +9,7 @@ from typing import Literal, get_args
 
 from reproduce.consistency.relation import Relation, Sheet, Unknown
 from reproduce.printed.cells import PrintedCell
-from reproduce.printed.corners import Corners, corner_intervals
+from reproduce.printed.corners import corner_intervals
 from reproduce.printed.number import Interval, PrintedNumber, si_factor
 
 # Floating-point noise between the two sides of a relation, as a fraction of them.
@@ -129,13 +129,11 @@ def _contradicts(relation: Relation, ends: _Ends) -> bool:
     )
 
 
-def _projection(relation: Relation, ends: _Ends) -> Corners | None:
-    """Return the interval of its unknown that a relation allows, in SI; None if it is empty."""
-    if relation.unknown is None:
-        return None
+def _projection(relation: Relation, domain: Interval, ends: _Ends) -> Interval:
+    """Return the part of the domain of its unknown that a relation allows; low > high if none."""
     from scipy.optimize import brentq  # loaded only for a relation with an unknown
 
-    low, high = relation.unknown.domain
+    low, high = domain
 
     def root(sides: Mapping[str, float]) -> dict[str, float]:
         def gap(unknown: float) -> float:
@@ -147,24 +145,23 @@ def _projection(relation: Relation, ends: _Ends) -> Corners | None:
         return {"root": float(brentq(gap, low, high, xtol=1e-300))}
 
     corners = corner_intervals(root, (*relation.addresses, _TOLERANCE))["root"]
-    corners = corners._replace(low=max(corners.low, low), high=min(corners.high, high))
-    return corners if corners.low <= corners.high else None
+    return max(corners.low, low), min(corners.high, high)
 
 
 def agreements(
     cells: Sheet, relations: Sequence[Relation], rule: str = ""
 ) -> dict[str, Agreement]:
     """Return the largest set of relations that agree on one value, for each unknown by name."""
-    ends, allowed = _ends(cells, rule), dict[str, dict[str, Interval]]()
-    unknowns = {r.unknown.name: r.unknown for r in relations if r.unknown}
-    for relation in relations:
-        if relation.unknown and (corners := _projection(relation, ends)):
-            group = allowed.setdefault(relation.unknown.name, {})
-            group[relation.name] = corners[:2]
-    return {
-        name: _largest_agreement(unknown, allowed.get(name, {}))
-        for name, unknown in unknowns.items()
-    }
+    ends, found = _ends(cells, rule), dict[str, Agreement]()
+    for unknown in {r.unknown.name: r.unknown for r in relations if r.unknown}.values():
+        allowed = {
+            relation.name: _projection(relation, unknown.domain, ends)
+            for relation in relations
+            if relation.unknown == unknown
+        }
+        possible = {name: one for name, one in allowed.items() if one[0] <= one[1]}
+        found[unknown.name] = _largest_agreement(unknown, possible)
+    return found
 
 
 def _largest_agreement(unknown: Unknown, allowed: dict[str, Interval]) -> Agreement:

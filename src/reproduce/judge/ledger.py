@@ -15,7 +15,7 @@ from pydantic import Field, model_validator
 from reproduce.judge.propagate import plain_results
 from reproduce.judge.readings import Evaluation, ReadingSummary, evaluate
 from reproduce.judge.verdicts import CENTRAL, Comparison, Frozen, Reading, Verdict
-from reproduce.locate import data_files, data_folder, read_toml
+from reproduce.locate import data_files
 from reproduce.papers.catalogue import catalogue
 from reproduce.printed.cells import PrintedCell, PrintedTable, find, library
 from reproduce.printed.inputs import load_inputs
@@ -291,12 +291,11 @@ class Expectation(Frozen):
     verdict: Verdict
     reason: str = ""
     erratum: str = ""
+    answer: str = ""
+    """reply of the authors to the erratum, from the register"""
     question: str = ""
-
-    @property
-    def reply(self) -> _Reply:
-        """State of the authors' reply to the question; empty without a question."""
-        return _reply_states().get(self.question, "none") if self.question else ""
+    reply: _Reply = ""
+    """state of their reply to the question, from the letters"""
 
     @model_validator(mode="after")
     def _has_reason(self) -> Expectation:
@@ -317,8 +316,18 @@ def _entries(file: str, name: str) -> Iterator[dict[str, Any]]:
 def frozen() -> dict[str, Expectation]:
     """Return the frozen verdicts by address."""
     expectations: dict[str, Expectation] = {}
+    errata, letters = (
+        _entries("errata.toml", "erratum"),
+        _entries("letters.toml", "question"),
+    )
+    replies = {one["id"]: one.get("reply", "") for one in errata}
+    states = {one["id"]: one.get("state", "none") for one in letters}
     for entry in _entries("verdicts.toml", "expect"):
-        expectation = Expectation.model_validate(entry)
+        expectation = Expectation(
+            answer=replies.get(entry.get("erratum"), ""),
+            reply=states.get(entry.get("question"), ""),
+            **entry,
+        )
         for cell in chain.from_iterable(map(find, expectation.cells)):
             if cell.address in expectations:
                 raise ValueError(
@@ -349,18 +358,3 @@ def changed_verdicts(ledger: Ledger) -> list[_VerdictChange]:
 def expected(address: str) -> Expectation:
     """Return the frozen verdict of a cell, by default that of an input."""
     return frozen().get(address, Expectation(verdict="input"))
-
-
-@cache
-def _reply_states() -> dict[str, _Reply]:
-    letters = read_toml(data_folder() / "letters.toml", dict)["question"]
-    return {one["id"]: one.get("state", "none") for one in letters}
-
-
-@cache
-def replies() -> dict[str, str]:
-    """Return the reply of the authors to each erratum, by its id; empty without a reply."""
-    return {
-        entry["id"]: entry.get("reply", "")
-        for entry in _entries("errata.toml", "erratum")
-    }

@@ -273,7 +273,7 @@ class Rerun:
         try:
             with np.errstate(all="ignore"):
                 yield
-        except (ValueError, ArithmeticError, IndexError, MemoryError) as error:
+        except (ValueError, ArithmeticError, LookupError, MemoryError) as error:
             setting = ", ".join(map(" = ".join, (self.changes | self.options).items()))
             raise CannotChangeError(
                 f"{self.key} cannot be computed with {setting}: {error}"

@@ -12,7 +12,7 @@ import pandas as pd
 
 from reproduce.consistency.examine import RelationResult
 from reproduce.consistency.report import Audit, Erratum, audit_paper, register
-from reproduce.judge.ledger import frozen, item_ledger, replies
+from reproduce.judge.ledger import frozen, item_ledger
 from reproduce.locate import data_folders
 from reproduce.printed.cells import PAPERS, anchor
 from reproduce.printed.number import si_factor, symbol
@@ -231,7 +231,7 @@ def _errata(audits: Sequence[Audit], *, supposed: bool) -> _Part:
                     "sides": {f.relation.name: _sides(f, audit) for f in findings},
                     "runs": [e for e in audit.equations if e.name in entry.equations],
                     "verdicts": {cell: _judged(cell) for cell in cells},
-                    "reply": replies()[entry.id],
+                    "reply": entry.reply,
                 }
     rows.sort(key=_consequence)
     kind = "that suppose something" if supposed else "by consequence"

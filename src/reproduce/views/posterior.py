@@ -53,8 +53,6 @@ _PLAN_ARGUMENTS = ("steps", "walkers", "seed")
 _OTHER_ARGUMENTS = {"name", "data", "priors", "data_seed", *_PLAN_ARGUMENTS}
 # Characters of the numbers of probably false stars in a sentence.
 _NAMES_WIDTH = 40
-# Arrays of a sampled posterior that a build stores.
-_STORED_ARRAYS = ("chain", "log_posterior", "acceptance")
 
 
 @cache
@@ -64,7 +62,12 @@ def book_posterior(name: str) -> PosteriorSamples:
 
     def dump(samples: PosteriorSamples) -> bytes:
         content = BytesIO()
-        np.savez(content, **{key: getattr(samples, key) for key in _STORED_ARRAYS})
+        np.savez(
+            content,
+            chain=samples.chain,
+            log_posterior=samples.log_posterior,
+            acceptance=samples.acceptance,
+        )
         return content.getvalue()
 
     def load(content: bytes) -> PosteriorSamples:

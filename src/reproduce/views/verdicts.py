@@ -12,7 +12,6 @@ from reproduce.judge.ledger import (
     TableRecord,
     expected,
     item_ledger,
-    replies,
 )
 from reproduce.judge.readings import ReadingSummary, evaluate
 from reproduce.judge.verdicts import AGREES, VERDICTS, Flag, Reading
@@ -82,9 +81,12 @@ def texts(record: Record) -> dict[str, Entry]:
         "verdict": badge(record.verdict, qualified(record)),
         "why": minus(record.reason or record.why),
     }
-    if known := expected(record.cell).erratum:
+    known = expected(record.cell)
+    if known.erratum:
         shown["why"] = Markup("{} {}<br>The authors' reply: {}").format(
-            shown["why"], link(known, f"Erratum {known}"), replied(known)
+            shown["why"],
+            link(known.erratum, f"Erratum {known.erratum}"),
+            replied(known.erratum, known.answer),
         )
     if made := computation_for(record.cell):
         paper, name = record.key.partition("/")[0], made.function.__name__
@@ -228,10 +230,10 @@ def qualified(record: Record | Reading) -> str:
     return f"{record.verdict} ({marks})" if marks else record.verdict
 
 
-def replied(erratum: str) -> Markup:
+def replied(erratum: str, reply: str) -> Markup:
     """Return the reply of the authors to an erratum, or a link to the letter to them."""
     letter = link(f"letter-{erratum.partition('-')[0]}", "how to answer")
-    return escape(replies()[erratum]) or Markup("none yet; {}").format(letter)
+    return escape(reply) or Markup("none yet; {}").format(letter)
 
 
 def replied_state(record: Record) -> str:

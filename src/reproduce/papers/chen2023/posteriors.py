@@ -9,7 +9,7 @@ The images of a group of your spots are in the order of time, evenly spaced.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -44,22 +44,19 @@ _PRIOR_WIDTHS = 20.0
 _MIN_IMAGES = 3
 
 
-@dataclass(frozen=True)
-class _OnTheGround:
-    """Errors on the ground by an error of the misalignment, from an altitude in metres."""
+def _on_the_ground(parameters: FloatArray, altitude: float) -> dict[str, Consequence]:
+    """Return errors on the ground about the posterior mean, and without correction.
 
-    altitude: float
-
-    def __call__(self, parameters: FloatArray) -> dict[str, Consequence]:
-        """Return errors about the posterior mean, both axes together; and without correction."""
-        angles = parameters[:, 3:5]
-        error = np.hypot(*(angles - angles.mean(axis=0)).T)
-        uncorrected = self.altitude * np.hypot(*angles.T)
-        return {
-            "pointing error": Consequence(error * ARCSEC_PER_RADIAN, "arcsec"),
-            "position error": Consequence(self.altitude * error, "m"),
-            "position error uncorrected": Consequence(uncorrected, "m"),
-        }
+    The altitude is in metres. Both axes count together.
+    """
+    angles = parameters[:, 3:5]
+    error = np.hypot(*(angles - angles.mean(axis=0)).T)
+    uncorrected = altitude * np.hypot(*angles.T)
+    return {
+        "pointing error": Consequence(error * ARCSEC_PER_RADIAN, "arcsec"),
+        "position error": Consequence(altitude * error, "m"),
+        "position error uncorrected": Consequence(uncorrected, "m"),
+    }
 
 
 def _truth(inputs: Inputs, drifts: bool = False) -> dict[str, float]:
@@ -89,7 +86,7 @@ def _misalignment(inputs: Inputs, drifts: bool = False) -> Model:
         design,
         models.SpotStatistics.of(groups, (False, drifts)),
         drifts=drifts,
-        derived=_OnTheGround(satellite.altitude(inputs)),
+        derived=partial(_on_the_ground, altitude=satellite.altitude(inputs)),
     )
 
 
@@ -150,14 +147,10 @@ def _priors(model: Model, images: list[FloatArray]) -> dict[str, Prior]:
         1e3 * residual,
         "no scale preferred: a millionth to a thousand times the residual of least squares",
     )
-    priors: dict[str, Prior] = {"noise": noise, "mount": mount}
-    priors |= {"angle": across, "drift": across}
-    rolls = {"angle-z": roll, "drift-z": roll}
-    return {
-        name: rolls.get(name, priors[kind])
-        for name in model.names
-        if (kind := name.partition("-")[0]) in priors
-    }
+    priors: dict[str, Prior] = {"noise": noise}
+    for axis, turn in zip(models.AXES, (across, across, roll), strict=True):
+        priors |= {f"mount-{axis}": mount, f"angle-{axis}": turn, f"drift-{axis}": turn}
+    return {name: priors[name] for name in model.names if name in priors}
 
 
 def _file(drifts: bool) -> File:

@@ -20,7 +20,7 @@ from reproduce.physics.registration._similarity import (
 )
 from reproduce.physics.registration.fit import fit_registration
 from reproduce.physics.registration.transforms import Registration
-from reproduce.physics.validate import FloatArray, size
+from reproduce.physics.validate import FloatArray, positive
 
 # Common stars that identify a transform, at least: three agree too often by chance.
 _MIN_COMMON = 4
@@ -85,7 +85,7 @@ def match_points(
     >>> bool((rows.sum(axis=1) == 39).all()), transform.apply([[100.0, 0]]).round(6)
     (True, array([[104.,   4.]]))
     """
-    radius = size("radius", radius)
+    radius = float(positive("radius", radius))
     found: Iterable[tuple[IntArray, float]] = _candidates(source, target, radius)
     if start is not None:
         found = [(neighbours(start.apply(source), target, radius), 0.0)]
