@@ -105,7 +105,7 @@ def test_posterior_and_fit_agree(case):
     found = rp.posterior("registration", data, steps=280, walkers=80, **settings)
     fit = result.fit
     warnings = (one.text for one in result.findings if one.kind != "sensitive")
-    assert found.remarks == tuple(warnings)
+    assert [*found.remarks] == [*warnings]
     freedom = float(fit.degrees_of_freedom)
     # With an unknown noise the posterior is a Student-t, which is wider.
     wider = 1.0 if fit.errors_known else np.sqrt(freedom / (freedom - 2))

@@ -1,7 +1,7 @@
 """Draws of a posterior, their summaries and groups of ArviZ, and warnings.
 
-The warnings are predictive checks, draws that pile up at a bound of a prior, and priors that the
-data contradict. A predictive check compares a number of the data with data
+The warnings are predictive checks, draws that pile up at a bound of a prior, priors that the data
+contradict, and two modes of a parameter. A predictive check compares a number of the data with data
 that are simulated with parameters from the posterior.
 """
 
@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from reproduce.inference import diagnostics
 from reproduce.inference.diagnostics import Summary
 from reproduce.inference.model import LogUniform, Model, Uniform
+from reproduce.inference.modes import Modes, two_modes
 from reproduce.physics.validate import FloatArray
 
 _Simulate = Callable[[FloatArray, Generator], Any]
@@ -76,6 +77,13 @@ class PosteriorSamples:
             diagnostics.summarised(one.name, one.unit, self.chain[..., i], one.shown)
             for i, one in enumerate(self.model.parameters)
         ]
+
+    @cached_property
+    def modes(self) -> dict[str, Modes]:
+        """Two modes of each parameter that has two, in the displayed unit."""
+        columns = (self.draws * self.model.shown).T
+        found = zip(self.model.names, map(two_modes, columns), strict=True)
+        return {name: modes for name, modes in found if modes}
 
     def summaries(self) -> list[Summary]:
         """Return the summaries of parameters, then of consequences."""

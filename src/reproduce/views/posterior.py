@@ -41,7 +41,7 @@ from reproduce.store.points import STARS, DataTable, is_table, matched_stars, re
 from reproduce.version import __version__
 from reproduce.views import computed
 from reproduce.views.base import ResultView, text_of
-from reproduce.views.blocks import Block, Blocks, Fold, Grid, Html, rendered
+from reproduce.views.blocks import Block, Blocks, Fold, Grid, Html
 from reproduce.views.export import cite_related, export_frame
 from reproduce.views.figure import figure_block
 from reproduce.views.intervals import FloatArray, correlated_pair, draw_intervals
@@ -222,8 +222,16 @@ class Posterior(ResultView):
     def data_text(self) -> str:
         """Data in one line."""
         data = self.data_record
-        is_mean = "pivot" in data.keys() - self._arguments.keys()
-        return str(rendered("posterior-data.txt", data=data, is_mean=is_mean))
+        if data["kind"] != "file":
+            simulated = "simulated by us with printed settings of"
+            text = simulated if self.declared.simulated else "as printed in"
+            return f"{text} {self.declared.paper}"
+        text = f"of {Path(data['file']).name}, {data['rows']} rows"
+        if "pivot" in data:
+            x, y = data["pivot"]
+            text += f", pivot ({x:.6g}, {y:.6g}) px"
+            text += ", the mean of the stars" * ("pivot" not in self._arguments)
+        return text
 
     @cached_property
     def checks(self) -> list[inference.PredictiveCheck]:
@@ -403,23 +411,25 @@ class Posterior(ResultView):
             exact = dict(zip(model.names, found.T, strict=True))
         draws = {key: values[key] for key in names}
         pair, correlation = correlated_pair(draws)
-        tails = (np.mean(draws[key] < marks[key]) for key in names if key in marks)
-        caption = rendered(
-            "posterior-intervals.txt",
-            posterior=self,
-            kind=kind,
-            inside=[0.025 <= tail <= 0.975 for tail in tails],
-            exact=exact.keys() & draws,
-            pair=pair,
-            correlation=minus(f"{correlation:.2f}"),
-        )
+        tails = [np.mean(draws[key] < marks[key]) for key in names if key in marks]
+        inside = sum(0.025 <= tail <= 0.975 for tail in tails)
+        sentences = [
+            f"Posterior {self.name}, data {self.data_text}.",
+            "Dots: medians; thick and thin lines: central 50 % and 95 %; shaded: density.",
+            f"Dashed: {kind}." * bool(tails),
+            f"The 95 % intervals contain {inside} of {len(tails)} true values."
+            * bool(tails and self.truth),
+            "Below, in green: the closed form." * bool(exact.keys() & draws),
+            f"Panel: draws of {' and '.join(pair)}, with a correlation of "
+            f"{minus(f'{correlation:.2f}')}." * bool(pair),
+        ]
         return figure_block(
             f"figure-posterior-{model.name}" + "-own" * (not self._in_book),
             partial(
                 draw_intervals, draws=draws, labels=labels, marks=marks, exact=exact
             ),
             f"Medians and intervals of {', '.join(names)} in the posterior {self.name}.",
-            str(caption),
+            " ".join(filter(None, sentences)),
         )
 
     def save(self, path: str | Path) -> Path:
@@ -499,6 +509,7 @@ class Posterior(ResultView):
             "acceptance": samples.acceptance.tolist(),
             "parameters": [asdict(row) for row in samples.summaries()],
             "priors": priors.to_dict("records"),
+            "modes": {name: one._asdict() for name, one in samples.modes.items()},
             "checks": [asdict(check) for check in self.checks],
             "warnings": self.findings,
             "data": self.data_record,
@@ -526,8 +537,14 @@ class Posterior(ResultView):
 
     @property
     def findings(self) -> list[str]:
-        """Warnings: priors, stars that a robust fit drops, predictive checks, the data."""
-        found = [*prior_warnings(self.sampled), self._dropped]
+        """Warnings: priors, modes, stars that a robust fit drops, predictive checks, the data."""
+        modes = (
+            f"{name} has two modes: {100 * one.below:.0f} % of the draws near {one.low:.3g}, "
+            f"{100 * one.above:.0f} % near {one.high:.3g} (in {self.priors['unit'][name]}). Its "
+            "mean is in neither mode"
+            for name, one in self.sampled.modes.items()
+        )
+        found = [*prior_warnings(self.sampled), *modes, self._dropped]
         return [one for one in (*found, misfit(self.checks), *self.remarks) if one]
 
     @property
@@ -545,8 +562,14 @@ class Posterior(ResultView):
 
     @property
     def _convergence(self) -> str:
-        texts = {"samples": self.sampled, "summary": self.frame()}
-        return str(rendered("posterior-chains.txt", **texts))
+        samples, frame = self.sampled, self.frame()
+        ensembles, steps, walkers = samples.chain.shape[:3]
+        return (
+            f"{ensembles} ensembles of {walkers} walkers, {steps} steps each, seed {samples.seed}; "
+            f"acceptance {min(samples.acceptance):.2f} to {max(samples.acceptance):.2f}, R-hat up "
+            f"to {frame['rhat'].max():.3f}, effective sample sizes from "
+            f"{frame[['bulk', 'tail']].to_numpy().min():.0f}; frame() lists them."
+        )
 
 
 _NETCDF_PACKAGES = ("arviz_base", "h5netcdf")
