@@ -66,6 +66,11 @@ def plot_band(
     band.set(linewidth=0.6, linestyle=line)
 
 
+def central_range(results: Iterable[Result]) -> FloatArray:
+    """Return low end, median and high end of the central 99 % of n predictions, (3, n)."""
+    return np.quantile([*results], _CENTRAL, axis=-1)
+
+
 def plot_range(
     axes: Axes,
     y: ArrayLike,
@@ -75,7 +80,7 @@ def plot_range(
     unit: float = 1.0,
 ) -> FloatArray:
     """Draw medians and central 99 % of n predictions along x; return them, shape (3, n)."""
-    ends = np.quantile([*results], _CENTRAL, axis=-1) / unit
+    ends = central_range(results) / unit
     sides = np.abs(ends[::2] - ends[1])
     axes.errorbar(ends[1], y, xerr=sides, fmt=look, capsize=4, lw=2.5, label=label)
     return ends

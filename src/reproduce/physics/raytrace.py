@@ -21,7 +21,6 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from reproduce.physics import validate
 from reproduce.physics.attitude import (
     cross_matrix,
     emitted_directions,
@@ -29,7 +28,16 @@ from reproduce.physics.attitude import (
     rotation_from_vector,
     unit,
 )
-from reproduce.physics.validate import Direction, Directions, FloatArray, Number
+from reproduce.physics.validate import (
+    DegenerateGeometryError,
+    Direction,
+    Directions,
+    FloatArray,
+    Number,
+    checked,
+    finite_array,
+    valid,
+)
 
 _Train = Annotated[Any, (3, 3)]
 # Three mutually perpendicular mirrors evenly around Z, and two with their edge along Y.
@@ -44,7 +52,7 @@ _CONE_TIP = np.array([0.5, 0.0, 1.0])
 _CONE_FORM = np.array([1.0, 1.0, -1.0])
 
 
-@validate.checked
+@checked
 def reflection(normal: Direction) -> FloatArray:
     """Return the matrix of a plane mirror.
 
@@ -67,7 +75,7 @@ def reflection(normal: Direction) -> FloatArray:
     return np.eye(3) - 2.0 * across[..., None] * across[..., None, :]
 
 
-@validate.checked
+@checked
 def mirror_train(normals: Directions) -> FloatArray:
     """Return the matrix of several plane mirrors, one after the other.
 
@@ -92,7 +100,7 @@ def mirror_train(normals: Directions) -> FloatArray:
     return reduce(np.matmul, mirrors[::-1])
 
 
-@validate.checked
+@checked
 def turn_response(train: _Train, direction: Direction) -> FloatArray:
     """Return the derivative of outgoing light by rotations of a train of mirrors.
 
@@ -120,7 +128,7 @@ def turn_response(train: _Train, direction: Direction) -> FloatArray:
     return train @ cross_matrix(coming) - cross_matrix(going)
 
 
-@validate.checked
+@checked
 def fold_mirror_tilt(boresight_angle: Number) -> FloatArray:
     """Return the tilt of a mirror that reflects retro-reflected light into another instrument.
 
@@ -146,12 +154,10 @@ def fold_mirror_tilt(boresight_angle: Number) -> FloatArray:
     >>> float(fold_mirror_tilt(np.pi))
     0.0
     """
-    if ((boresight_angle <= 0) | (boresight_angle > np.pi)).any():
-        raise ValueError(
-            f"boresight_angle: expected above 0 and at most pi, got {boresight_angle.min():g} to "
-            f"{boresight_angle.max():g} rad. Convert degrees to radians"
-        )
-    return np.asarray(np.pi / 2 - boresight_angle / 2)
+    inside = (boresight_angle > 0) & (boresight_angle <= np.pi)
+    expected = "angles above 0 and at most pi, in radians"
+    valid("boresight_angle", boresight_angle, inside, expected)
+    return np.pi / 2 - boresight_angle / 2
 
 
 def reflected_by_cone(points: FloatArray, directions: FloatArray) -> FloatArray:
@@ -196,7 +202,7 @@ def reflected_by_cone(points: FloatArray, directions: FloatArray) -> FloatArray:
         hits = ahead & (points[..., 2] + lengths * directions[..., 2] < 0)
         length = np.where(hits, lengths, np.inf).min(axis=0)
         if np.isinf(length).any():
-            raise validate.DegenerateGeometryError(
+            raise DegenerateGeometryError(
                 "points: expected rays with two reflections, got a ray that misses the cone. "
                 "Move the tip of the cone away from the axis of the beam"
             )
@@ -270,7 +276,7 @@ class LightPath:
         """
         camera = rotation_from_vector(self.camera_turn)
         light = emitted_directions(lasers, self.camera_focal_length) @ camera.T
-        holes = validate.finite_array("aperture", aperture, shape=(None, 2))
+        holes = finite_array("aperture", aperture, shape=(None, 2))
         lens = np.insert(holes, 2, 0.0, axis=-1) @ camera.T
         # In the frame of the retro-reflector: rows times R are the columns R' x.
         turn = rotation_from_vector(self.turn)

@@ -119,41 +119,48 @@ def finite_array(name: str, value: ArrayLike, *, shape: _Shape = ()) -> FloatArr
     array([[1., 2.]])
     """
     array = number_array(name, value, shape=shape)
-    return _valid(name, array, np.isfinite(array), "finite numbers")
+    return valid(name, array, np.isfinite(array), "finite numbers")
 
 
 def positive(name: str, value: ArrayLike, *, shape: _Shape = ()) -> FloatArray:
     """Return `value` as `finite_array` does; raise ValueError for zero and negative values."""
     array = finite_array(name, value, shape=shape)
-    return _valid(name, array, array > 0, "values above zero")
+    return valid(name, array, array > 0, "values above zero")
 
 
 def non_negative(name: str, value: ArrayLike, *, shape: _Shape = ()) -> FloatArray:
     """Return `value` as `finite_array` does; raise ValueError for negative values."""
     array = finite_array(name, value, shape=shape)
-    return _valid(name, array, array >= 0, "zero or more")
+    return valid(name, array, array >= 0, "zero or more")
 
 
-def _valid(name: str, array: FloatArray, valid: Any, expected: str) -> FloatArray:
-    """Return an array; raise ValueError with the first value that is not valid."""
-    if not valid.all():
-        first = tuple(np.argwhere(~valid)[0].tolist())
-        place = f" at index {first}" if first else ""
+def valid(name: str, value: ArrayLike, inside: Any, expected: str) -> FloatArray:
+    """Return numbers as an array; raise ValueError with the first number that is not `inside`."""
+    array, mask = np.asarray(value), np.asarray(inside)
+    if not mask.all():
+        first = tuple(np.argwhere(~mask)[0].tolist())
+        place, row = (
+            (f" at index {first}", ", or remove the row") if first else ("", "")
+        )
         raise ValueError(
-            f"{name}: expected {expected}, got {array[first]:g}{place}. Check its sign and its "
-            "unit, or remove the row"
+            f"{name}: expected {expected}, got {array[first]:g}{place}. Correct the number, its "
+            f"sign and its unit{row}"
         )
     return array
 
 
-def _size(name: str, value: ArrayLike, *, shape: _Shape = ()) -> float:
-    """Return one number above zero as a float."""
-    array = positive(name, value)
-    if array.ndim:
-        raise ValueError(
-            f"{name}: expected one number, got shape {array.shape}. Give a scalar"
-        )
-    return float(array)
+def _single(check: Callable[..., FloatArray]) -> Callable[..., float]:
+    """Return a check of one number, which returns a float."""
+
+    def checked_number(name: str, value: ArrayLike, *, shape: _Shape = ()) -> float:
+        array = check(name, value)
+        if array.ndim:
+            raise ValueError(
+                f"{name}: expected one number, got shape {array.shape}. Give a scalar"
+            )
+        return float(array)
+
+    return checked_number
 
 
 def rotations(name: str, matrices: ArrayLike, *, shape: _Shape = (3, 3)) -> FloatArray:
@@ -177,7 +184,8 @@ def rotations(name: str, matrices: ArrayLike, *, shape: _Shape = (3, 3)) -> Floa
 Number = Annotated[Any, ()]
 Positive = Annotated[Any, (), positive]
 NonNegative = Annotated[Any, (), non_negative]
-Size = Annotated[Any, (), _size]
+Size = Annotated[Any, (), _single(positive)]
+Amount = Annotated[Any, (), _single(non_negative)]
 Sides = Annotated[Any, (2,), positive]
 Point = Annotated[Any, (2,)]
 Points = Annotated[Any, ("n", 2)]
@@ -249,10 +257,8 @@ def weights_for(weights: ArrayLike | None, count: int) -> FloatArray:
     if weights is None:
         return np.ones(count)
     array = non_negative("weights", weights, shape=(count,))
-    if not array.any(axis=-1).all():
-        raise ValueError(
-            "weights: expected at least one above zero, got all zero. Remove the set"
-        )
+    largest = array.max(axis=-1)
+    valid("weights", largest, largest > 0, "at least one above zero")
     return array
 
 
@@ -262,9 +268,7 @@ def whole_number(name: str, value: int, *, least: int = 1) -> int:
         raise TypeError(
             f"{name}: expected a whole number, got {value!r}. Give an integer"
         )
-    if value < least:
-        raise ValueError(f"{name}: expected {least} or more, got {value}. Increase it")
-    return int(value)
+    return int(valid(name, value, value >= least, f"{least} or more"))
 
 
 def common_batch(**batches: tuple[int, ...]) -> tuple[int, ...]:

@@ -13,7 +13,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.random import SeedSequence, default_rng
 
-from reproduce.papers.charts import legend_below, set_log_ticks, two_panels
+from reproduce.papers.charts import (
+    central_range,
+    legend_below,
+    set_log_ticks,
+    two_panels,
+)
 from reproduce.papers.chen2023 import platform
 from reproduce.papers.declare import (
     Results,
@@ -152,8 +157,8 @@ def _draw(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     panels = two_panels(figure, 3.8, 5.8, "printed over predicted (ratio)")
     for axes, (matrix, title) in zip(panels, _MATRICES.items(), strict=True):
         for axis, look, shift in (("x", "C0o", 0.92), ("y", "C1s", 1.08)):
-            replicates = [predicted[f"{row}.{matrix}-{axis}"] for row in _rows(inputs)]
-            low, median, high = np.quantile(replicates, [0.005, 0.5, 0.995], axis=1)
+            cells = (predicted[f"{row}.{matrix}-{axis}"] for row in _rows(inputs))
+            low, median, high = central_range(cells)
             values = printed.array(f"chen2023/table-4#*.{matrix}-{axis}")
             label, x = axis.upper(), counts * shift
             ends = 1 - low / median, high / median - 1

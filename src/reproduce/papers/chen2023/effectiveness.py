@@ -59,8 +59,13 @@ _MEASURED = (
 )
 
 
+def positions(inputs: Inputs) -> FloatArray:
+    """Return the positions of the stage along X and Y in all states, shape (5, 2), in metres."""
+    return inputs.array("chen2023/table-5#*.position-?").reshape(-1, 2)
+
+
 def _printed(inputs: Inputs, name: str) -> FloatArray:
-    """Return printed angles about Y and X in the states with a motion, shape (4, 2)."""
+    """Return printed motions, or angles about Y and X, in the moved states, shape (4, 2)."""
     return inputs.array(f"chen2023/table-5#[2-5].{name}-?").reshape(-1, 2)
 
 
@@ -70,9 +75,9 @@ def _motions(inputs: Inputs, columns: str = "") -> FloatArray:
     One printed motion has a typographical error, which the differences do not have.
     """
     if columns == "printed":
-        return inputs.array("chen2023/table-5#[2-5].motion-?").reshape(-1, 2)
-    positions = inputs.array("chen2023/table-5#*.position-?").reshape(-1, 2)
-    return positions[1:] - positions[0]
+        return _printed(inputs, "motion")
+    first, *moved = positions(inputs)
+    return moved - first
 
 
 def _travel(inputs: Inputs, axis: str) -> float:

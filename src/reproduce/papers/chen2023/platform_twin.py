@@ -30,7 +30,22 @@ from scipy.spatial.transform import Rotation
 from reproduce.papers.charts import legend_below, set_size, two_panels
 from reproduce.papers.chen2023 import accuracy, effectiveness, platform, resolution
 from reproduce.papers.declare import draws, seed_of
-from reproduce.physics import attitude, images
+from reproduce.physics.attitude import (
+    Platform,
+    mean_rotation,
+    misalignment_angles,
+    moving_average,
+    received_spots,
+    rotation_from_vector,
+    stage_angle,
+)
+from reproduce.physics.images import (
+    Detector,
+    centre_of_gravity,
+    expose,
+    spot_windows,
+    window_corners,
+)
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.inputs import Inputs
 from reproduce.store.measured import bright_stars
@@ -83,7 +98,7 @@ class _SimulatedBench:
         Width of the window around a spot, in px.
     """
 
-    design: attitude.Platform
+    design: Platform
     spots: FloatArray
     flux: FloatArray
     radius: float
@@ -93,21 +108,21 @@ class _SimulatedBench:
         """Return the spots after a rotation of the camera by angles of shape (..., 3)."""
         zero = self.design.transform(self.spots)
         # (6): back to the camera of the zero point, then by the present transform.
-        now = zero @ attitude.rotation_from_vector(angles)
+        now = zero @ rotation_from_vector(angles)
         moved = self.design.seen(self.spots) @ zero @ now.mT
-        return attitude.received_spots(moved, *self.design.tracker)
+        return received_spots(moved, *self.design.tracker)
 
     def centroids(
         self, spots: FloatArray, flux: ArrayLike, frames: int, generator: Generator
     ) -> FloatArray:
         """Return the centres of gravity in simulated frames, (..., frames, 4, 2), in px."""
-        centres = spots[..., np.newaxis, :, :]
-        corners = images.window_corners(centres, self.window)
-        mean = images.spot_windows(centres, flux, self.radius, corners, self.window)
+        centres = spots[..., None, :, :]
+        corners = window_corners(centres, self.window)
+        mean = spot_windows(centres, flux, self.radius, corners, self.window)
         shape = (*mean.shape[:-4], frames, *mean.shape[-3:])
-        seen = images.expose(np.broadcast_to(mean, shape), images.Detector(), generator)
-        corners = np.broadcast_to(corners, (*shape[:-2], 2))
-        return images.centre_of_gravity(seen, corners)
+        seen = expose(np.broadcast_to(mean, shape), Detector(), generator)
+
+        return centre_of_gravity(seen, corners)
 
     def two_groups(self, frames: int, generator: Generator) -> _Series:
         """Return two groups of frames and their solution, as in the accuracy test."""
@@ -115,8 +130,8 @@ class _SimulatedBench:
             [self.centroids(self.spots, flux, frames, generator) for flux in self.flux]
         )
         single = self.design.transform(spots[0])
-        zero = attitude.mean_rotation(single)
-        errors = attitude.misalignment_angles(single.mT @ zero)
+        zero = mean_rotation(single)
+        errors = misalignment_angles(single.mT @ zero)
         return _Series(spots, errors, self.design.misalignment(spots[1], zero))
 
 
@@ -153,7 +168,7 @@ def _draw_frame(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     pointing = Rotation.from_euler("ZXZ", angles, degrees=True)
     rays = pointing.inv().apply(stars.directions)
     seen = (rays[:, 2] > 0.9) & (stars.magnitude <= _FAINTEST_MAGNITUDE)
-    spots = attitude.received_spots(rays[seen], *platform.as_designed(inputs).tracker)
+    spots = received_spots(rays[seen], *platform.as_designed(inputs).tracker)
     sizes = 5 * 1.7 ** (_FAINTEST_MAGNITUDE - stars.magnitude[seen])
     set_size(figure, 6.0, 6.0, 4.2)
     axes = figure.add_subplot()
@@ -183,19 +198,19 @@ def _stage_test(
     monitored by the mean of up to 100 frames before, each (frames, 2), in radians.
     """
     twin, frames = bench(inputs), inputs.count(effectiveness.FRAMES)
-    positions = inputs.array(_POSITIONS).reshape(-1, 2)
+    positions = effectiveness.positions(inputs)
     # A motion along one axis rotates the camera about the other; the printed signs are kept.
     motions = (positions - positions[0])[:, ::-1]
     length = effectiveness.telescope_length(inputs, "motions", telescope)
-    angles = attitude.stage_angle(motions, length)
+    angles = stage_angle(motions, length)
     spots = twin.rotated(np.insert(angles, 2, 0.0, axis=1))
     generator = default_rng(seed_of("chen2023/fig-10b", inputs.root))
     centroids = twin.centroids(spots, twin.flux[1], frames, generator)
-    zero = attitude.mean_rotation(twin.design.transform(centroids[0]))
+    zero = mean_rotation(twin.design.transform(centroids[0]))
     single = twin.design.misalignment(centroids, zero).reshape(-1, 3)[:, :2]
     count = inputs.count(accuracy.SMOOTHED)
     start = np.cumsum(single[: count - 1], axis=0) / np.arange(1, count)[:, None]
-    monitored = np.concatenate([start, attitude.moving_average(single.T, count).T])
+    monitored = np.concatenate([start, moving_average(single.T, count).T])
     times = np.arange(len(single), dtype=np.float64) * accuracy.time_per_frame(inputs)
     return times, np.repeat(angles, frames, axis=0), monitored
 
@@ -207,29 +222,24 @@ def _draw_spots(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
 
     twin, generator = bench(inputs), default_rng(seed_of("chen2023/fig-7", inputs.root))
     corners, inner = (
-        images.window_corners(twin.spots, size) for size in (_SHOWN_PX, twin.window)
+        window_corners(twin.spots, size) for size in (_SHOWN_PX, twin.window)
     )
-    mean = images.spot_windows(
-        twin.spots, twin.flux[0], twin.radius, corners, _SHOWN_PX
-    )
-    seen = images.expose(mean, images.Detector(), generator)
+    mean = spot_windows(twin.spots, twin.flux[0], twin.radius, corners, _SHOWN_PX)
+    seen = expose(mean, Detector(), generator)
     set_size(figure, 5.6, 4.8, 3.6)
     figure.set_layout_engine("compressed")
     panels = figure.subplots(2, 2)
-    for number, (axes, centre) in enumerate(
-        zip(panels.flat, platform.printed_spots(printed), strict=True)
-    ):
-        (left, top), start = corners[number] - 0.5, inner[number] - 0.5
+    spots = platform.printed_spots(printed)
+    shown = zip(panels.flat, spots, corners - 0.5, inner - 0.5, seen, strict=True)
+    for number, (axes, centre, (left, top), start, flux) in enumerate(shown, start=1):
         extent = (left, left + _SHOWN_PX, top + _SHOWN_PX, top)
-        image = axes.imshow(
-            seen[number], "gray", extent=extent, vmin=0.0, vmax=seen.max()
-        )
+        image = axes.imshow(flux, "gray", extent=extent, vmin=0.0, vmax=seen.max())
         window = Rectangle(start, twin.window, twin.window, fill=False, ec="C5")
         axes.add_patch(window).set_label("window of the centroid")
         axes.plot(*centre, "C1+", markersize=14, mew=2, label="printed centroid")
         axes.grid(visible=False)
         axes.set_xticks(left + np.array([0.5, 4.5, 8.5]))
-        axes.set(title=f"spot {number + 1}", xlabel="x (px)", ylabel="y (px)")
+        axes.set(title=f"spot {number}", xlabel="x (px)", ylabel="y (px)")
     figure.colorbar(image, ax=panels, label="electrons per frame")
     legend_below(figure, 2)
 
@@ -269,7 +279,7 @@ def _draw_series(
     for axes, axis, series, limit in columns:
         series = series * ARCSEC_PER_RADIAN
         axes.plot(frames, series, lw=0.6, label="single frame")
-        means = attitude.moving_average(series, count)
+        means = moving_average(series, count)
         axes.plot(frames[count - 1 :], means, "k", lw=2.5, label=f"mean of {count}")
         for side, name in ((-1, "_"), (1, "printed, 3σ")):
             edge = series.mean() + side * limit * ARCSEC_PER_RADIAN
@@ -282,7 +292,7 @@ def _draw_series(
 @draws("chen2023/fig-10a", marks=[_POSITIONS])
 def _draw_pattern(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     """Draw the motion pattern of the stage with its five states."""
-    positions = printed.array(_POSITIONS).reshape(-1, 2) * 1e6
+    positions = effectiveness.positions(printed) * 1e6
     axes = figure.add_subplot()
     axes.plot(*positions.T, "--", linewidth=1)
     axes.plot(*positions.T, "C1^", markersize=8)

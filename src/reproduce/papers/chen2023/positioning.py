@@ -11,8 +11,14 @@ import numpy as np
 
 from reproduce.papers.chen2023 import accuracy, platform, satellite
 from reproduce.papers.declare import Results, Rows, by_cell, reproduces, studied
-from reproduce.physics import ground
 from reproduce.physics.attitude import rotation_from_vector
+from reproduce.physics.ground import (
+    circular_error,
+    earth_fixed,
+    ground_covariance,
+    ground_jacobian,
+    satellite_from_inertial,
+)
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.inputs import Inputs
 from reproduce.units import RADIANS_PER_ARCSEC
@@ -69,9 +75,9 @@ def _look(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return image vector, position and rotation of the satellite at a middle latitude."""
     height, focal = satellite.altitude(inputs), inputs[satellite.CAMERA[0]]
-    position = ground.earth_fixed([0.5, 0.8, height])
+    position = earth_fixed([0.5, 0.8, height])
     flight = np.cross(np.cross(position, [0.0, 0.0, 1.0]), position)
-    down = ground.satellite_from_inertial(position, flight).T
+    down = satellite_from_inertial(position, flight).T
     chain = down @ rotation_from_vector([np.radians(tilt), 0.0, 0.0])
     return np.array([[off / height * focal, 0.0, -focal]]), position, chain
 
@@ -82,9 +88,9 @@ def _covariances(inputs: Inputs) -> dict[str, FloatArray]:
     The last two are the covariances of all terms, with one frame and with the average of many.
     """
     looks = zip(*(_look(inputs, *look) for look in LOOKS), strict=True)
-    jacobian = ground.ground_jacobian(*map(np.stack, looks))
+    jacobian = ground_jacobian(*map(np.stack, looks))
     covariances = {
-        name: ground.ground_covariance(
+        name: ground_covariance(
             jacobian.position, getattr(jacobian, f"by_{kind}"), np.diag(sigma**2)
         )[:, 0]
         for name, (kind, sigma) in _terms(inputs).items()
@@ -110,4 +116,4 @@ def _budget(inputs: Inputs) -> Rows:
             kind, sigma = terms[name]
             scale, unit = _UNITS[kind]
             size = sigma.max() / scale
-        yield (name, size, unit, *ground.circular_error(covariances))
+        yield (name, size, unit, *circular_error(covariances))

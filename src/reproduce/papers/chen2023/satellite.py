@@ -57,7 +57,8 @@ _ROUNDING_FACTOR = 1e-9
 
 def altitude(inputs: Inputs) -> float:
     """Return the altitude that the panchromatic line of Table I implies, in metres."""
-    return float(ground.altitude_for_resolution(*map(inputs.__getitem__, CAMERA)))
+    focal, pixel, resolution = map(inputs.__getitem__, CAMERA)
+    return resolution / float(ground.ground_resolution(focal, pixel, 1.0))
 
 
 @reproduces(

@@ -27,7 +27,16 @@ from reproduce.papers.charts import set_size
 from reproduce.papers.declare import Rows, draws, studied
 from reproduce.papers.niu2024 import experiment
 from reproduce.papers.niu2024.simulation import CHANNELS, Instrument
-from reproduce.physics import images
+from reproduce.physics.images import (
+    Detector,
+    blackbody_band,
+    electrons,
+    expose,
+    fitted_centre,
+    spot_windows,
+    tabulated_star,
+    window_corners,
+)
 from reproduce.physics.optics import detector_centre
 from reproduce.physics.registration import (
     Registration,
@@ -52,7 +61,7 @@ INPUTS = (
 APERTURE, TRANSMISSION, RADIUS = 12.5e-3, 0.8, 0.8
 _WINDOW_PIXELS = 9
 # The detector of every channel: a 12-bit sensor of small pixels.
-SENSOR = images.Detector(
+SENSOR = Detector(
     quantum_efficiency=0.6,
     gain=4095 / 10_500,
     dark_signal=1.0,
@@ -106,9 +115,9 @@ def photons_from(inputs: Inputs, star: str, magnitude: float) -> FloatArray:
     bands = [inputs.array(f"niu2024/text-optics#band-{name}-*") for name in CHANNELS]
     if isinstance(spectrum := STARS[star], str):
         table = spectra()[spectrum]
-        photons = [images.tabulated_star(magnitude, *table, *band) for band in bands]
+        photons = [tabulated_star(magnitude, *table, *band) for band in bands]
     else:
-        photons = [images.blackbody_band(magnitude, spectrum, *band) for band in bands]
+        photons = [blackbody_band(magnitude, spectrum, *band) for band in bands]
     # Square metres and seconds of an exposure.
     collected = np.pi / 4 * APERTURE**2 * TRANSMISSION
     return collected * inputs["niu2024/text-experiment#exposure"] * np.stack(photons)
@@ -150,13 +159,19 @@ def compare_images(
     bench, half = _instrument(inputs), experiment.half_field(inputs)
     green = bench.cameras[0]
     pitch = green.pixel_pitch / green.focal_length
+    noise = SENSOR.noise_electrons() * np.sqrt([1, 3, 3])
     errors, signals = [], []
     for _ in range(PHASES):
         angles = place * half + pitch * generator.uniform(-1, 1, 2)
         spots = bench.imaged(angles[None])[:, 0]
         windows, corner = _exposures(spots, photons, trials, generator)
         fused = _combinations(windows, corner, transforms or similarities(inputs))
-        errors.append(_centres(fused, corner) - spots[0])
+        first = corner + _MARGIN_PIXELS
+        centres = [
+            fitted_centre(image, first, RADIUS, read_noise=sigma)
+            for image, sigma in zip(fused, noise, strict=True)
+        ]
+        errors.append(np.array(centres) - spots[0])
         signals.append([_signal_to_noise(image) for image in fused])
     misses = np.concatenate(errors, axis=1)  # image, trial, axis
     return (
@@ -174,20 +189,18 @@ def _exposures(
     In electrons, shape (3, trials, size, size).
     """
     size = _WINDOW_PIXELS + 2 * _MARGIN_PIXELS
-    corner = images.window_corners(spots[0], size).astype(np.float64)
-    corners = np.broadcast_to(corner, (3, 2))
-    clean = images.spot_windows(spots, photons, RADIUS, corners, size)
+    corner = window_corners(spots[0], size).astype(np.float64)
+    clean = spot_windows(spots, photons, RADIUS, corner, size)
     repeated = np.broadcast_to(clean[:, None], (3, trials, size, size))
-    return images.electrons(images.expose(repeated, SENSOR, generator), SENSOR), corner
+    return electrons(expose(repeated, SENSOR, generator), SENSOR), corner
 
 
 def _combinations(
     windows: FloatArray, corner: FloatArray, transforms: Sequence[Registration]
 ) -> list[FloatArray]:
     """Return the images of `KINDS` in the middle of the windows, (trials, window, window)."""
-    x, y = corner.astype(int).tolist()
     moved = [
-        [registered_image(window, transform, corner=(x, y)) for window in layer]
+        [registered_image(window, transform, corner=corner) for window in layer]
         for layer, transform in zip(windows[1:], transforms, strict=True)
     ]
     fused = windows[0], windows.sum(axis=0), windows[0] + np.sum(moved, axis=0)
@@ -201,18 +214,6 @@ def _signal_to_noise(image: FloatArray) -> float:
     y, x = np.unravel_index(inner.argmax(), inner.shape)
     sums = image[:, y : y + _SUMMED_PIXELS, x : x + _SUMMED_PIXELS].sum(axis=(-2, -1))
     return sums.mean() / sums.std(ddof=1)
-
-
-def _centres(fused: list[FloatArray], corner: FloatArray) -> FloatArray:
-    """Return the centres by image, shape (3, trials, 2), in px."""
-    noise = SENSOR.noise_electrons() * np.sqrt([1, 3, 3])
-    first = corner + _MARGIN_PIXELS
-    return np.array(
-        [
-            images.fitted_centre(image, first, RADIUS, read_noise=sigma)
-            for image, sigma in zip(fused, noise, strict=True)
-        ]
-    )
 
 
 def _stored() -> studies.StoredStudy:

@@ -339,7 +339,7 @@ def stage_angle(shift: Number, focal_length: Positive) -> FloatArray:
     >>> float(stage_angle(1.0, 1.0)) / np.pi
     -0.25
     """
-    return np.asarray(-np.arctan2(shift, focal_length))
+    return -np.arctan2(shift, focal_length)
 
 
 @checked
@@ -360,7 +360,7 @@ def stage_angle_printed(shift: Number, focal_length: Positive) -> FloatArray:
     >>> round(float(stage_angle_printed(1e-6, 2.0)), 12)
     -2e-06
     """
-    return np.asarray(-np.tan(shift) * focal_length)
+    return -np.tan(shift) * focal_length
 
 
 @checked

@@ -14,8 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import gammaincinv
 
-from reproduce.physics import validate
-from reproduce.physics.validate import FloatArray, NonNegative, Positive
+from reproduce.physics.validate import (
+    FloatArray,
+    NonNegative,
+    Positive,
+    checked,
+    valid,
+    whole_number,
+)
 
 _Series = Annotated[Any, ("frames",)]
 _Angles = Annotated[Any, ("frames", None)]
@@ -26,7 +32,7 @@ _MIN_FRAMES = 2 * _MIN_AVERAGES
 _DRIFT_PARTS = 10
 
 
-@validate.checked
+@checked
 def moving_average(series: _Series, count: int) -> FloatArray:
     """Return the averages over every run of `count` consecutive frames.
 
@@ -55,7 +61,7 @@ def moving_average(series: _Series, count: int) -> FloatArray:
 
 
 def _check_counts(name: str, counts: Sequence[int], greatest: int) -> None:
-    numbers = [validate.whole_number(name, count) for count in counts]
+    numbers = [whole_number(name, count) for count in counts]
     if not 0 < max(numbers, default=0) <= greatest:
         raise ValueError(
             f"{name}: expected numbers of frames up to {greatest}, got {counts}. Average "
@@ -63,7 +69,7 @@ def _check_counts(name: str, counts: Sequence[int], greatest: int) -> None:
         )
 
 
-@validate.checked
+@checked
 def scatter_of_averages(series: _Series, counts: Sequence[int]) -> FloatArray:
     """Return the standard deviation of moving averages over n frames of a series, for each n.
 
@@ -97,7 +103,7 @@ def scatter_of_averages(series: _Series, counts: Sequence[int]) -> FloatArray:
     return np.stack([average.std(axis=-1, ddof=1) for average in averages], axis=-1)
 
 
-@validate.checked
+@checked
 def allan_deviation(series: _Series, counts: Sequence[int]) -> FloatArray:
     """Return the Allan deviation of averages over n frames of a series, for each n.
 
@@ -171,12 +177,12 @@ class Stability:
     @property
     def floor(self) -> FloatArray:
         """Smallest deviation of an average, shape (k,)."""
-        return np.asarray(self.deviations.min(axis=0))
+        return self.deviations.min(axis=0)
 
     @property
     def reached(self) -> NDArray[np.int64]:
         """Number of frames in the best average, shape (k,)."""
-        return np.asarray(self.counts[self.deviations.argmin(axis=0)])
+        return self.counts[self.deviations.argmin(axis=0)]
 
     @property
     def white(self) -> FloatArray:
@@ -195,7 +201,7 @@ class Stability:
         return self.floor * np.sqrt(half / gammaincinv(half, ends))
 
 
-@validate.checked
+@checked
 def stability(times: _Series, series: _Angles) -> Stability:
     """Return the drift of a series of angles, and the number of frames that an average needs.
 
@@ -222,17 +228,12 @@ def stability(times: _Series, series: _Angles) -> Stability:
     >>> drift.rate.round(9), drift.floor.round(9) + 0.0
     (array([3.]), array([0.]))
     """
-    if len(series) < _MIN_FRAMES:
-        raise ValueError(
-            f"series: expected {_MIN_FRAMES} frames or more, got {len(series)}. Add frames"
-        )
+    frames = len(series)
+    valid("series", frames, frames >= _MIN_FRAMES, f"{_MIN_FRAMES} frames or more")
     steps = np.diff(times)
     usual = np.median(steps)
-    if steps.min() <= 0 or steps.min() < usual / 2:
-        raise ValueError(
-            f"times: expected increasing, evenly spaced frames, got a step of {steps.min():.2g} "
-            f"and a median step of {usual:.2g}. Sort them and leave out frames in between"
-        )
+    even = (steps > 0) & (steps >= usual / 2)
+    valid("times", steps, even, "increasing, evenly spaced frames")
     when = times - times.mean()
     rate, level = np.polyfit(when, series, 1)
     left = series - level - when[:, None] * rate
@@ -252,7 +253,7 @@ def stability(times: _Series, series: _Angles) -> Stability:
     return Stability(rate, np.sqrt(covariance[0, 0]), left, *columns)
 
 
-@validate.checked
+@checked
 def averaged_error(
     count: Positive, single: NonNegative, floor: NonNegative = 0.0
 ) -> FloatArray:
@@ -275,10 +276,10 @@ def averaged_error(
     >>> float(averaged_error(4, single=6.0, floor=4.0))
     5.0
     """
-    return np.asarray(np.hypot(single / np.sqrt(count), floor))
+    return np.hypot(single / np.sqrt(count), floor)
 
 
-@validate.checked
+@checked
 def attitude_accuracy(
     centroid_sigma: NonNegative, count: Positive, pixel_angle: Positive
 ) -> FloatArray:
@@ -308,4 +309,4 @@ def attitude_accuracy(
     >>> float(attitude_accuracy(0.5, count=4, pixel_angle=8.0))
     2.0
     """
-    return np.asarray(centroid_sigma / np.sqrt(count) * pixel_angle)
+    return centroid_sigma / np.sqrt(count) * pixel_angle

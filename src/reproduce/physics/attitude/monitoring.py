@@ -13,9 +13,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import stdtrit
 
-from reproduce.physics import validate
 from reproduce.physics.attitude.platform import Platform
-from reproduce.physics.validate import FloatArray
+from reproduce.physics.validate import (
+    FloatArray,
+    number_array,
+)
 
 # Fewest images whose neighbours are compared.
 _MIN_IMAGES = 5
@@ -134,8 +136,8 @@ def monitored(
     array([0., 0., 0.])
     """
     shape = (None, len(platform.lasers), 2)
-    before = validate.number_array("zero_spots", zero_spots, shape=shape)
-    now = validate.number_array("spots", spots, shape=shape)
+    before = number_array("zero_spots", zero_spots, shape=shape)
+    now = number_array("spots", spots, shape=shape)
     zero = np.nanmean(before, axis=0)
     angles, response = _measured("spots", now, zero, platform)
     groups = [(angles, response), _measured("zero_spots", before, zero, platform)]

@@ -21,7 +21,6 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reproduce.physics import validate
 from reproduce.physics.attitude.angles import (
     angle_jacobian,
     laser_transform,
@@ -36,10 +35,13 @@ from reproduce.physics.validate import (
     Points,
     Positive,
     Size,
+    checked,
+    checked_fields,
+    valid,
 )
 
 
-@validate.checked
+@checked
 def emitted_directions(
     points: Points, focal_length: Positive, principal_point: Point = (0.0, 0.0)
 ) -> FloatArray:
@@ -71,7 +73,7 @@ def emitted_directions(
     return unit("points", _rays(points, principal_point, 1 / focal_length))
 
 
-@validate.checked
+@checked
 def received_directions(
     spots: Points, principal_point: Point, pixel_pitch: Positive, focal_length: Positive
 ) -> FloatArray:
@@ -103,7 +105,7 @@ def received_directions(
     return unit("spots", _rays(spots, principal_point, pixel_pitch / focal_length))
 
 
-@validate.checked
+@checked
 def received_spots(
     directions: Directions,
     principal_point: Point,
@@ -134,7 +136,7 @@ def received_spots(
     return principal_point[..., None, :] - pixels * _slopes(directions)
 
 
-@validate.checked
+@checked
 def received_jacobian(
     spots: Points, principal_point: Point, pixel_pitch: Positive, focal_length: Positive
 ) -> FloatArray:
@@ -171,12 +173,9 @@ def _rays(points: FloatArray, centre: FloatArray, scale: FloatArray) -> FloatArr
 
 def _slopes(directions: FloatArray) -> FloatArray:
     """Return X / Z and Y / Z of directions in front of an instrument."""
-    if (directions[..., 2] <= 0).any():
-        raise ValueError(
-            "directions: expected light in front of the instrument, got a third component of "
-            f"{directions[..., 2].min():g}. Check the sign of Z, the boresight"
-        )
-    return directions[..., :2] / directions[..., 2:]
+    depth = directions[..., 2]
+    valid("directions", depth, depth > 0, "light from in front, with Z above zero")
+    return directions[..., :2] / depth[..., None]
 
 
 def _check_distinct(name: str, points: FloatArray, numbers: Iterable[int]) -> None:
@@ -195,7 +194,7 @@ def _check_distinct(name: str, points: FloatArray, numbers: Iterable[int]) -> No
 _LARGEST_PITCH = 1e-3
 
 
-@validate.checked_fields
+@checked_fields
 @dataclass(frozen=True, eq=False)
 class Platform:
     """Two or more lights that move with a camera, and the tracker that images them, as designed.
@@ -240,17 +239,19 @@ class Platform:
                 f"lasers: expected two lights or more, (n, 2), got {self.lasers.shape}"
             )
         _check_distinct("lights", self.lasers, range(1, len(self.lasers) + 1))
-        if self.pixel_pitch > _LARGEST_PITCH:
-            raise ValueError(
-                f"pixel_pitch: expected metres, below {_LARGEST_PITCH:g}, "
-                f"got {self.pixel_pitch:g}. Give 5.5e-6 for 5.5 micrometres"
-            )
+        pitch = self.pixel_pitch
+        valid(
+            "pixel_pitch",
+            pitch,
+            pitch < _LARGEST_PITCH,
+            f"metres, below {_LARGEST_PITCH:g}",
+        )
         if self.spots is None:
             spots = self.lasers / self.camera_focal_length * self.pixels
             object.__setattr__(self, "spots", self.principal_point + spots)
 
     @classmethod
-    @validate.checked
+    @checked
     def of_directions(
         cls,
         directions: Directions,
@@ -283,7 +284,7 @@ class Platform:
         return cls(lasers, 1.0, tracker_focal_length, pixel_pitch, principal_point)
 
     @classmethod
-    @validate.checked
+    @checked
     def of_spots(
         cls,
         spots: Points,
@@ -380,4 +381,4 @@ class Platform:
         now = zero[:, None] @ rotation_from_vector(turn)
         arriving = rays[..., None, :, :] @ now.mT
         slopes = arriving[..., :2] / arriving[..., 2:]
-        return np.asarray(self.principal_point - slopes * self.pixels)
+        return self.principal_point - slopes * self.pixels

@@ -24,16 +24,21 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation as SciPyRotation
 
-from reproduce.physics import validate
 from reproduce.physics.validate import (
+    DegenerateGeometryError,
     Direction,
     Directions,
     FloatArray,
     Rotation,
     Weights,
+    checked,
+    finite_array,
+    positive,
+    rotations,
+    weights_for,
 )
 
-_Rotations = Annotated[Any, (None, 3, 3), validate.rotations]
+_Rotations = Annotated[Any, (None, 3, 3), rotations]
 # Relative gap below which rounding rotates the result by a milliradian: that of directions about a
 # microradian apart, or of a weight of this fraction.
 _MIN_EIGENVALUE_GAP = 1e-12
@@ -61,12 +66,12 @@ def unit(name: str, vectors: ArrayLike) -> FloatArray:
     >>> unit("axis", [0, 0, 2])
     array([0., 0., 1.])
     """
-    array = validate.finite_array(name, vectors, shape=(3,))
+    array = finite_array(name, vectors, shape=(3,))
     lengths = np.sqrt(np.einsum("...i,...i->...", array, array))
-    return array / validate.positive(f"{name} (length)", lengths)[..., None]
+    return array / positive(f"{name} (length)", lengths)[..., None]
 
 
-@validate.checked
+@checked
 def cross_matrix(vectors: Direction) -> FloatArray:
     """Return the matrices [v×], shape (..., 3, 3), of vectors v (..., 3): [v×] u = v × u.
 
@@ -75,10 +80,10 @@ def cross_matrix(vectors: Direction) -> FloatArray:
     >>> cross_matrix([1, 0, 0]) @ [0, 1, 0]
     array([0., 0., 1.])
     """
-    return np.asarray(np.cross(np.eye(3), vectors[..., None, :]))
+    return np.cross(np.eye(3), vectors[..., None, :])
 
 
-@validate.checked
+@checked
 def rotation_from_vector(rotation_vector: Direction) -> FloatArray:
     """Return the rotation matrix of a rotation vector.
 
@@ -111,7 +116,7 @@ def rotation_from_vector(rotation_vector: Direction) -> FloatArray:
     )
 
 
-@validate.checked
+@checked
 def vector_from_rotation(rotation: Rotation) -> FloatArray:
     """Return the rotation vector of a rotation, of at most 180 deg.
 
@@ -132,10 +137,10 @@ def vector_from_rotation(rotation: Rotation) -> FloatArray:
     """
     # A batch of more axes needs SciPy 1.17.
     vectors = SciPyRotation.from_matrix(rotation.reshape(-1, 3, 3)).as_rotvec()
-    return np.asarray(vectors.reshape(rotation.shape[:-1]))
+    return vectors.reshape(rotation.shape[:-1])
 
 
-@validate.checked
+@checked
 def attitude(
     target_vectors: Directions, source_vectors: Directions, weights: Weights = None
 ) -> FloatArray:
@@ -170,7 +175,7 @@ def attitude(
     return _nearest_rotation(_profile(target_vectors, source_vectors, weights))
 
 
-@validate.checked
+@checked
 def quest(
     target_vectors: Directions, source_vectors: Directions, weights: Weights = None
 ) -> FloatArray:
@@ -223,10 +228,10 @@ def quest(
         for others in rows
     ]
     quaternion = max(cofactors, key=np.linalg.norm)
-    return np.asarray(SciPyRotation.from_quat(quaternion).as_matrix())
+    return SciPyRotation.from_quat(quaternion).as_matrix()
 
 
-@validate.checked
+@checked
 def mean_rotation(matrices: _Rotations) -> FloatArray:
     """Return the rotation closest to several rotations, in the sum of squared differences.
 
@@ -258,9 +263,9 @@ def _profile(
 ) -> FloatArray:
     """Return the attitude profile matrices, with weights of sum 1."""
     source = unit("source_vectors", source_vectors)
-    relative = validate.weights_for(weights, source.shape[-2])
+    relative = weights_for(weights, source.shape[-2])
     fraction = (relative / relative.sum(axis=-1, keepdims=True))[..., None]
-    return np.asarray((fraction * unit("target_vectors", target_vectors)).mT @ source)
+    return (fraction * unit("target_vectors", target_vectors)).mT @ source
 
 
 def _nearest_rotation(profile: FloatArray) -> FloatArray:
@@ -271,9 +276,9 @@ def _nearest_rotation(profile: FloatArray) -> FloatArray:
     left[..., 2] *= sign[..., None]
     gap = 2.0 * (singular[..., 1] + sign * singular[..., 2])
     if (gap < _MIN_EIGENVALUE_GAP).any():
-        raise validate.DegenerateGeometryError(
+        raise DegenerateGeometryError(
             "directions: expected sets that determine all three axes, got a gap of "
             f"{gap.min():.1e} for the set of index {np.argmin(gap)}. Add a direction that is not "
             "parallel to the others, with a weight above zero"
         )
-    return np.asarray(left @ right)
+    return left @ right

@@ -8,7 +8,6 @@ from reproduce.physics.ground.earth import (
 )
 from reproduce.physics.ground.imaging import (
     GroundJacobian,
-    altitude_for_resolution,
     circular_error,
     ground_covariance,
     ground_jacobian,

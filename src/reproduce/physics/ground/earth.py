@@ -9,9 +9,13 @@ from __future__ import annotations
 import erfa
 import numpy as np
 
-from reproduce.physics import validate
 from reproduce.physics.attitude import unit
-from reproduce.physics.validate import Direction, FloatArray
+from reproduce.physics.validate import (
+    Direction,
+    FloatArray,
+    checked,
+    valid,
+)
 
 # Defining constants of the World Geodetic System 1984 (NGA.STND.0036): equatorial radius in m.
 EARTH_RADIUS, _FLATTENING = 6378137.0, 1.0 / 298.257223563
@@ -19,7 +23,7 @@ EARTH_RADIUS, _FLATTENING = 6378137.0, 1.0 / 298.257223563
 EARTH_AXES = EARTH_RADIUS * np.array([1.0, 1.0, 1.0 - _FLATTENING])
 
 
-@validate.checked
+@checked
 def earth_fixed(coordinates: Direction) -> FloatArray:
     """Return Earth-fixed positions of longitude, latitude and height.
 
@@ -38,15 +42,13 @@ def earth_fixed(coordinates: Direction) -> FloatArray:
     >>> earth_fixed([0.0, 0.0, 500.0]).round(3)
     array([6378637.,       0.,       0.])
     """
-    if (largest := np.abs(coordinates[..., 1]).max()) > np.pi / 2 + 1e-12:
-        raise ValueError(
-            "coordinates: expected latitudes from -pi/2 to pi/2 in the second column, got "
-            f"{largest:g}. Give angles in radians, longitude first"
-        )
-    return erfa.gd2gce(EARTH_RADIUS, _FLATTENING, *np.moveaxis(coordinates, -1, 0))
+    longitude, latitude, height = np.moveaxis(coordinates, -1, 0)
+    inside = np.abs(latitude) <= np.pi / 2 + 1e-12
+    valid("coordinates", latitude, inside, "latitudes from -pi/2 to pi/2 rad")
+    return erfa.gd2gce(EARTH_RADIUS, _FLATTENING, longitude, latitude, height)
 
 
-@validate.checked
+@checked
 def local_axes(positions: Direction) -> FloatArray:
     """Return the rotation from Earth-fixed axes to east, north and up at points on the ground.
 
@@ -75,7 +77,7 @@ def local_axes(positions: Direction) -> FloatArray:
     return np.stack([east, np.cross(up, east), up], axis=-2)
 
 
-@validate.checked
+@checked
 def satellite_from_inertial(position: Direction, velocity: Direction) -> FloatArray:
     """Return the rotation to axes of the orbit: X along the flight, Z to the centre of the Earth.
 

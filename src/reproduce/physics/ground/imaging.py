@@ -33,6 +33,7 @@ from reproduce.physics.validate import (
     Rotation,
     Size,
     checked,
+    valid,
 )
 
 _Slopes = Annotated[Any, (3, "k")]
@@ -135,11 +136,7 @@ def _seen(
     # In units of the semi-axes the ellipsoid is a sphere of radius one.
     start, sight = origin / EARTH_AXES, line / EARTH_AXES
     height = np.vecdot(start, start) - 1.0
-    if (height <= 0).any():
-        raise ValueError(
-            "satellite: expected points outside the ellipsoid, got a point on it or inside. Give "
-            "positions in metres from the Earth's centre"
-        )
+    valid("satellite", height, height > 0, "a height above the ellipsoid, in metres")
     approach = -np.vecdot(start, sight)
     # Lagrange's identity: no difference of large squares at grazing incidence.
     moment = np.cross(start, sight)
@@ -239,28 +236,7 @@ def ground_resolution(
     >>> float(ground_resolution(focal_length=10.0, pixel_pitch=1e-5, altitude=500e3))
     0.5
     """
-    return np.asarray(pixel_pitch * altitude / focal_length)
-
-
-@checked
-def altitude_for_resolution(
-    focal_length: Positive, pixel_pitch: Positive, resolution: Positive
-) -> FloatArray:
-    """Return the altitude for a given size of a pixel on the ground at nadir.
-
-    Parameters are those of `ground_resolution`, with the size in place of the altitude.
-
-    Returns
-    -------
-    ndarray, shape (...)
-        resolution × focal length / pitch, in metres.
-
-    Examples
-    --------
-    >>> round(float(altitude_for_resolution(10.0, 1e-5, resolution=0.5)))
-    500000
-    """
-    return np.asarray(resolution * focal_length / pixel_pitch)
+    return pixel_pitch * altitude / focal_length
 
 
 @checked
@@ -315,18 +291,15 @@ def circular_error(covariance: _Plane, share: float = 0.9) -> FloatArray:
     >>> circular_error([np.eye(2), np.diag([1.0, 0.0])]).round(3)
     array([2.146, 1.645])
     """
-    if not 0.0 < share < 1.0:
-        raise ValueError(
-            f"share: expected a fraction between 0 and 1, got {share}. Give 0.9 for 90 %"
-        )
+    valid("share", share, 0.0 < share < 1.0, "a fraction between 0 and 1")
     from scipy.optimize import elementwise  # the other functions do not need it
 
     values = np.linalg.eigvalsh(covariance)
-    if (values[..., 0] < -1e-9 * values[..., 1].clip(0.0)).any():
-        raise ValueError(
-            "covariance: expected no negative variance in any direction, got "
-            f"{values.min():g}. Give a covariance, not its inverse or a correlation of mixed units"
-        )
+    least = -1e-9 * values[..., 1].clip(0.0)
+    possible = values[..., 0] >= least
+    valid(
+        "covariance", values[..., 0], possible, "no negative variance in any direction"
+    )
     small, large = np.sqrt(np.moveaxis(values.clip(0.0), -1, 0))
     ratio = small / np.where(large > 0, large, 1.0)
     # The radius for equal semi-axes, the largest one, has a closed form.
@@ -335,7 +308,7 @@ def circular_error(covariance: _Plane, share: float = 0.9) -> FloatArray:
     def excess(radius: FloatArray, ratio: FloatArray) -> FloatArray:
         return _fraction_inside(radius, ratio) - share
 
-    return np.asarray(elementwise.find_root(excess, bracket, args=(ratio,)).x * large)
+    return elementwise.find_root(excess, bracket, args=(ratio,)).x * large
 
 
 def _fraction_inside(radius: FloatArray, ratio: FloatArray) -> FloatArray:

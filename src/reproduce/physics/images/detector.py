@@ -15,22 +15,26 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.random import Generator
 
-from reproduce.physics import validate
 from reproduce.physics.validate import (
+    Amount,
     FloatArray,
     NonNegative,
     Number,
     Positive,
     Size,
     Weights,
+    checked,
+    checked_fields,
+    positive,
+    valid,
 )
 
-_Wavelengths = Annotated[Any, ("n",), validate.positive]
+_Wavelengths = Annotated[Any, ("n",), positive]
 # Variance of the rounding error of whole digital numbers, in DN^2.
 _ROUNDING_VARIANCE = 1.0 / 12.0
 
 
-@validate.checked_fields
+@checked_fields
 @dataclass(frozen=True)
 class Detector:
     """Parameters of an image sensor.
@@ -56,18 +60,20 @@ class Detector:
 
     quantum_efficiency: Size = 1.0
     gain: Size = 1.0
-    dark_signal: NonNegative = 0.0
-    read_noise: NonNegative = 0.0
+    dark_signal: Amount = 0.0
+    read_noise: Amount = 0.0
     full_well: Size = None
-    offset: NonNegative = 0.0
+    offset: Amount = 0.0
     bits: int | None = None
 
     def __post_init__(self) -> None:
-        if self.quantum_efficiency > 1:
-            raise ValueError(
-                f"quantum_efficiency: expected at most 1, got {self.quantum_efficiency:g}. "
-                "Pass a fraction, not a percentage"
-            )
+        efficiency = self.quantum_efficiency
+        valid(
+            "quantum_efficiency",
+            efficiency,
+            efficiency <= 1,
+            "a fraction, not a percentage",
+        )
         if self.bits is not None and not 1 <= self.bits <= 32:
             raise ValueError(f"bits: expected 1 to 32, got {self.bits}. Change it")
 
@@ -77,7 +83,7 @@ class Detector:
         return float(np.sqrt(self.dark_signal + self.read_noise**2 + rounding))
 
 
-@validate.checked
+@checked
 def expose(
     photons: NonNegative, detector: Detector, generator: Generator
 ) -> FloatArray:
@@ -120,7 +126,7 @@ def expose(
     return charge
 
 
-@validate.checked
+@checked
 def electrons(output: Number, detector: Detector) -> FloatArray:
     """Return the charge of the flux from an output, the inverse of the linear model.
 
@@ -141,7 +147,7 @@ def electrons(output: Number, detector: Detector) -> FloatArray:
     >>> float(electrons(60.0, Detector(gain=0.5, offset=10, dark_signal=20)))
     80.0
     """
-    return np.asarray((output - detector.offset) / detector.gain - detector.dark_signal)
+    return (output - detector.offset) / detector.gain - detector.dark_signal
 
 
 # Second radiation constant hc/k, in m K: exact since the SI of 2019.
@@ -154,7 +160,7 @@ _ZERO_MAGNITUDE = 3.631e-2 / 3.6117e-19
 _V_WIDTH, _NODES = 10e-9, 40
 
 
-@validate.checked
+@checked
 def blackbody_band(
     magnitude: Number, temperature: Positive, low: Size, high: Size
 ) -> FloatArray:
@@ -187,12 +193,10 @@ def blackbody_band(
     nodes, weights = np.polynomial.legendre.leggauss(_NODES)
     wavelengths = (low + high) / 2 + half * nodes
     spectrum = _blackbody_photons(wavelengths, temperature[..., None])
-    return np.asarray(
-        _ZERO_MAGNITUDE * 10 ** (-0.4 * magnitude) * half * (spectrum @ weights)
-    )
+    return _ZERO_MAGNITUDE * 10 ** (-0.4 * magnitude) * half * (spectrum @ weights)
 
 
-@validate.checked
+@checked
 def tabulated_star(
     magnitude: Number,
     wavelength: _Wavelengths,
@@ -228,24 +232,18 @@ def tabulated_star(
     >>> float(tabulated_star(0.0, [400e-9, 700e-9], [1.0, 1.0], 600e-9, 601e-9).round(-6))
     101000000.0
     """
-    if wavelength.ndim != 1 or (np.diff(wavelength) <= 0).any():
-        raise ValueError(
-            "wavelength: expected one increasing column, got another order. Sort the table"
-        )
+    steps = np.diff(wavelength)
+    increasing = (steps > 0) & (wavelength.ndim == 1)
+    valid("wavelength", steps, increasing, "one increasing column")
     _check_band(low, high)
     edges = _V_WAVELENGTH - _V_WIDTH / 2, _V_WAVELENGTH + _V_WIDTH / 2
-    level = validate.positive(
-        "photons", _tabulated_band(wavelength, photons, *edges) / _V_WIDTH
-    )
+    level = positive("photons", _tabulated_band(wavelength, photons, *edges) / _V_WIDTH)
     width = _tabulated_band(wavelength, photons, low, high) / level
-    return np.asarray(_ZERO_MAGNITUDE * 10 ** (-0.4 * magnitude) * width)
+    return _ZERO_MAGNITUDE * 10 ** (-0.4 * magnitude) * width
 
 
 def _check_band(low: float, high: float) -> None:
-    if not low < high:
-        raise ValueError(
-            f"low: expected an edge below the upper edge {high}, got {low}. Exchange them"
-        )
+    valid("low", low, low < high, "an edge below the upper edge")
 
 
 def _blackbody_photons(wavelength: FloatArray, temperature: FloatArray) -> FloatArray:
@@ -261,11 +259,9 @@ def _tabulated_band(
     wavelength: FloatArray, photons: FloatArray, low: float, high: float
 ) -> float:
     """Return the photons of a tabulated, piecewise linear spectrum in a band."""
-    if wavelength[0] > low or wavelength[-1] < high:
-        raise ValueError(
-            f"wavelength: expected a table from {low:g} to {high:g} m, got a table from "
-            f"{wavelength[0]:g} to {wavelength[-1]:g} m. Extend it, or narrow the band"
-        )
+    expected = f"a table from {low:g} to {high:g} m"
+    valid("wavelength", wavelength[0], wavelength[0] <= low, expected)
+    valid("wavelength", wavelength[-1], wavelength[-1] >= high, expected)
     inside = (wavelength > low) & (wavelength < high)
     at = np.concatenate([[low], wavelength[inside], [high]])
     return float(np.trapezoid(np.interp(at, wavelength, photons), at))

@@ -16,13 +16,22 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import ndtr
 
-from reproduce.physics import validate
-from reproduce.physics.validate import FloatArray, NonNegative, Point, Positive
+from reproduce.physics.validate import (
+    FloatArray,
+    NonNegative,
+    Point,
+    Positive,
+    checked,
+    common_batch,
+    number_array,
+    valid,
+    whole_number,
+)
 
 IntArray = NDArray[np.int64]
 
 
-@validate.checked
+@checked
 def window_corners(positions: Point, size: int) -> IntArray:
     """Return the first pixels of windows that are centred on spots.
 
@@ -48,15 +57,12 @@ def window_corners(positions: Point, size: int) -> IntArray:
     >>> window_corners([10.4, 7.6], 5)
     array([8, 6])
     """
-    if validate.whole_number("size", size) % 2 == 0:
-        raise ValueError(
-            f"size: expected an odd number, got {size}. Add or remove a pixel"
-        )
+    valid("size", size, whole_number("size", size) % 2 == 1, "an odd number")
     # Halves are rounded up.
     return (np.floor(positions + 0.5) - size // 2).astype(np.int64)
 
 
-@validate.checked
+@checked
 def spot_windows(
     positions: Point,
     photons: NonNegative,
@@ -91,16 +97,16 @@ def spot_windows(
            [107., 466., 107.],
            [ 25., 107.,  25.]])
     """
-    count = validate.whole_number("size", size)
+    count = whole_number("size", size)
     across, down = (
         _fractions(_edges(positions[..., axis] - corners[..., axis], radius, count))
         for axis in (0, 1)
     )
-    scaled = photons[..., np.newaxis] * down
-    return scaled[..., :, np.newaxis] * across[..., np.newaxis, :]
+    scaled = photons[..., None] * down
+    return scaled[..., :, None] * across[..., None, :]
 
 
-@validate.checked
+@checked
 def render_frame(
     positions: Point,
     photons: NonNegative,
@@ -131,7 +137,7 @@ def render_frame(
     points = positions.reshape(-1, 2)
     widths = np.broadcast_to(radius, len(points))
     across, down = (
-        _fractions(_edges(centres, widths, validate.whole_number("size", side)))
+        _fractions(_edges(centres, widths, whole_number("size", side)))
         for centres, side in zip(points.T, size, strict=True)
     )
     return (down.T * photons) @ across
@@ -139,8 +145,8 @@ def render_frame(
 
 def _edges(position: FloatArray, radius: FloatArray, count: int) -> FloatArray:
     """Return the edges of pixels 0 to count - 1, from the spot and in radii, (..., count + 1)."""
-    edges = np.arange(count + 1) - 0.5 - position[..., np.newaxis]
-    return np.asarray(edges / radius[..., np.newaxis])
+    edges = np.arange(count + 1) - 0.5 - position[..., None]
+    return edges / radius[..., None]
 
 
 def _fractions(edges: FloatArray) -> FloatArray:
@@ -162,14 +168,14 @@ def _gradient(
         _edges(state[..., 0], radius, columns),
         _edges(state[..., 1], radius, rows),
     ]
-    root = -np.sqrt(2 * np.pi) * radius[..., np.newaxis]
+    root = -np.sqrt(2 * np.pi) * radius[..., None]
     in_x, in_y = (_fractions(axis) for axis in edges)
     slope_x, slope_y = (np.diff(np.exp(-0.5 * axis**2)) / root for axis in edges)
-    flux = state[..., 2, np.newaxis]
+    flux = state[..., 2, None]
     down = np.stack([flux * in_y, flux * slope_y, in_y], axis=-2)
     across = np.stack([slope_x, in_x, in_x], axis=-2)
-    slopes = down[..., :, np.newaxis] * across[..., np.newaxis, :]
-    return flux[..., np.newaxis] * slopes[..., 2, :, :], slopes
+    slopes = down[..., :, None] * across[..., None, :]
+    return flux[..., None] * slopes[..., 2, :, :], slopes
 
 
 # Iterations of a fit, at most: between two spots it takes hundreds.
@@ -234,7 +240,7 @@ class Spots:
     residuals: FloatArray
 
 
-@validate.checked
+@checked
 def fitted_spots(
     windows: ArrayLike,
     corners: Point,
@@ -273,9 +279,9 @@ def fitted_spots(
     >>> spot.centre.round(6), np.sqrt(np.diag(spot.covariance)).round(3)
     (array([4., 4.]), array([0.072, 0.048]))
     """
-    light = validate.number_array("windows", windows, shape=(None, None))
+    light = number_array("windows", windows, shape=(None, None))
     shape = light.shape[-2:]
-    batch = validate.common_batch(
+    batch = common_batch(
         windows=light.shape[:-2],
         corners=corners.shape[:-1],
         radius=radius.shape,
@@ -348,9 +354,9 @@ def _likelihood(
     inside = ((state[:, :2] > low) & (state[:, :2] < high)).all(axis=-1)
     allowed = inside & (state[:, 2] > 0)
     model, slopes = _gradient(
-        np.where(allowed[:, np.newaxis], state, 1.0), radius, width, height
+        np.where(allowed[:, None], state, 1.0), radius, width, height
     )
-    dark, seen = variance[:, np.newaxis, np.newaxis], np.isfinite(light)
+    dark, seen = variance[:, None, None], np.isfinite(light)
     values, level = np.where(seen, light, 0.0), model + dark
     cost = (seen * (level - (values + dark) * np.log(level))).sum(axis=(1, 2))
     weights = seen / level
@@ -364,6 +370,6 @@ def _likelihood(
 def _step(matrix: FloatArray, score: FloatArray, damping: FloatArray) -> FloatArray:
     """Return the step, damped in the unit of each parameter."""
     diagonal = np.diagonal(matrix, axis1=1, axis2=2)
-    added = diagonal * (damping[:, np.newaxis] + 1e-12) + np.finfo(float).tiny
-    damped = matrix + added[..., np.newaxis] * np.eye(3)
-    return np.asarray(np.linalg.solve(damped, score[..., np.newaxis])[..., 0])
+    added = diagonal * (damping[:, None] + 1e-12) + np.finfo(float).tiny
+    damped = matrix + added[..., None] * np.eye(3)
+    return np.asarray(np.linalg.solve(damped, score[..., None])[..., 0])

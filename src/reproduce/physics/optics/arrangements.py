@@ -11,8 +11,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from reproduce.physics import validate
-from reproduce.physics.validate import FloatArray, Size
+from reproduce.physics.validate import (
+    FloatArray,
+    Size,
+    checked,
+    valid,
+)
 
 # Relative distance within which a point is on a border.
 _BORDER_TOLERANCE = 1e-9
@@ -40,7 +44,7 @@ _OFFSETS = {
 _CORNER = "from the lower left corner"
 
 
-@validate.checked
+@checked
 def arrangement_angles(name: str, half_x: Size, half_y: Size, step: Size) -> FloatArray:
     """Return the rotation angles of an arrangement.
 
@@ -74,11 +78,8 @@ def arrangement_angles(name: str, half_x: Size, half_y: Size, step: Size) -> Flo
            [ 0.,  1.]])
     """
     half = np.array([half_x, half_y])
-    if half.max() > _MAX_STEPS * step:
-        raise ValueError(
-            f"step: expected at least 1/{_MAX_STEPS} of the half range, got {step:g} for "
-            f"{half.max():g}. Give all three in radians"
-        )
+    expected = f"at least 1/{_MAX_STEPS} of the half range, both in radians"
+    valid("step", step, half.max() <= _MAX_STEPS * step, expected)
     lattice, offset, window = name.split("; ")
     spacing = _lattices(half, step)[lattice]
     # Points of a chequered grid are two spacings apart along a row.
@@ -91,7 +92,7 @@ def arrangement_angles(name: str, half_x: Size, half_y: Size, step: Size) -> Flo
     nodes = origin + spacing * np.stack([i, j], axis=-1)
     inside = _windows(nodes, half)
     selected = ((i + j) % along == 0) & inside["rectangle"] & inside[window]
-    return np.asarray(nodes[selected])
+    return nodes[selected]
 
 
 def _lattices(half: FloatArray, step: float) -> dict[str, FloatArray]:

@@ -23,8 +23,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from reproduce.physics import validate
 from reproduce.physics.validate import (
+    DegenerateGeometryError,
     Directions,
     FloatArray,
     Number,
@@ -33,10 +33,13 @@ from reproduce.physics.validate import (
     Positive,
     Sides,
     Size,
+    checked,
+    checked_fields,
+    valid,
 )
 
 
-@validate.checked
+@checked
 def detector_centre(pixels: Sides) -> FloatArray:
     """Return the middle of a detector, which replaces an unprinted principal point.
 
@@ -58,7 +61,7 @@ def detector_centre(pixels: Sides) -> FloatArray:
     return (pixels - 1) / 2
 
 
-@validate.checked_fields
+@checked_fields
 @dataclass(frozen=True, eq=False)
 class Camera:
     """Imaging parameters of one channel, checked when they are set.
@@ -81,7 +84,7 @@ class Camera:
     pixel_pitch: Positive
 
 
-@validate.checked
+@checked
 def ideal_positions(directions: Directions, focal_length: Positive) -> FloatArray:
     """Return the positions of directions in an ideal pinhole camera.
 
@@ -111,16 +114,12 @@ def ideal_positions(directions: Directions, focal_length: Positive) -> FloatArra
     """
     across, along = directions[..., :2], directions[..., 2:]
     # Nearer to the focal plane, the position overflows.
-    behind = along[..., 0] <= 1e-9 * np.abs(across).max(axis=-1)
-    if behind.any():
-        raise ValueError(
-            f"directions: expected stars in front of the camera (z > 0), got {int(behind.sum())} "
-            "next to or behind it. Check the frame and its sign, or drop these stars"
-        )
+    front = along[..., 0] > 1e-9 * np.abs(across).max(axis=-1)
+    valid("directions", along[..., 0], front, "stars in front of the camera")
     return focal_length[..., None, None] * (across / along)
 
 
-@validate.checked
+@checked
 def radial_displacements(ideal: Points, radial_distortion: Number) -> FloatArray:
     """Return the displacements of spots by the first radial term.
 
@@ -147,7 +146,7 @@ def radial_displacements(ideal: Points, radial_distortion: Number) -> FloatArray
     return ideal * (radial_distortion[..., None, None] * squared_radius)
 
 
-@validate.checked
+@checked
 def turned_onto_detector(positions: Points, rotation: Number) -> FloatArray:
     """Return spots in the axes of a detector that is rotated about the boresight.
 
@@ -176,7 +175,7 @@ def turned_onto_detector(positions: Points, rotation: Number) -> FloatArray:
     return np.stack([cosine * x + sine * y, cosine * y - sine * x], axis=-1)
 
 
-@validate.checked
+@checked
 def image_points(
     directions: Directions, camera: Camera, rotation: Number = 0.0
 ) -> FloatArray:
@@ -217,7 +216,7 @@ def image_points(
     return spots / camera.pixel_pitch + camera.principal_point
 
 
-@validate.checked
+@checked
 def field_of_view(
     pixels: Positive, pixel_pitch: Positive, focal_length: Positive
 ) -> FloatArray:
@@ -240,7 +239,7 @@ def field_of_view(
     return 2 * angle_from_pixels(pixels / 2, pixel_pitch, focal_length)
 
 
-@validate.checked
+@checked
 def angle_from_pixels(
     pixels: Number, pixel_pitch: Positive, focal_length: Positive
 ) -> FloatArray:
@@ -263,10 +262,10 @@ def angle_from_pixels(
     >>> float(np.degrees(angle_from_pixels(1000, 1e-5, 10e-3)).round(9))
     45.0
     """
-    return np.asarray(np.arctan(pixels * pixel_pitch / focal_length))
+    return np.arctan(pixels * pixel_pitch / focal_length)
 
 
-@validate.checked
+@checked
 def scale_factor(
     reference_focal_length: Positive, focal_length: Positive
 ) -> FloatArray:
@@ -289,10 +288,10 @@ def scale_factor(
     >>> float(scale_factor(30e-3, 20e-3))
     1.5
     """
-    return np.asarray(reference_focal_length / focal_length)
+    return reference_focal_length / focal_length
 
 
-@validate.checked
+@checked
 def distortion_ratio(
     scale: Positive, reference_distortion: Number = 1.0, distortion: Number = 1.0
 ) -> FloatArray:
@@ -318,15 +317,11 @@ def distortion_ratio(
     >>> float(distortion_ratio(2.0, 3.0, 4.0)), float(distortion_ratio(2.0))
     (6.0, 8.0)
     """
-    if (distortion == 0).any():
-        raise ValueError(
-            "distortion: expected a coefficient other than zero, got zero. A channel without "
-            "distortion has no ratio"
-        )
-    return np.asarray(scale**3 * (reference_distortion / distortion))
+    valid("distortion", distortion, distortion != 0, "values other than zero")
+    return scale**3 * (reference_distortion / distortion)
 
 
-@validate.checked
+@checked
 def reference_points_scaled(
     points: Points, scale: Positive, principal_point: Point
 ) -> FloatArray:
@@ -361,7 +356,7 @@ def reference_points_scaled(
     return scale[..., None, None] * (points - principal_point) + principal_point
 
 
-@validate.checked
+@checked
 def fit_camera(
     directions: Directions, points: Points, pixel_pitch: Size, rotation: Number = 0.0
 ) -> Camera:
@@ -408,17 +403,12 @@ def fit_camera(
     pull = np.einsum("...nij,...ni->...j", centred, observed)
     (a, b), (_, d) = np.moveaxis(normal, (-2, -1), (0, 1))
     if not ((a > 0) & (a * d - b**2 > 1e-12 * a * d)).all():
-        raise validate.DegenerateGeometryError(
+        raise DegenerateGeometryError(
             "directions: expected slopes that determine focal length and distortion, got equal "
             "slopes or only two points. Rotate the table to angles near and far from zero"
         )
-    linear = np.linalg.solve(normal, pull[..., np.newaxis])[..., 0]
+    linear = np.linalg.solve(normal, pull[..., None])[..., 0]
     origin = (points - np.einsum("...nij,...j->...ni", columns, linear)).mean(axis=-2)
-    if (linear[..., 0] <= 0).any():
-        raise ValueError(
-            "points: expected a positive focal length, got zero or less. Check the signs of the "
-            "axes"
-        )
-    return Camera(
-        linear[..., 0], origin, linear[..., 1] / linear[..., 0] ** 3, pixel_pitch
-    )
+    focal, cubic = np.moveaxis(linear, -1, 0)
+    valid("points", focal, focal > 0, "axes that give a positive focal length")
+    return Camera(focal, origin, cubic / focal**3, pixel_pitch)

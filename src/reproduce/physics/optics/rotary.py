@@ -15,15 +15,18 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from reproduce.physics import validate
 from reproduce.physics.optics.camera import Camera, image_points
-from reproduce.physics.validate import FloatArray, Number
+from reproduce.physics.validate import (
+    FloatArray,
+    Number,
+    checked,
+)
 
 _Rotations = Annotated[Any, ("channels",)]
 _Angles = Annotated[Any, (None, 2)]
 
 
-@validate.checked
+@checked
 def rotary_matrix(external: Number, middle: Number) -> FloatArray:
     """Return the rotation of the table: about y by the middle angle, then about x.
 
@@ -78,7 +81,7 @@ def rotary_matrix_printed(external: ArrayLike, middle: ArrayLike) -> FloatArray:
     -1.0
     """
     signs = [[1, 1, 1], [-1, 1, 1], [-1, 1, 1]]
-    return np.asarray(rotary_matrix(external, middle) * signs)
+    return rotary_matrix(external, middle) * signs
 
 
 def starlight(external: ArrayLike, middle: ArrayLike) -> FloatArray:
@@ -102,7 +105,7 @@ def starlight(external: ArrayLike, middle: ArrayLike) -> FloatArray:
     return rotary_matrix(external, middle)[..., 2]
 
 
-@validate.checked
+@checked
 def channel_centroids(
     cameras: Sequence[Camera], rotations: _Rotations, angles: _Angles
 ) -> FloatArray:

@@ -16,12 +16,19 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from reproduce.physics import validate
 from reproduce.physics.registration._least_squares import gauss_newton, model_jacobian
 from reproduce.physics.registration._similarity import as_complex
 from reproduce.physics.registration.fit import fit_registration
 from reproduce.physics.registration.transforms import Registration
-from reproduce.physics.validate import FloatArray, NonNegative, Point, Points
+from reproduce.physics.validate import (
+    DegenerateGeometryError,
+    FloatArray,
+    NonNegative,
+    Point,
+    Points,
+    checked,
+    positive,
+)
 
 _PARAMETERS = 4
 _Vector = Annotated[Any, (_PARAMETERS,)]
@@ -31,7 +38,7 @@ _Others = Annotated[Any, ("m", 2)]
 _LAST_MOVEMENT, _MAX_STEPS = 1e-9, 50
 
 
-@validate.checked
+@checked
 def jacobian(parameters: _Vector, source: Points, pivot: Point) -> FloatArray:
     """Return the derivatives of the model by its parameters: rows of f_x, then rows of f_y.
 
@@ -61,7 +68,7 @@ def jacobian(parameters: _Vector, source: Points, pivot: Point) -> FloatArray:
     return rows.swapaxes(-3, -2).reshape(*rows.shape[:-3], -1, _PARAMETERS)
 
 
-@validate.checked
+@checked
 def deviations(
     parameters: _Vector, source: Points, target: Points, pivot: Point
 ) -> FloatArray:
@@ -86,7 +93,7 @@ def deviations(
     return residuals.reshape(*residuals.shape[:-2], -1)
 
 
-@validate.checked
+@checked
 def gauss_newton_step(
     parameters: _Vector, source: Points, target: Points, pivot: Point
 ) -> FloatArray:
@@ -118,7 +125,7 @@ def gauss_newton_step(
     return parameters + _correction(parameters, source, target, pivot)[0]
 
 
-@validate.checked
+@checked
 def gauss_newton_step_printed(
     parameters: _Vector, source: Points, target: Points, pivot: Point
 ) -> FloatArray:
@@ -158,7 +165,7 @@ def _correction(
     return step, np.sqrt(moved / source.shape[-2])
 
 
-@validate.checked
+@checked
 def starting_values(
     source_line: Points, target_line: _Others, source_zero: Point, target_zero: Point
 ) -> FloatArray:
@@ -224,7 +231,7 @@ class Calibration:
         return np.stack([np.abs(factor), np.angle(factor), *shift], axis=-1)
 
 
-@validate.checked
+@checked
 def calibrate(
     source: Points, target: Points, pivot: Point, start: _Vector
 ) -> Calibration:
@@ -276,7 +283,7 @@ def calibrate(
     return Calibration(np.stack(path), firsts[1] - 1, pivot)
 
 
-@validate.checked
+@checked
 def registration_bound(
     source: Points,
     similarity: Registration,
@@ -316,10 +323,7 @@ def registration_bound(
     array([0.5, 0.5, 0.5, 0.5])
     """
     variance = target_sigma**2 + (similarity.scale * source_sigma) ** 2
-    if (variance == 0).any():
-        raise ValueError(
-            "source_sigma, target_sigma: expected noise in at least one channel, got none. Add it"
-        )
+    positive("source_sigma, target_sigma", variance)
     fit = fit_registration(source, similarity.apply(source), similarity.pivot)
     return variance[..., None, None] * fit.cofactor
 
@@ -332,7 +336,7 @@ def _direction(name: str, points: FloatArray) -> FloatArray:
     spread = (np.abs(numbers) ** 2).sum(axis=-1)
     rounding = (1e-12 * np.abs(points).max(axis=(-2, -1))) ** 2 * points.shape[-2]
     if ((spread <= rounding) | (np.abs(doubled) <= 1e-12 * spread)).any():
-        raise validate.DegenerateGeometryError(
+        raise DegenerateGeometryError(
             f"{name}: expected spots along a line, got coincident points or points that spread "
             "alike in all directions. Rotate only the middle frame, over a wider range"
         )

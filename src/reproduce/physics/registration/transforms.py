@@ -22,19 +22,30 @@ plane of the source, x before y, from the principal point.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from reproduce.physics import validate
 from reproduce.physics.optics import Camera, turned_onto_detector
 from reproduce.physics.registration._similarity import (
     ComplexArray,
     as_complex,
     as_points,
 )
-from reproduce.physics.validate import FloatArray, Number, Point, Points, Positive
+from reproduce.physics.validate import (
+    FloatArray,
+    Image,
+    Number,
+    Point,
+    Points,
+    Positive,
+    checked,
+    checked_fields,
+    valid,
+)
+
+_Row = Annotated[Any, (None,)]
 
 # Names of the parameters, in the order of all arrays of parameters.
 MODELS: dict[str, tuple[str, ...]] = {
@@ -48,6 +59,7 @@ MODELS: dict[str, tuple[str, ...]] = {
 UNITS = {"rotation": "rad", "shift-x": "px", "shift-y": "px", "radial": "px^-2"}
 
 
+@checked_fields
 @dataclass(frozen=True, eq=False)
 class Registration:
     """One of the five models with its parameters; one transform or a batch of them.
@@ -73,20 +85,15 @@ class Registration:
     """
 
     model: str
-    parameters: FloatArray
-    pivot: FloatArray
+    parameters: _Row
+    pivot: Point
 
     def __post_init__(self) -> None:
-        shape = (len(_parameter_names(self.model)),)
-        for name, trailing in (("parameters", shape), ("pivot", (2,))):
-            array = validate.finite_array(name, getattr(self, name), shape=trailing)
-            object.__setattr__(self, name, array)
-        validate.common_batch(
-            parameters=self.parameters.shape[:-1], pivot=self.pivot.shape[:-1]
-        )
+        given, needed = self.parameters.shape[-1], len(_parameter_names(self.model))
+        valid("parameters", given, given == needed, f"{needed} parameters")
 
     @classmethod
-    @validate.checked
+    @checked
     def similarity(
         cls, scale: Positive, rotation: Number, shift: Point, pivot: Point
     ) -> Registration:
@@ -157,7 +164,7 @@ class Registration:
             )
         return self.parameters[..., names.index(name)]
 
-    @validate.checked
+    @checked
     def apply(self, points: Points) -> FloatArray:
         """Return the registered positions of source points.
 
@@ -226,7 +233,7 @@ class Registration:
         )
 
 
-@validate.checked
+@checked
 def principal_point_shift(
     principal_point: Point, reference_principal_point: Point
 ) -> FloatArray:
@@ -252,7 +259,7 @@ def principal_point_shift(
     return principal_point - reference_principal_point
 
 
-@validate.checked
+@checked
 def similarity_between(
     camera: Camera, rotation: Number, reference: Camera
 ) -> Registration:
@@ -304,10 +311,10 @@ def rmse(points: ArrayLike, reference: ArrayLike) -> FloatArray:
     >>> float(rmse([[3, 4]], [[0, 0]]))
     5.0
     """
-    return np.asarray(np.sqrt(np.square(rmse_per_axis(points, reference)).sum(axis=-1)))
+    return np.sqrt(np.square(rmse_per_axis(points, reference)).sum(axis=-1))
 
 
-@validate.checked
+@checked
 def rmse_per_axis(points: Points, reference: Points) -> FloatArray:
     """Return the root mean square difference between two sets of points, in x and in y.
 
@@ -326,10 +333,10 @@ def rmse_per_axis(points: Points, reference: Points) -> FloatArray:
     >>> rmse_per_axis([[3, 4], [3, -4]], [[0, 0], [0, 0]])
     array([3., 4.])
     """
-    return np.asarray(np.sqrt(np.square(points - reference).mean(axis=-2)))
+    return np.sqrt(np.square(points - reference).mean(axis=-2))
 
 
-@validate.checked
+@checked
 def paired_points(source: Points, target: Points) -> tuple[FloatArray, FloatArray]:
     """Return two sets of points, (..., n, 2), after checking that they have equal lengths.
 
@@ -341,12 +348,13 @@ def paired_points(source: Points, target: Points) -> tuple[FloatArray, FloatArra
     return source, target
 
 
+@checked
 def registered_image(
-    image: ArrayLike,
+    image: Image,
     transform: Registration,
     *,
     order: Literal[0, 1, 3] = 3,
-    corner: tuple[int, int] = (0, 0),
+    corner: Point = (0, 0),
 ) -> FloatArray:
     """Return a source image on the pixels of the target.
 
@@ -361,7 +369,7 @@ def registered_image(
         Single transform from source to target, without a radial term.
     order : int
         Order of the splines: 0 for the nearest pixel, 1 for linear, 3 for cubic splines.
-    corner : tuple of int
+    corner : array_like, shape (2,)
         x and y of the first pixel of the image, if it is a window of a larger image.
 
     Returns
@@ -387,18 +395,16 @@ def registered_image(
     """
     from scipy.ndimage import affine_transform  # registering stars does not need it
 
-    pixels = validate.finite_array("image", image, shape=(None, None))
-    if transform.batch or pixels.ndim != 2:
+    if transform.batch or image.ndim != 2:
         raise ValueError(
-            f"image: expected one image and one transform, got shapes {pixels.shape} and "
+            f"image: expected one image and one transform, got shapes {image.shape} and "
             f"{transform.batch}. Pass one of them at a time"
         )
-    first = validate.finite_array("corner", corner, shape=(2,))
     back, origin = transform.inverse().affine()
     # Source position of target pixel p: back (p + corner) + origin - corner; y before x below.
-    offset = (back @ first + origin - first)[::-1]
-    resampled = affine_transform(pixels, back[::-1, ::-1], offset, order=order)
-    return np.asarray(resampled / np.abs(np.linalg.det(transform.matrix)))
+    offset = (back @ corner + origin - corner)[::-1]
+    resampled = affine_transform(image, back[::-1, ::-1], offset, order=order)
+    return resampled / np.abs(np.linalg.det(transform.matrix))
 
 
 def _parameter_names(model: str) -> tuple[str, ...]:
@@ -423,7 +429,7 @@ def _linear_part(model: str, parameters: FloatArray) -> FloatArray:
     return rows.reshape(*batch, 2, 2)
 
 
-@validate.checked
+@checked
 def error_field(
     source: Camera,
     reference: Camera,
