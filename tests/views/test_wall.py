@@ -80,6 +80,11 @@ def test_a_sweep_of_a_table_has_the_values_of_each_rerun():
     assert len(set(points[3:])) == 1 < len(set(points[:3]))
     blue = library()[TABLE]["scale.blue"].number.value
     assert (points[3] > dashed[1]) == (computed.iloc[1] < blue)
+    # It rounds to the printed digits, so that it is in the band of their interval.
+    bands = parse(swept._repr_html_()).select(".rp-wide path[style*='opacity: 0.2']")
+    ends = [float(y) for y in re.findall(r"[ML] [\d.]+ ([\d.]+)", bands[1]["d"])]
+    assert len(bands) == 2
+    assert min(ends) < points[3] < max(ends)
 
 
 def test_a_sweep_of_a_prediction_shows_its_intervals():

@@ -58,6 +58,7 @@ def _templates() -> Environment:
     ]
     made = Environment(
         loader=ChoiceLoader(folders),
+        undefined=StrictUndefined,
         autoescape=select_autoescape(),
         trim_blocks=True,
         lstrip_blocks=True,
@@ -72,17 +73,10 @@ def _templates() -> Environment:
     return made
 
 
-@cache
-def _files() -> Environment:
-    """Return the templates of files for other programs, where every value must be known."""
-    return _templates().overlay(undefined=StrictUndefined)
-
-
 def rendered(template: str, **context: Any) -> Markup:
     """Return a template of the folder ``templates`` (HTML by default) or of ``data/reports``."""
-    if "." not in template:
-        return Markup(_templates().get_template(f"{template}.html").render(context))
-    return Markup(_files().get_template(template).render(context))
+    name = template if "." in template else f"{template}.html"
+    return Markup(_templates().get_template(name).render(context))
 
 
 @dataclass(frozen=True)

@@ -44,10 +44,9 @@ class _Shell(click.Group):
                 click.echo(json.dumps(record, indent=2))
             if isinstance(error, click.ClickException):
                 raise
-            kind: type[click.ClickException] = click.UsageError
             if isinstance(error, ArithmeticError | MemoryError):
-                kind = click.ClickException
-            raise kind(message) from error
+                raise click.ClickException(message) from error
+            raise click.UsageError(message) from error
 
     def main(self, *arguments: Any, **settings: Any) -> Any:
         """Run the program."""
@@ -523,7 +522,7 @@ def _register(
         scale, rotation, *shift = start
         settings["start"] = scale, math.radians(rotation), *shift
     target = files[1] if len(files) > 1 else None
-    fit = registers.register(files[0], target, **_given(settings))
+    fit = registers.register(files[0], target, **settings)
     _show(as_json, fit.record, fit.print)
 
 

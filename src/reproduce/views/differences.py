@@ -30,17 +30,14 @@ def distances(papers: Collection[str]) -> pd.DataFrame:
     frame["agrees"] = frame["verdict"].isin(AGREES)
     compared = frame["agrees"] | frame["verdict"].eq("differs")
     frame = frame[compared & frame["paper"].isin(papers)]
-    printed, computed = (
-        frame[[f"{name}_low", f"{name}_high"]].astype(float)
-        for name in ("stands_for", "interval")
-    )
-    widths = printed.diff(axis=1).iloc[:, 1] + computed.diff(axis=1).iloc[:, 1]
-    middles = printed.sum(axis=1) - computed.sum(axis=1)
+    names = ("stands_for_low", "stands_for_high", "interval_low", "interval_high")
+    low, high, lower, upper = (frame[name].astype(float) for name in names)
+    widths, middles = high - low + upper - lower, low + high - lower - upper
     labels = [find(cell)[0].label for cell in frame["cell"]]
-    frame["number"] = frame["place"].str.partition(",")[0] + ": " + labels
-    found = frame.assign(name=frame["cell"], distance=middles / widths)[widths > 0]
+    numbers = frame["place"].str.partition(",")[0] + ": " + labels
+    found = frame.assign(name=frame["cell"], number=numbers, distance=middles / widths)
     columns = ["name", "paper", "number", "agrees", "distance"]
-    return found[columns].sort_values("agrees", kind="stable")
+    return found.loc[widths > 0, columns].sort_values("agrees", kind="stable")
 
 
 def differences_block(papers: Collection[str]) -> Html:

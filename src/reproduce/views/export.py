@@ -21,7 +21,7 @@ from pybtex.database.output.bibtex import Writer
 from reproduce.judge.ledger import Ledger, Record, item_ledger
 from reproduce.locate import data_folder, papers
 from reproduce.papers.catalogue import catalogue, computation_for, drawings, studies
-from reproduce.printed.cells import PAPERS, PrintedCell, anchor, library
+from reproduce.printed.cells import PAPERS, PrintedCell, anchor, find, library
 from reproduce.version import (
     ADDRESS,
     AUTHORS,
@@ -279,12 +279,11 @@ def identifiers(address: str) -> dict[str, str]:
 
 def _statement_of(record: Record) -> str:
     """Return the place, the printed value, the computed value and the verdict of a cell."""
-    cell = library()[record.key][record.cell.partition("#")[2]]
-    words, paper = in_words(cell), record.key.partition("/")[0]
-    sigma = f" ({cell.sigma}σ)" if cell.sigma else ""
+    cell, paper = find(record.cell)[0], record.key.partition("/")[0]
+    words = in_words(cell)
     parts = [
         f"{words[:1].upper()}{words[1:]}, of {_et_al(paper)} [{record.cell}]: printed "
-        f"{cell.shown}{sigma}",
+        f"{verdicts.printed(cell)}",
         recomputed(record),
     ]
     if record.verdict == "ambiguous" and (found := record.readings):
@@ -296,7 +295,7 @@ def _statement_of(record: Record) -> str:
 def recomputed(record: Record) -> str:
     """Return the computed value of a result with its interval; empty without one."""
     shown = verdicts.texts(record)
-    if record.role != "result" or not shown["computed"]:
+    if not shown["computed"]:
         return ""
     what = "assumed" if "stand_in" in record.flags else "recomputed"
     ends = shown["allowed by rounded inputs"] or shown["predicted, central 99 %"]
@@ -370,17 +369,16 @@ def verify(citation: str) -> str:
     marked = re.search(r"\brp:\w+", rest)
     if not marked or marked[0] != _mark(statement):
         return "unknown: its words and its mark do not belong together"
-    named = re.search(r"\[(\S+#\S+)\]: |^(\S+#\S+): ", statement)
-    address = named[1] or named[2] if named else "it"
+    named = re.search(r"(?:\[|^)(\S+#[^]\s]+)\]?: ", statement)
+    address = named[1] if named else "it"
     key, _, name = address.partition("#")
     is_released = marked[0] in released().get(source, ())
     now = f"{address} is not a printed number"
     if key in library() and name in library()[key].by_name:
         record = item_ledger(key).cell(address)
         now = _statement_of(record)
-        if now == statement and (is_released or source == version()):
-            return "current"
-        if is_released and _agrees(statement, record):
+        is_same = now == statement or (is_released and _agrees(statement, record))
+        if is_same and (is_released or source == version()):
             return "current"
         now = f"{now}, for {record.reason or record.why}"
     if is_released:
@@ -392,7 +390,7 @@ def _agrees(statement: str, record: Record) -> bool:
     """Return whether a statement of version 0.2.0 has the verdict and the value of a record."""
     found = re.search(r"(?:recomputed|assumed) ([-−]?[\d.]+(?:e[-+]?\d+)?)", statement)
     stated = found and float(found[1].replace("−", "-"))
-    value = record.computed if record.role == "result" else None
+    value = record.computed
     same = stated == (None if value is None else float(f"{value:.6g}"))
     return same and statement.endswith(f", {record.verdict}")
 
@@ -417,7 +415,7 @@ def _paper(key: str) -> Entry:
 
 def _et_al(paper: str) -> str:
     source = _paper(paper)
-    names = [person.last_names[-1] for person in source.persons["author"]]
+    names = [str(person).partition(",")[0] for person in source.persons["author"]]
     authors = " and ".join(names) if len(names) < 3 else f"{names[0]} et al."
     return f"{authors} ({source.fields['year']})"
 
@@ -483,8 +481,7 @@ def _csl(name: str, entry: Entry) -> dict[str, Any]:
     fields = {key: re.sub("[{}]", "", text) for key, text in entry.fields.items()}
     people = []
     for person in entry.persons["author"]:
-        given = " ".join(person.first_names + person.middle_names)
-        family = re.sub("[{}]", "", " ".join(person.prelast_names + person.last_names))
+        family, _, given = re.sub("[{}]", "", str(person)).partition(", ")
         people.append(
             {"family": family, "given": given} if given else {"literal": family}
         )

@@ -83,7 +83,7 @@ def draw(key: str, inputs: Inputs | None = None, *, narrow: bool = False) -> _Dr
     drawing = _declared_drawing(key)
     if isinstance(drawing, Schematic):
         style, end, body = drawing.text.partition("</style>")
-        return style + end + filled(body, {})
+        return style + end + filled(body)
     patterns = [*([key] if key in library() else []), *drawing.marks]
     printed = load_inputs(patterns)
     return _styled_figure(
@@ -263,16 +263,14 @@ class Figure(Rerunnable, ItemView):
         if self.changes:
             remark = "your setting; marks of printed values do not change"
             return f"{self.title}. {self._setting(remark)}"
-        return self._filled(item_text(self.key).figure.caption)
+        return numbers.powers(filled(item_text(self.key).figure.caption))
 
     @cached_property
     def alternative(self) -> str:
         """Alternative text."""
-        alternative = self._filled(item_text(self.key).figure.alternative)
-        return self.caption if self.changes else alternative
-
-    def _filled(self, text: str) -> str:
-        return numbers.powers(filled(text, {}))
+        if self.changes:
+            return self.caption
+        return numbers.powers(filled(item_text(self.key).figure.alternative))
 
     def blocks(self) -> Iterator[Block]:
         """Yield the figure with its caption; a terminal shows the command that draws it."""

@@ -9,7 +9,7 @@ from reproduce.papers.catalogue import studies
 from reproduce.papers.declare import Study
 from reproduce.printed.cells import anchor
 from reproduce.views import numbers
-from reproduce.views.base import Change, ItemView, Rerunnable, text_of
+from reproduce.views.base import Change, ItemView, Rerunnable
 from reproduce.views.blocks import Block, Fold, Grid, Html
 from reproduce.views.export import table_files, toolbar
 from reproduce.views.sweep import Sweep, of_study, swept
@@ -36,11 +36,6 @@ class StudyTable(Rerunnable, ItemView):
     @property
     def _declared(self) -> Study:
         return studies()[self.key]
-
-    @property
-    def source(self) -> str:
-        """Source code of the function that computes it."""
-        return text_of(self._declared.function)
 
     def _compute(self, inputs: Inputs | None) -> pd.DataFrame:
         return self._declared(inputs)

@@ -140,7 +140,7 @@ class Sweep(Display):
         Whether the value of a step is the printed one.
     rows : DataFrame
         One row per step and number, which are its index: setting, cell, label, computed, low, high,
-        unit, text, and the height of the dashed line of its panel (mark).
+        unit, text, and for its panel the dashed line (mark) and the band (bottom, top).
     dashed : str
         Meaning of the dashed lines.
     """
@@ -177,7 +177,10 @@ class Sweep(Display):
             panels = figure.subplots(len(numbers), sharex=True, squeeze=False)[:, 0]
             for axes, part in zip(panels, numbers, strict=True):
                 low, value, high = part[["low", "computed", "high"]].to_numpy(float).T
-                axes.axhline(part["mark"].iloc[0], color="C1", linestyle="--")
+                mark, *ends = part[["mark", "bottom", "top"]].astype(float).iloc[0]
+                axes.axhline(mark, color="C1", linestyle="--")
+                if np.isfinite(ends).all():
+                    axes.axhspan(*ends, facecolor=("C1", 0.2))
                 axes.errorbar(
                     part["setting"], value, [value - low, high - value], fmt="C0o"
                 )
@@ -187,10 +190,12 @@ class Sweep(Display):
 
         def page() -> str:
             words = f"Graph of the computed values against {self.label}."
-            caption = f"{self.caption} Dashed: the {self.dashed}."
-            graph = figure_block(self.name, paint, words, caption)
-            shown = graph.markup if len(numbers) <= _MAX_PANELS else ""
-            return rendered("sweep", sweep=self, grid=grid.markup, graph=shown)
+            shown = self.caption.replace("In brackets", "Bars")
+            caption = f"{shown} Dashed: the {self.dashed}."
+            graph = ""
+            if len(numbers) <= _MAX_PANELS:
+                graph = figure_block(self.name, paint, words, caption).markup
+            return rendered("sweep", sweep=self, grid=grid.markup, graph=graph)
 
         yield Html(page, grid)
 
@@ -200,7 +205,7 @@ def swept(
     moved: str | Sequence[str],
     values: Sequence[str | float | Sequence[str | float]],
     compute: Callable[[Change], pd.DataFrame],
-    dashed: str = "printed values",
+    dashed: str = "printed values, with their intervals",
 ) -> Sweep:
     """Compute a table for each value of an input; `compute` returns the rows of a step.
 
@@ -240,7 +245,10 @@ def swept(
 def of_cells(changed: Changed) -> pd.DataFrame:
     """Return the rows of the numbers of a table under a change."""
     frame = changed.frame().dropna(subset="changed - printed")
-    frame["mark"] = frame["changed"] - frame["changed - printed"]
+    frame = frame.rename(columns={"changed": "computed"}).reset_index()
+    numbers = [find(f"{changed.result.key}#{name}")[0].number for name in frame["cell"]]
+    frame["mark"] = [number.value for number in numbers]
+    frame[["bottom", "top"]] = [number.interval() for number in numbers]
     frame[["label", "text"]] = [
         (
             row["cell"],
@@ -251,7 +259,7 @@ def of_cells(changed: Changed) -> pd.DataFrame:
         )
         for row in changed.numbers()
     ]
-    return frame.rename(columns={"changed": "computed"}).reset_index()
+    return frame
 
 
 def of_study(
@@ -292,4 +300,6 @@ def of_study(
             text, numbers = entry(new[name], columns[name]), (new[name], old[name])
             rows.append((cell, cell, text, *map(float, numbers)))
     names = ["cell", "label", "text", "computed", "mark"]
-    return pd.DataFrame(rows, columns=names).assign(low=None, high=None, unit="")
+    return pd.DataFrame(rows, columns=names).assign(
+        low=None, high=None, unit="", bottom=None, top=None
+    )

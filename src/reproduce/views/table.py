@@ -270,11 +270,16 @@ class Table(ItemView):
         rows = [
             {
                 "cell": cell.name,
-                "Printed": " ".join((_printed(cell), *_notes(cell))),
+                "Printed": " ".join((verdicts.printed(cell), *_notes(cell))),
                 "Computed": verdicts.computed(record),
-                "Verdict": " ".join(filter(None, _verdict_texts(record))),
+                "Verdict": " ".join(
+                    filter(
+                        None, (record.verdict, verdicts.flags(record.flags), replied)
+                    )
+                ),
             }
             for cell, record in zip(table.cells, records, strict=True)
+            for replied in [verdicts.replied_state(record)]
         ]
         yield Html(page, Grid.of(caption, rows[0], rows))
         notes = Counter(note for cell in table.cells for note in _notes(cell).items())
@@ -310,34 +315,25 @@ _MARKS = {
 }
 
 
-def _printed(cell: PrintedCell) -> str:
-    """Return a printed value with its standard deviations."""
-    return " ".join((*cell.shown.split(), *[f"({cell.sigma}σ)"] * bool(cell.sigma)))
-
-
 def _values(cell: PrintedCell, record: Record, form: str) -> dict[str, str]:
     """Return the values of a cell with the displayed digits.
 
     In CSV unit, standard deviations and verdict have their own names.
     """
-    values = {"printed": cell.text, "recomputed": "", "from": "", "to": ""}
-    if record.role == "result":
-        values["recomputed"] = verdicts.computed(record)
-        ends = [cell.number.format(e, extra=1) for e in record.interval or ()]
-        if len({*ends}) > 1:
-            values["from"], values["to"] = map(minus, ends)
-    if form == "csv":
-        values["unit"] = cell.unit and symbol(cell.unit)
-        values["sigma"] = str(cell.sigma or "")
-        values["verdict"] = record.verdict if cell.is_number else ""
-        return {name: text.replace("−", "-") for name, text in values.items()}
-    values["printed"] = _printed(cell)
-    if record.role == "result":
-        weak = "*" * verdicts.weak([record])
-        values["recomputed"] = (
-            f"{values['recomputed'] or '–'}{_MARKS[record.verdict]}{weak}"
-        )
-    return values
+    ends = [minus(cell.number.format(e, extra=1)) for e in record.interval or ()]
+    low, high = ends if len({*ends}) > 1 else ("", "")
+    printed, computed = cell.text, verdicts.computed(record)
+    if form != "csv":
+        printed = verdicts.printed(cell)
+        if mark := _MARKS.get(record.verdict):
+            computed = f"{computed or '–'}{mark}{'*' * verdicts.weak([record])}"
+    values = {"printed": printed, "recomputed": computed, "from": low, "to": high}
+    if form != "csv":
+        return values
+    values["unit"] = cell.unit and symbol(cell.unit)
+    values["sigma"] = str(cell.sigma or "")
+    values["verdict"] = record.verdict if cell.is_number else ""
+    return {name: text.replace("−", "-") for name, text in values.items()}
 
 
 def _legend(records: Sequence[Record]) -> str:
@@ -361,11 +357,6 @@ def _rerun_code(address: str, change: tuple[str, str] | None) -> str:
     """Return the call of a table or a cell, with the change of an input."""
     call = '.rerun({{"{}": "{}"}})'.format(*change) if change else ""
     return f'rp.table("{address}"){call}'
-
-
-def _verdict_texts(record: Record) -> tuple[str, str, str]:
-    replied = verdicts.replied_state(record)
-    return record.verdict, verdicts.flags(record.flags), replied
 
 
 def _notes(cell: PrintedCell) -> dict[str, str]:

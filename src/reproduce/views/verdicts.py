@@ -58,6 +58,11 @@ def _cell_of(record: Record) -> PrintedCell:
     return library()[record.key][record.cell.partition("#")[2]]
 
 
+def printed(cell: PrintedCell) -> str:
+    """Return a printed value with its standard deviations."""
+    return " ".join((*cell.shown.split(), *[f"({cell.sigma}σ)"] * bool(cell.sigma)))
+
+
 def texts(record: Record) -> dict[str, Entry]:
     """Return the texts of a record by name of the column; empty texts do not apply."""
     cell, interval = _cell_of(record), _interval(record, record.interval)
@@ -284,18 +289,18 @@ def facts_of(name: str) -> dict[str, str]:
     return _counts(chosen) | {what: str(len(part)) for what, part in counted.items()}
 
 
-def filled(text: str, known: Mapping[str, str]) -> str:
+def filled(text: str) -> str:
     """Fill the placeholders of a text with facts.
 
     Examples
     --------
-    >>> filled("a scale of {niu2024/table-2#scale.red printed}", {})
+    >>> filled("a scale of {niu2024/table-2#scale.red printed}")
     'a scale of 0.9976'
     """
 
     def fill(blank: re.Match[str]) -> str:
         name, _, what = blank[1].partition(" ")
-        return facts_of(name)[what] if what else known[name]
+        return facts_of(name)[what]
 
     return re.sub(r"\{([^{}]+)\}", fill, text)
 
