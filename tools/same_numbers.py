@@ -29,11 +29,10 @@ import numpy as np
 # NumPy has no public function for the instructions that it was built for.
 from numpy._core import _multiarray_umath  # type: ignore[attr-defined]
 
-from page_cells import BOOK, notebooks
 from reproduce.version import build_record
-from run_notebooks import cache_of, outputs
 
-ROOT = BOOK.parent
+ROOT = Path(__file__).resolve().parent.parent
+BOOK = ROOT / "book"
 RELATIVE_TOLERANCE = 1e-12
 MAX_SHIFT, MAX_SHIFT_RANDOM = 1e-3, 0.05  # px
 COPIED = ("src", "data", "book", "tools")
@@ -76,6 +75,10 @@ def other_settings(core: str) -> dict[str, str]:
 
 def results(book: Path) -> dict[str, Any]:
     """Return the ledger, the facts and the outputs of the computed pages of a book."""
+    # A process that only prints its arithmetic does not load Jupyter.
+    from page_cells import notebooks
+    from run_notebooks import cache_of, outputs
+
     ledger = json.loads((book / "_extra" / "ledger.json").read_text(encoding="utf-8"))
     facts = json.loads((book / "_build" / "facts.json").read_text(encoding="utf-8"))
     with cache_of(book) as cache:

@@ -317,7 +317,10 @@ def test_a_wrong_platform_is_reported_in_one_line(tmp_path):
         (TOML.replace("5e-6", "5.0"), "pixel_pitch: expected metres"),
         (TOML.replace("[0.1, 0, 1]", "[0, 0, 1]"), "lights 1 and 2"),
         (f"a={'[' * 5000}{']' * 5000}", "expected TOML"),
-        (TOML.replace("dir", "spots=[[1, 2]]\n#").replace("5e-6", "9" * 400), "large"),
+        (
+            TOML.replace("dir", "spots=[[1, 2]]\n#").replace("5e-6", "9" * 400),
+            "pixel_pitch",
+        ),
         # Editors of Windows write this mark.
         ("\ufeff" + TOML, "at least one row"),
     ):

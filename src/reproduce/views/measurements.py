@@ -427,6 +427,6 @@ def platform_of(source: Platform | str | Path) -> Platform:
         elif "lasers" not in table:
             make = Platform.of_spots
         return make(**table)
-    except (TypeError, ValueError, OverflowError, RecursionError) as error:
+    except (TypeError, ValueError, RecursionError) as error:
         known = ", ".join(inspect.signature(make).parameters)
         raise TableFileError(f"{source}: expected TOML of {known} ({error})") from error

@@ -153,10 +153,14 @@ def test_the_magnitude_selects_the_bright_stars(kind):
             del table[name]
 
 
+# Of 24 seeds with 40 stars and of 6 with 300, those whose fields agree most by chance.
+CLOSEST = {40: (11, 13, 15, 16, 20, 21), 300: (1, 2, 5)}
+
+
 @pytest.mark.parametrize("count", [4, 6, 12, 40, 300])
 def test_unrelated_fields_are_rejected(count):
     """Also if both have a cluster at one place, or whole numbers as positions."""
-    for seed in range({40: 8, 300: 3}.get(count, 24)):
+    for seed in CLOSEST.get(count, range(24)):
         rng = default_rng([7, count, seed])
         uniform, whole = (
             rng.uniform(0, FIELD, (2, count, 2)),
