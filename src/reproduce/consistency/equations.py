@@ -1,7 +1,7 @@
 """Equations of the papers that fail as extracted, run on printed numbers.
 
-Each violates a property: a matrix is no rotation, an identity does not hold, an iteration diverges.
-The correct result is that of the form in this package.
+Each violates a property: a matrix is not a rotation, an identity is wrong, or an iteration
+diverges. The corrected result is from the form in this package.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _ITERATION_STEPS = 5
 _ARCSEC = si_factor("arcsec")
 # Returns the number of a printed cell in SI units.
 _Number = Callable[[str], float]
-# Results of the extracted form and of the form of this package.
+# Results of the extracted form and of the corrected form.
 _Values = tuple[Any, Any]
 
 
@@ -30,7 +30,7 @@ class Demonstration:
     """An equation, run as extracted.
 
     - `name`: name of the equation.
-    - `printed`, `right`: result of the extracted form, and of the form of this package.
+    - `printed`, `right`: result of the extracted form, and of the corrected form.
     - `place`: passage of the paper.
     - `asked`: the test.
     - `meaning`: the compared quantity.
