@@ -19,7 +19,7 @@ FloatArray = NDArray[np.float64]
 _QUANTILES = (0.025, 0.25, 0.5, 0.75, 0.975)
 # Correlation from which a pair has a panel, and draws that the panel shows at most.
 _MIN_CORRELATION, _MAX_POINTS = 0.5, 400
-# Draws that show a density at most.
+# Largest number of draws that a density uses.
 _MAX_DENSITY_DRAWS = 5000
 _STRIP_INCHES, _PANEL_INCHES = 0.75, 3.2
 

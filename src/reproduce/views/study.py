@@ -72,7 +72,9 @@ class StudyTable(Rerunnable, ItemView):
                 study, (before, self.rerun(step).frame()), columns, rows or {}
             )
 
-        return swept(self.title, moved, values, compute, "values as printed")
+        return swept(
+            self.title, moved, values, compute, "values for the printed inputs"
+        )
 
     def frame(self) -> pd.DataFrame:
         """Return the numbers, in the units of the column names."""

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-# Height of a panel, and most panels of a graph.
+# Height of a panel in inches, and largest number of panels of a graph.
 _PANEL_INCHES, _MAX_PANELS = 1.7, 8
 
 
@@ -142,7 +142,7 @@ class Sweep(Display):
         One row per step and number, which are its index: setting, cell, label, computed, low, high,
         unit, text, and for its panel the dashed line (mark) and the band (bottom, top).
     dashed : str
-        Meaning of the dashed lines.
+        Meaning of the dashed lines, and of the bands.
     """
 
     name: str
@@ -205,7 +205,7 @@ def swept(
     moved: str | Sequence[str],
     values: Sequence[str | float | Sequence[str | float]],
     compute: Callable[[Change], pd.DataFrame],
-    dashed: str = "printed values, with their intervals",
+    dashed: str = "printed values; shaded: their intervals",
 ) -> Sweep:
     """Compute a table for each value of an input; `compute` returns the rows of a step.
 
