@@ -238,10 +238,11 @@ def _parsed(name: str, content: bytes, sep: str | None) -> Any:
                 compression="gzip" if lower.endswith(".gz") else None,
             )
     except Exception as error:  # pandas, Astropy and XML parsers raise many types
-        reason = " ".join(str(error).split())[:200]
+        # The warning of Astropy names the table that it would read.
+        reason = " ".join(str(error).split()).partition(", reading in")[0][:200]
         raise TableFileError(
             f"{name}: expected columns of numbers ({reason}). Give sep if no comma separates them, "
-            "or read another format with another library and pass an array or a DataFrame"
+            "or read another format with pandas or Astropy and pass the table"
         ) from error
 
 
@@ -261,8 +262,9 @@ def matched_stars(
         )
         if ignored := {*first.numbers, *second.numbers} - {*STARS[:2]}:
             raise ValueError(
-                f"{min(ignored)}: expected none in two tables matched by row, got a column. Join "
-                f"the tables with the columns {', '.join(STARS)}"
+                f"{min(ignored)}: expected no column of errors in two tables matched by row, got "
+                f"one. Join both into one table with the columns {', '.join(STARS)} and "
+                "this column"
             )
         values = (*first.numbers.values(), *second.numbers.values())
         numbers = dict(zip(STARS, values, strict=True))

@@ -36,7 +36,7 @@ _LARGE_FIELD = 8_000
 # Number of stars, spread over the rows, with which models are compared; duplicates are not sought
 # among more stars.
 _MAX_COMPARED = 100_000
-# Stars of a large field in which many wrong matches are sought, at most.
+# Largest number of stars in which many wrong matches are sought.
 _MAX_SAMPLE = 200
 # Smallest number of degrees of freedom with which the other stars can show a wrong match.
 _MIN_FREEDOM = 4
@@ -290,8 +290,8 @@ def diagnose_fit(
     The kinds are ``unit``, ``duplicate`` (up to 100,000 stars), ``line``, ``few`` (too few stars),
     ``exact``, ``errors``, ``model`` (a term improves the fit), ``sensitive`` (a term that
     the stars do not exclude would change a parameter by more than 2 standard errors),
-    ``brightness``, ``unmatched`` (the target does not follow the source), ``mismatched`` and
-    ``dropped`` (by a robust fit).
+    ``brightness``, ``unmatched`` (the rows are not the same stars), ``mismatched`` (wrong
+    matches) and ``dropped`` (by a robust fit).
 
     Parameters
     ----------
@@ -412,7 +412,8 @@ def _unrelated(fit: RegistrationFit) -> Iterator[Finding]:
         scale, error = float(fit.parameters[0]), float(fit.standard_errors[0])
         if fdtrc(2, freedom, (scale / error) ** 2 / 2) > FALSE_ALARM_ROBUST:
             text = (
-                f"the scale is {scale:.2g} ± {error:.2g}: are the rows the same stars?"
+                f"the scale is {scale:.2g} ± {error:.2g}: are the rows the same stars? "
+                "Match them first, with rp.match"
             )
             yield Finding("unmatched", text)
 
