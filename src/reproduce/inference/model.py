@@ -160,7 +160,7 @@ class Normal:
 
 
 class _PositiveNormal(Normal):
-    """Gaussian prior of a number above zero; its density is not normalized."""
+    """Gaussian prior of a number above zero; its density is not normalised."""
 
     def __post_init__(self) -> None:
         positive("mean", self.mean)
