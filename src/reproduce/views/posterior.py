@@ -33,6 +33,7 @@ from reproduce.inference.models import (
     MixtureRegistration,
     probability_false,
 )
+from reproduce.inference.modes import Modes
 from reproduce.judge.rerun import check_randomness
 from reproduce.papers.posteriors import posteriors
 from reproduce.printed.cells import find
@@ -509,7 +510,7 @@ class Posterior(ResultView):
             "acceptance": samples.acceptance.tolist(),
             "parameters": [asdict(row) for row in samples.summaries()],
             "priors": priors.to_dict("records"),
-            "modes": {name: one._asdict() for name, one in samples.modes.items()},
+            "modes": {name: one._asdict() for name, one in self.modes.items()},
             "checks": [asdict(check) for check in self.checks],
             "warnings": self.findings,
             "data": self.data_record,
@@ -536,13 +537,18 @@ class Posterior(ResultView):
             yield from (f"Warning: {text}." for text in self.findings)
 
     @property
+    def modes(self) -> dict[str, Modes]:
+        """Two modes of each parameter that has two, in the displayed unit."""
+        return self.sampled.modes
+
+    @property
     def findings(self) -> list[str]:
         """Warnings: priors, modes, stars that a robust fit drops, predictive checks, the data."""
         modes = (
             f"{name} has two modes: {100 * one.below:.0f} % of the draws near {one.low:.3g}, "
             f"{100 * one.above:.0f} % near {one.high:.3g} (in {self.priors['unit'][name]}). Its "
             "mean is in neither mode"
-            for name, one in self.sampled.modes.items()
+            for name, one in self.modes.items()
         )
         found = [*prior_warnings(self.sampled), *modes, self._dropped]
         return [one for one in (*found, misfit(self.checks), *self.remarks) if one]
