@@ -36,13 +36,19 @@ def test_coordinates_are_one_to_one_with_the_stated_volume():
 
 def test_a_normal_prior_of_a_noise_is_truncated_at_zero():
     priors = {"noise": Normal(0.02, 0.05, "a test"), "false-share": Normal(0, 1, "too")}
-    model = rp.posterior("registration-mixture", priors=priors).model
+    found = rp.posterior("registration-mixture", priors=priors)
+    model, text = found.model, found.priors["prior"]["noise"]
+    assert text.endswith("above zero")
     prior = dict(zip(model.names, model.parameters, strict=True))["noise"].prior
     draws = prior.draw(np.random.default_rng(1), 1000)
     assert kstest(draws, truncnorm(-0.4, np.inf, 0.02, 0.05).cdf).pvalue > 1e-3
     rows = np.repeat(model.start(np.random.default_rng(1), 1), 3, axis=0)
     rows[1:, 4:] *= [[-1, 1], [1, -1]]
     assert np.isfinite(model.log_posterior(rows)).tolist() == [True, False, False]
+    half = {"noise": Normal(0.0, 0.05, "half of a normal")}
+    assert (
+        rp.posterior("registration", priors=half).priors["why"]["noise"][:4] == "half"
+    )
     for wrong in (Normal(-1, 0.1, "a test"), Uniform(-1, 1, "a test"), (-1, 1)):
         with pytest.raises(ValueError, match=r"^prior of noise: "):
             rp.posterior("registration", priors={"noise": wrong})

@@ -163,7 +163,7 @@ class _PositiveNormal(Normal):
     """Gaussian prior of a number above zero; its density is not normalised."""
 
     def __post_init__(self) -> None:
-        positive("mean", self.mean)
+        non_negative("mean", self.mean)
         super().__post_init__()
 
     def log_density(self, values: FloatArray) -> FloatArray:
@@ -173,6 +173,9 @@ class _PositiveNormal(Normal):
         below = ndtr(-self.mean / self.sigma)
         score = ndtri(generator.uniform(below, 1, count))
         return np.asarray(self.mean + self.sigma * score)
+
+    def __str__(self) -> str:
+        return f"{super().__str__()}, above zero"
 
 
 # The text of a prior describes its distribution in words and numbers.

@@ -169,6 +169,8 @@ class PosteriorSamples:
         }
         tree = arviz_base.from_dict(groups, dims=_DIMENSIONS)
         tree.attrs = {"model": model.name, "seed": self.seed}
+        for part in tree.children.values():  # equal draws give equal files
+            part.attrs.pop("created_at", None)
         tree["sample_stats"].attrs["acceptance"] = self.acceptance
         for group in ("log_likelihood", "posterior_predictive"):
             tree[group].coords["draw"] = rows
