@@ -112,7 +112,7 @@ def test_printed_equations_give_the_numbers_computed_by_hand():
         2**_ITERATION_STEPS * math.hypot(0.3, 0.5), rel=1e-3
     )
     assert shown["stage-angle"].right == pytest.approx(-10.3132, abs=1e-4)
-    assert shown["stage-signs"].printed == -shown["stage-signs"].right
+    assert shown["stage-signs"].printed == -shown["stage-signs"].wanted
 
 
 def test_last_digits_are_compared_for_a_relation_of_kind_print():

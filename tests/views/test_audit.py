@@ -63,7 +63,7 @@ def test_the_score_counts_the_findings():
         counts = [len(audit.cells), sum(plain.values()), *plain.values()]
         counts.append(sum(again.values()))
         counts += [again["contradicts"], len(audit.equations) - len(assumed)]
-        counts.append(len(audit.supposed) + len(assumed))
+        counts += [len(audit.failing), len(audit.supposed) + len(assumed)]
         assert list(row.values()) == [audit.name, *counts]
 
 

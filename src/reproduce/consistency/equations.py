@@ -1,7 +1,7 @@
-"""Equations of the papers that fail as extracted, run on printed numbers.
+"""Equations of the papers, run as extracted, on printed numbers.
 
-Each violates a property: a matrix is not a rotation, an identity is wrong, or an iteration
-diverges. The corrected result is from the form in this package.
+Each has a property that can be tested: a matrix is a rotation, an identity holds, an iteration
+converges, or a chain of frames closes. The form of this package runs next to the extracted form.
 """
 
 from __future__ import annotations
@@ -17,12 +17,14 @@ from reproduce.physics.attitude import rotation_from_vector
 from reproduce.printed.cells import PrintedCell
 from reproduce.printed.number import si_factor
 
+# Far above the noise of double precision, far below any printed digit.
+_ZERO_TOLERANCE = 1e-9
 _ITERATION_STEPS = 5
 _ARCSEC = si_factor("arcsec")
 # Returns the number of a printed cell in SI units.
 _Number = Callable[[str], float]
-# Results of the extracted form and of the corrected form.
-_Values = tuple[Any, Any]
+# Results of the extracted form and of the form of this package, and the correct result.
+_Values = tuple[Any, Any, Any]
 
 
 @dataclass(frozen=True)
@@ -30,7 +32,8 @@ class Demonstration:
     """An equation, run as extracted.
 
     - `name`: name of the equation.
-    - `printed`, `right`: result of the extracted form, and of the corrected form.
+    - `printed`, `right`, `wanted`: result of the extracted form, of the form of this package, and
+      the correct result.
     - `place`: passage of the paper.
     - `asked`: the test.
     - `meaning`: the compared quantity.
@@ -40,10 +43,18 @@ class Demonstration:
     name: str
     printed: float
     right: float
+    wanted: float
     place: str
     asked: str
     meaning: str
     assumption: str = ""
+
+    @property
+    def holds(self) -> bool:
+        """Whether the extracted form gives the correct result."""
+        return abs(self.printed - self.wanted) <= _ZERO_TOLERANCE * max(
+            1.0, abs(self.wanted)
+        )
 
 
 def demonstrations(
@@ -51,9 +62,9 @@ def demonstrations(
 ) -> tuple[Demonstration, ...]:
     """Run the equations that a paper declares, with their texts by name."""
     return tuple(
-        Demonstration(name, float(printed), float(right), **text)
+        Demonstration(name, float(printed), float(right), float(wanted), **text)
         for name, text in texts.items()
-        for printed, right in [_RUNS[name](lambda a: cells[a].si)]
+        for printed, right, wanted in [_RUNS[name](lambda a: cells[a].si)]
     )
 
 
@@ -64,19 +75,29 @@ def _distortion_ratio(number: _Number) -> _Values:
     )
     right = optics.distortion_ratio(k, green, red)
     # The second line of (7) sets y'_g where the first line sets x'_b: one factor k is lost.
-    return k**2 * green / red, right
+    return k**2 * green / red, right, right
+
+
+def _turned_back(number: _Number) -> _Values:
+    angle = number("niu2024/table-2#rotation.red")
+    start = np.array([[3.0, 4.0]])
+    cosine, sine = np.cos(angle), np.sin(angle)
+    turned = optics.turned_onto_detector(start, angle)
+    back = turned @ np.array([[cosine, sine], [-sine, cosine]])
+    residual = np.abs(back - start).max()
+    return residual, residual, 0.0
 
 
 def _rotary_matrix(number: _Number) -> _Values:
     turn = number("niu2024/text-simulation#range-x-high")
     printed = np.linalg.det(optics.rotary_matrix_printed(0.0, turn))
-    return printed, np.linalg.det(optics.rotary_matrix(0.0, turn))
+    return printed, np.linalg.det(optics.rotary_matrix(0.0, turn)), 1.0
 
 
 def _unit_circle(number: _Number) -> _Values:
     turn = number("niu2024/table-2#rotation.red")
     cosine, sine = np.cos(turn), np.sin(turn)
-    return 2 * cosine**2 - 1, cosine**2 + sine**2 - 1
+    return 2 * cosine**2 - 1, cosine**2 + sine**2 - 1, 0.0
 
 
 def _iteration(number: _Number) -> _Values:
@@ -95,7 +116,7 @@ def _iteration(number: _Number) -> _Values:
         for _ in range(_ITERATION_STEPS):
             estimate = step(estimate, source, target, middle)
         errors.append(np.linalg.norm((estimate - truth)[2:]))
-    return errors[0], errors[1]
+    return errors[0], errors[1], 0.0
 
 
 def _lasers(number: _Number) -> tuple[Any, float]:
@@ -103,6 +124,35 @@ def _lasers(number: _Number) -> tuple[Any, float]:
     half = number("chen2023/text-hardware#laser-diagonal") / 2
     positions = half * np.array([[0.0, -1.0], [-1.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
     return positions, number("chen2023/table-2#telescope-focal-length.value")
+
+
+def _unit_vectors(number: _Number) -> _Values:
+    length = np.linalg.norm(attitude.emitted_directions(*_lasers(number))[0])
+    return length, length, 1.0
+
+
+def _chain(number: _Number) -> _Values:
+    """Close the chain (4), (6), (7), which must return the misalignment."""
+    camera = attitude.emitted_directions(*_lasers(number))
+    zero = rotation_from_vector(np.array([0.3, -1.2, 0.5]))
+    turned = rotation_from_vector(np.array([1e-5, -2e-5, 3e-5]))
+    seen = camera @ attitude.moved_laser_transform(zero, turned).T
+    residual = np.abs(camera - seen @ (turned @ zero.T).T).max()
+    return residual, residual, 0.0
+
+
+def _retroreflector(number: _Number) -> _Values:
+    """Rotate the reflector of the satellite, a corner cube, about three axes."""
+    beam = np.array([0.0, 0.0, -1.0])
+    straight = raytrace.mirror_train(raytrace.CORNER) @ beam
+    moved = [
+        np.linalg.norm(
+            raytrace.mirror_train(raytrace.CORNER @ rotation_from_vector(turn).T) @ beam
+            - straight
+        )
+        for turn in _ARCSEC * np.eye(3)
+    ]
+    return max(moved) / _ARCSEC, max(moved) / _ARCSEC, 0.0
 
 
 def _roll_leak(number: _Number) -> _Values:
@@ -120,19 +170,19 @@ def _roll_leak(number: _Number) -> _Values:
     rolled = reference @ rotation_from_vector(np.array([0.0, 0.0, 60 * _ARCSEC]))
     forms = rolled @ reference.T, attitude.misalignment_between(rolled, reference)
     angles = [attitude.misalignment_angles(form) for form in forms]
-    first, second = (np.hypot(*angle[:2]) / _ARCSEC for angle in angles)
-    return first, second
+    return *(np.hypot(*angle[:2]) / _ARCSEC for angle in angles), 0.0
 
 
 def _stage_angle(number: _Number) -> _Values:
     travel = number("chen2023/text-effectiveness#maximum-travel")
     focal = number("chen2023/text-effectiveness#focal-length")
-    printed = attitude.stage_angle_printed(travel, focal)
-    return printed / _ARCSEC, attitude.stage_angle(travel, focal) / _ARCSEC
+    forms = attitude.stage_angle_printed, attitude.stage_angle
+    wanted = -np.arctan(travel / focal) / _ARCSEC
+    return *(form(travel, focal) / _ARCSEC for form in forms), wanted
 
 
 def _stage_signs(number: _Number) -> _Values:
-    """Move the lasers along Y. The sense of the rotation follows from (5) and (7)."""
+    """Move the lasers along Y, and measure the sense of the rotation with (5) and (7)."""
     positions, focal = _lasers(number)
     shift = number("chen2023/text-effectiveness#step")
     before, after = (
@@ -140,8 +190,11 @@ def _stage_signs(number: _Number) -> _Values:
         for moved in (0.0, shift)
     )
     measured = attitude.misalignment(before, after, np.eye(3))
-    angle = attitude.misalignment_angles(measured)[0]
-    return np.sign(attitude.stage_angle(shift, focal)), np.sign(angle)
+    return (
+        np.sign(attitude.stage_angle(shift, focal)),
+        np.sign(attitude.stage_angles([0.0, shift], focal)[0]),
+        np.sign(attitude.misalignment_angles(measured)[0]),
+    )
 
 
 def _misalignment_side(number: _Number) -> _Values:
@@ -157,8 +210,7 @@ def _misalignment_side(number: _Number) -> _Values:
         gaps.append(
             [np.linalg.norm((form @ installed - corrected)[:, 2]) for form in forms]
         )
-    printed, right = np.max(gaps, axis=0) / _ARCSEC
-    return printed, right
+    return *(np.max(gaps, axis=0) / _ARCSEC), 0.0
 
 
 def _line_of_sight(number: _Number) -> _Values:
@@ -168,7 +220,7 @@ def _line_of_sight(number: _Number) -> _Values:
     emitted = attitude.emitted_directions(positions[:1], focal)[0]
     cosine = bracket @ emitted / np.linalg.norm(bracket)
     # With a negative scaling factor the bracket changes its sign.
-    return cosine, -cosine
+    return cosine, -cosine, 1.0
 
 
 def _mirrored_pattern(number: _Number) -> _Values:
@@ -178,17 +230,21 @@ def _mirrored_pattern(number: _Number) -> _Values:
     # A received direction points back along the light.
     satellite = -fold @ raytrace.mirror_train(raytrace.CORNER)
     mirrored = satellite @ np.diag([1.0, -1.0, 1.0])  # the lasers of a mirrored pattern
-    return np.linalg.det(satellite), np.linalg.det(mirrored)
+    return np.linalg.det(satellite), np.linalg.det(mirrored), 1.0
 
 
 _RUNS: dict[str, Callable[[_Number], _Values]] = {
     "distortion-ratio": _distortion_ratio,
+    "turned-back": _turned_back,
     "rotary-matrix": _rotary_matrix,
     "unit-circle": _unit_circle,
     "iteration": _iteration,
+    "unit-vectors": _unit_vectors,
+    "chain": _chain,
     "misalignment-side": _misalignment_side,
     "stage-angle": _stage_angle,
     "stage-signs": _stage_signs,
+    "retroreflector": _retroreflector,
     "roll-leak": _roll_leak,
     "line-of-sight": _line_of_sight,
     "mirrored-pattern": _mirrored_pattern,

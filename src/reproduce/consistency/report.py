@@ -31,7 +31,7 @@ class Audit:
     - `cells`: its printed numbers by address.
     - `findings`: result of each relation, with and without an assumption.
     - `unknowns`: values of the numbers that are not printed, by name.
-    - `equations`: equations that fail as extracted.
+    - `equations`: equations, run as extracted.
     """
 
     name: str
@@ -49,6 +49,11 @@ class Audit:
     def supposed(self) -> tuple[examine.RelationResult, ...]:
         """The results that depend on an assumption of this project."""
         return tuple(f for f in self.findings if f.relation.assumption)
+
+    @property
+    def failing(self) -> tuple[Demonstration, ...]:
+        """The equations that fail as extracted, without those that depend on an assumption."""
+        return tuple(e for e in self.equations if not (e.holds or e.assumption))
 
     def tally(self, *, restating: bool) -> dict[examine.RelationOutcome, int]:
         """Count the relations without assumptions by outcome, every outcome present.

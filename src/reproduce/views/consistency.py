@@ -44,7 +44,8 @@ _SCORE = (
     "Contradict",
     "Restate computed cells",
     "Contradict among these",
-    "Equations that fail as extracted",
+    "Equations run",
+    "Fail as extracted",
     "Depend on an assumption",
 )
 _GROUPS = (
@@ -92,7 +93,7 @@ class ConsistencyAudit(Display):
     """The audit of the printed numbers of papers, and the errata.
 
     Its parts are ``score``, ``differences`` (between printed and computed numbers), ``relations``,
-    ``equations`` (that fail as extracted), ``errata`` and ``assumptions`` (entries that suppose
+    ``equations`` (run as extracted), ``errata`` and ``assumptions`` (entries that suppose
     something): ``audit("chen2023")["relations"]``. Each shows itself and has a ``frame()``.
 
     Parameters
@@ -161,6 +162,7 @@ def _score(audits: Sequence[Audit]) -> _Part:
             sum(again),
             again[-1],
             len(audit.equations) - len(supposing),
+            len(audit.failing),
             len(audit.supposed) + len(supposing),
         )
         rows.append({"name": audit.name, **dict(zip(_SCORE, numbers, strict=True))})
@@ -210,11 +212,17 @@ def _group(row: _Row) -> str:
 
 
 def _equations(audits: Sequence[Audit]) -> _Part:
-    """List the equations that fail as extracted."""
-    rows = [vars(equation) for audit in audits for equation in audit.equations]
-    columns = ("place", "asked", "meaning", "printed", "right")
-    caption = "Equations that fail as extracted"
-    return _Part((_table("equations", caption, columns, rows),), rows)
+    """List the equations, run as extracted."""
+    fields = ("name", "place", "asked", "printed", "right", "wanted", "meaning")
+    rows = [
+        {name: getattr(equation, name) for name in (*fields, "holds", "assumption")}
+        for audit in audits
+        for equation in audit.equations
+    ]
+    columns = ("place", "asked", "meaning", "printed", "right", "wanted")
+    return _Part(
+        (_table("equations", "Equations run as extracted", columns, rows),), rows
+    )
 
 
 def _errata(audits: Sequence[Audit], *, supposed: bool) -> _Part:
