@@ -5,6 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
+import reproduce as rp
 from reproduce.judge import rerun
 from reproduce.judge.ledger import build
 from reproduce.judge.readings import evaluate
@@ -163,6 +164,15 @@ def test_changes_that_do_not_fit_are_named():
     for value in ("0.2", "0.2 mm", "0.2 parsec", "much", "", "1e999 px", "1.2.3 px"):
         with pytest.raises(CannotChangeError, match=f"{NOISE}: .*'{value}'"):
             rerun.Rerun("niu2024/table-3", {NOISE: value})
+
+
+def test_changes_that_are_no_mapping_of_addresses_are_named():
+    views = rp.table("niu2024/table-3"), rp.figure("niu2024/fig-4")
+    for view, changes in itertools.product(views, ("x", {5: "1"})):
+        with pytest.raises(TypeError, match=r"^changes: "):
+            view.rerun(changes)
+    with pytest.raises(CannotChangeError, match="which has none"):
+        rp.table("niu2024/table-1").rerun({"a": "1"})
 
 
 def test_values_have_any_unit_of_their_kind():

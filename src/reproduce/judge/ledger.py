@@ -120,7 +120,13 @@ class Ledger(Frozen):
 
     def cell(self, address: str) -> Record:
         """Return the record of one cell."""
-        return {record.cell: record for record in self.records}[address]
+        for record in self.records:
+            if record.cell == address:
+                return record
+        raise KeyError(
+            f"address: expected a printed cell, got {address!r}. `reproduce contents` lists "
+            "the keys."
+        )
 
     def table(self, key: str) -> TableRecord | None:
         """Return the joint record of a table; None if it has no predicted cells."""

@@ -17,14 +17,14 @@ from contextlib import contextmanager, suppress
 from decimal import Decimal
 from functools import cache, cached_property
 from itertools import product
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from reproduce.judge.ledger import TableRecord, item_ledger
 from reproduce.judge.verdicts import central_interval
 from reproduce.papers.catalogue import catalogue, changeable, computation_for, upstream
-from reproduce.papers.declare import Alternative, Computation, Result
+from reproduce.papers.declare import Alternative, Computation
 from reproduce.printed.cells import PrintedCell, find, library
 from reproduce.printed.inputs import Inputs, load_inputs
 from reproduce.printed.number import Interval, si_factor, symbol
@@ -114,8 +114,13 @@ def _is_random(key: str) -> bool:
     return any(computation.replicates for computation in catalogue()[key].computations)
 
 
-def checked_values(key: str, changes: Mapping[str, str | float]) -> dict[str, float]:
+def checked_values(key: str, changes: object) -> dict[str, float]:
     """Return the values of a user in SI units; raise an error for a cell that is not an input."""
+    if not isinstance(changes, Mapping) or not all(isinstance(a, str) for a in changes):
+        raise TypeError(
+            f"changes: expected a mapping of addresses to values, got {changes!r}. Write "
+            "{address: value}"
+        )
     allowed, values = changeable(key), {}
     for address, text in changes.items():
         if address not in allowed:
@@ -146,9 +151,9 @@ def check_randomness(
 def _stray(key: str, stray: str, allowed: Sequence[str]) -> CannotChangeError:
     """Return the error of a cell that is not an input, with similar names of inputs."""
     listed = difflib.get_close_matches(stray, allowed, _MAX_SUGGESTED, cutoff=0)
+    known = f"such as {', '.join(listed)}. All {len(allowed)} are in `.inputs`"
     return CannotChangeError(
-        f"{stray}: expected an input of {key}, such as {', '.join(listed)}. All {len(allowed)} "
-        "are in `.inputs`"
+        f"{stray}: expected an input of {key}, {known if listed else 'which has none'}"
     )
 
 
@@ -200,7 +205,7 @@ class Rerun:
         given = {**changes, "seed": seed, "replicates": replicates}
         self.changes = {n: str(text) for n, text in given.items() if text is not None}
         self.replaced: dict[str, float] = {}
-        self._results: dict[str, Mapping[str, Result]] = {}
+        self._results: dict[str, dict[str, Any]] = {}
         known = options(key) if chosen else {}
         for name, alternative in self.options.items():
             if alternative not in known.get(name, ()):
@@ -279,7 +284,7 @@ class Rerun:
                 f"{self.key} cannot be computed with {setting}: {error}"
             ) from error
 
-    def results(self, computation: Computation) -> Mapping[str, Result]:
+    def results(self, computation: Computation) -> dict[str, Any]:
         """Return the results of a computation whose inputs follow the changes."""
         if computation.name not in self._results:
             inputs = self.inputs(computation.inputs)
@@ -318,6 +323,6 @@ class Rerun:
         return value
 
 
-def _median(result: Result, unit: float = 1.0) -> float:
+def _median(result: Any, unit: float = 1.0) -> float:
     """Return the median of a result in a unit, which is applied first, as in the ledger."""
     return float(np.median(result / unit))

@@ -34,7 +34,7 @@ ROOT_SEED = 20_240_102
 
 # A float, or draws as an array of shape (replicates,), in SI units. The same index is the same
 # replicate in every cell of a table, so that the cells keep their correlation.
-Result = Any
+Result = float | FloatArray
 Results = Mapping[str, Result]
 # Rows of a supplementary table.
 Rows = Iterator[tuple[Any, ...]]
@@ -176,8 +176,10 @@ class Computation(PaperFunction):
         }
         return replace(self, options=options)
 
-    def __call__(self, inputs: Inputs, replicates: int | None = None) -> Results:
+    def __call__(self, inputs: Inputs, replicates: int | None = None) -> dict[str, Any]:
         """Return the numbers of the literal reading, with the seed of the computation.
+
+        They are floats, or draws if the computation has replicates.
 
         Results from unchanged printed numbers are cached, because the ledger, supplementary
         tables and reruns share them.

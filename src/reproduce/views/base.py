@@ -112,9 +112,10 @@ class Rerunnable(ResultView):
     def __init__(
         self, key: str, changes: Change | None = None, seed: int | None = None
     ) -> None:
-        self.key, self.seed, self._changes = key, seed, dict(changes or {})
+        self.key, self.seed = key, seed
         random = self.random  # an unknown key raises an error
         self._rerun = rerun.Rerun(key, changes, seed=seed, random=random)
+        self._changes = dict(changes or {})
 
     @property
     @abstractmethod
@@ -184,6 +185,7 @@ class Rerunnable(ResultView):
                 f"{next(iter(others))}: expected changes or a seed for {self.key}. Leave it out"
             )
         seed = self.seed if seed is None else seed
+        rerun.checked_values(self.key, changes or {})
         return type(self)(self.key, {**self._changes, **(changes or {})}, seed)
 
 
