@@ -205,7 +205,7 @@ def test_unequal_counts_and_batches_are_errors():
     pairs = registration.Registration.similarity([1, 1], 0, (0, 0), PIVOT)
     for error, call in (
         ("4 and 3", lambda: registration.fit_registration(SOURCE, TARGET[:3], PIVOT)),
-        ("longer", lambda: optics.channel_centroids([], np.zeros(2), LINE)),
+        ("rotations", lambda: optics.channel_centroids([], np.zeros(2), LINE)),
         ("expected leading", lambda: pairs.apply([SOURCE] * 3)),
     ):
         with pytest.raises(ValueError, match=error):
@@ -257,6 +257,9 @@ def test_a_ratio_without_distortion_and_a_small_step_are_errors():
         optics.distortion_ratio(1.0, 40.0, 0.0)
     with pytest.raises(ValueError, match="radians"):
         optics.arrangement_angles("square", 8.0, 6.0, 1e-5)
+    for wrong in ("square", "square; centred; diamond"):
+        with pytest.raises(ValueError, match=rf"^name: .*diamond.*got '{wrong}'"):
+            optics.arrangement_angles(wrong, 8.0, 6.0, 1.0)
 
 
 @given(st.data())

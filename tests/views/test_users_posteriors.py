@@ -21,6 +21,7 @@ from reproduce.inference import (
 from reproduce.inference.models import registration_model
 from reproduce.inference.sampling import Plan, run_ensemble
 from reproduce.papers.chen2023.platform import INSTRUMENT, as_designed
+from reproduce.papers.posteriors import posteriors
 from reproduce.physics.registration import Registration, fit_registration
 from reproduce.printed.inputs import load_inputs
 from reproduce.store.points import TableFileError
@@ -282,3 +283,7 @@ def test_simulated_data_have_a_provenance():
         "niu2024",
         pivot,
     )
+    cells = load_inputs(posteriors()["registration"].inputs).cells
+    lines = "".join(f"{address} {cells[address].text}\n" for address in sorted(cells))
+    assert data["sha256"] == hashlib.sha256(lines.encode()).hexdigest()
+    assert rp.posterior("misalignment").data_record["sha256"] != data["sha256"]

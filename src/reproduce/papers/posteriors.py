@@ -6,6 +6,7 @@ import importlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cache
+from hashlib import sha256
 from importlib.util import find_spec
 from typing import Any
 
@@ -101,6 +102,12 @@ class Declaration:
     def true_values(self) -> dict[str, float]:
         """Return the parameters of the simulation; empty if the data are not simulated."""
         return self.truth(load_inputs(self.inputs)) if self.truth else {}
+
+    def sha256(self) -> str:
+        """Return the hash of the printed cells of the model, which determine the data."""
+        cells = sorted(load_inputs(self.inputs).cells.items())
+        texts = "".join(f"{address} {cell.text}\n" for address, cell in cells)
+        return sha256(texts.encode()).hexdigest()
 
     def plan(
         self,

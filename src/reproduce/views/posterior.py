@@ -204,12 +204,13 @@ class Posterior(ResultView):
     def data_record(self) -> dict[str, Any]:
         """Data for programs: kind, paper, truth or file, hash and pivot.
 
-        The hash is that of the file.
+        The hash is the hash of the file, or of the printed cells that the model depends on.
         """
         data: dict[str, Any] = {
             "kind": "simulated" if self.declared.simulated else "printed",
             "paper": self.declared.paper,
             "truth": self.truth,
+            "sha256": self.declared.sha256(),
         }
         if table := self._table:
             data = {"kind": "file", "file": table.path, "rows": len(table)}

@@ -8,6 +8,8 @@ lattices. Its points are 2a apart along a row, and its rows are b apart.
 
 from __future__ import annotations
 
+import operator
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -51,7 +53,7 @@ def arrangement_angles(name: str, half_x: Size, half_y: Size, step: Size) -> Flo
     Parameters
     ----------
     name : str
-        Lattice, offset and window, separated by semicolons, as in Figure 4.
+        Lattice, offset and window, separated by semicolons. The error of another name lists them.
     half_x, half_y, step : float
         Half the range in x and in y, and the step of the angles, in radians, above zero.
 
@@ -63,9 +65,7 @@ def arrangement_angles(name: str, half_x: Size, half_y: Size, step: Size) -> Flo
     Raises
     ------
     ValueError
-        If the step is too small for the range.
-    KeyError
-        If a part of the name is unknown.
+        If the name is unknown, or the step is too small for the range.
 
     Examples
     --------
@@ -80,8 +80,16 @@ def arrangement_angles(name: str, half_x: Size, half_y: Size, step: Size) -> Flo
     half = np.array([half_x, half_y])
     expected = f"at least 1/{_MAX_STEPS} of the half range, both in radians"
     valid("step", step, half.max() <= _MAX_STEPS * step, expected)
-    lattice, offset, window = name.split("; ")
-    spacing = _lattices(half, step)[lattice]
+    known = _lattices(half, step), (*_OFFSETS, _CORNER), _windows(half[None], half)
+    parts = name.split("; ")
+    if len(parts) != len(known) or not all(map(operator.contains, known, parts)):
+        listed = ", ".join(f"one of {list(names)}" for names in known)
+        raise ValueError(
+            f"name: expected three parts with semicolons between them, {listed}, got {name!r}. "
+            "Correct the name"
+        )
+    lattice, offset, window = parts
+    spacing = known[0][lattice]
     # Points of a chequered grid are two spacings apart along a row.
     along = 1 if lattice.startswith("square") else 2
     x, y = (2 * half / spacing).astype(int) + 2

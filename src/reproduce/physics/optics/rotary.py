@@ -136,6 +136,11 @@ def channel_centroids(
     >>> channel_centroids([camera], [0.0], [[0.0, np.pi / 4]]).round(6)
     array([[[  50., 2060.]]])
     """
+    if len(rotations) != len(cameras):
+        raise ValueError(
+            f"rotations: expected one per camera ({len(cameras)}), got {len(rotations)}. Give zero "
+            "for the reference channel"
+        )
     directions = starlight(angles[..., 1], angles[..., 0])
     channels = zip(cameras, rotations, strict=True)
     return np.stack(
