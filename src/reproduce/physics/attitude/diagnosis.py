@@ -198,8 +198,8 @@ def _single_images(
         rows = np.flatnonzero(np.isfinite(spots[..., 0]).any(axis=1))
         group = spots[rows]
         if repeats := len(group) - len({image.tobytes() for image in group}):
-            text = f"at the {when}, {repeats} of {len(group)} images repeat another image. "
-            yield Finding("repeated", text + "Remove them")
+            text = f"at the {when}, {repeats} of {len(group)} images repeat another image: "
+            yield Finding("repeated", text + "copies, or too few digits?")
         off = group - np.nanmedian(group, axis=0)
         # The spots of an image move together.
         distance = np.linalg.norm(off - np.nanmedian(off, axis=1)[:, None], axis=2)
