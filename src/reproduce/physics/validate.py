@@ -245,7 +245,7 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
 
 def checked_fields(cls: type[C]) -> type[C]:
     """Check the fields of a dataclass when they are set, as `checked` does with arguments."""
-    cls.__init__ = checked(cls.__init__)  # type: ignore[method-assign]
+    cls.__init__ = checked(cls.__init__)  # type: ignore[method-assign]  # a decorator wraps it
     return cls
 
 
