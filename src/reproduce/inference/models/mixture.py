@@ -50,22 +50,17 @@ class _DistortedRegistration(GaussianRegistration):
         self, parameters: FloatArray, source: FloatArray | None = None
     ) -> FloatArray:
         """Undistort, scale and rotate, distort, shift: (n, points, 2), in px."""
-        points = self.source if source is None else source
-        edge = float(np.abs(as_complex(self.source - self.pivot)).max())
-        offsets = as_complex(points - self.pivot)
-        undo, bend = parameters[:, 5:6] / edge, parameters[:, 6:7] / edge
-        radius = np.abs(offsets) / edge
-        ideal = radius * np.ones((len(parameters), 1))
+        scale, rotation, x, y, _, undo, bend = parameters.T[..., None]
+        offsets = as_complex((self.source if source is None else source) - self.pivot)
+        edge = np.abs(as_complex(self.source - self.pivot)).max()
+        # The ratio of ideal and measured radius is the root of a cubic polynomial.
+        squares = np.abs(offsets / edge) ** 2
+        term, ratio = undo / edge * squares, 1.0
         for _ in range(_NEWTON_STEPS):
-            term = undo * ideal**2
-            ideal = ideal - (ideal + term * ideal - radius) / (1 + 3 * term)
-        with np.errstate(invalid="ignore"):
-            ratio = np.where(radius > 0, ideal / radius, 1.0)
-        factor = parameters[:, :1] * np.exp(1j * parameters[:, 1:2])
-        carried = factor * ratio * offsets
-        carried = carried * (1 + bend * np.abs(carried / edge) ** 2)
-        shift = parameters[:, 2:3] + 1j * parameters[:, 3:4]
-        return as_points(carried - shift) + self.pivot
+            ratio = (1 + 2 * term * ratio**3) / (1 + 3 * term * ratio**2)
+        carried = scale * np.exp(1j * rotation) * ratio * offsets
+        carried = carried * (1 + bend / edge * np.abs(carried / edge) ** 2)
+        return as_points(carried - (x + 1j * y)) + self.pivot
 
     def start(self) -> Estimate:
         """Return the least-squares fit and its standard errors, and no distortion."""
