@@ -7,8 +7,7 @@ distribution.
 
 from __future__ import annotations
 
-from functools import cache
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.special import chndtrix
@@ -19,7 +18,6 @@ from reproduce.papers.declare import Rows, draws, studied
 from reproduce.papers.niu2024 import posteriors, simulation
 from reproduce.papers.niu2024.simulation import NOISE
 from reproduce.physics.ground import circular_error
-from reproduce.physics.registration import fit_registration
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.inputs import Inputs
 
@@ -38,61 +36,36 @@ _MAX_STARS = 1e5
 _STARS_TRIED = np.geomspace(4, _MAX_STARS, 60)
 
 
-class _Design(NamedTuple):
-    """A registration in linear approximation at its true parameters.
+def _at_edge(inputs: Inputs, counts: FloatArray) -> tuple[FloatArray, ...]:
+    """Return the covariance of the registered position of the outermost star, and its bias.
 
-    - `information`, (p, p): of the transform's parameters, from all stars of the design.
-    - `prior`, (p, p): information of the priors.
-    - `edge`, (2, p): response of the registered position of the outermost star.
-    - `stars`: number of stars of the design.
+    Covariances under both models, (n, 2, 2), in px^2, in linear approximation at the true
+    parameters. The stars have the distribution of the printed design and the given numbers, (n,).
+    The bias of a similarity is the distortion that it neglects, (2,), in px.
     """
-
-    information: FloatArray
-    prior: FloatArray
-    edge: FloatArray
-    stars: int
-
-    def at_edge(self, count: FloatArray) -> FloatArray:
-        """Return the covariance of the registered position of the outermost star, (n, 2, 2), px^2.
-
-        The stars have the distribution of the design and the given numbers, shape (n,).
-        """
-        ratio = count[:, None, None] / self.stars
-        covariance = np.linalg.inv(self.information * ratio + self.prior)
-        return self.edge @ covariance @ self.edge.T
-
-
-@cache
-def _designs(inputs: Inputs) -> dict[str, _Design]:
-    """Return the printed design under both models of the transform."""
     green, red, _ = posteriors.true_centroids(inputs)
     middle, true = posteriors.pivot(inputs, "red"), posteriors.truth(inputs)
-    plain = models.registration_model(red, green, middle)
-    extended = plain, models.distortion_model(plain)
-    designs = {}
-    for name, model in zip(_MODELS, extended, strict=True):
-        likelihood = model.likelihood_of(models.GaussianRegistration)
-        priors = [parameter.prior for parameter in model.parameters[5:]]
-        sigmas = [prior.sigma for prior in priors if isinstance(prior, Normal)]
-        steps = _DERIVATIVE_STEPS[: 4 + len(sigmas)]
-        centre = np.array([*true.values(), *np.zeros(len(sigmas))])
-        # The fifth parameter is the noise, which moves no star.
-        moves = np.insert(np.diag(steps), 4, 0.0, axis=1)
-        ahead, behind = (likelihood.places(centre + sign * moves) for sign in (1, -1))
-        response = (ahead - behind) / (2 * steps[:, None, None])
-        flat = response.reshape(len(steps), -1)
-        designs[name] = _Design(
-            flat @ flat.T / true["noise"] ** 2,
-            np.diag([0.0] * 4 + [sigma**-2 for sigma in sigmas]),
-            response[:, _outermost(red, middle)].T,
-            len(red),
-        )
-    return designs
-
-
-def _outermost(points: FloatArray, middle: FloatArray) -> int:
-    """Return the index of the star farthest from the middle."""
-    return int(np.hypot(*(points - middle).T).argmax())
+    model = models.distortion_model(models.registration_model(red, green, middle))
+    likelihood = model.likelihood_of(models.GaussianRegistration)
+    # The fifth parameter is the noise, which moves no star.
+    moves = np.insert(np.diag(_DERIVATIVE_STEPS), 4, 0.0, axis=1)
+    centre = np.array([*true.values(), 0.0, 0.0])
+    ahead, behind = (likelihood.places(centre + sign * moves) for sign in (1, -1))
+    response = (ahead - behind) / (2 * _DERIVATIVE_STEPS[:, None, None])
+    flat = response.reshape(len(moves), -1)
+    information = flat @ flat.T / true["noise"] ** 2
+    priors = [one.prior for one in model.parameters]
+    sigmas = [prior.sigma for prior in priors if isinstance(prior, Normal)]
+    prior = np.diag([0.0] * 4 + [sigma**-2 for sigma in sigmas])
+    outermost = np.hypot(*(red - middle).T).argmax()
+    edge, ratio = response[:, outermost].T, counts[:, None, None] / len(red)
+    # A similarity has the first four parameters.
+    plain, free = (
+        edge[:, part] @ np.linalg.inv(normal[..., part, part]) @ edge[:, part].T
+        for normal in [information * ratio + prior]
+        for part in (slice(4), slice(6))
+    )
+    return plain, free, likelihood.fit.residuals[outermost]
 
 
 def _edge_errors(inputs: Inputs, counts: FloatArray) -> dict[str, FloatArray]:
@@ -101,23 +74,15 @@ def _edge_errors(inputs: Inputs, counts: FloatArray) -> dict[str, FloatArray]:
     The scatter of a similarity is equal in all directions, about a position that the neglected
     distortion shifts.
     """
-    plain, free = (design.at_edge(counts) for design in _designs(inputs).values())
+    plain, free, neglected = _at_edge(inputs, counts)
     variance = np.trace(plain, axis1=1, axis2=2) / 2
-    bias = np.sum(_neglected(inputs) ** 2) / variance
+    bias = np.sum(neglected**2) / variance
     quantiles = [
         # The square of a Rice variable is noncentral chi-squared.
         [np.sqrt(variance * chndtrix(level, 2, bias)) for level in _QUANTILES],
         [circular_error(free, level) for level in _QUANTILES],
     ]
     return dict(zip(_MODELS, map(np.stack, quantiles), strict=True))
-
-
-def _neglected(inputs: Inputs) -> FloatArray:
-    """Return the error of the outermost star by the distortion that a similarity neglects, (2,)."""
-    green, red, _ = posteriors.true_centroids(inputs)
-    middle = posteriors.pivot(inputs, "red")
-    residuals = fit_registration(red, green, middle).residuals
-    return residuals[_outermost(red, middle)]
 
 
 def _sufficient(inputs: Inputs) -> dict[str, float]:
@@ -135,17 +100,16 @@ def _sufficient(inputs: Inputs) -> dict[str, float]:
 def _star_facts(inputs: Inputs) -> dict[str, float]:
     """Return errors at the edge for the printed number of stars, and sufficient numbers."""
     count = inputs.count(_COUNT)
-    number = np.array([count])
-    left_out, sufficient = np.hypot(*_neglected(inputs)), _sufficient(inputs)
+    number, sufficient = np.array([count]), _sufficient(inputs)
+    [plain], [free], neglected = _at_edge(inputs, number)
+    left_out = np.hypot(*neglected)
     facts = {"all": count, "level": 100 * _QUANTILES[2], "left-out": left_out}
     for name, (_, [middle], [high]) in _edge_errors(inputs, number).items():
         kind = name.split()[0]
         facts |= {f"{kind}-all": middle, f"{kind}-all-high": high}
         facts[f"{kind}-enough"] = sufficient[name]
     # Equal mean squares: the one of the similarity includes the neglected distortion.
-    edges = (one.at_edge(number)[0] for one in _designs(inputs).values())
-    plain, free = map(np.trace, edges)
-    facts["free-from"] = count * (free - plain) / left_out**2
+    facts["free-from"] = count * np.trace(free - plain) / left_out**2
     return facts
 
 
