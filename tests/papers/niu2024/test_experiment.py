@@ -9,7 +9,7 @@ from reproduce.judge.readings import evaluate
 from reproduce.papers.niu2024 import experiment, simulation
 from reproduce.physics.registration import (
     Registration,
-    registration_bound,
+    fit_registration,
     similarity_between,
 )
 from reproduce.printed.inputs import load_inputs
@@ -175,8 +175,14 @@ def test_the_registration_of_the_twin_finds_what_the_cameras_imply():
     true = bench.imaged(simulation.arrangement(inputs))
     for place, channel in enumerate(("red", "blue"), start=1):
         implied = similarity_between(cameras[place], rotations[place], cameras[0])
-        variance = registration_bound(true[place], implied, error, error).diagonal()
-        found, bound = fits[channel].parameters, np.sqrt(variance)
+        bound = fit_registration(
+            true[place],
+            implied.apply(true[place]),
+            implied.pivot,
+            source_covariance=error**2 * np.eye(2),
+            target_covariance=error**2 * np.eye(2),
+        ).standard_errors
+        found = fits[channel].parameters
         tolerance = 5 / np.sqrt(2 * replicates)
         np.testing.assert_allclose(found.std(axis=0), bound, rtol=tolerance)
         # Distortion, and the scatter of the mean.

@@ -13,7 +13,6 @@ from reproduce.physics.registration.calibration import (
     gauss_newton_step,
     gauss_newton_step_printed,
     jacobian,
-    registration_bound,
     starting_values,
 )
 from reproduce.physics.registration.diagnosis import (

@@ -4,9 +4,8 @@ Image points have shape (..., n, 2), in px, x before y, with the centre of the f
 (0, 0); parameter vectors u = (k, theta, shift x, shift y) have shape (..., 4); the leading axes are
 a batch of independent calibrations. Starting vectors come from two lines and the zero position
 (`starting_values`). `fit.fit_registration` reaches the same minimum in closed form. This module
-contains the iteration of the paper, its convergence, and the Cramér-Rao bound, the least covariance
-of any unbiased calibration. No step needs the constraint cos^2 + sin^2 = 1, because the angle is
-the parameter.
+contains the iteration of the paper and its convergence. No step needs the constraint
+cos^2 + sin^2 = 1, because the angle is the parameter.
 """
 
 from __future__ import annotations
@@ -23,11 +22,9 @@ from reproduce.physics.registration.transforms import Registration
 from reproduce.physics.validate import (
     DegenerateGeometryError,
     FloatArray,
-    NonNegative,
     Point,
     Points,
     checked,
-    positive,
 )
 
 _PARAMETERS = 4
@@ -281,51 +278,6 @@ def calibrate(
             path.append(path[-1] + np.where(moving[..., None], step, 0.0))
             moving &= movement >= _LAST_MOVEMENT
     return Calibration(np.stack(path), firsts[1] - 1, pivot)
-
-
-@checked
-def registration_bound(
-    source: Points,
-    similarity: Registration,
-    source_sigma: NonNegative,
-    target_sigma: NonNegative,
-) -> FloatArray:
-    """Return the Cramér-Rao bound of the four parameters for noise in both channels.
-
-    The true positions of the spots are unknown too. Without them, the variance of one coordinate of
-    target minus transformed source is target_sigma^2 + k^2 source_sigma^2.
-
-    Parameters
-    ----------
-    source : array_like, shape (..., n, 2)
-        True source points, in px.
-    similarity : Registration
-        True transform.
-    source_sigma, target_sigma : array_like, shape (...)
-        Standard deviations of one coordinate of one spot, in px; not both zero.
-
-    Returns
-    -------
-    ndarray, shape (..., 4, 4)
-        Lower bound of the covariance of (k, theta, shift x, shift y).
-
-    Raises
-    ------
-    DegenerateGeometryError
-        If the points coincide.
-
-    Examples
-    --------
-    Two points 2 px apart: the mean of two shifts, and the slope of a short lever.
-
-    >>> identity = Registration.similarity(1.0, 0.0, (0, 0), (0, 0))
-    >>> registration_bound([[-1, 0], [1, 0]], identity, 0.0, 1.0).diagonal()
-    array([0.5, 0.5, 0.5, 0.5])
-    """
-    variance = target_sigma**2 + (similarity.scale * source_sigma) ** 2
-    positive("source_sigma, target_sigma", variance)
-    fit = fit_registration(source, similarity.apply(source), similarity.pivot)
-    return variance[..., None, None] * fit.cofactor
 
 
 def _direction(name: str, points: FloatArray) -> FloatArray:
