@@ -73,11 +73,10 @@ class AveragedNoise(Likelihood):
         root, variance = np.sqrt(mean), np.diagonal(covariance, axis1=1, axis2=2)
         covariance = covariance / (4 * root[:, :, None] * root[:, None])
         rounding = self.half_unit**2 / 3 * np.eye(len(self.counts))
-        factor = np.linalg.cholesky(covariance + rounding)
+        total = covariance + rounding
         residual = self.scatter - root * (1 - variance / mean**2 / 8)
-        scaled = np.linalg.solve(factor, residual[..., None])[..., 0]
-        logs = np.log(np.diagonal(factor, axis1=1, axis2=2)) + 0.5 * scaled**2
-        return -logs.sum(axis=1)
+        scaled = np.linalg.solve(total, residual[..., None])[..., 0]
+        return -(np.linalg.slogdet(total)[1] + np.vecdot(residual, scaled)) / 2
 
     def simulate(self, parameters: FloatArray, generator: Generator) -> Self:
         """Return the likelihood of standard deviations drawn for one parameter vector."""
@@ -114,17 +113,19 @@ class StageAngles(Likelihood):
     angles: FloatArray
     motions: FloatArray
 
+    @property
+    def _both(self) -> FloatArray:
+        """Motions in the printed and in the interchanged order, shape (2, 2, states)."""
+        return np.stack([self.motions, self.motions[::-1]])
+
     def orders(self, parameters: FloatArray) -> FloatArray:
         """Return the log likelihood of the printed and of the interchanged order, (2, n)."""
-        focal_length, noise = parameters.T[..., None, None]
-        found = []
-        for motions in (self.motions, self.motions[::-1]):
-            scaled = (self.angles - stage_angle(motions, focal_length)) / noise
-            # The inverse of the covariance, one plus the matrix of ones.
-            shared = scaled.sum(axis=2) ** 2 / (self.angles.shape[1] + 1)
-            found.append(-(np.square(scaled).sum(axis=2) - shared).sum(axis=1) / 2)
-        logs = np.stack(found) - self.angles.size * np.log(parameters[:, 1])
-        return logs
+        focal_length, noise = parameters.T[..., None, None, None]
+        scaled = (self.angles - stage_angle(self._both, focal_length)) / noise
+        # The inverse of the covariance, one plus the matrix of ones.
+        shared = scaled.sum(axis=-1) ** 2 / (self.angles.shape[1] + 1)
+        squares = (np.square(scaled).sum(axis=-1) - shared).sum(axis=-1)
+        return -squares.T / 2 - self.angles.size * np.log(parameters[:, 1])
 
     def __call__(self, parameters: FloatArray) -> FloatArray:
         """Return the log likelihood, shape (n,)."""
@@ -146,17 +147,15 @@ class StageAngles(Likelihood):
 
     def start(self) -> Estimate:
         """Return least-squares estimates for the better order, with their errors, (2,) each."""
-        fits, states = [], self.angles.shape[1]
-        for motions in (self.motions, self.motions[::-1]):
-            # A small angle is minus the motion over the focal length.
-            squares = np.square(motions).sum()
-            slope = -(self.angles * motions).sum() / squares
-            rms = np.sqrt(np.mean((self.angles + slope * motions) ** 2))
-            # The noise of the zero state adds to the error.
-            spread = rms * np.sqrt((1 + states) / squares)
-            fits.append((rms, 1 / slope, spread / slope**2))
-        noise, focal_length, error = min(fits)
-        return np.array([focal_length, noise]), np.array([error, noise / 3])
+        squares, states = np.square(self.motions).sum(), self.angles.shape[1]
+        # A small angle is minus the motion over the focal length.
+        slopes = -(self.angles * self._both).sum(axis=(1, 2)) / squares
+        residuals = self.angles + slopes[:, None, None] * self._both
+        rms = np.sqrt(np.square(residuals).mean(axis=(1, 2)))
+        noise, slope = min(zip(rms, slopes, strict=True))
+        # The noise of the zero state adds to the error.
+        spread = noise * np.sqrt((1 + states) / squares)
+        return np.array([1 / slope, noise]), np.array([spread / slope**2, noise / 3])
 
     @property
     def observed(self) -> dict[str, FloatArray]:

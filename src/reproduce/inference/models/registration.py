@@ -32,6 +32,7 @@ from reproduce.physics.registration import (
     Problem,
     RegistrationFit,
     as_complex,
+    as_points,
     fit_problem,
     fits_exactly,
     paired_points,
@@ -147,8 +148,7 @@ class GaussianRegistration(Likelihood):
     def linear_cofactor(self) -> FloatArray:
         """Inverse normal matrix of a similarity in these coordinates, shape (4, 4)."""
         (scale, angle), slopes = self.fit.parameters[:2], np.eye(4)
-        sine, cosine = np.sin(angle), np.cos(angle)
-        slopes[:2, :2] = [[cosine, -scale * sine], [sine, scale * cosine]]
+        slopes[:2, :2] = as_points(np.exp(1j * angle) * np.array([1, 1j * scale])).T
         return slopes @ self.fit.cofactor @ slopes.T
 
     @cached_property
@@ -223,10 +223,9 @@ class GaussianRegistration(Likelihood):
         if fit.errors_known:
             return fit.parameters, fit.standard_errors
         freedom = float(fit.degrees_of_freedom)
-        noise = max(float(np.sqrt(fit.chi_square / freedom)), 1e-12)
-        errors = noise * np.sqrt(np.diagonal(fit.cofactor))
+        noise = np.sqrt(fit.chi_square / freedom)
         last = noise / np.sqrt(2 * freedom)
-        return np.append(fit.parameters, noise), np.append(errors, last)
+        return np.append(fit.parameters, noise), np.append(fit.standard_errors, last)
 
     def exact(self, count: int, generator: Generator) -> FloatArray:
         """Return draws of a similarity for priors that are flat in scale and rotation, (n, 5).

@@ -24,7 +24,6 @@ from reproduce.papers.niu2024.simulation import (
     CHANNELS,
     NOISE,
     REGISTERED,
-    numbers,
     zero_positions,
 )
 from reproduce.physics.registration import error_field, fit_registration
@@ -121,7 +120,7 @@ def _facts(inputs: Inputs) -> dict[str, float]:
     scatter = noise / np.linalg.norm(radii)
     fitted = fit_registration(true[1:], true[:1], zero[1:, 0]).transform.scale
     actual, scales = (
-        numbers(inputs, f"niu2024/table-{table}#scale", REGISTERED) for table in (2, 3)
+        inputs.array(f"niu2024/table-{table}#scale.*") for table in (2, 3)
     )
     half = inputs.half_unit("niu2024/table-3#scale.red")
     green, pitch = instrument.cameras[0], inputs["niu2024/text-optics#pixel-pitch-x"]

@@ -51,7 +51,7 @@ from reproduce.papers.niu2024.simulation import (
     REGISTERED,
     Instrument,
     instrument_of,
-    numbers,
+    translations,
     zero_positions,
 )
 from reproduce.physics import optics
@@ -68,6 +68,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _REPLICATES = 10_000
+_TABLE = "niu2024/table-4"
 # The cameras of all channels, each with a focal length and a distortion.
 CAMERAS = (
     "niu2024/table-4#focal-length.*",
@@ -90,19 +91,14 @@ def scale_factors(inputs: Inputs) -> Results:
 
     Implements: niu2024 (6).
     """
-    ratios = registration.scale_factors(inputs, "niu2024/table-4")
+    ratios = registration.scale_factors(inputs, _TABLE)
     return by_cell("scale.{}", ratios, REGISTERED)
 
 
 def instrument(inputs: Inputs) -> Instrument:
     """Return the instrument of Table 4; image points start at the green principal point."""
-    points = np.vstack([np.zeros((1, 2)), _shifts(inputs)])
-    return instrument_of(inputs, "niu2024/table-4", "niu2024/table-4", points)
-
-
-def _shifts(inputs: Inputs) -> FloatArray:
-    """Return the calibrated translations of red and blue, shape (2, 2), in px."""
-    return simulation.points(inputs, "niu2024/table-4#translation", REGISTERED)
+    points = np.insert(translations(inputs, _TABLE), 0, 0.0, axis=0)
+    return instrument_of(inputs, _TABLE, _TABLE, points)
 
 
 def half_field(inputs: Inputs) -> FloatArray:
@@ -145,10 +141,7 @@ def _registered_points(inputs: Inputs, angles: FloatArray) -> FloatArray:
     cameras, turns = instrument(inputs)
     green = optics.channel_centroids(cameras[:1], [0.0], angles)
     # The principal point of the source is the shift, because green's is the origin here.
-    scales, shifts = (
-        numbers(inputs, "niu2024/table-4#scale", REGISTERED),
-        _shifts(inputs),
-    )
+    shifts, scales = translations(inputs, _TABLE), inputs.array(f"{_TABLE}#scale.*")
     back = Registration.similarity(scales, turns[1:], shifts, shifts).inverse()
     return np.concatenate([green, back.apply(green)], axis=-3)
 
@@ -203,7 +196,7 @@ def rmse_after(inputs: Inputs) -> Results:
         np.linspace(-half_x, half_x, 33), np.linspace(-half_y, half_y, 25)
     )
     true = instrument(inputs).imaged(np.stack(grid, -1).reshape(-1, 2))
-    fit = fit_registration(true[1:], true[:1], _shifts(inputs))
+    fit = fit_registration(true[1:], true[:1], translations(inputs, _TABLE))
     misfit = np.square(fit.residuals).mean(axis=-2)
     expected = np.sqrt(misfit + 2 * inputs[NOISE] ** 2)
     return by_cell("rmse-after-{}-{}", expected, REGISTERED, "xy")
@@ -296,7 +289,7 @@ def _scale_errors(inputs: Inputs) -> Rows:
     """Compute the difference between scale factors and focal lengths that are fitted separately."""
     seed = seed_of("niu2024/scale-errors", inputs.root)
     residual = np.sqrt(np.square(_residuals(inputs)).mean())
-    ratios = registration.scale_factors(inputs, "niu2024/table-4")
+    ratios = registration.scale_factors(inputs, _TABLE)
     for name, fraction in _ERROR_FRACTIONS.items():
         cameras, fits = twin_fits(inputs, seed, _FIT_REPLICATES, fraction * residual)
         for channel, printed in zip(REGISTERED, ratios, strict=True):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from reproduce.papers.declare import Results, by_cell, reproduces
-from reproduce.papers.niu2024.simulation import REGISTERED, numbers, points
+from reproduce.papers.niu2024.simulation import REGISTERED, principal_points
 from reproduce.physics import optics
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.inputs import Inputs
@@ -11,8 +11,8 @@ from reproduce.printed.inputs import Inputs
 
 def scale_factors(inputs: Inputs, table: str = "niu2024/table-1") -> FloatArray:
     """Return the ratios of green's focal length in a table to those of red and blue."""
-    green, *others = numbers(inputs, f"{table}#focal-length")
-    return optics.scale_factor(green, others)
+    red, green, blue = inputs.array(f"{table}#focal-length.*")
+    return optics.scale_factor(green, [red, blue])
 
 
 @reproduces(
@@ -38,5 +38,5 @@ def true_translation(inputs: Inputs) -> Results:
 
     Implements: niu2024 (14).
     """
-    green, *others = points(inputs, "niu2024/table-1#principal-point")
+    green, *others = principal_points(inputs)
     return by_cell("translation-{1}.{0}", others - green, REGISTERED, "xy")

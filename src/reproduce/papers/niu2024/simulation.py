@@ -22,7 +22,6 @@ Each choice is an option of the computations below. The ledger evaluates all com
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from itertools import product
@@ -57,6 +56,8 @@ if TYPE_CHECKING:
 NOISE = "niu2024/text-simulation#noise"
 CHANNELS = ("green", "red", "blue")
 REGISTERED = CHANNELS[1:]
+# The order of `CHANNELS` in the columns of the tables: red, green, blue.
+_GREEN_FIRST = [1, 0, 2]
 ROWS = ("scale", "rotation", "translation-x", "translation-y")
 _REPLICATES = 2000
 # Factor of the printed noise in green, red and blue.
@@ -128,40 +129,36 @@ def arrangement(
     return angles
 
 
-def numbers(
-    inputs: Inputs, name: str, channels: Sequence[str] = CHANNELS
-) -> FloatArray:
-    """Return a printed number of each channel, shape (channels,)."""
-    return np.array([inputs[f"{name}.{channel}"] for channel in channels])
+def principal_points(inputs: Inputs) -> FloatArray:
+    """Return the principal points of Table 1 for green, red and blue, shape (3, 2), in px."""
+    printed = inputs.array("niu2024/table-1#principal-point-?.*")
+    return printed.reshape(2, 3).T[_GREEN_FIRST]
 
 
-def points(inputs: Inputs, name: str, channels: Sequence[str] = CHANNELS) -> FloatArray:
-    """Return a printed point of each channel, shape (channels, 2), in px."""
-    axes = [numbers(inputs, f"{name}-{axis}", channels) for axis in "xy"]
-    return np.stack(axes, axis=-1)
+def translations(inputs: Inputs, table: str) -> FloatArray:
+    """Return the translations of red and blue in a table, shape (2, 2), in px."""
+    return inputs.array(f"{table}#translation-?.*").reshape(2, 2).T
 
 
 def instrument_of(
     inputs: Inputs, imaging: str, rotations: str, principal: FloatArray
 ) -> Instrument:
     """Return the instrument of two tables, with principal points of shape (3, 2), in px."""
-    parameters = zip(
-        numbers(inputs, f"{imaging}#focal-length"),
-        principal,
-        numbers(inputs, f"{imaging}#radial-distortion"),
-        strict=True,
+    lengths, distortions = (
+        inputs.array(f"{imaging}#{name}.*")[_GREEN_FIRST]
+        for name in ("focal-length", "radial-distortion")
     )
     pitch = inputs["niu2024/text-optics#pixel-pitch-x"]
-    angles = numbers(inputs, f"{rotations}#rotation", REGISTERED)
-    return Instrument([Camera(*each, pitch) for each in parameters], [0.0, *angles])
+    parameters = zip(lengths, principal, distortions, strict=True)
+    cameras = [Camera(*each, pitch) for each in parameters]
+    return Instrument(cameras, [0.0, *inputs.array(f"{rotations}#rotation.*")])
 
 
-def instrument(inputs: Inputs, translations: str = "table-1") -> Instrument:
+def instrument(inputs: Inputs, source: str = "table-1") -> Instrument:
     """Return the simulated instrument under one alternative of its translations."""
-    principal = points(inputs, "niu2024/table-1#principal-point")
-    if translations == "table-2":
-        shifts = points(inputs, "niu2024/table-2#translation", REGISTERED)
-        principal[1:] = principal[0] + shifts
+    principal = principal_points(inputs)
+    if source == "table-2":
+        principal[1:] = principal[0] + translations(inputs, "niu2024/table-2")
     return instrument_of(inputs, "niu2024/table-1", "niu2024/table-2", principal)
 
 
@@ -232,12 +229,9 @@ class _Bench:
     def printed(self) -> Registration:
         """Return the transforms of Table 3 about the principal points of red and blue."""
         cameras = instrument(self.inputs, self.translations).cameras
-        return Registration.similarity(
-            numbers(self.inputs, "niu2024/table-3#scale", REGISTERED),
-            numbers(self.inputs, "niu2024/table-3#rotation", REGISTERED),
-            points(self.inputs, "niu2024/table-3#translation", REGISTERED),
-            np.stack([camera.principal_point for camera in cameras[1:]]),
-        )
+        pivots = np.stack([camera.principal_point for camera in cameras[1:]])
+        parameters = self.inputs.array("niu2024/table-3").reshape(4, 2).T
+        return Registration("similarity", parameters, pivots)
 
 
 @reproduces(
