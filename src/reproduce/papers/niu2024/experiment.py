@@ -221,7 +221,7 @@ def pointing_errors(inputs: Inputs) -> Results:
 
 def twin_fits(
     inputs: Inputs, seed: SeedSequence, replicates: int, error: float
-) -> tuple[dict[str, optics.Camera], dict[str, RegistrationFit]]:
+) -> tuple[optics.Camera, RegistrationFit]:
     """Return fits of both parts of Table 4 to the simulated bench at the angles of the simulation.
 
     Parameters
@@ -237,31 +237,22 @@ def twin_fits(
 
     Returns
     -------
-    cameras : dict of str to Camera
-        Camera of each channel, batch shape (replicates,), as in the last two rows.
-    registrations : dict of str to RegistrationFit
-        Registration of red and blue to green, batch shape (replicates,), as in the first rows. It
-        is the closed form, which is the limit of the iteration of the paper. The pivot is the spot
-        at the zero position, as in section 3.2.
+    camera : Camera
+        Cameras of green, red and blue, batch shape (replicates, 3), as in the last two rows.
+    registration : RegistrationFit
+        Registrations of red and blue to green, batch shape (replicates, 2), as in the first rows.
+        It is the closed form, which is the limit of the iteration of the paper. The pivot is the
+        spot at the zero position, as in section 3.2.
     """
     table, bench = simulation.arrangement(inputs), instrument(inputs)
     true = bench.imaged(table)
     noisy = true + error * default_rng(seed).standard_normal((replicates, *true.shape))
-    spots = dict(zip(CHANNELS, np.moveaxis(noisy, 1, 0), strict=True))
     directions = optics.starlight(table[:, 1], table[:, 0])
     pitch = inputs["niu2024/text-optics#pixel-pitch-x"]
+    camera = optics.fit_camera(directions, noisy, pitch, bench.rotations)
     [zero] = zero_positions(table)
-    cameras = {
-        channel: optics.fit_camera(directions, spots[channel], pitch, rotation)
-        for channel, rotation in zip(CHANNELS, bench.rotations, strict=True)
-    }
-    registrations = {
-        channel: fit_registration(
-            spots[channel], spots["green"], spots[channel][:, zero]
-        )
-        for channel in REGISTERED
-    }
-    return cameras, registrations
+    others = noisy[:, 1:]
+    return camera, fit_registration(others, noisy[:, :1], others[:, :, zero])
 
 
 # Replicates of both kinds of fit.
@@ -290,14 +281,13 @@ def _scale_errors(inputs: Inputs) -> Rows:
     seed = seed_of("niu2024/scale-errors", inputs.root)
     residual = np.sqrt(np.square(_residuals(inputs)).mean())
     ratios = registration.scale_factors(inputs, _TABLE)
+    apart = inputs.array(f"{_TABLE}#scale.*") - ratios
     for name, fraction in _ERROR_FRACTIONS.items():
-        cameras, fits = twin_fits(inputs, seed, _FIT_REPLICATES, fraction * residual)
-        for channel, printed in zip(REGISTERED, ratios, strict=True):
-            ratio = cameras["green"].focal_length / cameras[channel].focal_length
-            sigma = np.std(fits[channel].parameters[:, 0] - ratio)
-            apart = inputs[f"niu2024/table-4#scale.{channel}"] - printed
-            distance = max(0.0, abs(apart) - _SCALE_ROUNDING) / sigma
-            yield channel, name, apart, sigma, distance
+        camera, fit = twin_fits(inputs, seed, _FIT_REPLICATES, fraction * residual)
+        green, others = np.split(camera.focal_length, [1], axis=1)
+        sigma = np.std(fit.parameters[..., 0] - green / others, axis=0)
+        distance = np.maximum(0.0, np.abs(apart) - _SCALE_ROUNDING) / sigma
+        yield from zip(REGISTERED, [name] * 2, apart, sigma, distance, strict=True)
 
 
 @draws(
