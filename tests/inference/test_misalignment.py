@@ -34,7 +34,7 @@ def images(platform, drift, frames):
 @pytest.fixture(scope="module")
 def constant(platform):
     spots = images(platform, np.zeros(3), 400)
-    return misalignment_model(platform, SpotStatistics.of(spots, (False, False)))
+    return misalignment_model(platform, SpotStatistics.of(spots))
 
 
 def test_sampler_agrees_with_the_small_angle_limit(constant):
@@ -100,8 +100,8 @@ def all_images(platform, parameters, groups):
 def test_statistics_give_the_likelihood_of_all_images(platform, drift):
     """Near the posterior; the bend of the paths of a drift is the only difference."""
     groups, drifts = images(platform, drift, 100), bool(drift.any())
-    statistics = SpotStatistics.of(groups, (False, drifts))
-    model = misalignment_model(platform, statistics, drifts=drifts)
+    statistics = SpotStatistics.of(groups, drifts)
+    model = misalignment_model(platform, statistics)
     centre, spread = model.likelihood.start()
     steps = np.random.default_rng(1).normal(size=(8, len(centre)))
     points = centre + 0.5 * spread * steps

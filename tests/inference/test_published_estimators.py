@@ -28,7 +28,7 @@ def spots(platform, lever=0.0, **known):
     """Two groups of 400 images; their values are replaced by simulated ones."""
     weights = np.array([[400.0, 400.0], [0.0, lever]])
     statistics = SpotStatistics(np.zeros((2, 2, 4, 2)), weights, 1.0)
-    model = misalignment_model(platform, statistics, drifts=lever > 0)
+    model = misalignment_model(platform, statistics)
     return held(model, **known)
 
 

@@ -251,7 +251,7 @@ def _quest(likelihood: SpotLikelihood) -> Estimate:
         after @ first @ after.T,
         later @ second @ later.T + later.T @ first @ later,
     )
-    missing = np.full(4 if likelihood.drifts else 1, np.nan)
+    missing = np.full(4 if likelihood.statistics.drifts else 1, np.nan)
     errors = [np.sqrt(np.diagonal(one)) for one in covariances]
     return (
         np.concatenate([mount, angles, missing, [noise]]),

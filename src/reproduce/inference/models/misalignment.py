@@ -62,6 +62,11 @@ class SpotStatistics:
         return self.weights[0]
 
     @property
+    def drifts(self) -> bool:
+        """Whether the camera may drift in the second group."""
+        return bool(self.weights[1].any())
+
+    @property
     def size(self) -> int:
         """Number of measured coordinates."""
         return int(self.counts.sum() * self.means[0].size)
@@ -72,13 +77,13 @@ class SpotStatistics:
         return int(self.size - np.count_nonzero(self.weights) * self.means[0].size)
 
     @classmethod
-    def of(cls, images: list[FloatArray], drifts: tuple[bool, ...]) -> SpotStatistics:
-        """Reduce images (frames, lasers, 2) of each group, evenly spaced in time, in px.
+    def of(cls, images: list[FloatArray], drifts: bool = False) -> SpotStatistics:
+        """Reduce images (frames, lasers, 2) of both groups, evenly spaced in time, in px.
 
-        `drifts` contains for each group whether the camera may drift.
+        `drifts` is whether the camera may drift in the second group.
         """
         moments, weights, squares = [], [], 0.0
-        for spots, drift in zip(images, drifts, strict=True):
+        for spots, drift in zip(images, (False, drifts), strict=True):
             times, mean = drift * np.linspace(-1, 1, len(spots)), spots.mean(axis=0)
             lever = float(times @ times)
             slope = np.tensordot(times, spots - mean, axes=1) / (lever or 1.0)
@@ -99,9 +104,8 @@ class SpotLikelihood(Likelihood):
     """Spots of two groups: the zero point, and a misalignment that may drift linearly.
 
     - `platform`: instrument.
-    - `statistics`: data.
-    - `drifts`: whether there is a drift in the second group. The misalignment then is the value
-      in the middle of this group.
+    - `statistics`: data. With a drift, the misalignment is the value in the middle of the second
+      group.
 
     Notes
     -----
@@ -111,14 +115,13 @@ class SpotLikelihood(Likelihood):
 
     platform: Platform
     statistics: SpotStatistics
-    drifts: bool = False
 
     def moments(self, parameters: FloatArray) -> FloatArray:
         """Return predicted means and slopes of the spots, (n, 2, groups, lasers, 2), in px."""
         mount, angle = parameters[:, :3], parameters[:, 3:6]
         lasers = parameters[:, -2, None, None] * self.platform.lasers
         turns = [0 * angle, angle]
-        if self.drifts:
+        if self.statistics.drifts:
             half = 0.5 * parameters[:, 6:9]
             turns = [0 * angle, angle - half, angle + half]
         spots = self.platform.predicted(mount, np.stack(turns, axis=1), lasers)
@@ -153,22 +156,22 @@ class SpotLikelihood(Likelihood):
 
     def simulate(self, parameters: FloatArray, generator: Generator) -> Self:
         """Return the likelihood of simulated images for one parameter vector."""
-        counts, levers = self.statistics.weights
-        images = []
+        images, counts = [], self.statistics.counts.astype(int)
         for mean, slope, count in zip(
-            *self.moments(parameters[None])[0], counts.astype(int), strict=True
+            *self.moments(parameters[None])[0], counts, strict=True
         ):
             path = mean + np.linspace(-1, 1, count)[:, None, None] * slope
             noise = generator.standard_normal(path.shape)
             images.append(path + float(parameters[-1]) * noise)
-        return replace(self, statistics=SpotStatistics.of(images, tuple(levers > 0)))
+        statistics = SpotStatistics.of(images, self.statistics.drifts)
+        return replace(self, statistics=statistics)
 
     def start(self) -> Estimate:
         """Return three Gauss-Newton steps from rough values, and standard errors."""
         freedom = self.statistics.freedom
         noise = np.sqrt(self.statistics.squares / freedom)
         # Rough values and scales of all parameters except the noise: arc minutes, and a tenth.
-        rough = np.append(np.zeros(9 if self.drifts else 6), 1.0)
+        rough = np.append(np.zeros(9 if self.statistics.drifts else 6), 1.0)
         scale = np.where(rough > 0, 0.3, 1e-2)
         centre = rough
         for _ in range(3):
@@ -233,8 +236,6 @@ _MISALIGNMENT_PRIOR = Normal(
 def misalignment_model(
     platform: Platform,
     statistics: SpotStatistics,
-    *,
-    drifts: bool = False,
     derived: Derived | None = None,
 ) -> Model:
     """Return a misalignment from two groups of images, the first one at the zero point.
@@ -245,8 +246,6 @@ def misalignment_model(
         Instrument.
     statistics : SpotStatistics
         Statistics of both groups, with slopes of the second group if it drifts.
-    drifts : bool
-        Whether the misalignment drifts linearly in the second group.
     derived : callable, optional
         Function that returns consequences of the parameters.
 
@@ -257,7 +256,7 @@ def misalignment_model(
         whole group, if it drifts), laser-scale and noise (px).
     """
     angles = _angles("angle", r"\theta", _MISALIGNMENT_PRIOR)
-    if drifts:
+    if statistics.drifts:
         angles += _angles("drift", r"\dot\theta", _MISALIGNMENT_PRIOR)
     mount = Normal(
         0.0,
@@ -281,6 +280,5 @@ def misalignment_model(
         Parameter("laser-scale", "s", "1", scale),
         Parameter("noise", r"\sigma", "px", noise),
     )
-    likelihood = SpotLikelihood(platform, statistics, drifts)
-    name = "misalignment-drift" if drifts else "misalignment"
-    return Model(name, parameters, likelihood, derived)
+    name = "misalignment-drift" if statistics.drifts else "misalignment"
+    return Model(name, parameters, SpotLikelihood(platform, statistics), derived)

@@ -84,9 +84,8 @@ def _misalignment(inputs: Inputs, drifts: bool = False) -> Model:
         groups.append(true + noise * generator.normal(size=true.shape))
     return models.misalignment_model(
         design,
-        models.SpotStatistics.of(groups, (False, drifts)),
-        drifts=drifts,
-        derived=partial(_on_the_ground, altitude=satellite.altitude(inputs)),
+        models.SpotStatistics.of(groups, drifts),
+        partial(_on_the_ground, altitude=satellite.altitude(inputs)),
     )
 
 
@@ -119,8 +118,8 @@ def _your_model(
             "all images of a group. Add images with noise."
         )
     instrument = replace(diagnosis.platform, spots=images[0].mean(axis=0))
-    statistics = models.SpotStatistics.of(images, (False, drifts))
-    model = models.misalignment_model(instrument, statistics, drifts=drifts)
+    statistics = models.SpotStatistics.of(images, drifts)
+    model = models.misalignment_model(instrument, statistics)
     return model.with_priors(_priors(model, images)), remarks
 
 
