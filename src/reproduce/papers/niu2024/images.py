@@ -159,19 +159,15 @@ def compare_images(
     bench, half = _instrument(inputs), experiment.half_field(inputs)
     green = bench.cameras[0]
     pitch = green.pixel_pitch / green.focal_length
-    noise = SENSOR.noise_electrons() * np.sqrt([1, 3, 3])
+    noise = SENSOR.noise_electrons() * np.sqrt([[1], [3], [3]])
     errors, signals = [], []
     for _ in range(PHASES):
         angles = place * half + pitch * generator.uniform(-1, 1, 2)
         spots = bench.imaged(angles[None])[:, 0]
         windows, corner = _exposures(spots, photons, trials, generator)
         fused = _combinations(windows, corner, transforms or similarities(inputs))
-        first = corner + _MARGIN_PIXELS
-        centres = [
-            fitted_centre(image, first, RADIUS, read_noise=sigma)
-            for image, sigma in zip(fused, noise, strict=True)
-        ]
-        errors.append(np.array(centres) - spots[0])
+        centres = fitted_centre(fused, corner + _MARGIN_PIXELS, RADIUS, noise)
+        errors.append(centres - spots[0])
         signals.append([_signal_to_noise(image) for image in fused])
     misses = np.concatenate(errors, axis=1)  # image, trial, axis
     return (
@@ -197,14 +193,15 @@ def _exposures(
 
 def _combinations(
     windows: FloatArray, corner: FloatArray, transforms: Sequence[Registration]
-) -> list[FloatArray]:
-    """Return the images of `KINDS` in the middle of the windows, (trials, window, window)."""
+) -> FloatArray:
+    """Return the images of `KINDS` in the middle of the windows, (3, trials, window, window)."""
     moved = [
         [registered_image(window, transform, corner=corner) for window in layer]
         for layer, transform in zip(windows[1:], transforms, strict=True)
     ]
-    fused = windows[0], windows.sum(axis=0), windows[0] + np.sum(moved, axis=0)
-    return [image[..., _MIDDLE_SLICE, _MIDDLE_SLICE] for image in fused]
+    green, fused = windows[0], windows[0] + np.sum(moved, axis=0)
+    images = np.stack([green, windows.sum(axis=0), fused])
+    return images[..., _MIDDLE_SLICE, _MIDDLE_SLICE]
 
 
 def _signal_to_noise(image: FloatArray) -> float:
@@ -253,24 +250,22 @@ def _draw_star(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     spots = _instrument(inputs).imaged(angles[None])[:, 0]
     photons = photons_from(inputs, "solar", magnitude=3.0)
     windows, corner = _exposures(spots, photons, 1, np.random.default_rng(9))
-    green, *fused = _combinations(windows, corner, similarities(inputs))
-    _, red, blue = windows[..., _MIDDLE_SLICE, _MIDDLE_SLICE]
+    # Red, green and blue, and both sums.
+    images = [*windows[[1, 0, 2]][..., _MIDDLE_SLICE, _MIDDLE_SLICE]]
+    images += [*_combinations(windows, corner, similarities(inputs))[1:]]
+    titles = (*_CHANNEL_MARKS, *KINDS[1:])
     places = dict(zip(CHANNELS, spots - corner - _MARGIN_PIXELS + 0.5, strict=True))
     halo = [withStroke(linewidth=3.5, foreground="white")]  # for dark pixels
     shape = (3, 2) if set_size(figure, 6.4, 4.6, 5.6) else (2, 3)
     grid = figure.subplots(*shape, sharex=True, sharey=True)
-    shown = zip(
-        ("red", "green", "blue", *KINDS[1:]), (red, green, blue, *fused), strict=True
-    )
-    for axes, (title, [flux]) in zip(grid.flat, shown, strict=False):
+    for axes, title, [flux] in zip(grid.flat, titles, images, strict=False):
         root = np.sqrt(np.maximum(flux, 0))
         # Never quite black, which follows the text of the page and is white on a dark page.
         axes.pcolormesh(root, cmap="gray_r", vmin=0, vmax=1.1 * root.max())
         for name, look in _CHANNEL_MARKS.items():
             if title in (name, *KINDS[1:]):
                 place = places["green" if title == KINDS[2] else name]
-                [mark] = axes.plot(*place, look, mfc="none")
-                mark.set(markersize=9, markeredgewidth=1.3, path_effects=halo)
+                axes.plot(*place, look, mfc="none", ms=9, mew=1.3, path_effects=halo)
         axes.set(aspect="equal", title=title, xticks=[0, 3, 6, 9], yticks=[0, 3, 6, 9])
         axes.grid(visible=False)
     figure.supxlabel("x (px)", fontsize=9)
