@@ -28,8 +28,8 @@ from reproduce.inference.models.published import PrintedFit
 from reproduce.inference.models.registration import (
     TRANSFORM,
     GaussianRegistration,
-    NewStars,
     fitted_model,
+    new_stars,
     registration_model,
     registration_parameter,
 )

@@ -50,14 +50,14 @@ _NOISE_SEED = 52
 # Half-widths of flat priors: of a shift in fields, of a scale in ratios of the sizes of both
 # patterns, of any parameter in standard errors.
 _SHIFT_FIELDS, _SCALE_RATIOS, _STANDARD_ERRORS = 10.0, 10.0, 1e3
-# Symbol, displayed unit and its number per SI unit.
-_DISPLAY: dict[str, tuple[str, str, float]] = {
-    "scale": ("k", "1", 1.0),
-    "rotation": (r"\theta", "deg", DEGREES_PER_RADIAN),
-    "shift-x": (r"\Delta x", "px", 1.0),
-    "shift-y": (r"\Delta y", "px", 1.0),
-    "noise": (r"\sigma", "px", 1.0),
+_SYMBOLS = {
+    "scale": "k",
+    "rotation": r"\theta",
+    "shift-x": r"\Delta x",
+    "shift-y": r"\Delta y",
+    "noise": r"\sigma",
 }
+_UNITS = UNITS | {"rotation": "deg", "noise": "px"}
 
 
 def fit_checks(fit: RegistrationFit) -> dict[str, float]:
@@ -257,8 +257,8 @@ class GaussianRegistration(Likelihood):
 
 def registration_parameter(name: str, prior: Prior) -> Parameter:
     """Return a parameter of a registration, with its symbol and unit."""
-    own = (f"a_{{{name}}}", UNITS.get(name, "1"), 1.0)
-    label, unit, shown = _DISPLAY.get(name, own)
+    label, unit = _SYMBOLS.get(name, f"a_{{{name}}}"), _UNITS.get(name, "1")
+    shown = DEGREES_PER_RADIAN if unit == "deg" else 1.0
     return Parameter(name, label, unit, prior, shown)
 
 
@@ -404,38 +404,31 @@ def _wide_priors(fit: RegistrationFit) -> dict[str, Prior]:
     return priors
 
 
-@dataclass(frozen=True, eq=False)
-class NewStars:
-    """Consequences of a registration at new stars.
+def new_stars(
+    parameters: FloatArray,
+    likelihood: GaussianRegistration,
+    source: FloatArray,
+    registered: FloatArray,
+    arcsec_per_px: float,
+) -> dict[str, Consequence]:
+    """Return consequences of a registration at new stars.
 
-    - `likelihood`: registration of their channel.
-    - `source`, (points, 2): new stars, in px.
-    - `registered`, (points, 2): positions by the least-squares transform, in px.
-    - `arcsec_per_px`: of the reference channel.
+    They are the RMSE in px and as an angle, and the error at the outermost star. The new stars,
+    (points, 2), in px, are registered by the least-squares transform. The angle belongs to the
+    reference channel.
     """
-
-    likelihood: GaussianRegistration
-    source: FloatArray
-    registered: FloatArray
-    arcsec_per_px: float
-
-    def __call__(self, parameters: FloatArray) -> dict[str, Consequence]:
-        """Return the RMSE in px and as an angle, and the error at the outermost star."""
-        generator = Generator(PCG64(_NOISE_SEED))
-        offsets = self.source - self.source.mean(axis=0)
-        outermost = np.hypot(*offsets.T).argmax()
-        errors, displacements = [], []
-        for rows in self.likelihood.parts(parameters):
-            off = self.likelihood.places(rows, self.source) - self.registered
-            displacements.append(np.hypot(*off[:, outermost].T))
-            off += rows[:, 4, None, None] * generator.normal(size=off.shape)
-            # As in niu2024 (26), both axes together.
-            errors.append(np.sqrt(np.square(off).sum(axis=-1).mean(axis=-1)))
-        rmse, displacement = map(np.concatenate, (errors, displacements))
-        return {
-            "test points, RMSE": Consequence(rmse, "px"),
-            "test points, pointing error": Consequence(
-                rmse * self.arcsec_per_px, "arcsec"
-            ),
-            "outermost star, misregistration": Consequence(displacement, "px"),
-        }
+    generator = Generator(PCG64(_NOISE_SEED))
+    outermost = np.hypot(*(source - source.mean(axis=0)).T).argmax()
+    errors, displacements = [], []
+    for rows in likelihood.parts(parameters):
+        off = likelihood.places(rows, source) - registered
+        displacements.append(np.hypot(*off[:, outermost].T))
+        off += rows[:, 4, None, None] * generator.normal(size=off.shape)
+        # As in niu2024 (26), both axes together.
+        errors.append(np.sqrt(np.square(off).sum(axis=-1).mean(axis=-1)))
+    rmse, displacement = map(np.concatenate, (errors, displacements))
+    return {
+        "test points, RMSE": Consequence(rmse, "px"),
+        "test points, pointing error": Consequence(rmse * arcsec_per_px, "arcsec"),
+        "outermost star, misregistration": Consequence(displacement, "px"),
+    }

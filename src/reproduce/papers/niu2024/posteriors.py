@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.random import PCG64, Generator, default_rng
 
-from reproduce.inference import Model, models
+from reproduce.inference import Derived, Model, models
 from reproduce.papers.niu2024 import published, simulation
 from reproduce.papers.niu2024.simulation import NOISE
 from reproduce.papers.posteriors import Declaration, File, data_stream
@@ -105,9 +105,7 @@ def _model(
     return replace(model, derived=_new_stars(inputs, likelihood))
 
 
-def _new_stars(
-    inputs: Inputs, likelihood: models.GaussianRegistration
-) -> models.NewStars:
+def _new_stars(inputs: Inputs, likelihood: models.GaussianRegistration) -> Derived:
     """Return the consequences of the registration of red at the test points.
 
     The transform in use is the least-squares transform of the correctly matched stars.
@@ -124,7 +122,13 @@ def _new_stars(
     pitch = inputs["niu2024/text-optics#pixel-pitch-x"]
     focal_length = inputs["niu2024/table-1#focal-length.green"]
     angle = float(angle_from_pixels(1.0, pitch, focal_length)) * ARCSEC_PER_RADIAN
-    return models.NewStars(likelihood, source, fit.transform.apply(source), angle)
+    return partial(
+        models.new_stars,
+        likelihood=likelihood,
+        source=source,
+        registered=fit.transform.apply(source),
+        arcsec_per_px=angle,
+    )
 
 
 def _your_registration(

@@ -211,13 +211,10 @@ class Calibration:
         calibration has converged.
     first_stage : int
         Number of steps that change only scale and rotation.
-    pivot : ndarray, shape (..., 2)
-        Principal point of the source channel, in px.
     """
 
     history: FloatArray
     first_stage: int
-    pivot: FloatArray
 
     @property
     def parameters(self) -> FloatArray:
@@ -277,7 +274,7 @@ def calibrate(
             # Converged calibrations stay, so a batch equals separate calibrations.
             path.append(path[-1] + np.where(moving[..., None], step, 0.0))
             moving &= movement >= _LAST_MOVEMENT
-    return Calibration(np.stack(path), firsts[1] - 1, pivot)
+    return Calibration(np.stack(path), firsts[1] - 1)
 
 
 def _direction(name: str, points: FloatArray) -> FloatArray:
