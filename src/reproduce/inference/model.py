@@ -153,7 +153,7 @@ class Normal:
         return _PositiveNormal(self.mean, self.sigma, self.reason)
 
     def distance(self, value: float, error: float) -> float:
-        return float(abs(value - self.mean) / np.hypot(self.sigma, error))
+        return abs(value - self.mean) / np.hypot(self.sigma, error)
 
     def __str__(self) -> str:
         return f"normal, mean {self.mean:.6g}, standard deviation {self.sigma:.6g}"
@@ -172,7 +172,7 @@ class _PositiveNormal(Normal):
     def draw(self, generator: Generator, count: int) -> FloatArray:
         below = ndtr(-self.mean / self.sigma)
         score = ndtri(generator.uniform(below, 1, count))
-        return np.asarray(self.mean + self.sigma * score)
+        return self.mean + self.sigma * score
 
     def __str__(self) -> str:
         return f"{super().__str__()}, above zero"

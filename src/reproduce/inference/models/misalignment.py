@@ -67,14 +67,14 @@ class SpotStatistics:
         return bool(self.weights[1].any())
 
     @property
-    def size(self) -> int:
+    def size(self) -> float:
         """Number of measured coordinates."""
-        return int(self.counts.sum() * self.means[0].size)
+        return self.counts.sum() * self.means[0].size
 
     @property
-    def freedom(self) -> int:
+    def freedom(self) -> float:
         """Degrees of freedom of `squares`."""
-        return int(self.size - np.count_nonzero(self.weights) * self.means[0].size)
+        return self.size - np.count_nonzero(self.weights) * self.means[0].size
 
     @classmethod
     def of(cls, images: list[FloatArray], drifts: bool = False) -> SpotStatistics:
@@ -88,9 +88,9 @@ class SpotStatistics:
             lever = float(times @ times)
             slope = np.tensordot(times, spots - mean, axes=1) / (lever or 1.0)
             residuals = spots - mean - times[:, None, None] * slope
-            squares += float(np.square(residuals).sum())
+            squares += np.square(residuals).sum()
             moments.append((mean, slope))
-            weights.append((float(len(spots)), lever))
+            weights.append((len(spots), lever))
         return cls(np.stack(moments, axis=1), np.transpose(weights), squares)
 
     def scaled(self, moments: FloatArray) -> FloatArray:
@@ -162,7 +162,7 @@ class SpotLikelihood(Likelihood):
         ):
             path = mean + np.linspace(-1, 1, count)[:, None, None] * slope
             noise = generator.standard_normal(path.shape)
-            images.append(path + float(parameters[-1]) * noise)
+            images.append(path + parameters[-1] * noise)
         statistics = SpotStatistics.of(images, self.statistics.drifts)
         return replace(self, statistics=statistics)
 
@@ -212,10 +212,10 @@ class SpotLikelihood(Likelihood):
         width, height = np.ptp(data.means.mean(axis=0), axis=0)
         x, y = (data.means[-1] - data.means[0]).mean(axis=0)
         return {
-            "scatter of one image (px)": float(np.sqrt(data.squares / data.freedom)),
-            "pattern, wider than high (px)": float(width - height),
-            "centre, last less first group, x (px)": float(x),
-            "centre, last less first group, y (px)": float(y),
+            "scatter of one image (px)": np.sqrt(data.squares / data.freedom),
+            "pattern, wider than high (px)": width - height,
+            "centre, last less first group, x (px)": x,
+            "centre, last less first group, y (px)": y,
         }
 
 

@@ -119,7 +119,7 @@ class MixtureRegistration(GaussianRegistration):
         with np.errstate(divide="ignore"):
             wrong = np.log(fraction) + np.log(within / self.side**2)
         right = np.log1p(-fraction) + super().pointwise(parameters)
-        return right, np.asarray(wrong)
+        return right, wrong
 
     def pointwise(self, parameters: FloatArray) -> FloatArray:
         """Return the log likelihood of each star, shape (n, points)."""
@@ -156,7 +156,7 @@ class MixtureRegistration(GaussianRegistration):
         agreeing, count = self.agreeing, len(self.source)
         right = GaussianRegistration(self.problem.rows(agreeing))
         centre, spread = right.start()
-        fraction = float((~agreeing).sum() + 1) / (count + 2)
+        fraction = ((~agreeing).sum() + 1) / (count + 2)
         error = np.sqrt(fraction * (1 - fraction) / count)
         return np.append(centre, fraction), np.append(spread, error)
 
@@ -181,8 +181,8 @@ def mixture_model(base: Model) -> Model:
     """
     problem = base.likelihood_of(GaussianRegistration).problem
     low, high = problem.target.min(axis=0), problem.target.max(axis=0)
-    side = _SQUARE_RATIO * float((high - low).max())
-    x, y = (0.5 * (low + high - side)).tolist()
+    side = _SQUARE_RATIO * (high - low).max()
+    x, y = 0.5 * (low + high - side)
     reason = (
         "from none to half of them: were more of them false, no majority would tell which are "
         "right"

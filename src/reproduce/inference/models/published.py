@@ -76,8 +76,8 @@ class PrintedFit(Likelihood):
     def _noise(self) -> tuple[float, float]:
         """Return the number of residuals, and the noise that all residuals imply."""
         squares = self.counts / self.per_mean * self.residuals**2
-        count = float(self.counts.sum())
-        return count, float(np.sqrt(squares.sum() / count))
+        count = self.counts.sum()
+        return count, np.sqrt(squares.sum() / count)
 
     def start(self) -> Estimate:
         """Return the printed estimates with the noise, and their errors, shape (p + 1,) each."""

@@ -75,14 +75,13 @@ def fit_checks(fit: RegistrationFit) -> dict[str, float]:
     turned = (residuals[outer] * offsets[outer].conj() / radius[outer]).mean()
     rms = np.sqrt(np.square(fit.residuals).mean())
     return {
-        "residual, rms (px)": float(rms),
-        "residual, largest (px)": float(np.abs(fit.residuals).max()),
+        "residual, rms (px)": rms,
+        "residual, largest (px)": np.abs(fit.residuals).max(),
         # A ratio, since one wrong match also increases the noise.
-        "star furthest off, over rms": float(
-            lengths.max() / np.sqrt(np.square(lengths).mean())
-        ),
-        "outer residual, outwards (px)": float(turned.real),
-        "outer residual, around (px)": float(turned.imag),
+        "star furthest off, over rms": lengths.max()
+        / np.sqrt(np.square(lengths).mean()),
+        "outer residual, outwards (px)": turned.real,
+        "outer residual, around (px)": turned.imag,
     }
 
 
@@ -264,7 +263,7 @@ def registration_parameter(name: str, prior: Prior) -> Parameter:
 
 def _book_priors(source: FloatArray, target: FloatArray) -> dict[str, Prior]:
     """Return the priors of a channel of the telescope, on the scale of the data."""
-    extent = float(np.ptp(np.concatenate([source, target]), axis=0).max())
+    extent = np.ptp(np.concatenate([source, target]), axis=0).max()
     shift = Uniform(
         -extent,
         extent,
@@ -368,7 +367,7 @@ def fitted_model(likelihood: GaussianRegistration) -> Model:
                 "target: expected points with noise, got points that fit without any error. Use "
                 "`reproduce.register`"
             )
-        residual = float(likelihood.start()[0][-1])
+        residual = likelihood.start()[0][-1]
         priors["noise"] = LogUniform(
             1e-9 * residual,
             1e3 * residual,
@@ -383,13 +382,13 @@ def _wide_priors(fit: RegistrationFit) -> dict[str, Prior]:
     problem, priors = fit.problem, dict[str, Prior]()
     # No least-squares scale exceeds the ratio of the sizes of both patterns.
     target_size, source_size = (
-        float(np.linalg.norm(points - points.mean(axis=0)))
+        np.linalg.norm(points - points.mean(axis=0))
         for points in (problem.target, problem.source)
     )
     half_widths = {
         "1": _SCALE_RATIOS * target_size / source_size,
-        "px": _SHIFT_FIELDS * float(np.ptp(problem.target, axis=0).max()),
-        "px^-2": float(np.hypot(*(problem.source - problem.pivot).T).max()) ** -2,
+        "px": _SHIFT_FIELDS * np.ptp(problem.target, axis=0).max(),
+        "px^-2": np.hypot(*(problem.source - problem.pivot).T).max() ** -2,
     }
     errors = np.nan_to_num(fit.standard_errors)
     for name, value, error in zip(fit.names, fit.parameters, errors, strict=True):
@@ -399,8 +398,8 @@ def _wide_priors(fit: RegistrationFit) -> dict[str, Prior]:
             reason = (
                 "ten times the largest plausible value, or a thousand standard errors"
             )
-        low = 0.0 if name == "scale" else float(value - half)
-        priors[name] = Uniform(low, float(value + half), reason)
+        low = 0.0 if name == "scale" else value - half
+        priors[name] = Uniform(low, value + half, reason)
     return priors
 
 

@@ -54,7 +54,7 @@ def scale_near_one(inputs: Inputs) -> Results:
 
     Implements: niu2024 (6).
     """
-    scales = scale_factors(inputs).tolist()
+    scales = scale_factors(inputs)
     return {"scale-approximation": max(scales, key=lambda scale: abs(scale - 1))}
 
 

@@ -104,7 +104,7 @@ def _model(inputs: Inputs, kind: str, channel: str) -> Model:
         axes,
     )
     # The first pattern is the literal one.
-    expected = float(fits[0].parameters[0])
+    expected = fits[0].parameters[0]
     return Model(
         f"{kind}-{channel}",
         tuple(models.registration_parameter(*item) for item in _PRIORS.items()),
