@@ -35,7 +35,6 @@ from reproduce.physics.registration import (
     as_points,
     fit_problem,
     fits_exactly,
-    paired_points,
     prepare,
     residuals_at,
 )
@@ -261,36 +260,6 @@ def registration_parameter(name: str, prior: Prior) -> Parameter:
     return Parameter(name, label, unit, prior, shown)
 
 
-def _book_priors(source: FloatArray, target: FloatArray) -> dict[str, Prior]:
-    """Return the priors of a channel of the telescope, on the scale of the data."""
-    extent = np.ptp(np.concatenate([source, target]), axis=0).max()
-    shift = Uniform(
-        -extent,
-        extent,
-        "the field itself: with a larger shift the channels would share no star",
-    )
-    return {
-        "scale": Uniform(
-            0.5,
-            2.0,
-            "between half and double: any pair of channels of one telescope; flat, as the closed "
-            "form needs",
-        ),
-        "rotation": Uniform(
-            -0.5,
-            0.5,
-            "half a radian: detectors behind one prism are mounted the same way round",
-        ),
-        "shift-x": shift,
-        "shift-y": shift,
-        "noise": LogUniform(
-            extent * 1e-7,
-            extent * 1e-2,
-            "no scale preferred between 1e-7 and 1 % of the field",
-        ),
-    }
-
-
 def registration_model(
     source: FloatArray, target: FloatArray, pivot: FloatArray
 ) -> Model:
@@ -320,9 +289,34 @@ def registration_model(
     >>> model.names
     ('scale', 'rotation', 'shift-x', 'shift-y', 'noise')
     """
-    source, target = paired_points(source, target)
     model = fitted_model(GaussianRegistration(prepare(source, target, pivot)))
-    return model.with_priors(_book_priors(source, target))
+    extent = np.ptp(np.concatenate([source, target]), axis=0).max()
+    shift = Uniform(
+        -extent,
+        extent,
+        "the field itself: with a larger shift the channels would share no star",
+    )
+    priors: dict[str, Prior] = {
+        "scale": Uniform(
+            0.5,
+            2.0,
+            "between half and double: any pair of channels of one telescope; flat, as the closed "
+            "form needs",
+        ),
+        "rotation": Uniform(
+            -0.5,
+            0.5,
+            "half a radian: detectors behind one prism are mounted the same way round",
+        ),
+        "shift-x": shift,
+        "shift-y": shift,
+        "noise": LogUniform(
+            extent * 1e-7,
+            extent * 1e-2,
+            "no scale preferred between 1e-7 and 1 % of the field",
+        ),
+    }
+    return model.with_priors(priors)
 
 
 def fitted_model(likelihood: GaussianRegistration) -> Model:

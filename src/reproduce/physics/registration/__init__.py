@@ -39,7 +39,6 @@ from reproduce.physics.registration.transforms import (
     UNITS,
     Registration,
     error_field,
-    paired_points,
     principal_point_shift,
     registered_image,
     rmse,

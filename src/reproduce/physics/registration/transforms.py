@@ -337,18 +337,6 @@ def rmse_per_axis(points: Points, reference: Points) -> FloatArray:
 
 
 @checked
-def paired_points(source: Points, target: Points) -> tuple[FloatArray, FloatArray]:
-    """Return two sets of points, (..., n, 2), after checking that they have equal lengths.
-
-    Examples
-    --------
-    >>> paired_points([[1, 2]], [[3, 4]])
-    (array([[1., 2.]]), array([[3., 4.]]))
-    """
-    return source, target
-
-
-@checked
 def registered_image(
     image: Image,
     transform: Registration,
