@@ -157,5 +157,5 @@ def _errors(inputs: Inputs) -> Rows:
             # A fit removes the scale, rotation and shift of the positions.
             fit = fit_registration(positions * 1e6, positions * 1e6 + error, (0.0, 0.0))
             lengths = np.linalg.norm([error, fit.residuals], axis=-1)
-            whole, rest = np.sqrt(np.square(lengths).mean(axis=-1)).tolist()
+            whole, rest = np.sqrt(np.square(lengths).mean(axis=-1))
             yield effect, table, channel, lengths[0].max(), whole, rest

@@ -30,28 +30,28 @@ from reproduce.printed.inputs import Inputs
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-# Table, cells of the test points and of the residuals (with a place for the channel), instrument,
-# and measurements that are averaged into a position.
+# Table and kind of its data, cells of the test points and of the residuals (with a place for the
+# channel), instrument and its printed numbers with those of the positions, and measurements that
+# are averaged into a position.
 _SOURCES = {
     "camera": (
+        "Table 4, measured",
         "niu2024/table-4",
         "niu2024/text-experiment#test-points",
         "niu2024/text-experiment#rmse-after-{}-*",
         experiment.instrument,
+        (*simulation.ANGLES, *experiment.CAMERAS),
         (1, 10),
     ),
     "simulation": (
+        "Table 3, simulated",
         "niu2024/table-3",
         "niu2024/text-simulation#test-points",
         "niu2024/text-simulation#rmse-after-{}",
         simulation.instrument,
+        simulation.INPUTS,
         (1,),
     ),
-}
-# Printed numbers of the cameras and of the positions.
-_DESIGN_INPUTS = {
-    "camera": (*simulation.ANGLES, *experiment.CAMERAS),
-    "simulation": simulation.INPUTS,
 }
 _PRIORS: dict[str, Prior] = {
     "scale": Uniform(0.5, 2.0, "between half and double: channels of one telescope"),
@@ -82,15 +82,11 @@ def _against_cameras(parameters: FloatArray, expected: float) -> dict[str, Conse
 
 def _model(inputs: Inputs, kind: str, channel: str) -> Model:
     """Return the printed estimates and residuals of a channel, with all possible designs."""
-    table, points, residuals, instrument, averaged = _SOURCES[kind]
+    _, table, points, residuals, instrument, _, averaged = _SOURCES[kind]
     cells = [f"{table}#{row}.{channel}" for row in ROWS]
     patterns = item_text("niu2024/text-simulation").options["angles"]
-    fits = [
-        _noise_free_fit(
-            instrument(inputs), simulation.arrangement(inputs, name), channel
-        )
-        for name in patterns
-    ]
+    angles = (simulation.arrangement(inputs, name) for name in patterns)
+    fits = [_noise_free_fit(instrument(inputs), each, channel) for each in angles]
     errors = np.array([fit.standard_errors for fit in fits])
     printed = inputs.array(residuals.format(channel))
     # Section 4.3 has a residual of each axis.
@@ -114,20 +110,14 @@ def _model(inputs: Inputs, kind: str, channel: str) -> Model:
 
 
 def _declaration(kind: str, channel: str) -> Declaration:
-    table, points, residuals, *_ = _SOURCES[kind]
-    where = {"camera": "Table 4, measured", "simulation": "Table 3, simulated"}[kind]
+    where, table, points, residuals, _, design, _ = _SOURCES[kind]
     rows = zip(models.TRANSFORM, ROWS, strict=True)
     summary = {name: f"{table}#{row}.{channel}" for name, row in rows}
     return Declaration(
         f"{kind}-{channel}",
         f"Printed registration of {channel} ({where})",
         "niu2024",
-        (
-            *_DESIGN_INPUTS[kind],
-            *summary.values(),
-            points,
-            residuals.format(channel),
-        ),
+        (*design, *summary.values(), points, residuals.format(channel)),
         partial(_model, kind=kind, channel=channel),
         "its data are the printed estimates; registration takes stars",
         steps=450,

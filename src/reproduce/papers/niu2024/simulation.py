@@ -208,10 +208,12 @@ class _Bench:
         The fit is the closed form, which is the limit of the iteration of section 3.2. A zero
         position that is not in an arrangement is measured in addition to its points.
         """
-        count, zero = len(self.table), zero_positions(self.table)
-        angles = self.table if zero.size else np.vstack([self.table, np.zeros((1, 2))])
+        angles, count = self.table, len(self.table)
+        if not zero_positions(angles).size:
+            angles = np.vstack([angles, [[0.0, 0.0]]])
         measured = self.measured(generator, replicates, angles)
-        pivots = measured[:, 1:, zero.item() if zero.size else count]
+        [zero] = zero_positions(angles)
+        pivots = measured[:, 1:, zero]
         green, others = measured[:, :1, :count], measured[:, 1:, :count]
         return closed_similarity(others, green, pivots, np.ones(count))[0], pivots
 
