@@ -64,7 +64,7 @@ def test_the_average_of_frames(white_and_floor):
 def test_the_error_at_the_edge_is_that_of_simulated_fits():
     noise = 0.05 * np.hypot(1, 0.9976)
     green, red, _ = true_centroids(STARS)
-    pivot = sensor.posteriors.pivot(STARS, "red")
+    pivot = sensor.posteriors.pivot(STARS)
     generator = np.random.default_rng(4)
     noisy = green + noise * generator.normal(size=(20_000, *green.shape))
     transform = fit_registration(red, noisy, pivot).transform

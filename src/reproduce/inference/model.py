@@ -250,11 +250,6 @@ class Parameter:
         """Its prior in the displayed unit."""
         return str(self.prior.in_unit(self.shown))
 
-    @property
-    def shown_unit(self) -> str:
-        """The displayed unit as it follows a number; empty if there is none."""
-        return "" if self.unit == "1" else f" {self.unit}"
-
 
 @dataclass(frozen=True, eq=False)
 class Consequence:

@@ -236,7 +236,7 @@ def prior_warnings(posterior: PosteriorSamples) -> list[str]:
     """Return a warning for each prior that the data contradict, or at whose bound draws pile up."""
     texts, apart = [], posterior.model.disagreements()
     for i, one in enumerate(posterior.model.parameters):
-        unit = one.shown_unit
+        unit = "" if one.unit == "1" else f" {one.unit}"
         prior = f"its prior ({one.text}{unit})"
         if one.name in apart:
             value, error, distance = apart[one.name]

@@ -44,7 +44,7 @@ def _at_edge(inputs: Inputs, counts: FloatArray) -> tuple[FloatArray, ...]:
     The bias of a similarity is the distortion that it neglects, (2,), in px.
     """
     green, red, _ = posteriors.true_centroids(inputs)
-    middle, true = posteriors.pivot(inputs, "red"), posteriors.truth(inputs)
+    middle, true = posteriors.pivot(inputs), posteriors.truth(inputs)
     model = models.distortion_model(models.registration_model(red, green, middle))
     likelihood = model.likelihood_of(models.GaussianRegistration)
     # The fifth parameter is the noise, which moves no star.

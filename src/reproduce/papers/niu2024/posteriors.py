@@ -64,7 +64,7 @@ def truth(inputs: Inputs) -> dict[str, float]:
     The similarity contains the mean effect of the distortions.
     """
     green, red, _ = true_centroids(inputs)
-    fit = fit_registration(red, green, pivot(inputs, "red"))
+    fit = fit_registration(red, green, pivot(inputs))
     values = dict(zip(models.TRANSFORM, fit.parameters.tolist(), strict=True))
     return {**values, "noise": inputs[NOISE] * float(np.hypot(1, values["scale"]))}
 
@@ -83,9 +83,9 @@ def _distorted_truth(inputs: Inputs) -> dict[str, float]:
     return truth(inputs) | dict(zip(models.TRANSFORM, ideal, strict=True)) | moved
 
 
-def pivot(inputs: Inputs, channel: str) -> FloatArray:
-    """Return the principal point of a channel, shape (2,), in px."""
-    return inputs.array(f"niu2024/table-1#principal-point-?.{channel}")
+def pivot(inputs: Inputs) -> FloatArray:
+    """Return the principal point of red, shape (2,), in px."""
+    return inputs.array("niu2024/table-1#principal-point-?.red")
 
 
 def _model(
@@ -99,7 +99,7 @@ def _model(
     order = Generator(PCG64(data_stream(inputs, 4))).permutation(len(red))
     false = order[: round(wrong * len(red))]
     green[false] = green[np.roll(false, 1)]
-    model = models.registration_model(red, green, pivot(inputs, "red"))
+    model = models.registration_model(red, green, pivot(inputs))
     model = extend(model) if extend else model
     likelihood = model.likelihood_of(models.GaussianRegistration)
     return replace(model, derived=_new_stars(inputs, likelihood))
@@ -140,8 +140,8 @@ def _your_registration(
     wrong matches the findings belong to the robust fit.
     """
     source, target = np.split(table.values, 2, axis=1)
-    settings = {key: value for key, value in arguments.items() if key != "pivot"}
-    centre = checked_pivot(arguments.get("pivot"), source)
+    settings = dict(arguments)
+    centre = checked_pivot(settings.pop("pivot", None), source)
     # The fit checks the settings.
     fit = fit_registration(source, target, centre, **settings)
     problem = fit.problem.rows(fit.weights > 0)
@@ -149,8 +149,7 @@ def _your_registration(
         problem = replace(problem, counts=problem.counts / problem.counts.mean())
     likelihood = models.GaussianRegistration(problem)
     model = models.fitted_model(likelihood)
-    checked = fit_problem(fit.problem, robust=True) if robust else fit
-    found, _ = diagnose_fit(checked)
+    found, _ = diagnose_fit(fit_problem(fit.problem, robust))
     # The mixture reports wrong matches.
     hidden = {"sensitive"} | ({"mismatched", "dropped"} if robust else set())
     texts = (one.text for one in found if one.kind not in hidden)
