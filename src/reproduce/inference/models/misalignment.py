@@ -190,9 +190,8 @@ class SpotLikelihood(Likelihood):
         The derivatives are by all parameters except the noise. Each residual, measured minus
         predicted, has the standard deviation of the noise.
         """
-        steps = np.zeros((2, len(scale), len(centre)))
-        steps[:, :, :-1] = np.multiply.outer([1, -1], np.diag(_STEP_RATIO * scale))
-        moments = self.moments(np.vstack([centre, *(centre + steps)]))
+        steps = np.eye(len(scale), len(centre)) * (_STEP_RATIO * scale)[:, None]
+        moments = self.moments(np.vstack([centre, centre + steps, centre - steps]))
         data = self.statistics
         predicted, measured = data.scaled(moments), data.scaled(data.moments[None])
         ahead, behind = np.split(predicted[1:], 2)

@@ -65,20 +65,17 @@ def fit_checks(fit: RegistrationFit) -> dict[str, float]:
     The mean radial and tangential residuals in the outer half of the field are zero only if the
     model is right.
     """
-    offsets, residuals = (
-        as_complex(points)
-        for points in (fit.problem.source - fit.problem.pivot, fit.residuals)
-    )
-    radius, lengths = np.abs(offsets), np.abs(residuals)
+    offsets = as_complex(fit.problem.source - fit.problem.pivot)
+    residuals, radius = as_complex(fit.residuals), np.abs(offsets)
     outer = radius >= np.median(radius)
     turned = (residuals[outer] * offsets[outer].conj() / radius[outer]).mean()
     rms = np.sqrt(np.square(fit.residuals).mean())
+    relative = np.abs(residuals) / rms
     return {
         "residual, rms (px)": rms,
         "residual, largest (px)": np.abs(fit.residuals).max(),
         # A ratio, since one wrong match also increases the noise.
-        "star furthest off, over rms": lengths.max()
-        / np.sqrt(np.square(lengths).mean()),
+        "star furthest off, over rms": relative.max() / np.sqrt(2),
         "outer residual, outwards (px)": turned.real,
         "outer residual, around (px)": turned.imag,
     }

@@ -100,11 +100,8 @@ class Instrument(NamedTuple):
 
 def half_ranges(inputs: Inputs) -> FloatArray:
     """Return half the printed range about x and about y, shape (2,), in radians."""
-    low, high = (
-        inputs.array(f"niu2024/text-simulation#range-?-{end}")
-        for end in ("low", "high")
-    )
-    return (high - low) / 2
+    ends = inputs.array("niu2024/text-simulation#range-?-*")
+    return np.diff(ends.reshape(2, 2))[:, 0] / 2
 
 
 def _lattice(inputs: Inputs, name: str) -> FloatArray:
