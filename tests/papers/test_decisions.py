@@ -71,7 +71,7 @@ def test_the_error_at_the_edge_is_that_of_simulated_fits():
     edge = np.hypot(*(red - pivot).T).argmax()
     errors = np.hypot(*(transform.apply(red)[:, edge] - green[edge]).T)
     expected = np.quantile(errors, sensor._QUANTILES)
-    found = sensor._edge_errors(STARS, np.array([137.0]))["similarity"][:, 0]
+    found = sensor._edge_errors(STARS, np.array([137.0]))[0, :, 0]
     np.testing.assert_allclose(found, expected, rtol=0.06)
 
 
@@ -93,13 +93,11 @@ def test_free_distortions_pay_from_their_number_of_stars_on():
 def test_sufficient_numbers_of_stars():
     """By the variance of one axis at the edge, 3 (1 + k^2) noise^2 / n, and the neglected part."""
     neglected = np.hypot(*sensor._at_edge(STARS, np.ones(1))[2])
-    counts = sensor._sufficient(STARS)
-    sigma = np.sqrt(3 * (1 + 0.9976**2) / counts["similarity"]) * 0.05
+    plain, free = sensor._sufficient(STARS)
+    sigma = np.sqrt(3 * (1 + 0.9976**2) / plain) * 0.05
     below = stats.rice.cdf(0.05, neglected / sigma, scale=sigma)
     assert below == pytest.approx(0.975, abs=0.003)
-    assert (
-        counts["distortions free"] == fact("niu2024/stars", "distortions-enough") == 66
-    )
+    assert free == fact("niu2024/stars", "distortions-enough") == 66
     # No number of stars removes the neglected part.
     quiet = STARS.changed({sensor.NOISE: 0.9 * neglected})
-    assert np.isinf(sensor._sufficient(quiet)["similarity"])
+    assert np.isinf(sensor._sufficient(quiet)[0])

@@ -68,46 +68,47 @@ def _at_edge(inputs: Inputs, counts: FloatArray) -> tuple[FloatArray, ...]:
     return plain, free, likelihood.fit.residuals[outermost]
 
 
-def _edge_errors(inputs: Inputs, counts: FloatArray) -> dict[str, FloatArray]:
-    """Return low end, median and high end of the error of the outermost star by model, (3, n), px.
+def _edge_errors(inputs: Inputs, counts: FloatArray) -> FloatArray:
+    """Return low end, median and high end of the error of the outermost star, in px.
 
-    The scatter of a similarity is equal in all directions, about a position that the neglected
-    distortion shifts.
+    Shape (2, 3, n), in the order of `_MODELS`. The scatter of a similarity is equal in all
+    directions, about a position that the neglected distortion shifts.
     """
     plain, free, neglected = _at_edge(inputs, counts)
     variance = np.trace(plain, axis1=1, axis2=2) / 2
     bias = np.sum(neglected**2) / variance
-    quantiles = [
-        # The square of a Rice variable is noncentral chi-squared.
-        [np.sqrt(variance * chndtrix(level, 2, bias)) for level in _QUANTILES],
-        [circular_error(free, level) for level in _QUANTILES],
-    ]
-    return dict(zip(_MODELS, map(np.stack, quantiles), strict=True))
+    return np.array(
+        [
+            # The square of a Rice variable is noncentral chi-squared.
+            [np.sqrt(variance * chndtrix(level, 2, bias)) for level in _QUANTILES],
+            [circular_error(free, level) for level in _QUANTILES],
+        ]
+    )
 
 
-def _sufficient(inputs: Inputs) -> dict[str, float]:
-    """Return the number of stars for an error below the noise in 97.5 % of calibrations.
+def _sufficient(inputs: Inputs) -> FloatArray:
+    """Return the number of stars for an error below the noise in 97.5 % of calibrations, (2,).
 
-    By model; infinite if `_MAX_STARS` are not sufficient.
+    In the order of `_MODELS`; infinite if `_MAX_STARS` are not sufficient.
     """
-    counts, level = {}, -np.log(inputs[NOISE])
-    for name, (_, _, high) in _edge_errors(inputs, _STARS_TRIED).items():
-        log = np.interp(level, -np.log(high), np.log(_STARS_TRIED), right=np.inf)
-        counts[name] = np.ceil(np.exp(log))
-    return counts
+    level, tried = -np.log(inputs[NOISE]), np.log(_STARS_TRIED)
+    highs = -np.log(_edge_errors(inputs, _STARS_TRIED)[:, 2])
+    logs = [np.interp(level, high, tried, right=np.inf) for high in highs]
+    return np.ceil(np.exp(logs))
 
 
 def _star_facts(inputs: Inputs) -> dict[str, float]:
     """Return errors at the edge for the printed number of stars, and sufficient numbers."""
     count = inputs.count(_COUNT)
-    number, sufficient = np.array([count]), _sufficient(inputs)
+    number = np.array([count])
     [plain], [free], neglected = _at_edge(inputs, number)
     left_out = np.hypot(*neglected)
     facts = {"all": count, "level": 100 * _QUANTILES[2], "left-out": left_out}
-    for name, (_, [middle], [high]) in _edge_errors(inputs, number).items():
-        kind = name.split()[0]
+    errors = _edge_errors(inputs, number)[:, 1:, 0]
+    kinds = zip(("similarity", "distortions"), errors, _sufficient(inputs), strict=True)
+    for kind, (middle, high), enough in kinds:
         facts |= {f"{kind}-all": middle, f"{kind}-all-high": high}
-        facts[f"{kind}-enough"] = sufficient[name]
+        facts[f"{kind}-enough"] = enough
     # Equal mean squares: the one of the similarity includes the neglected distortion.
     facts["free-from"] = count * np.trace(free - plain) / left_out**2
     return facts
@@ -117,8 +118,8 @@ def _star_facts(inputs: Inputs) -> dict[str, float]:
 def _stars(inputs: Inputs) -> Rows:
     """Compute the error at the edge of the field by the number of stars."""
     counts = sorted({*_STAR_COUNTS, inputs.count(_COUNT)})
-    plain, free = _edge_errors(inputs, np.array(counts)).values()
-    yield from zip(counts, *plain[1:].tolist(), *free[1:].tolist(), strict=True)
+    plain, free = _edge_errors(inputs, np.array(counts))
+    yield from zip(counts, *plain[1:], *free[1:], strict=True)
 
 
 @draws("niu2024/drawing-stars", inputs=INPUTS)
@@ -128,7 +129,7 @@ def _draw_stars(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     set_size(figure, 6.0, 3.6, 4.2)
     axes = figure.subplots()
     errors, looks = _edge_errors(inputs, counts), (("C0", "-"), ("C1", "--"))
-    for (name, ends), look in zip(errors.items(), looks, strict=True):
+    for name, ends, look in zip(_MODELS, errors, looks, strict=True):
         plot_band(axes, counts, ends, *look, f"{name}, with 95 %")
     axes.axvline(
         inputs[_COUNT], color="#777777", linestyle=":", label="stars of the paper"
