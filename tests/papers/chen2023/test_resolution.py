@@ -24,7 +24,7 @@ PHASES = np.linspace(-0.49, 0.49, 50)
 
 @pytest.fixture(scope="module")
 def content():
-    return resolution.curves(load_inputs(resolution.INPUTS))
+    return resolution.terms(INPUTS)
 
 
 def test_the_monte_carlo_is_what_the_closed_form_predicts(content):
@@ -35,7 +35,7 @@ def test_the_monte_carlo_is_what_the_closed_form_predicts(content):
     square = (law.bias**2 + law.variance).mean(axis=-1)
     spread = 2 * law.variance**2 + 4 * law.bias**2 * law.variance
     error = np.sqrt(spread.mean(axis=-1) / (50 * 500))
-    surprise = (content["simulated"] ** 2 - square) / error
+    surprise = (content["Monte Carlo"] ** 2 - square) / error
     assert np.abs(surprise).max() < 4
     assert 0.6 < (surprise**2).mean() < 1.5
 
@@ -48,10 +48,10 @@ def test_saturation_is_the_coarsest_resolution_that_none_finer_beats():
 
 def test_the_optimum_stands_between_window_and_pixel(content):
     """Left of it the window cuts, right of it the pixel rounds: the bias falls, then rises."""
-    best = int(content["predicted"].argmin())
+    best = int(content["total"].argmin())
     bias = content["bias"]
     assert bias[0] > 5 * bias[best] < bias[-1]
-    assert (np.diff(content["within"]) < 0).all(), "the scatter has no optimum inside"
+    assert (np.diff(content["noise"]) < 0).all(), "the scatter has no optimum inside"
 
 
 def test_replicated_studies_scatter_as_their_size_says():

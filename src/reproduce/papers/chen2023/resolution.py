@@ -214,8 +214,7 @@ def _setting(inputs: Inputs, case: _Case) -> _Setting:
 def _predicted(setting: _Setting) -> CentroidError:
     """Return the closed form of the errors along x, (resolutions, phases)."""
     error = centre_of_gravity_error(*setting)
-    parts = error.bias, error.variance, error.slope
-    return CentroidError(*(part[..., 0] for part in parts))
+    return CentroidError(*(part[..., 0] for part in vars(error).values()))
 
 
 def _relative_error(inputs: Inputs) -> float:
@@ -253,11 +252,10 @@ def _saturation(monitoring: FloatArray, relative: float, errors: float) -> Float
 
 
 @cache
-def curves(inputs: Inputs) -> dict[str, FloatArray]:
-    """Return the curves of both panels of Figure 11, each of shape (resolutions,).
+def terms(inputs: Inputs) -> dict[str, FloatArray]:
+    """Return the terms of the error in the literal reading by label, (resolutions,), in px.
 
-    ``angles`` in radians; in px ``simulated`` (Monte Carlo), ``predicted`` (all errors together),
-    ``within`` (scatter without bias), ``bias`` and ``bound``.
+    The total contains the noise, which is the scatter without bias, and the bias.
     """
     setting = _setting(inputs, _Case())
     law, trials = _predicted(setting), inputs.count(_TRIALS)
@@ -267,12 +265,13 @@ def curves(inputs: Inputs) -> dict[str, FloatArray]:
         for radius in setting.radii
     ]
     return {
-        "angles": _resolutions(inputs),
-        "simulated": np.array(simulated),
-        "predicted": law.total,
-        "within": law.within,
+        "total": law.total,
+        "noise": law.within,
         "bias": np.sqrt((law.bias**2).mean(axis=-1)),
-        "bound": np.sqrt(cramer_rao_variance(*setting)[..., 0].mean(axis=-1)),
+        "Cramér–Rao bound": np.sqrt(
+            cramer_rao_variance(*setting)[..., 0].mean(axis=-1)
+        ),
+        "Monte Carlo": np.array(simulated),
     }
 
 
@@ -292,8 +291,8 @@ def _draw_centroids(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
 @draws("chen2023/fig-11b", inputs=INPUTS, marks=[_SATURATION])
 def _draw_monitoring(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     """Draw the monitoring accuracy against the angular resolution of the tracker."""
-    angles, lasers = _resolutions(inputs), inputs.count(_LASERS)
-    scale = attitude_accuracy(1.0, lasers, angles) * ARCSEC_PER_RADIAN
+    angles = _resolutions(inputs) * ARCSEC_PER_RADIAN
+    scale = attitude_accuracy(1.0, inputs.count(_LASERS), angles)
     limit = partial(_saturation, relative=_relative_error(inputs), errors=3.0)
     line = printed[_SATURATION], "printed limit"
     axes = _draw_radii(figure, inputs, scale, limit, line)
@@ -308,25 +307,28 @@ def _draw_radii(
     line: tuple[float, str],
 ) -> Axes:
     """Draw the error for each meaning of the radius, with one marked point; return the axes."""
-    curves = {}
+    errors = {}
     for name, width in _WIDTHS.items():
-        error = _predicted(_setting(inputs, _Case(width))).total * scale
         label = _RADII[name].text.removeprefix("radius: ").removesuffix(" of the spot")
-        curves[label] = error, [marked(error)]
-    axes = _draw_curves(figure, inputs, curves)
+        errors[label] = _predicted(_setting(inputs, _Case(width))).total * scale
+    axes = _draw_curves(figure, inputs, errors, marked)
     axes.axvline(line[0] * ARCSEC_PER_RADIAN, color="k", lw=1, label=line[1])
     legend_below(figure, 3)
     return axes
 
 
 def _draw_curves(
-    figure: Figure, inputs: Inputs, errors: Mapping[str, tuple[FloatArray, list[int]]]
+    figure: Figure,
+    inputs: Inputs,
+    errors: Mapping[str, FloatArray],
+    marked: Callable[[FloatArray], Any] | None = None,
 ) -> Axes:
-    """Draw named curves with marked points against the resolution; return the axes."""
+    """Draw named curves against the resolution, with one marked point; return the axes."""
     set_size(figure, 6.4, 4.4, 4.4)
     axes, angles = figure.add_subplot(), _resolutions(inputs) * ARCSEC_PER_RADIAN
     looks = ("C0o-", "C1s--", "C2D-.", "C3^:")
-    for (label, (curve, marks)), look in zip(errors.items(), looks, strict=True):
+    for (label, curve), look in zip(errors.items(), looks, strict=True):
+        marks = [marked(curve)] if marked else []
         axes.plot(angles, curve, look, markersize=9, markevery=marks, label=label)
     axes.set_xlabel("angular resolution (arcsec per px)")
     set_log_ticks(axes, (10, 20, 40, 80), (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2))
@@ -336,15 +338,9 @@ def _draw_curves(
 @draws("chen2023/drawing-terms", inputs=INPUTS, random=True)
 def _draw_terms(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     """Draw the terms of the centroid error in the literal reading."""
-    errors, few = curves(inputs), slice(None, None, 2)
-    labels = ("total", "noise", "bias", "Cramér–Rao bound")
-    terms = (errors[name] for name in ("predicted", "within", "bias", "bound"))
-    axes = _draw_curves(
-        figure,
-        inputs,
-        {label: (term, []) for label, term in zip(labels, terms, strict=True)},
-    )
+    *lines, (label, simulated) = terms(inputs).items()
+    axes, few = _draw_curves(figure, inputs, dict(lines)), slice(None, None, 2)
     angles = _resolutions(inputs)[few] * ARCSEC_PER_RADIAN
-    axes.plot(angles, errors["simulated"][few], "ko", ms=3, label="Monte Carlo")
+    axes.plot(angles, simulated[few], "ko", ms=3, label=label)
     axes.set(ylabel="centroid error (1σ, px)", ylim=(0.004, 0.1))
     legend_below(figure, 3)
