@@ -146,10 +146,11 @@ def _priors(model: Model, images: list[FloatArray]) -> dict[str, Prior]:
         1e3 * residual,
         "no scale preferred: a millionth to a thousand times the residual of least squares",
     )
-    priors: dict[str, Prior] = {"noise": noise}
-    for axis, turn in zip(models.AXES, (across, across, roll), strict=True):
-        priors |= {f"mount-{axis}": mount, f"angle-{axis}": turn, f"drift-{axis}": turn}
-    return {name: priors[name] for name in model.names if name in priors}
+    kinds: dict[str, Prior] = {"noise": noise, "mount": mount}
+    return {
+        name: kinds.get(name.partition("-")[0], roll if name[-1] == "z" else across)
+        for name in model.names
+    }
 
 
 def _file(drifts: bool) -> File:
