@@ -68,8 +68,8 @@ def frame_averaging(inputs: Inputs, seed: SeedSequence, replicates: int) -> Resu
 
 def _rows(inputs: Inputs) -> list[str]:
     """Return the names of the rows, which stay if a number of frames is changed."""
-    names = (address.partition("#")[2].partition(".") for address in inputs.cells)
-    return [row for row, _, column in names if column == "frames"]
+    names = (address.partition("#")[2] for address in inputs.cells)
+    return [name.partition(".")[0] for name in names if name.endswith(".frames")]
 
 
 def _simulated_accuracies(
@@ -79,15 +79,13 @@ def _simulated_accuracies(
 
     It is three standard deviations, in radians.
     """
-    response = platform.angle_response(inputs)[:2]
-    spots = np.stack([platform.scatter(inputs, group) for group in (1, 2)])
-    # Rotations by unit noise in each coordinate: shape (groups, 2 axes, coordinates).
-    rotations = (spots[:, None] * response).reshape(len(spots), 2, -1)
+    # By unit noise in each coordinate: shape (groups, 2 axes, coordinates).
+    rotations = np.stack([platform.unit_rotations(inputs, g)[:2] for g in (1, 2)])
     frames, generator = inputs.count(FRAMES), default_rng(seed)
     parts = []
     for first in range(0, replicates, _BATCH_REPLICATES):
         batch = min(_BATCH_REPLICATES, replicates - first)
-        shape = (batch, len(spots), frames, rotations.shape[-1])
+        shape = (batch, len(rotations), frames, rotations.shape[-1])
         noise = generator.standard_normal(shape)
         # One angle about X and one about Y for each frame, to first order in the noise. The
         # relative error is one millionth, because the rotations are a few microradians.

@@ -59,25 +59,29 @@ _MEASURED = (
 )
 
 
-def positions(inputs: Inputs) -> FloatArray:
-    """Return the positions of the stage along X and Y in all states, shape (5, 2), in metres."""
-    return inputs.array("chen2023/table-5#*.position-?").reshape(-1, 2)
+def pairs(inputs: Inputs, columns: str) -> FloatArray:
+    """Return two columns of Table V in some states, (states, 2), in metres or radians.
+
+    Positions and motions are along X and Y, angles about Y and X.
+    """
+    return inputs.array(f"chen2023/table-5#{columns}-?").reshape(-1, 2)
 
 
-def _printed(inputs: Inputs, name: str) -> FloatArray:
-    """Return printed motions, or angles about Y and X, in the moved states, shape (4, 2)."""
-    return inputs.array(f"chen2023/table-5#[2-5].{name}-?").reshape(-1, 2)
-
-
-def _motions(inputs: Inputs, columns: str = "") -> FloatArray:
-    """Return the motions of the stage, (4, 2): as printed, or differences of positions.
+def stage_motions(inputs: Inputs, columns: str = "") -> FloatArray:
+    """Return the motions of the stage in all states, (5, 2): as printed, or between positions.
 
     One printed motion has a typographical error, which the differences do not have.
     """
+    positions = pairs(inputs, "*.position")
+    motions = positions - positions[0]
     if columns == "printed":
-        return _printed(inputs, "motion")
-    first, *moved = positions(inputs)
-    return moved - first
+        motions[1:] = pairs(inputs, "[2-5].motion")
+    return motions
+
+
+def _angles(inputs: Inputs) -> tuple[FloatArray, FloatArray]:
+    """Return the printed monitored and reference angles, each (4, 2)."""
+    return pairs(inputs, "[2-5].monitoring"), pairs(inputs, "[2-5].reference")
 
 
 def _travel(inputs: Inputs, axis: str) -> float:
@@ -91,8 +95,7 @@ def _travel(inputs: Inputs, axis: str) -> float:
 )
 def motion(inputs: Inputs) -> Results:
     """Compute the motions of the stage: the position minus the position of the first state."""
-    motions = np.insert(_motions(inputs), 0, 0.0, axis=0)
-    return by_cell("{}.motion-{}", motions, (1, *_MOVED_STATES), "xy")
+    return by_cell("{}.motion-{}", stage_motions(inputs), range(1, 6), "xy")
 
 
 def telescope_length(inputs: Inputs, columns: str, telescope: str) -> float:
@@ -114,7 +117,7 @@ def reference_angle(inputs: Inputs, *, columns: str, telescope: str) -> Results:
 
     Implements: chen2023 (10).
     """
-    motions = _motions(inputs, columns)
+    motions = stage_motions(inputs, columns)[1:]
     if columns != "printed":
         # Either interchange pairs an angle with the motion of the other axis.
         motions = motions[:, ::-1]
@@ -183,10 +186,10 @@ def monitored_angle(
         # One telescope for all angles of a replicate, anywhere in the range of a nominal length.
         spread = generator.uniform(-1, 1, replicates)
         length += spread * inputs.half_width(platform.TELESCOPE)
-    motions = _motions(inputs, columns)
+    motions = stage_motions(inputs, columns)
     if columns == "motions":
         motions = motions[:, ::-1]
-    angles = stage_angle(np.insert(motions, 0, 0.0, axis=0)[..., None], length)
+    angles = stage_angle(motions[..., None], length)
     # A mean that includes the ramp contains a part of the step from the state before.
     means = angles[1:] - lag * np.diff(angles, axis=0) + noise * errors
     return by_cell("{}.monitoring-{}", means, _MOVED_STATES, _ABOUT)
@@ -216,12 +219,13 @@ def _monitoring_errors(
 
     They share the error of the zero state.
     """
-    response = platform.angle_response(inputs)[:2]
-    spots = platform.scatter(inputs, 2) / np.sqrt(inputs.count(FRAMES))
-    states = 1 + len(_MOVED_STATES)
-    noise = generator.standard_normal((replicates, states, *spots.shape)) * spots
-    angles = np.tensordot(noise, response, axes=([-2, -1], [-2, -1]))
-    return np.moveaxis(angles[:, 1:] - angles[:, :1], 0, -1)[:, ::-1]
+    # About Y and X.
+    rotations = platform.unit_rotations(inputs, 2)[1::-1] / np.sqrt(
+        inputs.count(FRAMES)
+    )
+    shape = (replicates, 1 + len(_MOVED_STATES), rotations.shape[1])
+    angles = generator.standard_normal(shape) @ rotations.T
+    return np.moveaxis(angles[:, 1:] - angles[:, :1], 0, -1)
 
 
 @reproduces(
@@ -231,8 +235,8 @@ def _monitoring_errors(
 )
 def difference(inputs: Inputs) -> Results:
     """Compute the differences of the printed monitored and reference angles."""
-    differences = _printed(inputs, "monitoring") - _printed(inputs, "reference")
-    return by_cell("{}.difference-{}", differences, _MOVED_STATES, _ABOUT)
+    monitored, reference = _angles(inputs)
+    return by_cell("{}.difference-{}", monitored - reference, _MOVED_STATES, _ABOUT)
 
 
 @reproduces(
@@ -290,8 +294,8 @@ def _draw(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     nominal = inputs[platform.TELESCOPE]
     common = telescope_length(inputs, "motions", "common")
     ends = np.array([-1, 1]) * printed[BOUND] * ARCSEC_PER_RADIAN
-    monitored, reference = (_printed(printed, n) for n in ("monitoring", "reference"))
-    own = _motions(inputs)
+    monitored, reference = _angles(printed)
+    own = stage_motions(inputs)[1:]
     other = own[:, ::-1]
     differences = (
         ("C0o", reference, "printed reference angle"),
@@ -344,19 +348,15 @@ def _implied_facts(inputs: Inputs) -> dict[str, float]:
     changes the last reference angle by the bound of the paper.
     """
     _, _, half, other, _ = zip(*_focal_lengths.function(inputs), strict=True)
-    monitored, reference = (_printed(inputs, n) for n in ("monitoring", "reference"))
+    monitored, reference = _angles(inputs)
     lengths = inputs[platform.TELESCOPE], telescope_length(inputs, "motions", "common")
-    stage = (stage_angle(_motions(inputs), length) for length in lengths)
-    largest = [
-        np.abs(monitored - angles).max() / RADIANS_PER_ARCSEC
-        for angles in (reference[:, ::-1], *stage)
-    ]
+    motions = stage_motions(inputs)[1:]
+    others = reference[:, ::-1], *(stage_angle(motions, length) for length in lengths)
+    differences = np.abs(monitored - others).max(axis=(1, 2)) / RADIANS_PER_ARCSEC
     return {
         "shared-low": np.subtract(other, half).max(),
         "shared-high": np.add(other, half).min(),
-        "largest-difference": largest[0],
-        "nominal-difference": largest[1],
-        "common-difference": largest[2],
+        **by_cell("{}-difference", differences, ("largest", "nominal", "common")),
         "needed": 100 * inputs[BOUND] / abs(inputs[LAST]),
     }
 
@@ -370,12 +370,12 @@ def _focal_lengths(inputs: Inputs) -> Rows:
     """Compute the focal lengths that the rows of Table V imply, also with columns exchanged."""
     # Rounding: a motion is the difference of two positions to 0.01 µm.
     half_motion, half_angle = 1e-8, 0.0005 * RADIANS_PER_ARCSEC
-    angles, motions = _printed(inputs, "reference"), _motions(inputs)
+    (_, angles), motions = _angles(inputs), stage_motions(inputs)[1:]
     own, other = _implied(motions, angles), _implied(motions[:, ::-1], angles)
     half = own * (half_motion / np.abs(motions) + half_angle / np.abs(angles))
-    for axis, *columns in zip(_ABOUT.upper(), own.T, half.T, other.T, strict=True):
-        for state, *row in zip(_MOVED_STATES, *columns, strict=True):
-            yield (f"reference about {axis}, state {state}", *row, row[1])
+    columns = (part.T.ravel() for part in (own, half, other, half))
+    names = (f"reference about {x}, state {n}" for x in "YX" for n in _MOVED_STATES)
+    yield from zip(names, *columns, strict=True)
 
 
 def _shared_zero_chi_square(
@@ -394,15 +394,14 @@ def _test_facts(inputs: Inputs) -> dict[str, float]:
     smoothed, frames = inputs.count(accuracy.SMOOTHED), inputs.count(FRAMES)
     # After a step the mean of the last n images lacks (n - 1)/n, ..., 1/n, 0 of it.
     short = (smoothed - 1) / (2 * frames)
-    last = inputs.array("chen2023/table-5#5.reference-?")
-    differences = inputs.array("chen2023/table-5#[2-5].difference-?")
+    last, differences = (
+        pairs(inputs, columns) / RADIANS_PER_ARCSEC
+        for columns in ("5.reference", "[2-5].difference")
+    )
     return {
-        "ramp-lag": np.abs(last).mean()
-        / len(_MOVED_STATES)
-        * short
-        / RADIANS_PER_ARCSEC,
-        "mean": differences.mean() / RADIANS_PER_ARCSEC,
-        "largest": np.abs(differences).max() / RADIANS_PER_ARCSEC,
+        "ramp-lag": np.abs(last).mean() / len(_MOVED_STATES) * short,
+        "mean": differences.mean(),
+        "largest": np.abs(differences).max(),
     }
 
 
@@ -422,7 +421,7 @@ def _differences(inputs: Inputs) -> Rows:
     from scipy.special import chdtrc
 
     few, frames = inputs.count(accuracy.SMOOTHED), inputs.count(FRAMES)
-    differences = _printed(inputs, "difference")
+    differences = pairs(inputs, "[2-5].difference")
     for name, row, averaged in (
         (f"one frame of Table IV, means of {frames}", 1, frames),
         (f"one frame of Table IV, means of {few}", 1, few),

@@ -98,10 +98,17 @@ def angle_response(inputs: Inputs) -> FloatArray:
     return design.response(design.spots)
 
 
+def unit_rotations(inputs: Inputs, group: int) -> FloatArray:
+    """Return the rotations about X, Y and Z by one standard deviation of each coordinate, (3, 8).
+
+    They are the rotations by the noise of one frame of a group, in radians.
+    """
+    return (angle_response(inputs) * scatter(inputs, group)).reshape(3, -1)
+
+
 def angle_sigma(inputs: Inputs, group: int, frames: int) -> FloatArray:
     """Return the standard deviation of the angles about X, Y and Z from some frames of a group."""
-    squares = angle_response(inputs) ** 2 * scatter(inputs, group) ** 2
-    return np.sqrt(squares.sum(axis=(1, 2)) / frames)
+    return np.linalg.norm(unit_rotations(inputs, group), axis=1) / np.sqrt(frames)
 
 
 def scatter(inputs: Inputs, group: int) -> FloatArray:

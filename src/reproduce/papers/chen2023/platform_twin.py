@@ -20,7 +20,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache, partial
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.random import Generator, default_rng
@@ -54,30 +54,14 @@ from reproduce.units import ARCSEC_PER_RADIAN
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_WINDOW = "chen2023/text-platform#window-x"
 INPUTS = (
     *platform.INSTRUMENT,
     "chen2023/table-3",
     resolution.SPOT_RADIUS,
-    _WINDOW,
+    "chen2023/text-platform#window-x",
     accuracy.FRAMES,
 )
 _POSITIONS = "chen2023/table-5#*.position-?"
-
-
-class _Series(NamedTuple):
-    """Measurements of the bench over two groups of frames.
-
-    - `spots`: centroids, (2, frames, 4, 2), in px.
-    - `transform`: error of the laser transform of the first group, in the frame of the camera,
-      (frames, 3), in radians.
-    - `misalignment`: misalignment of the second group against the zero point of the first,
-      (frames, 3), in radians.
-    """
-
-    spots: FloatArray
-    transform: FloatArray
-    misalignment: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,24 +108,34 @@ class _SimulatedBench:
 
         return centre_of_gravity(seen, corners)
 
-    def two_groups(self, frames: int, generator: Generator) -> _Series:
-        """Return two groups of frames and their solution, as in the accuracy test."""
+    def two_groups(
+        self, frames: int, generator: Generator
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return two groups of frames and their solution, as in the accuracy test.
+
+        Centroids, (2, frames, 4, 2), in px. Angles, (2, frames, 3), in radians: the error of the
+        laser transform of the first group, in the frame of the camera, and the misalignment of
+        the second group against the zero point of the first.
+        """
         spots = np.stack(
             [self.centroids(self.spots, flux, frames, generator) for flux in self.flux]
         )
         single = self.design.transform(spots[0])
         zero = mean_rotation(single)
         errors = misalignment_angles(single.mT @ zero)
-        return _Series(spots, errors, self.design.misalignment(spots[1], zero))
+        return spots, np.stack([errors, self.design.misalignment(spots[1], zero)])
 
 
 def bench(inputs: Inputs) -> _SimulatedBench:
     """Return the simulated bench of the printed numbers."""
-    design, window = platform.as_designed(inputs), round(inputs[_WINDOW])
+    design, window = (
+        platform.as_designed(inputs),
+        inputs.count("chen2023/text-platform#window-x"),
+    )
     radius = inputs[resolution.SPOT_RADIUS] / inputs[platform.PIXEL]
     error, _ = resolution.spot_errors(design.spots, radius, window)
     target = [(platform.scatter(inputs, g) ** 2).mean(axis=-1) for g in (1, 2)]
-    flux = error.variance.mean(axis=-1) / np.stack(target)
+    flux = error.variance.mean(axis=-1) / target
     return _SimulatedBench(design, design.spots - error.bias, flux, radius, window)
 
 
@@ -181,10 +175,11 @@ def _draw_frame(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
 
 
 @cache
-def _groups(inputs: Inputs) -> _Series:
-    """Return the two groups of frames in Figures 8 and 9."""
+def _groups(inputs: Inputs) -> FloatArray:
+    """Return the angles of the two groups of frames in Figures 8 and 9, in arcsec."""
     generator = default_rng(seed_of("chen2023/fig-8", inputs.root))
-    return bench(inputs).two_groups(inputs.count(accuracy.FRAMES), generator)
+    _, angles = bench(inputs).two_groups(inputs.count(accuracy.FRAMES), generator)
+    return angles * ARCSEC_PER_RADIAN
 
 
 @cache
@@ -198,9 +193,8 @@ def _stage_test(
     monitored by the mean of up to 100 frames before, each (frames, 2), in radians.
     """
     twin, frames = bench(inputs), inputs.count(effectiveness.FRAMES)
-    positions = effectiveness.positions(inputs)
     # A motion along one axis rotates the camera about the other; the printed signs are kept.
-    motions = (positions - positions[0])[:, ::-1]
+    motions = effectiveness.stage_motions(inputs)[:, ::-1]
     length = effectiveness.telescope_length(inputs, "motions", telescope)
     angles = stage_angle(motions, length)
     spots = twin.rotated(np.insert(angles, 2, 0.0, axis=1))
@@ -247,7 +241,7 @@ def _draw_spots(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
 @_draws_series("chen2023/fig-8", marks=["chen2023/text-accuracy#transform-single-?"])
 def _draw_transform(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     """Draw the error of the laser transform over the first group, single and smoothed."""
-    _draw_series(figure, printed, inputs, _groups(inputs).transform, "error (arcsec)")
+    _draw_series(figure, printed, inputs, 0, "error (arcsec)")
 
 
 @_draws_series("chen2023/fig-9", marks=["chen2023/text-accuracy#misalignment-single-?"])
@@ -258,41 +252,39 @@ def _draw_misalignment(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     constant misalignment moves the whole series and does not change its scatter. The simulated
     bench has none, and the label of the axis states it.
     """
-    label = "angle minus offset (arcsec)"
-    _draw_series(figure, printed, inputs, _groups(inputs).misalignment, label)
+    _draw_series(figure, printed, inputs, 1, "angle minus offset (arcsec)")
 
 
 def _draw_series(
-    figure: Figure, printed: Inputs, inputs: Inputs, angles: FloatArray, label: str
+    figure: Figure, printed: Inputs, inputs: Inputs, group: int, label: str
 ) -> None:
     """Draw angles about X and Y of single frames and their means, with the printed limits."""
-    count, frames = inputs.count(accuracy.SMOOTHED), np.arange(1, len(angles) + 1)
+    angles, count = _groups(inputs), inputs.count(accuracy.SMOOTHED)
+    frames = np.arange(1, angles.shape[1] + 1)
     # Figures 8 and 9 have one scale.
-    reach = max(np.abs(group[:, :2]).max() for group in _groups(inputs)[1:])
+    reach = 1.05 * np.abs(angles[..., :2]).max()
     columns = zip(
         two_panels(figure, 3.4, 5.4, label),
         "XY",
-        angles.T,
+        angles[group].T,
         map(printed.__getitem__, printed.cells),
         strict=False,
     )
     for axes, axis, series, limit in columns:
-        series = series * ARCSEC_PER_RADIAN
         axes.plot(frames, series, lw=0.6, label="single frame")
         means = moving_average(series, count)
         axes.plot(frames[count - 1 :], means, "k", lw=2.5, label=f"mean of {count}")
         for side, name in ((-1, "_"), (1, "printed, 3σ")):
             edge = series.mean() + side * limit * ARCSEC_PER_RADIAN
             axes.axhline(edge, color="k", linestyle="--", linewidth=1, label=name)
-        axes.set(xlabel="frame", title=f"about {axis}")
-        axes.set_ylim(*(np.array([-1.05, 1.05]) * reach * ARCSEC_PER_RADIAN))
+        axes.set(xlabel="frame", title=f"about {axis}", ylim=(-reach, reach))
     legend_below(figure, 3)
 
 
 @draws("chen2023/fig-10a", marks=[_POSITIONS])
 def _draw_pattern(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     """Draw the motion pattern of the stage with its five states."""
-    positions = effectiveness.positions(printed) * 1e6
+    positions = effectiveness.pairs(printed, "*.position") * 1e6
     axes = figure.add_subplot()
     axes.plot(*positions.T, "--", linewidth=1)
     axes.plot(*positions.T, "C1^", markersize=8)

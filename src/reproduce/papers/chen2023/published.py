@@ -9,10 +9,8 @@ from __future__ import annotations
 
 from functools import partial
 
-import numpy as np
-
 from reproduce.inference import LogUniform, Model, Parameter, Uniform, models
-from reproduce.papers.chen2023 import accuracy, platform
+from reproduce.papers.chen2023 import accuracy, effectiveness, platform
 from reproduce.papers.posteriors import Declaration
 from reproduce.printed.inputs import Inputs
 from reproduce.units import ARCSEC_PER_RADIAN, RADIANS_PER_ARCSEC
@@ -52,10 +50,10 @@ def averaging(inputs: Inputs, axis: str) -> Model:
 
 def _stage(inputs: Inputs) -> Model:
     """Return the focal length of the telescope and the noise of a state of Table V."""
+    # A motion along one axis rotates the camera about the other axis.
     angles, positions = (
-        # A motion along one axis rotates the camera about the other axis.
-        np.array([inputs.array(f"chen2023/table-5#*.{name}-{axis}") for axis in axes])
-        for name, axes in (("monitoring", "xy"), ("position", "yx"))
+        effectiveness.pairs(inputs, name).T[::-1]
+        for name in ("*.monitoring", "*.position")
     )
     motions = positions[:, 1:] - positions[:, :1]
     likelihood, nominal = (
