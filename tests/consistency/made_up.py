@@ -24,7 +24,7 @@ def printed_cell(address, text, unit="1", qualifier=None):
     """Return a printed cell from its digits and unit."""
     key, _, name = address.partition("#")
     number = PrintedNumber(text, unit == "count", qualifier)
-    return PrintedCell(key, name, name, number, unit, "derived", key)
+    return PrintedCell(key, name, name, number, key, unit, "derived")
 
 
 def declared(text, cells, prefix=""):

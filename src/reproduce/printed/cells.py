@@ -55,7 +55,8 @@ class _Traits(BaseModel):
         return f"section {self.section}" if self.section else ""
 
 
-_TRAITS = set(_Traits.model_fields)
+# The place of a cell contains its section and page.
+_TRAITS = set(_Traits.model_fields) - {"section", "page", "spelled"}
 
 
 class _Entry(_Traits):
@@ -134,12 +135,12 @@ class PrintedCell:
         Description of the number.
     content : PrintedNumber or str
         The digits, or a text such as a dash.
+    place : str
+        Position in the paper: table or text, with page or section.
     unit : str
         The printed unit, empty for text.
     role : str
         Role of the number in the paper: setting, specification, measurement, ...
-    place : str
-        Position in the paper: table or text, with page or section.
     sigma : int, optional
         1 or 3 if the paper gives the number as one or three standard deviations.
     unit_assumed, misprint : str, optional
@@ -152,9 +153,9 @@ class PrintedCell:
     name: str
     label: str
     content: PrintedNumber | str
-    unit: str
-    role: Role
     place: str
+    unit: str = ""
+    role: Role = "specification"
     sigma: int | None = None
     unit_assumed: str | None = None
     misprint: str | None = None
@@ -285,26 +286,16 @@ def _cell(key: str, name: str, label: str, owners: list[Any]) -> PrintedCell:
     for owner in owners:
         traits |= owner.model_dump(include=_TRAITS, exclude_none=True)
     file, *_, entry = owners
+    qualifier = traits.pop("qualifier", None)
     content: PrintedNumber | str = entry.text or ""
-    unit = ""
-    if entry.value is not None:
-        if missing := {"unit", "role"} - set(traits):
-            raise ValueError(f"{key}#{name}: missing {missing.pop()}")
-        unit = traits["unit"]
-        content = PrintedNumber(entry.value, unit == "count", traits.get("qualifier"))
-    return PrintedCell(
-        key,
-        name,
-        label,
-        content,
-        unit,
-        traits.get("role", "specification"),
-        f"{file.place}, {entry.position or file.position}",
-        traits.get("sigma"),
-        traits.get("unit_assumed"),
-        traits.get("misprint"),
-        traits.get("unpublished"),
-    )
+    if entry.value is None:
+        traits["unit"] = ""
+    elif missing := {"unit", "role"} - set(traits):
+        raise ValueError(f"{key}#{name}: missing {missing.pop()}")
+    else:
+        content = PrintedNumber(entry.value, traits["unit"] == "count", qualifier)
+    place = f"{file.place}, {entry.position or file.position}"
+    return PrintedCell(key, name, label, content, place, **traits)
 
 
 @cache
