@@ -1,15 +1,15 @@
-"""All items of all papers, in the order of the papers; a module is imported on first use."""
+"""All items in ``data/items/PAPER.toml``, in order; a module is imported on first use."""
 
 from __future__ import annotations
 
 import importlib
-from collections import UserDict
+from collections import ChainMap, UserDict
 from collections.abc import Callable, Mapping
 from functools import cache
 from operator import itemgetter
-from typing import Any
+from typing import Any, Literal, get_args
 
-from reproduce.locate import data_files, papers
+from reproduce.locate import data_files, papers, read_toml
 from reproduce.papers.declare import (
     Computation,
     Drawing,
@@ -20,23 +20,34 @@ from reproduce.papers.declare import (
 )
 from reproduce.printed.inputs import load_inputs
 
+# The module of each key in a file `data/items/PAPER.toml`, by kind.
+_Kind = Literal["items", "studies", "drawings"]
+_Keys = dict[_Kind, dict[str, str]]
+
 
 class _Catalogue(UserDict[str, Any]):
     """Declarations of one kind by key. Its `data` are the modules of the keys."""
 
-    def __init__(self, kind: str, make: Callable[[list[Any]], Any]) -> None:
-        super().__init__()
+    def __init__(self, kind: _Kind, make: Callable[[list[Any]], Any]) -> None:
+        super().__init__(_modules(kind))
         self._make = make
-        for paper in papers():
-            package = f"{__package__}.{paper}"
-            keys = getattr(importlib.import_module(package), kind, {})
-            self.data |= {
-                key: f"{package}.{name}" if name else "" for key, name in keys.items()
-            }
 
     def __getitem__(self, key: str) -> Any:
         """Return the declaration of a key."""
         return self._make(_declarations(key, self.data[key]))
+
+
+@cache
+def _modules(kind: _Kind) -> dict[str, str]:
+    """Return the module of each key of a kind, paper by paper; empty for a schematic."""
+    modules: dict[str, str] = {}
+    for paper, folder in papers().items():
+        keys = read_toml(folder / f"items/{paper}.toml", _Keys).get(kind, {})
+        modules |= {
+            f"{paper}/{key}": name and f"{__package__}.{paper}.{name}"
+            for key, name in keys.items()
+        }
+    return modules
 
 
 @cache
@@ -48,7 +59,7 @@ def catalogue() -> Mapping[str, Item]:
     >>> list(catalogue())[0]
     'niu2024/text-context'
     """
-    return _Catalogue("ITEMS", _item)
+    return _Catalogue("items", _item)
 
 
 @cache
@@ -60,7 +71,7 @@ def studies() -> Mapping[str, Study]:
     >>> "chen2023/heat" in studies()
     True
     """
-    return _Catalogue("STUDIES", itemgetter(0))
+    return _Catalogue("studies", itemgetter(0))
 
 
 @cache
@@ -72,14 +83,20 @@ def drawings() -> Mapping[str, Drawing | Schematic]:
     >>> "niu2024/drawing-fusion-star" in drawings()
     True
     """
-    return _Catalogue("DRAWINGS", itemgetter(0))
+    return _Catalogue("drawings", itemgetter(0))
 
 
 def _item(declared: list[Any]) -> Item:
     """Return the item of some declarations."""
     computations = tuple(each for each in declared if isinstance(each, Computation))
     figures = [each for each in declared if isinstance(each, Drawing | Schematic)]
-    return Item(computations, *figures[:1])
+    return Item(computations, *figures)
+
+
+def declarations(key: str) -> list[PaperFunction | Schematic]:
+    """Return the declarations of an item, a supplementary table or a drawing."""
+    modules = ChainMap(*map(_modules, get_args(_Kind)))
+    return _declarations(key, modules[key])
 
 
 @cache
@@ -90,13 +107,12 @@ def _declarations(key: str, module: str) -> list[Any]:
     declared = [
         value
         for value in vars(importlib.import_module(module)).values()
-        if isinstance(value, PaperFunction)
-        and (value.key, value.function.__module__) == (key, module)
+        if isinstance(value, PaperFunction) and value.key == key
     ]
     if not declared:
         raise ValueError(
             f"{key}: expected its declaration in {module}, got none. Add it, or correct the key "
-            "in the package of the paper."
+            "in data/items/."
         )
     return declared
 
@@ -126,14 +142,7 @@ def changeable(key: str) -> tuple[str, ...]:
     >>> "niu2024/text-simulation#noise" in changeable("niu2024/table-3")
     True
     """
-    declared: list[PaperFunction | Schematic | None]
-    if "#" in key:
-        declared = [computation_for(key)]
-    elif key in catalogue():
-        item = catalogue()[key]
-        declared = [*item.computations, item.draw]
-    else:
-        declared = [studies().get(key) or drawings()[key]]
+    declared = [computation_for(key)] if "#" in key else declarations(key)
     return upstream(
         tuple(address for each in declared if each for address in each.inputs)
     )

@@ -9,7 +9,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, Self
 
 from reproduce.judge import rerun
-from reproduce.papers.catalogue import catalogue, changeable, drawings, studies
+from reproduce.papers.catalogue import changeable, declarations
 from reproduce.papers.declare import Drawing
 from reproduce.views import keys
 from reproduce.views.blocks import Display
@@ -90,8 +90,7 @@ class ItemView(ResultView):
     @property
     def source(self) -> str:
         """Source code of the functions that compute and draw it."""
-        item, others = catalogue().get(self.key), {**drawings(), **studies()}
-        made = [*item.computations, item.draw] if item else [others[self.key]]
+        made = declarations(self.key)
         functions = [getattr(one, "function", None) for one in made]
         return "\n\n\n".join(map(text_of, filter(None, functions)))
 
