@@ -62,8 +62,14 @@ def plot_band(
     """Draw a median within a band; `ends` are its low end, the median, its high end, (3, n)."""
     [median] = axes.plot(x, ends[1], colour + line, label=label)
     edge = median.get_color()
-    band = axes.fill_between(x, *ends[::2], facecolor=(edge, 0.2), edgecolor=edge)
-    band.set(linewidth=0.6, linestyle=line)
+    axes.fill_between(
+        x,
+        *ends[::2],
+        facecolor=(edge, 0.2),
+        edgecolor=edge,
+        linewidth=0.6,
+        linestyle=line,
+    )
 
 
 def central_range(results: Iterable[Result]) -> FloatArray:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 
-from reproduce.papers.catalogue import catalogue, drawings, studies
+from reproduce.papers.catalogue import catalogue, declarations, drawings, studies
 from reproduce.printed.cells import PAPERS, library
 
 
@@ -43,9 +43,8 @@ def check_paper(paper: str) -> str:
 
 def title(key: str) -> str:
     """Return the title of an item, a supplementary table or a drawing."""
-    named = library().get(key) or studies().get(key) or drawings().get(key)
-    named = named or catalogue()[key].draw
-    return named.title if named else ""
+    named = library().get(key) or declarations(key)[0]
+    return named.title
 
 
 def place(key: str) -> str:

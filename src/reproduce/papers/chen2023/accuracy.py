@@ -37,7 +37,6 @@ if TYPE_CHECKING:
 FRAMES = "chen2023/text-accuracy#frames"
 SMOOTHED = "chen2023/text-accuracy#smoothing-frames"
 DURATION = "chen2023/text-accuracy#duration"
-RATE = "chen2023/text-accuracy#frame-rate"
 COUNTS = "chen2023/table-4#*.frames"
 _MATRICES = {"transform": "laser transform", "misalignment": "misalignment"}
 _REPLICATES = 2000
@@ -101,12 +100,13 @@ def time_per_frame(inputs: Inputs) -> float:
 @reproduces(
     "chen2023/text-accuracy",
     cells=["smoothing-time-*"],
-    inputs=[DURATION, FRAMES, SMOOTHED, RATE],
+    inputs=[DURATION, FRAMES, SMOOTHED, "chen2023/text-accuracy#frame-rate"],
 )
 def times(inputs: Inputs) -> Results:
     """Compute the time of the averaged frames, in flight and on the ground platform."""
     return {
-        "smoothing-time-flight": inputs[SMOOTHED] / inputs[RATE],
+        "smoothing-time-flight": inputs[SMOOTHED]
+        / inputs["chen2023/text-accuracy#frame-rate"],
         "smoothing-time-ground": inputs[SMOOTHED] * time_per_frame(inputs),
     }
 

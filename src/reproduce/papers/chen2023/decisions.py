@@ -87,8 +87,7 @@ def _frames(inputs: Inputs) -> Rows:
     """Compute the error of averages over several numbers of frames."""
     counts = np.array(_SHOWN_COUNTS)
     columns = [_averages(inputs, axis, counts)[[1, 0, 2]] for axis in "xy"]
-    table = np.concatenate(columns)
-    yield from zip(_SHOWN_COUNTS, *table.tolist(), strict=True)
+    yield from zip(_SHOWN_COUNTS, *np.concatenate(columns).tolist(), strict=True)
 
 
 @draws("chen2023/drawing-frames", inputs=_FRAME_INPUTS, marks=_MARKS)
@@ -104,7 +103,10 @@ def _draw_frames(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
         shown = inputs.array(accuracy.COUNTS)
         points = printed.array(mark) / platform.SIGMAS * ARCSEC_PER_RADIAN
         axes.plot(shown, points, "ko", markersize=4, label="Table IV")
-        axes.set(title=f"about {axis.upper()}", ylim=(0.008, 0.6))
-        axes.set_xlabel("frames averaged (count)")
+        axes.set(
+            title=f"about {axis.upper()}",
+            xlabel="frames averaged (count)",
+            ylim=(0.008, 0.6),
+        )
         set_log_ticks(axes, (1, 10, 100, 1000), (0.01, 0.02, 0.05, 0.1, 0.2, 0.5))
     legend_below(figure, 3)

@@ -293,7 +293,7 @@ def _draw(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     sigmas = np.sqrt(2.0) * platform.angle_sigma(inputs, 2, inputs.count(FRAMES))
     nominal = inputs[platform.TELESCOPE]
     common = telescope_length(inputs, "motions", "common")
-    ends = np.array([-1, 1]) * printed[BOUND] * ARCSEC_PER_RADIAN
+    bound = printed[BOUND] * ARCSEC_PER_RADIAN
     monitored, reference = _angles(printed)
     own = stage_motions(inputs)[1:]
     other = own[:, ::-1]
@@ -309,7 +309,9 @@ def _draw(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     )
     for place, (upper, lower) in enumerate(panels.T):
         bar = sigmas[1 - place] * ARCSEC_PER_RADIAN
-        upper.axhspan(*ends, fc=("C6", 0.2), ec="C6", label="bound of the paper")
+        upper.axhspan(
+            -bound, bound, fc=("C6", 0.2), ec="C6", label="bound of the paper"
+        )
         shifts = np.linspace(-0.21, 0.21, 4)
         for shift, (look, angles, label) in zip(shifts, differences, strict=True):
             error = (monitored - angles)[:, place] * ARCSEC_PER_RADIAN
@@ -322,10 +324,14 @@ def _draw(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
         lower.axhline(common * 1e3, color="C3", lw=1, label="one for all angles")
         title = f"angle about {_ABOUT[place].upper()}"
         upper.set(title=title, ylabel="difference (arcsec)", ylim=(-0.25, 0.4))
-        lower.set(ylabel="focal length (mm)", xlabel="state", xticks=_MOVED_STATES)
+        lower.set(
+            ylabel="focal length (mm)",
+            xlabel="state",
+            xticks=_MOVED_STATES,
+            ylim=(1990, 2095),
+        )
         if rows == (4, 1):
             lower.set_title(title)
-        lower.set_ylim(1990, 2095)
     above, below = (row[0].get_legend_handles_labels() for row in panels)
     names = {"ncols": rows[1], "title": "monitored angle minus"}
     figure.legend(*above, loc="outside upper center", **names)

@@ -61,7 +61,6 @@ INPUTS = (
     "chen2023/text-platform#window-x",
     accuracy.FRAMES,
 )
-_POSITIONS = "chen2023/table-5#*.position-?"
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,7 +148,12 @@ _SHOWN_PX = 9
 _draws_series = partial(draws, inputs=_SERIES_INPUTS, random=True)
 _draws_test = partial(
     draws,
-    inputs=(*_SERIES_INPUTS, _POSITIONS, effectiveness.FRAMES, effectiveness.LAST),
+    inputs=(
+        *_SERIES_INPUTS,
+        "chen2023/table-5#*.position-?",
+        effectiveness.FRAMES,
+        effectiveness.LAST,
+    ),
     random=True,
 )
 
@@ -169,8 +173,13 @@ def _draw_frame(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     x, y = spots.T
     axes.scatter(x, y, sizes, "C2", label="stars")
     axes.plot(*platform.printed_spots(printed).T, "C1s", label="laser spots, printed")
-    axes.set(xlim=(-0.5, 1023.5), ylim=(1023.5, -0.5), aspect="equal")
-    axes.set(xlabel="x (px)", ylabel="y (px)")
+    axes.set(
+        xlim=(-0.5, 1023.5),
+        ylim=(1023.5, -0.5),
+        aspect="equal",
+        xlabel="x (px)",
+        ylabel="y (px)",
+    )
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, 1.09), ncols=2)
 
 
@@ -232,8 +241,12 @@ def _draw_spots(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
         axes.add_patch(window).set_label("window of the centroid")
         axes.plot(*centre, "C1+", markersize=14, mew=2, label="printed centroid")
         axes.grid(visible=False)
-        axes.set_xticks(left + np.array([0.5, 4.5, 8.5]))
-        axes.set(title=f"spot {number}", xlabel="x (px)", ylabel="y (px)")
+        axes.set(
+            title=f"spot {number}",
+            xlabel="x (px)",
+            ylabel="y (px)",
+            xticks=left + np.array([0.5, 4.5, 8.5]),
+        )
     figure.colorbar(image, ax=panels, label="electrons per frame")
     legend_below(figure, 2)
 
@@ -281,7 +294,7 @@ def _draw_series(
     legend_below(figure, 3)
 
 
-@draws("chen2023/fig-10a", marks=[_POSITIONS])
+@draws("chen2023/fig-10a", marks=["chen2023/table-5#*.position-?"])
 def _draw_pattern(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     """Draw the motion pattern of the stage with its five states."""
     positions = effectiveness.pairs(printed, "*.position") * 1e6
@@ -290,8 +303,12 @@ def _draw_pattern(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     axes.plot(*positions.T, "C1^", markersize=8)
     for state, (x, y) in enumerate(positions, start=1):
         axes.annotate(f"state {state}", (x + 3.5, y - 4.0), fontsize=9)
-    axes.set(xlabel="stage along X (µm)", ylabel="stage along Y (µm)")
-    axes.set(xlim=(0, 112), ylim=(0, 95))
+    axes.set(
+        xlabel="stage along X (µm)",
+        ylabel="stage along Y (µm)",
+        xlim=(0, 112),
+        ylim=(0, 95),
+    )
 
 
 @_draws_test(
@@ -358,8 +375,11 @@ def _draw_example(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     axes, (times, *angles) = figure.add_subplot(), _stage_test(inputs)
     for series, look in zip(angles, ("C1--", "C0-"), strict=True):
         axes.plot(times, series[:, 1] * ARCSEC_PER_RADIAN, look)
-    axes.set(xlabel="time (s)", ylabel="angle about Y (arcsec)")
-    # The first state and the step to the second.
-    first, second = np.array([1, 4]) * times[-1] / 10
-    axes.set(xlim=(first / 2, second), ylim=(-2.6, 0.4))
+    axes.set(
+        xlabel="time (s)",
+        ylabel="angle about Y (arcsec)",
+        # The first state and the step to the second.
+        xlim=np.array([0.05, 0.4]) * times[-1],
+        ylim=(-2.6, 0.4),
+    )
     axes.legend(("reference", "monitored"))

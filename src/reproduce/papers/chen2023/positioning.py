@@ -23,9 +23,12 @@ from reproduce.physics.validate import FloatArray
 from reproduce.printed.inputs import Inputs
 from reproduce.units import RADIANS_PER_ARCSEC
 
-_POINTING = "chen2023/table-1#tracker-pointing-accuracy.value"
 _MONITORING = (*platform.INSTRUMENT, "chen2023/table-3#2-*", accuracy.SMOOTHED)
-INPUTS = (*_MONITORING, *satellite.CAMERA, _POINTING)
+INPUTS = (
+    *_MONITORING,
+    *satellite.CAMERA,
+    "chen2023/table-1#tracker-pointing-accuracy.value",
+)
 _ORBIT_ERROR_M = 0.05
 _SINGLE, _AVERAGED = "one frame", "averaged"
 # Views of the satellite: tilt off the nadir in deg, distance of the target from it in m.
@@ -58,7 +61,9 @@ def _terms(inputs: Inputs) -> dict[str, tuple[str, FloatArray]]:
     deviations along or about X, Y, Z, in metres or radians. The misalignment is given axis by axis,
     for one frame and for the average of many.
     """
-    limit = np.full(3, inputs[_POINTING] / platform.SIGMAS)
+    limit = np.full(
+        3, inputs["chen2023/table-1#tracker-pointing-accuracy.value"] / platform.SIGMAS
+    )
     terms = {"attitude of the tracker, at its limit": ("turn", limit)}
     for frames, mean in ((1, _SINGLE), (inputs.count(accuracy.SMOOTHED), _AVERAGED)):
         sigmas = np.diag(platform.angle_sigma(inputs, 2, frames))
@@ -101,12 +106,15 @@ def _covariances(inputs: Inputs) -> dict[str, FloatArray]:
     return covariances
 
 
-def _budget_facts(inputs: Inputs) -> dict[str, float]:
-    """Return the altitude in kilometres, and the level of the errors in %."""
-    return {"altitude": satellite.altitude(inputs) / 1e3, "level": 100 * _LEVEL}
-
-
-@studied("chen2023/budget", inputs=INPUTS, named=_budget_facts)
+@studied(
+    "chen2023/budget",
+    inputs=INPUTS,
+    # In kilometres, and in %.
+    named=lambda inputs: {
+        "altitude": satellite.altitude(inputs) / 1e3,
+        "level": 100 * _LEVEL,
+    },
+)
 def _budget(inputs: Inputs) -> Rows:
     """Compute the error budget of SVGF-1 on the ground, term by term."""
     terms = _terms(inputs)

@@ -40,11 +40,9 @@ CAMERA = (
     "chen2023/table-1#panchromatic-ground-resolution.value",
 )
 BORESIGHT = "chen2023/text-satellite#boresight-angle"
-_RATIO = "chen2023/text-satellite#focal-ratio"
 _EXPANSION = "chen2023/text-hardware#expansion-coefficient"
 _ACCURACY = "chen2023/table-4#100.misalignment-?"
 _PIXELS = "chen2023/table-2#tracker-pixels-x.value"
-_FIELD = "chen2023/table-1#tracker-field-of-view-x.value"
 # Assumed roll of the tracker about the camera's boresight on the bench. The paper prints no roll.
 _TRACKER_ROLL = np.pi / 4
 _TEST_ROTATION = 10 * RADIANS_PER_ARCSEC
@@ -81,14 +79,24 @@ def ground_resolution(inputs: Inputs) -> Results:
 @reproduces(
     "chen2023/text-satellite",
     cells=["focal-ratio"],
-    inputs=[CAMERA[0], platform.FOCAL_LENGTH, platform.PIXEL, _PIXELS, _FIELD],
+    inputs=[
+        CAMERA[0],
+        platform.FOCAL_LENGTH,
+        platform.PIXEL,
+        _PIXELS,
+        "chen2023/table-1#tracker-field-of-view-x.value",
+    ],
 )
 def focal_ratio(inputs: Inputs, *, tracker: str) -> Results:
     """Compute the focal length of the camera over the one of the tracker, which is not printed."""
     focal = inputs[platform.FOCAL_LENGTH]
     if tracker == "table-1-field":
         width = inputs[_PIXELS] * inputs[platform.PIXEL]
-        focal = width / 2 / np.tan(inputs[_FIELD] / 2)
+        focal = (
+            width
+            / 2
+            / np.tan(inputs["chen2023/table-1#tracker-field-of-view-x.value"] / 2)
+        )
     return {"focal-ratio": inputs[CAMERA[0]] / focal}
 
 
@@ -165,15 +173,10 @@ def _retro_reflectors(inputs: Inputs) -> Rows:
         yield (kind, *(np.array(responses) / _TEST_ROTATION), blur, image)
 
 
-def _bench_facts(inputs: Inputs) -> dict[str, Any]:
-    """Return the assumed roll of the bench."""
-    return {"assumed-roll": f"{np.degrees(_TRACKER_ROLL):.0f}°"}
-
-
 @studied(
     "chen2023/dichroic",
     inputs=(BORESIGHT, _ACCURACY, _EXPANSION),
-    named=_bench_facts,
+    named=lambda _: {"assumed-roll": np.degrees(_TRACKER_ROLL)},
 )
 def _dichroic(inputs: Inputs) -> Rows:
     """Compute the reported rotation for a tilt of the dichroic mirror, and its tolerance."""
@@ -205,7 +208,7 @@ def _dichroic_response(boresight_angle: float) -> FloatArray:
         *platform.TRACKER,
         platform.TELESCOPE,
         platform.DIAGONAL,
-        _RATIO,
+        "chen2023/text-satellite#focal-ratio",
         _PIXELS,
         _ACCURACY,
         _EXPANSION,
@@ -216,7 +219,11 @@ def _heat(inputs: Inputs) -> Rows:
     flight, short = inputs[CAMERA[0]], inputs[platform.FOCAL_LENGTH]
     accuracy = inputs.array(_ACCURACY).max()
     for name, camera, tracker in (
-        ("flight, as printed", flight, flight / inputs[_RATIO]),
+        (
+            "flight, as printed",
+            flight,
+            flight / inputs["chen2023/text-satellite#focal-ratio"],
+        ),
         ("flight camera with the tracker of Table II", flight, short),
         ("ground platform", inputs[platform.TELESCOPE], short),
     ):
