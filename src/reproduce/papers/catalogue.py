@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib
 from collections import ChainMap, UserDict
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from operator import itemgetter
 from typing import Any, Literal, get_args
@@ -26,15 +26,17 @@ _Keys = dict[_Kind, dict[str, str]]
 
 
 class _Catalogue(UserDict[str, Any]):
-    """Declarations of one kind by key. Its `data` are the modules of the keys."""
+    """Declarations of one kind by key, from the modules of the keys."""
 
-    def __init__(self, kind: _Kind, make: Callable[[list[Any]], Any]) -> None:
+    def __init__(self, kind: _Kind, make: Callable[[Sequence[Any]], Any]) -> None:
         super().__init__(_modules(kind))
         self._make = make
 
     def __getitem__(self, key: str) -> Any:
-        """Return the declaration of a key."""
-        return self._make(_declarations(key, self.data[key]))
+        """Return the declaration of a key of this kind."""
+        if key not in self:
+            raise KeyError(key)
+        return self._make(declarations(key))
 
 
 @cache
@@ -86,22 +88,20 @@ def drawings() -> Mapping[str, Drawing | Schematic]:
     return _Catalogue("drawings", itemgetter(0))
 
 
-def _item(declared: list[Any]) -> Item:
+def _item(declared: Sequence[Any]) -> Item:
     """Return the item of some declarations."""
     computations = tuple(each for each in declared if isinstance(each, Computation))
     figures = [each for each in declared if isinstance(each, Drawing | Schematic)]
     return Item(computations, *figures)
 
 
-def declarations(key: str) -> list[PaperFunction | Schematic]:
-    """Return the declarations of an item, a supplementary table or a drawing."""
-    modules = ChainMap(*map(_modules, get_args(_Kind)))
-    return _declarations(key, modules[key])
-
-
 @cache
-def _declarations(key: str, module: str) -> list[Any]:
-    """Return the declarations of a key in its module; without a module, its schematic."""
+def declarations(key: str) -> Sequence[PaperFunction | Schematic]:
+    """Return the declarations of an item, a supplementary table or a drawing.
+
+    They are in the module of the key. Without a module, its schematic is the declaration.
+    """
+    module = ChainMap(*map(_modules, get_args(_Kind)))[key]
     if not module:
         return [Schematic(key, path) for path in data_files(f"schematics/{key}.svg")]
     declared = [

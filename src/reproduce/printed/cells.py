@@ -18,7 +18,7 @@ from pydantic import (
 )
 
 from reproduce.locate import data_folders, papers, read_toml
-from reproduce.printed.number import UNITS, PrintedNumber, si_factor, symbol
+from reproduce.printed.number import UNITS, PrintedNumber, quantity, si_factor, symbol
 
 PAPERS = tuple(papers())
 # Role of a number in the paper, which does not depend on its use here.
@@ -27,7 +27,13 @@ Role = Literal[
 ]
 _Qualifier = Literal["about", "nominal", "less", "greater", "at-least", "within"]
 # A no-break space keeps sign and digits on one line.
-_SIGNS = {"less": "<", "greater": ">", "at-least": "≥", "within": "±", "about": "≈"}
+_SIGNS = {
+    "less": "<\u00a0",
+    "greater": ">\u00a0",
+    "at-least": "≥\u00a0",
+    "within": "±\u00a0",
+    "about": "≈\u00a0",
+}
 
 
 class _Traits(BaseModel):
@@ -201,10 +207,7 @@ class PrintedCell:
         if isinstance(self.content, str):
             return self.content
         sign = _SIGNS.get(self.content.qualifier or "", "")
-        lead = f"{sign}\u00a0" if sign else ""
-        unit = symbol(self.unit)
-        gap = "" if unit in {"", "°", "″"} else "\u202f"
-        return f"{lead}{self.text.replace('-', '−')}{gap}{unit}"
+        return quantity(sign + self.text.replace("-", "−"), symbol(self.unit))
 
 
 @dataclass(frozen=True)

@@ -117,12 +117,13 @@ class PrintedNumber:
         (1900.0, 2100.0)
         """
         value = self.value
-        if self.qualifier == "less":
-            return -inf, value
-        if self.qualifier in {"greater", "at-least"}:
-            return value, inf
-        if self.qualifier == "within":
-            return -abs(value), abs(value)
+        match self.qualifier:
+            case "less":
+                return -inf, value
+            case "greater" | "at-least":
+                return value, inf
+            case "within":
+                return -abs(value), abs(value)
         return value - self.half_width, value + self.half_width
 
     def overlaps(self, low: float, high: float) -> bool:
@@ -204,6 +205,18 @@ def si_factor(unit: str) -> float:
     0.001
     """
     return UNITS[unit][1]
+
+
+def quantity(value: str, mark: str) -> str:
+    """Return a number with the symbol of its unit; nothing without a number.
+
+    Examples
+    --------
+    >>> quantity("0.04", "px"), quantity("2", "″")
+    ('0.04\u202fpx', '2″')
+    """
+    gap = "" if mark in {"", "°", "″"} else "\u202f"
+    return f"{value}{gap}{mark}" if value else ""
 
 
 def symbol(unit: str) -> str:

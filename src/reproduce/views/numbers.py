@@ -6,6 +6,8 @@ import math
 import re
 from typing import TYPE_CHECKING
 
+from reproduce.printed.number import quantity as quantity
+
 if TYPE_CHECKING:
     from reproduce.papers.declare import Column, Fact
 
@@ -67,12 +69,6 @@ def fact(quoted: Fact) -> str:
 
     text = entry(quoted.value, Column("", quoted.form, quoted.zero))
     return quantity(text, quoted.unit)
-
-
-def quantity(value: str, mark: str) -> str:
-    """Return a number with its unit; nothing without a number."""
-    gap = "" if mark in {"", "°", "″"} else "\u202f"
-    return f"{value}{gap}{mark}" if value else ""
 
 
 def powers(text: str) -> str:
