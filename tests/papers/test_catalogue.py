@@ -88,8 +88,7 @@ def test_every_declared_input_is_read(monkeypatch):
         addresses.clear()
         inputs = load_inputs(study.inputs, root)
         study(inputs)
-        if study.named:
-            study.named(inputs)
+        study.named(inputs)
         assert not unread(study.inputs, addresses), study.key
 
 

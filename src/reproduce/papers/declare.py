@@ -348,14 +348,14 @@ class Study(PaperFunction):
     ----------
     random : bool
         Whether it draws random numbers, with seeds from the root of the inputs.
-    named : callable, optional
+    named : callable
         Function of the same inputs. It returns the numbers that sentences quote, by name.
     columns, caption, folded
         Texts of the key, as in `ItemText`.
     """
 
     random: bool
-    named: Callable[[Inputs], Mapping[str, Any]] | None
+    named: Callable[[Inputs], Mapping[str, Any]]
     columns: tuple[Column, ...]
     caption: str
     folded: str
@@ -367,15 +367,14 @@ class Study(PaperFunction):
         inputs = self._loaded(inputs)
         heads = [column.name for column in self.columns]
         frame = pd.DataFrame(list(self.function(inputs)), columns=heads)
-        blanks = self.named(inputs) if self.named and "{" in self.caption else {}
+        blanks = self.named(inputs) if "{" in self.caption else {}
         frame.attrs["caption"] = self.caption.format_map(blanks)
         return frame
 
     def facts(self) -> dict[str, Fact]:
         """Return the facts that sentences quote, by name: of the table, or computed by `named`."""
         inputs, facts = self._loaded(None), item_text(self.key).facts
-        values = dict(self.named(inputs)) if self.named else {}
-        frame = self(inputs)
+        values, frame = dict(self.named(inputs)), self(inputs)
         for name, fact in facts.items():
             if fact.column:
                 rows = frame
@@ -391,7 +390,7 @@ def studied(
     key: str,
     *,
     inputs: Sequence[str] = (),
-    named: Callable[[Inputs], Mapping[str, Any]] | None = None,
+    named: Callable[[Inputs], Mapping[str, Any]] = lambda _: {},
     random: bool = False,
 ) -> Callable[[Callable[..., Any]], Study]:
     """Declare that a function computes the supplementary table `key`; parameters as in `Study`."""

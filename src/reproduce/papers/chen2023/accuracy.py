@@ -39,7 +39,6 @@ SMOOTHED = "chen2023/text-accuracy#smoothing-frames"
 DURATION = "chen2023/text-accuracy#duration"
 COUNTS = "chen2023/table-4#*.frames"
 _MATRICES = {"transform": "laser transform", "misalignment": "misalignment"}
-_REPLICATES = 2000
 INPUTS = (*platform.INSTRUMENT, "chen2023/table-3", FRAMES, COUNTS)
 # Replicates simulated at once: enough to be fast, few enough for a small memory.
 _BATCH_REPLICATES = 250
@@ -51,7 +50,7 @@ _EXAMPLE_FLOOR = 0.1 * RADIANS_PER_ARCSEC
     "chen2023/table-4",
     cells=["*.transform-?", "*.misalignment-?"],
     inputs=INPUTS,
-    replicates=_REPLICATES,
+    replicates=2000,
 )
 def frame_averaging(inputs: Inputs, seed: SeedSequence, replicates: int) -> Results:
     """Compute the accuracy of the two matrices for averages over several numbers of frames.

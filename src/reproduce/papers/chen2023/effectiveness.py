@@ -46,7 +46,6 @@ _MOVED_STATES = (2, 3, 4, 5)
 # A motion along one axis rotates the camera about the other axis. Arrays of both, of shape (4, 2),
 # have the motions along X and Y, and the angles about Y and X.
 _ABOUT = "yx"
-_REPLICATES = 4000
 # The angle from which one focal length for the whole table is computed.
 LAST = "chen2023/table-5#5.reference-y"
 _OPTIONS = item_text("chen2023/table-5").options
@@ -163,7 +162,7 @@ def last_reference_angle(inputs: Inputs, *, columns: str, telescope: str) -> Res
         FRAMES,
         accuracy.SMOOTHED,
     ],
-    replicates=_REPLICATES,
+    replicates=4000,
 )
 def monitored_angle(
     inputs: Inputs,

@@ -79,7 +79,7 @@ def _look(
     inputs: Inputs, tilt: float, off: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return image vector, position and rotation of the satellite at a middle latitude."""
-    height, focal = satellite.altitude(inputs), inputs[satellite.CAMERA[0]]
+    height, focal = satellite.altitude(inputs), inputs[satellite.CAMERA_FOCAL_LENGTH]
     position = earth_fixed([0.5, 0.8, height])
     flight = np.cross(np.cross(position, [0.0, 0.0, 1.0]), position)
     down = satellite_from_inertial(position, flight).T

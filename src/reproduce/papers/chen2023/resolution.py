@@ -74,7 +74,6 @@ INPUTS = (
     "chen2023/text-resolution#resolution-low",
     "chen2023/text-resolution#resolution-high",
 )
-_REPLICATES = 2000
 _RADII = item_text("chen2023/text-resolution").options["radius"]
 # Printed radius over the standard deviation of the Gaussian.
 _WIDTHS = {
@@ -115,7 +114,7 @@ def spot(inputs: Inputs) -> Results:
     "chen2023/text-resolution",
     cells=["optimum", "optimum-accuracy", "saturation"],
     inputs=INPUTS,
-    replicates=_REPLICATES,
+    replicates=2000,
 )
 def optimum(
     inputs: Inputs,
@@ -188,7 +187,7 @@ def _setting(inputs: Inputs, case: _Case) -> _Setting:
     """Return the setting of one reading, with the flux for the mean variance of Table III."""
     sigma, size = (
         inputs[SPOT_RADIUS] / case.width,
-        round(inputs["chen2023/text-resolution#window-x"]),
+        inputs.count("chen2023/text-resolution#window-x"),
     )
     spots = platform.printed_spots(inputs)
     errors = spot_errors(spots, sigma / inputs[platform.PIXEL], size)

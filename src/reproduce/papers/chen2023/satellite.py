@@ -33,9 +33,10 @@ from reproduce.physics.validate import FloatArray
 from reproduce.printed.inputs import Inputs
 from reproduce.units import RADIANS_PER_ARCSEC
 
+CAMERA_FOCAL_LENGTH = "chen2023/table-1#panchromatic-focal-length.value"
 # Panchromatic camera: focal length, pixel size, ground resolution.
 CAMERA = (
-    "chen2023/table-1#panchromatic-focal-length.value",
+    CAMERA_FOCAL_LENGTH,
     "chen2023/table-1#panchromatic-pixel-size.value",
     "chen2023/table-1#panchromatic-ground-resolution.value",
 )
@@ -80,7 +81,7 @@ def ground_resolution(inputs: Inputs) -> Results:
     "chen2023/text-satellite",
     cells=["focal-ratio"],
     inputs=[
-        CAMERA[0],
+        CAMERA_FOCAL_LENGTH,
         platform.FOCAL_LENGTH,
         platform.PIXEL,
         _PIXELS,
@@ -97,7 +98,7 @@ def focal_ratio(inputs: Inputs, *, tracker: str) -> Results:
             / 2
             / np.tan(inputs["chen2023/table-1#tracker-field-of-view-x.value"] / 2)
         )
-    return {"focal-ratio": inputs[CAMERA[0]] / focal}
+    return {"focal-ratio": inputs[CAMERA_FOCAL_LENGTH] / focal}
 
 
 @reproduces("chen2023/text-satellite", cells=["dihedral-angle"], inputs=[BORESIGHT])
@@ -204,7 +205,7 @@ def _dichroic_response(boresight_angle: float) -> FloatArray:
 @studied(
     "chen2023/heat",
     inputs=(
-        CAMERA[0],
+        CAMERA_FOCAL_LENGTH,
         *platform.TRACKER,
         platform.TELESCOPE,
         platform.DIAGONAL,
@@ -216,7 +217,7 @@ def _dichroic_response(boresight_angle: float) -> FloatArray:
 )
 def _heat(inputs: Inputs) -> Rows:
     """Compute the effects of thermal motion of the lasers, in flight and on the bench."""
-    flight, short = inputs[CAMERA[0]], inputs[platform.FOCAL_LENGTH]
+    flight, short = inputs[CAMERA_FOCAL_LENGTH], inputs[platform.FOCAL_LENGTH]
     accuracy = inputs.array(_ACCURACY).max()
     for name, camera, tracker in (
         (
