@@ -1,8 +1,8 @@
 """Locations of the papers and their data: in the checkout or the wheel, and on a search path.
 
 The search path is the environment variable ``REPRODUCE_PATH``. Each folder on it has the layout of
-the project: ``data/`` with printed numbers, references, errata and frozen verdicts, and ``papers/``
-with one package for each paper. No file of the project changes for a new paper.
+the project: ``data/`` with printed numbers, items, references, errata and frozen verdicts, and
+``papers/`` with one package for each paper. No file of the project changes for a new paper.
 """
 
 from __future__ import annotations

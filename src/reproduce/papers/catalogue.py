@@ -92,7 +92,7 @@ def _item(declared: Sequence[Any]) -> Item:
     """Return the item of some declarations."""
     computations = tuple(each for each in declared if isinstance(each, Computation))
     figures = [each for each in declared if isinstance(each, Drawing | Schematic)]
-    return Item(computations, *figures)
+    return Item(computations, *figures[:1])
 
 
 @cache

@@ -43,8 +43,8 @@ def check_paper(paper: str) -> str:
 
 def title(key: str) -> str:
     """Return the title of an item, a supplementary table or a drawing."""
-    named = library().get(key) or declarations(key)[0]
-    return named.title
+    named = library().get(key) or next(iter(declarations(key)), None)
+    return named.title if named else ""
 
 
 def place(key: str) -> str:
