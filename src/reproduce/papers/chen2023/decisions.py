@@ -10,6 +10,7 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.special import softmax
 
 from reproduce.papers.charts import legend_below, plot_band, set_log_ticks, two_panels
 from reproduce.papers.chen2023 import accuracy, effectiveness, platform, published
@@ -47,9 +48,8 @@ def _noise(inputs: Inputs, axis: str) -> tuple[FloatArray, FloatArray, FloatArra
     grids = bounds[:, :1] + (nodes + 1) / 2 * np.diff(bounds)
     points = np.stack(np.meshgrid(*grids, indexing="ij"), axis=-1).reshape(-1, 2)
     logs = model.log_posterior(points) + np.log(np.outer(weights, weights)).ravel()
-    density = np.exp(logs - logs.max())
     white, floor = points.T
-    return white, floor, density / density.sum()
+    return white, floor, softmax(logs)
 
 
 def _quantiles(values: FloatArray, weights: FloatArray) -> FloatArray:
