@@ -17,6 +17,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pandas as pd
 from markupsafe import Markup
+from numpy.typing import ArrayLike
 
 from reproduce.judge.rerun import CannotChangeError
 from reproduce.papers.catalogue import catalogue, drawings
@@ -27,11 +28,12 @@ from reproduce.printed.inputs import Inputs, load_inputs
 from reproduce.store.files import FIGURES, check_target, replacing, write_text
 from reproduce.views import computed, keys, numbers
 from reproduce.views.base import ItemView, Rerunnable, text_of
-from reproduce.views.blocks import Block, Display, Html
+from reproduce.views.blocks import Block, Display, Html, rendered
 from reproduce.views.export import toolbar
 from reproduce.views.verdicts import filled
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure as MatplotlibFigure
 
 _STYLE = Path(__file__).parent / "figures.mplstyle"
@@ -50,19 +52,18 @@ _Paint = Callable[["MatplotlibFigure"], None]
 _Drawn: TypeAlias = "MatplotlibFigure | str"
 
 
-def drawable() -> list[str]:
-    """Return the keys of the items with a figure, in printed order."""
-    return [key for key, item in catalogue().items() if item.draw is not None]
+def drawable() -> dict[str, Drawing | Schematic]:
+    """Return the figures of the papers by key, in printed order."""
+    return {key: item.draw for key, item in catalogue().items() if item.draw}
 
 
 def _declared_drawing(key: str) -> Drawing | Schematic:
     """Return the drawing of a key: of an item, or a supplementary one."""
-    if key in drawings():
-        return drawings()[key]
-    if drawing := catalogue()[keys.check_key(key)].draw:
-        return drawing
-    known = ", ".join((*drawable(), *drawings()))
-    raise ValueError(f"{key} has no figure; these have one: {known}")
+    known = {**drawable(), **drawings()}
+    if key not in known:
+        keys.check_key(key)
+        raise ValueError(f"{key} has no figure; these have one: {', '.join(known)}")
+    return known[key]
 
 
 def _styled_figure(paint: _Paint, *, narrow: bool = False) -> MatplotlibFigure:
@@ -93,40 +94,57 @@ def draw(key: str, inputs: Inputs | None = None, *, narrow: bool = False) -> _Dr
 
 def _data(figure: _Drawn) -> pd.DataFrame:
     """Return the lines, points and labels; of a schematic, in units of its view box."""
-    rows: list[tuple[int, str, float, float]] = []
     if isinstance(figure, str):
-        for label in ElementTree.fromstring(figure).iter(
-            "{http://www.w3.org/2000/svg}text"
-        ):
-            place = float(label.get("x", 0)), float(label.get("y", 0))
-            rows.append((1, "".join(label.itertext()), *place))
-    for panel, axes in enumerate(getattr(figure, "axes", ()), start=1):
-        drawn = [(line.get_label(), line.get_xydata()) for line in axes.lines]
-        drawn += [(one.get_label(), one.get_offsets()) for one in axes.collections]
-        drawn += [(text.get_text(), [text.get_position()]) for text in axes.texts]
-        for number, (label, points) in enumerate(drawn, start=1):
-            name = str(label)
-            curve = f"curve {number}" if name.startswith("_") else name
-            points = np.reshape(points, (-1, 2)).tolist()
-            rows += [(panel, curve, x, y) for x, y in points]
-    return pd.DataFrame(rows, columns=["panel", "curve", "x", "y"])
+        labels = ElementTree.fromstring(figure).iter("{http://www.w3.org/2000/svg}text")
+        places = [
+            (1, "".join(one.itertext()), *(float(one.get(axis, 0)) for axis in "xy"))
+            for one in labels
+        ]
+    else:
+        places = [
+            (panel, curve, x, y)
+            for panel, axes in enumerate(figure.axes, start=1)
+            for curve, points in _curves(axes)
+            for x, y in np.reshape(points, (-1, 2)).tolist()
+        ]
+    return pd.DataFrame(places, columns=["panel", "curve", "x", "y"])
 
 
-def _write(
-    figure: Any, target: Any, form: str, provenance: Mapping[str, str] | None
-) -> None:
-    """Write a matplotlib figure without a date, so that builds are equal."""
+def _curves(axes: Axes) -> Iterator[tuple[str, ArrayLike]]:
+    """Yield the names and the points of the lines, collections and labels of a panel."""
+    drawn: list[tuple[object, ArrayLike]] = [
+        *((line.get_label(), line.get_xydata()) for line in axes.lines),
+        *((one.get_label(), one.get_offsets()) for one in axes.collections),
+        *((text.get_text(), text.get_position()) for text in axes.texts),
+    ]
+    for number, (label, points) in enumerate(drawn, start=1):
+        name = str(label)
+        yield f"curve {number}" if name.startswith("_") else name, points
+
+
+def _content(figure: _Drawn, form: str, provenance: Mapping[str, str]) -> bytes:
+    """Return the file of a figure, without a date, so that builds are equal."""
     from matplotlib import style
 
+    note = "\n".join(provenance.values())
+    if isinstance(figure, str):
+        title = f"<metadata>{escape(note)}</metadata>\n  <title>"
+        return (_XML + figure.replace("<title>", title, 1)).encode()
     subject, *dates = _METADATA[form]
-    note = "\n".join((provenance or {}).values())
+    buffer = io.BytesIO()
     with style.context(_STYLE):
         metadata = {subject: note, **dict.fromkeys(dates)}
-        figure.savefig(target, format=form, metadata=metadata)
+        figure.savefig(buffer, format=form, metadata=metadata)
+    if form != "svg":
+        return buffer.getvalue()
+    # Pages contain many figures: no space between tags, and none at the ends of lines.
+    svg = re.sub(r">\s*\n\s*<", "><", buffer.getvalue().decode())
+    svg = re.sub(r"\s*\n\s*", " ", svg[svg.index("<svg") :])
+    return (_XML + _FONTS.sub(r"\1, sans-serif", svg)).encode()
 
 
 def _figure_files(key: str) -> list[str]:
-    """Return the files of a figure below the root of the book."""
+    """Return the files of a figure below the root of the book, the data last."""
     return [f"figures/{anchor(key)}{ending}" for ending in (*_endings(key), ".csv")]
 
 
@@ -136,84 +154,63 @@ def _endings(key: str) -> tuple[str, ...]:
     return (".svg",) if is_schematic else FIGURES
 
 
-def _vector_of(figure: _Drawn, provenance: Mapping[str, str] | None = None) -> str:
-    """Return a figure with its provenance as SVG."""
-    if isinstance(figure, str):
-        note = escape("\n".join((provenance or {}).values()))
-        title = f"<metadata>{note}</metadata>\n  <title>"
-        return figure.replace("<title>", title, 1)
-    buffer = io.StringIO()
-    _write(figure, buffer, "svg", provenance)
-    # Pages contain many figures: no space between tags, and none at the ends of lines.
-    svg = re.sub(r">\s*\n\s*<", "><", buffer.getvalue())
-    svg = re.sub(r"\s*\n\s*", " ", svg[svg.index("<svg") :])
-    return _FONTS.sub(r"\1, sans-serif", svg)
-
-
 def write_figure(key: str, root: Path) -> None:
     """Write the images and the data of a figure below the root of the book."""
     shown = Figure(key)
     _page_vectors(key, shown.drawn)
     (root / "figures").mkdir(parents=True, exist_ok=True)
-    for path in (root / name for name in _figure_files(key)):
-        if path.suffix == ".csv":
-            write_text(path, shown.export("csv"))
-        else:
-            shown.save(path)
-            if not isinstance(shown.drawn, str):
-                shown.drawn.set_layout_engine("none")  # the layout stays as it is
+    *images, table = (root / name for name in _figure_files(key))
+    write_text(table, shown.export("csv"))
+    for path in images:
+        shown.save(path)
+        if not isinstance(shown.drawn, str):
+            shown.drawn.set_layout_engine("none")  # the layout stays as it is
+
+
+def _vectors_of(*figures: _Drawn) -> list[str]:
+    """Return figures as SVG without provenance."""
+    return [_content(one, "svg", {}).decode() for one in figures]
 
 
 def _page_vectors(key: str, figure: _Drawn | None = None) -> list[str]:
     """Return a figure for wide and for narrow pages, which a build draws once."""
 
     def make() -> list[str]:
-        wide = draw(key) if figure is None else figure
+        wide = figure or draw(key)
         # A schematic fits wide and narrow pages.
         narrow = [] if isinstance(wide, str) else [draw(key, narrow=True)]
-        return list(map(_vector_of, (wide, *narrow)))
+        return _vectors_of(wide, *narrow)
 
     return computed.cached(f"figure-{anchor(key)}.json", make, json.dumps, json.loads)
 
 
 def _inline(
-    vectors: Sequence[str], name: str, alternative: str, below: str = ""
-) -> str:
+    vectors: Sequence[str], name: str, alternative: str, caption: str, bar: str = ""
+) -> Markup:
     """Return a figure as HTML whose black parts have the text colour of the page.
 
-    `vectors` contains the SVG for a wide page, and for a narrow page if there is one. `below` is
-    the HTML below the figure, such as its caption.
+    `vectors` contains the SVG for a wide page, and for a narrow page if there is one. Without the
+    style sheet of the book, as in a notebook, only the wide figure is visible. `bar` is the HTML
+    below the caption, which has room for the number of the figure.
     """
-    parts = []
-    # Without the style sheet of the book, as in a notebook, only the wide figure is visible.
-    kinds = (("wide", ""), ("narrow", " hidden"))
-    for svg, (kind, hidden) in zip(vectors, kinds, strict=False):
-        # An element without a colour is black; the colour of the root applies to it.
+    # An element without a colour is black; the colour of the root applies to it.
+    label = escape(alternative, quote=True)
+    head = f'<svg role="img" aria-label="{label}" fill="currentColor" '
+    drawn = {}
+    for svg, kind in zip(vectors, ("wide", "narrow"), strict=False):
         svg = re.sub(r"<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)
         svg = re.sub(r"#000000\b", "currentColor", svg)
         # Identifiers are different in each figure of a page.
         mark = f"v{zlib.crc32(f'{name}-{kind}'.encode()):x}-"
         svg = re.sub(r'( id="|xlink:href="#|url\(#)', rf"\g<1>{mark}", svg)
-        label = escape(alternative, quote=True)
-        head = f'<svg role="img" aria-label="{label}" fill="currentColor" '
-        svg = svg.replace("<svg ", head, 1)
-        parts.append(f'<div class="rp-{kind}"{hidden}>{svg}</div>')
-    return f'<figure class="rp-figure" id="{name}">{"".join(parts)}{below}</figure>'
-
-
-def _captioned(caption: str) -> Markup:
-    """Return a caption with room for the number of the figure."""
-    return Markup('<figcaption><span class="rp-number"></span>{}</figcaption>').format(
-        caption
-    )
+        drawn[kind] = Markup(svg.removeprefix(_XML).replace("<svg ", head, 1))
+    return rendered("figure", name=name, drawn=drawn, caption=caption, bar=bar)
 
 
 def figure_block(name: str, paint: _Paint, alternative: str, caption: str) -> Html:
     """Return a figure that is not among the files of the book."""
-    vectors = [
-        _vector_of(_styled_figure(paint, narrow=narrow)) for narrow in (False, True)
-    ]
-    return Html(_inline(vectors, name, alternative, _captioned(caption)))
+    drawn = (_styled_figure(paint, narrow=narrow) for narrow in (False, True))
+    return Html(_inline(_vectors_of(*drawn), name, alternative, caption))
 
 
 class Figure(Rerunnable, ItemView):
@@ -249,12 +246,9 @@ class Figure(Rerunnable, ItemView):
     def save(self, path: str | Path) -> Path:
         """Write the figure as SVG, PDF or PNG, by the ending of `path`; a schematic as SVG."""
         path = check_target(path, _endings(self.key))
-        form = path.suffix[1:].lower()
-        if form == "svg":
-            write_text(path, _XML + _vector_of(self.drawn, self.provenance))
-        else:
-            with replacing(path) as part:
-                _write(self.drawn, part, form, self.provenance)
+        content = _content(self.drawn, path.suffix[1:].lower(), self.provenance)
+        with replacing(path) as part:
+            part.write_bytes(content)
         return path
 
     @cached_property
@@ -282,18 +276,17 @@ class Figure(Rerunnable, ItemView):
             f"{textwrap.fill(self.caption, 79)}\n"
             f"Draw it with `reproduce figure {self.key} --out FILE.svg` and the same options."
         )
-        below = _captioned(self.caption)
+        bar, vectors = Markup(), _vectors_of(self.drawn)
         if self.changes:
             name = f"{name}-changed"
         else:
             declared = self._declared
             source = text_of(declared.function) if isinstance(declared, Drawing) else ""
-            below += toolbar(self.key, name, _figure_files(self.key), source)
-        vectors = [_vector_of(self.drawn)]
-        # A page of the book also has a narrow drawing; a notebook of a reader does not.
-        if computed.kept() and not self.changes:
-            vectors = _page_vectors(self.key)
-        yield Html(_inline(vectors, name, self.alternative, below), text)
+            bar = toolbar(self.key, name, _figure_files(self.key), source)
+            # A page of the book also has a narrow drawing; a notebook of a reader does not.
+            if computed.kept():
+                vectors = _page_vectors(self.key)
+        yield Html(_inline(vectors, name, self.alternative, self.caption, bar), text)
 
 
 class Panels(Display, list[Figure]):
