@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import io
 import json
 from collections.abc import Mapping
@@ -26,8 +25,7 @@ def write(
     np.savez_compressed(buffer, **arrays)
     content = buffer.getvalue()
     target = where or folder()
-    sha256 = hashlib.sha256(content).hexdigest()
-    _write_note(target / f"{name}.toml", {**note, "sha256": sha256})
+    _write_note(target / f"{name}.toml", {**note, "sha256": digest(content)})
     (target / f"{name}.npz").write_bytes(content)
 
 
@@ -37,7 +35,7 @@ def write_table(
     """Store a table with its note, in one file."""
     rows = table.to_numpy(object).tolist()
     body = "".join(f"    [{', '.join(map(_toml, row))}],\n" for row in rows)
-    head = {**note, "sha256": digest(body), "columns": list(table.columns)}
+    head = {**note, "sha256": digest(body.encode()), "columns": list(table.columns)}
     _write_note((where or folder()) / f"{name}.toml", head, f"rows = [\n{body}]\n")
 
 

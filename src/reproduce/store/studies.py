@@ -55,8 +55,7 @@ def folder() -> Path:
 def read(name: str, where: Path | None = None) -> StoredStudy:
     """Return a stored study after checking its arrays against its note."""
     content = _file(f"{name}.npz", where)
-    note = tomllib.loads(_file(f"{name}.toml", where).decode())
-    _check(name, content, note)
+    note = _note(name, _file(f"{name}.toml", where), content)
     with np.load(io.BytesIO(content), allow_pickle=False) as packed:
         return StoredStudy(dict(packed), note)
 
@@ -65,10 +64,9 @@ def table(name: str, where: Path | None = None) -> pd.DataFrame:
     """Return a stored table after checking its rows against its note."""
     import pandas as pd
 
-    text = _file(f"{name}.toml", where).decode()
-    note = tomllib.loads(text)
-    rows = re.findall(r"^rows = \[\n(.*?)^\]$", text, flags=re.DOTALL | re.MULTILINE)
-    _check(name, "".join(rows).encode(), note)
+    text = _file(f"{name}.toml", where)
+    rows = re.findall(rb"^rows = \[\n(.*?)^\]$", text, flags=re.DOTALL | re.MULTILINE)
+    note = _note(name, text, b"".join(rows))
     frame = pd.DataFrame(note.pop("rows"), columns=note.pop("columns"))
     frame.attrs.update(note)
     return frame
@@ -83,15 +81,18 @@ def _file(name: str, where: Path | None) -> bytes:
         ) from error
 
 
-def _check(name: str, content: bytes, note: Note) -> None:
-    actual = hashlib.sha256(content).hexdigest()
-    if actual != note.get("sha256"):
+def _note(name: str, text: bytes, content: bytes) -> dict[str, Any]:
+    """Return the note of a study; raise `StudyError` if its content is another one."""
+    note = tomllib.loads(text.decode())
+    expected, actual = note.get("sha256"), digest(content)
+    if actual != expected:
         raise StudyError(
-            f"{name}: expected the SHA-256 {note.get('sha256')}, got {actual}. "
+            f"{name}: expected the SHA-256 {expected}, got {actual}. "
             f"Run again: {note.get('command')}"
         )
+    return note
 
 
-def digest(rows: str) -> str:
-    """Return the SHA-256 of the rows of a table, as in its note."""
-    return hashlib.sha256(rows.encode()).hexdigest()
+def digest(content: bytes) -> str:
+    """Return the SHA-256 of arrays, or of the rows of a table, as in their note."""
+    return hashlib.sha256(content).hexdigest()
