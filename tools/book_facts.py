@@ -199,7 +199,7 @@ def _of_posterior(name: str) -> dict[str, str]:
         texts[label] = f"{interval(row)[0]}{_gap(row.unit)}"
         for what, text in zip(("mean", "sd", "low", "high"), spread(row), strict=True):
             texts[f"{label}-{what}"] = f"{text.replace('-', '−')}{_gap(row.unit)}"
-    for label, value in Posterior({"name": name}).truth.items():
+    for label, value in Posterior(name).truth.items():
         row = next(row for row in found.rows if row.name == label)
         texts[f"{label}-off"] = f"{abs(row.mean - value) / row.deviation:.1f}"
     return texts | dict(_of_calibration(name))

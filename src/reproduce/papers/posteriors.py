@@ -17,7 +17,15 @@ from reproduce.inference.sampling import Plan
 from reproduce.locate import papers
 from reproduce.papers.declare import ROOT_SEED
 from reproduce.printed.inputs import Inputs, load_inputs
-from reproduce.store.points import DataTable, TableFileError, computing
+from reproduce.store.points import (
+    STARS,
+    DataTable,
+    TableFileError,
+    computing,
+    is_table,
+    matched_stars,
+    read_table,
+)
 
 # Sampled steps of an ensemble: more than fifty autocorrelation times.
 _STEPS = 270
@@ -55,11 +63,6 @@ class File:
     read: Callable[[DataTable, Mapping[str, Any]], tuple[Model, list[str]]]
     accepts: tuple[str, ...] = ()
     optional: tuple[str, ...] = ()
-
-    @property
-    def texts(self) -> tuple[str, str]:
-        """The columns and their meaning."""
-        return ", ".join(self.columns), self.meaning
 
 
 @dataclass(frozen=True)
@@ -113,30 +116,42 @@ class Declaration:
         self,
         steps: int | None = None,
         walkers: int | None = None,
-        seed: int = ROOT_SEED,
+        seed: int | None = None,
     ) -> Plan:
         """Return the sampling plan of the book, or a plan with other numbers."""
         steps = self.steps if steps is None else steps
         walkers = self.walkers if walkers is None else walkers
+        seed = ROOT_SEED if seed is None else seed
         return Plan(seed, walkers=walkers, steps=steps, warmup=max(100, steps // 4))
 
-    def format(self) -> File:
-        """Return the format of your data; raise `TableFileError` if it accepts none."""
-        if isinstance(self.file, str):
-            raise TableFileError(f"{self.key} takes no file: {self.file}")
-        return self.file
-
     def supplied(
-        self, table: DataTable, arguments: Mapping[str, Any]
-    ) -> tuple[Model, list[str]]:
-        """Return the model of your data and remarks; raise `TableFileError` for unusable data.
+        self, data: Any, settings: dict[str, Any]
+    ) -> tuple[DataTable, Model, list[str]]:
+        """Return your data, their model and remarks; raise `TableFileError` for unusable data.
 
         The priors of measured quantities follow from the scale of the data. An instrument or a
         design that the data do not determine is by default the one of the paper.
         """
+        if not is_table(data):
+            raise TypeError(
+                "data: expected a file or a table with named columns, got "
+                f"{type(data).__name__}. Use DataFrame(array, columns=[...])"
+            )
+        file = self.file
+        if isinstance(file, str):
+            raise TableFileError(f"{self.key} takes no file: {file}")
+        if unknown := settings.keys() - {*file.accepts, "sep"}:
+            raise ValueError(
+                f"{min(unknown)}: expected none for {self.key}. Leave it out"
+            )
+        if file.columns == STARS:
+            table, settings = matched_stars(data, None, settings)
+        else:
+            sep = settings.pop("sep", None)
+            table = read_table(data, file.columns, file.optional, sep)
         with computing(table.path):
             try:
-                return self.format().read(table, arguments)
+                return table, *file.read(table, settings)
             except TableFileError:
                 raise
             except ValueError as error:

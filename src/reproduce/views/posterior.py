@@ -38,7 +38,7 @@ from reproduce.judge.rerun import check_randomness
 from reproduce.papers.posteriors import posteriors
 from reproduce.printed.cells import find
 from reproduce.store.files import DRAWS, check_target, replacing, write_text
-from reproduce.store.points import STARS, DataTable, is_table, matched_stars, read_table
+from reproduce.store.points import DataTable
 from reproduce.version import __version__
 from reproduce.views import computed
 from reproduce.views.base import ResultView, text_of
@@ -49,9 +49,6 @@ from reproduce.views.intervals import FloatArray, correlated_pair, draw_interval
 from reproduce.views.measurements import platform_of
 from reproduce.views.numbers import digits, minus, moments
 
-_PLAN_ARGUMENTS = ("steps", "walkers", "seed")
-# Arguments that do not belong to your data.
-_OTHER_ARGUMENTS = {"name", "data", "priors", "data_seed", *_PLAN_ARGUMENTS}
 # Characters of the numbers of probably false stars in a sentence.
 _NAMES_WIDTH = 40
 
@@ -83,41 +80,49 @@ def book_posterior(name: str) -> PosteriorSamples:
 class Posterior(ResultView):
     """A posterior of the book, or the same model for your data, sampled on first use.
 
-    Parameters
-    ----------
-    arguments : mapping
-        Arguments of `reproduce.posterior`, by name.
+    The parameters are those of `reproduce.posterior`; `settings` belong to your data.
     """
 
-    def __init__(self, arguments: Mapping[str, Any]) -> None:
-        self._arguments, data = arguments, arguments.get("data")
-        self.key = self.name = arguments["name"]
-        if self.name not in posteriors():
+    def __init__(
+        self,
+        name: str,
+        data: Any = None,
+        priors: Mapping[str, Any] | None = None,
+        data_seed: int | None = None,
+        steps: int | None = None,
+        walkers: int | None = None,
+        seed: int | None = None,
+        **settings: Any,
+    ) -> None:
+        self.key = self.name = name
+        if name not in posteriors():
             raise ValueError(
-                f"name: expected one of {', '.join(posteriors())}, got {self.name!r}"
+                f"name: expected one of {', '.join(posteriors())}, got {name!r}"
             )
-        self.declared = posteriors()[self.name]
-        self._priors, seed = arguments.get("priors", {}), arguments.get("data_seed")
-        check_randomness(self.name, True, seed)
-        plan = {key: arguments[key] for key in _PLAN_ARGUMENTS if key in arguments}
+        self.declared = posteriors()[name]
+        check_randomness(name, True, data_seed)
+        plan = {"steps": steps, "walkers": walkers, "seed": seed}
         self.plan = self.declared.plan(**plan)
-        settings = {k: arguments[k] for k in arguments if k not in _OTHER_ARGUMENTS}
+        self._changes, self._priors = {"data_seed": data_seed, **plan}, priors or {}
+        settings = {key: one for key, one in settings.items() if one is not None}
+        self._arguments = {"data": data, **self._changes, **settings}
         self._table: DataTable | None = None
         self.remarks: list[str] = []
-        if seed is not None and (data is not None or not self.declared.simulated):
+        if data_seed is not None and (data is not None or not self.declared.simulated):
             raise ValueError(
-                f"data_seed: expected none, because the data of {self.name} are not simulated here"
+                f"data_seed: expected none, because the data of {name} are not simulated here"
             )
         if data is not None:
-            self._table, settings = self._read(data, settings)
-            model, self.remarks = self.declared.supplied(self._table, settings)
-            # Stars of weight zero are omitted.
-            weights = settings.get("weights", np.ones(len(self._table)))
-            self._rows = np.flatnonzero(np.asarray(weights) > 0)
+            # Other models reject a platform.
+            if "platform" in settings.keys() & getattr(
+                self.declared.file, "accepts", ()
+            ):
+                settings["platform"] = platform_of(settings["platform"])
+            self._table, model, self.remarks = self.declared.supplied(data, settings)
         elif settings:
             raise ValueError(f"{min(settings)}: expected data with it, got none")
         else:
-            model = self.declared.model(seed)
+            model = self.declared.model(data_seed)
         own = {
             one.name: _prior(one, self._priors[one.name])
             for one in model.parameters
@@ -125,33 +130,13 @@ class Posterior(ResultView):
         }
         self.model = model.with_priors({**self._priors, **own})
 
-    def _read(
-        self, data: Any, settings: dict[str, Any]
-    ) -> tuple[DataTable, dict[str, Any]]:
-        """Return your data, and the arguments and columns that belong to them."""
-        if not is_table(data):
-            raise TypeError(
-                "data: expected a file or a table with named columns, got "
-                f"{type(data).__name__}. Use DataFrame(array, columns=[...])"
-            )
-        file = self.declared.format()
-        if unknown := settings.keys() - {*file.accepts, "sep"}:
-            raise ValueError(
-                f"{min(unknown)}: expected none for {self.name}. Leave it out"
-            )
-        if "platform" in settings:
-            settings["platform"] = platform_of(settings["platform"])
-        if file.columns == STARS:
-            return matched_stars(data, None, settings)
-        sep = settings.pop("sep", None)
-        return read_table(data, file.columns, file.optional, sep), settings
-
     @property
     def changes(self) -> str:
         """Arguments that differ from the posterior of the book, in one line."""
-        names = [n for n in ("data_seed", *_PLAN_ARGUMENTS) if n in self._arguments]
-        changes = [f"{name} = {self._arguments[name]}" for name in names]
-        return ", ".join([*(f"prior of {name}" for name in self._priors), *changes])
+        changes = [f"prior of {name}" for name in self._priors]
+        numbers = self._changes.items()
+        changes += [f"{name} = {one}" for name, one in numbers if one is not None]
+        return ", ".join(changes)
 
     @property
     def inputs(self) -> tuple[str, ...]:
@@ -194,7 +179,7 @@ class Posterior(ResultView):
         self.sampled = sampling.sample(
             self.model,
             self.plan,
-            longer="steps" not in self._arguments,
+            longer=self._changes["steps"] is None,
             executor=executor,
             progress=progress,
         )
@@ -223,15 +208,14 @@ class Posterior(ResultView):
     @property
     def data_text(self) -> str:
         """Data in one line."""
-        data = self.data_record
-        if data["kind"] != "file":
+        declared, table = self.declared, self._table
+        if not table:
             simulated = "simulated by us with printed settings of"
-            text = simulated if self.declared.simulated else "as printed in"
-            return f"{text} {self.declared.paper}"
-        text = f"of {Path(data['file']).name}, {data['rows']} rows"
-        if "pivot" in data:
-            x, y = data["pivot"]
-            text += f", pivot ({x:.6g}, {y:.6g}) px"
+            text = simulated if declared.simulated else "as printed in"
+            return f"{text} {declared.paper}"
+        text = f"of {Path(table.path).name}, {len(table)} rows"
+        if pivot := self.data_record.get("pivot"):
+            text += ", pivot ({:.6g}, {:.6g}) px".format(*pivot)
             text += ", the mean of the stars" * ("pivot" not in self._arguments)
         return text
 
@@ -263,13 +247,16 @@ class Posterior(ResultView):
 
     @cached_property
     def _stars(self) -> pd.DataFrame | None:
-        likelihood = self.model.likelihood
+        likelihood, table = self.model.likelihood, self._table
         if not isinstance(likelihood, MixtureRegistration):
             return None
+        name, rows = "star", np.arange(len(likelihood.source)) + 1
+        if table:
+            # Stars of weight zero are omitted.
+            weights = table.numbers.get("weight", np.ones(len(table)))
+            weights = np.asarray(self._arguments.get("weights", weights))
+            name, rows = "row", np.flatnonzero(weights > 0)
         x, y = likelihood.source.T
-        name, rows = (
-            ("row", self._rows) if self._table else ("star", np.arange(len(x)) + 1)
-        )
         return pd.DataFrame(
             {
                 name: rows,
@@ -393,8 +380,7 @@ class Posterior(ResultView):
         model, rows, exact = self.model, self.sampled.draws, dict[str, FloatArray]()
         values = dict(zip(model.names, (rows * model.shown).T, strict=True))
         labels = {
-            one.name: f"${one.label}$" + _in_brackets(one.unit)
-            for one in model.parameters
+            p.name: f"${p.label}${_in_brackets(p.unit)}" for p in model.parameters
         }
         for key, one in model.consequences(rows).items():
             values[key] = one.values
@@ -491,11 +477,9 @@ class Posterior(ResultView):
 
         Priors of other parameters do not change.
         """
-        changes["priors"] = {**self._priors, **changes.get("priors", {})}
-        arguments = {**self._arguments, **changes}
-        return Posterior(
-            {key: value for key, value in arguments.items() if value is not None}
-        )
+        priors = {**self._priors, **changes.pop("priors", {})}
+        arguments = {"name": self.name, **self._arguments, **changes}
+        return Posterior(priors=priors, **arguments)
 
     def record(self) -> dict[str, Any]:
         """Return the summary with its provenance for other programs."""
@@ -523,17 +507,18 @@ class Posterior(ResultView):
         """Yield the summary, the convergence, the wrong matches, and warnings."""
         heads = ("Quantity", "truth", "mean ± sd", "95 % interval")
         truth = {key: minus(f"{one:.6g}") for key, one in self.truth.items()}
-        rows = []
-        for row in self.sampled.summaries():
-            name, true = row.name + _in_brackets(row.unit), truth.get(row.name, "")
-            rows.append(dict(zip(heads, (name, true, *interval(row)), strict=True)))
+        lines = (
+            (row.name + _in_brackets(row.unit), truth.get(row.name, ""), *interval(row))
+            for row in self.sampled.summaries()
+        )
+        rows = [dict(zip(heads, line, strict=True)) for line in lines]
         changed = f" Changed: {self.changes}." if self.changes else ""
         identifier = f"posterior-{self.name}" if self._in_book else ""
         caption = f"Posterior {self.name}, data {self.data_text}.{changed}"
         yield Grid.of(caption, heads, rows, identifier=identifier)
         yield self._convergence
-        if false := self.false_stars:
-            yield f"{false}."
+        if self.false_stars:
+            yield f"{self.false_stars}."
         if not self._in_book:
             yield from (f"Warning: {text}." for text in self.findings)
 
@@ -551,21 +536,16 @@ class Posterior(ResultView):
             "mean is in neither mode"
             for name, one in self.modes.items()
         )
-        found = [*prior_warnings(self.sampled), *modes, self._dropped]
+        found = [*prior_warnings(self.sampled), *modes]
+        if (stars := self._stars) is not None:
+            dropped = stars["dropped_by_robust_fit"].sum()
+            false = (stars["probability_false"] > 0.5).sum()
+            if dropped > false:
+                found.append(
+                    f"a robust fit drops {dropped} stars, the mixture {false}: wrong stars close "
+                    "to their positions widen the noise; compare with register(robust=True)"
+                )
         return [one for one in (*found, misfit(self.checks), *self.remarks) if one]
-
-    @property
-    def _dropped(self) -> str:
-        """Warning if a robust fit drops more stars than the mixture."""
-        if self._stars is None:
-            return ""
-        dropped = self._stars["dropped_by_robust_fit"].sum()
-        false = (self._stars["probability_false"] > 0.5).sum()
-        text = (
-            f"a robust fit drops {dropped} stars, the mixture {false}: wrong stars close to their "
-            "positions widen the noise; compare with register(robust=True)"
-        )
-        return text if dropped > false else ""
 
     @property
     def _convergence(self) -> str:

@@ -85,7 +85,7 @@ def posterior(
     """
     arguments = {key: value for key, value in locals().items() if value is not None}
     if name is not None:
-        return Posterior(arguments)
+        return Posterior(**arguments)
     if arguments:
         raise TypeError(
             f"name: expected a model for {min(arguments)}, such as 'registration', got none. Add it"
@@ -114,7 +114,10 @@ class Posteriors(Display):
         for key, declared in posteriors().items():
             models.append((key, declared.paper, declared.title))
             file = declared.file
-            texts = ("none", file) if isinstance(file, str) else file.texts
+            if isinstance(file, str):
+                texts = "none", file
+            else:
+                texts = ", ".join(file.columns), file.meaning
             files.setdefault(texts, []).append(key)
         columns = [(", ".join(keys), *texts) for texts, keys in files.items()]
         caption = item_text("posteriors/models").caption
