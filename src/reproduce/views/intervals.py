@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import combinations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,6 +16,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 FloatArray = NDArray[np.float64]
+# Draws of quantities by their names.
+_Draws = Mapping[str, FloatArray]
 # Bounds of the central 95 %, of the central 50 %, and the median.
 _QUANTILES = (0.025, 0.25, 0.5, 0.75, 0.975)
 # Correlation from which a pair has a panel, and draws that the panel shows at most.
@@ -24,23 +27,21 @@ _MAX_DENSITY_DRAWS = 5000
 _STRIP_INCHES, _PANEL_INCHES = 0.75, 3.2
 
 
-def correlated_pair(
-    draws: Mapping[str, FloatArray],
-) -> tuple[tuple[str, ...], float]:
+def correlated_pair(draws: _Draws) -> tuple[tuple[str, ...], float]:
     """Return the most correlated pair and its correlation; no names if it is not worth a panel."""
-    found = np.triu(np.atleast_2d(np.corrcoef([*draws.values()])), 1)
-    place = np.unravel_index(np.abs(found).argmax(), found.shape)
-    if abs(found[place]) < _MIN_CORRELATION:
-        return (), 0.0
-    return tuple(np.array([*draws])[[*place]].tolist()), float(found[place])
+    found: dict[tuple[str, ...], float] = {(): 0.0}
+    for pair in combinations(draws, 2):
+        found[pair] = np.corrcoef([draws[name] for name in pair])[0, 1]
+    best = max(found, key=lambda pair: abs(found[pair]))
+    return (best, found[best]) if abs(found[best]) >= _MIN_CORRELATION else ((), 0.0)
 
 
 def draw_intervals(
     figure: Figure,
-    draws: Mapping[str, FloatArray],
+    draws: _Draws,
     labels: Mapping[str, str],
     marks: Mapping[str, float],
-    exact: Mapping[str, FloatArray],
+    exact: _Draws,
 ) -> None:
     """Draw density, median, 50 % and 95 % of each quantity, with marks and exact draws by name."""
     (pair, _), heights = correlated_pair(draws), [_STRIP_INCHES] * len(draws)
