@@ -536,16 +536,21 @@ class Posterior(ResultView):
             "mean is in neither mode"
             for name, one in self.modes.items()
         )
-        found = [*prior_warnings(self.sampled), *modes]
-        if (stars := self._stars) is not None:
-            dropped = stars["dropped_by_robust_fit"].sum()
-            false = (stars["probability_false"] > 0.5).sum()
-            if dropped > false:
-                found.append(
-                    f"a robust fit drops {dropped} stars, the mixture {false}: wrong stars close "
-                    "to their positions widen the noise; compare with register(robust=True)"
-                )
+        found = [*prior_warnings(self.sampled), *modes, self._dropped]
         return [one for one in (*found, misfit(self.checks), *self.remarks) if one]
+
+    @property
+    def _dropped(self) -> str:
+        """Warning if a robust fit drops more stars than the mixture."""
+        if self._stars is None:
+            return ""
+        dropped = self._stars["dropped_by_robust_fit"].sum()
+        false = (self._stars["probability_false"] > 0.5).sum()
+        text = (
+            f"a robust fit drops {dropped} stars, the mixture {false}: wrong stars close to their "
+            "positions widen the noise; compare with register(robust=True)"
+        )
+        return text if dropped > false else ""
 
     @property
     def _convergence(self) -> str:
