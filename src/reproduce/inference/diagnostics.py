@@ -46,8 +46,8 @@ def _integrated_time(series: FloatArray) -> float:
         return float(2 * steps - 1)
     times = 2.0 * np.cumsum(function / function[0]) - 1.0
     outside = np.arange(steps) >= _WINDOW_TIMES * times
-    window = int(np.argmax(outside)) if outside.any() else steps - 1
-    return max(float(times[window]), 0.5)
+    outside[-1] = True
+    return max(float(times[np.argmax(outside)]), 0.5)
 
 
 def autocorrelation_time(chains: FloatArray) -> float:
@@ -111,9 +111,8 @@ def _split_rhat(draws: FloatArray) -> float:
     for values in (halves, np.abs(halves - np.median(halves))):
         scores = _rank_normalised(values)
         within = scores.var(axis=1, ddof=1).mean()
-        between = half * scores.mean(axis=1).var(ddof=1)
-        squares.append((half - 1) / half + between / (half * within))
-    return float(np.sqrt(max(squares)))
+        squares.append(scores.mean(axis=1).var(ddof=1) / within)
+    return float(np.sqrt((half - 1) / half + max(squares)))
 
 
 def _mcse_quantile(chains: FloatArray, probability: float) -> float:
@@ -214,7 +213,9 @@ def thinned(chains: FloatArray, time: float) -> FloatArray:
     return kept.reshape(len(kept), -1, *kept.shape[3:])
 
 
-def summarised(name: str, unit: str, draws: FloatArray, shown: float = 1.0) -> Summary:
+def summarised(
+    name: str, unit: str, draws: FloatArray, shown: float = 1.0, stride: int = 1
+) -> Summary:
     """Return the summary of draws of one quantity.
 
     Parameters
@@ -225,6 +226,8 @@ def summarised(name: str, unit: str, draws: FloatArray, shown: float = 1.0) -> S
         Draws of the quantity.
     shown : float
         Displayed units per unit of the draws.
+    stride : int
+        Steps of the sampler per step of the draws.
 
     Returns
     -------
@@ -247,7 +250,7 @@ def summarised(name: str, unit: str, draws: FloatArray, shown: float = 1.0) -> S
         rhat=_split_rhat(thinned(draws, time)),
         bulk=_effective_size(_rank_normalised(draws)),
         tail=min(_effective_size((draws <= end).astype(float)) for end in tails),
-        time=time,
+        time=stride * time,
     )
 
 
