@@ -109,20 +109,18 @@ def stars(
     frame = frame.assign(**{"dropped": "", **columns})
     if (flux := brightness(columns)) is not None:
         frame = frame.iloc[np.argsort(-flux, kind="stable")]
-    is_dropped = frame["dropped"] != ""
-    kept = frame[~is_dropped]
-    rows = kept.index.to_numpy()
+    kept = frame.query("dropped == ''")
     found = Stars(
         name,
         kept.drop(columns="dropped").reset_index(drop=True),
-        covariance[rows],
+        covariance[kept.index],
         middle,
-        shapes[rows],
-        frame[is_dropped],
+        shapes[kept.index],
+        frame.query("dropped != ''"),
         facts,
         findings,
     )
-    if not len(rows):
+    if not len(found):
         raise ImageError(f"{name}: expected stars, got {found.log}")
     return found
 
