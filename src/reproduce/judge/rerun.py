@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from decimal import Decimal
 from functools import cache, cached_property
@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from reproduce.judge.ledger import TableRecord, item_ledger
+from reproduce.judge.ledger import Ledger, TableRecord, item_ledger
 from reproduce.judge.verdicts import central_interval
 from reproduce.papers.catalogue import catalogue, changeable, computation_for, upstream
 from reproduce.papers.declare import Alternative, Computation
@@ -46,13 +46,13 @@ class _ChangedCell(NamedTuple):
     """One cell of an item under a change, in the printed unit.
 
     - `unchanged`, `value`: computed value or median of the prediction, without and with the change.
-    - `interval`: central 99 % of a prediction.
+    - `interval`: central 99 % of a prediction. Under a reading, also what rounded inputs allow.
     - `verdict`: under the chosen reading, if only options are changed.
     """
 
     cell: PrintedCell
-    unchanged: float | None
-    value: float | None
+    unchanged: float
+    value: float
     interval: Interval | None = None
     verdict: str = ""
 
@@ -104,7 +104,7 @@ def _texts(key: str, *changes: tuple[str, str]) -> dict[str, str]:
     """Return the displayed values of the computed cells under some changes, by name."""
     replicates = 2 if _is_random(key) else None
     return {
-        one.cell.name: one.cell.number.format(one.value or 0.0, extra=1)
+        one.cell.name: one.cell.number.format(one.value, extra=1)
         for one in Rerun(key, dict(changes), replicates=replicates).cells
     }
 
@@ -124,7 +124,11 @@ def checked_values(key: str, changes: object) -> dict[str, float]:
     allowed, values = changeable(key), {}
     for address, text in changes.items():
         if address not in allowed:
-            raise _stray(key, address, allowed)
+            similar = difflib.get_close_matches(address, allowed, _MAX_SUGGESTED, 0)
+            known = f"such as {', '.join(similar)}. All {len(allowed)} are in `.inputs`"
+            raise CannotChangeError(
+                f"{address}: expected an input of {key}, {known if allowed else 'which has none'}"
+            )
         try:
             values[address] = si_value(find(address)[0], text)
         except ValueError as error:
@@ -146,15 +150,6 @@ def check_randomness(
             if random:
                 expected = f"a whole number from {least} to {greatest:,}"
             raise CannotChangeError(f"{name}: expected {expected}, got {number!r}")
-
-
-def _stray(key: str, stray: str, allowed: Sequence[str]) -> CannotChangeError:
-    """Return the error of a cell that is not an input, with similar names of inputs."""
-    listed = difflib.get_close_matches(stray, allowed, _MAX_SUGGESTED, cutoff=0)
-    known = f"such as {', '.join(listed)}. All {len(allowed)} are in `.inputs`"
-    return CannotChangeError(
-        f"{stray}: expected an input of {key}, {known if listed else 'which has none'}"
-    )
 
 
 class Rerun:
@@ -227,45 +222,40 @@ class Rerun:
         """Whether this is a reading of the paper as printed, without changed inputs."""
         return bool(self.options) and not self.changes
 
+    @cached_property
+    def _ledger(self) -> Ledger:
+        """The verdicts under the reading; empty with a changed input."""
+        if self.is_reading:
+            return item_ledger(self.key, **self.options)
+        return Ledger(records=(), tables=())
+
     @property
     def joint(self) -> TableRecord | None:
         """Joint probability of a stochastic table under a reading."""
-        if not self.is_reading:
-            return None
-        return item_ledger(self.key, **self.options).table(self.key)
+        return self._ledger.table(self.key)
 
     @cached_property
     def cells(self) -> tuple[_ChangedCell, ...]:
         """Every cell that the item computes, in printed order."""
         table, cells = library()[self.key], {}
-        if self.is_reading:
-            chosen, literal = (
-                item_ledger(self.key, **self.options),
-                item_ledger(self.key),
-            )
-            return tuple(
-                _ChangedCell(
-                    cell, before.computed, after.computed, after.interval, after.verdict
-                )
-                for cell, before, after in zip(
-                    table.cells, literal.records, chosen.records, strict=True
-                )
-                if after.function
-            )
+        judged = {record.cell: record for record in self._ledger.records}
         with self.explained():
             for computation in catalogue()[self.key].computations:
-                before = computation.with_options(self.options)
+                kept = {} if self.is_reading else self.options
+                before = computation.with_options(kept)
                 unchanged = before(load_inputs(computation.inputs))
                 for name, after in self.results(computation).items():
-                    unit, ends = si_factor(table[name].unit), None
-                    if computation.replicates:
+                    cell, ends, verdict = table[name], None, ""
+                    unit = si_factor(cell.unit)
+                    if judged:
+                        record = judged[cell.address]
+                        ends, verdict = record.interval, record.verdict
+                    elif computation.replicates:
                         ends = central_interval(after / unit)
                     numbers = _median(unchanged[name], unit), _median(after, unit)
                     if not np.isfinite([*numbers, *(ends or ())]).all():
-                        raise ArithmeticError(
-                            f"{table[name].address} is not a finite number"
-                        )
-                    cells[name] = _ChangedCell(table[name], *numbers, ends)
+                        raise ArithmeticError(f"{cell.address} is not a finite number")
+                    cells[name] = _ChangedCell(cell, *numbers, ends, verdict)
         return tuple(cells[name] for name in table.by_name if name in cells)
 
     def _reaches(self, patterns: tuple[str, ...]) -> bool:

@@ -13,7 +13,7 @@ import numpy as np
 from reproduce.judge.rerun import Rerun
 from reproduce.papers.charts import set_size
 from reproduce.papers.declare import Study
-from reproduce.printed.cells import PrintedCell, anchor, find
+from reproduce.printed.cells import anchor, find
 from reproduce.printed.number import symbol
 from reproduce.printed.quantity import si_value
 from reproduce.views import verdicts
@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 
 # Height of a panel in inches, and largest number of panels of a graph.
 _PANEL_INCHES, _MAX_PANELS = 1.7, 8
+# Interval of a number without one.
+_OPEN = (None, None)
 
 
 class Changed(Display):
@@ -48,7 +50,7 @@ class Changed(Display):
         self.result = result
         self.changes, self.options = result.changes, result.options
         self.replaced = result.replaced
-        self._cells = [
+        self.cells = [
             one for one in result.cells if not names or one.cell.name in names
         ]
 
@@ -64,66 +66,58 @@ class Changed(Display):
         import pandas as pd
 
         rows = [
-            {
-                "cell": one.cell.name,
-                "printed": one.cell.text,
-                "unchanged": one.unchanged,
-                "changed": one.value,
-                "changed - printed": None
-                if one.value is None or not one.cell.is_number
-                else one.value - one.cell.number.value,
-                "low": one.interval and one.interval[0],
-                "high": one.interval and one.interval[1],
-                "unit": one.cell.unit and symbol(one.cell.unit),
-                "verdict": one.verdict,
-            }
-            for one in self._cells
+            (
+                one.cell.name,
+                one.cell.text,
+                one.unchanged,
+                one.value,
+                one.value - one.cell.number.value,
+                *(one.interval or _OPEN),
+                symbol(one.cell.unit),
+                one.verdict,
+            )
+            for one in self.cells
         ]
-        frame = pd.DataFrame(rows).set_index("cell")
+        columns = (
+            "cell,printed,unchanged,changed,changed - printed,low,high,unit,verdict"
+        )
+        frame = pd.DataFrame(rows, columns=columns.split(",")).set_index("cell")
         return frame if frame["verdict"].any() else frame.drop(columns="verdict")
 
-    def numbers(self) -> list[dict[str, str]]:
-        """Return the numbers in the displayed format."""
+    def texts(self) -> list[list[str]]:
+        """Return the value of each cell without and with the change, and its interval."""
         return [
-            {
-                "cell": one.cell.label,
-                "printed": minus(one.cell.text),
-                "unchanged": _text(one.cell, one.unchanged),
-                "changed": _text(one.cell, one.value),
-                "from": _text(one.cell, one.interval and one.interval[0]),
-                "to": _text(one.cell, one.interval and one.interval[1]),
-                "verdict": one.verdict,
-                "unit": symbol(one.cell.unit),
-            }
-            for one in self._cells
-            if one.cell.is_number
+            [
+                "" if number is None else minus(one.cell.number.format(number, extra=1))
+                for number in (one.unchanged, one.value, *(one.interval or _OPEN))
+            ]
+            for one in self.cells
         ]
 
     @property
     def grid(self) -> Grid:
         """The numbers and the changes in the displayed format, without empty columns."""
-        value, before = "changed", ["unchanged"]
-        remark = "your setting, without a verdict"
-        if self.result.is_reading:
-            value, before = "computed", []
+        value, remark = "changed", "your setting, without a verdict"
+        if reading := self.result.is_reading:
+            value = "computed"
             remark = "one reading of the text; the verdict of a cell is based on all readings"
         changes = self.changes | self.options
         caption = setting(f"{self.result.key} with", changes, self.replaced, remark)
-        if any(changed.interval for changed in self._cells):
+        if any(one.interval for one in self.cells):
             caption += " From and to: the central 99 % of the prediction."
         if self.result.joint:
             caption += f" {verdicts.joint_sentence(self.result.joint)}"
-        heads = ("cell", "printed", *before, value, "from", "to", "verdict", "unit")
-        rows = [row | {"computed": row["changed"]} for row in self.numbers()]
+        heads = ("cell", "printed", "unchanged", value, "from", "to", "verdict", "unit")
+        rows = []
+        for one, (before, *numbers) in zip(self.cells, self.texts(), strict=True):
+            printed = one.cell.label, minus(one.cell.text), before * (not reading)
+            texts = (*printed, *numbers, one.verdict, symbol(one.cell.unit))
+            rows.append(dict(zip(heads, texts, strict=True)))
         return Grid.of(caption, heads, rows)
 
     def blocks(self) -> Iterator[Block]:
         """Yield the table of the cells."""
         yield self.grid
-
-
-def _text(cell: PrintedCell, value: float | None) -> str:
-    return "" if value is None else minus(cell.number.format(value, extra=1))
 
 
 @dataclass(frozen=True, repr=False)
@@ -244,21 +238,15 @@ def swept(
 
 def of_cells(changed: Changed) -> pd.DataFrame:
     """Return the rows of the numbers of a table under a change."""
-    frame = changed.frame().dropna(subset="changed - printed")
-    frame = frame.rename(columns={"changed": "computed"}).reset_index()
-    numbers = [find(f"{changed.result.key}#{name}")[0].number for name in frame["cell"]]
-    frame["mark"] = [number.value for number in numbers]
-    frame[["bottom", "top"]] = [number.interval() for number in numbers]
-    frame[["label", "text"]] = [
-        (
-            row["cell"],
-            quantity(
-                row["changed"] + f" ({row['from']} to {row['to']})" * bool(row["from"]),
-                row["unit"],
-            ),
-        )
-        for row in changed.numbers()
+    frame = changed.frame().rename(columns={"changed": "computed"}).reset_index()
+    cells = [one.cell for one in changed.cells]
+    frame["label"] = [cell.label for cell in cells]
+    frame["text"] = [
+        quantity(value + f" ({low} to {high})" * bool(low), symbol(cell.unit))
+        for cell, (_, value, low, high) in zip(cells, changed.texts(), strict=True)
     ]
+    frame["mark"] = [cell.number.value for cell in cells]
+    frame[["bottom", "top"]] = [cell.number.interval() for cell in cells]
     return frame
 
 
