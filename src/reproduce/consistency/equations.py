@@ -104,7 +104,7 @@ def _iteration(number: _Number) -> _Values:
     rows = ("scale", "rotation", "translation-x", "translation-y")
     truth = np.array([number(f"niu2024/table-2#{row}.red") for row in rows])
     size = np.array([number(f"niu2024/text-optics#pixels-{a}") for a in "xy"])
-    source = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]]) * (size - 1)
+    source = np.array([*np.ndindex(2, 2)]) * (size - 1)
     middle = optics.detector_centre(size)
     target = registration.Registration("similarity", truth, middle).apply(source)
     errors = []
@@ -112,7 +112,7 @@ def _iteration(number: _Number) -> _Values:
         registration.gauss_newton_step_printed,
         registration.gauss_newton_step,
     ):
-        estimate = np.array([1.0, 0.0, 0.0, 0.0])
+        estimate = np.eye(4)[0]
         for _ in range(_ITERATION_STEPS):
             estimate = step(estimate, source, target, middle)
         errors.append(np.linalg.norm((estimate - truth)[2:]))
@@ -122,7 +122,7 @@ def _iteration(number: _Number) -> _Values:
 def _lasers(number: _Number) -> tuple[Any, float]:
     """Return the positions of the lasers in the focal plane, and the focal length."""
     half = number("chen2023/text-hardware#laser-diagonal") / 2
-    positions = half * np.array([[0.0, -1.0], [-1.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+    positions = half * np.array([[0, -1], [-1, 0], [1, 0], [0, 1]])
     return positions, number("chen2023/table-2#telescope-focal-length.value")
 
 
@@ -145,14 +145,14 @@ def _retroreflector(number: _Number) -> _Values:
     """Rotate the reflector of the satellite, a corner cube, about three axes."""
     beam = np.array([0.0, 0.0, -1.0])
     straight = raytrace.mirror_train(raytrace.CORNER) @ beam
-    moved = [
+    moved = max(
         np.linalg.norm(
             raytrace.mirror_train(raytrace.CORNER @ rotation_from_vector(turn).T) @ beam
             - straight
         )
         for turn in _ARCSEC * np.eye(3)
-    ]
-    return max(moved) / _ARCSEC, max(moved) / _ARCSEC, 0.0
+    )
+    return moved / _ARCSEC, moved / _ARCSEC, 0.0
 
 
 def _roll_leak(number: _Number) -> _Values:
@@ -167,7 +167,7 @@ def _roll_leak(number: _Number) -> _Values:
     )
     across, along = (spots.mean(axis=0) - optics.detector_centre(size)) * scale
     reference = rotation_from_vector(np.array([-along, across, 0.0]))
-    rolled = reference @ rotation_from_vector(np.array([0.0, 0.0, 60 * _ARCSEC]))
+    rolled = reference @ rotation_from_vector(60 * _ARCSEC * np.eye(3)[2])
     forms = rolled @ reference.T, attitude.misalignment_between(rolled, reference)
     angles = [attitude.misalignment_angles(form) for form in forms]
     return *(np.hypot(*angle[:2]) / _ARCSEC for angle in angles), 0.0

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 from reproduce.consistency.relation import Relation, Sheet, Unknown
-from reproduce.printed.cells import PrintedCell
 from reproduce.printed.corners import corner_intervals
 from reproduce.printed.number import Interval, PrintedNumber, si_factor
 
@@ -52,19 +51,21 @@ def _rounding_interval(number: PrintedNumber, rule: str = "") -> Interval:
     return value - below, value + above
 
 
-def _ends(cells: Sheet, rule: str) -> _Ends:
-    ends = {}
-    for address, cell in cells.items():
-        factor = si_factor(cell.unit)
-        low, high = (factor * end for end in _rounding_interval(cell.number, rule))
-        slack = _SLACK_RATIO * max(abs(low), abs(high))
-        ends[address] = (low - slack, cell.si, high + slack)
+def _ends(relation: Relation, cells: Sheet, rule: str = "") -> _Ends:
+    """Return the ends of the numbers of a relation, and of its tolerance as a multiple of it.
+
+    The number of a relation of kind ``print`` is one unit of the last printed digit.
+    """
+    ends = {_TOLERANCE: (-1.0, 0.0, 1.0)}
+    for address in relation.addresses:
+        number, unit = cells[address].number, si_factor(cells[address].unit)
+        value, (low, high) = number.value, _rounding_interval(number, rule)
+        if relation.kind == "print":
+            low = value = high = 10.0**number.exponent
+        inner = _END_RATIO * (high - low) * relation.repeats
+        room = _SLACK_RATIO * max(abs(low), abs(high)) - inner
+        ends[address] = unit * (low - room), unit * value, unit * (high + room)
     return ends
-
-
-def _last_digit(cell: PrintedCell) -> float:
-    """Return one unit of the last printed digit, in SI units; one for a count."""
-    return 10.0**cell.number.exponent * si_factor(cell.unit)
 
 
 @dataclass(frozen=True)
@@ -92,7 +93,6 @@ class Agreement:
     several sets are largest, the members are the relations that all of these sets contain.
     """
 
-    unknown: Unknown
     by_relation: dict[str, Interval]
     common: Interval
     members: tuple[str, ...]
@@ -105,22 +105,19 @@ def _gaps(
     unknown: float = math.nan,
 ) -> dict[str, float]:
     """Return left minus right in SI, with inputs at the ends of their intervals."""
-    values = {}
-    for address in relation.addresses:
-        low, printed, high = ends[address]
-        inner = _END_RATIO * (high - low) * relation.repeats
-        side = sides.get(address, 0.0)
-        values[address] = (printed, high - inner, low + inner)[int(side)]
+    values = {
+        address: three[int(sides.get(address, 0.0)) + 1]
+        for address, three in ends.items()
+    }
     _, right, *lefts = relation.values(values, unknown)
     if relation.tolerance:
-        right += sides.get(_TOLERANCE, 0.0) * relation.tolerance.of(right)
+        right += values[_TOLERANCE] * relation.tolerance.of(right)
     return {str(i): left - right for i, left in enumerate(lefts)}
 
 
 def _contradicts(relation: Relation, ends: _Ends) -> bool:
     """Return whether no values within the ends satisfy a relation without an unknown."""
-    inputs = (*relation.addresses, _TOLERANCE)
-    gaps = corner_intervals(lambda sides: _gaps(relation, ends, sides), inputs)
+    gaps = corner_intervals(lambda sides: _gaps(relation, ends, sides), ends)
     return any(
         (math.isnan(low) and math.isnan(high))  # such as a root of a negative number
         or (low > 0 and relation.formula.sign != ">=")
@@ -129,22 +126,22 @@ def _contradicts(relation: Relation, ends: _Ends) -> bool:
     )
 
 
-def _projection(relation: Relation, domain: Interval, ends: _Ends) -> Interval:
-    """Return the part of the domain of its unknown that a relation allows; low > high if none."""
+def _projection(relation: Relation, unknown: Unknown, ends: _Ends) -> Interval:
+    """Return the values of an unknown that a relation allows; low > high if none."""
     from scipy.optimize import brentq  # loaded only for a relation with an unknown
 
-    low, high = domain
+    low, high = unknown.domain
 
     def root(sides: Mapping[str, float]) -> dict[str, float]:
-        def gap(unknown: float) -> float:
-            return _gaps(relation, ends, sides, unknown)["0"]
+        def gap(value: float) -> float:
+            return _gaps(relation, ends, sides, value)["0"]
 
         first, last = gap(low), gap(high)
         if first * last > 0:  # the root is outside of the domain
             return {"root": -math.inf if abs(first) < abs(last) else math.inf}
         return {"root": float(brentq(gap, low, high, xtol=1e-300))}
 
-    corners = corner_intervals(root, (*relation.addresses, _TOLERANCE))["root"]
+    corners = corner_intervals(root, ends)["root"]
     return max(corners.low, low), min(corners.high, high)
 
 
@@ -152,29 +149,26 @@ def agreements(
     cells: Sheet, relations: Sequence[Relation], rule: str = ""
 ) -> dict[str, Agreement]:
     """Return the largest set of relations that agree on one value, for each unknown by name."""
-    ends, found = _ends(cells, rule), dict[str, Agreement]()
+    found = {}
     for unknown in {r.unknown.name: r.unknown for r in relations if r.unknown}.values():
-        allowed = {
-            relation.name: _projection(relation, unknown.domain, ends)
+        intervals = {
+            relation.name: _projection(relation, unknown, _ends(relation, cells, rule))
             for relation in relations
             if relation.unknown == unknown
         }
-        possible = {name: one for name, one in allowed.items() if one[0] <= one[1]}
-        found[unknown.name] = _largest_agreement(unknown, possible)
+        allowed = {name: one for name, one in intervals.items() if one[0] <= one[1]}
+        # One of the largest overlaps starts at each lower end.
+        overlaps = [
+            {name for name, (low, high) in allowed.items() if low <= start <= high}
+            for start, _ in allowed.values()
+        ]
+        size = max(map(len, overlaps), default=0)
+        shared = set(allowed).intersection(*(o for o in overlaps if len(o) == size))
+        members = {name: one for name, one in allowed.items() if name in shared}
+        lows, highs = zip(unknown.domain, *members.values(), strict=True)
+        common = max(lows), min(highs)
+        found[unknown.name] = Agreement(allowed, common, tuple(members))
     return found
-
-
-def _largest_agreement(unknown: Unknown, allowed: dict[str, Interval]) -> Agreement:
-    """Return the relations that every largest overlap contains; one starts at each lower end."""
-    overlaps = [
-        {name for name, (low, high) in allowed.items() if low <= start <= high}
-        for start, _ in allowed.values()
-    ]
-    size = max(map(len, overlaps), default=0)
-    shared = {*allowed}.intersection(*(one for one in overlaps if len(one) == size))
-    members = tuple(name for name in allowed if name in shared)
-    lows, highs = zip(unknown.domain, *(allowed[name] for name in members), strict=True)
-    return Agreement(unknown, allowed, (max(lows), min(highs)), members)
 
 
 def contradicted(
@@ -186,16 +180,16 @@ def contradicted(
     value. If several sets are largest, it cannot be decided which set is right, and the relations
     that are not in all of them count as contradicting.
     """
-    ends, shared = _ends(cells, rule), agreements(cells, relations, rule)
-
-    def holds(relation: Relation) -> bool:
-        if relation.kind == "print":
-            return _agrees(relation, cells, *_sides(relation, cells, shared))
-        if relation.unknown is None:
-            return not _contradicts(relation, ends)
-        return relation.name in shared[relation.unknown.name].members
-
-    return frozenset(relation.name for relation in relations if not holds(relation))
+    shared = agreements(cells, relations, rule)
+    return frozenset(
+        relation.name
+        for relation in relations
+        if (
+            relation.name not in shared[relation.unknown.name].members
+            if relation.unknown
+            else _contradicts(relation, _ends(relation, cells, rule))
+        )
+    )
 
 
 def examine(cells: Sheet, relations: Sequence[Relation]) -> list[RelationResult]:
@@ -205,36 +199,36 @@ def examine(cells: Sheet, relations: Sequence[Relation]) -> list[RelationResult]
     *about* and *nominal* numbers that stand for their rounding only.
     """
     wrong = contradicted(cells, relations)
-    rescues = {
-        rule: wrong - contradicted(cells, relations, rule) for rule in _OTHER_RULES
-    }
+    still_wrong = {r: contradicted(cells, relations, r) for r in _OTHER_RULES}
     strict = [r.model_copy(update={"tolerance": None}) for r in relations]
     beyond_rounding = contradicted(cells, strict, "digits")
     shared, results = agreements(cells, relations), []
     for relation in relations:
         left, right = _sides(relation, cells, shared)
         outcome: RelationOutcome = "agrees only through rounding"
+        rules = []
         if relation.name in wrong:
             outcome = "contradicts"
+            rules = [
+                r for r, names in still_wrong.items() if relation.name not in names
+            ]
         elif _agrees(relation, cells, left, right):
             outcome = "agrees"
         elif relation.name in beyond_rounding:
             outcome = "agrees only within a tolerance"
-        rule = next((r for r in _OTHER_RULES if relation.name in rescues[r]), "")
-        results.append(RelationResult(relation, outcome, left, right, rule))
+        results.append(RelationResult(relation, outcome, left, right, *rules[:1]))
     return results
 
 
 def _sides(
     relation: Relation, cells: Sheet, shared: Mapping[str, Agreement]
 ) -> tuple[float, float]:
-    """Return both sides with the printed values inserted, or with the last digits."""
-    value = _last_digit if relation.kind == "print" else lambda cell: cell.si
+    """Return both sides with the printed values inserted."""
     unknown = 0.0
     if relation.unknown is not None:
         agreement = shared[relation.unknown.name]
         unknown = sum(agreement.common) / 2 if agreement.members else math.nan
-    values = {address: value(cells[address]) for address in relation.addresses}
+    values = {a: value for a, (_, value, _) in _ends(relation, cells).items()}
     left, right, *_ = relation.values(values, unknown)
     return float(left), float(right)
 

@@ -56,7 +56,7 @@ class Formula:
     """A comparison between two expressions, of the form ``left = right``, ``<=`` or ``>=``.
 
     `result` is the name that is the whole left side of an equation, or empty. `bare` is true if
-    both sides are names.
+    both sides are names. `names` are those of its cells, functions and units.
 
     Examples
     --------
@@ -77,11 +77,7 @@ class Formula:
         self._codes = [
             compile(side, "<formula>", "eval") for side in (left, right, *terms)
         ]
-
-    @property
-    def names(self) -> set[str]:
-        """The names of its cells, of its functions and of its units."""
-        return {name for side in self._codes for name in side.co_names}
+        self.names = {name for code in self._codes for name in code.co_names}
 
     def values(self, scope: Mapping[str, Any]) -> list[Any]:
         """Return both sides, then the left sides that must all be below a limit.
@@ -137,11 +133,10 @@ class Tolerance(_Declared):
         """Return the allowed difference from a right side, in SI units."""
         return self.size * (si_factor(self.unit) if self.unit else right)
 
-    @property
-    def text(self) -> str:
-        """The size with its unit, or in per cent."""
+    def __str__(self) -> str:
+        """Return the size with its unit, or in per cent, and the reason."""
         size, unit = (self.size, self.unit) if self.unit else (100 * self.size, "%")
-        return f"{size:.3g} {unit}"
+        return f"{size:.3g} {unit}: {self.reason}"
 
 
 class Relation(_Declared):

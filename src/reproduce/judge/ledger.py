@@ -10,7 +10,7 @@ from itertools import chain
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import model_validator
 
 from reproduce.judge.propagate import plain_results
 from reproduce.judge.readings import Evaluation, ReadingSummary, evaluate
@@ -20,9 +20,6 @@ from reproduce.papers.catalogue import catalogue
 from reproduce.printed.cells import PrintedCell, PrintedTable, find, library
 from reproduce.printed.inputs import load_inputs
 
-_JOINT_TEXT = (
-    "probability of a table as far out as the printed one, all cells simulated together"
-)
 _Reply = Literal["", "none", "received", "disputed", "settled"]
 
 
@@ -87,7 +84,8 @@ class TableRecord(Frozen):
     """of these, cells that differ"""
     expected_outside: float
     """cells expected to differ by chance"""
-    joint_probability: float = Field(description=_JOINT_TEXT)
+    joint_probability: float
+    """probability of a table as far out as the printed one, all cells simulated together"""
     mcse: float
     replicates: int
     readings: int

@@ -118,7 +118,7 @@ class Evaluation:
         never: dict[str, tuple[str, ...]] = {}
         # The smallest sets of options first.
         sizes = range(len(options) + 1)
-        for names in chain.from_iterable(combinations(options, n) for n in sizes):
+        for names in chain(*(combinations(options, size) for size in sizes)):
             rest = tuple(i for i, one in enumerate(options) if one not in names)
             always, sometimes = agrees.all(axis=rest), agrees.any(axis=rest)
             if (always == sometimes).all():
@@ -194,8 +194,8 @@ def evaluate_readings(
                     f"{computation.name}: expected declared cells, got {name}. Declare it"
                 )
             cell, unit = table[name], si_factor(table[name].unit)
+            scaled = result / unit
             if stochastic:
-                scaled = result / unit
                 reading = judge_prediction(cell.number, scaled, choices)
                 if np.ptp(scaled) > 0 and not cell.unpublished:
                     draws.append(scaled)
@@ -203,37 +203,31 @@ def evaluate_readings(
             else:
                 low, high, wide = allowed[name]
                 ends = low / unit, high / unit
-                reading = judge_value(
-                    cell.number, result / unit, ends, choices, wide=wide
-                )
+                reading = judge_value(cell.number, scaled, ends, choices, wide=wide)
             by_cell.setdefault(name, []).append(reading)
-        chance = math.nan, math.nan
-        if draws:
-            chance = joint_probability(np.stack(draws), np.array(intervals))
-        joint.append(chance)
+        drawn = np.array(draws), np.array(intervals)
+        joint.append(joint_probability(*drawn) if draws else (math.nan, math.nan))
     return Evaluation(computation, by_cell, np.array(joint))
 
 
 def _row(reading: Reading) -> list[float]:
     """Return the numbers of a predicted cell that the study stores."""
-    numbers = (reading.computed, *reading.interval, reading.probability, reading.error)
-    return [number or 0.0 for number in numbers]
+    ends = reading.computed, *reading.interval
+    return [*ends, reading.probability or 0.0, reading.error or 0.0]
 
 
 def packed(evaluation: Evaluation) -> dict[str, _Array]:
     """Return an evaluation as arrays, by the names under which the study stores them."""
-    rows = {name: [*map(_row, cells)] for name, cells in evaluation.cells.items()}
-    return {
-        f"{evaluation.computation.name}:{name}": np.array(array)
-        for name, array in {**rows, "joint": evaluation.joint}.items()
-    }
+    lead, cells = f"{evaluation.computation.name}:", evaluation.cells.items()
+    arrays = {f"{lead}{name}": np.array([*map(_row, one)]) for name, one in cells}
+    return {**arrays, f"{lead}joint": evaluation.joint}
 
 
 def fingerprint(computation: Computation) -> str:
     """Return a digest of everything that the stored readings depend on, except the code."""
     inputs = {a: cell.text for a, cell in load_inputs(computation.inputs).cells.items()}
-    table = library()[computation.key]
-    printed = {c.address: c.shown for c in table.cells if computation.makes(c.name)}
+    cells = library()[computation.key].cells
+    printed = {c.address: c.shown for c in cells if computation.makes(c.name)}
     options = [list(map(list, choices.items())) for choices in computation.readings]
     content = [options, inputs, printed, computation.replicates, computation.entropy]
     return hashlib.sha256(json.dumps(content).encode()).hexdigest()
@@ -247,11 +241,8 @@ def _stored(computation: Computation) -> dict[str, _Array]:
     if recorded not in {None, fingerprint(computation)}:
         raise _stale(f"{computation.name} has other inputs or options")
     lead = f"{computation.name}:"
-    return {
-        name.removeprefix(lead): array
-        for name, array in _study().arrays.items()
-        if name.startswith(lead)
-    }
+    arrays = _study().arrays.items()
+    return {n.removeprefix(lead): array for n, array in arrays if n.startswith(lead)}
 
 
 @cache
@@ -260,5 +251,6 @@ def _study() -> studies.StoredStudy:
 
 
 def _stale(reason: str) -> studies.StudyError:
-    command = _study().note["command"]
-    return studies.StudyError(f"{_STUDY}: {reason}; run again: {command}")
+    return studies.StudyError(
+        f"{_STUDY}: {reason}; run again: {_study().note['command']}"
+    )

@@ -57,14 +57,9 @@ class _Shell(click.Group):
             if isinstance(stream, io.TextIOWrapper):
                 stream.reconfigure(encoding="utf-8", errors="backslashreplace")
         try:
-            try:
-                return super().main(*arguments, **settings)
-            finally:
-                sys.stdout.flush()
-        except OSError as error:
+            return super().main(*arguments, **settings)
+        except OSError as error:  # such as a full disk
             sys.stdout = io.StringIO()  # nothing is left to flush at the end
-            if isinstance(error, BrokenPipeError):  # the reader has closed the pipe
-                sys.exit(1)
             sys.exit(f"reproduce: cannot write: {error.strerror}")
 
 

@@ -188,7 +188,7 @@ def _relations(audits: Sequence[Audit]) -> _Part:
 
 def _relation(finding: RelationResult, audit: Audit) -> _Row:
     """Return the record of a relation."""
-    relation, tolerance = finding.relation, finding.relation.tolerance
+    relation = finding.relation
     fields = "source kind claim found_by assumption restates".split()
     return {
         "name": relation.name,
@@ -198,7 +198,7 @@ def _relation(finding: RelationResult, audit: Audit) -> _Row:
         "sides": _sides(finding, audit),
         "cells": list(relation.addresses),
         **{name: getattr(relation, name) for name in fields},
-        "tolerance": f"{tolerance.text}: {tolerance.reason}" if tolerance else "",
+        "tolerance": str(relation.tolerance or ""),
         "rescued_by": finding.rescued_by,
     }
 
@@ -239,9 +239,10 @@ def _errata(audits: Sequence[Audit], *, supposed: bool) -> _Part:
                     "sides": {f.relation.name: _sides(f, audit) for f in findings},
                     "runs": [e for e in audit.equations if e.name in entry.equations],
                     "verdicts": {cell: _judged(cell) for cell in cells},
-                    "reply": entry.reply,
                 }
-    rows.sort(key=_consequence)
+    # By conclusion; then those with most results, and those without a fault of our text.
+    rows.sort(key=lambda row: (-len(row["results"]), row["extraction"]))
+    rows.sort(key=lambda row: _CONCLUSIONS.index(row["conclusion"]))
     kind = "that suppose something" if supposed else "by consequence"
     columns = (
         "name place problem printed sides verdicts library conclusion status reply"
@@ -251,23 +252,13 @@ def _errata(audits: Sequence[Audit], *, supposed: bool) -> _Part:
     return _Part((table,), rows)
 
 
-def _consequence(row: _Row) -> tuple[int, int, bool]:
-    """Order errata by conclusion, number of results, and faults of the extracted text."""
-    return (
-        _CONCLUSIONS.index(row["conclusion"]),
-        -len(row["results"]),
-        row["extraction"],
-    )
-
-
 def _judged(address: str) -> str:
     """Return the printed value of a cell and the computed value."""
     record = item_ledger(address.partition("#")[0]).cell(address)
-    shown = verdicts.texts(record)
-    result = f"{shown['computed']} computed"
-    if record.verdict == "ambiguous" and record.readings:
-        result = f"agrees with {shown['readings that agree']} readings"
-    return f"{shown['printed']} printed, {result}"
+    shown, text = verdicts.texts(record), "{printed} printed, {computed} computed"
+    if record.verdict == "ambiguous":
+        text = "{printed} printed, agrees with {readings that agree} readings"
+    return text.format_map(shown)
 
 
 def _sides(finding: RelationResult, audit: Audit) -> str:
@@ -286,9 +277,9 @@ def _sides(finding: RelationResult, audit: Audit) -> str:
     shown = [relation.result] if relation.result else relation.addresses
     units = {cells[address].unit for address in shown}
     unit = units.pop() if len(units) == 1 else "1"
-    values = (side / si_factor(unit) for side in (finding.left, finding.right))
     return " against ".join(
-        quantity(minus(f"{value:.6g}"), symbol(unit)) for value in values
+        quantity(minus(f"{side / si_factor(unit):.6g}"), symbol(unit))
+        for side in (finding.left, finding.right)
     )
 
 

@@ -16,7 +16,7 @@ from reproduce.judge.ledger import (
 from reproduce.judge.readings import ReadingSummary, evaluate
 from reproduce.judge.verdicts import AGREES, VERDICTS, Flag, Reading
 from reproduce.papers.catalogue import computation_for
-from reproduce.printed.cells import PAPERS, PrintedCell, anchor, library
+from reproduce.printed.cells import PAPERS, PrintedCell, anchor, find
 from reproduce.printed.number import symbol
 from reproduce.views.blocks import Entry, badge, code, link
 from reproduce.views.computed import whole_ledger
@@ -55,7 +55,12 @@ NUMBERS = (
 
 def _cell_of(record: Record) -> PrintedCell:
     """Return the printed cell of a record."""
-    return library()[record.key][record.cell.partition("#")[2]]
+    return find(record.cell)[0]
+
+
+def _with_unit(record: Record, text: str) -> str:
+    """Return a number of a record with its unit; empty for an empty text."""
+    return quantity(minus(text), symbol(record.unit or "1"))
 
 
 def printed(cell: PrintedCell) -> str:
@@ -66,16 +71,16 @@ def printed(cell: PrintedCell) -> str:
 def texts(record: Record) -> dict[str, Entry]:
     """Return the texts of a record by name of the column; empty texts do not apply."""
     cell, interval = _cell_of(record), _interval(record, record.interval)
-    unit, is_drawn = symbol(record.unit or "1"), record.probability is not None
+    is_drawn, known = record.probability is not None, expected(record.cell)
     shown: dict[str, Entry] = {
         "cell": link(cell.anchor, code(cell.name)),
         "table": record.key,
         "place": record.place,
         "printed": cell.shown,
         "stands for": _interval(record, record.stands_for),
-        "computed": quantity(computed(record, extra=1), unit),
-        "Monte Carlo error": quantity(
-            minus(f"{record.error:.1g}") if record.error else "", unit
+        "computed": _with_unit(record, computed(record, extra=1)),
+        "Monte Carlo error": _with_unit(
+            record, f"{record.error:.1g}" if record.error else ""
         ),
         "allowed by rounded inputs": "" if is_drawn else interval,
         "predicted, central 99 %": interval if is_drawn else "",
@@ -86,7 +91,6 @@ def texts(record: Record) -> dict[str, Entry]:
         "verdict": badge(record.verdict, qualified(record)),
         "why": minus(record.reason or record.why),
     }
-    known = expected(record.cell)
     if known.erratum:
         shown["why"] = Markup("{} {}<br>The authors' reply: {}").format(
             shown["why"],
@@ -104,11 +108,12 @@ def texts(record: Record) -> dict[str, Entry]:
             shown["seed"] = seed.format(*made.entropy, made.replicates)
     if readings := record.readings:
         closest = readings.closest
-        p = _probability(closest)
+        text = f"{choices_text(closest.choices)}: {_read(record, closest)}"
+        if p := _probability(closest):
+            text = f"{text}, p = {p}".replace("= <", "<")
         shown["readings that agree"] = f"{readings.agreeing} of {readings.count}"
         shown["agrees with"] = deciding(readings)
-        text = f"{choices_text(closest.choices)}: {_read(record, closest)}"
-        shown["closest reading"] = (text + f", p = {p}" * bool(p)).replace("= <", "<")
+        shown["closest reading"] = text
     return shown
 
 
@@ -124,10 +129,11 @@ def computed(record: Record, extra: int = 0) -> str:
     """
     if record.computed is None:
         return ""
-    hidden = record.verdict not in AGREES or {"rounding", "tolerance"} & {*record.flags}
-    return minus(
-        _cell_of(record).number.format(record.computed, extra=extra + bool(hidden))
+    shown = record.verdict in AGREES and {"rounding", "tolerance"}.isdisjoint(
+        record.flags
     )
+    number = _cell_of(record).number
+    return minus(number.format(record.computed, extra=extra + (not shown)))
 
 
 def _interval(record: Record, ends: Sequence[float | None] | None) -> str:
@@ -135,8 +141,8 @@ def _interval(record: Record, ends: Sequence[float | None] | None) -> str:
     if not ends or None in ends or len({*ends}) == 1:
         return ""
     number = _cell_of(record).number
-    text = " to ".join(number.format(end or 0.0, extra=1) for end in ends)
-    return quantity(minus(text), symbol(record.unit or "1"))
+    texts = (number.format(end or 0.0, extra=1) for end in ends)
+    return _with_unit(record, " to ".join(texts))
 
 
 def _probability(record: Record | Reading) -> str:
@@ -209,8 +215,8 @@ def deciding(summary: ReadingSummary) -> str:
 def _read(record: Record, reading: Reading) -> str:
     """Return the computed value and the verdict of a cell under one reading."""
     extra = int(not reading.agrees or bool(flags(reading.flags)))
-    value = minus(_cell_of(record).number.format(reading.computed, extra=extra))
-    return f"{quantity(value, symbol(record.unit or '1'))}, {qualified(reading)}"
+    value = _cell_of(record).number.format(reading.computed, extra=extra)
+    return f"{_with_unit(record, value)}, {qualified(reading)}"
 
 
 def tally(records: Collection[Record]) -> dict[str, int]:
@@ -308,7 +314,7 @@ def filled(text: str) -> str:
 def _facts_of_cell(record: Record) -> dict[str, str]:
     facts = {
         "printed": _cell_of(record).shown,
-        "computed": quantity(computed(record), symbol(record.unit or "1")) or "nothing",
+        "computed": _with_unit(record, computed(record)) or "nothing",
         "verdict": record.verdict,
         "probability": _probability(record) or "none",
     }
@@ -324,9 +330,7 @@ def _facts_of_cell(record: Record) -> dict[str, str]:
         "readings": str(summary.count),
         "agreeing": str(summary.agreeing),
         "agrees-if": deciding(summary) or "no reading decides",
-        "closest": choices_text(summary.closest.choices),
         "closest-computed": _read(record, summary.closest).partition(",")[0],
-        "closest-probability": _probability(summary.closest) or "none",
     }
 
 
