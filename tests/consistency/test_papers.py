@@ -13,12 +13,13 @@ import pytest
 from made_up import PINT, audited_table, printed_cell
 
 from reproduce.consistency.examine import _rounding_interval, contradicted
-from reproduce.consistency.report import audit_paper, register
+from reproduce.consistency.report import audit_paper
 from reproduce.printed.number import UNITS, si_factor
+from reproduce.views.consistency import errata_register
 
 DATA = Path(__file__).parent.parent.parent / "data"
 PAPERS = ("niu2024", "chen2023")
-ERRATA = register((DATA / "errata.toml").read_text(encoding="utf-8"))
+ERRATA = errata_register()
 TABLE_V = "chen2023/table-5#"
 
 

@@ -243,4 +243,5 @@ def _agrees(relation: Relation, cells: Sheet, left: float, right: float) -> bool
         cell = cells[relation.result]
         low, high = _rounding_interval(cell.number, "digits")
         room += (high - low) / 2 * si_factor(cell.unit)
-    return relation.missed_by(left, right) <= room
+    missed = {"=": abs(left - right), "<=": left - right, ">=": right - left}
+    return missed[relation.formula.sign] <= room

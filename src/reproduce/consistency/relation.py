@@ -218,11 +218,6 @@ class Relation(_Declared):
         except (ArithmeticError, ValueError):  # such as a root of a negative number
             return [math.nan] * 3
 
-    def missed_by(self, left: float, right: float) -> float:
-        """Return the distance of two sides from the relation; at most zero if it holds."""
-        missed = {"=": abs(left - right), "<=": left - right, ">=": right - left}
-        return missed[self.formula.sign]
-
 
 def declarations(paper: str) -> dict[str, Any]:
     """Return the declared relations and equations of a paper; empty without a file."""

@@ -1,10 +1,9 @@
-"""The audit of a paper, and the register of errata."""
+"""The audit of a paper, and the entries of the register of errata."""
 
 from __future__ import annotations
 
 import fnmatch
 import functools
-import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -145,11 +144,10 @@ class Erratum(BaseModel):
 
     def findings(self, audit: Audit) -> list[examine.RelationResult]:
         """Return the results of the relations that the entry names."""
-        names = [finding.relation.name for finding in audit.findings]
-        named = {name for p in self.relations for name in fnmatch.filter(names, p)}
-        return [result for result in audit.findings if result.relation.name in named]
-
-
-def register(text: str) -> list[Erratum]:
-    """Return the entries of a register, in the order of the file."""
-    return [Erratum.model_validate(entry) for entry in tomllib.loads(text)["erratum"]]
+        return [
+            finding
+            for finding in audit.findings
+            if any(
+                fnmatch.fnmatchcase(finding.relation.name, p) for p in self.relations
+            )
+        ]

@@ -310,7 +310,7 @@ class Expectation(Frozen):
         return self
 
 
-def _entries(file: str, name: str) -> Iterator[dict[str, Any]]:
+def entries(file: str, name: str) -> Iterator[dict[str, Any]]:
     """Yield the entries of a TOML file of every data folder."""
     for path in data_files(file):
         yield from tomllib.loads(path.read_text(encoding="utf-8"))[name]
@@ -321,12 +321,12 @@ def frozen() -> dict[str, Expectation]:
     """Return the frozen verdicts by address."""
     expectations: dict[str, Expectation] = {}
     errata, letters = (
-        _entries("errata.toml", "erratum"),
-        _entries("letters.toml", "question"),
+        entries("errata.toml", "erratum"),
+        entries("letters.toml", "question"),
     )
     replies = {one["id"]: one.get("reply", "") for one in errata}
     states = {one["id"]: one.get("state", "none") for one in letters}
-    for entry in _entries("verdicts.toml", "expect"):
+    for entry in entries("verdicts.toml", "expect"):
         expectation = Expectation(
             answer=replies.get(entry.get("erratum"), ""),
             reply=states.get(entry.get("question"), ""),

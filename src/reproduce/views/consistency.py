@@ -11,9 +11,8 @@ from typing import Any
 import pandas as pd
 
 from reproduce.consistency.examine import RelationResult
-from reproduce.consistency.report import Audit, Erratum, audit_paper, register
-from reproduce.judge.ledger import frozen, item_ledger
-from reproduce.locate import data_folders
+from reproduce.consistency.report import Audit, Erratum, audit_paper
+from reproduce.judge.ledger import entries, frozen, item_ledger
 from reproduce.printed.cells import PAPERS, anchor
 from reproduce.printed.number import si_factor, symbol
 from reproduce.version import __version__
@@ -128,11 +127,7 @@ class ConsistencyAudit(Display):
 @cache
 def errata_register() -> tuple[Erratum, ...]:
     """Return the register of errata of all papers, in the order of its files."""
-    texts = [
-        (folder / "errata.toml").read_text(encoding="utf-8")
-        for folder in data_folders()
-    ]
-    return tuple(folder for text in texts for folder in register(text))
+    return tuple(map(Erratum.model_validate, entries("errata.toml", "erratum")))
 
 
 def _table(part: str, caption: str, columns: Iterable[str], rows: list[_Row]) -> Html:
@@ -166,10 +161,9 @@ def _score(audits: Sequence[Audit]) -> _Part:
             len(audit.supposed) + len(supposing),
         )
         rows.append({"name": audit.name, **dict(zip(_SCORE, numbers, strict=True))})
-    shown = [{"Paper": code(row["name"]), **row} for row in rows]
-    columns = ("Paper", *_SCORE)
-    grid = Grid.of("The consistency checks", columns, shown, kind="rp-score")
-    return _Part((grid,), rows)
+    shown = [row | {"Paper": code(row["name"])} for row in rows]
+    caption = "The consistency checks"
+    return _Part((Grid.of(caption, ("Paper", *_SCORE), shown, kind="rp-score"),), rows)
 
 
 def _relations(audits: Sequence[Audit]) -> _Part:
@@ -287,9 +281,8 @@ def _differences(audits: Sequence[Audit]) -> _Part:
     """Show the distances between printed and computed numbers."""
     from reproduce.views import differences  # it loads the figures
 
-    papers = [audit.name for audit in audits]
-    shown = differences.differences_block(papers)
-    return _Part((shown,), differences.distances(papers).to_dict("records"))
+    found = differences.distances([audit.name for audit in audits])
+    return _Part((differences.differences_block(found),), found.to_dict("records"))
 
 
 def _digits(value: float) -> str:

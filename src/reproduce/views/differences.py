@@ -12,7 +12,6 @@ from reproduce.papers.charts import is_narrow, set_size
 from reproduce.printed.cells import find
 from reproduce.views.blocks import Html
 from reproduce.views.computed import whole_ledger
-from reproduce.views.export import full_frame
 from reproduce.views.figure import figure_block
 
 if TYPE_CHECKING:
@@ -25,24 +24,24 @@ def distances(papers: Collection[str]) -> pd.DataFrame:
     The distance is the middle of the printed interval minus the middle of the interval of the
     computed number, over the sum of their half widths. It is at most one if both overlap.
     """
-    frame = full_frame(whole_ledger().records)
-    frame["paper"] = frame["key"].str.partition("/")[0]
-    frame["agrees"] = frame["verdict"].isin(AGREES)
-    compared = frame["agrees"] | frame["verdict"].eq("differs")
-    frame = frame[compared & frame["paper"].isin(papers)]
-    names = ("stands_for_low", "stands_for_high", "interval_low", "interval_high")
-    low, high, lower, upper = (frame[name].astype(float) for name in names)
-    widths, middles = high - low + upper - lower, low + high - lower - upper
-    labels = [find(cell)[0].label for cell in frame["cell"]]
-    numbers = frame["place"].str.partition(",")[0] + ": " + labels
-    found = frame.assign(name=frame["cell"], number=numbers, distance=middles / widths)
+    rows = []
+    for record in whole_ledger().records:
+        paper, agrees = record.key.partition("/")[0], record.verdict in AGREES
+        both = *(record.stands_for or ()), *(record.interval or ())
+        ends = [end for end in both if end is not None]  # a limit has one end
+        judged = agrees or record.verdict == "differs"
+        if paper in papers and judged and len(ends) == 4:
+            low, high, lower, upper = ends
+            number = f"{record.place.partition(',')[0]}: {find(record.cell)[0].label}"
+            if (width := high - low + upper - lower) > 0:
+                distance = (low + high - lower - upper) / width
+                rows.append((record.cell, paper, number, agrees, distance))
     columns = ["name", "paper", "number", "agrees", "distance"]
-    return found.loc[widths > 0, columns].sort_values("agrees", kind="stable")
+    return pd.DataFrame(rows, columns=columns).sort_values("agrees", kind="stable")
 
 
-def differences_block(papers: Collection[str]) -> Html:
+def differences_block(found: pd.DataFrame) -> Html:
     """Return the strip plot of the distances, one row per number that differs."""
-    found = distances(papers)
     numbers = found["number"].mask(found["agrees"], "numbers that agree")
     lines = found["paper"] + ", " + numbers
     labels = list(dict.fromkeys(lines))

@@ -185,8 +185,7 @@ class Sweep(Display):
         def page() -> str:
             words = f"Graph of the computed values against {self.label}."
             shown = self.caption.replace("In brackets", "Bars")
-            caption = f"{shown} Dashed: the {self.dashed}."
-            graph = ""
+            caption, graph = f"{shown} Dashed: the {self.dashed}.", ""
             if len(numbers) <= _MAX_PANELS:
                 graph = figure_block(self.name, paint, words, caption).markup
             return rendered("sweep", sweep=self, grid=grid.markup, graph=graph)
@@ -222,10 +221,10 @@ def swept(
         )
     cells, printed, parts = [find(name)[0] for name in names], [], []
     for step in steps:
-        numbers = zip(cells, map(si_value, cells, step), strict=True)
-        printed.append(all(isclose(number, cell.si) for cell, number in numbers))
-        change = dict(zip(names, step, strict=True))
-        parts.append(compute(change).assign(setting=", ".join(map(str, step))))
+        numbers = map(si_value, cells, step)
+        printed.append(all(map(isclose, numbers, (cell.si for cell in cells))))
+        rows = compute(dict(zip(names, step, strict=True)))
+        parts.append(rows.assign(setting=", ".join(map(str, step))))
     rows = pd.concat(parts, keys=range(len(parts)), names=["step", "number"])
     inputs = "an input" if len(names) == 1 else f"{len(names)} inputs"
     caption = f"{place}, for {len(steps)} values of {inputs}."
@@ -285,8 +284,8 @@ def of_study(
         texts = [old[n] if isinstance(old[n], str) else f"{n} {old[n]}" for n in labels]
         for name in names or [name for name in columns if name != first]:
             cell = ": ".join(filter(None, (", ".join(texts), name)))
-            text, numbers = entry(new[name], columns[name]), (new[name], old[name])
-            rows.append((cell, cell, text, *map(float, numbers)))
+            text = entry(new[name], columns[name])
+            rows.append((cell, cell, text, float(new[name]), float(old[name])))
     names = ["cell", "label", "text", "computed", "mark"]
     return pd.DataFrame(rows, columns=names).assign(
         low=None, high=None, unit="", bottom=None, top=None
