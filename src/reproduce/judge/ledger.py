@@ -244,19 +244,19 @@ def _results(evaluation: Evaluation, table: PrintedTable) -> dict[str, Record]:
 
 def _why(cell: PrintedCell, reading: Reading) -> str:
     """Return the verdict of the literal reading in words."""
-    agrees, flags, p = reading.agrees, reading.flags, reading.probability
+    agrees, p = reading.agrees, reading.probability
     numbers = (reading.computed, *reading.interval)
     value, low, high = (cell.number.format(number, extra=1) for number in numbers)
     if p is not None:
         side = "inside" if agrees else "outside"
         chance = f"probability {p:.2g}" if p else "beyond every replicate"
         return f"{side} the central {CENTRAL:.0%} of the prediction, {low} to {high} ({chance})"
-    if "bound" in flags:
+    if "bound" in reading.flags:
         return f"{value} {'keeps' if agrees else 'breaks'} the bound"
     allowed = f"rounded inputs allow {low} to {high}"
     if not agrees:
         return f"{value}; {allowed}, which excludes the printed number"
-    if (reading.share or 0) > 1 or "rounding" in flags:
+    if (reading.share or 0) > 1 or "rounding" in reading.flags:
         return f"{value} does not round to the printed digits; {allowed}"
     return f"{value} rounds to the printed digits"
 
@@ -265,8 +265,8 @@ def _table_record(evaluation: Evaluation) -> TableRecord:
     """Return the joint record of the predicted cells of a computation."""
     key, cells = evaluation.computation.key, evaluation.cells
     table = library()[key]
-    results = [evaluation.results(name) for name in cells]
-    distinct = np.sort(np.unique(np.stack(results), axis=1, return_index=True)[1])
+    results = np.array([evaluation.results(name) for name in cells])
+    distinct = np.sort(np.unique(results, axis=1, return_index=True)[1])
     judged = [name for name in cells if not table[name].unpublished]
     agreeing = np.sum([[r.agrees for r in cells[name]] for name in judged], axis=0)
     joint = evaluation.joint[:, 0]

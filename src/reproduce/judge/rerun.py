@@ -144,11 +144,12 @@ def check_randomness(
         ("seed", seed, 0, math.inf),
         ("replicates", replicates, 2, _MAX_REPLICATES),
     ):
-        is_whole = isinstance(number, int | np.integer) and least <= number <= greatest
-        if number is not None and not (random and is_whole):
-            expected = f"None, since {key} draws no random numbers"
-            if random:
-                expected = f"a whole number from {least} to {greatest:,}"
+        expected = f"None, since {key} draws no random numbers"
+        if random:
+            expected = f"a whole number from {least} to {greatest:,}"
+            if isinstance(number, int | np.integer) and least <= number <= greatest:
+                continue
+        if number is not None:
             raise CannotChangeError(f"{name}: expected {expected}, got {number!r}")
 
 
@@ -277,9 +278,10 @@ class Rerun:
     def results(self, computation: Computation) -> dict[str, Any]:
         """Return the results of a computation whose inputs follow the changes."""
         if computation.name not in self._results:
-            inputs = self.inputs(computation.inputs)
             run = computation.with_options(self.options)
-            self._results[computation.name] = run(inputs, self._replicates)
+            self._results[computation.name] = run(
+                self.inputs(computation.inputs), self._replicates
+            )
         return self._results[computation.name]
 
     def inputs(self, patterns: tuple[str, ...]) -> Inputs:

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 # Height of a panel in inches, and largest number of panels of a graph.
 _PANEL_INCHES, _MAX_PANELS = 1.7, 8
-# Interval of a number without one.
+# Bounds of a missing interval.
 _OPEN = (None, None)
 
 

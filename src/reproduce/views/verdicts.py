@@ -129,11 +129,9 @@ def computed(record: Record, extra: int = 0) -> str:
     """
     if record.computed is None:
         return ""
-    shown = record.verdict in AGREES and {"rounding", "tolerance"}.isdisjoint(
-        record.flags
-    )
-    number = _cell_of(record).number
-    return minus(number.format(record.computed, extra=extra + (not shown)))
+    is_near = not {"rounding", "tolerance"}.isdisjoint(record.flags)
+    extra += is_near or record.verdict not in AGREES
+    return minus(_cell_of(record).number.format(record.computed, extra=extra))
 
 
 def _interval(record: Record, ends: Sequence[float | None] | None) -> str:
