@@ -5,14 +5,15 @@ Each file is read once. Do not write to the arrays.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cache
 
+import erfa
 import numpy as np
 from numpy.typing import NDArray
 
 from reproduce.locate import data_folder
 
+FloatArray = NDArray[np.float64]
 _HEADER_BYTES = 28
 # One star: number, right ascension, declination, spectral type, 100 V, proper motions.
 _RECORD = np.dtype(
@@ -27,55 +28,41 @@ _RECORD = np.dtype(
 )
 
 
-@dataclass(frozen=True, eq=False)
-class _CatalogueStars:
-    """Stars of a catalogue.
+@cache
+def bright_stars() -> tuple[NDArray[np.int64], FloatArray, FloatArray]:
+    """Return the Bright Star Catalogue, without the entries that are no stars.
 
-    Attributes
-    ----------
+    Returns
+    -------
     number : ndarray of int, shape (n,)
-        In the catalogue.
+        Number in the catalogue.
     directions : ndarray, shape (n, 3)
         Unit vectors in the celestial frame, epoch J2000.
     magnitude : ndarray, shape (n,)
-        Visual.
-    """
-
-    number: NDArray[np.int64]
-    directions: NDArray[np.float64]
-    magnitude: NDArray[np.float64]
-
-
-@cache
-def bright_stars() -> _CatalogueStars:
-    """Return the Bright Star Catalogue, without the entries that are no stars.
+        Visual magnitude.
 
     Examples
     --------
     Sirius is number 2491.
 
-    >>> stars = bright_stars()
-    >>> float(stars.magnitude[stars.number == 2491][0])
+    >>> number, _, magnitude = bright_stars()
+    >>> float(magnitude[number == 2491][0])
     -1.46
     """
     content = (data_folder() / "stars" / "bsc5.dat").read_bytes()
     table = np.frombuffer(content, _RECORD, offset=_HEADER_BYTES)
-    # Fourteen numbers of the catalogue are novae and clusters, entered without a place.
-    table = table[(table["right_ascension"] != 0) | (table["declination"] != 0)]
     alpha, delta = table["right_ascension"], table["declination"]
-    directions = np.stack(
-        [np.cos(delta) * np.cos(alpha), np.cos(delta) * np.sin(alpha), np.sin(delta)],
-        axis=-1,
+    # Fourteen numbers of the catalogue are novae and clusters, entered without a place.
+    stars = (alpha != 0) | (delta != 0)
+    columns = table["number"].astype(np.int64), erfa.s2c(alpha, delta)
+    number, directions, magnitude = (
+        column[stars] for column in (*columns, table["magnitude"] / 100)
     )
-    return _CatalogueStars(
-        table["number"].astype(np.int64),
-        directions,
-        table["magnitude"].astype(np.float64) / 100,
-    )
+    return number, directions, magnitude
 
 
 @cache
-def spectra() -> dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]]:
+def spectra() -> dict[str, tuple[FloatArray, FloatArray]]:
     """Return the tabulated spectra of Vega and the Sun, as seen from the Earth.
 
     ``vega`` and ``sun``, each to wavelengths, in metres, and photons per second, square metre and

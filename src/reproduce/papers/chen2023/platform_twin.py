@@ -161,13 +161,14 @@ _draws_test = partial(
 @draws("chen2023/fig-1c", inputs=platform.INSTRUMENT, marks=[platform.SPOTS])
 def _draw_frame(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     """Draw a frame of the tracker: stars of the catalogue and the four laser spots."""
-    (alpha, delta, roll), stars = _POINTING_DEG, bright_stars()
+    alpha, delta, roll = _POINTING_DEG
+    _, directions, magnitude = bright_stars()
     angles = alpha + 90, 90 - delta, roll
     pointing = Rotation.from_euler("ZXZ", angles, degrees=True)
-    rays = pointing.inv().apply(stars.directions)
-    seen = (rays[:, 2] > 0.9) & (stars.magnitude <= _FAINTEST_MAGNITUDE)
+    rays = pointing.inv().apply(directions)
+    seen = (rays[:, 2] > 0.9) & (magnitude <= _FAINTEST_MAGNITUDE)
     spots = received_spots(rays[seen], *platform.as_designed(inputs).tracker)
-    sizes = 5 * 1.7 ** (_FAINTEST_MAGNITUDE - stars.magnitude[seen])
+    sizes = 5 * 1.7 ** (_FAINTEST_MAGNITUDE - magnitude[seen])
     set_size(figure, 6.0, 6.0, 4.2)
     axes = figure.add_subplot()
     x, y = spots.T

@@ -213,8 +213,7 @@ def _setting(inputs: Inputs, case: _Case) -> _Setting:
 def _predicted(setting: _Setting) -> CentroidError:
     """Return the closed form of the errors along x, (resolutions, phases)."""
     error = centre_of_gravity_error(*setting)
-    parts = error.bias, error.variance, error.slope
-    return CentroidError(*(part[..., 0] for part in parts))
+    return CentroidError(error.bias[..., 0], error.variance[..., 0])
 
 
 def _relative_error(inputs: Inputs) -> float:

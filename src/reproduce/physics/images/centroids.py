@@ -19,6 +19,9 @@ from reproduce.physics import validate
 from reproduce.physics.images.spots import _edges, _fractions, _gradient
 from reproduce.physics.validate import FloatArray, Image, NonNegative, Point, Positive
 
+# Variance of a pixel without flux and noise, which tells nothing of the spot.
+_LEAST_VARIANCE = np.finfo(float).tiny
+
 
 @validate.checked
 def centre_of_gravity(windows: Image, corners: Point) -> FloatArray:
@@ -75,13 +78,10 @@ class CentroidError:
         Expected minus true position, in px.
     variance : ndarray, shape (..., 2)
         Variance about the expected position, in px^2.
-    slope : ndarray, shape (..., 2)
-        Derivative of the expected position by the true position; 1 without bias.
     """
 
     bias: FloatArray
     variance: FloatArray
-    slope: FloatArray
 
     @property
     def within(self) -> FloatArray:
@@ -143,7 +143,7 @@ def centre_of_gravity_error(
     >>> (error.variance * 1e4).round(4)
     array([1.0833, 1.0833])
     """
-    sums, slopes = _sums(positions - corners, light, radius, size)
+    sums = _sums(positions - corners, light, radius, size)
     total = sums.sum(axis=-1)
     _check_flux(total)
     pixels = np.arange(size)
@@ -153,25 +153,20 @@ def centre_of_gravity_error(
     variance = (offsets**2 * sums).sum(axis=-1) + read * (offsets**2).sum(axis=-1)
     # The denominator has noise too, correlated with that of the numerator: second order.
     push = -read * offsets.sum(axis=-1) / total**2
-    slope = (offsets * slopes).sum(axis=-1) / total
     bias = centre + push - (positions - corners)
-    return CentroidError(bias, variance / total**2, slope)
+    return CentroidError(bias, variance / total**2)
 
 
 def _sums(
     positions: FloatArray, light: FloatArray, radius: FloatArray, size: int
-) -> tuple[FloatArray, FloatArray]:
-    """Return sums of columns and rows of windows, and derivatives by x and y, (..., 2, size).
+) -> FloatArray:
+    """Return the sums of the columns and of the rows of windows, (..., 2, size).
 
     Positions, (..., 2), are relative to the first pixel.
     """
-    edges = _edges(positions, radius[..., None], size)
-    inside = _fractions(edges)
+    inside = _fractions(_edges(positions, radius[..., None], size))
     across = inside.sum(axis=-1, keepdims=True)[..., ::-1, :]
-    width = -np.sqrt(2 * np.pi) * radius[..., None, None]
-    slopes = np.diff(np.exp(-0.5 * edges**2)) / width
-    flux = light[..., None, None]
-    return flux * inside * across, flux * slopes * across
+    return light[..., None, None] * inside * across
 
 
 @validate.checked
@@ -195,7 +190,7 @@ def cramer_rao_variance(
     -------
     ndarray, shape (..., 2)
         Variance along x and y, in px^2. The bound of a biased estimator is this variance times the
-        square of its slope (`CentroidError.slope`).
+        square of the derivative of its expected position by the true position.
 
     Examples
     --------
@@ -206,11 +201,10 @@ def cramer_rao_variance(
     """
     size = validate.whole_number("size", size)
     x, y = np.moveaxis(positions - corners, -1, 0)
-    columns = np.broadcast_arrays(x, y, light, radius, read_noise)
-    model, slopes = _gradient(np.stack(columns[:3], axis=-1), columns[3], size, size)
-    variance = model + columns[4][..., None, None] ** 2
-    weights = 1.0 / np.maximum(variance, np.finfo(float).tiny)
-    weighted = slopes * weights[..., None, :, :]
+    state = np.stack(np.broadcast_arrays(x, y, light), axis=-1)
+    model, slopes = _gradient(state, radius, size, size)
+    variance = np.maximum(model + read_noise[..., None, None] ** 2, _LEAST_VARIANCE)
+    weighted = slopes / variance[..., None, :, :]
     information = np.einsum("...kyx,...lyx->...kl", weighted, slopes)
     return np.linalg.inv(information).diagonal(axis1=-2, axis2=-1)[..., :2]
 
@@ -256,7 +250,7 @@ def simulated_errors(
     >>> simulated_errors([[0, 0]], 1e12, [0.5], (-2, -2), 5, 0.0, 2, rng).shape
     (2, 1)
     """
-    columns = _sums(positions - corners, light, radius, size)[0][:, 0]
+    columns = _sums(positions - corners, light, radius, size)[:, 0]
     shape = (validate.whole_number("trials", trials), *columns.shape)
     seen = generator.poisson(columns, size=shape).astype(np.float64)
     if read_noise:
