@@ -197,16 +197,13 @@ def _open_fits(name: re.Match[str]) -> Iterator[Any]:
             yield units
 
 
-def _image_names(units: Any) -> list[str]:
-    """Return the two-dimensional images of a FITS file: names of extensions, or numbers."""
-    names = [unit.name for unit in units]
-    return [
-        str(number)
-        if name == "PRIMARY" or name.isdecimal() or names.count(name) > 1
-        else name
-        for number, (name, unit) in enumerate(zip(names, units, strict=True))
+def _image_names(units: Any) -> dict[int, str]:
+    """Return the numbers and names of the two-dimensional images of a FITS file."""
+    return {
+        number: unit.name
+        for number, unit in enumerate(units)
         if unit.is_image and unit.header.get("NAXIS", 0) >= 2
-    ]
+    }
 
 
 def _from_fits(path: str) -> Any:
@@ -217,20 +214,19 @@ def _from_fits(path: str) -> Any:
             "expected a FITS file, got another format. Read it into an array"
         )
     with _open_fits(name) as units:
-        images, extension = _image_names(units), name["extension"]
-        names = [unit.name for unit in units]
-        same = names.count((extension or "").strip().upper())
-        if same > 1 or (extension is None and len(images) != 1):
+        images, wanted = _image_names(units), (name["extension"] or "").strip().upper()
+        found = [n for n, one in images.items() if wanted in ("", str(n), one)]
+        if len(found) != 1:
+            listed = ", ".join(f"{number} ({one})" for number, one in images.items())
             raise ValueError(
-                f"expected one image, got {', '.join(images) or 'none'}. Name the extension in "
-                f"brackets, such as {Path(name['file']).name}[{(*images, 'SCI')[0]}]"
+                f"expected one image, got {listed or 'none'}. Name the extension in brackets, such "
+                f"as {Path(name['file']).name}[{min(images, default='SCI')}]"
             )
-        extension = extension or images[0]
-        unit = units[int(extension) if extension.isdecimal() else extension]
-        if not (unit.is_image and 0 < math.prod(unit.shape) <= _MAX_PIXELS):
+        unit = units[found[0]]
+        if not 0 < math.prod(unit.shape) <= _MAX_PIXELS:
             raise ValueError(
-                f"expected an image of up to {_MAX_PIXELS:,} px, got {extension} with the shape "
-                f"{getattr(unit, 'shape', None)}. Name another extension, or use a part"
+                f"expected an image of up to {_MAX_PIXELS:,} px, got the shape {unit.shape}. Name "
+                "another extension, or use a part"
             )
         data = np.squeeze(unit.data)
     if name["file"].lower().endswith(".gz"):  # Astropy does not read the check sum

@@ -51,14 +51,10 @@ def bright_stars() -> tuple[NDArray[np.int64], FloatArray, FloatArray]:
     """
     content = (data_folder() / "stars" / "bsc5.dat").read_bytes()
     table = np.frombuffer(content, _RECORD, offset=_HEADER_BYTES)
-    alpha, delta = table["right_ascension"], table["declination"]
     # Fourteen numbers of the catalogue are novae and clusters, entered without a place.
-    stars = (alpha != 0) | (delta != 0)
-    columns = table["number"].astype(np.int64), erfa.s2c(alpha, delta)
-    number, directions, magnitude = (
-        column[stars] for column in (*columns, table["magnitude"] / 100)
-    )
-    return number, directions, magnitude
+    table = table[(table["right_ascension"] != 0) | (table["declination"] != 0)]
+    directions = erfa.s2c(table["right_ascension"], table["declination"])
+    return table["number"].astype(np.int64), directions, table["magnitude"] / 100
 
 
 @cache
