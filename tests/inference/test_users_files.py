@@ -62,6 +62,9 @@ def test_wrong_files_are_rejected_by_row_and_column():
         table.loc[9, column] = value
         with pytest.raises(TableFileError, match=message):
             rp.posterior(name, table)
+    for column, message in (("frame", "row 4, column laser"), ("group", "one group")):
+        with pytest.raises(TableFileError, match=message):
+            rp.posterior("misalignment", spot_table().assign(**{column: 1}))
     for name, declared in posteriors().items():
         if isinstance(declared.file, str):
             with pytest.raises(TableFileError, match=f"{name} takes no file"):

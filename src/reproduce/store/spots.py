@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from reproduce.physics.validate import Finding, FloatArray, number_array
+from reproduce.physics.validate import FloatArray, number_array
 from reproduce.store.points import (
     _LARGEST_NUMBER,
     DataTable,
@@ -30,28 +30,25 @@ Images = tuple[FloatArray, FloatArray]
 
 def read_images(
     count: int, spots: Any, zero: Any = None, sep: str | None = None
-) -> tuple[Images, Any, list[Finding]]:
-    """Return the images of both groups, labels of those at the present, and findings.
+) -> tuple[Images, Any]:
+    """Return the images of both groups, and labels of those at the present.
 
     Shape (frames, count, 2), in px; `spots` may be a table of both groups, whose labels are a
     pandas index.
     """
-    labels = None
     if is_table(spots):
         if zero is not None:
             raise ValueError(
                 "zero: expected no argument with a table, which contains both groups, got one. "
                 "Leave it out"
             )
-        pair, labels = images_of(read_table(spots, SPOTS, IMAGES, sep), count)
-    elif zero is None:
+        return images_of(read_table(spots, SPOTS, IMAGES, sep), count)
+    if zero is None:
         raise ValueError(
             "zero: expected the images at the zero point, got no argument. Pass them, or a table "
             "of both groups"
         )
-    else:
-        pair = _array("zero", zero, count), _array("spots", spots, count)
-    return pair, labels, lost_spots(pair)
+    return (_array("zero", zero, count), _array("spots", spots, count)), None
 
 
 def _array(name: str, images: Any, count: int) -> FloatArray:
@@ -78,31 +75,26 @@ def images_of(table: DataTable, count: int) -> tuple[Images, Any]:
         allowed = np.isin(table.numbers[name], range(least, greatest + 1))
         table.check(name, allowed, f"a whole number from {least} to {greatest}")
     frame = pd.DataFrame(dict(table.numbers))
-    series = frame.groupby(["group", "laser"])["x"]
     label = next((column for column in IMAGES if column in frame), None)
+    series = frame.groupby(["group", "laser"])["x"]
     frame["image"] = series.cumcount() if label is None else frame[label]
-    columns = pd.MultiIndex.from_product([["x", "y"], range(1, count + 1)])
-    try:
-        wide = frame.pivot(index=["group", "image"], columns="laser", values=["x", "y"])
-        groups = [wide.reindex(columns=columns).loc[group] for group in range(2)]
-    except (KeyError, ValueError) as error:
-        raise TableFileError(
-            f"{table.path}: expected each light once in an image, and the groups 0 (the zero "
-            f"point) and 1 (the present), got others ({error}). Add or remove spots"
-        ) from error
+    repeats = frame.duplicated(["group", "laser", "image"])
+    table.check("laser", ~repeats.to_numpy(), "each light once in an image")
     if label is None and series.size().groupby("group").nunique().max() > 1:
         raise TableFileError(
             f"{table.path}, column laser: expected equally many spots of each light, got others. "
             "Add a column frame, a number for each image"
         )
-    zero, now = (
-        group.to_numpy().reshape(-1, 2, count).swapaxes(1, 2) for group in groups
-    )
-    return (zero, now), groups[1].index.rename(label or "image")
-
-
-def lost_spots(pair: Images) -> list[Finding]:
-    """Return the finding on lost spots."""
-    lost = np.concatenate([np.isnan(group[..., 0]).ravel() for group in pair])
-    text = f"{lost.sum()} of {lost.size} spots are lost: an image with fewer spots has less weight"
-    return [Finding("lost", text)] * bool(lost.any())
+    groups = []
+    for group in range(2):
+        rows = frame[frame["group"] == group]
+        images, labels = rows["image"].factorize(sort=True)
+        spots = np.full((len(labels), count, 2), np.nan)
+        spots[images, rows["laser"].astype(int) - 1] = rows[["x", "y"]]
+        groups.append(spots)
+    if not all(map(len, groups)):
+        raise TableFileError(
+            f"{table.path}, column group: expected spots at the zero point (0) and at the present "
+            "(1), got one group. Add the other"
+        )
+    return (groups[0], groups[1]), labels.rename(label or "image")

@@ -352,9 +352,9 @@ class MisalignmentResult(UserResult):
             else platform_of(platform)
         )
         count = len(self.platform.lasers)
-        images, self._labels, notes = read_images(count, spots, zero, sep)
+        images, self._labels = read_images(count, spots, zero, sep)
         self.diagnosis = result = diagnosis.diagnose_spots(self.platform, images)
-        self.findings = [*result.findings, *notes]
+        self.findings = result.findings
         self.found = monitored(
             *result.images, result.platform, result.widening, result.freedom
         )

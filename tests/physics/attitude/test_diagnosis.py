@@ -253,8 +253,9 @@ def test_one_image_still_tells_a_mirror_and_a_focal_length():
 def test_lights_keep_their_numbers_when_others_are_lost():
     images = moved(4, [3, 0])(drawn(WIDE, 9, default_rng(1)))
     images[1][:, 0] = np.nan
-    (found,) = diagnose_spots(WIDE, tuple(images)).findings
+    found, lost = diagnose_spots(WIDE, tuple(images)).findings
     assert "light 5 is displaced" in found.text
+    assert lost.text.startswith("9 of 90 spots")
     images[1][:, 1:4] = np.nan
     with pytest.raises(
         ValueError, match=r"^spots: expected two lights or more .* got 1"
@@ -270,7 +271,7 @@ def test_lost_images_and_uneven_lights_are_no_fault():
         images[1][[3, 7]] = np.nan
         images[1][1:, 2] = np.nan
         found += kinds(WIDE, images)
-    assert found == []
+    assert found == 60 * ["lost"]
 
 
 def test_what_is_no_platform_is_refused():

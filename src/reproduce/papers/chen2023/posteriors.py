@@ -30,7 +30,7 @@ from reproduce.physics.attitude.diagnosis import diagnose_spots
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.inputs import Inputs, load_inputs
 from reproduce.store.points import DataTable, TableFileError
-from reproduce.store.spots import IMAGES, SPOTS, images_of, lost_spots
+from reproduce.store.spots import IMAGES, SPOTS, images_of
 from reproduce.units import ARCSEC_PER_RADIAN
 
 _FRAMES = "chen2023/text-accuracy#frames"
@@ -100,7 +100,7 @@ def _your_model(
     design: Platform = arguments.get("platform") or as_designed(load_inputs(INSTRUMENT))
     pair, _ = images_of(table, len(design.lasers))
     diagnosis = diagnose_spots(design, pair, drifts)
-    remarks = [one.text for one in (*diagnosis.findings, *lost_spots(pair))]
+    remarks = [one.text for one in diagnosis.findings]
     images = [
         group[np.isfinite(group).all(axis=(-2, -1))] for group in diagnosis.images
     ]

@@ -137,6 +137,8 @@ def diagnose_spots(
     ['scale', 'spare']
     """
     counts = np.array([np.isfinite(group[..., 0]).sum(axis=0) for group in images])
+    total = sum(group[..., 0].size for group in images)
+    lost = total - counts.sum()
     seen = counts.min(axis=0) > 0
     lights = np.flatnonzero(seen) + 1
     if len(lights) < 2:
@@ -181,6 +183,9 @@ def diagnose_spots(
     if correlated:
         limit = sum(map(len, images)) * (1 - lag**2) / (1 + lag**2)
         findings.append(Finding("correlated", _CORRELATED_TEXT.format(lag, widening)))
+    if lost:
+        text = f"{lost} of {total} spots are lost: an image with fewer spots has less weight"
+        findings.append(Finding("lost", text))
     low, high = fdtri(fit.freedom, freedom, [0.025, 0.975]).tolist()
     if fit.misfit > high:
         limit = fit.freedom
