@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from scipy.special import stdtrit
 
 from reproduce.physics.attitude.platform import Platform
@@ -139,50 +139,49 @@ def monitored(
     before = number_array("zero_spots", zero_spots, shape=shape)
     now = number_array("spots", spots, shape=shape)
     zero = np.nanmean(before, axis=0)
-    angles, response = _measured("spots", now, zero, platform)
-    groups = [(angles, response), _measured("zero_spots", before, zero, platform)]
     squares, freedom, smallest = np.zeros(3), 0, np.full(3, np.inf)
-    for series, moves in groups[::-1]:
+    for name, images in (("zero_spots", before), ("spots", now)):
+        usable, single, response = _measured(name, images, zero, platform)
         # Variance of the angles for spots of unit variance.
-        variance = np.square(moves).sum(axis=(-2, -1))
-        weights = 1 / variance / np.nansum(1 / variance, axis=0)
-        mean = np.nansum(weights * series, axis=0)
-        squares += np.nansum(np.square(series - mean) / variance, axis=0)
-        freedom += np.isfinite(series[:, 0]).sum() - 1
-        smallest = np.fmin(smallest, np.nanmin(variance, axis=0))
+        variance = np.square(response).sum(axis=(-2, -1))
+        weights = 1 / variance / (1 / variance).sum(axis=0)
+        mean = (weights * single).sum(axis=0)
+        squares += (np.square(single - mean) / variance).sum(axis=0)
+        freedom += len(single) - 1
+        smallest = np.minimum(smallest, variance.min(axis=0))
     # Noise of a spot, in px, from the scatter of each angle.
     noise = np.sqrt(squares / (freedom or np.nan))
     counts = np.isfinite(before[..., 0]).sum(axis=0)
-    together = np.nansum(weights[..., None, None] * response, axis=0)
+    together = (weights[..., None, None] * response).sum(axis=0)
     past = np.square(together).sum(axis=-1) @ (1 / counts)
-    single = np.nansum(np.square(weights) * variance, axis=0)
+    present = (np.square(weights) * variance).sum(axis=0)
+    angles = np.full((len(now), 3), np.nan)
+    covariance = np.full((len(now), 3, 3), np.nan)
     scaled = response * noise[:, None, None]
+    angles[usable] = single
+    covariance[usable] = np.einsum("faij,fbij->fab", scaled, scaled)
     return Monitoring(
         angles,
-        np.einsum("faij,fbij->fab", scaled, scaled),
+        covariance,
         mean,
         noise * np.sqrt(smallest),
-        widening * noise * np.sqrt(past + single),
+        widening * noise * np.sqrt(past + present),
         min(freedom, limit),
     )
 
 
 def _measured(
     name: str, images: FloatArray, zero: FloatArray, platform: Platform
-) -> tuple[FloatArray, FloatArray]:
-    """Return angles of images against a zero point, (n, 2), and their response, or NaN."""
-    seen = np.asarray(np.isfinite(images).all(axis=-1))
+) -> tuple[NDArray[np.bool_], FloatArray, FloatArray]:
+    """Return which images have two lights, their angles since a zero point, and their response."""
+    seen = np.isfinite(images).all(axis=-1)
     usable = seen.sum(axis=-1) > 1
     if not usable.any():
         raise ValueError(
             f"{name}: expected two lights or more in an image, got fewer in all images. Add lights"
         )
-    weights = seen[usable].astype(np.float64)
-    spots = np.where(seen[..., None], images, zero)[usable]
-    angles = np.full((len(images), 3), np.nan)
-    response = np.full((len(images), 3, *zero.shape), np.nan)
+    lights = seen[usable]
+    spots = np.where(lights[..., None], images[usable], zero)
     # The zero point of an image has the lights of the image.
-    before = platform.transform(zero, weights)
-    angles[usable] = platform.misalignment(spots, before, weights)
-    response[usable] = platform.response(spots, weights)
-    return angles, response
+    angles = platform.misalignment(spots, platform.transform(zero, lights), lights)
+    return usable, angles, platform.response(spots, lights)
