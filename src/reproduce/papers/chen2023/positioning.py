@@ -93,11 +93,9 @@ def _covariances(inputs: Inputs) -> dict[str, FloatArray]:
     The last two are the covariances of all terms, with one frame and with the average of many.
     """
     looks = zip(*(_look(inputs, *look) for look in LOOKS), strict=True)
-    jacobian = ground_jacobian(*map(np.stack, looks))
+    positions, derivatives = ground_jacobian(*map(np.stack, looks))
     covariances = {
-        name: ground_covariance(
-            jacobian.position, getattr(jacobian, f"by_{kind}"), np.diag(sigma**2)
-        )[:, 0]
+        name: ground_covariance(positions, derivatives[kind], np.diag(sigma**2))[:, 0]
         for name, (kind, sigma) in _terms(inputs).items()
     }
     for mean, other in ((_SINGLE, _AVERAGED), (_AVERAGED, _SINGLE)):

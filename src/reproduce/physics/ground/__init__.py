@@ -7,7 +7,6 @@ from reproduce.physics.ground.earth import (
     satellite_from_inertial,
 )
 from reproduce.physics.ground.imaging import (
-    GroundJacobian,
     circular_error,
     ground_covariance,
     ground_jacobian,

@@ -15,7 +15,6 @@ A resolution is at nadir. Covariances are those of east and north on the ground,
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Annotated, Any
 
 import numpy as np
@@ -152,53 +151,35 @@ def _seen(
     return line, reach, origin + reach[..., None] * line
 
 
-@dataclass(frozen=True, eq=False)
-class GroundJacobian:
-    """Derivatives of Earth-fixed ground positions.
-
-    Attributes
-    ----------
-    position : ndarray, shape (..., n, 3)
-        Positions, in metres.
-    by_satellite : ndarray, shape (..., n, 3, 3)
-        Derivative by the Earth-fixed position of the satellite.
-    by_turn : ndarray, shape (..., n, 3, 3)
-        Derivative by a right-handed rotation of the camera about its X, Y, Z axes, in metres per
-        radian, for an error of the attitude or a misalignment.
-    by_image : ndarray, shape (..., n, 3, 3)
-        Derivative by X, Y and Z of the image vector, per metre. The derivatives by principal point
-        or distortion have the opposite sign of the first two columns, that by the focal length
-        the opposite sign of the third.
-    """
-
-    position: FloatArray
-    by_satellite: FloatArray
-    by_turn: FloatArray
-    by_image: FloatArray
-
-
 @checked
 def ground_jacobian(
     vectors: Directions,
     satellite: Direction,
     earth_from_camera: Rotation,
-) -> GroundJacobian:
+) -> tuple[FloatArray, dict[str, FloatArray]]:
     """Return ground positions with their derivatives by all terms of the imaging model.
 
     Parameters and errors are those of `imaged_position`.
 
     Returns
     -------
-    GroundJacobian
-        Positions and derivatives, exact except for rounding errors.
+    positions : ndarray, shape (..., n, 3)
+        Earth-fixed positions, in metres.
+    derivatives : dict of str to ndarray, shape (..., n, 3, 3)
+        Exact except for rounding errors. ``satellite``: by the Earth-fixed position of the
+        satellite. ``turn``: by a right-handed rotation of the camera about its X, Y, Z axes, in
+        metres per radian, for an error of the attitude or a misalignment. ``image``: by X, Y and Z
+        of the image vector, per metre. The derivatives by principal point or distortion have the
+        opposite sign of the first two columns, that by the focal length the opposite sign of the
+        third.
 
     Examples
     --------
     At nadir, the derivative by a rotation about the Y axis of the camera is the altitude.
 
     >>> down = [[0, 0, -1], [0, 1, 0], [1, 0, 0]]
-    >>> jacobian = ground_jacobian([[0, 0, -0.5]], [7378137.0, 0, 0], down)
-    >>> jacobian.by_turn[0, :, 1].round(3) + 0.0
+    >>> _, derivatives = ground_jacobian([[0, 0, -0.5]], [7378137.0, 0, 0], down)
+    >>> derivatives["turn"][0, :, 1].round(3) + 0.0
     array([      0.,       0., 1000000.])
     """
     sight, reach, position = _seen(vectors, satellite, earth_from_camera)
@@ -212,7 +193,8 @@ def ground_jacobian(
     by_turn = -far @ cross_matrix(sight) @ matrix
     # Along the line the projection vanishes, so the image vector needs no projection.
     lengths = np.linalg.norm(vectors, axis=-1)[..., None, None]
-    return GroundJacobian(position, slide, by_turn, -far @ matrix / lengths)
+    by_image = -far @ matrix / lengths
+    return position, {"satellite": slide, "turn": by_turn, "image": by_image}
 
 
 @checked
