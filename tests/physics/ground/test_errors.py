@@ -8,7 +8,6 @@ from scipy.spatial.transform import Rotation
 from reproduce.physics.attitude import misalignment_in_tracker
 from reproduce.physics.ground import (
     EARTH_RADIUS,
-    ground_resolution,
     image_vectors,
     imaged_position,
     imaging,
@@ -25,12 +24,6 @@ def distance_to_ground(origin, directions):
     against = -np.asarray(directions, dtype=float)[..., np.newaxis, :]
     found = imaged_position(against, origin, np.eye(3))[..., 0, :]
     return np.linalg.norm(found - origin, axis=-1)
-
-
-def test_the_resolution_is_proportional_to_the_altitude():
-    heights = np.geomspace(1e5, 4e7, 9)
-    pixels = ground_resolution(10.0, 1e-5, heights)
-    assert_allclose(pixels, heights * 1e-6)
 
 
 def test_a_sphere_has_a_closed_form(monkeypatch):

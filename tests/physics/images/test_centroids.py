@@ -41,12 +41,6 @@ def test_pixels_far_from_the_spot_tell_nothing_of_it():
     assert_allclose(bounds[1:], np.broadcast_to(bounds[0], (2, 2)), rtol=1e-6)
 
 
-def test_x_runs_along_columns_and_y_along_rows():
-    window = spot_windows([12.0, 31.0], 100.0, 0.4, [10, 30], 5)
-    assert window.shape == (5, 5)
-    assert np.unravel_index(window.argmax(), window.shape) == (1, 2)
-
-
 def test_a_frame_holds_the_same_spots_as_the_windows():
     points = np.array([[6.2, 5.7], [20.4, 9.9]])
     frame = render_frame(points, [100.0, 50.0], 0.6, (32, 16))

@@ -154,13 +154,10 @@ def diagnose_spots(
         for group, mean in zip(images, means, strict=True)
     ]
     spare = 2 * int((counts - 1).sum())
-    squares, freedom = (
-        sum(np.square(group).sum() for group in series),
-        spare or _KNOWN_FREEDOM,
-    )
-    noise = (
-        max((squares / freedom) ** 0.5, _MIN_NOISE_PX) if spare else _UNKNOWN_NOISE_PX
-    )
+    squares = sum(np.square(group).sum() for group in series)
+    noise, freedom = _UNKNOWN_NOISE_PX, _KNOWN_FREEDOM
+    if spare:
+        noise, freedom = max((squares / spare) ** 0.5, _MIN_NOISE_PX), spare
     steady = series[: 1 if drifts else 2]
     response = platform.response(means[0]).reshape(3, -1)
     unit_response = response.T / np.linalg.norm(response, axis=1)

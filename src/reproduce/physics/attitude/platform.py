@@ -157,12 +157,10 @@ def received_jacobian(
     -0.25
     """
     scale = pixel_pitch / focal_length
-    rays = _rays(spots, principal_point, scale)
-    lengths = np.linalg.norm(rays, axis=-1)[..., None, None]
-    directions = rays[..., None] / lengths
-    # Only the motion across the ray changes the direction.
+    directions = unit("spots", _rays(spots, principal_point, scale))[..., None]
+    # Only the motion across the ray changes the direction. The ray ends at unit depth.
     across = np.eye(3, 2) - directions * directions[..., :2, :].mT
-    return -scale[..., None, None, None] / lengths * across
+    return -scale[..., None, None, None] * directions[..., 2:, :] * across
 
 
 def _rays(points: FloatArray, centre: FloatArray, scale: FloatArray) -> FloatArray:

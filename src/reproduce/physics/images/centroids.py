@@ -254,8 +254,6 @@ def simulated_errors(
     shape = (validate.whole_number("trials", trials), *columns.shape)
     seen = generator.poisson(columns, size=shape).astype(np.float64)
     if read_noise:
-        noise = generator.standard_normal(shape)
-        noise *= read_noise * np.sqrt(size)
-        seen += noise
+        seen += read_noise * np.sqrt(size) * generator.standard_normal(shape)
     centres = centre_of_gravity(seen[..., None, :], corners)
     return centres[..., 0] - positions[:, 0]

@@ -115,15 +115,11 @@ def expose(
     charge = np.asarray(generator.poisson(mean), dtype=np.float64)
     np.clip(charge, 0.0, detector.full_well, out=charge)
     if detector.read_noise:
-        noise = generator.standard_normal(charge.shape)
-        noise *= detector.read_noise
-        charge += noise
-    charge *= detector.gain
-    charge += detector.offset
+        charge += detector.read_noise * generator.standard_normal(charge.shape)
+    output = charge * detector.gain + detector.offset
     if detector.bits is not None:
-        np.rint(charge, out=charge)
-        np.clip(charge, 0.0, 2.0**detector.bits - 1.0, out=charge)
-    return charge
+        output = np.clip(np.rint(output), 0.0, 2.0**detector.bits - 1.0)
+    return output
 
 
 @checked

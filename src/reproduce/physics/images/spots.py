@@ -11,6 +11,7 @@ pixels.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,13 +23,14 @@ from reproduce.physics.validate import (
     Point,
     Positive,
     checked,
-    common_batch,
     number_array,
     valid,
     whole_number,
 )
 
 IntArray = NDArray[np.int64]
+# Pixels may be missing.
+_Windows = Annotated[Any, (None, None), number_array]
 
 
 @checked
@@ -242,7 +244,7 @@ class Spots:
 
 @checked
 def fitted_spots(
-    windows: ArrayLike,
+    windows: _Windows,
     corners: Point,
     radius: Positive,
     read_noise: NonNegative = 0.0,
@@ -279,15 +281,11 @@ def fitted_spots(
     >>> spot.centre.round(6), np.sqrt(np.diag(spot.covariance)).round(3)
     (array([4., 4.]), array([0.072, 0.048]))
     """
-    light = number_array("windows", windows, shape=(None, None))
-    shape = light.shape[-2:]
-    batch = common_batch(
-        windows=light.shape[:-2],
-        corners=corners.shape[:-1],
-        radius=radius.shape,
-        read_noise=read_noise.shape,
+    shape = windows.shape[-2:]
+    batch = np.broadcast_shapes(
+        windows.shape[:-2], corners.shape[:-1], radius.shape, read_noise.shape
     )
-    flat = np.broadcast_to(light, (*batch, *shape)).reshape(-1, *shape)
+    flat = np.broadcast_to(windows, (*batch, *shape)).reshape(-1, *shape)
     widths, noises = (
         np.broadcast_to(width, batch).reshape(-1) for width in (radius, read_noise)
     )
