@@ -10,7 +10,7 @@ from reproduce.physics.images import (
     render_frame,
     spot_windows,
 )
-from reproduce.physics.optics import reference_points_scaled, turned_onto_detector
+from reproduce.physics.optics import turned_onto_detector
 
 DRAWS = default_rng(4)
 POINTS = DRAWS.normal(size=(2, 5, 2))
@@ -22,9 +22,8 @@ POINTS = DRAWS.normal(size=(2, 5, 2))
         lambda: turned_onto_detector(POINTS, np.zeros(3)),
         lambda: cramer_rao_variance(np.zeros((2, 2)), np.ones(3), 1.0, (-3, -3), 7),
         lambda: spot_windows(np.zeros((2, 2)), 1.0, 0.5, np.zeros((3, 2)), 5),
-        lambda: reference_points_scaled(POINTS, np.ones(3), (0, 0)),
     ],
-    ids=["turn", "bound", "windows", "points"],
+    ids=["turn", "bound", "windows"],
 )
 def test_batches_that_do_not_fit_are_refused_with_their_shapes(call):
     with pytest.raises(ValueError, match=r"expected leading .*\(2,.*\(3,"):

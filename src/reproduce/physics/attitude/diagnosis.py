@@ -187,8 +187,12 @@ def diagnose_spots(
     if fit.misfit > high:
         limit = fit.freedom
     factor = max(fit.misfit, 1.0) ** 0.5 * (widening if correlated else 1.0)
-    agreement = {"chi_square": fit.misfit, "low": low, "high": high}
-    agreement["residual_rms"] = fit.rms
+    agreement = {
+        "chi_square": fit.misfit,
+        "low": low,
+        "high": high,
+        "residual_rms": fit.rms,
+    }
     return Diagnosis(platform, images, findings, agreement, factor, limit)
 
 

@@ -272,7 +272,7 @@ def _nearest_rotation(profile: FloatArray) -> FloatArray:
     """Return the rotation A of largest trace(A B^T); raise an error if it is not unique."""
     left, singular, right = np.linalg.svd(profile)
     # A rotation, also if a reflection would fit better.
-    sign = np.sign(np.linalg.det(left) * np.linalg.det(right))
+    sign = np.sign(np.linalg.det(left @ right))
     left[..., 2] *= sign[..., None]
     gap = 2.0 * (singular[..., 1] + sign * singular[..., 2])
     if (gap < _MIN_EIGENVALUE_GAP).any():

@@ -347,10 +347,9 @@ def _likelihood(
     Minus the log-likelihood is infinite without flux, and for a centre far outside.
     """
     height, width = light.shape[1:]
-    low = -0.5 - _OUTSIDE_PX
-    high = np.array([width, height]) + (_OUTSIDE_PX - 0.5)
-    inside = ((state[:, :2] > low) & (state[:, :2] < high)).all(axis=-1)
-    allowed = inside & (state[:, 2] > 0)
+    half = np.array([width, height]) / 2
+    off = np.abs(state[:, :2] - (half - 0.5)) - half
+    allowed = (off < _OUTSIDE_PX).all(axis=-1) & (state[:, 2] > 0)
     model, slopes = _gradient(
         np.where(allowed[:, None], state, 1.0), radius, width, height
     )

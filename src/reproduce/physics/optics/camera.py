@@ -401,8 +401,8 @@ def fit_camera(
     observed = points - points.mean(axis=-2, keepdims=True)
     normal = np.einsum("...nij,...nik->...jk", centred, centred)
     pull = np.einsum("...nij,...ni->...j", centred, observed)
-    (a, b), (_, d) = np.moveaxis(normal, (-2, -1), (0, 1))
-    if not ((a > 0) & (a * d - b**2 > 1e-12 * a * d)).all():
+    squares = np.diagonal(normal, axis1=-2, axis2=-1).prod(axis=-1)
+    if not (np.linalg.det(normal) > 1e-12 * squares).all():
         raise DegenerateGeometryError(
             "directions: expected slopes that determine focal length and distortion, got equal "
             "slopes or only two points. Rotate the table to angles near and far from zero"
