@@ -88,7 +88,7 @@ def images_of(table: DataTable, count: int) -> tuple[Images, Any]:
     groups = []
     for group in range(2):
         rows = frame[frame["group"] == group]
-        images, labels = rows["image"].factorize(sort=True)
+        images, labels = pd.factorize(rows["image"], sort=True)
         spots = np.full((len(labels), count, 2), np.nan)
         spots[images, rows["laser"].astype(int) - 1] = rows[["x", "y"]]
         groups.append(spots)
@@ -97,4 +97,4 @@ def images_of(table: DataTable, count: int) -> tuple[Images, Any]:
             f"{table.path}, column group: expected spots at the zero point (0) and at the present "
             "(1), got one group. Add the other"
         )
-    return (groups[0], groups[1]), labels.rename(label or "image")
+    return (groups[0], groups[1]), pd.Index(labels, name=label or "image")

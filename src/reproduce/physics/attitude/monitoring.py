@@ -174,7 +174,7 @@ def _measured(
     name: str, images: FloatArray, zero: FloatArray, platform: Platform
 ) -> tuple[NDArray[np.bool_], FloatArray, FloatArray]:
     """Return which images have two lights, their angles since a zero point, and their response."""
-    seen = np.isfinite(images).all(axis=-1)
+    seen = np.asarray(np.isfinite(images).all(axis=-1))
     usable = seen.sum(axis=-1) > 1
     if not usable.any():
         raise ValueError(

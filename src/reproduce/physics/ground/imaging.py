@@ -287,12 +287,10 @@ def circular_error(covariance: _Plane, share: float = 0.9) -> FloatArray:
     # The radius for equal semi-axes, the largest one, has a closed form.
     bracket = 0.0, 1.01 * np.sqrt(-2.0 * np.log1p(-share))
 
-    root = elementwise.find_root(
-        lambda radius, ratio: _fraction_inside(radius, ratio) - share,
-        bracket,
-        args=(ratio,),
-    )
-    return root.x * large
+    def excess(radius: FloatArray, ratio: FloatArray) -> FloatArray:
+        return _fraction_inside(radius, ratio) - share
+
+    return elementwise.find_root(excess, bracket, args=(ratio,)).x * large
 
 
 def _fraction_inside(radius: FloatArray, ratio: FloatArray) -> FloatArray:
