@@ -37,6 +37,8 @@ _MIN_HALF_PX, _MAX_HALF_PX = 2, 60
 _MAX_MISFIT, _MISFIT_MEDIANS, _MISFIT_OFFSET, _MISFIT_SIGMAS = 0.1, 4.0, 2e-3, 5.0
 # Fits from which the gain is found; range of plausible gains, in electrons per digital number.
 _GAIN_FITS, _MIN_GAIN, _MAX_GAIN = 4, 0.01, 1000.0
+# Least degrees of freedom of a spot, because the fraction of the median is zero at 2/9.
+_MIN_FREEDOM = 0.7
 # Gain that makes photon noise negligible, over the inverse variance of the noise.
 _DARK_GAIN = 1e6
 # Degrees in x and y, and radii of the Gaussians, of the common shape of the spots.
@@ -306,6 +308,13 @@ class _SpotFit:
         significant = excess > _MISFIT_SIGMAS * np.sqrt(spread)
         return np.asarray((misfit > min(limit, _MAX_MISFIT)) & significant)
 
+    def leverage(self) -> FloatArray:
+        """Return the part of the noise of each pixel that the fit of centre and flux absorbs."""
+        shape = self.model / np.sqrt(self.variance)
+        columns = np.nan_to_num(np.stack([shape, shape * self.x, shape * self.y]))
+        inverse = np.linalg.pinv(np.einsum("anyx,bnyx->nab", columns, columns))
+        return np.asarray(np.einsum("anyx,nab,bnyx->nyx", columns, inverse, columns))
+
     def moments(self) -> FloatArray:
         """Return `Detections.shapes` of all spots.
 
@@ -341,19 +350,28 @@ def _best_gain(fitted: partial[_SpotFit], radius: float) -> float:
     """Return electrons per digital number that explain the residuals of half of the spots.
 
     The residuals are those of the common shape, which need not be a Gaussian. Pixels count if
-    their flux exceeds the noise. Blended spots do not change the median.
+    their flux exceeds the noise, and spots if they are not blended.
     """
     gain = 0.0
     for _ in range(_GAIN_FITS):
         fit = fitted(radius, radius, gain)
+        fit.left[fit.has_odd_shape()] = np.nan
         left, terms = fit.without_common_shape()
-        bright = fit.model**2 > fit.dark
-        freedom = 1 - (terms + 3 * len(left)) / max(bright.sum(), 1)
-        photons, flux = (
+        bright = (fit.model**2 > fit.dark) & np.isfinite(left)
+        share = max(1 - terms / max(bright.sum(), 1), 0.1)
+        free = share * (1 - fit.leverage())
+        photons, flux, squares = (
             np.sum(values, axis=(1, 2), where=bright)
-            for values in (left**2 / max(freedom, 0.1) - fit.dark, fit.model)
+            for values in (
+                left**2 - fit.dark * free,
+                fit.model * free,
+                fit.model**2 * free,
+            )
         )
-        slopes = photons[flux > 0] / flux[flux > 0]
+        seen = flux > 0
+        # The median of a sum of squares is below its mean (Wilson and Hilferty).
+        freedom = np.maximum(flux[seen] ** 2 / squares[seen], _MIN_FREEDOM)
+        slopes = photons[seen] / flux[seen] / (1 - 2 / (9 * freedom)) ** 3
         slope = float(np.median(slopes)) if len(slopes) else 0.0
         gain = 1 / max(slope, float(fit.dark.min()) / _DARK_GAIN)
     return gain
