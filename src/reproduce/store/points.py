@@ -21,8 +21,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from reproduce.physics.validate import finite_array
-
 FloatArray = NDArray[np.float64]
 # Largest length in px or angle in arcsec. Squares of squares of larger numbers overflow.
 _LARGEST_NUMBER = 1e30
@@ -147,11 +145,7 @@ def read_table(
         content = _content(name, source)
         source = _parsed(name, content, sep)
     if (headings := _headings(source)) is None:
-        array = finite_array(name, source, shape=(None, len(columns)))
-        if array.ndim != 2:
-            raise ValueError(
-                f"{name}: expected shape (n, {len(columns)}), got {array.shape}. Rows are stars"
-            )
+        array = _numbers(name, columns[0], source, width=(len(columns),))
         numbers = dict(zip(columns, array.T, strict=True))
     else:
         names = [_plain(heading) for heading in headings]
@@ -187,20 +181,31 @@ def _plain(name: object) -> str:
     return str(name).lower().removesuffix("(px)").strip().replace(" ", "_")
 
 
-def _numbers(place: str, name: str, column: Any) -> FloatArray:
-    """Return a column as numbers, with NaN for other entries; lengths must be in px."""
-    unit = str(getattr(column, "unit", None) or "px").lower()
+def _numbers(
+    place: str, name: str, column: Any, width: tuple[int, ...] = ()
+) -> FloatArray:
+    """Return a column, or an array of columns, with NaN for other entries; lengths are in px."""
+    given = getattr(column, "unit", getattr(column, "units", None))
+    unit = str(given or "px").lower()
     if unit not in _PIXEL_UNITS and _LENGTH_COLUMNS.fullmatch(name):
         raise TableFileError(
-            f"{place}: expected px, got {unit}. Convert the column to px"
+            f"{place}: expected px, got {unit}. Convert the lengths to px"
         )
     if hasattr(column, "iloc") and column.dtype not in (float, int, complex):
         import pandas as pd
 
         column = pd.to_numeric(column.astype(object), errors="coerce").to_numpy()
-    array = np.ma.asarray(getattr(column, "value", column))
-    if array.dtype.kind not in "biuf" or array.ndim != 1:
-        return np.full(array.shape[:1] or 1, np.nan)
+    try:
+        array = np.ma.asarray(getattr(column, "value", column))
+        content = f"{array.dtype} of shape {array.shape}"
+    except ValueError:
+        array, content = np.ma.asarray(""), "rows of unequal length"
+    if array.dtype.kind not in "biuf" or not array.ndim or array.shape[1:] != width:
+        shape = ", ".join(map(str, ("n", *width)))
+        raise TableFileError(
+            f"{place}: expected real numbers of shape ({shape}), got {content}. Convert the "
+            "numbers; rows are observations"
+        )
     return np.ma.filled(array.astype(np.float64, copy=False), np.nan)
 
 
