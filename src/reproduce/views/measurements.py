@@ -184,7 +184,7 @@ class RegistrationResult(UserResult):
             "model": self.model,
             "stars": len(fit.residuals),
             "pivot": pivot.tolist(),
-            "residual_rms": float(np.sqrt(np.square(fit.residuals).mean())),
+            "residual_rms": float(np.sqrt(fit.squares.mean() / 2)),
             **self.consistency,
         }
 

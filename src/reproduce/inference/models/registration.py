@@ -36,7 +36,6 @@ from reproduce.physics.registration import (
     fit_problem,
     fits_exactly,
     prepare,
-    residuals_at,
 )
 from reproduce.physics.validate import FloatArray
 from reproduce.units import DEGREES_PER_RADIAN
@@ -152,7 +151,7 @@ class GaussianRegistration(Likelihood):
         return self._precision(self.fit.parameters[None]).reshape(-1, 2, 2)
 
     def _precision(self, transforms: FloatArray) -> FloatArray:
-        inverse = residuals_at(self.problem, transforms)[1]
+        _, inverse, _ = self.problem.linearized(transforms, self.source)
         return self.problem.counts[:, None, None] * inverse
 
     @cached_property
@@ -198,7 +197,7 @@ class GaussianRegistration(Likelihood):
         """
         points = self.source if source is None else source
         points = np.broadcast_to(points, (len(parameters), *points.shape))
-        return self.problem.transformed(parameters[:, : self._size], points)
+        return self.problem.transform(parameters[:, : self._size]).apply(points)
 
     def simulate(self, parameters: FloatArray, generator: Generator) -> Self:
         """Return the registration of target points drawn for one parameter vector."""
@@ -286,8 +285,9 @@ def registration_model(
     >>> model.names
     ('scale', 'rotation', 'shift-x', 'shift-y', 'noise')
     """
-    model = fitted_model(GaussianRegistration(prepare(source, target, pivot)))
-    extent = np.ptp(np.concatenate([source, target]), axis=0).max()
+    problem = prepare(source, target, pivot)
+    model = fitted_model(GaussianRegistration(problem))
+    extent = np.ptp(np.concatenate([problem.source, problem.target]), axis=0).max()
     shift = Uniform(
         -extent,
         extent,

@@ -1,6 +1,6 @@
 """Registration: the transform between two channels, fitted, bounded and diagnosed."""
 
-from reproduce.physics.registration._least_squares import Problem, prepare, residuals_at
+from reproduce.physics.registration._least_squares import Problem, prepare
 from reproduce.physics.registration._similarity import (
     as_complex,
     as_points,

@@ -21,7 +21,6 @@ from reproduce.physics.registration._similarity import (
 from reproduce.physics.registration.transforms import (
     MODELS,
     Registration,
-    _linear_part,
     _parameter_names,
 )
 from reproduce.physics.validate import FloatArray, Point, Points, Weights
@@ -68,14 +67,9 @@ class Problem:
         """Return the similarity of the points, as in `closed_similarity`."""
         return closed_similarity(self.source, self.target, self.pivot, self.counts)
 
-    def transformed(self, parameters: FloatArray, points: FloatArray) -> FloatArray:
-        """Return registered points, shape (..., n, 2), in px, for these parameters."""
-        return Registration(self.model, parameters, self.pivot).apply(points)
-
-    def jacobian(self, parameters: FloatArray, points: FloatArray) -> FloatArray:
-        """Return the derivatives of registered points by the parameters, (..., n, 2, p)."""
-        offsets = points - self.pivot[..., None, :]
-        return model_jacobian(self.model, parameters, offsets)
+    def transform(self, parameters: FloatArray) -> Registration:
+        """Return the transform of these parameters, shape (..., p)."""
+        return Registration(self.model, parameters, self.pivot)
 
     def linearized(
         self, parameters: FloatArray, points: FloatArray
@@ -91,19 +85,14 @@ class Problem:
         carry : ndarray, shape (..., n, 2, 2)
             A, the derivative of registered points by source points.
         """
-        offsets = points - self.pivot[..., None, :]
-        carry = _linear_part(self.model, parameters)[..., None, :, :]
-        if self.model == "similarity+radial":
-            radial = parameters[..., -1, None, None, None]
-            squares = np.vecdot(offsets, offsets)[..., None, None]
-            bent = 2 * radial * offsets[..., None] * offsets[..., None, :]
-            carry = carry @ ((1 + radial * squares) * np.eye(2) + bent)
+        transform = self.transform(parameters)
+        residuals = self.target - transform.apply(points)
+        carry = transform.derivative(points)
+        if not self.errors_known:  # the points are those of the source
+            return residuals, self.target_covariance, carry
         moved = (carry @ (self.source - points)[..., None])[..., 0]
-        residuals = self.target - self.transformed(parameters, points) - moved
         total = self.target_covariance + carry @ self.source_covariance @ carry.mT
-        if not self.errors_known:
-            return residuals, total, carry
-        return residuals, np.asarray(np.linalg.inv(total), dtype=np.float64), carry
+        return residuals - moved, np.asarray(np.linalg.inv(total), np.float64), carry
 
 
 @validate.checked
@@ -143,24 +132,6 @@ def prepare(
     )
 
 
-def residuals_at(
-    problem: Problem, parameters: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return residuals, (m, n, 2) in px, and their inverse covariances, (..., n, 2, 2).
-
-    They are those of `Problem.linearized` at the measured source points of a set of n points, for
-    parameters of shape (m, p).
-
-    Examples
-    --------
-    >>> problem = prepare([[0, 0], [9, 0]], [[1, 0], [9, 1]], (0, 0))
-    >>> residuals_at(problem, np.array([[1.0, 0.0, 0.0, 0.0]]))[0]
-    array([[[1., 0.],
-            [0., 1.]]])
-    """
-    return problem.linearized(parameters, problem.source)[:2]
-
-
 def _covariance(
     name: str, value: ArrayLike | None, shape: tuple[int, ...], variance: float
 ) -> FloatArray:
@@ -186,15 +157,10 @@ def _covariance(
         ) from error
 
 
-def gauss_newton(
-    rows: FloatArray,
-    residuals: FloatArray,
-    weighted: FloatArray,
-    smallest: float = _MIN_EIGENVALUE,
+def solved(
+    normal: FloatArray, pull: FloatArray, smallest: float = _MIN_EIGENVALUE
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the step (..., p) and the inverse normal matrix (..., p, p) of rows (..., m, p)."""
-    normal = rows.mT @ weighted
-    pull = weighted.mT @ residuals[..., None]
+    """Return the solution (..., p) of normal equations, and the inverse of their matrix."""
     length = np.sqrt(np.diagonal(normal, axis1=-2, axis2=-1))
     outer = length[..., :, None] * length[..., None, :]
     # The columns of the scaled matrix have length one.
@@ -205,7 +171,15 @@ def gauss_newton(
             "coincident or collinear ones. Add points across the field, or fit a simpler model"
         )
     inverse = np.linalg.inv(scaled) / outer
-    return (inverse @ pull)[..., 0], inverse
+    return (inverse @ pull[..., None])[..., 0], inverse
+
+
+def gauss_newton(
+    rows: FloatArray, residuals: FloatArray, weighted: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the step (..., p) and the inverse normal matrix (..., p, p) of rows (..., m, p)."""
+    pull = weighted.mT @ residuals[..., None]
+    return solved(rows.mT @ weighted, pull[..., 0])
 
 
 def iterated(problem: Problem) -> tuple[FloatArray, ...]:
@@ -223,7 +197,7 @@ def iterated(problem: Problem) -> tuple[FloatArray, ...]:
     flat = (*problem.source.shape[:-2], -1)
     for _ in range(_MAX_STEPS):
         residuals, information, carry = problem.linearized(parameters, points)
-        rows = problem.jacobian(parameters, points)
+        rows = problem.transform(parameters).jacobian(points)
         weighted = problem.counts[..., None, None] * information @ rows
         count = rows.shape[-1]
         step, cofactor = gauss_newton(
@@ -249,55 +223,29 @@ def iterated(problem: Problem) -> tuple[FloatArray, ...]:
         )
     residuals = residuals - moved[..., 0]
     chi_square = (problem.counts * np.vecdot(residuals, pulled[..., 0])).sum(axis=-1)
-    residuals = problem.target - problem.transformed(parameters, problem.source)
+    residuals = problem.target - problem.transform(parameters).apply(problem.source)
     return parameters, residuals, np.asarray(chi_square), cofactor, points
 
 
 def _starting_point(problem: Problem) -> FloatArray:
     """Return parameters near the minimum, shape (..., p), from a closed form."""
-    if problem.model == "affine":  # linear: any start is suitable
-        unit = np.array([1.0, 0.0, 0.0, 1.0, 0.0, 0.0])
-        return np.broadcast_to(unit, (*problem.source.shape[:-2], 6))
-    if (
-        problem.model == "shift"
-    ):  # linear too, but the target must not mirror the source
+    closed = np.broadcast_to([1.0, 0, 0, 0], (*problem.pivot.shape[:-1], 4))
+    if problem.model == "shift":
+        # Linear, as the affine model: any start is suitable. But the target may be mirrored.
         images = problem.source, problem.target
         offsets, targets = (centred(image, problem.counts)[0] for image in images)
         check_not_mirrored(offsets, targets, problem.counts)
-        return np.zeros(problem.pivot.shape)
-    return from_similarity(problem.model, problem.closed()[0])
+    elif problem.model != "affine":
+        closed = problem.closed()[0]
+    return from_similarity(problem.model, closed)
 
 
 def from_similarity(model: str, closed: FloatArray) -> FloatArray:
     """Return the parameters of a model that are closest to a similarity (..., 4)."""
     if model == "affine":
-        flat = _linear_part("similarity", closed).reshape(*closed.shape[:-1], 4)
+        matrix = Registration("similarity", closed, np.zeros(2)).matrix
+        flat = matrix.reshape(*closed.shape[:-1], 4)
         return np.concatenate([flat, closed[..., 2:]], axis=-1)
     if model == "similarity+radial":
         return np.concatenate([closed, np.zeros_like(closed[..., :1])], axis=-1)
     return closed[..., -len(MODELS[model]) :]
-
-
-def model_jacobian(
-    model: str, parameters: FloatArray, offsets: FloatArray
-) -> FloatArray:
-    """Return the derivatives of points at offsets from the pivot, shape (..., n, 2, p).
-
-    In px per unit of the parameter.
-    """
-    (x, y), names = np.moveaxis(offsets, -1, 0), MODELS[model]
-    # Complex numbers, as in `Registration`.
-    columns: dict[str, Any] = {"xx": x, "xy": y, "yx": 1j * x, "yy": 1j * y}
-    columns |= {"shift-x": -1.0, "shift-y": -1j}
-    if "rotation" in names:
-        values = dict(
-            zip(names, np.moveaxis(parameters, -1, 0)[..., None], strict=True)
-        )
-        turned, square = np.exp(1j * values["rotation"]) * (x + 1j * y), x**2 + y**2
-        bent = turned * (1 + values.get("radial", 0.0) * square)
-        scale = values.get("scale", 1.0)
-        columns |= {"scale": bent, "rotation": 1j * scale * bent}
-        columns["radial"] = scale * turned * square
-    zero = 0 * (x + parameters[..., :1])
-    rows = np.stack([columns[name] + zero for name in names], axis=-1)
-    return np.stack([rows.real, rows.imag], axis=-2)

@@ -86,18 +86,18 @@ def closed_similarity(
     """
     # Sums of squares about the centroids lose no digits, wherever the pivot is.
     offsets, centroid = centred(source, weights)
-    targets, target_centroid = centred(target, weights)
+    # Displacements are small if both images are similar, so their sums keep their digits.
+    moved, drift = centred(target - source, weights)
     weighted, total = weights * offsets, weights.sum(axis=-1)
     spread = np.vecdot(offsets, weighted).real
     _check_spread("source", spread, total, centroid)
-    # Displacements are small if both images are similar, so their sums keep their digits.
-    moved, drift = centred(target - source, weights)
     change = np.vecdot(weighted, moved) / spread
     factor = 1.0 + change
-    check_not_mirrored(offsets, targets, weights)
-    _check_spread("target", _squared(factor) * spread, total, target_centroid)
+    scale = np.abs(factor)
+    check_not_mirrored(offsets, offsets + moved, weights)
+    _check_spread("target", scale**2 * spread, total, centroid + drift)
     lever = centroid - as_complex(pivot)
-    shift, scale = change * lever - drift, np.abs(factor)
+    shift = change * lever - drift
     residuals = moved - change[..., None] * offsets
     # Scale, rotation and the image of the centroid are uncorrelated. The shift depends on scale and
     # rotation through the lever from the pivot to the centroid.
@@ -108,7 +108,7 @@ def closed_similarity(
     cofactor[..., 1, 2:] = cofactor[..., 2:, 1] = as_points(
         1j * lever / (spread * scale)
     )
-    cofactor[..., [2, 3], [2, 3]] = (1 / total + _squared(lever) / spread)[..., None]
+    cofactor[..., [2, 3], [2, 3]] = (1 / total + squared(lever) / spread)[..., None]
     columns = scale, np.angle(factor), shift.real, shift.imag
     return np.stack(columns, axis=-1), as_points(residuals), cofactor
 
@@ -122,7 +122,8 @@ def centred(
     return numbers - centroid[..., None], centroid
 
 
-def _squared(numbers: ComplexArray) -> FloatArray:
+def squared(numbers: ComplexArray) -> FloatArray:
+    """Return the squared magnitudes of complex numbers."""
     return numbers.real**2 + numbers.imag**2
 
 
@@ -130,7 +131,7 @@ def _check_spread(
     name: str, spread: FloatArray, total: FloatArray, centroid: ComplexArray
 ) -> None:
     # The rounding error of coincident points grows with their distance from the origin.
-    if not (spread > total * _ROUNDING_ERROR**2 * _squared(centroid)).all():
+    if not (spread > total * _ROUNDING_ERROR**2 * squared(centroid)).all():
         raise validate.DegenerateGeometryError(
             f"{name}: expected at least two different points of weight above zero, got one point "
             "or coincident points. Add points across the field, row by row in both images"
@@ -151,7 +152,7 @@ def check_not_mirrored(
     if not (products[1] > products[0]).any():
         return
     spread, target_spread = (
-        (weights * _squared(numbers)).sum(axis=-1) for numbers in (offsets, targets)
+        (weights * squared(numbers)).sum(axis=-1) for numbers in (offsets, targets)
     )
     # A rounding error counts as a residual.
     total = (1 + _ROUNDING_ERROR) * target_spread

@@ -15,7 +15,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from reproduce.physics.registration._least_squares import gauss_newton, model_jacobian
+from reproduce.physics.registration._least_squares import gauss_newton
 from reproduce.physics.registration._similarity import as_complex
 from reproduce.physics.registration.fit import fit_registration
 from reproduce.physics.registration.transforms import Registration
@@ -61,7 +61,7 @@ def jacobian(parameters: _Vector, source: Points, pivot: Point) -> FloatArray:
     array([[ 2.,  0., -1.,  0.],
            [ 0.,  2.,  0., -1.]])
     """
-    rows = model_jacobian("similarity", parameters, source - pivot[..., None, :])
+    rows = Registration("similarity", parameters, pivot).jacobian(source)
     return rows.swapaxes(-3, -2).reshape(*rows.shape[:-3], -1, _PARAMETERS)
 
 

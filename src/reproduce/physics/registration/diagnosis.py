@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from reproduce.physics import validate
 from reproduce.physics.registration._least_squares import (
     Problem,
-    gauss_newton,
+    solved,
     thinned,
 )
 from reproduce.physics.registration.fit import (
@@ -125,47 +125,49 @@ def sensitivities(
 
     used = thinned(len(fit.residuals), _MAX_COMPARED)
     problem, count = fit.problem.rows(used), len(fit.names)
-    jacobian = problem.jacobian(fit.parameters, problem.source)
+    jacobian = fit.transform.jacobian(problem.source)
     terms = _terms(fit, problem.source)
     if brightness is not None:
         flux = np.asarray(brightness, dtype=np.float64)[used]
         half = np.where(flux > np.median(flux), 0.5, -0.5)
         terms["brightness"] = half[:, None, None] * jacobian
     factor, residuals = _whitened(problem, fit.parameters, problem.source)
-    base = factor @ jacobian
-    freedom = 2 * int(np.count_nonzero(problem.counts)) - count
-    changes = []
-    for term, added in terms.items():
-        number = added.shape[-1]
-        spare = freedom - number
-        if spare <= 0:
-            continue
-        richer = np.concatenate([base, factor @ added], axis=-1)
-        with suppress(validate.DegenerateGeometryError):
-            step, plain, squares = _stepped(base, residuals)
-            moved, rich, left = _stepped(richer, residuals)
-            noise = np.sqrt(left / spare)
-            # The F test does not depend on the scale of the errors.
-            gain = max(squares - left, 0.0) / number / noise**2
-            change = (moved[:count] - step) / fit.standard_errors
-            if term == "brightness":
-                change = moved[count:] / rich[count:] / noise
-            error = rich[:count] / plain
-            if not fit.errors_known:
-                error *= noise / np.sqrt(squares / freedom)
-            p_value = float(fdtrc(number, spare, gain))
-            changes.append(Sensitivity(term, change.round(9), error, p_value))
+    columns = factor @ np.concatenate([jacobian, *terms.values()], axis=-1)
+    rows, residuals = columns.reshape(residuals.size, -1), residuals.ravel()
+    normal, pull = rows.T @ rows, rows.T @ residuals
+    sizes = {term: added.shape[-1] for term, added in terms.items()}
+    owner = np.repeat(["fit", *sizes], [count, *sizes.values()])
+
+    def stepped(term: str) -> tuple[FloatArray, FloatArray, float]:
+        """Return a step of Gauss-Newton, its errors for unit noise, and the squares left."""
+        (places,) = np.nonzero((owner == "fit") | (owner == term))
+        step, matrix = np.zeros(len(pull)), normal[np.ix_(places, places)]
+        step[places], cofactor = solved(matrix, pull[places], _MIN_INDEPENDENT**2)
+        rest = residuals - rows @ step
+        return step[places], np.sqrt(np.diagonal(cofactor)), float(rest @ rest)
+
+    freedom, changes = 2 * int(np.count_nonzero(problem.counts)) - count, []
+    # Stars that do not fix the model or a term have no solution.
+    with suppress(validate.DegenerateGeometryError):
+        step, plain, squares = stepped("fit")
+        for term, number in sizes.items():
+            spare = freedom - number
+            if spare <= 0:
+                continue
+            with suppress(validate.DegenerateGeometryError):
+                moved, rich, left = stepped(term)
+                noise = np.sqrt(left / spare)
+                # The F test does not depend on the scale of the errors.
+                gain = max(squares - left, 0.0) / number / noise**2
+                change = (moved[:count] - step) / fit.standard_errors
+                if term == "brightness":
+                    change = moved[count:] / rich[count:] / noise
+                error = rich[:count] / plain
+                if not fit.errors_known:
+                    error *= noise / np.sqrt(squares / freedom)
+                p_value = float(fdtrc(number, spare, gain))
+                changes.append(Sensitivity(term, change.round(9), error, p_value))
     return changes
-
-
-def _stepped(
-    rows: FloatArray, residuals: FloatArray
-) -> tuple[FloatArray, FloatArray, float]:
-    """Return a step of Gauss-Newton, its errors for unit noise, and the sum of squares left."""
-    flat, rest = rows.reshape(residuals.size, -1), residuals.ravel()
-    step, cofactor = gauss_newton(flat, rest, flat, _MIN_INDEPENDENT**2)
-    rest = rest - flat @ step
-    return step, np.sqrt(np.diagonal(cofactor)), float(rest @ rest)
 
 
 def _terms(fit: RegistrationFit, source: FloatArray) -> dict[str, FloatArray]:
@@ -236,10 +238,10 @@ def fits_exactly(fit: RegistrationFit) -> bool:
     >>> fits_exactly(fit_registration(square, square + 1 / 3, (0, 0)))
     True
     """
-    problem, used = fit.problem, fit.weights > 0
-    images = problem.source, problem.target, problem.pivot
-    reach = max(np.abs(points).max() for points in images)
-    return bool(np.abs(fit.residuals[used]).max() < _EXACT_FRACTION * reach)
+    images = fit.problem.source, fit.problem.target, fit.problem.pivot
+    reach = max(max(points.max(), -points.min()) for points in images)
+    largest = (fit.squares * (fit.weights > 0)).max()
+    return bool(largest < (_EXACT_FRACTION * reach) ** 2)
 
 
 def checked_pivot(pivot: ArrayLike | None, points: FloatArray) -> FloatArray:
@@ -420,10 +422,10 @@ def _unrelated(fit: RegistrationFit) -> Iterator[Finding]:
 
 def _any_far(fit: RegistrationFit) -> bool:
     """Return whether a field is small, or has a residual that does not fit the others."""
-    lengths, count = np.hypot(*fit.residuals.T), len(fit.residuals)
-    # The median of a two-dimensional Gaussian residual is sqrt(2 log 2) standard deviations.
-    limit = np.sqrt(np.log2(count / FALSE_ALARM_ROBUST)) * np.median(lengths)
-    if count < _LARGE_FIELD or lengths.max() > limit:
+    squares, count = fit.squares, len(fit.residuals)
+    # The median square of a two-dimensional Gaussian residual is 2 log 2 variances.
+    limit = np.log2(count / FALSE_ALARM_ROBUST) * np.median(squares)
+    if count < _LARGE_FIELD or squares.max() > limit:
         return True
     # Many wrong matches increase the median. Their fraction shows in a part of the stars.
     part = _robust(fit.problem.rows(thinned(count, _MAX_SAMPLE)))
@@ -432,13 +434,14 @@ def _any_far(fit: RegistrationFit) -> bool:
 
 def _rejected(fit: RegistrationFit, kind: str, remedy: str) -> Iterator[Finding]:
     """Yield the warning that names the stars that a robust fit left out."""
-    rows, lengths = np.flatnonzero(fit.rejected), np.hypot(*fit.residuals.T)
-    if len(rows):
-        rows = rows[np.argsort(-lengths[rows])]
-        named = f"{row_numbers(rows.tolist())}, up to {lengths[rows[0]]:.3g} px"
+    order = np.argsort(-fit.squares)
+    if rows := order[fit.rejected[order]].tolist():
+        named = f"{row_numbers(rows)}, up to {fit.squares[rows[0]] ** 0.5:.3g} px"
         exact = ", which fit exactly" * fits_exactly(fit)
-        text = f"{len(rows)} of {len(lengths)} stars do not fit the others{exact} ({named})"
-        yield Finding(kind, text + remedy, tuple(rows.tolist()))
+        text = (
+            f"{len(rows)} of {len(order)} stars do not fit the others{exact} ({named})"
+        )
+        yield Finding(kind, text + remedy, tuple(rows))
 
 
 def _term_finding(

@@ -13,6 +13,7 @@ closest to it is fitted. Then each point is tested against the others, until the
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -25,7 +26,11 @@ from reproduce.physics.registration._least_squares import (
     prepare,
     thinned,
 )
-from reproduce.physics.registration._similarity import as_complex, check_ratio
+from reproduce.physics.registration._similarity import (
+    as_complex,
+    check_ratio,
+    squared,
+)
 from reproduce.physics.registration.transforms import MODELS, Registration
 from reproduce.physics.validate import FloatArray
 
@@ -102,7 +107,12 @@ class RegistrationFit:
         """Estimates, shape (..., p); angles in radians, shifts in px, the radial term in px^-2."""
         return self.transform.parameters
 
-    @property
+    @cached_property
+    def squares(self) -> FloatArray:
+        """Squared lengths of the residuals, shape (..., n), in px^2."""
+        return squared(as_complex(self.residuals))
+
+    @cached_property
     def degrees_of_freedom(self) -> NDArray[np.int64]:
         """Two per point of weight above zero, minus the number of parameters."""
         return np.asarray(2 * np.count_nonzero(self.weights, axis=-1) - len(self.names))
@@ -172,7 +182,7 @@ class RegistrationFit:
             Source points without errors, in px.
         """
         positions = validate.finite_array("points", points, shape=(None, 2))
-        rows = self.problem.jacobian(self.parameters, positions)
+        rows = self.transform.jacobian(positions)
         return rows @ self.covariance[..., None, :, :] @ rows.mT
 
 
@@ -279,13 +289,13 @@ def _solved(problem: Problem, used: NDArray[np.bool_] | None = None) -> Registra
         problem = replace(problem, counts=problem.counts * used)
     if problem.model == "similarity" and not problem.errors_known:
         parameters, residuals, cofactor = problem.closed()
-        squares, points = np.square(residuals).sum(axis=-1), problem.source
-        chi_square = np.asarray((problem.counts * squares).sum(axis=-1))
+        points, numbers = problem.source, as_complex(residuals)
+        chi_square = np.vecdot(problem.counts * numbers, numbers).real
     else:
         parameters, residuals, chi_square, cofactor, points = iterated(problem)
     return RegistrationFit(
         problem,
-        Registration(problem.model, parameters, problem.pivot),
+        problem.transform(parameters),
         residuals,
         chi_square,
         cofactor,
@@ -339,7 +349,7 @@ def _fitting(problem: Problem, used: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """
     fit = _solved(problem, used)
     factor, residuals = _whitened(problem, fit.parameters, fit.points)
-    rows = factor @ problem.jacobian(fit.parameters, fit.points)
+    rows = factor @ fit.transform.jacobian(fit.points)
     leverage = rows @ fit.cofactor[..., None, :, :] @ rows.mT
     # The fit follows a used point by its leverage, but no other point.
     sign = np.where(used, -1.0, 1.0)[..., None, None]
@@ -424,6 +434,6 @@ def _check_medians_not_mirrored(problem: Problem, closed: FloatArray) -> None:
     across = replace(direct, source=direct.source * flip, pivot=direct.pivot * flip)
     squares = []
     for image, parameters in ((direct, closed), (across, _repeated_median(across))):
-        residuals = image.target - image.transformed(parameters, image.source)
+        residuals = image.target - image.transform(parameters).apply(image.source)
         squares.append(np.median(np.vecdot(residuals, residuals), axis=-1))
     check_ratio(2 * problem.source.shape[-2] - 4, *squares)

@@ -305,7 +305,7 @@ def pair_weights(
             source, target, pivot, weights / weights.max(), **settings
         )
         used, freedom = weights * (fit.weights > 0), float(fit.degrees_of_freedom)
-        surplus = used @ np.square(fit.residuals).sum(axis=1) - freedom
+        surplus = used @ fit.squares - freedom
         # Variance that removes the surplus for constant weights.
         mean = used.sum() / np.count_nonzero(used)
         extra = max(0.0, extra + surplus / (max(freedom, 1.0) * mean))

@@ -32,6 +32,7 @@ from reproduce.physics.registration._similarity import (
     ComplexArray,
     as_complex,
     as_points,
+    squared,
 )
 from reproduce.physics.validate import (
     FloatArray,
@@ -143,26 +144,51 @@ class Registration:
     @property
     def factor(self) -> ComplexArray:
         """Complex number k exp(i theta) of a similarity, shape (...)."""
-        return self.scale * np.exp(1j * self.rotation)
+        return self._terms[0][..., 0]
 
     @property
     def matrix(self) -> FloatArray:
         """Linear part about the pivot, shape (..., 2, 2)."""
-        return _linear_part(self.model, self.parameters)
+        along, across, _ = self._terms
+        return _real_matrices(along, across)[..., 0, :, :]
 
     @property
     def shift(self) -> FloatArray:
         """Pivot minus its image, shape (..., 2), in px."""
-        start = MODELS[self.model].index("shift-x")
-        return self.parameters[..., start : start + 2]
+        values = self._values
+        return np.concatenate([values["shift-x"], values["shift-y"]], axis=-1)
 
     def _parameter(self, name: str) -> FloatArray:
-        names = MODELS[self.model]
-        if name not in names:
+        if name not in MODELS[self.model]:
             raise ValueError(
                 f"model: expected a model with a {name}, got {self.model!r}. Fit another model"
             )
-        return self.parameters[..., names.index(name)]
+        return self._values[name][..., 0]
+
+    @property
+    def _values(self) -> dict[str, FloatArray]:
+        """Parameters by name, shape (..., 1); a model without one has that of the identity."""
+        columns = np.moveaxis(self.parameters, -1, 0)[..., None]
+        zero = 0 * columns[0]
+        identity = {"scale": 1 + zero, "rotation": zero, "radial": zero}
+        return identity | dict(zip(MODELS[self.model], columns, strict=True))
+
+    @property
+    def _terms(self) -> tuple[ComplexArray, ComplexArray, FloatArray]:
+        """Numbers a, b and c, shape (..., 1), of the image a q (1 + c |q|^2) + b conj(q) of q."""
+        known = self._values
+        if self.model == "affine":
+            # The images of x and y.
+            x, y = (as_complex(self.parameters[..., [i, i + 2]]) for i in (0, 1))
+            along, across = (x - 1j * y)[..., None] / 2, (x + 1j * y)[..., None] / 2
+            return along, across, known["radial"]
+        factor = known["scale"] * np.exp(1j * known["rotation"])
+        return factor, 0 * factor, known["radial"]
+
+    def _offsets(self, points: FloatArray) -> tuple[ComplexArray, FloatArray]:
+        """Return points about the pivot, and their squared distances from it, shape (..., n)."""
+        offsets = as_complex(points - self.pivot[..., None, :])
+        return offsets, squared(offsets)
 
     @checked
     def apply(self, points: Points) -> FloatArray:
@@ -178,15 +204,38 @@ class Registration:
         ndarray, shape (..., n, 2)
             Positions in the target, in px.
         """
-        offsets = points - self.pivot[..., None, :]
-        image = self.pivot - self.shift
-        if self.model == "similarity":
-            scaled = self.factor[..., None] * as_complex(offsets)
-            return as_points(scaled + as_complex(image)[..., None])
-        if self.model == "similarity+radial":
-            squared = np.square(offsets).sum(axis=-1, keepdims=True)
-            offsets = offsets * (1 + self.parameters[..., -1:, None] * squared)
-        return offsets @ self.matrix.mT + image[..., None, :]
+        (along, across, radial), (offsets, squares) = self._terms, self._offsets(points)
+        image = as_complex(self.pivot - self.shift)[..., None]
+        bent = along * offsets * (1 + radial * squares)
+        return as_points(bent + across * offsets.conj() + image)
+
+    def derivative(self, points: FloatArray) -> FloatArray:
+        """Return the derivatives of registered points by the source points, (..., n, 2, 2)."""
+        (along, across, radial), (offsets, squares) = self._terms, self._offsets(points)
+        bend = along * radial
+        return _real_matrices(along + 2 * bend * squares, across + bend * offsets**2)
+
+    def jacobian(self, points: FloatArray) -> FloatArray:
+        """Return the derivatives of registered points by the parameters, (..., n, 2, p).
+
+        In px per unit of the parameter.
+        """
+        known, (offsets, squares) = self._values, self._offsets(points)
+        turned = np.exp(1j * known["rotation"]) * offsets
+        bent, scale = turned * (1 + known["radial"] * squares), known["scale"]
+        columns = {
+            "scale": bent,
+            "rotation": 1j * scale * bent,
+            "radial": scale * turned * squares,
+            "xx": offsets.real,
+            "xy": offsets.imag,
+            "yx": 1j * offsets.real,
+            "yy": 1j * offsets.imag,
+            "shift-x": -1.0,
+            "shift-y": -1j,
+        }
+        rows = [columns[name] + 0 * turned for name in MODELS[self.model]]
+        return as_points(np.stack(rows, axis=-1)).mT
 
     def affine(self) -> tuple[FloatArray, FloatArray]:
         """Return the transform as matrix and translation: matrix @ point + translation.
@@ -403,18 +452,9 @@ def _parameter_names(model: str) -> tuple[str, ...]:
     return MODELS[model]
 
 
-def _linear_part(model: str, parameters: FloatArray) -> FloatArray:
-    """Return the matrix of a model about its pivot, shape (..., 2, 2), without the radial term."""
-    batch, names = parameters.shape[:-1], MODELS[model]
-    if model == "affine":
-        return parameters[..., :4].reshape(*batch, 2, 2)
-    if model == "shift":
-        return np.broadcast_to(np.eye(2), (*batch, 2, 2))
-    scale = parameters[..., 0] if "scale" in names else 1.0
-    angle = parameters[..., names.index("rotation")]
-    cosine, sine = scale * np.cos(angle), scale * np.sin(angle)
-    rows = np.stack([cosine, -sine, sine, cosine], axis=-1)
-    return rows.reshape(*batch, 2, 2)
+def _real_matrices(along: ComplexArray, across: ComplexArray) -> FloatArray:
+    """Return the matrices, (..., 2, 2), of the maps z -> along * z + across * conj(z)."""
+    return as_points(np.stack([along + across, 1j * (along - across)], axis=-1)).mT
 
 
 @checked
