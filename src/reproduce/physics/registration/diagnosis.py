@@ -18,13 +18,13 @@ from reproduce.physics.registration._least_squares import (
     solved,
     thinned,
 )
+from reproduce.physics.registration._similarity import as_complex, as_points, squared
 from reproduce.physics.registration.fit import (
     FALSE_ALARM_ROBUST,
     RegistrationFit,
     _whitened,
     fit_problem,
 )
-from reproduce.physics.registration.transforms import as_complex, as_points
 from reproduce.physics.validate import Finding, FloatArray, row_numbers
 
 # Probability of a warning of the model if it is right, and of the errors if they are right.
@@ -173,12 +173,11 @@ def sensitivities(
 def _terms(fit: RegistrationFit, source: FloatArray) -> dict[str, FloatArray]:
     """Return the displacements, (n, 2, columns), of the terms that the model does not contain."""
     apply, pivot = fit.transform.apply, fit.transform.pivot
-    offsets = as_complex(apply(source) - apply(pivot[None]))
-    along = offsets / max(float(np.abs(offsets).max()), 1e-300)
+    along = as_complex(apply(source) - apply(pivot[None]))
     terms = {
         "rotation": [1j * along],
         "scale": [along],
-        "radial": [along * np.abs(along) ** 2],
+        "radial": [along * squared(along)],
         "tilt": [along * along.real, along * along.imag],
         "affine": [along.conj(), 1j * along.conj()],
     }
