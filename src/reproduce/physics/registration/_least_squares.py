@@ -33,7 +33,7 @@ _MIN_EIGENVALUE = 1e-13
 
 
 def thinned(count: int, limit: int) -> slice | NDArray[np.intp]:
-    """Return at most `most` of `count` rows, spread evenly."""
+    """Return at most `limit` of `count` rows, spread evenly."""
     return (
         slice(None) if count <= limit else np.linspace(0, count - 1, limit).astype(int)
     )
@@ -157,7 +157,7 @@ def _covariance(
         ) from error
 
 
-def solved(
+def normal_solution(
     normal: FloatArray, pull: FloatArray, smallest: float = _MIN_EIGENVALUE
 ) -> tuple[FloatArray, FloatArray]:
     """Return the solution (..., p) of normal equations, and the inverse of their matrix."""
@@ -179,7 +179,7 @@ def gauss_newton(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the step (..., p) and the inverse normal matrix (..., p, p) of rows (..., m, p)."""
     pull = weighted.mT @ residuals[..., None]
-    return solved(rows.mT @ weighted, pull[..., 0])
+    return normal_solution(rows.mT @ weighted, pull[..., 0])
 
 
 def iterated(problem: Problem) -> tuple[FloatArray, ...]:

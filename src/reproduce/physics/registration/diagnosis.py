@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from reproduce.physics import validate
 from reproduce.physics.registration._least_squares import (
     Problem,
-    solved,
+    normal_solution,
     thinned,
 )
 from reproduce.physics.registration._similarity import as_complex, as_points, squared
@@ -142,7 +142,9 @@ def sensitivities(
         """Return a step of Gauss-Newton, its errors for unit noise, and the squares left."""
         (places,) = np.nonzero((owner == "fit") | (owner == term))
         step, matrix = np.zeros(len(pull)), normal[np.ix_(places, places)]
-        step[places], cofactor = solved(matrix, pull[places], _MIN_INDEPENDENT**2)
+        step[places], cofactor = normal_solution(
+            matrix, pull[places], _MIN_INDEPENDENT**2
+        )
         rest = residuals - rows @ step
         return step[places], np.sqrt(np.diagonal(cofactor)), float(rest @ rest)
 
@@ -433,14 +435,13 @@ def _any_far(fit: RegistrationFit) -> bool:
 
 def _rejected(fit: RegistrationFit, kind: str, remedy: str) -> Iterator[Finding]:
     """Yield the warning that names the stars that a robust fit left out."""
-    order = np.argsort(-fit.squares)
-    if rows := order[fit.rejected[order]].tolist():
-        named = f"{row_numbers(rows)}, up to {fit.squares[rows[0]] ** 0.5:.3g} px"
+    rows, lengths = np.flatnonzero(fit.rejected), np.sqrt(fit.squares)
+    if len(rows):
+        rows = rows[np.argsort(-lengths[rows])]
+        named = f"{row_numbers(rows.tolist())}, up to {lengths[rows[0]]:.3g} px"
         exact = ", which fit exactly" * fits_exactly(fit)
-        text = (
-            f"{len(rows)} of {len(order)} stars do not fit the others{exact} ({named})"
-        )
-        yield Finding(kind, text + remedy, tuple(rows))
+        text = f"{len(rows)} of {len(lengths)} stars do not fit the others{exact} ({named})"
+        yield Finding(kind, text + remedy, tuple(rows.tolist()))
 
 
 def _term_finding(

@@ -144,7 +144,7 @@ class Registration:
     @property
     def factor(self) -> ComplexArray:
         """Complex number k exp(i theta) of a similarity, shape (...)."""
-        return self._terms[0][..., 0]
+        return self.scale * np.exp(1j * self.rotation)
 
     @property
     def matrix(self) -> FloatArray:
