@@ -30,9 +30,10 @@ from page_cells import BOOK, execute, notebooks
 # A fork server imports the libraries once; every task starts as a fork of it.
 START = "forkserver" if "forkserver" in get_all_start_methods() else "spawn"
 PRELOADED = (
-    "matplotlib.pyplot matplotlib.backends.backend_svg pandas.io.formats.style emcee erfa "
-    "scipy.optimize scipy.stats scipy.spatial pydantic rich.table page_cells book_facts "
-    "reproduce.views.table reproduce.views.posterior reproduce.views.figure"
+    "build_book run_notebooks book_facts matplotlib.pyplot matplotlib.backends.backend_pdf "
+    "matplotlib.backends.backend_svg pandas.io.formats.style emcee erfa scipy.optimize "
+    "scipy.stats scipy.spatial pydantic rich.table reproduce.views.table "
+    "reproduce.views.posterior reproduce.views.figure"
 )
 context: Any = get_context(START)
 Task = Callable[[], Any]
@@ -80,11 +81,11 @@ def pages(book: Path) -> dict[str, Task]:
     facts, tasks = book / "_build" / "facts.json", dict[str, Task]()
     with cache_of(book) as cache:
         missing = [page for page in notebooks(book) if outputs(cache, page) is None]
-    # The page of posteriors takes the longest.
+    if missing or not facts.is_file():
+        tasks["facts"] = partial(call, "book_facts", "write_facts", facts)
+    # The facts and the pages of posteriors take the longest.
     for page in sorted(missing, key=lambda page: page.parent.name != "posteriors"):
         tasks[page.relative_to(book).as_posix()] = partial(run_page, page)
-    if tasks or not facts.is_file():
-        tasks["facts"] = partial(call, "book_facts", "write_facts", facts)
     return tasks
 
 
@@ -107,13 +108,20 @@ def outputs(cache: Any, page: Path) -> list[Any] | None:
     return [cell.outputs for cell in page_cells.code(notebook)]
 
 
-def compute(book: Path, workers: int, *, only_numbers: bool = False) -> bool:
-    """Compute missing results, print the times, and return whether all tasks succeeded."""
-    build = book / "_build"
-    os.environ["REPRODUCE_BUILD"] = str(build / "computed")
+def prepare() -> None:
+    """Set the environment of the tasks, and the modules that the fork server imports."""
     # One thread each: as many processes work as there are cores.
     os.environ.update({"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"})
+    # Python 3.11 does not pass `sys.path` to the fork server, which skips a module that it misses.
+    known = (str(BOOK.parent / "tools"), os.environ.get("PYTHONPATH", ""))
+    os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, known))
     context.set_forkserver_preload(PRELOADED.split())
+
+
+def compute(book: Path, workers: int, *, only_numbers: bool = False) -> bool:
+    """Compute missing results, print the times, and return whether all tasks succeeded."""
+    os.environ["REPRODUCE_BUILD"] = str(book / "_build" / "computed")
+    prepare()
     kinds = {"ledger", "posterior", "facts"}
     for stage in (numbers, pages):
         tasks = stage(book)

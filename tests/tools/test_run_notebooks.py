@@ -1,10 +1,14 @@
 """The computation of the pages: new processes, cached outputs, failures by name."""
 
 import os
+import subprocess
+import sys
 from functools import partial
+from pathlib import Path
 
 import pytest
 
+import run_notebooks
 from run_notebooks import apart, cache_of, numbers, outputs, pages, run_tasks
 
 PAGE = "---\nfile_format: mystnb\n---\n\n# A page\n\n```{code-cell} ipython3\n%s\n```\n"
@@ -58,3 +62,21 @@ def test_a_task_in_its_process_returns_or_raises():
     ):
         with pytest.raises(RuntimeError, match=error):
             apart(task)
+
+
+LOADED = """
+import sys
+from functools import partial
+sys.path.insert(0, sys.argv[1])
+import run_notebooks as run
+run.prepare()
+_, loaded = run.apart(partial(eval, "{*__import__('sys').modules}"))
+print(*{*run.PRELOADED.split()} - loaded)
+"""
+
+
+@pytest.mark.nightly
+def test_a_task_finds_all_libraries_loaded(tmp_path):
+    """The folder of the modules is not the present one, and in no variable."""
+    command = [sys.executable, "-c", LOADED, Path(run_notebooks.__file__).parent]
+    assert subprocess.check_output(command, cwd=tmp_path, text=True) == "\n"
