@@ -15,15 +15,6 @@ def planck(wavelength, temperature):
     return wavelength**-4 / (np.exp(h * c / (wavelength * k * temperature)) - 1)
 
 
-@pytest.mark.parametrize("temperature", [3000.0, 5800.0, 20000.0])
-def test_the_spectrum_is_plancks(temperature):
-    for wavelength in (400e-9, 680e-9):
-        expected = planck(wavelength, temperature) / planck(550e-9, temperature)
-        assert _blackbody_photons(wavelength, temperature) == pytest.approx(
-            expected, rel=1e-8
-        )
-
-
 def test_the_band_is_the_integral():
     value, _ = quad(lambda x: planck(x * 1e-9, 4500) / planck(550e-9, 4500), 580, 680)
     expected = _ZERO_MAGNITUDE * 1e-9 * value
@@ -32,24 +23,11 @@ def test_the_band_is_the_integral():
     )
 
 
-def test_five_magnitudes_are_a_factor_of_a_hundred():
-    bright, faint = blackbody_band([2.0, 7.0], 5800, 490e-9, 590e-9)
-    assert bright / faint == pytest.approx(100)
-
-
 def test_the_zero_point_is_about_a_thousand_photons_per_square_centimetre_and_angstrom():
     """The figure of the textbooks, 1000 photons/(s cm^2 angstrom) at V = 0."""
     per_square_centimetre_and_angstrom = _ZERO_MAGNITUDE * 1e-4 * 1e-10
     assert per_square_centimetre_and_angstrom == pytest.approx(1000, rel=0.02)
     assert h * c / 550e-9 == pytest.approx(3.6117e-19, rel=1e-4)
-
-
-def test_hot_stars_are_blue_and_cool_ones_red():
-    ratio = blackbody_band(4, [3500, 20000], 400e-9, 500e-9) / blackbody_band(
-        4, [3500, 20000], 580e-9, 680e-9
-    )
-    assert ratio[0] < 0.5
-    assert ratio[1] > 1.5
 
 
 def test_very_cool_stars_do_not_overflow():

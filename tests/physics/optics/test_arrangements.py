@@ -1,11 +1,9 @@
 """Arrangements of rotation angles: counts by other means, and the bounds of the family."""
 
-from __future__ import annotations
-
 from itertools import product
 
 import numpy as np
-from numpy.testing import assert_allclose, assert_array_equal
+from numpy.testing import assert_allclose
 
 from reproduce.physics.optics import arrangement_angles, arrangements
 
@@ -22,16 +20,7 @@ FAMILY = {name: arrangement_angles(name, *HALVES) for name in NAMES}
 SQUARE, CIRCLE = "square, step between neighbours", "circle of the smaller half range"
 
 
-def test_quincunx_of_eleven_by_seven_and_ten_by_six_fills_the_range() -> None:
-    even = np.meshgrid(np.linspace(-8, 8, 11), np.linspace(-6, 6, 7))
-    odd = np.meshgrid(np.linspace(-7.2, 7.2, 10), np.linspace(-5, 5, 6))
-    expected = np.hstack([np.reshape(even, (2, -1)), np.reshape(odd, (2, -1))]).T
-    expected = expected[np.lexsort(expected.T.round(6))]
-    name = "quincunx, stretched to the edges in 20 by 12 spacings; centred; rectangle"
-    assert_allclose(np.degrees(FAMILY[name]), expected, atol=1e-12)
-
-
-def test_the_arrangements_with_137_angles() -> None:
+def test_the_arrangements_with_137_angles():
     """Names by the first of equal arrangements: the rule that makes the readings complete."""
     first: dict[bytes, str] = {}
     for name, angles in FAMILY.items():
@@ -50,15 +39,7 @@ def test_the_arrangements_with_137_angles() -> None:
     ]
 
 
-def test_every_arrangement_is_sorted_and_within_the_range() -> None:
-    assert len(FAMILY) == 10 * 5 * 6
-    for angles in FAMILY.values():
-        assert (np.abs(angles) <= HALVES[:2] * (1 + 1e-8)).all()
-        order = np.lexsort((angles[:, 0], angles[:, 1].round(12)))
-        assert_array_equal(order, np.arange(len(order)))
-
-
-def test_windows_contain_the_places_that_they_should_with_their_edges() -> None:
+def test_windows_contain_the_places_that_they_should_with_their_edges():
     windows = {
         "rectangle": lambda i, j: abs(i) <= 10 and abs(j) <= 5,
         "rectangle without its border": lambda i, j: abs(i) < 10 and abs(j) < 5,

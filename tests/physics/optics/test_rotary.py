@@ -1,7 +1,5 @@
 """The rotary table against SciPy's rotations, and the channels that image its star."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.random import default_rng
 from numpy.testing import assert_allclose, assert_array_equal
@@ -29,7 +27,7 @@ ROTATIONS = (0.002, 0.0, -0.001)
 ANGLES = default_rng(1).uniform(-0.1, 0.1, (4, 30, 2))
 
 
-def test_matrix_agrees_with_scipy() -> None:
+def test_matrix_agrees_with_scipy():
     # Both frames are passive rotations: SciPy's active ones by the opposite angle.
     about_x = Rotation.from_euler("x", -EXTERNAL[:, None])
     expected = (about_x * Rotation.from_euler("y", -MIDDLE[:, None])).as_matrix()
@@ -38,7 +36,7 @@ def test_matrix_agrees_with_scipy() -> None:
     assert_array_equal(grid[3, 2], rotary_matrix(EXTERNAL[3], MIDDLE[2]))
 
 
-def test_printed_matrix_is_no_rotation_but_has_the_same_starlight() -> None:
+def test_printed_matrix_is_no_rotation_but_has_the_same_starlight():
     printed = rotary_matrix_printed(EXTERNAL, MIDDLE)
     assert_allclose(np.linalg.det(printed), np.cos(2 * MIDDLE), atol=1e-14)
     first_times_third = (printed[:, :, 0] * printed[:, :, 2]).sum(axis=-1)
@@ -48,7 +46,7 @@ def test_printed_matrix_is_no_rotation_but_has_the_same_starlight() -> None:
     assert_array_equal(rotary_matrix_printed(EXTERNAL, 0.0), plain)
 
 
-def test_channels_register_onto_the_reference() -> None:
+def test_channels_register_onto_the_reference():
     centroids = channel_centroids(CAMERAS, ROTATIONS, ANGLES[0])
     for i in (0, 2):
         expected = similarity_between(CAMERAS[i], ROTATIONS[i], CAMERAS[1])

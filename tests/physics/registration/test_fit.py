@@ -6,7 +6,6 @@ import pytest
 from numpy.random import default_rng
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.optimize import least_squares
-from skimage.transform import EuclideanTransform, SimilarityTransform
 
 from reproduce.physics.registration import MODELS, Registration, fit_registration
 from reproduce.physics.validate import DegenerateGeometryError
@@ -32,20 +31,6 @@ def reach(model):
 def noisy(model, sigma=0.1, shape=()):
     clean = Registration(model, np.array(TRUE[model]), PIVOT).apply(POINTS)
     return clean + sigma * GENERATOR.standard_normal((*shape, *clean.shape))
-
-
-@pytest.mark.parametrize(
-    ("model", "kind"),
-    [
-        ("similarity", SimilarityTransform),
-        ("rigid", EuclideanTransform),
-    ],
-)
-def test_agrees_with_scikit_image(model, kind):
-    target = noisy(model)
-    ours = fit_registration(POINTS, target, PIVOT, model=model).transform.apply(POINTS)
-    theirs = kind.from_estimate(POINTS, target)(POINTS)
-    assert_allclose(ours, theirs, rtol=0, atol=1e-9)
 
 
 def test_agrees_with_opencv_in_single_precision():
