@@ -11,8 +11,6 @@ from scipy.signal import lfilter
 from reproduce.physics.attitude import (
     Stability,
     allan_deviation,
-    attitude_accuracy,
-    averaged_error,
     moving_average,
     scatter_of_averages,
     stability,
@@ -27,14 +25,6 @@ def test_moving_average_is_a_convolution(count, seed, offset):
     expected = [np.convolve(one, window, mode="valid") for one in series]
     found = moving_average(series, count)
     assert_allclose(found, expected, rtol=1e-13, atol=1e-12)
-
-
-def test_closed_forms_of_the_error_of_averages():
-    assert averaged_error(4, 6.0, 4.0) == pytest.approx(5.0)
-    assert_allclose(averaged_error([1, 100], 3.0), [3.0, 0.3])
-    found = attitude_accuracy([0.1, 0.2], [1, 4], 5e-4)
-    assert_allclose(found, [5e-5, 5e-5])
-    assert_allclose(allan_deviation([0.0, 2.0], [1]), np.sqrt(2))
 
 
 def test_a_drift_is_found_within_its_error():

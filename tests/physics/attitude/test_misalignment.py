@@ -18,12 +18,8 @@ from reproduce.physics.attitude import (
     received_directions,
     received_jacobian,
     received_spots,
-    stage_angle,
-    stage_angle_printed,
     stage_angles,
 )
-
-ARCSEC = np.pi / 180 / 3600
 
 # The spots as printed, the tracker of Table II; four lasers at the corners of an upright cross.
 SPOTS = np.array(
@@ -130,16 +126,6 @@ def test_the_jacobian_is_exact_where_the_fit_is_poor(weights):
 
 
 # The stage, (10)
-
-
-def test_the_stage_angle_in_closed_form():
-    """(10) has one sign for two axes that differ."""
-    assert stage_angle(2.0, 2.0) == pytest.approx(-np.pi / 4)
-    printed = stage_angle(20e-6, 2.0)
-    assert printed / ARCSEC == pytest.approx(-2.0626, abs=1e-4)
-    assert stage_angle_printed(20e-6, 2.0) == pytest.approx(4 * printed)
-    along_x, along_y = (stage_angles(one, 2.0) for one in ((20e-6, 0), (0, 20e-6)))
-    assert_allclose([along_x[1], along_y[0]], [printed, -printed])
 
 
 def test_moved_lasers_look_like_a_turned_camera():

@@ -7,7 +7,6 @@ from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 from reproduce.physics.attitude import (
-    cross_matrix,
     rotation_from_vector,
     unit,
     vector_from_rotation,
@@ -33,12 +32,6 @@ def test_rotation_vector_comes_back_to_the_last_digits():
     usable = VECTORS[np.linalg.norm(VECTORS, axis=-1) < np.pi]
     back = vector_from_rotation(rotation_from_vector(usable))
     assert_allclose(back, usable, rtol=1e-12, atol=1e-15)
-
-
-def test_cross_matrix_is_the_cross_product():
-    one, two = RNG.standard_normal((2, 20, 3))
-    found = (cross_matrix(one) @ two[..., None])[..., 0]
-    assert_allclose(found, np.cross(one, two), atol=1e-15)
 
 
 def test_unit_vectors_of_any_length():

@@ -10,7 +10,6 @@ from reproduce.physics.ground import (
     EARTH_RADIUS,
     image_vectors,
     imaged_position,
-    imaging,
 )
 
 DOWN = np.array(
@@ -24,17 +23,6 @@ def distance_to_ground(origin, directions):
     against = -np.asarray(directions, dtype=float)[..., np.newaxis, :]
     found = imaged_position(against, origin, np.eye(3))[..., 0, :]
     return np.linalg.norm(found - origin, axis=-1)
-
-
-def test_a_sphere_has_a_closed_form(monkeypatch):
-    monkeypatch.setattr(imaging, "EARTH_AXES", np.full(3, 6.4e6))
-    tilt = 0.3
-    satellite = np.array([0, 0, 7e6])
-    # Law of sines in the triangle of centre, satellite and ground.
-    at_ground = np.pi - np.arcsin(7e6 * np.sin(tilt) / 6.4e6)
-    expected = 6.4e6 * np.sin(np.pi - tilt - at_ground) / np.sin(tilt)
-    found = distance_to_ground(satellite, [np.sin(tilt), 0, -np.cos(tilt)])
-    assert found == pytest.approx(expected, rel=1e-12)
 
 
 def test_grazing_lines_meet_the_horizon_just_or_not():

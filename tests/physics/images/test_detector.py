@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.random import default_rng
 
-from reproduce.physics.images import Detector, electrons, expose
+from reproduce.physics.images import Detector, expose
 
 SENSOR = Detector(
     quantum_efficiency=0.6,
@@ -39,12 +39,6 @@ def test_the_output_is_whole_and_stays_within_its_bits():
 def test_a_full_pixel_holds_no_more():
     sensor = Detector(full_well=1000.0)
     assert (expose(np.full(50, 1e5), sensor, default_rng(1)) == 1000.0).all()
-
-
-def test_the_inverse_returns_the_charge_of_the_light():
-    draws = expose(np.full(TRIALS, 1500.0), SENSOR, default_rng(2))
-    charge = electrons(draws, SENSOR)
-    assert charge.mean() == pytest.approx(900.0, abs=4 * charge.std() / np.sqrt(TRIALS))
 
 
 def test_the_noise_of_a_dark_pixel_has_three_parts():

@@ -1,18 +1,14 @@
 """The camera and its pixel angles against closed forms and limits."""
 
 import numpy as np
-import pytest
 from numpy.random import default_rng
 from numpy.testing import assert_allclose
 
 from reproduce.physics.optics import (
     Camera,
-    angle_from_pixels,
-    field_of_view,
     ideal_positions,
     image_points,
 )
-from reproduce.units import ARCSEC_PER_RADIAN
 
 PITCH = 4e-6
 
@@ -44,12 +40,3 @@ def test_image_points_are_those_by_hand():
         spots = image_points(rng.uniform(0.1, 9, (40, 1)) * stars, channel, theta)
         assert_allclose(spots @ [1, 1j], expected, rtol=1e-13)
         assert_allclose(ideal_positions(stars, focal) @ [1, 1j], ideal, rtol=1e-13)
-
-
-def test_field_of_view_and_angles_of_pixels():
-    assert field_of_view(1000, PITCH, 20e-3) == pytest.approx(2 * np.arctan(0.1))
-    edge = angle_from_pixels(500, PITCH, 20e-3)
-    spot = image_points([[np.sin(edge), 0, np.cos(edge)]], camera(radial_distortion=0))
-    assert spot[0, 0] == pytest.approx(800 + 500)
-    arcsec = angle_from_pixels(0.2, PITCH, 20e-3) * ARCSEC_PER_RADIAN
-    assert arcsec == pytest.approx(0.2 * PITCH / 20e-3 * 206264.80624709636, rel=1e-9)

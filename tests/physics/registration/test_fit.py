@@ -169,16 +169,6 @@ def test_transforms_are_undone():
         assert_allclose(back.inverse().apply(points), landed, atol=1e-9)
 
 
-def test_weights_of_zero_drop_points():
-    target = noisy("affine")
-    weights = np.ones(len(POINTS))
-    weights[:5] = 0
-    fit = fit_registration(POINTS, target, PIVOT, weights, "affine")
-    kept = fit_registration(POINTS[5:], target[5:], PIVOT, model="affine")
-    assert_allclose(fit.parameters, kept.parameters, rtol=1e-9, atol=1e-9)
-    assert fit.degrees_of_freedom == kept.degrees_of_freedom
-
-
 def test_bad_input_is_refused():
     """A covariance is symmetric, with variances above zero and a correlation below one."""
     for name, value in (
