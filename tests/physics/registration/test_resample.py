@@ -15,25 +15,25 @@ SPOT = np.array([[33.3, 27.8]])
 
 
 @pytest.mark.parametrize(
-    ("model", "parameters"),
+    ("model", "parameters", "order"),
     [
-        ("shift", [3.2, -1.4]),
-        ("rigid", [0.05, 3.2, -1.4]),
-        ("affine", [1.05, 0.03, -0.06, 0.97, 3.2, -1.4]),
-        ("affine", [-1.0, 0.0, 0.0, 1.0, 3.2, -1.4]),  # a mirror image
-        ("similarity", [1.01, 0.02, 1.3, -0.7]),
+        ("shift", [3.2, -1.4], 3),
+        ("rigid", [0.05, 3.2, -1.4], 3),
+        ("affine", [1.05, 0.03, -0.06, 0.97, 3.2, -1.4], 3),
+        ("affine", [-1.0, 0.0, 0.0, 1.0, 3.2, -1.4], 3),  # a mirror image
+        ("similarity", [1.01, 0.02, 1.3, -0.7], 3),
+        ("similarity", [1.01, 0.02, 1.3, -0.7], 1),
     ],
 )
-@pytest.mark.parametrize("order", [1, 3])
 def test_a_spot_arrives_with_its_light_where_the_transform_says(
     model, parameters, order
 ):
     transform = Registration(model, np.array(parameters), np.array([30.0, 22.0]))
     image = render_frame(SPOT, 1e5, 1.2, (64, 48))
     found = registered_image(image, transform, order=order)
-    assert found.sum() == pytest.approx(1e5, rel=3e-3)
+    assert found.sum() == pytest.approx(1e5, rel=2e-3)
     expected = transform.apply(SPOT)[0]
-    assert_allclose(centre_of_gravity(found, (0, 0)), expected, atol=0.02)
+    assert_allclose(centre_of_gravity(found, (0, 0)), expected, atol=0.01)
 
 
 def test_a_window_is_a_part_of_the_whole():
