@@ -48,7 +48,7 @@ check: $(TESTS)  ## check style, format, types and words
 	@$(PY) tools/check_language.py
 
 browser-test: $(TESTS)  ## test the built pages in a headless Chromium
-	@$(PY) -m pytest -m browser tests/book $(PARALLEL) --dist loadgroup
+	@$(PY) -m pytest -m browser tests/book $(PARALLEL) --dist worksteal
 
 bench: $(TESTS)  ## measure times as ratios to a reference in the same process
 	@$(PY) -m pytest benchmarks --quiet -p no:cacheprovider

@@ -11,8 +11,7 @@ from sphinx_external_toc.parsing import parse_toc_yaml
 
 import make_pdf
 
-# One process reads the PDF, which takes some seconds.
-pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("pdf")]
+pytestmark = pytest.mark.browser
 BODY = 9.0  # size of the text in the style sheet, in points
 NUMBER = re.compile(r"\d+(?:\.\d+)?")
 MAX_SHEETS, MIN_FILL = 200, 0.55
@@ -66,8 +65,7 @@ def pdf():
     return PdfReader(make_pdf.PDF)
 
 
-@pytest.fixture(scope="module")
-def sheets(pdf):
+def sheets_of(pdf):
     """Return the text of each sheet, and the filled fraction of its height."""
 
     def read(sheet):
@@ -83,11 +81,6 @@ def sheets(pdf):
         return text, (top - lowest) / (top - bottom)
 
     return [read(sheet) for sheet in pdf.pages]
-
-
-@pytest.fixture(scope="module")
-def texts(sheets):
-    return [text for text, _ in sheets]
 
 
 @pytest.fixture(scope="module")
@@ -111,7 +104,12 @@ def joined(browser, pdf):
     page.close()
 
 
-def test_the_numbers_of_every_page_are_printed_in_order(open_page, starts, texts):
+@pytest.mark.slow
+def test_sheets_are_full_and_have_all_numbers_in_order(
+    open_page, joined, pdf, starts, places
+):
+    """One test, since the sheets take long to read."""
+    texts, fills = zip(*sheets_of(pdf), strict=True)
     assert len(NAMES) > 30
     assert starts == sorted(starts)
     assert starts[-1] < len(texts) <= MAX_SHEETS
@@ -123,15 +121,20 @@ def test_the_numbers_of_every_page_are_printed_in_order(open_page, starts, texts
         printed = Counter(NUMBER.findall("\n".join(texts[start : end + 1])))
         assert shown, name
         assert shown - printed == Counter(), name
-
-
-def test_only_the_title_and_ends_of_chapters_are_half_empty(sheets, places):
+    # Only the title and the ends of chapters are half empty.
     chapters = [places[make_pdf.name(pages[0])] for _, pages in make_pdf.parts()]
-    ends = {0, *(start - 1 for start in chapters), len(sheets) - 1}
-    fills = {number: fill for number, (_, fill) in enumerate(sheets)}
-    assert max(fills.values()) > 0.9
-    short = {n + 1: f for n, f in fills.items() if f < MIN_FILL and n not in ends}
-    assert short == {}
+    ends = {0, *(start - 1 for start in chapters), len(fills) - 1}
+    assert max(fills) > 0.9
+    assert [n + 1 for n, f in enumerate(fills) if f < MIN_FILL and n not in ends] == []
+    # The sheets and the contents have the numbers of the sheets.
+    assert [
+        n for n, text in enumerate(texts, 1) if str(n) not in text.splitlines()
+    ] == []
+    script = "() => [...document.querySelectorAll('nav a')].map(e => e.innerText)"
+    contents = unicodedata.normalize("NFKC", "\n".join(texts[: starts[0]]))
+    pairs = zip(joined.evaluate(script), starts, strict=True)
+    lines = {f"{title} {start + 1}" for title, start in pairs}
+    assert lines <= set(contents.splitlines())
 
 
 def test_every_link_leads_to_a_place(joined, pdf, places):
@@ -157,17 +160,6 @@ def test_no_sheet_is_shrunk(pdf):
 
     pdf.pages[0].extract_text(visitor_text=count)
     assert abs(sizes.most_common(1)[0][0]) == BODY
-
-
-def test_sheets_and_contents_have_the_numbers_of_the_sheets(joined, texts, starts):
-    assert [
-        n for n, text in enumerate(texts, 1) if str(n) not in text.splitlines()
-    ] == []
-    script = "() => [...document.querySelectorAll('nav a')].map(e => e.innerText)"
-    contents = unicodedata.normalize("NFKC", "\n".join(texts[: starts[0]]))
-    pairs = zip(joined.evaluate(script), starts, strict=True)
-    lines = {f"{title} {start + 1}" for title, start in pairs}
-    assert lines <= set(contents.splitlines())
 
 
 def test_the_outline_has_every_heading_in_order(joined, pdf):
