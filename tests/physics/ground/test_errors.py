@@ -1,4 +1,4 @@
-"""Ground resolution and the imaging model (1) against closed forms, spheres and identities."""
+"""The imaging model (1) at the horizon, and with the misalignment of (7)."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The similarity and its closed-form fit against SciPy, linear algebra and invariances."""
+"""The similarity far from the origin, and between two cameras."""
 
 import numpy as np
 from numpy.random import default_rng
@@ -15,14 +15,10 @@ from reproduce.physics.registration import (
 TRUTH = Registration.similarity(1.003, 0.0011, (-0.4, 0.7), (1030.0, 770.0))
 
 
-def spots(count=60, seed=1, sigma=0.05):
-    rng = default_rng(seed)
-    source = rng.uniform((0, 0), (2064, 1544), (count, 2))
-    return source, TRUTH.apply(source) + sigma * rng.normal(size=source.shape)
-
-
 def test_a_far_origin_costs_no_digits():
-    source, target = spots()
+    rng = default_rng(1)
+    source = rng.uniform((0, 0), (2064, 1544), (60, 2))
+    target = TRUTH.apply(source) + 0.05 * rng.normal(size=source.shape)
     near = fit_registration(source, target, TRUTH.pivot)
     far = fit_registration(source + 1e9, target + 1e9, TRUTH.pivot + 1e9)
     # Coordinates of 1e9 px are themselves rounded to 1e-7 px.
