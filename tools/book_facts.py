@@ -39,18 +39,11 @@ from reproduce.store.files import write_text
 from reproduce.version import ADDRESS
 from reproduce.views import computed, numbers, verdicts
 from reproduce.views.blocks import html, rendered
+from reproduce.views.citations import in_words, recomputed
 from reproduce.views.computed import whole_ledger
 from reproduce.views.consistency import ConsistencyAudit, errata_register
 from reproduce.views.contents import Contents
-from reproduce.views.export import (
-    citation,
-    export_frame,
-    in_words,
-    provenance_of,
-    recomputed,
-    table_files,
-    with_provenance,
-)
+from reproduce.views.export import export_frame, provenance_of, table_files
 from reproduce.views.reports import FORMS, report
 from reproduce.views.study import StudyTable
 from reproduce.views.table import Cell, Table
@@ -302,13 +295,13 @@ class Register(BaseModel):
 def register() -> Register:
     """Return the register of errata with its provenance."""
     rows = ConsistencyAudit().frame().reset_index(names="id").to_dict("records")
-    whole = {**provenance_of(citation("all", "text")), "errata": rows}
+    whole = {**provenance_of(), "errata": rows}
     return Register.model_validate(whole)
 
 
 def write_whole(folder: Path) -> None:
     """Write all printed cells, all readings and all errata as CSV and Parquet."""
-    about = provenance_of(citation("all", "text"))
+    about = provenance_of()
     errata = pd.DataFrame([one.model_dump() for one in register().errata])
     for name in ("relations", "equations", "results"):
         errata[name] = errata[name].map(" ".join)
@@ -362,7 +355,9 @@ def write_tables(folder: Path) -> None:
     """Write the ledger, the errata and every table in all forms, and the reports on each paper."""
     whole = computed.whole_ledger()
     texts = {
-        "ledger.json": with_provenance(whole).model_dump_json(indent=2),
+        "ledger.json": whole.model_copy(update=provenance_of()).model_dump_json(
+            indent=2
+        ),
         "ledger.schema.json": (data_folder() / "ledger.schema.json").read_text(
             encoding="utf-8"
         ),

@@ -24,7 +24,7 @@ from pypdf.generic import NameObject, TextStringObject
 
 from build_book import ROOT
 from reproduce.version import ADDRESS, RELEASED, __version__
-from reproduce.views.export import DEVELOPERS
+from reproduce.views.citations import DEVELOPERS
 
 HTML = ROOT / "book" / "_build" / "html"
 PDF, LISTS = HTML / "reproduce-book.pdf", HTML / "reproduce-lists.pdf"

@@ -35,7 +35,7 @@ from reproduce.version import (
     commit,
     version,
 )
-from reproduce.views.export import marks, released
+from reproduce.views.verify import marks, released
 
 ROOT = Path(__file__).resolve().parent.parent
 SPDX = "https://spdx.org/licenses/"

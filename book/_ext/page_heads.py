@@ -165,9 +165,9 @@ def measured(key: str) -> Iterator[dict[str, str]]:
 def work(address: str, text: str, relation: str) -> dict[str, Any]:
     """Return the description of a citable item, with its relation to the papers."""
     from reproduce.version import RELEASED
-    from reproduce.views.export import DEVELOPERS, citation
+    from reproduce.views.citations import DEVELOPERS, cite
 
-    item, *papers = json.loads(citation(address, "csl"))
+    item, *papers = json.loads(cite(address, "csl"))
 
     def doi(entry: Mapping[str, str]) -> list[str]:
         return [f"https://doi.org/{entry['DOI']}"] if "DOI" in entry else []
@@ -201,7 +201,7 @@ def fill(
     """Add description, citation and data to the head of a page with text."""
     from reproduce.printed.cells import anchor
     from reproduce.version import ADDRESS, RELEASED, content_id
-    from reproduce.views.export import DEVELOPERS
+    from reproduce.views.citations import DEVELOPERS
 
     if doctree is None:
         return

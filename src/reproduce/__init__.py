@@ -32,7 +32,7 @@ _MODULES = {
     "Platform": "physics.attitude",
     "audit": "views.consistency",
     "check": "views.contents",
-    "cite": "views.export",
+    "cite": "views.citations",
     "contents": "views.contents",
     "figure": "views.figure",
     "match": "views.pictures",
@@ -41,7 +41,7 @@ _MODULES = {
     "register": "views.register",
     "stars": "views.pictures",
     "table": "views.table",
-    "verify": "views.export",
+    "verify": "views.verify",
 }
 __all__ = list(_MODULES)
 

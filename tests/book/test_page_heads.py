@@ -15,7 +15,8 @@ from page_heads import MAX_LENGTH, described, finish, linked
 from reproduce import version
 from reproduce.papers.catalogue import studies
 from reproduce.printed.cells import PAPERS, anchor, library
-from reproduce.views import export
+from reproduce.views.citations import cite
+from reproduce.views.export import table_files
 
 META = re.compile(r'<meta name="(\w+)" content="([^"]*)" />')
 SCRIPT = re.compile(
@@ -43,7 +44,7 @@ DESCRIBED = {
 def dois(paper):
     """Return the addresses of a paper, of both, or of none."""
     papers = PAPERS if paper == "all" else {paper} & set(PAPERS)
-    items = [json.loads(export.citation(f"{p}/text-context", "csl"))[1] for p in papers]
+    items = [json.loads(cite(f"{p}/text-context", "csl"))[1] for p in papers]
     return {f"https://doi.org/{item['DOI']}" for item in items}
 
 
@@ -92,7 +93,7 @@ def test_every_table_is_a_dataset():
         assert data.get("license", []) == [LICENCE] * bool(papers)
         assert key in data["identifier"]
         files = [file["contentUrl"][0] for file in data["distribution"]]
-        assert files == [BASE + path for path in export.table_files(key)]
+        assert files == [BASE + path for path in table_files(key)]
         names = {one["name"][0] for one in data["variableMeasured"]}
         if table := library().get(key):
             assert names == {line.label for line in (*table.rows, *table.columns)}
@@ -102,8 +103,8 @@ def test_every_table_is_a_dataset():
 def test_a_published_dataset_has_its_address(monkeypatch):
     held = {"niu2024-table-3": "x"}
     assert "url" not in next(linked("x", held, ""))
-    monkeypatch.setattr(export, "ADDRESS", "https://example.org/book")
-    monkeypatch.setattr(export, "DOI", "10.1234/x")
+    monkeypatch.setattr(version, "ADDRESS", "https://example.org/book")
+    monkeypatch.setattr(version, "DOI", "10.1234/x")
     data = expanded(next(linked("x", held, "")), "x")
     assert data["url"] == [f"{BASE}goto.html#niu2024-table-3"]
     assert "https://doi.org/10.1234/x" in data["identifier"]

@@ -26,7 +26,7 @@ import release
 from pack_book import build_wheel
 from reproduce.judge.ledger import frozen
 from reproduce.version import __version__, version
-from reproduce.views.export import citation
+from reproduce.views.citations import cite
 
 ROOT = Path(__file__).parents[2]
 CONTEXTS = ROOT / "tests" / "data"
@@ -219,7 +219,7 @@ def test_the_verdicts_and_marks_of_a_release_are_stored(monkeypatch):
     assert kept["marks"].keys() == {*earlier, version()}
     marks = kept["marks"][version()]
     assert len(marks) == len(frozen())
-    line = citation("niu2024/table-3#scale.red", "text").partition("\n")[0]
+    line = cite("niu2024/table-3#scale.red", "text").partition("\n")[0]
     assert line.rpartition(" ")[2] in marks
 
 

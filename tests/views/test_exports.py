@@ -23,9 +23,11 @@ from reproduce.judge.rerun import CannotChangeError
 from reproduce.papers.catalogue import catalogue, studies
 from reproduce.printed.cells import PAPERS, anchor, library
 from reproduce.version import RELEASED, __version__
-from reproduce.views import export as exporting
+from reproduce.views import verify as verifying
+from reproduce.views.citations import cite, identifiers, mark, statement
 from reproduce.views.computed import whole_ledger
-from reproduce.views.export import FORMATS, _mark, _statement_of, citation, verify
+from reproduce.views.export import FORMATS
+from reproduce.views.verify import verify
 
 ROOT = Path(__file__).parents[2]
 KEY, STUDY = "chen2023/table-5", "chen2023/heat"
@@ -58,9 +60,7 @@ def provenance(text, form):
 
 
 def first_entry(address):
-    return next(
-        iter(parse_string(citation(address, "bibtex"), "bibtex").entries.values())
-    )
+    return next(iter(parse_string(cite(address, "bibtex"), "bibtex").entries.values()))
 
 
 def test_json_has_all_values_and_csv_has_the_layout_of_the_paper():
@@ -132,7 +132,7 @@ def test_supplementary_tables_read_back_equal():
 
 
 def test_unknown_formats_are_named():
-    for call in (lambda: rp.table(KEY).export("xls"), lambda: citation(KEY, "apa")):
+    for call in (lambda: rp.table(KEY).export("xls"), lambda: cite(KEY, "apa")):
         with pytest.raises(ValueError, match=r"^format: .*'(xls|apa)'"):
             call()
     for call, argument in ((rp.cite, "address"), (rp.verify, "citation")):
@@ -143,11 +143,11 @@ def test_unknown_formats_are_named():
 def test_citations_name_item_paper_and_authors():
     for key in catalogue():
         paper = key.split("/")[0]
-        parsed = parse_string(citation(key, "bibtex"), "bibtex").entries
+        parsed = parse_string(cite(key, "bibtex"), "bibtex").entries
         assert list(parsed) == [f"reproduce-{key.replace('/', '-')}", paper]
-        listed = json.loads(citation(key, "csl"))
+        listed = json.loads(cite(key, "csl"))
         assert [entry["id"] for entry in listed] == list(parsed)
-    assert "Table 3 of Niu et al. (2024)" in citation("niu2024/table-3", "text")
+    assert "Table 3 of Niu et al. (2024)" in cite("niu2024/table-3", "text")
 
 
 def test_the_sentence_of_a_cell_has_place_numbers_and_verdict():
@@ -171,21 +171,21 @@ def test_formats_agree_and_have_version_commit_day_and_identifiers(commit, monke
     monkeypatch.setattr(version, "commit", lambda root: commit)
     for address in ("all", KEY, CELLS[0], STUDY):
         papers = list(PAPERS) if address == "all" else [address.split("/")[0]]
-        read = rispy.loads(citation(address, "ris"))
+        read = rispy.loads(cite(address, "ris"))
         kinds = [entry["type_of_reference"] for entry in read]
         assert kinds == ["COMP", *["JOUR"] * len(papers)]
-        entries = parse_string(citation(address, "bibtex"), "bibtex").entries
+        entries = parse_string(cite(address, "bibtex"), "bibtex").entries
         assert list(entries)[1:] == papers
         for ris, entry in zip(read, entries.values(), strict=True):
             assert ris["title"] == re.sub(r"[{}\\]", "", entry.fields["title"])
             assert ris["year"] == entry.fields["year"]
             assert ris.get("doi") == entry.fields.get("doi")
-        own, csl = read[0], json.loads(citation(address, "csl"))[0]
+        own, csl = read[0], json.loads(cite(address, "csl"))[0]
         assert own["edition"] == csl["version"] == __version__
         assert own["date"] == RELEASED.replace("-", "/")
         issued = "-".join(f"{part:02}" for part in csl["issued"]["date-parts"][0])
         assert issued == RELEASED
-        known = ", ".join(exporting.identifiers(address).values())
+        known = ", ".join(identifiers(address).values())
         assert (known or None) == own.get("accession_number")
         assert (known or None) == csl.get("archive_location")
         assert (commit in known) is (
@@ -200,7 +200,7 @@ def test_identifiers_are_the_hashes_of_git():
         done = subprocess.run(command, check=True, capture_output=True, text=True)
         return done.stdout.strip()
 
-    found = exporting.identifiers(CELLS[0])
+    found = identifiers(CELLS[0])
     data = git("hash-object", "data/printed/niu2024/table-3.toml")
     assert found["data"] == f"swh:1:cnt:{data}"
     file, _, line = whole_ledger().cell(CELLS[0]).line.rpartition(":")
@@ -276,9 +276,9 @@ def test_an_export_names_version_commit_and_citation(commit, monkeypatch):
     for address in (KEY, CELLS[0], STUDY):
         for form in FORMATS:
             text = rp.table(address).export(form)
-            stated = f"software: {source}\ncitation: {citation(address, 'text')}"
+            stated = f"software: {source}\ncitation: {cite(address, 'text')}"
             assert provenance(text, form).startswith(stated)
-    assert verify(citation(CELLS[0], "text").splitlines()[0]) == "current"
+    assert verify(cite(CELLS[0], "text").splitlines()[0]) == "current"
 
 
 def test_a_user_setting_is_named_in_the_file():
@@ -304,7 +304,7 @@ def test_panels_are_saved_and_changed_together(tmp_path):
 def test_fits_and_figures_name_the_software(tmp_path):
     fit = rp.register([[0, 0], [99, 0], [0, 99]], [[3, 0], [102, 0], [3, 99]])
     text = fit.export("csv")
-    software, cited = version.software(), citation("all", "text").splitlines()[0]
+    software, cited = version.software(), cite("all", "text").splitlines()[0]
     assert text.startswith(f"# software: {software}\n# citation: {cited}\n")
     assert len(read_csv(text)) == len(fit.frame())
     figure = rp.figure("niu2024/fig-4")
@@ -320,25 +320,25 @@ def test_fits_and_figures_name_the_software(tmp_path):
 
 def cited(text, source):
     """Return a citation as version 0.2.0 wrote it."""
-    return f"{text}. {version.NAME} {source}. {_mark(text)}"
+    return f"{text}. {version.NAME} {source}. {mark(text)}"
 
 
 @pytest.mark.parametrize("address", CELLS)
 def test_a_citation_is_current_moved_or_unknown(address, monkeypatch):
-    text, record = citation(address, "text"), whole_ledger().cell(address)
+    text, record = cite(address, "text"), whole_ledger().cell(address)
     line = text.splitlines()[0]
     assert f", {record.verdict}. reproduce-pointing " in line
     assert first_entry(address).fields["note"][-15:] == line[-15:]
     assert verify(text) == verify(line) == verify(line.replace(" ", "\n")) == "current"
     for wrong in (text.replace("printed ", "printed 1"), "some words"):
         assert verify(wrong).startswith("unknown: its words")
-    now, older = _statement_of(record), f"{address}: printed 1, exact"
+    now, older = statement(record), f"{address}: printed 1, exact"
     gone, source = older.replace("#", "#no-"), "0.0.1, 2026-01-01, x"
     for unknown in (older, gone, now):
         assert verify(cited(unknown, source)).startswith("unknown: not stated")
     later = "0.0.2, 2026-01-02, y"
-    known = {source: [_mark(older), _mark(gone)], later: [_mark(now)]}
-    monkeypatch.setattr(exporting, "released", lambda: known)
+    known = {source: [mark(older), mark(gone)], later: [mark(now)]}
+    monkeypatch.setattr(verifying, "released", lambda: known)
     moved = verify(cited(older, source))
     assert moved.startswith(f"moved since {source}: now {now}, for ")
     assert verify(cited(gone, source)).startswith(f"moved since {source}: now ")
@@ -347,7 +347,7 @@ def test_a_citation_is_current_moved_or_unknown(address, monkeypatch):
 
 def test_a_citation_of_a_release_is_current_if_value_and_verdict_are(monkeypatch):
     """Version 0.2.0 stated addresses, units of the data files and six digits."""
-    ((source, marks),) = exporting.released().items()
+    ((source, marks),) = verifying.released().items()
     start = f"{CELLS[0]}: printed 0.9973, recomputed 0.99756"
     found = {
         text: verify(cited(text, source)).partition(" ")[0]
@@ -364,13 +364,13 @@ def test_a_citation_of_a_release_is_current_if_value_and_verdict_are(monkeypatch
         (4, "exact", "moved"),
     ):
         text = f"{start}{digit} [0, 1], {verdict}"
-        monkeypatch.setattr(exporting, "released", lambda t=text: {source: [_mark(t)]})
+        monkeypatch.setattr(verifying, "released", lambda t=text: {source: [mark(t)]})
         assert verify(cited(text, source)).partition(" ")[0] == word
 
 
 def test_a_citation_of_an_unknown_source_is_not_current(monkeypatch):
     monkeypatch.setattr(version, "commit", lambda root: "0123456789")
-    text = citation(CELLS[0], "text")
+    text = cite(CELLS[0], "text")
     claim = f"{CELLS[0]}: printed 0.9973, recomputed 0.9973 [0.9972, 0.9974], exact"
     wrong = [cited(claim, version.version())]
     for true in (f" {__version__},", RELEASED, "commit 0123456789"):
@@ -392,14 +392,14 @@ def test_the_time_to_verify_is_linear():
 
 
 def test_citations_have_the_address_and_the_doi_of_a_published_book(monkeypatch):
-    assert "url" not in citation(KEY, "bibtex")
-    monkeypatch.setattr(exporting, "ADDRESS", "https://example.org/book")
-    monkeypatch.setattr(exporting, "DOI", "10.1234/x")
+    assert "url" not in cite(KEY, "bibtex")
+    monkeypatch.setattr(version, "ADDRESS", "https://example.org/book")
+    monkeypatch.setattr(version, "DOI", "10.1234/x")
     for address in (KEY, CELLS[0]):
         fields = first_entry(address).fields
         url = fields["url"].replace("\\#", "#")
         assert fields["doi"] == "10.1234/x"
         assert url.startswith("https://example.org/book/goto.html#")
-        assert url in citation(address, "text")
-        assert f"UR  - {url}" in citation(address, "ris")
-        assert "swh:" not in citation(address, "text")
+        assert url in cite(address, "text")
+        assert f"UR  - {url}" in cite(address, "ris")
+        assert "swh:" not in cite(address, "text")

@@ -19,9 +19,10 @@ from reproduce.papers.catalogue import catalogue, studies
 from reproduce.papers.declare import Column, Fact
 from reproduce.printed.cells import PAPERS, anchor, library
 from reproduce.views import numbers, verdicts
+from reproduce.views.citations import cite
 from reproduce.views.computed import whole_ledger
 from reproduce.views.consistency import errata_register
-from reproduce.views.export import citation, provenance_of, table_files, with_provenance
+from reproduce.views.export import provenance_of, table_files
 from reproduce.views.verdicts import facts_of
 
 CHANCE = Column("p", "chance", 1e-12)
@@ -138,7 +139,7 @@ def test_all_files_are_written_and_equal_each_time(shipped):
     names |= {f"{paper}-reports.zip" for paper in PAPERS}
     assert files == names | {"verify_ledger.py", "readings.csv", "readings.parquet"}
     read = whole_ledger().model_validate_json((shipped / "ledger.json").read_text())
-    assert read == with_provenance(whole_ledger())
+    assert read == whole_ledger().model_copy(update=provenance_of())
     assert all(record.reason for record in read.records if record.verdict == "differs")
     for paper in PAPERS:
         with ZipFile(shipped / f"{paper}-reports.zip") as packed:
@@ -154,7 +155,7 @@ def test_all_files_are_written_and_equal_each_time(shipped):
 def test_csv_and_parquet_are_equal_and_have_a_provenance(shipped):
     settings = {"dtype": {"printed": str, "equations": str}, "keep_default_na": False}
     settings["na_values"] = {name: [""] for name in SPARSE}
-    about = provenance_of(citation("all", "text"))
+    about = provenance_of(cite("all", "text"))
     head = "".join(f"{name}: {value}\n" for name, value in about.items()).splitlines()
     metadata = "SELECT decode(key), decode(value) FROM parquet_kv_metadata(?)"
     for name in ("ledger", "errata", "readings"):
@@ -181,4 +182,4 @@ def test_the_files_have_the_records_of_ledger_and_register(shipped):
     assert {pair for pair in named if pair[0]} <= {*listed.items()}
     stored = json.loads(register().model_dump_json())
     jsonschema.validate(stored, Register.model_json_schema())
-    assert stored["citation"] == citation("all", "text")
+    assert stored["citation"] == cite("all", "text")

@@ -18,11 +18,13 @@ from book_facts import card
 from reproduce.judge import ledger
 from reproduce.judge.ledger import expected, frozen, item_ledger
 from reproduce.papers.catalogue import catalogue
-from reproduce.printed.cells import PAPERS, library
+from reproduce.printed.cells import PAPERS, anchor, library
 from reproduce.printed.inputs import load_inputs
-from reproduce.views import export, reports
+from reproduce.views import reports
 from reproduce.views.blocks import rendered
+from reproduce.views.citations import cite
 from reproduce.views.cli import main
+from reproduce.views.export import table_files
 
 NP = rdflib.Namespace("http://www.nanopub.org/nschema#")
 CITO = rdflib.Namespace("http://purl.org/spar/cito/")
@@ -31,9 +33,7 @@ CITO = rdflib.Namespace("http://purl.org/spar/cito/")
 def of_paper(paper):
     """Return the items of a paper by the name of their files."""
     keys = [key for key in library() if key.startswith(f"{paper}/")]
-    return {
-        export.anchor(key): reports.Item(key, item_ledger(key).records) for key in keys
-    }
+    return {anchor(key): reports.Item(key, item_ledger(key).records) for key in keys}
 
 
 @pytest.mark.parametrize("paper", PAPERS)
@@ -47,9 +47,7 @@ def test_codecheck_has_the_parts_of_its_specification_that_are_ours(paper):
     assert found["version"] == "https://codecheck.org.uk/spec/config/2.0"
     files = {one["file"] for one in found["manifest"]}
     assert files == {f"tables/{name}.csv" for name in of_paper(paper)}
-    cited = json.loads(
-        export.citation(next(iter(of_paper(paper).values())).key, "csl")
-    )[1]
+    cited = json.loads(cite(next(iter(of_paper(paper).values())).key, "csl"))[1]
     assert found["paper"]["title"] == cited["title"]
     assert found["paper"]["reference"] == f"https://doi.org/{cited['DOI']}"
     for one, author in zip(found["paper"]["authors"], cited["author"], strict=True):
@@ -154,7 +152,7 @@ def test_a_covariance_is_that_of_the_draws():
     assert found == pytest.approx(np.cov(one, other)[0, 1], rel=1e-9)
     assert [*frame.columns] == ["unit", *frame.index]
     for one, is_random in ((key, True), ("niu2024/table-2", False)):
-        files = export.table_files(one)
+        files = table_files(one)
         assert any("covariance" in path for path in files) is is_random
 
 

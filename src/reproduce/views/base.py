@@ -13,7 +13,8 @@ from reproduce.papers.catalogue import changeable, declarations
 from reproduce.papers.declare import Drawing
 from reproduce.views import keys
 from reproduce.views.blocks import Display
-from reproduce.views.export import citation, export_frame, provenance_of
+from reproduce.views.citations import cite
+from reproduce.views.export import export_frame, provenance_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -58,7 +59,7 @@ class ResultView(Display):
 
     def cite(self, form: str = "bibtex") -> str:
         """Return its citation and the citation of its paper: bibtex, ris, csl or text."""
-        return citation(self.key, form)
+        return cite(self.key, form)
 
 
 class ItemView(ResultView):

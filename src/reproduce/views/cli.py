@@ -405,9 +405,9 @@ def _cite(address: str, form: str) -> None:
       $ reproduce cite "niu2024/table-2#scale.red" --format text
       The reproduce-pointing developers (2026). Table 2, scale factor, red, of Niu et al. ...
     """
-    from reproduce.views.export import citation
+    from reproduce.views import citations
 
-    click.echo(citation(address, form))
+    click.echo(citations.cite(address, form))
 
 
 @main.command("verify")
@@ -423,7 +423,7 @@ def _verify(citation: str) -> None:
       $ reproduce verify "... Table 2, scale factor, red, of Niu et al. (2024) ... rp:..."
       current
     """
-    from reproduce.views.export import verify
+    from reproduce.views.verify import verify
 
     click.echo(result := verify(citation))
     sys.exit(result != "current")

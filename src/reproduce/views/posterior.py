@@ -43,7 +43,8 @@ from reproduce.version import __version__
 from reproduce.views import computed
 from reproduce.views.base import ResultView, text_of
 from reproduce.views.blocks import Block, Blocks, Fold, Grid, Html
-from reproduce.views.export import cite_related, export_frame
+from reproduce.views.citations import cite_related
+from reproduce.views.export import export_frame
 from reproduce.views.figure import figure_block
 from reproduce.views.intervals import FloatArray, correlated_pair, draw_intervals
 from reproduce.views.measurements import platform_of
@@ -469,7 +470,12 @@ class Posterior(ResultView):
         """Return its citation and the citation of the paper: bibtex, ris, csl or text."""
         declared = self.declared
         return cite_related(
-            "Posterior", self.name, declared.paper, declared.title, form
+            form,
+            "posterior",
+            declared.paper,
+            self.name,
+            "Posterior of",
+            declared.title,
         )
 
     def rerun(self, **changes: Any) -> Posterior:

@@ -16,7 +16,7 @@ from reproduce.papers.catalogue import catalogue
 from reproduce.printed.cells import library
 from reproduce.printed.inputs import load_inputs
 from reproduce.printed.number import si_factor
-from reproduce.views import export, keys
+from reproduce.views import citations, keys
 from reproduce.views.blocks import rendered
 from reproduce.views.verdicts import weak
 
@@ -100,7 +100,7 @@ def report(paper: str, form: str) -> dict[str, str]:
     """
     keys.check_paper(paper)
     named = [key for key in library() if key.startswith(f"{paper}/")]
-    whole, cited = json.loads(export.citation(named[0], "csl"))
+    whole, cited = json.loads(citations.cite(named[0], "csl"))
     values = {
         "central": f"{CENTRAL:.0%}",
         "cited": cited,

@@ -33,7 +33,6 @@ from reproduce.views.export import (
     provenance_of,
     table_files,
     toolbar,
-    with_provenance,
 )
 from reproduce.views.numbers import minus
 from reproduce.views.readings import Readings, summary
@@ -229,7 +228,9 @@ class Table(ItemView):
             given = provenance_of(self.cite("text"), "covariance, literal reading")
             return export_frame(covariance(self.key), "csv", given)
         if form == "json":
-            return with_provenance(self._ledger, self.key).model_dump_json(indent=2)
+            return self._ledger.model_copy(update=self.provenance).model_dump_json(
+                indent=2
+            )
         table, records = self._printed, self._ledger.records
         pairs = zip(table.cells, records, strict=True)
         frame = pd.DataFrame([_values(cell, record, form) for cell, record in pairs])
@@ -462,7 +463,7 @@ class Cell(ResultView):
 
         if form == "json":
             part = Ledger(records=(self.record,), tables=())
-            return with_provenance(part, self.address).model_dump_json(indent=2)
+            return part.model_copy(update=self.provenance).model_dump_json(indent=2)
         frame, caption = full_frame([self.record]), f"{self._cell.label}."
         if form != "csv":
             (grid,) = self.blocks()

@@ -1,0 +1,266 @@
+"""Citations of the project, of its tables, cells, figures and posteriors, and of the papers."""
+
+from __future__ import annotations
+
+import inspect
+import json
+import re
+from collections.abc import Collection
+from functools import cache
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+from pybtex.database import Entry, parse_file
+
+from reproduce import version
+from reproduce.judge.ledger import Record, item_ledger
+from reproduce.locate import papers
+from reproduce.papers.catalogue import computation_for, drawings, studies
+from reproduce.printed.cells import PAPERS, PrintedCell, anchor, find, library
+from reproduce.version import AUTHORS, NAME, RELEASED, content_id
+from reproduce.views import keys, verdicts
+from reproduce.views.blocks import rendered
+
+_FORMATS = ("bibtex", "ris", "csl", "text", "sentence")
+# Field of BibTeX to its name in CSL.
+_CSL_FIELDS = {
+    "title": "title",
+    "journal": "container-title",
+    "volume": "volume",
+    "number": "issue",
+    "pages": "page",
+    "doi": "DOI",
+    "url": "URL",
+    "note": "note",
+    "version": "version",
+    "swhid": "archive_location",
+}
+DEVELOPERS = " and ".join(AUTHORS)
+_WHOLE = (
+    "Pointing, reproduced: the printed numbers of two papers, recomputed and judged"
+)
+
+
+def cite(address: str, form: str = "bibtex") -> str:
+    """Return the citation of an item, a cell or a supplementary table, and of its paper.
+
+    Parameters
+    ----------
+    address : str
+        Key, cell such as ``niu2024/table-3#scale.red``, or ``all`` for the whole project.
+    form : {"bibtex", "ris", "csl", "text", "sentence"}
+        Format of the citation. ``sentence`` is a sentence for a manuscript, without the entries of
+        the list of references.
+
+    Returns
+    -------
+    str
+        The citation.
+
+    Raises
+    ------
+    KeyError, ValueError
+        If the address or the format is unknown.
+
+    Examples
+    --------
+    >>> print(cite("niu2024/table-2#scale.red", "sentence").partition(" is")[0])
+    The number printed in Table 2, scale factor, red, of Niu et al. (2024)
+    """
+    if not isinstance(address, str):
+        raise TypeError(
+            f"address: expected text, such as 'niu2024/table-3', got {address!r}"
+        )
+    if address == "all":
+        return _written(form, "pointing", _WHOLE, PAPERS)
+    key, _, name = address.partition("#")
+    paper, _, topic = key.partition("/")
+    if key in studies():
+        return cite_related(form, "study", paper, key, "Supplementary table to")
+    if key in drawings():
+        return cite_related(form, "drawing", paper, key, "Supplementary figure to")
+    keys.check_key(key)
+    if not name:
+        place = keys.place(key).partition(",")[0]
+        if place == "Text":
+            place = f"the numbers quoted in the text ({topic})"
+        return cite_related(form, "", paper, key, f"Reproduction of {place} of")
+    record = item_ledger(key).cell(library()[key][name].address)
+    if form == "sentence":
+        return statement(record, "sentence.txt")
+    text = statement(record)
+    return _written(form, anchor(address), text, [paper], address, mark(text))
+
+
+def cite_related(
+    form: str, kind: str, paper: str, name: str, relation: str, title: str = ""
+) -> str:
+    """Return the citation of an object with its relation to its paper, and of the paper.
+
+    `name` is its key, whose title is the default, or the name of a posterior.
+    """
+    title = f"{relation} {_et_al(paper)}: {title or keys.title(name)}"
+    entry = "-".join(filter(None, (kind, anchor(name))))
+    return _written(form, entry, title, [paper], name)
+
+
+def in_words(cell: PrintedCell) -> str:
+    """Return a cell in words, such as ``Table V, state 4, motion along Y``."""
+    place, section = cell.place.split(", ", 1)
+    parts = [
+        part if part[:2].isupper() else part[:1].lower() + part[1:]
+        for part in cell.label.split(", ")
+    ]
+    return ", ".join([section if place == "Text" else place, *parts])
+
+
+def identifiers(address: str) -> dict[str, str]:
+    """Return the identifiers at Software Heritage of commit, data file and function.
+
+    They are computed from the files of this package, and resolve if an archived repository
+    contains the files. Cells and supplementary tables have a function.
+
+    Examples
+    --------
+    >>> identifiers("niu2024/table-2#scale.red")["data"][:10]
+    'swh:1:cnt:'
+    """
+    key, _, cell = address.partition("#")
+    name = version.package_commit()
+    found = {"commit": f"swh:1:rev:{name}"} if name else {}
+    if key in library():
+        folder = papers()[key.partition("/")[0]]
+        found["data"] = content_id(folder / "printed" / f"{key}.toml")
+    if made := computation_for(address) if cell else studies().get(key):
+        function = inspect.unwrap(made.function)
+        lines, first = inspect.getsourcelines(function)
+        span = first, first + len(lines) - 1
+        found["function"] = content_id(Path(inspect.getfile(function)), span)
+    return found
+
+
+def statement(record: Record, template: str = "statement.txt") -> str:
+    """Return the place, the printed value, the computed value and the verdict of a cell."""
+    cell = find(record.cell)[0]
+    words, paper = in_words(cell), _et_al(record.key.partition("/")[0])
+    text = rendered(
+        template,
+        record=record,
+        place=f"{words[:1].upper()}{words[1:]}, of {paper}",
+        printed=verdicts.printed(cell),
+        value=recomputed(record),
+        source=_author_year(),
+        verdicts=verdicts,
+    )
+    return str(text)
+
+
+def recomputed(record: Record) -> str:
+    """Return the computed value of a result with its interval; empty without one."""
+    shown = verdicts.texts(record)
+    if not shown["computed"]:
+        return ""
+    what = "assumed" if "stand_in" in record.flags else "recomputed"
+    ends = shown["allowed by rounded inputs"] or shown["predicted, central 99 %"]
+    return f"{what} {shown['computed']}{ends and f' ({ends})'}"
+
+
+def _author_year() -> str:
+    """Return the reference to this package in a sentence."""
+    return f"({DEVELOPERS}, {RELEASED[:4]}; {NAME} {version.__version__})"
+
+
+def mark(statement: str) -> str:
+    """Return the checksum of a statement on a cell."""
+    return f"rp:{sha256(statement.encode()).hexdigest()[:12]}"
+
+
+@cache
+def _paper(key: str) -> Entry:
+    return parse_file(str(papers()[key] / "references.bib")).entries[key]
+
+
+def _et_al(paper: str) -> str:
+    source = _paper(paper)
+    names = [str(person).partition(",")[0] for person in source.persons["author"]]
+    authors = " and ".join(names) if len(names) < 3 else f"{names[0]} et al."
+    return f"{authors} ({source.fields['year']})"
+
+
+def _written(
+    form: str,
+    name: str,
+    title: str,
+    cited: Collection[str],
+    address: str = "",
+    mark: str = "",
+) -> str:
+    """Return the entry of an address of the book, and the entries of its papers."""
+    check_format(form, _FORMATS)
+    if form == "sentence":
+        return f"{title} {_author_year()}."
+    page = f"/goto.html#{anchor(address)}" if address else ""
+    permalink = version.ADDRESS and version.ADDRESS + page
+    archived = identifiers(address)
+    listed = ", ".join(map(" ".join, archived.items()))
+    note = "" if permalink or not listed else f"Software Heritage: {listed}"
+    if form == "text":
+        # `verify` reads the statement of a cell between the year and the name of the software.
+        start = f"{DEVELOPERS} ({RELEASED[:4]}). {title}"
+        doi = version.DOI and f"https://doi.org/{version.DOI}"
+        own = ". ".join(
+            filter(None, (start, version.software(), note, permalink, doi, mark))
+        )
+        return "\n".join((own + "." * (not mark), *map(_in_text, cited)))
+    context = {"title": title, "permalink": permalink, "archived": archived}
+    context["note"] = ". ".join(filter(None, (note, mark)))
+    text = rendered(
+        "citation.bib", name=f"reproduce-{name}", version=version, **context
+    )
+    entries = [Entry.from_string(text, "bibtex"), *map(_paper, cited)]
+    if form == "bibtex":
+        return "\n".join(entry.to_string("bibtex") for entry in entries).strip()
+    items = [*map(_csl, entries)]
+    if form == "csl":
+        return json.dumps(items, indent=2, ensure_ascii=False)
+    return rendered("citation.ris", items=items)
+
+
+@cache
+def _in_text(key: str) -> str:
+    """Return the citation of a paper as text, which is slow to write."""
+    from pybtex.backends.plaintext import Backend
+    from pybtex.style.formatting.unsrt import Style
+
+    (entry,) = Style().format_entries([_paper(key)])
+    return str(entry.text.render(Backend())).strip()
+
+
+def _csl(entry: Entry) -> dict[str, Any]:
+    """Return an entry as an item of the Citation Style Language."""
+    fields = {key: re.sub("[{}]", "", text) for key, text in entry.fields.items()}
+    people = []
+    for person in entry.persons["author"]:
+        family, _, given = re.sub("[{}]", "", str(person)).partition(", ")
+        people.append(
+            {"family": family, "given": given} if given else {"literal": family}
+        )
+    day = fields.get("date", fields["year"])
+    item: dict[str, Any] = {
+        "id": entry.key,
+        "type": "article-journal" if entry.type == "article" else "software",
+        "author": people,
+        "issued": {"date-parts": [[*map(int, day.split("-"))]]},
+    }
+    if "commit" in fields:
+        item["custom"] = {"commit": fields["commit"]}
+    return item | {
+        csl: fields[key] for key, csl in _CSL_FIELDS.items() if key in fields
+    }
+
+
+def check_format(form: str, known: Collection[str]) -> None:
+    """Raise an error for an unknown format."""
+    if form not in known:
+        raise ValueError(f"format: expected one of {', '.join(known)}, got {form!r}")

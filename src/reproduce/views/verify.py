@@ -1,0 +1,96 @@
+"""Comparison of citations of cells with the statements of this package and of its releases."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from functools import cache
+
+from reproduce.judge.ledger import Record, item_ledger
+from reproduce.locate import data_folder
+from reproduce.printed.cells import library
+from reproduce.version import NAME, version
+from reproduce.views.citations import mark, statement
+from reproduce.views.computed import whole_ledger
+
+
+def verify(citation: str) -> str:
+    """Compare the citation of a cell with the statements of this package and of its releases.
+
+    The mark of a citation is a checksum of its statement, which anyone can compute. It protects
+    the statement against changes. It is no signature, so only statements that this package makes
+    or that a stored release made are confirmed. Authors and addresses are not compared.
+
+    Parameters
+    ----------
+    citation : str
+        Citation of a cell from `cite` in the form ``text``, with the mark ``rp:...`` at its end.
+
+    Returns
+    -------
+    str
+        ``current`` if this package made the statement, or if a stored release made it and the
+        computed value, to six digits, and the verdict are the same now.
+        ``moved since VERSION: now ...`` if the stored release VERSION made the statement and the
+        value or the verdict is another one now, with the reason for the present verdict.
+        ``unknown: ...`` otherwise, with the reason: statement and mark do not belong together, or
+        neither this package nor a release made the statement.
+
+    Raises
+    ------
+    TypeError
+        If the citation is not text.
+
+    Examples
+    --------
+    >>> verify(cite("niu2024/table-2#scale.red", "text"))
+    'current'
+    """
+    if not isinstance(citation, str):
+        raise TypeError(
+            f"citation: expected text, got {citation!r}. Use the form 'text' of `cite`"
+        )
+    text, _, rest = " ".join(citation.split()).partition(f". {NAME} ")
+    # Authors and year are before the statement, except in citations of version 0.2.0.
+    stated = re.sub(r"^[^\[(]* \(\d{4}\)\. ", "", text, count=1)
+    source, _, rest = rest.partition(". ")
+    marked = re.search(r"\brp:\w+", rest)
+    if not marked or marked[0] != mark(stated):
+        return "unknown: its words and its mark do not belong together"
+    named = re.search(r"(?:\[|^)(\S+#[^]\s]+)\]?: ", stated)
+    address = named[1] if named else "it"
+    key, _, name = address.partition("#")
+    is_released = marked[0] in released().get(source, ())
+    now = f"{address} is not a printed number"
+    if key in library() and name in library()[key].by_name:
+        record = item_ledger(key).cell(address)
+        now = statement(record)
+        is_same = now == stated or (is_released and _agrees(stated, record))
+        if is_same and (is_released or source == version()):
+            return "current"
+        now = f"{now}, for {record.reason or record.why}"
+    if is_released:
+        return f"moved since {source}: now {now}"
+    return f"unknown: not stated by version {source}; now {now}"
+
+
+def _agrees(text: str, record: Record) -> bool:
+    """Return whether a statement of version 0.2.0 has the verdict and the value of a record."""
+    found = re.search(r"(?:recomputed|assumed) ([-−]?[\d.]+(?:e[-+]?\d+)?)", text)
+    stated = found and float(found[1].replace("−", "-"))
+    value = record.computed
+    same = stated == (None if value is None else float(f"{value:.6g}"))
+    return same and text.endswith(f", {record.verdict}")
+
+
+@cache
+def released() -> dict[str, list[str]]:
+    """Return the marks of all statements of earlier releases, by version, day and commit."""
+    text = (data_folder() / "last-release.toml").read_text(encoding="utf-8")
+    marks: dict[str, list[str]] = tomllib.loads(text).get("marks", {})
+    return marks
+
+
+def marks() -> list[str]:
+    """Return the marks of the present statements of all cells."""
+    return [mark(statement(record)) for record in whole_ledger().records]
