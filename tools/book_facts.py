@@ -38,7 +38,7 @@ from reproduce.store import studies as stored
 from reproduce.store.files import write_text
 from reproduce.version import ADDRESS
 from reproduce.views import computed, numbers, verdicts
-from reproduce.views.blocks import html, rendered
+from reproduce.views.blocks import rendered
 from reproduce.views.citations import in_words, recomputed
 from reproduce.views.computed import whole_ledger
 from reproduce.views.consistency import ConsistencyAudit, errata_register
@@ -262,7 +262,7 @@ def card(cell: Cell, place: str) -> str:
         sentence=Markup(reason),
         reply=record.reply,
         copied=copied | {"code": cell.rerun_code},
-        properties=Markup(html(cell.blocks())),
+        properties=Markup(cell._repr_html_()),
     )
 
 

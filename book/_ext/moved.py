@@ -55,7 +55,7 @@ class MovedDirective(SphinxDirective):
         from reproduce.judge.ledger import frozen, item_ledger
         from reproduce.locate import data_folder
         from reproduce.printed.cells import anchor, library
-        from reproduce.views.blocks import Block, Grid, badge, html
+        from reproduce.views.blocks import Block, Blocks, Grid, badge
 
         path = data_folder() / "last-release.toml"
         self.env.note_dependency(str(path))
@@ -93,7 +93,7 @@ class MovedDirective(SphinxDirective):
             ]
             caption = f"{entry['day']}, commit {entry['commit']}: {entry['because']}"
             blocks.append(Grid(caption, ("cells", "was, is", "because"), lines))
-        return [nodes.raw("", html(blocks), format="html")]
+        return [nodes.raw("", Blocks(tuple(blocks))._repr_html_(), format="html")]
 
 
 def setup(app: Sphinx) -> dict[str, bool]:

@@ -9,7 +9,7 @@ import io
 import json
 import re
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Any, Literal
@@ -25,7 +25,7 @@ from jinja2 import (
 from markupsafe import Markup, escape
 from rich import box
 from rich.cells import cell_len
-from rich.console import Console, ConsoleOptions, RenderableType, RenderResult
+from rich.console import Console, ConsoleOptions, RenderResult
 from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
@@ -44,8 +44,14 @@ _NAME_CHARACTERS = 24
 _CONTROL = re.compile(r"[\x00-\x09\x0b-\x1f\x7f-\x9f]")
 _NUMBER = re.compile(r"[−<(≈]?\s?[\d.](?!.*[a-z]{5})|·?$")  # or no entry
 # Style of the name of a verdict on a terminal.
-_STYLES = {"exact": "green", "consistent": "green", "differs": "bold red"}
-_STYLES |= {"ambiguous": "yellow", "unpublished": "cyan", "input": "dim"}
+_STYLES = {
+    "exact": "green",
+    "consistent": "green",
+    "differs": "bold red",
+    "ambiguous": "yellow",
+    "unpublished": "cyan",
+    "input": "dim",
+}
 
 
 @cache
@@ -79,51 +85,114 @@ def rendered(template: str, **context: Any) -> Markup:
     return Markup(_templates().get_template(name).render(context))
 
 
-@dataclass(frozen=True)
-class Html:
+class View(ABC):
+    """An object that shows itself in a notebook and in a terminal."""
+
+    @property
+    @abstractmethod
+    def markup(self) -> Markup:
+        """HTML of the object."""
+
+    @abstractmethod
+    def __rich_console__(self, _: Console, __: ConsoleOptions) -> RenderResult:
+        """Yield the object for a terminal."""
+
+    def _repr_html_(self) -> str:
+        return powers_in_html(self.markup)
+
+    def print(self) -> None:
+        """Write the object on the terminal."""
+        width = Console().width or _WIDTH_COLUMNS
+        Console(width=min(max(width, _MIN_COLUMNS), _MAX_COLUMNS)).print(self)
+
+    def __repr__(self) -> str:
+        """Return the object as text without colour."""
+        file = io.StringIO()
+        console = Console(file=file, width=_WIDTH_COLUMNS, no_color=True)
+        console.is_jupyter = False
+        console.print(self)
+        return "\n".join(line.rstrip() for line in file.getvalue().splitlines())
+
+
+class Display(View):
+    """An object that shows its blocks."""
+
+    @abstractmethod
+    def blocks(self) -> Iterable[Block]:
+        """Return the blocks."""
+
+    @property
+    def _views(self) -> Iterator[View]:
+        """The blocks; a sentence is a paragraph of a page."""
+        paragraph = Markup('<p class="rp-joint">{}</p>')
+        for block in self.blocks():
+            if isinstance(block, str):
+                block = Html(paragraph.format(block), block)
+            yield block
+
+    @property
+    def markup(self) -> Markup:
+        """HTML of the blocks."""
+        return Markup("\n").join(block.markup for block in self._views)
+
+    def __rich_console__(self, _: Console, __: ConsoleOptions) -> RenderResult:
+        yield from self._views
+
+
+@dataclass(frozen=True, repr=False)
+class Blocks(Display):
+    """Some blocks as one object."""
+
+    shown: tuple[Block, ...]
+
+    def blocks(self) -> tuple[Block, ...]:
+        """Return the blocks."""
+        return self.shown
+
+
+@dataclass(frozen=True, repr=False)
+class Html(View):
     """Part of a page, or a function that returns it. A terminal shows `words` instead."""
 
     text: str | Callable[[], str]
-    words: str | Grid = ""
+    words: Entry | View = ""
 
     @property
     def markup(self) -> Markup:
         """HTML of the part."""
         return Markup(self.text if isinstance(self.text, str) else self.text())
 
-    def _repr_html_(self) -> str:
-        return powers_in_html(self.markup)
+    def __rich_console__(self, _: Console, __: ConsoleOptions) -> RenderResult:
+        if words := self.words:
+            yield Text(plain(words)) if isinstance(words, str) else words
 
     def __repr__(self) -> str:
         """Return the words, if there are any."""
-        return str(self.words) or "<HTML>"
-
-    def __rich_console__(self, _: Console, __: ConsoleOptions) -> RenderResult:
-        if self.words:
-            yield _renderable(self.words)
+        return super().__repr__() or "<HTML>"
 
 
-@dataclass(frozen=True)
-class Fold:
-    """Blocks that a page shows on demand. With `page`, a terminal shows the summary only."""
+@dataclass(frozen=True, repr=False)
+class Fold(View):
+    """Content that a page shows on demand. With `page`, a terminal shows the summary only."""
 
     summary: Entry
-    blocks: tuple[Block, ...]
+    content: View
     opened: bool = False
     page: bool = False
 
     @property
     def markup(self) -> Markup:
         """HTML of the fold."""
-        return rendered("fold", fold=self, content=_markup(self.blocks))
+        return rendered("fold", fold=self)
 
     def __rich_console__(self, _: Console, __: ConsoleOptions) -> RenderResult:
         yield Text(f"\n{plain(self.summary)}")
-        yield from () if self.page else map(_renderable, self.blocks)
+        if not self.page:
+            yield self.content
 
 
-@dataclass(frozen=True)
-class Grid:
+@dataclass(frozen=True, repr=False)
+class Grid(View):
     """A table of texts; the first entry of each row is its name.
 
     Parameters
@@ -206,10 +275,7 @@ def _table(
     """Return a table for a terminal, with numbers at the right; None if a word does not fit."""
     columns = [*zip(heads, *rows, strict=True)]
     widths = [max(map(cell_len, " ".join(texts).split())) for texts in columns]
-    lengths = [
-        max(width, *map(cell_len, texts[1:]))
-        for width, texts in zip(widths, columns, strict=True)
-    ]
+    lengths = [max(map(cell_len, texts[1:]), default=0) for texts in columns]
     # Two blanks are between columns.
     spare = width - sum(widths) - 2 * len(columns) + 1
     if spare < 0:
@@ -234,7 +300,7 @@ def _table(
     return table
 
 
-Block = str | Markup | Html | Grid | Fold
+Block = Entry | View
 
 
 def badge(word: str, text: str = "") -> Markup:
@@ -254,23 +320,6 @@ def link(place: str, text: Entry) -> Markup:
     return Markup('<a href="#{}">{}</a>').format(place, text)
 
 
-def html(blocks: Iterable[Block]) -> str:
-    """Return blocks as HTML."""
-    return powers_in_html(_markup(blocks))
-
-
-def _markup(blocks: Iterable[Block]) -> Markup:
-    sentence = Markup('<p class="rp-joint">{}</p>')
-    return Markup("\n").join(
-        sentence.format(block) if isinstance(block, str) else block.markup
-        for block in blocks
-    )
-
-
-def _renderable(block: Block) -> RenderableType:
-    return Text(plain(block)) if isinstance(block, str) else block
-
-
 def printable(text: str) -> str:
     """Return a text with escape sequences for control characters.
 
@@ -288,41 +337,3 @@ def plain(entry: Entry) -> str:
         text = entry.replace("<br><small>", " ").replace("<br>", "; ")
         entry = Markup(text).striptags()
     return printable(entry)
-
-
-class Display(ABC):
-    """An object that shows its blocks in a notebook and in a terminal."""
-
-    @abstractmethod
-    def blocks(self) -> Iterable[Block]:
-        """Return the blocks."""
-
-    def _repr_html_(self) -> str:
-        return html(self.blocks())
-
-    def __rich_console__(self, _: Console, __: ConsoleOptions) -> RenderResult:
-        yield from map(_renderable, self.blocks())
-
-    def print(self) -> None:
-        """Write the blocks on the terminal."""
-        width = Console().width or _WIDTH_COLUMNS
-        Console(width=min(max(width, _MIN_COLUMNS), _MAX_COLUMNS)).print(self)
-
-    def __repr__(self) -> str:
-        """Return the blocks as text without colour."""
-        file = io.StringIO()
-        console = Console(file=file, width=_WIDTH_COLUMNS, no_color=True)
-        console.is_jupyter = False
-        console.print(self)
-        return "\n".join(line.rstrip() for line in file.getvalue().splitlines())
-
-
-@dataclass(frozen=True, repr=False)
-class Blocks(Display):
-    """Some blocks as one object."""
-
-    shown: tuple[Block, ...]
-
-    def blocks(self) -> tuple[Block, ...]:
-        """Return the blocks."""
-        return self.shown

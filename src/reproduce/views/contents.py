@@ -126,45 +126,40 @@ class Contents(Display):
         import pandas as pd
 
         frame = pd.DataFrame(_tallies(self.keys, self._ledger)).set_index("key")
-        counts = frame[[*VERDICTS]].fillna(0).astype(int)
-        return frame[["place", "title"]].join(counts).rename_axis(None)
+        return frame[["place", "title", *VERDICTS]].rename_axis(None)
 
     def cells(self) -> pd.DataFrame:
         """Return one row per cell, with every field of the ledger."""
         return full_frame(self._ledger.records)
 
     @property
-    def numbers(self) -> Blocks:
+    def numbers(self) -> Grid:
         """Every printed number, in a table that a page can sort and filter."""
-        rows = [
-            {name.capitalize(): text for name, text in verdicts.texts(record).items()}
-            | {
-                "Number": link(cell.anchor, cell.label),
-                "Place": f"{record.key.partition('/')[0]}, {record.place}",
-            }
-            for record in self._ledger.records
-            for cell in find(record.cell)
-        ]
         columns = ("Number", "Place", "Printed", "Computed", "Verdict", "Why")
+        rows = []
+        for record in self._ledger.records:
+            shown, (cell,) = verdicts.texts(record), find(record.cell)
+            place = f"{record.key.partition('/')[0]}, {record.place}"
+            texts = (shown[name.lower()] for name in columns[2:])
+            rows.append((link(cell.anchor, cell.label), place, *texts))
         caption, kind = f"The {len(rows)} printed cells", "rp-small rp-sortable"
-        return Blocks((Grid.of(caption, columns, rows, kind=kind),))
+        return Grid(caption, columns, rows, kind=kind)
 
     @property
-    def listed(self) -> Blocks:
+    def listed(self) -> Grid:
         """The items and the supplementary tables, without verdicts."""
         caption = "Items in printed order, then supplementary tables."
-        columns = ("key", "place", "title")
-        return Blocks((Grid.of(caption, columns, self.entries()),))
+        return Grid.of(caption, ("key", "place", "title"), self.entries())
 
     @property
-    def index(self) -> Blocks:
+    def index(self) -> Html:
         """Links to the items in printed order, with the number of cells by verdict."""
-        return Blocks((_index(self.keys, self._ledger),))
+        return _index(self.keys, self._ledger)
 
     def blocks(self) -> tuple[Block, ...]:
         """Return a mark for every number, and the same as lists."""
         overview = Html(_overview_grid(self._ledger.records))
-        lists = (*self.listed.shown, *self.index.shown)
+        lists = Blocks((self.listed, self.index))
         return overview, Fold("The same in words", lists)
 
 
@@ -239,13 +234,9 @@ def _entry(key: str) -> dict[str, Any]:
 
 
 def _tallies(listed: Sequence[str], ledger: Ledger) -> list[dict[str, Any]]:
-    """Return a record for each item, with its number of cells by verdict if it has cells."""
+    """Return a record for each item, with its number of cells by verdict."""
     return [
-        {
-            **_entry(key),
-            "paper": key.partition("/")[0],
-            **(_counts(ledger.of(key)) if key in library() else {}),
-        }
+        _entry(key) | {"paper": key.partition("/")[0]} | _counts(ledger.of(key))
         for key in listed
     ]
 
@@ -259,20 +250,19 @@ def _counted(records: Sequence[Record]) -> str:
     return ", ".join(f"{count} {word}" for word, count in counts if count)
 
 
-# Heads of the verdicts in a table of 80 columns.
-_HEADS = {name: name for name in ("exact", "differs", "input", "weak")}
-_HEADS |= {"consistent": "cons.", "ambiguous": "ambig.", "unpublished": "unpub."}
+# Short heads of verdicts in a table of 80 columns.
+_HEADS = {"consistent": "cons.", "ambiguous": "ambig.", "unpublished": "unpub."}
 
 
 def _index(listed: Sequence[str], ledger: Ledger) -> Html:
     """Return the number of cells by verdict, for a page also by paper."""
     rows, columns = _tallies(listed, ledger), (*VERDICTS, "weak")
-    page = rendered("index", rows=rows, columns=columns)
+    page = rendered("index", rows=rows, columns=columns, library=library())
     lines = [
-        (row["key"], *(str(row.get(name, "") or "·") for name in columns))
+        (row["key"], *(str(row[name] or "·") for name in columns))
         for row in (*rows, {"key": "all", **_counts(ledger.records)})
     ]
-    heads = ("key", *map(_HEADS.__getitem__, columns))
+    heads = ("key", *(_HEADS.get(name, name) for name in columns))
     return Html(page, Grid("Cells by verdict.", heads, lines))
 
 

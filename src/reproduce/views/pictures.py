@@ -26,7 +26,7 @@ from reproduce.store.points import (
     covariances,
     read_table,
 )
-from reproduce.views.blocks import Block, Display, Fold, Grid
+from reproduce.views.blocks import Block, Blocks, Display, Fold, Grid
 from reproduce.views.measurements import RegistrationResult
 from reproduce.views.numbers import minus
 
@@ -308,4 +308,4 @@ class PairedRegistration(RegistrationResult):
     def blocks(self) -> Iterator[Block]:
         """Yield the blocks of a registration, and the log."""
         yield from super().blocks()
-        yield Fold("Detection of the stars, and dropped pairs", tuple(self.log))
+        yield Fold("Detection of the stars, and dropped pairs", Blocks(tuple(self.log)))

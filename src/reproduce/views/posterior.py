@@ -291,7 +291,7 @@ class Posterior(ResultView):
         title = f"Parameters and priors. Data {self.data_text}."
         grid = Grid.of_frame(title, self.priors, kind="rp-small")
         code = Markup('<pre class="rp-source">{}</pre>').format(self.source)
-        return Blocks((grid, Fold("The model as code", (Html(code),))))
+        return Blocks((grid, Fold("The model as code", Html(code))))
 
     def frame(self) -> pd.DataFrame:
         """Return the summary: one row per parameter and consequence, in the displayed unit."""

@@ -108,7 +108,7 @@ class StudyTable(Rerunnable, ItemView):
     def blocks(self) -> Iterator[Block]:
         """Yield the table, or the first part of a folded table."""
         frame, grid, folded = self.frame(), self.grid, self._declared.folded
-        yield Fold(str(frame[folded].iloc[0]), (grid,), opened=True) if folded else grid
+        yield Fold(str(frame[folded].iloc[0]), grid, opened=True) if folded else grid
         if omitted := len(frame) - len(grid.rows):
             yield f"{omitted:,} more rows, by {folded}, are in its files."
         if not self.changes:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -13,17 +13,17 @@ from reproduce.judge import rerun as rerunning
 from reproduce.judge.ledger import Ledger, Record, item_ledger
 from reproduce.judge.verdicts import AGREES
 from reproduce.papers.catalogue import changeable, computation_for, studies
-from reproduce.printed.cells import PrintedCell, anchor, library
+from reproduce.printed.cells import PrintedCell, anchor, find, library
 from reproduce.printed.number import symbol
 from reproduce.views import keys, verdicts
 from reproduce.views.base import Change, ItemView, ResultView, text_of
 from reproduce.views.blocks import (
     Block,
+    Blocks,
     Entry,
     Fold,
     Grid,
     Html,
-    html,
     plain,
     rendered,
 )
@@ -114,16 +114,24 @@ class Table(ItemView):
         """
         import pandas as pd
 
-        table, records = self._printed, self._ledger.records
+        records = self._ledger.records
         rows = [(r.printed, verdicts.computed(r), r.verdict) for r in records]
-        columns = ["printed", "computed", "verdict"]
-        frame = pd.DataFrame(rows, list(table.by_name), columns)
-        if len(table.columns) <= 1:
+        frame = pd.DataFrame(rows, columns=["printed", "computed", "verdict"])
+        if len(self._printed.columns) <= 1:
+            frame.index = pd.Index(self._printed.by_name)
             units = [record.unit and symbol(record.unit) for record in records]
             return frame.assign(unit=units)
-        ids = [[line.id for line in lines] for lines in (table.rows, table.columns)]
-        frame.index = pd.MultiIndex.from_product(ids)
-        return pd.DataFrame(frame.unstack(sort=False)).swaplevel(axis=1)[ids[1]]
+        frame.index = self._lines("id")
+        wide = pd.DataFrame(frame.unstack(sort=False)).swaplevel(axis=1)
+        return wide[frame.index.unique(1)]
+
+    def _lines(self, name: str) -> pd.MultiIndex:
+        """Return the id or the label of the row and of the column of each cell."""
+        import pandas as pd
+
+        parts = self._printed.rows, self._printed.columns
+        lines = [[getattr(line, name) for line in part] for part in parts]
+        return pd.MultiIndex.from_product(lines)
 
     def cells(self) -> pd.DataFrame:
         """Return one row per cell, with every field of the ledger."""
@@ -232,14 +240,10 @@ class Table(ItemView):
                 indent=2
             )
         table, records = self._printed, self._ledger.records
-        pairs = zip(table.cells, records, strict=True)
-        frame = pd.DataFrame([_values(cell, record, form) for cell, record in pairs])
-        frame = frame[[name for name in frame if any(frame[name])]]
+        frame = pd.DataFrame([_values(record, form) for record in records])
+        frame = frame.loc[:, frame.any()]
         if len(table.columns) > 1:
-            lines = [
-                [line.label for line in part] for part in (table.rows, table.columns)
-            ]
-            frame.index = pd.MultiIndex.from_product(lines, names=["row", "value"])
+            frame.index = self._lines("label")
             stacked = pd.Series(frame.stack()).unstack(1, sort=False)
             frame = stacked[stacked.any(axis=1)].reset_index(names=["row", "value"])
             if form != "csv":
@@ -247,8 +251,9 @@ class Table(ItemView):
                 frame = frame.rename(columns={"row": "", "value": ""})
         else:
             frame.insert(0, "quantity", [cell.label for cell in table.cells])
-            if len({cell.place for cell in table.cells}) > 1:
-                frame["place"] = [cell.place for cell in table.cells]
+            places = [cell.place for cell in table.cells]
+            if len({*places}) > 1:
+                frame["place"] = places
         caption, legend = f"{table.place}. {table.title}.", _legend(records)
         return export_frame(frame, form, self.provenance, self.key, caption, legend)
 
@@ -294,10 +299,11 @@ class Table(ItemView):
                 yield verdicts.fitting(joint)
             yield summary(table.place, records)
             listed = f'rp.table("{self.key}").readings lists them'
-            whole = Html(lambda: html(self.readings.blocks()), listed)
-            yield Fold("All readings of the text", (whole,))
+            whole = Html(lambda: self.readings.markup, listed)
+            yield Fold("All readings of the text", whole)
         if results:
-            yield Fold("How each cell was judged", tuple(_judged(table.place, results)))
+            judged = Blocks(tuple(_judged(table.place, results)))
+            yield Fold("How each cell was judged", judged)
         inputs = rendered("inputs", table=self, cells=verdicts.linked(self.inputs))
         shown, files = inputs if self.inputs else "", table_files(self.key)
         yield Html(
@@ -316,25 +322,29 @@ _MARKS = {
 }
 
 
-def _values(cell: PrintedCell, record: Record, form: str) -> dict[str, str]:
-    """Return the values of a cell with the displayed digits.
+def _values(record: Record, form: str) -> dict[str, str]:
+    """Return the values of a record with the displayed digits.
 
     In CSV unit, standard deviations and verdict have their own names.
     """
+    (cell,), computed = find(record.cell), verdicts.computed(record)
     ends = [minus(cell.number.format(e, extra=1)) for e in record.interval or ()]
     low, high = ends if len({*ends}) > 1 else ("", "")
-    printed, computed = cell.text, verdicts.computed(record)
-    if form != "csv":
-        printed = verdicts.printed(cell)
-        if mark := _MARKS.get(record.verdict):
-            computed = f"{computed or '–'}{mark}{'*' * verdicts.weak([record])}"
-    values = {"printed": printed, "recomputed": computed, "from": low, "to": high}
-    if form != "csv":
-        return values
-    values["unit"] = cell.unit and symbol(cell.unit)
-    values["sigma"] = str(cell.sigma or "")
-    values["verdict"] = record.verdict if cell.is_number else ""
-    return {name: text.replace("−", "-") for name, text in values.items()}
+    if form == "csv":
+        texts = {
+            "printed": cell.text,
+            "recomputed": computed,
+            "from": low,
+            "to": high,
+            "unit": cell.unit and symbol(cell.unit),
+            "sigma": str(cell.sigma or ""),
+            "verdict": record.verdict if cell.is_number else "",
+        }
+        return {name: text.replace("−", "-") for name, text in texts.items()}
+    if mark := _MARKS.get(record.verdict):
+        computed = f"{computed or '–'}{mark}{'*' * verdicts.weak([record])}"
+    printed = verdicts.printed(cell)
+    return {"printed": printed, "recomputed": computed, "from": low, "to": high}
 
 
 def _legend(records: Sequence[Record]) -> str:
@@ -372,23 +382,19 @@ def _judged(place: str, records: Sequence[Record]) -> Iterator[Block]:
     rows = [verdicts.texts(record) for record in records]
     columns, kind = ("cell", *verdicts.NUMBERS, "verdict"), "rp-small rp-numbers"
     yield Html(Grid.of(f"Details of {place}", columns, rows, kind=kind).markup)
-    pairs = zip(rows, records, strict=True)
-    doubtful = [row for row, record in pairs if record.verdict not in AGREES]
-    if doubtful:
-        yield _grouped(f"Reasons, {place}", ("verdict", "why"), doubtful)
-    made = ("function", "equations", "seed")
+    reasons = [verdicts.texts(r) for r in records if r.verdict not in AGREES]
+    if reasons:
+        yield _grouped(f"Reasons, {place}", ["verdict", "why"], reasons)
+    made = ["function", "equations", "seed"]
     yield Html(_grouped(f"What computes {place}", made, rows).markup)
 
 
-def _grouped(
-    caption: str, columns: Sequence[str], rows: Sequence[Mapping[str, Entry]]
-) -> Grid:
+def _grouped(caption: str, columns: list[str], rows: list[dict[str, Entry]]) -> Grid:
     """Return a table with a row for each combination of texts, and its cells."""
     import pandas as pd
 
-    names = ("cell", *columns)
-    frame = pd.DataFrame({n: [row.get(n, "") for row in rows] for n in names})
-    groups = frame.groupby([*columns], sort=False)["cell"].agg(Markup(", ").join)
+    frame = pd.DataFrame(rows, columns=["cell", *columns], dtype=object).fillna("")
+    groups = frame.groupby(columns, sort=False)["cell"].agg(Markup(", ").join)
     lines = groups.rename("cells").reset_index().to_dict("records")
     return Grid.of(caption, ("cells", *columns), lines, kind="rp-small")
 
@@ -464,11 +470,11 @@ class Cell(ResultView):
         if form == "json":
             part = Ledger(records=(self.record,), tables=())
             return part.model_copy(update=self.provenance).model_dump_json(indent=2)
-        frame, caption = full_frame([self.record]), f"{self._cell.label}."
+        frame = full_frame([self.record])
         if form != "csv":
             (grid,) = self.blocks()
-            rows = [[*map(plain, row)] for row in grid.rows]
-            frame = pd.DataFrame(rows, columns=[*map(plain, grid.head)])
+            frame = pd.DataFrame(grid.rows, columns=[*grid.head]).map(plain)
+        caption = f"{self._cell.label}."
         return export_frame(frame, form, self.provenance, self.address, caption)
 
     def blocks(self) -> list[Grid]:
@@ -477,7 +483,7 @@ class Cell(ResultView):
         meaning = verdicts.MEANINGS[record.verdict]
         shown["verdict"] = f"{verdicts.qualified(record)}: {meaning}"
         shown["inputs"] = verdicts.linked(changeable(self.address))
-        names = [*shown][3:]  # without the cell, its table and its place
-        lines = [(name, shown[name]) for name in names if shown[name]]
+        # Without the cell, its table and its place.
+        lines = [(name, text) for name, text in [*shown.items()][3:] if text]
         head = ("Cell", self.address)
         return [Grid(self._cell.label, head, lines, kind="rp-one")]
