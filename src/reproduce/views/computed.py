@@ -45,7 +45,8 @@ def _fingerprint() -> str:
 @cache
 def kept() -> Path | None:
     """Return the folder for results of the present files, None outside of a build."""
-    return Path(os.environ[FOLDER]) / _fingerprint() if os.environ.get(FOLDER) else None
+    folder = os.environ.get(FOLDER)
+    return Path(folder) / _fingerprint() if folder else None
 
 
 def cached(

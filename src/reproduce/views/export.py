@@ -69,24 +69,25 @@ def export_frame(
         rows = frame.astype(object).where(frame.notna(), None).to_dict("records")
         return json.dumps({**provenance, "rows": rows}, indent=2, ensure_ascii=False)
     lines = [[*frame.columns], *frame.to_numpy().tolist()]
-    context = {"caption": caption, "address": address, "legend": legend}
+    texts = {"caption": caption, "legend": legend, "comment": comment}
     if form == "markdown":
-        return rendered("table.md", lines=lines, comment=comment, **context)
+        return rendered("table.md", lines=lines, **texts)
     if len(frame) < _MAX_COLUMNS < len(frame.columns):
         lines = [list(column) for column in zip(*lines, strict=True)]
-    texts = [
+    lines = [
         [minus(f"{e:z.6g}" if isinstance(e, float) else str(e)) for e in line]
         for line in lines
     ]
     columns = [
-        rf">{{\raggedright\arraybackslash}}p{{{2 / (1 + len(texts[0])):.2f}\linewidth}}"
+        rf">{{\raggedright\arraybackslash}}p{{{2 / (1 + len(lines[0])):.2f}\linewidth}}"
         if max(map(len, column)) > _SENTENCE_CHARACTERS
         else "lr"[any(text.strip("−")[:1].isdigit() for text in column)]
-        for _, *column in zip(*texts, strict=True)
+        for _, *column in zip(*lines, strict=True)
     ]
-    context["comment"] = comment
-    context["entries"] = cite(address) if address else ""
-    return in_tex(rendered("table.tex", lines=texts, columns=columns, **context))
+    whole = rendered(
+        "table.tex", lines=lines, columns=columns, address=address, cite=cite, **texts
+    )
+    return in_tex(whole)
 
 
 def full_frame(records: Iterable[Record]) -> pd.DataFrame:
@@ -98,31 +99,22 @@ def full_frame(records: Iterable[Record]) -> pd.DataFrame:
 
     rows = []
     for record in records:
-        row = record.model_dump(exclude={"readings"})
-        # These columns also exist without readings.
-        row |= dict.fromkeys(_READINGS)
-        if found := record.readings:
-            closest = found.closest
-            texts = verdicts.deciding(found), verdicts.choices_text(closest.choices)
-            numbers = closest.computed, closest.probability
-            values = (found.count, found.agreeing, *texts, *numbers)
-            row |= zip(_READINGS, values, strict=True)
+        found = record.readings
+        closest = found and found.closest
+        row = record.model_dump(exclude={"readings"}) | {
+            "readings": found and found.count,
+            "agreeing": found and found.agreeing,
+            "agrees_if": found and verdicts.deciding(found),
+            "closest": closest and verdicts.choices_text(closest.choices),
+            "closest_computed": closest and closest.computed,
+            "closest_probability": closest and closest.probability,
+        }
         for name in ("stands_for", "interval"):
             row[f"{name}_low"], row[f"{name}_high"] = row.pop(name) or (None, None)
         for name in ("flags", "equations", "seed", "inputs"):
             row[name] = " ".join(map(str, row[name] or ()))
         rows.append(row)
     return pd.DataFrame(rows)
-
-
-_READINGS = (
-    "readings",
-    "agreeing",
-    "agrees_if",
-    "closest",
-    "closest_computed",
-    "closest_probability",
-)
 
 
 def toolbar(
