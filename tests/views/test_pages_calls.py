@@ -155,7 +155,7 @@ def test_all_files_are_written_and_equal_each_time(shipped):
 def test_csv_and_parquet_are_equal_and_have_a_provenance(shipped):
     settings = {"dtype": {"printed": str, "equations": str}, "keep_default_na": False}
     settings["na_values"] = {name: [""] for name in SPARSE}
-    about = provenance_of(cite("all", "text"))
+    about = provenance_of()
     head = "".join(f"{name}: {value}\n" for name, value in about.items()).splitlines()
     metadata = "SELECT decode(key), decode(value) FROM parquet_kv_metadata(?)"
     for name in ("ledger", "errata", "readings"):

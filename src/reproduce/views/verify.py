@@ -43,6 +43,7 @@ def verify(citation: str) -> str:
 
     Examples
     --------
+    >>> from reproduce import cite
     >>> verify(cite("niu2024/table-2#scale.red", "text"))
     'current'
     """
