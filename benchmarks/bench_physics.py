@@ -153,7 +153,7 @@ def bench_study_of_figure_11(promise: Promise) -> None:
 
     promise(
         "study of Figure 11",
-        lambda: resolution.curves.__wrapped__(inputs),
+        lambda: resolution.terms.__wrapped__(inputs),
         photons,
         0.5,
         rounds=3,

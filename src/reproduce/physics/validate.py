@@ -237,7 +237,14 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
                         )
             elif isinstance(batch := getattr(value, "batch", None), tuple):
                 batches[name if name != "self" else type(value).__name__] = batch
-        common_batch(**batches)
+        try:
+            np.broadcast_shapes(*batches.values())
+        except ValueError as error:
+            shapes = ", ".join(f"{name} {shape}" for name, shape in batches.items())
+            raise ValueError(
+                f"expected leading (batch) shapes that broadcast together, got {shapes}. Give "
+                "each argument the same batch axes, or none"
+            ) from error
         return function(*bound.args, **bound.kwargs)
 
     return wrapper
@@ -269,23 +276,3 @@ def whole_number(name: str, value: int, *, least: int = 1) -> int:
             f"{name}: expected a whole number, got {value!r}. Give an integer"
         )
     return int(valid(name, value, value >= least, f"{least} or more"))
-
-
-def common_batch(**batches: tuple[int, ...]) -> tuple[int, ...]:
-    """Return the shape that leading (batch) shapes, by their arguments' names, broadcast to.
-
-    Shapes that do not broadcast together raise a ValueError that names their arguments.
-
-    Examples
-    --------
-    >>> common_batch(points=(1000,), pivot=())
-    (1000,)
-    """
-    try:
-        return np.broadcast_shapes(*batches.values())
-    except ValueError as error:
-        shapes = ", ".join(f"{name} {shape}" for name, shape in batches.items())
-        raise ValueError(
-            f"expected leading (batch) shapes that broadcast together, got {shapes}. Give each "
-            "argument the same batch axes, or none"
-        ) from error
