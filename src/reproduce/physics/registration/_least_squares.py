@@ -113,19 +113,18 @@ def prepare(
     array([1., 1.])
     """
     _parameter_names(model)
-    n = source.shape[-2]
-    counts = validate.weights_for(weights, n)
-    batch = np.broadcast_shapes(
-        source.shape[:-2], target.shape[:-2], pivot.shape[:-1], counts.shape[:-1]
+    counts = validate.weights_for(weights, source.shape[-2])
+    source, target, pivots, weights = np.broadcast_arrays(
+        source, target, pivot[..., None, :], counts[..., None]
     )
-    shape = (*batch, n, 2, 2)
+    shape = (*source.shape, 2)
     errors_known = source_covariance is not None or target_covariance is not None
     return Problem(
-        np.broadcast_to(source, shape[:-1]),
-        np.broadcast_to(target, shape[:-1]),
-        np.broadcast_to(pivot, (*batch, 2)),
+        source,
+        target,
+        pivots[..., 0, :],
         model,
-        np.broadcast_to(counts, (*batch, n)),
+        weights[..., 0],
         errors_known,
         _covariance("target_covariance", target_covariance, shape, not errors_known),
         _covariance("source_covariance", source_covariance, shape, 0.0),
