@@ -149,18 +149,16 @@ def valid(name: str, value: ArrayLike, inside: Any, expected: str) -> FloatArray
     return array
 
 
-def _single(check: Callable[..., FloatArray]) -> Callable[..., float]:
-    """Return a check of one number, which returns a float."""
-
-    def checked_number(name: str, value: ArrayLike, *, shape: _Shape = ()) -> float:
-        array = check(name, value)
-        if array.ndim:
-            raise ValueError(
-                f"{name}: expected one number, got shape {array.shape}. Give a scalar"
-            )
-        return float(array)
-
-    return checked_number
+def _single(
+    check: Callable[..., FloatArray], name: str, value: ArrayLike, *, shape: _Shape
+) -> float:
+    """Return one number as a float, after another check."""
+    array = check(name, value, shape=shape)
+    if array.ndim:
+        raise ValueError(
+            f"{name}: expected one number, got shape {array.shape}. Give a scalar"
+        )
+    return float(array)
 
 
 def rotations(name: str, matrices: ArrayLike, *, shape: _Shape = (3, 3)) -> FloatArray:
@@ -184,8 +182,8 @@ def rotations(name: str, matrices: ArrayLike, *, shape: _Shape = (3, 3)) -> Floa
 Number = Annotated[Any, ()]
 Positive = Annotated[Any, (), positive]
 NonNegative = Annotated[Any, (), non_negative]
-Size = Annotated[Any, (), _single(positive)]
-Amount = Annotated[Any, (), _single(non_negative)]
+Size = Annotated[Any, (), functools.partial(_single, positive)]
+Amount = Annotated[Any, (), functools.partial(_single, non_negative)]
 Sides = Annotated[Any, (2,), positive]
 Point = Annotated[Any, (2,)]
 Points = Annotated[Any, ("n", 2)]
