@@ -70,9 +70,9 @@ def are_separate(source: Any, target: Any) -> bool:
     (True, False)
     """
     pair = source, target
-    if target is not None and all(isinstance(one, str | Path) for one in pair):
-        return True
-    return any(is_image(one) or hasattr(one, "rejected") for one in pair)
+    return all(isinstance(one, str | Path) for one in pair) or any(
+        is_image(one) or hasattr(one, "rejected") for one in pair
+    )
 
 
 def read_image(
