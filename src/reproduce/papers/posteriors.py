@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from functools import cache
 from hashlib import sha256
 from importlib.util import find_spec
-from typing import Any
+from typing import Any, Concatenate
 
 from numpy.random import SeedSequence
 
@@ -53,14 +53,14 @@ class File:
 
     - `columns`: of the table, in any order.
     - `meaning`: the meaning of a row and of the columns.
-    - `read`: function of a table and further arguments; returns the model and remarks.
+    - `read`: function of a table and keyword arguments; returns the model and remarks.
     - `accepts`: names of these arguments of `reproduce.posterior`.
     - `optional`: optional columns.
     """
 
     columns: tuple[str, ...]
     meaning: str
-    read: Callable[[DataTable, Mapping[str, Any]], tuple[Model, list[str]]]
+    read: Callable[Concatenate[DataTable, ...], tuple[Model, list[str]]]
     accepts: tuple[str, ...] = ()
     optional: tuple[str, ...] = ()
 
@@ -145,13 +145,13 @@ class Declaration:
                 f"{min(unknown)}: expected none for {self.key}. Leave it out"
             )
         if file.columns == STARS:
-            table, settings = matched_stars(data, None, settings)
+            table, settings = matched_stars(data, **settings)
         else:
             sep = settings.pop("sep", None)
             table = read_table(data, file.columns, file.optional, sep)
         with computing(table.path):
             try:
-                return table, *file.read(table, settings)
+                return table, *file.read(table, **settings)
             except TableFileError:
                 raise
             except ValueError as error:

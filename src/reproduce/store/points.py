@@ -11,8 +11,7 @@ import sys
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import dataclass
 from hashlib import sha256
 from io import BytesIO
 from pathlib import Path
@@ -21,7 +20,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from reproduce.physics.validate import FloatArray, Points, checked
+
 # Largest length in px or angle in arcsec. Squares of squares of larger numbers overflow.
 _LARGEST_NUMBER = 1e30
 _PIXEL_UNITS = ("px", "pix", "pixel", "pixels")
@@ -56,31 +56,18 @@ class DataTable:
     ----------
     path : str
         Name of the file or other source.
-    columns : tuple of str
-        Names of the required columns, in the requested order.
+    values : ndarray, shape (rows, columns)
+        Required columns, in the requested order.
     numbers : mapping
-        Each column that the source contains, shape (rows,).
+        Required and optional columns by name, each of shape (rows,).
     """
 
     path: str
-    columns: tuple[str, ...]
+    values: FloatArray
     numbers: Mapping[str, FloatArray]
     _content: bytes | None = None
 
-    def __len__(self) -> int:
-        """Return the number of rows."""
-        return len(self.numbers[self.columns[0]])
-
-    @cached_property
-    def values(self) -> FloatArray:
-        """The required columns, shape (rows, columns)."""
-        return self.points(*self.columns)
-
-    def points(self, *names: str) -> FloatArray:
-        """Return the named columns, shape (rows, names)."""
-        return np.column_stack([self.numbers[name] for name in names])
-
-    @cached_property
+    @property
     def sha256(self) -> str:
         """SHA-256 of the file, or of the numbers of another source."""
         return sha256(
@@ -123,8 +110,8 @@ def is_table(source: object) -> bool:
 def _headings(source: Any) -> Sequence[Any] | None:
     """Return the names of the columns of a table, or None for another object."""
     names = getattr(getattr(source, "dtype", None), "names", None)
-    columns = getattr(source, "columns", None) if names is None else names
-    return columns if columns is None else list(columns)
+    columns = names or getattr(source, "columns", None)
+    return None if columns is None else list(columns)
 
 
 def read_table(
@@ -145,8 +132,8 @@ def read_table(
         content = _content(name, source)
         source = _parsed(name, content, sep)
     if (headings := _headings(source)) is None:
-        array = _numbers(name, columns[0], source, width=(len(columns),))
-        numbers = dict(zip(columns, array.T, strict=True))
+        values = _numbers(name, columns[0], source, width=(len(columns),))
+        numbers = dict(zip(columns, values.T, strict=True))
     else:
         names = [_plain(heading) for heading in headings]
         if "mask" in names:
@@ -167,11 +154,12 @@ def read_table(
             numbers[column] = _numbers(
                 f"{name}, column {heading}", column, source[heading]
             )
-    table = DataTable(name, tuple(columns), numbers, content)
-    if not len(table):
+        values = np.column_stack([numbers[column] for column in columns])
+    table = DataTable(name, values, numbers, content)
+    if not len(values):
         raise TableFileError(f"{name}: expected at least one row, got zero. Add rows")
-    for column, values in numbers.items():
-        right = np.abs(values) < _LARGEST_NUMBER  # false for NaN
+    for column, given in numbers.items():
+        right = np.abs(given) < _LARGEST_NUMBER  # false for NaN
         table.check(column, right, f"a finite number below {_LARGEST_NUMBER:g}")
     return table
 
@@ -252,14 +240,12 @@ def _parsed(name: str, content: bytes, sep: str | None) -> Any:
 
 
 def matched_stars(
-    source: Any, target: Any, settings: Mapping[str, Any]
+    source: Any, target: Any = None, *, sep: str | None = None, **settings: Any
 ) -> tuple[DataTable, dict[str, Any]]:
     """Return the stars of both images, and the settings of a fit with columns of errors.
 
     The stars are in one table of matched stars, or in two arrays or tables, row by row.
     """
-    fit = dict(settings)
-    sep = fit.pop("sep", None)
     if target is not None:
         first, second = (
             read_table(image, STARS[:2], (*SIGMAS, "weight"), sep, name)
@@ -271,9 +257,8 @@ def matched_stars(
                 f"one. Join both into one table with the columns {', '.join(STARS)} and "
                 "this column"
             )
-        values = (*first.numbers.values(), *second.numbers.values())
-        numbers = dict(zip(STARS, values, strict=True))
-        return replace(first, path="the arrays", columns=STARS, numbers=numbers), fit
+        stars = _side_by_side(first.values, second.values)
+        return DataTable("the arrays", stars, {}), settings
     if not is_table(source):
         raise ValueError(
             "target: expected the stars of the other image, got none. Pass them, or a table of "
@@ -285,11 +270,16 @@ def matched_stars(
         errors["weights"] = table.numbers["weight"]
     if (covariance := covariances(table)) is not None:
         errors["target_covariance"] = covariance
-    if twice := errors.keys() & fit.keys():
+    if twice := errors.keys() & settings.keys():
         raise ValueError(
             f"{min(twice)}: expected no argument, got one and a column of the table. Remove one"
         )
-    return table, fit | errors
+    return table, settings | errors
+
+
+@checked
+def _side_by_side(source: Points, target: Points) -> FloatArray:
+    return np.hstack([source, target])
 
 
 def brightness(columns: Mapping[str, FloatArray]) -> FloatArray | None:
@@ -312,4 +302,5 @@ def covariances(table: DataTable) -> FloatArray | None:
                 "column"
             )
         table.check(name, columns[name] > 0, "a standard deviation above zero")
-    return table.points(*names)[..., None] ** 2 * np.eye(2)
+    sigma = np.column_stack([columns[name] for name in names])
+    return sigma[..., None] ** 2 * np.eye(2)

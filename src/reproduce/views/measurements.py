@@ -161,14 +161,14 @@ class RegistrationResult(UserResult):
     def __init__(
         self, source: Any, target: Any = None, pivot: Any = None, **settings: Any
     ) -> None:
-        self._arguments = {"source": source, "target": target, "pivot": pivot}
-        self._arguments |= settings
-        table, settings = matched_stars(source, target, settings)
-        points = table.points("x", "y"), table.points("x_reference", "y_reference")
+        arguments = {"source": source, "target": target, "pivot": pivot}
+        self._arguments = arguments | settings
+        table, settings = matched_stars(source, target, **settings)
+        first, second = np.split(table.values, 2, axis=1)
         flux = brightness(table.numbers)
         with computing(table.path):
-            pivot = registration.checked_pivot(pivot, points[0])
-            self.fit = fit = fit_registration(*points, pivot, **settings)
+            pivot = registration.checked_pivot(pivot, first)
+            self.fit = fit = fit_registration(first, second, pivot, **settings)
             self.findings, terms = registration.diagnose_fit(fit, flux)
         self._sensitivities = {term.term: term for term in terms}
         exact = any(finding.kind == "exact" for finding in self.findings)
@@ -343,8 +343,12 @@ class MisalignmentResult(UserResult):
         from reproduce.printed.inputs import load_inputs
         from reproduce.store.spots import read_images
 
-        self._arguments = {"spots": spots, "zero": zero, "platform": platform}
-        self._arguments["sep"] = sep
+        self._arguments = {
+            "spots": spots,
+            "zero": zero,
+            "platform": platform,
+            "sep": sep,
+        }
         self._function, self.inputs = monitored, INSTRUMENT if platform is None else ()
         self.platform = (
             as_designed(load_inputs(INSTRUMENT))

@@ -199,7 +199,7 @@ class Posterior(ResultView):
             "sha256": self.declared.sha256(),
         }
         if table := self._table:
-            data = {"kind": "file", "file": table.path, "rows": len(table)}
+            data = {"kind": "file", "file": table.path, "rows": len(table.values)}
             data["sha256"] = table.sha256
         likelihood = self.model.likelihood
         if isinstance(likelihood, GaussianRegistration):
@@ -214,7 +214,7 @@ class Posterior(ResultView):
             simulated = "simulated by us with printed settings of"
             text = simulated if declared.simulated else "as printed in"
             return f"{text} {declared.paper}"
-        text = f"of {Path(table.path).name}, {len(table)} rows"
+        text = f"of {Path(table.path).name}, {len(table.values)} rows"
         if pivot := self.data_record.get("pivot"):
             text += ", pivot ({:.6g}, {:.6g}) px".format(*pivot)
             text += ", the mean of the stars" * ("pivot" not in self._arguments)
@@ -254,7 +254,7 @@ class Posterior(ResultView):
         name, rows = "star", np.arange(len(likelihood.source)) + 1
         if table:
             # Stars of weight zero are omitted.
-            weights = table.numbers.get("weight", np.ones(len(table)))
+            weights = table.numbers.get("weight", np.ones(len(table.values)))
             weights = np.asarray(self._arguments.get("weights", weights))
             name, rows = "row", np.flatnonzero(weights > 0)
         x, y = likelihood.source.T

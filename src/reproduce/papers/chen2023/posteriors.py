@@ -8,10 +8,8 @@ The images of a group of your spots are in the order of time, evenly spaced.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
-from typing import Any
 
 import numpy as np
 from numpy.random import PCG64, Generator
@@ -90,14 +88,14 @@ def _misalignment(inputs: Inputs, drifts: bool = False) -> Model:
 
 
 def _your_model(
-    table: DataTable, arguments: Mapping[str, Any], drifts: bool
+    table: DataTable, drifts: bool, platform: Platform | None = None
 ) -> tuple[Model, list[str]]:
     """Return a misalignment, constant or with a drift in group 1, and remarks on the spots.
 
     The default platform is the platform of the paper. The remarks are the remarks of
     `reproduce.misalignment`.
     """
-    design: Platform = arguments.get("platform") or as_designed(load_inputs(INSTRUMENT))
+    design = platform or as_designed(load_inputs(INSTRUMENT))
     pair, _ = images_of(table, len(design.lasers))
     diagnosis = diagnose_spots(design, pair, drifts)
     remarks = [one.text for one in diagnosis.findings]

@@ -10,13 +10,14 @@ channel (``x_reference``, ``y_reference``).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.random import PCG64, Generator, default_rng
+from numpy.typing import ArrayLike
 
 from reproduce.inference import Derived, Model, models
 from reproduce.papers.niu2024 import published, simulation
@@ -132,7 +133,10 @@ def _new_stars(inputs: Inputs, likelihood: models.GaussianRegistration) -> Deriv
 
 
 def _your_registration(
-    table: DataTable, arguments: Mapping[str, Any], robust: bool = False
+    table: DataTable,
+    robust: bool = False,
+    pivot: ArrayLike | None = None,
+    **settings: Any,
 ) -> tuple[Model, list[str]]:
     """Return the registration of your stars, and the findings of `register`.
 
@@ -140,8 +144,7 @@ def _your_registration(
     wrong matches the findings belong to the robust fit.
     """
     source, target = np.split(table.values, 2, axis=1)
-    settings = dict(arguments)
-    centre = checked_pivot(settings.pop("pivot", None), source)
+    centre = checked_pivot(pivot, source)
     # The fit checks the settings.
     fit = fit_registration(source, target, centre, **settings)
     problem = fit.problem.rows(fit.weights > 0)
@@ -156,9 +159,7 @@ def _your_registration(
     return model, list(dict.fromkeys(texts))
 
 
-def _your_mixture(
-    table: DataTable, arguments: Mapping[str, Any]
-) -> tuple[Model, list[str]]:
+def _your_mixture(table: DataTable, **settings: Any) -> tuple[Model, list[str]]:
     """Return the registration of your stars of which some may be matched wrongly."""
     if len(table.values) < _MIN_STARS_MIXTURE:
         raise TableFileError(
@@ -174,7 +175,7 @@ def _your_mixture(
             f"{table.path}: expected coordinates with more digits, got equal displacements of "
             "many stars. Use the posterior registration, or add digits."
         )
-    plain, remarks = _your_registration(table, arguments, robust=True)
+    plain, remarks = _your_registration(table, robust=True, **settings)
     model = models.mixture_model(plain)
     # Wrong matches may rotate the least-squares fit, or make its scale small.
     mixture = model.likelihood_of(models.MixtureRegistration)
