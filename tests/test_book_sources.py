@@ -5,7 +5,7 @@ from pathlib import Path
 
 from sphinx_external_toc.parsing import parse_toc_yaml
 
-from reproduce.papers.catalogue import catalogue, drawings, studies
+from reproduce.papers.catalogue import catalogue, computations
 from reproduce.papers.declare import item_text
 from reproduce.printed.cells import PAPERS, library
 from reproduce.views.figure import drawable
@@ -109,9 +109,11 @@ def calls(function):
 
 def test_every_item_table_and_drawing_is_shown_exactly_once():
     figures = calls("figure")
-    assert sorted(figures) == sorted([*drawable(), *drawings()])
-    others = [key for key in figures if key not in {*library(), *drawings()}]
-    assert sorted(calls("table") + others) == sorted([*catalogue(), *studies()])
+    assert sorted(figures) == sorted(drawable())
+    others = [key for key in figures if key not in {*library(), *catalogue("drawings")}]
+    assert sorted(calls("table") + others) == sorted(
+        [*catalogue(), *catalogue("studies")]
+    )
     for (
         page,
         text,
@@ -137,7 +139,7 @@ def test_pages_call_the_public_api_in_visible_cells():
 
 def test_alternative_texts_are_sentences_with_facts():
     """A blank names a cell or an item and its property, or a fact of the drawing."""
-    for key in (*drawable(), *drawings()):
+    for key in drawable():
         figure = item_text(key).figure
         assert len(BLANK.sub("", figure.alternative).split()) >= 15, key
         assert figure.caption, key
@@ -170,8 +172,8 @@ def test_a_chapter_has_one_name():
         pages = {path.stem for path in (BOOK / paper).glob("*.md")}
         # The whole paper, a user's stars, and the questions to the authors.
         chapters = pages - {"index", "context", "own", "letter"}
-        items = [item for key, item in catalogue().items() if key.startswith(paper)]
-        functions = [one.function for item in items for one in item.computations]
+        keys = [key for key in catalogue() if key.startswith(paper)]
+        functions = [one.function for key in keys for one in computations(key)]
         modules = {one.__module__.rpartition(".")[2] for one in functions}
         folder = BOOK.parent / "tests/papers" / paper
         tests = {path.stem.removeprefix("test_") for path in folder.glob("test_*.py")}

@@ -6,7 +6,7 @@ from pathlib import Path
 from pkgutil import resolve_name
 
 from equation_source import implementations
-from reproduce.papers.catalogue import catalogue
+from reproduce.papers.catalogue import catalogue, computations
 
 ROOT = Path(__file__).parent.parent
 LABEL = re.compile(r"^\$\$ ?\(((?:niu2024|chen2023)-[a-z0-9-]+)\)", re.MULTILINE)
@@ -28,10 +28,8 @@ def test_every_equation_is_implemented_once():
     (rmse,) = made["niu2024-26"]
     (function,) = ast.parse(rmse.text).body
     assert function.name == rmse.name == "rmse"
-    computations = [one for item in catalogue().values() for one in item.computations]
-    cited = {
-        f"{c.key.partition('/')[0]}-{n}" for c in computations for n in c.equations
-    }
+    every = [one for key in catalogue() for one in computations(key)]
+    cited = {f"{c.key.partition('/')[0]}-{n}" for c in every for n in c.equations}
     assert set() < cited <= set(made)
 
 

@@ -31,7 +31,7 @@ from reproduce.judge import verdicts as judging
 from reproduce.judge.ledger import expected, item_ledger
 from reproduce.judge.readings import evaluate
 from reproduce.locate import data_folder
-from reproduce.papers.catalogue import catalogue, studies
+from reproduce.papers.catalogue import catalogue, computations, study
 from reproduce.printed.cells import PAPERS, library
 from reproduce.printed.number import NOMINAL_FRACTION
 from reproduce.store import studies as stored
@@ -120,9 +120,9 @@ def unsampled(*papers: str) -> dict[str, str]:
         for name in names
         for what, text in facts_of(name).items()
     }
-    for key, study in studies().items():
+    for key in catalogue("studies"):
         if not papers or key.partition("/")[0] in papers:
-            quoted = study.facts().items()
+            quoted = study(key).facts().items()
             found |= {f"{key}#{name}": numbers.fact(one) for name, one in quoted}
     causes = Counter(
         expected(r.cell).erratum
@@ -318,8 +318,7 @@ def write_whole(folder: Path) -> None:
 
 def readings_frame() -> pd.DataFrame:
     """Return every reading of every cell that has several."""
-    items = catalogue().values()
-    evaluations = [evaluate(one) for item in items for one in item.computations]
+    evaluations = [evaluate(one) for key in catalogue() for one in computations(key)]
     return pd.DataFrame(
         {
             "cell": f"{evaluation.computation.key}#{name}",
@@ -366,7 +365,7 @@ def write_tables(folder: Path) -> None:
     }
     referee = Path(__file__).with_name("verify_ledger.py")
     texts[referee.name] = referee.read_text(encoding="utf-8")
-    for table in (*map(Table, library()), *map(StudyTable, studies())):
+    for table in (*map(Table, library()), *map(StudyTable, catalogue("studies"))):
         forms = table_files(table.key).items()
         texts |= {path: table.export(form) for path, form in forms}
     (folder / "tables").mkdir(parents=True, exist_ok=True)

@@ -59,7 +59,6 @@ def call(module: str, function: str, *arguments: Any) -> None:
 
 def numbers(book: Path) -> dict[str, Task]:
     """Return the tasks that compute the numbers, by name; none if the facts exist."""
-    from reproduce.papers.catalogue import drawings
     from reproduce.papers.posteriors import posteriors
     from reproduce.views.figure import drawable
 
@@ -70,7 +69,7 @@ def numbers(book: Path) -> dict[str, Task]:
     for name in posteriors():
         sample = partial(call, f"{views}.posterior", "book_posterior", name)
         tasks[f"posterior {name}"] = sample
-    for key in (*drawable(), *drawings()):
+    for key in drawable():
         draw = partial(call, f"{views}.figure", "write_figure", key, downloads)
         tasks[f"figure {key}"] = draw
     return tasks

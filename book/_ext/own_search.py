@@ -121,13 +121,14 @@ def of_sections(page: str, doctree: nodes.document) -> Iterator[Entry]:
 
 def of_studies(held: dict[str, str]) -> Iterator[Entry]:
     """Yield the supplementary tables."""
-    from reproduce.papers.catalogue import studies
+    from reproduce.papers.catalogue import catalogue
     from reproduce.printed.cells import anchor
+    from reproduce.views.keys import title
 
-    for key, study in studies().items():
+    for key in catalogue("studies"):
         if page := held.get(name := f"study-{anchor(key)}"):
-            shown = f"{study.title}: a supplementary table"
-            yield f"{page}.html#{name}", shown, [key, study.title], [], ""
+            shown = f"{title(key)}: a supplementary table"
+            yield f"{page}.html#{name}", shown, [key, title(key)], [], ""
 
 
 def entries(app: Sphinx) -> list[Entry]:

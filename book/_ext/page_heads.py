@@ -106,7 +106,7 @@ def linked(page: str, held: Mapping[str, str], text: str) -> Iterator[dict[str, 
         A document of JSON-LD.
     """
     from reproduce.locate import papers
-    from reproduce.papers.catalogue import studies
+    from reproduce.papers.catalogue import catalogue
     from reproduce.printed.cells import anchor, library
     from reproduce.views.export import table_files
     from reproduce.views.keys import place, title
@@ -120,8 +120,8 @@ def linked(page: str, held: Mapping[str, str], text: str) -> Iterator[dict[str, 
         whole = dataset("all", page, text, files, [{"name": one} for one in columns])
         short = text.partition(":")[0].partition(",")[0]
         yield whole | {"name": short, "identifier": [name]}
-    for key in (*library(), *studies()):
-        study, paper = key in studies(), key.split("/")[0]
+    for key in (*library(), *catalogue("studies")):
+        study, paper = key in catalogue("studies"), key.split("/")[0]
         if held.get(f"{'study-' * study}{anchor(key)}") == page:
             relation = "supplement to" if study else "of"
             of_paper = f", {relation} {paper}" if paper in papers() else ""
@@ -147,12 +147,13 @@ def dataset(
 
 def measured(key: str) -> Iterator[dict[str, str]]:
     """Yield the rows and columns of a table, with the common unit of their numbers."""
-    from reproduce.papers.catalogue import studies
+    from reproduce.papers.catalogue import catalogue
+    from reproduce.papers.declare import item_text
     from reproduce.printed.cells import library
     from reproduce.printed.number import symbol
 
-    if key in studies():
-        yield from ({"name": column.name} for column in studies()[key].columns)
+    if key in catalogue("studies"):
+        yield from ({"name": column.name} for column in item_text(key).columns)
         return
     table = library()[key]
     for line in (*table.rows, *table.columns):

@@ -13,7 +13,7 @@ from reading import HTML
 
 from page_heads import MAX_LENGTH, described, finish, linked
 from reproduce import version
-from reproduce.papers.catalogue import studies
+from reproduce.papers.catalogue import catalogue
 from reproduce.printed.cells import PAPERS, anchor, library
 from reproduce.views.citations import cite
 from reproduce.views.export import table_files
@@ -81,8 +81,8 @@ def test_a_page_is_described_by_its_first_paragraph():
 
 def test_every_table_is_a_dataset():
     """JSON-LD with the properties, units and files that harvesters of data read."""
-    for key in (*library(), *studies()):
-        name = f"study-{anchor(key)}" if key in studies() else anchor(key)
+    for key in (*library(), *catalogue("studies")):
+        name = f"study-{anchor(key)}" if key in catalogue("studies") else anchor(key)
         (document,) = linked("chapter/page", {name: "chapter/page"}, "")
         data, papers = expanded(document, "chapter/page"), dois(key.partition("/")[0])
         assert data["@type"] == [f"{SCHEMA}Dataset"]
@@ -177,5 +177,5 @@ def test_built_pages_have_a_head_and_describe_every_table():
             assert all((HTML / file.removeprefix(BASE)).is_file() for file in files)
     assert len(set(titles)) == len(titles) > 30
     whole = {"ledger": "cells", "errata": "audit/errata"}
-    assert set(described_on) == {*library(), *studies(), *whole}
+    assert set(described_on) == {*library(), *catalogue("studies"), *whole}
     assert whole.items() <= described_on.items()

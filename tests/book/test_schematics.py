@@ -4,9 +4,9 @@ import itertools
 
 import pytest
 
-from reproduce.papers.catalogue import catalogue, drawings
+from reproduce.papers.catalogue import drawing
 from reproduce.papers.declare import Schematic
-from reproduce.views.figure import draw
+from reproduce.views.figure import draw, drawable
 
 pytestmark = pytest.mark.browser
 # Width that a phone of 390 CSS pixels leaves for a figure, and the smallest label.
@@ -23,9 +23,7 @@ BOXES = """() => [...document.querySelectorAll('svg, text')].map(e => {
 
 def test_labels_are_whole_apart_and_large_enough(open_page):
     page = open_page(viewport={"width": PHONE, "height": 900})
-    drawn = {key: item.draw for key, item in catalogue().items()}
-    drawn |= dict(drawings())
-    for key in (key for key, one in drawn.items() if isinstance(one, Schematic)):
+    for key in (key for key in drawable() if isinstance(drawing(key), Schematic)):
         page.set_content(STYLE + str(draw(key)))
         (_, left, right, top, bottom, _), *labels = page.evaluate(BOXES)
         assert labels

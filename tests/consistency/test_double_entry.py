@@ -16,7 +16,7 @@ from reproduce.consistency.report import audit_paper
 from reproduce.judge.ledger import build
 from reproduce.judge.propagate import result_intervals
 from reproduce.judge.readings import evaluate
-from reproduce.papers.catalogue import catalogue, computation_for
+from reproduce.papers.catalogue import catalogue, computation_for, computations
 from reproduce.papers.declare import reproduces
 from reproduce.printed.cells import PAPERS, find, library
 from reproduce.printed.inputs import load_inputs
@@ -36,7 +36,7 @@ ENTRIES = {r.restates: r for r in (*RELATIONS, *OTHERS) if r.restates}
 def computed():
     """Every deterministic number by name and reading: its computation, and its interval."""
     found = {}
-    for computation in (c for item in catalogue().values() for c in item.computations):
+    for computation in (c for key in catalogue() for c in computations(key)):
         for choices in () if computation.replicates else distinct(computation):
             one = computation.with_options(choices)
             mark = f" ({choices_text(choices)})" if choices else ""

@@ -10,7 +10,7 @@ import pytest
 
 import recompute
 from reproduce.judge import ledger, readings
-from reproduce.papers.catalogue import catalogue
+from reproduce.papers.catalogue import catalogue, computations
 from reproduce.papers.declare import Alternative, item_text, reproduces
 from reproduce.papers.niu2024 import simulation
 from reproduce.printed.cells import library
@@ -62,7 +62,7 @@ def test_every_combination_is_evaluated():
 
 def test_the_readings_of_an_item_are_the_product_of_the_options_in_its_data():
     for key in (key for key in catalogue() if item_text(key).options):
-        for computation in catalogue()[key].computations:
+        for computation in computations(key):
             counts = [len(item_text(key).options[name]) for name in computation.options]
             lacking = computation.function.__name__ == "last_reference_angle"
             assert lacking or len(computation.readings) == np.prod(counts)

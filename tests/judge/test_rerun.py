@@ -10,7 +10,7 @@ from reproduce.judge import rerun
 from reproduce.judge.ledger import build
 from reproduce.judge.readings import evaluate
 from reproduce.judge.rerun import CannotChangeError
-from reproduce.papers.catalogue import catalogue, changeable
+from reproduce.papers.catalogue import catalogue, changeable, computations
 from reproduce.printed.cells import find
 from reproduce.printed.inputs import load_inputs
 from reproduce.printed.quantity import si_value
@@ -77,11 +77,11 @@ def test_inputs_of_an_item_and_of_a_cell_are_direct_or_through_other_items():
 
 
 def test_only_inputs_of_an_item_can_be_changed():
-    for key in (key for key, item in catalogue().items() if item.computations):
+    for key in filter(computations, catalogue()):
         allowed = changeable(key)
         assert set(allowed) >= {
             cell.address
-            for computation in catalogue()[key].computations
+            for computation in computations(key)
             for pattern in computation.inputs
             for cell in find(pattern)
             if cell.is_number
@@ -138,7 +138,7 @@ def test_a_rerun_with_options_is_the_reading_of_the_ledger(key):
     chosen = {name: list(ways)[-1] for name, ways in options.items()}
     found = rerun.Rerun(key, chosen=chosen)
     assert found.is_reading
-    for computation in catalogue()[key].computations:
+    for computation in computations(key):
         literal = computation.with_options(found.options).literal
         place = computation.readings.index(literal)
         for name, readings in evaluate(computation).cells.items():

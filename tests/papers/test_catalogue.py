@@ -5,18 +5,19 @@ from graphlib import CycleError, TopologicalSorter
 import numpy as np
 import pytest
 
-from reproduce.papers.catalogue import catalogue, studies
+from reproduce.papers.catalogue import catalogue, computations, drawing, study
 from reproduce.printed.cells import library
 from reproduce.printed.inputs import Inputs, load_inputs
 
 ITEMS = catalogue()
-COMPUTATIONS = [c for item in ITEMS.values() for c in item.computations]
+COMPUTATIONS = [made for key in ITEMS for made in computations(key)]
+STUDIES = [study(key) for key in catalogue("studies")]
 
 
 def test_every_printed_file_is_an_item():
     assert set(library()) <= set(ITEMS)
     figures = set(ITEMS) - set(library())
-    assert all("/fig-" in key and ITEMS[key].draw for key in figures)
+    assert all("/fig-" in key and drawing(key) for key in figures)
 
 
 def test_no_cell_is_an_input_of_itself():
@@ -33,9 +34,9 @@ def test_no_cell_is_an_input_of_itself():
 
 
 def test_no_cell_is_made_twice():
-    for key, item in ITEMS.items():
+    for key in ITEMS:
         for cell in library()[key].cells if key in library() else ():
-            makers = [c.name for c in item.computations if c.makes(cell.name)]
+            makers = [c.name for c in computations(key) if c.makes(cell.name)]
             assert len(makers) <= 1, cell.address
 
 
@@ -84,24 +85,23 @@ def test_every_declared_input_is_read(monkeypatch):
             if not unread(computation.inputs, addresses):
                 break
         assert not unread(computation.inputs, addresses), computation.name
-    for root, study in enumerate(studies().values(), len(COMPUTATIONS)):
+    for root, one in enumerate(STUDIES, len(COMPUTATIONS)):
         addresses.clear()
-        inputs = load_inputs(study.inputs, root)
-        study(inputs)
-        study.named(inputs)
-        assert not unread(study.inputs, addresses), study.key
+        inputs = load_inputs(one.inputs, root)
+        one(inputs)
+        one.named(inputs)
+        assert not unread(one.inputs, addresses), one.key
 
 
 def test_a_study_computes_the_declared_columns():
-    for key, study in studies().items():
-        frame = study()
-        heads = [column.name for column in study.columns]
-        assert study.key == key
-        assert study.title
+    for one in STUDIES:
+        frame = one()
+        heads = [column.name for column in one.columns]
+        assert one.title
         assert list(frame.columns) == heads
         assert len(set(heads)) == len(heads)
         assert "{" not in frame.attrs["caption"]
-        for column in study.columns:
+        for column in one.columns:
             numeric = frame[column.name].dtype.kind in "if"
-            assert numeric == bool(column.form), f"{key}: {column.name}"
+            assert numeric == bool(column.form), f"{one.key}: {column.name}"
             assert column.error in {"", *heads}

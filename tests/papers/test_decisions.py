@@ -5,7 +5,7 @@ import pytest
 from scipy import stats
 
 from reproduce.inference.models.bench import _averaging_moments
-from reproduce.papers.catalogue import studies
+from reproduce.papers.catalogue import study
 from reproduce.papers.chen2023 import decisions as camera
 from reproduce.papers.chen2023 import published
 from reproduce.papers.niu2024 import decisions as sensor
@@ -20,7 +20,7 @@ STARS = load_inputs(sensor.INPUTS)
 
 
 def fact(key, name):
-    return studies()[key].facts()[name].value
+    return study(key).facts()[name].value
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from reproduce.papers.catalogue import catalogue, drawings
+from reproduce.papers.catalogue import drawing
 from reproduce.papers.declare import Schematic
 from reproduce.physics import ground
 from reproduce.physics.attitude import (
@@ -21,17 +21,11 @@ from reproduce.physics.optics import starlight
 from reproduce.physics.raytrace import fold_mirror_tilt, mirror_train
 from reproduce.physics.registration import fit_registration
 from reproduce.printed.cells import find
+from reproduce.views.figure import drawable
 
 SVG = "{http://www.w3.org/2000/svg}"
 LASERS = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]]) * 0.1
-DRAWN = {
-    key: one
-    for key, one in (
-        *((key, item.draw) for key, item in catalogue().items()),
-        *drawings().items(),
-    )
-    if isinstance(one, Schematic)
-}
+DRAWN = {key: one for key in drawable() if isinstance(one := drawing(key), Schematic)}
 
 
 def tree(key):

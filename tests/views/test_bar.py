@@ -7,7 +7,7 @@ import pytest
 from bs4 import BeautifulSoup
 
 import reproduce as rp
-from reproduce.papers.catalogue import catalogue
+from reproduce.papers.catalogue import computations
 from reproduce.printed.cells import anchor, library
 from reproduce.views import figure as figures
 from reproduce.views.base import text_of
@@ -24,7 +24,7 @@ def test_a_table_has_address_citation_files_inputs_and_functions(key):
     assert anchor(key) in links
     assert [link for link in links if link[:7] == "tables/"] == [*table_files(key)]
     assert {anchor(address) for address in table.inputs} <= set(links)
-    for one in catalogue()[key].computations:
+    for one in computations(key):
         (text,) = page.select(f"#function-{anchor(key)}-{one.function.__name__}")
         assert text.text == text_of(one.function)
         paper = key.partition("/")[0]

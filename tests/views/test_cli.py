@@ -17,7 +17,7 @@ from click.testing import CliRunner
 import reproduce as rp
 from reproduce.judge import ledger
 from reproduce.locate import data_folder
-from reproduce.papers.catalogue import catalogue, studies
+from reproduce.papers.catalogue import catalogue
 from reproduce.printed import cells
 from reproduce.printed.cells import library
 from reproduce.store.files import write_text
@@ -54,7 +54,7 @@ def words(text):
 def test_list_names_every_item_in_the_order_of_print():
     lines = [line.split() for line in output("contents").splitlines() if line]
     shown = [line[0] for line in lines if re.match(r"(niu2024|chen2023)/", line[0])]
-    assert shown == [*catalogue(), *studies()]
+    assert shown == [*catalogue(), *catalogue("studies")]
     assert output("list") == output("contents")
     assert " list " not in output("--help")
 

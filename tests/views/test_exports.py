@@ -20,7 +20,7 @@ import reproduce as rp
 from reproduce import version
 from reproduce.judge import ledger
 from reproduce.judge.rerun import CannotChangeError
-from reproduce.papers.catalogue import catalogue, studies
+from reproduce.papers.catalogue import catalogue
 from reproduce.printed.cells import PAPERS, anchor, library
 from reproduce.version import RELEASED, __version__
 from reproduce.views import verify as verifying
@@ -93,7 +93,7 @@ def test_markdown_has_the_layout_of_the_table():
     assert shown == ["-0.040″", "-0.040ᵉ*", "-0.0410", "-0.0390"]
 
 
-@pytest.mark.parametrize("key", [*library(), *studies()])
+@pytest.mark.parametrize("key", [*library(), *catalogue("studies")])
 def test_latex_is_balanced(key):
     """Every row has the columns of the table; braces, mathematics and environments close."""
     text = rp.table(key).export("latex")

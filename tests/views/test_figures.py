@@ -14,7 +14,6 @@ from matplotlib.path import Path
 
 import reproduce as rp
 from reproduce.locate import data_files
-from reproduce.papers.catalogue import drawings
 from reproduce.views.figure import draw, drawable
 from reproduce.views.numbers import powers
 
@@ -154,7 +153,7 @@ def faults(figure, width):
 def test_every_graph_can_be_read(width):
     assert contrast("white", "black") == pytest.approx(21.0)
     assert contrast("#777777", "white") == pytest.approx(4.48, abs=0.005)
-    for key in (*drawable(), *drawings()):
+    for key in drawable():
         if not data_files(f"schematics/{key}.svg"):  # these are tested in a browser
             figure = draw(key, narrow=width == WIDTH_PHONE)
             FigureCanvasAgg(figure)
@@ -165,7 +164,7 @@ def test_every_graph_can_be_read(width):
 def test_figures_on_a_page_have_alternative_text_and_unique_ids():
     """Text is text in the colour of the page; no two figures have an identifier in common."""
     seen = set()
-    for key in (*drawable(), *drawings()):
+    for key in drawable():
         figure = rp.figure(key)
         figure.alternative = 'a "quoted" text'
         html = figure._repr_html_()

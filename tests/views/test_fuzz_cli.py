@@ -12,7 +12,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from reproduce.inference import sampling
-from reproduce.papers.catalogue import catalogue, changeable
+from reproduce.papers.catalogue import changeable, computations
 from reproduce.papers.posteriors import File, posteriors
 from reproduce.physics.registration import MODELS
 from reproduce.printed.cells import find
@@ -117,8 +117,7 @@ def test_any_arguments(command, arguments):
 def test_any_value_for_a_cell_that_is_read(data, key, value):
     address = data.draw(st.sampled_from(changeable(key)))
     arguments = ["show", key, "--set", f"{address}={value}"]
-    items = catalogue()
-    if key in items and any(one.replicates for one in items[key].computations):
+    if any(one.replicates for one in computations(key)):
         arguments += ["--replicates", "2"]
     check(*arguments)
 

@@ -15,7 +15,7 @@ from bs4 import BeautifulSoup
 import reproduce as rp
 from book_facts import Register, register, write_tables
 from reproduce.judge.ledger import expected
-from reproduce.papers.catalogue import catalogue, studies
+from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import Column, Fact
 from reproduce.printed.cells import PAPERS, anchor, library
 from reproduce.views import numbers, verdicts
@@ -132,7 +132,9 @@ def shipped(tmp_path_factory):
 def test_all_files_are_written_and_equal_each_time(shipped):
     ends = ("csv", "json", "parquet", "schema.json")
     names = {f"{name}.{end}" for name in ("ledger", "errata") for end in ends}
-    names |= {path for key in (*library(), *studies()) for path in table_files(key)}
+    names |= {
+        path for key in (*library(), *catalogue("studies")) for path in table_files(key)
+    }
     files = {
         p.relative_to(shipped).as_posix() for p in shipped.rglob("*") if p.is_file()
     }

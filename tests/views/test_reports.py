@@ -17,7 +17,7 @@ import reproduce as rp
 from book_facts import card
 from reproduce.judge import ledger
 from reproduce.judge.ledger import expected, frozen, item_ledger
-from reproduce.papers.catalogue import catalogue
+from reproduce.papers.catalogue import catalogue, computations
 from reproduce.printed.cells import PAPERS, anchor, library
 from reproduce.printed.inputs import load_inputs
 from reproduce.views import reports
@@ -124,8 +124,8 @@ def test_an_outcome_never_says_more_than_the_verdicts(words, flags, outcome):
 def test_decisions_are_the_options_of_the_computations(paper):
     found = yaml.safe_load(reports.report(paper, "decisions")["astra.yaml"])
     expected = {}
-    for key, item in catalogue().items():
-        for made in item.computations if key.startswith(f"{paper}/") else ():
+    for key in catalogue():
+        for made in computations(key) if key.startswith(f"{paper}/") else ():
             for option, ways in made.options.items():
                 name = (key.partition("/")[2], option)
                 expected[name] = {
@@ -145,7 +145,7 @@ def test_decisions_are_the_options_of_the_computations(paper):
 def test_a_covariance_is_that_of_the_draws():
     key = "niu2024/table-3"
     frame = reports.covariance(key).set_index("cell")
-    (made,) = catalogue()[key].computations
+    (made,) = computations(key)
     results = made(load_inputs(made.inputs))
     one, other = (results[f"translation-{axis}.red"] for axis in "xy")
     found = frame.loc["translation-x.red", "translation-y.red"]

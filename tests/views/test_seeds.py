@@ -10,11 +10,12 @@ from reproduce.judge.ledger import build
 from reproduce.judge.rerun import CannotChangeError
 from reproduce.locate import papers
 from reproduce.papers import declare
-from reproduce.papers.catalogue import studies
+from reproduce.papers.catalogue import catalogue
 from reproduce.papers.chen2023.platform import PIXEL
 from reproduce.views.figure import Figure, drawable
 
-SHOWN = [(Figure, key) for key in drawable()] + [(rp.table, key) for key in studies()]
+SHOWN = [(Figure, key) for key in drawable()]
+SHOWN += [(rp.table, key) for key in catalogue("studies")]
 SERIES = "chen2023/fig-8"
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 import fusion
 from keep import write
 from reproduce.judge import readings
-from reproduce.papers.catalogue import catalogue
+from reproduce.papers.catalogue import catalogue, computations
 from reproduce.papers.declare import ROOT_SEED, Computation
 from reproduce.papers.niu2024.images import PHASES
 from reproduce.version import __version__
@@ -26,7 +26,7 @@ READINGS_PER_TASK = 32
 
 def stored_computations() -> dict[str, Computation]:
     """Return the computations whose readings are stored, by name."""
-    every = (one for item in catalogue().values() for one in item.computations)
+    every = (one for key in catalogue() for one in computations(key))
     return {one.name: one for one in every if one.replicates and one.options}
 
 

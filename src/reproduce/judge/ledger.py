@@ -16,7 +16,7 @@ from reproduce.judge.propagate import plain_results
 from reproduce.judge.readings import Evaluation, ReadingSummary, evaluate
 from reproduce.judge.verdicts import CENTRAL, Comparison, Frozen, Reading, Verdict
 from reproduce.locate import data_files
-from reproduce.papers.catalogue import catalogue
+from reproduce.papers.catalogue import catalogue, computations
 from reproduce.printed.cells import PrintedCell, PrintedTable, find, library
 from reproduce.printed.inputs import load_inputs
 
@@ -169,11 +169,13 @@ def build(
 @cache
 def item_ledger(key: str, **choices: str) -> Ledger:
     """Return the ledger of an item; with the choices of some options, of one reading."""
-    item, tables = catalogue()[key], []
+    if key not in catalogue():
+        raise KeyError(key)
     if key not in library():  # a figure contains no printed numbers
         return Ledger(records=(), tables=())
     records = {cell.name: _unjudged(cell) for cell in library()[key].cells}
-    for computation in item.computations:
+    tables = []
+    for computation in computations(key):
         if choices:
             computation = computation.with_options(choices)
         evaluation = evaluate(computation)

@@ -23,7 +23,12 @@ import numpy as np
 
 from reproduce.judge.ledger import Ledger, TableRecord, item_ledger
 from reproduce.judge.verdicts import central_interval
-from reproduce.papers.catalogue import catalogue, changeable, computation_for, upstream
+from reproduce.papers.catalogue import (
+    changeable,
+    computation_for,
+    computations,
+    upstream,
+)
 from reproduce.papers.declare import Alternative, Computation
 from reproduce.printed.cells import PrintedCell, find, library
 from reproduce.printed.inputs import Inputs, load_inputs
@@ -76,7 +81,7 @@ def options(key: str) -> dict[str, dict[str, Alternative]]:
     ['table-1', 'table-2']
     """
     by_option: dict[str, dict[str, Alternative]] = {}
-    for computation in catalogue()[key].computations:
+    for computation in computations(key):
         for name, alternatives in computation.options.items():
             by_option.setdefault(name, {}).update(alternatives)
     return by_option
@@ -111,7 +116,7 @@ def _texts(key: str, *changes: tuple[str, str]) -> dict[str, str]:
 
 def _is_random(key: str) -> bool:
     """Return whether the computations of an item draw random numbers."""
-    return any(computation.replicates for computation in catalogue()[key].computations)
+    return any(computation.replicates for computation in computations(key))
 
 
 def checked_values(key: str, changes: object) -> dict[str, float]:
@@ -241,7 +246,7 @@ class Rerun:
         table, cells = library()[self.key], {}
         judged = {record.cell: record for record in self._ledger.records}
         with self.explained():
-            for computation in catalogue()[self.key].computations:
+            for computation in computations(self.key):
                 kept = {} if self.is_reading else self.options
                 before = computation.with_options(kept)
                 unchanged = before(load_inputs(computation.inputs))

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import importlib
-from collections import ChainMap, UserDict
-from collections.abc import Callable, Mapping, Sequence
+from collections import ChainMap
+from collections.abc import Sequence
 from functools import cache
-from operator import itemgetter
-from typing import Any, Literal, get_args
+from typing import Literal, get_args
 
 from reproduce.locate import data_files, papers, read_toml
 from reproduce.papers.declare import (
     Computation,
     Drawing,
-    Item,
     PaperFunction,
     Schematic,
     Study,
@@ -25,23 +23,19 @@ _Kind = Literal["items", "studies", "drawings"]
 _Keys = dict[_Kind, dict[str, str]]
 
 
-class _Catalogue(UserDict[str, Any]):
-    """Declarations of one kind by key, from the modules of the keys."""
-
-    def __init__(self, kind: _Kind, make: Callable[[Sequence[Any]], Any]) -> None:
-        super().__init__(_modules(kind))
-        self._make = make
-
-    def __getitem__(self, key: str) -> Any:
-        """Return the declaration of a key of this kind."""
-        if key not in self:
-            raise KeyError(key)
-        return self._make(declarations(key))
-
-
 @cache
-def _modules(kind: _Kind) -> dict[str, str]:
-    """Return the module of each key of a kind, paper by paper; empty for a schematic."""
+def catalogue(kind: _Kind = "items") -> dict[str, str]:
+    """Return the module of each key of a kind, paper by paper, in the order of the papers.
+
+    A key that is only quoted, or drawn by hand, has no module.
+
+    Examples
+    --------
+    >>> list(catalogue())[0]
+    'niu2024/text-context'
+    >>> "chen2023/heat" in catalogue("studies")
+    True
+    """
     modules: dict[str, str] = {}
     for paper, folder in papers().items():
         keys = read_toml(folder / f"items/{paper}.toml", _Keys).get(kind, {})
@@ -53,55 +47,12 @@ def _modules(kind: _Kind) -> dict[str, str]:
 
 
 @cache
-def catalogue() -> Mapping[str, Item]:
-    """Return every item by its key, paper by paper, in the order of the papers.
-
-    Examples
-    --------
-    >>> list(catalogue())[0]
-    'niu2024/text-context'
-    """
-    return _Catalogue("items", _item)
-
-
-@cache
-def studies() -> Mapping[str, Study]:
-    """Return the supplementary tables by key.
-
-    Examples
-    --------
-    >>> "chen2023/heat" in studies()
-    True
-    """
-    return _Catalogue("studies", itemgetter(0))
-
-
-@cache
-def drawings() -> Mapping[str, Drawing | Schematic]:
-    """Return the supplementary drawings by key.
-
-    Examples
-    --------
-    >>> "niu2024/drawing-fusion-star" in drawings()
-    True
-    """
-    return _Catalogue("drawings", itemgetter(0))
-
-
-def _item(declared: Sequence[Any]) -> Item:
-    """Return the item of some declarations."""
-    computations = tuple(each for each in declared if isinstance(each, Computation))
-    figures = [each for each in declared if isinstance(each, Drawing | Schematic)]
-    return Item(computations, *figures[:1])
-
-
-@cache
 def declarations(key: str) -> Sequence[PaperFunction | Schematic]:
     """Return the declarations of an item, a supplementary table or a drawing.
 
     They are in the module of the key. Without a module, its schematic is the declaration.
     """
-    module = ChainMap(*map(_modules, get_args(_Kind)))[key]
+    module = ChainMap(*map(catalogue, get_args(_Kind)))[key]
     if not module:
         return [Schematic(key, path) for path in data_files(f"schematics/{key}.svg")]
     declared = [
@@ -117,11 +68,28 @@ def declarations(key: str) -> Sequence[PaperFunction | Schematic]:
     return declared
 
 
+def computations(key: str) -> list[Computation]:
+    """Return the computations of an item."""
+    return [each for each in declarations(key) if isinstance(each, Computation)]
+
+
+def drawing(key: str) -> Drawing | Schematic | None:
+    """Return the drawing of a figure or of a supplementary drawing; None for other keys."""
+    drawn = (
+        each for each in declarations(key) if isinstance(each, Drawing | Schematic)
+    )
+    return next(drawn, None)
+
+
+def study(key: str) -> Study:
+    """Return a supplementary table."""
+    return next(each for each in declarations(key) if isinstance(each, Study))
+
+
 def computation_for(address: str) -> Computation | None:
     """Return the computation of a printed cell; None for an input."""
     key, _, name = address.partition("#")
-    computations = catalogue()[key].computations
-    return next((each for each in computations if each.makes(name)), None)
+    return next((each for each in computations(key) if each.makes(name)), None)
 
 
 def changeable(key: str) -> tuple[str, ...]:

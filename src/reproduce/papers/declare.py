@@ -397,11 +397,3 @@ def studied(
     text = item_text(key)
     shown = text.columns, text.caption, text.folded
     return lambda function: Study(key, function, tuple(inputs), random, named, *shown)
-
-
-@dataclass(frozen=True)
-class Item:
-    """Functions that compute and draw a table, a figure or a group of quoted numbers."""
-
-    computations: tuple[Computation, ...] = ()
-    draw: Drawing | Schematic | None = None

@@ -16,7 +16,8 @@ from pybtex.database import Entry, parse_file
 from reproduce import version
 from reproduce.judge.ledger import Record, item_ledger
 from reproduce.locate import papers
-from reproduce.papers.catalogue import computation_for, drawings, studies
+from reproduce.papers.catalogue import catalogue, computation_for, study
+from reproduce.papers.declare import PaperFunction
 from reproduce.printed.cells import PAPERS, PrintedCell, anchor, find, library
 from reproduce.version import AUTHORS, NAME, RELEASED, content_id
 from reproduce.views import keys, verdicts
@@ -76,9 +77,9 @@ def cite(address: str, form: str = "bibtex") -> str:
         return _written(form, "pointing", _WHOLE, PAPERS)
     key, _, name = address.partition("#")
     paper, _, topic = key.partition("/")
-    if key in studies():
+    if key in catalogue("studies"):
         return cite_related(form, "study", paper, key, "Supplementary table to")
-    if key in drawings():
+    if key in catalogue("drawings"):
         return cite_related(form, "drawing", paper, key, "Supplementary figure to")
     keys.check_key(key)
     if not name:
@@ -132,7 +133,10 @@ def identifiers(address: str) -> dict[str, str]:
     if key in library():
         folder = papers()[key.partition("/")[0]]
         found["data"] = content_id(folder / "printed" / f"{key}.toml")
-    if made := computation_for(address) if cell else studies().get(key):
+    made: PaperFunction | None = computation_for(address) if cell else None
+    if key in catalogue("studies"):
+        made = study(key)
+    if made:
         function = inspect.unwrap(made.function)
         lines, first = inspect.getsourcelines(function)
         span = first, first + len(lines) - 1

@@ -157,13 +157,17 @@ def _given(settings: dict[str, Any]) -> dict[str, Any]:
 
 def _item(address: str) -> Any:
     """Return the table, cell, supplementary table or figure of an address."""
-    from reproduce.papers.catalogue import studies
+    from reproduce.papers.catalogue import catalogue
     from reproduce.printed.cells import library
     from reproduce.views.figure import Figure
     from reproduce.views.table import table
 
     key = address.partition("#")[0]
-    return table(address) if key in {*library(), *studies()} else Figure(address)
+    return (
+        table(address)
+        if key in {*library(), *catalogue("studies")}
+        else Figure(address)
+    )
 
 
 # Key of the context's data which is set after a JSON document is printed.

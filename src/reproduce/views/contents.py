@@ -11,7 +11,7 @@ from markupsafe import Markup
 
 from reproduce.judge.ledger import Ledger, Record, build, changed_verdicts
 from reproduce.judge.verdicts import VERDICTS
-from reproduce.papers.catalogue import catalogue, studies
+from reproduce.papers.catalogue import catalogue, drawing
 from reproduce.printed.cells import PAPERS, altered_files, find, library
 from reproduce.views import keys, verdicts
 from reproduce.views.blocks import (
@@ -110,7 +110,7 @@ class Contents(Display):
         self.papers = PAPERS if paper is None else (keys.check_paper(paper),)
         self.keys, self.supplementary = (
             [key for key in ledger if key.partition("/")[0] in self.papers]
-            for ledger in (catalogue(), studies())
+            for ledger in (catalogue(), catalogue("studies"))
         )
 
     @cached_property
@@ -229,7 +229,7 @@ def _entry(key: str) -> dict[str, Any]:
         "key": key,
         "place": keys.place(key),
         "title": keys.title(key),
-        "draws": key in catalogue() and catalogue()[key].draw is not None,
+        "draws": drawing(key) is not None,
     }
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from markupsafe import Markup
 
 from reproduce.judge.ledger import Record
-from reproduce.papers.catalogue import catalogue
+from reproduce.papers.catalogue import computations
 from reproduce.printed.cells import anchor, library
 from reproduce.version import software
 from reproduce.views import verdicts
@@ -33,7 +33,7 @@ def table_files(key: str) -> dict[str, str]:
     """Return the exports of a table: path below the root of the book to format."""
     path = f"tables/{anchor(key)}"
     found = {f"{path}.{ending}": form for form, ending in FORMATS.items()}
-    if key in catalogue() and any(c.replicates for c in catalogue()[key].computations):
+    if any(made.replicates for made in computations(key)):
         found[f"{path}-covariance.csv"] = "covariance"
     return found
 

@@ -20,7 +20,7 @@ from markupsafe import Markup
 from numpy.typing import ArrayLike
 
 from reproduce.judge.rerun import CannotChangeError
-from reproduce.papers.catalogue import catalogue, drawings
+from reproduce.papers.catalogue import catalogue, drawing
 from reproduce.papers.charts import NARROW
 from reproduce.papers.declare import Drawing, Schematic, item_text
 from reproduce.printed.cells import anchor, library
@@ -52,18 +52,18 @@ _Paint = Callable[["MatplotlibFigure"], None]
 _Drawn: TypeAlias = "MatplotlibFigure | str"
 
 
-def drawable() -> dict[str, Drawing | Schematic]:
-    """Return the figures of the papers by key, in printed order."""
-    return {key: item.draw for key, item in catalogue().items() if item.draw}
+def drawable() -> list[str]:
+    """Return the keys of the figures in printed order, and of the supplementary drawings."""
+    return [key for key in (*catalogue(), *catalogue("drawings")) if drawing(key)]
 
 
 def _declared_drawing(key: str) -> Drawing | Schematic:
     """Return the drawing of a key: of an item, or a supplementary one."""
-    known = {**drawable(), **drawings()}
-    if key not in known:
+    if key not in catalogue("drawings"):
         keys.check_key(key)
-        raise ValueError(f"{key} has no figure; these have one: {', '.join(known)}")
-    return known[key]
+    if found := drawing(key):
+        return found
+    raise ValueError(f"{key} has no figure; these have one: {', '.join(drawable())}")
 
 
 def _styled_figure(paint: _Paint, *, narrow: bool = False) -> MatplotlibFigure:
@@ -81,14 +81,14 @@ def _styled_figure(paint: _Paint, *, narrow: bool = False) -> MatplotlibFigure:
 
 def draw(key: str, inputs: Inputs | None = None, *, narrow: bool = False) -> _Drawn:
     """Draw an item or a supplementary drawing, with its printed values."""
-    drawing = _declared_drawing(key)
-    if isinstance(drawing, Schematic):
-        style, end, body = drawing.text.partition("</style>")
+    declared = _declared_drawing(key)
+    if isinstance(declared, Schematic):
+        style, end, body = declared.text.partition("</style>")
         return style + end + filled(body)
-    patterns = [*([key] if key in library() else []), *drawing.marks]
+    patterns = [*([key] if key in library() else []), *declared.marks]
     printed = load_inputs(patterns)
     return _styled_figure(
-        lambda figure: drawing(figure, printed, inputs), narrow=narrow
+        lambda figure: declared(figure, printed, inputs), narrow=narrow
     )
 
 
@@ -269,7 +269,7 @@ class Figure(Rerunnable, ItemView):
     def blocks(self) -> Iterator[Block]:
         """Yield the figure with its caption; a terminal shows the command that draws it."""
         name = f"figure-{anchor(self.key)}"
-        if self.key in drawings():
+        if self.key in catalogue("drawings"):
             name = f"drawing-{anchor(self.key.replace('/drawing-', '/'))}"
         text = (
             f"{self.key}: {self.title}\n{self.place}; lines and points in .data\n"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 
-from reproduce.papers.catalogue import catalogue, declarations, drawings, studies
+from reproduce.papers.catalogue import catalogue, declarations
 from reproduce.printed.cells import PAPERS, library
 
 
@@ -21,13 +21,12 @@ def check_key(key: str) -> str:
     known = list(catalogue())
     if key in known:
         return key
-    if key in studies():
+    if key in catalogue("studies"):
         raise KeyError(
             f"key: expected printed numbers to judge, got the supplementary table {key}"
         )
-    near = difflib.get_close_matches(
-        key, [*known, *studies(), *drawings()], n=3, cutoff=0.5
-    )
+    every = [*known, *catalogue("studies"), *catalogue("drawings")]
+    near = difflib.get_close_matches(key, every, n=3, cutoff=0.5)
     hint = f"such as {', '.join(near)}, " if near else ""
     raise KeyError(
         f"key: expected a key of `reproduce contents`, {hint}got {key!r}. Correct the key"
@@ -49,9 +48,9 @@ def title(key: str) -> str:
 
 def place(key: str) -> str:
     """Return the place of an item in its paper, such as ``Table 3`` or ``Figure 4``."""
-    if key in studies():
+    if key in catalogue("studies"):
         return "supplementary table"
-    if key in drawings():
+    if key in catalogue("drawings"):
         return "Supplementary drawing"
     figure = f"Figure {key.rpartition('-')[2]}"
     return library()[key].place if key in library() else figure

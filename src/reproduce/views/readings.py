@@ -11,7 +11,7 @@ from markupsafe import Markup
 from reproduce.judge.ledger import Record
 from reproduce.judge.readings import evaluate
 from reproduce.judge.rerun import options
-from reproduce.papers.catalogue import catalogue
+from reproduce.papers.catalogue import computations
 from reproduce.printed.cells import library
 from reproduce.views import verdicts
 from reproduce.views.blocks import Block, Display, Grid
@@ -46,8 +46,8 @@ class Readings(Display):
         import pandas as pd
 
         frame, table = pd.DataFrame({}), library()[self.key]
-        computations = [c for c in catalogue()[self.key].computations if c.options]
-        for computation in sorted(computations, key=lambda c: -len(c.options)):
+        made = [each for each in computations(self.key) if each.options]
+        for computation in sorted(made, key=lambda c: -len(c.options)):
             evaluation, part = evaluate(computation), pd.DataFrame(computation.readings)
             shared = [option for option in part if option in frame]
             for name, readings in evaluation.cells.items():

@@ -12,7 +12,7 @@ from reproduce import version
 from reproduce.judge.ledger import Record, item_ledger
 from reproduce.judge.rerun import options
 from reproduce.judge.verdicts import AGREES, CENTRAL
-from reproduce.papers.catalogue import catalogue
+from reproduce.papers.catalogue import computations
 from reproduce.printed.cells import library
 from reproduce.printed.inputs import load_inputs
 from reproduce.printed.number import si_factor
@@ -127,7 +127,7 @@ def covariance(key: str) -> pd.DataFrame:
     import pandas as pd
 
     parts = []
-    for made in catalogue()[key].computations:
+    for made in computations(key):
         if made.replicates:
             draws = made(load_inputs(made.inputs))
             factors = [si_factor(library()[key][name].unit) for name in draws]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from reproduce.papers.catalogue import studies
+from reproduce.papers.catalogue import study
 from reproduce.papers.declare import Study
 from reproduce.printed.cells import anchor
 from reproduce.views import numbers
@@ -35,7 +35,7 @@ class StudyTable(Rerunnable, ItemView):
 
     @property
     def _declared(self) -> Study:
-        return studies()[self.key]
+        return study(self.key)
 
     def _compute(self, inputs: Inputs | None) -> pd.DataFrame:
         return self._declared(inputs)
@@ -65,11 +65,11 @@ class StudyTable(Rerunnable, ItemView):
         Sweep
             One row per value, with a slider on a page.
         """
-        study, before = self._declared, self.frame()
+        declared, before = self._declared, self.frame()
 
         def compute(step: Change) -> pd.DataFrame:
             return of_study(
-                study, (before, self.rerun(step).frame()), columns, rows or {}
+                declared, (before, self.rerun(step).frame()), columns, rows or {}
             )
 
         return swept(
@@ -84,13 +84,13 @@ class StudyTable(Rerunnable, ItemView):
     @property
     def grid(self) -> Grid:
         """The formatted table; the first part of a folded table."""
-        study, frame = self._declared, self.frame()
+        declared, frame = self._declared, self.frame()
         caption = f"{frame.attrs['caption']} {self._setting()}".rstrip()
-        if study.folded:
-            frame = frame[frame[study.folded] == frame[study.folded].iloc[0]]
-        forms = {column.name: column.form for column in study.columns}
-        behind = {*(column.error for column in study.columns), study.folded}
-        shown = [column for column in study.columns if column.name not in behind]
+        if declared.folded:
+            frame = frame[frame[declared.folded] == frame[declared.folded].iloc[0]]
+        forms = {column.name: column.form for column in declared.columns}
+        behind = {*(column.error for column in declared.columns), declared.folded}
+        shown = [column for column in declared.columns if column.name not in behind]
         rows = [
             [
                 numbers.entry(

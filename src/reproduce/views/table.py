@@ -12,7 +12,7 @@ from markupsafe import Markup
 from reproduce.judge import rerun as rerunning
 from reproduce.judge.ledger import Ledger, Record, item_ledger
 from reproduce.judge.verdicts import AGREES
-from reproduce.papers.catalogue import changeable, computation_for, studies
+from reproduce.papers.catalogue import catalogue, changeable, computation_for
 from reproduce.printed.cells import PrintedCell, anchor, find, library
 from reproduce.printed.number import symbol
 from reproduce.views import keys, verdicts
@@ -71,7 +71,7 @@ def table(address: str) -> Table | Cell | StudyTable:
     key, _, name = str(address).partition("#")
     if name and key in library():
         return Cell(library()[key][name])
-    if address in studies():
+    if address in catalogue("studies"):
         from reproduce.views.study import StudyTable
 
         return StudyTable(address)

@@ -5,7 +5,7 @@ import pytest
 from numpy.random import SeedSequence, default_rng
 from scipy.stats import chi2
 
-from reproduce.papers.catalogue import catalogue
+from reproduce.papers.catalogue import drawing
 from reproduce.papers.chen2023 import accuracy, platform_twin
 from reproduce.papers.chen2023.platform import (
     DIAGONAL,
@@ -88,9 +88,7 @@ def test_table_4_from_rendered_frames_is_that_of_the_linear_prediction(replicate
 @pytest.fixture(scope="module")
 def stage_test():
     """The test of Figure 10: times, reference and monitored angles."""
-    return platform_twin._stage_test(
-        load_inputs(catalogue()["chen2023/fig-10b"].draw.inputs)
-    )
+    return platform_twin._stage_test(load_inputs(drawing("chen2023/fig-10b").inputs))
 
 
 def test_the_ride_follows_the_reference_one_average_later(stage_test):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import fusion
-from reproduce.papers.catalogue import studies
+from reproduce.papers.catalogue import study
 from reproduce.papers.niu2024 import experiment, images
 from reproduce.physics.images import cramer_rao_variance, window_corners
 from reproduce.printed.inputs import load_inputs
@@ -105,7 +105,7 @@ def test_two_cells_are_recomputed(stored):
 
 
 def test_the_table_shows_the_stored_arrays(stored):
-    table = studies()["niu2024/fusion"]()
+    table = study("niu2024/fusion")()
     assert len(table) == stored["error"].size
     last = [stored[name].flat[-1] for name in images.RESULTS]
     assert table.iloc[-1, -3:].tolist() == last
