@@ -96,12 +96,12 @@ def test_every_declared_input_is_read(monkeypatch):
 def test_a_study_computes_the_declared_columns():
     for one in STUDIES:
         frame = one()
-        heads = [column.name for column in one.columns]
+        heads = [column.name for column in one.text.columns]
         assert one.title
         assert list(frame.columns) == heads
         assert len(set(heads)) == len(heads)
         assert "{" not in frame.attrs["caption"]
-        for column in one.columns:
+        for column in one.text.columns:
             numeric = frame[column.name].dtype.kind in "if"
             assert numeric == bool(column.form), f"{one.key}: {column.name}"
             assert column.error in {"", *heads}

@@ -19,6 +19,7 @@ from reproduce.locate import data_files
 from reproduce.papers.texts import Alternative as Alternative
 from reproduce.papers.texts import Column as Column
 from reproduce.papers.texts import Fact as Fact
+from reproduce.papers.texts import ItemText
 from reproduce.papers.texts import Options as Options
 from reproduce.papers.texts import item_text as item_text
 from reproduce.physics.validate import FloatArray
@@ -88,9 +89,14 @@ class PaperFunction:
     inputs: tuple[str, ...]
 
     @property
+    def text(self) -> ItemText:
+        """Texts of its key."""
+        return item_text(self.key)
+
+    @property
     def title(self) -> str:
         """Title of the table or figure."""
-        return item_text(self.key).title
+        return self.text.title
 
     def _loaded(self, inputs: Inputs | None) -> Inputs:
         """Return the given inputs; by default the printed ones."""
@@ -350,30 +356,25 @@ class Study(PaperFunction):
         Whether it draws random numbers, with seeds from the root of the inputs.
     named : callable
         Function of the same inputs. It returns the numbers that sentences quote, by name.
-    columns, caption, folded
-        Texts of the key, as in `ItemText`.
     """
 
     random: bool
     named: Callable[[Inputs], Mapping[str, Any]]
-    columns: tuple[Column, ...]
-    caption: str
-    folded: str
 
     def __call__(self, inputs: Inputs | None = None) -> pd.DataFrame:
         """Compute the table, from the printed or from changed inputs."""
         import pandas as pd
 
-        inputs = self._loaded(inputs)
-        heads = [column.name for column in self.columns]
+        inputs, text = self._loaded(inputs), self.text
+        heads = [column.name for column in text.columns]
         frame = pd.DataFrame(list(self.function(inputs)), columns=heads)
-        blanks = self.named(inputs) if "{" in self.caption else {}
-        frame.attrs["caption"] = self.caption.format_map(blanks)
+        blanks = self.named(inputs) if "{" in text.caption else {}
+        frame.attrs["caption"] = text.caption.format_map(blanks)
         return frame
 
     def facts(self) -> dict[str, Fact]:
         """Return the facts that sentences quote, by name: of the table, or computed by `named`."""
-        inputs, facts = self._loaded(None), item_text(self.key).facts
+        inputs, facts = self._loaded(None), self.text.facts
         values, frame = dict(self.named(inputs)), self(inputs)
         for name, fact in facts.items():
             if fact.column:
@@ -394,6 +395,4 @@ def studied(
     random: bool = False,
 ) -> Callable[[Callable[..., Any]], Study]:
     """Declare that a function computes the supplementary table `key`; parameters as in `Study`."""
-    text = item_text(key)
-    shown = text.columns, text.caption, text.folded
-    return lambda function: Study(key, function, tuple(inputs), random, named, *shown)
+    return lambda function: Study(key, function, tuple(inputs), random, named)

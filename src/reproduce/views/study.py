@@ -84,13 +84,13 @@ class StudyTable(Rerunnable, ItemView):
     @property
     def grid(self) -> Grid:
         """The formatted table; the first part of a folded table."""
-        declared, frame = self._declared, self.frame()
+        text, frame = self._declared.text, self.frame()
         caption = f"{frame.attrs['caption']} {self._setting()}".rstrip()
-        if declared.folded:
-            frame = frame[frame[declared.folded] == frame[declared.folded].iloc[0]]
-        forms = {column.name: column.form for column in declared.columns}
-        behind = {*(column.error for column in declared.columns), declared.folded}
-        shown = [column for column in declared.columns if column.name not in behind]
+        if text.folded:
+            frame = frame[frame[text.folded] == frame[text.folded].iloc[0]]
+        forms = {column.name: column.form for column in text.columns}
+        behind = {*(column.error for column in text.columns), text.folded}
+        shown = [column for column in text.columns if column.name not in behind]
         rows = [
             [
                 numbers.entry(
@@ -107,7 +107,7 @@ class StudyTable(Rerunnable, ItemView):
 
     def blocks(self) -> Iterator[Block]:
         """Yield the table, or the first part of a folded table."""
-        frame, grid, folded = self.frame(), self.grid, self._declared.folded
+        frame, grid, folded = self.frame(), self.grid, self._declared.text.folded
         yield Fold(str(frame[folded].iloc[0]), grid, opened=True) if folded else grid
         if omitted := len(frame) - len(grid.rows):
             yield f"{omitted:,} more rows, by {folded}, are in its files."

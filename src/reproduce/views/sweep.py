@@ -272,11 +272,12 @@ def of_study(
     before, after = frames
     if before.empty or len(before) != len(after):
         raise ValueError(f"{study.key}: expected the same rows at every value")
-    first, hidden = study.columns[0].name, {column.error for column in study.columns}
-    columns = {c.name: c for c in study.columns if c.form and c.name not in hidden}
+    shown = study.text.columns
+    first, hidden = shown[0].name, {column.error for column in shown}
+    columns = {c.name: c for c in shown if c.form and c.name not in hidden}
     if unknown := {*names} - {*columns}:
         raise ValueError(f"columns: expected some of {list(columns)}, got {unknown}")
-    labels = [c.name for c in study.columns if not c.form] or [first]
+    labels = [c.name for c in shown if not c.form] or [first]
     labels = [name for name in labels if before[name].nunique() > 1]
     rows = []
     pairs = zip(before.to_dict("records"), after.to_dict("records"), strict=True)
