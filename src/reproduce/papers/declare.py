@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from numpy.random import SeedSequence
 
-from reproduce.locate import data_files
 from reproduce.papers.texts import Alternative as Alternative
 from reproduce.papers.texts import Column as Column
 from reproduce.papers.texts import Fact as Fact
@@ -321,11 +320,8 @@ class Schematic:
 
     @cached_property
     def text(self) -> str:
-        """SVG with the style that all schematics share."""
-        paths = *data_files("schematics/style.svg"), self.path
-        shared, drawn = (path.read_text(encoding="utf-8") for path in paths)
-        style = shared[shared.index("<style") : shared.index("</svg>")]
-        return drawn.replace(">", f">\n  {style.rstrip()}", 1)
+        """SVG, without the style that all schematics share."""
+        return self.path.read_text(encoding="utf-8")
 
     @property
     def title(self) -> str:

@@ -20,6 +20,7 @@ from markupsafe import Markup
 from numpy.typing import ArrayLike
 
 from reproduce.judge.rerun import CannotChangeError
+from reproduce.locate import data_folder
 from reproduce.papers.catalogue import catalogue, drawing
 from reproduce.papers.charts import NARROW
 from reproduce.papers.declare import Drawing, Schematic, item_text
@@ -83,8 +84,9 @@ def draw(key: str, inputs: Inputs | None = None, *, narrow: bool = False) -> _Dr
     """Draw an item or a supplementary drawing, with its printed values."""
     declared = _declared_drawing(key)
     if isinstance(declared, Schematic):
-        style, end, body = declared.text.partition("</style>")
-        return style + end + filled(body)
+        shared = (data_folder() / "schematics/style.svg").read_text(encoding="utf-8")
+        style = shared[shared.index("<style") : shared.index("</svg>")].rstrip()
+        return filled(declared.text).replace(">", f">\n  {style}", 1)
     patterns = [*([key] if key in library() else []), *declared.marks]
     printed = load_inputs(patterns)
     return _styled_figure(
