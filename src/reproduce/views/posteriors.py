@@ -132,7 +132,7 @@ class Posteriors(Display):
         """Return the titles by name."""
         return {name: declared.title for name, declared in posteriors().items()}
 
-    def diagnostics(self, paper: str) -> Blocks:
+    def diagnostics(self, paper: str) -> Grid:
         """Return chains and calibration of each posterior of a paper.
 
         Parameters
@@ -142,7 +142,7 @@ class Posteriors(Display):
 
         Returns
         -------
-        Blocks
+        Grid
             A table with a row per posterior.
         """
         stored = studies.table("calibrations")
@@ -162,7 +162,7 @@ class Posteriors(Display):
             least=least,
             as_small=count * least,
         )
-        return Blocks((Grid.of(caption, rows[0], rows),))
+        return Grid.of(caption, rows[0], rows)
 
 
 def _summarised(key: str, row: Summary, text: str) -> dict[str, Entry]:
