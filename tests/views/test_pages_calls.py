@@ -67,7 +67,7 @@ def test_the_index_adds_up():
             for record in whole_ledger().records
             if name == "all" or f"{record.key}/".startswith(f"{name}/")
         ]
-        expected = [*verdicts.tally(records).values(), verdicts.weak(records)]
+        expected = [*verdicts.tally(records).values()]
         assert counts == (expected if records else [])
         if name in library():
             assert frame.loc[name, [*verdicts.VERDICTS]].tolist() == counts[:-1]

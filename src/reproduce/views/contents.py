@@ -236,17 +236,13 @@ def _entry(key: str) -> dict[str, Any]:
 def _tallies(listed: Sequence[str], ledger: Ledger) -> list[dict[str, Any]]:
     """Return a record for each item, with its number of cells by verdict."""
     return [
-        _entry(key) | {"paper": key.partition("/")[0]} | _counts(ledger.of(key))
+        _entry(key) | {"paper": key.partition("/")[0]} | verdicts.tally(ledger.of(key))
         for key in listed
     ]
 
 
-def _counts(records: Sequence[Record]) -> dict[str, int]:
-    return verdicts.tally(records) | {"weak": verdicts.weak(records)}
-
-
 def _counted(records: Sequence[Record]) -> str:
-    counts = _counts(records).items()
+    counts = verdicts.tally(records).items()
     return ", ".join(f"{count} {word}" for word, count in counts if count)
 
 
@@ -260,7 +256,7 @@ def _index(listed: Sequence[str], ledger: Ledger) -> Html:
     page = rendered("index", rows=rows, columns=columns, library=library())
     lines = [
         (row["key"], *(str(row[name] or "·") for name in columns))
-        for row in (*rows, {"key": "all", **_counts(ledger.records)})
+        for row in (*rows, {"key": "all", **verdicts.tally(ledger.records)})
     ]
     heads = ("key", *(_HEADS.get(name, name) for name in columns))
     return Html(page, Grid("Cells by verdict.", heads, lines))

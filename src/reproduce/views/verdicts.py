@@ -218,8 +218,9 @@ def _read(record: Record, reading: Reading) -> str:
 
 
 def tally(records: Collection[Record]) -> dict[str, int]:
-    """Count records by verdict, all verdicts in the order in which they are shown."""
-    return {verdict: sum(r.verdict == verdict for r in records) for verdict in VERDICTS}
+    """Count records by verdict, in the order in which they are shown, and those that are weak."""
+    counts = {word: sum(r.verdict == word for r in records) for word in VERDICTS}
+    return counts | {"weak": weak(records)}
 
 
 def weak(records: Iterable[Record]) -> int:
