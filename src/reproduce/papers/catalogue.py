@@ -82,8 +82,11 @@ def drawing(key: str) -> Drawing | Schematic | None:
 
 
 def study(key: str) -> Study:
-    """Return a supplementary table."""
-    return next(each for each in declarations(key) if isinstance(each, Study))
+    """Return a supplementary table; raise KeyError for other keys."""
+    for each in declarations(key):
+        if isinstance(each, Study):
+            return each
+    raise KeyError(f"key: expected a supplementary table, got {key}")
 
 
 def computation_for(address: str) -> Computation | None:
