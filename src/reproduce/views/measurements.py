@@ -23,7 +23,7 @@ from reproduce.store.points import (
 )
 from reproduce.units import ARCSEC_PER_RADIAN
 from reproduce.views.blocks import Block, Display, Grid
-from reproduce.views.numbers import between, moments
+from reproduce.views.numbers import between, minus, moments
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -118,7 +118,7 @@ class UserResult(Display):
         yield self.grid
         for finding in self.findings:
             kind = "Note" if finding.kind == "sensitive" else "Warning"
-            yield f"{kind}: {finding.text}."
+            yield minus(f"{kind}: {finding.text}.")
 
     def record(self) -> dict[str, Any]:
         """Return the numbers and warnings for other programs; unknown numbers are None."""
