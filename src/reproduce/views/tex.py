@@ -1,49 +1,21 @@
-"""Text in LaTeX: escaped signs, and signs of numbers and of units."""
+"""Text in LaTeX: escaped signs, and signs of numbers and of units, from ``tex.toml``."""
 
-import unicodedata
+import tomllib
+from pathlib import Path
 
 from reproduce.views.numbers import minus, powers
 
-_ESCAPED: dict[int, str] = str.maketrans(
-    {sign: f"\\{sign}" for sign in "&%$_{}"}
-    | {sign: f"${sign}$" for sign in "<>"}
-    | {
-        "^": r"\textasciicircum{}",
-        "~": r"\textasciitilde{}",
-        "\\": "/",
-        "/": r"/\allowbreak{}",
-        "#": r"\#\allowbreak{}",
-    }
-)
-_SIGNS: dict[int, str] = str.maketrans(
-    {
-        "−": "$-$",
-        "×": r"$\times$",
-        "\u202f": r"\,",
-        "\u00a0": "~",
-        "″": "$''$",
-        "µ": r"\textmu{}",
-        "–": "--",
-        "°": r"\textdegree{}",
-        "σ": r"$\sigma$",
-        "χ": r"$\chi$",
-        "Δ": r"$\Delta$",
-        "θ": r"$\theta$",
-        "≈": r"$\approx$",
-        "≥": r"$\geq$",
-        "±": r"$\pm$",
-        "⁻": "$^{-}$",
-        **{
-            sign: rf"$^\mathrm{{{unicodedata.normalize('NFKC', sign)}}}$"
-            for sign in "⁰¹²³⁴⁵⁶⁷⁸⁹ᵉᶜᵈᵃᵘ"
-        },
-    }
-)
+_SIGNS = {
+    name: str.maketrans(signs)
+    for name, signs in tomllib.loads(
+        Path(__file__).with_suffix(".toml").read_text(encoding="utf-8")
+    ).items()
+}
 
 
 def escaped(text: object) -> str:
     """Escape the signs that LaTeX reads as commands."""
-    return str(text).translate(_ESCAPED)
+    return str(text).translate(_SIGNS["escaped"])
 
 
 def in_tex(text: str) -> str:
@@ -54,4 +26,4 @@ def in_tex(text: str) -> str:
     >>> print(in_tex("-5e-5 µm"))
     $-$5\\,$\\times$\\,10$^{-}$$^\\mathrm{5}$ \\textmu{}m
     """
-    return powers(minus(text)).translate(_SIGNS)
+    return powers(minus(text)).translate(_SIGNS["signs"])
