@@ -38,7 +38,7 @@ from reproduce.store import studies as stored
 from reproduce.store.files import write_text
 from reproduce.version import ADDRESS
 from reproduce.views import computed, numbers, verdicts
-from reproduce.views.blocks import rendered
+from reproduce.views.blocks import LOOKS, rendered
 from reproduce.views.citations import in_words, recomputed
 from reproduce.views.computed import whole_ledger
 from reproduce.views.consistency import ConsistencyAudit, errata_register
@@ -132,7 +132,7 @@ def unsampled(*papers: str) -> dict[str, str]:
     found |= {
         f"erratum/{name} cells": str(count) for name, count in causes.items() if name
     }
-    found |= {f"verdict/{word}": meaning for word, meaning in verdicts.MEANINGS.items()}
+    found |= {f"verdict/{word}": look["meaning"] for word, look in LOOKS.items()}
     if not papers:
         found |= of_pages(page_cells.notebooks())
         found |= {f"constant#{label}": text for label, text in _of_constants().items()}

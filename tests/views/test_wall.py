@@ -30,8 +30,9 @@ def test_every_number_is_a_mark_that_leads_to_its_cell():
     assert links == [f"#{anchor(record.cell)}" for record in records]
     verdicts = [mark["class"][0].removeprefix("rp-mark-") for mark in marks]
     assert verdicts == [record.verdict for record in records]
-    assert [mark["d"] for mark in marks] == [contents.SHAPES[one] for one in verdicts]
-    assert len(set(contents.SHAPES.values())) == len(contents.SHAPES)
+    looks = contents.LOOKS
+    assert [mark["d"] for mark in marks] == [looks[one]["shape"] for one in verdicts]
+    assert len({look["shape"] for look in looks.values()}) == len(looks)
     counts = [one.text.split() for one in page.select(".rp-wall-legend strong")]
     assert {one[1]: int(one[0]) for one in counts if one[0] != "0"} == Counter(verdicts)
 
@@ -70,20 +71,20 @@ def test_a_sweep_of_a_table_has_the_values_of_each_rerun():
         single = rp.table(TABLE).rerun({FOCAL: value}).frame()
         assert computed[(value, "scale.red")] == single.loc["scale.red", "changed"]
     assert f"{values[1]} (printed)" in repr(swept)
-    for shown in (repr(swept), swept._repr_html_()):
+    html = swept._repr_html_()
+    for shown in (repr(swept), html):
         assert "Scale factor, Red" in shown
         assert "scale.red" not in shown
-    (dial,) = parse(swept._repr_html_()).select("input")
+    (dial,) = parse(html).select("input")
     assert (dial["type"], dial["max"], dial["value"]) == ("range", "2", "1")
     # Blue does not depend on the focal length of red.
-    points, dashed, _ = heights(swept._repr_html_())
+    points, dashed, _ = heights(html)
     assert len(set(points[3:])) == 1 < len(set(points[:3]))
     blue = library()[TABLE]["scale.blue"].number.value
     assert (points[3] > dashed[1]) == (computed.iloc[1] < blue)
     # It rounds to the printed digits, so that it is in the band of their interval.
-    bands = parse(swept._repr_html_()).select(".rp-wide path[style*='opacity: 0.2']")
-    ends = [float(y) for y in re.findall(r"[ML] [\d.]+ ([\d.]+)", bands[1]["d"])]
-    assert len(bands) == 2
+    _, band = parse(html).select(".rp-wide path[style*='opacity: 0.2']")
+    ends = [float(y) for y in re.findall(r"[ML] [\d.]+ ([\d.]+)", band["d"])]
     assert min(ends) < points[3] < max(ends)
 
 

@@ -8,10 +8,12 @@ from __future__ import annotations
 import io
 import json
 import re
+import tomllib
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from jinja2 import (
@@ -43,15 +45,10 @@ _WIDTH_COLUMNS, _MIN_COLUMNS, _MAX_COLUMNS = 80, 20, 1000  # of a terminal
 _NAME_CHARACTERS = 24
 _CONTROL = re.compile(r"[\x00-\x09\x0b-\x1f\x7f-\x9f]")
 _NUMBER = re.compile(r"[−<(≈]?\s?[\d.](?!.*[a-z]{5})|·?$")  # or no entry
-# Style of the name of a verdict on a terminal.
-_STYLES = {
-    "exact": "green",
-    "consistent": "green",
-    "differs": "bold red",
-    "ambiguous": "yellow",
-    "unpublished": "cyan",
-    "input": "dim",
-}
+# Meaning, short head, sign, style and shape of each verdict.
+LOOKS: dict[str, dict[str, str]] = tomllib.loads(
+    Path(__file__).with_name("verdicts.toml").read_text(encoding="utf-8")
+)
 
 
 @cache
@@ -69,7 +66,7 @@ def _templates() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    made.globals["anchor"] = anchor
+    made.globals |= {"anchor": anchor, "looks": LOOKS}
     made.filters |= {
         "escaped": escaped,
         "tex": lambda text: in_tex(escaped(text)),
@@ -295,8 +292,8 @@ def _table(
         justify: Literal["left", "right"] = "right" if numeric else "left"
         table.add_column(name, justify=justify, width=size)
     for row in rows:
-        styles = (_STYLES.get(text.partition(" ")[0], "") for text in row)
-        table.add_row(*map(Text, row, styles))
+        looks = (LOOKS.get(text.partition(" ")[0], {}) for text in row)
+        table.add_row(*map(Text, row, (look.get("style", "") for look in looks)))
     return table
 
 

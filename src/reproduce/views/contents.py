@@ -15,6 +15,7 @@ from reproduce.papers.catalogue import catalogue, drawing
 from reproduce.printed.cells import PAPERS, altered_files, find, library
 from reproduce.views import keys, verdicts
 from reproduce.views.blocks import (
+    LOOKS,
     Block,
     Blocks,
     Display,
@@ -32,15 +33,6 @@ if TYPE_CHECKING:
 
 PITCH_PIXELS = 14  # distance of two marks, in CSS pixels
 MAX_ROWS = 6  # of marks; a longer table continues in further columns
-# Each verdict has its own shape, for readers who do not distinguish the colours.
-SHAPES = {
-    "exact": "M-4.5-4.5h9v9h-9z",
-    "consistent": "M-4.9 0a4.9 4.9 0 1 0 9.8 0a4.9 4.9 0 1 0-9.8 0z",
-    "differs": "M0-6.5 6.5 0 0 6.5-6.5 0z",
-    "ambiguous": "M0-5 5.5 4.5h-11z",
-    "unpublished": "M-4.5-4.5 4.5 4.5M-4.5 4.5 4.5-4.5",
-    "input": "M-2.1 0a2.1 2.1 0 1 0 4.2 0a2.1 2.1 0 1 0-4.2 0z",
-}
 
 
 def contents(paper: str | None = None) -> Contents:
@@ -246,10 +238,6 @@ def _counted(records: Sequence[Record]) -> str:
     return ", ".join(f"{count} {word}" for word, count in counts if count)
 
 
-# Short heads of verdicts in a table of 80 columns.
-_HEADS = {"consistent": "cons.", "ambiguous": "ambig.", "unpublished": "unpub."}
-
-
 def _index(listed: Sequence[str], ledger: Ledger) -> Html:
     """Return the number of cells by verdict, for a page also by paper."""
     rows, columns = _tallies(listed, ledger), (*VERDICTS, "weak")
@@ -258,7 +246,7 @@ def _index(listed: Sequence[str], ledger: Ledger) -> Html:
         (row["key"], *(str(row[name] or "·") for name in columns))
         for row in (*rows, {"key": "all", **verdicts.tally(ledger.records)})
     ]
-    heads = ("key", *(_HEADS.get(name, name) for name in columns))
+    heads = ("key", *(LOOKS[name]["head"] for name in VERDICTS), "weak")
     return Html(page, Grid("Cells by verdict.", heads, lines))
 
 
@@ -272,7 +260,6 @@ def _overview_grid(records: Sequence[Record]) -> Markup:
         library=library(),
         pitch=PITCH_PIXELS,
         max_rows=MAX_ROWS,
-        shapes=SHAPES,
         verdicts=verdicts,
         counted=_counted,
     )

@@ -18,6 +18,7 @@ from reproduce.printed.number import symbol
 from reproduce.views import keys, verdicts
 from reproduce.views.base import Change, ItemView, ResultView, text_of
 from reproduce.views.blocks import (
+    LOOKS,
     Block,
     Blocks,
     Entry,
@@ -312,16 +313,6 @@ class Table(ItemView):
         )
 
 
-# Signs of the verdicts in LaTeX and Markdown.
-_MARKS = {
-    "exact": "ᵉ",
-    "consistent": "ᶜ",
-    "differs": "ᵈ",
-    "ambiguous": "ᵃ",
-    "unpublished": "ᵘ",
-}
-
-
 def _values(record: Record, form: str) -> dict[str, str]:
     """Return the values of a record with the displayed digits.
 
@@ -341,8 +332,8 @@ def _values(record: Record, form: str) -> dict[str, str]:
             "verdict": record.verdict if cell.is_number else "",
         }
         return {name: text.replace("−", "-") for name, text in texts.items()}
-    if mark := _MARKS.get(record.verdict):
-        computed = f"{computed or '–'}{mark}{'*' * verdicts.weak([record])}"
+    if sign := LOOKS[record.verdict]["sign"]:
+        computed = f"{computed or '–'}{sign}{'*' * verdicts.weak([record])}"
     printed = verdicts.printed(cell)
     return {"printed": printed, "recomputed": computed, "from": low, "to": high}
 
@@ -350,9 +341,9 @@ def _values(record: Record, form: str) -> dict[str, str]:
 def _legend(records: Sequence[Record]) -> str:
     """Return the legend of the signs of verdicts, and of the interval."""
     signs = [
-        f"{mark} {word}: {verdicts.MEANINGS[word]}"
-        for word, mark in _MARKS.items()
-        if any(record.verdict == word for record in records)
+        f"{look['sign']} {word}: {look['meaning']}"
+        for word, look in LOOKS.items()
+        if look["sign"] and any(record.verdict == word for record in records)
     ]
     return "; ".join((*signs, _INTERVAL)) + "." if signs else ""
 
@@ -480,7 +471,7 @@ class Cell(ResultView):
     def blocks(self) -> list[Grid]:
         """Return a table with a row for each property of the cell."""
         record, shown = self.record, verdicts.texts(self.record)
-        meaning = verdicts.MEANINGS[record.verdict]
+        meaning = LOOKS[record.verdict]["meaning"]
         shown["verdict"] = f"{verdicts.qualified(record)}: {meaning}"
         shown["inputs"] = verdicts.linked(changeable(self.address))
         # Without the cell, its table and its place.

@@ -22,15 +22,6 @@ from reproduce.views.blocks import Entry, badge, code, link
 from reproduce.views.computed import whole_ledger
 from reproduce.views.numbers import chance, minus, quantity
 
-MEANINGS: dict[str, str] = {
-    "exact": "recomputed and rounds to the printed digits",
-    "consistent": "inside the central 99 % of what the reproduction predicts",
-    "differs": "recomputed and does not agree",
-    "ambiguous": "agrees with some readings of the text and not with others",
-    "unpublished": "needs data that the paper does not publish",
-    "input": "taken from the paper, nothing to compute",
-}
-
 # Kinds of weak agreement, and their names for readers.
 WEAK: dict[Flag, str] = {
     "copy": "copy",
