@@ -2,26 +2,15 @@
 
 import numpy as np
 import pytest
+from simulated import PIVOT, stars
 
 from reproduce.inference.models import registration_model
 from reproduce.physics.attitude import Platform
-from reproduce.physics.registration import Registration
-
-PIVOT = np.array([1030.0, 770.0])
-TRUTH = Registration.similarity(1.002, -0.001, (-0.4, -0.6), PIVOT)
-NOISE = 0.07
-
-
-def stars(count=137, seed=1, noise=NOISE):
-    """Return source and target points of a registration whose truth is `TRUTH`."""
-    generator = np.random.default_rng(seed)
-    source = generator.uniform((0, 0), (2064, 1544), (count, 2))
-    return source, TRUTH.apply(source) + noise * generator.normal(size=source.shape)
 
 
 @pytest.fixture(scope="session")
 def registration():
-    return registration_model(*stars(), PIVOT)
+    return registration_model(*stars(137, 0.07, seed=2), PIVOT)
 
 
 @pytest.fixture(scope="session")

@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from scipy import stats
+from simulated import PIVOT, star_table, stars
 
 import reproduce as rp
 from reproduce.inference.models import (
@@ -14,41 +15,19 @@ from reproduce.inference.models import (
     registration_model,
 )
 from reproduce.inference.sampling import Plan, sample
-from reproduce.physics.registration import Registration
-from reproduce.store.points import STARS
 from reproduce.views.posterior import Posterior
 
-FIELD = np.array([2064.0, 1544.0])
-PIVOT = FIELD / 2
-TRUTH = dict(
-    zip(
-        ("scale", "rotation", "shift-x", "shift-y", "noise"),
-        (1.0006, 0.002, 3.0, 1.0, 0.1),
-        strict=True,
-    )
-)
 PLAN = Plan(5, ensembles=2, steps=400, warmup=150, walkers=96)
 
 
-def stars(wrong, count=60, seed=1):
-    """Stars of known truth, the first of them matched with each other's partners."""
-    generator = np.random.default_rng(seed)
-    source = generator.uniform((0, 0), FIELD, (count, 2))
-    scale, rotation, *shift, noise = TRUTH.values()
-    target = Registration.similarity(scale, rotation, shift, PIVOT).apply(source)
-    target = target + noise * generator.normal(size=target.shape)
-    target[:wrong] = np.roll(target[:wrong], 1, axis=0)
-    return source, target
-
-
-def mixture(*points):
-    return mixture_model(registration_model(*points, PIVOT))
+def mixture(**settings):
+    return mixture_model(registration_model(*stars(**settings), PIVOT))
 
 
 @pytest.mark.parametrize("wrong", [0, 18])
 def test_three_wrong_matches_in_ten_are_named_and_move_nothing(wrong):
     """The draws are the closed form of the right stars, and a beta of their number."""
-    found, (source, target) = sample(mixture(*stars(wrong)), PLAN), stars(wrong)
+    found, (source, target) = sample(mixture(wrong=wrong), PLAN), stars(wrong=wrong)
     false = probability_false(found)
     assert (false[:wrong] > 0.9).all()
     assert (false[wrong:] < 0.1).all()
@@ -65,7 +44,7 @@ def test_three_wrong_matches_in_ten_are_named_and_move_nothing(wrong):
 
 
 def test_a_density_is_the_sum_of_both_cases():
-    model = mixture(*stars(6, 20))
+    model = mixture(wrong=6, count=20)
     likelihood = model.likelihood
     rows = model.start(np.random.default_rng(1), 12)
     left = (likelihood.target - likelihood.places(rows)) @ [1, 1j]
@@ -84,7 +63,7 @@ def test_a_density_is_the_sum_of_both_cases():
 def test_the_start_takes_the_right_stars(wrong):
     """Though almost half of all are wrong, in a hundred fields."""
     for seed in range(100):
-        model = mixture(*stars(wrong, seed=seed))
+        model = mixture(wrong=wrong, seed=seed)
         agreeing = model.likelihood.agreeing
         assert not agreeing[:wrong].any()
         assert agreeing[wrong:].sum() >= 59 - wrong
@@ -96,8 +75,8 @@ def test_the_start_takes_the_right_stars(wrong):
 
 
 def test_wrong_matches_are_drawn_with_the_fraction_and_positions_of_the_model():
-    likelihood = mixture(*stars(18)).likelihood
-    point, right = likelihood.start()[0], stars(0)[1]
+    likelihood = mixture(wrong=18).likelihood
+    point, right = likelihood.start()[0], stars()[1]
     point[5] = 0.3
     generator = np.random.default_rng(2)
     drawn = np.stack([likelihood.simulate(point, generator).target for _ in range(400)])
@@ -114,10 +93,9 @@ def test_wrong_matches_are_drawn_with_the_fraction_and_positions_of_the_model():
 
 def test_the_mixture_has_the_noise_model_of_the_registration():
     """Stars with errors: the right density is the normal one of each star, by SciPy."""
-    source, target = stars(12)
+    _, target = stars(wrong=12)
     sigma = np.where(np.arange(60) % 2, 0.05, 0.2)
-    frame = pd.DataFrame(np.hstack([source, target]), columns=list(STARS))
-    frame = frame.assign(sigma=sigma)
+    frame = star_table(wrong=12).assign(sigma=sigma)
     found = rp.posterior("registration-mixture", frame, pivot=tuple(PIVOT))
     likelihood = found.model.likelihood
     assert found.model.names[-2:] == ("shift-y", "false-share")

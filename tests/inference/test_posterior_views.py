@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from matplotlib.figure import Figure
+from simulated import star_table
 
 import reproduce as rp
 from book_facts import of_posteriors
@@ -28,16 +29,6 @@ PAGES = [path.read_text(encoding="utf-8") for path in sorted(FOLDER.glob("*.md")
 
 def run(*arguments):
     return CliRunner().invoke(main, ["posterior", *arguments]).output
-
-
-def stars_file(tmp_path):
-    generator = np.random.default_rng(1)
-    source = generator.uniform(0, 1000, (60, 2))
-    target = source - [3.0, 0] + 0.1 * generator.normal(size=source.shape)
-    path, header = tmp_path / "stars.csv", "x,y,x_reference,y_reference"
-    rows = np.column_stack([source, target])
-    np.savetxt(path, rows, delimiter=",", header=header, comments="")
-    return path
 
 
 def test_models_are_listed():
@@ -84,7 +75,8 @@ def test_a_posterior_shows_the_truth_of_simulated_data_and_the_changes(tmp_path)
     book = rp.posterior("registration")
     html = book._repr_html_()
     assert f"<td>{book.truth['scale']:.6g}</td>" in html
-    path, noise = stars_file(tmp_path), {"noise": (0.01, 1)}
+    path, noise = tmp_path / "stars.csv", {"noise": (0.01, 1)}
+    star_table().to_csv(path, index=False)
     plan = {"steps": 280, "walkers": 80}
     yours = rp.posterior("registration", path, priors=noise, **plan)
     html = yours._repr_html_()

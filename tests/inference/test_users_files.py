@@ -3,6 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
+from simulated import SHIFT, star_table, stars
 
 import reproduce as rp
 from reproduce.papers.chen2023.platform import INSTRUMENT, as_designed
@@ -10,16 +11,8 @@ from reproduce.papers.posteriors import posteriors
 from reproduce.physics.attitude import stage_angles
 from reproduce.physics.registration import fit_registration
 from reproduce.printed.inputs import load_inputs
-from reproduce.store.points import STARS, TableFileError
+from reproduce.store.points import TableFileError
 from reproduce.store.spots import SPOTS
-
-
-def star_table(scale=1):
-    """Forty stars, shifted by 3 px times `scale` in the other image."""
-    source = np.random.default_rng(1).uniform(0, 1000, (40, 2))
-    noise = 0.1 * np.random.default_rng(2).normal(size=(2, 40, 2))
-    points = np.hstack([source + noise[0], source - [3.0, 0.0] + noise[1]])
-    return pd.DataFrame(scale * points.round(4), columns=list(STARS))
 
 
 def spot_table():
@@ -39,7 +32,7 @@ def spot_table():
 def test_your_data_lead_to_their_truth(tmp_path):
     """By the rough estimate that starts the sampler, within four of its errors."""
     for name, table, parameter, truth in (
-        ("registration", star_table(), "shift-x", 3.0),
+        ("registration", star_table(truth=SHIFT), "shift-x", 3.0),
         ("misalignment", spot_table(), "angle-y", -20e-6 / 2),
         ("misalignment-drift", spot_table(), "drift-x", 0.0),
     ):
@@ -75,7 +68,7 @@ def test_priors_follow_the_data_and_not_the_paper():
     """In a field ten times as large the priors in px are ten times as wide."""
     widths = []
     for scale in (1, 10):
-        model = rp.posterior("registration", star_table(scale)).model
+        model = rp.posterior("registration", scale * star_table()).model
         widths.append([one.prior.high for one in model.parameters[2:]])
         residual = model.likelihood.start()[0][-1]
         np.testing.assert_allclose(widths[-1][-1], 1e3 * residual)
@@ -84,13 +77,9 @@ def test_priors_follow_the_data_and_not_the_paper():
 
 def test_weights_are_those_of_the_fit():
     """A star of weight zero is left out, by the registration and by the mixture."""
-    generator = np.random.default_rng(5)
-    source = generator.uniform(0, 500, (30, 2))
-    target = 1.01 * source + generator.normal(0, 0.1, source.shape)
-    weight = generator.uniform(0.1, 10, 30) * (np.arange(30) > 2)
-    frame = pd.DataFrame(np.hstack([source, target]), columns=list(STARS))
-    frame = frame.assign(weight=weight)
-    fit = fit_registration(source, target, (0.0, 0.0), weight)
+    weight = np.random.default_rng(5).uniform(0.1, 10, 30) * (np.arange(30) > 2)
+    frame = star_table(30).assign(weight=weight)
+    fit = fit_registration(*stars(30), (0.0, 0.0), weight)
     for name in ("registration", "registration-mixture"):
         found = rp.posterior(name, data=frame, pivot=(0.0, 0.0))
         likelihood = found.model.likelihood

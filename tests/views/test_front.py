@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from click.testing import CliRunner
+from simulated import SHIFT, star_table
 
 import reproduce as rp
 from reproduce.papers.chen2023.platform import INSTRUMENT, as_designed
@@ -23,7 +24,6 @@ from reproduce.views.measurements import platform_of
 FOCAL = "chen2023/table-1#panchromatic-focal-length.value"
 NOISE = "niu2024/text-simulation#noise"
 SQUARE = np.array([[0.0, 0], [1000, 0], [0, 1000], [1000, 1000]])
-STAR_COLUMNS = ["x", "y", "x_reference", "y_reference"]
 LOADED = """
 import sys, json, importlib, pathlib, reproduce
 def loaded(names): return [n for n in names.split() if n in sys.modules]
@@ -352,19 +352,10 @@ def test_times_of_a_table_are_the_index_of_its_images():
 # Measurements of a user: stars.
 
 
-@pytest.fixture
-def stars():
-    """Sixty stars that are displaced by three pixels."""
-    generator = np.random.default_rng(1)
-    source = generator.uniform(0, 1000, (60, 2))
-    target = source - [3, 0] + 0.1 * generator.normal(size=(60, 2))
-    return pd.DataFrame(np.hstack([source, target]), columns=STAR_COLUMNS)
-
-
-def test_all_types_of_stars_and_the_command_give_the_same_fit(stars, tmp_path):
+def test_all_types_of_stars_and_the_command_give_the_same_fit(tmp_path):
     """Two stars are matched wrongly."""
-    path = tmp_path / "stars.csv"
-    stars.loc[[3, 9], STAR_COLUMNS[2:]] += np.array([[40, 0], [0, 60]])
+    path, stars = tmp_path / "stars.csv", star_table(truth=SHIFT)
+    stars.loc[[3, 9], ["x_reference", "y_reference"]] += np.array([[40, 0], [0, 60]])
     stars.to_csv(path, index=False)
     rows, pivot = stars.to_numpy(), (500, 400)
     file = rp.register(path, pivot=pivot, model="rigid")
@@ -384,9 +375,9 @@ def test_all_types_of_stars_and_the_command_give_the_same_fit(stars, tmp_path):
     assert json.loads(record) == json.loads(json.dumps(file.record()))
 
 
-def test_intervals_that_allow_a_term_are_those_of_its_model(stars):
+def test_intervals_that_allow_a_term_are_those_of_its_model():
     """To the accuracy of one step and of the quantiles."""
-    fit = rp.register(stars, pivot=(500, 500))
+    fit = rp.register(star_table(truth=SHIFT), pivot=(500, 500))
     rich = fit.rerun(model="similarity+radial").interval()[:4]
     error = fit.standard_errors[:, None]
     np.testing.assert_allclose(

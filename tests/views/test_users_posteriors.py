@@ -10,6 +10,7 @@ import pandas as pd
 import pytest
 import xarray
 from click.testing import CliRunner
+from simulated import PIVOT, SHIFT, star_table, stars
 
 import reproduce as rp
 from reproduce.inference import (
@@ -28,28 +29,17 @@ from reproduce.store.points import TableFileError
 from reproduce.units import ARCSEC_PER_RADIAN
 from reproduce.views.cli import main
 
-FIELD = np.array([2064.0, 1544.0])
 MIXTURE = "registration-mixture"
-
-
-def stars(noise=0.05, scale=1.0006, rotation=0.002, wrong=0, count=81):
-    """Return stars of a known transform about the centre of the field, some matched wrongly."""
-    generator = np.random.default_rng(7)
-    source = generator.uniform((0, 0), FIELD, (count, 2))
-    target = Registration.similarity(scale, rotation, (3, 1), FIELD / 2).apply(source)
-    target = target + noise * generator.normal(size=target.shape)
-    target[:wrong] = generator.uniform((0, 0), FIELD, (wrong, 2))
-    return source, target
 
 
 @pytest.fixture
 def stored(tmp_path):
-    """Write pairs of stars to a file and return its path."""
+    """Write stars to a file and return its path."""
 
-    def write(source, target):
-        path, head = tmp_path / "data.csv", "x,y,x_reference,y_reference"
-        rows = np.hstack([source, target])
-        np.savetxt(path, rows, delimiter=",", header=head, comments="", fmt="%.6f")
+    def write(table=None, **settings):
+        path = tmp_path / "data.csv"
+        table = star_table(**settings) if table is None else table
+        table.to_csv(path, index=False)
         return path
 
     return write
@@ -135,7 +125,7 @@ def test_spots_that_drift_inside_a_group_give_a_warning(spots):
 
 def test_a_prior_that_cuts_the_posterior_is_reported():
     """A bound at four standard deviations and more has no effect."""
-    free = registration_model(*stars(), FIELD / 2)
+    free = registration_model(*stars(), PIVOT)
     found = drawn(free)
     assert prior_warnings(found) == []
     mean, deviation = moments(found, "noise")
@@ -148,7 +138,7 @@ def test_a_prior_that_cuts_the_posterior_is_reported():
 def test_a_prior_that_contradicts_the_data_is_reported_with_its_distance(stored):
     """The distance of the estimate from the nearest bound, or from the mean, in degrees."""
     source, target = stars()
-    path, unit = stored(source, target), 180 / np.pi
+    path, unit = stored(), 180 / np.pi
     fit = fit_registration(source, target, source.mean(axis=0))
     value, error = unit * fit.parameters[1], unit * fit.standard_errors[1]
     normal = Normal(3.0, 1e-3, "a test")
@@ -168,23 +158,22 @@ def test_a_prior_that_contradicts_the_data_is_reported_with_its_distance(stored)
 
 
 def test_any_rotation_and_scale_is_sampled(stored):
-    scale, rotation, pivot = 0.1, 3.1415, FIELD / 2
-    path = stored(*stars(scale=scale, rotation=rotation))
-    options = ("--steps", "220", "--pivot", *pivot)
+    scale, rotation = 0.1, 3.1415
+    path = stored(truth=Registration.similarity(scale, rotation, (3, 1), PIVOT))
+    options = ("--steps", "220", "--pivot", *PIVOT)
     record, rows = sampled("registration", path, *options)
     truth = {"scale": scale, "rotation": np.degrees(rotation)}
     for name, value in (truth | {"shift-x": 3.0, "shift-y": 1.0}).items():
         assert abs(rows[name]["mean"] - value) < 4 * rows[name]["deviation"]
-    data = {"kind": "file", "file": str(path), "rows": 81}
+    data = {"kind": "file", "file": str(path), "rows": 60}
     data["sha256"] = hashlib.sha256(path.read_bytes()).hexdigest()
-    assert record["data"] == data | {"pivot": pivot.tolist()}
+    assert record["data"] == data | {"pivot": PIVOT.tolist()}
 
 
 def test_the_mixture_needs_digits_that_resolve_the_noise(stored):
     """Equal motions to the last digit have no residual, and a density without a bound."""
     for digits, noise, refused in ((0, 0.35, True), (1, 0.05, True), (2, 0.05, False)):
-        pairs = stars(noise=noise, scale=1.0, rotation=0.0, count=60)
-        path = stored(*(points.round(digits) for points in pairs))
+        path = stored(star_table(noise=noise, truth=SHIFT).round(digits))
         if refused:
             with pytest.raises(TableFileError, match="more digits"):
                 rp.posterior(MIXTURE, path)
@@ -194,7 +183,7 @@ def test_the_mixture_needs_digits_that_resolve_the_noise(stored):
 
 # Name in the message: changes of the stars, or settings of the spots, and options.
 WRONG = {
-    "mirror image": {"source": [-1, 1]},
+    "mirror image": {"sign": [-1, 1, 1, 1]},
     "within 100 fields of the stars": {"options": ["--pivot", "1e9", "1e9"]},
     "--prior noise=0.1": {"options": ["--prior", "noise=0.1"]},
     "prior of rotation": {"options": ["--prior", "rotation=2,-2"]},
@@ -209,8 +198,7 @@ WRONG = {
 
 def test_wrong_data_and_options_are_reported_in_one_line(stored, spots):
     for named, case in WRONG.items():
-        source, target = stars(count=case.get("count", 81))
-        path = stored(source * case.get("source", 1), target)
+        path = stored(star_table(case.get("count", 60)) * case.get("sign", 1))
         name = case.get("name", "registration")
         if "spots" in case:
             path, name = spots(*case["spots"]), "misalignment"
@@ -224,7 +212,7 @@ def test_wrong_data_and_options_are_reported_in_one_line(stored, spots):
 
 
 def test_unconverged_chains_give_the_required_number_of_steps(stored):
-    path = stored(*stars())
+    path = stored()
     result = run("registration", "--data", path, "--steps", 60, "--json")
     assert result.exit_code == 1
     record = json.loads(result.stdout)
@@ -236,7 +224,7 @@ def test_unconverged_chains_give_the_required_number_of_steps(stored):
 
 
 def test_one_wrong_match_is_a_misfit(stored):
-    path, furthest = stored(*stars(wrong=1, count=12)), "star furthest off, over rms"
+    path, furthest = stored(wrong=1, count=12), "star furthest off, over rms"
     plain = rp.posterior("registration", path, steps=280, walkers=80)
     (misfit,) = (text for text in plain.record()["warnings"] if "does not fit" in text)
     assert furthest in misfit
@@ -250,7 +238,7 @@ def test_one_wrong_match_is_a_misfit(stored):
 
 
 def test_wrong_matches_are_named_by_their_rows_and_draws_are_saved(stored, tmp_path):
-    found = rp.posterior(MIXTURE, stored(*stars(wrong=8, count=40)))
+    found = rp.posterior(MIXTURE, stored(wrong=8, count=40, noise=0.05))
     record = found.record()
     assert record["warnings"] == []
     (noise,) = (one for one in record["parameters"] if one["name"] == "noise")

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from numpy.random import default_rng
 from numpy.testing import assert_allclose, assert_array_equal
+from simulated import PIVOT, TRUTH, stars
 
 from reproduce.physics.registration import (
-    Registration,
     calibrate,
     deviations,
     fit_registration,
@@ -17,15 +17,7 @@ from reproduce.physics.registration import (
 )
 from reproduce.physics.validate import DegenerateGeometryError
 
-TRUTH = Registration.similarity(1.003, 0.0011, (-0.4, 0.7), (1030.0, 770.0))
-PIVOT = TRUTH.pivot
 START = (1.0, 0.0, 0.0, 0.0)
-
-
-def spots(count=40, batch=(), seed=1):
-    rng = default_rng(seed)
-    source = rng.uniform((0, 0), (2064, 1544), (*batch, count, 2))
-    return source, TRUTH.apply(source) + 0.05 * rng.normal(size=source.shape)
 
 
 def cost(u, source, target):
@@ -37,7 +29,7 @@ def rotation(source_line, target_line):
 
 
 def test_jacobian_agrees_with_finite_differences():
-    source, target = spots(9)
+    source, target = stars(9)
     u = np.array([1.2, 0.4, 3.0, -2.0])
     steps = np.diag([1e-5, 1e-5, 1e-2, 1e-2])
     differences = [
@@ -54,7 +46,7 @@ def test_jacobian_agrees_with_finite_differences():
 
 
 def test_first_stage_holds_the_shift_and_every_step_lowers_the_cost():
-    source, target = spots()
+    source, target = stars()
     start = (1.0, 0.002, 0.3, 0.3)
     result = calibrate(source, target, PIVOT, start)
     assert 1 <= result.first_stage < len(result.history) - 1
@@ -66,7 +58,7 @@ def test_first_stage_holds_the_shift_and_every_step_lowers_the_cost():
 
 
 def test_a_settled_calibration_stays_put_while_others_move():
-    source, target = spots()
+    source, target = stars()
     closed = fit_registration(source, target, PIVOT).parameters
     result = calibrate(
         source, target, PIVOT, np.stack([closed, np.add(closed, (0.2, 1.0, 9, 9))])
@@ -78,7 +70,7 @@ def test_a_settled_calibration_stays_put_while_others_move():
 
 
 def test_printed_sign_walks_away_from_every_start_but_the_solution():
-    source, _ = spots()
+    source, _ = stars()
     target = TRUTH.apply(source)
     solution = TRUTH.parameters
     for offset in ((0, 0, 1e-3, 0), (0, 0, 0, -1.0), (0, 0, 2.0, 3.0)):
@@ -103,7 +95,7 @@ def test_starting_values_are_the_truth_without_noise():
     source = TRUTH.inverse().apply(line)
     target_zero = PIVOT - TRUTH.shift
     start = starting_values(source, line, PIVOT, target_zero)
-    assert_allclose(start, (1.0, 0.0011, -0.4, 0.7), atol=1e-12)
+    assert_allclose(start, (1.0, *TRUTH.parameters[1:]), atol=1e-12)
 
 
 def test_two_line_rotation_takes_the_short_way_round():
@@ -114,7 +106,7 @@ def test_two_line_rotation_takes_the_short_way_round():
 
 
 def test_random_restarts_all_end_at_the_closed_form():
-    source, target = spots(15, (3,))
+    source, target = stars(15, batch=(3,))
     moves = default_rng(5).uniform(-1, 1, (20, 3, 4)) * (0.5, 3.0, 50, 50)
     ends = [calibrate(source, target, PIVOT, START + m).parameters for m in moves]
     closed = fit_registration(source, target, PIVOT)
@@ -122,7 +114,7 @@ def test_random_restarts_all_end_at_the_closed_form():
 
 
 def test_a_start_at_scale_zero_is_reported():
-    source, target = spots()
+    source, target = stars()
     with pytest.raises(DegenerateGeometryError, match="fix every parameter"):
         gauss_newton_step((0, 0, 0, 0), source, target, PIVOT)
     with pytest.raises(DegenerateGeometryError, match="fix every parameter"):

@@ -4,21 +4,12 @@ import numpy as np
 import pytest
 from numpy.random import default_rng
 from numpy.testing import assert_allclose
+from simulated import PIVOT, stars
 
 from reproduce.physics.registration import Registration, fit_registration
 from reproduce.physics.validate import MirroredPointsError
 
-PIVOT = np.array([1031.0, 770.0])
 FLIPS = [[-1.0, 1.0], [1.0, -1.0]]
-
-
-def field(n, noise, seed=0, turn=0.3):
-    generator = default_rng(seed)
-    source = generator.uniform((0, 0), (2064, 1544), (n, 2))
-    target = Registration(
-        "similarity", np.array([1.002, turn, -3.0, 2.0]), PIVOT
-    ).apply(source)
-    return source, target + noise * generator.standard_normal(target.shape)
 
 
 @pytest.mark.parametrize("flip", FLIPS)
@@ -27,7 +18,9 @@ def field(n, noise, seed=0, turn=0.3):
 )
 @pytest.mark.parametrize("model", ["shift", "rigid", "similarity", "similarity+radial"])
 def test_a_mirror_image_is_named(model, n, noise, flip):
-    source, target = field(n, noise, seed=n, turn=0.0 if model == "shift" else 2.0)
+    turn = 0.0 if model == "shift" else 2.0
+    truth = Registration.similarity(1.002, turn, (-3, 2), PIVOT)
+    source, target = stars(n, noise, seed=n, truth=truth)
     with pytest.raises(MirroredPointsError, match="flip one axis"):
         fit_registration(source * flip, target, PIVOT, model=model)
     known = {"target_covariance": np.eye(2)}
@@ -36,7 +29,7 @@ def test_a_mirror_image_is_named(model, n, noise, flip):
 
 
 def test_a_batch_says_how_many_are_mirrored():
-    source, target = field(10, 0.1)
+    source, target = stars(10)
     sources = np.stack([source, source * FLIPS[0], source * FLIPS[1]])
     with pytest.raises(MirroredPointsError, match="in 2 of 3 sets"):
         fit_registration(sources, target, PIVOT)
@@ -44,8 +37,7 @@ def test_a_batch_says_how_many_are_mirrored():
 
 @pytest.mark.parametrize("wrong", [0, 20, 32])
 def test_wrong_matches_do_not_hide_a_mirror_image(wrong):
-    source, target = field(81, 0.3)
-    target[:wrong] = default_rng(1).uniform(0, 2000, (wrong, 2))
+    source, target = stars(81, 0.3, wrong=wrong)
     assert fit_registration(source, target, PIVOT, robust=True).residuals.shape == (
         81,
         2,
@@ -55,7 +47,7 @@ def test_wrong_matches_do_not_hide_a_mirror_image(wrong):
 
 
 def test_the_affine_model_may_mirror():
-    source, target = field(20, 0.0)
+    source, target = stars(20, 0.0)
     for robust in (False, True):
         fit = fit_registration(
             source * FLIPS[0], target, PIVOT, model="affine", robust=robust
