@@ -47,7 +47,7 @@ class NoisyRegistration(GaussianRegistration):
 def test_a_broken_model_is_found():
     model = posteriors()["registration"].model()
     broken = replace(model, likelihood=NoisyRegistration(model.likelihood.problem))
-    assert calibrate(broken, 1, 4).probabilities().min() < 0.001
+    assert calibrate(broken, 1, 2).probabilities().min() < 0.001
 
 
 def test_uniform_ranks_have_uniform_probabilities_and_exact_coverage():
