@@ -3,12 +3,10 @@
 import functools
 import shutil
 import threading
-from collections.abc import Callable, Iterator
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
-from typing import Any
 
 import pytest
-from playwright.sync_api import Browser, Page, sync_playwright
+from playwright.sync_api import sync_playwright
 from reading import HTML, PHONE, skip_or_fail
 
 FLAGS = (
@@ -18,7 +16,7 @@ FLAGS = (
 
 
 @pytest.fixture(scope="session")
-def browser() -> Iterator[Browser]:
+def browser():
     names = ("chromium", "chromium-browser", "google-chrome")
     path = next(filter(None, map(shutil.which, names)), None)
     if path is None:
@@ -30,11 +28,11 @@ def browser() -> Iterator[Browser]:
 
 
 @pytest.fixture
-def open_page(browser: Browser) -> Iterator[Callable[..., Page]]:
+def open_page(browser):
     """Open a page of the book, or a blank page, in a new context."""
     contexts = []
 
-    def opened(address: str = "", **settings: Any) -> Page:
+    def opened(address="", **settings):
         settings = {"viewport": PHONE, "reduced_motion": "reduce"} | settings
         contexts.append(browser.new_context(**settings))
         page = contexts[-1].new_page()
@@ -48,12 +46,12 @@ def open_page(browser: Browser) -> Iterator[Callable[..., Page]]:
 
 
 class _Silent(SimpleHTTPRequestHandler):
-    def log_message(self, *args: Any) -> None:
+    def log_message(self, *args):
         """Write no log."""
 
 
 @pytest.fixture(scope="session")
-def served() -> Iterator[str]:
+def served():
     """Serve the built book on a local port and yield its address."""
     handler = functools.partial(_Silent, directory=str(HTML))
     with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:

@@ -3,10 +3,8 @@
 import os
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
 
 import pytest
-from playwright.sync_api import Page
 
 HTML = Path(__file__).resolve().parents[2] / "book" / "_build" / "html"
 PHONE = {"width": 390, "height": 844}
@@ -81,14 +79,14 @@ WCAG = {"type": "tag", "values": ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa"]}
 CONTRAST = {"type": "rule", "values": ["color-contrast"]}
 
 
-def skip_or_fail(reason: str) -> None:
+def skip_or_fail(reason):
     """Skip a test, or fail if the environment requires the browser."""
     if os.environ.get("REPRODUCE_REQUIRE_BROWSER") == "1":
         pytest.fail(f"{reason}, and REPRODUCE_REQUIRE_BROWSER=1 requires it")
     pytest.skip(reason)
 
 
-def built_pages() -> list[str]:
+def built_pages():
     """Return the addresses of the built pages, without `goto.html`."""
     pages = (path for path in HTML.rglob("*.html") if "_static" not in path.parts)
     return sorted(
@@ -98,21 +96,18 @@ def built_pages() -> list[str]:
     )
 
 
-def violations(
-    page: Page, rules: dict[str, Any] = WCAG, part: str = "html"
-) -> list[str]:
+def violations(page, rules=WCAG, part="html"):
     """Return the violations of WCAG 2.1, levels A and AA, or of single rules, in a part."""
     (folder,) = find_spec("axe_playwright_python").submodule_search_locations
     if not page.evaluate("() => 'axe' in window"):
         page.evaluate((Path(folder) / "axe.min.js").read_text(encoding="utf-8"))
     options = {"runOnly": rules, "resultTypes": ["violations"], "preload": False}
-    found: list[str] = page.evaluate(AXE, [part, options])
-    return found
+    return page.evaluate(AXE, [part, options])
 
 
-def defects(page: Page, url: str) -> dict[str, list[Any]]:
+def defects(page, url):
     """Load a page once; return its defects in both themes, at all widths, and on paper."""
-    found: dict[str, list[Any]] = {"console": [], "requests": []}
+    found = {"console": [], "requests": []}
     page.on("pageerror", lambda error: found["console"].append(str(error)))
     page.on(
         "console",
@@ -123,7 +118,7 @@ def defects(page: Page, url: str) -> dict[str, list[Any]]:
     )
     page.on("request", lambda request: found["requests"].append(request.url))
 
-    def check(**scripts: str) -> None:
+    def check(**scripts):
         for name, script in scripts.items():
             for _ in range(10):  # the theme responds to a new width after 0.3 s
                 found[name] = page.evaluate(script)
@@ -131,7 +126,7 @@ def defects(page: Page, url: str) -> dict[str, list[Any]]:
                     break
                 page.wait_for_timeout(100)
 
-    def resize(size: dict[str, int]) -> None:
+    def resize(size):
         page.set_viewport_size(size)
         page.evaluate(FRAMES)
 

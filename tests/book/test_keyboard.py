@@ -1,11 +1,8 @@
 """Use of the pages with a keyboard, with a pointer and without a script."""
 
 import re
-from collections.abc import Iterator
-from typing import Any
 
 import pytest
-from playwright.sync_api import Page
 from reading import DESKTOP, PHONE
 
 pytestmark = pytest.mark.browser
@@ -66,7 +63,7 @@ SHOWN = {
 }
 
 
-def stops(page: Page) -> Iterator[dict[str, Any]]:
+def stops(page):
     """Press Tab until the page is left, and yield each focused element."""
     for _ in range(2000):
         page.keyboard.press("Tab")

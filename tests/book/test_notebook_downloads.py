@@ -2,7 +2,6 @@
 
 import re
 from types import SimpleNamespace
-from typing import Any
 
 import nbformat
 import pytest
@@ -73,7 +72,7 @@ def test_a_notebook_has_the_headings_and_numbers_of_its_page():
         page = html.read_text(encoding="utf-8")
         (offered,) = set(re.findall(r'href="([^"]*_sources/[^"]+\.ipynb)"', page))
         assert (html.parent / offered).read_bytes() == path.read_bytes()
-        notebook: Any = nbformat.reads(path.read_text("utf-8"), as_version=4)
+        notebook = nbformat.reads(path.read_text("utf-8"), as_version=4)
         nbformat.validate(notebook)
         # Random names would change with each build.
         ids = [cell.id for cell in notebook.cells]

@@ -5,7 +5,6 @@ import json
 import re
 import shutil
 import subprocess
-from pathlib import Path
 
 import pytest
 import yaml
@@ -21,7 +20,7 @@ UNKNOWN = re.compile(r"unknown (?:directive|role): [\w:-]+")
 MISSING = {f"unknown directive: {name}" for name in ("eval-rst", "moved", "questions")}
 
 
-def test_every_page_has_its_numbers_in_version_2(tmp_path: Path) -> None:
+def test_every_page_has_its_numbers_in_version_2(tmp_path):
     """Version 2 builds all sources, and the sentences contain the facts in order."""
     if not shutil.which("npm"):
         pytest.skip("no npm on the PATH: version 2 of Jupyter Book is not tested")

@@ -1,7 +1,5 @@
 """Hypothesis draws the same examples on every run, and never fails for a slow machine."""
 
-from __future__ import annotations
-
 from hypothesis import settings
 
 settings.register_profile("repeatable", derandomize=True, deadline=None, database=None)

@@ -32,7 +32,7 @@ def test_the_page_computes_the_matrix_of_the_sofa_cookbook():
     case = json.loads((DATA / "earth_rotation.json").read_text())["sofa_cookbook_5.5"]
     texts = page_cells.cells(page_cells.BOOK / "chen2023" / "positioning.md")
     (cell,) = (text for text in texts if "import erfa" in text)
-    variables: dict = {}
+    variables = {}
     exec(cell, variables)
     found = variables["earth_from_inertial"]
     assert_allclose(found, case["gcrs_to_itrs"], rtol=0, atol=1e-11)
