@@ -1,10 +1,14 @@
-"""Stars of a known transform in two images."""
+"""Stars of a known transform in two images, and spots of a known rotation in two groups."""
 
 import numpy as np
 import pandas as pd
 
+from reproduce.papers.chen2023.platform import INSTRUMENT, as_designed
 from reproduce.physics.registration import Registration
+from reproduce.printed.inputs import load_inputs
 from reproduce.store.points import STARS
+from reproduce.store.spots import SPOTS
+from reproduce.units import ARCSEC_PER_RADIAN
 
 FIELD = np.array([2064.0, 1544.0])
 PIVOT = FIELD / 2
@@ -27,3 +31,20 @@ def stars(count=60, noise=0.1, seed=1, truth=TRUTH, wrong=0, batch=()):
 def star_table(count=60, **settings):
     """Return the points of `stars` as a table."""
     return pd.DataFrame(np.hstack(stars(count, **settings)), columns=list(STARS))
+
+
+def spot_table(noise=0.02, flip=1, drift=(0, 0)):
+    """Return two groups of fifty images.
+
+    The camera rotates by (20, -20, 0) arcsec between the groups, and drifts about X inside a group.
+    """
+    platform = as_designed(load_inputs(INSTRUMENT))
+    generator, rows = np.random.default_rng(3), []
+    for group, angles in enumerate(([0, 0, 0], [20, -20, 0])):
+        angles = np.outer(np.linspace(-0.5, 0.5, 50), [drift[group], 0, 0]) + angles
+        angles = angles[None] / ARCSEC_PER_RADIAN
+        (places,) = platform.predicted(np.zeros((1, 3)), angles)
+        places = places + noise * generator.normal(size=places.shape)
+        lights = (light for image in places for light in enumerate(image, start=1))
+        rows += [(group, laser, flip * x, y) for laser, (x, y) in lights]
+    return pd.DataFrame(rows, columns=list(SPOTS))

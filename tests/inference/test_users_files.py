@@ -1,39 +1,21 @@
 """Your files: every model that accepts a file finds the truth, or raises an error that names it."""
 
 import numpy as np
-import pandas as pd
 import pytest
-from simulated import SHIFT, star_table, stars
+from simulated import SHIFT, spot_table, star_table, stars
 
 import reproduce as rp
-from reproduce.papers.chen2023.platform import INSTRUMENT, as_designed
 from reproduce.papers.posteriors import posteriors
-from reproduce.physics.attitude import stage_angles
 from reproduce.physics.registration import fit_registration
-from reproduce.printed.inputs import load_inputs
 from reproduce.store.points import TableFileError
-from reproduce.store.spots import SPOTS
-
-
-def spot_table():
-    """Twenty images in each of two groups."""
-    instrument = as_designed(load_inputs(INSTRUMENT))
-    moves = np.array([[0.0, 0.0], [20e-6, 0.0]])
-    turns = stage_angles(moves, instrument.camera_focal_length)
-    spots = instrument.predicted(np.zeros((2, 3)), turns[:, None])
-    images = np.repeat(spots, 20, axis=1)
-    images = images + 0.02 * np.random.default_rng(1).normal(size=images.shape)
-    group, _, laser = (index.ravel() for index in np.indices(images.shape[:3]))
-    rows = np.column_stack([group, laser + 1, images.reshape(-1, 2)])
-    frame = pd.DataFrame(rows, columns=list(SPOTS))
-    return frame.astype({"group": int, "laser": int})
+from reproduce.units import ARCSEC_PER_RADIAN
 
 
 def test_your_data_lead_to_their_truth(tmp_path):
     """By the rough estimate that starts the sampler, within four of its errors."""
     for name, table, parameter, truth in (
         ("registration", star_table(truth=SHIFT), "shift-x", 3.0),
-        ("misalignment", spot_table(), "angle-y", -20e-6 / 2),
+        ("misalignment", spot_table(), "angle-y", -20 / ARCSEC_PER_RADIAN),
         ("misalignment-drift", spot_table(), "drift-x", 0.0),
     ):
         path = tmp_path / f"{name}.csv"

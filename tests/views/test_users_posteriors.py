@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 import xarray
 from click.testing import CliRunner
-from simulated import PIVOT, SHIFT, star_table, stars
+from simulated import PIVOT, SHIFT, spot_table, star_table, stars
 
 import reproduce as rp
 from reproduce.inference import (
@@ -21,12 +21,10 @@ from reproduce.inference import (
 )
 from reproduce.inference.models import registration_model
 from reproduce.inference.sampling import Plan, run_ensemble
-from reproduce.papers.chen2023.platform import INSTRUMENT, as_designed
 from reproduce.papers.posteriors import posteriors
 from reproduce.physics.registration import Registration, fit_registration
 from reproduce.printed.inputs import load_inputs
 from reproduce.store.points import TableFileError
-from reproduce.units import ARCSEC_PER_RADIAN
 from reproduce.views.cli import main
 
 MIXTURE = "registration-mixture"
@@ -47,25 +45,11 @@ def stored(tmp_path):
 
 @pytest.fixture
 def spots(tmp_path):
-    """Write two groups of fifty images and return the path.
+    """Write spots to a file and return its path."""
 
-    The camera rotates by (20, -20, 0) arcsec between the groups, and drifts about X inside a group.
-    """
-
-    def write(noise=0.02, flip=1, drift=(0, 0)):
-        platform = as_designed(load_inputs(INSTRUMENT))
-        generator, rows = np.random.default_rng(3), []
-        for group, angles in enumerate(([0, 0, 0], [20, -20, 0])):
-            angles = np.outer(np.linspace(-0.5, 0.5, 50), [drift[group], 0, 0]) + angles
-            places = platform.predicted(
-                np.zeros((1, 3)), angles[None] / ARCSEC_PER_RADIAN
-            )
-            places = places[0] + noise * generator.normal(size=places[0].shape)
-            lights = (light for image in places for light in enumerate(image, start=1))
-            rows += [(group, laser, flip * x, y) for laser, (x, y) in lights]
+    def write(*noise_and_flip, **settings):
         path = tmp_path / "spots.csv"
-        frame = pd.DataFrame(rows, columns=["group", "laser", "x", "y"])
-        frame.to_csv(path, index=False, float_format="%.6f")
+        spot_table(*noise_and_flip, **settings).to_csv(path, index=False)
         return path
 
     return write
