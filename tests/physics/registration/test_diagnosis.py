@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
+import simulated
 from numpy.random import default_rng
 from scipy.stats import kstest
+from simulated import PIVOT
 
 from reproduce.physics.registration import Registration, diagnosis, fit_registration
 
-PIVOT = np.array([1000.0, 1000.0])
 TRUE = {
     "similarity": [0.9976, 0.01, 3.0, -2.0],
     "similarity+radial": [1.0, 0.002, 3.0, 1.0, 5e-10],
@@ -15,12 +16,10 @@ TRUE = {
 }
 
 
-def stars(seed, count, model="similarity", noise=0.05, batch=()):
+def stars(seed, count, model="similarity", noise=0.05, **settings):
     """The same stars in both images."""
-    generator = default_rng([seed, count])
-    source = generator.uniform(0, 2000, (*batch, count, 2))
-    target = Registration(model, np.array(TRUE[model]), PIVOT).apply(source)
-    return source, target + noise * generator.standard_normal(source.shape), generator
+    truth = Registration(model, np.array(TRUE[model]), PIVOT)
+    return simulated.stars(count, noise, [seed, count], truth, **settings)
 
 
 def diagnosed(source, target, brightness=None, **settings):
@@ -36,7 +35,7 @@ def kinds(source, target, **settings):
 
 @pytest.mark.parametrize("model", ["similarity+radial", "affine"])
 def test_distortion_is_called_distortion_and_the_cure_can_be_followed(model):
-    source, target, _ = stars(1, 845, model, 0.02)
+    source, target = stars(1, 845, model, 0.02)
     (found,) = diagnosed(source, target)
     assert found.kind == "model"
     assert f'model="{model}"' in found.text
@@ -44,7 +43,7 @@ def test_distortion_is_called_distortion_and_the_cure_can_be_followed(model):
 
 
 def test_distortion_hides_no_wrong_match():
-    source, target, _ = stars(2, 200, "similarity+radial", 0.02)
+    source, target = stars(2, 200, "similarity+radial", 0.02)
     target[[7, 30]] += [[5, 0], [0, 9]]
     model, wrong = diagnosed(source, target)
     assert model.kind == "model"
@@ -53,7 +52,7 @@ def test_distortion_hides_no_wrong_match():
 
 
 def test_a_wrong_match_among_exact_stars_is_named():
-    source, _, _ = stars(3, 20)
+    source, _ = stars(3, 20)
     target = source.round() + 3
     target[4] += 50
     (found,) = diagnosed(source.round(), target)
@@ -63,8 +62,7 @@ def test_a_wrong_match_among_exact_stars_is_named():
 
 def test_many_wrong_matches_of_a_large_field_are_named():
     """They increase the median of the residuals, so that none is far above it."""
-    source, target, generator = stars(3, 10_000)
-    target[:4500] = generator.uniform(0, 2000, (4500, 2))
+    source, target = stars(3, 10_000, wrong=4500)
     (found,) = (one for one in diagnosed(source, target) if one.kind == "mismatched")
     assert len(found.rows) == pytest.approx(4500, abs=10)
 
@@ -72,7 +70,7 @@ def test_many_wrong_matches_of_a_large_field_are_named():
 def test_right_fields_get_a_warning_as_often_as_stated():
     doubted = 0
     for seed in range(400):
-        source, target, _ = stars(seed, (10, 12, 20, 50)[seed % 4])
+        source, target = stars(seed, (10, 12, 20, 50)[seed % 4])
         doubted += bool(kinds(source, target))
     # 20 expected; four standard deviations on each side.
     assert 3 <= doubted <= 38
@@ -88,7 +86,7 @@ def test_right_fields_get_a_warning_as_often_as_stated():
     ],
 )
 def test_a_change_is_that_of_the_richer_fit(model, term, richer):
-    source, target, _ = stars(9, 60)
+    source, target = stars(9, 60)
     target = source + 1e-3 * (
         target - source
     )  # a step of Gauss-Newton is exact for small terms
@@ -114,7 +112,7 @@ def test_p_values_of_right_fields_are_uniform(known):
     settings = {"target_covariance": 0.05**2 * np.eye(2)} if known else {}
     found = []
     for seed in range(300):
-        source, target, _ = stars(seed, 12)
+        source, target = stars(seed, 12)
         fit = fit_registration(source, target, PIVOT, **settings)
         flux = np.arange(12)
         terms = diagnosis.sensitivities(fit, flux)
@@ -127,7 +125,7 @@ def test_intervals_that_allow_a_radial_term_cover_with_and_without_it():
     """Change and error are those of the richer fit, and the intervals cover in all fields."""
     inside = []
     for seed in range(300):
-        source, target, _ = stars(seed, 20, noise=0.07)
+        source, target = stars(seed, 20, noise=0.07)
         field = (source - PIVOT) / 1000
         bend = 0.1 * (seed % 2) * field * np.square(field).sum(axis=1, keepdims=True)
         fit = fit_registration(source, target + bend, PIVOT)
@@ -150,7 +148,7 @@ def test_a_radial_term_or_tilt_is_reported_where_it_spoils_an_interval():
     """Of wrong intervals, few have neither a warning nor a note (97 % before)."""
     silent = 0
     for seed in range(100):
-        source, target, _ = stars(seed, 20, noise=0.07)
+        source, target = stars(seed, 20, noise=0.07)
         field = (source - PIVOT) / 1000
         bent = target + 0.2 * field * np.square(field).sum(axis=1, keepdims=True)
         fit = fit_registration(source, bent, PIVOT)
@@ -161,7 +159,7 @@ def test_a_radial_term_or_tilt_is_reported_where_it_spoils_an_interval():
 
 
 def test_stars_that_move_with_their_flux_are_reported():
-    source, target, _ = stars(10, 40)
+    source, target = stars(10, 40)
     flux = np.arange(40.0)
     target[flux > 20] += [0.3, 0.0]
     assert kinds(source, target, brightness=flux) == ["brightness"]
@@ -174,9 +172,9 @@ def test_stars_that_move_with_their_flux_are_reported():
 
 @pytest.mark.parametrize("count", [8, 20, 100])
 def test_a_star_ten_deviations_off_is_found(count):
-    found = 0
+    found, generator = 0, default_rng(1)
     for seed in range(50):
-        source, target, generator = stars(seed, count)
+        source, target = stars(seed, count)
         turn = generator.uniform(0, 2 * np.pi)
         target[3] += 0.6 * np.array([np.cos(turn), np.sin(turn)])
         warnings = diagnosed(source, target)
@@ -201,7 +199,7 @@ def test_a_star_ten_deviations_off_is_found(count):
     ],
 )
 def test_every_other_doubt_is_named(kind, change):
-    source, target, _ = stars(4, 40)
+    source, target = stars(4, 40)
     assert kind in kinds(*change(source, target))
     assert kinds(source, target) == []
     assert kinds(source[:5], target[:5], robust=True) == ["few"]
@@ -211,7 +209,7 @@ def test_every_other_doubt_is_named(kind, change):
 
 
 def test_given_errors_are_held_against_the_scatter():
-    source, target, _ = stars(5, 60)
+    source, target = stars(5, 60)
     assert kinds(source, target, target_covariance=0.05**2 * np.eye(2)) == []
     settings = {"target_covariance": 0.025**2 * np.eye(2)}
     assert kinds(source, target, **settings) == ["errors"]
@@ -231,8 +229,7 @@ COVERED = [
 def test_intervals_cover(count, wrong):
     """Plain fits without wrong matches, robust ones with: shares within Monte Carlo error."""
     sets = 1000
-    source, target, generator = stars(6, count, batch=(sets,))
-    target[:, :wrong] = generator.uniform(0, 2000, (sets, wrong, 2))
+    source, target = stars(6, count, batch=(sets,), wrong=wrong)
     for robust in (False, True) if count > 3 and not wrong else (wrong > 0,):
         fit = fit_registration(source, target, PIVOT, robust=robust)
         for level in (0.6827, 0.95):
@@ -245,7 +242,7 @@ def test_intervals_cover(count, wrong):
 
 
 def test_a_pivot_that_takes_the_digits_is_refused():
-    source, _, _ = stars(8, 5)
+    source, _ = stars(8, 5)
     for wrong in (np.array([1e15, 0.0]), PIVOT[None]):
         with pytest.raises(ValueError, match="within 100 fields"):
             diagnosis.checked_pivot(wrong, source)
