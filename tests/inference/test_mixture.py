@@ -109,15 +109,12 @@ def test_the_mixture_has_the_noise_model_of_the_registration():
 
 
 def test_stars_that_only_a_robust_fit_drops_give_a_warning():
-    """Of 40 stars 8 are exchanged and 4 lie some noises off."""
-    generator = np.random.default_rng(3)
-    source = generator.uniform(0, 2000, (40, 2))
-    target = 1.0004 * source + [3, -2] + 0.2 * generator.normal(size=source.shape)
-    target[:8] = target[np.roll(np.arange(8), 1)]
-    target[8:12] += generator.normal(0, 2.0, (4, 2))
-    model = mixture_model(registration_model(source, target, (1000, 1000)))
+    """Of 40 stars 8 are matched wrongly and 4 lie some noises off."""
+    source, target = stars(40, 0.2, wrong=8)
+    target[8:12] += np.random.default_rng(3).normal(0, 2.0, (4, 2))
+    model = mixture_model(registration_model(source, target, PIVOT))
     dropped = {"dropped_by_robust_fit": ~model.likelihood.agreeing}
     for false, warned in ((8, True), (11, False)):
-        stars = {"probability_false": (np.arange(40) < false) * 1.0, **dropped}
-        shown = SimpleNamespace(_stars=pd.DataFrame(stars))
+        columns = {"probability_false": (np.arange(40) < false) * 1.0, **dropped}
+        shown = SimpleNamespace(_stars=pd.DataFrame(columns))
         assert ("drops" in Posterior._dropped.fget(shown)) == warned
