@@ -10,7 +10,7 @@ from reproduce.physics.attitude import Platform
 
 @pytest.fixture(scope="session")
 def registration():
-    return registration_model(*stars(137, 0.07, seed=2), PIVOT)
+    return registration_model(*stars(137, 0.07), PIVOT)
 
 
 @pytest.fixture(scope="session")

@@ -11,7 +11,7 @@ import xarray
 from reproduce.inference import UnconvergedError, sampling
 from reproduce.inference.sampling import Plan, sample
 
-PLAN = Plan(3, walkers=80, steps=300, warmup=120)
+PLAN = Plan(3, walkers=80, steps=500, warmup=200)
 SINGLE = replace(PLAN, ensembles=1)
 
 

@@ -154,7 +154,7 @@ def test_the_magnitude_selects_the_bright_stars(kind):
 
 
 # Of 24 seeds with 40 stars and of 6 with 300, those whose fields agree most by chance.
-CLOSEST = {40: (11, 15, 20), 300: (1, 2)}
+CLOSEST = {40: (11, 13, 15, 16, 20, 21), 300: (1, 2, 5)}
 
 
 @pytest.mark.parametrize("count", [4, 6, 12, 40, 300])
