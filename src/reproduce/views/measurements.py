@@ -164,7 +164,7 @@ class RegistrationResult(UserResult):
         arguments = {"source": source, "target": target, "pivot": pivot}
         self._arguments = arguments | settings
         table, settings = matched_stars(source, target, **settings)
-        first, second = np.split(table.values, 2, axis=1)
+        first, second = map(np.ascontiguousarray, np.split(table.values, 2, axis=1))
         flux = brightness(table.numbers)
         with computing(table.path):
             pivot = registration.checked_pivot(pivot, first)

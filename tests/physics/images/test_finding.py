@@ -96,6 +96,17 @@ def test_shapes_of_the_spots_are_no_photon_noise(image):
     assert pull.std() == pytest.approx(1, abs=4 / np.sqrt(2 * pull.size) + 0.03)
 
 
+def test_spots_are_measured_if_most_are_trailed():
+    places, light = stars(0)
+    image = sum(
+        render_frame(places + np.array([step, 0.0]), light / 7, 1.2, (SIDE, SIDE))
+        for step in np.linspace(-2.5, 2.5, 7)
+    )
+    spots = find_spots(exposed(image, default_rng(0)))
+    assert set(spots.reasons) == {"", "not the shape of a spot"}
+    assert np.abs(pulls(spots, places, light)[0]).max() < 4
+
+
 def test_implausible_gains_are_reported():
     places, light = stars(0)
     image = exposed(render_frame(places, light, 1.2, (SIDE, SIDE)), default_rng(0))

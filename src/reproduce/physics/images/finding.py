@@ -355,7 +355,9 @@ def _best_gain(fitted: partial[_SpotFit], radius: float) -> float:
     gain = 0.0
     for _ in range(_GAIN_FITS):
         fit = fitted(radius, radius, gain)
-        fit.left[fit.has_odd_shape()] = np.nan
+        odd = fit.has_odd_shape()
+        # If most spots are odd, for example trailed, they show the common shape.
+        fit.left[odd & (odd.mean() < 0.5)] = np.nan
         left, terms = fit.without_common_shape()
         bright = (fit.model**2 > fit.dark) & np.isfinite(left)
         share = max(1 - terms / max(bright.sum(), 1), 0.1)
