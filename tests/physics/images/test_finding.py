@@ -96,6 +96,14 @@ def test_shapes_of_the_spots_are_no_photon_noise(image):
     assert pull.std() == pytest.approx(1, abs=4 / np.sqrt(2 * pull.size) + 0.03)
 
 
+def test_an_image_without_noise_is_measured():
+    places = default_rng(5).uniform(9, 119, (20, 2))
+    spots = find_spots(render_frame(places, 2e4, 1.2, (128, 128)) + 100)
+    apart, _ = KDTree(places).query(spots.centre[spots.reasons == ""])
+    assert len(apart) > 5
+    assert np.median(apart) < 1e-3
+
+
 def test_spots_are_measured_if_most_are_trailed():
     places, light = stars(0)
     image = sum(

@@ -214,7 +214,9 @@ def _without_background(image: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]
     rounding = float(np.diff(values).min()) / np.sqrt(12)
     noise = np.maximum(background.background_rms_mesh, rounding)
     smallest = 0.0 if noise.all() else 1e-3 * float(np.nanmax(thinned_light))
-    return light, enlarged(np.maximum(noise, smallest))
+    noise = np.maximum(noise, smallest)
+    # A slope that continues beyond the edge may end below zero.
+    return light, np.maximum(enlarged(noise), noise.min(), dtype=np.float32)
 
 
 def _remove_hot_pixels(light: NDArray[Any], noise: NDArray[Any]) -> None:
@@ -233,13 +235,12 @@ def _detected(light: NDArray[Any], limit: NDArray[Any]) -> tuple[IntArray, float
     from photutils.segmentation import SourceCatalog, detect_sources
 
     segments = detect_sources(light, limit, _MIN_PIXELS)
-    if segments is None:
+    catalogue = segments and SourceCatalog(light, segments)
+    if not catalogue or not np.isfinite(flux := catalogue.segment_flux).any():
         raise ValueError(
-            "threshold: expected stars above the noise, got none. Lower the threshold, or check "
-            "the image"
+            "threshold: expected stars above the noise that are not saturated, got none. Lower "
+            "the threshold, or check the image"
         )
-    catalogue = SourceCatalog(light, segments)
-    flux = catalogue.segment_flux
     order = np.argsort(-flux, kind="stable")[: min(_MAX_SPOTS, np.isfinite(flux).sum())]
     # A Gaussian has 2 pi radius^2 times the flux of its brightest pixel.
     ratio = np.median((flux / catalogue.max_value)[order])
