@@ -109,14 +109,15 @@ def stars(
     frame = frame.assign(**{"dropped": "", **columns})
     if (flux := brightness(columns)) is not None:
         frame = frame.iloc[np.argsort(-flux, kind="stable")]
-    kept = frame.query("dropped == ''")
+    is_dropped = frame["dropped"] != ""
+    kept = frame[~is_dropped]
     found = Stars(
         name,
         kept.drop(columns="dropped").reset_index(drop=True),
         covariance[kept.index],
         middle,
         shapes[kept.index],
-        frame.query("dropped != ''"),
+        frame[is_dropped],
         facts,
         findings,
     )

@@ -37,6 +37,7 @@ if TYPE_CHECKING:
 FRAMES = "chen2023/text-accuracy#frames"
 SMOOTHED = "chen2023/text-accuracy#smoothing-frames"
 DURATION = "chen2023/text-accuracy#duration"
+_RATE = "chen2023/text-accuracy#frame-rate"
 COUNTS = "chen2023/table-4#*.frames"
 _MATRICES = {"transform": "laser transform", "misalignment": "misalignment"}
 INPUTS = (*platform.INSTRUMENT, "chen2023/table-3", FRAMES, COUNTS)
@@ -99,13 +100,12 @@ def time_per_frame(inputs: Inputs) -> float:
 @reproduces(
     "chen2023/text-accuracy",
     cells=["smoothing-time-*"],
-    inputs=[DURATION, FRAMES, SMOOTHED, "chen2023/text-accuracy#frame-rate"],
+    inputs=[DURATION, FRAMES, SMOOTHED, _RATE],
 )
 def times(inputs: Inputs) -> Results:
     """Compute the time of the averaged frames, in flight and on the ground platform."""
     return {
-        "smoothing-time-flight": inputs[SMOOTHED]
-        / inputs["chen2023/text-accuracy#frame-rate"],
+        "smoothing-time-flight": inputs[SMOOTHED] / inputs[_RATE],
         "smoothing-time-ground": inputs[SMOOTHED] * time_per_frame(inputs),
     }
 

@@ -11,6 +11,8 @@ from reproduce.papers.declare import Rows, studied
 from reproduce.printed.inputs import Inputs
 from reproduce.units import ARCSEC_PER_RADIAN
 
+_PRINTED = "chen2023/table-4#1.transform-?"
+
 
 def _platform_facts(inputs: Inputs) -> dict[str, float]:
     """Return size and shape of the printed square of spots, and the error of the roll.
@@ -34,11 +36,7 @@ def _platform_facts(inputs: Inputs) -> dict[str, float]:
 
 @studied(
     "chen2023/orders",
-    inputs=(
-        *platform.INSTRUMENT,
-        "chen2023/table-3#1-*",
-        "chen2023/table-4#1.transform-?",
-    ),
+    inputs=(*platform.INSTRUMENT, "chen2023/table-3#1-*", _PRINTED),
     named=_platform_facts,
 )
 def _orders(inputs: Inputs) -> Rows:
@@ -56,8 +54,4 @@ def _orders(inputs: Inputs) -> Rows:
             variance = (response * platform.scatter(inputs, 1)) ** 2
             x, y, _ = platform.SIGMAS * np.sqrt(variance.sum(axis=(-2, -1)))
             yield name, frame, x * ARCSEC_PER_RADIAN, y * ARCSEC_PER_RADIAN
-    yield (
-        "printed",
-        "",
-        *(inputs.array("chen2023/table-4#1.transform-?") * ARCSEC_PER_RADIAN),
-    )
+    yield ("printed", "", *(inputs.array(_PRINTED) * ARCSEC_PER_RADIAN))

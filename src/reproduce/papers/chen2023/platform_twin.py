@@ -54,11 +54,13 @@ from reproduce.units import ARCSEC_PER_RADIAN
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+_WINDOW = "chen2023/text-platform#window-x"
+_POSITIONS = "chen2023/table-5#*.position-?"
 INPUTS = (
     *platform.INSTRUMENT,
     "chen2023/table-3",
     resolution.SPOT_RADIUS,
-    "chen2023/text-platform#window-x",
+    _WINDOW,
     accuracy.FRAMES,
 )
 
@@ -127,10 +129,7 @@ class _SimulatedBench:
 
 def bench(inputs: Inputs) -> _SimulatedBench:
     """Return the simulated bench of the printed numbers."""
-    design, window = (
-        platform.as_designed(inputs),
-        inputs.count("chen2023/text-platform#window-x"),
-    )
+    design, window = platform.as_designed(inputs), inputs.count(_WINDOW)
     radius = inputs[resolution.SPOT_RADIUS] / inputs[platform.PIXEL]
     error, _ = resolution.spot_errors(design.spots, radius, window)
     target = [(platform.scatter(inputs, g) ** 2).mean(axis=-1) for g in (1, 2)]
@@ -148,12 +147,7 @@ _SHOWN_PX = 9
 _draws_series = partial(draws, inputs=_SERIES_INPUTS, random=True)
 _draws_test = partial(
     draws,
-    inputs=(
-        *_SERIES_INPUTS,
-        "chen2023/table-5#*.position-?",
-        effectiveness.FRAMES,
-        effectiveness.LAST,
-    ),
+    inputs=(*_SERIES_INPUTS, _POSITIONS, effectiveness.FRAMES, effectiveness.LAST),
     random=True,
 )
 
@@ -295,7 +289,7 @@ def _draw_series(
     legend_below(figure, 3)
 
 
-@draws("chen2023/fig-10a", marks=["chen2023/table-5#*.position-?"])
+@draws("chen2023/fig-10a", marks=[_POSITIONS])
 def _draw_pattern(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     """Draw the motion pattern of the stage with its five states."""
     positions = effectiveness.pairs(printed, "*.position") * 1e6

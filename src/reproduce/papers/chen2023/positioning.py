@@ -23,12 +23,9 @@ from reproduce.physics.validate import FloatArray
 from reproduce.printed.inputs import Inputs
 from reproduce.units import RADIANS_PER_ARCSEC
 
+_POINTING = "chen2023/table-1#tracker-pointing-accuracy.value"
 _MONITORING = (*platform.INSTRUMENT, "chen2023/table-3#2-*", accuracy.SMOOTHED)
-INPUTS = (
-    *_MONITORING,
-    *satellite.CAMERA,
-    "chen2023/table-1#tracker-pointing-accuracy.value",
-)
+INPUTS = (*_MONITORING, *satellite.CAMERA, _POINTING)
 _ORBIT_ERROR_M = 0.05
 _SINGLE, _AVERAGED = "one frame", "averaged"
 # Views of the satellite: tilt off the nadir in deg, distance of the target from it in m.
@@ -61,9 +58,7 @@ def _terms(inputs: Inputs) -> dict[str, tuple[str, FloatArray]]:
     deviations along or about X, Y, Z, in metres or radians. The misalignment is given axis by axis,
     for one frame and for the average of many.
     """
-    limit = np.full(
-        3, inputs["chen2023/table-1#tracker-pointing-accuracy.value"] / platform.SIGMAS
-    )
+    limit = np.full(3, inputs[_POINTING] / platform.SIGMAS)
     terms = {"attitude of the tracker, at its limit": ("turn", limit)}
     for frames, mean in ((1, _SINGLE), (inputs.count(accuracy.SMOOTHED), _AVERAGED)):
         sigmas = np.diag(platform.angle_sigma(inputs, 2, frames))

@@ -58,13 +58,16 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 SPOT_RADIUS = "chen2023/text-resolution#spot-radius"
+_WINDOW = "chen2023/text-resolution#window-x"
 PHASES = "chen2023/text-resolution#phases"
 _TRIALS = "chen2023/text-resolution#trials"
 _LASERS = "chen2023/text-resolution#lasers"
 _OPTIMUM = "chen2023/text-resolution#optimum"
+_ACCURACY = "chen2023/text-resolution#optimum-accuracy"
+_SATURATION = "chen2023/text-resolution#saturation"
 INPUTS = (
     SPOT_RADIUS,
-    "chen2023/text-resolution#window-x",
+    _WINDOW,
     *platform.TRACKER,
     platform.SPOTS,
     "chen2023/table-3",
@@ -185,10 +188,7 @@ def spot_errors(spots: FloatArray, radius: float, size: int) -> list[CentroidErr
 
 def _setting(inputs: Inputs, case: _Case) -> _Setting:
     """Return the setting of one reading, with the flux for the mean variance of Table III."""
-    sigma, size = (
-        inputs[SPOT_RADIUS] / case.width,
-        inputs.count("chen2023/text-resolution#window-x"),
-    )
+    sigma, size = inputs[SPOT_RADIUS] / case.width, inputs.count(_WINDOW)
     spots = platform.printed_spots(inputs)
     errors = spot_errors(spots, sigma / inputs[platform.PIXEL], size)
     # Photon variance is proportional to the inverse of the flux, read variance to its square.
@@ -277,23 +277,23 @@ def terms(inputs: Inputs) -> dict[str, FloatArray]:
 @draws(
     "chen2023/fig-11a",
     inputs=INPUTS,
-    marks=[_OPTIMUM, "chen2023/text-resolution#optimum-accuracy"],
+    marks=[_OPTIMUM, _ACCURACY],
 )
 def _draw_centroids(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     """Draw the centroiding accuracy against the angular resolution of the tracker."""
     line = printed[_OPTIMUM], "printed optimum"
     axes = _draw_radii(figure, inputs, 1.0, np.argmin, line)
-    axes.axhline(printed["chen2023/text-resolution#optimum-accuracy"], color="k", lw=1)
+    axes.axhline(printed[_ACCURACY], color="k", lw=1)
     axes.set(ylabel="centroid error (1σ, px)", ylim=(0.008, 0.1))
 
 
-@draws("chen2023/fig-11b", inputs=INPUTS, marks=["chen2023/text-resolution#saturation"])
+@draws("chen2023/fig-11b", inputs=INPUTS, marks=[_SATURATION])
 def _draw_monitoring(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     """Draw the monitoring accuracy against the angular resolution of the tracker."""
     angles = _resolutions(inputs) * ARCSEC_PER_RADIAN
     scale = attitude_accuracy(1.0, inputs.count(_LASERS), angles)
     limit = partial(_saturation, relative=_relative_error(inputs), errors=3.0)
-    line = printed["chen2023/text-resolution#saturation"], "printed limit"
+    line = printed[_SATURATION], "printed limit"
     axes = _draw_radii(figure, inputs, scale, limit, line)
     axes.set(ylabel="monitoring error (1σ, arcsec)", ylim=(0.25, 4))
 

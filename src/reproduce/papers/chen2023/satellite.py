@@ -41,9 +41,11 @@ CAMERA = (
     "chen2023/table-1#panchromatic-ground-resolution.value",
 )
 BORESIGHT = "chen2023/text-satellite#boresight-angle"
+_RATIO = "chen2023/text-satellite#focal-ratio"
 _EXPANSION = "chen2023/text-hardware#expansion-coefficient"
 _ACCURACY = "chen2023/table-4#100.misalignment-?"
 _PIXELS = "chen2023/table-2#tracker-pixels-x.value"
+_FIELD = "chen2023/table-1#tracker-field-of-view-x.value"
 # Assumed roll of the tracker about the camera's boresight on the bench. The paper prints no roll.
 _TRACKER_ROLL = np.pi / 4
 _TEST_ROTATION = 10 * RADIANS_PER_ARCSEC
@@ -85,7 +87,7 @@ def ground_resolution(inputs: Inputs) -> Results:
         platform.FOCAL_LENGTH,
         platform.PIXEL,
         _PIXELS,
-        "chen2023/table-1#tracker-field-of-view-x.value",
+        _FIELD,
     ],
 )
 def focal_ratio(inputs: Inputs, *, tracker: str) -> Results:
@@ -93,11 +95,7 @@ def focal_ratio(inputs: Inputs, *, tracker: str) -> Results:
     focal = inputs[platform.FOCAL_LENGTH]
     if tracker == "table-1-field":
         width = inputs[_PIXELS] * inputs[platform.PIXEL]
-        focal = (
-            width
-            / 2
-            / np.tan(inputs["chen2023/table-1#tracker-field-of-view-x.value"] / 2)
-        )
+        focal = width / 2 / np.tan(inputs[_FIELD] / 2)
     return {"focal-ratio": inputs[CAMERA_FOCAL_LENGTH] / focal}
 
 
@@ -209,7 +207,7 @@ def _dichroic_response(boresight_angle: float) -> FloatArray:
         *platform.TRACKER,
         platform.TELESCOPE,
         platform.DIAGONAL,
-        "chen2023/text-satellite#focal-ratio",
+        _RATIO,
         _PIXELS,
         _ACCURACY,
         _EXPANSION,
@@ -220,11 +218,7 @@ def _heat(inputs: Inputs) -> Rows:
     flight, short = inputs[CAMERA_FOCAL_LENGTH], inputs[platform.FOCAL_LENGTH]
     accuracy = inputs.array(_ACCURACY).max()
     for name, camera, tracker in (
-        (
-            "flight, as printed",
-            flight,
-            flight / inputs["chen2023/text-satellite#focal-ratio"],
-        ),
+        ("flight, as printed", flight, flight / inputs[_RATIO]),
         ("flight camera with the tracker of Table II", flight, short),
         ("ground platform", inputs[platform.TELESCOPE], short),
     ):

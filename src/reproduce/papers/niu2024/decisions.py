@@ -60,9 +60,9 @@ def _at_edge(inputs: Inputs, counts: FloatArray) -> tuple[FloatArray, ...]:
     outermost = np.hypot(*(red - middle).T).argmax()
     edge, ratio = response[:, outermost].T, counts[:, None, None] / len(red)
     # A similarity has the first four parameters.
+    normal = information * ratio + prior
     plain, free = (
         edge[:, part] @ np.linalg.inv(normal[..., part, part]) @ edge[:, part].T
-        for normal in [information * ratio + prior]
         for part in (slice(4), slice(6))
     )
     return plain, free, likelihood.fit.residuals[outermost]
