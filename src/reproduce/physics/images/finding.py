@@ -37,7 +37,7 @@ _MIN_HALF_PX, _MAX_HALF_PX = 2, 60
 _MAX_MISFIT, _MISFIT_MEDIANS, _MISFIT_OFFSET, _MISFIT_SIGMAS = 0.1, 4.0, 2e-3, 5.0
 # Fits from which the gain is found; range of plausible gains, in electrons per digital number.
 _GAIN_FITS, _MIN_GAIN, _MAX_GAIN = 4, 0.01, 1000.0
-# Least degrees of freedom of a spot, because the fraction of the median is zero at 2/9.
+# Least degrees of freedom of a spot: for fewer, the median of chi-square is not approximated well.
 _MIN_FREEDOM = 0.7
 # Gain that makes photon noise negligible, over the inverse variance of the noise.
 _DARK_GAIN = 1e6
