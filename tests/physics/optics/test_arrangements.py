@@ -5,15 +5,16 @@ from itertools import product
 import numpy as np
 from numpy.testing import assert_allclose
 
-from reproduce.physics.optics import arrangement_angles, arrangements
+from reproduce.physics import optics
+from reproduce.physics.optics import arrangement_angles
 
 HALF_X, HALF_Y, STEP = HALVES = np.radians((8.0, 6.0, 0.9))
 NAMES = map(
     "; ".join,
     product(
-        arrangements._lattices(np.ones(2), 1.0),
-        (*arrangements._OFFSETS, arrangements._CORNER),
-        arrangements._windows(np.ones((1, 2)), np.ones(2)),
+        optics._lattices(np.ones(2), 1.0),
+        (*optics._OFFSETS, optics._CORNER),
+        optics._windows(np.ones((1, 2)), np.ones(2)),
     ),
 )
 FAMILY = {name: arrangement_angles(name, *HALVES) for name in NAMES}

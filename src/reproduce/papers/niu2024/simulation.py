@@ -14,7 +14,7 @@ The text allows several readings. The literal reading, recorded before the first
 * the RMSE is (26): one number for both axes.
 
 The text gives a count, a range and a step of the angles. The count is a prime number, so no full
-rectangle has it. It selects among the arrangements of `physics.optics.arrangements`, and is an
+rectangle has it. It selects among the arrangements of `physics.optics`, and is an
 input.
 
 Each choice is an option of the computations below. The ledger evaluates all combinations.

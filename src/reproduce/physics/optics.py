@@ -1,27 +1,41 @@
-"""From starlight to image points: the pinhole camera with one radial distortion term.
+"""A star sensor on a rotary table: table angles, directions of the star, and image points.
 
 Frames and units of this module:
 
+* angles are in radians; `external` is the angle of the external frame of the table (phi_1) and
+  `middle` that of its middle frame (phi_2), of shape (...). A positive middle angle moves the star
+  towards negative x, a positive external angle towards positive y;
+* rotation matrices of the table have shape (..., 3, 3) and take a vector of the frame of the table
+  to the frame of the sensor;
 * directions have shape (..., n, 3) in the camera frame, x along the rows of the detector, y along
   its columns, z along the boresight towards the star; their length does not matter;
 * positions on the focal plane have shape (..., n, 2), in metres, measured from the principal point;
 * image points have shape (..., n, 2), in px, x before y, with the centre of the first pixel at
-  (0, 0); distances on the detector are in px too;
-* angles are in radians.
+  (0, 0); distances on the detector are in px too.
 
 The leading axes of directions and points are a batch, for example of frames or simulated
-calibrations. A camera is one channel. The reference channel is green.
+calibrations. The camera is a pinhole with one radial distortion term. A camera is one channel. The
+reference channel is green.
 
 A channel is calibrated separately from known starlight: focal length F, principal point and
 distortion m. The model is linear in F, m F^3 and the principal point, so its least-squares solution
 needs no starting values.
+
+A step and a range of angles do not determine their arrangement. Every lattice is a fine
+rectangular grid of spacings (a, b), either whole (square) or chequered. A chequered grid
+keeps the nodes whose indices have an even sum, which gives the quincunx and hexagonal
+lattices. Its points are 2a apart along a row, and its rows are b apart.
 """
 
 from __future__ import annotations
 
+import operator
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Annotated, Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from reproduce.physics.validate import (
     DegenerateGeometryError,
@@ -37,6 +51,198 @@ from reproduce.physics.validate import (
     checked_fields,
     valid,
 )
+
+_Rotations = Annotated[Any, ("channels",)]
+_Angles = Annotated[Any, (None, 2)]
+# Relative distance within which a point is on a border.
+_BORDER_TOLERANCE = 1e-9
+# Steps in half a range, above which the unit of an angle is probably wrong.
+_MAX_STEPS = 2000
+_ROOT2, _ROOT3 = np.sqrt([2.0, 3.0])
+# Spacings of the fine grid, in steps.
+_SPACINGS = {
+    "square, step between neighbours": (1, 1),
+    "quincunx, step between rows": (1, 1),
+    "quincunx, step between neighbours": (1 / _ROOT2, 1 / _ROOT2),
+    "quincunx, step along a row": (1 / 2, 1 / 2),
+    "hexagonal, rows along x": (1 / 2, _ROOT3 / 2),
+    "hexagonal, rows along y": (_ROOT3 / 2, 1 / 2),
+}
+# Numbers of spacings in the range whose mean spacing is the step, for the printed range.
+_DIVISIONS = ((16, 15), (20, 12))
+# Offsets in half spacings of the points along a row, and of the rows.
+_OFFSETS = {
+    "centred": (0, 0),
+    "half a spacing along x": (1, 0),
+    "half a row spacing along y": (0, 1),
+    "half a spacing along both": (1, 1),
+}
+_CORNER = "from the lower left corner"
+
+
+@checked
+def arrangement_angles(name: str, half_x: Size, half_y: Size, step: Size) -> FloatArray:
+    """Return the rotation angles of an arrangement.
+
+    Parameters
+    ----------
+    name : str
+        Lattice, offset and window, separated by semicolons. The error of another name lists them.
+    half_x, half_y, step : float
+        Half the range in x and in y, and the step of the angles, in radians, above zero.
+
+    Returns
+    -------
+    ndarray, shape (n, 2)
+        Angles, in radians, x before y, sorted by y, then x.
+
+    Raises
+    ------
+    ValueError
+        If the name is unknown, or the step is too small for the range.
+
+    Examples
+    --------
+    >>> name = "square, step between neighbours; centred; diamond"
+    >>> arrangement_angles(name, 1.0, 1.0, 1.0)
+    array([[ 0., -1.],
+           [-1.,  0.],
+           [ 0.,  0.],
+           [ 1.,  0.],
+           [ 0.,  1.]])
+    """
+    half = np.array([half_x, half_y])
+    expected = f"at least 1/{_MAX_STEPS} of the half range, both in radians"
+    valid("step", step, half.max() <= _MAX_STEPS * step, expected)
+    known = _lattices(half, step), (*_OFFSETS, _CORNER), _windows(half[None], half)
+    parts = name.split("; ")
+    if len(parts) != len(known) or not all(map(operator.contains, known, parts)):
+        listed = ", ".join(f"one of {list(names)}" for names in known)
+        raise ValueError(
+            f"name: expected three parts with semicolons between them, {listed}, got {name!r}. "
+            "Correct the name"
+        )
+    lattice, offset, window = parts
+    spacing = known[0][lattice]
+    # Points of a chequered grid are two spacings apart along a row.
+    along = 1 if lattice.startswith("square") else 2
+    x, y = (2 * half / spacing).astype(int) + 2
+    j, i = np.mgrid[-y : y + 1, -x : x + 1].reshape(2, -1)
+    origin = -half
+    if offset != _CORNER:
+        origin = spacing * _OFFSETS[offset] * [along / 2, 1 / 2]
+    nodes = origin + spacing * np.stack([i, j], axis=-1)
+    inside = _windows(nodes, half)
+    selected = ((i + j) % along == 0) & inside["rectangle"] & inside[window]
+    return nodes[selected]
+
+
+def _lattices(half: FloatArray, step: float) -> dict[str, FloatArray]:
+    """Return the spacings of the fine grid of every lattice, shape (2,)."""
+    nearest = 2 * half / np.maximum(1, np.rint(2 * half / step))
+    stretched = "stretched to the edges"
+    return {
+        **{name: np.array(spacing) * step for name, spacing in _SPACINGS.items()},
+        f"square, {stretched}": nearest,
+        f"quincunx, {stretched}, spacings nearest the step": nearest,
+        **{
+            f"quincunx, {stretched} in {m} by {n} spacings": 2 * half / [m, n]
+            for m, n in _DIVISIONS
+        },
+    }
+
+
+def _windows(nodes: FloatArray, half: FloatArray) -> dict[str, NDArray[np.bool_]]:
+    """Return the nodes that each window contains, as masks."""
+    inside, radius = np.abs(nodes / half), np.hypot(*nodes.T)
+    edge = 1 + _BORDER_TOLERANCE
+    return {
+        "rectangle": inside.max(axis=1) <= edge,
+        "rectangle without its border": inside.max(axis=1) < 1 - _BORDER_TOLERANCE,
+        "inscribed ellipse": np.square(inside).sum(axis=1) <= edge,
+        "circle of the smaller half range": radius <= half.min() * edge,
+        "circle of the larger half range": radius <= half.max() * edge,
+        "diamond": inside.sum(axis=1) <= edge,
+    }
+
+
+@checked
+def rotary_matrix(external: Number, middle: Number) -> FloatArray:
+    """Return the rotation of the table: about y by the middle angle, then about x.
+
+    Implements: niu2024 (20).
+
+    The sign of sin(middle) in the bottom row is positive, so that the matrix is a rotation. In the
+    extracted text it is negative, see `rotary_matrix_printed`.
+
+    Parameters
+    ----------
+    external, middle : array_like, shape (...)
+        Angles of the frames of the table, in radians.
+
+    Returns
+    -------
+    ndarray, shape (..., 3, 3)
+        Proper rotations.
+
+    Examples
+    --------
+    >>> rotary_matrix(0.0, np.pi / 2).round(12) + 0.0
+    array([[ 0.,  0., -1.],
+           [ 0.,  1.,  0.],
+           [ 1.,  0.,  0.]])
+    """
+    e, m = np.broadcast_arrays(external, middle)
+    rows = [
+        [np.cos(m), 0 * m, -np.sin(m)],
+        [np.sin(e) * np.sin(m), np.cos(e), np.sin(e) * np.cos(m)],
+        [np.cos(e) * np.sin(m), -np.sin(e), np.cos(e) * np.cos(m)],
+    ]
+    return np.moveaxis(np.array(rows), (0, 1), (-2, -1))
+
+
+def rotary_matrix_printed(external: ArrayLike, middle: ArrayLike) -> FloatArray:
+    """Return the matrix with the sign of its bottom left element as extracted.
+
+    Printed form of niu2024 (20).
+
+    It is not a rotation: its determinant is cos(2 * middle). Its third column is correct, and with
+    it the direction of starlight along z. Parameters are those of `rotary_matrix`.
+
+    Returns
+    -------
+    ndarray, shape (..., 3, 3)
+        Printed matrices.
+
+    Examples
+    --------
+    >>> matrix = rotary_matrix_printed(0.0, np.pi / 2)
+    >>> float(np.linalg.det(matrix).round(12))
+    -1.0
+    """
+    signs = [[1, 1, 1], [-1, 1, 1], [-1, 1, 1]]
+    return rotary_matrix(external, middle) * signs
+
+
+def starlight(external: ArrayLike, middle: ArrayLike) -> FloatArray:
+    """Return the direction of the star of the simulator in the frame of the sensor.
+
+    Implements: niu2024 (19).
+
+    It is the third column of `rotary_matrix`, because the star is on the z axis of the table.
+    Parameters are those of `rotary_matrix`.
+
+    Returns
+    -------
+    ndarray, shape (..., 3)
+        Unit vectors.
+
+    Examples
+    --------
+    >>> starlight(np.pi / 2, 0.0).round(12) + 0.0
+    array([0., 1., 0.])
+    """
+    return rotary_matrix(external, middle)[..., 2]
 
 
 @checked
@@ -412,3 +618,46 @@ def fit_camera(
     focal, cubic = np.moveaxis(linear, -1, 0)
     valid("points", focal, focal > 0, "axes that give a positive focal length")
     return Camera(focal, origin, cubic / focal**3, pixel_pitch)
+
+
+@checked
+def channel_centroids(
+    cameras: Sequence[Camera], rotations: _Rotations, angles: _Angles
+) -> FloatArray:
+    """Return the image points of the star of the simulator in every channel, without noise.
+
+    Parameters
+    ----------
+    cameras : sequence of Camera
+        Cameras of the channels.
+    rotations : array_like, shape (channels,)
+        Angle of each detector against the reference, in radians; zero for the reference.
+    angles : array_like, shape (..., n, 2)
+        Angles of the table, in radians: middle frame (x), then external frame (y).
+
+    Returns
+    -------
+    ndarray, shape (..., channels, n, 2)
+        Centroids, in px, channels in the order of `cameras`.
+
+    Raises
+    ------
+    ValueError
+        If the counts of cameras and rotations differ, or the star is behind the sensor.
+
+    Examples
+    --------
+    >>> camera = Camera(20e-3, (50, 60), 0, 10e-6)
+    >>> channel_centroids([camera], [0.0], [[0.0, np.pi / 4]]).round(6)
+    array([[[  50., 2060.]]])
+    """
+    if len(rotations) != len(cameras):
+        raise ValueError(
+            f"rotations: expected one per camera ({len(cameras)}), got {len(rotations)}. Give zero "
+            "for the reference channel"
+        )
+    directions = starlight(angles[..., 1], angles[..., 0])
+    channels = zip(cameras, rotations, strict=True)
+    return np.stack(
+        [image_points(directions, *channel) for channel in channels], axis=-3
+    )
