@@ -33,7 +33,7 @@ from reproduce.judge.readings import evaluate
 from reproduce.locate import data_folder
 from reproduce.papers.catalogue import catalogue, computations, study
 from reproduce.printed.cells import PAPERS, library
-from reproduce.printed.number import NOMINAL_FRACTION
+from reproduce.printed.number import NOMINAL_FRACTION, minus, powers
 from reproduce.store import studies as stored
 from reproduce.store.files import write_text
 from reproduce.version import ADDRESS
@@ -86,13 +86,13 @@ def _written(text: str) -> str:
     >>> _written("-0.02 px")
     '−0.02\u202fpx'
     """
-    return numbers.minus(text).replace(" ", "\u202f")
+    return minus(text).replace(" ", "\u202f")
 
 
 def of_posteriors(names: Iterable[str]) -> dict[str, str]:
     """Sample posteriors and compute their facts."""
     return {
-        f"posterior/{name}#{label}": numbers.powers(text)
+        f"posterior/{name}#{label}": powers(text)
         for name in names
         for label, text in _of_posterior(name).items()
     }
@@ -138,7 +138,7 @@ def unsampled(*papers: str) -> dict[str, str]:
         found |= {f"constant#{label}": text for label, text in _of_constants().items()}
         found |= {f"audit#{label}": text for label, text in _of_audits().items()}
         found |= {f"evidence#{label}": text for label, text in _of_evidence().items()}
-    return {name: numbers.powers(text) for name, text in found.items()}
+    return {name: powers(text) for name, text in found.items()}
 
 
 def _of_constants() -> dict[str, str]:

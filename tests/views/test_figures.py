@@ -14,8 +14,8 @@ from matplotlib.path import Path
 
 import reproduce as rp
 from reproduce.locate import data_files
+from reproduce.printed.number import powers
 from reproduce.views.figure import draw, drawable
-from reproduce.views.numbers import powers
 
 # Background and text colour of the theme; black in a figure becomes the text colour.
 THEMES = (("#ffffff", "#222832"), ("#14181e", "#ced6dd"))

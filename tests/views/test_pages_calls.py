@@ -18,6 +18,7 @@ from reproduce.judge.ledger import expected
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import Column, Fact
 from reproduce.printed.cells import PAPERS, anchor, library
+from reproduce.printed.number import powers
 from reproduce.views import numbers, verdicts
 from reproduce.views.citations import cite
 from reproduce.views.computed import whole_ledger
@@ -39,7 +40,7 @@ def test_every_cell_has_a_unique_anchor_its_printed_number_and_its_verdict():
         found = [tag["id"] for tag in page.select("[id]")]
         assert {cell.anchor for cell in table.cells} <= set(found)
         printed = [tag.text for tag in page.select(".rp-printed")]
-        assert printed == [numbers.powers(cell.shown) for cell in table.cells]
+        assert printed == [powers(cell.shown) for cell in table.cells]
         closed = [tag for tag in page.find_all() if not tag.is_empty_element]
         assert len(closed) == html.count("</"), key
         ids += found
@@ -103,7 +104,7 @@ def test_numbers_have_the_digits_that_their_errors_allow():
         ("<\u00a00.0008", 0.0, 0.0004),
         ("1.00", 1.0, 0.02),
     ):
-        assert numbers.chance(value, error) == text
+        assert verdicts.chance(value, error) == text
     for text, value in (
         ("0.4", 0.4312),
         ("10⁻⁸", 10**-7.6),

@@ -18,7 +18,14 @@ from pydantic import (
 )
 
 from reproduce.locate import data_folders, papers, read_toml
-from reproduce.printed.number import UNITS, PrintedNumber, quantity, si_factor, symbol
+from reproduce.printed.number import (
+    UNITS,
+    PrintedNumber,
+    minus,
+    quantity,
+    si_factor,
+    symbol,
+)
 
 PAPERS = tuple(papers())
 # Role of a number in the paper, which does not depend on its use here.
@@ -207,7 +214,7 @@ class PrintedCell:
         if isinstance(self.content, str):
             return self.content
         sign = _SIGNS.get(self.content.qualifier or "", "")
-        return quantity(sign + self.text.replace("-", "−"), symbol(self.unit))
+        return quantity(sign + minus(self.text), symbol(self.unit))
 
 
 @dataclass(frozen=True)

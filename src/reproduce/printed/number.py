@@ -30,6 +30,12 @@ _FLOAT_TOLERANCE = 1e-9
 # Larger values are written with an exponent.
 _MAX_PLAIN = 1e20
 _DIGITS = re.compile(r"[-+]?\d+(\.\d*)?([eE][-+]?\d+)?")
+# A number with an exponent in a text.
+_EXPONENT = re.compile(r"(?<![\w.])(\d+(?:\.\d+)?)[eE]([−+-]?)0*(\d+)(?!\w|\.\d)")
+# Digits and minus signs of an exponent.
+_SUPERSCRIPTS = str.maketrans("−-0123456789", "⁻⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+# A hyphen that is the sign of a number or of its exponent, not part of a word or a range.
+_HYPHEN = re.compile(r"(?<![\w.)])-(?=\.?\d|inf)|(?<=\d[eE])-(?=\d)")
 
 Interval = tuple[float, float]
 _LIMITS = ("less", "greater", "at-least", "within")
@@ -228,3 +234,31 @@ def symbol(unit: str) -> str:
     '″'
     """
     return UNITS[unit][0]
+
+
+def minus(text: str) -> str:
+    """Return a text whose numbers have a true minus sign.
+
+    Examples
+    --------
+    >>> minus("from -0.3 to -.1 (-2e-11) in II-B, fig-4 and 2-1")
+    'from −0.3 to −.1 (−2e−11) in II-B, fig-4 and 2-1'
+    """
+    return _HYPHEN.sub("−", text)
+
+
+def powers(text: str) -> str:
+    """Return a text whose exponents are powers of ten.
+
+    Examples
+    --------
+    >>> powers("from 1e−6 to −5.7e+12 px, not 2e-05.")
+    'from 10⁻⁶ to −5.7\u202f×\u202f10¹² px, not 2\u202f×\u202f10⁻⁵.'
+    """
+
+    def power(match: re.Match[str]) -> str:
+        digits, sign, size = match.groups()
+        raised = f"10{f'{sign}{size}'.lstrip('+').translate(_SUPERSCRIPTS)}"
+        return raised if digits == "1" else f"{digits}\u202f×\u202f{raised}"
+
+    return _EXPONENT.sub(power, text)

@@ -33,7 +33,7 @@ from rich.table import Table
 from rich.text import Text
 
 from reproduce.locate import data_folder
-from reproduce.views.numbers import minus, powers_in_html
+from reproduce.printed.number import minus, powers
 from reproduce.views.tex import escaped, in_tex
 
 if TYPE_CHECKING:
@@ -45,6 +45,8 @@ _WIDTH_COLUMNS, _MIN_COLUMNS, _MAX_COLUMNS = 80, 20, 1000  # of a terminal
 _NAME_CHARACTERS = 24
 _CONTROL = re.compile(r"[\x00-\x09\x0b-\x1f\x7f-\x9f]")
 _NUMBER = re.compile(r"[−<(≈]?\s?[\d.](?!.*[a-z]{5})|·?$")  # or no entry
+# Code, a tag, or text of HTML.
+_PIECES = re.compile(r"<(code|pre|script|style)\b.*?</\1>|<[^>]*>|[^<]+", re.DOTALL)
 # Meaning, short head, sign, style and shape of each verdict.
 LOOKS: dict[str, dict[str, str]] = tomllib.loads(
     Path(__file__).with_name("verdicts.toml").read_text(encoding="utf-8")
@@ -82,6 +84,19 @@ def rendered(template: str, **context: Any) -> Markup:
     return Markup(_templates().get_template(name).render(context))
 
 
+def _powers_in_html(html: str) -> str:
+    """Return HTML whose exponents are powers of ten, except in code.
+
+    Examples
+    --------
+    >>> _powers_in_html('<b id="x-2e-05">2e-05</b> <code>2e-05</code>')
+    '<b id="x-2e-05">2\u202f×\u202f10⁻⁵</b> <code>2e-05</code>'
+    """
+    return _PIECES.sub(
+        lambda match: match[0] if match[0][0] == "<" else powers(match[0]), html
+    )
+
+
 class View(ABC):
     """An object that shows itself in a notebook and in a terminal."""
 
@@ -95,7 +110,7 @@ class View(ABC):
         """Yield the object for a terminal."""
 
     def _repr_html_(self) -> str:
-        return powers_in_html(self.markup)
+        return _powers_in_html(self.markup)
 
     def print(self) -> None:
         """Write the object on the terminal."""

@@ -14,7 +14,7 @@ from reproduce.consistency.examine import RelationResult
 from reproduce.consistency.report import Audit, Erratum, audit_paper
 from reproduce.judge.ledger import entries, frozen, item_ledger
 from reproduce.printed.cells import PAPERS, anchor
-from reproduce.printed.number import si_factor, symbol
+from reproduce.printed.number import minus, quantity, si_factor, symbol
 from reproduce.version import __version__
 from reproduce.views import verdicts
 from reproduce.views.blocks import (
@@ -28,7 +28,6 @@ from reproduce.views.blocks import (
     rendered,
 )
 from reproduce.views.keys import check_paper
-from reproduce.views.numbers import minus, quantity
 
 _Row = dict[Any, Any]
 

@@ -13,11 +13,11 @@ from markupsafe import Markup
 from reproduce.judge.ledger import Record
 from reproduce.papers.catalogue import computations
 from reproduce.printed.cells import anchor, library
+from reproduce.printed.number import minus
 from reproduce.version import software
 from reproduce.views import verdicts
 from reproduce.views.blocks import rendered
 from reproduce.views.citations import check_format, cite
-from reproduce.views.numbers import minus
 from reproduce.views.tex import in_tex
 
 if TYPE_CHECKING:

@@ -26,8 +26,9 @@ from reproduce.papers.charts import NARROW
 from reproduce.papers.declare import Drawing, Schematic, item_text
 from reproduce.printed.cells import anchor, library
 from reproduce.printed.inputs import Inputs, load_inputs
+from reproduce.printed.number import powers
 from reproduce.store.files import FIGURES, check_target, replacing, write_text
-from reproduce.views import computed, keys, numbers
+from reproduce.views import computed, keys
 from reproduce.views.base import ItemView, Rerunnable, text_of
 from reproduce.views.blocks import Block, Display, Html, rendered
 from reproduce.views.export import toolbar
@@ -259,14 +260,14 @@ class Figure(Rerunnable, ItemView):
         if self.changes:
             remark = "your setting; marks of printed values do not change"
             return f"{self.title}. {self._setting(remark)}"
-        return numbers.powers(filled(item_text(self.key).figure.caption))
+        return powers(filled(item_text(self.key).figure.caption))
 
     @cached_property
     def alternative(self) -> str:
         """Alternative text."""
         if self.changes:
             return self.caption
-        return numbers.powers(filled(item_text(self.key).figure.alternative))
+        return powers(filled(item_text(self.key).figure.alternative))
 
     def blocks(self) -> Iterator[Block]:
         """Yield the figure with its caption; a terminal shows the command that draws it."""

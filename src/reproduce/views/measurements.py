@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from reproduce.physics import registration
 from reproduce.physics.registration import Finding, fit_registration
+from reproduce.printed.number import minus
 from reproduce.store.points import (
     TableFileError,
     brightness,
@@ -23,7 +24,7 @@ from reproduce.store.points import (
 )
 from reproduce.units import ARCSEC_PER_RADIAN
 from reproduce.views.blocks import Block, Display, Grid
-from reproduce.views.numbers import between, minus, moments
+from reproduce.views.numbers import between, moments
 
 if TYPE_CHECKING:
     import pandas as pd

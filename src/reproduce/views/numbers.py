@@ -1,33 +1,14 @@
-"""Texts of numbers: minus signs, powers of ten, errors and probabilities."""
+"""Texts of numbers in tables and sentences: errors, probabilities and intervals."""
 
 from __future__ import annotations
 
 import math
-import re
 from typing import TYPE_CHECKING
 
-from reproduce.printed.number import quantity as quantity
+from reproduce.printed.number import minus, powers, quantity
 
 if TYPE_CHECKING:
     from reproduce.papers.declare import Column, Fact
-
-_EXPONENT = re.compile(r"(?<![\w.])(\d+(?:\.\d+)?)[eE]([−+-]?)0*(\d+)(?!\w|\.\d)")
-_SUPERSCRIPTS = str.maketrans("−-0123456789", "⁻⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-# A hyphen that is the sign of a number or of its exponent, not part of a word or a range.
-_HYPHEN = re.compile(r"(?<![\w.)])-(?=\.?\d|inf)|(?<=\d[eE])-(?=\d)")
-# Code, a tag, or text of HTML.
-_PIECES = re.compile(r"<(code|pre|script|style)\b.*?</\1>|<[^>]*>|[^<]+", re.DOTALL)
-
-
-def minus(text: str) -> str:
-    """Return a text whose numbers have a true minus sign.
-
-    Examples
-    --------
-    >>> minus("from -0.3 to -.1 (-2e-11) in II-B, fig-4 and 2-1")
-    'from −0.3 to −.1 (−2e−11) in II-B, fig-4 and 2-1'
-    """
-    return _HYPHEN.sub("−", text)
 
 
 def entry(
@@ -71,50 +52,6 @@ def fact(quoted: Fact) -> str:
     return quantity(text, quoted.unit)
 
 
-def powers(text: str) -> str:
-    """Return a text whose exponents are powers of ten.
-
-    Examples
-    --------
-    >>> powers("from 1e−6 to −5.7e+12 px, not 2e-05.")
-    'from 10⁻⁶ to −5.7\u202f×\u202f10¹² px, not 2\u202f×\u202f10⁻⁵.'
-    """
-
-    def power(match: re.Match[str]) -> str:
-        digits, sign, size = match.groups()
-        raised = f"10{f'{sign}{size}'.lstrip('+').translate(_SUPERSCRIPTS)}"
-        return raised if digits == "1" else f"{digits}\u202f×\u202f{raised}"
-
-    return _EXPONENT.sub(power, text)
-
-
-def powers_in_html(html: str) -> str:
-    """Return HTML whose exponents are powers of ten, except in code.
-
-    Examples
-    --------
-    >>> powers_in_html('<b id="x-2e-05">2e-05</b> <code>2e-05</code>')
-    '<b id="x-2e-05">2\u202f×\u202f10⁻⁵</b> <code>2e-05</code>'
-    """
-    return _PIECES.sub(
-        lambda match: match[0] if match[0][0] == "<" else powers(match[0]), html
-    )
-
-
-def chance(value: float, mcse: float) -> str:
-    """Return a probability with no more digits than its Monte Carlo error allows.
-
-    Examples
-    --------
-    >>> chance(0.4321, 0.01)
-    '0.43'
-    """
-    if value < mcse:
-        return f"<\u00a0{2 * mcse:.1g}"
-    decimals = -math.floor(math.log10(2 * mcse)) if mcse > 0 else 6
-    return f"{value:.{min(max(decimals, 1), 6)}f}"
-
-
 def _power(probability: float, least: float) -> str:
     """Return a probability, a small one as a power of ten, or a bound below `least`."""
     if probability >= 1e-3:
@@ -122,7 +59,7 @@ def _power(probability: float, least: float) -> str:
     bound = round(math.log10(least or 1e-300))
     power = round(math.log10(max(probability, 1e-300)))
     sign = "" if power >= bound else "<\u202f"
-    return f"{sign}10{str(max(power, bound)).translate(_SUPERSCRIPTS)}"
+    return sign + powers(f"1e{max(power, bound)}")
 
 
 def digits(value: float, mcse: float) -> str:

@@ -18,6 +18,7 @@ from reproduce.physics.registration import (
     match_points,
     pair_weights,
 )
+from reproduce.printed.number import minus
 from reproduce.store.images import ImageError, is_image, read_image, reading
 from reproduce.store.points import (
     SIGMAS,
@@ -28,7 +29,6 @@ from reproduce.store.points import (
 )
 from reproduce.views.blocks import Block, Blocks, Display, Fold, Grid
 from reproduce.views.measurements import RegistrationResult
-from reproduce.views.numbers import minus
 
 FloatArray = NDArray[np.float64]
 # Default of the largest distance of a pair: in px, and as a fraction of the field.

@@ -37,6 +37,7 @@ from reproduce.inference.modes import Modes
 from reproduce.judge.rerun import check_randomness
 from reproduce.papers.posteriors import posteriors
 from reproduce.printed.cells import find
+from reproduce.printed.number import minus
 from reproduce.store.files import DRAWS, check_target, replacing, write_text
 from reproduce.store.points import DataTable
 from reproduce.version import __version__
@@ -48,7 +49,7 @@ from reproduce.views.export import export_frame
 from reproduce.views.figure import figure_block
 from reproduce.views.intervals import FloatArray, correlated_pair, draw_intervals
 from reproduce.views.measurements import platform_of
-from reproduce.views.numbers import digits, minus, moments
+from reproduce.views.numbers import digits, moments
 
 # Characters of the numbers of probably false stars in a sentence.
 _NAMES_WIDTH = 40

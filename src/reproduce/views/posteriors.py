@@ -15,10 +15,10 @@ from reproduce.papers.declare import item_text
 from reproduce.papers.posteriors import posteriors
 from reproduce.physics.attitude import Platform
 from reproduce.printed.cells import find
-from reproduce.printed.number import UNITS, symbol
+from reproduce.printed.number import UNITS, quantity, symbol
 from reproduce.store import studies
 from reproduce.views.blocks import Block, Blocks, Display, Entry, Grid, badge, link
-from reproduce.views.numbers import digits, percent, quantity
+from reproduce.views.numbers import digits, percent
 from reproduce.views.posterior import Posterior, book_posterior, interval
 
 _COLUMNS = ("Quantity", "Printed", "Posterior, mean ± sd", "95 % interval", "Verdict")

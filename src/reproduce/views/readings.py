@@ -13,9 +13,9 @@ from reproduce.judge.readings import evaluate
 from reproduce.judge.rerun import options
 from reproduce.papers.catalogue import computations
 from reproduce.printed.cells import library
+from reproduce.printed.number import minus
 from reproduce.views import verdicts
 from reproduce.views.blocks import Block, Display, Grid
-from reproduce.views.numbers import minus
 
 if TYPE_CHECKING:
     import pandas as pd

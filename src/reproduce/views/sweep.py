@@ -14,13 +14,13 @@ from reproduce.judge.rerun import Rerun
 from reproduce.papers.charts import set_size
 from reproduce.papers.declare import Study
 from reproduce.printed.cells import anchor, find
-from reproduce.printed.number import symbol
+from reproduce.printed.number import minus, quantity, symbol
 from reproduce.printed.quantity import si_value
 from reproduce.views import verdicts
 from reproduce.views.base import Change, setting
 from reproduce.views.blocks import Block, Display, Grid, Html, rendered
 from reproduce.views.figure import figure_block
-from reproduce.views.numbers import entry, minus, quantity
+from reproduce.views.numbers import entry
 
 if TYPE_CHECKING:
     import pandas as pd

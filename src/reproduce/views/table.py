@@ -14,7 +14,7 @@ from reproduce.judge.ledger import Ledger, Record, item_ledger
 from reproduce.judge.verdicts import AGREES
 from reproduce.papers.catalogue import catalogue, changeable, computation_for
 from reproduce.printed.cells import PrintedCell, anchor, find, library
-from reproduce.printed.number import symbol
+from reproduce.printed.number import minus, symbol
 from reproduce.views import keys, verdicts
 from reproduce.views.base import Change, ItemView, ResultView, text_of
 from reproduce.views.blocks import (
@@ -35,7 +35,6 @@ from reproduce.views.export import (
     table_files,
     toolbar,
 )
-from reproduce.views.numbers import minus
 from reproduce.views.readings import Readings, summary
 from reproduce.views.sweep import Changed, Sweep, of_cells, swept
 

@@ -3,7 +3,7 @@
 import tomllib
 from pathlib import Path
 
-from reproduce.views.numbers import minus, powers
+from reproduce.printed.number import minus, powers
 
 _SIGNS = {
     name: str.maketrans(signs)

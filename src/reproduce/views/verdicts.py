@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
 
@@ -17,10 +18,9 @@ from reproduce.judge.readings import ReadingSummary, evaluate
 from reproduce.judge.verdicts import AGREES, VERDICTS, Flag, Reading
 from reproduce.papers.catalogue import computation_for
 from reproduce.printed.cells import PAPERS, PrintedCell, anchor, find
-from reproduce.printed.number import symbol
+from reproduce.printed.number import minus, quantity, symbol
 from reproduce.views.blocks import Entry, badge, code, link
 from reproduce.views.computed import whole_ledger
-from reproduce.views.numbers import chance, minus, quantity
 
 # Kinds of weak agreement, and their names for readers.
 WEAK: dict[Flag, str] = {
@@ -136,6 +136,20 @@ def _interval(record: Record, ends: Sequence[float | None] | None) -> str:
 
 def _probability(record: Record | Reading) -> str:
     return "" if record.mcse is None else chance(record.probability or 0.0, record.mcse)
+
+
+def chance(value: float, mcse: float) -> str:
+    """Return a probability with no more digits than its Monte Carlo error allows.
+
+    Examples
+    --------
+    >>> chance(0.4321, 0.01)
+    '0.43'
+    """
+    if value < mcse:
+        return f"<\u00a0{2 * mcse:.1g}"
+    decimals = -math.floor(math.log10(2 * mcse)) if mcse > 0 else 6
+    return f"{value:.{min(max(decimals, 1), 6)}f}"
 
 
 def _joint_facts(joint: TableRecord) -> dict[str, str]:
