@@ -5,8 +5,8 @@ from pathlib import Path
 
 from sphinx_external_toc.parsing import parse_toc_yaml
 
-from reproduce.papers.catalogue import catalogue, computations
-from reproduce.papers.declare import item_text
+from reproduce.papers.catalogue import catalogue
+from reproduce.papers.declare import computations, item_text
 from reproduce.printed.cells import PAPERS, library
 from reproduce.views.figure import drawable
 from reproduce.views.verdicts import facts_of

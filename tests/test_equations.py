@@ -6,7 +6,8 @@ from pathlib import Path
 from pkgutil import resolve_name
 
 from equation_source import implementations
-from reproduce.papers.catalogue import catalogue, computations
+from reproduce.papers.catalogue import catalogue
+from reproduce.papers.declare import computations
 
 ROOT = Path(__file__).parent.parent
 LABEL = re.compile(r"^\$\$ ?\(((?:niu2024|chen2023)-[a-z0-9-]+)\)", re.MULTILINE)

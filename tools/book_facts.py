@@ -31,7 +31,8 @@ from reproduce.judge import verdicts as judging
 from reproduce.judge.ledger import expected, item_ledger
 from reproduce.judge.readings import evaluate
 from reproduce.locate import data_folder
-from reproduce.papers.catalogue import catalogue, computations, study
+from reproduce.papers.catalogue import catalogue
+from reproduce.papers.declare import computations, study
 from reproduce.printed.cells import PAPERS, library
 from reproduce.printed.number import NOMINAL_FRACTION, minus, powers
 from reproduce.store import studies as stored

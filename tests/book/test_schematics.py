@@ -4,8 +4,7 @@ import itertools
 
 import pytest
 
-from reproduce.papers.catalogue import drawing
-from reproduce.papers.declare import Schematic
+from reproduce.papers.declare import Schematic, drawing
 from reproduce.views.figure import draw, drawable
 
 pytestmark = pytest.mark.browser

@@ -8,8 +8,9 @@ from reproduce.judge import ledger
 from reproduce.judge.ledger import Ledger, item_ledger
 from reproduce.judge.readings import evaluate
 from reproduce.locate import data_folder
-from reproduce.papers.catalogue import catalogue, computation_for
+from reproduce.papers.catalogue import catalogue
 from reproduce.papers.chen2023 import effectiveness
+from reproduce.papers.declare import computation_for
 from reproduce.printed.cells import find, library
 from reproduce.printed.inputs import load_inputs
 from reproduce.views.verdicts import _joint_chance

@@ -10,8 +10,8 @@ import pytest
 
 import recompute
 from reproduce.judge import ledger, readings
-from reproduce.papers.catalogue import catalogue, computations
-from reproduce.papers.declare import Alternative, item_text, reproduces
+from reproduce.papers.catalogue import catalogue
+from reproduce.papers.declare import Alternative, computations, item_text, reproduces
 from reproduce.papers.niu2024 import simulation
 from reproduce.printed.cells import library
 from reproduce.printed.inputs import Inputs, load_inputs

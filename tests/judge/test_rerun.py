@@ -10,7 +10,8 @@ from reproduce.judge import rerun
 from reproduce.judge.ledger import build
 from reproduce.judge.readings import evaluate
 from reproduce.judge.rerun import CannotChangeError
-from reproduce.papers.catalogue import catalogue, changeable, computations
+from reproduce.papers.catalogue import catalogue
+from reproduce.papers.declare import changeable, computations
 from reproduce.printed.cells import find
 from reproduce.printed.inputs import load_inputs
 from reproduce.printed.quantity import si_value

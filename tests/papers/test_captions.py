@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from reproduce.locate import read_toml
-from reproduce.papers.catalogue import catalogue, computations, drawing, study
-from reproduce.papers.declare import item_text
+from reproduce.papers.catalogue import catalogue
+from reproduce.papers.declare import computations, drawing, item_text, study
 from reproduce.papers.texts import ItemText
 
 FOLDER = Path(__file__).parents[2] / "data" / "captions"

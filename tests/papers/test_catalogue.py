@@ -5,7 +5,8 @@ from graphlib import CycleError, TopologicalSorter
 import numpy as np
 import pytest
 
-from reproduce.papers.catalogue import catalogue, computations, drawing, study
+from reproduce.papers.catalogue import catalogue
+from reproduce.papers.declare import computations, drawing, study
 from reproduce.printed.cells import library
 from reproduce.printed.inputs import Inputs, load_inputs
 

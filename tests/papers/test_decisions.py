@@ -5,9 +5,9 @@ import pytest
 from scipy import stats
 
 from reproduce.inference.models.bench import _averaging_moments
-from reproduce.papers.catalogue import study
 from reproduce.papers.chen2023 import decisions as camera
 from reproduce.papers.chen2023 import published
+from reproduce.papers.declare import study
 from reproduce.papers.niu2024 import decisions as sensor
 from reproduce.papers.niu2024.posteriors import true_centroids
 from reproduce.physics.attitude import scatter_of_averages

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from reproduce.papers.catalogue import drawing
-from reproduce.papers.declare import Schematic
+from reproduce.papers.declare import Schematic, drawing
 from reproduce.physics import ground
 from reproduce.physics.attitude import (
     emitted_directions,

@@ -7,7 +7,7 @@ import pytest
 from bs4 import BeautifulSoup
 
 import reproduce as rp
-from reproduce.papers.catalogue import computations
+from reproduce.papers.declare import computations
 from reproduce.printed.cells import anchor, library
 from reproduce.views import figure as figures
 from reproduce.views.base import text_of

@@ -12,7 +12,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from reproduce.inference import sampling
-from reproduce.papers.catalogue import changeable, computations
+from reproduce.papers.declare import changeable, computations
 from reproduce.papers.posteriors import File, posteriors
 from reproduce.physics.registration import MODELS
 from reproduce.printed.cells import find

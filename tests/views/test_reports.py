@@ -17,7 +17,8 @@ import reproduce as rp
 from book_facts import card
 from reproduce.judge import ledger
 from reproduce.judge.ledger import expected, frozen, item_ledger
-from reproduce.papers.catalogue import catalogue, computations
+from reproduce.papers.catalogue import catalogue
+from reproduce.papers.declare import computations
 from reproduce.printed.cells import PAPERS, anchor, library
 from reproduce.printed.inputs import load_inputs
 from reproduce.views import reports

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 import fusion
 from keep import write
 from reproduce.judge import readings
-from reproduce.papers.catalogue import catalogue, computations
-from reproduce.papers.declare import ROOT_SEED, Computation
+from reproduce.papers.catalogue import catalogue
+from reproduce.papers.declare import ROOT_SEED, Computation, computations
 from reproduce.papers.niu2024.images import PHASES
 from reproduce.version import __version__
 

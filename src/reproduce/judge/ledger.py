@@ -16,7 +16,8 @@ from reproduce.judge.propagate import plain_results
 from reproduce.judge.readings import Evaluation, ReadingSummary, evaluate
 from reproduce.judge.verdicts import CENTRAL, Comparison, Frozen, Reading, Verdict
 from reproduce.locate import data_files
-from reproduce.papers.catalogue import catalogue, computations
+from reproduce.papers.catalogue import catalogue
+from reproduce.papers.declare import computations
 from reproduce.printed.cells import PrintedCell, PrintedTable, find, library
 from reproduce.printed.inputs import load_inputs
 

@@ -23,13 +23,14 @@ import numpy as np
 
 from reproduce.judge.ledger import Ledger, TableRecord, item_ledger
 from reproduce.judge.verdicts import central_interval
-from reproduce.papers.catalogue import (
+from reproduce.papers.declare import (
+    Alternative,
+    Computation,
     changeable,
     computation_for,
     computations,
     upstream,
 )
-from reproduce.papers.declare import Alternative, Computation
 from reproduce.printed.cells import PrintedCell, find, library
 from reproduce.printed.inputs import Inputs, load_inputs
 from reproduce.printed.number import Interval, si_factor, symbol

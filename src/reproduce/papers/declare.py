@@ -1,11 +1,16 @@
-"""Declarations: functions with the cells that they compute, draw or tabulate, and their inputs."""
+"""Declarations: functions with the cells that they compute, draw or tabulate, and their inputs.
+
+A module with declarations is imported on first use of one of its keys.
+"""
 
 from __future__ import annotations
 
 import fnmatch
+import importlib
 import inspect
 import re
 import zlib
+from collections import ChainMap
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property, lru_cache
@@ -15,6 +20,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from numpy.random import SeedSequence
 
+from reproduce.locate import data_files
+from reproduce.papers.catalogue import KINDS, catalogue
 from reproduce.papers.texts import Alternative as Alternative
 from reproduce.papers.texts import Column as Column
 from reproduce.papers.texts import Fact as Fact
@@ -392,3 +399,90 @@ def studied(
 ) -> Callable[[Callable[..., Any]], Study]:
     """Declare that a function computes the supplementary table `key`; parameters as in `Study`."""
     return lambda function: Study(key, function, tuple(inputs), random, named)
+
+
+@cache
+def declarations(key: str) -> Sequence[PaperFunction | Schematic]:
+    """Return the declarations of an item, a supplementary table or a drawing.
+
+    They are in the module of the key. Without a module, its schematic is the declaration.
+    """
+    module = ChainMap(*map(catalogue, KINDS))[key]
+    if not module:
+        return [Schematic(key, path) for path in data_files(f"schematics/{key}.svg")]
+    declared = [
+        value
+        for value in vars(importlib.import_module(module)).values()
+        if isinstance(value, PaperFunction) and value.key == key
+    ]
+    if not declared:
+        raise ValueError(
+            f"{key}: expected its declaration in {module}, got none. Add it, or correct the key "
+            "in data/items/."
+        )
+    return declared
+
+
+def computations(key: str) -> list[Computation]:
+    """Return the computations of an item."""
+    return [each for each in declarations(key) if isinstance(each, Computation)]
+
+
+def drawing(key: str) -> Drawing | Schematic | None:
+    """Return the drawing of a figure or of a supplementary drawing; None for other keys."""
+    drawn = (
+        each for each in declarations(key) if isinstance(each, Drawing | Schematic)
+    )
+    return next(drawn, None)
+
+
+def study(key: str) -> Study:
+    """Return a supplementary table; raise KeyError for other keys."""
+    for each in declarations(key):
+        if isinstance(each, Study):
+            return each
+    raise KeyError(f"key: expected a supplementary table, got {key}")
+
+
+def computation_for(address: str) -> Computation | None:
+    """Return the computation of a printed cell; None for an input."""
+    key, _, name = address.partition("#")
+    return next((each for each in computations(key) if each.makes(name)), None)
+
+
+def changeable(key: str) -> tuple[str, ...]:
+    """Return the inputs of an item, a cell or a study, direct or through other items.
+
+    Parameters
+    ----------
+    key : str
+        Key, or address of a cell.
+
+    Returns
+    -------
+    tuple of str
+        Addresses of the printed numbers, nearest first.
+
+    Examples
+    --------
+    >>> "niu2024/text-simulation#noise" in changeable("niu2024/table-3")
+    True
+    """
+    declared = [computation_for(key)] if "#" in key else declarations(key)
+    return upstream(
+        tuple(address for each in declared if each for address in each.inputs)
+    )
+
+
+@cache
+def upstream(patterns: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the addresses of the numbers that match, and of all their inputs."""
+    addresses: dict[str, None] = {}
+    waiting = list(patterns)
+    while waiting:
+        for address, cell in load_inputs([waiting.pop(0)]).cells.items():
+            if address not in addresses and cell.is_number:
+                addresses[address] = None
+                above = computation_for(address)
+                waiting += above.inputs if above else ()
+    return tuple(addresses)

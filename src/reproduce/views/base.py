@@ -9,8 +9,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, Self
 
 from reproduce.judge import rerun
-from reproduce.papers.catalogue import changeable, declarations
-from reproduce.papers.declare import Drawing
+from reproduce.papers.declare import Drawing, changeable, declarations
 from reproduce.views import keys
 from reproduce.views.blocks import Display
 from reproduce.views.citations import cite

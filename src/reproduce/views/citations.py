@@ -16,8 +16,8 @@ from pybtex.database import Entry, parse_file
 from reproduce import version
 from reproduce.judge.ledger import Record, item_ledger
 from reproduce.locate import papers
-from reproduce.papers.catalogue import catalogue, computation_for, study
-from reproduce.papers.declare import PaperFunction
+from reproduce.papers.catalogue import catalogue
+from reproduce.papers.declare import PaperFunction, computation_for, study
 from reproduce.printed.cells import PAPERS, PrintedCell, anchor, find, library
 from reproduce.version import AUTHORS, NAME, RELEASED, content_id
 from reproduce.views import keys, verdicts

@@ -11,7 +11,8 @@ from markupsafe import Markup
 
 from reproduce.judge.ledger import Ledger, Record, build, changed_verdicts
 from reproduce.judge.verdicts import VERDICTS
-from reproduce.papers.catalogue import catalogue, drawing
+from reproduce.papers.catalogue import catalogue
+from reproduce.papers.declare import drawing
 from reproduce.printed.cells import PAPERS, altered_files, find, library
 from reproduce.views import keys, verdicts
 from reproduce.views.blocks import (

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from markupsafe import Markup
 
 from reproduce.judge.ledger import Record
-from reproduce.papers.catalogue import computations
+from reproduce.papers.declare import computations
 from reproduce.printed.cells import anchor, library
 from reproduce.printed.number import minus
 from reproduce.version import software

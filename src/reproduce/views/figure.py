@@ -21,9 +21,9 @@ from numpy.typing import ArrayLike
 
 from reproduce.judge.rerun import CannotChangeError
 from reproduce.locate import data_folder
-from reproduce.papers.catalogue import catalogue, drawing
+from reproduce.papers.catalogue import catalogue
 from reproduce.papers.charts import NARROW
-from reproduce.papers.declare import Drawing, Schematic, item_text
+from reproduce.papers.declare import Drawing, Schematic, drawing, item_text
 from reproduce.printed.cells import anchor, library
 from reproduce.printed.inputs import Inputs, load_inputs
 from reproduce.printed.number import powers

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import difflib
 
-from reproduce.papers.catalogue import catalogue, declarations
+from reproduce.papers.catalogue import catalogue
+from reproduce.papers.declare import declarations
 from reproduce.printed.cells import PAPERS, library
 
 

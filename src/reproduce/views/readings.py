@@ -11,7 +11,7 @@ from markupsafe import Markup
 from reproduce.judge.ledger import Record
 from reproduce.judge.readings import evaluate
 from reproduce.judge.rerun import options
-from reproduce.papers.catalogue import computations
+from reproduce.papers.declare import computations
 from reproduce.printed.cells import library
 from reproduce.printed.number import minus
 from reproduce.views import verdicts

@@ -12,7 +12,7 @@ from reproduce import version
 from reproduce.judge.ledger import Record, item_ledger
 from reproduce.judge.rerun import options
 from reproduce.judge.verdicts import AGREES, CENTRAL
-from reproduce.papers.catalogue import computations
+from reproduce.papers.declare import computations
 from reproduce.printed.cells import library
 from reproduce.printed.inputs import load_inputs
 from reproduce.printed.number import si_factor

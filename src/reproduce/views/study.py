@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from reproduce.papers.catalogue import study
-from reproduce.papers.declare import Study
+from reproduce.papers.declare import Study, study
 from reproduce.printed.cells import anchor
 from reproduce.views import numbers
 from reproduce.views.base import Change, ItemView, Rerunnable

@@ -12,7 +12,8 @@ from markupsafe import Markup
 from reproduce.judge import rerun as rerunning
 from reproduce.judge.ledger import Ledger, Record, item_ledger
 from reproduce.judge.verdicts import AGREES
-from reproduce.papers.catalogue import catalogue, changeable, computation_for
+from reproduce.papers.catalogue import catalogue
+from reproduce.papers.declare import changeable, computation_for
 from reproduce.printed.cells import PrintedCell, anchor, find, library
 from reproduce.printed.number import minus, symbol
 from reproduce.views import keys, verdicts

@@ -16,7 +16,7 @@ from reproduce.judge.ledger import (
 )
 from reproduce.judge.readings import ReadingSummary, evaluate
 from reproduce.judge.verdicts import AGREES, VERDICTS, Flag, Reading
-from reproduce.papers.catalogue import computation_for
+from reproduce.papers.declare import computation_for
 from reproduce.printed.cells import PAPERS, PrintedCell, anchor, find
 from reproduce.printed.number import minus, quantity, symbol
 from reproduce.views.blocks import Entry, badge, code, link

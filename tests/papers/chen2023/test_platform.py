@@ -5,7 +5,6 @@ import pytest
 from numpy.random import SeedSequence, default_rng
 from scipy.stats import chi2
 
-from reproduce.papers.catalogue import drawing
 from reproduce.papers.chen2023 import accuracy, platform_twin
 from reproduce.papers.chen2023.platform import (
     DIAGONAL,
@@ -15,6 +14,7 @@ from reproduce.papers.chen2023.platform import (
     lasers,
     scatter,
 )
+from reproduce.papers.declare import drawing
 from reproduce.physics.attitude import (
     attitude,
     emitted_directions,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import fusion
-from reproduce.papers.catalogue import study
+from reproduce.papers.declare import study
 from reproduce.papers.niu2024 import experiment, images
 from reproduce.physics.images import cramer_rao_variance, window_corners
 from reproduce.printed.inputs import load_inputs
