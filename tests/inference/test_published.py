@@ -8,6 +8,7 @@ from reproduce.inference import PosteriorSamples
 from reproduce.inference.sampling import Plan, run_ensemble
 from reproduce.papers.niu2024 import experiment, published, simulation
 from reproduce.papers.posteriors import posteriors
+from reproduce.physics.optics import channel_centroids
 from reproduce.physics.registration import fit_registration
 from reproduce.printed.inputs import load_inputs
 from reproduce.views.posterior import book_posterior
@@ -54,10 +55,10 @@ def test_errors_per_noise_are_those_of_repeated_fits(kind):
     inputs = load_inputs(posteriors()[f"{kind}-red"].inputs)
     instrument = {"simulation": simulation, "camera": experiment}[kind].instrument
     bench, angles = instrument(inputs), simulation.arrangement(inputs)
-    green, red, _ = bench.imaged(angles)
+    green, red, _ = channel_centroids(bench, angles)
     noise, rng = 0.1, np.random.default_rng(4)
     errors = rng.normal(0, noise / np.sqrt(2), (2, 2000, *green.shape))
-    pivot = bench.cameras[1].principal_point
+    pivot = bench[1].principal_point
     fits = fit_registration(red + errors[0], green + errors[1], pivot)
     known = published._noise_free_fit(bench, angles, "red")
     spread = fits.parameters.std(axis=0)

@@ -158,7 +158,6 @@ CALLS = [
         optics.channel_centroids,
         {
             "cameras": [optics.Camera(**CAMERA)],
-            "rotations": np.zeros(1),
             "angles": LINE / 99,
         },
     ),
@@ -205,7 +204,12 @@ def test_unequal_counts_and_batches_are_errors():
     pairs = registration.Registration.similarity([1, 1], 0, (0, 0), PIVOT)
     for error, call in (
         ("4 and 3", lambda: registration.fit_registration(SOURCE, TARGET[:3], PIVOT)),
-        ("rotations", lambda: optics.channel_centroids([], np.zeros(2), LINE)),
+        (
+            "rotation",
+            lambda: optics.Camera(
+                **CAMERA | {"focal_length": [1, 1], "rotation": [0, 0, 0]}
+            ),
+        ),
         ("expected leading", lambda: pairs.apply([SOURCE] * 3)),
     ):
         with pytest.raises(ValueError, match=error):

@@ -32,7 +32,6 @@ from __future__ import annotations
 import operator
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -52,8 +51,6 @@ from reproduce.physics.validate import (
     valid,
 )
 
-_Rotations = Annotated[Any, ("channels",)]
-_Angles = Annotated[Any, (None, 2)]
 # Relative distance within which a point is on a border.
 _BORDER_TOLERANCE = 1e-9
 # Steps in half a range, above which the unit of an angle is probably wrong.
@@ -282,12 +279,15 @@ class Camera:
         First radial coefficient, in m^-2 (1e-5 per square millimetre is 10 per square metre).
     pixel_pitch : float
         Distance between the centres of neighbouring pixels, in metres.
+    rotation : float
+        Angle theta of the detector against the reference detector, in radians.
     """
 
     focal_length: Positive
     principal_point: Point
     radial_distortion: Number
     pixel_pitch: Positive
+    rotation: Number = 0.0
 
 
 @checked
@@ -382,9 +382,7 @@ def turned_onto_detector(positions: Points, rotation: Number) -> FloatArray:
 
 
 @checked
-def image_points(
-    directions: Directions, camera: Camera, rotation: Number = 0.0
-) -> FloatArray:
+def image_points(directions: Directions, camera: Camera) -> FloatArray:
     """Return the image points of directions: projection, distortion, rotated detector.
 
     Implements: niu2024 (2), (21), (22), (23).
@@ -394,10 +392,8 @@ def image_points(
     directions : array_like, shape (..., n, 3)
         Directions of the stars in the frame of the reference (green) channel.
     camera : Camera
-        Imaging parameters of this channel.
-    rotation : array_like, shape (...)
-        Angle theta of the detector of this channel against the reference, in radians. Zero, for
-        the reference channel, is (2) and (21).
+        Imaging parameters of this channel. A rotation of zero, for the reference channel, is (2)
+        and (21).
 
     Returns
     -------
@@ -418,7 +414,7 @@ def image_points(
     """
     ideal = ideal_positions(directions, camera.focal_length)
     bent = ideal + radial_displacements(ideal, camera.radial_distortion)
-    spots = turned_onto_detector(bent, rotation)
+    spots = turned_onto_detector(bent, camera.rotation)
     return spots / camera.pixel_pitch + camera.principal_point
 
 
@@ -617,21 +613,17 @@ def fit_camera(
     origin = (points - np.einsum("...nij,...j->...ni", columns, linear)).mean(axis=-2)
     focal, cubic = np.moveaxis(linear, -1, 0)
     valid("points", focal, focal > 0, "axes that give a positive focal length")
-    return Camera(focal, origin, cubic / focal**3, pixel_pitch)
+    return Camera(focal, origin, cubic / focal**3, pixel_pitch, rotation)
 
 
 @checked
-def channel_centroids(
-    cameras: Sequence[Camera], rotations: _Rotations, angles: _Angles
-) -> FloatArray:
+def channel_centroids(cameras: Sequence[Camera], angles: Points) -> FloatArray:
     """Return the image points of the star of the simulator in every channel, without noise.
 
     Parameters
     ----------
     cameras : sequence of Camera
         Cameras of the channels.
-    rotations : array_like, shape (channels,)
-        Angle of each detector against the reference, in radians; zero for the reference.
     angles : array_like, shape (..., n, 2)
         Angles of the table, in radians: middle frame (x), then external frame (y).
 
@@ -643,21 +635,13 @@ def channel_centroids(
     Raises
     ------
     ValueError
-        If the counts of cameras and rotations differ, or the star is behind the sensor.
+        If the star is behind the sensor.
 
     Examples
     --------
     >>> camera = Camera(20e-3, (50, 60), 0, 10e-6)
-    >>> channel_centroids([camera], [0.0], [[0.0, np.pi / 4]]).round(6)
+    >>> channel_centroids([camera], [[0.0, np.pi / 4]]).round(6)
     array([[[  50., 2060.]]])
     """
-    if len(rotations) != len(cameras):
-        raise ValueError(
-            f"rotations: expected one per camera ({len(cameras)}), got {len(rotations)}. Give zero "
-            "for the reference channel"
-        )
     directions = starlight(angles[..., 1], angles[..., 0])
-    channels = zip(cameras, rotations, strict=True)
-    return np.stack(
-        [image_points(directions, *channel) for channel in channels], axis=-3
-    )
+    return np.stack([image_points(directions, camera) for camera in cameras], axis=-3)

@@ -7,6 +7,7 @@ import reproduce as rp
 from reproduce.consistency.report import audit_paper
 from reproduce.judge.readings import evaluate
 from reproduce.papers.niu2024 import experiment, simulation
+from reproduce.physics.optics import channel_centroids
 from reproduce.physics.registration import (
     Registration,
     fit_registration,
@@ -91,7 +92,7 @@ def test_only_positions_in_corners_bring_red_to_the_printed_values():
 
 def test_the_printed_residual_rules_out_the_focal_lengths_for_blue():
     """Registered with the printed scale, spots by the focal lengths leave over too much."""
-    true = experiment.instrument(INPUTS).imaged(field(41))
+    true = channel_centroids(experiment.instrument(INPUTS), field(41))
     shift = (-0.9256, 1.0961)
     registered = Registration.similarity(
         1.0012, np.radians(-0.0351), shift, shift
@@ -168,10 +169,10 @@ def test_the_registration_of_the_twin_finds_what_the_cameras_imply():
     )
     error, replicates = 0.05 / np.sqrt(10), 400
     _, fit = experiment.twin_fits(inputs, np.random.SeedSequence(3), replicates, error)
-    cameras, rotations = bench = experiment.instrument(inputs)
-    true = bench.imaged(simulation.arrangement(inputs))
+    cameras = experiment.instrument(inputs)
+    true = channel_centroids(cameras, simulation.arrangement(inputs))
     for place, channel in enumerate(("red", "blue"), start=1):
-        implied = similarity_between(cameras[place], rotations[place], cameras[0])
+        implied = similarity_between(cameras[place], cameras[0])
         bound = fit_registration(
             true[place],
             implied.apply(true[place]),

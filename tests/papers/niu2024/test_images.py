@@ -7,6 +7,7 @@ import fusion
 from reproduce.papers.declare import study
 from reproduce.papers.niu2024 import experiment, images
 from reproduce.physics.images import cramer_rao_variance, window_corners
+from reproduce.physics.optics import channel_centroids
 from reproduce.printed.inputs import load_inputs
 from reproduce.store.measured import spectra
 
@@ -22,7 +23,7 @@ def stored():
 
 def spots(place):
     angles = place * np.array(experiment.half_field(INPUTS))
-    return images._instrument(INPUTS).imaged(angles[None])[:, 0]
+    return channel_centroids(images._instrument(INPUTS), angles[None])[:, 0]
 
 
 def photons(magnitude, star="solar"):

@@ -7,6 +7,7 @@ import pytest
 
 from reproduce.judge import readings
 from reproduce.papers.niu2024 import simulation
+from reproduce.physics.optics import channel_centroids
 from reproduce.physics.registration import fit_registration
 from reproduce.printed.inputs import load_inputs
 from reproduce.views.figure import draw
@@ -15,7 +16,7 @@ INPUTS = load_inputs(simulation.calibrated_parameters.inputs)
 LITERAL = simulation._Bench(INPUTS, "square", "every-channel", "one", "table-1")
 TABLE = simulation.arrangement(INPUTS)
 [ZERO] = np.flatnonzero(np.isclose(TABLE, 0).all(axis=1))
-TRUE = simulation.instrument(INPUTS).imaged(TABLE)
+TRUE = channel_centroids(simulation.instrument(INPUTS), TABLE)
 PLACES = list(enumerate(simulation.REGISTERED, start=1))
 
 

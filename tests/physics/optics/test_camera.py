@@ -22,7 +22,7 @@ def test_image_points_are_those_by_hand():
         ideal = focal * (x + 1j * y) / z
         bent = ideal * (1 + radial * np.abs(ideal) ** 2)
         expected = bent * np.exp(-1j * theta) / PITCH + (800 + 600j)
-        channel = Camera(focal, (800.0, 600.0), radial, PITCH)
-        spots = image_points(rng.uniform(0.1, 9, (40, 1)) * stars, channel, theta)
+        channel = Camera(focal, (800.0, 600.0), radial, PITCH, theta)
+        spots = image_points(rng.uniform(0.1, 9, (40, 1)) * stars, channel)
         assert_allclose(spots @ [1, 1j], expected, rtol=1e-13)
         assert_allclose(ideal_positions(stars, focal) @ [1, 1j], ideal, rtol=1e-13)

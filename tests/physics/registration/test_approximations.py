@@ -18,23 +18,23 @@ PITCH = 3.45e-6
 HALF = np.array([2064, 1544]) * PITCH / 2
 MIDDLES = (np.arange(200) + 0.5) / 100 - 1
 EVEN = np.stack(np.meshgrid(MIDDLES, MIDDLES), axis=-1).reshape(-1, 2) * HALF
-SOURCE = Camera(25.0601e-3, (1033.9, 774.3), 57.0, PITCH)
+ROTATION = np.radians(0.07)
+SOURCE = Camera(25.0601e-3, (1033.9, 774.3), 57.0, PITCH, ROTATION)
 GREEN = Camera(25.0e-3, (1032.0, 772.0), 49.0, PITCH)
 STRAIGHT = [replace(camera, radial_distortion=0.0) for camera in (SOURCE, GREEN)]
-ROTATION = np.radians(0.07)
 PIVOT, TILT, SECOND = np.array([(3.0, -4.0), (2e-4, -1e-4), (4e5, 3e5)])
 
 
-def simulated_bias(
-    source, reference, rotation=ROTATION, pivot_error=(0.0, 0.0), **effect
-):
+def simulated_bias(source, reference, pivot_error=(0.0, 0.0), **effect):
     """Return the error of (k, theta, shift x, shift y) in a fit to exact image points."""
-    truth = similarity_between(source, rotation, reference)
+    truth = similarity_between(source, reference)
     pivot = source.principal_point + np.asarray(pivot_error)
     shifted = Registration("similarity", truth.parameters, pivot)
-    points = turned_onto_detector(EVEN, rotation) / PITCH + source.principal_point
+    points = (
+        turned_onto_detector(EVEN, source.rotation) / PITCH + source.principal_point
+    )
     effect["pivot_error"] = pivot_error
-    error = error_field(source, reference, EVEN, rotation, **effect)
+    error = error_field(source, reference, EVEN, **effect)
     fitted = fit_registration(points, shifted.apply(points) + error, pivot)
     return fitted.parameters - truth.parameters
 
@@ -54,20 +54,20 @@ def moments():
 
 
 @pytest.mark.parametrize(
-    ("source", "green", "rotation"),
+    ("source", "green"),
     [
-        (SOURCE, GREEN, ROTATION),
+        (SOURCE, GREEN),
         # Near one, a power of the scale more or less would pass unseen.
-        (Camera(25e-3, (0, 0), 57.0, PITCH), Camera(15e-3, (0, 0), 49.0, PITCH), 0.0),
+        (Camera(25e-3, (0, 0), 57.0, PITCH), Camera(15e-3, (0, 0), 49.0, PITCH)),
     ],
 )
-def test_distortions_change_the_scale(source, green, rotation):
+def test_distortions_change_the_scale(source, green):
     """A radial error c p |p|^2 changes only the scale, by c <r^4> / <r^2>."""
     k, (second, fourth, _) = green.focal_length / source.focal_length, moments()
-    cube = simulated_bias(source, replace(green, radial_distortion=57.0), rotation)
+    cube = simulated_bias(source, replace(green, radial_distortion=57.0))
     assert agree(cube, [(k**3 - k) * 57.0 * fourth / second, 0, 0, 0])
     # The cube is at work in both, and the difference counts.
-    both = simulated_bias(source, green, rotation)
+    both = simulated_bias(source, green)
     assert agree(both - cube, [k**3 * (49.0 - 57.0) * fourth / second, 0, 0, 0])
 
 
@@ -95,7 +95,7 @@ def test_a_tilted_detector_is_a_plane_that_rays_intersect():
 
 def test_without_tilt_and_second_term_the_error_is_that_of_two_cameras():
     directions = np.column_stack([EVEN[:40], np.full(40, 25.0601e-3)])
-    model = similarity_between(SOURCE, 0.01, GREEN)
-    modelled = model.apply(image_points(directions, SOURCE, 0.01))
+    model = similarity_between(SOURCE, GREEN)
+    modelled = model.apply(image_points(directions, SOURCE))
     expected = image_points(directions, GREEN) - modelled
-    assert_allclose(error_field(SOURCE, GREEN, EVEN[:40], 0.01), expected, atol=1e-9)
+    assert_allclose(error_field(SOURCE, GREEN, EVEN[:40]), expected, atol=1e-9)

@@ -26,11 +26,10 @@ def test_similarity_between_cameras_is_exact_without_distortion():
     slopes = default_rng(6).uniform(-0.1, 0.1, (9, 2))
     stars = np.concatenate([slopes, np.ones((9, 1))], axis=1)
     green = Camera(25e-3, (1030, 770), 0, 4e-6)
-    blue = Camera(24e-3, (1029, 772), 0, 3e-6)
-    theta = 0.02
-    between = similarity_between(blue, theta, green)
+    blue = Camera(24e-3, (1029, 772), 0, 3e-6, 0.02)
+    between = similarity_between(blue, green)
     assert_allclose(
-        between.apply(image_points(stars, blue, theta)),
+        between.apply(image_points(stars, blue)),
         image_points(stars, green),
         atol=1e-10,
     )

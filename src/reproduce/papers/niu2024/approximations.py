@@ -26,6 +26,7 @@ from reproduce.papers.niu2024.simulation import (
     REGISTERED,
     zero_positions,
 )
+from reproduce.physics.optics import channel_centroids
 from reproduce.physics.registration import error_field, fit_registration
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.inputs import Inputs
@@ -86,10 +87,9 @@ def _error_fields(
 
     The effects have the printed parameters and the assumed values.
     """
-    cameras, rotations = _INSTRUMENTS[table](inputs)
-    index = CHANNELS.index(channel)
-    green, source, rotation = cameras[0], cameras[index], rotations[index]
-    field = partial(error_field, positions=positions, rotation=rotation)
+    cameras = _INSTRUMENTS[table](inputs)
+    green, source = cameras[0], cameras[CHANNELS.index(channel)]
+    field = partial(error_field, positions=positions)
     both = source, green
     straight = [replace(camera, radial_distortion=0.0) for camera in both]
     distortions = np.array([camera.radial_distortion for camera in both])
@@ -101,7 +101,7 @@ def _error_fields(
         "unequal coefficients": field(*both) - cube,
         "k³ for k": cube,
         "green's pivot": field(*straight, pivot_error=moved),
-        "tilt": field(*straight, tilt=np.tan(np.abs([rotation, rotation]))),
+        "tilt": field(*straight, tilt=np.tan(np.abs([source.rotation] * 2))),
         "second radial term": field(*straight, second_term=rest * distortions),
     }
 
@@ -112,8 +112,9 @@ def _facts(inputs: Inputs) -> dict[str, float]:
     Effects on the fitted scales of the simulation are multiples of their scatter. The noise of two
     channels moves a scale by √2 σ over the root of the summed squared radii.
     """
-    angles, instrument = simulation.arrangement(inputs), simulation.instrument(inputs)
-    true = instrument.imaged(angles)
+    angles = simulation.arrangement(inputs)
+    green, *_ = cameras = simulation.instrument(inputs)
+    true = channel_centroids(cameras, angles)
     zero = true[:, zero_positions(angles)]
     radii = np.linalg.norm(true[0] - zero[0], axis=-1)
     noise = np.sqrt(2.0) * inputs[NOISE]
@@ -123,7 +124,6 @@ def _facts(inputs: Inputs) -> dict[str, float]:
         inputs.array(f"niu2024/table-{table}#scale.*") for table in (2, 3)
     )
     half = inputs.half_unit("niu2024/table-3#scale.red")
-    green, pitch = instrument.cameras[0], inputs["niu2024/text-optics#pixel-pitch-x"]
     bias = np.abs(fitted - scale_factors(inputs)) / scatter
     return {
         "outermost": radii.max(),
@@ -132,7 +132,8 @@ def _facts(inputs: Inputs) -> dict[str, float]:
         "distance": (np.abs(scales - fitted) - half).min() / scatter,
         "rounding": 200.0 * half / abs(scales - actual)[0],
         "noise-rms": noise,
-        "pixel-angle": np.arctan(pitch / green.focal_length) * ARCSEC_PER_RADIAN,
+        "pixel-angle": np.arctan(green.pixel_pitch / green.focal_length)
+        * ARCSEC_PER_RADIAN,
     }
 
 

@@ -49,7 +49,6 @@ from reproduce.papers.niu2024.simulation import (
     CHANNELS,
     NOISE,
     REGISTERED,
-    Instrument,
     instrument_of,
     translations,
     zero_positions,
@@ -95,8 +94,8 @@ def scale_factors(inputs: Inputs) -> Results:
     return by_cell("scale.{}", ratios, REGISTERED)
 
 
-def instrument(inputs: Inputs) -> Instrument:
-    """Return the instrument of Table 4; image points start at the green principal point."""
+def instrument(inputs: Inputs) -> list[optics.Camera]:
+    """Return the cameras of Table 4; image points start at the green principal point."""
     points = np.insert(translations(inputs, _TABLE), 0, 0.0, axis=0)
     return instrument_of(inputs, _TABLE, _TABLE, points)
 
@@ -138,11 +137,12 @@ def _registered_points(inputs: Inputs, angles: FloatArray) -> FloatArray:
 
     Shape (..., 3, n, 2), in px from the green principal point; channels green, red, blue.
     """
-    cameras, turns = instrument(inputs)
-    green = optics.channel_centroids(cameras[:1], [0.0], angles)
+    cameras = instrument(inputs)
+    green = optics.channel_centroids(cameras[:1], angles)
+    turns = [camera.rotation for camera in cameras[1:]]
     # The principal point of the source is the shift, because green's is the origin here.
     shifts, scales = translations(inputs, _TABLE), inputs.array(f"{_TABLE}#scale.*")
-    back = Registration.similarity(scales, turns[1:], shifts, shifts).inverse()
+    back = Registration.similarity(scales, turns, shifts, shifts).inverse()
     return np.concatenate([green, back.apply(green)], axis=-3)
 
 
@@ -172,7 +172,7 @@ def rmse_before(
     if scale == "factors":
         true = _registered_points(inputs, angles)
     else:
-        true = instrument(inputs).imaged(angles)
+        true = optics.channel_centroids(instrument(inputs), angles)
     measured = true + _centroid_errors(inputs) * unit
     values = rmse_per_axis(measured[:, 1:], measured[:, :1])
     if rmse == "both":
@@ -195,7 +195,8 @@ def rmse_after(inputs: Inputs) -> Results:
     grid = np.meshgrid(
         np.linspace(-half_x, half_x, 33), np.linspace(-half_y, half_y, 25)
     )
-    true = instrument(inputs).imaged(np.stack(grid, -1).reshape(-1, 2))
+    angles = np.stack(grid, -1).reshape(-1, 2)
+    true = optics.channel_centroids(instrument(inputs), angles)
     fit = fit_registration(true[1:], true[:1], translations(inputs, _TABLE))
     misfit = np.square(fit.residuals).mean(axis=-2)
     expected = np.sqrt(misfit + 2 * inputs[NOISE] ** 2)
@@ -244,12 +245,13 @@ def twin_fits(
         It is the closed form, which is the limit of the iteration of the paper. The pivot is the
         spot at the zero position, as in section 3.2.
     """
-    table, bench = simulation.arrangement(inputs), instrument(inputs)
-    true = bench.imaged(table)
+    table, cameras = simulation.arrangement(inputs), instrument(inputs)
+    true = optics.channel_centroids(cameras, table)
     noisy = true + error * default_rng(seed).standard_normal((replicates, *true.shape))
     directions = optics.starlight(table[:, 1], table[:, 0])
     pitch = inputs["niu2024/text-optics#pixel-pitch-x"]
-    camera = optics.fit_camera(directions, noisy, pitch, bench.rotations)
+    turns = [camera.rotation for camera in cameras]
+    camera = optics.fit_camera(directions, noisy, pitch, turns)
     [zero] = zero_positions(table)
     others = noisy[:, 1:]
     return camera, fit_registration(others, noisy[:, :1], others[:, :, zero])

@@ -26,7 +26,7 @@ from numpy.random import Generator, SeedSequence
 from reproduce.papers.charts import set_size
 from reproduce.papers.declare import Rows, draws, studied
 from reproduce.papers.niu2024 import experiment
-from reproduce.papers.niu2024.simulation import CHANNELS, Instrument
+from reproduce.papers.niu2024.simulation import CHANNELS
 from reproduce.physics.images import (
     Detector,
     blackbody_band,
@@ -37,7 +37,7 @@ from reproduce.physics.images import (
     tabulated_star,
     window_corners,
 )
-from reproduce.physics.optics import detector_centre
+from reproduce.physics.optics import Camera, channel_centroids, detector_centre
 from reproduce.physics.registration import (
     Registration,
     registered_image,
@@ -92,22 +92,19 @@ _MIDDLE_SLICE = slice(_MARGIN_PIXELS, -_MARGIN_PIXELS)
 _SUMMED_PIXELS = 3
 
 
-def _instrument(inputs: Inputs) -> Instrument:
-    """Return the instrument of Table 4 with green's principal point at the detector's centre."""
-    cameras, rotations = experiment.instrument(inputs)
+def _instrument(inputs: Inputs) -> list[Camera]:
+    """Return the cameras of Table 4 with green's principal point at the detector's centre."""
     centre = detector_centre(inputs.array("niu2024/text-optics#pixels-?"))
-    moved = [
+    return [
         replace(camera, principal_point=camera.principal_point + centre)
-        for camera in cameras
+        for camera in experiment.instrument(inputs)
     ]
-    return Instrument(moved, rotations)
 
 
 def similarities(inputs: Inputs) -> list[Registration]:
     """Return the transforms of red and blue to green of a perfect calibration."""
-    (green, *cameras), (_, *rotations) = _instrument(inputs)
-    pairs = zip(cameras, rotations, strict=True)
-    return [similarity_between(camera, rotation, green) for camera, rotation in pairs]
+    green, *others = _instrument(inputs)
+    return [similarity_between(camera, green) for camera in others]
 
 
 def photons_from(inputs: Inputs, star: str, magnitude: float) -> FloatArray:
@@ -156,14 +153,13 @@ def compare_images(
         around the brightest pixel.
     """
     generator = np.random.default_rng(seed)
-    bench, half = _instrument(inputs), experiment.half_field(inputs)
-    green = bench.cameras[0]
-    pitch = green.pixel_pitch / green.focal_length
+    cameras, half = _instrument(inputs), experiment.half_field(inputs)
+    pitch = cameras[0].pixel_pitch / cameras[0].focal_length
     noise = SENSOR.noise_electrons() * np.sqrt([[1], [3], [3]])
     errors, signals = [], []
     for _ in range(PHASES):
         angles = place * half + pitch * generator.uniform(-1, 1, 2)
-        spots = bench.imaged(angles[None])[:, 0]
+        spots = channel_centroids(cameras, angles[None])[:, 0]
         windows, corner = _exposures(spots, photons, trials, generator)
         fused = _combinations(windows, corner, transforms or similarities(inputs))
         centres = fitted_centre(fused, corner + _MARGIN_PIXELS, RADIUS, noise)
@@ -247,7 +243,7 @@ def _draw_star(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     from matplotlib.patheffects import withStroke
 
     angles = 0.95 * experiment.half_field(inputs)
-    spots = _instrument(inputs).imaged(angles[None])[:, 0]
+    spots = channel_centroids(_instrument(inputs), angles[None])[:, 0]
     photons = photons_from(inputs, "solar", magnitude=3.0)
     windows, corner = _exposures(spots, photons, 1, np.random.default_rng(9))
     # Red, green and blue, and both sums.

@@ -23,7 +23,7 @@ from reproduce.inference import Derived, Model, models
 from reproduce.papers.niu2024 import published, simulation
 from reproduce.papers.niu2024.simulation import NOISE
 from reproduce.papers.posteriors import Declaration, File, data_stream
-from reproduce.physics.optics import angle_from_pixels
+from reproduce.physics.optics import angle_from_pixels, channel_centroids
 from reproduce.physics.registration import (
     checked_pivot,
     diagnose_fit,
@@ -50,7 +50,8 @@ _ERRORS = ("weights", "source_covariance", "target_covariance")
 
 def true_centroids(inputs: Inputs) -> FloatArray:
     """Return noise-free centroids of green, red and blue, shape (3, n, 2), in px."""
-    return simulation.instrument(inputs).imaged(simulation.arrangement(inputs))
+    angles = simulation.arrangement(inputs)
+    return channel_centroids(simulation.instrument(inputs), angles)
 
 
 def _noisy(inputs: Inputs, true: FloatArray, *key: int) -> FloatArray:
@@ -72,8 +73,8 @@ def truth(inputs: Inputs) -> dict[str, float]:
 
 def _distorted_truth(inputs: Inputs) -> dict[str, float]:
     """Return the transform of ideal points in red, the noise, and both distortions at the edge."""
-    (green, red, _), (_, rotation, _) = simulation.instrument(inputs)
-    ideal = similarity_between(red, rotation, green).parameters.tolist()
+    green, red, _ = simulation.instrument(inputs)
+    ideal = similarity_between(red, green).parameters.tolist()
     offsets = true_centroids(inputs)[1] - red.principal_point
     edge = np.hypot(*offsets.T).max()
     moved = {
@@ -118,7 +119,7 @@ def _new_stars(inputs: Inputs, likelihood: models.GaussianRegistration) -> Deriv
     generator = default_rng(data_stream(inputs, 3, 0, 0))
     half, count = simulation.half_ranges(inputs), inputs.count(_TEST_POINTS)
     directions = generator.uniform(-half, half, (count, 2))
-    true = simulation.instrument(inputs).imaged(directions)
+    true = channel_centroids(simulation.instrument(inputs), directions)
     _, source, _ = _noisy(inputs, true, 3, 1)
     pitch = inputs["niu2024/text-optics#pixel-pitch-x"]
     focal_length = inputs["niu2024/table-1#focal-length.green"]

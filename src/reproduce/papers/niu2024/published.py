@@ -21,8 +21,9 @@ from reproduce.inference import Consequence, LogUniform, Model, Prior, Uniform, 
 from reproduce.papers.charts import set_size
 from reproduce.papers.declare import Rows, draws, item_text, studied
 from reproduce.papers.niu2024 import experiment, simulation
-from reproduce.papers.niu2024.simulation import CHANNELS, REGISTERED, ROWS, Instrument
+from reproduce.papers.niu2024.simulation import CHANNELS, REGISTERED, ROWS
 from reproduce.papers.posteriors import Declaration
+from reproduce.physics.optics import Camera, channel_centroids
 from reproduce.physics.registration import RegistrationFit, fit_registration
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.inputs import Inputs
@@ -63,14 +64,14 @@ _PRIORS: dict[str, Prior] = {
 
 
 def _noise_free_fit(
-    instrument: Instrument, angles: FloatArray, channel: str
+    cameras: list[Camera], angles: FloatArray, channel: str
 ) -> RegistrationFit:
     """Return the registration of noise-free stars, for a noise of 1 px of a pair of coordinates.
 
     Star positions follow from the rotation angles of the table, shape (n, 2), in rad.
     """
-    place, true = CHANNELS.index(channel), instrument.imaged(angles)
-    pivot = instrument.cameras[place].principal_point
+    place, true = CHANNELS.index(channel), channel_centroids(cameras, angles)
+    pivot = cameras[place].principal_point
     return fit_registration(true[place], true[0], pivot, target_covariance=np.eye(2))
 
 

@@ -25,7 +25,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from itertools import product
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.random import Generator, SeedSequence, default_rng
@@ -83,21 +83,6 @@ INPUTS = (
 )
 
 
-class Instrument(NamedTuple):
-    """The three channels of the star sensor: green, red, blue.
-
-    - `cameras`: cameras of the channels.
-    - `rotations`: rotation angles of the detectors against green, in radians.
-    """
-
-    cameras: list[Camera]
-    rotations: list[float]
-
-    def imaged(self, angles: FloatArray) -> FloatArray:
-        """Return the noise-free centroids at some table angles, shape (..., 3, n, 2), in px."""
-        return channel_centroids(*self, angles)
-
-
 def half_ranges(inputs: Inputs) -> FloatArray:
     """Return half the printed range about x and about y, shape (2,), in radians."""
     ends = inputs.array("niu2024/text-simulation#range-?-*")
@@ -139,20 +124,20 @@ def translations(inputs: Inputs, table: str) -> FloatArray:
 
 def instrument_of(
     inputs: Inputs, imaging: str, rotations: str, principal: FloatArray
-) -> Instrument:
-    """Return the instrument of two tables, with principal points of shape (3, 2), in px."""
+) -> list[Camera]:
+    """Return the cameras of two tables, with principal points of shape (3, 2), in px."""
     lengths, distortions = (
         inputs.array(f"{imaging}#{name}.*")[_GREEN_FIRST]
         for name in ("focal-length", "radial-distortion")
     )
     pitch = inputs["niu2024/text-optics#pixel-pitch-x"]
-    parameters = zip(lengths, principal, distortions, strict=True)
-    cameras = [Camera(*each, pitch) for each in parameters]
-    return Instrument(cameras, [0.0, *inputs.array(f"{rotations}#rotation.*")])
+    turns = [0.0, *inputs.array(f"{rotations}#rotation.*")]
+    parameters = zip(lengths, principal, distortions, [pitch] * 3, turns, strict=True)
+    return [Camera(*each) for each in parameters]
 
 
-def instrument(inputs: Inputs, source: str = "table-1") -> Instrument:
-    """Return the simulated instrument under one alternative of its translations."""
+def instrument(inputs: Inputs, source: str = "table-1") -> list[Camera]:
+    """Return green, red and blue of the simulation under one alternative of the translations."""
     principal = principal_points(inputs)
     if source == "table-2":
         principal[1:] = principal[0] + translations(inputs, "niu2024/table-2")
@@ -191,7 +176,8 @@ class _Bench:
 
         A mean of several draws has their noise divided by the root of their number.
         """
-        true = instrument(self.inputs, self.translations).imaged(angles)
+        cameras = instrument(self.inputs, self.translations)
+        true = channel_centroids(cameras, angles)
         sigma = noise(self.inputs) / np.sqrt(_DRAWS_AVERAGED[self.repeats])
         factors = np.array(_NOISE_FACTORS[self.noise])[:, None, None]
         unit = generator.standard_normal((replicates, *true.shape[-3:]))
@@ -227,7 +213,7 @@ class _Bench:
 
     def printed(self) -> Registration:
         """Return the transforms of Table 3 about the principal points of red and blue."""
-        cameras = instrument(self.inputs, self.translations).cameras
+        cameras = instrument(self.inputs, self.translations)
         pivots = np.stack([camera.principal_point for camera in cameras[1:]])
         parameters = self.inputs.array("niu2024/table-3").reshape(4, 2).T
         return Registration("similarity", parameters, pivots)

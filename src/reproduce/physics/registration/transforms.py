@@ -309,9 +309,7 @@ def principal_point_shift(
 
 
 @checked
-def similarity_between(
-    camera: Camera, rotation: Number, reference: Camera
-) -> Registration:
+def similarity_between(camera: Camera, reference: Camera) -> Registration:
     """Return the similarity that the imaging parameters of two channels imply.
 
     It is exact if both distortions are zero.
@@ -320,8 +318,6 @@ def similarity_between(
     ----------
     camera, reference : Camera
         Source channel and reference (target) channel.
-    rotation : array_like, shape (...)
-        Angle of the source detector against the reference, in radians.
 
     Returns
     -------
@@ -332,7 +328,7 @@ def similarity_between(
     Examples
     --------
     >>> green = Camera(30e-3, (10, 10), 0, 1e-5)
-    >>> similarity_between(Camera(20e-3, (11, 9), 0, 1e-5), 0.0, green).parameters
+    >>> similarity_between(Camera(20e-3, (11, 9), 0, 1e-5), green).parameters
     array([ 1.5,  0. ,  1. , -1. ])
     """
     # In px, because channels may differ in pixel pitch.
@@ -340,6 +336,7 @@ def similarity_between(
         camera.pixel_pitch / reference.pixel_pitch
     )
     shift = camera.principal_point - reference.principal_point
+    rotation = camera.rotation - reference.rotation
     return Registration.similarity(scale, rotation, shift, camera.principal_point)
 
 
@@ -462,7 +459,6 @@ def error_field(
     source: Camera,
     reference: Camera,
     positions: Points,
-    rotation: Number = 0.0,
     *,
     pivot_error: Point = (0.0, 0.0),
     tilt: Point = (0.0, 0.0),
@@ -474,11 +470,9 @@ def error_field(
     ----------
     source, reference : Camera
         Imaging parameters of both channels. Different distortions are an effect that the model
-        neglects.
+        neglects. The detector of the reference is not rotated.
     positions : array_like, shape (n, 2)
         Ideal positions in the source channel, in metres.
-    rotation : float
-        Angle of the source detector against the reference, in radians.
     pivot_error : array_like, shape (2,)
         Assumed pivot minus principal point of the source, in px.
     tilt : array_like, shape (2,)
@@ -500,18 +494,18 @@ def error_field(
     >>> error_field(camera, camera, [[1e-3, 2e-3]])
     array([[0., 0.]])
     """
-    truth = similarity_between(source, rotation, reference)
+    truth = similarity_between(source, reference)
     ideal = positions * (reference.focal_length / source.focal_length)
     expected = _displaced(ideal, reference, second_term[1])
     bent = _displaced(positions, source, second_term[0])
     # The ray through a point p of the plane at F meets the tilted plane at p F / (F - p . tilt).
     slope = (bent @ tilt)[:, None] / source.focal_length
     bent = bent / (1 - slope) * np.sqrt(1 + np.square(tilt))
-    bent = turned_onto_detector(bent, rotation)
+    bent = turned_onto_detector(bent, source.rotation)
     seen = bent / source.pixel_pitch + source.principal_point
     # True parameters, but about the pivot that is assumed.
     pivot = source.principal_point + pivot_error
-    rotated = turned_onto_detector(seen - pivot, -rotation)
+    rotated = turned_onto_detector(seen - pivot, -source.rotation)
     modelled = truth.scale * rotated + pivot - truth.shift
     return expected / reference.pixel_pitch + reference.principal_point - modelled
 
