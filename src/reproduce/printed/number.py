@@ -17,12 +17,13 @@ The intervals are defined only here, for the ledger and the audit:
 from __future__ import annotations
 
 import re
+import tomllib
 from dataclasses import dataclass
 from decimal import Decimal
 from functools import cached_property
-from math import inf, pi
-
-from reproduce.units import RADIANS_PER_ARCSEC
+from math import inf
+from pathlib import Path
+from typing import Any
 
 # Decimal inputs have an error of a few units of the last binary digit. With this relative tolerance
 # a computed value at the end of an interval agrees on every processor.
@@ -168,35 +169,9 @@ class PrintedNumber:
         return f"{scaled:z.{decimals}f}" + (f"e{shift}" if mark else "")
 
 
-# Unit in the data files: its symbol on a page, and its SI value. A count is exact; "1" is a rounded
-# pure number; pixels stay pixels. A test compares the values with pint.
-UNITS: dict[str, tuple[str, float]] = {
-    "1": ("", 1.0),
-    "count": ("", 1.0),
-    "percent": ("%", 0.01),
-    "px": ("px", 1.0),
-    "nm": ("nm", 1e-9),
-    "um": ("µm", 1e-6),
-    "mm": ("mm", 1e-3),
-    "m": ("m", 1.0),
-    "km": ("km", 1e3),
-    "mm^-2": ("mm⁻²", 1e6),
-    "deg": ("°", pi / 180),
-    "arcsec": ("″", RADIANS_PER_ARCSEC),
-    "ms": ("ms", 1e-3),
-    "s": ("s", 1.0),
-    "min": ("min", 60.0),
-    "Hz": ("Hz", 1.0),
-    "1/K": ("K⁻¹", 1.0),
-    # A magnitude is a logarithm and is not converted.
-    "mag": ("mag", 1.0),
-}
-# Units of one kind, which a user may exchange. An angle is not a pure number here.
-ALIKE = (
-    ("nm", "um", "mm", "m", "km"),
-    ("deg", "arcsec"),
-    ("ms", "s", "min"),
-    ("1", "percent"),
+# Unit in the data files to its symbol on a page, its SI value and its kind.
+UNITS: dict[str, dict[str, Any]] = tomllib.loads(
+    Path(__file__).with_name("units.toml").read_text(encoding="utf-8")
 )
 
 
@@ -210,7 +185,7 @@ def si_factor(unit: str) -> float:
     >>> si_factor("mm")
     0.001
     """
-    return UNITS[unit][1]
+    return float(UNITS[unit]["si"])
 
 
 def quantity(value: str, mark: str) -> str:
@@ -233,7 +208,7 @@ def symbol(unit: str) -> str:
     >>> symbol("arcsec")
     '″'
     """
-    return UNITS[unit][0]
+    return str(UNITS[unit]["symbol"])
 
 
 def minus(text: str) -> str:

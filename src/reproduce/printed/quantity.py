@@ -6,7 +6,7 @@ import math
 import re
 
 from reproduce.printed.cells import PrintedCell
-from reproduce.printed.number import ALIKE, si_factor, symbol
+from reproduce.printed.number import UNITS, si_factor, symbol
 
 _VALUE = re.compile(
     r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?)\s*(.*?)\s*", re.IGNORECASE
@@ -24,8 +24,9 @@ def si_value(cell: PrintedCell, value: str | float) -> float:
         If the text is not a finite number, its unit is not of the kind of the printed unit, or a
         count is not whole or too large.
     """
-    kind = next((kind for kind in ALIKE if cell.unit in kind), (cell.unit,))
-    units = {name: unit for unit in kind for name in (unit, symbol(unit)) if name}
+    kind = UNITS[cell.unit]["kind"]
+    alike = [unit for unit, known in UNITS.items() if known["kind"] == kind]
+    units = {name: unit for unit in alike for name in (unit, symbol(unit)) if name}
     if isinstance(value, int | float) or cell.unit in {"1", "count"}:
         units[""] = cell.unit
     matched = _VALUE.fullmatch(str(value).replace("−", "-"))
