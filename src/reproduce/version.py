@@ -1,6 +1,7 @@
 """Version of the project, its address, and identifiers of its code and data."""
 
 import os
+import re
 import subprocess
 from functools import cache
 from hashlib import sha1
@@ -68,20 +69,16 @@ def commit(root: Path) -> str:
     programs = [f / name for f in folders if f.is_absolute() and (f / name).is_file()]
     if not programs or not (root / ".git").exists():
         return ""
-    queries = (
-        ("status", "--porcelain", "--untracked-files=no"),
-        ("rev-parse", "HEAD"),
-    )
+    query = ("status", "--porcelain=v2", "--branch", "--untracked-files=no")
     try:
-        changed, name = (
-            subprocess.run(
-                [programs[0], "--no-optional-locks", "-C", root, *words],
-                check=True,
-                capture_output=True,
-                text=True,
-            ).stdout.strip()
-            for words in queries
-        )
+        status = subprocess.run(
+            [programs[0], "--no-optional-locks", "-C", root, *query],
+            check=True,
+            capture_output=True,
+            text=True,
+        ).stdout
     except (OSError, subprocess.CalledProcessError):
         return ""
-    return "" if changed else name
+    # A changed file has a line after the header.
+    unchanged = re.fullmatch(r"# branch\.oid (\w+)\n(#.*\n)*", status)
+    return unchanged[1] if unchanged else ""

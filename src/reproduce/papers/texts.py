@@ -108,7 +108,8 @@ def item_text(key: str) -> ItemText:
 
 @cache
 def _of_paper(paper: str) -> dict[str, ItemText]:
-    texts: dict[str, ItemText] = {}
-    for path in data_files(f"captions/{paper}.toml"):
-        texts |= read_toml(path, dict[str, ItemText])
-    return texts
+    return {
+        name: text
+        for path in data_files(f"captions/{paper}.toml")
+        for name, text in read_toml(path, dict[str, ItemText]).items()
+    }

@@ -14,7 +14,7 @@ from scipy.special import chndtrix
 
 from reproduce.inference import Normal, models
 from reproduce.papers.charts import legend_below, plot_band, set_log_ticks, set_size
-from reproduce.papers.declare import Rows, draws, studied
+from reproduce.papers.declare import Rows, by_cell, draws, studied
 from reproduce.papers.niu2024 import posteriors, simulation
 from reproduce.papers.niu2024.simulation import NOISE
 from reproduce.physics.ground import circular_error
@@ -54,9 +54,9 @@ def _at_edge(inputs: Inputs, counts: FloatArray) -> tuple[FloatArray, ...]:
     response = (ahead - behind) / (2 * _DERIVATIVE_STEPS[:, None, None])
     flat = response.reshape(len(moves), -1)
     information = flat @ flat.T / true["noise"] ** 2
+    # Only the distortions have a prior that is not flat.
     priors = [one.prior for one in model.parameters]
-    sigmas = [prior.sigma for prior in priors if isinstance(prior, Normal)]
-    prior = np.diag([0.0] * 4 + [sigma**-2 for sigma in sigmas])
+    prior = np.diag([0.0] * 4 + [p.sigma**-2 for p in priors if isinstance(p, Normal)])
     outermost = np.hypot(*(red - middle).T).argmax()
     edge, ratio = response[:, outermost].T, counts[:, None, None] / len(red)
     # A similarity has the first four parameters.
@@ -104,11 +104,15 @@ def _star_facts(inputs: Inputs) -> dict[str, float]:
     [plain], [free], neglected = _at_edge(inputs, number)
     left_out = np.hypot(*neglected)
     facts = {"all": count, "level": 100 * _QUANTILES[2], "left-out": left_out}
-    errors = _edge_errors(inputs, number)[:, 1:, 0]
-    kinds = zip(("similarity", "distortions"), errors, _sufficient(inputs), strict=True)
-    for kind, (middle, high), enough in kinds:
-        facts |= {f"{kind}-all": middle, f"{kind}-all-high": high}
-        facts[f"{kind}-enough"] = enough
+    errors = np.column_stack(
+        [_edge_errors(inputs, number)[..., 0], _sufficient(inputs)]
+    )
+    facts |= by_cell(
+        "{}-{}",
+        errors[:, 1:],
+        ("similarity", "distortions"),
+        ("all", "all-high", "enough"),
+    )
     # Equal mean squares: the one of the similarity includes the neglected distortion.
     facts["free-from"] = count * np.trace(free - plain) / left_out**2
     return facts

@@ -33,7 +33,6 @@ from numpy.typing import NDArray
 
 from reproduce.papers.charts import plot_range, set_size
 from reproduce.papers.declare import (
-    Result,
     Results,
     by_cell,
     draws,
@@ -248,8 +247,8 @@ def calibrated_parameters(
 @lru_cache(maxsize=2)
 def _residuals(
     bench: _Bench, seed: SeedSequence, replicates: int, tests: str, parameters: str
-) -> dict[str, FloatArray]:
-    """Return the RMSE per axis before and after registration, (replicates, 2, 2), in px.
+) -> FloatArray:
+    """Return the RMSE per axis before and after registration, (2, replicates, 2, 2), in px.
 
     The test points are drawn first: the RMSE before registration is then equal for every
     calibration.
@@ -262,10 +261,7 @@ def _residuals(
         fitted = bench.calibrated(generator, replicates)
         transform = Registration("similarity", *fitted)
     green, before = measured[:, :1], measured[:, 1:]
-    return {
-        "before": rmse_per_axis(before, green),
-        "after": rmse_per_axis(transform.apply(before), green),
-    }
+    return rmse_per_axis(np.stack([before, transform.apply(before)]), green)
 
 
 @reproduces(
@@ -297,14 +293,13 @@ def registration_rmse(
     Implements: niu2024 (17), (18), (26).
     """
     bench = _Bench(inputs, angles, noise, repeats, translations)
-    results: dict[str, Result] = {}
-    for name, axes in _residuals(bench, seed, replicates, tests, parameters).items():
-        if rmse in {"x", "y"}:
-            values = axes[..., "xy".index(rmse)]
-        else:
-            values = np.hypot(*axes.T).T / (1.0 if rmse == "both" else np.sqrt(2))
-        results |= by_cell(f"rmse-{name}-{{}}", values.T, REGISTERED)
-    return results
+    axes = _residuals(bench, seed, replicates, tests, parameters).T
+    if rmse in {"x", "y"}:
+        values = axes["xy".index(rmse)]
+    else:
+        values = np.hypot(*axes) / (1.0 if rmse == "both" else np.sqrt(2))
+    phases = np.moveaxis(values, -1, 0)
+    return by_cell("rmse-{}-{}", phases, ("before", "after"), REGISTERED)
 
 
 @draws("niu2024/fig-4", inputs=ANGLES)
