@@ -137,11 +137,13 @@ def _registered_points(inputs: Inputs, angles: FloatArray) -> FloatArray:
 
     Shape (..., 3, n, 2), in px from the green principal point; channels green, red, blue.
     """
-    cameras = instrument(inputs)
-    green = optics.channel_centroids(cameras[:1], angles)
-    turns = [camera.rotation for camera in cameras[1:]]
+    green = optics.channel_centroids(instrument(inputs)[:1], angles)
+    scales, turns = (
+        inputs.array(f"{_TABLE}#scale.*"),
+        inputs.array(f"{_TABLE}#rotation.*"),
+    )
     # The principal point of the source is the shift, because green's is the origin here.
-    shifts, scales = translations(inputs, _TABLE), inputs.array(f"{_TABLE}#scale.*")
+    shifts = translations(inputs, _TABLE)
     back = Registration.similarity(scales, turns, shifts, shifts).inverse()
     return np.concatenate([green, back.apply(green)], axis=-3)
 
@@ -191,11 +193,8 @@ def rmse_after(inputs: Inputs) -> Results:
 
     Implements: niu2024 (17), (18).
     """
-    half_x, half_y = half_field(inputs)
-    grid = np.meshgrid(
-        np.linspace(-half_x, half_x, 33), np.linspace(-half_y, half_y, 25)
-    )
-    angles = np.stack(grid, -1).reshape(-1, 2)
+    x, y = half_field(inputs)
+    angles = np.mgrid[-x:x:33j, -y:y:25j].reshape(2, -1).T
     true = optics.channel_centroids(instrument(inputs), angles)
     fit = fit_registration(true[1:], true[:1], translations(inputs, _TABLE))
     misfit = np.square(fit.residuals).mean(axis=-2)
@@ -251,10 +250,10 @@ def twin_fits(
     directions = optics.starlight(table[:, 1], table[:, 0])
     pitch = inputs["niu2024/text-optics#pixel-pitch-x"]
     turns = [camera.rotation for camera in cameras]
-    camera = optics.fit_camera(directions, noisy, pitch, turns)
+    fitted = optics.fit_camera(directions, noisy, pitch, turns)
     [zero] = zero_positions(table)
     others = noisy[:, 1:]
-    return camera, fit_registration(others, noisy[:, :1], others[:, :, zero])
+    return fitted, fit_registration(others, noisy[:, :1], others[:, :, zero])
 
 
 # Replicates of both kinds of fit.
@@ -306,13 +305,16 @@ def _draw_residuals(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
         computation = rmse_before.with_options({"rmse": way.split()[0]})
         results = computation(inputs).values()
         plot_range(axes, rows - y, results, look, f"before, {way}")
-    values = printed.array("niu2024/text-experiment#rmse-*")
-    before, after = values.reshape(2, 2, 2).swapaxes(0, 1)
-    axes.hlines(rows + 0.25, after.flat, before.flat, colors="k", linewidth=0.8)
-    axes.plot(before.flat, rows + 0.25, "kD", label="printed before")
-    axes.plot(after.flat, rows + 0.25, "kD", mfc="none", label="printed after")
+    before, after = (
+        printed.array(f"niu2024/text-experiment#rmse-{phase}-*")
+        for phase in ("before", "after")
+    )
+    above = rows + 0.25
+    axes.hlines(above, after, before, colors="k", linewidth=0.8)
+    axes.plot(before, above, "kD", label="printed before")
+    axes.plot(after, above, "kD", mfc="none", label="printed after")
     noise = rmse_after.function(inputs).values()
-    axes.plot([*noise], rows + 0.25, "C2^", mfc="none", label="after, assumed noise")
+    axes.plot([*noise], above, "C2^", mfc="none", label="after, assumed noise")
     axes.axvline(1.0, c="k", ls=":", lw=1, label="one pixel")
     axes.set(xlabel="RMSE (px)", xlim=(0, None))
     axes.set_yticks(rows, ("red, x", "red, y", "blue, x", "blue, y"))
