@@ -53,7 +53,8 @@ class File:
 
     - `columns`: of the table, in any order.
     - `meaning`: the meaning of a row and of the columns.
-    - `read`: function of a table and keyword arguments; returns the model and remarks.
+    - `read`: function of a table and keyword arguments; returns the model and remarks. It raises
+      `ValueError` for unusable data.
     - `accepts`: names of these arguments of `reproduce.posterior`.
     - `optional`: optional columns.
     """

@@ -27,7 +27,7 @@ from reproduce.physics.attitude import Platform
 from reproduce.physics.attitude.diagnosis import diagnose_spots
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.inputs import Inputs, load_inputs
-from reproduce.store.points import DataTable, TableFileError
+from reproduce.store.points import DataTable
 from reproduce.store.spots import IMAGES, SPOTS, images_of
 from reproduce.units import ARCSEC_PER_RADIAN
 
@@ -106,13 +106,13 @@ def _your_model(
     if lost := sum(map(len, diagnosis.images)) - sum(counts):
         remarks.append(f"{lost} images that lack a spot are omitted")
     if min(counts) < _MIN_IMAGES:
-        raise TableFileError(
-            f"{table.path}: expected {_MIN_IMAGES} or more images with all spots in each group, "
+        raise ValueError(
+            f"expected {_MIN_IMAGES} or more images with all spots in each group, "
             f"got {' and '.join(map(str, counts))}. Add images, which determine the scatter."
         )
     if not any(np.ptp(group, axis=0).any() for group in images):
-        raise TableFileError(
-            f"{table.path}: expected spots that scatter from image to image, got equal spots in "
+        raise ValueError(
+            "expected spots that scatter from image to image, got equal spots in "
             "all images of a group. Add images with noise."
         )
     instrument = replace(diagnosis.platform, spots=images[0].mean(axis=0))

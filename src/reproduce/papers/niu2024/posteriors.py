@@ -33,7 +33,7 @@ from reproduce.physics.registration import (
 )
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.inputs import Inputs
-from reproduce.store.points import STARS, DataTable, TableFileError
+from reproduce.store.points import STARS, DataTable
 from reproduce.units import ARCSEC_PER_RADIAN
 
 # Fraction of stars that are matched wrongly on purpose.
@@ -91,7 +91,9 @@ def pivot(inputs: Inputs) -> FloatArray:
 
 
 def _model(
-    inputs: Inputs, extend: Callable[[Model], Model] | None = None, wrong: float = 0.0
+    inputs: Inputs,
+    extend: Callable[[Model], Model] = lambda model: model,
+    wrong: float = 0.0,
 ) -> Model:
     """Return red registered to green, with a fraction of stars matched wrongly.
 
@@ -101,8 +103,7 @@ def _model(
     order = Generator(PCG64(data_stream(inputs, 4))).permutation(len(red))
     false = order[: round(wrong * len(red))]
     green[false] = green[np.roll(false, 1)]
-    model = models.registration_model(red, green, pivot(inputs))
-    model = extend(model) if extend else model
+    model = extend(models.registration_model(red, green, pivot(inputs)))
     likelihood = model.likelihood_of(models.GaussianRegistration)
     return replace(model, derived=_new_stars(inputs, likelihood))
 
@@ -163,8 +164,8 @@ def _your_registration(
 def _your_mixture(table: DataTable, **settings: Any) -> tuple[Model, list[str]]:
     """Return the registration of your stars of which some may be matched wrongly."""
     if len(table.values) < _MIN_STARS_MIXTURE:
-        raise TableFileError(
-            f"{table.path}: expected {_MIN_STARS_MIXTURE} or more stars, got "
+        raise ValueError(
+            f"expected {_MIN_STARS_MIXTURE} or more stars, got "
             f"{len(table.values)}. Use the posterior registration, or add stars."
         )
     # Equal displacements have no bound of the density, as their noise may be zero.
@@ -172,8 +173,8 @@ def _your_mixture(table: DataTable, **settings: Any) -> tuple[Model, list[str]]:
     if np.unique(moves, axis=0, return_counts=True)[1].max() > max(
         2, _MAX_TIED * len(moves)
     ):
-        raise TableFileError(
-            f"{table.path}: expected coordinates with more digits, got equal displacements of "
+        raise ValueError(
+            "expected coordinates with more digits, got equal displacements of "
             "many stars. Use the posterior registration, or add digits."
         )
     plain, remarks = _your_registration(table, robust=True, **settings)
