@@ -204,12 +204,7 @@ def test_unequal_counts_and_batches_are_errors():
     pairs = registration.Registration.similarity([1, 1], 0, (0, 0), PIVOT)
     for error, call in (
         ("4 and 3", lambda: registration.fit_registration(SOURCE, TARGET[:3], PIVOT)),
-        (
-            "rotation",
-            lambda: optics.Camera(
-                **CAMERA | {"focal_length": [1, 1], "rotation": [0, 0, 0]}
-            ),
-        ),
+        ("rotation", lambda: optics.Camera([1, 1], PIVOT, 0, 1, [0, 0, 0])),
         ("expected leading", lambda: pairs.apply([SOURCE] * 3)),
     ):
         with pytest.raises(ValueError, match=error):

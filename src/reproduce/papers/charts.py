@@ -94,7 +94,7 @@ def plot_range(
 
 def set_log_ticks(axes: Axes, x: Iterable[float], y: Iterable[float]) -> None:
     """Make both axes logarithmic with the given ticks only."""
-    axes.set(xscale="log", yscale="log")
-    axes.set_xticks([*x], [f"{tick:g}" for tick in x])
-    axes.set_yticks([*y], [f"{tick:g}" for tick in y])
+    axes.set(xscale="log", yscale="log", xticks=[*x], yticks=[*y])
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_formatter("{x:g}")
     axes.minorticks_off()

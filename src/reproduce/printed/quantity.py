@@ -25,8 +25,12 @@ def si_value(cell: PrintedCell, value: str | float) -> float:
         count is not whole or too large.
     """
     kind = UNITS[cell.unit]["kind"]
-    alike = [unit for unit, known in UNITS.items() if known["kind"] == kind]
-    units = {name: unit for unit in alike for name in (unit, symbol(unit)) if name}
+    units = {
+        name: unit
+        for unit, known in UNITS.items()
+        for name in (unit, known["symbol"])
+        if name and known["kind"] == kind
+    }
     if isinstance(value, int | float) or cell.unit in {"1", "count"}:
         units[""] = cell.unit
     matched = _VALUE.fullmatch(str(value).replace("−", "-"))

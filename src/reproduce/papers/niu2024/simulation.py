@@ -306,8 +306,8 @@ def registration_rmse(
 def _draw_angles(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     """Draw the arrangements of the angles that the text allows, the literal one first."""
     size = 1.2 if set_size(figure, 6.4, 5.6, 3.9) else 2.4
-    corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1]])
-    outline = np.degrees(corners * half_ranges(inputs)).T
+    x, y = np.degrees(half_ranges(inputs))
+    outline = [-x, x, x, -x, -x], [-y, -y, y, y, -y]
     grid = figure.subplots(3, 3, sharex=True, sharey=True).flat
     for axes, name in zip(grid, _OPTIONS["angles"], strict=True):
         angles = np.degrees(_lattice(inputs, name))
