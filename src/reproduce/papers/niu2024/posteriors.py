@@ -45,7 +45,7 @@ _MIN_STARS_MIXTURE = 10
 # Fraction of stars with equal displacements above which rounding hides the noise.
 _MAX_TIED = 0.1
 # Arguments of `fit_registration` that the posterior shares with `register`.
-_ERRORS = ("weights", "source_covariance", "target_covariance")
+_SETTINGS = ("pivot", "weights", "source_covariance", "target_covariance")
 
 
 def true_centroids(inputs: Inputs) -> FloatArray:
@@ -186,11 +186,9 @@ def _your_mixture(table: DataTable, **settings: Any) -> tuple[Model, list[str]]:
     return model.with_priors(priors), remarks
 
 
-def _file(read: Callable[..., tuple[Model, list[str]]], *accepts: str) -> File:
-    meaning = "one star per line, in px: its position in the channel and in the reference channel"
-    return File(STARS, meaning, read, ("pivot", *accepts))
-
-
+_MEANING = (
+    "one star per line, in px: its position in the channel and in the reference channel"
+)
 _NO_FILE = (
     "it is for the data of the book; registration and registration-mixture take stars"
 )
@@ -202,14 +200,14 @@ POSTERIORS = (
         "registration",
         "Registration of one channel: similarity and Gaussian noise",
         build=_model,
-        file=_file(_your_registration, "model", *_ERRORS),
+        file=File(STARS, _MEANING, _your_registration, ("model", *_SETTINGS)),
         walkers=240,
     ),
     _RED(
         "registration-mixture",
         "Registration with wrong matches: a good/bad mixture",
         build=partial(_model, extend=models.mixture_model, wrong=_FALSE_FRACTION),
-        file=_file(_your_mixture, *_ERRORS),
+        file=File(STARS, _MEANING, _your_mixture, _SETTINGS),
         truth=lambda inputs: {**truth(inputs), "false-share": _FALSE_FRACTION},
         steps=350,
         walkers=96,

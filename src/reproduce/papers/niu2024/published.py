@@ -70,9 +70,10 @@ def _noise_free_fit(
 
     Star positions follow from the rotation angles of the table, shape (n, 2), in rad.
     """
-    place, true = CHANNELS.index(channel), channel_centroids(cameras, angles)
-    pivot = cameras[place].principal_point
-    return fit_registration(true[place], true[0], pivot, target_covariance=np.eye(2))
+    camera = cameras[CHANNELS.index(channel)]
+    green, spots = channel_centroids([cameras[0], camera], angles)
+    pivot = camera.principal_point
+    return fit_registration(spots, green, pivot, target_covariance=np.eye(2))
 
 
 def _against_cameras(parameters: FloatArray, expected: float) -> dict[str, Consequence]:
