@@ -16,15 +16,6 @@ Frames and units of this module:
 The leading axes of directions and points are a batch, for example of frames or simulated
 calibrations. The camera is a pinhole with one radial distortion term. A camera is one channel. The
 reference channel is green.
-
-A channel is calibrated separately from known starlight: focal length F, principal point and
-distortion m. The model is linear in F, m F^3 and the principal point, so its least-squares solution
-needs no starting values.
-
-A step and a range of angles do not determine their arrangement. Every lattice is a fine
-rectangular grid of spacings (a, b), either whole (square) or chequered. A chequered grid
-keeps the nodes whose indices have an even sum, which gives the quincunx and hexagonal
-lattices. Its points are 2a apart along a row, and its rows are b apart.
 """
 
 from __future__ import annotations
@@ -80,6 +71,11 @@ _CORNER = "from the lower left corner"
 @checked
 def arrangement_angles(name: str, half_x: Size, half_y: Size, step: Size) -> FloatArray:
     """Return the rotation angles of an arrangement.
+
+    A step and a range do not determine the arrangement of the angles. Every lattice is a fine
+    rectangular grid of spacings (a, b), either whole (square) or chequered. A chequered grid
+    keeps the nodes whose indices have an even sum, which gives the quincunx and hexagonal
+    lattices. Its points are 2a apart along a row, and its rows are b apart.
 
     Parameters
     ----------
@@ -563,6 +559,9 @@ def fit_camera(
     directions: Directions, points: Points, pixel_pitch: Size, rotation: Number = 0.0
 ) -> Camera:
     """Fit the imaging parameters of one channel by least squares on its model, (2) with (3).
+
+    The model is linear in the focal length F, in m F^3 with the distortion m, and in the principal
+    point, so its solution needs no starting values.
 
     Parameters
     ----------
