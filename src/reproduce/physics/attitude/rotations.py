@@ -21,6 +21,7 @@ from __future__ import annotations
 from typing import Annotated, Any
 
 import numpy as np
+from numpy.polynomial import Polynomial
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation as SciPyRotation
 
@@ -105,15 +106,9 @@ def rotation_from_vector(rotation_vector: Direction) -> FloatArray:
     >>> np.allclose(R @ [1, 0, 0], [0, 1, 0])
     True
     """
-    angle = np.linalg.norm(rotation_vector, axis=-1)[..., None, None]
-    generator = np.cross(np.eye(3), rotation_vector[..., None, :])
-    # numpy.sinc is sin(pi x) / (pi x), also for a zero angle.
-    second = 0.5 * np.sinc(angle / (2 * np.pi)) ** 2
-    return (
-        np.eye(3)
-        + np.sinc(angle / np.pi) * generator
-        + second * (generator @ generator)
-    )
+    # A batch of more axes needs SciPy 1.17.
+    flat = SciPyRotation.from_rotvec(rotation_vector.reshape(-1, 3))
+    return flat.as_matrix().reshape(*rotation_vector.shape, 3)
 
 
 @checked
@@ -135,7 +130,6 @@ def vector_from_rotation(rotation: Rotation) -> FloatArray:
     >>> vector_from_rotation([[0, -1, 0], [1, 0, 0], [0, 0, 1]]) / np.pi
     array([0. , 0. , 0.5])
     """
-    # A batch of more axes needs SciPy 1.17.
     vectors = SciPyRotation.from_matrix(rotation.reshape(-1, 3, 3)).as_rotvec()
     return vectors.reshape(rotation.shape[:-1])
 
@@ -214,13 +208,12 @@ def quest(
     trace, twist = np.trace(profile), (profile.T - profile)[[1, 2, 0], [2, 0, 1]]
     upper = profile + profile.T - trace * np.eye(3)
     davenport = np.block([[upper, twist[:, None]], [twist, trace]])
-    square, volume = np.square(profile).sum(), 8.0 * np.linalg.det(profile)
-    minors = 2.0 * (square**2 - np.square(profile @ profile.T).sum())
+    cubic = -8.0 * np.linalg.det(profile), -2.0 * np.square(profile).sum(), 0.0, 1.0
+    characteristic = Polynomial([np.linalg.det(davenport), *cubic])
+    slope = characteristic.deriv()
     root = 1.0  # the sum of the weights, an upper bound
     for _ in range(_NEWTON_STEPS):
-        excess = root**2 - square
-        value = excess**2 - root * volume - minors
-        root -= max(value / (4.0 * root * excess - volume), 0.0)
+        root -= max(characteristic(root) / slope(root), 0.0)
     rows = (np.delete(davenport - root * np.eye(4), i, axis=0) for i in range(4))
     # Cofactors of each row, up to a common sign: a quaternion, of length zero for some rows.
     cofactors = [
