@@ -40,10 +40,9 @@ from reproduce.physics.validate import (
 )
 
 _Train = Annotated[Any, (3, 3)]
-# Three mutually perpendicular mirrors evenly around Z, and two with their edge along Y.
-CORNER = np.array(
-    [[2.0, 0.0, 2**0.5], [-1.0, 3**0.5, 2**0.5], [-1.0, -(3**0.5), 2**0.5]]
-)
+# Three mutually perpendicular mirrors, whose train is equal in every attitude, and two with their
+# edge along Y.
+CORNER = np.eye(3)
 ROOF = np.array([[1.0, 0.0, 1.0], [-1.0, 0.0, 1.0]])
 _NO_TURN = (0.0, 0.0, 0.0)
 # The tip of a conical retro-reflector: a metre in front of the camera and half a metre aside.
@@ -187,14 +186,9 @@ def reflected_by_cone(points: FloatArray, directions: FloatArray) -> FloatArray:
     array([ 0.,  0., -1.])
     """
     for _ in range(2):
-        square, mixed, constant = (
-            np.vecdot(left * _CONE_FORM, right)
-            for left, right in (
-                (directions, directions),
-                (points, directions),
-                (points, points),
-            )
-        )
+        square = directions**2 @ _CONE_FORM
+        mixed = (points * directions) @ _CONE_FORM
+        constant = points**2 @ _CONE_FORM
         root = np.sqrt((mixed**2 - square * constant).clip(0.0))
         lengths = np.stack([-mixed - root, -mixed + root]) / square
         # A ray has just left a point at length zero.
@@ -207,9 +201,8 @@ def reflected_by_cone(points: FloatArray, directions: FloatArray) -> FloatArray:
                 "Move the tip of the cone away from the axis of the beam"
             )
         points = points + length[..., None] * directions
-        normals = unit("normals", points * _CONE_FORM)
-        along = np.vecdot(directions, normals)[..., None]
-        directions = directions - 2.0 * along * normals
+        mirrors = reflection(points * _CONE_FORM)
+        directions = (mirrors @ directions[..., None])[..., 0]
     return directions
 
 

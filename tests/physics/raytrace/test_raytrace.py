@@ -10,7 +10,6 @@ from scipy.optimize import brentq
 
 from reproduce.physics.attitude import rotation_from_vector
 from reproduce.physics.raytrace import (
-    CORNER,
     ROOF,
     fold_mirror_tilt,
     mirror_train,
@@ -21,6 +20,8 @@ from reproduce.physics.raytrace import (
 from reproduce.physics.validate import DegenerateGeometryError
 
 RNG = default_rng(4)
+# Three mutually perpendicular mirrors evenly around Z.
+CORNER = np.array([[2, 0, 2**0.5], [-1, 3**0.5, 2**0.5], [-1, -(3**0.5), 2**0.5]])
 
 
 def turned_train(train, turn):

@@ -67,10 +67,7 @@ def square_ratio(design: Platform) -> float:
     printed, designed = (
         np.ptp(points, axis=0).mean() for points in (design.spots, design.lasers)
     )
-    magnification = (
-        design.tracker_focal_length / design.camera_focal_length / design.pixel_pitch
-    )
-    return printed / (designed * magnification)
+    return printed / (designed * design.pixels / design.camera_focal_length)
 
 
 def printed_spots(inputs: Inputs) -> FloatArray:

@@ -20,7 +20,8 @@ import numpy as np
 
 from reproduce.papers.chen2023 import platform
 from reproduce.papers.declare import Results, Rows, reproduces, studied
-from reproduce.physics import attitude, ground
+from reproduce.physics import ground
+from reproduce.physics.attitude import Platform
 from reproduce.physics.optics import field_of_view
 from reproduce.physics.raytrace import (
     RETROREFLECTORS,
@@ -119,25 +120,17 @@ def table_angle(inputs: Inputs) -> Results:
 
 
 def _reported(
-    rest: LightPath, is_mirrored: bool, points: FloatArray, **changes: Any
+    design: Platform, points: FloatArray, rest: LightPath, **changes: Any
 ) -> FloatArray:
     """Return the rotation of the camera that the system reports when the light path changes.
 
     Angles about X, Y and Z of the camera, shape (3,), in radians.
     """
-    designed = points * [1.0, -1.0 if is_mirrored else 1.0]
-    camera = attitude.emitted_directions(designed, rest.camera_focal_length)
     zero, now = (
-        attitude.received_directions(
-            path.spots(points, _APERTURE).mean(axis=1),
-            (0.0, 0.0),
-            1.0,
-            path.tracker_focal_length,
-        )
+        path.spots(points, _APERTURE).mean(axis=1) / design.pixel_pitch
         for path in (rest, replace(rest, **changes))
     )
-    transform = attitude.laser_transform(camera, zero)
-    return attitude.misalignment_angles(attitude.misalignment(camera, now, transform))
+    return design.misalignment(now, design.transform(zero))
 
 
 @studied(
@@ -155,19 +148,21 @@ def _retro_reflectors(inputs: Inputs) -> Rows:
     """Compute the reported rotation of the camera for rotations of three retro-reflectors."""
     points = platform.lasers(inputs)
     lengths = inputs[platform.TELESCOPE], inputs[platform.FOCAL_LENGTH]
+    pixel, turns = inputs[platform.PIXEL], _TEST_ROTATION * np.eye(3)
     for kind, train in RETROREFLECTORS.items():
         # An odd number of reflections mirrors the image.
         is_mirrored = train is None or np.linalg.det(train) < 0
+        designed = points * [1.0, -1.0 if is_mirrored else 1.0]
+        design = Platform(designed, *lengths, pixel, (0.0, 0.0))
         rest = LightPath(*lengths, inputs[BORESIGHT], train)
         responses: list[float] = []
-        for rotation in _TEST_ROTATION * np.eye(3):
-            x, y, z = _reported(rest, is_mirrored, points, turn=rotation)
+        for turn in turns:
+            x, y, z = _reported(design, points, rest, turn=turn)
             responses += [np.hypot(x, y), abs(z)]
-        tilt = [_TEST_ROTATION, 0.0, 0.0]
-        responses.append(abs(_reported(rest, is_mirrored, points, camera_turn=tilt)[2]))
+        responses.append(abs(_reported(design, points, rest, camera_turn=turns[0])[2]))
         spots = rest.spots(points, _APERTURE)
         offsets = spots - spots.mean(axis=1, keepdims=True)
-        blur = np.linalg.norm(offsets, axis=-1).max() / inputs[platform.PIXEL]
+        blur = np.linalg.norm(offsets, axis=-1).max() / pixel
         image = "mirrored" if is_mirrored else "upright"
         yield (kind, *(np.array(responses) / _TEST_ROTATION), blur, image)
 
