@@ -200,14 +200,15 @@ def _averaging(inputs: Inputs, images: str) -> tuple[float, float]:
     A smoothed angle is the mean of the last images, which may include images of the state before.
     Their noise is taken as independent of the mean of that state.
     """
-    frames, smoothed = inputs.count(FRAMES), inputs.count(accuracy.SMOOTHED)
-    if images == "state":
-        return 0.0, 1.0
-    if images == "smoothed":
-        return 0.0, np.sqrt(frames / smoothed)
-    # Weight of each image in the mean of `frames` smoothed angles.
-    weights = np.convolve(np.ones(frames), np.ones(smoothed)) / (frames * smoothed)
-    lag = weights[: smoothed - 1].sum()
+    frames = inputs.count(FRAMES)
+    # Weights of the images in a mean.
+    state, smoothed = (
+        np.full(count, 1 / count) for count in (frames, inputs.count(accuracy.SMOOTHED))
+    )
+    with_ramp = np.convolve(state, smoothed)
+    weights = {"state": state, "smoothed": smoothed, "with-ramp": with_ramp}[images]
+    # Images before the last state.
+    lag = weights[:-frames].sum()
     return lag, np.sqrt(frames * np.square(weights).sum())
 
 
@@ -396,15 +397,13 @@ def _test_facts(inputs: Inputs) -> dict[str, float]:
 
     The lag is the lag of a mean over the smoothed angles of a whole state, with its ramp.
     """
-    smoothed, frames = inputs.count(accuracy.SMOOTHED), inputs.count(FRAMES)
-    # After a step the mean of the last n images lacks (n - 1)/n, ..., 1/n, 0 of it.
-    short = (smoothed - 1) / (2 * frames)
+    lag, _ = _averaging(inputs, "with-ramp")
     last, differences = (
         pairs(inputs, columns) / RADIANS_PER_ARCSEC
         for columns in ("5.reference", "[2-5].difference")
     )
     return {
-        "ramp-lag": np.abs(last).mean() / len(_MOVED_STATES) * short,
+        "ramp-lag": np.abs(last).mean() / len(_MOVED_STATES) * lag,
         "mean": differences.mean(),
         "largest": np.abs(differences).max(),
     }

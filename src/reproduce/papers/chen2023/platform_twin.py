@@ -196,6 +196,8 @@ def _stage_test(
     Times of the frames, (frames,), in seconds. Reference angles about X and Y and the angles
     monitored by the mean of up to 100 frames before, each (frames, 2), in radians.
     """
+    import pandas as pd
+
     twin, frames = bench(inputs), inputs.count(effectiveness.FRAMES)
     # A motion along one axis rotates the camera about the other; the printed signs are kept.
     motions = effectiveness.stage_motions(inputs)[:, ::-1]
@@ -206,11 +208,9 @@ def _stage_test(
     centroids = twin.centroids(spots, twin.flux[1], frames, generator)
     zero = mean_rotation(twin.design.transform(centroids[0]))
     single = twin.design.misalignment(centroids, zero).reshape(-1, 3)[:, :2]
-    count = inputs.count(accuracy.SMOOTHED)
-    start = np.cumsum(single[: count - 1], axis=0) / np.arange(1, count)[:, None]
-    monitored = np.concatenate([start, moving_average(single.T, count).T])
+    windows = pd.DataFrame(single).rolling(inputs.count(accuracy.SMOOTHED), 1)
     times = np.arange(len(single), dtype=np.float64) * accuracy.time_per_frame(inputs)
-    return times, np.repeat(angles, frames, axis=0), monitored
+    return times, np.repeat(angles, frames, axis=0), windows.mean().to_numpy()
 
 
 @_draws_series("chen2023/fig-7", marks=[platform.SPOTS])

@@ -77,7 +77,7 @@ def _misalignment(inputs: Inputs, drifts: bool = False) -> Model:
     zero, half = np.zeros(3), _DRIFT / 2 if drifts else np.zeros(3)
     groups = []
     for first, last in ((zero, zero), (_TRUTH - half, _TRUTH + half)):
-        angles = first + np.linspace(0, 1, frames)[:, None] * (last - first)
+        angles = np.linspace(first, last, frames)
         true = design.predicted(np.zeros((frames, 3)), angles[:, None], lasers)[:, 0]
         groups.append(true + noise * generator.normal(size=true.shape))
     return models.misalignment_model(

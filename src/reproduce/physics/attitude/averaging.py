@@ -12,6 +12,7 @@ from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
 from scipy.special import gammaincinv
 
 from reproduce.physics.validate import (
@@ -53,11 +54,11 @@ def moving_average(series: _Series, count: int) -> FloatArray:
     >>> moving_average([1, 2, 6, 10], 2)
     array([1.5, 4. , 8. ])
     """
-    _check_counts("count", [count], series.shape[-1])
-    # Sums start at the first frame, because a common offset would cost digits.
-    first = series[..., :1]
-    sums = np.cumsum(np.insert(series - first, 0, 0.0, axis=-1), axis=-1)
-    return (sums[..., count:] - sums[..., :-count]) / count + first
+    frames = series.shape[-1]
+    _check_counts("count", [count], frames)
+    # The filter returns an average for each frame, also for those with too few neighbours.
+    first = count // 2
+    return uniform_filter1d(series, count)[..., first : first + frames - count + 1]
 
 
 def _check_counts(name: str, counts: Sequence[int], greatest: int) -> None:
@@ -243,7 +244,7 @@ def stability(times: _Series, series: _Angles) -> Stability:
     # A lost frame in a gap separates the averages of both sides.
     broken = np.insert(left, np.flatnonzero(steps > 1.5 * usual) + 1, np.nan, axis=0).T
     results = []
-    for power in range(int(np.log2(len(series) // _MIN_AVERAGES)) + 1):
+    for power in range(int(np.log2(frames // _MIN_AVERAGES)) + 1):
         count = 2**power
         squares = np.square(_changes(broken, count))
         averages = int(np.isfinite(squares[0]).sum()) + 1
