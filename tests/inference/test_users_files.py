@@ -5,6 +5,7 @@ import pytest
 from simulated import SHIFT, spot_table, star_table, stars
 
 import reproduce as rp
+from reproduce.inference import Normal
 from reproduce.papers.posteriors import posteriors
 from reproduce.physics.registration import fit_registration
 from reproduce.store.points import TableFileError
@@ -25,6 +26,10 @@ def test_your_data_lead_to_their_truth(tmp_path):
         i = model.names.index(parameter)
         assert abs(centre[i] - truth) < 4 * spread[i]
         assert spread[i] < 0.1 * max(abs(truth), 1e-4)
+        for value, one in zip(centre, model.parameters, strict=True):
+            if isinstance(one.prior, Normal):
+                away = abs(value - one.prior.mean)
+                assert away < 4 * one.prior.sigma, one.name
 
 
 def test_wrong_files_are_rejected_by_row_and_column():

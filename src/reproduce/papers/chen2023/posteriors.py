@@ -122,7 +122,10 @@ def _your_model(
 
 
 def _priors(model: Model, images: list[FloatArray]) -> dict[str, Prior]:
-    """Return priors on the scale of the motion of your spots and of their residuals."""
+    """Return priors on the scale of the motion of your spots and of their residuals.
+
+    The size of the pattern keeps the prior of the paper.
+    """
     likelihood = model.likelihood_of(models.SpotLikelihood)
     platform, residual = likelihood.platform, likelihood.residual()
     first, last = likelihood.statistics.means
@@ -148,6 +151,7 @@ def _priors(model: Model, images: list[FloatArray]) -> dict[str, Prior]:
     return {
         name: kinds.get(name.partition("-")[0], roll if name[-1] == "z" else across)
         for name in model.names
+        if name != "laser-scale"
     }
 
 
