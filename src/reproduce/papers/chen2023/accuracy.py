@@ -19,7 +19,13 @@ from reproduce.papers.charts import (
     set_log_ticks,
     two_panels,
 )
-from reproduce.papers.chen2023 import platform
+from reproduce.papers.chen2023.platform import (
+    INSTRUMENT,
+    SIGMAS,
+    TRACKER,
+    angle_of_one_pixel,
+    unit_rotations,
+)
 from reproduce.papers.declare import (
     Results,
     by_cell,
@@ -40,7 +46,7 @@ DURATION = "chen2023/text-accuracy#duration"
 _RATE = "chen2023/text-accuracy#frame-rate"
 COUNTS = "chen2023/table-4#*.frames"
 _MATRICES = {"transform": "laser transform", "misalignment": "misalignment"}
-INPUTS = (*platform.INSTRUMENT, "chen2023/table-3", FRAMES, COUNTS)
+INPUTS = (*INSTRUMENT, "chen2023/table-3", FRAMES, COUNTS)
 # Replicates simulated at once: enough to be fast, few enough for a small memory.
 _BATCH_REPLICATES = 250
 # Floor of the dotted line in the figure, three sigma: the bound of the paper on its differences.
@@ -79,7 +85,7 @@ def _simulated_accuracies(
     It is three standard deviations, in radians.
     """
     # By unit noise in each coordinate: shape (groups, 2 axes, coordinates).
-    rotations = np.stack([platform.unit_rotations(inputs, g)[:2] for g in (1, 2)])
+    rotations = np.stack([unit_rotations(inputs, g)[:2] for g in (1, 2)])
     frames, generator = inputs.count(FRAMES), default_rng(seed)
     parts = []
     for first in range(0, replicates, _BATCH_REPLICATES):
@@ -89,7 +95,7 @@ def _simulated_accuracies(
         # One angle about X and one about Y for each frame, to first order in the noise. The
         # relative error is one millionth, because the rotations are a few microradians.
         parts.append(scatter_of_averages(rotations @ noise.mT, counts))
-    return platform.SIGMAS * np.concatenate(parts)
+    return SIGMAS * np.concatenate(parts)
 
 
 def time_per_frame(inputs: Inputs) -> float:
@@ -139,12 +145,10 @@ def centroid_accuracy(inputs: Inputs) -> Results:
     return {"centroid-accuracy": inputs.array("chen2023/table-3#1-*").mean()}
 
 
-@reproduces(
-    "chen2023/text-accuracy", cells=["angular-resolution"], inputs=platform.TRACKER
-)
+@reproduces("chen2023/text-accuracy", cells=["angular-resolution"], inputs=TRACKER)
 def pixel_angle(inputs: Inputs) -> Results:
     """Return the angle of one pixel of the tracker, which the text quotes."""
-    return {"angular-resolution": platform.angle_of_one_pixel(inputs)}
+    return {"angular-resolution": angle_of_one_pixel(inputs)}
 
 
 @draws("chen2023/table-4", inputs=INPUTS, random=True)

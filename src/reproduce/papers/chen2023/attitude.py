@@ -6,7 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from reproduce.papers.chen2023 import platform
+from reproduce.papers.chen2023.platform import (
+    INSTRUMENT,
+    SIGMAS,
+    angle_of_one_pixel,
+    angle_sigma,
+    as_designed,
+    scatter,
+    square_ratio,
+)
 from reproduce.papers.declare import Rows, studied
 from reproduce.printed.inputs import Inputs
 from reproduce.units import ARCSEC_PER_RADIAN
@@ -20,28 +28,27 @@ def _platform_facts(inputs: Inputs) -> dict[str, float]:
     In per cent smaller than the design, root mean square distance from a square of this size in px,
     and error about Z over error about X.
     """
-    designed = platform.as_designed(inputs)
-    ratio = platform.square_ratio(designed)
+    designed = as_designed(inputs)
+    ratio = square_ratio(designed)
     scaled = replace(designed, lasers=ratio * designed.lasers)
     fitted = scaled.directions @ scaled.transform(scaled.spots).mT
     distances = np.linalg.norm(scaled.seen(scaled.spots) - fitted, axis=-1)
-    x, _, z = platform.angle_sigma(inputs, 1, 1)
+    x, _, z = angle_sigma(inputs, 1, 1)
     return {
         "square-smaller": 100 * (1 - ratio),
-        "misfit": np.sqrt(np.square(distances).mean())
-        / platform.angle_of_one_pixel(inputs),
+        "misfit": np.sqrt(np.square(distances).mean()) / angle_of_one_pixel(inputs),
         "roll": z / x,
     }
 
 
 @studied(
     "chen2023/orders",
-    inputs=(*platform.INSTRUMENT, "chen2023/table-3#1-*", _PRINTED),
+    inputs=(*INSTRUMENT, "chen2023/table-3#1-*", _PRINTED),
     named=_platform_facts,
 )
 def _orders(inputs: Inputs) -> Rows:
     """Compute the accuracy of a frame in the axes of both instruments, for two principal points."""
-    designed = platform.as_designed(inputs)
+    designed = as_designed(inputs)
     for name, point in (
         ("centre of the detector", designed.principal_point),
         ("middle of the spots", designed.spots.mean(axis=0)),
@@ -51,7 +58,7 @@ def _orders(inputs: Inputs) -> Rows:
         # The laser transform rotates the vector of a small rotation into the other frame.
         tracker = np.tensordot(design.transform(design.spots), camera, axes=1)
         for frame, response in (("camera", camera), ("tracker", tracker)):
-            variance = (response * platform.scatter(inputs, 1)) ** 2
-            x, y, _ = platform.SIGMAS * np.sqrt(variance.sum(axis=(-2, -1)))
+            variance = (response * scatter(inputs, 1)) ** 2
+            x, y, _ = SIGMAS * np.sqrt(variance.sum(axis=(-2, -1)))
             yield name, frame, x * ARCSEC_PER_RADIAN, y * ARCSEC_PER_RADIAN
     yield ("printed", "", *(inputs.array(_PRINTED) * ARCSEC_PER_RADIAN))

@@ -13,7 +13,10 @@ import numpy as np
 from scipy.special import softmax
 
 from reproduce.papers.charts import legend_below, plot_band, set_log_ticks, two_panels
-from reproduce.papers.chen2023 import accuracy, effectiveness, platform, published
+from reproduce.papers.chen2023.accuracy import COUNTS, FRAMES
+from reproduce.papers.chen2023.effectiveness import FRAMES_PER_STATE
+from reproduce.papers.chen2023.platform import SIGMAS
+from reproduce.papers.chen2023.published import averaging
 from reproduce.papers.declare import Rows, draws, studied
 from reproduce.physics.attitude import averaged_error
 from reproduce.physics.validate import FloatArray
@@ -27,10 +30,10 @@ if TYPE_CHECKING:
 _ENDS = (0.025, 0.5, 0.975)
 _MARKS = ("chen2023/table-4#*.misalignment-x", "chen2023/table-4#*.misalignment-y")
 _FRAME_INPUTS = (
-    accuracy.COUNTS,
+    COUNTS,
     *_MARKS,
-    accuracy.FRAMES,
-    effectiveness.FRAMES,
+    FRAMES,
+    FRAMES_PER_STATE,
 )
 _SHOWN_COUNTS = (1, 4, 16, 25, 49, 100, 400, 1000)
 # Nodes of the grid in each direction, and its bounds as fractions of the scatter of one frame. The
@@ -41,7 +44,7 @@ _GRID_NODES, _WHITE_BOUNDS, _FLOOR_BOUNDS = 160, (0.85, 1.18), (0.0, 0.3)
 @cache
 def _noise(inputs: Inputs, axis: str) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return white noise and floor of Table IV at nodes, in radians, and their weights, (n,)."""
-    model = published.averaging(inputs, axis)
+    model = averaging(inputs, axis)
     single = model.likelihood.start()[0][0]
     nodes, weights = np.polynomial.legendre.leggauss(_GRID_NODES)
     bounds = single * np.array([_WHITE_BOUNDS, _FLOOR_BOUNDS])
@@ -72,7 +75,7 @@ def _frame_facts(inputs: Inputs) -> dict[str, float]:
     for axis in "xy":
         white, floor, weights = _noise(inputs, axis)
         knees[f"knee-{axis}"] = _quantiles(np.square(white / floor), weights)[0]
-    state, (white, _, weights) = inputs.count(effectiveness.FRAMES), _noise(inputs, "x")
+    state, (white, _, weights) = inputs.count(FRAMES_PER_STATE), _noise(inputs, "x")
     return {
         **knees,
         "state": state,
@@ -100,8 +103,8 @@ def _draw_frames(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
         plot_band(axes, counts, ends, "C0", "-", "median, with 95 %")
         white = ends[1, 0] / np.sqrt(counts)
         axes.plot(counts, white, "C6--", label="white noise")
-        shown = inputs.array(accuracy.COUNTS)
-        points = printed.array(mark) / platform.SIGMAS * ARCSEC_PER_RADIAN
+        shown = inputs.array(COUNTS)
+        points = printed.array(mark) / SIGMAS * ARCSEC_PER_RADIAN
         axes.plot(shown, points, "ko", markersize=4, label="Table IV")
         axes.set(
             title=f"about {axis.upper()}",

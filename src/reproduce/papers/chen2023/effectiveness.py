@@ -21,7 +21,19 @@ import numpy as np
 from numpy.random import Generator, SeedSequence, default_rng
 
 from reproduce.papers.charts import set_size
-from reproduce.papers.chen2023 import accuracy, platform
+from reproduce.papers.chen2023.accuracy import (
+    DURATION,
+    FRAMES,
+    SMOOTHED,
+    time_per_frame,
+)
+from reproduce.papers.chen2023.platform import (
+    INSTRUMENT,
+    SIGMAS,
+    TELESCOPE,
+    angle_sigma,
+    unit_rotations,
+)
 from reproduce.papers.declare import (
     Results,
     Rows,
@@ -41,7 +53,7 @@ if TYPE_CHECKING:
 
 _QUOTED = "chen2023/text-effectiveness#focal-length"
 BOUND = "chen2023/text-effectiveness#difference-bound"
-FRAMES = "chen2023/text-effectiveness#frames-per-state"
+FRAMES_PER_STATE = "chen2023/text-effectiveness#frames-per-state"
 _MOVED_STATES = (2, 3, 4, 5)
 # A motion along one axis rotates the camera about the other axis. Arrays of both, of shape (4, 2),
 # have the motions along X and Y, and the angles about Y and X.
@@ -53,7 +65,7 @@ _MEASURED = (
     "chen2023/table-5#*.position-?",
     "chen2023/table-5#[2-5].motion-?",
     LAST,
-    platform.TELESCOPE,
+    TELESCOPE,
     _QUOTED,
 )
 
@@ -103,7 +115,7 @@ def telescope_length(inputs: Inputs, columns: str, telescope: str) -> float:
         # (10) relates the last angle about Y to a motion.
         travel = _travel(inputs, "x" if columns == "printed" else "y")
         return -travel / np.tan(inputs[LAST])
-    return inputs[{"quoted": _QUOTED, "nominal": platform.TELESCOPE}[telescope]]
+    return inputs[{"quoted": _QUOTED, "nominal": TELESCOPE}[telescope]]
 
 
 @reproduces(
@@ -132,7 +144,7 @@ def reference_angle(inputs: Inputs, *, columns: str, telescope: str) -> Results:
     inputs=[
         "chen2023/table-5#*.position-y",
         "chen2023/table-5#5.motion-x",
-        platform.TELESCOPE,
+        TELESCOPE,
         _QUOTED,
     ],
     options={
@@ -157,10 +169,10 @@ def last_reference_angle(inputs: Inputs, *, columns: str, telescope: str) -> Res
     cells=["*.monitoring-?"],
     inputs=[
         *_MEASURED,
-        *platform.INSTRUMENT,
+        *INSTRUMENT,
         "chen2023/table-3#2-*",
-        FRAMES,
-        accuracy.SMOOTHED,
+        FRAMES_PER_STATE,
+        SMOOTHED,
     ],
     replicates=4000,
 )
@@ -184,7 +196,7 @@ def monitored_angle(
     if telescope == "nominal":
         # One telescope for all angles of a replicate, anywhere in the range of a nominal length.
         spread = generator.uniform(-1, 1, replicates)
-        length += spread * inputs.half_width(platform.TELESCOPE)
+        length += spread * inputs.half_width(TELESCOPE)
     motions = stage_motions(inputs, columns)
     if columns == "motions":
         motions = motions[:, ::-1]
@@ -200,10 +212,10 @@ def _averaging(inputs: Inputs, images: str) -> tuple[float, float]:
     A smoothed angle is the mean of the last images, which may include images of the state before.
     Their noise is taken as independent of the mean of that state.
     """
-    frames = inputs.count(FRAMES)
+    frames = inputs.count(FRAMES_PER_STATE)
     # Weights of the images in a mean.
     state, smoothed = (
-        np.full(count, 1 / count) for count in (frames, inputs.count(accuracy.SMOOTHED))
+        np.full(count, 1 / count) for count in (frames, inputs.count(SMOOTHED))
     )
     with_ramp = np.convolve(state, smoothed)
     weights = {"state": state, "smoothed": smoothed, "with-ramp": with_ramp}[images]
@@ -220,8 +232,8 @@ def _monitoring_errors(
     They share the error of the zero state.
     """
     # About Y and X.
-    rotations = platform.unit_rotations(inputs, 2)[1::-1] / np.sqrt(
-        inputs.count(FRAMES)
+    rotations = unit_rotations(inputs, 2)[1::-1] / np.sqrt(
+        inputs.count(FRAMES_PER_STATE)
     )
     shape = (replicates, 1 + len(_MOVED_STATES), rotations.shape[1])
     angles = generator.standard_normal(shape) @ rotations.T
@@ -245,9 +257,9 @@ def difference(inputs: Inputs) -> Results:
     inputs=[
         "chen2023/text-effectiveness#travel-*",
         "chen2023/text-effectiveness#step",
+        FRAMES_PER_STATE,
+        DURATION,
         FRAMES,
-        accuracy.DURATION,
-        accuracy.FRAMES,
     ],
 )
 def plan(inputs: Inputs) -> Results:
@@ -255,7 +267,7 @@ def plan(inputs: Inputs) -> Results:
     start, end = inputs.array("chen2023/text-effectiveness#travel-*")
     return {
         "states": (end - start) / inputs["chen2023/text-effectiveness#step"] + 1,
-        "time-per-state": inputs[FRAMES] * accuracy.time_per_frame(inputs),
+        "time-per-state": inputs[FRAMES_PER_STATE] * time_per_frame(inputs),
     }
 
 
@@ -290,8 +302,8 @@ def _draw(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     rows = (4, 1) if set_size(figure, 6.4, 6.6, 10.5) else (2, 2)
     panels = np.reshape(figure.subplots(*rows, sharex=True), (2, 2))
     # Noise of the state and of the zero state.
-    sigmas = np.sqrt(2.0) * platform.angle_sigma(inputs, 2, inputs.count(FRAMES))
-    nominal = inputs[platform.TELESCOPE]
+    sigmas = np.sqrt(2.0) * angle_sigma(inputs, 2, inputs.count(FRAMES_PER_STATE))
+    nominal = inputs[TELESCOPE]
     common = telescope_length(inputs, "motions", "common")
     bound = printed[BOUND] * ARCSEC_PER_RADIAN
     monitored, reference = _angles(printed)
@@ -355,7 +367,7 @@ def _implied_facts(inputs: Inputs) -> dict[str, float]:
     """
     _, _, half, other, _ = zip(*_focal_lengths.function(inputs), strict=True)
     monitored, reference = _angles(inputs)
-    lengths = inputs[platform.TELESCOPE], telescope_length(inputs, "motions", "common")
+    lengths = inputs[TELESCOPE], telescope_length(inputs, "motions", "common")
     motions = stage_motions(inputs)[1:]
     others = reference[:, ::-1], *(stage_angle(motions, length) for length in lengths)
     differences = np.abs(monitored - others).max(axis=(1, 2)) / RADIANS_PER_ARCSEC
@@ -369,7 +381,7 @@ def _implied_facts(inputs: Inputs) -> dict[str, float]:
 
 @studied(
     "chen2023/focal-lengths",
-    inputs=["chen2023/table-5#*", platform.TELESCOPE, BOUND],
+    inputs=["chen2023/table-5#*", TELESCOPE, BOUND],
     named=_implied_facts,
 )
 def _focal_lengths(inputs: Inputs) -> Rows:
@@ -415,8 +427,8 @@ def _test_facts(inputs: Inputs) -> dict[str, float]:
         "chen2023/table-5#[2-5].difference-?",
         "chen2023/table-5#5.reference-?",
         "chen2023/table-4#*.misalignment-?",
-        FRAMES,
-        accuracy.SMOOTHED,
+        FRAMES_PER_STATE,
+        SMOOTHED,
     ),
     named=_test_facts,
 )
@@ -424,7 +436,7 @@ def _differences(inputs: Inputs) -> Rows:
     """Test the differences of Table V jointly against noise."""
     from scipy.special import chdtrc
 
-    few, frames = inputs.count(accuracy.SMOOTHED), inputs.count(FRAMES)
+    few, frames = inputs.count(SMOOTHED), inputs.count(FRAMES_PER_STATE)
     differences = pairs(inputs, "[2-5].difference")
     for name, row, averaged in (
         (f"one frame of Table IV, means of {frames}", 1, frames),
@@ -433,6 +445,6 @@ def _differences(inputs: Inputs) -> Rows:
     ):
         # About X and Y.
         accurate = inputs.array(f"chen2023/table-4#{row}.misalignment-?")[::-1]
-        sigma = accurate / platform.SIGMAS / np.sqrt(averaged)
+        sigma = accurate / SIGMAS / np.sqrt(averaged)
         chi_square = _shared_zero_chi_square(differences, sigma).sum()
         yield name, chi_square, differences.size, chdtrc(differences.size, chi_square)

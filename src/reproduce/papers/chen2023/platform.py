@@ -22,19 +22,19 @@ from reproduce.printed.inputs import Inputs
 SPOTS = "chen2023/text-platform#spot-*"
 DIAGONAL = "chen2023/text-hardware#laser-diagonal"
 TELESCOPE = "chen2023/table-2#telescope-focal-length.value"
-FOCAL_LENGTH = "chen2023/table-2#tracker-focal-length.value"
+TRACKER_FOCAL_LENGTH = "chen2023/table-2#tracker-focal-length.value"
 PIXEL = "chen2023/table-2#tracker-pixel-size.value"
 PIXELS = "chen2023/table-2#tracker-pixels-*.value"
-TRACKER = (FOCAL_LENGTH, PIXEL)
+TRACKER = (TRACKER_FOCAL_LENGTH, PIXEL)
 # Inputs of the directions of lasers and spots.
-INSTRUMENT = (SPOTS, DIAGONAL, TELESCOPE, FOCAL_LENGTH, PIXEL, PIXELS)
+INSTRUMENT = (SPOTS, DIAGONAL, TELESCOPE, TRACKER_FOCAL_LENGTH, PIXEL, PIXELS)
 # Table III prints three standard deviations.
 SIGMAS = 3.0
 
 
 def angle_of_one_pixel(inputs: Inputs) -> float:
     """Return the angle of one pixel of the ground tracker, in radians."""
-    return float(angle_from_pixels(1, inputs[PIXEL], inputs[FOCAL_LENGTH]))
+    return float(angle_from_pixels(1, inputs[PIXEL], inputs[TRACKER_FOCAL_LENGTH]))
 
 
 @reproduces(
@@ -57,7 +57,7 @@ def as_designed(inputs: Inputs) -> Platform:
 
     Each laser is at the corner of the designed square in the direction of its spot.
     """
-    lengths = inputs[TELESCOPE], inputs[FOCAL_LENGTH], inputs[PIXEL]
+    lengths = inputs[TELESCOPE], inputs[TRACKER_FOCAL_LENGTH], inputs[PIXEL]
     centre = detector_centre(inputs.array(PIXELS))
     return Platform(lasers(inputs), *lengths, centre, printed_spots(inputs))
 
@@ -86,21 +86,13 @@ def lasers(inputs: Inputs) -> FloatArray:
     return np.round(offsets / np.abs(offsets).max()) * inputs[DIAGONAL] / 2
 
 
-def angle_response(inputs: Inputs) -> FloatArray:
-    """Return the derivative of the misalignment angles by the four centroids, (3, 4, 2).
-
-    Angles about X, Y and Z of the camera by x and y of each spot, in rad/px.
-    """
-    design = as_designed(inputs)
-    return design.response(design.spots)
-
-
 def unit_rotations(inputs: Inputs, group: int) -> FloatArray:
     """Return the rotations about X, Y and Z by one standard deviation of each coordinate, (3, 8).
 
     They are the rotations by the noise of one frame of a group, in radians.
     """
-    return (angle_response(inputs) * scatter(inputs, group)).reshape(3, -1)
+    design = as_designed(inputs)
+    return (design.response(design.spots) * scatter(inputs, group)).reshape(3, -1)
 
 
 def angle_sigma(inputs: Inputs, group: int, frames: int) -> FloatArray:

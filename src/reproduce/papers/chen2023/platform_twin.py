@@ -28,7 +28,29 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from reproduce.papers.charts import legend_below, set_size, two_panels
-from reproduce.papers.chen2023 import accuracy, effectiveness, platform, resolution
+from reproduce.papers.chen2023.accuracy import (
+    DURATION,
+    FRAMES,
+    SMOOTHED,
+    time_per_frame,
+)
+from reproduce.papers.chen2023.effectiveness import (
+    BOUND,
+    FRAMES_PER_STATE,
+    LAST,
+    pairs,
+    stage_motions,
+    telescope_length,
+)
+from reproduce.papers.chen2023.platform import (
+    INSTRUMENT,
+    PIXEL,
+    SPOTS,
+    as_designed,
+    printed_spots,
+    scatter,
+)
+from reproduce.papers.chen2023.resolution import SPOT_RADIUS, spot_errors
 from reproduce.papers.declare import draws, seed_of
 from reproduce.physics.attitude import (
     Platform,
@@ -57,11 +79,11 @@ if TYPE_CHECKING:
 _WINDOW = "chen2023/text-platform#window-x"
 _POSITIONS = "chen2023/table-5#*.position-?"
 INPUTS = (
-    *platform.INSTRUMENT,
+    *INSTRUMENT,
     "chen2023/table-3",
-    resolution.SPOT_RADIUS,
+    SPOT_RADIUS,
     _WINDOW,
-    accuracy.FRAMES,
+    FRAMES,
 )
 
 
@@ -129,10 +151,10 @@ class _SimulatedBench:
 
 def bench(inputs: Inputs) -> _SimulatedBench:
     """Return the simulated bench of the printed numbers."""
-    design, window = platform.as_designed(inputs), inputs.count(_WINDOW)
-    radius = inputs[resolution.SPOT_RADIUS] / inputs[platform.PIXEL]
-    error, _ = resolution.spot_errors(design.spots, radius, window)
-    target = [(platform.scatter(inputs, g) ** 2).mean(axis=-1) for g in (1, 2)]
+    design, window = as_designed(inputs), inputs.count(_WINDOW)
+    radius = inputs[SPOT_RADIUS] / inputs[PIXEL]
+    error, _ = spot_errors(design.spots, radius, window)
+    target = [(scatter(inputs, g) ** 2).mean(axis=-1) for g in (1, 2)]
     flux = error.variance.mean(axis=-1) / target
     return _SimulatedBench(design, design.spots - error.bias, flux, radius, window)
 
@@ -141,33 +163,33 @@ def bench(inputs: Inputs) -> _SimulatedBench:
 # about the boresight.
 _POINTING_DEG = (84.6, -0.4, 20.0)
 _FAINTEST_MAGNITUDE = 6.0
-_SERIES_INPUTS = (*INPUTS, accuracy.SMOOTHED, accuracy.DURATION)
+_SERIES_INPUTS = (*INPUTS, SMOOTHED, DURATION)
 # Width of the shown part of an image around a spot.
 _SHOWN_PX = 9
 _draws_series = partial(draws, inputs=_SERIES_INPUTS, random=True)
 _draws_test = partial(
     draws,
-    inputs=(*_SERIES_INPUTS, _POSITIONS, effectiveness.FRAMES, effectiveness.LAST),
+    inputs=(*_SERIES_INPUTS, _POSITIONS, FRAMES_PER_STATE, LAST),
     random=True,
 )
 
 
-@draws("chen2023/fig-1c", inputs=platform.INSTRUMENT, marks=[platform.SPOTS])
+@draws("chen2023/fig-1c", inputs=INSTRUMENT, marks=[SPOTS])
 def _draw_frame(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     """Draw a frame of the tracker: stars of the catalogue and the four laser spots."""
     alpha, delta, roll = _POINTING_DEG
     _, directions, magnitude = bright_stars()
     angles = alpha + 90, 90 - delta, roll
     pointing = Rotation.from_euler("ZXZ", angles, degrees=True)
-    rays = pointing.inv().apply(directions)
+    rays = pointing.apply(directions, inverse=True)
     seen = (rays[:, 2] > 0.9) & (magnitude <= _FAINTEST_MAGNITUDE)
-    spots = received_spots(rays[seen], *platform.as_designed(inputs).tracker)
+    spots = received_spots(rays[seen], *as_designed(inputs).tracker)
     sizes = 5 * 1.7 ** (_FAINTEST_MAGNITUDE - magnitude[seen])
     set_size(figure, 6.0, 6.0, 4.2)
     axes = figure.add_subplot()
     x, y = spots.T
     axes.scatter(x, y, sizes, "C2", label="stars")
-    axes.plot(*platform.printed_spots(printed).T, "C1s", label="laser spots, printed")
+    axes.plot(*printed_spots(printed).T, "C1s", label="laser spots, printed")
     axes.set(
         xlim=(-0.5, 1023.5),
         ylim=(1023.5, -0.5),
@@ -182,7 +204,7 @@ def _draw_frame(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
 def _groups(inputs: Inputs) -> FloatArray:
     """Return the angles of the two groups of frames in Figures 8 and 9, in arcsec."""
     generator = default_rng(seed_of("chen2023/fig-8", inputs.root))
-    _, angles = bench(inputs).two_groups(inputs.count(accuracy.FRAMES), generator)
+    _, angles = bench(inputs).two_groups(inputs.count(FRAMES), generator)
     return angles * ARCSEC_PER_RADIAN
 
 
@@ -198,22 +220,22 @@ def _stage_test(
     """
     import pandas as pd
 
-    twin, frames = bench(inputs), inputs.count(effectiveness.FRAMES)
+    twin, frames = bench(inputs), inputs.count(FRAMES_PER_STATE)
     # A motion along one axis rotates the camera about the other; the printed signs are kept.
-    motions = effectiveness.stage_motions(inputs)[:, ::-1]
-    length = effectiveness.telescope_length(inputs, "motions", telescope)
+    motions = stage_motions(inputs)[:, ::-1]
+    length = telescope_length(inputs, "motions", telescope)
     angles = stage_angle(motions, length)
     spots = twin.rotated(np.insert(angles, 2, 0.0, axis=1))
     generator = default_rng(seed_of("chen2023/fig-10b", inputs.root))
     centroids = twin.centroids(spots, twin.flux[1], frames, generator)
     zero = mean_rotation(twin.design.transform(centroids[0]))
     single = twin.design.misalignment(centroids, zero).reshape(-1, 3)[:, :2]
-    windows = pd.DataFrame(single).rolling(inputs.count(accuracy.SMOOTHED), 1)
-    times = np.arange(len(single), dtype=np.float64) * accuracy.time_per_frame(inputs)
+    windows = pd.DataFrame(single).rolling(inputs.count(SMOOTHED), 1)
+    times = np.arange(len(single), dtype=np.float64) * time_per_frame(inputs)
     return times, np.repeat(angles, frames, axis=0), windows.mean().to_numpy()
 
 
-@_draws_series("chen2023/fig-7", marks=[platform.SPOTS])
+@_draws_series("chen2023/fig-7", marks=[SPOTS])
 def _draw_spots(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     """Draw the images of the four laser spots in the tracker, at the printed positions."""
     from matplotlib.patches import Rectangle
@@ -227,7 +249,7 @@ def _draw_spots(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     set_size(figure, 5.6, 4.8, 3.6)
     figure.set_layout_engine("compressed")
     panels = figure.subplots(2, 2)
-    spots = platform.printed_spots(printed)
+    spots = printed_spots(printed)
     shown = zip(panels.flat, spots, corners - 0.5, inner - 0.5, seen, strict=True)
     for number, (axes, centre, (left, top), start, flux) in enumerate(shown, start=1):
         extent = (left, left + _SHOWN_PX, top + _SHOWN_PX, top)
@@ -267,7 +289,7 @@ def _draw_series(
     figure: Figure, printed: Inputs, inputs: Inputs, group: int, label: str
 ) -> None:
     """Draw angles about X and Y of single frames and their means, with the printed limits."""
-    angles, count = _groups(inputs), inputs.count(accuracy.SMOOTHED)
+    angles, count = _groups(inputs), inputs.count(SMOOTHED)
     frames = np.arange(1, angles.shape[1] + 1)
     # Figures 8 and 9 have one scale.
     reach = 1.05 * np.abs(angles[..., :2]).max()
@@ -292,7 +314,7 @@ def _draw_series(
 @draws("chen2023/fig-10a", marks=[_POSITIONS])
 def _draw_pattern(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     """Draw the motion pattern of the stage with its five states."""
-    positions = effectiveness.pairs(printed, "*.position") * 1e6
+    positions = pairs(printed, "*.position") * 1e6
     axes = figure.add_subplot()
     axes.plot(*positions.T, "--", linewidth=1)
     axes.plot(*positions.T, "C1^", markersize=8)
@@ -311,7 +333,7 @@ def _draw_pattern(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     marks=[
         "chen2023/table-5#[2-5].monitoring-y",
         "chen2023/table-5#[2-5].reference-y",
-        effectiveness.BOUND,
+        BOUND,
     ],
 )
 def _draw_about_y(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
@@ -324,7 +346,7 @@ def _draw_about_y(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     marks=[
         "chen2023/table-5#[2-5].monitoring-x",
         "chen2023/table-5#[2-5].reference-x",
-        effectiveness.BOUND,
+        BOUND,
     ],
 )
 def _draw_about_x(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
@@ -336,16 +358,16 @@ def _draw_test(figure: Figure, printed: Inputs, inputs: Inputs, axis: str) -> No
     """Draw the whole test with the printed angles, and its differences from the references."""
     set_size(figure, 6.4, 5.6, 5.6)
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
-    bound = printed[effectiveness.BOUND] * ARCSEC_PER_RADIAN
+    bound = printed[BOUND] * ARCSEC_PER_RADIAN
     monitored, reference = (
         printed.array(f"chen2023/table-5#[2-5].{name}-{axis.lower()}")
         * ARCSEC_PER_RADIAN
         for name in ("monitoring", "reference")
     )
-    frames = inputs.count(effectiveness.FRAMES)
-    smoothed = inputs.count(accuracy.SMOOTHED)
+    frames = inputs.count(FRAMES_PER_STATE)
+    smoothed = inputs.count(SMOOTHED)
     for telescope, look in (("nominal", "C0-"), ("common", "C1--")):
-        length = effectiveness.telescope_length(inputs, "motions", telescope)
+        length = telescope_length(inputs, "motions", telescope)
         times, _, angles = _stage_test(inputs, telescope)
         angle = angles[:, "XY".index(axis)] * ARCSEC_PER_RADIAN
         upper.plot(times, angle, look, label=f"simulated, {length * 1e3:.0f} mm")

@@ -9,7 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from reproduce.papers.chen2023 import accuracy, platform, satellite
+from reproduce.papers.chen2023.accuracy import SMOOTHED
+from reproduce.papers.chen2023.platform import INSTRUMENT, SIGMAS, angle_sigma
+from reproduce.papers.chen2023.satellite import CAMERA, CAMERA_FOCAL_LENGTH, altitude
 from reproduce.papers.declare import Results, Rows, by_cell, reproduces, studied
 from reproduce.physics.attitude import rotation_from_vector
 from reproduce.physics.ground import (
@@ -24,8 +26,8 @@ from reproduce.printed.inputs import Inputs
 from reproduce.units import RADIANS_PER_ARCSEC
 
 _POINTING = "chen2023/table-1#tracker-pointing-accuracy.value"
-_MONITORING = (*platform.INSTRUMENT, "chen2023/table-3#2-*", accuracy.SMOOTHED)
-INPUTS = (*_MONITORING, *satellite.CAMERA, _POINTING)
+_MONITORING = (*INSTRUMENT, "chen2023/table-3#2-*", SMOOTHED)
+INPUTS = (*_MONITORING, *CAMERA, _POINTING)
 _ORBIT_ERROR_M = 0.05
 _SINGLE, _AVERAGED = "one frame", "averaged"
 # Views of the satellite: tilt off the nadir in deg, distance of the target from it in m.
@@ -58,14 +60,14 @@ def _terms(inputs: Inputs) -> dict[str, tuple[str, FloatArray]]:
     deviations along or about X, Y, Z, in metres or radians. The misalignment is given axis by axis,
     for one frame and for the average of many.
     """
-    limit = np.full(3, inputs[_POINTING] / platform.SIGMAS)
+    limit = np.full(3, inputs[_POINTING] / SIGMAS)
     terms = {"attitude of the tracker, at its limit": ("turn", limit)}
-    for frames, mean in ((1, _SINGLE), (inputs.count(accuracy.SMOOTHED), _AVERAGED)):
-        sigmas = np.diag(platform.angle_sigma(inputs, 2, frames))
+    for frames, mean in ((1, _SINGLE), (inputs.count(SMOOTHED), _AVERAGED)):
+        sigmas = np.diag(angle_sigma(inputs, 2, frames))
         for axis, sigma in zip(("X", "Y", "Z (roll)"), sigmas, strict=True):
             terms[f"misalignment about {axis}, {mean}"] = ("turn", sigma)
     terms["orbit"] = ("satellite", np.full(3, _ORBIT_ERROR_M))
-    pixel = np.array([1.0, 1.0, 0.0]) * inputs[satellite.CAMERA[1]]
+    pixel = np.array([1.0, 1.0, 0.0]) * inputs[CAMERA[1]]
     terms["principal point, one pixel"] = ("image", pixel)
     return terms
 
@@ -74,7 +76,7 @@ def _look(
     inputs: Inputs, tilt: float, off: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return image vector, position and rotation of the satellite at a middle latitude."""
-    height, focal = satellite.altitude(inputs), inputs[satellite.CAMERA_FOCAL_LENGTH]
+    height, focal = altitude(inputs), inputs[CAMERA_FOCAL_LENGTH]
     position = earth_fixed([0.5, 0.8, height])
     flight = np.cross(np.cross(position, [0.0, 0.0, 1.0]), position)
     down = satellite_from_inertial(position, flight).T
@@ -104,7 +106,7 @@ def _covariances(inputs: Inputs) -> dict[str, FloatArray]:
     inputs=INPUTS,
     # In kilometres, and in %.
     named=lambda inputs: {
-        "altitude": satellite.altitude(inputs) / 1e3,
+        "altitude": altitude(inputs) / 1e3,
         "level": 100 * _LEVEL,
     },
 )

@@ -14,7 +14,14 @@ from functools import partial
 import numpy as np
 from numpy.random import PCG64, Generator
 
-from reproduce.inference import Consequence, LogUniform, Model, Normal, Prior, models
+from reproduce.inference import Consequence, LogUniform, Model, Normal, Prior
+from reproduce.inference.models import (
+    AXES,
+    MOUNT_SIGMA,
+    SpotLikelihood,
+    SpotStatistics,
+    misalignment_model,
+)
 from reproduce.papers.chen2023 import published, satellite
 from reproduce.papers.chen2023.platform import (
     INSTRUMENT,
@@ -60,7 +67,7 @@ def _on_the_ground(parameters: FloatArray, altitude: float) -> dict[str, Consequ
 def _truth(inputs: Inputs, drifts: bool = False) -> dict[str, float]:
     """Return the misalignment of the simulation, and its drift through the group."""
     values = np.append(_TRUTH, _DRIFT if drifts else ())
-    names = (f"{name}-{axis}" for name in ("angle", "drift") for axis in models.AXES)
+    names = (f"{name}-{axis}" for name in ("angle", "drift") for axis in AXES)
     return dict(zip(names, values.tolist(), strict=False))
 
 
@@ -80,9 +87,9 @@ def _misalignment(inputs: Inputs, drifts: bool = False) -> Model:
         angles = np.linspace(first, last, frames)
         true = design.predicted(np.zeros((frames, 3)), angles[:, None], lasers)[:, 0]
         groups.append(true + noise * generator.normal(size=true.shape))
-    return models.misalignment_model(
+    return misalignment_model(
         design,
-        models.SpotStatistics.of(groups, drifts),
+        SpotStatistics.of(groups, drifts),
         partial(_on_the_ground, altitude=satellite.altitude(inputs)),
     )
 
@@ -116,8 +123,8 @@ def _your_model(
             "all images of a group. Add images with noise."
         )
     instrument = replace(diagnosis.platform, spots=images[0].mean(axis=0))
-    statistics = models.SpotStatistics.of(images, drifts)
-    model = models.misalignment_model(instrument, statistics)
+    statistics = SpotStatistics.of(images, drifts)
+    model = misalignment_model(instrument, statistics)
     return model.with_priors(_priors(model, images)), remarks
 
 
@@ -126,7 +133,7 @@ def _priors(model: Model, images: list[FloatArray]) -> dict[str, Prior]:
 
     The size of the pattern keeps the prior of the paper.
     """
-    likelihood = model.likelihood_of(models.SpotLikelihood)
+    likelihood = model.likelihood_of(SpotLikelihood)
     platform, residual = likelihood.platform, likelihood.residual()
     first, last = likelihood.statistics.means
     size = np.ptp(first, axis=0).max()
@@ -138,7 +145,7 @@ def _priors(model: Model, images: list[FloatArray]) -> dict[str, Prior]:
     roll = Normal(0.0, _PRIOR_WIDTHS * motion / size, reason)
     mount = Normal(
         0.0,
-        max(models.MOUNT_SIGMA, _PRIOR_WIDTHS * residual / size),
+        max(MOUNT_SIGMA, _PRIOR_WIDTHS * residual / size),
         "the zero attitude is fitted to the spots first: a quarter of a degree, or twenty times "
         "the rotation by their noise",
     )

@@ -9,8 +9,11 @@ from __future__ import annotations
 
 from functools import partial
 
-from reproduce.inference import LogUniform, Model, Parameter, Uniform, models
-from reproduce.papers.chen2023 import accuracy, effectiveness, platform
+from reproduce.inference import LogUniform, Model, Parameter, Uniform
+from reproduce.inference.models import AveragedNoise, StageAngles
+from reproduce.papers.chen2023.accuracy import COUNTS, FRAMES
+from reproduce.papers.chen2023.effectiveness import pairs, stage_motions
+from reproduce.papers.chen2023.platform import SIGMAS, TELESCOPE
 from reproduce.papers.posteriors import Declaration
 from reproduce.printed.inputs import Inputs
 from reproduce.units import ARCSEC_PER_RADIAN, RADIANS_PER_ARCSEC
@@ -30,11 +33,11 @@ _STATE = LogUniform(
 def averaging(inputs: Inputs, axis: str) -> Model:
     """Return the white noise and the floor of Table IV about an axis, one sigma."""
     column = f"chen2023/table-4#*.misalignment-{axis}"
-    likelihood = models.AveragedNoise(
-        inputs.array(column) / platform.SIGMAS,
-        inputs.half_unit(column.replace("*", "1")) / platform.SIGMAS,
-        tuple(inputs.array(accuracy.COUNTS).astype(int).tolist()),
-        inputs.count(accuracy.FRAMES),
+    likelihood = AveragedNoise(
+        inputs.array(column) / SIGMAS,
+        inputs.half_unit(column.replace("*", "1")) / SIGMAS,
+        tuple(inputs.array(COUNTS).astype(int).tolist()),
+        inputs.count(FRAMES),
     )
     floor = Uniform(
         0.0,
@@ -51,15 +54,9 @@ def averaging(inputs: Inputs, axis: str) -> Model:
 def _stage(inputs: Inputs) -> Model:
     """Return the focal length of the telescope and the noise of a state of Table V."""
     # A motion along one axis rotates the camera about the other axis.
-    angles, positions = (
-        effectiveness.pairs(inputs, name).T[::-1]
-        for name in ("*.monitoring", "*.position")
-    )
-    motions = positions[:, 1:] - positions[:, :1]
-    likelihood, nominal = (
-        models.StageAngles(angles, motions),
-        inputs[platform.TELESCOPE],
-    )
+    angles, motions = pairs(inputs, "*.monitoring"), stage_motions(inputs)[1:]
+    likelihood = StageAngles(angles.T[::-1], motions.T[::-1])
+    nominal = inputs[TELESCOPE]
     length = Uniform(nominal / 2, nominal * 2, "half to double the nominal length")
     parameters = (
         Parameter("focal-length", "f", "mm", length, 1e3),
@@ -77,9 +74,9 @@ POSTERIORS = (
             f"White noise and floor about {axis.upper()} (Table IV, measured)",
             "chen2023",
             (
-                accuracy.COUNTS,
+                COUNTS,
                 f"chen2023/table-4#*.misalignment-{axis}",
-                accuracy.FRAMES,
+                FRAMES,
             ),
             partial(averaging, axis=axis),
             _NO_FILE,
@@ -96,12 +93,12 @@ POSTERIORS = (
         (
             "chen2023/table-5#*.monitoring-?",
             "chen2023/table-5#*.position-?",
-            platform.TELESCOPE,
+            TELESCOPE,
         ),
         _stage,
         _NO_FILE,
         steps=600,
         walkers=96,
-        summary={"focal-length": platform.TELESCOPE},
+        summary={"focal-length": TELESCOPE},
     ),
 )

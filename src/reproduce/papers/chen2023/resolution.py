@@ -33,7 +33,14 @@ import numpy as np
 from numpy.random import SeedSequence, default_rng
 
 from reproduce.papers.charts import legend_below, set_log_ticks, set_size
-from reproduce.papers.chen2023 import platform
+from reproduce.papers.chen2023.platform import (
+    PIXEL,
+    SIGMAS,
+    SPOTS,
+    TRACKER,
+    TRACKER_FOCAL_LENGTH,
+    printed_spots,
+)
 from reproduce.papers.declare import (
     Results,
     draws,
@@ -68,8 +75,8 @@ _SATURATION = "chen2023/text-resolution#saturation"
 INPUTS = (
     SPOT_RADIUS,
     _WINDOW,
-    *platform.TRACKER,
-    platform.SPOTS,
+    *TRACKER,
+    SPOTS,
     "chen2023/table-3",
     PHASES,
     _TRIALS,
@@ -98,13 +105,13 @@ _FLUX_FACTORS = {"table-3": 1.0, "brighter": 1.1}
         SPOT_RADIUS,
         "chen2023/text-resolution#pixel-size",
         _OPTIMUM,
-        platform.FOCAL_LENGTH,
+        TRACKER_FOCAL_LENGTH,
     ],
 )
 def spot(inputs: Inputs) -> Results:
     """Compute the spot radius in pixels, here and at the optimum, and the ends of one pixel."""
     radius, pixel = inputs[SPOT_RADIUS], inputs["chen2023/text-resolution#pixel-size"]
-    pixel_at_optimum = inputs[_OPTIMUM] * inputs[platform.FOCAL_LENGTH]
+    pixel_at_optimum = inputs[_OPTIMUM] * inputs[TRACKER_FOCAL_LENGTH]
     return {
         "spot-radius-pixels": radius / pixel,
         "position-low": -pixel / 2,
@@ -189,17 +196,17 @@ def spot_errors(spots: FloatArray, radius: float, size: int) -> list[CentroidErr
 def _setting(inputs: Inputs, case: _Case) -> _Setting:
     """Return the setting of one reading, with the flux for the mean variance of Table III."""
     sigma, size = inputs[SPOT_RADIUS] / case.width, inputs.count(_WINDOW)
-    spots = platform.printed_spots(inputs)
-    errors = spot_errors(spots, sigma / inputs[platform.PIXEL], size)
+    spots = printed_spots(inputs)
+    errors = spot_errors(spots, sigma / inputs[PIXEL], size)
     # Photon variance is proportional to the inverse of the flux, read variance to its square.
     photon, both = (error.variance.mean() for error in errors)
-    target = np.square(inputs.array("chen2023/table-3") / platform.SIGMAS).mean()
+    target = np.square(inputs.array("chen2023/table-3") / SIGMAS).mean()
     flux = photon / ((1.0 - case.read_fraction) * target)
     read = flux * np.sqrt(case.read_fraction * target / (both - photon))
     # The middles of equal parts of one pixel.
     count = inputs.count(PHASES)
     phases = (np.arange(count) + 0.5) / count - 0.5
-    radii = sigma / (_resolutions(inputs) * inputs[platform.FOCAL_LENGTH])
+    radii = sigma / (_resolutions(inputs) * inputs[TRACKER_FOCAL_LENGTH])
     return _Setting(
         np.stack([phases, 0.0 * phases], axis=-1),
         case.flux_factor * flux,

@@ -18,7 +18,15 @@ from typing import Any
 
 import numpy as np
 
-from reproduce.papers.chen2023 import platform
+from reproduce.papers.chen2023.platform import (
+    DIAGONAL,
+    PIXEL,
+    SPOTS,
+    TELESCOPE,
+    TRACKER,
+    TRACKER_FOCAL_LENGTH,
+    lasers,
+)
 from reproduce.papers.declare import Results, Rows, reproduces, studied
 from reproduce.physics import ground
 from reproduce.physics.attitude import Platform
@@ -85,17 +93,17 @@ def ground_resolution(inputs: Inputs) -> Results:
     cells=["focal-ratio"],
     inputs=[
         CAMERA_FOCAL_LENGTH,
-        platform.FOCAL_LENGTH,
-        platform.PIXEL,
+        TRACKER_FOCAL_LENGTH,
+        PIXEL,
         _PIXELS,
         _FIELD,
     ],
 )
 def focal_ratio(inputs: Inputs, *, tracker: str) -> Results:
     """Compute the focal length of the camera over the one of the tracker, which is not printed."""
-    focal = inputs[platform.FOCAL_LENGTH]
+    focal = inputs[TRACKER_FOCAL_LENGTH]
     if tracker == "table-1-field":
-        width = inputs[_PIXELS] * inputs[platform.PIXEL]
+        width = inputs[_PIXELS] * inputs[PIXEL]
         focal = width / 2 / np.tan(inputs[_FIELD] / 2)
     return {"focal-ratio": inputs[CAMERA_FOCAL_LENGTH] / focal}
 
@@ -136,19 +144,19 @@ def _reported(
 @studied(
     "chen2023/retro-reflectors",
     inputs=(
-        platform.SPOTS,
-        platform.DIAGONAL,
-        platform.TELESCOPE,
-        platform.FOCAL_LENGTH,
+        SPOTS,
+        DIAGONAL,
+        TELESCOPE,
+        TRACKER_FOCAL_LENGTH,
         BORESIGHT,
-        platform.PIXEL,
+        PIXEL,
     ),
 )
 def _retro_reflectors(inputs: Inputs) -> Rows:
     """Compute the reported rotation of the camera for rotations of three retro-reflectors."""
-    points = platform.lasers(inputs)
-    lengths = inputs[platform.TELESCOPE], inputs[platform.FOCAL_LENGTH]
-    pixel, turns = inputs[platform.PIXEL], _TEST_ROTATION * np.eye(3)
+    points = lasers(inputs)
+    lengths = inputs[TELESCOPE], inputs[TRACKER_FOCAL_LENGTH]
+    pixel, turns = inputs[PIXEL], _TEST_ROTATION * np.eye(3)
     for kind, train in RETROREFLECTORS.items():
         # An odd number of reflections mirrors the image.
         is_mirrored = train is None or np.linalg.det(train) < 0
@@ -199,9 +207,9 @@ def _dichroic_response(boresight_angle: float) -> FloatArray:
     "chen2023/heat",
     inputs=(
         CAMERA_FOCAL_LENGTH,
-        *platform.TRACKER,
-        platform.TELESCOPE,
-        platform.DIAGONAL,
+        *TRACKER,
+        TELESCOPE,
+        DIAGONAL,
         _RATIO,
         _PIXELS,
         _ACCURACY,
@@ -210,16 +218,16 @@ def _dichroic_response(boresight_angle: float) -> FloatArray:
 )
 def _heat(inputs: Inputs) -> Rows:
     """Compute the effects of thermal motion of the lasers, in flight and on the bench."""
-    flight, short = inputs[CAMERA_FOCAL_LENGTH], inputs[platform.FOCAL_LENGTH]
+    flight, short = inputs[CAMERA_FOCAL_LENGTH], inputs[TRACKER_FOCAL_LENGTH]
     accuracy = inputs.array(_ACCURACY).max()
     for name, camera, tracker in (
         ("flight, as printed", flight, flight / inputs[_RATIO]),
         ("flight camera with the tracker of Table II", flight, short),
-        ("ground platform", inputs[platform.TELESCOPE], short),
+        ("ground platform", inputs[TELESCOPE], short),
     ):
-        view = field_of_view(inputs[_PIXELS], inputs[platform.PIXEL], tracker)
+        view = field_of_view(inputs[_PIXELS], inputs[PIXEL], tracker)
         angle = 1e-6 / camera / RADIANS_PER_ARCSEC
         motion = accuracy * camera
-        kelvin = motion / (inputs[_EXPANSION] * inputs[platform.DIAGONAL])
+        kelvin = motion / (inputs[_EXPANSION] * inputs[DIAGONAL])
         lengths = (camera / tracker, tracker * 1e3, np.degrees(float(view)))
         yield (name, *lengths, angle, motion * 1e6, kelvin)
