@@ -22,8 +22,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from reproduce.physics.attitude import (
+    Platform,
     cross_matrix,
-    emitted_directions,
     received_spots,
     rotation_from_vector,
     unit,
@@ -159,6 +159,20 @@ def fold_mirror_tilt(boresight_angle: Number) -> FloatArray:
     return np.pi / 2 - boresight_angle / 2
 
 
+def fold_mirror(boresight_angle: float) -> FloatArray:
+    """Return the normal of the dichroic mirror in front of the tracker, shape (3,).
+
+    Parameters are those of `fold_mirror_tilt`. The frame is that of the camera.
+
+    Examples
+    --------
+    >>> fold_mirror(np.pi)
+    array([0., 0., 1.])
+    """
+    tilt = fold_mirror_tilt(boresight_angle)
+    return np.array([0.0, np.sin(tilt), np.cos(tilt)])
+
+
 def reflected_by_cone(points: FloatArray, directions: FloatArray) -> FloatArray:
     """Return the directions of light after two reflections by a hollow right-angled cone.
 
@@ -216,12 +230,12 @@ RETROREFLECTORS: dict[str, FloatArray | None] = {
 
 @dataclass(frozen=True, eq=False)
 class LightPath:
-    """Camera, retro-reflector, dichroic mirror and tracker.
+    """Lasers with their camera, retro-reflector, dichroic mirror and tracker.
 
     Attributes
     ----------
-    camera_focal_length, tracker_focal_length : float
-        Focal lengths, in metres.
+    platform : Platform
+        Lasers, camera and tracker.
     boresight_angle : float
         Angle between the two boresights, both outwards, in radians.
     retroreflector : ndarray, shape (3, 3), or None
@@ -234,41 +248,33 @@ class LightPath:
     --------
     The spot of a laser at the centre is at the centre, for any part of the lens.
 
-    >>> path = LightPath(2.0, 0.06, np.radians(120), RETROREFLECTORS["corner cube"])
-    >>> bool(np.abs(path.spots([[0.0, 0.0]], [[0.0, 0.02], [0.1, 0.05]])).max() < 1e-15)
+    >>> platform = Platform([[0, 0], [0.01, 0]], 2.0, 0.06, 13e-6, (0, 0))
+    >>> path = LightPath(platform, np.radians(120), RETROREFLECTORS["corner cube"])
+    >>> bool(np.abs(path.spots([[0.0, 0.02], [0.1, 0.05]])[0]).max() < 1e-9)
     True
     """
 
-    camera_focal_length: float
-    tracker_focal_length: float
+    platform: Platform
     boresight_angle: float
     retroreflector: FloatArray | None
     turn: ArrayLike = _NO_TURN
     camera_turn: ArrayLike = _NO_TURN
 
-    @property
-    def fold(self) -> FloatArray:
-        """Normal of the dichroic mirror in front of the tracker, (3,)."""
-        tilt = float(fold_mirror_tilt(self.boresight_angle))
-        return rotation_from_vector([-tilt, 0.0, 0.0])[:, 2]
-
-    def spots(self, lasers: ArrayLike, aperture: ArrayLike) -> FloatArray:
+    def spots(self, aperture: ArrayLike) -> FloatArray:
         """Return the positions of the rays of each laser on the detector of the tracker.
 
         Parameters
         ----------
-        lasers : array_like, shape (n, 2)
-            Points on the focal plane of the camera, in metres.
         aperture : array_like, shape (rays, 2)
             Illuminated points of the lens of the camera, in metres.
 
         Returns
         -------
         ndarray, shape (n, rays, 2)
-            Positions from the principal point, in metres.
+            Positions, in px.
         """
         camera = rotation_from_vector(self.camera_turn)
-        light = emitted_directions(lasers, self.camera_focal_length) @ camera.T
+        light = self.platform.directions @ camera.T
         holes = finite_array("aperture", aperture, shape=(None, 2))
         lens = np.insert(holes, 2, 0.0, axis=-1) @ camera.T
         # In the frame of the retro-reflector: rows times R are the columns R' x.
@@ -278,7 +284,7 @@ class LightPath:
             rays = reflected_by_cone((lens - _CONE_TIP) @ turn, rays)
         else:
             rays = rays @ self.retroreflector.T
-        rays = rays @ turn.T @ reflection(self.fold)
+        rays = rays @ turn.T @ reflection(fold_mirror(self.boresight_angle))
         # Directions in the tracker point to the source of the light.
         sources = -rays @ rotation_from_vector([self.boresight_angle, 0.0, 0.0])
-        return received_spots(sources, (0.0, 0.0), 1.0, self.tracker_focal_length)
+        return received_spots(sources, *self.platform.tracker)

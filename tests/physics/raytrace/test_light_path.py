@@ -7,6 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from reproduce.physics.attitude import (
+    Platform,
     emitted_directions,
     laser_transform,
     misalignment,
@@ -14,7 +15,12 @@ from reproduce.physics.attitude import (
     received_directions,
     rotation_from_vector,
 )
-from reproduce.physics.raytrace import RETROREFLECTORS, LightPath, reflection
+from reproduce.physics.raytrace import (
+    RETROREFLECTORS,
+    LightPath,
+    fold_mirror,
+    reflection,
+)
 
 CAMERA, TRACKER, BETWEEN = 2.0, 0.06, np.radians(120.0)
 LASERS = 11e-3 * np.array([[0, -1], [-1, 0], [1, 0], [0, 1.0]])
@@ -23,18 +29,17 @@ APERTURE = 0.1 * np.array(
 )
 CORNER, ROOF, CONE = RETROREFLECTORS
 TURN = 1e-4
+PITCH = 13e-6
+PLATFORM = Platform(LASERS, CAMERA, TRACKER, PITCH, (0, 0))
 
 
 def path(kind, **changes):
-    return LightPath(CAMERA, TRACKER, BETWEEN, RETROREFLECTORS[kind], **changes)
+    return LightPath(PLATFORM, BETWEEN, RETROREFLECTORS[kind], **changes)
 
 
-def centres(light, lasers=LASERS):
-    return light.spots(lasers, APERTURE).mean(axis=1)
-
-
-def directions(spots):
-    return received_directions(spots, (0.0, 0.0), 1.0, TRACKER)
+def directions(light):
+    spots = light.spots(APERTURE).mean(axis=1)
+    return received_directions(spots, (0.0, 0.0), PITCH, TRACKER)
 
 
 def feigned(light, kind):
@@ -42,26 +47,27 @@ def feigned(light, kind):
     # A third reflection mirrors the pattern.
     flip = np.array([1.0, 1.0 if kind == ROOF else -1.0])
     camera = emitted_directions(LASERS * flip, CAMERA)
-    zero = laser_transform(camera, directions(centres(path(kind))))
-    return misalignment_angles(misalignment(camera, directions(centres(light)), zero))
+    zero = laser_transform(camera, directions(path(kind)))
+    return misalignment_angles(misalignment(camera, directions(light), zero))
 
 
 def test_the_dichroic_mirror_folds_the_returned_light_onto_the_boresight():
+    centred = replace(PLATFORM, lasers=LASERS - LASERS[0])
     for angle in np.radians([60.0, 90.0, 120.0, 150.0]):
-        light = replace(path(CORNER), boresight_angle=angle)
+        light = replace(path(CORNER), boresight_angle=angle, platform=centred)
         boresight = rotation_from_vector([angle, 0, 0])[:, 2]
-        folded = reflection(light.fold) @ [0, 0, -1.0]
+        folded = reflection(fold_mirror(angle)) @ [0, 0, -1.0]
         assert_allclose(folded, -boresight, atol=1e-12)
-        spots = light.spots(np.zeros((1, 2)), APERTURE)
+        spots = PITCH * light.spots(APERTURE)[0]
         assert_allclose(spots, 0.0, atol=1e-15)
-    normal = path(CORNER).fold
+    normal = fold_mirror(BETWEEN)
     boresight = rotation_from_vector([BETWEEN, 0, 0])[:, 2]
     assert np.degrees(np.arccos(abs(normal @ boresight))) == pytest.approx(30.0)
 
 
 @pytest.mark.parametrize("kind", RETROREFLECTORS)
 def test_the_lit_part_of_the_lens_matters_only_to_a_cone(kind):
-    spots = path(kind).spots(LASERS, APERTURE)
+    spots = PITCH * path(kind).spots(APERTURE)
     blur = np.linalg.norm(spots - spots.mean(axis=1, keepdims=True), axis=-1).max()
     assert 1e-9 < blur < 13e-6 if kind == CONE else blur < 1e-15
 

@@ -34,6 +34,7 @@ from reproduce.physics.optics import field_of_view
 from reproduce.physics.raytrace import (
     RETROREFLECTORS,
     LightPath,
+    fold_mirror,
     fold_mirror_tilt,
     reflection,
     turn_response,
@@ -127,16 +128,13 @@ def table_angle(inputs: Inputs) -> Results:
     return {"table-angle": np.arcsin(sine)}
 
 
-def _reported(
-    design: Platform, points: FloatArray, rest: LightPath, **changes: Any
-) -> FloatArray:
+def _reported(design: Platform, rest: LightPath, **changes: Any) -> FloatArray:
     """Return the rotation of the camera that the system reports when the light path changes.
 
     Angles about X, Y and Z of the camera, shape (3,), in radians.
     """
     zero, now = (
-        path.spots(points, _APERTURE).mean(axis=1) / design.pixel_pitch
-        for path in (rest, replace(rest, **changes))
+        path.spots(_APERTURE).mean(axis=1) for path in (rest, replace(rest, **changes))
     )
     return design.misalignment(now, design.transform(zero))
 
@@ -154,23 +152,23 @@ def _reported(
 )
 def _retro_reflectors(inputs: Inputs) -> Rows:
     """Compute the reported rotation of the camera for rotations of three retro-reflectors."""
-    points = lasers(inputs)
-    lengths = inputs[TELESCOPE], inputs[TRACKER_FOCAL_LENGTH]
-    pixel, turns = inputs[PIXEL], _TEST_ROTATION * np.eye(3)
+    lengths = inputs[TELESCOPE], inputs[TRACKER_FOCAL_LENGTH], inputs[PIXEL]
+    platform = Platform(lasers(inputs), *lengths, (0.0, 0.0))
+    turns = _TEST_ROTATION * np.eye(3)
     for kind, train in RETROREFLECTORS.items():
         # An odd number of reflections mirrors the image.
         is_mirrored = train is None or np.linalg.det(train) < 0
-        designed = points * [1.0, -1.0 if is_mirrored else 1.0]
-        design = Platform(designed, *lengths, pixel, (0.0, 0.0))
-        rest = LightPath(*lengths, inputs[BORESIGHT], train)
+        rest = LightPath(platform, inputs[BORESIGHT], train)
+        mirror = [1.0, -1.0 if is_mirrored else 1.0]
+        design = replace(platform, lasers=platform.lasers * mirror)
         responses: list[float] = []
         for turn in turns:
-            x, y, z = _reported(design, points, rest, turn=turn)
+            x, y, z = _reported(design, rest, turn=turn)
             responses += [np.hypot(x, y), abs(z)]
-        responses.append(abs(_reported(design, points, rest, camera_turn=turns[0])[2]))
-        spots = rest.spots(points, _APERTURE)
+        responses.append(abs(_reported(design, rest, camera_turn=turns[0])[2]))
+        spots = rest.spots(_APERTURE)
         offsets = spots - spots.mean(axis=1, keepdims=True)
-        blur = np.linalg.norm(offsets, axis=-1).max() / pixel
+        blur = np.linalg.norm(offsets, axis=-1).max()
         image = "mirrored" if is_mirrored else "upright"
         yield (kind, *(np.array(responses) / _TEST_ROTATION), blur, image)
 
@@ -196,7 +194,7 @@ def _dichroic_response(boresight_angle: float) -> FloatArray:
     Columns: about the axis in the mirror and in the plane of the light, about the axis in the
     mirror across that plane, about the mirror's normal.
     """
-    normal = LightPath(1.0, 1.0, boresight_angle, None).fold
+    normal = fold_mirror(boresight_angle)
     # The plane of the light contains both boresights and is across X.
     across = np.array([1.0, 0.0, 0.0])
     axes = np.stack([np.cross(across, normal), across, normal], axis=-1)
