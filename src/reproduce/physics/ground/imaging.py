@@ -18,7 +18,6 @@ from __future__ import annotations
 from typing import Annotated, Any
 
 import numpy as np
-from scipy.special import ndtr
 
 from reproduce.physics.attitude import cross_matrix, unit
 from reproduce.physics.ground.earth import EARTH_AXES, local_axes
@@ -38,10 +37,8 @@ from reproduce.physics.validate import (
 _Slopes = Annotated[Any, (3, "k")]
 _Spread = Annotated[Any, ("k", "k")]
 _Plane = Annotated[Any, (2, 2)]
-# Strips over which a normal distribution in the plane is integrated; enough for five digits.
+# Directions over which a normal distribution in the plane is integrated.
 _SECTORS = 256
-# Smallest ratio of the semi-axes that differs from a line.
-_MIN_RATIO = 1e-12
 
 
 @checked
@@ -295,10 +292,7 @@ def circular_error(covariance: _Plane, share: float = 0.9) -> FloatArray:
 
 def _fraction_inside(radius: FloatArray, ratio: FloatArray) -> FloatArray:
     """Return the probability of a circle for a normal distribution with semi-axes 1 and `ratio`."""
-    # Across the long axis: x from -R to R, and |y| below the edge of the circle.
-    angle = (np.arange(_SECTORS) + 0.5) / _SECTORS * np.pi - np.pi / 2
-    x, edge = radius[..., None] * np.sin(angle), radius[..., None] * np.cos(angle)
-    # The limit keeps the integral of a line regular.
-    within = 2.0 * ndtr(edge / ratio[..., None].clip(_MIN_RATIO)) - 1.0
-    density = np.exp(-0.5 * x**2) / np.sqrt(2.0 * np.pi)
-    return (density * within * edge).mean(axis=-1) * np.pi
+    # In each direction of the plane with equal axes, half the squared distance is exponential.
+    angle = (np.arange(_SECTORS) + 0.5) / _SECTORS * np.pi
+    square = np.cos(angle) ** 2 + (ratio[..., None] * np.sin(angle)) ** 2
+    return -np.expm1(-(radius[..., None] ** 2) / (2.0 * square)).mean(axis=-1)
