@@ -140,9 +140,8 @@ class _SimulatedBench:
         laser transform of the first group, in the frame of the camera, and the misalignment of
         the second group against the zero point of the first.
         """
-        spots = np.stack(
-            [self.centroids(self.spots, flux, frames, generator) for flux in self.flux]
-        )
+        flux = self.flux[:, None]
+        spots = self.centroids(self.spots[None], flux, frames, generator)
         single = self.design.transform(spots[0])
         zero = mean_rotation(single)
         errors = misalignment_angles(single.mT @ zero)

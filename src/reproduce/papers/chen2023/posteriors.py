@@ -81,7 +81,7 @@ def _misalignment(inputs: Inputs, drifts: bool = False) -> Model:
     noise = np.sqrt(np.square(inputs.array("chen2023/table-3") / SIGMAS).mean())
     # The printed spots are closer together than the designed square: simulate the printed ones.
     lasers = square_ratio(design) * design.lasers
-    zero, half = np.zeros(3), _DRIFT / 2 if drifts else np.zeros(3)
+    zero, half = np.zeros(3), drifts * _DRIFT / 2
     groups = []
     for first, last in ((zero, zero), (_TRUTH - half, _TRUTH + half)):
         angles = np.linspace(first, last, frames)
@@ -138,9 +138,8 @@ def _priors(model: Model, images: list[FloatArray]) -> dict[str, Prior]:
     first, last = likelihood.statistics.means
     size = np.ptp(first, axis=0).max()
     motion = np.abs(last - first).max() + images[0].std(axis=0).max()
-    pixel = platform.pixel_pitch / platform.tracker_focal_length
     reason = "twenty times the motion of the spots"
-    across = Normal(0.0, _PRIOR_WIDTHS * motion * pixel, reason)
+    across = Normal(0.0, _PRIOR_WIDTHS * motion / platform.pixels, reason)
     reason += ", as a roll of the pattern"
     roll = Normal(0.0, _PRIOR_WIDTHS * motion / size, reason)
     mount = Normal(

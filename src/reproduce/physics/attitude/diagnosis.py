@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -145,8 +145,10 @@ def diagnose_spots(
         raise ValueError(
             f"spots: expected two lights or more in both groups, got {len(lights)}. Add lights"
         )
-    platform, counts = platform.with_lights(seen), counts[:, seen]
-    images = images[0][:, seen], images[1][:, seen]
+    platform = replace(
+        platform, lasers=platform.lasers[seen], spots=platform.spots[seen]
+    )
+    counts, images = counts[:, seen], (images[0][:, seen], images[1][:, seen])
     means = [np.nanmean(group, axis=0) for group in images]
     _check_distinct("spots", means[0], lights)
     series = [

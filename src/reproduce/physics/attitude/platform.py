@@ -14,12 +14,12 @@ w_i^k in the tracker. Leading axes are a batch.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from reproduce.physics.attitude.angles import (
     angle_jacobian,
@@ -314,10 +314,6 @@ class Platform:
         """
         lasers, length = (spots - principal_point) * pixel_pitch, tracker_focal_length
         return cls(lasers, length, length, pixel_pitch, principal_point)
-
-    def with_lights(self, lights: NDArray[np.bool_]) -> Platform:
-        """Return the platform with a part of the lights, from a mask of shape (n,)."""
-        return replace(self, lasers=self.lasers[lights], spots=self.spots[lights])
 
     @property
     def pixels(self) -> float:
