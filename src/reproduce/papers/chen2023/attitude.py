@@ -31,7 +31,7 @@ def _platform_facts(inputs: Inputs) -> dict[str, float]:
     designed = as_designed(inputs)
     ratio = square_ratio(designed)
     scaled = replace(designed, lasers=ratio * designed.lasers)
-    fitted = scaled.directions @ scaled.transform(scaled.spots).mT
+    fitted = scaled.directions @ scaled.reference.T
     distances = np.linalg.norm(scaled.seen(scaled.spots) - fitted, axis=-1)
     x, _, z = angle_sigma(inputs, 1, 1)
     return {
@@ -56,7 +56,7 @@ def _orders(inputs: Inputs) -> Rows:
         design = replace(designed, principal_point=point)
         camera = design.response(design.spots)
         # The laser transform rotates the vector of a small rotation into the other frame.
-        tracker = np.tensordot(design.transform(design.spots), camera, axes=1)
+        tracker = np.tensordot(design.reference, camera, axes=1)
         for frame, response in (("camera", camera), ("tracker", tracker)):
             variance = (response * scatter(inputs, 1)) ** 2
             x, y, _ = SIGMAS * np.sqrt(variance.sum(axis=(-2, -1)))

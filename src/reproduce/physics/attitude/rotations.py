@@ -214,12 +214,14 @@ def quest(
     root = 1.0  # the sum of the weights, an upper bound
     for _ in range(_NEWTON_STEPS):
         root -= max(characteristic(root) / slope(root), 0.0)
-    rows = (np.delete(davenport - root * np.eye(4), i, axis=0) for i in range(4))
-    # Cofactors of each row, up to a common sign: a quaternion, of length zero for some rows.
-    cofactors = [
-        [np.linalg.det(np.vstack([others, axis])) for axis in np.eye(4)]
-        for others in rows
+    # By the theorem of Cayley and Hamilton, the polynomial without this root is the matrix of
+    # cofactors. Each row is the quaternion, of length zero for some rows.
+    others = characteristic // Polynomial([-root, 1.0])
+    terms = [
+        coefficient * np.linalg.matrix_power(davenport, power)
+        for power, coefficient in enumerate(others.coef)
     ]
+    cofactors = np.sum(terms, axis=0)
     quaternion = max(cofactors, key=np.linalg.norm)
     return SciPyRotation.from_quat(quaternion).as_matrix()
 
