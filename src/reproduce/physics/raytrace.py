@@ -153,9 +153,12 @@ def fold_mirror_tilt(boresight_angle: Number) -> FloatArray:
     >>> float(fold_mirror_tilt(np.pi))
     0.0
     """
-    inside = (boresight_angle > 0) & (boresight_angle <= np.pi)
-    expected = "angles above 0 and at most pi, in radians"
-    valid("boresight_angle", boresight_angle, inside, expected)
+    valid(
+        "boresight_angle",
+        boresight_angle,
+        (boresight_angle > 0) & (boresight_angle <= np.pi),
+        "angles above 0 and at most pi, in radians",
+    )
     return np.pi / 2 - boresight_angle / 2
 
 

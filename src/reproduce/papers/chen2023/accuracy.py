@@ -163,9 +163,14 @@ def _draw(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
             values = printed.array(f"chen2023/table-4#*.{matrix}-{axis}")
             label, x = axis.upper(), counts * shift
             ends = 1 - low / median, high / median - 1
-            shown = f"predicted, {label}"
             axes.errorbar(
-                x, 1 + 0 * x, ends, fmt="none", ecolor=look[:2], capsize=4, label=shown
+                x,
+                1 + 0 * x,
+                ends,
+                fmt="none",
+                ecolor=look[:2],
+                capsize=4,
+                label=f"predicted, {label}",
             )
             axes.plot(x, values / median, look, label=f"printed, {label}")
         axes.axhline(1.0, color="k", lw=1)

@@ -316,8 +316,8 @@ def _draw(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
         ("C3D", stage_angle(other, common), "same, columns exchanged"),
     )
     lengths = (
-        ("C2^", own, "motion of the same axis"),
-        ("C3D", other, "motion of the other axis"),
+        ("C2^", _implied(own, reference), "motion of the same axis"),
+        ("C3D", _implied(other, reference), "motion of the other axis"),
     )
     for place, (upper, lower) in enumerate(panels.T):
         bar = sigmas[1 - place] * ARCSEC_PER_RADIAN
@@ -327,11 +327,9 @@ def _draw(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
         shifts = np.linspace(-0.21, 0.21, 4)
         for shift, (look, angles, label) in zip(shifts, differences, strict=True):
             error = (monitored - angles)[:, place] * ARCSEC_PER_RADIAN
-            at = shift + _MOVED_STATES
-            upper.errorbar(at, error, bar, fmt=look, label=label)
-        for look, motions, label in lengths:
-            implied = _implied(motions, reference)[:, place]
-            lower.plot(_MOVED_STATES, implied, look, label=label)
+            upper.errorbar(shift + _MOVED_STATES, error, bar, fmt=look, label=label)
+        for look, implied, label in lengths:
+            lower.plot(_MOVED_STATES, implied[:, place], look, label=label)
         lower.axhline(nominal * 1e3, color="k", ls="--", lw=1, label="nominal")
         lower.axhline(common * 1e3, color="C3", lw=1, label="one for all angles")
         title = f"angle about {_ABOUT[place].upper()}"

@@ -57,9 +57,14 @@ def as_designed(inputs: Inputs) -> Platform:
 
     Each laser is at the corner of the designed square in the direction of its spot.
     """
-    lengths = inputs[TELESCOPE], inputs[TRACKER_FOCAL_LENGTH], inputs[PIXEL]
-    centre = detector_centre(inputs.array(PIXELS))
-    return Platform(lasers(inputs), *lengths, centre, printed_spots(inputs))
+    return Platform(
+        lasers=lasers(inputs),
+        camera_focal_length=inputs[TELESCOPE],
+        tracker_focal_length=inputs[TRACKER_FOCAL_LENGTH],
+        pixel_pitch=inputs[PIXEL],
+        principal_point=detector_centre(inputs.array(PIXELS)),
+        spots=printed_spots(inputs),
+    )
 
 
 def square_ratio(design: Platform) -> float:

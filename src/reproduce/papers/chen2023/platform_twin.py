@@ -140,8 +140,7 @@ class _SimulatedBench:
         laser transform of the first group, in the frame of the camera, and the misalignment of
         the second group against the zero point of the first.
         """
-        flux = self.flux[:, None]
-        spots = self.centroids(self.spots[None], flux, frames, generator)
+        spots = self.centroids(self.spots[None], self.flux[:, None], frames, generator)
         single = self.design.transform(spots[0])
         zero = mean_rotation(single)
         errors = misalignment_angles(single.mT @ zero)
@@ -364,7 +363,6 @@ def _draw_test(figure: Figure, printed: Inputs, inputs: Inputs, axis: str) -> No
         for name in ("monitoring", "reference")
     )
     frames = inputs.count(FRAMES_PER_STATE)
-    smoothed = inputs.count(SMOOTHED)
     for telescope, look in (("nominal", "C0-"), ("common", "C1--")):
         length = telescope_length(inputs, "motions", telescope)
         times, _, angles = _stage_test(inputs, telescope)
@@ -372,7 +370,7 @@ def _draw_test(figure: Figure, printed: Inputs, inputs: Inputs, axis: str) -> No
         upper.plot(times, angle, look, label=f"simulated, {length * 1e3:.0f} mm")
         rest = angle - np.repeat(np.insert(reference, 0, 0.0), frames)
         # An average over a step is not an angle of a state.
-        rest[np.arange(len(rest)) % frames < smoothed] = np.nan
+        rest[np.arange(len(rest)) % frames < inputs.count(SMOOTHED)] = np.nan
         lower.plot(times, rest, look)
     middles = times[frames + frames // 2 :: frames]
     upper.plot(middles, monitored, "ks", label="printed")

@@ -49,8 +49,11 @@ _LEVEL = 0.9
 )
 def quoted_resolution(inputs: Inputs) -> Results:
     """Return the ground resolutions of Table I, which the introduction quotes."""
-    sizes = inputs.array("chen2023/table-1#*ground-resolution.value")
-    return by_cell("{}-resolution", sizes, ("panchromatic", "multispectral"))
+    return by_cell(
+        "{}-resolution",
+        inputs.array("chen2023/table-1#*ground-resolution.value"),
+        ("panchromatic", "multispectral"),
+    )
 
 
 def _terms(inputs: Inputs) -> dict[str, tuple[str, FloatArray]]:

@@ -56,11 +56,10 @@ def _on_the_ground(parameters: FloatArray, altitude: float) -> dict[str, Consequ
     """
     angles = parameters[:, 3:5]
     error = np.hypot(*(angles - angles.mean(axis=0)).T)
-    uncorrected = altitude * np.hypot(*angles.T)
     return {
         "pointing error": Consequence(error * ARCSEC_PER_RADIAN, "arcsec"),
         "position error": Consequence(altitude * error, "m"),
-        "position error uncorrected": Consequence(uncorrected, "m"),
+        "position error uncorrected": Consequence(altitude * np.hypot(*angles.T), "m"),
     }
 
 
@@ -123,8 +122,7 @@ def _your_model(
             "all images of a group. Add images with noise."
         )
     instrument = replace(diagnosis.platform, spots=images[0].mean(axis=0))
-    statistics = SpotStatistics.of(images, drifts)
-    model = misalignment_model(instrument, statistics)
+    model = misalignment_model(instrument, SpotStatistics.of(images, drifts))
     return model.with_priors(_priors(model, images)), remarks
 
 
@@ -162,13 +160,15 @@ def _priors(model: Model, images: list[FloatArray]) -> dict[str, Prior]:
 
 
 def _file(drifts: bool) -> File:
-    meaning = (
+    return File(
+        SPOTS,
         "one spot per line, in px: group 0 at the zero point, 1 at the present; lasers from 1 in "
         "the order of the platform; the images of a group in the order of time, with a column "
-        "frame if spots are lost"
+        "frame if spots are lost",
+        partial(_your_model, drifts=drifts),
+        ("platform",),
+        IMAGES,
     )
-    read = partial(_your_model, drifts=drifts)
-    return File(SPOTS, meaning, read, ("platform",), IMAGES)
 
 
 POSTERIORS = (

@@ -111,12 +111,11 @@ _FLUX_FACTORS = {"table-3": 1.0, "brighter": 1.1}
 def spot(inputs: Inputs) -> Results:
     """Compute the spot radius in pixels, here and at the optimum, and the ends of one pixel."""
     radius, pixel = inputs[SPOT_RADIUS], inputs["chen2023/text-resolution#pixel-size"]
-    pixel_at_optimum = inputs[_OPTIMUM] * inputs[TRACKER_FOCAL_LENGTH]
     return {
         "spot-radius-pixels": radius / pixel,
         "position-low": -pixel / 2,
         "position-high": pixel / 2,
-        "optimum-radius": radius / pixel_at_optimum,
+        "optimum-radius": radius / (inputs[_OPTIMUM] * inputs[TRACKER_FOCAL_LENGTH]),
     }
 
 

@@ -233,8 +233,12 @@ def stability(times: _Series, series: _Angles) -> Stability:
     valid("series", frames, frames >= _MIN_FRAMES, f"{_MIN_FRAMES} frames or more")
     steps = np.diff(times)
     usual = np.median(steps)
-    even = (steps > 0) & (steps >= usual / 2)
-    valid("times", steps, even, "increasing, evenly spaced frames")
+    valid(
+        "times",
+        steps,
+        (steps > 0) & (steps >= usual / 2),
+        "increasing, evenly spaced frames",
+    )
     when = times - times.mean()
     rate, level = np.polyfit(when, series, 1)
     left = series - level - when[:, None] * rate

@@ -206,17 +206,22 @@ def _single_images(
         rows = np.flatnonzero(np.isfinite(spots[..., 0]).any(axis=1))
         group = spots[rows]
         if repeats := len(group) - len({image.tobytes() for image in group}):
-            text = f"at the {when}, {repeats} of {len(group)} images repeat another image: "
-            yield Finding("repeated", text + "copies, or too few digits?")
+            yield Finding(
+                "repeated",
+                f"at the {when}, {repeats} of {len(group)} images repeat another image: copies, "
+                "or too few digits?",
+            )
         off = group - np.nanmedian(group, axis=0)
         # The spots of an image move together.
         distance = np.linalg.norm(off - np.nanmedian(off, axis=1)[:, None], axis=2)
         row, light = np.unravel_index(np.nanargmax(distance), distance.shape)
         far = distance[row, light]
         if far > _FAR_RATIO * max(float(np.nanmedian(distance)), _MIN_NOISE_PX):
-            text = f"at the {when}, light {lights[light]} in image {rows[row] + 1} is {far:.2g} px "
-            text += "from its place: a wrong spot? Mark it as lost (NaN or masked)"
-            yield Finding("stray", text)
+            yield Finding(
+                "stray",
+                f"at the {when}, light {lights[light]} in image {rows[row] + 1} is {far:.2g} px "
+                "from its place: a wrong spot? Mark it as lost (NaN or masked)",
+            )
 
 
 @dataclass(frozen=True)

@@ -237,11 +237,10 @@ class Platform:
                 f"lasers: expected two lights or more, (n, 2), got {self.lasers.shape}"
             )
         _check_distinct("lights", self.lasers, range(1, len(self.lasers) + 1))
-        pitch = self.pixel_pitch
         valid(
             "pixel_pitch",
-            pitch,
-            pitch < _LARGEST_PITCH,
+            self.pixel_pitch,
+            self.pixel_pitch < _LARGEST_PITCH,
             f"metres, below {_LARGEST_PITCH:g}",
         )
         if self.spots is None:
@@ -278,8 +277,13 @@ class Platform:
         array([[0.  , 0.  ],
                [0.75, 0.  ]])
         """
-        lasers = -_slopes(directions)
-        return cls(lasers, 1.0, tracker_focal_length, pixel_pitch, principal_point)
+        return cls(
+            lasers=-_slopes(directions),
+            camera_focal_length=1.0,
+            tracker_focal_length=tracker_focal_length,
+            pixel_pitch=pixel_pitch,
+            principal_point=principal_point,
+        )
 
     @classmethod
     @checked

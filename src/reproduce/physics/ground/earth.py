@@ -43,8 +43,12 @@ def earth_fixed(coordinates: Direction) -> FloatArray:
     array([6378637.,       0.,       0.])
     """
     longitude, latitude, height = np.moveaxis(coordinates, -1, 0)
-    inside = np.abs(latitude) <= np.pi / 2 + 1e-12
-    valid("coordinates", latitude, inside, "latitudes from -pi/2 to pi/2 rad")
+    valid(
+        "coordinates",
+        latitude,
+        np.abs(latitude) <= np.pi / 2 + 1e-12,
+        "latitudes from -pi/2 to pi/2 rad",
+    )
     return erfa.gd2gce(EARTH_RADIUS, _FLATTENING, longitude, latitude, height)
 
 

@@ -274,10 +274,11 @@ def circular_error(covariance: _Plane, share: float = 0.9) -> FloatArray:
     from scipy.optimize import elementwise  # the other functions do not need it
 
     values = np.linalg.eigvalsh(covariance)
-    least = -1e-9 * values[..., 1].clip(0.0)
-    possible = values[..., 0] >= least
     valid(
-        "covariance", values[..., 0], possible, "no negative variance in any direction"
+        "covariance",
+        values[..., 0],
+        values[..., 0] >= -1e-9 * values[..., 1].clip(0.0),
+        "no negative variance in any direction",
     )
     small, large = np.sqrt(np.moveaxis(values.clip(0.0), -1, 0))
     ratio = small / np.where(large > 0, large, 1.0)
