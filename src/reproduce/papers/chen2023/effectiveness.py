@@ -366,13 +366,16 @@ def _implied_facts(inputs: Inputs) -> dict[str, float]:
     _, _, half, other, _ = zip(*_focal_lengths.function(inputs), strict=True)
     monitored, reference = _angles(inputs)
     lengths = inputs[TELESCOPE], telescope_length(inputs, "motions", "common")
-    motions = stage_motions(inputs)[1:]
-    others = reference[:, ::-1], *(stage_angle(motions, length) for length in lengths)
-    differences = np.abs(monitored - others).max(axis=(1, 2)) / RADIANS_PER_ARCSEC
+    own = [stage_angle(stage_motions(inputs)[1:], length) for length in lengths]
+    differences = np.abs(monitored - [reference[:, ::-1], *own]).max(axis=(1, 2))
     return {
         "shared-low": np.subtract(other, half).max(),
         "shared-high": np.add(other, half).min(),
-        **by_cell("{}-difference", differences, ("largest", "nominal", "common")),
+        **by_cell(
+            "{}-difference",
+            differences / RADIANS_PER_ARCSEC,
+            ("largest", "nominal", "common"),
+        ),
         "needed": 100 * inputs[BOUND] / abs(inputs[LAST]),
     }
 

@@ -177,8 +177,7 @@ def _draw_frame(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     """Draw a frame of the tracker: stars of the catalogue and the four laser spots."""
     alpha, delta, roll = _POINTING_DEG
     _, directions, magnitude = bright_stars()
-    angles = alpha + 90, 90 - delta, roll
-    pointing = Rotation.from_euler("ZXZ", angles, degrees=True)
+    pointing = Rotation.from_euler("ZXZ", (alpha + 90, 90 - delta, roll), degrees=True)
     rays = pointing.apply(directions, inverse=True)
     seen = (rays[:, 2] > 0.9) & (magnitude <= _FAINTEST_MAGNITUDE)
     spots = received_spots(rays[seen], *as_designed(inputs).tracker)
@@ -247,8 +246,8 @@ def _draw_spots(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     set_size(figure, 5.6, 4.8, 3.6)
     figure.set_layout_engine("compressed")
     panels = figure.subplots(2, 2)
-    spots = printed_spots(printed)
-    shown = zip(panels.flat, spots, corners - 0.5, inner - 0.5, seen, strict=True)
+    centres = printed_spots(printed)
+    shown = zip(panels.flat, centres, corners - 0.5, inner - 0.5, seen, strict=True)
     for number, (axes, centre, (left, top), start, flux) in enumerate(shown, start=1):
         extent = (left, left + _SHOWN_PX, top + _SHOWN_PX, top)
         image = axes.imshow(flux, "gray", extent=extent, vmin=0.0, vmax=seen.max())

@@ -44,11 +44,14 @@ def averaging(inputs: Inputs, axis: str) -> Model:
         60 * likelihood.half_unit,
         "sixty halves of the last digit, a quarter of one image",
     )
-    parameters = (
-        Parameter("white", r"\sigma_w", "arcsec", _WHITE, ARCSEC_PER_RADIAN),
-        Parameter("floor", r"\sigma_f", "arcsec", floor, ARCSEC_PER_RADIAN, (0.0,)),
+    return Model(
+        f"averaging-{axis}",
+        (
+            Parameter("white", r"\sigma_w", "arcsec", _WHITE, ARCSEC_PER_RADIAN),
+            Parameter("floor", r"\sigma_f", "arcsec", floor, ARCSEC_PER_RADIAN, (0.0,)),
+        ),
+        likelihood,
     )
-    return Model(f"averaging-{axis}", parameters, likelihood)
 
 
 def _stage(inputs: Inputs) -> Model:
@@ -58,11 +61,15 @@ def _stage(inputs: Inputs) -> Model:
     likelihood = StageAngles(angles.T[::-1], motions.T[::-1])
     nominal = inputs[TELESCOPE]
     length = Uniform(nominal / 2, nominal * 2, "half to double the nominal length")
-    parameters = (
-        Parameter("focal-length", "f", "mm", length, 1e3),
-        Parameter("noise", r"\sigma", "arcsec", _STATE, ARCSEC_PER_RADIAN),
+    return Model(
+        "stage",
+        (
+            Parameter("focal-length", "f", "mm", length, 1e3),
+            Parameter("noise", r"\sigma", "arcsec", _STATE, ARCSEC_PER_RADIAN),
+        ),
+        likelihood,
+        likelihood.interchanged,
     )
-    return Model("stage", parameters, likelihood, likelihood.interchanged)
 
 
 _NO_FILE = "its data are the printed numbers of the paper"

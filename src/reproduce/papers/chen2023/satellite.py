@@ -83,9 +83,11 @@ def altitude(inputs: Inputs) -> float:
 )
 def ground_resolution(inputs: Inputs) -> Results:
     """Compute the multispectral resolution at the altitude that the panchromatic one implies."""
-    focal = inputs["chen2023/table-1#multispectral-focal-length.value"]
-    pixel = inputs["chen2023/table-1#multispectral-pixel-size.value"]
-    resolution = ground.ground_resolution(focal, pixel, altitude(inputs))
+    resolution = ground.ground_resolution(
+        inputs["chen2023/table-1#multispectral-focal-length.value"],
+        inputs["chen2023/table-1#multispectral-pixel-size.value"],
+        altitude(inputs),
+    )
     return {"multispectral-ground-resolution.value": float(resolution)}
 
 
@@ -159,8 +161,9 @@ def _retro_reflectors(inputs: Inputs) -> Rows:
         # An odd number of reflections mirrors the image.
         is_mirrored = train is None or np.linalg.det(train) < 0
         rest = LightPath(platform, inputs[BORESIGHT], train)
-        mirror = [1.0, -1.0 if is_mirrored else 1.0]
-        design = replace(platform, lasers=platform.lasers * mirror)
+        design = replace(
+            platform, lasers=platform.lasers * [1, -1 if is_mirrored else 1]
+        )
         responses: list[float] = []
         for turn in turns:
             x, y, z = _reported(design, rest, turn=turn)
