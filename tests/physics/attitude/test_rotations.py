@@ -35,6 +35,15 @@ def test_rotation_vector_comes_back_to_the_last_digits():
     assert_allclose(back, usable, rtol=1e-12, atol=1e-15)
 
 
+def test_vectors_that_are_read_only_and_a_batch_of_more_axes_are_accepted():
+    batch = np.broadcast_to(VECTORS[:2], (4, 3, 2, 3))
+    expected = np.broadcast_to(rotation_from_vector(VECTORS[:2]), (4, 3, 2, 3, 3))
+    assert_allclose(rotation_from_vector(batch), expected, rtol=0)
+    fixed = VECTORS[:2].copy()
+    fixed.flags.writeable = False
+    assert_allclose(rotation_from_vector(fixed), expected[0, 0], rtol=0)
+
+
 def test_unit_vectors_of_any_length():
     for length in (1e-150, 1.0, 1e150):
         found = unit("v", [0, 3 * length, 4 * length])

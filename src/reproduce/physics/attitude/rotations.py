@@ -106,8 +106,8 @@ def rotation_from_vector(rotation_vector: Direction) -> FloatArray:
     >>> np.allclose(R @ [1, 0, 0], [0, 1, 0])
     True
     """
-    # A batch of more axes needs SciPy 1.17.
-    flat = SciPyRotation.from_rotvec(rotation_vector.reshape(-1, 3))
+    # A batch of more axes needs SciPy 1.17, and SciPy rejects arrays that are read-only.
+    flat = SciPyRotation.from_rotvec(np.array(rotation_vector).reshape(-1, 3))
     return flat.as_matrix().reshape(*rotation_vector.shape, 3)
 
 
