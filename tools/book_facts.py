@@ -57,6 +57,15 @@ CITATIONS = {
     "RIS": "ris",
     "sentence": "sentence",
 }
+# Counts of the audit by name.
+_AUDITED = {
+    "relations": "Relations",
+    "agreeing": "Agree",
+    "rounding": "Only through rounding",
+    "tolerance": "Only within a tolerance",
+    "contradicting": "Contradict",
+    "restating-contradicting": "Contradict among these",
+}
 # Start of the series that collects the numbers of a page.
 QUOTED = "quoted = pd.Series("
 
@@ -225,12 +234,8 @@ def _of_audits() -> dict[str, str]:
     """
     counts: Counter[str] = Counter()
     for audit in map(audit_paper, PAPERS):
-        own, again = audit.tally(restating=False), audit.tally(restating=True)
-        kinds = ("agreeing", "rounding", "tolerance", "contradicting")
-        counts.update(dict(zip(kinds, own.values(), strict=True)))
-        counts["relations"] += sum(own.values())
-        counts["restating-contradicting"] += again["contradicts"]
-        counts["supposed"] += len(audit.supposed)
+        counts.update({label: audit.score[name] for label, name in _AUDITED.items()})
+        counts["supposed"] += sum(bool(f.relation.assumption) for f in audit.findings)
     for entry in errata_register():
         counts["errata-supposed" if entry.assumption else "errata"] += 1
         if not entry.assumption:

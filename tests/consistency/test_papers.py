@@ -76,7 +76,8 @@ def table_v(*columns):
 @pytest.mark.parametrize("columns", [["position", "motion"], ["reference"]])
 def test_one_digit_and_interchanged_columns_restore_table_v(columns):
     """With the reference columns interchanged, the printed differences contradict instead."""
-    relations = [found.relation for found in audit_paper("chen2023").read]
+    every = (found.relation for found in audit_paper("chen2023").findings)
+    relations = [relation for relation in every if not relation.assumption]
     again = audited_table("corrected", table_v(*columns), relations)
     names = {f.relation.name for f in again.findings if f.outcome == "contradicts"}
     differences = {f"difference-{s}-{a}" for s in "2345" for a in "xy"}
@@ -113,11 +114,11 @@ def test_results_that_depend_on_an_assumption_are_counted_separately():
     """A relation with an assumption, and its consequences."""
     for paper in PAPERS:
         audit = audit_paper(paper)
-        assumed = {f.relation.name for f in audit.supposed}
-        assert len(audit.read) + len(assumed) == len(audit.findings)
-        counts = (audit.tally(restating=again).values() for again in (False, True))
-        assert sum(map(sum, counts)) == len(audit.read)
-        assert not any(shown.assumption for shown in audit.failing)
+        score = audit.score
+        counted = ("Relations", "Restate computed cells", "Equations run")
+        every = len(audit.findings) + len(audit.equations)
+        counts = (score[name] for name in (*counted, "Depend on an assumption"))
+        assert sum(counts) == every
         for entry in (entry for entry in ERRATA if entry.paper == paper):
             evidence = {f.relation.assumption for f in entry.findings(audit)}
             shown = (e for e in audit.equations if e.name in entry.equations)

@@ -4,17 +4,20 @@ import json
 import math
 import re
 from collections import Counter
+from typing import get_args
 
 import pytest
 from click.testing import CliRunner
 
 import reproduce as rp
+from reproduce.consistency.examine import RelationOutcome
 from reproduce.consistency.report import audit_paper
 from reproduce.judge.ledger import frozen
 from reproduce.printed.cells import PAPERS, library
 from reproduce.views.cli import main
 from reproduce.views.consistency import errata_register
 
+OUTCOMES = get_args(RelationOutcome)
 AUDITS = [audit_paper(paper) for paper in PAPERS]
 ORDER = ("moves", "not supported as printed", "open", "stands")
 
@@ -50,21 +53,26 @@ def test_the_audit_of_a_paper_fits_the_terminal():
 def test_json_has_a_record_for_each_row():
     found = json.loads(run("audit --json").stdout)
     assert [row["name"] for row in found["score"]] == list(PAPERS)
-    outcomes = Counter(r["outcome"] for r in found["relations"] if not r["assumption"])
-    assert outcomes == Counter(f.outcome for audit in AUDITS for f in audit.read)
+    outcomes = Counter(row["outcome"] for row in found["relations"])
+    assert outcomes == Counter(f.outcome for audit in AUDITS for f in audit.findings)
     assert len(found["errata"]) + len(found["assumptions"]) == len(errata_register())
     assert len(found["equations"]) == sum(len(audit.equations) for audit in AUDITS)
 
 
 def test_the_score_counts_the_findings():
     for audit, row in zip(AUDITS, rp.audit()["score"].rows, strict=True):
-        plain, again = (audit.tally(restating=restating) for restating in (False, True))
-        assumed = [equation for equation in audit.equations if equation.assumption]
-        counts = [len(audit.cells), sum(plain.values()), *plain.values()]
-        counts.append(sum(again.values()))
-        counts += [again["contradicts"], len(audit.equations) - len(assumed)]
-        counts += [len(audit.failing), len(audit.supposed) + len(assumed)]
-        assert list(row.values()) == [audit.name, *counts]
+        relations = [f for f in audit.findings if not f.relation.assumption]
+        plain, again = (
+            Counter(f.outcome for f in relations if bool(f.relation.restates) == kind)
+            for kind in (False, True)
+        )
+        equations = [e for e in audit.equations if not e.assumption]
+        failing = sum(not equation.holds for equation in equations)
+        assumed = len(audit.findings) - len(relations)
+        assumed += len(audit.equations) - len(equations)
+        counts = [len(audit.cells), plain.total(), *(plain[one] for one in OUTCOMES)]
+        counts += [again.total(), again["contradicts"], len(equations), failing]
+        assert list(row.values()) == [audit.name, *counts, assumed]
 
 
 def test_relations_have_groups_anchors_and_cells():
@@ -85,7 +93,7 @@ def test_relations_have_groups_anchors_and_cells():
             set() < set(re.findall(r'href="#(relation-[^"]+)"', errata)) <= set(anchors)
         )
         captions = re.findall(r"<caption>The (\d+) relations of", shown)
-        assert sum(map(int, captions)) == len(audit.read) + len(audit.supposed)
+        assert sum(map(int, captions)) == len(audit.findings)
 
 
 @pytest.mark.parametrize("part", ["errata", "assumptions"])

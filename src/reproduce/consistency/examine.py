@@ -5,14 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Literal
 
 from reproduce.consistency.relation import Relation, Sheet, Unknown
 from reproduce.printed.corners import corner_intervals
 from reproduce.printed.number import Interval, PrintedNumber, si_factor
 
-# Floating-point noise between the two sides of a relation, as a fraction of them.
-_NOISE_RATIO = 1e-9
 # Fraction by which binary arithmetic may move the end of an interval.
 _SLACK_RATIO = 1e-12
 # Two intervals of one printed number touch at an end, or have at least half a unit of the finer
@@ -28,21 +26,22 @@ RelationOutcome = Literal[
     "agrees only within a tolerance",
     "contradicts",
 ]
-OUTCOMES: tuple[RelationOutcome, ...] = get_args(RelationOutcome)
 # Address to low end, printed value and high end, in SI units.
-_Ends = Mapping[str, tuple[float, float, float]]
+_Ends = dict[str, tuple[float, float, float]]
 
 
 def _rounding_interval(number: PrintedNumber, rule: str = "") -> Interval:
     """Return the values that a number stands for, in the printed unit; a bound is a point.
 
     The default is rounding to the nearest digit, with the tolerance of a qualifier. The rule
-    ``digits`` ignores *about* and *nominal*. ``truncation`` and ``ceiling`` apply to numbers
-    without a qualifier.
+    ``digits`` ignores *about* and *nominal*, and ``exact`` ignores rounding. ``truncation`` and
+    ``ceiling`` apply to numbers without a qualifier.
     """
     value, step = number.value, 2 * number.half_unit
     below = above = number.half_width
-    if rule == "digits" and not number.is_bound:
+    if rule == "exact":
+        below = above = 0.0
+    elif rule == "digits" and not number.is_bound:
         below = above = number.half_unit
     elif rule == "truncation" and not number.qualifier:
         below, above = step * (value <= 0), step * (value >= 0)
@@ -97,12 +96,17 @@ class Agreement:
     common: Interval
     members: tuple[str, ...]
 
+    @property
+    def value(self) -> float:
+        """The middle of the values in common; NaN if no relation allows any."""
+        return sum(self.common) / 2 if self.members else math.nan
+
 
 def _gaps(
     relation: Relation,
     ends: _Ends,
     sides: Mapping[str, float],
-    unknown: float = math.nan,
+    unknown: float,
 ) -> dict[str, float]:
     """Return left minus right in SI, with inputs at the ends of their intervals."""
     values = {
@@ -115,9 +119,9 @@ def _gaps(
     return {str(i): left - right for i, left in enumerate(lefts)}
 
 
-def _contradicts(relation: Relation, ends: _Ends) -> bool:
-    """Return whether no values within the ends satisfy a relation without an unknown."""
-    gaps = corner_intervals(lambda sides: _gaps(relation, ends, sides), ends)
+def _contradicts(relation: Relation, ends: _Ends, unknown: float = math.nan) -> bool:
+    """Return whether no values within the ends satisfy a relation, for a value of its unknown."""
+    gaps = corner_intervals(lambda sides: _gaps(relation, ends, sides, unknown), ends)
     return any(
         (math.isnan(low) and math.isnan(high))  # such as a root of a negative number
         or (low > 0 and relation.formula.sign != ">=")
@@ -203,8 +207,10 @@ def examine(cells: Sheet, relations: Sequence[Relation]) -> list[RelationResult]
     strict = [r.model_copy(update={"tolerance": None}) for r in relations]
     beyond_rounding = contradicted(cells, strict, "digits")
     shared, results = agreements(cells, relations), []
-    for relation in relations:
-        left, right = _sides(relation, cells, shared)
+    for relation, plain in zip(relations, strict, strict=True):
+        unknown = shared[relation.unknown.name].value if relation.unknown else math.nan
+        values = {a: value for a, (_, value, _) in _ends(relation, cells).items()}
+        left, right, *_ = relation.values(values, unknown)
         outcome: RelationOutcome = "agrees only through rounding"
         rules = []
         if relation.name in wrong:
@@ -212,36 +218,22 @@ def examine(cells: Sheet, relations: Sequence[Relation]) -> list[RelationResult]
             rules = [
                 r for r, names in still_wrong.items() if relation.name not in names
             ]
-        elif _agrees(relation, cells, left, right):
+        elif _agrees(plain, cells, unknown):
             outcome = "agrees"
         elif relation.name in beyond_rounding:
             outcome = "agrees only within a tolerance"
-        results.append(RelationResult(relation, outcome, left, right, *rules[:1]))
+        results.append(
+            RelationResult(relation, outcome, float(left), float(right), *rules[:1])
+        )
     return results
 
 
-def _sides(
-    relation: Relation, cells: Sheet, shared: Mapping[str, Agreement]
-) -> tuple[float, float]:
-    """Return both sides with the printed values inserted."""
-    unknown = 0.0
-    if relation.unknown is not None:
-        agreement = shared[relation.unknown.name]
-        unknown = sum(agreement.common) / 2 if agreement.members else math.nan
-    values = {a: value for a, (_, value, _) in _ends(relation, cells).items()}
-    left, right, *_ = relation.values(values, unknown)
-    return float(left), float(right)
-
-
-def _agrees(relation: Relation, cells: Sheet, left: float, right: float) -> bool:
-    """Return whether the relation holds with the printed values inserted, without tolerances.
+def _agrees(relation: Relation, cells: Sheet, unknown: float) -> bool:
+    """Return whether the relation holds with the printed values inserted.
 
     An equation need only give the printed digits of its result.
     """
-    room = _NOISE_RATIO * max(abs(left), abs(right))
-    if relation.result is not None and relation.kind != "print":
-        cell = cells[relation.result]
-        low, high = _rounding_interval(cell.number, "digits")
-        room += (high - low) / 2 * si_factor(cell.unit)
-    missed = {"=": abs(left - right), "<=": left - right, ">=": right - left}
-    return missed[relation.formula.sign] <= room
+    ends = _ends(relation, cells, "exact")
+    if relation.result:
+        ends[relation.result] = _ends(relation, cells, "digits")[relation.result]
+    return not _contradicts(relation, ends, unknown)

@@ -40,35 +40,36 @@ class Audit:
     equations: tuple[Demonstration, ...]
 
     @property
-    def read(self) -> tuple[examine.RelationResult, ...]:
-        """The results that do not depend on an assumption of this project."""
-        return tuple(f for f in self.findings if not f.relation.assumption)
+    def score(self) -> dict[str, int]:
+        """Numbers of cells, of relations by outcome, and of equations, by their names.
 
-    @property
-    def supposed(self) -> tuple[examine.RelationResult, ...]:
-        """The results that depend on an assumption of this project."""
-        return tuple(f for f in self.findings if f.relation.assumption)
-
-    @property
-    def failing(self) -> tuple[Demonstration, ...]:
-        """The equations that fail as extracted, without those that depend on an assumption."""
-        return tuple(e for e in self.equations if not (e.holds or e.assumption))
-
-    def tally(self, *, restating: bool) -> dict[examine.RelationOutcome, int]:
-        """Count the relations without assumptions by outcome, every outcome present.
-
-        Parameters
-        ----------
-        restating : bool
-            Whether the counted relations restate a computed number.
-
-        Returns
-        -------
-        dict
-            Outcome to the number of relations.
+        Relations and equations that depend on an assumption are counted separately. So are
+        relations that restate a computed number.
         """
-        counted = [f for f in self.read if bool(f.relation.restates) == restating]
-        return {o: sum(f.outcome == o for f in counted) for o in examine.OUTCOMES}
+        own, again = (
+            [
+                finding.outcome
+                for finding in self.findings
+                if not finding.relation.assumption
+                and bool(finding.relation.restates) == restating
+            ]
+            for restating in (False, True)
+        )
+        equations = [e for e in self.equations if not e.assumption]
+        every = len(self.findings) + len(self.equations)
+        return {
+            "Numbers": len(self.cells),
+            "Relations": len(own),
+            "Agree": own.count("agrees"),
+            "Only through rounding": own.count("agrees only through rounding"),
+            "Only within a tolerance": own.count("agrees only within a tolerance"),
+            "Contradict": own.count("contradicts"),
+            "Restate computed cells": len(again),
+            "Contradict among these": again.count("contradicts"),
+            "Equations run": len(equations),
+            "Fail as extracted": sum(not e.holds for e in equations),
+            "Depend on an assumption": every - len([*own, *again, *equations]),
+        }
 
 
 @functools.cache

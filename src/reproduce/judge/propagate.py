@@ -71,26 +71,25 @@ def plain_results(computation: Computation, inputs: Inputs) -> dict[str, Flag]:
         maximum, ties included) or ``difference`` (one input minus another, or minus itself).
         Other cells are not in it.
     """
-    centre, moved = computation(inputs), {}
+    moved = {}
     for address in (a for a, cell in inputs.cells.items() if cell.is_number):
         step = 2 * inputs.half_unit(address) or 1.0  # a count moves by one
-        moved[address] = {
-            change: computation(inputs.changed({address: inputs[address] + change}))
+        moved[address] = [
+            (change, computation(inputs.changed({address: inputs[address] + change})))
             for change in (step, -step)
-        }
+        ]
     kinds: dict[str, Flag] = {}
-    for name, value in centre.items():
-        slopes = {
+    for name, value in computation(inputs).items():
+        sizes = {
             address: {
                 abs(round((after[name] - value) / change, _SLOPE_DECIMALS))
-                for change, after in results.items()
+                for change, after in results
             }
-            - {0.0}
             for address, results in moved.items()
         }
-        followed = [inputs[address] for address, sizes in slopes.items() if sizes]
-        if any(sizes - {1.0} for sizes in slopes.values()) or not inputs.cells:
+        if not set() < set().union(*sizes.values()) <= {0.0, 1.0}:
             continue
+        followed = [inputs[address] for address, found in sizes.items() if 1.0 in found]
         if followed and np.allclose(np.abs(followed), abs(value), _SIZE_RATIO, 0):
             kinds[name] = "copy"
         elif len(followed) in {0, 2}:

@@ -33,19 +33,6 @@ _Row = dict[Any, Any]
 
 # Conclusions on the paper, in decreasing order of the consequence.
 _CONCLUSIONS = ("moves", "not supported as printed", "open", "stands")
-_SCORE = (
-    "Numbers",
-    "Relations",
-    "Agree",
-    "Only through rounding",
-    "Only within a tolerance",
-    "Contradict",
-    "Restate computed cells",
-    "Contradict among these",
-    "Equations run",
-    "Fail as extracted",
-    "Depend on an assumption",
-)
 _GROUPS = (
     "do not simply agree",
     "agree",
@@ -145,24 +132,10 @@ def _table(part: str, caption: str, columns: Iterable[str], rows: list[_Row]) ->
 
 def _score(audits: Sequence[Audit]) -> _Part:
     """Count the checked numbers, relations and equations of each paper."""
-    rows: list[_Row] = []
-    for audit in audits:
-        counts, again = (list(audit.tally(restating=x).values()) for x in (False, True))
-        supposing = [one for one in audit.equations if one.assumption]
-        numbers = (
-            len(audit.cells),
-            sum(counts),
-            *counts,
-            sum(again),
-            again[-1],
-            len(audit.equations) - len(supposing),
-            len(audit.failing),
-            len(audit.supposed) + len(supposing),
-        )
-        rows.append({"name": audit.name, **dict(zip(_SCORE, numbers, strict=True))})
-    shown = [row | {"Paper": code(row["name"])} for row in rows]
+    rows: list[_Row] = [{"name": audit.name, **audit.score} for audit in audits]
+    shown = [{"Paper": code(audit.name), **audit.score} for audit in audits]
     caption = "The consistency checks"
-    return _Part((Grid.of(caption, ("Paper", *_SCORE), shown, kind="rp-score"),), rows)
+    return _Part((Grid.of(caption, shown[0], shown, kind="rp-score"),), rows)
 
 
 def _relations(audits: Sequence[Audit]) -> _Part:
