@@ -127,10 +127,6 @@ class Ledger(Frozen):
             "the keys."
         )
 
-    def table(self, key: str) -> TableRecord | None:
-        """Return the joint record of a table; None if it has no predicted cells."""
-        return next((table for table in self.tables if table.key == key), None)
-
 
 def build(
     keys: Collection[str] | None = None,
@@ -323,11 +319,9 @@ def entries(file: str, name: str) -> Iterator[dict[str, Any]]:
 def frozen() -> dict[str, Expectation]:
     """Return the frozen verdicts by address."""
     expectations: dict[str, Expectation] = {}
-    errata, letters = (
-        entries("errata.toml", "erratum"),
-        entries("letters.toml", "question"),
-    )
+    errata = entries("errata.toml", "erratum")
     replies = {one["id"]: one.get("reply", "") for one in errata}
+    letters = entries("letters.toml", "question")
     states = {one["id"]: one.get("state", "none") for one in letters}
     for entry in entries("verdicts.toml", "expect"):
         expectation = Expectation(

@@ -40,13 +40,12 @@ def result_intervals(
         lambda sides: computation(inputs.shifted(sides)),
         inputs.rounded(),
     )
-    tolerant = {
-        address
-        for address in inputs.rounded()
-        if inputs.cells[address].number.qualifier in TOLERANT
-    }
     return {
-        name: (low, high, not tolerant.isdisjoint(sides))
+        name: (
+            low,
+            high,
+            any(inputs.cells[a].number.qualifier in TOLERANT for a in sides),
+        )
         for name, (low, high, sides) in corners.items()
     }
 

@@ -63,7 +63,7 @@ class _ChangedCell(NamedTuple):
     verdict: str = ""
 
 
-def options(key: str) -> dict[str, dict[str, Alternative]]:
+def options(key: str) -> dict[str, Mapping[str, Alternative]]:
     """Return the options of an item.
 
     Parameters
@@ -81,10 +81,9 @@ def options(key: str) -> dict[str, dict[str, Alternative]]:
     >>> list(options("niu2024/table-3")["translations"])
     ['table-1', 'table-2']
     """
-    by_option: dict[str, dict[str, Alternative]] = {}
+    by_option: dict[str, Mapping[str, Alternative]] = {}
     for computation in computations(key):
-        for name, alternatives in computation.options.items():
-            by_option.setdefault(name, {}).update(alternatives)
+        by_option |= computation.options
     return by_option
 
 
@@ -208,7 +207,7 @@ class Rerun:
         self.changes = {n: str(text) for n, text in given.items() if text is not None}
         self.replaced: dict[str, float] = {}
         self._results: dict[str, dict[str, Any]] = {}
-        known = options(key) if chosen else {}
+        known = options(key)
         for name, alternative in self.options.items():
             if alternative not in known.get(name, ()):
                 listed = "; ".join(
@@ -239,7 +238,7 @@ class Rerun:
     @property
     def joint(self) -> TableRecord | None:
         """Joint probability of a stochastic table under a reading."""
-        return self._ledger.table(self.key)
+        return next(iter(self._ledger.tables), None)
 
     @cached_property
     def cells(self) -> tuple[_ChangedCell, ...]:

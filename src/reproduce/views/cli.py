@@ -265,7 +265,7 @@ main.add_command(_LIST, "list")
 
 @main.command("check")
 @click.argument("keys", nargs=-1, metavar="[KEY|PAPER]...")
-@click.option("--json", "as_json", is_flag=True, help="JSON record of each cell.")
+@_JSON
 def _check(keys: tuple[str, ...], as_json: bool) -> None:
     """Judge every printed cell and compare the verdicts with the frozen ones.
 

@@ -132,9 +132,9 @@ class Contents(Display):
         rows = []
         for record in self._ledger.records:
             shown, (cell,) = verdicts.texts(record), find(record.cell)
-            place = f"{record.key.partition('/')[0]}, {record.place}"
-            texts = (shown[name.lower()] for name in columns[2:])
-            rows.append((link(cell.anchor, cell.label), place, *texts))
+            shown["number"] = link(cell.anchor, cell.label)
+            shown["place"] = f"{record.key.partition('/')[0]}, {record.place}"
+            rows.append([shown[name.lower()] for name in columns])
         caption, kind = f"The {len(rows)} printed cells", "rp-small rp-sortable"
         return Grid(caption, columns, rows, kind=kind)
 
@@ -234,11 +234,6 @@ def _tallies(listed: Sequence[str], ledger: Ledger) -> list[dict[str, Any]]:
     ]
 
 
-def _counted(records: Sequence[Record]) -> str:
-    counts = verdicts.tally(records).items()
-    return ", ".join(f"{count} {word}" for word, count in counts if count)
-
-
 def _index(listed: Sequence[str], ledger: Ledger) -> Html:
     """Return the number of cells by verdict, for a page also by paper."""
     rows, columns = _tallies(listed, ledger), (*VERDICTS, "weak")
@@ -262,5 +257,4 @@ def _overview_grid(records: Sequence[Record]) -> Markup:
         pitch=PITCH_PIXELS,
         max_rows=MAX_ROWS,
         verdicts=verdicts,
-        counted=_counted,
     )

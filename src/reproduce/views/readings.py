@@ -49,7 +49,6 @@ class Readings(Display):
         made = [each for each in computations(self.key) if each.options]
         for computation in sorted(made, key=lambda c: -len(c.options)):
             evaluation, part = evaluate(computation), pd.DataFrame(computation.readings)
-            shared = [option for option in part if option in frame]
             for name, readings in evaluation.cells.items():
                 if table[name].unpublished or len(evaluation.distinct(name)) == 1:
                     continue
@@ -59,7 +58,7 @@ class Readings(Display):
                     part["joint p"] = evaluation.joint[:, 0]
                 part[f"{name} agrees"] = [reading.agrees for reading in readings]
             if len(part.columns) > len(computation.options):
-                frame = frame.merge(part, how="left", on=shared) if len(frame) else part
+                frame = frame.merge(part, how="left") if len(frame) else part
         frame["agreeing"] = frame.filter(regex=" agrees$").eq(True).sum(axis=1)
         # Readings that differ only in options without effect on the results are one reading.
         effects = frame.drop(columns=options(self.key), errors="ignore").round(12)

@@ -136,7 +136,7 @@ class Table(ItemView):
 
     def cells(self) -> pd.DataFrame:
         """Return one row per cell, with every field of the ledger."""
-        return full_frame(self._ledger.of(self.key))
+        return full_frame(self._ledger.records)
 
     @property
     def rerun_code(self) -> str:
@@ -281,23 +281,27 @@ class Table(ItemView):
                 "Computed": verdicts.computed(record),
                 "Verdict": " ".join(
                     filter(
-                        None, (record.verdict, verdicts.flags(record.flags), replied)
+                        None,
+                        (
+                            record.verdict,
+                            verdicts.flags(record.flags),
+                            verdicts.replied_state(record),
+                        ),
                     )
                 ),
             }
             for cell, record in zip(table.cells, records, strict=True)
-            for replied in [verdicts.replied_state(record)]
         ]
         yield Html(page, Grid.of(caption, rows[0], rows))
         notes = Counter(note for cell in table.cells for note in _notes(cell).items())
         for (word, text), count in notes.items():
             cells = f"{count} cells" if count > 1 else "1 cell"
             yield Markup("<small>{}</small>, {}: {}").format(word, cells, text)
-        if joint := self._ledger.table(self.key):
+        for joint in self._ledger.tables:
             yield verdicts.joint_sentence(joint)
-        if any(record.readings for record in records):
-            if joint and joint.readings > 1:
+            if joint.readings > 1:
                 yield verdicts.fitting(joint)
+        if any(record.readings for record in records):
             yield summary(table.place, records)
             listed = f'rp.table("{self.key}").readings lists them'
             whole = Html(lambda: self.readings.markup, listed)
@@ -321,21 +325,24 @@ def _values(record: Record, form: str) -> dict[str, str]:
     (cell,), computed = find(record.cell), verdicts.computed(record)
     ends = [minus(cell.number.format(e, extra=1)) for e in record.interval or ()]
     low, high = ends if len({*ends}) > 1 else ("", "")
+    texts = {
+        "printed": verdicts.printed(cell),
+        "recomputed": computed,
+        "from": low,
+        "to": high,
+    }
     if form == "csv":
-        texts = {
+        texts |= {
             "printed": cell.text,
-            "recomputed": computed,
-            "from": low,
-            "to": high,
             "unit": cell.unit and symbol(cell.unit),
             "sigma": str(cell.sigma or ""),
             "verdict": record.verdict if cell.is_number else "",
         }
         return {name: text.replace("−", "-") for name, text in texts.items()}
     if sign := LOOKS[record.verdict]["sign"]:
-        computed = f"{computed or '–'}{sign}{'*' * verdicts.weak([record])}"
-    printed = verdicts.printed(cell)
-    return {"printed": printed, "recomputed": computed, "from": low, "to": high}
+        weak = "*" * verdicts.weak([record])
+        texts["recomputed"] = f"{computed or '–'}{sign}{weak}"
+    return texts
 
 
 def _legend(records: Sequence[Record]) -> str:
@@ -401,7 +408,6 @@ class Cell(ResultView):
 
     def __init__(self, cell: PrintedCell) -> None:
         self._cell, self.key, self.address = cell, cell.address, cell.address
-        self._maker = computation_for(self.address)
 
     @property
     def table(self) -> Table:
@@ -431,7 +437,8 @@ class Cell(ResultView):
     @property
     def source(self) -> str:
         """Source code of the function that computes the cell, empty for an input."""
-        return "" if self._maker is None else text_of(self._maker.function)
+        made = computation_for(self.address)
+        return text_of(made.function) if made else ""
 
     @property
     def options(self) -> pd.DataFrame:
@@ -474,7 +481,7 @@ class Cell(ResultView):
         meaning = LOOKS[record.verdict]["meaning"]
         shown["verdict"] = f"{verdicts.qualified(record)}: {meaning}"
         shown["inputs"] = verdicts.linked(changeable(self.address))
-        # Without the cell, its table and its place.
-        lines = [(name, text) for name, text in [*shown.items()][3:] if text]
+        del shown["cell"]
+        lines = [(name, text) for name, text in shown.items() if text]
         head = ("Cell", self.address)
         return [Grid(self._cell.label, head, lines, kind="rp-one")]

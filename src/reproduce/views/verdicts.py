@@ -65,8 +65,6 @@ def texts(record: Record) -> dict[str, Entry]:
     is_drawn, known = record.probability is not None, expected(record.cell)
     shown: dict[str, Entry] = {
         "cell": link(cell.anchor, code(cell.name)),
-        "table": record.key,
-        "place": record.place,
         "printed": cell.shown,
         "stands for": _interval(record, record.stands_for),
         "computed": _with_unit(record, computed(record, extra=1)),
@@ -285,8 +283,10 @@ def facts_of(name: str) -> dict[str, str]:
         return _facts_of_cell(item_ledger(key).cell(name))
     if "/" in name:
         ledger = item_ledger(key)
-        joint = ledger.table(key)
-        return _counts(ledger.of(key)) | (_joint_facts(joint) if joint else {})
+        facts = _counts(ledger.records)
+        for joint in ledger.tables:
+            facts |= _joint_facts(joint)
+        return facts
     if name not in {*PAPERS, "all"}:
         raise KeyError(
             f"name: expected an address, a key, 'all' or one of {PAPERS}, got {name!r}"
