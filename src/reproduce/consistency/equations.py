@@ -32,20 +32,20 @@ class Demonstration:
     """An equation, run as extracted.
 
     - `name`: name of the equation.
-    - `printed`, `right`, `wanted`: result of the extracted form, of the form of this package, and
-      the correct result.
     - `place`: passage of the paper.
     - `asked`: the test.
+    - `printed`, `right`, `wanted`: result of the extracted form, of the form of this package, and
+      the correct result.
     - `meaning`: the compared quantity.
     - `assumption`: assumption that the paper does not state.
     """
 
     name: str
+    place: str
+    asked: str
     printed: float
     right: float
     wanted: float
-    place: str
-    asked: str
     meaning: str
     assumption: str = ""
 
@@ -62,7 +62,13 @@ def demonstrations(
 ) -> tuple[Demonstration, ...]:
     """Run the equations that a paper declares, with their texts by name."""
     return tuple(
-        Demonstration(name, float(printed), float(right), float(wanted), **text)
+        Demonstration(
+            name,
+            printed=float(printed),
+            right=float(right),
+            wanted=float(wanted),
+            **text,
+        )
         for name, text in texts.items()
         for printed, right, wanted in [_RUNS[name](lambda a: cells[a].si)]
     )

@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from reproduce.judge.ledger import Ledger, TableRecord, item_ledger
+from reproduce.judge.ledger import TableRecord, item_ledger
 from reproduce.judge.verdicts import central_interval
 from reproduce.papers.declare import (
     Alternative,
@@ -88,19 +88,19 @@ def options(key: str) -> dict[str, Mapping[str, Alternative]]:
 
 
 def effective_change(address: str) -> tuple[str, str] | None:
-    """Return an input of a cell and another value of it that changes the computed value.
+    """Return an input of an item or a cell, and another value that changes a computed value.
 
     The value is one or ten units of the last printed digit higher.
     """
-    key, _, name = address.partition("#")
-    computed = name in _texts(key)
-    inputs = [find(one)[0] for one in changeable(address) if computed]
-    for units, cell in product((1, 10), inputs):
-        number = Decimal(cell.text) + Decimal(units).scaleb(cell.number.exponent)
-        change = cell.address, f"{number:f} {symbol(cell.unit)}".strip()
-        with suppress(CannotChangeError):
-            if _texts(key, change)[name] != _texts(key)[name]:
-                return change
+    for result in find(address):
+        texts, inputs = _texts(result.key), changeable(result.address)
+        cells = [find(one)[0] for one in inputs if result.name in texts]
+        for units, cell in product((1, 10), cells):
+            number = Decimal(cell.text) + Decimal(units).scaleb(cell.number.exponent)
+            change = cell.address, f"{number:f} {symbol(cell.unit)}".strip()
+            with suppress(CannotChangeError):
+                if _texts(result.key, change)[result.name] != texts[result.name]:
+                    return change
     return None
 
 
@@ -228,23 +228,17 @@ class Rerun:
         """Whether this is a reading of the paper as printed, without changed inputs."""
         return bool(self.options) and not self.changes
 
-    @cached_property
-    def _ledger(self) -> Ledger:
-        """The verdicts under the reading; empty with a changed input."""
-        if self.is_reading:
-            return item_ledger(self.key, **self.options)
-        return Ledger(records=(), tables=())
-
     @property
     def joint(self) -> TableRecord | None:
         """Joint probability of a stochastic table under a reading."""
-        return next(iter(self._ledger.tables), None)
+        if not self.is_reading:
+            return None
+        return next(iter(item_ledger(self.key, **self.options).tables), None)
 
     @cached_property
     def cells(self) -> tuple[_ChangedCell, ...]:
         """Every cell that the item computes, in printed order."""
         table, cells = library()[self.key], {}
-        judged = {record.cell: record for record in self._ledger.records}
         with self.explained():
             for computation in computations(self.key):
                 kept = {} if self.is_reading else self.options
@@ -253,8 +247,10 @@ class Rerun:
                 for name, after in self.results(computation).items():
                     cell, ends, verdict = table[name], None, ""
                     unit = si_factor(cell.unit)
-                    if judged:
-                        record = judged[cell.address]
+                    if self.is_reading:
+                        record = item_ledger(self.key, **self.options).cell(
+                            cell.address
+                        )
                         ends, verdict = record.interval, record.verdict
                     elif computation.replicates:
                         ends = central_interval(after / unit)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import cache
 from itertools import product
 from typing import Any
@@ -179,9 +179,8 @@ def _group(row: _Row) -> str:
 
 def _equations(audits: Sequence[Audit]) -> _Part:
     """List the equations, run as extracted."""
-    fields = ("name", "place", "asked", "printed", "right", "wanted", "meaning")
     rows = [
-        {name: getattr(equation, name) for name in (*fields, "holds", "assumption")}
+        asdict(equation) | {"holds": equation.holds}
         for audit in audits
         for equation in audit.equations
     ]

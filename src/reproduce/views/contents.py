@@ -4,12 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import cached_property
-from itertools import groupby
 from typing import TYPE_CHECKING, Any
 
-from markupsafe import Markup
-
-from reproduce.judge.ledger import Ledger, Record, build, changed_verdicts
+from reproduce.judge.ledger import Ledger, build, changed_verdicts
 from reproduce.judge.verdicts import VERDICTS
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import drawing
@@ -31,9 +28,6 @@ from reproduce.views.export import full_frame
 
 if TYPE_CHECKING:
     import pandas as pd
-
-PITCH_PIXELS = 14  # distance of two marks, in CSS pixels
-MAX_ROWS = 6  # of marks; a longer table continues in further columns
 
 
 def contents(paper: str | None = None) -> Contents:
@@ -151,9 +145,15 @@ class Contents(Display):
 
     def blocks(self) -> tuple[Block, ...]:
         """Return a mark for every number, and the same as lists."""
-        overview = Html(_overview_grid(self._ledger.records))
+        wall = rendered(
+            "wall",
+            contents=self,
+            records=self._ledger.records,
+            library=library(),
+            verdicts=verdicts,
+        )
         lists = Blocks((self.listed, self.index))
-        return overview, Fold("The same in words", lists)
+        return Html(wall), Fold("The same in words", lists)
 
 
 class Check(Display):
@@ -244,17 +244,3 @@ def _index(listed: Sequence[str], ledger: Ledger) -> Html:
     ]
     heads = ("key", *(LOOKS[name]["head"] for name in VERDICTS), "weak")
     return Html(page, Grid("Cells by verdict.", heads, lines))
-
-
-def _overview_grid(records: Sequence[Record]) -> Markup:
-    """Draw a mark for every record with a link to its cell, and a legend."""
-    keys = dict.fromkeys(record.key for record in records)
-    return rendered(
-        "wall",
-        papers=groupby(keys, key=lambda key: key.partition("/")[0]),
-        records=records,
-        library=library(),
-        pitch=PITCH_PIXELS,
-        max_rows=MAX_ROWS,
-        verdicts=verdicts,
-    )

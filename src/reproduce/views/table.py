@@ -141,9 +141,7 @@ class Table(ItemView):
     @property
     def rerun_code(self) -> str:
         """A line of code that computes it with another value of an input."""
-        cells = (cell.address for cell in self._printed.cells)
-        changes = filter(None, map(rerunning.effective_change, cells))
-        return _rerun_code(self.key, next(changes, None))
+        return _rerun_code(self.key)
 
     @property
     def readings(self) -> Readings:
@@ -362,8 +360,9 @@ _INTERVAL = (
 )
 
 
-def _rerun_code(address: str, change: tuple[str, str] | None) -> str:
+def _rerun_code(address: str) -> str:
     """Return the call of a table or a cell, with the change of an input."""
+    change = rerunning.effective_change(address)
     call = '.rerun({{"{}": "{}"}})'.format(*change) if change else ""
     return f'rp.table("{address}"){call}'
 
@@ -448,7 +447,7 @@ class Cell(ResultView):
     @property
     def rerun_code(self) -> str:
         """A line of code that computes it with another value of an input that changes it."""
-        return _rerun_code(self.address, rerunning.effective_change(self.address))
+        return _rerun_code(self.address)
 
     def frame(self) -> pd.DataFrame:
         """Return its record as a column."""
