@@ -204,24 +204,19 @@ def _written(
     check_format(form, _FORMATS)
     if form == "sentence":
         return f"{title} {_author_year()}."
-    page = f"/goto.html#{anchor(address)}" if address else ""
-    permalink = version.ADDRESS and version.ADDRESS + page
-    archived = identifiers(address)
-    listed = ", ".join(map(" ".join, archived.items()))
-    note = "" if permalink or not listed else f"Software Heritage: {listed}"
+    context = {
+        "name": name,
+        "title": title,
+        "page": f"/goto.html#{anchor(address)}" if address else "",
+        "archived": identifiers(address),
+        "mark": mark,
+        "version": version,
+    }
     if form == "text":
         # `verify` reads the statement of a cell between the year and the name of the software.
-        start = f"{DEVELOPERS} ({RELEASED[:4]}). {title}"
-        doi = version.DOI and f"https://doi.org/{version.DOI}"
-        own = ". ".join(
-            filter(None, (start, version.software(), note, permalink, doi, mark))
-        )
-        return "\n".join((own + "." * (not mark), *map(_in_text, cited)))
-    context = {"title": title, "permalink": permalink, "archived": archived}
-    context["note"] = ". ".join(filter(None, (note, mark)))
-    text = rendered(
-        "citation.bib", name=f"reproduce-{name}", version=version, **context
-    )
+        own = rendered("citation.txt", **context)
+        return "\n".join((own, *map(_in_text, cited)))
+    text = rendered("citation.bib", **context)
     entries = [Entry.from_string(text, "bibtex"), *map(_paper, cited)]
     if form == "bibtex":
         return "\n".join(entry.to_string("bibtex") for entry in entries).strip()
