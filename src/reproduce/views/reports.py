@@ -30,14 +30,6 @@ FORMS = {
     "nanopublications": ("nanopublications.trig",),
     "decisions": ("astra.yaml",),
 }
-# Outcome of a replication to its relation in the Citation Typing Ontology.
-RELATIONS = {
-    "validated": "confirms",
-    "partially supported": "qualifies",
-    "contradicted": "disputes",
-    "inconclusive": "discusses",
-    "not tested": "discusses",
-}
 
 
 @dataclass(frozen=True)
@@ -111,7 +103,6 @@ def report(paper: str, form: str) -> dict[str, str]:
         "options": {key: options(key) for key in named},
         "open": {"differs", "ambiguous", "unpublished"},
         "paper": paper,
-        "relations": RELATIONS,
         "version": version,
         "whole": whole,
     }

@@ -253,7 +253,8 @@ class Table(ItemView):
             places = [cell.place for cell in table.cells]
             if len({*places}) > 1:
                 frame["place"] = places
-        caption, legend = f"{table.place}. {table.title}.", _legend(records)
+        caption = f"{table.place}. {table.title}."
+        legend = rendered("legend.txt", records=records)
         return export_frame(frame, form, self.provenance, self.key, caption, legend)
 
     def blocks(self) -> Iterator[Block]:
@@ -341,23 +342,6 @@ def _values(record: Record, form: str) -> dict[str, str]:
         weak = "*" * verdicts.weak([record])
         texts["recomputed"] = f"{computed or '–'}{sign}{weak}"
     return texts
-
-
-def _legend(records: Sequence[Record]) -> str:
-    """Return the legend of the signs of verdicts, and of the interval."""
-    signs = [
-        f"{look['sign']} {word}: {look['meaning']}"
-        for word, look in LOOKS.items()
-        if look["sign"] and any(record.verdict == word for record in records)
-    ]
-    return "; ".join((*signs, _INTERVAL)) + "." if signs else ""
-
-
-# The end of a legend.
-_INTERVAL = (
-    "*: weak agreement, such as a copy or a wide tolerance; from, to: central 99 % of the "
-    "simulation, or results that rounded inputs allow"
-)
 
 
 def _rerun_code(address: str) -> str:
