@@ -185,8 +185,9 @@ def evaluate_readings(
     joint = []
     for choices in readings:
         one_reading = computation.with_options(choices)
-        stochastic = bool(computation.replicates)
-        allowed = {} if stochastic else result_intervals(one_reading, inputs)
+        allowed = (
+            {} if computation.replicates else result_intervals(one_reading, inputs)
+        )
         draws, intervals = [], []
         for name, result in one_reading(inputs).items():
             if not computation.makes(name):
@@ -195,18 +196,21 @@ def evaluate_readings(
                 )
             cell, unit = table[name], si_factor(table[name].unit)
             scaled = result / unit
-            if stochastic:
+            if name in allowed:
+                low, high, wide = allowed[name]
+                ends = low / unit, high / unit
+                reading = judge_value(cell.number, scaled, ends, choices, wide=wide)
+            else:
                 reading = judge_prediction(cell.number, scaled, choices)
                 if np.ptp(scaled) > 0 and not cell.unpublished:
                     draws.append(scaled)
                     intervals.append(cell.number.interval())
-            else:
-                low, high, wide = allowed[name]
-                ends = low / unit, high / unit
-                reading = judge_value(cell.number, scaled, ends, choices, wide=wide)
             by_cell.setdefault(name, []).append(reading)
-        drawn = np.array(draws), np.array(intervals)
-        joint.append(joint_probability(*drawn) if draws else (math.nan, math.nan))
+        joint.append(
+            joint_probability(np.array(draws), np.array(intervals))
+            if draws
+            else (math.nan, math.nan)
+        )
     return Evaluation(computation, by_cell, np.array(joint))
 
 

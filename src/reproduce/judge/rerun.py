@@ -180,6 +180,8 @@ class Rerun:
         All changes as given, by address, ``seed`` or ``replicates``.
     options : dict
         Option to the chosen alternative.
+    results : callable
+        Function that returns the results of a computation under the changes.
     replaced : dict
         Address of each printed input that a recomputed value replaced, to that value in the
         printed unit.
@@ -206,7 +208,7 @@ class Rerun:
         given = {**changes, "seed": seed, "replicates": replicates}
         self.changes = {n: str(text) for n, text in given.items() if text is not None}
         self.replaced: dict[str, float] = {}
-        self._results: dict[str, dict[str, Any]] = {}
+        self.results = cache(self._computed)
         known = options(key)
         for name, alternative in self.options.items():
             if alternative not in known.get(name, ()):
@@ -276,14 +278,10 @@ class Rerun:
                 f"{self.key} cannot be computed with {setting}: {error}"
             ) from error
 
-    def results(self, computation: Computation) -> dict[str, Any]:
+    def _computed(self, computation: Computation) -> dict[str, Any]:
         """Return the results of a computation whose inputs follow the changes."""
-        if computation.name not in self._results:
-            run = computation.with_options(self.options)
-            self._results[computation.name] = run(
-                self.inputs(computation.inputs), self._replicates
-            )
-        return self._results[computation.name]
+        run = computation.with_options(self.options)
+        return run(self.inputs(computation.inputs), self._replicates)
 
     def inputs(self, patterns: tuple[str, ...]) -> Inputs:
         """Return the inputs that match patterns, with the changes and recomputed values."""

@@ -79,17 +79,11 @@ def _message(error: Exception) -> str | None:
     return None
 
 
-class _Target(click.ParamType[Path]):
-    """An output file that is checked before the computation starts."""
-
-    name = "file"
-
-    def __init__(self, *endings: str) -> None:
-        self.endings = endings
-
-    def convert(self, value: Any, param: Any, ctx: click.Context | None) -> Path:
-        """Return the path, or raise an error of the option."""
-        return check_target(Path(value), self.endings, param.opts[0])
+def _target(*endings: str) -> Callable[..., Path | None]:
+    """Return a check of an output file, which runs before the computation starts."""
+    return lambda ctx, param, value: (
+        value and check_target(value, endings, param.opts[0])
+    )
 
 
 def _pairs(
@@ -174,7 +168,6 @@ def _item(address: str) -> Any:
 _SHOWN = "reproduce.shown"
 # A FITS file may have the name of an extension in brackets behind it.
 _FILE = click.Path(path_type=Path)
-_FIGURE = _Target(*FIGURES)
 _POSITIVE = click.FloatRange(min=0, min_open=True)
 _ADDRESS = click.argument("address", metavar="KEY[#CELL]")
 _JSON = click.option(
@@ -374,7 +367,12 @@ def _export(address: str, form: str) -> None:
 @main.command("figure")
 @click.argument("key")
 @click.option(
-    "--out", type=_FIGURE, required=True, help="Output file: .svg, .pdf or .png."
+    "--out",
+    type=_FILE,
+    callback=_target(*FIGURES),
+    metavar="FILE",
+    required=True,
+    help="Output file: .svg, .pdf or .png.",
 )
 @_SET
 @_SEED
@@ -585,7 +583,9 @@ def _misalignment(file: Path, as_json: bool, **settings: Any) -> None:
 )
 @click.option(
     "--out",
-    type=_Target(*DRAWS),
+    type=_FILE,
+    callback=_target(*DRAWS),
+    metavar="FILE",
     help="Output file of the draws: .csv, or .nc (ArviZ).",
 )
 @_JSON
