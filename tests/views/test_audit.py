@@ -61,18 +61,18 @@ def test_json_has_a_record_for_each_row():
 
 def test_the_score_counts_the_findings():
     for audit, row in zip(AUDITS, rp.audit()["score"].rows, strict=True):
-        relations = [f for f in audit.findings if not f.relation.assumption]
-        plain, again = (
-            Counter(f.outcome for f in relations if bool(f.relation.restates) == kind)
-            for kind in (False, True)
+        relations, equations = (
+            rp.audit(audit.name)[part].frame().query("assumption == ''")
+            for part in ("relations", "equations")
         )
-        equations = [e for e in audit.equations if not e.assumption]
-        failing = sum(not equation.holds for equation in equations)
-        assumed = len(audit.findings) - len(relations)
-        assumed += len(audit.equations) - len(equations)
-        counts = [len(audit.cells), plain.total(), *(plain[one] for one in OUTCOMES)]
-        counts += [again.total(), again["contradicts"], len(equations), failing]
-        assert list(row.values()) == [audit.name, *counts, assumed]
+        restates = relations["restates"] != ""
+        plain, again = (relations["outcome"][one] for one in (~restates, restates))
+        every = len(audit.findings) + len(audit.equations)
+        counts = [len(audit.cells), len(plain), *(sum(plain == o) for o in OUTCOMES)]
+        counts += [len(again), sum(again == "contradicts")]
+        counts += [len(equations), sum(~equations["holds"])]
+        counts.append(every - len(relations) - len(equations))
+        assert list(row.values()) == [audit.name, *counts]
 
 
 def test_relations_have_groups_anchors_and_cells():
