@@ -46,8 +46,9 @@ class Readings(Display):
         import pandas as pd
 
         frame, table = pd.DataFrame({}), library()[self.key]
-        made = [each for each in computations(self.key) if each.options]
-        for computation in sorted(made, key=lambda c: -len(c.options)):
+        for computation in sorted(
+            computations(self.key), key=lambda each: len(each.options), reverse=True
+        ):
             evaluation, part = evaluate(computation), pd.DataFrame(computation.readings)
             for name, readings in evaluation.cells.items():
                 if table[name].unpublished or len(evaluation.distinct(name)) == 1:
