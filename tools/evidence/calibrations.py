@@ -157,7 +157,9 @@ def replicate(model: Model, seed: int, index: int) -> tuple[Counts, bool, Covere
     entropy = int(_stream(model, seed, index, 1).generate_state(1, np.uint64)[0])
     for warmup in WARMUPS:
         plan = Plan(entropy, ensembles=1, steps=STEPS, warmup=warmup)
-        chain, _, _ = run_ensemble(fitted, plan, 0, _lacking)
+        chain, _, _ = run_ensemble(fitted, plan, 0)
+        while (steps := _needed(chain)) > len(chain):
+            chain, _, _ = run_ensemble(fitted, replace(plan, steps=steps), 0)
         time = _time(chain)
         if not (failed := len(chain) / time < TIMES):
             break
@@ -196,9 +198,9 @@ def _time(chain: FloatArray) -> float:
     )
 
 
-def _lacking(chain: FloatArray) -> int:
-    """Return the further steps that a chain needs for the criterion on time."""
-    return min(int(np.ceil(MARGIN * TIMES * _time(chain))), MAX_STEPS) - len(chain)
+def _needed(chain: FloatArray) -> int:
+    """Return the steps that a chain needs for the criterion on time."""
+    return min(int(np.ceil(MARGIN * TIMES * _time(chain))), MAX_STEPS)
 
 
 def intervals(model: Model, seed: int, replicates: int) -> Covered:

@@ -7,17 +7,17 @@ the differential evolution of emcee, and a proposal for nearly Gaussian posterio
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cache, partial
+from typing import Any
 
 import emcee
 import numpy as np
 from emcee import moves
 from emcee.state import State
 from numpy.random import MT19937, PCG64, Generator, RandomState, SeedSequence
-from scipy.special import gammaln
+from scipy.stats import multivariate_t
 
 from reproduce.inference.diagnostics import UnconvergedError, require
 from reproduce.inference.model import Model, Progress
@@ -27,7 +27,7 @@ from reproduce.physics.validate import FloatArray, whole_number
 # Degrees of freedom and relative width of two Student-t proposals. The near one fits a nearly
 # Gaussian posterior. The far one is heavier and wider than the posteriors of this book, so that no
 # walker remains in a tail.
-_NEAR_PROPOSAL, _FAR_PROPOSAL = (30.0, 1.05), (4.0, 1.5)
+_NEAR_PROPOSAL, _FAR_PROPOSAL = (30, 1.05), (4, 1.5)
 _FAR_FRACTION = 0.2
 # Fractions of stretch, differential evolution and complement moves. In the warm-up the first two
 # bring a distant ensemble to the posterior. Later they move curved or heavy-tailed posteriors, and
@@ -69,16 +69,18 @@ class _ComplementMove(moves.RedBlueMove):  # type: ignore[misc]  # emcee has no 
 
 
 def _log_proposal(steps: FloatArray) -> FloatArray:
-    """Return the log density of scaled proposals, (n, d), without a constant."""
-    squared, dimension = np.square(steps).sum(axis=1), steps.shape[1]
-    near, far = (
-        gammaln((degrees + dimension) / 2)
-        - gammaln(degrees / 2)
-        - dimension * np.log(np.sqrt(degrees) * width)
-        - 0.5 * (degrees + dimension) * np.log1p(squared / (degrees * width**2))
-        for degrees, width in (_NEAR_PROPOSAL, _FAR_PROPOSAL)
-    )
+    """Return the log density of scaled proposals, (n, d)."""
+    near, far = (one.logpdf(steps) for one in _proposals(steps.shape[1]))
     return np.logaddexp(np.log1p(-_FAR_FRACTION) + near, np.log(_FAR_FRACTION) + far)
+
+
+@cache
+def _proposals(dimension: int) -> list[Any]:
+    """Return the near and the far proposal."""
+    return [
+        multivariate_t(shape=width**2 * np.eye(dimension), df=degrees)
+        for degrees, width in (_NEAR_PROPOSAL, _FAR_PROPOSAL)
+    ]
 
 
 def move_mixture(
@@ -176,10 +178,7 @@ def sample(
 
 
 def run_ensemble(
-    model: Model,
-    plan: Plan,
-    ensemble: int,
-    missing_steps: Callable[[FloatArray], int] | None = None,
+    model: Model, plan: Plan, ensemble: int
 ) -> tuple[FloatArray, FloatArray, float]:
     """Run one ensemble.
 
@@ -190,10 +189,8 @@ def run_ensemble(
     plan : Plan
         Numbers of the sampling run.
     ensemble : int
-        Number of the ensemble, which selects its random numbers.
-    missing_steps : callable, optional
-        Function that returns the number of further steps that a chain needs. The ensemble
-        continues until it is zero.
+        Number of the ensemble, which selects its random numbers. A longer run of the same
+        ensemble begins with the same steps.
 
     Returns
     -------
@@ -224,10 +221,7 @@ def run_ensemble(
         state = warming.run_mcmc(
             state, plan.warmup, skip_initial_state_check=True, store=False
         )
-    missing = plan.steps
-    while missing > 0:
-        state = sampler.run_mcmc(state, missing, skip_initial_state_check=True)
-        chain = model.parameters_at(sampler.get_chain())
-        missing = missing_steps(chain) if missing_steps else 0
+    sampler.run_mcmc(state, plan.steps, skip_initial_state_check=True)
+    chain = model.parameters_at(sampler.get_chain())
     log_posterior = sampler.get_log_prob() - model.log_volume(chain)
     return chain, log_posterior, float(sampler.acceptance_fraction.mean())
