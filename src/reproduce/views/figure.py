@@ -95,24 +95,6 @@ def draw(key: str, inputs: Inputs | None = None, *, narrow: bool = False) -> _Dr
     )
 
 
-def _data(figure: _Drawn) -> pd.DataFrame:
-    """Return the lines, points and labels; of a schematic, in units of its view box."""
-    if isinstance(figure, str):
-        labels = ElementTree.fromstring(figure).iter("{http://www.w3.org/2000/svg}text")
-        places = [
-            (1, "".join(one.itertext()), *(float(one.get(axis, 0)) for axis in "xy"))
-            for one in labels
-        ]
-    else:
-        places = [
-            (panel, curve, x, y)
-            for panel, axes in enumerate(figure.axes, start=1)
-            for curve, points in _curves(axes)
-            for x, y in np.reshape(points, (-1, 2)).tolist()
-        ]
-    return pd.DataFrame(places, columns=["panel", "curve", "x", "y"])
-
-
 def _curves(axes: Axes) -> Iterator[tuple[str, ArrayLike]]:
     """Yield the names and the points of the lines, collections and labels of a panel."""
     drawn: list[tuple[object, ArrayLike]] = [
@@ -243,8 +225,24 @@ class Figure(Rerunnable, ItemView):
         return figure
 
     def frame(self) -> pd.DataFrame:
-        """Return the lines and points that are drawn, in the units of the axes."""
-        return _data(self.drawn)
+        """Return the lines, points and labels in the units of the axes, or of a view box."""
+        figure = self.drawn
+        if isinstance(figure, str):
+            labels = ElementTree.fromstring(figure).iter(
+                "{http://www.w3.org/2000/svg}text"
+            )
+            places = [
+                (1, "".join(one.itertext()), *(float(one.get(a, 0)) for a in "xy"))
+                for one in labels
+            ]
+        else:
+            places = [
+                (panel, curve, x, y)
+                for panel, axes in enumerate(figure.axes, start=1)
+                for curve, points in _curves(axes)
+                for x, y in np.reshape(points, (-1, 2)).tolist()
+            ]
+        return pd.DataFrame(places, columns=["panel", "curve", "x", "y"])
 
     def save(self, path: str | Path) -> Path:
         """Write the figure as SVG, PDF or PNG, by the ending of `path`; a schematic as SVG."""

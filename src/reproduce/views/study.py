@@ -5,17 +5,20 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from reproduce.papers.declare import Study, study
 from reproduce.printed.cells import anchor
 from reproduce.views import numbers
 from reproduce.views.base import Change, ItemView, Rerunnable
 from reproduce.views.blocks import Block, Fold, Grid, Html
 from reproduce.views.export import table_files, toolbar
-from reproduce.views.sweep import Sweep, of_study, swept
+from reproduce.views.sweep import Sweep, swept
 
 if TYPE_CHECKING:
     import pandas as pd
 
+    from reproduce.papers.declare import Column
     from reproduce.printed.inputs import Inputs
 
 
@@ -63,17 +66,54 @@ class StudyTable(Rerunnable, ItemView):
         -------
         Sweep
             One row per value, with a slider on a page.
+
+        Raises
+        ------
+        ValueError
+            If there is no such column of numbers, or no row has such an entry.
         """
-        declared, before = self._declared, self.frame()
+        import pandas as pd
+
+        chosen, first = rows or {}, self._columns[0].name
+        before = _selected(self.frame(), chosen)
+        known = {c.name: c for c in self._columns if c.form}
+        if unknown := {*columns} - {*known}:
+            raise ValueError(f"columns: expected some of {list(known)}, got {unknown}")
+        shown = [*columns] or [name for name in known if name != first]
+        heads = [c.name for c in self._columns if not c.form] or [first]
+        heads = [name for name in heads if before[name].nunique() > 1]
+        cells = []
+        for row in before[heads].to_dict("records"):
+            texts = [v if isinstance(v, str) else f"{n} {v}" for n, v in row.items()]
+            start = ", ".join(texts) + ": " * bool(texts)
+            cells += [start + name for name in shown]
 
         def compute(step: Change) -> pd.DataFrame:
-            return of_study(
-                declared, (before, self.rerun(step).frame()), columns, rows or {}
+            after = _selected(self.rerun(step).frame(), chosen)
+            if before.empty or len(before) != len(after):
+                raise ValueError(f"{self.key}: expected the same rows at every value")
+            entries = [
+                numbers.entry(row[name], known[name])
+                for row in after.to_dict("records")
+                for name in shown
+            ]
+            values, mark = (
+                one[shown].to_numpy(float).ravel() for one in (after, before)
             )
+            frame = pd.DataFrame({"cell": cells, "label": cells, "text": entries})
+            frame = frame.assign(computed=values, mark=mark, unit="")
+            return frame.assign(low=None, high=None, bottom=None, top=None)
 
         return swept(
             self.title, moved, values, compute, "values for the printed inputs"
         )
+
+    @property
+    def _columns(self) -> list[Column]:
+        """The columns, without the errors of other columns."""
+        columns = self._declared.text.columns
+        errors = {column.error for column in columns}
+        return [column for column in columns if column.name not in errors]
 
     def frame(self) -> pd.DataFrame:
         """Return the numbers, in the units of the column names."""
@@ -88,8 +128,7 @@ class StudyTable(Rerunnable, ItemView):
         if text.folded:
             frame = frame[frame[text.folded] == frame[text.folded].iloc[0]]
         forms = {column.name: column.form for column in text.columns}
-        behind = {*(column.error for column in text.columns), text.folded}
-        shown = [column for column in text.columns if column.name not in behind]
+        shown = [column for column in self._columns if column.name != text.folded]
         rows = [
             [
                 numbers.entry(
@@ -115,3 +154,10 @@ class StudyTable(Rerunnable, ItemView):
             yield Html(
                 toolbar(self.key, where, table_files(self.key), self.source), self.key
             )
+
+
+def _selected(frame: pd.DataFrame, chosen: Mapping[str, Any]) -> pd.DataFrame:
+    """Return the rows with the chosen entry, or entries, of some columns."""
+    for name, entries in chosen.items():
+        frame = frame[frame[name].isin(np.atleast_1d(entries))]
+    return frame

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 from math import isclose
 from textwrap import fill
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from reproduce.judge.rerun import Rerun
 from reproduce.papers.charts import set_size
-from reproduce.papers.declare import Study
 from reproduce.printed.cells import anchor, find
 from reproduce.printed.number import minus, quantity, symbol
 from reproduce.printed.quantity import si_value
@@ -20,7 +19,6 @@ from reproduce.views import verdicts
 from reproduce.views.base import Change, setting
 from reproduce.views.blocks import Block, Display, Grid, Html, rendered
 from reproduce.views.figure import figure_block
-from reproduce.views.numbers import entry
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -247,47 +245,3 @@ def of_cells(changed: Changed) -> pd.DataFrame:
     frame["mark"] = [cell.number.value for cell in cells]
     frame[["bottom", "top"]] = [cell.number.interval() for cell in cells]
     return frame
-
-
-def of_study(
-    study: Study,
-    frames: Sequence[pd.DataFrame],
-    names: Sequence[str],
-    chosen: Mapping[str, Any],
-) -> pd.DataFrame:
-    """Return the rows of a supplementary table, which is given without and with a change.
-
-    `names` are the columns to show. `chosen` maps columns to the entry, or entries, of the rows to
-    show.
-
-    Raises
-    ------
-    ValueError
-        If there is no such column of numbers, or no row has such an entry.
-    """
-    import pandas as pd
-
-    for name, entries in chosen.items():
-        frames = [frame[frame[name].isin(np.atleast_1d(entries))] for frame in frames]
-    before, after = frames
-    if before.empty or len(before) != len(after):
-        raise ValueError(f"{study.key}: expected the same rows at every value")
-    shown = study.text.columns
-    first, hidden = shown[0].name, {column.error for column in shown}
-    columns = {c.name: c for c in shown if c.form and c.name not in hidden}
-    if unknown := {*names} - {*columns}:
-        raise ValueError(f"columns: expected some of {list(columns)}, got {unknown}")
-    labels = [c.name for c in shown if not c.form] or [first]
-    labels = [name for name in labels if before[name].nunique() > 1]
-    rows = []
-    pairs = zip(before.to_dict("records"), after.to_dict("records"), strict=True)
-    for old, new in pairs:
-        texts = [old[n] if isinstance(old[n], str) else f"{n} {old[n]}" for n in labels]
-        for name in names or [name for name in columns if name != first]:
-            cell = ": ".join(filter(None, (", ".join(texts), name)))
-            text = entry(new[name], columns[name])
-            rows.append((cell, cell, text, float(new[name]), float(old[name])))
-    names = ["cell", "label", "text", "computed", "mark"]
-    return pd.DataFrame(rows, columns=names).assign(
-        low=None, high=None, unit="", bottom=None, top=None
-    )
