@@ -93,11 +93,6 @@ class SpotStatistics:
             weights.append((len(spots), lever))
         return cls(np.stack(moments, axis=1), np.transpose(weights), squares)
 
-    def scaled(self, moments: FloatArray) -> FloatArray:
-        """Return moments, (n, 2, groups, lasers, 2), as (n, m) with the variance of one image."""
-        scaled = moments * np.sqrt(self.weights)[..., None, None]
-        return scaled.reshape(len(moments), -1)
-
 
 @dataclass(frozen=True, eq=False)
 class SpotLikelihood(Likelihood):
@@ -137,10 +132,15 @@ class SpotLikelihood(Likelihood):
         b times the misfit over noise^2, which is negligible for rotations of arc seconds.
         """
         data, noise = self.statistics, parameters[:, -1]
-        off = np.square(data.moments - self.moments(parameters)).sum(axis=(-2, -1))
-        squares = data.squares + (off * data.weights).sum(axis=(-2, -1))
+        squares = data.squares + np.square(self.residuals(parameters)).sum(axis=1)
         constant = -data.size * (np.log(noise) + 0.5 * np.log(2 * np.pi))
         return constant - squares / (2 * noise**2)
+
+    def residuals(self, parameters: FloatArray) -> FloatArray:
+        """Return measured minus predicted moments, (n, m), each with the noise of one image."""
+        off = self.statistics.moments - self.moments(parameters)
+        scaled = off * np.sqrt(self.statistics.weights)[..., None, None]
+        return scaled.reshape(len(parameters), -1)
 
     @property
     def observed(self) -> dict[str, FloatArray]:
@@ -191,19 +191,16 @@ class SpotLikelihood(Likelihood):
         predicted, has the standard deviation of the noise.
         """
         steps = np.eye(len(scale), len(centre)) * (_STEP_RATIO * scale)[:, None]
-        moments = self.moments(np.vstack([centre, centre + steps, centre - steps]))
-        data = self.statistics
-        predicted, measured = data.scaled(moments), data.scaled(data.moments[None])
-        ahead, behind = np.split(predicted[1:], 2)
-        response = (ahead - behind) / (2 * _STEP_RATIO * scale)[:, None]
-        return response.T, measured[0] - predicted[0]
+        points = np.vstack([centre, centre - steps, centre + steps])
+        residuals, *others = self.residuals(points)
+        behind, ahead = np.split(np.array(others), 2)
+        response = (behind - ahead) / (2 * _STEP_RATIO * scale)[:, None]
+        return response.T, residuals
 
     def residual(self) -> float:
         """Return the standard deviation of a coordinate about least squares, in px."""
-        centre, spread = self.start()
-        residuals = self.linearised(centre, spread[:-1])[1]
-        squares = self.statistics.squares + residuals @ residuals
-        return float(np.sqrt(squares / self.statistics.size))
+        [residuals], data = self.residuals(self.start()[0][None]), self.statistics
+        return float(np.sqrt((data.squares + residuals @ residuals) / data.size))
 
     def checks(self, other: Self) -> dict[str, float]:
         """Return scatter, shape of the pattern and motion of its centre, in px."""
