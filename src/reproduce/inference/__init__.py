@@ -12,7 +12,6 @@ from reproduce.inference.diagnostics import (
     thinned,
 )
 from reproduce.inference.model import (
-    Consequence,
     Derived,
     Estimate,
     Likelihood,
@@ -22,6 +21,7 @@ from reproduce.inference.model import (
     Parameter,
     Prior,
     Progress,
+    Quantity,
     Uniform,
 )
 from reproduce.inference.posterior import (

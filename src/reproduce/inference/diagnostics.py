@@ -213,9 +213,7 @@ def thinned(chains: FloatArray, time: float) -> FloatArray:
     return kept.reshape(len(kept), -1, *kept.shape[3:])
 
 
-def summarised(
-    name: str, unit: str, draws: FloatArray, shown: float = 1.0, stride: int = 1
-) -> Summary:
+def summarised(name: str, unit: str, draws: FloatArray, stride: int = 1) -> Summary:
     """Return the summary of draws of one quantity.
 
     Parameters
@@ -223,9 +221,7 @@ def summarised(
     name, unit : str
         Name and displayed unit of the quantity.
     draws : ndarray, shape (ensembles, steps, walkers)
-        Draws of the quantity.
-    shown : float
-        Displayed units per unit of the draws.
+        Draws of the quantity, in this unit.
     stride : int
         Steps of the sampler per step of the draws.
 
@@ -234,19 +230,19 @@ def summarised(
     Summary
         Mean, deviation, quantiles and convergence statistics, in the displayed unit.
     """
-    time, values = autocorrelation_time(draws), draws * shown
-    low, median, high = np.quantile(values, (ENDS[0], 0.5, ENDS[1])).tolist()
+    time = autocorrelation_time(draws)
+    low, median, high = np.quantile(draws, (ENDS[0], 0.5, ENDS[1])).tolist()
     tails = np.quantile(draws, _TAIL_PROBABILITIES)
     return Summary(
         name,
         unit,
-        float(values.mean()),
-        float(values.std()),
+        float(draws.mean()),
+        float(draws.std()),
         low,
         median,
         high,
-        mcse=float(draws.std() / np.sqrt(draws.size / time)) * shown,
-        mcse_end=max(_mcse_quantile(values, end) for end in ENDS),
+        mcse=float(draws.std() / np.sqrt(draws.size / time)),
+        mcse_end=max(_mcse_quantile(draws, end) for end in ENDS),
         rhat=_split_rhat(thinned(draws, time)),
         bulk=_effective_size(_rank_normalised(draws)),
         tail=min(_effective_size((draws <= end).astype(float)) for end in tails),

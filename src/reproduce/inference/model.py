@@ -72,7 +72,11 @@ class Uniform:
     def log_density(self, values: FloatArray) -> FloatArray:
         """Return the log density, with the shape of `values`; minus infinity outside."""
         inside = (values >= self.low) & (values <= self.high)
-        return np.where(inside, -np.log(self.high - self.low), -np.inf)
+        return np.where(inside, -np.log(self._width(values)), -np.inf)
+
+    def _width(self, values: FloatArray) -> FloatArray:
+        """Return the inverse of the density inside the bounds."""
+        return np.asarray(self.high - self.low)
 
     def draw(self, generator: Generator, count: int) -> FloatArray:
         """Return independent draws, shape (count,)."""
@@ -80,7 +84,7 @@ class Uniform:
 
     def in_unit(self, scale: float) -> Self:
         """Return the prior in another unit, with `scale` new units per old unit."""
-        return type(self)(self.low * scale, self.high * scale, self.reason)
+        return replace(self, low=self.low * scale, high=self.high * scale)
 
     def above_zero(self) -> Self:
         """Return the prior of a positive number; raise ValueError for a bound below zero."""
@@ -108,10 +112,8 @@ class LogUniform(Uniform):
         positive("low", self.low)
         super().__post_init__()
 
-    def log_density(self, values: FloatArray) -> FloatArray:
-        flat, safe = super().log_density(values), np.maximum(values, self.low)
-        log = -np.log(safe * np.log(self.high / self.low))
-        return np.where(np.isfinite(flat), log, flat)
+    def _width(self, values: FloatArray) -> FloatArray:
+        return np.maximum(values, self.low) * np.log(self.high / self.low)
 
     def draw(self, generator: Generator, count: int) -> FloatArray:
         return np.exp(generator.uniform(np.log(self.low), np.log(self.high), count))
@@ -147,7 +149,7 @@ class Normal:
         return generator.normal(self.mean, self.sigma, count)
 
     def in_unit(self, scale: float) -> Self:
-        return type(self)(self.mean * scale, self.sigma * scale, self.reason)
+        return replace(self, mean=self.mean * scale, sigma=self.sigma * scale)
 
     def above_zero(self) -> Normal:
         return _PositiveNormal(self.mean, self.sigma, self.reason)
@@ -252,15 +254,15 @@ class Parameter:
 
 
 @dataclass(frozen=True, eq=False)
-class Consequence:
-    """Draws of a consequence of the parameters, (n,), in the displayed unit, and this unit."""
+class Quantity:
+    """Draws of a parameter or of a consequence of parameters, in the displayed unit, its unit."""
 
     values: FloatArray
     unit: str
 
 
 # Named consequences of parameter vectors of shape (n, d).
-Derived = Callable[[FloatArray], dict[str, Consequence]]
+Derived = Callable[[FloatArray], dict[str, Quantity]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -301,10 +303,10 @@ class Model:
         """Number of parameters."""
         return len(self.parameters)
 
-    @property
-    def shown(self) -> FloatArray:
-        """Displayed units per SI unit of each parameter, shape (d,)."""
-        return np.array([parameter.shown for parameter in self.parameters])
+    def displayed(self, parameters: FloatArray) -> dict[str, Quantity]:
+        """Return the parameters of vectors, (..., d), by name, in the displayed unit."""
+        columns = zip(self.parameters, np.moveaxis(parameters, -1, 0), strict=True)
+        return {p.name: Quantity(p.shown * column, p.unit) for p, column in columns}
 
     def log_prior(self, parameters: FloatArray) -> FloatArray:
         """Return the log prior density, shape (n,), of vectors of shape (n, d)."""
@@ -350,7 +352,7 @@ class Model:
         total[inside] += self.log_volume(parameters[inside])
         return total
 
-    def consequences(self, parameters: FloatArray) -> dict[str, Consequence]:
+    def consequences(self, parameters: FloatArray) -> dict[str, Quantity]:
         """Return all consequences of parameter vectors, by name."""
         return self.derived(parameters) if self.derived else {}
 

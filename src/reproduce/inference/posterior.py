@@ -74,16 +74,16 @@ class PosteriorSamples:
     def rows(self) -> list[Summary]:
         """The summary of every parameter, in the displayed unit."""
         return [
-            diagnostics.summarised(one.name, one.unit, self.chain[..., i], one.shown)
-            for i, one in enumerate(self.model.parameters)
+            diagnostics.summarised(name, one.unit, one.values)
+            for name, one in self.model.displayed(self.chain).items()
         ]
 
     @cached_property
     def modes(self) -> dict[str, Modes]:
         """Two modes of each parameter that has two, in the displayed unit."""
-        columns = (self.draws * self.model.shown).T
-        found = zip(self.model.names, map(two_modes, columns), strict=True)
-        return {name: modes for name, modes in found if modes}
+        quantities = self.model.displayed(self.draws).items()
+        found = {name: two_modes(one.values) for name, one in quantities}
+        return {name: modes for name, modes in found.items() if modes}
 
     def summaries(self) -> list[Summary]:
         """Return the summaries of parameters, then of consequences."""
@@ -142,9 +142,7 @@ class PosteriorSamples:
         prior, (rows, selected) = np.stack(columns, axis=-1)[None], self.selected
 
         def parameters(draws: FloatArray) -> dict[str, FloatArray]:
-            return dict(
-                zip(model.names, np.moveaxis(draws * model.shown, -1, 0), strict=True)
-            )
+            return {name: one.values for name, one in model.displayed(draws).items()}
 
         def predictive(draws: FloatArray, simulate: _Simulate) -> dict[str, FloatArray]:
             data = [
@@ -164,11 +162,9 @@ class PosteriorSamples:
             "prior_predictive": predictive(prior, likelihood.simulate),
             "observed_data": likelihood.observed,
         }
-        attributes: dict[str, dict[str, Any]] = {
-            "/": {"model": model.name, "seed": self.seed},
-            "sample_stats": {"acceptance": self.acceptance},
-        }
-        tree = arviz_base.from_dict(groups, dims=_DIMENSIONS, attrs=attributes)
+        tree = arviz_base.from_dict(groups, dims=_DIMENSIONS)
+        tree.attrs |= {"model": model.name, "seed": self.seed}
+        tree["sample_stats"].attrs["acceptance"] = self.acceptance
         for part in tree.children.values():  # equal draws give equal files
             del part.attrs["created_at"]
         for group in ("log_likelihood", "posterior_predictive"):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from hashlib import sha256
 from importlib.util import find_spec
@@ -113,17 +113,11 @@ class Declaration:
         texts = "".join(f"{address} {cell.text}\n" for address, cell in cells)
         return sha256(texts.encode()).hexdigest()
 
-    def plan(
-        self,
-        steps: int | None = None,
-        walkers: int | None = None,
-        seed: int | None = None,
-    ) -> Plan:
-        """Return the sampling plan of the book, or a plan with other numbers."""
-        steps = self.steps if steps is None else steps
-        walkers = self.walkers if walkers is None else walkers
-        seed = ROOT_SEED if seed is None else seed
-        return Plan(seed, walkers=walkers, steps=steps, warmup=max(100, steps // 4))
+    def plan(self, **numbers: int) -> Plan:
+        """Return the sampling plan of the book, or a plan with other numbers of `Plan`."""
+        book = Plan(ROOT_SEED, walkers=self.walkers, steps=self.steps)
+        plan = replace(book, **numbers)
+        return replace(plan, warmup=max(100, plan.steps // 4))
 
     def supplied(
         self, data: Any, settings: dict[str, Any]

@@ -51,6 +51,8 @@ from reproduce.views.intervals import FloatArray, correlated_pair, draw_interval
 from reproduce.views.measurements import platform_of
 from reproduce.views.numbers import digits, moments
 
+# Arguments that replace numbers of the book: seed of its data, and plan of the sampler.
+_NUMBERS = ("data_seed", "steps", "walkers", "seed")
 # Characters of the numbers of probably false stars in a sentence.
 _NAMES_WIDTH = 40
 
@@ -90,10 +92,6 @@ class Posterior(ResultView):
         name: str,
         data: Any = None,
         priors: Mapping[str, Any] | None = None,
-        data_seed: int | None = None,
-        steps: int | None = None,
-        walkers: int | None = None,
-        seed: int | None = None,
         **settings: Any,
     ) -> None:
         self.key = self.name = name
@@ -101,13 +99,14 @@ class Posterior(ResultView):
             raise ValueError(
                 f"name: expected one of {', '.join(posteriors())}, got {name!r}"
             )
-        self.declared = posteriors()[name]
-        check_randomness(name, True, data_seed)
-        plan = {"steps": steps, "walkers": walkers, "seed": seed}
-        self.plan = self.declared.plan(**plan)
-        self._changes, self._priors = {"data_seed": data_seed, **plan}, priors or {}
+        self.declared, self._priors = posteriors()[name], priors or {}
         settings = {key: one for key, one in settings.items() if one is not None}
-        self._arguments = {"data": data, **self._changes, **settings}
+        self._arguments = {"data": data, **settings}
+        self._numbers = {key: settings.pop(key) for key in _NUMBERS if key in settings}
+        plan = dict(self._numbers)
+        data_seed = plan.pop("data_seed", None)
+        check_randomness(name, True, data_seed)
+        self.plan = self.declared.plan(**plan)
         self._table: DataTable | None = None
         self.remarks: list[str] = []
         if data_seed is not None and (data is not None or not self.declared.simulated):
@@ -136,8 +135,7 @@ class Posterior(ResultView):
     def changes(self) -> str:
         """Arguments that differ from the posterior of the book, in one line."""
         changes = [f"prior of {name}" for name in self._priors]
-        numbers = self._changes.items()
-        changes += [f"{name} = {one}" for name, one in numbers if one is not None]
+        changes += [f"{name} = {one}" for name, one in self._numbers.items()]
         return ", ".join(changes)
 
     @property
@@ -181,7 +179,7 @@ class Posterior(ResultView):
         self.sampled = sampling.sample(
             self.model,
             self.plan,
-            longer=self._changes["steps"] is None,
+            longer="steps" not in self._numbers,
             executor=executor,
             progress=progress,
         )
@@ -338,13 +336,13 @@ class Posterior(ResultView):
         return self._in_units(self.model.exact(draws, default_rng(seed)))
 
     def _in_units(self, rows: FloatArray) -> pd.DataFrame:
-        heads = [f"{one.name} ({one.unit})" for one in self.model.parameters]
-        return pd.DataFrame(rows * self.model.shown, columns=heads)
+        columns = self.model.displayed(rows).items()
+        return pd.DataFrame({f"{name} ({q.unit})": q.values for name, q in columns})
 
     def log_likelihood(self) -> pd.DataFrame:
         """Return the log likelihood of each star or spot, one row per thinned draw."""
         values = self.sampled.log_likelihood()
-        return pd.DataFrame(values.reshape(values.shape[0] * values.shape[1], -1))
+        return pd.DataFrame(values.reshape(-1, values[0, 0].size))
 
     @property
     def truth(self) -> dict[str, float]:
@@ -380,28 +378,28 @@ class Posterior(ResultView):
             If a name is unknown.
         """
         model, rows, exact = self.model, self.sampled.draws, dict[str, FloatArray]()
-        values = dict(zip(model.names, (rows * model.shown).T, strict=True))
-        labels = {
-            p.name: f"${p.label}${_in_brackets(p.unit)}" for p in model.parameters
-        }
-        for key, one in model.consequences(rows).items():
-            values[key] = one.values
-            labels[key] = key.replace(" ", "\n", 1) + _in_brackets(one.unit)
+        known = model.displayed(rows) | model.consequences(rows)
         names = names or model.names
-        if unknown := {*names} - {*values}:
+        if unknown := {*names} - {*known}:
             raise ValueError(
-                f"names: expected quantities of {', '.join(values)}, got {min(unknown)}"
+                f"names: expected quantities of {', '.join(known)}, got {min(unknown)}"
             )
+        draws = {name: known[name].values for name in names}
+        symbols = {p.name: f"${p.label}$" for p in model.parameters}
+        labels = {
+            name: symbols.get(name, name.replace(" ", "\n", 1))
+            + _in_brackets(known[name].unit)
+            for name in names
+        }
         kind, marks = "truth of the simulation", self.truth
         if not (marks or self._table):
             kind, texts = "printed value", self.declared.summary.items()
             marks = self._shown({key: find(a)[0].si for key, a in texts if "#" in a})
         with suppress(ValueError):
-            found = self.exact(len(rows)).to_numpy()
-            exact = dict(zip(model.names, found.T, strict=True))
-        draws = {key: values[key] for key in names}
+            found = model.displayed(model.exact(len(rows), default_rng(0)))
+            exact = {name: one.values for name, one in found.items()}
         pair, correlation = correlated_pair(draws)
-        tails = [np.mean(draws[key] < marks[key]) for key in names if key in marks]
+        tails = [np.mean(draws[n] < marks[n]) for n in names if n in marks]
         inside = sum(0.025 <= tail <= 0.975 for tail in tails)
         sentences = [
             f"Posterior {self.name}, data {self.data_text}.",
@@ -512,17 +510,16 @@ class Posterior(ResultView):
 
     def blocks(self) -> Iterator[Block]:
         """Yield the summary, the convergence, the wrong matches, and warnings."""
-        heads = ("Quantity", "truth", "mean ± sd", "95 % interval")
-        truth = {key: minus(f"{one:.6g}") for key, one in self.truth.items()}
-        lines = (
-            (row.name + _in_brackets(row.unit), truth.get(row.name, ""), *interval(row))
-            for row in self.sampled.summaries()
-        )
-        rows = [dict(zip(heads, line, strict=True)) for line in lines]
+        truth, rows = {key: minus(f"{one:.6g}") for key, one in self.truth.items()}, []
+        for row in self.sampled.summaries():
+            mean, ends = interval(row)
+            texts = {"Quantity": row.name + _in_brackets(row.unit)}
+            texts |= {"truth": truth.get(row.name, ""), "mean ± sd": mean}
+            rows.append({**texts, "95 % interval": ends})
         changed = f" Changed: {self.changes}." if self.changes else ""
         identifier = f"posterior-{self.name}" if self._in_book else ""
         caption = f"Posterior {self.name}, data {self.data_text}.{changed}"
-        yield Grid.of(caption, heads, rows, identifier=identifier)
+        yield Grid.of(caption, rows[0], rows, identifier=identifier)
         yield self._convergence
         if self.false_stars:
             yield f"{self.false_stars}."

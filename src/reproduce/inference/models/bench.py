@@ -13,7 +13,7 @@ import numpy as np
 from numpy.random import Generator
 from scipy.special import expit
 
-from reproduce.inference import Consequence, Estimate, Likelihood
+from reproduce.inference import Estimate, Likelihood, Quantity
 from reproduce.physics.attitude import moving_average, scatter_of_averages, stage_angle
 from reproduce.physics.validate import FloatArray
 
@@ -131,10 +131,10 @@ class StageAngles(Likelihood):
         """Return the log likelihood, shape (n,)."""
         return np.logaddexp(*self.orders(parameters)) - np.log(2)
 
-    def interchanged(self, parameters: FloatArray) -> dict[str, Consequence]:
+    def interchanged(self, parameters: FloatArray) -> dict[str, Quantity]:
         """Return the probability that the columns of motions are interchanged."""
         printed, interchanged = self.orders(parameters)
-        return {"columns interchanged": Consequence(expit(interchanged - printed), "1")}
+        return {"columns interchanged": Quantity(expit(interchanged - printed), "1")}
 
     def simulate(self, parameters: FloatArray, generator: Generator) -> Self:
         """Return the likelihood of monitored angles drawn for one parameter vector."""

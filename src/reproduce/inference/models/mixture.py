@@ -15,6 +15,7 @@ from typing import Self
 import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
+from scipy.special import expit
 
 from reproduce.inference import (
     Estimate,
@@ -128,7 +129,7 @@ class MixtureRegistration(GaussianRegistration):
     def false(self, parameters: FloatArray) -> FloatArray:
         """Return the probability that each star is wrongly matched, shape (n, points)."""
         right, wrong = self._densities(parameters)
-        return np.exp(wrong - np.logaddexp(right, wrong))
+        return expit(wrong - right)
 
     def simulate(self, parameters: FloatArray, generator: Generator) -> Self:
         """Return the registration of target points drawn for one parameter vector."""

@@ -17,13 +17,13 @@ import numpy as np
 from numpy.random import PCG64, Generator
 
 from reproduce.inference import (
-    Consequence,
     Estimate,
     Likelihood,
     LogUniform,
     Model,
     Parameter,
     Prior,
+    Quantity,
     Uniform,
 )
 from reproduce.physics.registration import (
@@ -118,9 +118,11 @@ class GaussianRegistration(Likelihood):
     @property
     def is_linear(self) -> bool:
         """Whether the chi-square is quadratic in the coordinates of `linear`."""
-        similarity = self.problem.model == "similarity"
-        plain = type(self) is GaussianRegistration and similarity
-        return plain and not self.problem.source_covariance.any()
+        return (
+            type(self) is GaussianRegistration
+            and self.problem.model == "similarity"
+            and not self.problem.source_covariance.any()
+        )
 
     @property
     def _size(self) -> int:
@@ -400,7 +402,7 @@ def new_stars(
     source: FloatArray,
     registered: FloatArray,
     arcsec_per_px: float,
-) -> dict[str, Consequence]:
+) -> dict[str, Quantity]:
     """Return consequences of a registration at new stars.
 
     They are the RMSE in px and as an angle, and the error at the outermost star. The new stars,
@@ -418,7 +420,7 @@ def new_stars(
         errors.append(np.sqrt(np.square(off).sum(axis=-1).mean(axis=-1)))
     rmse, displacement = map(np.concatenate, (errors, displacements))
     return {
-        "test points, RMSE": Consequence(rmse, "px"),
-        "test points, pointing error": Consequence(rmse * arcsec_per_px, "arcsec"),
-        "outermost star, misregistration": Consequence(displacement, "px"),
+        "test points, RMSE": Quantity(rmse, "px"),
+        "test points, pointing error": Quantity(rmse * arcsec_per_px, "arcsec"),
+        "outermost star, misregistration": Quantity(displacement, "px"),
     }

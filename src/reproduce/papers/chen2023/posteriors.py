@@ -14,7 +14,7 @@ from functools import partial
 import numpy as np
 from numpy.random import PCG64, Generator
 
-from reproduce.inference import Consequence, LogUniform, Model, Normal, Prior
+from reproduce.inference import LogUniform, Model, Normal, Prior, Quantity
 from reproduce.inference.models import (
     AXES,
     MOUNT_SIGMA,
@@ -49,7 +49,7 @@ _PRIOR_WIDTHS = 20.0
 _MIN_IMAGES = 3
 
 
-def _on_the_ground(parameters: FloatArray, altitude: float) -> dict[str, Consequence]:
+def _on_the_ground(parameters: FloatArray, altitude: float) -> dict[str, Quantity]:
     """Return errors on the ground about the posterior mean, and without correction.
 
     The altitude is in metres. Both axes count together.
@@ -57,9 +57,9 @@ def _on_the_ground(parameters: FloatArray, altitude: float) -> dict[str, Consequ
     angles = parameters[:, 3:5]
     error = np.hypot(*(angles - angles.mean(axis=0)).T)
     return {
-        "pointing error": Consequence(error * ARCSEC_PER_RADIAN, "arcsec"),
-        "position error": Consequence(altitude * error, "m"),
-        "position error uncorrected": Consequence(altitude * np.hypot(*angles.T), "m"),
+        "pointing error": Quantity(error * ARCSEC_PER_RADIAN, "arcsec"),
+        "position error": Quantity(altitude * error, "m"),
+        "position error uncorrected": Quantity(altitude * np.hypot(*angles.T), "m"),
     }
 
 

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from reproduce.inference import Consequence, LogUniform, Model, Prior, Uniform, models
+from reproduce.inference import LogUniform, Model, Prior, Quantity, Uniform, models
 from reproduce.papers.charts import set_size
 from reproduce.papers.declare import Rows, draws, item_text, studied
 from reproduce.papers.niu2024 import experiment, simulation
@@ -76,10 +76,10 @@ def _noise_free_fit(
     return fit_registration(spots, green, pivot, target_covariance=np.eye(2))
 
 
-def _against_cameras(parameters: FloatArray, expected: float) -> dict[str, Consequence]:
+def _against_cameras(parameters: FloatArray, expected: float) -> dict[str, Quantity]:
     """Return the difference between the scale factor and that of noise-free images."""
     difference = (parameters[:, 0] - expected) * 1e6
-    return {"scale minus cameras": Consequence(difference, "ppm")}
+    return {"scale minus cameras": Quantity(difference, "ppm")}
 
 
 def _model(inputs: Inputs, kind: str, channel: str) -> Model:
