@@ -13,7 +13,7 @@ from reproduce.views import numbers
 from reproduce.views.base import Change, ItemView, Rerunnable
 from reproduce.views.blocks import Block, Fold, Grid, Html
 from reproduce.views.export import table_files, toolbar
-from reproduce.views.sweep import Sweep, swept
+from reproduce.views.sweep import Sweep
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -104,7 +104,7 @@ class StudyTable(Rerunnable, ItemView):
             frame = frame.assign(computed=values, mark=mark, unit="")
             return frame.assign(low=None, high=None, bottom=None, top=None)
 
-        return swept(
+        return Sweep(
             self.title, moved, values, compute, "values for the printed inputs"
         )
 

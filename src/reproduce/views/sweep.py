@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Sequence
-from dataclasses import dataclass
 from math import isclose
 from textwrap import fill
 from typing import TYPE_CHECKING
@@ -113,36 +112,80 @@ class Changed(Display):
             rows.append(dict(zip(heads, texts, strict=True)))
         return Grid.of(caption, heads, rows)
 
+    def rows(self) -> pd.DataFrame:
+        """Return the rows of a step of a `Sweep`."""
+        frame = self.frame().rename(columns={"changed": "computed"}).reset_index()
+        cells = [one.cell for one in self.cells]
+        frame["label"] = [cell.label for cell in cells]
+        frame["text"] = [
+            quantity(value + f" ({low} to {high})" * bool(low), symbol(cell.unit))
+            for cell, (_, value, low, high) in zip(cells, self.texts(), strict=True)
+        ]
+        frame["mark"] = [cell.number.value for cell in cells]
+        frame[["bottom", "top"]] = [cell.number.interval() for cell in cells]
+        return frame
+
     def blocks(self) -> Iterator[Block]:
         """Yield the table of the cells."""
         yield self.grid
 
 
-@dataclass(frozen=True, repr=False)
 class Sweep(Display):
     """A table computed again for several values of an input.
 
     Parameters
     ----------
-    name : str
-        Anchor of its graph.
-    caption, label : str
-        Caption of the table, and names of the input.
-    printed : list of bool
-        Whether the value of a step is the printed one.
-    rows : DataFrame
-        One row per step and number, which are its index: setting, cell, label, computed, low, high,
+    place : str
+        Table, as the caption names it.
+    moved : str or sequence of str
+        Address of the input, or several addresses that change together.
+    values : sequence
+        Value of each step as printed; a tuple of values for several cells.
+    compute : callable
+        Function of a change that returns one row per number: cell, label, computed, low, high,
         unit, text, and for its panel the dashed line (mark) and the band (bottom, top).
     dashed : str
         Meaning of the dashed lines, and of the bands.
+
+    Raises
+    ------
+    ValueError
+        If there is no value, or not one value for each input.
     """
 
-    name: str
-    caption: str
-    label: str
-    printed: list[bool]
-    rows: pd.DataFrame
-    dashed: str
+    def __init__(
+        self,
+        place: str,
+        moved: str | Sequence[str],
+        values: Sequence[str | float | Sequence[str | float]],
+        compute: Callable[[Change], pd.DataFrame],
+        dashed: str = "printed values; shaded: their intervals",
+    ) -> None:
+        import pandas as pd
+
+        names = [moved] if isinstance(moved, str) else [*moved]
+        steps = [
+            [value] if isinstance(value, str | int | float) else [*value]
+            for value in ([] if isinstance(values, str) else values)
+        ]
+        if {*map(len, steps)} != {len(names)}:
+            listed = ", ".join(names)
+            raise ValueError(
+                f"values: expected a list with {listed} for each step, got {values!r}"
+            )
+        cells, self.printed, parts = [find(name)[0] for name in names], list[bool](), []
+        for step in steps:
+            numbers = map(si_value, cells, step)
+            self.printed.append(all(map(isclose, numbers, (cell.si for cell in cells))))
+            rows = compute(dict(zip(names, step, strict=True)))
+            parts.append(rows.assign(setting=", ".join(map(str, step))))
+        self.rows = pd.concat(parts, keys=range(len(parts)), names=["step", "number"])
+        inputs = "an input" if len(names) == 1 else f"{len(names)} inputs"
+        self.caption = f"{place}, for {len(steps)} values of {inputs}."
+        if self.rows["low"].notna().any():
+            self.caption += " In brackets: the central 99 % of the prediction."
+        self.label, self.dashed = ", ".join(cell.label for cell in cells), dashed
+        self.name = f"sweep-{anchor('-'.join(names))}"
 
     def frame(self) -> pd.DataFrame:
         """Return one row per step and cell: value, central 99 % and unit."""
@@ -189,59 +232,3 @@ class Sweep(Display):
             return rendered("sweep", sweep=self, grid=grid.markup, graph=graph)
 
         yield Html(page, grid)
-
-
-def swept(
-    place: str,
-    moved: str | Sequence[str],
-    values: Sequence[str | float | Sequence[str | float]],
-    compute: Callable[[Change], pd.DataFrame],
-    dashed: str = "printed values; shaded: their intervals",
-) -> Sweep:
-    """Compute a table for each value of an input; `compute` returns the rows of a step.
-
-    Raises
-    ------
-    ValueError
-        If there is no value, or not one value for each input.
-    """
-    import pandas as pd
-
-    names = [moved] if isinstance(moved, str) else [*moved]
-    steps = [
-        [value] if isinstance(value, str | int | float) else [*value]
-        for value in ([] if isinstance(values, str) else values)
-    ]
-    if {*map(len, steps)} != {len(names)}:
-        listed = ", ".join(names)
-        raise ValueError(
-            f"values: expected a list with {listed} for each step, got {values!r}"
-        )
-    cells, printed, parts = [find(name)[0] for name in names], [], []
-    for step in steps:
-        numbers = map(si_value, cells, step)
-        printed.append(all(map(isclose, numbers, (cell.si for cell in cells))))
-        rows = compute(dict(zip(names, step, strict=True)))
-        parts.append(rows.assign(setting=", ".join(map(str, step))))
-    rows = pd.concat(parts, keys=range(len(parts)), names=["step", "number"])
-    inputs = "an input" if len(names) == 1 else f"{len(names)} inputs"
-    caption = f"{place}, for {len(steps)} values of {inputs}."
-    if rows["low"].notna().any():
-        caption += " In brackets: the central 99 % of the prediction."
-    label = ", ".join(cell.label for cell in cells)
-    name = f"sweep-{anchor('-'.join(names))}"
-    return Sweep(name, caption, label, printed, rows, dashed)
-
-
-def of_cells(changed: Changed) -> pd.DataFrame:
-    """Return the rows of the numbers of a table under a change."""
-    frame = changed.frame().rename(columns={"changed": "computed"}).reset_index()
-    cells = [one.cell for one in changed.cells]
-    frame["label"] = [cell.label for cell in cells]
-    frame["text"] = [
-        quantity(value + f" ({low} to {high})" * bool(low), symbol(cell.unit))
-        for cell, (_, value, low, high) in zip(cells, changed.texts(), strict=True)
-    ]
-    frame["mark"] = [cell.number.value for cell in cells]
-    frame[["bottom", "top"]] = [cell.number.interval() for cell in cells]
-    return frame

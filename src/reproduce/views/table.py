@@ -37,7 +37,7 @@ from reproduce.views.export import (
     toolbar,
 )
 from reproduce.views.readings import Readings, summary
-from reproduce.views.sweep import Changed, Sweep, of_cells, swept
+from reproduce.views.sweep import Changed, Sweep
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -216,9 +216,9 @@ class Table(ItemView):
 
         def compute(step: Change) -> pd.DataFrame:
             result = rerunning.Rerun(self.key, step, replicates=replicates)
-            return of_cells(Changed(result, cells))
+            return Changed(result, cells).rows()
 
-        return swept(self._printed.place, address, values, compute)
+        return Sweep(self._printed.place, address, values, compute)
 
     def export(self, form: str) -> str:
         """Return the table as csv, json, latex, markdown or covariance.
