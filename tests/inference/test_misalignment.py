@@ -7,10 +7,7 @@ from scipy import stats
 from scipy.spatial.transform import Rotation
 
 from reproduce.inference.diagnostics import _mcse_quantile
-from reproduce.inference.models import (
-    SpotStatistics,
-    misalignment_model,
-)
+from reproduce.inference.models import SpotLikelihood, misalignment_model
 from reproduce.inference.sampling import Plan, sample
 from reproduce.printed.inputs import load_inputs
 from reproduce.units import ARCSEC_PER_RADIAN
@@ -34,7 +31,7 @@ def images(platform, drift, frames):
 @pytest.fixture(scope="module")
 def constant(platform):
     spots = images(platform, np.zeros(3), 400)
-    return misalignment_model(platform, SpotStatistics.of(spots))
+    return misalignment_model(SpotLikelihood.of(platform, spots))
 
 
 def test_sampler_agrees_with_the_small_angle_limit(constant):
@@ -60,7 +57,7 @@ def test_sampler_agrees_with_the_small_angle_limit(constant):
             off = abs(np.quantile(chain, probability) - known)
             assert off < 5 * _mcse_quantile(chain, probability), name
     noise = posterior.chain[..., -1]
-    expected = start[-1] / np.sqrt(2 * likelihood.statistics.size)
+    expected = start[-1] / np.sqrt(2 * likelihood.size)
     assert abs(noise.std() - expected) < 5 * mcse_deviation(noise)
     known = covariance / np.outer(errors, errors)
     found = np.corrcoef(posterior.draws.T)[:-1, :-1]
@@ -100,8 +97,7 @@ def all_images(platform, parameters, groups):
 def test_statistics_give_the_likelihood_of_all_images(platform, drift):
     """Near the posterior; the bend of the paths of a drift is the only difference."""
     groups, drifts = images(platform, drift, 100), bool(drift.any())
-    statistics = SpotStatistics.of(groups, drifts)
-    model = misalignment_model(platform, statistics)
+    model = misalignment_model(SpotLikelihood.of(platform, groups, drifts))
     centre, spread = model.likelihood.start()
     steps = np.random.default_rng(1).normal(size=(8, len(centre)))
     points = centre + 0.5 * spread * steps
@@ -119,7 +115,7 @@ def test_free_directions_of_the_lasers_leave_the_uncertainties():
     found = book_posterior("misalignment")
     likelihood = found.model.likelihood
     centre, spread = likelihood.start()
-    first, second = likelihood.statistics.counts
+    first, second = likelihood.counts
     response = likelihood.linearised(centre, spread[:-1])[0][:, 3:6]
     noise = centre[-1] ** 2 * (1 + second / first)
     covariance = np.linalg.inv(response.T @ response) * noise

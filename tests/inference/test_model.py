@@ -63,9 +63,9 @@ def test_pointwise_likelihood_consequences_and_summary(name):
     likelihood = model.likelihood
     each = likelihood.pointwise(rows)
     if "spots" in likelihood.observed:
-        scale = np.multiply.outer(rows[:, -1], likelihood.statistics.counts**-0.5)
-        density = norm(likelihood.moments(rows)[:, 0], scale[..., None, None])
-        law = density.logpdf(likelihood.statistics.means)
+        scale = np.multiply.outer(rows[:, -1], likelihood.counts**-0.5)
+        density = norm(likelihood.predicted(rows)[:, 0], scale[..., None, None])
+        law = density.logpdf(likelihood.means)
         np.testing.assert_allclose(each, law.sum(axis=-1), rtol=1e-9)
     else:
         np.testing.assert_allclose(each.sum(axis=1), likelihood(rows), rtol=1e-9)

@@ -9,7 +9,7 @@ from scipy.stats import binomtest
 from calibrations import LEVELS, estimate, intervals, simulated
 from reproduce.inference import Normal
 from reproduce.inference.models import (
-    SpotStatistics,
+    SpotLikelihood,
     distortion_model,
     misalignment_model,
 )
@@ -27,8 +27,8 @@ def held(model, **values):
 def spots(platform, lever=0.0, **known):
     """Two groups of 400 images; their values are replaced by simulated ones."""
     weights = np.array([[400.0, 400.0], [0.0, lever]])
-    statistics = SpotStatistics(np.zeros((2, 2, 4, 2)), weights, 1.0)
-    model = misalignment_model(platform, statistics)
+    spots = SpotLikelihood(platform, np.zeros((2, 2, 4, 2)), weights, 1.0)
+    model = misalignment_model(spots)
     return held(model, **known)
 
 
@@ -68,16 +68,16 @@ def test_errors_of_quest_are_its_response_to_every_spot(platform):
     for case in ("misalignment", "misalignment-drift"):
         _, fitted = simulated(WELL_SPECIFIED[case](None, platform), SEED, 1)
         likelihood, step = fitted.likelihood, 1e-3
-        data, variance = likelihood.statistics, np.zeros(fitted.dimension)
-        for index in np.ndindex(data.means.shape):
+        variance = np.zeros(fitted.dimension)
+        for index in np.ndindex(likelihood.means.shape):
             ends = []
             for side in (step, -step):
-                moments = data.moments.copy()
+                moments = likelihood.moments.copy()
                 moments[(0, *index)] += side
-                moved = replace(likelihood, statistics=replace(data, moments=moments))
+                moved = replace(likelihood, moments=moments)
                 ends.append(estimate(moved)[0])
             slope = (ends[0] - ends[1]) / (2 * step)
-            variance += slope**2 / data.counts[index[0]]
+            variance += slope**2 / likelihood.counts[index[0]]
         centre, errors = estimate(likelihood)
         known = ~np.isnan(errors)
         known[-1] = False
@@ -91,6 +91,6 @@ def test_quest_takes_a_drift_for_noise(platform):
     truth = np.array([0, 0, 0, 0, 0, 0, 4e-4, 0, 0, 1.0, 0.017])
     drawn = likelihood.simulate(truth, np.random.default_rng(1))
     noise = estimate(drawn)[0][-1]
-    drift = np.square(drawn.statistics.moments[1, 1]).mean() * 134.0 / (2 * 399)
+    drift = np.square(drawn.moments[1, 1]).mean() * 134.0 / (2 * 399)
     assert noise == pytest.approx(np.hypot(0.017, np.sqrt(drift)), rel=0.03)
     assert noise > 3 * 0.017

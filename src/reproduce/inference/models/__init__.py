@@ -15,7 +15,6 @@ from reproduce.inference.models.misalignment import (
     AXES,
     MOUNT_SIGMA,
     SpotLikelihood,
-    SpotStatistics,
     misalignment_model,
 )
 from reproduce.inference.models.mixture import (

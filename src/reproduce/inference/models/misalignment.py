@@ -9,7 +9,7 @@ in radians, right-handed about the axes of the camera. Frames and signs are thos
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
@@ -37,19 +37,48 @@ _STEP_RATIO = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
-class SpotStatistics:
-    """Sufficient statistics of groups of images.
+class SpotLikelihood(Likelihood):
+    """Spots of two groups: the zero point, and a misalignment that may drift linearly.
 
+    Moments, weights and squares are sufficient statistics of the images. With a drift, the
+    misalignment is the value in the middle of the second group.
+
+    - `platform`: instrument.
     - `moments`, (2, groups, lasers, 2): mean of each coordinate over the images, and its slope
       against u; in px.
     - `weights`, (2, groups): images in each group, and sum of their squared u; the sum is zero
       for a camera at rest.
     - `squares`: sum of all squared deviations from means (and slopes), in px^2.
+
+    Notes
+    -----
+    The parameters are the mount angles, the misalignment, the drift if any, the laser scale and the
+    noise.
     """
 
+    platform: Platform
     moments: FloatArray
     weights: FloatArray
     squares: float
+
+    @classmethod
+    def of(
+        cls, platform: Platform, images: list[FloatArray], drifts: bool = False
+    ) -> Self:
+        """Reduce images (frames, lasers, 2) of both groups, evenly spaced in time, in px.
+
+        `drifts` is whether the camera may drift in the second group.
+        """
+        moments, weights, squares = [], [], 0.0
+        for spots, drift in zip(images, (False, drifts), strict=True):
+            times, mean = drift * np.linspace(-1, 1, len(spots)), spots.mean(axis=0)
+            lever = float(times @ times)
+            slope = np.tensordot(times, spots - mean, axes=1) / (lever or 1.0)
+            residuals = spots - mean - times[:, None, None] * slope
+            squares += np.square(residuals).sum()
+            moments.append((mean, slope))
+            weights.append((len(spots), lever))
+        return cls(platform, np.stack(moments, axis=1), np.transpose(weights), squares)
 
     @property
     def means(self) -> FloatArray:
@@ -76,47 +105,12 @@ class SpotStatistics:
         """Degrees of freedom of `squares`."""
         return self.size - np.count_nonzero(self.weights) * self.means[0].size
 
-    @classmethod
-    def of(cls, images: list[FloatArray], drifts: bool = False) -> SpotStatistics:
-        """Reduce images (frames, lasers, 2) of both groups, evenly spaced in time, in px.
-
-        `drifts` is whether the camera may drift in the second group.
-        """
-        moments, weights, squares = [], [], 0.0
-        for spots, drift in zip(images, (False, drifts), strict=True):
-            times, mean = drift * np.linspace(-1, 1, len(spots)), spots.mean(axis=0)
-            lever = float(times @ times)
-            slope = np.tensordot(times, spots - mean, axes=1) / (lever or 1.0)
-            residuals = spots - mean - times[:, None, None] * slope
-            squares += np.square(residuals).sum()
-            moments.append((mean, slope))
-            weights.append((len(spots), lever))
-        return cls(np.stack(moments, axis=1), np.transpose(weights), squares)
-
-
-@dataclass(frozen=True, eq=False)
-class SpotLikelihood(Likelihood):
-    """Spots of two groups: the zero point, and a misalignment that may drift linearly.
-
-    - `platform`: instrument.
-    - `statistics`: data. With a drift, the misalignment is the value in the middle of the second
-      group.
-
-    Notes
-    -----
-    The parameters are the mount angles, the misalignment, the drift if any, the laser scale and the
-    noise.
-    """
-
-    platform: Platform
-    statistics: SpotStatistics
-
-    def moments(self, parameters: FloatArray) -> FloatArray:
+    def predicted(self, parameters: FloatArray) -> FloatArray:
         """Return predicted means and slopes of the spots, (n, 2, groups, lasers, 2), in px."""
         mount, angle = parameters[:, :3], parameters[:, 3:6]
         lasers = parameters[:, -2, None, None] * self.platform.lasers
         turns = [0 * angle, angle]
-        if self.statistics.drifts:
+        if self.drifts:
             half = 0.5 * parameters[:, 6:9]
             turns = [0 * angle, angle - half, angle + half]
         spots = self.platform.predicted(mount, np.stack(turns, axis=1), lasers)
@@ -131,47 +125,46 @@ class SpotLikelihood(Likelihood):
         It is exact for straight paths. A path that bends by b px changes it by less than size times
         b times the misfit over noise^2, which is negligible for rotations of arc seconds.
         """
-        data, noise = self.statistics, parameters[:, -1]
-        squares = data.squares + np.square(self.residuals(parameters)).sum(axis=1)
-        constant = -data.size * (np.log(noise) + 0.5 * np.log(2 * np.pi))
+        noise = parameters[:, -1]
+        squares = self.squares + np.square(self.residuals(parameters)).sum(axis=1)
+        constant = -self.size * (np.log(noise) + 0.5 * np.log(2 * np.pi))
         return constant - squares / (2 * noise**2)
 
     def residuals(self, parameters: FloatArray) -> FloatArray:
         """Return measured minus predicted moments, (n, m), each with the noise of one image."""
-        off = self.statistics.moments - self.moments(parameters)
-        scaled = off * np.sqrt(self.statistics.weights)[..., None, None]
+        off = self.moments - self.predicted(parameters)
+        scaled = off * np.sqrt(self.weights)[..., None, None]
         return scaled.reshape(len(parameters), -1)
 
     @property
     def observed(self) -> dict[str, FloatArray]:
         """The mean spots of each group."""
-        return {"spots": self.statistics.means}
+        return {"spots": self.means}
 
     def pointwise(self, parameters: FloatArray) -> FloatArray:
         """Return the log likelihood of the mean of each spot, shape (n, groups, lasers)."""
-        means = self.moments(parameters)[:, 0]
-        off = np.square(self.statistics.means - means).sum(axis=-1)
-        variance = parameters[:, -1, None, None] ** 2 / self.statistics.counts[:, None]
+        means = self.predicted(parameters)[:, 0]
+        off = np.square(self.means - means).sum(axis=-1)
+        variance = parameters[:, -1, None, None] ** 2 / self.counts[:, None]
         return -np.log(2 * np.pi * variance) - off / (2 * variance)
 
     def simulate(self, parameters: FloatArray, generator: Generator) -> Self:
         """Return the likelihood of simulated images for one parameter vector."""
-        images, counts = [], self.statistics.counts.astype(int)
+        images, counts = [], self.counts.astype(int)
         for mean, slope, count in zip(
-            *self.moments(parameters[None])[0], counts, strict=True
+            *self.predicted(parameters[None])[0], counts, strict=True
         ):
             path = mean + np.linspace(-1, 1, count)[:, None, None] * slope
             noise = generator.standard_normal(path.shape)
             images.append(path + parameters[-1] * noise)
-        statistics = SpotStatistics.of(images, self.statistics.drifts)
-        return replace(self, statistics=statistics)
+        return self.of(self.platform, images, self.drifts)
 
     def start(self) -> Estimate:
         """Return three Gauss-Newton steps from rough values, and standard errors."""
-        freedom = self.statistics.freedom
-        noise = np.sqrt(self.statistics.squares / freedom)
+        freedom = self.freedom
+        noise = np.sqrt(self.squares / freedom)
         # Rough values and scales of all parameters except the noise: arc minutes, and a tenth.
-        rough = np.append(np.zeros(9 if self.statistics.drifts else 6), 1.0)
+        rough = np.append(np.zeros(9 if self.drifts else 6), 1.0)
         scale = np.where(rough > 0, 0.3, 1e-2)
         centre = rough
         for _ in range(3):
@@ -199,16 +192,15 @@ class SpotLikelihood(Likelihood):
 
     def residual(self) -> float:
         """Return the standard deviation of a coordinate about least squares, in px."""
-        [residuals], data = self.residuals(self.start()[0][None]), self.statistics
-        return float(np.sqrt((data.squares + residuals @ residuals) / data.size))
+        [residuals] = self.residuals(self.start()[0][None])
+        return float(np.sqrt((self.squares + residuals @ residuals) / self.size))
 
     def checks(self, other: Self) -> dict[str, float]:
         """Return scatter, shape of the pattern and motion of its centre, in px."""
-        data = other.statistics
-        width, height = np.ptp(data.means.mean(axis=0), axis=0)
-        x, y = (data.means[-1] - data.means[0]).mean(axis=0)
+        width, height = np.ptp(other.means.mean(axis=0), axis=0)
+        x, y = (other.means[-1] - other.means[0]).mean(axis=0)
         return {
-            "scatter of one image (px)": np.sqrt(data.squares / data.freedom),
+            "scatter of one image (px)": np.sqrt(other.squares / other.freedom),
             "pattern, wider than high (px)": width - height,
             "centre, last less first group, x (px)": x,
             "centre, last less first group, y (px)": y,
@@ -230,18 +222,14 @@ _MISALIGNMENT_PRIOR = Normal(
 
 
 def misalignment_model(
-    platform: Platform,
-    statistics: SpotStatistics,
-    derived: Derived | None = None,
+    likelihood: SpotLikelihood, derived: Derived | None = None
 ) -> Model:
     """Return a misalignment from two groups of images, the first one at the zero point.
 
     Parameters
     ----------
-    platform : Platform
-        Instrument.
-    statistics : SpotStatistics
-        Statistics of both groups, with slopes of the second group if it drifts.
+    likelihood : SpotLikelihood
+        Instrument and spots of both groups, with slopes of the second group if it drifts.
     derived : callable, optional
         Function that returns consequences of the parameters.
 
@@ -252,7 +240,7 @@ def misalignment_model(
         whole group, if it drifts), laser-scale and noise (px).
     """
     angles = _angles("angle", r"\theta", _MISALIGNMENT_PRIOR)
-    if statistics.drifts:
+    if likelihood.drifts:
         angles += _angles("drift", r"\dot\theta", _MISALIGNMENT_PRIOR)
     mount = Normal(
         0.0,
@@ -276,5 +264,5 @@ def misalignment_model(
         Parameter("laser-scale", "s", "1", scale),
         Parameter("noise", r"\sigma", "px", noise),
     )
-    name = "misalignment-drift" if statistics.drifts else "misalignment"
-    return Model(name, parameters, SpotLikelihood(platform, statistics), derived)
+    name = "misalignment-drift" if likelihood.drifts else "misalignment"
+    return Model(name, parameters, likelihood, derived)

@@ -19,7 +19,6 @@ from reproduce.inference.models import (
     AXES,
     MOUNT_SIGMA,
     SpotLikelihood,
-    SpotStatistics,
     misalignment_model,
 )
 from reproduce.papers.chen2023 import published, satellite
@@ -87,8 +86,7 @@ def _misalignment(inputs: Inputs, drifts: bool = False) -> Model:
         true = design.predicted(np.zeros((frames, 3)), angles[:, None], lasers)[:, 0]
         groups.append(true + noise * generator.normal(size=true.shape))
     return misalignment_model(
-        design,
-        SpotStatistics.of(groups, drifts),
+        SpotLikelihood.of(design, groups, drifts),
         partial(_on_the_ground, altitude=satellite.altitude(inputs)),
     )
 
@@ -122,7 +120,8 @@ def _your_model(
             "all images of a group. Add images with noise."
         )
     instrument = replace(diagnosis.platform, spots=images[0].mean(axis=0))
-    model = misalignment_model(instrument, SpotStatistics.of(images, drifts))
+    likelihood = SpotLikelihood.of(instrument, images, drifts)
+    model = misalignment_model(likelihood)
     return model.with_priors(_priors(model, images)), remarks
 
 
@@ -133,7 +132,7 @@ def _priors(model: Model, images: list[FloatArray]) -> dict[str, Prior]:
     """
     likelihood = model.likelihood_of(SpotLikelihood)
     platform, residual = likelihood.platform, likelihood.residual()
-    first, last = likelihood.statistics.means
+    first, last = likelihood.means
     size = np.ptp(first, axis=0).max()
     motion = np.abs(last - first).max() + images[0].std(axis=0).max()
     reason = "twenty times the motion of the spots"
