@@ -109,8 +109,8 @@ def test_printed_numbers_are_saved_in_the_groups_of_arviz():
     """Arrays of different lengths and dimensions have separate dimensions."""
     for key in ("camera-red", "averaging-x", "stage"):
         model = posteriors()[key].model()
-        chain, log, accepted = run_ensemble(model, Plan(1, 1, 0, 60, 20), 0)
-        found = PosteriorSamples(model, 1, chain[None], log[None], (accepted,))
+        chain, accepted = run_ensemble(model, Plan(1, 1, 0, 60, 20), 0)
+        found = PosteriorSamples(model, 1, chain[None], (accepted,))
         tree = found.to_datatree()
         for name, values in model.likelihood.observed.items():
             np.testing.assert_array_equal(tree["observed_data"][name], values)

@@ -69,8 +69,8 @@ def sampled(name, path, *arguments):
 
 def drawn(model):
     """Return the draws of one short ensemble, for widths to a few per cent."""
-    chain, log, acceptance = run_ensemble(model, Plan(1, 1, 0, 250, 150), 0)
-    return PosteriorSamples(model, 1, chain[None], log[None], np.array([acceptance]))
+    chain, acceptance = run_ensemble(model, Plan(1, 1, 0, 250, 150), 0)
+    return PosteriorSamples(model, 1, chain[None], np.array([acceptance]))
 
 
 def moments(found, name):

@@ -157,9 +157,9 @@ def replicate(model: Model, seed: int, index: int) -> tuple[Counts, bool, Covere
     entropy = int(_stream(model, seed, index, 1).generate_state(1, np.uint64)[0])
     for warmup in WARMUPS:
         plan = Plan(entropy, ensembles=1, steps=STEPS, warmup=warmup)
-        chain, _, _ = run_ensemble(fitted, plan, 0)
+        chain, _ = run_ensemble(fitted, plan, 0)
         while (steps := _needed(chain)) > len(chain):
-            chain, _, _ = run_ensemble(fitted, replace(plan, steps=steps), 0)
+            chain, _ = run_ensemble(fitted, replace(plan, steps=steps), 0)
         time = _time(chain)
         if not (failed := len(chain) / time < TIMES):
             break
@@ -233,9 +233,9 @@ def estimate(likelihood: Any) -> Estimate:
     return np.append(centre[:known], missing), np.append(spread[:known], missing)
 
 
-def _quest(likelihood: SpotLikelihood) -> Estimate:
+def _quest(data: SpotLikelihood) -> Estimate:
     """Return mount, misalignment and noise by QUEST, without drift and laser scale."""
-    platform, data = likelihood.platform, likelihood.statistics
+    platform = data.platform
     zero = platform.transform(data.means[0])
     mount = vector_from_rotation(platform.reference.T @ zero)
     angles = platform.misalignment(data.means[1], zero)
@@ -253,7 +253,7 @@ def _quest(likelihood: SpotLikelihood) -> Estimate:
         after @ first @ after.T,
         later @ second @ later.T + later.T @ first @ later,
     )
-    missing = np.full(4 if likelihood.statistics.drifts else 1, np.nan)
+    missing = np.full(4 if data.drifts else 1, np.nan)
     errors = [np.sqrt(np.diagonal(one)) for one in covariances]
     return (
         np.concatenate([mount, angles, missing, [noise]]),

@@ -47,14 +47,13 @@ class PosteriorSamples:
     - `model`: sampled model.
     - `seed`: root of its random numbers.
     - `chain`, (ensembles, steps, walkers, d): all draws after warm-up.
-    - `log_posterior`, (ensembles, steps, walkers): unnormalised.
+
     - `acceptance`, (ensembles,): fraction of accepted moves of each ensemble.
     """
 
     model: Model
     seed: int
     chain: FloatArray
-    log_posterior: FloatArray
     acceptance: FloatArray
 
     @property
@@ -62,13 +61,15 @@ class PosteriorSamples:
         """The largest autocorrelation time of all parameters, in steps."""
         return max(row.time for row in self.rows)
 
-    def _thinned(self, values: FloatArray) -> FloatArray:
-        return diagnostics.thinned(values, self.time)
-
     @cached_property
+    def _thinned(self) -> FloatArray:
+        """Draws of each ensemble, thinned by the autocorrelation time, (ensembles, n, d)."""
+        return diagnostics.thinned(self.chain, self.time)
+
+    @property
     def draws(self) -> FloatArray:
         """Nearly independent draws, shape (n, d): thinned by the autocorrelation time."""
-        return np.concatenate(self._thinned(self.chain))
+        return np.concatenate(self._thinned)
 
     @cached_property
     def rows(self) -> list[Summary]:
@@ -97,13 +98,10 @@ class PosteriorSamples:
         times is a criterion of the parameters only.
         """
         stride = int(np.ceil(self.time))
-        chain = self.chain[:, ::stride]
-        quantities = self.model.consequences(chain.reshape(-1, self.model.dimension))
+        shape = len(self.chain), -1, self.chain.shape[2]
         rows = [
-            diagnostics.summarised(
-                name, one.unit, one.values.reshape(chain.shape[:3]), stride=stride
-            )
-            for name, one in quantities.items()
+            diagnostics.summarised(name, one.unit, one.values.reshape(shape), stride)
+            for name, one in self.model.consequences(self.draws).items()
         ]
         diagnostics.require(rows, self.chain.shape[1], self.acceptance, times=0.0)
         return rows
@@ -114,7 +112,7 @@ class PosteriorSamples:
 
         Their number is smaller for many observations.
         """
-        draws = self._thinned(self.chain)
+        draws = self._thinned
         sizes = (values.size for values in self.model.likelihood.observed.values())
         most = max(_MAX_SAVED_VALUES // (len(draws) * sum(sizes)), 1)
         count = min(_MAX_SAVED_DRAWS, most, draws.shape[1])
@@ -140,6 +138,7 @@ class PosteriorSamples:
         generator = Generator(PCG64(SeedSequence(self.seed, spawn_key=(98,))))
         columns = [p.prior.draw(generator, _MAX_SAVED_DRAWS) for p in model.parameters]
         prior, (rows, selected) = np.stack(columns, axis=-1)[None], self.selected
+        log = model.log_posterior(self.draws)
 
         def parameters(draws: FloatArray) -> dict[str, FloatArray]:
             return {name: one.values for name, one in model.displayed(draws).items()}
@@ -154,8 +153,8 @@ class PosteriorSamples:
             }
 
         groups = {
-            "posterior": parameters(self._thinned(self.chain)),
-            "sample_stats": {"lp": self._thinned(self.log_posterior)},
+            "posterior": parameters(self._thinned),
+            "sample_stats": {"lp": log.reshape(self._thinned.shape[:2])},
             "log_likelihood": {[*likelihood.observed][-1]: self.log_likelihood()},
             "posterior_predictive": predictive(selected, likelihood.repeat),
             "prior": parameters(prior),

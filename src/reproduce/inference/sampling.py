@@ -177,9 +177,7 @@ def sample(
     return found
 
 
-def run_ensemble(
-    model: Model, plan: Plan, ensemble: int
-) -> tuple[FloatArray, FloatArray, float]:
+def run_ensemble(model: Model, plan: Plan, ensemble: int) -> tuple[FloatArray, float]:
     """Run one ensemble.
 
     Parameters
@@ -196,8 +194,6 @@ def run_ensemble(
     -------
     chain : ndarray, shape (steps, walkers, d)
         Parameters after the warm-up.
-    log_posterior : ndarray, shape (steps, walkers)
-        Unnormalised.
     acceptance : float
         Fraction of accepted moves.
     """
@@ -223,5 +219,4 @@ def run_ensemble(
         )
     sampler.run_mcmc(state, plan.steps, skip_initial_state_check=True)
     chain = model.parameters_at(sampler.get_chain())
-    log_posterior = sampler.get_log_prob() - model.log_volume(chain)
-    return chain, log_posterior, float(sampler.acceptance_fraction.mean())
+    return chain, float(sampler.acceptance_fraction.mean())

@@ -67,7 +67,6 @@ def book_posterior(name: str) -> PosteriorSamples:
         np.savez(
             content,
             chain=samples.chain,
-            log_posterior=samples.log_posterior,
             acceptance=samples.acceptance,
         )
         return content.getvalue()
@@ -520,7 +519,14 @@ class Posterior(ResultView):
         identifier = f"posterior-{self.name}" if self._in_book else ""
         caption = f"Posterior {self.name}, data {self.data_text}.{changed}"
         yield Grid.of(caption, rows[0], rows, identifier=identifier)
-        yield self._convergence
+        samples, frame = self.sampled, self.frame()
+        ensembles, steps, walkers = samples.chain.shape[:3]
+        yield (
+            f"{ensembles} ensembles of {walkers} walkers, {steps} steps each, seed {samples.seed}; "
+            f"acceptance {min(samples.acceptance):.2f} to {max(samples.acceptance):.2f}, R-hat up "
+            f"to {frame['rhat'].max():.3f}, effective sample sizes from "
+            f"{frame[['bulk', 'tail']].to_numpy().min():.0f}; frame() lists them."
+        )
         if self.false_stars:
             yield f"{self.false_stars}."
         if not self._in_book:
@@ -555,17 +561,6 @@ class Posterior(ResultView):
             "positions widen the noise; compare with register(robust=True)"
         )
         return text if dropped > false else ""
-
-    @property
-    def _convergence(self) -> str:
-        samples, frame = self.sampled, self.frame()
-        ensembles, steps, walkers = samples.chain.shape[:3]
-        return (
-            f"{ensembles} ensembles of {walkers} walkers, {steps} steps each, seed {samples.seed}; "
-            f"acceptance {min(samples.acceptance):.2f} to {max(samples.acceptance):.2f}, R-hat up "
-            f"to {frame['rhat'].max():.3f}, effective sample sizes from "
-            f"{frame[['bulk', 'tail']].to_numpy().min():.0f}; frame() lists them."
-        )
 
 
 _NETCDF_PACKAGES = ("arviz_base", "h5netcdf")

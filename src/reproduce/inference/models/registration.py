@@ -161,17 +161,14 @@ class GaussianRegistration(Likelihood):
         """Log density of each star at its predicted position for a noise of one, (points,)."""
         return 0.5 * np.linalg.slogdet(self.precision)[1] - np.log(2 * np.pi)
 
-    @cached_property
-    def _normal_matrix(self) -> FloatArray:
-        return np.asarray(np.linalg.inv(self.linear_cofactor))
-
     def __call__(self, parameters: FloatArray) -> FloatArray:
         """Return the log likelihood, shape (n,)."""
         if not self.is_linear:
             parts = map(self.pointwise, self.parts(parameters))
             return np.concatenate([part.sum(axis=-1) for part in parts])
         off = self.linear(parameters) - self.linear(self.fit.parameters[None])
-        squares = self.fit.chi_square + np.vecdot(off @ self._normal_matrix, off)
+        normal = np.linalg.inv(self.linear_cofactor)
+        squares = self.fit.chi_square + np.vecdot(off @ normal, off)
         noise = self.noise(parameters)
         constant = self._constant.sum() - 2 * len(self.target) * np.log(noise)
         return constant - squares / (2 * noise**2)
