@@ -188,16 +188,14 @@ class UnconvergedError(ArithmeticError):
 
     def __init__(self, factors: dict[str, float], taken: int) -> None:
         super().__init__(factors, taken)
-        self.taken, factor = taken, max(factors.values())
+        self.taken = taken
         self.missed = sorted(factors, key=factors.__getitem__, reverse=True)
-        self.steps = None
-        if np.isfinite(factor):
-            self.steps = int(np.ceil(_STEPS_MARGIN * factor * taken / 100)) * 100
+        hundreds = np.ceil(_STEPS_MARGIN * factors[self.missed[0]] * taken / 100)
+        self.steps = int(hundreds) * 100 if np.isfinite(hundreds) else None
 
     def __str__(self) -> str:
-        advice = "find out what keeps the ensembles from mixing"
-        if self.steps is not None:
-            advice = f"take about {self.steps} steps"
+        steps, mixing = self.steps, "find out what keeps the ensembles from mixing"
+        advice = f"take about {steps} steps" if steps else mixing
         rest = len(self.missed) - 1
         more = f" (and {rest} more)" * (rest > 0)
         return f"the chains are rejected: {self.missed[0]}{more}; {advice}"

@@ -6,21 +6,23 @@ import inspect
 from abc import abstractmethod
 from collections.abc import Callable, Mapping
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
+
+import pandas as pd
 
 from reproduce.judge import rerun
-from reproduce.papers.declare import Drawing, changeable, declarations
+from reproduce.papers.declare import (
+    Drawing,
+    Schematic,
+    Study,
+    changeable,
+    declarations,
+)
+from reproduce.printed.inputs import Inputs
 from reproduce.views import keys
 from reproduce.views.blocks import Display
 from reproduce.views.citations import cite
 from reproduce.views.export import export_frame, provenance_of
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-    from reproduce.papers.declare import Schematic, Study
-    from reproduce.printed.inputs import Inputs
-
 
 Change = Mapping[str, str | float]  # address of a printed cell to a value as printed
 
@@ -67,15 +69,13 @@ class ItemView(ResultView):
     @property
     def options(self) -> pd.DataFrame:
         """Alternatives of each option of the text, the literal one first."""
-        import pandas as pd
-
-        rows = {
-            (name, alternative): (text.text, text.place)
+        rows = [
+            (name, alternative, text.text, text.place)
             for name, alternatives in rerun.options(self.key).items()
             for alternative, text in alternatives.items()
-        }
-        index = pd.MultiIndex.from_tuples(rows, names=["option", "alternative"])
-        return _texts()(rows.values(), index, ["meaning", "passage"])
+        ]
+        index = ["option", "alternative"]
+        return _Texts(rows, columns=[*index, "meaning", "passage"]).set_index(index)
 
     @property
     def title(self) -> str:
@@ -95,7 +95,7 @@ class ItemView(ResultView):
         return "\n\n\n".join(map(text_of, filter(None, functions)))
 
 
-class Rerunnable(ResultView):
+class Rerunnable(ItemView):
     """An object that can be computed again with other inputs or another seed.
 
     Parameters
@@ -197,20 +197,16 @@ def setting(
     return f"{subject} {changed}: {remark}.{names if replaced else ''}"
 
 
-def _texts() -> type[pd.DataFrame]:
-    """Return a type of DataFrame whose sentences a notebook does not shorten."""
-    import pandas as pd
+class _Texts(pd.DataFrame):
+    """A DataFrame whose sentences a notebook does not shorten."""
 
-    class Texts(pd.DataFrame):
-        @property
-        def _constructor(self) -> type[Texts]:
-            return Texts
+    @property
+    def _constructor(self) -> type[_Texts]:
+        return _Texts
 
-        def _repr_html_(self) -> str:
-            with pd.option_context("display.max_colwidth", None):
-                return self.to_html(notebook=True)
-
-    return Texts
+    def _repr_html_(self) -> str:
+        with pd.option_context("display.max_colwidth", None):
+            return self.to_html(notebook=True)
 
 
 def text_of(function: Callable[..., Any]) -> str:

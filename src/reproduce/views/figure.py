@@ -29,7 +29,7 @@ from reproduce.printed.inputs import Inputs, load_inputs
 from reproduce.printed.number import powers
 from reproduce.store.files import FIGURES, check_target, replacing, write_text
 from reproduce.views import computed, keys
-from reproduce.views.base import ItemView, Rerunnable, text_of
+from reproduce.views.base import Rerunnable, text_of
 from reproduce.views.blocks import Block, Display, Html, rendered
 from reproduce.views.export import toolbar
 from reproduce.views.verdicts import filled
@@ -198,7 +198,7 @@ def figure_block(name: str, paint: _Paint, alternative: str, caption: str) -> Ht
     return Html(_inline(_vectors_of(*drawn), name, alternative, caption))
 
 
-class Figure(Rerunnable, ItemView):
+class Figure(Rerunnable):
     """A figure of a paper, drawn from its caption and the text, or a supplementary drawing.
 
     Parameters

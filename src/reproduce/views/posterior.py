@@ -293,8 +293,8 @@ class Posterior(ResultView):
 
     def frame(self) -> pd.DataFrame:
         """Return the summary: one row per parameter and consequence, in the displayed unit."""
-        frame = pd.DataFrame(self.sampled.summaries())
-        return frame.set_index("name").rename_axis("parameter")
+        rows = pd.DataFrame(self.sampled.summaries()).set_index("name")
+        return rows.rename_axis("parameter")
 
     summary = frame
 

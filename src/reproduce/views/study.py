@@ -3,26 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
-from reproduce.papers.declare import Study, study
+from reproduce.papers.declare import Column, Study, study
 from reproduce.printed.cells import anchor
+from reproduce.printed.inputs import Inputs
 from reproduce.views import numbers
-from reproduce.views.base import Change, ItemView, Rerunnable
+from reproduce.views.base import Change, Rerunnable
 from reproduce.views.blocks import Block, Fold, Grid, Html
 from reproduce.views.export import table_files, toolbar
 from reproduce.views.sweep import Sweep
 
-if TYPE_CHECKING:
-    import pandas as pd
 
-    from reproduce.papers.declare import Column
-    from reproduce.printed.inputs import Inputs
-
-
-class StudyTable(Rerunnable, ItemView):
+class StudyTable(Rerunnable):
     """A supplementary table of a paper, without verdicts.
 
     Parameters
@@ -72,8 +68,6 @@ class StudyTable(Rerunnable, ItemView):
         ValueError
             If there is no such column of numbers, or no row has such an entry.
         """
-        import pandas as pd
-
         chosen, first = rows or {}, self._columns[0].name
         before = _selected(self.frame(), chosen)
         known = {c.name: c for c in self._columns if c.form}

@@ -8,6 +8,7 @@ from textwrap import fill
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
 from reproduce.judge.rerun import Rerun
 from reproduce.papers.charts import set_size
@@ -20,7 +21,6 @@ from reproduce.views.blocks import Block, Display, Grid, Html, rendered
 from reproduce.views.figure import figure_block
 
 if TYPE_CHECKING:
-    import pandas as pd
     from matplotlib.figure import Figure
 
 # Height of a panel in inches, and largest number of panels of a graph.
@@ -60,8 +60,6 @@ class Changed(Display):
             One row per computed cell, in the printed unit, with the central 99 % of a prediction.
             A reading of the text has the ``verdict`` of each cell.
         """
-        import pandas as pd
-
         rows = [
             (
                 one.cell.name,
@@ -161,8 +159,6 @@ class Sweep(Display):
         compute: Callable[[Change], pd.DataFrame],
         dashed: str = "printed values; shaded: their intervals",
     ) -> None:
-        import pandas as pd
-
         names = [moved] if isinstance(moved, str) else [*moved]
         steps = [
             [value] if isinstance(value, str | int | float) else [*value]
