@@ -64,7 +64,7 @@ MADE = {
     ),
     "posterior": lambda: book_posterior.__wrapped__("registration").chain.tolist(),
     "ledger": computed.whole_ledger.__wrapped__,
-    "figure": lambda: figure._page_vectors("niu2024/fig-4"),
+    "figure": lambda: figure.Figure("niu2024/fig-4").vectors(),
 }
 
 

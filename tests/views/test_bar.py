@@ -57,7 +57,7 @@ def test_figures_have_caption_citation_and_files(tmp_path, monkeypatch):
         ("niu2024/fig-2", ".svg.csv"),
         ("niu2024/fig-4", ".svg.pdf.png.csv"),
     ):
-        html, files = rp.figure(key)._repr_html_(), figures._figure_files(key)
+        html, files = rp.figure(key)._repr_html_(), rp.figure(key).files
         assert "</span>What &lt;is&gt; drawn.</figcaption>" in html
         assert re.findall(r'href="#(figures/[^"]+)"', html) == files
         assert anchor(key) in html[html.index("<summary>Cite") :]

@@ -128,23 +128,12 @@ def _content(figure: _Drawn, form: str, provenance: Mapping[str, str]) -> bytes:
     return (_XML + _FONTS.sub(r"\1, sans-serif", svg)).encode()
 
 
-def _figure_files(key: str) -> list[str]:
-    """Return the files of a figure below the root of the book, the data last."""
-    return [f"figures/{anchor(key)}{ending}" for ending in (*_endings(key), ".csv")]
-
-
-def _endings(key: str) -> tuple[str, ...]:
-    """Return the endings of the files of a figure."""
-    is_schematic = isinstance(_declared_drawing(key), Schematic)
-    return (".svg",) if is_schematic else FIGURES
-
-
 def write_figure(key: str, root: Path) -> None:
     """Write the images and the data of a figure below the root of the book."""
     shown = Figure(key)
-    _page_vectors(key, shown.drawn)
+    shown.vectors()
     (root / "figures").mkdir(parents=True, exist_ok=True)
-    *images, table = (root / name for name in _figure_files(key))
+    *images, table = (root / name for name in shown.files)
     write_text(table, shown.export("csv"))
     for path in images:
         shown.save(path)
@@ -155,18 +144,6 @@ def write_figure(key: str, root: Path) -> None:
 def _vectors_of(*figures: _Drawn) -> list[str]:
     """Return figures as SVG without provenance."""
     return [_content(one, "svg", {}).decode() for one in figures]
-
-
-def _page_vectors(key: str, figure: _Drawn | None = None) -> list[str]:
-    """Return a figure for wide and for narrow pages, which a build draws once."""
-
-    def make() -> list[str]:
-        wide = figure or draw(key)
-        # A schematic fits wide and narrow pages.
-        narrow = [] if isinstance(wide, str) else [draw(key, narrow=True)]
-        return _vectors_of(wide, *narrow)
-
-    return computed.cached(f"figure-{anchor(key)}.json", make, json.dumps, json.loads)
 
 
 def _inline(
@@ -224,6 +201,31 @@ class Figure(Rerunnable):
         figure: _Drawn = self._made[0]
         return figure
 
+    @property
+    def _endings(self) -> tuple[str, ...]:
+        """The endings of its files."""
+        return (".svg",) if isinstance(self._declared, Schematic) else FIGURES
+
+    @property
+    def files(self) -> list[str]:
+        """Its files below the root of the book, the data last."""
+        endings = (*self._endings, ".csv")
+        return [f"figures/{anchor(self.key)}{ending}" for ending in endings]
+
+    def vectors(self) -> list[str]:
+        """Return it as SVG for a wide page; in a build also for a narrow page, drawn once."""
+        if self.changes or not computed.kept():
+            return _vectors_of(self.drawn)
+
+        def make() -> list[str]:
+            # A schematic fits wide and narrow pages.
+            is_schematic = isinstance(self.drawn, str)
+            narrow = [] if is_schematic else [draw(self.key, narrow=True)]
+            return _vectors_of(self.drawn, *narrow)
+
+        name = f"figure-{anchor(self.key)}.json"
+        return computed.cached(name, make, json.dumps, json.loads)
+
     def frame(self) -> pd.DataFrame:
         """Return the lines, points and labels in the units of the axes, or of a view box."""
         figure = self.drawn
@@ -246,7 +248,7 @@ class Figure(Rerunnable):
 
     def save(self, path: str | Path) -> Path:
         """Write the figure as SVG, PDF or PNG, by the ending of `path`; a schematic as SVG."""
-        path = check_target(path, _endings(self.key))
+        path = check_target(path, self._endings)
         content = _content(self.drawn, path.suffix[1:].lower(), self.provenance)
         with replacing(path) as part:
             part.write_bytes(content)
@@ -277,17 +279,15 @@ class Figure(Rerunnable):
             f"{textwrap.fill(self.caption, 79)}\n"
             f"Draw it with `reproduce figure {self.key} --out FILE.svg` and the same options."
         )
-        bar, vectors = Markup(), _vectors_of(self.drawn)
+        bar = Markup()
         if self.changes:
             name = f"{name}-changed"
         else:
             declared = self._declared
             source = text_of(declared.function) if isinstance(declared, Drawing) else ""
-            bar = toolbar(self.key, name, _figure_files(self.key), source)
-            # A page of the book also has a narrow drawing; a notebook of a reader does not.
-            if computed.kept():
-                vectors = _page_vectors(self.key)
-        yield Html(_inline(vectors, name, self.alternative, self.caption, bar), text)
+            bar = toolbar(self.key, name, self.files, source)
+        page = _inline(self.vectors(), name, self.alternative, self.caption, bar)
+        yield Html(page, text)
 
 
 class Panels(Display, list[Figure]):
