@@ -3,7 +3,6 @@
 import numpy as np
 from scipy import stats
 
-from reproduce.inference.models import new_stars
 from reproduce.papers.chen2023.posteriors import _on_the_ground
 from reproduce.physics.registration import Registration
 from reproduce.units import ARCSEC_PER_RADIAN
@@ -20,7 +19,7 @@ def test_rmse_at_new_stars_of_a_known_transform_is_a_chi_square(registration):
     registered = Registration.similarity(k, theta, shift, likelihood.pivot).apply(
         SOURCE
     )
-    found = new_stars(truth, likelihood, SOURCE, registered, 1.0)
+    found = likelihood.new_stars(truth, SOURCE, registered, 1.0)
     scaled = np.square(found["test points, RMSE"].values / truth[0, 4]) * len(SOURCE)
     assert stats.kstest(scaled, stats.chi2(2 * len(SOURCE)).cdf).pvalue > 0.001
 
@@ -29,14 +28,14 @@ def test_consequences_at_new_stars_contain_the_error_of_the_transform(registrati
     """The RMSE exceeds the noise of both axes, since stars determine four parameters."""
     draws = registration.exact(6000, np.random.default_rng(1))
     data = registration.likelihood
-    arguments = (draws, data, SOURCE, data.fit.transform.apply(SOURCE), 28.5)
-    found = new_stars(*arguments)
+    arguments = (draws, SOURCE, data.fit.transform.apply(SOURCE), 28.5)
+    found = data.new_stars(*arguments)
     rmse = found["test points, RMSE"].values
     expected = np.sqrt(2) * draws[:, 4].mean()
     assert 1 < np.sqrt(np.square(rmse).mean()) / expected < 1.03
     angle = found["test points, pointing error"].values
     np.testing.assert_allclose(angle / rmse, 28.5)
-    assert (new_stars(*arguments)["test points, RMSE"].values == rmse).all()
+    assert (data.new_stars(*arguments)["test points, RMSE"].values == rmse).all()
 
 
 def test_ground_error_of_a_misalignment():

@@ -11,7 +11,6 @@ from simulated import PIVOT, star_table, stars
 import reproduce as rp
 from reproduce.inference.models import (
     mixture_model,
-    probability_false,
     registration_model,
 )
 from reproduce.inference.sampling import Plan, sample
@@ -28,7 +27,7 @@ def mixture(**settings):
 def test_three_wrong_matches_in_ten_are_named_and_move_nothing(wrong):
     """The draws are the closed form of the right stars, and a beta of their number."""
     found, (source, target) = sample(mixture(wrong=wrong), PLAN), stars(wrong=wrong)
-    false = probability_false(found)
+    false = found.model.likelihood.probability_false(found.draws)
     assert (false[:wrong] > 0.9).all()
     assert (false[wrong:] < 0.1).all()
     right = registration_model(source[wrong:], target[wrong:], PIVOT)

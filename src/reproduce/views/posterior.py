@@ -31,7 +31,6 @@ from reproduce.inference import (
 from reproduce.inference.models import (
     GaussianRegistration,
     MixtureRegistration,
-    probability_false,
 )
 from reproduce.inference.modes import Modes
 from reproduce.judge.rerun import check_randomness
@@ -261,7 +260,7 @@ class Posterior(ResultView):
                 name: rows,
                 "x": x,
                 "y": y,
-                "probability_false": probability_false(self.sampled),
+                "probability_false": likelihood.probability_false(self.sampled.draws),
                 "dropped_by_robust_fit": ~likelihood.agreeing,
             }
         )

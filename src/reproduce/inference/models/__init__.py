@@ -21,14 +21,12 @@ from reproduce.inference.models.mixture import (
     MixtureRegistration,
     distortion_model,
     mixture_model,
-    probability_false,
 )
 from reproduce.inference.models.published import PrintedFit
 from reproduce.inference.models.registration import (
     TRANSFORM,
     GaussianRegistration,
     fitted_model,
-    new_stars,
     registration_model,
     registration_parameter,
 )

@@ -22,12 +22,10 @@ from reproduce.inference import (
     Model,
     Normal,
     Parameter,
-    PosteriorSamples,
     Uniform,
 )
 from reproduce.inference.models.registration import (
     GaussianRegistration,
-    fit_checks,
 )
 from reproduce.physics.registration import as_complex, as_points, fit_problem
 from reproduce.physics.validate import FloatArray
@@ -163,7 +161,14 @@ class MixtureRegistration(GaussianRegistration):
 
     def checks(self, other: Self) -> dict[str, float]:
         """Return the checks of the plain registration for the stars that agree in these data."""
-        return fit_checks(fit_problem(other.problem.rows(self.agreeing)))
+        right = GaussianRegistration(other.problem.rows(self.agreeing))
+        return right.checks(right)
+
+    def probability_false(self, draws: FloatArray) -> FloatArray:
+        """Return the posterior probability that each star is wrongly matched, (points,)."""
+        draws = draws[:: -(-len(draws) // _MAX_DRAWS)]
+        parts = map(self.false, self.parts(draws))
+        return sum(part.sum(axis=0) for part in parts) / len(draws)
 
 
 def mixture_model(base: Model) -> Model:
@@ -203,11 +208,3 @@ def mixture_model(base: Model) -> Model:
         ),
         likelihood=MixtureRegistration(problem, (x, y), side),
     )
-
-
-def probability_false(posterior: PosteriorSamples) -> FloatArray:
-    """Return the posterior probability that each star is wrongly matched, (points,)."""
-    likelihood = posterior.model.likelihood_of(MixtureRegistration)
-    draws = posterior.draws[:: -(-len(posterior.draws) // _MAX_DRAWS)]
-    parts = map(likelihood.false, likelihood.parts(draws))
-    return sum(part.sum(axis=0) for part in parts) / len(draws)

@@ -58,28 +58,6 @@ _SYMBOLS = {
 _UNITS = UNITS | {"rotation": "deg", "noise": "px"}
 
 
-def fit_checks(fit: RegistrationFit) -> dict[str, float]:
-    """Return the numbers of a fit for predictive checks, in px.
-
-    The mean radial and tangential residuals in the outer half of the field are zero only if the
-    model is right.
-    """
-    offsets = as_complex(fit.problem.source - fit.problem.pivot)
-    residuals, radius = as_complex(fit.residuals), np.abs(offsets)
-    outer = radius >= np.median(radius)
-    turned = (residuals[outer] * offsets[outer].conj() / radius[outer]).mean()
-    rms = np.sqrt(np.square(fit.residuals).mean())
-    relative = np.abs(residuals) / rms
-    return {
-        "residual, rms (px)": rms,
-        "residual, largest (px)": np.abs(fit.residuals).max(),
-        # A ratio, since one wrong match also increases the noise.
-        "star furthest off, over rms": relative.max() / np.sqrt(2),
-        "outer residual, outwards (px)": turned.real,
-        "outer residual, around (px)": turned.imag,
-    }
-
-
 @dataclass(frozen=True, eq=False)
 class GaussianRegistration(Likelihood):
     """Registration of one channel with Gaussian noise.
@@ -244,8 +222,53 @@ class GaussianRegistration(Likelihood):
         return np.column_stack([scales, angles, rows[:, 2:], noise])[kept]
 
     def checks(self, other: Self) -> dict[str, float]:
-        """Return numbers of the residuals of the fit."""
-        return fit_checks(other.fit)
+        """Return numbers of the residuals of the fit of `other`, in px.
+
+        The mean radial and tangential residuals in the outer half of the field are zero only if
+        the model is right.
+        """
+        offsets, found = as_complex(other.source - other.pivot), other.fit.residuals
+        residuals, radius = as_complex(found), np.abs(offsets)
+        outer = radius >= np.median(radius)
+        turned = (residuals[outer] * offsets[outer].conj() / radius[outer]).mean()
+        rms = np.sqrt(np.square(found).mean())
+        return {
+            "residual, rms (px)": rms,
+            "residual, largest (px)": np.abs(found).max(),
+            # A ratio, since one wrong match also increases the noise.
+            "star furthest off, over rms": (np.abs(residuals) / rms).max() / np.sqrt(2),
+            "outer residual, outwards (px)": turned.real,
+            "outer residual, around (px)": turned.imag,
+        }
+
+    def new_stars(
+        self,
+        parameters: FloatArray,
+        source: FloatArray,
+        registered: FloatArray,
+        arcsec_per_px: float,
+    ) -> dict[str, Quantity]:
+        """Return consequences of a registration at new stars.
+
+        They are the RMSE in px and as an angle, and the error at the outermost star. The new stars,
+        (points, 2), in px, are registered by the least-squares transform. The angle belongs to the
+        reference channel.
+        """
+        generator = Generator(PCG64(_NOISE_SEED))
+        outermost = np.hypot(*(source - source.mean(axis=0)).T).argmax()
+        errors, displacements = [], []
+        for rows in self.parts(parameters):
+            off = self.places(rows, source) - registered
+            displacements.append(np.hypot(*off[:, outermost].T))
+            off += rows[:, 4, None, None] * generator.normal(size=off.shape)
+            # As in niu2024 (26), both axes together.
+            errors.append(np.sqrt(np.square(off).sum(axis=-1).mean(axis=-1)))
+        rmse, displacement = map(np.concatenate, (errors, displacements))
+        return {
+            "test points, RMSE": Quantity(rmse, "px"),
+            "test points, pointing error": Quantity(rmse * arcsec_per_px, "arcsec"),
+            "outermost star, misregistration": Quantity(displacement, "px"),
+        }
 
 
 def registration_parameter(name: str, prior: Prior) -> Parameter:
@@ -391,33 +414,3 @@ def _wide_priors(fit: RegistrationFit) -> dict[str, Prior]:
         low = 0.0 if name == "scale" else value - half
         priors[name] = Uniform(low, value + half, reason)
     return priors
-
-
-def new_stars(
-    parameters: FloatArray,
-    likelihood: GaussianRegistration,
-    source: FloatArray,
-    registered: FloatArray,
-    arcsec_per_px: float,
-) -> dict[str, Quantity]:
-    """Return consequences of a registration at new stars.
-
-    They are the RMSE in px and as an angle, and the error at the outermost star. The new stars,
-    (points, 2), in px, are registered by the least-squares transform. The angle belongs to the
-    reference channel.
-    """
-    generator = Generator(PCG64(_NOISE_SEED))
-    outermost = np.hypot(*(source - source.mean(axis=0)).T).argmax()
-    errors, displacements = [], []
-    for rows in likelihood.parts(parameters):
-        off = likelihood.places(rows, source) - registered
-        displacements.append(np.hypot(*off[:, outermost].T))
-        off += rows[:, 4, None, None] * generator.normal(size=off.shape)
-        # As in niu2024 (26), both axes together.
-        errors.append(np.sqrt(np.square(off).sum(axis=-1).mean(axis=-1)))
-    rmse, displacement = map(np.concatenate, (errors, displacements))
-    return {
-        "test points, RMSE": Quantity(rmse, "px"),
-        "test points, pointing error": Quantity(rmse * arcsec_per_px, "arcsec"),
-        "outermost star, misregistration": Quantity(displacement, "px"),
-    }

@@ -126,8 +126,7 @@ def _new_stars(inputs: Inputs, likelihood: models.GaussianRegistration) -> Deriv
     focal_length = inputs["niu2024/table-1#focal-length.green"]
     angle = float(angle_from_pixels(1.0, pitch, focal_length)) * ARCSEC_PER_RADIAN
     return partial(
-        models.new_stars,
-        likelihood=likelihood,
+        likelihood.new_stars,
         source=source,
         registered=fit.transform.apply(source),
         arcsec_per_px=angle,
