@@ -8,7 +8,7 @@ from scipy.stats import kstest, norm, truncnorm
 
 import reproduce as rp
 from calibrations import drawn_prior
-from reproduce.inference import Normal, Uniform, posterior_checks
+from reproduce.inference import Normal, Uniform
 from reproduce.inference.sampling import Plan, sample
 from reproduce.papers.posteriors import posteriors
 
@@ -80,12 +80,12 @@ def test_pointwise_likelihood_consequences_and_summary(name):
 def test_predictive_checks_pass_for_data_of_the_model_and_show_a_distortion(
     registration,
 ):
-    found = posterior_checks(sample(registration, PLAN), 1000)
+    found = sample(registration, PLAN).checks(1000)
     assert min(check.tail for check in found) > 0.01
     data = registration.likelihood
     offsets = data.source - data.pivot
     bent = data.target + 1e-7 * offsets * (offsets**2).sum(axis=1, keepdims=True)
     distorted = replace(registration, likelihood=data.with_target(bent))
-    found = posterior_checks(sample(distorted, PLAN), 100)
+    found = sample(distorted, PLAN).checks(100)
     tails = {check.name: check.tail for check in found}
     assert tails["outer residual, outwards (px)"] < 0.02

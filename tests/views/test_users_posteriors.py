@@ -17,7 +17,6 @@ from reproduce.inference import (
     LogUniform,
     Normal,
     PosteriorSamples,
-    prior_warnings,
 )
 from reproduce.inference.models import registration_model
 from reproduce.inference.sampling import Plan, run_ensemble
@@ -111,11 +110,11 @@ def test_a_prior_that_cuts_the_posterior_is_reported():
     """A bound at four standard deviations and more has no effect."""
     free = registration_model(*stars(), PIVOT)
     found = drawn(free)
-    assert prior_warnings(found) == []
+    assert [*found.prior_warnings()] == []
     mean, deviation = moments(found, "noise")
     for reach, names in ((1.0, ["noise"]), (4.5, [])):
         prior = LogUniform(1e-6, mean + reach * deviation, "cut")
-        warnings = prior_warnings(drawn(free.with_priors({"noise": prior})))
+        warnings = drawn(free.with_priors({"noise": prior})).prior_warnings()
         assert [text.split()[0] for text in warnings] == names
 
 

@@ -28,6 +28,4 @@ from reproduce.inference.posterior import (
     PosteriorSamples,
     PredictiveCheck,
     misfit,
-    posterior_checks,
-    prior_warnings,
 )

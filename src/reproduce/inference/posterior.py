@@ -7,7 +7,7 @@ that are simulated with parameters from the posterior.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
@@ -173,6 +173,48 @@ class PosteriorSamples:
             tree[group][p.name].attrs |= text
         return tree
 
+    def checks(self, replicates: int = _REPLICATES) -> list[PredictiveCheck]:
+        """Compare each number of `Likelihood.checks` with simulations from the posterior."""
+        likelihood, draws = self.model.likelihood, self.draws
+        generator = Generator(PCG64(SeedSequence(self.seed, spawn_key=(99,))))
+        rows = draws[np.linspace(0, len(draws) - 1, replicates).astype(int)]
+        simulated = (likelihood.repeat(row, generator) for row in rows)
+        predicted = np.array([[*likelihood.checks(one).values()] for one in simulated])
+        observed = likelihood.checks(likelihood)
+        values = np.array([*observed.values()])
+        # Two-sided. Ties count half.
+        excess = np.abs(np.sign(predicted - values).sum(axis=0))
+        tails = (replicates - excess) / replicates
+        low, high = np.quantile(predicted, diagnostics.ENDS, axis=0)
+        columns = (column.tolist() for column in (values, low, high, tails))
+        return list(map(PredictiveCheck, observed, *columns))
+
+    def prior_warnings(self) -> Iterator[str]:
+        """Yield a warning for each prior that the data contradict, or whose bound limits draws."""
+        apart = self.model.disagreements()
+        for i, one in enumerate(self.model.parameters):
+            unit = "" if one.unit == "1" else f" {one.unit}"
+            prior = f"its prior ({one.text}{unit})"
+            if one.name in apart:
+                value, error, distance = apart[one.name]
+                yield (
+                    f"prior and data disagree on {one.name}: from the data "
+                    f"{one.shown * value:.6g} ± {one.shown * error:.2g}{unit}, {distance:.3g} "
+                    f"standard deviations from {prior}"
+                )
+            elif isinstance(one.prior, Uniform):
+                # Distances on the scale on which the prior is flat.
+                scale = np.log if isinstance(one.prior, LogUniform) else np.asarray
+                values = scale(self.chain[..., i])
+                reach = _BOUND_DISTANCE * values.std()
+                for bound in (one.prior.low, one.prior.high):
+                    near = np.abs(values - scale(bound)) < reach
+                    if near.mean() > _BOUND_FRACTION and bound not in one.natural:
+                        yield (
+                            f"{one.name} piles up at the bound {bound * one.shown:.4g}{unit} of "
+                            f"{prior}: it is a limit, not an estimate"
+                        )
+
 
 @dataclass(frozen=True)
 class PredictiveCheck:
@@ -191,25 +233,6 @@ class PredictiveCheck:
     tail: float
 
 
-def posterior_checks(
-    posterior: PosteriorSamples, replicates: int = _REPLICATES
-) -> list[PredictiveCheck]:
-    """Compare each number of `Likelihood.checks` with simulations from the posterior."""
-    likelihood, draws = posterior.model.likelihood, posterior.draws
-    generator = Generator(PCG64(SeedSequence(posterior.seed, spawn_key=(99,))))
-    rows = draws[np.linspace(0, len(draws) - 1, replicates).astype(int)]
-    simulated = (likelihood.repeat(row, generator) for row in rows)
-    predicted = np.array([[*likelihood.checks(one).values()] for one in simulated])
-    observed = likelihood.checks(likelihood)
-    values = np.array([*observed.values()])
-    # Two-sided. Ties count half.
-    excess = np.abs(np.sign(predicted - values).sum(axis=0))
-    tails = (replicates - excess) / replicates
-    low, high = np.quantile(predicted, diagnostics.ENDS, axis=0)
-    columns = (column.tolist() for column in (values, low, high, tails))
-    return list(map(PredictiveCheck, observed, *columns))
-
-
 def misfit(checks: Sequence[PredictiveCheck]) -> str:
     """Return a warning of the numbers that the model does not predict; empty if there is none.
 
@@ -224,29 +247,3 @@ def misfit(checks: Sequence[PredictiveCheck]) -> str:
         if not one.tail >= _MISFIT_PROBABILITY / len(checks)  # NaN does not fit
     ]
     return f"the model does not fit: {'; '.join(texts)}" if texts else ""
-
-
-def prior_warnings(posterior: PosteriorSamples) -> list[str]:
-    """Return a warning for each prior that the data contradict, or at whose bound draws pile up."""
-    texts, apart = [], posterior.model.disagreements()
-    for i, one in enumerate(posterior.model.parameters):
-        unit = "" if one.unit == "1" else f" {one.unit}"
-        prior = f"its prior ({one.text}{unit})"
-        if one.name in apart:
-            value, error, distance = apart[one.name]
-            texts.append(
-                f"prior and data disagree on {one.name}: from the data {one.shown * value:.6g} ± "
-                f"{one.shown * error:.2g}{unit}, {distance:.3g} standard deviations from {prior}"
-            )
-        elif isinstance(one.prior, Uniform):
-            # Distances on the scale on which the prior is flat.
-            scale = np.log if isinstance(one.prior, LogUniform) else np.asarray
-            values = scale(posterior.chain[..., i])
-            for bound in (one.prior.low, one.prior.high):
-                near = np.abs(values - scale(bound)) < _BOUND_DISTANCE * values.std()
-                if near.mean() > _BOUND_FRACTION and bound not in one.natural:
-                    texts.append(
-                        f"{one.name} piles up at the bound {bound * one.shown:.4g}{unit} of "
-                        f"{prior}: it is a limit, not an estimate"
-                    )
-    return texts

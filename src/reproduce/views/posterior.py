@@ -25,7 +25,6 @@ from reproduce.inference import (
     PosteriorSamples,
     Summary,
     misfit,
-    prior_warnings,
     sampling,
 )
 from reproduce.inference.models import (
@@ -220,7 +219,7 @@ class Posterior(ResultView):
     @cached_property
     def checks(self) -> list[inference.PredictiveCheck]:
         """Numbers of the data compared with simulations from the posterior."""
-        return inference.posterior_checks(self.sampled)
+        return self.sampled.checks()
 
     def stars(self) -> pd.DataFrame:
         """Return the posterior probability of each star to be a wrong match.
@@ -545,7 +544,7 @@ class Posterior(ResultView):
             "mean is in neither mode"
             for name, one in self.modes.items()
         )
-        found = [*prior_warnings(self.sampled), *modes, self._dropped]
+        found = [*self.sampled.prior_warnings(), *modes, self._dropped]
         return [one for one in (*found, misfit(self.checks), *self.remarks) if one]
 
     @property
