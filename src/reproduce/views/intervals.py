@@ -29,11 +29,12 @@ _STRIP_INCHES, _PANEL_INCHES = 0.75, 3.2
 
 def correlated_pair(draws: _Draws) -> tuple[tuple[str, ...], float]:
     """Return the most correlated pair and its correlation; no names if it is not worth a panel."""
-    found: dict[tuple[str, ...], float] = {(): 0.0}
-    for pair in combinations(draws, 2):
-        found[pair] = np.corrcoef([draws[name] for name in pair])[0, 1]
-    best = max(found, key=lambda pair: abs(found[pair]))
-    return (best, found[best]) if abs(found[best]) >= _MIN_CORRELATION else ((), 0.0)
+    found = (
+        (np.corrcoef(draws[first], draws[second])[0, 1], (first, second))
+        for first, second in combinations(draws, 2)
+    )
+    value, pair = max(found, key=lambda one: abs(one[0]), default=(0.0, ()))
+    return (pair, value) if abs(value) >= _MIN_CORRELATION else ((), 0.0)
 
 
 def draw_intervals(
@@ -42,9 +43,13 @@ def draw_intervals(
     labels: Mapping[str, str],
     marks: Mapping[str, float],
     exact: _Draws,
+    pair: tuple[str, ...],
 ) -> None:
-    """Draw density, median, 50 % and 95 % of each quantity, with marks and exact draws by name."""
-    (pair, _), heights = correlated_pair(draws), [_STRIP_INCHES] * len(draws)
+    """Draw density, median, 50 % and 95 % of each quantity, and the panel of a pair if given.
+
+    Marks and exact draws are given by the name of the quantity.
+    """
+    heights = [_STRIP_INCHES] * len(draws)
     width, tall = (6.8, _PANEL_INCHES) if pair else (5.0, 0.0)
     narrow = set_size(figure, width, max(sum(heights), tall), sum(heights) + tall)
     layout: list[Any] = [[name] for name in draws]

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from concurrent.futures import Executor
 from contextlib import suppress
 from dataclasses import asdict
-from functools import cache, cached_property, partial
+from functools import cache, cached_property
 from importlib.metadata import version
 from importlib.util import find_spec
 from io import BytesIO
@@ -410,9 +410,7 @@ class Posterior(ResultView):
         ]
         return figure_block(
             f"figure-posterior-{model.name}" + "-own" * (not self._in_book),
-            partial(
-                draw_intervals, draws=draws, labels=labels, marks=marks, exact=exact
-            ),
+            lambda figure: draw_intervals(figure, draws, labels, marks, exact, pair),
             f"Medians and intervals of {', '.join(names)} in the posterior {self.name}.",
             " ".join(filter(None, sentences)),
         )
