@@ -20,10 +20,15 @@ import pandas as pd
 from markupsafe import Markup
 from numpy.random import default_rng
 
-from reproduce import inference
 from reproduce.inference import (
+    LogUniform,
+    Parameter,
     PosteriorSamples,
+    PredictiveCheck,
+    Prior,
+    Progress,
     Summary,
+    Uniform,
     misfit,
     sampling,
 )
@@ -155,7 +160,7 @@ class Posterior(ResultView):
     def sample(
         self,
         executor: Executor | None = None,
-        progress: inference.Progress | None = None,
+        progress: Progress | None = None,
     ) -> PosteriorSamples:
         """Sample the posterior now.
 
@@ -217,7 +222,7 @@ class Posterior(ResultView):
         return text
 
     @cached_property
-    def checks(self) -> list[inference.PredictiveCheck]:
+    def checks(self) -> list[PredictiveCheck]:
         """Numbers of the data compared with simulations from the posterior."""
         return self.sampled.checks()
 
@@ -583,15 +588,13 @@ def interval(row: Summary) -> tuple[str, str]:
     return moments(row.mean, row.deviation), minus(" to ".join(spread(row)[2:]))
 
 
-def _prior(
-    parameter: inference.Parameter, prior: inference.Prior | tuple[float, float]
-) -> inference.Prior:
+def _prior(parameter: Parameter, prior: Prior | tuple[float, float]) -> Prior:
     """Return your prior in SI units; its numbers are in the displayed unit."""
     try:
-        if not isinstance(prior, inference.Prior):
+        if not isinstance(prior, Prior):
             low, high = map(float, prior)
-            prior = inference.Uniform(low, high, "bounds given by the user")
-        if isinstance(parameter.prior, inference.LogUniform):
+            prior = Uniform(low, high, "bounds given by the user")
+        if isinstance(parameter.prior, LogUniform):
             prior = prior.above_zero()
     except (TypeError, ValueError) as error:
         raise ValueError(

@@ -8,8 +8,7 @@ from pathlib import Path
 import pandas as pd
 from numpy.typing import ArrayLike
 
-from reproduce import inference
-from reproduce.inference import ConvergenceCriteria, Summary
+from reproduce.inference import ConvergenceCriteria, Prior, Summary
 from reproduce.judge.ledger import item_ledger
 from reproduce.papers.declare import item_text
 from reproduce.papers.posteriors import posteriors
@@ -32,7 +31,7 @@ def posterior(
     name: str | None = None,
     data: str | Path | pd.DataFrame | None = None,
     pivot: tuple[float, float] | None = None,
-    priors: Mapping[str, inference.Prior | tuple[float, float]] | None = None,
+    priors: Mapping[str, Prior | tuple[float, float]] | None = None,
     *,
     model: str | None = None,
     weights: ArrayLike | None = None,
