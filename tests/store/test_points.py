@@ -81,7 +81,14 @@ HEADS = {"x": " X (px)", "y": "Y", "x_reference": "X reference"}
 def test_a_text_file_and_its_dataframe_give_the_numbers(tmp_path, frame, settings):
     path = tmp_path / ("stars.csv.gz" if "compression" in settings else "stars.csv")
     frame.to_csv(path, **{"index": False, **settings})
-    for source in (path, frame, frame.convert_dtypes(), frame.astype(object)):
+    columns = frame.to_dict("list")
+    for source in (
+        path,
+        frame,
+        columns,
+        frame.convert_dtypes(),
+        frame.astype(object),
+    ):
         found = read_table(source, STARS.columns, sep=settings.get("sep"))
         assert_array_equal(found.values, STARS)
 
@@ -136,6 +143,7 @@ def test_masked_entries_and_columns_of_other_kinds():
     for odd in (complex_numbers, complex_numbers.astype(object), np.zeros(2, "M8[s]")):
         refused(pd.DataFrame({"x": [1.0, 2], "y": odd}), "column y")
     refused(STARS.to_records()[0], "column x")
+    refused({"x": [1.0], "y": [1.0, 2]}, "one length")
 
 
 def test_two_tables_of_matched_stars_give_the_fit_of_one():

@@ -152,6 +152,11 @@ REJECTED = {
     "nothing": [lambda: rp.posterior("nothing")],
     "thin": [lambda: rp.posterior("registration").rerun(thin=2)],
     "^data: ": [lambda: rp.posterior("registration", data=SQUARE)],
+    "^priors: ": [
+        lambda: rp.posterior("registration", priors=[1]),
+        lambda: rp.posterior("registration").rerun(priors=[1]),
+        lambda: rp.posterior("registration", priors={1: (0, 1)}),
+    ],
     "^steps: ": [lambda: rp.posterior("registration", steps=0)],
     "^pivot: ": [lambda: rp.posterior("registration", pivot=(1.0, 1.0))],
     "^platform: ": [lambda: rp.posterior("misalignment", platform=object())],

@@ -361,7 +361,7 @@ class Model:
         if unknown := priors.keys() - set(self.names):
             raise ValueError(
                 f"priors: expected names among {', '.join(self.names)}, got "
-                f"{', '.join(sorted(unknown))}. Check the spelling"
+                f"{', '.join(sorted(map(str, unknown)))}. Check the spelling"
             )
         parameters = (
             replace(p, prior=priors.get(p.name, p.prior)) for p in self.parameters

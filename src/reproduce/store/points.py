@@ -97,18 +97,20 @@ def computing(path: str | Path) -> Iterator[None]:
 
 
 def is_table(source: object) -> bool:
-    """Return whether `source` is a path, a DataFrame, an Astropy table or a structured array.
+    """Return whether `source` is a path, a mapping or table of columns, or a structured array.
 
     Examples
     --------
-    >>> is_table("stars.csv"), is_table([[1, 2]])
-    (True, False)
+    >>> is_table("stars.csv"), is_table({"x": [1, 2]}), is_table([[1, 2]])
+    (True, True, False)
     """
     return isinstance(source, str | Path) or _headings(source) is not None
 
 
 def _headings(source: Any) -> Sequence[Any] | None:
     """Return the names of the columns of a table, or None for another object."""
+    if isinstance(source, Mapping):
+        return list(source)
     names = getattr(getattr(source, "dtype", None), "names", None)
     columns = names or getattr(source, "columns", None)
     return None if columns is None else list(columns)
@@ -153,6 +155,11 @@ def read_table(
             heading = headings[names.index(column)]
             numbers[column] = _numbers(
                 f"{name}, column {heading}", column, source[heading]
+            )
+        if len(lengths := {len(given) for given in numbers.values()}) > 1:
+            raise TableFileError(
+                f"{name}: expected columns of one length, got {sorted(lengths)}. Row i of each "
+                "column is the same observation"
             )
         values = np.column_stack([numbers[column] for column in columns])
     table = DataTable(name, values, numbers, content)

@@ -42,7 +42,7 @@ _CONSISTENCY_TEXTS = {
 
 
 def misalignment(
-    spots: str | Path | pd.DataFrame | ArrayLike,
+    spots: str | Path | pd.DataFrame | Mapping[str, Any] | ArrayLike,
     zero: ArrayLike | None = None,
     platform: Platform | str | Path | None = None,
     *,
@@ -57,11 +57,11 @@ def misalignment(
     Parameters
     ----------
     spots : path or array_like, shape (frames, lights, 2)
-        Images at the present, in px. Or both groups as a DataFrame or a CSV file ("-" is standard
-        input), one spot per row, with the columns ``group`` (0 at the zero point, 1 at the
-        present), ``laser``, ``x``, ``y``, and optionally ``frame`` (a number that the spots of an
-        image share; without it no spot may be lost) and ``time``. A spot that is NaN or
-        masked in an array is lost, and its image has a lower weight.
+        Images at the present, in px. Or both groups as a table or a file, as in `register`: one
+        spot per row, with the columns ``group`` (0 at the zero point, 1 at the present),
+        ``laser``, ``x``, ``y``, and optionally ``frame`` (a number that the spots of an image
+        share; without it no spot may be lost) and ``time``. A spot that is NaN or masked in an
+        array is lost, and its image has a lower weight.
     zero : array_like, shape (frames, lights, 2), optional
         Images at the zero point, if `spots` is an array.
     platform : Platform or path, optional

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -46,7 +46,7 @@ _CENTRE = ["x", "y", "sigma_x", "sigma_y"]
 
 
 def stars(
-    source: str | Path | ArrayLike | pd.DataFrame,
+    source: str | Path | ArrayLike | pd.DataFrame | Mapping[str, Any],
     *,
     threshold: float | None = None,
     sep: str | None = None,

@@ -101,7 +101,7 @@ class Posterior(ResultView):
             raise ValueError(
                 f"name: expected one of {', '.join(posteriors())}, got {name!r}"
             )
-        self.declared, self._priors = posteriors()[name], priors or {}
+        self.declared, self._priors = posteriors()[name], _named(priors)
         settings = {key: one for key, one in settings.items() if one is not None}
         self._arguments = {"data": data, **settings}
         self._numbers = {key: settings.pop(key) for key in _NUMBERS if key in settings}
@@ -482,7 +482,7 @@ class Posterior(ResultView):
 
         Priors of other parameters do not change.
         """
-        priors = {**self._priors, **changes.pop("priors", {})}
+        priors = {**self._priors, **_named(changes.pop("priors", None))}
         arguments = {"name": self.name, **self._arguments, **changes}
         return Posterior(priors=priors, **arguments)
 
@@ -586,6 +586,16 @@ def spread(row: Summary) -> tuple[str, str, str, str]:
 def interval(row: Summary) -> tuple[str, str]:
     """Return mean ± standard deviation of a summary, and the bounds of its 95 % as text."""
     return moments(row.mean, row.deviation), minus(" to ".join(spread(row)[2:]))
+
+
+def _named(priors: Mapping[str, Any] | None) -> Mapping[str, Any]:
+    """Return your priors, or raise `TypeError` if they have no names."""
+    if not isinstance(priors or {}, Mapping):
+        raise TypeError(
+            f"priors: expected a mapping of parameters to bounds, got {priors!r}. Write "
+            "{name: (low, high)}"
+        )
+    return priors or {}
 
 
 def _prior(parameter: Parameter, prior: Prior | tuple[float, float]) -> Prior:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 from numpy.typing import ArrayLike
@@ -29,7 +30,7 @@ _OUTSIDE_FRACTION = 0.05
 
 def posterior(
     name: str | None = None,
-    data: str | Path | pd.DataFrame | None = None,
+    data: str | Path | pd.DataFrame | Mapping[str, Any] | None = None,
     pivot: tuple[float, float] | None = None,
     priors: Mapping[str, Prior | tuple[float, float]] | None = None,
     *,

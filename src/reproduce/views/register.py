@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,8 +22,8 @@ _FOR_IMAGES = {"start", "radius", "threshold"}
 
 
 def register(
-    source: str | Path | pd.DataFrame | ArrayLike | Stars,
-    target: str | Path | ArrayLike | Stars | None = None,
+    source: str | Path | pd.DataFrame | Mapping[str, Any] | ArrayLike | Stars,
+    target: str | Path | Mapping[str, Any] | ArrayLike | Stars | None = None,
     pivot: ArrayLike | None = None,
     *,
     model: str = "similarity",
@@ -53,9 +54,9 @@ def register(
         Source stars, in px. A table contains one matched star per row in the columns ``x``, ``y``
         (source), ``x_reference``, ``y_reference`` (target). Optional columns: ``sigma`` (or
         ``sigma_x``, ``sigma_y``), the standard deviation of one coordinate of target minus source,
-        in px; ``weight``, 0 to leave out a star. A table is a DataFrame, an Astropy
-        table, a text file with the names in its first line ("-" is standard input), or an ECSV,
-        FITS, VOTable or SExtractor file. An image is an array of shape (height, width), a
+        in px; ``weight``, 0 to leave out a star. A table is a DataFrame, a dict of columns, an
+        Astropy table, a text file with the names in its first line ("-" is standard input), or an
+        ECSV, FITS, VOTable or SExtractor file. An image is an array of shape (height, width), a
         `CCDData`, or a FITS file (``field.fits[SCI]`` if it contains several images). The result
         of `stars` is accepted too.
     target : array_like, shape (n, 2)

@@ -173,6 +173,7 @@ def test_bad_input_is_refused():
     """A covariance is symmetric, with variances above zero and a correlation below one."""
     for name, value in (
         ("model", "projective"),
+        ("model", ["similarity"]),
         ("target_covariance", np.eye(3)),
         ("target_covariance", -np.eye(2)),
         ("target_covariance", [[1, 1.5], [1.5, 1]]),

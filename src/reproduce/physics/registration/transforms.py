@@ -442,7 +442,7 @@ def registered_image(
 
 
 def _parameter_names(model: str) -> tuple[str, ...]:
-    if model not in MODELS:
+    if str(model) not in MODELS:  # a list has no hash
         raise ValueError(
             f"model: expected one of {', '.join(MODELS)}, got {model!r}. Correct the name"
         )
