@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from simulated import PIVOT, TRUTH, stars
+from simulated import PIVOT, SHIFT, TRUTH, stars
 
-from reproduce.physics.registration import fit_registration
+from reproduce.physics.registration import MODELS, fit_registration
 
 
 @pytest.mark.parametrize("known", ["covariances", "weights"])
@@ -29,6 +29,14 @@ def test_points_are_judged_by_their_own_errors(known):
     )
     claimed = np.diagonal(fit.covariance, axis1=-2, axis2=-1).mean(axis=0)
     assert_allclose(claimed / normal, 1, atol=5 * np.sqrt(2 / len(source)))
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_few_right_points_are_kept(model):
+    for count in (4, 5):
+        source, target = stars(count, truth=SHIFT, batch=(200,))
+        fit = fit_registration(source, target, PIVOT, model=model, robust=True)
+        assert fit.rejected.mean() < 0.01
 
 
 def test_a_large_field_is_judged_by_a_part_of_itself_as_by_the_whole(monkeypatch):

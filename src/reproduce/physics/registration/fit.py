@@ -326,7 +326,9 @@ def _right_matches(problem: Problem) -> NDArray[np.bool_]:
     lengths = np.linalg.norm(_whitened(part, start, part.source)[1], axis=-1)
     lengths = np.where(part.counts > 0, lengths, np.nan)
     half = np.nanquantile(lengths, 0.5, axis=-1, keepdims=True, method="higher")
-    right = lengths <= half
+    # Half of four points, or of five, would fit an affine model exactly.
+    least = len(MODELS[part.model]) // 2
+    right = lengths <= np.maximum(half, np.sort(lengths)[..., least, None])
     for _ in range(_MAX_ROUNDS):
         before, right = right, _fitting(part, right)
         if (right == before).all():
