@@ -42,6 +42,17 @@ def test_distortion_is_called_distortion_and_the_cure_can_be_followed(model):
     assert kinds(source, target, model=model) == []
 
 
+@pytest.mark.parametrize("model", ["similarity+radial", "affine"])
+def test_a_distortion_that_no_model_contains_has_no_cure(model):
+    """A radial term and a shear, and for the affine model a mirror image."""
+    source, target = stars(1, 845, "similarity+radial", 0.02)
+    target[:, 0] += 1e-4 * target[:, 1]
+    target *= [-1 if model == "affine" else 1, 1]
+    (found,) = diagnosed(source, target, model=model)
+    assert found.kind == "model"
+    assert "Pass" not in found.text
+
+
 def test_distortion_hides_no_wrong_match():
     source, target = stars(2, 200, "similarity+radial", 0.02)
     target[[7, 30]] += [[5, 0], [0, 9]]

@@ -461,6 +461,16 @@ def _term_finding(
     change = f"{fit.names[worst]} by {largest:z.2g} standard deviations"
     text = _TERM_TEXTS[kind].format(term=term.term, p=term.p_value, change=change)
     model = _RICHER_MODELS.get(term.term)
+    if model and not _improves(fit, model):
+        model = None
     if model:
         text += f'. Pass model="{model}"'
     return [Finding(kind, text)], model if kind == "model" else None
+
+
+def _improves(fit: RegistrationFit, model: str) -> bool:
+    """Return whether another model fits better; the affine model has no radial term."""
+    with suppress(validate.DegenerateGeometryError):  # of mirrored stars, for example
+        other = fit_problem(replace(fit.problem, model=model))
+        return bool(other.chi_square < fit.chi_square)
+    return False
