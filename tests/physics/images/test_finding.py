@@ -117,6 +117,18 @@ def test_spots_are_measured_if_most_are_trailed():
     assert np.abs(pulls(spots, places, light)[0]).max() < 4
 
 
+def test_errors_do_not_depend_on_the_unit_of_an_image():
+    """An image in electrons, or a sum of images, has large numbers."""
+    places, light = stars(2)
+    frame = render_frame(places, light, 1.2, (SIDE, SIDE))
+    frame = exposed(frame, default_rng(2))
+    plain = find_spots(frame)
+    for unit in (1e-9, 1e9):
+        spots = find_spots(unit * frame)
+        assert_allclose(spots.covariance, plain.covariance, rtol=0.01)
+        assert spots.facts["gain"] == pytest.approx(plain.facts["gain"] / unit, rel=0.1)
+
+
 def test_implausible_gains_are_reported():
     places, light = stars(0)
     image = exposed(render_frame(places, light, 1.2, (SIDE, SIDE)), default_rng(0))

@@ -39,8 +39,8 @@ _MAX_MISFIT, _MISFIT_MEDIANS, _MISFIT_OFFSET, _MISFIT_SIGMAS = 0.1, 4.0, 2e-3, 5
 _GAIN_FITS, _MIN_GAIN, _MAX_GAIN = 4, 0.01, 1000.0
 # Least degrees of freedom of a spot: for fewer, the median of chi-square is not approximated well.
 _MIN_FREEDOM = 0.7
-# Gain that makes photon noise negligible, over the inverse variance of the noise.
-_DARK_GAIN = 1e6
+# Smallest photon noise of the brightest pixel, as a variance over that of the noise.
+_MIN_PHOTON_NOISE = 1e-2
 # Degrees in x and y, and radii of the Gaussians, of the common shape of the spots.
 _DEGREES, _SCALES = (2, 2), (0.5, 1.0, 2.0)
 # Differences of size and axes that matter, as fractions of the squared width: 5 % and 1 % of the
@@ -268,7 +268,10 @@ class _SpotFit:
         pixels = sliding_window_view(light, (size, size))[y, x].astype(np.float64)
         self.is_saturated = np.isinf(pixels).any(axis=(1, 2))
         pixels[~np.isfinite(pixels)] = np.nan
-        gain = gain or _DARK_GAIN / float(noise.min()) ** 2
+        # Photon noise is negligible for this gain, in any unit of the image.
+        dark = _MIN_PHOTON_NOISE * float(noise.min()) ** 2
+        self.largest_gain = float(np.nanmax(pixels)) / dark
+        gain = gain or self.largest_gain
         spots = fitted_spots(gain * pixels, corners, radius, gain * noise)
         self.centre, self.covariance = spots.centre, spots.covariance
         self.flux, self.left = spots.light / gain, spots.residuals / gain
@@ -376,7 +379,7 @@ def _best_gain(fitted: partial[_SpotFit], radius: float) -> float:
         freedom = np.maximum(flux[seen] ** 2 / squares[seen], _MIN_FREEDOM)
         slopes = photons[seen] / flux[seen] / (1 - 2 / (9 * freedom)) ** 3
         slope = float(np.median(slopes)) if len(slopes) else 0.0
-        gain = 1 / max(slope, float(fit.dark.min()) / _DARK_GAIN)
+        gain = 1 / max(slope, 1 / fit.largest_gain)
     return gain
 
 
