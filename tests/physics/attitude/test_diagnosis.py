@@ -264,14 +264,19 @@ def test_lights_keep_their_numbers_when_others_are_lost():
 
 
 def test_lost_images_and_uneven_lights_are_no_fault():
-    """Images without any spot repeat none; a light that few images show has a larger error."""
-    rng, found = default_rng(5), []
+    """Images without any spot repeat none; a light that few images show has a larger error.
+
+    A spot alone has no distance from the other spots of its image.
+    """
+    rng, other, found = default_rng(5), default_rng(6), []
     for _ in range(60):
         images = drawn(WIDE, 40, rng)
         images[1][[3, 7]] = np.nan
         images[1][1:, 2] = np.nan
-        found += kinds(WIDE, images)
-    assert found == 60 * ["lost"]
+        pair = drawn(PAIR, 40, other)
+        pair[1][:28, 0] = np.nan
+        found += kinds(WIDE, images) + kinds(PAIR, pair)
+    assert found == 120 * ["lost"]
 
 
 def test_what_is_no_platform_is_refused():

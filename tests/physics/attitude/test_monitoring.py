@@ -25,6 +25,7 @@ CASES = {
     "a tenth lost": (SQUARE, 5, 5, 0.1, 0.0),
     "a quarter lost": (SQUARE, 12, 6, 0.25, 0.0),
     "a quarter lost of six": (RING, 4, 8, 0.25, 0.0),
+    "jitter, a quarter lost": (SQUARE, 20, 15, 0.25, 0.5),
 }
 REPLICATES = 250
 

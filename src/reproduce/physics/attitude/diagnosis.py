@@ -203,15 +203,17 @@ def _single_images(
 ) -> Iterator[Finding]:
     """Yield the faults of single images: repeated ones, and a spot far from its place."""
     for when, spots in zip(("zero point", "present"), images, strict=True):
-        rows = np.flatnonzero(np.isfinite(spots[..., 0]).any(axis=1))
-        group = spots[rows]
+        # The place of a spot is relative to the other spots of its image.
+        rows = np.flatnonzero(np.isfinite(spots[..., 0]).sum(axis=1) > 1)
+        if not len(rows):
+            continue
+        group, off = spots[rows], (spots - np.nanmedian(spots, axis=0))[rows]
         if repeats := len(group) - len({image.tobytes() for image in group}):
             yield Finding(
                 "repeated",
                 f"at the {when}, {repeats} of {len(group)} images repeat another image: copies, "
                 "or too few digits?",
             )
-        off = group - np.nanmedian(group, axis=0)
         # The spots of an image move together.
         distance = np.linalg.norm(off - np.nanmedian(off, axis=1)[:, None], axis=2)
         row, light = np.unravel_index(np.nanargmax(distance), distance.shape)

@@ -21,6 +21,8 @@ from reproduce.physics.validate import (
 
 # Fewest images whose neighbours are compared.
 _MIN_IMAGES = 5
+# Iterations of mean spots and of the motion of images.
+_ROUNDS = 30
 # Correlations of neighbours that are tried.
 _LAGS = np.linspace(0, 0.99, 100)
 
@@ -138,7 +140,7 @@ def monitored(
     shape = (None, len(platform.lasers), 2)
     before = number_array("zero_spots", zero_spots, shape=shape)
     now = number_array("spots", spots, shape=shape)
-    zero = np.nanmean(before, axis=0)
+    zero = _zero_point(before)
     squares, freedom, smallest = np.zeros(3), 0, np.full(3, np.inf)
     for name, images in (("zero_spots", before), ("spots", now)):
         usable, single, response = _measured(name, images, zero, platform)
@@ -168,6 +170,15 @@ def monitored(
         widening * noise * np.sqrt(past + present),
         min(freedom, limit),
     )
+
+
+def _zero_point(images: FloatArray) -> FloatArray:
+    """Return the mean spots as if no spot were lost: the spots of an image move together."""
+    spots, moved = np.ma.masked_invalid(images), np.zeros(1)
+    for _ in range(_ROUNDS):
+        zero = (spots - moved).mean(axis=0)
+        moved = (spots - zero).mean(axis=1, keepdims=True)
+    return np.ma.filled(zero + moved.mean(axis=0), np.nan)
 
 
 def _measured(
