@@ -162,8 +162,15 @@ REJECTED = {
     "^platform: ": [lambda: rp.posterior("misalignment", platform=object())],
     "modle": [lambda: rp.register(SQUARE, SQUARE).rerun(modle="rigid")],
     "^source: ": [lambda: rp.register([SQUARE] * 2, [SQUARE] * 2)],
-    "^target: ": [lambda: rp.register(SQUARE)],
-    "^radius: ": [lambda: rp.register(SQUARE, SQUARE, radius=3)],
+    "^target: ": [
+        lambda: rp.register(SQUARE),
+        lambda: rp.register(np.eye(20)),
+        lambda: rp.register(SQUARE, SQUARE).rerun(source=np.eye(20), target=None),
+    ],
+    "^radius: ": [
+        lambda: rp.register(SQUARE, SQUARE, radius=3),
+        lambda: rp.register(SQUARE, SQUARE).rerun(radius=3),
+    ],
     "niu2024, chen2023": [lambda: rp.audit("nobody1999")],
 }
 

@@ -8,7 +8,7 @@ from abc import abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -92,6 +92,8 @@ class UserResult(Display):
     findings: list[Finding]
     _arguments: Mapping[str, Any]
     _function: Callable[..., Any]
+    # Function of the arguments that returns such a result.
+    _public: Callable[..., Any]
     _rows: str
     _facts: dict[str, Any]
 
@@ -137,9 +139,9 @@ class UserResult(Display):
 
         return export_frame(self.frame(), form)
 
-    def rerun(self, **changes: Any) -> Self:
+    def rerun(self, **changes: Any) -> Any:
         """Return the result of other arguments; the others stay the same."""
-        return type(self)(**{**self._arguments, **changes})
+        return self._public(**{**self._arguments, **changes})
 
 
 class RegistrationResult(UserResult):
@@ -329,7 +331,7 @@ class MisalignmentResult(UserResult):
     the agreement of both groups. The arguments are those of `reproduce.misalignment`.
     """
 
-    _rows = "angles"
+    _public, _rows = staticmethod(misalignment), "angles"
 
     def __init__(
         self,

@@ -114,6 +114,8 @@ def register(
     for name in ("source", "target", "pivot"):
         settings.pop(name, None)
     separate = are_separate(source, target)
+    if separate and target is None:
+        raise ValueError("target: expected another image or list, got none. Pass both")
     for name in settings.keys() & (_FOR_STARS if separate else _FOR_IMAGES):
         kind = "images or lists" if separate else "matched stars"
         raise ValueError(f"{name}: expected none for {kind}, got one. Leave it out")
@@ -122,3 +124,6 @@ def register(
 
         return PairedRegistration(source, target, pivot, **settings)
     return RegistrationResult(source, target, pivot, **settings)
+
+
+RegistrationResult._public = staticmethod(register)
