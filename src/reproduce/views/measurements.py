@@ -164,8 +164,6 @@ class RegistrationResult(UserResult):
     def __init__(
         self, source: Any, target: Any = None, pivot: Any = None, **settings: Any
     ) -> None:
-        arguments = {"source": source, "target": target, "pivot": pivot}
-        self._arguments = arguments | settings
         table, settings = matched_stars(source, target, **settings)
         first, second = map(np.ascontiguousarray, np.split(table.values, 2, axis=1))
         flux = brightness(table.numbers)

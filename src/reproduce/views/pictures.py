@@ -261,7 +261,6 @@ class PairedRegistration(RegistrationResult):
     def __init__(
         self, source: Any, target: Any = None, pivot: Any = None, **settings: Any
     ) -> None:
-        arguments = {"source": source, "target": target, "pivot": pivot, **settings}
         start, radius = settings.pop("start", None), settings.pop("radius", None)
         options = {n: settings.pop(n, None) for n in ("threshold", "sep")}
         settings = {"robust": True, **settings}
@@ -284,7 +283,6 @@ class PairedRegistration(RegistrationResult):
         for name in first.table.filter(["flux", "mag"]):
             pairs[name] = first.table[name].to_numpy()[row]
         super().__init__(pairs, None, pivot, **settings)
-        self._arguments = arguments
         used, (x, y) = self.fit.weights > 0, self.residuals.T
         self.pairs = pairs.assign(
             residual_x=x, residual_y=y, used=used, weight=self.fit.weights

@@ -588,7 +588,7 @@ def interval(row: Summary) -> tuple[str, str]:
     return moments(row.mean, row.deviation), minus(" to ".join(spread(row)[2:]))
 
 
-def _named(priors: Mapping[str, Any] | None) -> Mapping[str, Any]:
+def _named(priors: Any) -> Mapping[str, Any]:
     """Return your priors, or raise `TypeError` if they have no names."""
     if not isinstance(priors or {}, Mapping):
         raise TypeError(

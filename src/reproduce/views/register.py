@@ -110,20 +110,21 @@ def register(
     >>> [round(float(value), 9) for value in moved.parameters[:3]]
     [1.0, 0.0, -3.0]
     """
-    settings = {name: value for name, value in locals().items() if value is not None}
-    for name in ("source", "target", "pivot"):
-        settings.pop(name, None)
+    arguments = {name: value for name, value in locals().items() if value is not None}
     separate = are_separate(source, target)
     if separate and target is None:
         raise ValueError("target: expected another image or list, got none. Pass both")
-    for name in settings.keys() & (_FOR_STARS if separate else _FOR_IMAGES):
+    for name in arguments.keys() & (_FOR_STARS if separate else _FOR_IMAGES):
         kind = "images or lists" if separate else "matched stars"
         raise ValueError(f"{name}: expected none for {kind}, got one. Leave it out")
     if separate:
         from reproduce.views.pictures import PairedRegistration  # it is slow
 
-        return PairedRegistration(source, target, pivot, **settings)
-    return RegistrationResult(source, target, pivot, **settings)
+        result: RegistrationResult = PairedRegistration(**arguments)
+    else:
+        result = RegistrationResult(**arguments)
+    result._arguments = arguments
+    return result
 
 
 RegistrationResult._public = staticmethod(register)
