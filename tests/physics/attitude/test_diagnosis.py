@@ -266,7 +266,7 @@ def test_lights_keep_their_numbers_when_others_are_lost():
 def test_lost_images_and_uneven_lights_are_no_fault():
     """Images without any spot repeat none; a light that few images show has a larger error.
 
-    A spot alone has no distance from the other spots of its image.
+    The only spot of an image has no distance from other spots.
     """
     rng, other, found = default_rng(5), default_rng(6), []
     for _ in range(60):
