@@ -6,7 +6,6 @@ from numpy.testing import assert_allclose
 
 from reproduce.physics.registration import (
     Registration,
-    as_points,
     fit_registration,
     jacobian,
 )
@@ -19,10 +18,9 @@ def whole_information(source_sigma, target_sigma):
     """Fisher information of four parameters and eighteen coordinates, all unknown."""
     count = len(POINTS)
     by_parameters = jacobian(TRUTH.parameters, POINTS, TRUTH.pivot)
-    turn = np.stack([as_points(TRUTH.factor), as_points(1j * TRUTH.factor)], axis=-1)
     by_position = np.zeros((2 * count, 2 * count))
     for i in range(count):
-        by_position[np.ix_([i, count + i], [2 * i, 2 * i + 1])] = turn
+        by_position[np.ix_([i, count + i], [2 * i, 2 * i + 1])] = TRUTH.matrix
     target_rows = np.hstack([by_parameters, by_position]) / target_sigma
     source_rows = (
         np.hstack([np.zeros((2 * count, 4)), np.eye(2 * count)]) / source_sigma

@@ -63,6 +63,13 @@ class Problem:
             source_covariance=self.source_covariance[..., rows, :, :],
         )
 
+    def mirrored(self) -> Problem:
+        """Return the problem of the mirror image of the source."""
+        flip = np.array([-1.0, 1.0])
+        covariance = self.source_covariance * np.outer(flip, flip)
+        source, pivot = self.source * flip, self.pivot * flip
+        return replace(self, source=source, pivot=pivot, source_covariance=covariance)
+
     def closed(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return the similarity of the points, as in `closed_similarity`."""
         return closed_similarity(self.source, self.target, self.pivot, self.counts)
@@ -228,23 +235,15 @@ def iterated(problem: Problem) -> tuple[FloatArray, ...]:
 
 def _starting_point(problem: Problem) -> FloatArray:
     """Return parameters near the minimum, shape (..., p), from a closed form."""
-    closed = np.broadcast_to([1.0, 0, 0, 0], (*problem.pivot.shape[:-1], 4))
-    if problem.model == "shift":
-        # Linear, as the affine model: any start is suitable. But the target may be mirrored.
+    count = len(MODELS[problem.model])
+    start = np.zeros((*problem.pivot.shape[:-1], count))
+    if problem.model == "affine":
+        start[..., [0, 3]] = 1.0  # linear: any matrix with an inverse is suitable
+    elif problem.model == "shift":
+        # Linear, too. But the target may be mirrored.
         images = problem.source, problem.target
         offsets, targets = (centred(image, problem.counts)[0] for image in images)
         check_not_mirrored(offsets, targets, problem.counts)
-    elif problem.model != "affine":
-        closed = problem.closed()[0]
-    return from_similarity(problem.model, closed)
-
-
-def from_similarity(model: str, closed: FloatArray) -> FloatArray:
-    """Return the parameters of a model that are closest to a similarity (..., 4)."""
-    if model == "affine":
-        matrix = Registration("similarity", closed, np.zeros(2)).matrix
-        flat = matrix.reshape(*closed.shape[:-1], 4)
-        return np.concatenate([flat, closed[..., 2:]], axis=-1)
-    if model == "similarity+radial":
-        return np.concatenate([closed, np.zeros_like(closed[..., :1])], axis=-1)
-    return closed[..., -len(MODELS[model]) :]
+    else:
+        start[..., :4] = problem.closed()[0][..., -count:]
+    return start

@@ -140,13 +140,12 @@ def sensitivities(
 
     def stepped(term: str) -> tuple[FloatArray, FloatArray, float]:
         """Return a step of Gauss-Newton, its errors for unit noise, and the squares left."""
-        (places,) = np.nonzero((owner == "fit") | (owner == term))
-        step, matrix = np.zeros(len(pull)), normal[np.ix_(places, places)]
-        step[places], cofactor = normal_solution(
-            matrix, pull[places], _MIN_INDEPENDENT**2
+        used = np.isin(owner, ["fit", term])
+        step, cofactor = normal_solution(
+            normal[used][:, used], pull[used], _MIN_INDEPENDENT**2
         )
-        rest = residuals - rows @ step
-        return step[places], np.sqrt(np.diagonal(cofactor)), float(rest @ rest)
+        rest = residuals - rows[:, used] @ step
+        return step, np.sqrt(np.diagonal(cofactor)), float(rest @ rest)
 
     freedom, changes = 2 * int(np.count_nonzero(problem.counts)) - count, []
     # Stars that do not fix the model or a term have no solution.
@@ -240,7 +239,7 @@ def fits_exactly(fit: RegistrationFit) -> bool:
     True
     """
     images = fit.problem.source, fit.problem.target, fit.problem.pivot
-    reach = max(max(points.max(), -points.min()) for points in images)
+    reach = max(np.abs(points).max() for points in images)
     largest = (fit.squares * (fit.weights > 0)).max()
     return bool(largest < (_EXACT_FRACTION * reach) ** 2)
 

@@ -13,7 +13,7 @@ closest to it is fitted. Then each point is tested against the others, until the
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,7 +21,6 @@ from numpy.typing import ArrayLike, NDArray
 from reproduce.physics import validate
 from reproduce.physics.registration._least_squares import (
     Problem,
-    from_similarity,
     iterated,
     prepare,
     thinned,
@@ -58,7 +57,7 @@ class RegistrationFit:
     problem : Problem
         The points of the fit with their errors and weights.
     transform : Registration
-        Can be applied, inverted and composed.
+        Can be applied and inverted.
     residuals : ndarray, shape (..., n, 2)
         Target minus transformed source, in px.
     chi_square : ndarray, shape (...)
@@ -162,10 +161,7 @@ class RegistrationFit:
         level : float
             Probability that such an interval contains the true value, between 0 and 1.
         """
-        if not 0 < level < 1:
-            raise ValueError(
-                f"level: expected a probability between 0 and 1, got {level!r}"
-            )
+        validate.valid("level", level, 0 < level < 1, "a probability between 0 and 1")
         from scipy.special import stdtrit  # this import takes longer than a fit
 
         freedom = np.maximum(self.degrees_of_freedom, 1)
@@ -283,10 +279,9 @@ def fit_problem(problem: Problem, robust: bool = False) -> RegistrationFit:
     return replace(_solved(problem, right), robust=True, rejected=rejected)
 
 
-def _solved(problem: Problem, used: NDArray[np.bool_] | None = None) -> RegistrationFit:
-    """Return the fit of all points, or of the used points."""
-    if used is not None:
-        problem = replace(problem, counts=problem.counts * used)
+def _solved(problem: Problem, used: bool | NDArray[np.bool_] = True) -> RegistrationFit:
+    """Return the fit of the used points, by default of all."""
+    problem = replace(problem, counts=problem.counts * used)
     if problem.model == "similarity" and not problem.errors_known:
         parameters, residuals, cofactor = problem.closed()
         points, numbers = problem.source, as_complex(residuals)
@@ -317,30 +312,23 @@ def _whitened(
 
 def _right_matches(problem: Problem) -> NDArray[np.bool_]:
     """Return the points that fit each other, shape (..., n)."""
-    count = problem.source.shape[-2]
-    part = problem.rows(thinned(count, _MAX_TESTED))
-    closed = _repeated_median(part)
+    rows = thinned(problem.source.shape[-2], _MAX_TESTED)
+    part = problem.rows(rows)
+    median = partial(np.nanquantile, q=0.5, axis=-1, method="higher")
+    squares = _median_squares(part)
     if part.model != "affine":
-        _check_medians_not_mirrored(part, closed)
-    start = from_similarity(part.model, closed)
-    lengths = np.linalg.norm(_whitened(part, start, part.source)[1], axis=-1)
-    lengths = np.where(part.counts > 0, lengths, np.nan)
-    half = np.nanquantile(lengths, 0.5, axis=-1, keepdims=True, method="higher")
+        mirrored = median(_median_squares(part.mirrored()))
+        check_ratio(2 * part.source.shape[-2] - 4, median(squares), mirrored)
     # Half of four points, or of five, would fit an affine model exactly.
-    least = len(MODELS[part.model]) // 2
-    right = lengths <= np.maximum(half, np.sort(lengths)[..., least, None])
+    least = np.sort(squares)[..., len(MODELS[part.model]) // 2]
+    right = squares <= np.maximum(median(squares), least)[..., None]
     for _ in range(_MAX_ROUNDS):
         before, right = right, _fitting(part, right)
         if (right == before).all():
             break
-    if count <= _MAX_TESTED:
-        return right
-    # Other points are tested against the part. Their leverage is negligible.
-    fit = _solved(part, right)
-    factor, residuals = _whitened(problem, fit.parameters, problem.source)
-    square = np.vecdot(residuals, residuals)
-    freedom = fit.degrees_of_freedom[..., None]
-    return _accepted(problem, factor, freedom, square, fit.chi_square[..., None])
+    used = np.zeros(problem.counts.shape, dtype=bool)
+    used[..., rows] = right
+    return _fitting(problem, used)
 
 
 def _fitting(problem: Problem, used: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -360,32 +348,22 @@ def _fitting(problem: Problem, used: NDArray[np.bool_]) -> NDArray[np.bool_]:
     square = np.maximum(np.vecdot(residuals, scaled), 0)
     freedom = fit.degrees_of_freedom[..., None] - 2 * used
     total = (used * np.vecdot(residuals, residuals)).sum(axis=-1, keepdims=True)
-    accepted = _accepted(problem, factor, freedom, square, total - used * square)
-    return np.where(freedom > 0, accepted, used)
-
-
-def _accepted(
-    problem: Problem,
-    factor: FloatArray,
-    freedom: NDArray[np.int64],
-    square: FloatArray,
-    others: FloatArray,
-) -> NDArray[np.bool_]:
-    """Return whether squared residuals have the probability of right matches, (..., n)."""
     # Residuals of exact matches are rounding errors.
     reach = np.abs(problem.source).max() + np.abs(problem.target).max()
     rounding = _ROUNDING * (1 + reach) * np.abs(factor).max(axis=(-2, -1))
     smallest = np.maximum(freedom, 1) * (rounding**2 + np.finfo(float).tiny)
+    ratio = square / np.maximum(total - used * square, smallest)
     count = np.count_nonzero(problem.counts, axis=-1, keepdims=True)
-    logarithm = -0.5 * freedom * np.log1p(square / np.maximum(others, smallest))
-    return np.asarray(logarithm > np.log(FALSE_ALARM_ROBUST / count))
+    # The logarithm of the probability of a right match.
+    accepted = -0.5 * freedom * np.log1p(ratio) > np.log(FALSE_ALARM_ROBUST / count)
+    return np.where(freedom > 0, accepted, used)
 
 
-def _repeated_median(problem: Problem) -> FloatArray:
-    """Return the similarity of the repeated median, shape (..., 4).
+def _median_squares(problem: Problem) -> FloatArray:
+    """Return squared residuals of the similarity of the repeated median, shape (..., n).
 
-    Points of weight zero are ignored. Fewer than four points, or half of them in one place, raise
-    `DegenerateGeometryError`.
+    They are NaN for points of weight zero. Fewer than four points, or half of them in one place,
+    raise `DegenerateGeometryError`.
     """
     used = problem.counts > 0
     n = used.sum(axis=-1).min()
@@ -416,9 +394,11 @@ def _repeated_median(problem: Problem) -> FloatArray:
     pivot = as_complex(problem.pivot)
     moved = target - factor[..., None] * (source - pivot[..., None])
     x, y = (_median(part) for part in (moved.real, moved.imag))
-    return np.stack(
-        [np.abs(factor), np.angle(factor), pivot.real - x, pivot.imag - y], axis=-1
-    )
+    shift = pivot.real - x, pivot.imag - y
+    parameters = np.stack([np.abs(factor), np.angle(factor), *shift], axis=-1)
+    image = replace(problem, model="similarity")
+    _, residuals = _whitened(image, parameters, problem.source)
+    return np.where(used, np.vecdot(residuals, residuals), np.nan)
 
 
 def _median(values: FloatArray) -> FloatArray:
@@ -427,15 +407,3 @@ def _median(values: FloatArray) -> FloatArray:
     count = np.isfinite(ordered).sum(axis=-1, keepdims=True)
     middle = np.concatenate([np.maximum(count - 1, 0), count], axis=-1) // 2
     return np.asarray(np.take_along_axis(ordered, middle, axis=-1).mean(axis=-1))
-
-
-def _check_medians_not_mirrored(problem: Problem, closed: FloatArray) -> None:
-    """Raise `MirroredPointsError` by the median residuals of two similarities."""
-    flip = np.array([-1.0, 1.0])
-    direct = replace(problem, model="similarity")
-    across = replace(direct, source=direct.source * flip, pivot=direct.pivot * flip)
-    squares = []
-    for image, parameters in ((direct, closed), (across, _repeated_median(across))):
-        residuals = image.target - image.transform(parameters).apply(image.source)
-        squares.append(np.median(np.vecdot(residuals, residuals), axis=-1))
-    check_ratio(2 * problem.source.shape[-2] - 4, *squares)

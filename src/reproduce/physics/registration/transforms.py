@@ -142,11 +142,6 @@ class Registration:
         return self._parameter("rotation")
 
     @property
-    def factor(self) -> ComplexArray:
-        """Complex number k exp(i theta) of a similarity, shape (...)."""
-        return self.scale * np.exp(1j * self.rotation)
-
-    @property
     def matrix(self) -> FloatArray:
         """Linear part about the pivot, shape (..., 2, 2)."""
         along, across, _ = self._terms
@@ -268,14 +263,11 @@ class Registration:
         The inverse of a similarity is a similarity, the inverse of other models is affine. A model
         with a radial term raises ValueError.
         """
-        if self.model == "similarity":
-            back = 1 / self.factor
-            shift = as_points(-back * as_complex(self.shift))
-            return Registration.similarity(
-                np.abs(back), np.angle(back), shift, self.pivot
-            )
         inverse = np.linalg.inv(self.affine()[0])
         shift = -(inverse @ self.shift[..., None])[..., 0]
+        if self.model == "similarity":
+            angle = -self.rotation
+            return Registration.similarity(1 / self.scale, angle, shift, self.pivot)
         flat = inverse.reshape(*inverse.shape[:-2], 4)
         return Registration(
             "affine", np.concatenate([flat, shift], axis=-1), self.pivot
