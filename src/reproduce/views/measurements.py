@@ -224,7 +224,7 @@ class RegistrationResult(UserResult):
             one = self._sensitivities[term]
             centre, wider = centre + one.change * self._errors, wider * one.error
         ends = self.fit.interval(level) - self.parameters[:, None]
-        return np.asarray(centre[:, None] + ends * wider[:, None])
+        return centre[:, None] + ends * wider[:, None]
 
     @property
     def consistency(self) -> dict[str, float]:

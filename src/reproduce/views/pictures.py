@@ -167,7 +167,7 @@ def match(
     """
     first, second = stars(source, name="source"), stars(target, name="target")
     field = np.ptp(np.vstack([first.points, second.points]), axis=0).max()
-    near = _PAIR_PX + _PAIR_FRACTION * float(field) if radius is None else radius
+    near = _PAIR_PX + _PAIR_FRACTION * field if radius is None else radius
     start = getattr(start, "transform", start)
     if start is not None and not isinstance(start, Registration):
         if np.shape(start) != (4,):

@@ -271,7 +271,7 @@ def terms(inputs: Inputs) -> dict[str, FloatArray]:
     ]
     return {
         "total": law.total,
-        "noise": law.within,
+        "noise": np.sqrt(law.variance.mean(axis=-1)),
         "bias": np.sqrt((law.bias**2).mean(axis=-1)),
         "Cramér–Rao bound": np.sqrt(
             cramer_rao_variance(*setting)[..., 0].mean(axis=-1)

@@ -84,14 +84,9 @@ class CentroidError:
     variance: FloatArray
 
     @property
-    def within(self) -> FloatArray:
-        """Root mean square of the scatter over the last axis, without the bias."""
-        return np.asarray(np.sqrt(self.variance.mean(axis=-1)))
-
-    @property
     def total(self) -> FloatArray:
         """Standard deviation of all errors over the last axis, with the bias."""
-        return np.asarray(np.sqrt(self.variance.mean(axis=-1) + self.bias.var(axis=-1)))
+        return np.sqrt(self.variance.mean(axis=-1) + self.bias.var(axis=-1))
 
 
 @validate.checked

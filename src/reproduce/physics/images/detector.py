@@ -74,8 +74,8 @@ class Detector:
             efficiency <= 1,
             "a fraction, not a percentage",
         )
-        if self.bits is not None and not 1 <= self.bits <= 32:
-            raise ValueError(f"bits: expected 1 to 32, got {self.bits}. Change it")
+        if self.bits is not None:
+            valid("bits", self.bits, 1 <= self.bits <= 32, "1 to 32")
 
     def noise_electrons(self) -> float:
         """Return the noise of a dark pixel from charge, readout and rounding, in electrons."""

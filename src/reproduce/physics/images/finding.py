@@ -308,16 +308,16 @@ class _SpotFit:
         parts = self.left**2 - self.variance, 2 * self.variance**2, self.model**2
         excess, spread, flux = (np.nansum(part, axis=(1, 2)) for part in parts)
         misfit = excess / np.maximum(flux, np.finfo(float).tiny)
-        limit = _MISFIT_MEDIANS * max(float(np.median(misfit)), 0.0) + _MISFIT_OFFSET
+        limit = _MISFIT_MEDIANS * max(np.median(misfit), 0.0) + _MISFIT_OFFSET
         significant = excess > _MISFIT_SIGMAS * np.sqrt(spread)
-        return np.asarray((misfit > min(limit, _MAX_MISFIT)) & significant)
+        return (misfit > min(limit, _MAX_MISFIT)) & significant
 
     def leverage(self) -> FloatArray:
         """Return the part of the noise of each pixel that the fit of centre and flux absorbs."""
         shape = self.model / np.sqrt(self.variance)
         columns = np.nan_to_num(np.stack([shape, shape * self.x, shape * self.y]))
         inverse = np.linalg.pinv(np.einsum("anyx,bnyx->nab", columns, columns))
-        return np.asarray(np.einsum("anyx,nab,bnyx->nyx", columns, inverse, columns))
+        return np.einsum("anyx,nab,bnyx->nyx", columns, inverse, columns)
 
     def moments(self) -> FloatArray:
         """Return `Detections.shapes` of all spots.
@@ -427,7 +427,7 @@ def shape_finding(
     before, after = (np.median(part, axis=1) for part in parts)
     change, size = after - before, (before + after)[0] / 2
     test = ttest_ind(*parts, axis=1, equal_var=False, trim=_TRIMMED)
-    differs = np.asarray(test.pvalue) < _FALSE_WARNING / change.size
+    differs = test.pvalue < _FALSE_WARNING / change.size
     differs &= np.abs(change) > _MIN_DIFFERENCES * size
     if not differs.any():
         return [], error

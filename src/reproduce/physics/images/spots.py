@@ -101,8 +101,8 @@ def spot_windows(
     """
     count = whole_number("size", size)
     across, down = (
-        _fractions(_edges(positions[..., axis] - corners[..., axis], radius, count))
-        for axis in (0, 1)
+        _fractions(_edges(offsets, radius, count))
+        for offsets in np.moveaxis(positions - corners, -1, 0)
     )
     scaled = photons[..., None] * down
     return scaled[..., :, None] * across[..., None, :]
@@ -136,11 +136,9 @@ def render_frame(
     >>> float(render_frame([[4.0, 3.0]], 100.0, 0.5, (9, 7)).sum().round(6))
     100.0
     """
-    points = positions.reshape(-1, 2)
-    widths = np.broadcast_to(radius, len(points))
     across, down = (
-        _fractions(_edges(centres, widths, whole_number("size", side)))
-        for centres, side in zip(points.T, size, strict=True)
+        _fractions(_edges(centres, radius, whole_number("size", side)))
+        for centres, side in zip(positions.reshape(-1, 2).T, size, strict=True)
     )
     return (down.T * photons) @ across
 

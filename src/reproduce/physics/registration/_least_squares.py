@@ -230,7 +230,7 @@ def iterated(problem: Problem) -> tuple[FloatArray, ...]:
     residuals = residuals - moved[..., 0]
     chi_square = (problem.counts * np.vecdot(residuals, pulled[..., 0])).sum(axis=-1)
     residuals = problem.target - problem.transform(parameters).apply(problem.source)
-    return parameters, residuals, np.asarray(chi_square), cofactor, points
+    return parameters, residuals, chi_square, cofactor, points
 
 
 def _starting_point(problem: Problem) -> FloatArray:

@@ -17,7 +17,7 @@ from reproduce.physics.validate import FloatArray
 ComplexArray = NDArray[np.complex128]
 
 # Relative rounding error of a sum of many numbers.
-_ROUNDING_ERROR = 64 * float(np.finfo(np.float64).eps)
+_ROUNDING_ERROR = 64 * np.finfo(np.float64).eps
 # Probability that noise resembles a mirror image.
 _MIRROR_PROBABILITY = 1e-6
 
@@ -168,7 +168,7 @@ def check_ratio(freedom: Any, residual: FloatArray, mirrored: FloatArray) -> Non
 
     denominator = np.maximum(freedom, 1)
     limit = fdtri(denominator, denominator, 1 - _MIRROR_PROBABILITY)
-    sets = np.asarray((freedom == denominator) & (residual > limit * mirrored))
+    sets = (freedom == denominator) & (residual > limit * mirrored)
     if sets.any():
         count = f" (in {int(sets.sum())} of {sets.size} sets)" * bool(sets.ndim)
         raise validate.MirroredPointsError(

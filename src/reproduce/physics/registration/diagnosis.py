@@ -145,9 +145,9 @@ def sensitivities(
             normal[used][:, used], pull[used], _MIN_INDEPENDENT**2
         )
         rest = residuals - rows[:, used] @ step
-        return step, np.sqrt(np.diagonal(cofactor)), float(rest @ rest)
+        return step, np.sqrt(np.diagonal(cofactor)), (rest @ rest)
 
-    freedom, changes = 2 * int(np.count_nonzero(problem.counts)) - count, []
+    freedom, changes = 2 * np.count_nonzero(problem.counts) - count, []
     # Stars that do not fix the model or a term have no solution.
     with suppress(validate.DegenerateGeometryError):
         step, plain, squares = stepped("fit")
@@ -269,12 +269,12 @@ def checked_pivot(pivot: ArrayLike | None, points: FloatArray) -> FloatArray:
     >>> checked_pivot((1, 2), np.array([[0.0, 0], [9, 9]]))
     array([1., 2.])
     """
-    middle = np.asarray(points.mean(axis=0))
+    middle = points.mean(axis=0)
     if pivot is None:
         return middle
     pivot = validate.number_array("pivot", pivot, shape=(2,))
     # The fit itself rejects coincident stars.
-    field = float(np.ptp(points, axis=0).max()) or np.inf
+    field = np.ptp(points, axis=0).max() or np.inf
     is_near = np.abs(middle - pivot).max() <= _MAX_FIELDS * field
     if pivot.shape != (2,) or not is_near:
         raise ValueError(
@@ -364,7 +364,7 @@ def _stars(fit: RegistrationFit) -> Iterator[Finding]:
     """Yield the warnings of the positions of the stars."""
     both, count = [fit.problem.source, fit.problem.target], len(fit.residuals)
     part = np.stack(both)[:, thinned(count, _LARGE_FIELD)]
-    span = float(np.ptp(part, axis=1).max())
+    span = np.ptp(part, axis=1).max()
     # Wrong matches do not change the medians.
     centred = np.abs(part - np.median(part, axis=1, keepdims=True))
     small, large = np.sort(np.median(centred, axis=(1, 2)))
@@ -388,7 +388,7 @@ def _stars(fit: RegistrationFit) -> Iterator[Finding]:
 def _errors(fit: RegistrationFit) -> Iterator[Finding]:
     """Yield the warnings of too few stars, and of residuals that contradict the given errors."""
     freedom = float(fit.degrees_of_freedom)
-    count = int(np.count_nonzero(fit.rejected | (fit.weights > 0)))
+    count = np.count_nonzero(fit.rejected | (fit.weights > 0))
     if fit.robust and count < _MIN_STARS_ROBUST:
         text = f"with {count} stars a robust fit can detect one wrong match, not two"
         yield Finding("few", text)
@@ -396,7 +396,7 @@ def _errors(fit: RegistrationFit) -> Iterator[Finding]:
         text = "the stars leave no degree of freedom to estimate the errors"
         yield Finding("few", text)
     if freedom > 0 and fit.errors_known:
-        ratio, (low, high) = float(fit.chi_square) / freedom, chi_square_range(fit)
+        ratio, (low, high) = fit.chi_square / freedom, chi_square_range(fit)
         text = (
             f"the residuals are {np.sqrt(ratio):.3g} times the given errors. To estimate the "
             "errors from the residuals, pass weights 1 / sigma^2 instead"
@@ -411,7 +411,7 @@ def _unrelated(fit: RegistrationFit) -> Iterator[Finding]:
 
     freedom = float(fit.degrees_of_freedom)
     if "scale" in fit.names and freedom > 1:
-        scale, error = float(fit.parameters[0]), float(fit.standard_errors[0])
+        scale, error = fit.parameters[0], fit.standard_errors[0]
         if fdtrc(2, freedom, (scale / error) ** 2 / 2) > FALSE_ALARM_ROBUST:
             text = (
                 f"the scale is {scale:.2g} ± {error:.2g}: are the rows the same stars? "
@@ -451,8 +451,8 @@ def _term_finding(
     kind = "brightness" if term.term == "brightness" else "model"
     if term.p_value >= FALSE_ALARM / len(terms):
         term, kind = max(terms, key=lambda term: np.abs(term.change).max()), "sensitive"
-    worst = int(np.abs(term.change).argmax())
-    largest = float(term.change[worst])
+    worst = np.abs(term.change).argmax()
+    largest = term.change[worst]
     if kind == "sensitive" and (
         abs(largest) <= _MAX_CHANGE or term.term == "brightness"
     ):

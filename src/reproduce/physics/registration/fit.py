@@ -114,7 +114,7 @@ class RegistrationFit:
     @cached_property
     def degrees_of_freedom(self) -> NDArray[np.int64]:
         """Two per point of weight above zero, minus the number of parameters."""
-        return np.asarray(2 * np.count_nonzero(self.weights, axis=-1) - len(self.names))
+        return 2 * np.count_nonzero(self.weights, axis=-1) - len(self.names)
 
     @property
     def _variance(self) -> FloatArray:
@@ -122,7 +122,7 @@ class RegistrationFit:
         if self.errors_known:
             return np.ones_like(self.chi_square)
         freedom = self.degrees_of_freedom
-        return np.asarray(self.chi_square / np.where(freedom > 0, freedom, np.nan))
+        return self.chi_square / np.where(freedom > 0, freedom, np.nan)
 
     @property
     def covariance(self) -> FloatArray:
@@ -406,4 +406,4 @@ def _median(values: FloatArray) -> FloatArray:
     ordered = np.sort(values, axis=-1)  # NaN come last
     count = np.isfinite(ordered).sum(axis=-1, keepdims=True)
     middle = np.concatenate([np.maximum(count - 1, 0), count], axis=-1) // 2
-    return np.asarray(np.take_along_axis(ordered, middle, axis=-1).mean(axis=-1))
+    return np.take_along_axis(ordered, middle, axis=-1).mean(axis=-1)

@@ -199,7 +199,7 @@ def _best(
     third = np.maximum(distance[:, 2], smallest)
     expected = 2 * (third**-2.0).sum() * agreement**2
     chances = pdtrc(np.arange(len(agreement)) + 1, expected)
-    return rows, trials * len(rows) * float(chances.min(initial=1.0))
+    return rows, trials * len(rows) * chances.min(initial=1.0)
 
 
 def _shifts(
@@ -304,7 +304,7 @@ def pair_weights(
         fit = fit_registration(
             source, target, pivot, weights / weights.max(), **settings
         )
-        used, freedom = weights * (fit.weights > 0), float(fit.degrees_of_freedom)
+        used, freedom = weights * (fit.weights > 0), fit.degrees_of_freedom
         surplus = used @ fit.squares - freedom
         # Variance that removes the surplus for constant weights.
         mean = used.sum() / np.count_nonzero(used)

@@ -21,7 +21,7 @@ plane of the source, x before y, from the principal point.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -496,9 +496,7 @@ def error_field(
     bent = turned_onto_detector(bent, source.rotation)
     seen = bent / source.pixel_pitch + source.principal_point
     # True parameters, but about the pivot that is assumed.
-    pivot = source.principal_point + pivot_error
-    rotated = turned_onto_detector(seen - pivot, -source.rotation)
-    modelled = truth.scale * rotated + pivot - truth.shift
+    modelled = replace(truth, pivot=truth.pivot + pivot_error).apply(seen)
     return expected / reference.pixel_pitch + reference.principal_point - modelled
 
 
