@@ -109,8 +109,7 @@ def read_image(
             source = _from_fits(str(source))
         uncertainty = getattr(source, "uncertainty", None)
         if hasattr(source, "uncertainty"):
-            mask = np.ma.nomask if source.mask is None else source.mask
-            source = np.ma.array(source.data, mask=mask)
+            source = np.ma.array(source.data, mask=source.mask)
         pixels = np.ma.getdata(source)
         if pixels.ndim != 2 or min(pixels.shape) < _MIN_SIDE:
             raise ValueError(
