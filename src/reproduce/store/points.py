@@ -229,12 +229,11 @@ def _parsed(name: str, content: bytes, sep: str | None) -> Any:
 
                 return AstropyTable.read(BytesIO(content), format=form or "fits")
             packed = lower.endswith(".gz")
-            # pandas reads a plain file without comments in half of the time.
-            plain = Path(name).is_file() and not packed and b"#" not in content
+            # Without a sign of comments, pandas needs two thirds of the time.
             return pd.read_csv(
-                Path(name) if plain else BytesIO(content),
+                BytesIO(content),
                 sep=sep or ",",
-                comment=None if plain else "#",
+                comment="#" if packed or b"#" in content else None,
                 engine="c",
                 skipinitialspace=True,
                 index_col=False,
@@ -275,11 +274,11 @@ def matched_stars(
             f"both images with the columns {', '.join(STARS)}"
         )
     table = read_table(source, STARS, (*SIGMAS, "weight", "flux", "mag"), sep)
-    errors: dict[str, Any] = {}
-    if "weight" in table.numbers:
-        errors["weights"] = table.numbers["weight"]
-    if (covariance := covariances(table)) is not None:
-        errors["target_covariance"] = covariance
+    found = {
+        "weights": table.numbers.get("weight"),
+        "target_covariance": covariances(table),
+    }
+    errors = {name: value for name, value in found.items() if value is not None}
     if twice := errors.keys() & settings.keys():
         raise ValueError(
             f"{min(twice)}: expected no argument, got one and a column of the table. Remove one"

@@ -382,9 +382,9 @@ class MisalignmentResult(UserResult):
         """
         import pandas as pd
 
-        index = pd.RangeIndex(1, len(self.angles) + 1, name="image")
-        if self._labels is not None:
-            index = self._labels
+        index = self._labels
+        if index is None:
+            index = pd.RangeIndex(1, len(self.angles) + 1, name="image")
         angles = self.angles * ARCSEC_PER_RADIAN
         return pd.DataFrame(angles, index, columns=list("XYZ"))
 

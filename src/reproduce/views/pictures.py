@@ -181,9 +181,11 @@ def match(
     a, b = rows.T
     pairs = pd.DataFrame(np.hstack([first.points[a], second.points[b]]), columns=STARS)
     counts = f"{len(pairs)} pairs of {len(first)} and {len(second)} stars"
-    pairs.attrs["log"] = f"{counts}, less than {near:.3g} px apart"
-    pairs.attrs["matrix"] = transform.matrix.tolist()
-    pairs.attrs["mirrored"] = bool(np.linalg.det(transform.matrix) < 0)
+    pairs.attrs = {
+        "log": f"{counts}, less than {near:.3g} px apart",
+        "matrix": transform.matrix.tolist(),
+        "mirrored": bool(np.linalg.det(transform.matrix) < 0),
+    }
     return pairs.assign(row=a, row_reference=b)
 
 
@@ -301,8 +303,12 @@ class PairedRegistration(RegistrationResult):
         shift = [self.fit.names.index(f"shift-{axis}") for axis in "xy"]
         self.systematic[np.ix_(shift, shift)] = covariance
         self.title = f"{first.name} on {second.name}: {self.title}"
-        self._facts |= {"source": first.name, "target": second.name, "log": self.log}
-        self._facts["beyond_px"] = self.extra_scatter
+        self._facts |= {
+            "source": first.name,
+            "target": second.name,
+            "log": self.log,
+            "beyond_px": self.extra_scatter,
+        }
 
     def blocks(self) -> Iterator[Block]:
         """Yield the blocks of a registration, and the log."""

@@ -262,7 +262,7 @@ def pair_weights(
     target: FloatArray,
     pivot: ArrayLike,
     covariances: FloatArray,
-    matrix: ArrayLike = ((1, 0), (0, 1)),
+    matrix: ArrayLike,
     **settings: Any,
 ) -> tuple[FloatArray, float]:
     """Return the weights of pairs of points, and the scatter in addition to their errors.
@@ -292,7 +292,7 @@ def pair_weights(
     --------
     >>> square = np.array([[0.0, 0], [9, 0], [0, 9], [9, 9]])
     >>> known = np.tile(1e-4 * np.eye(2), (2, 4, 1, 1))
-    >>> pair_weights(square, square, (0, 0), known)
+    >>> pair_weights(square, square, (0, 0), known, np.eye(2))
     (array([1., 1., 1., 1.]), 0.0)
     """
     linear = np.asarray(matrix, dtype=np.float64)
