@@ -7,6 +7,7 @@ import tomllib
 from abc import abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -90,10 +91,9 @@ class UserResult(Display):
     title: str
     inputs: tuple[str, ...] = ()
     findings: list[Finding]
-    _arguments: Mapping[str, Any]
+    # The public function with the arguments of the result.
+    call: partial[Any]
     _function: Callable[..., Any]
-    # Function of the arguments that returns such a result.
-    _public: Callable[..., Any]
     _rows: str
     _facts: dict[str, Any]
 
@@ -141,7 +141,7 @@ class UserResult(Display):
 
     def rerun(self, **changes: Any) -> Any:
         """Return the result of other arguments; the others stay the same."""
-        return self._public(**{**self._arguments, **changes})
+        return self.call(**changes)
 
 
 class RegistrationResult(UserResult):
@@ -329,7 +329,7 @@ class MisalignmentResult(UserResult):
     the agreement of both groups. The arguments are those of `reproduce.misalignment`.
     """
 
-    _public, _rows = staticmethod(misalignment), "angles"
+    _rows = "angles"
 
     def __init__(
         self,
@@ -344,12 +344,9 @@ class MisalignmentResult(UserResult):
         from reproduce.printed.inputs import load_inputs
         from reproduce.store.spots import read_images
 
-        self._arguments = {
-            "spots": spots,
-            "zero": zero,
-            "platform": platform,
-            "sep": sep,
-        }
+        self.call = partial(
+            misalignment, spots=spots, zero=zero, platform=platform, sep=sep
+        )
         self._function, self.inputs = monitored, INSTRUMENT if platform is None else ()
         self.platform = (
             as_designed(load_inputs(INSTRUMENT))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -123,8 +124,5 @@ def register(
         result: RegistrationResult = PairedRegistration(**arguments)
     else:
         result = RegistrationResult(**arguments)
-    result._arguments = arguments
+    result.call = partial(register, **arguments)
     return result
-
-
-RegistrationResult._public = staticmethod(register)
