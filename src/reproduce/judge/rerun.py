@@ -63,7 +63,7 @@ class _ChangedCell(NamedTuple):
     verdict: str = ""
 
 
-def options(key: str) -> dict[str, Mapping[str, Alternative]]:
+def options(key: str) -> dict[str, dict[str, Alternative]]:
     """Return the options of an item.
 
     Parameters
@@ -81,9 +81,10 @@ def options(key: str) -> dict[str, Mapping[str, Alternative]]:
     >>> list(options("niu2024/table-3")["translations"])
     ['table-1', 'table-2']
     """
-    by_option: dict[str, Mapping[str, Alternative]] = {}
+    by_option: dict[str, dict[str, Alternative]] = {}
     for computation in computations(key):
-        by_option |= computation.options
+        for name, alternatives in computation.options.items():
+            by_option.setdefault(name, {}).update(alternatives)
     return by_option
 
 

@@ -162,8 +162,12 @@ def statement(record: Record, template: str = "statement.txt") -> str:
 
 def recomputed(record: Record) -> str:
     """Return the computed value of a result with its interval; empty without one."""
-    text = rendered("recomputed.txt", record=record, shown=verdicts.texts(record))
-    return str(text)
+    shown = verdicts.texts(record)
+    if not shown["computed"]:
+        return ""
+    what = "assumed" if "stand_in" in record.flags else "recomputed"
+    ends = shown["allowed by rounded inputs"] or shown["predicted, central 99 %"]
+    return f"{what} {shown['computed']}{ends and f' ({ends})'}"
 
 
 def _author_year() -> str:
