@@ -95,7 +95,8 @@ FIT = """() => {
     }
   }
   document.body.style.width = "17.6cm";
-  for (const table of tables) table.classList.toggle("rp-short", table.offsetHeight < 250);
+  for (const block of document.querySelectorAll("article :is(table, .cell_input)"))
+    block.classList.toggle("rp-short", block.offsetHeight < 250);
   document.body.style.width = "";
   for (const link of document.querySelectorAll('a[href^="#"]')) {
     const place = document.getElementById(link.getAttribute("href").slice(1));
