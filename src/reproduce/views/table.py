@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
+import pandas as pd
 from markupsafe import Markup
 
 from reproduce.judge import rerun as rerunning
@@ -40,8 +41,6 @@ from reproduce.views.readings import Readings, summary
 from reproduce.views.sweep import Changed, Sweep
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from reproduce.views.study import StudyTable
 
 
@@ -113,8 +112,6 @@ class Table(ItemView):
             Rows and columns as in the paper, each column with printed, computed and verdict. A
             group of quoted numbers has these columns and the unit.
         """
-        import pandas as pd
-
         records = self._ledger.records
         rows = [(r.printed, verdicts.computed(r), r.verdict) for r in records]
         frame = pd.DataFrame(rows, columns=["printed", "computed", "verdict"])
@@ -128,8 +125,6 @@ class Table(ItemView):
 
     def _lines(self, name: str) -> pd.MultiIndex:
         """Return the id or the label of the row and of the column of each cell."""
-        import pandas as pd
-
         parts = self._printed.rows, self._printed.columns
         lines = [[getattr(line, name) for line in part] for part in parts]
         return pd.MultiIndex.from_product(lines)
@@ -227,8 +222,6 @@ class Table(ItemView):
         printed, recomputed, and the ends of its interval. A group of quoted numbers has a row for
         each cell. JSON contains every field of the ledger. The covariance is between the cells.
         """
-        import pandas as pd
-
         if form == "covariance":
             from reproduce.views.reports import covariance
 
@@ -372,8 +365,6 @@ def _judged(place: str, records: Sequence[Record]) -> Iterator[Block]:
 
 def _grouped(caption: str, columns: list[str], rows: list[dict[str, Entry]]) -> Grid:
     """Return a table with a row for each combination of texts, and its cells."""
-    import pandas as pd
-
     frame = pd.DataFrame(rows, columns=["cell", *columns], dtype=object).fillna("")
     groups = frame.groupby(columns, sort=False)["cell"].agg(Markup(", ").join)
     lines = groups.rename("cells").reset_index().to_dict("records")
@@ -435,8 +426,6 @@ class Cell(ResultView):
 
     def frame(self) -> pd.DataFrame:
         """Return its record as a column."""
-        import pandas as pd
-
         return pd.DataFrame({self.address: self.record.model_dump()})
 
     def rerun(self, changes: Change | None = None, **settings: Any) -> Changed:
@@ -446,8 +435,6 @@ class Cell(ResultView):
 
     def export(self, form: str) -> str:
         """Return its record as csv, json, latex or markdown."""
-        import pandas as pd
-
         if form == "json":
             part = Ledger(records=(self.record,), tables=())
             return part.model_copy(update=self.provenance).model_dump_json(indent=2)
