@@ -210,5 +210,6 @@ class _Texts(pd.DataFrame):
 
 
 def text_of(function: Callable[..., Any]) -> str:
-    """Return the source code of a function."""
+    """Return the source code of a function, or of the function of a `partial`."""
+    function = getattr(function, "func", function)
     return inspect.getsource(inspect.unwrap(function)).rstrip()

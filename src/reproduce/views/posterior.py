@@ -282,8 +282,8 @@ class Posterior(ResultView):
     @property
     def source(self) -> str:
         """Source code of the function that makes the model, and of its likelihood."""
-        kind, build = type(self.model.likelihood), self.declared.build
-        parts = getattr(build, "func", build), kind.__call__, kind.pointwise
+        kind = type(self.model.likelihood)
+        parts = self.declared.build, kind.__call__, kind.pointwise
         return "\n\n".join(dedent(text_of(part)) for part in parts)
 
     @property

@@ -265,27 +265,10 @@ def _draw_spots(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     legend_below(figure, 2)
 
 
-@_draws_series("chen2023/fig-8", marks=["chen2023/text-accuracy#transform-single-?"])
-def _draw_transform(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
-    """Draw the error of the laser transform over the first group, single and smoothed."""
-    _draw_series(figure, printed, inputs, 0, "error (arcsec)")
-
-
-@_draws_series("chen2023/fig-9", marks=["chen2023/text-accuracy#misalignment-single-?"])
-def _draw_misalignment(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
-    """Draw the monitored misalignment over the second group, single and smoothed.
-
-    The bench had another alignment in the second group, and the paper prints no number for it. A
-    constant misalignment moves the whole series and does not change its scatter. The simulated
-    bench has none, and the label of the axis states it.
-    """
-    _draw_series(figure, printed, inputs, 1, "angle minus offset (arcsec)")
-
-
 def _draw_series(
     figure: Figure, printed: Inputs, inputs: Inputs, group: int, label: str
 ) -> None:
-    """Draw angles about X and Y of single frames and their means, with the printed limits."""
+    """Draw angles about X and Y of the frames of a group and their means, with printed limits."""
     angles, count = _groups(inputs), inputs.count(SMOOTHED)
     frames = np.arange(1, angles.shape[1] + 1)
     # Figures 8 and 9 have one scale.
@@ -308,6 +291,17 @@ def _draw_series(
     legend_below(figure, 3)
 
 
+_draw_transform = _draws_series(
+    "chen2023/fig-8", marks=["chen2023/text-accuracy#transform-single-?"]
+)(partial(_draw_series, group=0, label="error (arcsec)"))
+# The bench had another alignment in the second group, and the paper prints no number for it. A
+# constant misalignment moves the whole series and does not change its scatter. The simulated bench
+# has none, and the label of the axis states it.
+_draw_misalignment = _draws_series(
+    "chen2023/fig-9", marks=["chen2023/text-accuracy#misalignment-single-?"]
+)(partial(_draw_series, group=1, label="angle minus offset (arcsec)"))
+
+
 @draws("chen2023/fig-10a", marks=[_POSITIONS])
 def _draw_pattern(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
     """Draw the motion pattern of the stage with its five states."""
@@ -323,32 +317,6 @@ def _draw_pattern(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
         xlim=(0, 112),
         ylim=(0, 95),
     )
-
-
-@_draws_test(
-    "chen2023/fig-10b",
-    marks=[
-        "chen2023/table-5#[2-5].monitoring-y",
-        "chen2023/table-5#[2-5].reference-y",
-        BOUND,
-    ],
-)
-def _draw_about_y(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
-    """Draw the angles about Y while the stage moves along X."""
-    _draw_test(figure, printed, inputs, "Y")
-
-
-@_draws_test(
-    "chen2023/fig-10c",
-    marks=[
-        "chen2023/table-5#[2-5].monitoring-x",
-        "chen2023/table-5#[2-5].reference-x",
-        BOUND,
-    ],
-)
-def _draw_about_x(figure: Figure, printed: Inputs, inputs: Inputs) -> None:
-    """Draw the angles about X while the stage moves along Y."""
-    _draw_test(figure, printed, inputs, "X")
 
 
 def _draw_test(figure: Figure, printed: Inputs, inputs: Inputs, axis: str) -> None:
@@ -379,6 +347,25 @@ def _draw_test(figure: Figure, printed: Inputs, inputs: Inputs, axis: str) -> No
     lower.set(xlabel="time (s)", ylabel="minus printed\nreference (arcsec)")
     upper.legend()
     lower.legend(loc="lower left")
+
+
+# The camera rotates about Y while the stage moves along X.
+_draw_about_y = _draws_test(
+    "chen2023/fig-10b",
+    marks=[
+        "chen2023/table-5#[2-5].monitoring-y",
+        "chen2023/table-5#[2-5].reference-y",
+        BOUND,
+    ],
+)(partial(_draw_test, axis="Y"))
+_draw_about_x = _draws_test(
+    "chen2023/fig-10c",
+    marks=[
+        "chen2023/table-5#[2-5].monitoring-x",
+        "chen2023/table-5#[2-5].reference-x",
+        BOUND,
+    ],
+)(partial(_draw_test, axis="X"))
 
 
 @_draws_test("chen2023/fig-1d")
