@@ -33,7 +33,7 @@ from reproduce.papers.declare import (
 )
 from reproduce.printed.cells import PrintedCell, find, library
 from reproduce.printed.inputs import Inputs, load_inputs
-from reproduce.printed.number import Interval, si_factor, symbol
+from reproduce.printed.number import Interval, minus, si_factor, symbol
 from reproduce.printed.quantity import si_value
 
 # Relative difference of two results that rounding noise can explain.
@@ -61,6 +61,14 @@ class _ChangedCell(NamedTuple):
     value: float
     interval: Interval | None = None
     verdict: str = ""
+
+    @property
+    def texts(self) -> list[str]:
+        """The displayed values without and with the change, and ends of the interval."""
+        return [
+            "" if number is None else minus(self.cell.number.format(number, extra=1))
+            for number in (self.unchanged, self.value, *(self.interval or (None, None)))
+        ]
 
 
 def options(key: str) -> dict[str, dict[str, Alternative]]:
@@ -109,10 +117,8 @@ def effective_change(address: str) -> tuple[str, str] | None:
 def _texts(key: str, *changes: tuple[str, str]) -> dict[str, str]:
     """Return the displayed values of the computed cells under some changes, by name."""
     replicates = 2 if _is_random(key) else None
-    return {
-        one.cell.name: one.cell.number.format(one.value, extra=1)
-        for one in Rerun(key, dict(changes), replicates=replicates).cells
-    }
+    cells = Rerun(key, dict(changes), replicates=replicates).cells
+    return {one.cell.name: one.texts[1] for one in cells}
 
 
 def _is_random(key: str) -> bool:

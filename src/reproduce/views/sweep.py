@@ -25,8 +25,6 @@ if TYPE_CHECKING:
 
 # Height of a panel in inches, and largest number of panels of a graph.
 _PANEL_INCHES, _MAX_PANELS = 1.7, 8
-# Bounds of a missing interval.
-_OPEN = (None, None)
 
 
 class Changed(Display):
@@ -67,7 +65,7 @@ class Changed(Display):
                 one.unchanged,
                 one.value,
                 one.value - one.cell.number.value,
-                *(one.interval or _OPEN),
+                *(one.interval or (None, None)),
                 symbol(one.cell.unit),
                 one.verdict,
             )
@@ -78,16 +76,6 @@ class Changed(Display):
         )
         frame = pd.DataFrame(rows, columns=columns.split(",")).set_index("cell")
         return frame if frame["verdict"].any() else frame.drop(columns="verdict")
-
-    def texts(self) -> list[list[str]]:
-        """Return the value of each cell without and with the change, and its interval."""
-        return [
-            [
-                "" if number is None else minus(one.cell.number.format(number, extra=1))
-                for number in (one.unchanged, one.value, *(one.interval or _OPEN))
-            ]
-            for one in self.cells
-        ]
 
     @property
     def grid(self) -> Grid:
@@ -104,7 +92,8 @@ class Changed(Display):
             caption += f" {verdicts.joint_sentence(self.result.joint)}"
         heads = ("cell", "printed", "unchanged", value, "from", "to", "verdict", "unit")
         rows = []
-        for one, (before, *numbers) in zip(self.cells, self.texts(), strict=True):
+        for one in self.cells:
+            before, *numbers = one.texts
             printed = one.cell.label, minus(one.cell.text), before * (not reading)
             texts = (*printed, *numbers, one.verdict, symbol(one.cell.unit))
             rows.append(dict(zip(heads, texts, strict=True)))
@@ -113,15 +102,15 @@ class Changed(Display):
     def rows(self) -> pd.DataFrame:
         """Return the rows of a step of a `Sweep`."""
         frame = self.frame().rename(columns={"changed": "computed"}).reset_index()
-        cells = [one.cell for one in self.cells]
-        frame["label"] = [cell.label for cell in cells]
-        frame["text"] = [
-            quantity(value + f" ({low} to {high})" * bool(low), symbol(cell.unit))
-            for cell, (_, value, low, high) in zip(cells, self.texts(), strict=True)
-        ]
-        frame["mark"] = [cell.number.value for cell in cells]
-        frame[["bottom", "top"]] = [cell.number.interval() for cell in cells]
-        return frame
+        rows = []
+        for one in self.cells:
+            cell, (_, value, low, high) = one.cell, one.texts
+            text = quantity(
+                value + f" ({low} to {high})" * bool(low), symbol(cell.unit)
+            )
+            rows.append((cell.label, text, cell.number.value, *cell.number.interval()))
+        more = pd.DataFrame(rows, columns=["label", "text", "mark", "bottom", "top"])
+        return frame.join(more)
 
     def blocks(self) -> Iterator[Block]:
         """Yield the table of the cells."""
