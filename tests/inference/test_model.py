@@ -65,7 +65,7 @@ def test_pointwise_likelihood_consequences_and_summary(name):
     if "spots" in likelihood.observed:
         scale = np.multiply.outer(rows[:, -1], likelihood.counts**-0.5)
         density = norm(likelihood.predicted(rows)[:, 0], scale[..., None, None])
-        law = density.logpdf(likelihood.means)
+        law = density.logpdf(likelihood.spots)
         np.testing.assert_allclose(each, law.sum(axis=-1), rtol=1e-9)
     else:
         np.testing.assert_allclose(each.sum(axis=1), likelihood(rows), rtol=1e-9)

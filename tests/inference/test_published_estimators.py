@@ -69,7 +69,7 @@ def test_errors_of_quest_are_its_response_to_every_spot(platform):
         _, fitted = simulated(WELL_SPECIFIED[case](None, platform), SEED, 1)
         likelihood, step = fitted.likelihood, 1e-3
         variance = np.zeros(fitted.dimension)
-        for index in np.ndindex(likelihood.means.shape):
+        for index in np.ndindex(likelihood.spots.shape):
             ends = []
             for side in (step, -step):
                 moments = likelihood.moments.copy()

@@ -236,14 +236,14 @@ def estimate(likelihood: Any) -> Estimate:
 def _quest(data: SpotLikelihood) -> Estimate:
     """Return mount, misalignment and noise by QUEST, without drift and laser scale."""
     platform = data.platform
-    zero = platform.transform(data.means[0])
+    zero = platform.transform(data.spots[0])
     mount = vector_from_rotation(platform.reference.T @ zero)
-    angles = platform.misalignment(data.means[1], zero)
+    angles = platform.misalignment(data.spots[1], zero)
     # The scatter about the mean of a group: a drift counts as noise.
     drift = np.square(data.moments[1]).sum(axis=(-2, -1)) @ data.weights[1]
-    freedom = int((data.counts - 1).sum()) * data.means[0].size
+    freedom = int((data.counts - 1).sum()) * data.spots[0].size
     noise = float(np.sqrt((data.squares + drift) / freedom))
-    response = platform.response(data.means).reshape(len(data.means), 3, -1)
+    response = platform.response(data.spots).reshape(len(data.spots), 3, -1)
     first, second = (noise**2 / data.counts)[:, None, None] * (response @ response.mT)
     # Response of a rotation vector to a small rotation after it. The pattern determines the roll
     # hundreds of times worse than the tilts, so a vector of some arc minutes already transfers

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any, Protocol, Self, TypeVar
+from typing import Any, ClassVar, Protocol, Self, TypeVar
 
 import numpy as np
 from numpy.random import Generator
@@ -185,11 +185,17 @@ Prior = Uniform | Normal
 
 
 class Likelihood(Protocol):
-    """Base of likelihoods: a picklable object with its data."""
+    """Base of likelihoods: a picklable object with its data.
+
+    `observables` are the names of the attributes that contain the data.
+    """
+
+    observables: ClassVar[tuple[str, ...]]
 
     @property
     def observed(self) -> dict[str, FloatArray]:
         """The data by name, one row per observation."""
+        return {name: getattr(self, name) for name in self.observables}
 
     def __call__(self, parameters: FloatArray) -> FloatArray:
         """Return the log likelihood, shape (n,), of parameter vectors, shape (n, d)."""

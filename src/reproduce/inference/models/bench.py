@@ -57,6 +57,7 @@ class AveragedNoise(Likelihood):
     - `images`: number of images of the series.
     """
 
+    observables = ("scatter",)
     scatter: FloatArray
     half_unit: float
     counts: tuple[int, ...]
@@ -91,11 +92,6 @@ class AveragedNoise(Likelihood):
         white = self.scatter[0]
         return white * np.array([1.0, 0.05]), white * np.array([0.05, 0.03])
 
-    @property
-    def observed(self) -> dict[str, FloatArray]:
-        """The printed standard deviations."""
-        return {"scatter": self.scatter}
-
 
 @dataclass(frozen=True, eq=False)
 class StageAngles(Likelihood):
@@ -110,6 +106,7 @@ class StageAngles(Likelihood):
       printed order.
     """
 
+    observables = ("angles",)
     angles: FloatArray
     motions: FloatArray
 
@@ -156,8 +153,3 @@ class StageAngles(Likelihood):
         # The noise of the zero state adds to the error.
         spread = noise * np.sqrt((1 + states) / squares)
         return np.array([1 / slope, noise]), np.array([spread / slope**2, noise / 3])
-
-    @property
-    def observed(self) -> dict[str, FloatArray]:
-        """The monitored angles."""
-        return {"angles": self.angles}

@@ -56,6 +56,7 @@ class SpotLikelihood(Likelihood):
     noise.
     """
 
+    observables = ("spots",)
     platform: Platform
     moments: FloatArray
     weights: FloatArray
@@ -81,7 +82,7 @@ class SpotLikelihood(Likelihood):
         return cls(platform, np.stack(moments, axis=1), np.transpose(weights), squares)
 
     @property
-    def means(self) -> FloatArray:
+    def spots(self) -> FloatArray:
         """Mean spots, shape (groups, lasers, 2), in px."""
         return self.moments[0]
 
@@ -98,12 +99,12 @@ class SpotLikelihood(Likelihood):
     @property
     def size(self) -> float:
         """Number of measured coordinates."""
-        return self.counts.sum() * self.means[0].size
+        return self.counts.sum() * self.spots[0].size
 
     @property
     def freedom(self) -> float:
         """Degrees of freedom of `squares`."""
-        return self.size - np.count_nonzero(self.weights) * self.means[0].size
+        return self.size - np.count_nonzero(self.weights) * self.spots[0].size
 
     def predicted(self, parameters: FloatArray) -> FloatArray:
         """Return predicted means and slopes of the spots, (n, 2, groups, lasers, 2), in px."""
@@ -136,15 +137,10 @@ class SpotLikelihood(Likelihood):
         scaled = off * np.sqrt(self.weights)[..., None, None]
         return scaled.reshape(len(parameters), -1)
 
-    @property
-    def observed(self) -> dict[str, FloatArray]:
-        """The mean spots of each group."""
-        return {"spots": self.means}
-
     def pointwise(self, parameters: FloatArray) -> FloatArray:
         """Return the log likelihood of the mean of each spot, shape (n, groups, lasers)."""
         means = self.predicted(parameters)[:, 0]
-        off = np.square(self.means - means).sum(axis=-1)
+        off = np.square(self.spots - means).sum(axis=-1)
         variance = parameters[:, -1, None, None] ** 2 / self.counts[:, None]
         return -np.log(2 * np.pi * variance) - off / (2 * variance)
 
@@ -197,8 +193,8 @@ class SpotLikelihood(Likelihood):
 
     def checks(self, other: Self) -> dict[str, float]:
         """Return scatter, shape of the pattern and motion of its centre, in px."""
-        width, height = np.ptp(other.means.mean(axis=0), axis=0)
-        x, y = (other.means[-1] - other.means[0]).mean(axis=0)
+        width, height = np.ptp(other.spots.mean(axis=0), axis=0)
+        x, y = (other.spots[-1] - other.spots[0]).mean(axis=0)
         return {
             "scatter of one image (px)": np.sqrt(other.squares / other.freedom),
             "pattern, wider than high (px)": width - height,

@@ -37,6 +37,7 @@ class PrintedFit(Likelihood):
       of a point are one residual, otherwise 1.
     """
 
+    observables = ("estimates", "residuals")
     estimates: FloatArray
     half_units: FloatArray
     errors: FloatArray
@@ -100,8 +101,3 @@ class PrintedFit(Likelihood):
         rounding = self.half_units * generator.uniform(-1, 1, errors.shape)
         values = generator.normal(self.estimates + rounding, noise * errors)
         return np.column_stack([values, noise])
-
-    @property
-    def observed(self) -> dict[str, FloatArray]:
-        """The printed estimates and residuals."""
-        return {"estimates": self.estimates, "residuals": self.residuals}

@@ -66,6 +66,7 @@ class GaussianRegistration(Likelihood):
       covariances, the pivot and the model, from `physics.registration.prepare`.
     """
 
+    observables = ("target",)
     problem: Problem
 
     @property
@@ -77,11 +78,6 @@ class GaussianRegistration(Likelihood):
     def target(self) -> FloatArray:
         """Points in the reference channel, shape (points, 2), in px."""
         return self.problem.target
-
-    @property
-    def observed(self) -> dict[str, FloatArray]:
-        """The target points."""
-        return {"target": self.target}
 
     @property
     def pivot(self) -> FloatArray:

@@ -132,7 +132,7 @@ def _priors(model: Model, images: list[FloatArray]) -> dict[str, Prior]:
     """
     likelihood = model.likelihood_of(SpotLikelihood)
     platform, residual = likelihood.platform, likelihood.residual()
-    first, last = likelihood.means
+    first, last = likelihood.spots
     size = np.ptp(first, axis=0).max()
     motion = np.abs(last - first).max() + images[0].std(axis=0).max()
     reason = "twenty times the motion of the spots"
