@@ -7,7 +7,7 @@ import tomllib
 from collections.abc import Callable, Collection, Iterator
 from functools import cache
 from itertools import chain
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 import numpy as np
 from pydantic import model_validator
@@ -338,19 +338,11 @@ def frozen() -> dict[str, Expectation]:
     return expectations
 
 
-class _VerdictChange(NamedTuple):
-    """A cell whose verdict is not the frozen one."""
-
-    cell: str
-    expected: str
-    found: str
-
-
-def changed_verdicts(ledger: Ledger) -> list[_VerdictChange]:
-    """Return the cells whose verdict is not the frozen one."""
+def changed_verdicts(ledger: Ledger) -> list[tuple[str, str, str]]:
+    """Return the cells whose verdict is not the frozen one, with both verdicts, frozen first."""
     known = {address: one.verdict for address, one in frozen().items()}
     return [
-        _VerdictChange(one.cell, known.get(one.cell, "none"), one.verdict)
+        (one.cell, known.get(one.cell, "none"), one.verdict)
         for one in ledger.records
         if one.verdict != known.get(one.cell)
     ]

@@ -195,8 +195,8 @@ class Check(Display):
     def faults(self) -> list[str]:
         """Return a sentence for each change and its remedy."""
         lines = [
-            f"{s.cell}: expected {s.expected}, found {s.found}"
-            for s in self.changed_verdicts
+            f"{cell}: expected {expected}, found {found}"
+            for cell, expected, found in self.changed_verdicts
         ]
         if lines:
             lines.append(
