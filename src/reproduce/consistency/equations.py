@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from math import isclose
 from typing import Any
 
 import numpy as np
@@ -52,8 +53,8 @@ class Demonstration:
     @property
     def holds(self) -> bool:
         """Whether the extracted form gives the correct result."""
-        return abs(self.printed - self.wanted) <= _ZERO_TOLERANCE * max(
-            1.0, abs(self.wanted)
+        return isclose(
+            self.printed, self.wanted, rel_tol=_ZERO_TOLERANCE, abs_tol=_ZERO_TOLERANCE
         )
 
 
@@ -62,15 +63,9 @@ def demonstrations(
 ) -> tuple[Demonstration, ...]:
     """Run the equations that a paper declares, with their texts by name."""
     return tuple(
-        Demonstration(
-            name,
-            printed=float(printed),
-            right=float(right),
-            wanted=float(wanted),
-            **text,
-        )
+        Demonstration(name, printed=printed, right=right, wanted=wanted, **text)
         for name, text in texts.items()
-        for printed, right, wanted in [_RUNS[name](lambda a: cells[a].si)]
+        for printed, right, wanted in [map(float, _RUNS[name](lambda a: cells[a].si))]
     )
 
 
