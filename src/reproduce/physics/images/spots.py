@@ -308,13 +308,13 @@ def _optimum(
     count, height, width = light.shape
     seen = np.isfinite(light)
     bright = np.where(seen, light, -np.inf).reshape(count, -1).argmax(axis=1)
+    light = np.where(seen, light, 0.0)
     state = np.stack([bright % width, bright // width, np.ones(count)], axis=-1)
     shape = seen * _gradient(state, radius, width, height)[0]
-    flux = np.where(seen, light, 0.0) * shape
     squares = np.maximum((shape**2).sum(axis=(1, 2)), _MIN_VARIANCE)
-    state[:, 2] = flux.sum(axis=(1, 2)) / squares
+    state[:, 2] = (light * shape).sum(axis=(1, 2)) / squares
     damping = np.full(count, _DAMPING)
-    found = state, *_likelihood(state, light, radius, variance)
+    found = state, *_likelihood(state, light, seen, radius, variance)
     state, cost, moved, score, matrix = found
     for _ in range(_MAX_STEPS):
         waiting = np.isfinite(cost) & (moved >= _CONVERGED_PX)
@@ -322,7 +322,10 @@ def _optimum(
         if not len(rows):
             break
         trial = state[rows] + _step(matrix[rows], score[rows], damping[rows])
-        values = trial, *_likelihood(trial, light[rows], radius[rows], variance[rows])
+        values = (
+            trial,
+            *_likelihood(trial, light[rows], seen[rows], radius[rows], variance[rows]),
+        )
         # Close to the optimum, rounding hides the change of the cost.
         sign = np.where(values[2] < moved[rows], 1, -1)
         limit = cost[rows] + _COST_ROUNDING * sign * np.abs(cost[rows])
@@ -337,12 +340,17 @@ def _optimum(
 
 
 def _likelihood(
-    state: FloatArray, light: FloatArray, radius: FloatArray, variance: FloatArray
+    state: FloatArray,
+    light: FloatArray,
+    seen: NDArray[np.bool_],
+    radius: FloatArray,
+    variance: FloatArray,
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return minus the log-likelihood, the distance in px to its estimated minimum, and more.
 
     These have the shape (n,). The slope of the log-likelihood, (n, 3), and the information follow.
-    Minus the log-likelihood is infinite without flux, and for a centre far outside.
+    Minus the log-likelihood is infinite without flux, and for a centre far outside. Pixels that
+    are not seen have a flux of zero.
     """
     height, width = light.shape[1:]
     half = np.array([width, height]) / 2
@@ -351,11 +359,11 @@ def _likelihood(
     model, slopes = _gradient(
         np.where(allowed[:, None], state, 1.0), radius, width, height
     )
-    dark, seen = variance[:, None, None], np.isfinite(light)
-    values, level = np.where(seen, light, 0.0), model + dark
-    cost = (seen * (level - (values + dark) * np.log(level))).sum(axis=(1, 2))
+    dark = variance[:, None, None]
+    level = model + dark
+    cost = (seen * (level - (light + dark) * np.log(level))).sum(axis=(1, 2))
     weights = seen / level
-    score = np.einsum("nkyx,nyx->nk", slopes, (values - model) * weights)
+    score = np.einsum("nkyx,nyx->nk", slopes, (light - model) * weights)
     flat = slopes.reshape(len(state), 3, -1)
     matrix = (flat * weights.reshape(len(state), 1, -1)) @ flat.mT
     moved = np.abs(_step(matrix, score, np.zeros(len(score)))[:, :2]).max(axis=1)
