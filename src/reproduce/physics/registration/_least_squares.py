@@ -66,9 +66,12 @@ class Problem:
     def mirrored(self) -> Problem:
         """Return the problem of the mirror image of the source."""
         flip = np.array([-1.0, 1.0])
-        covariance = self.source_covariance * np.outer(flip, flip)
-        source, pivot = self.source * flip, self.pivot * flip
-        return replace(self, source=source, pivot=pivot, source_covariance=covariance)
+        return replace(
+            self,
+            source=self.source * flip,
+            pivot=self.pivot * flip,
+            source_covariance=self.source_covariance * np.outer(flip, flip),
+        )
 
     def closed(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return the similarity of the points, as in `closed_similarity`."""
