@@ -261,13 +261,20 @@ class PairedRegistration(RegistrationResult):
     """
 
     def __init__(
-        self, source: Any, target: Any = None, pivot: Any = None, **settings: Any
+        self,
+        source: Any,
+        target: Any,
+        pivot: Any = None,
+        start: Any = None,
+        radius: float | None = None,
+        threshold: float | None = None,
+        sep: str | None = None,
+        **settings: Any,
     ) -> None:
-        start, radius = settings.pop("start", None), settings.pop("radius", None)
-        options = {n: settings.pop(n, None) for n in ("threshold", "sep")}
         settings = {"robust": True, **settings}
-        self.source_stars = first = stars(source, **options, name="source")
-        self.target_stars = second = stars(target, **options, name="target")
+        first = stars(source, threshold=threshold, sep=sep, name="source")
+        second = stars(target, threshold=threshold, sep=sep, name="target")
+        self.source_stars, self.target_stars = first, second
         pivot = first.middle if pivot is None else pivot
         if np.shape(start) == (4,):
             start = Registration("similarity", start, pivot)
