@@ -156,12 +156,13 @@ def compare_images(
     cameras, half = _instrument(inputs), experiment.half_field(inputs)
     pitch = cameras[0].pixel_pitch / cameras[0].focal_length
     noise = SENSOR.noise_electrons() * np.sqrt([[1], [3], [3]])
+    transforms = transforms or similarities(inputs)
     errors, signals = [], []
     for _ in range(PHASES):
         angles = place * half + pitch * generator.uniform(-1, 1, 2)
         spots = channel_centroids(cameras, angles[None])[:, 0]
         windows, corner = _exposures(spots, photons, trials, generator)
-        fused = _combinations(windows, corner, transforms or similarities(inputs))
+        fused = _combinations(windows, corner, transforms)
         centres = fitted_centre(fused, corner + _MARGIN_PIXELS, RADIUS, noise)
         errors.append(centres - spots[0])
         signals.append([_signal_to_noise(image) for image in fused])
