@@ -14,7 +14,7 @@ from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import Alternative, computations, item_text, reproduces
 from reproduce.papers.niu2024 import simulation
 from reproduce.printed.cells import library
-from reproduce.printed.inputs import Inputs, load_inputs
+from reproduce.printed.inputs import load_inputs
 from reproduce.printed.number import PrintedNumber
 from reproduce.store.studies import StudyError
 
@@ -153,10 +153,10 @@ def test_changed_options_inputs_and_results_make_the_stored_readings_stale(monke
     fewer = {**CAMERA.options, "repeats": {"one": CAMERA.options["repeats"]["one"]}}
     with pytest.raises(StudyError, match=f"other inputs or options; {STALE}"):
         again(replace(CAMERA, options=fewer))
-    cells = load_inputs(CAMERA.inputs).cells
-    noise = replace(cells[simulation.NOISE], content=PrintedNumber("0.06"))
+    inputs = load_inputs(CAMERA.inputs)
+    noise = replace(inputs.cells[simulation.NOISE], content=PrintedNumber("0.06"))
     with monkeypatch.context() as patched:
-        moved = Inputs({**cells, simulation.NOISE: noise})
+        moved = replace(inputs, cells={**inputs.cells, simulation.NOISE: noise})
         patched.setattr(readings, "load_inputs", lambda _: moved)
         assert readings.fingerprint(CAMERA) != before
         with pytest.raises(StudyError, match=STALE):

@@ -9,9 +9,9 @@ import reproduce as rp
 from reproduce.judge.ledger import build
 from reproduce.judge.rerun import CannotChangeError
 from reproduce.locate import papers
-from reproduce.papers import declare
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.chen2023.platform import PIXEL
+from reproduce.printed import inputs
 from reproduce.views.figure import Figure, drawable
 
 SHOWN = [(Figure, key) for key in drawable()]
@@ -46,7 +46,7 @@ def test_a_seed_reaches_every_random_number_or_is_rejected(kind, monkeypatch):
         shown = find(key)
         clear_caches()
         with monkeypatch.context() as project:
-            project.setattr(declare, "ROOT_SEED", "no seed")
+            project.setattr(inputs, "ROOT_SEED", "no seed")
             first = content(shown.rerun(seed=7) if shown.random else shown)
         if shown.random:
             clear_caches()

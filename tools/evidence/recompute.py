@@ -15,8 +15,9 @@ import fusion
 from keep import write
 from reproduce.judge import readings
 from reproduce.papers.catalogue import catalogue
-from reproduce.papers.declare import ROOT_SEED, Computation, computations
+from reproduce.papers.declare import Computation, computations
 from reproduce.papers.niu2024.images import PHASES
+from reproduce.printed.inputs import ROOT_SEED
 from reproduce.version import __version__
 
 Array = NDArray[np.float64]

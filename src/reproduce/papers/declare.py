@@ -29,15 +29,11 @@ from reproduce.papers.texts import ItemText
 from reproduce.papers.texts import Options as Options
 from reproduce.papers.texts import item_text as item_text
 from reproduce.physics.validate import FloatArray
-from reproduce.printed.inputs import Inputs, load_inputs
+from reproduce.printed.inputs import ROOT_SEED, Inputs, load_inputs
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
-
-# Root seed of the project; every computation adds its own name to it (see `seed_of`).
-ROOT_SEED = 20_240_102
-
 
 # A float, or draws as an array of shape (replicates,), in SI units. The same index is the same
 # replicate in every cell of a table, so that the cells keep their correlation.
@@ -163,9 +159,9 @@ class Computation(PaperFunction):
     @property
     def entropy(self) -> tuple[int, ...]:
         """Root seed and the number of the computation; empty if deterministic."""
-        return (ROOT_SEED, *self._seed(None).spawn_key) if self.replicates else ()
+        return (ROOT_SEED, *self._seed(0).spawn_key) if self.replicates else ()
 
-    def _seed(self, root: int | None) -> SeedSequence:
+    def _seed(self, root: int) -> SeedSequence:
         return seed_of(f"{self.key}:{self.function.__name__}", root)
 
     def makes(self, name: str) -> bool:
@@ -212,15 +208,15 @@ _cached = lru_cache(maxsize=64)(_run)
 
 
 @cache
-def seed_of(name: str, root: int | None) -> SeedSequence:
+def seed_of(name: str, root: int) -> SeedSequence:
     """Return the seed of the one generator of a computation, drawing or table.
 
     Parameters
     ----------
     name : str
         Its key, such as ``chen2023/fig-8``.
-    root : int, optional
-        Root seed of the inputs. Default: the root seed of the project.
+    root : int
+        Root seed of the inputs.
 
     Returns
     -------
@@ -230,11 +226,10 @@ def seed_of(name: str, root: int | None) -> SeedSequence:
 
     Examples
     --------
-    >>> seed_of("chen2023/fig-7", None).spawn_key == seed_of("chen2023/fig-8", None).spawn_key
+    >>> seed_of("chen2023/fig-7", 1).spawn_key == seed_of("chen2023/fig-8", 1).spawn_key
     False
     """
-    number = zlib.crc32(name.encode())
-    return SeedSequence(ROOT_SEED if root is None else root, spawn_key=(number,))
+    return SeedSequence(root, spawn_key=(zlib.crc32(name.encode()),))
 
 
 def reproduces(

@@ -10,13 +10,10 @@ from hashlib import sha256
 from importlib.util import find_spec
 from typing import Any, Concatenate
 
-from numpy.random import SeedSequence
-
 from reproduce.inference import Model
 from reproduce.inference.sampling import Plan
 from reproduce.locate import papers
-from reproduce.papers.declare import ROOT_SEED
-from reproduce.printed.inputs import Inputs, load_inputs
+from reproduce.printed.inputs import ROOT_SEED, Inputs, load_inputs
 from reproduce.store.points import (
     STARS,
     DataTable,
@@ -151,9 +148,3 @@ class Declaration:
                 raise
             except ValueError as error:
                 raise TableFileError(f"{table.path}: {error}") from error
-
-
-def data_stream(inputs: Inputs, *key: int) -> SeedSequence:
-    """Return the seed of simulated data: the root seed of the project or of the inputs."""
-    root = ROOT_SEED if inputs.root is None else inputs.root
-    return SeedSequence(root, spawn_key=key)

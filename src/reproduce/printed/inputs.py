@@ -10,10 +10,14 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.random import SeedSequence
 from numpy.typing import NDArray
 
 from reproduce.printed.cells import PrintedCell, find
 from reproduce.printed.number import si_factor
+
+# Root seed of the project. Every computation adds its own name to it (see `declare.seed_of`).
+ROOT_SEED = 20_240_102
 
 
 class UndeclaredInputError(LookupError):
@@ -28,15 +32,15 @@ class Inputs:
     ----------
     cells : mapping of str to PrintedCell
         The declared cells by address.
+    root : int
+        Root of all random seeds.
     values : mapping of str to float
         Values in SI units that replace printed values: of a user, or in the rounding interval.
-    root : int, optional
-        Root of all random seeds. Default: the seed of the project.
     """
 
     cells: Mapping[str, PrintedCell]
+    root: int
     values: Mapping[str, float] = field(default_factory=dict)
-    root: int | None = None
 
     def __hash__(self) -> int:
         """Return equal numbers for equal inputs, so that results can be cached by inputs."""
@@ -59,6 +63,10 @@ class Inputs:
         """Return half the width of the interval of the number at `address`, in SI units."""
         cell = self._cell(address)
         return cell.number.half_width * si_factor(cell.unit)
+
+    def seed(self, *key: int) -> SeedSequence:
+        """Return the seed of simulated data, which the numbers of the key identify."""
+        return SeedSequence(self.root, spawn_key=key)
 
     def count(self, address: str) -> int:
         """Return the whole number at `address`."""
@@ -102,7 +110,7 @@ class Inputs:
 
 
 def load_inputs(patterns: Iterable[str], root: int | None = None) -> Inputs:
-    """Return access to the cells that match `patterns`, with an optional seed of a user.
+    """Return access to the cells that match `patterns`, with the seed of the project or a user.
 
     Examples
     --------
@@ -111,4 +119,4 @@ def load_inputs(patterns: Iterable[str], root: int | None = None) -> Inputs:
     0.025
     """
     cells = {cell.address: cell for pattern in patterns for cell in find(pattern)}
-    return Inputs(cells, root=root)
+    return Inputs(cells, ROOT_SEED if root is None else root)

@@ -31,7 +31,7 @@ def simulated(view, names, look):
     noise = {kind: np.zeros((DRAWS, 3)) for kind in positioning._UNITS}
     for name in names:
         kind, sigma = TERMS[name]
-        generator = np.random.default_rng(seed_of(f"budget {look} {name}", None))
+        generator = np.random.default_rng(seed_of(f"budget {look} {name}", INPUTS.root))
         noise[kind] += sigma * generator.normal(size=(DRAWS, 3))
     vectors, place, chain = view
     found = imaged_position(

@@ -28,7 +28,7 @@ from reproduce.papers.chen2023.platform import (
     as_designed,
     square_ratio,
 )
-from reproduce.papers.posteriors import Declaration, File, data_stream
+from reproduce.papers.posteriors import Declaration, File
 from reproduce.physics.attitude import Platform
 from reproduce.physics.attitude.diagnosis import diagnose_spots
 from reproduce.physics.validate import FloatArray
@@ -74,7 +74,7 @@ def _misalignment(inputs: Inputs, drifts: bool = False) -> Model:
 
     The images of both groups are simulated.
     """
-    generator = Generator(PCG64(data_stream(inputs, 2, int(drifts))))
+    generator = Generator(PCG64(inputs.seed(2, int(drifts))))
     frames, design = inputs.count(_FRAMES), as_designed(inputs)
     noise = np.sqrt(np.square(inputs.array("chen2023/table-3") / SIGMAS).mean())
     # The printed spots are closer together than the designed square: simulate the printed ones.

@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike
 from reproduce.inference import Derived, Model, models
 from reproduce.papers.niu2024 import published, simulation
 from reproduce.papers.niu2024.simulation import NOISE
-from reproduce.papers.posteriors import Declaration, File, data_stream
+from reproduce.papers.posteriors import Declaration, File
 from reproduce.physics.optics import angle_from_pixels, channel_centroids
 from reproduce.physics.registration import (
     checked_pivot,
@@ -56,7 +56,7 @@ def true_centroids(inputs: Inputs) -> FloatArray:
 
 def _noisy(inputs: Inputs, true: FloatArray, *key: int) -> FloatArray:
     """Return simulated centroids of green, red and blue, shape (3, n, 2), in px."""
-    unit = default_rng(data_stream(inputs, *key, 0)).standard_normal(true.shape)
+    unit = default_rng(inputs.seed(*key, 0)).standard_normal(true.shape)
     return true + simulation.noise(inputs) * unit
 
 
@@ -100,7 +100,7 @@ def _model(
     The model may be extended. Its consequences are those at the test points.
     """
     green, red, _ = _noisy(inputs, true_centroids(inputs), 1)
-    order = Generator(PCG64(data_stream(inputs, 4))).permutation(len(red))
+    order = Generator(PCG64(inputs.seed(4))).permutation(len(red))
     false = order[: round(wrong * len(red))]
     green[false] = green[np.roll(false, 1)]
     model = extend(models.registration_model(red, green, pivot(inputs)))
@@ -117,7 +117,7 @@ def _new_stars(inputs: Inputs, likelihood: models.GaussianRegistration) -> Deriv
     fit = fit_registration(
         likelihood.source[right], likelihood.target[right], likelihood.pivot
     )
-    generator = default_rng(data_stream(inputs, 3, 0, 0))
+    generator = default_rng(inputs.seed(3, 0, 0))
     half, count = simulation.half_ranges(inputs), inputs.count(_TEST_POINTS)
     directions = generator.uniform(-half, half, (count, 2))
     true = channel_centroids(simulation.instrument(inputs), directions)
