@@ -139,15 +139,12 @@ _DESIGNS = {
     "positions of the simulation": 1.0,
     "a tenth of the positions": 10.0,
 }
-# The rotations and translations of the cameras are also the printed estimates.
-_SCALE_INPUTS = tuple(
-    dict.fromkeys(
-        address
-        for declaration in POSTERIORS[:2]
-        for address in declaration.inputs
-        if address
-        not in {"niu2024/table-4#rotation.*", "niu2024/table-4#translation-*"}
-    )
+_SCALE_INPUTS = (
+    *simulation.ANGLES,
+    *experiment.CAMERAS,
+    "niu2024/table-4#scale.*",
+    "niu2024/text-experiment#test-points",
+    "niu2024/text-experiment#rmse-after-*",
 )
 
 
