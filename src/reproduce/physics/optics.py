@@ -411,7 +411,7 @@ def image_points(directions: Directions, camera: Camera) -> FloatArray:
     ideal = ideal_positions(directions, camera.focal_length)
     bent = ideal + radial_displacements(ideal, camera.radial_distortion)
     spots = turned_onto_detector(bent, camera.rotation)
-    return spots / camera.pixel_pitch + camera.principal_point
+    return spots / camera.pixel_pitch + camera.principal_point[..., None, :]
 
 
 @checked

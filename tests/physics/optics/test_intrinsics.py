@@ -63,6 +63,8 @@ def test_a_batch_gives_what_each_gives_alone():
     for row, points in enumerate(noisy):
         alone = fit_camera(SLOPES, points, PITCH)
         assert_allclose(parameters(together)[row], parameters(alone), rtol=1e-12)
+        places = image_points(SLOPES, together)[row]
+        assert_allclose(places, image_points(SLOPES, alone), rtol=1e-12)
 
 
 def test_bad_input_is_rejected():
