@@ -16,7 +16,7 @@ from typing import Annotated, Any
 import numpy as np
 
 from reproduce.physics.registration._least_squares import gauss_newton
-from reproduce.physics.registration._similarity import as_complex
+from reproduce.physics.registration._similarity import as_complex, squared
 from reproduce.physics.registration.fit import fit_registration
 from reproduce.physics.registration.transforms import Registration
 from reproduce.physics.validate import (
@@ -282,7 +282,7 @@ def _direction(name: str, points: FloatArray) -> FloatArray:
     numbers = as_complex(points - points.mean(axis=-2, keepdims=True))
     # Squaring doubles the angle, so that both senses of the line add up.
     doubled = (numbers**2).sum(axis=-1)
-    spread = (np.abs(numbers) ** 2).sum(axis=-1)
+    spread = squared(numbers).sum(axis=-1)
     rounding = (1e-12 * np.abs(points).max(axis=(-2, -1))) ** 2 * points.shape[-2]
     if ((spread <= rounding) | (np.abs(doubled) <= 1e-12 * spread)).any():
         raise DegenerateGeometryError(
