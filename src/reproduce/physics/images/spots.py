@@ -245,7 +245,7 @@ def fitted_spots(
     windows: _Windows,
     corners: Point,
     radius: Positive,
-    read_noise: NonNegative = 0.0,
+    read_noise: NonNegative,
 ) -> Spots:
     """Return centre, flux and covariance of the spot that fits each window best.
 
