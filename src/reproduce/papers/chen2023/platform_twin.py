@@ -128,7 +128,6 @@ class _SimulatedBench:
         mean = spot_windows(centres, flux, self.radius, corners, self.window)
         shape = (*mean.shape[:-4], frames, *mean.shape[-3:])
         seen = expose(np.broadcast_to(mean, shape), Detector(), generator)
-
         return centre_of_gravity(seen, corners)
 
     def two_groups(

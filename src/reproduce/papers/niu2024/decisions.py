@@ -103,19 +103,22 @@ def _star_facts(inputs: Inputs) -> dict[str, float]:
     number = np.array([count])
     [plain], [free], neglected = _at_edge(inputs, number)
     left_out = np.hypot(*neglected)
-    facts = {"all": count, "level": 100 * _QUANTILES[2], "left-out": left_out}
     errors = np.column_stack(
         [_edge_errors(inputs, number)[..., 0], _sufficient(inputs)]
     )
-    facts |= by_cell(
-        "{}-{}",
-        errors[:, 1:],
-        ("similarity", "distortions"),
-        ("all", "all-high", "enough"),
-    )
-    # Equal mean squares: the one of the similarity includes the neglected distortion.
-    facts["free-from"] = count * np.trace(free - plain) / left_out**2
-    return facts
+    return {
+        "all": count,
+        "level": 100 * _QUANTILES[2],
+        "left-out": left_out,
+        **by_cell(
+            "{}-{}",
+            errors[:, 1:],
+            ("similarity", "distortions"),
+            ("all", "all-high", "enough"),
+        ),
+        # Equal mean squares: the one of the similarity includes the neglected distortion.
+        "free-from": count * np.trace(free - plain) / left_out**2,
+    }
 
 
 @studied("niu2024/stars", inputs=INPUTS, named=_star_facts)
