@@ -44,15 +44,12 @@ class Inputs:
 
     def __hash__(self) -> int:
         """Return equal numbers for equal inputs, so that results can be cached by inputs."""
-        parts = (self.cells, self.values)
-        return hash((self.root, *(frozenset(part.items()) for part in parts)))
+        cells, values = self.cells.items(), self.values.items()
+        return hash((self.root, frozenset(cells), frozenset(values)))
 
     def __getitem__(self, address: str) -> float:
         """Return the number at `address` in SI units (pixels stay pixels)."""
-        cell = self._cell(address)
-        if address in self.values:
-            return self.values[address]
-        return cell.si
+        return self.values.get(address, self._cell(address).si)
 
     def half_unit(self, address: str) -> float:
         """Return half a unit of the last digit of the number at `address`, in SI units."""
