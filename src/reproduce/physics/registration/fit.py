@@ -284,8 +284,8 @@ def _solved(problem: Problem, used: bool | NDArray[np.bool_] = True) -> Registra
     problem = replace(problem, counts=problem.counts * used)
     if problem.model == "similarity" and not problem.errors_known:
         parameters, residuals, cofactor = problem.closed()
-        points, numbers = problem.source, as_complex(residuals)
-        chi_square = np.vecdot(problem.counts * numbers, numbers).real
+        points = problem.source
+        chi_square = np.vecdot(problem.counts, squared(as_complex(residuals)))
     else:
         parameters, residuals, chi_square, cofactor, points = iterated(problem)
     return RegistrationFit(
