@@ -241,6 +241,19 @@ def test_chi_square_lies_in_its_range():
     assert np.mean(inside) == pytest.approx(0.95, abs=4 * np.sqrt(0.05 * 0.95 / 400))
 
 
+@pytest.mark.parametrize("step", [1, 0.5, 0.1])
+def test_rounded_spots_are_no_strays(step):
+    """Before rounding, the noise is a quarter of a step."""
+    rng = default_rng(1)
+    images = (
+        one + 0.25 * step * noise(rng, one.shape) for one in drawn(SQUARE, 200, rng)
+    )
+    rounded = [step * np.round(one / step) for one in images]
+    assert "stray" not in kinds(SQUARE, rounded)
+    rounded[1][7, 2] += [6, 9]
+    assert "stray" in kinds(SQUARE, rounded)
+
+
 def test_one_image_still_tells_a_mirror_and_a_focal_length():
     """Without scatter a pixel is taken for the noise."""
     images = drawn(SQUARE, 1, default_rng(1))

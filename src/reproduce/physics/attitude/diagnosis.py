@@ -41,6 +41,8 @@ _FOREIGN_FRACTION = 0.1
 # Distance of a spot from its place in other images, over the median distance, that noise cannot
 # explain.
 _FAR_RATIO = 20.0
+# Largest step of rounded coordinates, in px, and the decimals that distinguish them.
+_LARGEST_STEP_PX, _DECIMALS = 1.0, 3
 # Iterations of a fit of rotation and size.
 _SIZE_ROUNDS = 5
 # Causes that leave no usable angle.
@@ -218,7 +220,10 @@ def _single_images(
         distance = np.linalg.norm(off - np.nanmedian(off, axis=1)[:, None], axis=2)
         row, light = np.unravel_index(np.nanargmax(distance), distance.shape)
         far = distance[row, light]
-        if far > _FAR_RATIO * max(float(np.nanmedian(distance)), _MIN_NOISE_PX):
+        # Spots that are rounded to the same number have no scatter, except that of the rounding.
+        steps = np.diff(np.unique(off.round(_DECIMALS)))
+        rounding = np.nanmin(steps, initial=_LARGEST_STEP_PX) / np.sqrt(12)
+        if far > _FAR_RATIO * max(np.nanmedian(distance), _MIN_NOISE_PX, rounding):
             yield Finding(
                 "stray",
                 f"at the {when}, light {lights[light]} in image {rows[row] + 1} is {far:.2g} px "
