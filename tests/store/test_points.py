@@ -51,6 +51,7 @@ def refused(source, *places):
         ("x,y\n1,2\n3\n", ("row 1", "column y")),
         ("x,y\n1,2\n\n3,four\n", ("row 1", "column y")),
         ("y,x\n1,nan\n", ("row 0", "column x")),
+        ("y,x\n1,2026-11-27\n", ("row 0", "column x", "dates are nan")),
         ("x,y\n1,2e40\n", ("row 0", "column y")),
         ("x;y\n1,5;2\n", ("sep",)),
         ("x,y\0\n1,2\n", ("column y",)),

@@ -167,6 +167,11 @@ REJECTED = {
         lambda: rp.register(np.eye(20)),
         lambda: rp.register(SQUARE, SQUARE).rerun(source=np.eye(20), target=None),
     ],
+    "^weights: ": [lambda: rp.register(SQUARE, SQUARE, weights=np.ones((2, 4)))],
+    "^level: ": [
+        lambda: rp.register(SQUARE, SQUARE).interval("a"),
+        lambda: rp.register(SQUARE, SQUARE).interval([0.5, 0.9]),
+    ],
     "^radius: ": [
         lambda: rp.register(SQUARE, SQUARE, radius=3),
         lambda: rp.register(SQUARE, SQUARE).rerun(radius=3),
@@ -396,5 +401,6 @@ def test_intervals_that_allow_a_term_are_those_of_its_model():
         (fit.interval(term="radial") - rich) / error, 0, atol=0.02
     )
     assert "if a radial term is possible" in words(repr(fit))
-    with pytest.raises(ValueError, match=r"^term: .*radial, tilt, affine"):
-        fit.interval(term="shear")
+    for term in ("shear", ["radial"]):
+        with pytest.raises(ValueError, match=r"^term: .*radial, tilt, affine"):
+            fit.interval(term=term)

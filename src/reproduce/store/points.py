@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from reproduce.physics.validate import FloatArray, Points, checked
+from reproduce.physics.validate import FloatArray, Points, checked, number_array
 
 # Largest length in px or angle in arcsec. Squares of squares of larger numbers overflow.
 _LARGEST_NUMBER = 1e30
@@ -167,7 +167,8 @@ def read_table(
         raise TableFileError(f"{name}: expected at least one row, got zero. Add rows")
     for column, given in numbers.items():
         right = np.abs(given) < _LARGEST_NUMBER  # false for NaN
-        table.check(column, right, f"a finite number below {_LARGEST_NUMBER:g}")
+        expected = f"a finite number below {_LARGEST_NUMBER:g} (text and dates are nan)"
+        table.check(column, right, expected)
     return table
 
 
@@ -199,7 +200,7 @@ def _numbers(
         shape = ", ".join(map(str, ("n", *width)))
         raise TableFileError(
             f"{place}: expected real numbers of shape ({shape}), got {content}. Convert the "
-            "numbers; rows are observations"
+            "entries to numbers. Rows are observations; pass an image as a NumPy array"
         )
     return np.ma.filled(array.astype(np.float64, copy=False), np.nan)
 
@@ -255,6 +256,11 @@ def matched_stars(
 
     The stars are in one table of matched stars, or in two arrays or tables, row by row.
     """
+    shape = number_array("weights", settings.get("weights", 1)).shape
+    if len(shape) > 1:
+        raise ValueError(
+            f"weights: expected shape (n,), got {shape}. Pass one number for each star"
+        )
     if target is not None:
         first, second = (
             read_table(image, STARS[:2], (*SIGMAS, "weight"), sep, name)

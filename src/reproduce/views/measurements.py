@@ -216,7 +216,7 @@ class RegistrationResult(UserResult):
         """
         centre, wider = self.parameters, self.standard_errors / self._errors
         if term is not None:
-            if term not in self._sensitivities:
+            if term not in [*self._sensitivities]:
                 known = ", ".join(self._sensitivities)
                 raise ValueError(
                     f"term: expected one of {known}, got {term!r}. Leave it out"

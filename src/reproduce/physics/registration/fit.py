@@ -31,7 +31,7 @@ from reproduce.physics.registration._similarity import (
     squared,
 )
 from reproduce.physics.registration.transforms import MODELS, Registration
-from reproduce.physics.validate import FloatArray
+from reproduce.physics.validate import FloatArray, Size
 
 # Fewest points of a robust fit.
 _MIN_STARS_ROBUST = 4
@@ -149,7 +149,8 @@ class RegistrationFit:
         variances = np.diagonal(self.cofactor, axis1=-2, axis2=-1)
         return np.sqrt(self._variance[..., None] * variances)
 
-    def interval(self, level: float = 0.95) -> FloatArray:
+    @validate.checked
+    def interval(self, level: Size = 0.95) -> FloatArray:
         """Return the lowest and highest value of each parameter, shape (..., p, 2).
 
         The interval follows Student's t-distribution, because the scatter of few points is an
