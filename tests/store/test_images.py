@@ -16,6 +16,8 @@ from astropy.nddata import (
     VarianceUncertainty,
 )
 from astropy.table import Table
+from astropy.units import adu
+from astropy.utils.masked import Masked
 from numpy.random import default_rng
 from numpy.testing import assert_allclose
 
@@ -49,12 +51,14 @@ def test_touching_pixels_that_share_the_highest_number_are_full():
     assert read_image(np.where(image > 200, 255, image).astype(np.uint8))[1] == 255
 
 
-@pytest.mark.parametrize("kind", [np.ma.array, CCDData, NDData])
+@pytest.mark.parametrize("kind", [np.ma.array, CCDData, NDData, Masked])
 def test_masked_and_missing_pixels_are_not_seen(kind):
     image = RAMP.astype(float)
     image[3, 3] = np.inf
     source = kind(
-        image, mask=RAMP == 7, **{"unit": "adu"} if kind is not np.ma.array else {}
+        image << adu if kind is Masked else image,
+        mask=RAMP == 7,
+        **{"unit": "adu"} if kind in (CCDData, NDData) else {},
     )
     assert is_image(source)
     missing = np.isnan(read_image(source)[0])

@@ -236,6 +236,10 @@ def test_wrong_arguments_are_named():
     wrong = pd.DataFrame({"x": [1.0, 2], "y": [1.0, 2], "sigma": [1, -1]})
     for call, named in (
         (lambda: rp.stars(RED, threshold=-3), "threshold: expected"),
+        (lambda: rp.stars(RED, threshold=[5, 6]), "threshold: .* one number"),
+        (lambda: rp.stars(square, threshold=-3), "^threshold: expected none"),
+        (lambda: rp.register(*[rp.stars(RED)] * 2, threshold=5), "^threshold: .* none"),
+        (lambda: rp.stars(RED.tolist()), "^source: .* image as a NumPy array"),
         (lambda: rp.stars(wrong), "row 1, column sigma"),
         (lambda: rp.stars(wrong[:0]), "expected"),
         (lambda: rp.stars(wrong.assign(sigma=1, weight=1)), "column weight"),

@@ -110,7 +110,7 @@ def read_image(
         uncertainty = getattr(source, "uncertainty", None)
         if hasattr(source, "uncertainty"):
             source = np.ma.array(source.data, mask=source.mask)
-        pixels = np.ma.getdata(source)
+        pixels = np.ma.getdata(source, subok=False)  # without a unit
         if pixels.ndim != 2 or min(pixels.shape) < _MIN_SIDE:
             raise ValueError(
                 f"expected an image of shape (height, width) with {_MIN_SIDE} px or more on each "

@@ -58,12 +58,13 @@ def stars(
     ----------
     source : path, table or array_like, shape (height, width) or (n, 2)
         FITS file (``field.fits[SCI]`` if it contains several images), array, masked array or
-        `CCDData`, whose mask and uncertainty apply. Also a list of stars in any order: an array of
-        shape (n, 2), or a table as in `register` with the columns ``x`` and ``y``, in px. Optional
-        columns are ``flux`` or ``mag`` (brighter stars have a lower magnitude), by which `match`
-        selects stars, and ``sigma`` (or ``sigma_x``, ``sigma_y``), in px.
+        `CCDData`, whose mask and uncertainty apply, in any unit. Also a list of stars in any
+        order: an array of shape (n, 2), or a table as in `register` with the columns ``x`` and
+        ``y``, in px. Optional columns are ``flux`` or ``mag`` (brighter stars have a lower
+        magnitude), by which `match` selects stars, and ``sigma`` (or ``sigma_x``, ``sigma_y``),
+        in px.
     threshold : float, optional
-        Detection threshold, in standard deviations of the noise. Default: 5.
+        Detection threshold of an image, in standard deviations of the noise. Default: 5.
     sep : str, optional
         Separator of the columns of a text file. Default: a comma.
     name : str
@@ -79,11 +80,16 @@ def stars(
     ValueError
         If the image cannot be read or contains no stars.
     """
+    has_pixels = is_image(source)
+    if threshold is not None and not has_pixels:
+        raise ValueError(
+            "threshold: expected none for a list of stars, got one. Leave it out"
+        )
     if isinstance(source, Stars):
         return source
     name = str(source) if isinstance(source, str | Path) else name
     columns: dict[str, Any]
-    if is_image(source):
+    if has_pixels:
         pixels, saturation, noise = read_image(source, name)
         with reading(name):
             spots = find_spots(pixels, threshold, noise, saturation)
@@ -272,8 +278,11 @@ class PairedRegistration(RegistrationResult):
         **settings: Any,
     ) -> None:
         settings = {"robust": True, **settings}
-        first = stars(source, threshold=threshold, sep=sep, name="source")
-        second = stars(target, threshold=threshold, sep=sep, name="target")
+        # The threshold of an image and a list is that of the image.
+        images = [is_image(source), is_image(target)]
+        limits = [threshold if one or not any(images) else None for one in images]
+        first = stars(source, threshold=limits[0], sep=sep, name="source")
+        second = stars(target, threshold=limits[1], sep=sep, name="target")
         self.source_stars, self.target_stars = first, second
         pivot = first.middle if pivot is None else pivot
         if np.shape(start) == (4,):

@@ -17,7 +17,7 @@ from numpy.polynomial.polynomial import polyvander2d
 from numpy.typing import ArrayLike, NDArray
 
 from reproduce.physics.images.spots import IntArray, fitted_spots
-from reproduce.physics.validate import Finding, FloatArray, positive
+from reproduce.physics.validate import Finding, FloatArray, Size, checked
 
 # Touching pixels above the detection threshold, at least.
 _MIN_PIXELS = 3
@@ -86,9 +86,10 @@ class Detections:
     findings: tuple[Finding, ...]
 
 
+@checked
 def find_spots(
     image: NDArray[Any],
-    threshold: float | None = None,
+    threshold: Size = None,
     sigma: ArrayLike | None = None,
     saturation: float = np.inf,
 ) -> Detections:
@@ -125,7 +126,7 @@ def find_spots(
     """
     from scipy.spatial import KDTree
 
-    limit = positive("threshold", 5.0 if threshold is None else threshold)
+    limit = 5.0 if threshold is None else threshold
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # boxes without pixels
         light, noise = _without_background(image)
@@ -158,7 +159,7 @@ def find_spots(
     shapes = fit.moments()
     shapes[np.argsort(-flux)[(np.isfinite(flux).sum() + 1) // 2 :]] = np.nan
     facts = {
-        "threshold": float(limit),
+        "threshold": limit,
         "radius": radius,
         "background": float(np.nanmedian(image[at] - light[at])),
         "noise": float(np.median(deviations)),
