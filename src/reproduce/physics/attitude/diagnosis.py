@@ -29,6 +29,11 @@ from reproduce.physics.validate import DegenerateGeometryError, Finding, FloatAr
 # Probability of a finding without a fault, and the number of tests that share it: two patterns, and
 # the correlation of spots and of angles.
 _FALSE_ALARM, _TEST_COUNT = 1e-3, 4
+# Probability, of each of both tests of correlation, that white noise widens the errors. It exceeds
+# the probability of a finding, because the correlation of a short series is uncertain.
+_WIDE_ALARM = 0.05
+# Fewest degrees of freedom of correlated images.
+_MIN_FREEDOM = 2.0
 # Smallest noise that matters, and the assumed noise of single images, in px.
 _MIN_NOISE_PX, _UNKNOWN_NOISE_PX = 1e-3, 1.0
 # Degrees of freedom of a known noise.
@@ -90,8 +95,8 @@ class Diagnosis:
         freedom. It is about 1, and less if all spots of an image move together. ``low`` and
         ``high``: its central 95 % without a fault. ``residual_rms``: of the residuals, in px.
     widening : float
-        Factor on the standard error of mean angles: of correlated images, and the root of a
-        `chi_square` above 1.
+        Factor on the standard error of mean angles: of correlated images, also if the correlation
+        is too uncertain for a finding, and the root of a `chi_square` above 1.
     freedom : float
         Upper limit of the degrees of freedom of the standard error.
     """
@@ -181,16 +186,19 @@ def diagnose_spots(
     if not spare:
         text = "no group has two images of a light, so the noise is unknown. Add images"
         findings.append(Finding("spare", text))
+    factor = 1.0
+    if score > -ndtri(_WIDE_ALARM):
+        independent = sum(map(len, images)) * (1 - lag**2) / (1 + lag**2)
+        factor, limit = widening, max(independent, _MIN_FREEDOM)
     if correlated:
-        limit = sum(map(len, images)) * (1 - lag**2) / (1 + lag**2)
         findings.append(Finding("correlated", _CORRELATED_TEXT.format(lag, widening)))
     if lost:
         text = f"{lost} of {total} spots are lost: an image with fewer spots has less weight"
         findings.append(Finding("lost", text))
     low, high = fdtri(fit.freedom, freedom, [0.025, 0.975]).tolist()
     if fit.misfit > high:
-        limit = fit.freedom
-    factor = max(fit.misfit, 1.0) ** 0.5 * (widening if correlated else 1.0)
+        limit = min(limit, fit.freedom)
+    factor *= max(fit.misfit, 1.0) ** 0.5
     agreement = {
         "chi_square": fit.misfit,
         "low": low,
