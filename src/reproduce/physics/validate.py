@@ -56,7 +56,7 @@ def row_numbers(rows: Sequence[int]) -> str:
     return f"row{'s' * (len(rows) > 1)} {shown}"
 
 
-def number_array(name: str, value: ArrayLike, *, shape: _Shape) -> FloatArray:
+def number_array(name: str, value: ArrayLike, *, shape: _Shape = ()) -> FloatArray:
     """Return `value` as `finite_array` does, but accept NaN and infinity."""
     has_unit = hasattr(value, "to") and (
         hasattr(value, "unit") or hasattr(value, "units")
