@@ -83,7 +83,7 @@ def stars(
     has_pixels = is_image(source)
     if threshold is not None and not has_pixels:
         raise ValueError(
-            "threshold: expected none for a list of stars, got one. Leave it out"
+            "threshold: expected none for a list of stars, got one. Pass it to stars with an image"
         )
     if isinstance(source, Stars):
         return source
@@ -278,11 +278,8 @@ class PairedRegistration(RegistrationResult):
         **settings: Any,
     ) -> None:
         settings = {"robust": True, **settings}
-        # The threshold of an image and a list is that of the image.
-        images = [is_image(source), is_image(target)]
-        limits = [threshold if one or not any(images) else None for one in images]
-        first = stars(source, threshold=limits[0], sep=sep, name="source")
-        second = stars(target, threshold=limits[1], sep=sep, name="target")
+        first = stars(source, threshold=threshold, sep=sep, name="source")
+        second = stars(target, threshold=threshold, sep=sep, name="target")
         self.source_stars, self.target_stars = first, second
         pivot = first.middle if pivot is None else pivot
         if np.shape(start) == (4,):

@@ -80,7 +80,7 @@ def register(
     start, radius : optional
         Parameters of `match`, for images and separate lists.
     threshold : float, optional
-        Parameter of `stars`, for images.
+        Parameter of `stars`, if both are images.
     sep : str, optional
         Separator of the columns of a text file, as in `pandas.read_csv`. Default: a comma.
 
