@@ -59,7 +59,9 @@ ASSET = re.compile(
     r"|<script>window\.MathJax.*?</script>|<script[^>]*/mathjax/[^>]*></script>"
 )
 TAG = re.compile(r"<[a-zA-Z][^>]*>")
-PLACE = re.compile(r'(\s(?:id|for|(?:xlink:)?href)=["\']|url\(#)([^"\')]*)(["\']|\))')
+PLACE = re.compile(
+    r'(\s(?:id|for|src|(?:xlink:)?href)=["\']|url\(#)([^"\')]*)(["\']|\))'
+)
 HEADING = re.compile(r"(?<=<)(/?)h([1-5])\b")
 
 # Each part has sheets in portrait and landscape format, with its title at the top.
@@ -125,11 +127,13 @@ def moved(html: str, page: str, pages: list[str]) -> str:
 
     >>> moved('<a id="x" href="../find.html#y">', "audit/errata.html", ["find.html"])
     '<a id="audit/errata:x" href="#find:y">'
+    >>> moved('<img src="../_images/x.png">', "audit/errata.html", [])
+    '<img src="html/_images/x.png">'
     """
 
     def place(found: re.Match[str]) -> str:
         before, value, after = found.groups()
-        if "href" not in before:
+        if "href" not in before and "src" not in before:
             return before + name(page, value) + after
         path, _, mark = value.partition("#")
         target = (
@@ -137,7 +141,9 @@ def moved(html: str, page: str, pages: list[str]) -> str:
             if path
             else page
         )
-        if target in pages:
+        if "src" in before and ":" not in path:
+            value = f"html/{target}"
+        elif target in pages:
             value = f"#{name(target, mark)}"
         elif ":" not in path:  # a file next to the pages
             value = ADDRESS and f"{ADDRESS}/{target}"

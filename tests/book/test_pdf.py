@@ -151,6 +151,12 @@ def test_no_element_is_larger_than_its_sheet(joined):
     assert joined.evaluate(TOO_LARGE) == []
 
 
+def test_every_image_is_loaded(joined):
+    widths = joined.evaluate("() => [...document.images].map(e => e.naturalWidth)")
+    assert len(widths) > 3
+    assert min(widths) > 0
+
+
 def test_no_sheet_is_shrunk(pdf):
     """Chromium shrinks all sheets without a message if one element is too wide."""
     sizes = Counter()
