@@ -73,7 +73,7 @@ def test_placeholders_make_one_relation_each():
     name = "less-{i}-{j}"
     formula = "a <= b"
     cells = "a=t#{i}.length b=t#{j}.length"
-    each = { "i,j" = [["1", "2"], ["2", "1"]] }
+    each = { "i,j" = ["1,2", "2,1"] }
     source = "s"
     kind = "order"
     """

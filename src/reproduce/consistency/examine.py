@@ -80,7 +80,7 @@ class RelationResult:
     outcome: RelationOutcome
     left: float
     right: float
-    rescued_by: str = ""
+    rescued_by: str
 
 
 @dataclass(frozen=True)
@@ -203,7 +203,12 @@ def examine(cells: Sheet, relations: Sequence[Relation]) -> list[RelationResult]
     *about* and *nominal* numbers that stand for their rounding only.
     """
     wrong = contradicted(cells, relations)
-    still_wrong = {r: contradicted(cells, relations, r) for r in _OTHER_RULES}
+    # The first of two rules that lift a contradiction is the last one here.
+    rescued_by = {
+        name: rule
+        for rule in reversed(_OTHER_RULES)
+        for name in wrong - contradicted(cells, relations, rule)
+    }
     strict = [r.model_copy(update={"tolerance": None}) for r in relations]
     beyond_rounding = contradicted(cells, strict, "digits")
     shared, results = agreements(cells, relations), []
@@ -212,18 +217,15 @@ def examine(cells: Sheet, relations: Sequence[Relation]) -> list[RelationResult]
         values = {a: value for a, (_, value, _) in _ends(relation, cells).items()}
         left, right, *_ = relation.values(values, unknown)
         outcome: RelationOutcome = "agrees only through rounding"
-        rules = []
         if relation.name in wrong:
             outcome = "contradicts"
-            rules = [
-                r for r, names in still_wrong.items() if relation.name not in names
-            ]
         elif _agrees(plain, cells, unknown):
             outcome = "agrees"
         elif relation.name in beyond_rounding:
             outcome = "agrees only within a tolerance"
+        rule = rescued_by.get(relation.name, "")
         results.append(
-            RelationResult(relation, outcome, float(left), float(right), *rules[:1])
+            RelationResult(relation, outcome, float(left), float(right), rule)
         )
     return results
 

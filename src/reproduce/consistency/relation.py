@@ -4,7 +4,7 @@ The file has three parts: ``[unknown]`` contains numbers that are not printed, `
 contains allowed differences with their reasons, and ``[relations]`` contains topics, each a list of
 lines. ``cells`` binds the names of the formula to addresses, ``"a=table-1#x.y b=table-1#x.*"``.
 ``each`` gives values to placeholders in braces, and a key such as ``"i,j"`` gives two values
-together: ``motion-{state}-{axis}`` is the declaration of ``motion-4-y``.
+together, ``["1,2", "2,3"]``: ``motion-{state}-{axis}`` is the declaration of ``motion-4-y``.
 
 A formula compares two expressions in named cells: ``motion = position - first``,
 ``abs(difference) <= bound``. Units are written ``u.arcsec``. A cell has its value in SI units.
@@ -17,7 +17,7 @@ import itertools
 import math
 import re
 import tomllib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, Literal
@@ -309,11 +309,8 @@ def _bound(pattern: str, cells: Sheet) -> tuple[str, ...]:
     return matches
 
 
-def _placeholders(each: Mapping[str, Any]) -> Iterator[dict[str, str]]:
+def _placeholders(each: Mapping[str, Iterable[str]]) -> Iterator[dict[str, str]]:
     """Yield every combination of the values of the placeholders."""
+    names = ",".join(each).split(",")
     for chosen in itertools.product(*each.values()):
-        values: dict[str, str] = {}
-        for keys, value in zip(each, chosen, strict=True):
-            parts = value if "," in keys else [value]
-            values |= zip(keys.split(","), parts, strict=True)
-        yield values
+        yield dict(zip(names, ",".join(chosen).split(","), strict=True))
