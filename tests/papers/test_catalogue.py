@@ -96,7 +96,7 @@ def test_every_declared_input_is_read(monkeypatch):
 
 def test_a_study_computes_the_declared_columns():
     for one in STUDIES:
-        frame = one()
+        frame = one(load_inputs(one.inputs))
         heads = [column.name for column in one.text.columns]
         assert one.title
         assert list(frame.columns) == heads

@@ -26,11 +26,10 @@ def catalogue(kind: _Kind = "items") -> dict[str, str]:
     >>> "chen2023/heat" in catalogue("studies")
     True
     """
-    files = {
-        paper: folder / f"items/{paper}.toml" for paper, folder in papers().items()
-    }
     return {
         f"{paper}/{key}": name and f"{__package__}.{paper}.{name}"
-        for paper, file in files.items()
-        for key, name in read_toml(file, _Keys).get(kind, {}).items()
+        for paper, folder in papers().items()
+        for key, name in read_toml(folder / f"items/{paper}.toml", _Keys)
+        .get(kind, {})
+        .items()
     }

@@ -33,7 +33,6 @@ from reproduce.printed.inputs import ROOT_SEED, Inputs, load_inputs
 
 if TYPE_CHECKING:
     import pandas as pd
-    from matplotlib.figure import Figure
 
 # A float, or draws as an array of shape (replicates,), in SI units. The same index is the same
 # replicate in every cell of a table, so that the cells keep their correlation.
@@ -99,10 +98,6 @@ class PaperFunction:
     def title(self) -> str:
         """Title of the table or figure."""
         return self.text.title
-
-    def _loaded(self, inputs: Inputs | None) -> Inputs:
-        """Return the given inputs; by default the printed ones."""
-        return load_inputs(self.inputs) if inputs is None else inputs
 
 
 @dataclass(frozen=True)
@@ -288,7 +283,7 @@ def reproduces(
 
 @dataclass(frozen=True)
 class Drawing(PaperFunction):
-    """A function that draws on a matplotlib figure.
+    """A function that draws on an empty matplotlib figure.
 
     Its arguments are the figure, the marked printed cells, and the inputs.
 
@@ -303,12 +298,6 @@ class Drawing(PaperFunction):
 
     random: bool
     marks: tuple[str, ...]
-
-    def __call__(
-        self, figure: Figure, printed: Inputs, inputs: Inputs | None = None
-    ) -> None:
-        """Draw on an empty figure, from the printed or from changed inputs."""
-        self.function(figure, printed, self._loaded(inputs))
 
 
 @dataclass(frozen=True)
@@ -359,11 +348,11 @@ class Study(PaperFunction):
     random: bool
     named: Callable[[Inputs], Mapping[str, Any]]
 
-    def __call__(self, inputs: Inputs | None = None) -> pd.DataFrame:
+    def __call__(self, inputs: Inputs) -> pd.DataFrame:
         """Compute the table, from the printed or from changed inputs."""
         import pandas as pd
 
-        inputs, text = self._loaded(inputs), self.text
+        text = self.text
         heads = [column.name for column in text.columns]
         frame = pd.DataFrame(list(self.function(inputs)), columns=heads)
         blanks = self.named(inputs) if "{" in text.caption else {}
@@ -372,7 +361,7 @@ class Study(PaperFunction):
 
     def facts(self) -> dict[str, Fact]:
         """Return the facts that sentences quote, by name: of the table, or computed by `named`."""
-        inputs, facts = self._loaded(None), self.text.facts
+        inputs, facts = load_inputs(self.inputs), self.text.facts
         values, frame = dict(self.named(inputs)), self(inputs)
         for name, fact in facts.items():
             if fact.column:

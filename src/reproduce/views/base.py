@@ -18,7 +18,7 @@ from reproduce.papers.declare import (
     changeable,
     declarations,
 )
-from reproduce.printed.inputs import Inputs
+from reproduce.printed.inputs import Inputs, load_inputs
 from reproduce.views import keys
 from reproduce.views.blocks import Display
 from reproduce.views.citations import cite
@@ -122,13 +122,13 @@ class Rerunnable(ItemView):
         """The declaration of its key."""
 
     @abstractmethod
-    def _compute(self, inputs: Inputs | None) -> Any:
+    def _compute(self, inputs: Inputs) -> Any:
         """Compute from the printed values, or from changed inputs."""
 
     @cached_property
     def _made(self) -> tuple[Any, dict[str, float]]:
         if not self.changes:
-            return self._compute(None), {}
+            return self._compute(load_inputs(self._declared.inputs)), {}
         with self._rerun.explained():
             made = self._compute(self._rerun.inputs(self._declared.inputs))
         return made, self._rerun.replaced

@@ -89,9 +89,9 @@ def draw(key: str, inputs: Inputs | None = None, *, narrow: bool = False) -> _Dr
         style = shared[shared.index("<style") : shared.index("</svg>")].rstrip()
         return filled(declared.text).replace(">", f">\n  {style}", 1)
     patterns = [*([key] if key in library() else []), *declared.marks]
-    printed = load_inputs(patterns)
+    more = load_inputs(patterns), inputs or load_inputs(declared.inputs)
     return _styled_figure(
-        lambda figure: declared(figure, printed, inputs), narrow=narrow
+        lambda figure: declared.function(figure, *more), narrow=narrow
     )
 
 
@@ -192,7 +192,7 @@ class Figure(Rerunnable):
     def _declared(self) -> Drawing | Schematic:
         return _declared_drawing(self.key)
 
-    def _compute(self, inputs: Inputs | None) -> _Drawn:
+    def _compute(self, inputs: Inputs) -> _Drawn:
         return draw(self.key, inputs)
 
     @property

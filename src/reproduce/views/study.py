@@ -35,7 +35,7 @@ class StudyTable(Rerunnable):
     def _declared(self) -> Study:
         return study(self.key)
 
-    def _compute(self, inputs: Inputs | None) -> pd.DataFrame:
+    def _compute(self, inputs: Inputs) -> pd.DataFrame:
         return self._declared(inputs)
 
     def sweep(

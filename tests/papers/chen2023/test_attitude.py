@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+import reproduce as rp
 from reproduce.papers.chen2023 import attitude
 from reproduce.papers.chen2023.platform import scatter
 from reproduce.physics.attitude import (
@@ -22,7 +23,8 @@ SPOTS = np.array(
 
 def test_the_orders_of_the_product_are_those_of_simulated_transforms():
     """Whole solutions of Wahba's problem, multiplied either way, for both principal points."""
-    study = attitude._orders().set_index(["Principal point", "axes of the error"])
+    orders = rp.table("chen2023/orders").frame()
+    study = orders.set_index(["Principal point", "axes of the error"])
     assert study.loc["printed"].to_numpy().ravel() == pytest.approx([1.16, 1.14])
     noise = (
         3

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+import reproduce as rp
 from reproduce.papers.chen2023 import positioning
 from reproduce.papers.declare import seed_of
 from reproduce.physics.attitude import rotation_from_vector
@@ -46,7 +47,8 @@ def simulated(view, names, look):
 @pytest.mark.parametrize("look", range(3))
 def test_the_budget_by_formula_and_by_draws_agree(look):
     view = positioning.LOOKS[look]
-    shown = positioning._budget().set_index("Term").iloc[:, 2 + look]
+    budget = rp.table("chen2023/budget").frame()
+    shown = budget.set_index("Term").iloc[:, 2 + look]
     name = shown.name.removesuffix(" (m)")
     assert list(shown.index) == list(BUDGET)
     for line, names in BUDGET.items():

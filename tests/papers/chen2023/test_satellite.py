@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+import reproduce as rp
 from reproduce.papers.chen2023 import satellite
 from reproduce.printed.inputs import load_inputs
 
@@ -23,7 +24,7 @@ def test_a_plane_mirror_feigns_twice_its_turn_across_the_plane_of_the_light():
 
 
 def test_the_claim_about_the_retroreflector_holds_for_a_corner_cube_alone():
-    rows = by_name(satellite._retro_reflectors())
+    rows = by_name(rp.table("chen2023/retro-reflectors").frame())
     # Tilt and roll about X, Y, Z; roll from a tilt of the camera; blur.
     assert rows.loc["corner cube"].to_list()[:8] == pytest.approx([0.0] * 8, abs=5e-3)
     mirrors = rows.loc["two mirrors at a right angle"].to_list()[:8]
@@ -50,7 +51,7 @@ def test_the_table_angle_is_the_height_of_a_boresight_that_is_rolled_out_of_the_
 
 def test_the_effects_of_heat_by_hand():
     """14 m over the printed ratio of 280 are 50 mm; the tracker of Table II has 60 mm."""
-    rows = by_name(satellite._heat()).to_numpy(float)
+    rows = by_name(rp.table("chen2023/heat").frame()).to_numpy(float)
     focal, accuracy = np.array([14.0, 14.0, 2.0]), 0.15 * ARCSEC
     tracker = np.array([50e-3, 60e-3, 60e-3])
     columns = [
@@ -66,6 +67,7 @@ def test_the_effects_of_heat_by_hand():
     assert heat["flight"].value == pytest.approx(accuracy * 14.0 / 22e-9)
     assert heat["bench"].value == pytest.approx(accuracy * 2.0 / 22e-9)
     assert mirror["tolerance"].value == pytest.approx(0.15 / 2)
-    factor, _, kelvin = by_name(satellite._dichroic()).loc["across it"]
+    rows = by_name(rp.table("chen2023/dichroic").frame())
+    factor, _, kelvin = rows.loc["across it"]
     assert factor == pytest.approx(2.0)
     assert kelvin == pytest.approx(accuracy / 2 / 1e-6)
