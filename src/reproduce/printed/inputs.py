@@ -20,10 +20,6 @@ from reproduce.printed.number import si_factor
 ROOT_SEED = 20_240_102
 
 
-class UndeclaredInputError(LookupError):
-    """Access of a computation to a printed cell that it does not declare."""
-
-
 @dataclass(frozen=True)
 class Inputs:
     """The declared inputs of one computation, in SI units.
@@ -99,7 +95,7 @@ class Inputs:
 
     def _cell(self, address: str) -> PrintedCell:
         if address not in self.cells:
-            raise UndeclaredInputError(
+            raise LookupError(
                 f"{address}: expected a declared input, one of {', '.join(self.cells)}. Add it "
                 "to inputs=[...] of the computation."
             )
