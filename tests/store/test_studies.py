@@ -13,20 +13,27 @@ NOTE = {"command": "run", "seed": 1, "versions": "none", "share": 0.5}
 ARRAYS = {"one": np.arange(6.0).reshape(2, 3), "two": np.array([1, 2])}
 
 
-def test_the_same_arrays_make_the_same_file(tmp_path):
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """A folder of studies without a study."""
+    monkeypatch.setattr(studies, "folder", lambda: tmp_path)
+    return tmp_path
+
+
+def test_the_same_arrays_make_the_same_file(folder):
     for name in ("a", "b"):
-        keep.write(name, ARRAYS, NOTE, tmp_path)
-    assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
+        keep.write(name, ARRAYS, NOTE)
+    assert (folder / "a.npz").read_bytes() == (folder / "b.npz").read_bytes()
 
 
-def test_a_missing_study_is_named(tmp_path):
+def test_a_missing_study_is_named(folder):
     with pytest.raises(studies.StudyError, match=r"nothing\.npz"):
-        studies.read("nothing", tmp_path)
+        studies.read("nothing")
 
 
-def test_a_note_without_its_command_is_refused(tmp_path):
+def test_a_note_without_its_command_is_refused(folder):
     with pytest.raises(studies.StudyError, match="command"):
-        keep.write("small", ARRAYS, {"seed": 1, "versions": "none"}, tmp_path)
+        keep.write("small", ARRAYS, {"seed": 1, "versions": "none"})
 
 
 TABLE = pd.DataFrame(
@@ -39,16 +46,16 @@ TABLE = pd.DataFrame(
 )
 
 
-def test_a_table_changed_by_hand_is_refused(tmp_path):
-    keep.write_table("small", TABLE, {"command": "run"}, tmp_path)
-    path = tmp_path / "small.toml"
+def test_a_table_changed_by_hand_is_refused(folder):
+    keep.write_table("small", TABLE, {"command": "run"})
+    path = folder / "small.toml"
     path.write_text(path.read_text("utf-8").replace("1.50", "1.51"), "utf-8")
     with pytest.raises(studies.StudyError, match="SHA-256"):
-        studies.table("small", tmp_path)
+        studies.table("small")
     with pytest.raises(studies.StudyError, match=r"other\.toml"):
-        studies.table("other", tmp_path)
+        studies.table("other")
     with pytest.raises(studies.StudyError, match="command"):
-        keep.write_table("small", TABLE, {}, tmp_path)
+        keep.write_table("small", TABLE, {})
 
 
 def test_every_study_that_can_be_recomputed_is_whole():
@@ -59,14 +66,13 @@ def test_every_study_that_can_be_recomputed_is_whole():
         assert found.note["command"] == f"python tools/evidence/recompute.py {name}"
 
 
-def test_a_recomputed_study_is_stored_with_its_note(tmp_path, monkeypatch):
+def test_a_recomputed_study_is_stored_with_its_note(folder, monkeypatch):
     def small(executor):
         return {"numbers": np.arange(3.0)}, {"seed": 7, "replicates": 3}
 
     monkeypatch.setattr(recompute, "STUDIES", {"small": small})
-    monkeypatch.setattr(keep, "folder", lambda: tmp_path)
     recompute.main(["small"])
-    found = studies.read("small", tmp_path)
+    found = studies.read("small")
     assert_array_equal(found.arrays["numbers"], [0, 1, 2])
     assert (found.note["seed"], found.note["replicates"]) == (7, 3)
     assert found.note["processor_seconds"] >= 0

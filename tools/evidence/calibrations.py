@@ -21,7 +21,6 @@ from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from importlib.metadata import version
 from multiprocessing import get_context
-from pathlib import Path
 from typing import Any
 from zlib import crc32
 
@@ -327,7 +326,7 @@ def log_posteriors(key: str, points: FloatArray, seed: int) -> FloatArray:
     )
 
 
-def store(key: str, found: Ranks, seed: int, where: Path | None = None) -> None:
+def store(key: str, found: Ranks, seed: int) -> None:
     """Store a calibration with its command, seed and versions."""
     note: dict[str, str | int | float] = {
         "command": f"{COMMAND} {key} --replicates {found.replicates} --seed {seed}",
@@ -343,12 +342,12 @@ def store(key: str, found: Ranks, seed: int, where: Path | None = None) -> None:
         "failed": found.failed.astype(bool),
         "covered": found.covered.astype(np.int8),
     }
-    write(f"sbc-{key}", arrays, note, where)
+    write(f"sbc-{key}", arrays, note)
 
 
-def load(key: str, where: Path | None = None) -> Ranks:
+def load(key: str) -> Ranks:
     """Return the stored calibration of a posterior."""
-    study = studies.read(f"sbc-{key}", where)
+    study = studies.read(f"sbc-{key}")
     names = tuple(str(study.note["names"]).split("\t"))
     ranks, failed, covered = (
         study.arrays[name] for name in ("ranks", "failed", "covered")

@@ -52,19 +52,19 @@ def folder() -> Path:
     return data_folder() / "studies"
 
 
-def read(name: str, where: Path | None = None) -> StoredStudy:
+def read(name: str) -> StoredStudy:
     """Return a stored study after checking its arrays against its note."""
-    content = _file(f"{name}.npz", where)
-    note = _note(name, _file(f"{name}.toml", where), content)
+    content = _file(f"{name}.npz")
+    note = _note(name, _file(f"{name}.toml"), content)
     with np.load(io.BytesIO(content), allow_pickle=False) as packed:
         return StoredStudy(dict(packed), note)
 
 
-def table(name: str, where: Path | None = None) -> pd.DataFrame:
+def table(name: str) -> pd.DataFrame:
     """Return a stored table after checking its rows against its note."""
     import pandas as pd
 
-    text = _file(f"{name}.toml", where)
+    text = _file(f"{name}.toml")
     rows = re.findall(rb"^rows = \[\n(.*?)^\]$", text, flags=re.DOTALL | re.MULTILINE)
     note = _note(name, text, b"".join(rows))
     frame = pd.DataFrame(note.pop("rows"), columns=note.pop("columns"))
@@ -72,9 +72,9 @@ def table(name: str, where: Path | None = None) -> pd.DataFrame:
     return frame
 
 
-def _file(name: str, where: Path | None) -> bytes:
+def _file(name: str) -> bytes:
     try:
-        return ((where or folder()) / name).read_bytes()
+        return (folder() / name).read_bytes()
     except FileNotFoundError as error:
         raise StudyError(
             f"{name}: expected a file {error.filename}, got no file. Run its command"
