@@ -20,7 +20,7 @@ def finding(audit, name):
     return next(one for one in audit.findings if one.relation.name == name)
 
 
-def printed_cell(address, text, unit="1", qualifier=None):
+def printed_cell(address, text, unit="1", qualifier=""):
     """Return a printed cell from its digits and unit."""
     key, _, name = address.partition("#")
     number = PrintedNumber(text, unit == "count", qualifier)

@@ -22,15 +22,15 @@ def normal(mean, sigma, size=20_000, seed=7):
 @pytest.mark.parametrize(
     ("printed", "qualifier", "value", "interval", "wide", "verdict", "flags", "share"),
     [
-        ("0.9976", None, 0.99762, (), False, "exact", (), 0.4),
-        ("44.6", None, 44.69, (43.1, 46.3), False, "exact", ("rounding",), 1.8),
+        ("0.9976", "", 0.99762, (), False, "exact", (), 0.4),
+        ("44.6", "", 44.69, (43.1, 46.3), False, "exact", ("rounding",), 1.8),
         # Within the tolerance of a qualifier.
         ("44.6", "about", 44.62, (), False, "exact", (), 0.04),
         ("44.6", "about", 44.69, (), False, "exact", ("tolerance",), None),
         # An input is printed as about: never rounding.
-        ("44.6", None, 44.62, (43.1, 46.3), True, "exact", ("tolerance",), None),
-        ("44.6", None, 49.0, (47.0, 51.0), True, "differs", (), None),
-        ("0.3", None, 1.9, (1.35, 2.45), False, "differs", (), None),
+        ("44.6", "", 44.62, (43.1, 46.3), True, "exact", ("tolerance",), None),
+        ("44.6", "", 49.0, (47.0, 51.0), True, "differs", (), None),
+        ("0.3", "", 1.9, (1.35, 2.45), False, "differs", (), None),
         ("0.1", "within", 0.091, (), False, "exact", ("bound",), None),
         ("0.1", "within", 0.12, (), False, "differs", ("bound",), None),
         ("5", "count", 5.0, (), False, "exact", (), 0.0),
@@ -39,10 +39,10 @@ def normal(mean, sigma, size=20_000, seed=7):
 )
 def test_values(printed, qualifier, value, interval, wide, verdict, flags, share):
     count = qualifier == "count"
-    number = PrintedNumber(printed, count, None if count else qualifier)
+    number = PrintedNumber(printed, count, "" if count else qualifier)
     found = judge_value(number, value, interval or (value, value), wide=wide)
     assert (found.verdict, found.flags) == (verdict, flags)
-    if share is not None and qualifier in {None, "count"}:
+    if share is not None and qualifier in {"", "count"}:
         assert found.share == pytest.approx(share)
     if verdict == "differs" or "bound" in flags:
         assert found.share is None

@@ -127,7 +127,7 @@ class Tolerance(_Declared):
     name: str
     size: float
     reason: str
-    unit: str | None = None
+    unit: str = ""
 
     def of(self, right: float) -> float:
         """Return the allowed difference from a right side, in SI units."""

@@ -129,7 +129,7 @@ class Ledger(Frozen):
 
 
 def build(
-    keys: Collection[str] | None = None,
+    keys: Collection[str] = (),
     progress: Callable[[int, int], None] | None = None,
 ) -> Ledger:
     """Run the computations of the items and judge every printed cell.
@@ -151,7 +151,7 @@ def build(
     KeyError
         If a key is unknown.
     """
-    listed = dict.fromkeys(catalogue() if keys is None else keys)
+    listed = dict.fromkeys(keys or catalogue())
     parts = []
     for key in listed:
         parts.append(item_ledger(key))

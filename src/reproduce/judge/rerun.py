@@ -206,11 +206,11 @@ class Rerun:
         *,
         seed: int | None = None,
         replicates: int | None = None,
-        chosen: Mapping[str, str] | None = None,
+        chosen: Mapping[str, str] = {},
         random: bool | None = None,
     ) -> None:
         self.key, self._seed, self._replicates = key, seed, replicates
-        self.options, changes = dict(chosen or {}), changes or {}
+        self.options, changes = dict(chosen), changes or {}
         self._values = checked_values(key, changes)
         given = {**changes, "seed": seed, "replicates": replicates}
         self.changes = {n: str(text) for n, text in given.items() if text is not None}

@@ -84,7 +84,7 @@ def judge_value(
     printed: PrintedNumber,
     value: float,
     interval: tuple[float, float],
-    choices: Mapping[str, str] | None = None,
+    choices: Mapping[str, str] = {},
     *,
     wide: bool = False,
 ) -> Reading:
@@ -134,7 +134,7 @@ def judge_value(
         # A count has no digit to round.
         share = abs(value - printed.value) / (printed.half_width or math.inf)
     return Reading(
-        choices=dict(choices or {}),
+        choices=dict(choices),
         verdict="exact" if agrees else "differs",
         computed=value,
         interval=interval,
@@ -159,13 +159,13 @@ def _has_wide_tolerance(printed: PrintedNumber, value: float) -> bool:
         return False
     if printed.half_width > _WIDE_TOLERANCE * abs(printed.value):
         return True
-    return not dataclasses.replace(printed, qualifier=None).overlaps(value, value)
+    return not dataclasses.replace(printed, qualifier="").overlaps(value, value)
 
 
 def judge_prediction(
     printed: PrintedNumber,
     draws: NDArray[np.float64],
-    choices: Mapping[str, str] | None = None,
+    choices: Mapping[str, str] = {},
 ) -> Reading:
     """Compare a predicted distribution with a printed random or measured number.
 
@@ -206,7 +206,7 @@ def judge_prediction(
         2.0 * tail_mid_p(draws, *printed.interval()),
         np.ptp(np.quantile(draws, [0.5 - half_step, 0.5 + half_step])) / 2,
     )
-    return judge_summary(printed, choices or {}, map(float, summary), draws.size)
+    return judge_summary(printed, choices, map(float, summary), draws.size)
 
 
 def judge_summary(

@@ -264,7 +264,7 @@ def reproduces(
     >>> nothing.key
     'niu2024/text-context'
     """
-    known = item_text(key).options if options is None else options
+    known = options or item_text(key).options
 
     def declared(function: Callable[..., Results]) -> Computation:
         names = inspect.signature(function).parameters

@@ -50,15 +50,15 @@ class _Traits(BaseModel):
 
     # pydantic evaluates the list of units; mypy accepts only written literals.
     unit: Literal[tuple(UNITS)] | None = None  # type: ignore[valid-type]  # from data
-    unit_assumed: str | None = None
+    unit_assumed: str = ""
     role: Role | None = None
     qualifier: _Qualifier | None = None
     sigma: Literal[1, 3] | None = None
-    section: str | None = None
-    page: str | None = None
-    spelled: str | None = None
-    misprint: str | None = None
-    unpublished: str | None = None
+    section: str = ""
+    page: str = ""
+    spelled: str = ""
+    misprint: str = ""
+    unpublished: str = ""
 
     @property
     def position(self) -> str:
@@ -75,10 +75,8 @@ _TRAITS = set(_Traits.model_fields) - {"section", "page", "spelled"}
 class _Entry(_Traits):
     """One cell of a table: digits or text, and traits that its row and column do not have."""
 
-    value: (
-        Annotated[str, AfterValidator(lambda text: PrintedNumber(text).text)] | None
-    ) = None
-    text: str | None = None
+    value: Annotated[str, AfterValidator(lambda text: PrintedNumber(text).text)] = ""
+    text: str = ""
 
     @model_validator(mode="before")
     @classmethod
@@ -170,9 +168,9 @@ class PrintedCell:
     unit: str = ""
     role: Role = "specification"
     sigma: int | None = None
-    unit_assumed: str | None = None
-    misprint: str | None = None
-    unpublished: str | None = None
+    unit_assumed: str = ""
+    misprint: str = ""
+    unpublished: str = ""
 
     @property
     def address(self) -> str:
@@ -213,7 +211,7 @@ class PrintedCell:
         """The cell with qualifier, digits and unit, as a page shows it."""
         if isinstance(self.content, str):
             return self.content
-        sign = _SIGNS.get(self.content.qualifier or "", "")
+        sign = _SIGNS.get(self.content.qualifier, "")
         return quantity(sign + minus(self.text), symbol(self.unit))
 
 
@@ -294,11 +292,11 @@ def _cell(key: str, name: str, label: str, owners: list[Any]) -> PrintedCell:
     """Return a cell with the traits of its owners: file, column, row, entry."""
     traits: dict[str, Any] = {}
     for owner in owners:
-        traits |= owner.model_dump(include=_TRAITS, exclude_none=True)
+        traits |= owner.model_dump(include=_TRAITS, exclude_unset=True)
     file, *_, entry = owners
-    qualifier = traits.pop("qualifier", None)
-    content: PrintedNumber | str = entry.text or ""
-    if entry.value is None:
+    qualifier = traits.pop("qualifier", "")
+    content: PrintedNumber | str = entry.text
+    if not entry.value:
         traits["unit"] = ""
     elif missing := {"unit", "role"} - set(traits):
         raise ValueError(f"{key}#{name}: missing {missing.pop()}")

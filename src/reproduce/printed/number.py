@@ -67,7 +67,7 @@ class PrintedNumber:
 
     text: str
     exact: bool = False
-    qualifier: str | None = None
+    qualifier: str = ""
 
     def __post_init__(self) -> None:
         """Raise ValueError for text that is not a number."""

@@ -177,7 +177,7 @@ class Check(Display):
         listed: list[str] = []
         for key in items:
             listed += Contents(key).keys if key in PAPERS else [keys.check_key(key)]
-        ledger = build(listed or None, progress)
+        ledger = build(listed, progress)
         self.ledger = ledger.model_copy(update={"altered": altered_files()})
         self.changed_verdicts = changed_verdicts(self.ledger)
 
