@@ -17,7 +17,7 @@ import itertools
 import math
 import re
 import tomllib
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, Literal
@@ -257,8 +257,11 @@ def declared(
             for part in ("unknown", "tolerance")
             if part in line
         }
-        for values in _placeholders(line.get("each", {})):
-            relation = _relation(line | named, values, cells, prefix)
+        each = line.get("each", {})
+        names = ",".join(each).split(",")
+        for chosen in itertools.product(*each.values()):
+            values = zip(names, ",".join(chosen).split(","), strict=True)
+            relation = _relation(line | named, dict(values), cells, prefix)
             if relation.name in relations:
                 raise ValueError(
                     f"{relation.name}: expected a name that is not declared twice. Rename it"
@@ -307,10 +310,3 @@ def _bound(pattern: str, cells: Sheet) -> tuple[str, ...]:
             "Check it"
         )
     return matches
-
-
-def _placeholders(each: Mapping[str, Iterable[str]]) -> Iterator[dict[str, str]]:
-    """Yield every combination of the values of the placeholders."""
-    names = ",".join(each).split(",")
-    for chosen in itertools.product(*each.values()):
-        yield dict(zip(names, ",".join(chosen).split(","), strict=True))
