@@ -270,7 +270,7 @@ def _table_record(evaluation: Evaluation) -> TableRecord:
     agreeing = np.sum([[r.agrees for r in cells[name]] for name in judged], axis=0)
     joint = evaluation.joint[:, 0]
     fits = (agreeing == len(judged)) & (joint >= 1 - CENTRAL)
-    closest = max(distinct, key=lambda i: (fits[i], agreeing[i], joint[i], -i))
+    closest = max(distinct, key=lambda i: (fits[i], agreeing[i], joint[i]))
     return TableRecord(
         key=key,
         cells=len(judged),

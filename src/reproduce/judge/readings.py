@@ -138,7 +138,7 @@ class Evaluation:
         return ReadingSummary(
             count=len(distinct),
             agreeing=sum(reading.agrees for reading in distinct),
-            decided_by=next(iter(decided_by), ()),
+            decided_by=decided_by[0],
             agrees_if=tuple(conditions[:_MAX_CONDITIONS]),
             never=never,
             closest=max(distinct, key=partial(self._closeness, name)),

@@ -72,11 +72,11 @@ class Inputs:
         )
 
     def rounded(self) -> list[str]:
-        """Return the addresses of the numbers with a rounding interval."""
+        """Return the addresses of the printed numbers with a rounding interval."""
         return [
             address
             for address, cell in self.cells.items()
-            if cell.is_number and cell.number.half_width and address not in self.values
+            if cell.is_number and cell.number.half_width
         ]
 
     def shifted(self, shifts: Mapping[str, float]) -> Inputs:
@@ -85,7 +85,6 @@ class Inputs:
             {
                 address: self[address] + shift * self.half_width(address)
                 for address, shift in shifts.items()
-                if address not in self.values
             }
         )
 
