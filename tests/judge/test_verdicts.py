@@ -8,7 +8,6 @@ from reproduce.judge.verdicts import (
     joint_probability,
     judge_prediction,
     judge_value,
-    tail_mid_p,
 )
 from reproduce.printed.number import PrintedNumber
 
@@ -79,9 +78,10 @@ def test_a_prediction_is_compared_with_the_rounding_interval():
     for sigma, flags in ((0.3, ("wide",)), (0.1, ())):
         found = judge_prediction(PrintedNumber("1.0"), normal(1.0, sigma))
         assert found.flags == flags
-    ordered = np.arange(10.0)
-    assert tail_mid_p(ordered, 1.5, 3.5) == pytest.approx(0.3)
-    assert tail_mid_p(ordered, 20.0, 21.0) == 0.0
+    # Three draws are below 2.5 to 3.5, one is inside.
+    for printed, probability in (("3", 0.7), ("20", 0.0), ("4.5", 1.0)):
+        found = judge_prediction(PrintedNumber(printed), np.arange(10.0))
+        assert found.probability == pytest.approx(probability)
 
 
 def test_monte_carlo_errors_are_the_spread_of_repeated_predictions():

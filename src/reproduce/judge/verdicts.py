@@ -169,6 +169,9 @@ def judge_prediction(
 ) -> Reading:
     """Compare a predicted distribution with a printed random or measured number.
 
+    The probability is twice the smaller tail beyond the printed interval, with half of the draws
+    inside it.
+
     Parameters
     ----------
     printed : PrintedNumber
@@ -199,11 +202,14 @@ def judge_prediction(
             f"draws: expected finite numbers, got {draws.size} with NaN or infinity. Check the "
             "computation"
         )
+    start, end = printed.interval()
+    below, above = np.sum(draws < start), np.sum(draws > end)
+    tail = min(below, above) + 0.5 * (draws.size - below - above)
     half_step = 0.5 / math.sqrt(draws.size)
     summary = (
         np.median(draws),
         *central_interval(draws),
-        2.0 * tail_mid_p(draws, *printed.interval()),
+        min(1.0, 2.0 * tail / draws.size),
         np.ptp(np.quantile(draws, [0.5 - half_step, 0.5 + half_step])) / 2,
     )
     return judge_summary(printed, choices, map(float, summary), draws.size)
@@ -250,31 +256,6 @@ def judge_summary(
         mcse=2.0 * math.sqrt(smoothed * (1.0 - smoothed) / replicates),
         error=error,
     )
-
-
-def tail_mid_p(draws: NDArray[np.float64], low: float, high: float) -> float:
-    """Return the smaller tail beyond an interval, with half of the draws inside it.
-
-    Parameters
-    ----------
-    draws : ndarray, shape (n,)
-        Draws of a prediction.
-    low, high : float
-        Bounds of the interval, which belong to it.
-
-    Returns
-    -------
-    float
-        Probability, at most one half.
-
-    Examples
-    --------
-    >>> tail_mid_p(np.array([1.0, 2.0, 3.0, 4.0]), 2.5, 2.5)
-    0.5
-    """
-    below, above = (int(np.sum(outside)) for outside in (draws < low, draws > high))
-    tail = min(below, above) + 0.5 * (draws.size - below - above)
-    return min(0.5, tail / draws.size)
 
 
 def central_interval(draws: NDArray[np.float64]) -> tuple[float, float]:
