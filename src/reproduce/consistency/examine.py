@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from reproduce.consistency.relation import Relation, Sheet, Unknown
+from reproduce.consistency.relation import Relation, Sheet
 from reproduce.printed.corners import corner_intervals
 from reproduce.printed.number import Interval, PrintedNumber, si_factor
 
@@ -130,11 +130,11 @@ def _contradicts(relation: Relation, ends: _Ends, unknown: float = math.nan) -> 
     )
 
 
-def _projection(relation: Relation, unknown: Unknown, ends: _Ends) -> Interval:
-    """Return the values of an unknown that a relation allows; low > high if none."""
+def _projection(relation: Relation, domain: Interval, ends: _Ends) -> Interval:
+    """Return the values of its unknown that a relation allows; low > high if none."""
     from scipy.optimize import brentq  # loaded only for a relation with an unknown
 
-    low, high = unknown.domain
+    low, high = domain
 
     def root(sides: Mapping[str, float]) -> dict[str, float]:
         def gap(value: float) -> float:
@@ -145,8 +145,8 @@ def _projection(relation: Relation, unknown: Unknown, ends: _Ends) -> Interval:
             return {"root": -math.inf if abs(first) < abs(last) else math.inf}
         return {"root": float(brentq(gap, low, high, xtol=1e-300))}
 
-    corners = corner_intervals(root, ends)["root"]
-    return max(corners.low, low), min(corners.high, high)
+    least, greatest, _ = corner_intervals(root, ends)["root"]
+    return max(least, low), min(greatest, high)
 
 
 def agreements(
@@ -156,7 +156,9 @@ def agreements(
     found = {}
     for unknown in {r.unknown.name: r.unknown for r in relations if r.unknown}.values():
         intervals = {
-            relation.name: _projection(relation, unknown, _ends(relation, cells, rule))
+            relation.name: _projection(
+                relation, unknown.domain, _ends(relation, cells, rule)
+            )
             for relation in relations
             if relation.unknown == unknown
         }

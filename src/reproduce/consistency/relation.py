@@ -102,7 +102,7 @@ class _Declared(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True)
 
 
-class Unknown(_Declared):
+class _Unknown(_Declared):
     """A number of several relations that is not printed; `low` and `high` are in `unit`."""
 
     name: str
@@ -118,7 +118,7 @@ class Unknown(_Declared):
         return self.low * factor, self.high * factor
 
 
-class Tolerance(_Declared):
+class _Tolerance(_Declared):
     """Allowed difference between two sides beyond rounding, and the reason.
 
     The size is relative to the right side or, with a unit, absolute in that unit.
@@ -171,8 +171,8 @@ class Relation(_Declared):
         "order",
         "print",
     ]
-    unknown: Unknown | None = None
-    tolerance: Tolerance | None = None
+    unknown: _Unknown | None = None
+    tolerance: _Tolerance | None = None
     restates: str = ""
     claim: str | None = None
     found_by: Finder = ""

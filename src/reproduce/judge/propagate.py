@@ -44,9 +44,9 @@ def result_intervals(
         name: (
             low,
             high,
-            any(inputs.cells[a].number.qualifier in TOLERANT for a in sides),
+            any(inputs.cells[a].number.qualifier in TOLERANT for a in moving),
         )
-        for name, (low, high, sides) in corners.items()
+        for name, (low, high, moving) in corners.items()
     }
 
 

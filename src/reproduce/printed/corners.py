@@ -3,23 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from typing import NamedTuple
-
-
-class Corners(NamedTuple):
-    """Lowest and highest result, and the inputs that it responds to.
-
-    Each input has its sides at the lowest and at the highest result.
-    """
-
-    low: float
-    high: float
-    sides: Mapping[str, tuple[float, float]]
 
 
 def corner_intervals(
     results: Callable[[Mapping[str, float]], Mapping[str, float]], inputs: Iterable[str]
-) -> dict[str, Corners]:
+) -> dict[str, tuple[float, float, list[str]]]:
     """Return the interval of each result over the rounding intervals of the inputs.
 
     Each input first moves separately to both ends, to find the direction in which every result
@@ -36,10 +24,15 @@ def corner_intervals(
     inputs : iterable of str
         Names of the inputs.
 
+    Returns
+    -------
+    dict
+        Name of each result to its lowest and highest value, and the inputs that it responds to.
+
     Examples
     --------
     >>> corner_intervals(lambda sides: {"half": (5 + 0.5 * sides.get("a", 0)) / 2}, ["a", "b"])
-    {'half': Corners(low=2.25, high=2.75, sides={'a': (-1.0, 1.0)})}
+    {'half': (2.25, 2.75, ['a'])}
     """
     centre = results({})
     sides: dict[str, dict[str, tuple[float, float]]] = {name: {} for name in centre}
@@ -59,5 +52,5 @@ def corner_intervals(
             results({moved: pair[end] for moved, pair in responses.items()})[name]
             for end in (0, 1)
         ]
-        intervals[name] = Corners(min(corners), max(corners), responses)
+        intervals[name] = min(corners), max(corners), list(responses)
     return intervals
