@@ -5,16 +5,12 @@ paper and ``all`` have counts (``niu2024/table-3 differs``). A study has results
 (``niu2024/readings#best-joint``), and a posterior moments (``posterior/registration#noise-mean``).
 The verdicts have named constants (``constant#central``). A page collects numbers of its cells in a
 series ``quoted`` (``instruments/three-detectors#period``).
-
-``python tools/book_facts.py BOOK [PAPER]...`` writes ``_build/facts.json`` into the folder of a
-book, with the facts of all papers or of the given papers.
 """
 
 from __future__ import annotations
 
 import json
 import re
-import sys
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
@@ -28,7 +24,7 @@ import page_cells
 from pack_book import write_zip
 from reproduce.consistency.report import Erratum, audit_paper
 from reproduce.judge import verdicts as judging
-from reproduce.judge.ledger import expected, item_ledger
+from reproduce.judge.ledger import expected
 from reproduce.judge.readings import evaluate
 from reproduce.locate import data_folder
 from reproduce.papers.catalogue import catalogue
@@ -70,11 +66,11 @@ _AUDITED = {
 QUOTED = "quoted = pd.Series("
 
 
-def facts(*papers: str) -> dict[str, str]:
-    """Compute every fact, or only those of the cells, items and studies of some papers."""
+def facts() -> dict[str, str]:
+    """Compute every fact."""
     from reproduce.papers.posteriors import posteriors
 
-    return unsampled(*papers) | ({} if papers else of_posteriors(posteriors()))
+    return unsampled() | of_posteriors(posteriors())
 
 
 def of_pages(pages: Iterable[Path]) -> dict[str, str]:
@@ -108,32 +104,19 @@ def of_posteriors(names: Iterable[str]) -> dict[str, str]:
     }
 
 
-def unsampled(*papers: str) -> dict[str, str]:
-    """Compute the facts of ledger, studies and audit, or only those of some papers."""
-    if papers:
-        keys = [
-            key
-            for key in catalogue()
-            if key.partition("/")[0] in papers and key in library()
-        ]
-        records = tuple(record for key in keys for record in item_ledger(key).records)
-    else:
-        records = whole_ledger().records
-        keys = list(dict.fromkeys(record.key for record in records))
-    names = [
-        *(record.cell for record in records),
-        *keys,
-        *(() if papers else (*PAPERS, "all")),
-    ]
+def unsampled() -> dict[str, str]:
+    """Compute the facts of ledger, studies, audit and pages."""
+    records = whole_ledger().records
+    keys = dict.fromkeys(record.key for record in records)
+    names = [*(record.cell for record in records), *keys, *PAPERS, "all"]
     found = {
         f"{name} {what}": text
         for name in names
         for what, text in facts_of(name).items()
     }
     for key in catalogue("studies"):
-        if not papers or key.partition("/")[0] in papers:
-            quoted = study(key).facts().items()
-            found |= {f"{key}#{name}": numbers.fact(one) for name, one in quoted}
+        quoted = study(key).facts().items()
+        found |= {f"{key}#{name}": numbers.fact(one) for name, one in quoted}
     causes = Counter(
         expected(r.cell).erratum
         for r in records
@@ -143,11 +126,10 @@ def unsampled(*papers: str) -> dict[str, str]:
         f"erratum/{name} cells": str(count) for name, count in causes.items() if name
     }
     found |= {f"verdict/{word}": look["meaning"] for word, look in LOOKS.items()}
-    if not papers:
-        found |= of_pages(page_cells.notebooks())
-        found |= {f"constant#{label}": text for label, text in _of_constants().items()}
-        found |= {f"audit#{label}": text for label, text in _of_audits().items()}
-        found |= {f"evidence#{label}": text for label, text in _of_evidence().items()}
+    found |= of_pages(page_cells.notebooks())
+    found |= {f"constant#{label}": text for label, text in _of_constants().items()}
+    found |= {f"audit#{label}": text for label, text in _of_audits().items()}
+    found |= {f"evidence#{label}": text for label, text in _of_evidence().items()}
     return {name: powers(text) for name, text in found.items()}
 
 
@@ -244,10 +226,10 @@ def _of_audits() -> dict[str, str]:
     return {label: str(count) for label, count in counts.items()}
 
 
-def write_facts(path: Path, *papers: str) -> None:
-    """Write all facts, or those of some papers, to a JSON file."""
+def write_facts(path: Path) -> None:
+    """Write all facts to a JSON file."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    text = json.dumps(facts(*papers), ensure_ascii=False, indent=0)
+    text = json.dumps(facts(), ensure_ascii=False, indent=0)
     write_text(path, text + "\n")
 
 
@@ -384,7 +366,3 @@ def write_tables(folder: Path) -> None:
         files |= {name: text for name, text in texts.items() if name.startswith(start)}
         inside = ((name, text.encode()) for name, text in files.items())
         write_zip(folder / f"{paper}-reports.zip", f"{paper}-reports", inside)
-
-
-if __name__ == "__main__":
-    write_facts(Path(sys.argv[1]) / "_build" / "facts.json", *sys.argv[2:])
