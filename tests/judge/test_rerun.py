@@ -174,6 +174,9 @@ def test_changes_that_are_no_mapping_of_addresses_are_named():
             view.rerun(changes)
     with pytest.raises(CannotChangeError, match="which has none"):
         rp.table("niu2024/table-1").rerun({"a": "1"})
+    for choice in ("x", ["green"]):
+        with pytest.raises(CannotChangeError, match=r"^noise: "):
+            views[0].rerun(noise=choice)
 
 
 def test_values_have_any_unit_of_their_kind():
@@ -186,7 +189,14 @@ def test_values_have_any_unit_of_their_kind():
             "table-2#scale.red",
         )
     )
-    for value in ("60.1 mm", "0.0601 m", "60100 µm", "60100 um", "6.01e1mm", 60.1):
+    for value in (
+        "60.1 mm",
+        "0.0601 m",
+        "60100 µm",
+        "60100 um",
+        "6.01e1mm",
+        np.float32(60.1),
+    ):
         assert si_value(focal, value) == pytest.approx(0.0601, rel=1e-12)
     assert (si_value(count, "0"), si_value(count, "12")) == (0, 12)
     assert si_value(angle, "−0.07°") == pytest.approx(np.radians(-0.07))

@@ -218,7 +218,7 @@ class Rerun:
         self.results = cache(self._computed)
         known = options(key)
         for name, alternative in self.options.items():
-            if alternative not in known.get(name, ()):
+            if alternative not in [*known.get(name, ())]:
                 listed = "; ".join(
                     f"{n} ({', '.join(choices)})" for n, choices in known.items()
                 )

@@ -31,7 +31,7 @@ def si_value(cell: PrintedCell, value: str | float) -> float:
         for name in (unit, known["symbol"])
         if name and known["kind"] == kind
     }
-    if isinstance(value, int | float) or cell.unit in {"1", "count"}:
+    if not isinstance(value, str) or cell.unit in {"1", "count"}:
         units[""] = cell.unit
     matched = _VALUE.fullmatch(str(value).replace("−", "-"))
     number, unit = (float(matched[1]), matched[2]) if matched else (math.nan, "")
