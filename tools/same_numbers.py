@@ -44,10 +44,15 @@ OTHER_PARTS, MOVES = "a drawing has other parts", "a drawing moves by "
 IGNORED = re.compile(r"\n *z\b|\b[mp][0-9a-f]{10}\b|(?<=-)[mp][0-9a-f]{10}\b")
 
 
+def instructions() -> list[str]:
+    """Return the instructions beyond those of every processor that NumPy uses."""
+    features = _multiarray_umath.__cpu_features__
+    return [name for name in _multiarray_umath.__cpu_dispatch__ if features[name]]
+
+
 def arithmetic() -> list[str]:
     """Return the processor of the linear algebra and the instructions of NumPy, in this process."""
-    features = _multiarray_umath.__cpu_features__
-    used = [name for name in _multiarray_umath.__cpu_dispatch__ if features[name]]
+    used = instructions()
     for path in Path(np.__file__).parent.parent.glob("numpy.libs/*openblas64*"):
         name = ctypes.CDLL(str(path)).scipy_openblas_get_corename64_
         name.restype = ctypes.c_char_p
@@ -57,11 +62,9 @@ def arithmetic() -> list[str]:
 
 def other_settings(core: str) -> dict[str, str]:
     """Return the environment of the other arithmetic."""
-    features = _multiarray_umath.__cpu_features__
-    wide = [name for name in _multiarray_umath.__cpu_dispatch__ if features[name]]
     return {
         "OPENBLAS_CORETYPE": core,
-        "NPY_DISABLE_CPU_FEATURES": " ".join(wide),
+        "NPY_DISABLE_CPU_FEATURES": " ".join(instructions()),
         "LC_ALL": "C",
         "PYTHONCOERCECLOCALE": "0",
         "PYTHONUTF8": "0",

@@ -61,14 +61,11 @@ def listed(path: Path) -> dict[str, list[Record]]:
     found: dict[str, list[Record]] = {}
     lines = path.read_text(encoding="utf-8").splitlines()
     for row in csv.DictReader(line for line in lines if not line.startswith("#")):
-        numbers = {n: float(row[n]) for n in ("computed", "low", "high")}
+        computed, low, high = (float(row[n]) for n in ("computed", "low", "high"))
         probability = float(row["probability"]) if row["probability"] else None
-        one = {
-            "interval": (numbers["low"], numbers["high"]),
-            "probability": probability,
-        }
+        numbers = {"computed": computed, "interval": (low, high)}
         found.setdefault(row["cell"], []).append(
-            {"computed": numbers["computed"], **one}
+            {**numbers, "probability": probability}
         )
     return found
 

@@ -18,7 +18,7 @@ from __future__ import annotations
 import argparse
 from concurrent.futures import Executor, ProcessPoolExecutor
 from dataclasses import dataclass, replace
-from functools import lru_cache, partial
+from functools import cache, partial
 from importlib.metadata import version
 from multiprocessing import get_context
 from typing import Any
@@ -270,7 +270,7 @@ def calibrate(
     return Ranks(named(model), ranks, failed, covered)
 
 
-@lru_cache(maxsize=32)
+@cache
 def band_statistics(replicates: int, seed: int) -> FloatArray:
     """Return smallest pointwise probabilities for uniform ranks, sorted, (SIMULATIONS,)."""
     generator = Generator(PCG64(seed))
@@ -279,7 +279,7 @@ def band_statistics(replicates: int, seed: int) -> FloatArray:
     return np.sort(_least(counts))
 
 
-@lru_cache(maxsize=32)
+@cache
 def _tails(total: int) -> FloatArray:
     """Return two-sided probabilities of every count up to each rank, (total + 1, DRAWS)."""
     counts = np.arange(total + 1)[:, None]
@@ -294,7 +294,7 @@ def _least(counts: Counts) -> FloatArray:
     return np.asarray(table[counts[..., :-1], np.arange(DRAWS)].min(axis=-1))
 
 
-@lru_cache(maxsize=32)
+@cache
 def power(replicates: int, stretch: float) -> float:
     """Return the probability of finding a posterior whose width is wrong by the factor `stretch`.
 
