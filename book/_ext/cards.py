@@ -20,6 +20,7 @@ from sphinx.builders.html import StandaloneHTMLBuilder
 
 from after_build import SAFE, after_build
 from anchors import HREF, TAG, address, outputs, pages
+from reproduce.printed.cells import anchor
 
 FILE = Path("_build") / "cards.json"
 HAS_CARD = "rp-has-card"
@@ -153,7 +154,7 @@ def write(app: Sphinx) -> None:
         text = MATH.sub(r"\\(\1\\)", escape(f"{signs}: {one.meaning}"))
         shown[NOTATION][one.name] = f"<p>{text}</p>"
     records = json.loads((out / "ledger.json").read_text(encoding="utf-8"))["records"]
-    by_cell = {re.sub("[/#.]", "-", one["cell"]): one for one in records}
+    by_cell = {anchor(one["cell"]): one for one in records}
     for page, found in shown.items():
         held_here = {
             "cards": {

@@ -7,7 +7,6 @@ name fails the build.
 """
 
 import json
-import re
 from functools import cache
 from pathlib import Path
 
@@ -16,6 +15,7 @@ from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxRole
 
 from after_build import SAFE
+from reproduce.printed.cells import anchor
 
 FILE = Path("_build") / "facts.json"
 
@@ -55,10 +55,8 @@ class Fact(SphinxRole):
         if self.name == "fact" and f"{about} printed" not in known:
             return [nodes.inline(self.rawtext, known[name], classes=["rp-fact"])], []
         # A fact of a printed cell is a link to the cell; `anchors` adds the page.
-        cell = re.sub("[/#.]", "-", about)
-        link = nodes.reference(
-            self.rawtext, known[name], internal=True, refuri=f"#{cell}"
-        )
+        uri = f"#{anchor(about)}"
+        link = nodes.reference(self.rawtext, known[name], internal=True, refuri=uri)
         return [nodes.inline("", "", link, classes=["rp-fact"])], []
 
 

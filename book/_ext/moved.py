@@ -15,6 +15,10 @@ from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
 from after_build import SAFE
+from reproduce.judge.ledger import frozen, item_ledger
+from reproduce.locate import data_folder
+from reproduce.printed.cells import anchor, library
+from reproduce.views.blocks import Block, Blocks, Grid, badge
 
 LINK = Markup('<a href="#{}">{}</a>')
 Moved = dict[str, tuple[str, str]]
@@ -52,11 +56,6 @@ class MovedDirective(SphinxDirective):
 
     def run(self) -> list[nodes.Node]:
         """Compare the verdicts and write the tables."""
-        from reproduce.judge.ledger import frozen, item_ledger
-        from reproduce.locate import data_folder
-        from reproduce.printed.cells import anchor, library
-        from reproduce.views.blocks import Block, Blocks, Grid, badge
-
         path = data_folder() / "last-release.toml"
         self.env.note_dependency(str(path))
         release = tomllib.loads(path.read_text(encoding="utf-8"))

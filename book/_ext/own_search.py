@@ -21,6 +21,9 @@ from sphinx.application import Sphinx
 
 from after_build import SAFE, after_build
 from anchors import pages
+from reproduce.papers.catalogue import catalogue
+from reproduce.printed.cells import anchor, library
+from reproduce.views import keys
 
 SCRIPT = Path(__file__).with_name("own_search.js")
 INDEX = "search-index.js"
@@ -60,10 +63,6 @@ def of_items(held: dict[str, str]) -> Iterator[Entry]:
 
     `held` is the page of each anchor.
     """
-    from reproduce.papers.catalogue import catalogue
-    from reproduce.printed.cells import anchor, library
-    from reproduce.views import keys
-
     links = {name: f"{page}.html#{name}" for name, page in held.items()}
     for key in catalogue():
         paper, whole = key.partition("/")[0], keys.place(key)
@@ -121,14 +120,11 @@ def of_sections(page: str, doctree: nodes.document) -> Iterator[Entry]:
 
 def of_studies(held: dict[str, str]) -> Iterator[Entry]:
     """Yield the supplementary tables."""
-    from reproduce.papers.catalogue import catalogue
-    from reproduce.printed.cells import anchor
-    from reproduce.views.keys import title
-
     for key in catalogue("studies"):
         if page := held.get(name := f"study-{anchor(key)}"):
-            shown = f"{title(key)}: a supplementary table"
-            yield f"{page}.html#{name}", shown, [key, title(key)], [], ""
+            title = keys.title(key)
+            shown = f"{title}: a supplementary table"
+            yield f"{page}.html#{name}", shown, [key, title], [], ""
 
 
 def entries(app: Sphinx) -> list[Entry]:
