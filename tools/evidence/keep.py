@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 
 from reproduce.store import studies
-from reproduce.store.studies import Note, StudyError, digest
+from reproduce.store.studies import Note, digest
 
 
 def write(name: str, arrays: Mapping[str, Any], note: Note) -> None:
@@ -36,7 +36,7 @@ def write_table(name: str, table: pd.DataFrame, note: Mapping[str, Any]) -> None
 
 def _write_note(name: str, note: Mapping[str, Any], rest: str = "") -> None:
     if "command" not in note:
-        raise StudyError(f"{name}: expected a note with a command; add it")
+        raise ValueError(f"{name}: expected a note with a command; add it")
     lines = (
         f"{json.dumps(key) if '.' in key else key} = {_toml(value)}\n"
         for key, value in note.items()

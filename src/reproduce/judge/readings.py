@@ -254,7 +254,5 @@ def _study() -> studies.StoredStudy:
     return studies.read(_STUDY)
 
 
-def _stale(reason: str) -> studies.StudyError:
-    return studies.StudyError(
-        f"{_STUDY}: {reason}; run again: {_study().note['command']}"
-    )
+def _stale(reason: str) -> ValueError:
+    return ValueError(f"{_STUDY}: {reason}; run again: {_study().note['command']}")

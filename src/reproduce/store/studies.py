@@ -27,10 +27,6 @@ if TYPE_CHECKING:
 Note = Mapping[str, str | int | float]
 
 
-class StudyError(ValueError):
-    """A stored study is missing, damaged or different from its note."""
-
-
 @dataclass(frozen=True)
 class StoredStudy:
     """A stored study.
@@ -76,17 +72,17 @@ def _file(name: str) -> bytes:
     try:
         return (folder() / name).read_bytes()
     except FileNotFoundError as error:
-        raise StudyError(
+        raise ValueError(
             f"{name}: expected a file {error.filename}, got no file. Run its command"
         ) from error
 
 
 def _note(name: str, text: bytes, content: bytes) -> dict[str, Any]:
-    """Return the note of a study; raise `StudyError` if its content is another one."""
+    """Return the note of a study; raise `ValueError` if its content is another one."""
     note = tomllib.loads(text.decode())
     expected, actual = note.get("sha256"), digest(content)
     if actual != expected:
-        raise StudyError(
+        raise ValueError(
             f"{name}: expected the SHA-256 {expected}, got {actual}. "
             f"Run again: {note.get('command')}"
         )
