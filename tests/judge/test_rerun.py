@@ -13,7 +13,6 @@ from reproduce.judge.rerun import CannotChangeError
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import changeable, computations
 from reproduce.printed.cells import find
-from reproduce.printed.inputs import load_inputs
 from reproduce.printed.quantity import si_value
 
 NOISE = "niu2024/text-simulation#noise"
@@ -204,10 +203,3 @@ def test_values_have_any_unit_of_their_kind():
     for cell, value in ((count, "12.5"), (count, "-1"), (angle, "7 %")):
         with pytest.raises(ValueError, match=cell.name):
             si_value(cell, value)
-
-
-def test_only_declared_inputs_are_changed():
-    red, blue = (f"niu2024/table-1#focal-length.{name}" for name in ("red", "blue"))
-    inputs = load_inputs([red]).changed({red: 0.03, blue: 1.0})
-    assert inputs[red] == 0.03
-    assert blue not in inputs.cells
