@@ -17,10 +17,10 @@ import pytest
 from numpy.typing import NDArray
 
 from reproduce.inference import Model, summarised
-from reproduce.inference.models import registration_model
+from reproduce.inference.models import GaussianRegistration, registration_model
 from reproduce.inference.sampling import Plan, run_ensemble, sample
 from reproduce.papers.posteriors import posteriors
-from reproduce.physics.registration import Registration
+from reproduce.physics.registration import Registration, prepare
 
 Points = NDArray[np.float64]
 Promise = Callable[..., None]
@@ -35,6 +35,10 @@ def data(count: int) -> tuple[Points, Points]:
     generator = np.random.default_rng(1)
     source = generator.uniform((0, 0), (2064, 1544), (count, 2))
     return source, TRUTH.apply(source) + 0.07 * generator.normal(size=source.shape)
+
+
+def likelihood(count: int) -> GaussianRegistration:
+    return GaussianRegistration(prepare(*data(count), PIVOT))
 
 
 def plain_log_posterior(u: Points, source: Points, target: Points) -> float:
@@ -52,7 +56,7 @@ def plain_log_posterior(u: Points, source: Points, target: Points) -> float:
 
 def plain_chain(count: int, steps: int) -> Points:
     source, target = data(count)
-    centre, spread = registration_model(source, target, PIVOT).likelihood.start()
+    centre, spread = likelihood(count).start()
     start = centre + spread * np.random.default_rng(2).normal(size=(WALKERS, 5))
     sampler = emcee.EnsembleSampler(
         WALKERS, 5, plain_log_posterior, args=(source, target)
@@ -103,7 +107,7 @@ def bench_registration_posterior(promise: Promise) -> None:
     """
     steps, timed, few_timed = 3000, 2000, 30
     per_step = effective(plain_chain(FEW, 6000)) / (0.75 * 6000)
-    models = {count: registration_model(*data(count), PIVOT) for count in (FEW, MANY)}
+    models = {count: registration_model(likelihood(count)) for count in (FEW, MANY)}
     for count, plain_steps, times in ((FEW, timed, 100), (MANY, few_timed, 2000)):
         package = partial(package_chain, models[count], steps)
         work = effective(package()) / (per_step * plain_steps)

@@ -3,8 +3,9 @@
 import numpy as np
 import pandas as pd
 
+from reproduce.inference.models import GaussianRegistration, registration_model
 from reproduce.papers.chen2023.platform import INSTRUMENT, as_designed
-from reproduce.physics.registration import Registration
+from reproduce.physics.registration import Registration, prepare
 from reproduce.printed.inputs import load_inputs
 from reproduce.store.points import STARS
 from reproduce.store.spots import SPOTS
@@ -26,6 +27,11 @@ def stars(count=60, noise=0.1, seed=1, truth=TRUTH, wrong=0, batch=()):
     target = truth.apply(source) + noise * generator.standard_normal(source.shape)
     target[..., :wrong, :] = generator.uniform((0, 0), FIELD, (*batch, wrong, 2))
     return source, target
+
+
+def registered(source, target, kind=GaussianRegistration):
+    """Return the posterior of the registration of stars about `PIVOT`."""
+    return registration_model(kind(prepare(source, target, PIVOT)))
 
 
 def star_table(count=60, **settings):

@@ -2,15 +2,14 @@
 
 import numpy as np
 import pytest
-from simulated import PIVOT, stars
+from simulated import registered, stars
 
-from reproduce.inference.models import registration_model
 from reproduce.physics.attitude import Platform
 
 
 @pytest.fixture(scope="session")
 def registration():
-    return registration_model(*stars(137, 0.07), PIVOT)
+    return registered(*stars(137, 0.07))
 
 
 @pytest.fixture(scope="session")

@@ -6,13 +6,10 @@ import numpy as np
 import pandas as pd
 import pytest
 from scipy import stats
-from simulated import PIVOT, star_table, stars
+from simulated import PIVOT, registered, star_table, stars
 
 import reproduce as rp
-from reproduce.inference.models import (
-    mixture_model,
-    registration_model,
-)
+from reproduce.inference.models import MixtureRegistration
 from reproduce.inference.sampling import Plan, sample
 from reproduce.views.posterior import Posterior
 
@@ -20,7 +17,7 @@ PLAN = Plan(5, ensembles=2, steps=400, warmup=150, walkers=96)
 
 
 def mixture(**settings):
-    return mixture_model(registration_model(*stars(**settings), PIVOT))
+    return registered(*stars(**settings), MixtureRegistration.of)
 
 
 @pytest.mark.parametrize("wrong", [0, 18])
@@ -30,7 +27,7 @@ def test_three_wrong_matches_in_ten_are_named_and_move_nothing(wrong):
     false = found.model.likelihood.probability_false(found.draws)
     assert (false[:wrong] > 0.9).all()
     assert (false[wrong:] < 0.1).all()
-    right = registration_model(source[wrong:], target[wrong:], PIVOT)
+    right = registered(source[wrong:], target[wrong:])
     exact = right.exact(40_000, np.random.default_rng(1))[:, :4]
     draws, spread = found.draws[:, :4], exact.std(axis=0)
     offsets = (draws.mean(axis=0) - exact.mean(axis=0)) / spread
@@ -111,7 +108,7 @@ def test_stars_that_only_a_robust_fit_drops_give_a_warning():
     """Of 40 stars 8 are matched wrongly and 4 lie some noises off."""
     source, target = stars(40, 0.2, wrong=8)
     target[8:12] += np.random.default_rng(3).normal(0, 2.0, (4, 2))
-    model = mixture_model(registration_model(source, target, PIVOT))
+    model = registered(source, target, MixtureRegistration.of)
     dropped = {"dropped_by_robust_fit": ~model.likelihood.agreeing}
     for false, warned in ((8, True), (11, False)):
         columns = {"probability_false": (np.arange(40) < false) * 1.0, **dropped}

@@ -92,13 +92,13 @@ def test_the_truth_is_that_of_the_same_model():
     """Noise-free stars follow from it: exactly with distortions, in the mean without."""
     declared = posteriors()["registration-distortion"]
     true = true_centroids(load_inputs(declared.inputs))
-    bent, values = declared.model(), declared.true_values()
-    point = np.array([[values[name] for name in bent.names]])
+    bent = declared.model()
+    point = np.array([[bent.truth[name] for name in bent.names]])
     places = bent.likelihood.places(point, true[1])[0]
     assert np.abs(places - true[0]).max() < 1e-4
-    straight = posteriors()["registration"]
-    point = np.array([[*straight.true_values().values()]])
-    plain = straight.model().likelihood
+    straight = posteriors()["registration"].model()
+    point = np.array([[straight.truth[name] for name in straight.names]])
+    plain = straight.likelihood
     left = true[0] - plain.places(point, true[1])[0]
     offsets = true[1] - plain.pivot
     assert np.abs(left.mean(axis=0)).max() < 1e-9

@@ -10,9 +10,9 @@ from scipy.optimize import minimize
 import reproduce as rp
 from reproduce.inference import Normal
 from reproduce.inference.models import (
+    DistortedRegistration,
     GaussianRegistration,
-    distortion_model,
-    registration_model,
+    fitted_model,
 )
 from reproduce.physics.registration import MODELS, prepare
 from reproduce.store.points import STARS
@@ -155,9 +155,9 @@ def test_arguments_and_models_that_do_not_fit_are_rejected():
     ):
         with pytest.raises(ValueError, match="exact: "):
             rp.posterior(name, FRAME, **settings).exact(100)
-    few = [[0, 0], [1, 0], [0, 1]]
+    few = np.array([[0, 0], [1, 0], [0, 1]])
     with pytest.raises(ValueError, match="source: "):
-        registration_model(few, few, (0, 0))
+        fitted_model(GaussianRegistration(prepare(few, few, (0, 0))))
 
 
 def test_simulated_stars_scatter_as_stated():
@@ -170,7 +170,7 @@ def test_simulated_stars_scatter_as_stated():
 
 def test_distortions_cancel_or_vanish(registration):
     """Equal ones under the identity, and those of zero in any registration."""
-    likelihood = distortion_model(registration).likelihood
+    likelihood = DistortedRegistration(registration.likelihood.problem)
     back = likelihood.places(np.array([[1.0, 0, 0, 0, 0.1, 3.0, 3.0]]))[0]
     np.testing.assert_allclose(back, likelihood.source, atol=1e-9)
     plain = registration.start(np.random.default_rng(2), 16)

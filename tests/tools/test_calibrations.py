@@ -84,7 +84,7 @@ def test_stored_calibrations_are_those_of_the_present_models(name):
     agree.
     """
     found, model = stored.load(name), posteriors()[name].model()
-    least = 1000 if posteriors()[name].simulated else 30
+    least = 1000 if model.truth else 30
     assert found.replicates >= (2000 if name in MAIN else least)
     assert found.names == named(model)
     # The least probability of all quantities: one false alarm in 1000.

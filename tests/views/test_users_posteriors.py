@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 import xarray
 from click.testing import CliRunner
-from simulated import PIVOT, SHIFT, spot_table, star_table, stars
+from simulated import PIVOT, SHIFT, registered, spot_table, star_table, stars
 
 import reproduce as rp
 from reproduce.inference import (
@@ -18,7 +18,6 @@ from reproduce.inference import (
     Normal,
     PosteriorSamples,
 )
-from reproduce.inference.models import registration_model
 from reproduce.inference.sampling import Plan, run_ensemble
 from reproduce.papers.posteriors import posteriors
 from reproduce.physics.registration import Registration, fit_registration
@@ -108,7 +107,7 @@ def test_spots_that_drift_inside_a_group_give_a_warning(spots):
 
 def test_a_prior_that_cuts_the_posterior_is_reported():
     """A bound at four standard deviations and more has no effect."""
-    free = registration_model(*stars(), PIVOT)
+    free = registered(*stars())
     found = drawn(free)
     assert [*found.prior_warnings()] == []
     mean, deviation = moments(found, "noise")

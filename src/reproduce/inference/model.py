@@ -8,8 +8,8 @@ choice. A new model is a subclass of `Likelihood` and a function that gives it p
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Protocol, Self, TypeVar
+from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar, Protocol, Self
 
 import numpy as np
 from numpy.random import Generator
@@ -18,7 +18,6 @@ from scipy.special import ndtr, ndtri
 
 from reproduce.physics.validate import FloatArray, finite_array, non_negative, positive
 
-_Kind = TypeVar("_Kind")
 # An estimate of the parameters and its standard error, both of shape (d,).
 Estimate = tuple[FloatArray, FloatArray]
 # Callback with the number of finished parts of the work, and the number of all parts.
@@ -267,8 +266,12 @@ class Quantity:
     unit: str
 
 
-# Named consequences of parameter vectors of shape (n, d).
+# Function of parameter vectors of shape (n, d) that returns their consequences by name.
 Derived = Callable[[FloatArray], dict[str, Quantity]]
+
+
+def _no_consequences(parameters: FloatArray) -> dict[str, Quantity]:
+    return {}
 
 
 @dataclass(frozen=True, eq=False)
@@ -278,7 +281,8 @@ class Model:
     - `name`: name in tables, messages and stored runs.
     - `parameters`: in the order of the columns of every parameter array.
     - `likelihood`: log likelihood with its data.
-    - `derived`: function that returns consequences of the parameters.
+    - `consequences`: function that returns consequences of the parameters.
+    - `truth`: parameters with which the data were simulated, by name; empty for other data.
 
     Examples
     --------
@@ -288,16 +292,8 @@ class Model:
     name: str
     parameters: tuple[Parameter, ...]
     likelihood: Likelihood
-    derived: Derived | None = None
-
-    def likelihood_of(self, kind: type[_Kind]) -> _Kind:
-        """Return the likelihood, or raise `TypeError` if it is of another kind."""
-        if not isinstance(self.likelihood, kind):
-            raise TypeError(
-                f"{self.name}: expected a {kind.__name__}, got "
-                f"{type(self.likelihood).__name__}"
-            )
-        return self.likelihood
+    consequences: Derived = _no_consequences
+    truth: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -357,10 +353,6 @@ class Model:
         inside = np.isfinite(total)
         total[inside] += self.log_volume(parameters[inside])
         return total
-
-    def consequences(self, parameters: FloatArray) -> dict[str, Quantity]:
-        """Return all consequences of parameter vectors, by name."""
-        return self.derived(parameters) if self.derived else {}
 
     def with_priors(self, priors: Mapping[str, Prior]) -> Model:
         """Return the model with other priors, by name; an unknown name is a ValueError."""

@@ -73,7 +73,6 @@ class Declaration:
     - `inputs`: addresses of the printed cells of the model: data, settings and priors.
     - `build`: returns the model with its data.
     - `file`: the format of your data, or the reason why it accepts none.
-    - `truth`: returns the parameters of the simulation; None if the data are printed.
     - `steps`, `walkers`: sampled steps and walkers of an ensemble; zero walkers is the default
       number.
     - `summary`: names of quantities for the table of all posteriors, each with the address of its
@@ -86,23 +85,13 @@ class Declaration:
     inputs: tuple[str, ...]
     build: Callable[[Inputs], Model]
     file: File | str
-    truth: Callable[[Inputs], dict[str, float]] | None = None
     steps: int = _STEPS
     walkers: int = 0
     summary: Mapping[str, str] = field(default_factory=dict)
 
-    @property
-    def simulated(self) -> bool:
-        """Whether the data are simulated from printed settings, as the raw data are unpublished."""
-        return self.truth is not None
-
     def model(self, data_seed: int | None = None) -> Model:
         """Return the model with its data, which may be simulated with another seed."""
         return self.build(load_inputs(self.inputs, data_seed))
-
-    def true_values(self) -> dict[str, float]:
-        """Return the parameters of the simulation; empty if the data are not simulated."""
-        return self.truth(load_inputs(self.inputs)) if self.truth else {}
 
     def sha256(self) -> str:
         """Return the hash of the printed cells of the model, which determine the data."""

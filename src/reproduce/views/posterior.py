@@ -54,8 +54,8 @@ from reproduce.views.intervals import FloatArray, correlated_pair, draw_interval
 from reproduce.views.measurements import platform_of
 from reproduce.views.numbers import digits, moments
 
-# Arguments that replace numbers of the book: seed of its data, and plan of the sampler.
-_NUMBERS = ("data_seed", "steps", "walkers", "seed")
+# Arguments that replace numbers of the plan of the sampler.
+_PLAN = ("steps", "walkers", "seed")
 # Characters of the numbers of probably false stars in a sentence.
 _NAMES_WIDTH = 40
 
@@ -104,17 +104,10 @@ class Posterior(ResultView):
         self.declared, self._priors = posteriors()[name], _named(priors)
         settings = {key: one for key, one in settings.items() if one is not None}
         self._arguments = {"data": data, **settings}
-        self._numbers = {key: settings.pop(key) for key in _NUMBERS if key in settings}
-        plan = dict(self._numbers)
-        data_seed = plan.pop("data_seed", None)
-        check_randomness(name, True, data_seed)
+        plan = {key: settings.pop(key) for key in _PLAN if key in settings}
         self.plan = self.declared.plan(**plan)
         self._table: DataTable | None = None
         self.remarks: list[str] = []
-        if data_seed is not None and (data is not None or not self.declared.simulated):
-            raise ValueError(
-                f"data_seed: expected none, because the data of {name} are not simulated here"
-            )
         if data is not None:
             # Other models reject a platform.
             if "platform" in settings.keys() & getattr(
@@ -122,10 +115,17 @@ class Posterior(ResultView):
             ):
                 settings["platform"] = platform_of(settings["platform"])
             self._table, model, self.remarks = self.declared.supplied(data, settings)
-        elif settings:
-            raise ValueError(f"{min(settings)}: expected data with it, got none")
         else:
+            data_seed = settings.pop("data_seed", None)
+            if settings:
+                raise ValueError(f"{min(settings)}: expected data with it, got none")
+            check_randomness(name, True, data_seed)
             model = self.declared.model(data_seed)
+            if data_seed is not None and not model.truth:
+                raise ValueError(
+                    f"data_seed: expected none, because the data of {name} are printed. Leave it "
+                    "out"
+                )
         own = {
             one.name: _prior(one, self._priors[one.name])
             for one in model.parameters
@@ -137,8 +137,8 @@ class Posterior(ResultView):
     def changes(self) -> str:
         """Arguments that differ from the posterior of the book, in one line."""
         changes = [f"prior of {name}" for name in self._priors]
-        changes += [f"{name} = {one}" for name, one in self._numbers.items()]
-        return ", ".join(changes)
+        names = (name for name in ("data_seed", *_PLAN) if name in self._arguments)
+        return ", ".join([*changes, *(f"{n} = {self._arguments[n]}" for n in names)])
 
     @property
     def inputs(self) -> tuple[str, ...]:
@@ -181,7 +181,7 @@ class Posterior(ResultView):
         self.sampled = sampling.sample(
             self.model,
             self.plan,
-            longer="steps" not in self._numbers,
+            longer="steps" not in self._arguments,
             executor=executor,
             progress=progress,
         )
@@ -194,7 +194,7 @@ class Posterior(ResultView):
         The hash is the hash of the file, or of the printed cells that the model depends on.
         """
         data: dict[str, Any] = {
-            "kind": "simulated" if self.declared.simulated else "printed",
+            "kind": "simulated" if self.truth else "printed",
             "paper": self.declared.paper,
             "truth": self.truth,
             "sha256": self.declared.sha256(),
@@ -213,7 +213,7 @@ class Posterior(ResultView):
         declared, table = self.declared, self._table
         if not table:
             simulated = "simulated by us with printed settings of"
-            text = simulated if declared.simulated else "as printed in"
+            text = simulated if self.truth else "as printed in"
             return f"{text} {declared.paper}"
         text = f"of {Path(table.path).name}, {len(table.values)} rows"
         if pivot := self.data_record.get("pivot"):
@@ -349,7 +349,7 @@ class Posterior(ResultView):
     @property
     def truth(self) -> dict[str, float]:
         """Parameters of the simulation, in the displayed unit; empty for other data."""
-        return {} if self._table else self._shown(self.declared.true_values())
+        return self._shown(self.model.truth)
 
     def _shown(self, values: Mapping[str, Any]) -> dict[str, Any]:
         """Return values by the name of their parameter in the displayed unit."""

@@ -18,9 +18,8 @@ from reproduce.inference.models.misalignment import (
     misalignment_model,
 )
 from reproduce.inference.models.mixture import (
+    DistortedRegistration,
     MixtureRegistration,
-    distortion_model,
-    mixture_model,
 )
 from reproduce.inference.models.published import PrintedFit
 from reproduce.inference.models.registration import (

@@ -16,7 +16,6 @@ import numpy as np
 from numpy.random import Generator
 
 from reproduce.inference import (
-    Derived,
     Estimate,
     Likelihood,
     LogUniform,
@@ -217,17 +216,13 @@ _MISALIGNMENT_PRIOR = Normal(
 )
 
 
-def misalignment_model(
-    likelihood: SpotLikelihood, derived: Derived | None = None
-) -> Model:
+def misalignment_model(likelihood: SpotLikelihood) -> Model:
     """Return a misalignment from two groups of images, the first one at the zero point.
 
     Parameters
     ----------
     likelihood : SpotLikelihood
         Instrument and spots of both groups, with slopes of the second group if it drifts.
-    derived : callable, optional
-        Function that returns consequences of the parameters.
 
     Returns
     -------
@@ -261,4 +256,4 @@ def misalignment_model(
         Parameter("noise", r"\sigma", "px", noise),
     )
     name = "misalignment-drift" if likelihood.drifts else "misalignment"
-    return Model(name, parameters, likelihood, derived)
+    return Model(name, parameters, likelihood)

@@ -8,7 +8,7 @@ probability that a star is wrongly matched. Conventions and units are those of `
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Self
 
@@ -19,7 +19,6 @@ from scipy.special import expit
 
 from reproduce.inference import (
     Estimate,
-    Model,
     Normal,
     Parameter,
     Uniform,
@@ -27,7 +26,12 @@ from reproduce.inference import (
 from reproduce.inference.models.registration import (
     GaussianRegistration,
 )
-from reproduce.physics.registration import as_complex, as_points, fit_problem
+from reproduce.physics.registration import (
+    Problem,
+    as_complex,
+    as_points,
+    fit_problem,
+)
 from reproduce.physics.validate import FloatArray
 
 # Steps of Newton's method for the inverse distortion. Each doubles the number of correct digits.
@@ -38,12 +42,25 @@ _MAX_DRAWS = 4000
 _SQUARE_RATIO = 1.01
 
 
-class _DistortedRegistration(GaussianRegistration):
+_DISTORTION_PRIOR = Normal(
+    0.0,
+    2.0,
+    "a corrected star camera moves its outermost stars by a few px at most",
+)
+
+
+class DistortedRegistration(GaussianRegistration):
     """Registration with a free radial distortion in both channels: two more parameters.
 
     Each is the displacement at the edge of the field, in px, so that it does not depend on the
-    unit of the coefficient.
+    unit of the coefficient. The noise is unknown.
     """
+
+    name = "registration-distortion"
+    extra = (
+        Parameter("source-distortion", "d_s", "px", _DISTORTION_PRIOR),
+        Parameter("target-distortion", "d_t", "px", _DISTORTION_PRIOR),
+    )
 
     def places(
         self, parameters: FloatArray, source: FloatArray | None = None
@@ -67,35 +84,11 @@ class _DistortedRegistration(GaussianRegistration):
         return np.append(centre, (0.0, 0.0)), np.append(spread, (0.1, 0.1))
 
 
-def distortion_model(base: Model) -> Model:
-    """Return the registration with a free radial distortion of both channels.
-
-    Parameters
-    ----------
-    base : Model
-        Registration of one channel with unknown noise.
-
-    Returns
-    -------
-    Model
-        Two more parameters: the displacements at the edge of the field in source and target.
-    """
-    prior = Normal(
-        0.0,
-        2.0,
-        "a corrected star camera moves its outermost stars by a few px at most",
-    )
-    extra = (
-        Parameter("source-distortion", "d_s", "px", prior),
-        Parameter("target-distortion", "d_t", "px", prior),
-    )
-    problem = base.likelihood_of(GaussianRegistration).problem
-    return replace(
-        base,
-        name="registration-distortion",
-        parameters=base.parameters + extra,
-        likelihood=_DistortedRegistration(problem),
-    )
+_FRACTION_PRIOR = Uniform(
+    0.0,
+    0.5,
+    "from none to half of them: were more of them false, no majority would tell which are right",
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,8 +99,23 @@ class MixtureRegistration(GaussianRegistration):
       does not depend on the data.
     """
 
-    corner: tuple[float, float]
+    name = "registration-mixture"
+    noise_scale = "log"
+    # Without wrong matches the fraction would pile up at zero, but its score has no bound.
+    extra = (
+        Parameter(
+            "false-share", "f", "1", _FRACTION_PRIOR, 1.0, (0.0,), "normal score"
+        ),
+    )
+    corner: FloatArray
     side: float
+
+    @classmethod
+    def of(cls, problem: Problem) -> Self:
+        """Return the registration whose wrong matches are in a square that contains all targets."""
+        low, high = problem.target.min(axis=0), problem.target.max(axis=0)
+        side = _SQUARE_RATIO * (high - low).max()
+        return cls(problem, 0.5 * (low + high - side), side)
 
     def _densities(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the log density of each target, (n, points), as a right and a wrong match."""
@@ -150,12 +158,15 @@ class MixtureRegistration(GaussianRegistration):
         """The stars that the robust fit does not reject, (points,)."""
         return fit_problem(self.problem, robust=True).weights > 0
 
+    @cached_property
+    def right(self) -> GaussianRegistration:
+        """The registration of these stars."""
+        return GaussianRegistration(self.problem.rows(self.agreeing))
+
     def start(self) -> Estimate:
         """Return the fit of the stars that agree, and the fraction of the others."""
-        agreeing, count = self.agreeing, len(self.source)
-        right = GaussianRegistration(self.problem.rows(agreeing))
-        centre, spread = right.start()
-        fraction = ((~agreeing).sum() + 1) / (count + 2)
+        count, (centre, spread) = len(self.source), self.right.start()
+        fraction = ((~self.agreeing).sum() + 1) / (count + 2)
         error = np.sqrt(fraction * (1 - fraction) / count)
         return np.append(centre, fraction), np.append(spread, error)
 
@@ -169,42 +180,3 @@ class MixtureRegistration(GaussianRegistration):
         draws = draws[:: -(-len(draws) // _MAX_DRAWS)]
         parts = map(self.false, self.parts(draws))
         return sum(part.sum(axis=0) for part in parts) / len(draws)
-
-
-def mixture_model(base: Model) -> Model:
-    """Return the registration in which some stars are wrongly matched.
-
-    Parameters
-    ----------
-    base : Model
-        Registration of one channel. Its weights and covariances are those of the right matches.
-
-    Returns
-    -------
-    Model
-        One more parameter, the fraction of wrong matches. A wrong match has a uniform position in
-        a square that contains all stars of the reference channel.
-    """
-    problem = base.likelihood_of(GaussianRegistration).problem
-    low, high = problem.target.min(axis=0), problem.target.max(axis=0)
-    side = _SQUARE_RATIO * (high - low).max()
-    x, y = 0.5 * (low + high - side)
-    reason = (
-        "from none to half of them: were more of them false, no majority would tell which are "
-        "right"
-    )
-    fraction = Uniform(0.0, 0.5, reason)
-    # Without wrong matches the fraction would pile up at zero, but its score has no bound.
-    parameters = [
-        replace(one, scale="log" if one.name == "noise" else "")
-        for one in base.parameters
-    ]
-    return replace(
-        base,
-        name="registration-mixture",
-        parameters=(
-            *parameters,
-            Parameter("false-share", "f", "1", fraction, 1.0, (0.0,), "normal score"),
-        ),
-        likelihood=MixtureRegistration(problem, (x, y), side),
-    )

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Self
+from typing import ClassVar, Self
 
 import numpy as np
 from numpy.random import PCG64, Generator
@@ -35,7 +35,6 @@ from reproduce.physics.registration import (
     as_points,
     fit_problem,
     fits_exactly,
-    prepare,
 )
 from reproduce.physics.validate import FloatArray
 from reproduce.units import DEGREES_PER_RADIAN
@@ -67,6 +66,10 @@ class GaussianRegistration(Likelihood):
     """
 
     observables = ("target",)
+    name: ClassVar[str] = "registration"
+    # Parameters after those of the transform and the noise, and `Parameter.scale` of the noise.
+    extra: ClassVar[tuple[Parameter, ...]] = ()
+    noise_scale: ClassVar[str] = ""
     problem: Problem
 
     @property
@@ -88,6 +91,11 @@ class GaussianRegistration(Likelihood):
     def fit(self) -> RegistrationFit:
         """The fit of the points."""
         return fit_problem(self.problem)
+
+    @property
+    def right(self) -> GaussianRegistration:
+        """The registration of the stars that are rightly matched: of all stars."""
+        return self
 
     @property
     def is_linear(self) -> bool:
@@ -267,29 +275,25 @@ class GaussianRegistration(Likelihood):
         }
 
 
-def registration_parameter(name: str, prior: Prior) -> Parameter:
+def registration_parameter(name: str, prior: Prior, scale: str = "") -> Parameter:
     """Return a parameter of a registration, with its symbol and unit."""
     label, unit = _SYMBOLS.get(name, f"a_{{{name}}}"), _UNITS.get(name, "1")
     shown = DEGREES_PER_RADIAN if unit == "deg" else 1.0
-    return Parameter(name, label, unit, prior, shown)
+    return Parameter(name, label, unit, prior, shown, scale=scale)
 
 
-def registration_model(
-    source: FloatArray, target: FloatArray, pivot: FloatArray
-) -> Model:
+def registration_model(likelihood: GaussianRegistration) -> Model:
     """Return the registration of one channel of the telescope to another channel.
 
     Parameters
     ----------
-    source, target : ndarray, shape (n, 2)
-        The same stars in both channels, in px.
-    pivot : ndarray, shape (2,)
-        Pivot of rotation and scale, in px.
+    likelihood : GaussianRegistration
+        The same stars in both channels, with unknown noise.
 
     Returns
     -------
     Model
-        Parameters scale, rotation (rad), shift-x, shift-y and noise (px).
+        Parameters scale, rotation (rad), shift-x, shift-y, noise (px) and those of the likelihood.
 
     Raises
     ------
@@ -298,14 +302,14 @@ def registration_model(
 
     Examples
     --------
+    >>> from reproduce.physics.registration import prepare
     >>> points = np.array([[0.0, 0], [9, 0], [0, 9], [9, 9]])
-    >>> model = registration_model(points, points + [[1, 0], [0, 1], [1, 1], [0, 0]], (0, 0))
-    >>> model.names
+    >>> moved = points + [[1, 0], [0, 1], [1, 1], [0, 0]]
+    >>> registration_model(GaussianRegistration(prepare(points, moved, (0, 0)))).names
     ('scale', 'rotation', 'shift-x', 'shift-y', 'noise')
     """
-    problem = prepare(source, target, pivot)
-    model = fitted_model(GaussianRegistration(problem))
-    extent = np.ptp(np.concatenate([problem.source, problem.target]), axis=0).max()
+    points = np.concatenate([likelihood.source, likelihood.target])
+    extent = np.ptp(points, axis=0).max()
     shift = Uniform(
         -extent,
         extent,
@@ -331,7 +335,7 @@ def registration_model(
             "no scale preferred between 1e-7 and 1 % of the field",
         ),
     }
-    return model.with_priors(priors)
+    return fitted_model(likelihood).with_priors(priors)
 
 
 def fitted_model(likelihood: GaussianRegistration) -> Model:
@@ -356,39 +360,43 @@ def fitted_model(likelihood: GaussianRegistration) -> Model:
 
     Examples
     --------
+    >>> from reproduce.physics.registration import prepare
     >>> points = np.array([[0.0, 0], [9, 0], [0, 9], [9, 9]])
     >>> moved = points + [[1, 0], [0, 1], [1, 1], [0, 0]]
     >>> model = fitted_model(GaussianRegistration(prepare(points, moved, (0, 0))))
     >>> print(model.parameters[1].prior)
     uniform from -3.14159 to 3.14159
     """
-    problem, names = likelihood.problem, MODELS[likelihood.problem.model]
-    least = (len(names) + 1) // 2 + (0 if problem.errors_known else 2)
+    right, problem = likelihood.right, likelihood.right.problem
+    size = len(MODELS[problem.model])
+    least = (size + 1) // 2 + (0 if problem.errors_known else 2)
     if len(problem.source) < least:
         raise ValueError(
             f"source: expected at least {least} points, got {len(problem.source)}. Add stars, or "
             "give their errors"
         )
-    priors = _wide_priors(likelihood.fit)
+    parameters = _wide_parameters(right.fit)
     if not problem.errors_known:
-        if fits_exactly(likelihood.fit):
+        if fits_exactly(right.fit):
             raise ValueError(
                 "target: expected points with noise, got points that fit without any error. Use "
                 "`reproduce.register`"
             )
-        residual = likelihood.start()[0][-1]
-        priors["noise"] = LogUniform(
+        residual = right.start()[0][size]
+        noise = LogUniform(
             1e-9 * residual,
             1e3 * residual,
             "no scale preferred: a billionth to a thousand times the residuals of least squares",
         )
-    parameters = tuple(registration_parameter(*item) for item in priors.items())
-    return Model("registration", parameters, likelihood)
+        parameters.append(
+            registration_parameter("noise", noise, likelihood.noise_scale)
+        )
+    return Model(likelihood.name, (*parameters, *likelihood.extra), likelihood)
 
 
-def _wide_priors(fit: RegistrationFit) -> dict[str, Prior]:
-    """Return uniform priors about the parameters of a fit."""
-    problem, priors = fit.problem, dict[str, Prior]()
+def _wide_parameters(fit: RegistrationFit) -> list[Parameter]:
+    """Return the parameters of a fit with uniform priors about it."""
+    problem, parameters = fit.problem, []
     # No least-squares scale exceeds the ratio of the sizes of both patterns.
     target_size, source_size = (
         np.linalg.norm(points - points.mean(axis=0))
@@ -408,5 +416,6 @@ def _wide_priors(fit: RegistrationFit) -> dict[str, Prior]:
                 "ten times the largest plausible value, or a thousand standard errors"
             )
         low = 0.0 if name == "scale" else value - half
-        priors[name] = Uniform(low, value + half, reason)
-    return priors
+        prior = Uniform(low, value + half, reason)
+        parameters.append(registration_parameter(name, prior))
+    return parameters

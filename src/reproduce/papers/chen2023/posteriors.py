@@ -62,13 +62,6 @@ def _on_the_ground(parameters: FloatArray, altitude: float) -> dict[str, Quantit
     }
 
 
-def _truth(inputs: Inputs, drifts: bool = False) -> dict[str, float]:
-    """Return the misalignment of the simulation, and its drift through the group."""
-    values = np.append(_TRUTH, _DRIFT if drifts else ())
-    names = (f"{name}-{axis}" for name in ("angle", "drift") for axis in AXES)
-    return dict(zip(names, values.tolist(), strict=False))
-
-
 def _misalignment(inputs: Inputs, drifts: bool = False) -> Model:
     """Return a misalignment after a calibration group, constant or with a drift.
 
@@ -85,9 +78,12 @@ def _misalignment(inputs: Inputs, drifts: bool = False) -> Model:
         angles = np.linspace(first, last, frames)
         true = design.predicted(np.zeros((frames, 3)), angles[:, None], lasers)[:, 0]
         groups.append(true + noise * generator.normal(size=true.shape))
-    return misalignment_model(
-        SpotLikelihood.of(design, groups, drifts),
-        partial(_on_the_ground, altitude=satellite.altitude(inputs)),
+    names = (f"{name}-{axis}" for name in ("angle", "drift") for axis in AXES)
+    truth = zip(names, np.append(_TRUTH, _DRIFT).tolist(), strict=True)
+    return replace(
+        misalignment_model(SpotLikelihood.of(design, groups, drifts)),
+        consequences=partial(_on_the_ground, altitude=satellite.altitude(inputs)),
+        truth=dict(truth),
     )
 
 
@@ -122,15 +118,17 @@ def _your_model(
     instrument = replace(diagnosis.platform, spots=images[0].mean(axis=0))
     likelihood = SpotLikelihood.of(instrument, images, drifts)
     model = misalignment_model(likelihood)
-    return model.with_priors(_priors(model, images)), remarks
+    priors = _priors(likelihood, images, model.names)
+    return model.with_priors(priors), remarks
 
 
-def _priors(model: Model, images: list[FloatArray]) -> dict[str, Prior]:
+def _priors(
+    likelihood: SpotLikelihood, images: list[FloatArray], names: tuple[str, ...]
+) -> dict[str, Prior]:
     """Return priors on the scale of the motion of your spots and of their residuals.
 
     The size of the pattern keeps the prior of the paper.
     """
-    likelihood = model.likelihood_of(SpotLikelihood)
     platform, residual = likelihood.platform, likelihood.residual()
     first, last = likelihood.spots
     size = np.ptp(first, axis=0).max()
@@ -153,7 +151,7 @@ def _priors(model: Model, images: list[FloatArray]) -> dict[str, Prior]:
     kinds: dict[str, Prior] = {"noise": noise, "mount": mount}
     return {
         name: kinds.get(name.partition("-")[0], roll if name[-1] == "z" else across)
-        for name in model.names
+        for name in names
         if name != "laser-scale"
     }
 
@@ -179,7 +177,6 @@ POSTERIORS = (
         INPUTS,
         _misalignment,
         _file(drifts=False),
-        _truth,
         summary={
             **{f"angle-{axis}": f"Misalignment about {axis.upper()}" for axis in "xyz"},
             "position error": "Position on the ground, corrected",
@@ -192,7 +189,6 @@ POSTERIORS = (
         INPUTS,
         partial(_misalignment, drifts=True),
         _file(drifts=True),
-        partial(_truth, drifts=True),
         steps=330,
         summary={f"drift-{axis}": f"Drift about {axis.upper()}" for axis in "xyz"},
     ),

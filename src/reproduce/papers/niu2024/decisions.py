@@ -18,6 +18,7 @@ from reproduce.papers.declare import Rows, by_cell, draws, studied
 from reproduce.papers.niu2024 import posteriors, simulation
 from reproduce.papers.niu2024.simulation import NOISE
 from reproduce.physics.ground import circular_error
+from reproduce.physics.registration import prepare
 from reproduce.physics.validate import FloatArray
 from reproduce.printed.inputs import Inputs
 
@@ -45,8 +46,7 @@ def _at_edge(inputs: Inputs, counts: FloatArray) -> tuple[FloatArray, ...]:
     """
     green, red, _ = posteriors.true_centroids(inputs)
     middle, true = posteriors.pivot(inputs), posteriors.truth(inputs)
-    model = models.distortion_model(models.registration_model(red, green, middle))
-    likelihood = model.likelihood_of(models.GaussianRegistration)
+    likelihood = models.DistortedRegistration(prepare(red, green, middle))
     # The fifth parameter is the noise, which moves no star.
     moves = np.insert(np.diag(_DERIVATIVE_STEPS), 4, 0.0, axis=1)
     centre = np.array([*true.values(), 0.0, 0.0])
@@ -54,8 +54,8 @@ def _at_edge(inputs: Inputs, counts: FloatArray) -> tuple[FloatArray, ...]:
     response = (ahead - behind) / (2 * _DERIVATIVE_STEPS[:, None, None])
     flat = response.reshape(len(moves), -1)
     information = flat @ flat.T / true["noise"] ** 2
-    # Only the distortions have a prior that is not flat.
-    priors = [one.prior for one in model.parameters]
+    # The other parameters have flat priors.
+    priors = [one.prior for one in likelihood.extra]
     prior = np.diag([0.0] * 4 + [p.sigma**-2 for p in priors if isinstance(p, Normal)])
     outermost = np.hypot(*(red - middle).T).argmax()
     edge, ratio = response[:, outermost].T, counts[:, None, None] / len(red)

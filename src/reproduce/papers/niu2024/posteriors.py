@@ -25,10 +25,12 @@ from reproduce.papers.niu2024.simulation import NOISE
 from reproduce.papers.posteriors import Declaration, File
 from reproduce.physics.optics import angle_from_pixels, channel_centroids
 from reproduce.physics.registration import (
+    Problem,
     checked_pivot,
     diagnose_fit,
     fit_problem,
     fit_registration,
+    prepare,
     similarity_between,
 )
 from reproduce.physics.validate import FloatArray
@@ -92,20 +94,26 @@ def pivot(inputs: Inputs) -> FloatArray:
 
 def _model(
     inputs: Inputs,
-    extend: Callable[[Model], Model] = lambda model: model,
+    kind: Callable[
+        [Problem], models.GaussianRegistration
+    ] = models.GaussianRegistration,
+    true: Callable[[Inputs], dict[str, float]] = truth,
     wrong: float = 0.0,
 ) -> Model:
     """Return red registered to green, with a fraction of stars matched wrongly.
 
-    The model may be extended. Its consequences are those at the test points.
+    Its consequences are those at the test points.
     """
     green, red, _ = _noisy(inputs, true_centroids(inputs), 1)
     order = Generator(PCG64(inputs.seed(4))).permutation(len(red))
     false = order[: round(wrong * len(red))]
     green[false] = green[np.roll(false, 1)]
-    model = extend(models.registration_model(red, green, pivot(inputs)))
-    likelihood = model.likelihood_of(models.GaussianRegistration)
-    return replace(model, derived=_new_stars(inputs, likelihood))
+    likelihood = kind(prepare(red, green, pivot(inputs)))
+    return replace(
+        models.registration_model(likelihood),
+        consequences=_new_stars(inputs, likelihood),
+        truth=true(inputs) | {"false-share": wrong},
+    )
 
 
 def _new_stars(inputs: Inputs, likelihood: models.GaussianRegistration) -> Derived:
@@ -113,10 +121,6 @@ def _new_stars(inputs: Inputs, likelihood: models.GaussianRegistration) -> Deriv
 
     The transform in use is the least-squares transform of the correctly matched stars.
     """
-    right = getattr(likelihood, "agreeing", slice(None))
-    fit = fit_registration(
-        likelihood.source[right], likelihood.target[right], likelihood.pivot
-    )
     generator = default_rng(inputs.seed(3, 0, 0))
     half, count = simulation.half_ranges(inputs), inputs.count(_TEST_POINTS)
     directions = generator.uniform(-half, half, (count, 2))
@@ -128,14 +132,16 @@ def _new_stars(inputs: Inputs, likelihood: models.GaussianRegistration) -> Deriv
     return partial(
         likelihood.new_stars,
         source=source,
-        registered=fit.transform.apply(source),
+        registered=likelihood.right.fit.transform.apply(source),
         arcsec_per_px=angle,
     )
 
 
 def _your_registration(
     table: DataTable,
-    robust: bool = False,
+    kind: Callable[
+        [Problem], models.GaussianRegistration
+    ] = models.GaussianRegistration,
     pivot: ArrayLike | None = None,
     **settings: Any,
 ) -> tuple[Model, list[str]]:
@@ -144,6 +150,7 @@ def _your_registration(
     Stars of weight zero are omitted. An unknown noise is the noise of a star of mean weight. With
     wrong matches the findings belong to the robust fit.
     """
+    robust = kind is not models.GaussianRegistration
     source, target = np.split(table.values, 2, axis=1)
     centre = checked_pivot(pivot, source)
     # The fit checks the settings.
@@ -151,8 +158,7 @@ def _your_registration(
     problem = fit.problem.rows(fit.weights > 0)
     if not fit.errors_known:
         problem = replace(problem, counts=problem.counts / problem.counts.mean())
-    likelihood = models.GaussianRegistration(problem)
-    model = models.fitted_model(likelihood)
+    model = models.fitted_model(kind(problem))
     found, _ = diagnose_fit(fit_problem(fit.problem, robust))
     # The mixture reports wrong matches.
     hidden = {"sensitive"} | ({"mismatched", "dropped"} if robust else set())
@@ -176,13 +182,7 @@ def _your_mixture(table: DataTable, **settings: Any) -> tuple[Model, list[str]]:
             "expected coordinates with more digits, got equal displacements of "
             "many stars. Use the posterior registration, or add digits."
         )
-    plain, remarks = _your_registration(table, robust=True, **settings)
-    model = models.mixture_model(plain)
-    # Wrong matches may rotate the least-squares fit, or make its scale small.
-    mixture = model.likelihood_of(models.MixtureRegistration)
-    right = models.GaussianRegistration(mixture.problem.rows(mixture.agreeing))
-    priors = {one.name: one.prior for one in models.fitted_model(right).parameters}
-    return model.with_priors(priors), remarks
+    return _your_registration(table, models.MixtureRegistration.of, **settings)
 
 
 _MEANING = (
@@ -191,7 +191,7 @@ _MEANING = (
 _NO_FILE = (
     "it is for the data of the book; registration and registration-mixture take stars"
 )
-_RED = partial(Declaration, paper="niu2024", inputs=INPUTS, truth=truth)
+_RED = partial(Declaration, paper="niu2024", inputs=INPUTS)
 
 POSTERIORS = (
     *published.POSTERIORS,
@@ -205,17 +205,17 @@ POSTERIORS = (
     _RED(
         "registration-mixture",
         "Registration with wrong matches: a good/bad mixture",
-        build=partial(_model, extend=models.mixture_model, wrong=_FALSE_FRACTION),
+        build=partial(
+            _model, kind=models.MixtureRegistration.of, wrong=_FALSE_FRACTION
+        ),
         file=File(STARS, _MEANING, _your_mixture, _SETTINGS),
-        truth=lambda inputs: {**truth(inputs), "false-share": _FALSE_FRACTION},
         steps=350,
         walkers=96,
     ),
     _RED(
         "registration-distortion",
         "Registration with both distortions free",
-        build=partial(_model, extend=models.distortion_model),
+        build=partial(_model, kind=models.DistortedRegistration, true=_distorted_truth),
         file=_NO_FILE,
-        truth=_distorted_truth,
     ),
 )

@@ -13,7 +13,7 @@ noise is larger by the square root of two.
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -153,7 +153,7 @@ def _printed_scales(inputs: Inputs) -> Rows:
     """Compute the difference between scale factors and cameras, with its error by design."""
     for channel in REGISTERED:
         model = _model(inputs, "camera", channel)
-        likelihood = model.likelihood_of(models.PrintedFit)
+        likelihood = cast(models.PrintedFit, model.likelihood)
         centre, _ = likelihood.start()
         [difference] = model.consequences(centre[None]).values()
         rounding = likelihood.half_units[0] / np.sqrt(3)

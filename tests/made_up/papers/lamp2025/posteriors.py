@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
-from reproduce.inference.models import registration_model
+from reproduce.inference.models import GaussianRegistration, registration_model
 from reproduce.papers.posteriors import Declaration
+from reproduce.physics.registration import prepare
 
 INPUTS = ("lamp2025/table-1#focal-length.*",)
 
@@ -16,13 +19,9 @@ def registration(inputs):
     generator = np.random.default_rng(2025)
     stars = generator.uniform(0.0, 1000.0, (30, 2))
     other = far / near * stars + generator.normal(0.0, 0.1, stars.shape)
-    return registration_model(stars, other, np.zeros(2))
-
-
-def truth(inputs):
-    """The parameters with which the stars were simulated."""
-    near, far = inputs.array(INPUTS[0])
-    return {"scale": far / near}
+    problem = prepare(stars, other, np.zeros(2))
+    model = registration_model(GaussianRegistration(problem))
+    return replace(model, truth={"scale": far / near})
 
 
 POSTERIORS = (
@@ -33,6 +32,5 @@ POSTERIORS = (
         inputs=INPUTS,
         build=registration,
         file="the stars are made up",
-        truth=truth,
     ),
 )
