@@ -80,12 +80,12 @@ def test_pointwise_likelihood_consequences_and_summary(name):
 def test_predictive_checks_pass_for_data_of_the_model_and_show_a_distortion(
     registration,
 ):
-    found = sample(registration, PLAN).checks(1000)
+    found = sample(registration, PLAN).checks
     assert min(check.tail for check in found) > 0.01
     data = registration.likelihood
     offsets = data.source - data.pivot
     bent = data.target + 1e-7 * offsets * (offsets**2).sum(axis=1, keepdims=True)
     distorted = replace(registration, likelihood=data.with_target(bent))
-    found = sample(distorted, PLAN).checks(100)
+    found = sample(distorted, PLAN).checks
     tails = {check.name: check.tail for check in found}
     assert tails["outer residual, outwards (px)"] < 0.02

@@ -27,5 +27,4 @@ from reproduce.inference.model import (
 from reproduce.inference.posterior import (
     PosteriorSamples,
     PredictiveCheck,
-    misfit,
 )

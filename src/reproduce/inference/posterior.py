@@ -7,7 +7,7 @@ that are simulated with parameters from the posterior.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
@@ -83,8 +83,7 @@ class PosteriorSamples:
     def modes(self) -> dict[str, Modes]:
         """Two modes of each parameter that has two, in the displayed unit."""
         quantities = self.model.displayed(self.draws).items()
-        found = {name: two_modes(one.values) for name, one in quantities}
-        return {name: modes for name, modes in found.items() if modes}
+        return {n: modes for n, q in quantities if (modes := two_modes(q.values))}
 
     def summaries(self) -> list[Summary]:
         """Return the summaries of parameters, then of consequences."""
@@ -173,21 +172,42 @@ class PosteriorSamples:
             tree[group][p.name].attrs |= text
         return tree
 
-    def checks(self, replicates: int = _REPLICATES) -> list[PredictiveCheck]:
-        """Compare each number of `Likelihood.checks` with simulations from the posterior."""
+    @cached_property
+    def checks(self) -> list[PredictiveCheck]:
+        """Each number of `Likelihood.checks`, compared with simulations from the posterior."""
         likelihood, draws = self.model.likelihood, self.draws
         generator = Generator(PCG64(SeedSequence(self.seed, spawn_key=(99,))))
-        rows = draws[np.linspace(0, len(draws) - 1, replicates).astype(int)]
+        rows = draws[np.linspace(0, len(draws) - 1, _REPLICATES).astype(int)]
         simulated = (likelihood.repeat(row, generator) for row in rows)
         predicted = np.array([[*likelihood.checks(one).values()] for one in simulated])
         observed = likelihood.checks(likelihood)
         values = np.array([*observed.values()])
         # Two-sided. Ties count half.
         excess = np.abs(np.sign(predicted - values).sum(axis=0))
-        tails = (replicates - excess) / replicates
+        tails = 1 - excess / _REPLICATES
         low, high = np.quantile(predicted, diagnostics.ENDS, axis=0)
         columns = (column.tolist() for column in (values, low, high, tails))
         return list(map(PredictiveCheck, observed, *columns))
+
+    def warnings(self) -> Iterator[str]:
+        """Yield warnings on priors, parameters with two modes, and wrong predictions."""
+        yield from self.prior_warnings()
+        units = {row.name: row.unit for row in self.rows}
+        for name, one in self.modes.items():
+            yield (
+                f"{name} has two modes: {100 * one.below:.0f} % of the draws near {one.low:.3g}, "
+                f"{100 * one.above:.0f} % near {one.high:.3g} (in {units[name]}). Its mean is in "
+                "neither mode"
+            )
+        misfits = [
+            f"{one.name} is {one.observed:.3g}, in 95 % of its repeats {one.low:.3g} to "
+            f"{one.high:.3g}"
+            for one in self.checks
+            if not one.tail
+            >= _MISFIT_PROBABILITY / len(self.checks)  # NaN does not fit
+        ]
+        if misfits:
+            yield f"the model does not fit: {'; '.join(misfits)}"
 
     def prior_warnings(self) -> Iterator[str]:
         """Yield a warning for each prior that the data contradict, or whose bound limits draws."""
@@ -231,19 +251,3 @@ class PredictiveCheck:
     low: float
     high: float
     tail: float
-
-
-def misfit(checks: Sequence[PredictiveCheck]) -> str:
-    """Return a warning of the numbers that the model does not predict; empty if there is none.
-
-    Examples
-    --------
-    >>> misfit([PredictiveCheck("rms (px)", 4.0, 0.9, 1.1, 0.0)])
-    'the model does not fit: rms (px) is 4, in 95 % of its repeats 0.9 to 1.1'
-    """
-    texts = [
-        f"{one.name} is {one.observed:.3g}, in 95 % of its repeats {one.low:.3g} to {one.high:.3g}"
-        for one in checks
-        if not one.tail >= _MISFIT_PROBABILITY / len(checks)  # NaN does not fit
-    ]
-    return f"the model does not fit: {'; '.join(texts)}" if texts else ""

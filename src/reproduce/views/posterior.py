@@ -24,19 +24,16 @@ from reproduce.inference import (
     LogUniform,
     Parameter,
     PosteriorSamples,
-    PredictiveCheck,
     Prior,
     Progress,
     Summary,
     Uniform,
-    misfit,
     sampling,
 )
 from reproduce.inference.models import (
     GaussianRegistration,
     MixtureRegistration,
 )
-from reproduce.inference.modes import Modes
 from reproduce.judge.rerun import check_randomness
 from reproduce.papers.posteriors import posteriors
 from reproduce.printed.cells import find
@@ -193,15 +190,17 @@ class Posterior(ResultView):
 
         The hash is the hash of the file, or of the printed cells that the model depends on.
         """
-        data: dict[str, Any] = {
-            "kind": "simulated" if self.truth else "printed",
-            "paper": self.declared.paper,
-            "truth": self.truth,
-            "sha256": self.declared.sha256(),
-        }
+        data: dict[str, Any]
         if table := self._table:
             data = {"kind": "file", "file": table.path, "rows": len(table.values)}
             data["sha256"] = table.sha256
+        else:
+            data = {
+                "kind": "simulated" if self.truth else "printed",
+                "paper": self.declared.paper,
+                "truth": self.truth,
+                "sha256": self.declared.sha256(),
+            }
         likelihood = self.model.likelihood
         if isinstance(likelihood, GaussianRegistration):
             data["pivot"] = likelihood.pivot.tolist()
@@ -220,11 +219,6 @@ class Posterior(ResultView):
             text += ", pivot ({:.6g}, {:.6g}) px".format(*pivot)
             text += ", the mean of the stars" * ("pivot" not in self._arguments)
         return text
-
-    @cached_property
-    def checks(self) -> list[PredictiveCheck]:
-        """Numbers of the data compared with simulations from the posterior."""
-        return self.sampled.checks()
 
     def stars(self) -> pd.DataFrame:
         """Return the posterior probability of each star to be a wrong match.
@@ -500,8 +494,8 @@ class Posterior(ResultView):
             "acceptance": samples.acceptance.tolist(),
             "parameters": [asdict(row) for row in samples.summaries()],
             "priors": priors.to_dict("records"),
-            "modes": {name: one._asdict() for name, one in self.modes.items()},
-            "checks": [asdict(check) for check in self.checks],
+            "modes": {name: one._asdict() for name, one in samples.modes.items()},
+            "checks": [asdict(check) for check in samples.checks],
             "warnings": self.findings,
             "data": self.data_record,
             "versions": _versions(),
@@ -513,9 +507,13 @@ class Posterior(ResultView):
         truth, rows = {key: minus(f"{one:.6g}") for key, one in self.truth.items()}, []
         for row in self.sampled.summaries():
             mean, ends = interval(row)
-            texts = {"Quantity": row.name + _in_brackets(row.unit)}
-            texts |= {"truth": truth.get(row.name, ""), "mean ± sd": mean}
-            rows.append({**texts, "95 % interval": ends})
+            texts = {
+                "Quantity": row.name + _in_brackets(row.unit),
+                "truth": truth.get(row.name, ""),
+                "mean ± sd": mean,
+                "95 % interval": ends,
+            }
+            rows.append(texts)
         changed = f" Changed: {self.changes}." if self.changes else ""
         identifier = f"posterior-{self.name}" if self._in_book else ""
         caption = f"Posterior {self.name}, data {self.data_text}.{changed}"
@@ -534,21 +532,10 @@ class Posterior(ResultView):
             yield from (f"Warning: {text}." for text in self.findings)
 
     @property
-    def modes(self) -> dict[str, Modes]:
-        """Two modes of each parameter that has two, in the displayed unit."""
-        return self.sampled.modes
-
-    @property
     def findings(self) -> list[str]:
-        """Warnings: priors, modes, stars that a robust fit drops, predictive checks, the data."""
-        modes = (
-            f"{name} has two modes: {100 * one.below:.0f} % of the draws near {one.low:.3g}, "
-            f"{100 * one.above:.0f} % near {one.high:.3g} (in {self.priors['unit'][name]}). Its "
-            "mean is in neither mode"
-            for name, one in self.modes.items()
-        )
-        found = [*self.sampled.prior_warnings(), *modes, self._dropped]
-        return [one for one in (*found, misfit(self.checks), *self.remarks) if one]
+        """Warnings: priors, modes, predictive checks, stars that a robust fit drops, the data."""
+        dropped = [self._dropped] if self._dropped else []
+        return [*self.sampled.warnings(), *dropped, *self.remarks]
 
     @property
     def _dropped(self) -> str:
