@@ -13,13 +13,12 @@ from click.testing import CliRunner
 from simulated import SHIFT, star_table
 
 import reproduce as rp
-from reproduce.papers.chen2023.platform import INSTRUMENT, as_designed
+from reproduce.papers.chen2023.platform import INSTRUMENT, as_designed, platform_of
 from reproduce.printed.cells import library
 from reproduce.printed.inputs import load_inputs
 from reproduce.units import ARCSEC_PER_RADIAN
 from reproduce.views.cli import main
 from reproduce.views.computed import whole_ledger
-from reproduce.views.measurements import platform_of
 
 FOCAL = "chen2023/table-1#panchromatic-focal-length.value"
 NOISE = "niu2024/text-simulation#noise"

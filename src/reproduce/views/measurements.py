@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import inspect
-import tomllib
 from abc import abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import asdict
@@ -17,12 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from reproduce.physics import registration
 from reproduce.physics.registration import Finding, fit_registration
 from reproduce.printed.number import minus
-from reproduce.store.points import (
-    TableFileError,
-    brightness,
-    computing,
-    matched_stars,
-)
+from reproduce.store.points import brightness, computing, matched_stars
 from reproduce.units import ARCSEC_PER_RADIAN
 from reproduce.views.blocks import Block, Display, Grid
 from reproduce.views.numbers import between, moments
@@ -341,20 +335,15 @@ class MisalignmentResult(UserResult):
         sep: str | None = None,
     ) -> None:
         # These imports are slow, and a registration does not need them.
-        from reproduce.papers.chen2023.platform import INSTRUMENT, as_designed
+        from reproduce.papers.chen2023.platform import INSTRUMENT, platform_of
         from reproduce.physics.attitude import diagnosis, monitored
-        from reproduce.printed.inputs import load_inputs
         from reproduce.store.spots import read_images
 
         self.call = partial(
             misalignment, spots=spots, zero=zero, platform=platform, sep=sep
         )
         self._function, self.inputs = monitored, INSTRUMENT if platform is None else ()
-        self.platform = (
-            as_designed(load_inputs(INSTRUMENT))
-            if platform is None
-            else platform_of(platform)
-        )
+        self.platform = platform_of(platform)
         count = len(self.platform.lasers)
         images, self._labels = read_images(count, spots, zero, sep)
         self.diagnosis = result = diagnosis.diagnose_spots(self.platform, images)
@@ -412,25 +401,3 @@ class MisalignmentResult(UserResult):
         }
         index = pd.Index(list("XYZ"), name="about")
         return pd.DataFrame(columns, index) * ARCSEC_PER_RADIAN
-
-
-def platform_of(source: Platform | str | Path) -> Platform:
-    """Return a platform, as given or from a TOML file of its arguments.
-
-    The file contains ``lasers`` and ``camera_focal_length``, or ``directions``, or only ``spots``.
-    """
-    from reproduce.physics.attitude import Platform
-
-    if isinstance(source, Platform):
-        return source
-    make: Callable[..., Platform] = Platform
-    try:
-        table = tomllib.loads(Path(source).read_text(encoding="utf-8-sig"))
-        if "directions" in table:
-            make = Platform.of_directions
-        elif "lasers" not in table:
-            make = Platform.of_spots
-        return make(**table)
-    except (TypeError, ValueError, RecursionError) as error:
-        known = ", ".join(inspect.signature(make).parameters)
-        raise TableFileError(f"{source}: expected TOML of {known} ({error})") from error

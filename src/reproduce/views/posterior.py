@@ -48,7 +48,6 @@ from reproduce.views.citations import cite_related
 from reproduce.views.export import export_frame
 from reproduce.views.figure import figure_block
 from reproduce.views.intervals import FloatArray, correlated_pair, draw_intervals
-from reproduce.views.measurements import platform_of
 from reproduce.views.numbers import digits, moments
 
 # Arguments that replace numbers of the plan of the sampler.
@@ -106,11 +105,6 @@ class Posterior(ResultView):
         self._table: DataTable | None = None
         self.remarks: list[str] = []
         if data is not None:
-            # Other models reject a platform.
-            if "platform" in settings.keys() & getattr(
-                self.declared.file, "accepts", ()
-            ):
-                settings["platform"] = platform_of(settings["platform"])
             self._table, model, self.remarks = self.declared.supplied(data, settings)
         else:
             data_seed = settings.pop("data_seed", None)

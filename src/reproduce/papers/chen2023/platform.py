@@ -11,13 +11,19 @@ Two assumptions replace numbers that the paper does not print:
 
 from __future__ import annotations
 
+import inspect
+import tomllib
+from collections.abc import Callable
+from pathlib import Path
+
 import numpy as np
 
 from reproduce.papers.declare import Results, reproduces
 from reproduce.physics.attitude import Platform
 from reproduce.physics.optics import angle_from_pixels, detector_centre
 from reproduce.physics.validate import FloatArray
-from reproduce.printed.inputs import Inputs
+from reproduce.printed.inputs import Inputs, load_inputs
+from reproduce.store.points import TableFileError
 
 SPOTS = "chen2023/text-platform#spot-*"
 DIAGONAL = "chen2023/text-hardware#laser-diagonal"
@@ -65,6 +71,28 @@ def as_designed(inputs: Inputs) -> Platform:
         principal_point=detector_centre(inputs.array(PIXELS)),
         spots=printed_spots(inputs),
     )
+
+
+def platform_of(source: Platform | str | Path | None) -> Platform:
+    """Return a platform, as given or from a TOML file of its arguments; by default as designed.
+
+    The file contains ``lasers`` and ``camera_focal_length``, or ``directions``, or only ``spots``.
+    """
+    if source is None:
+        return as_designed(load_inputs(INSTRUMENT))
+    if isinstance(source, Platform):
+        return source
+    make: Callable[..., Platform] = Platform
+    try:
+        table = tomllib.loads(Path(source).read_text(encoding="utf-8-sig"))
+        if "directions" in table:
+            make = Platform.of_directions
+        elif "lasers" not in table:
+            make = Platform.of_spots
+        return make(**table)
+    except (TypeError, ValueError, RecursionError) as error:
+        known = ", ".join(inspect.signature(make).parameters)
+        raise TableFileError(f"{source}: expected TOML of {known} ({error})") from error
 
 
 def square_ratio(design: Platform) -> float:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 from numpy.random import PCG64, Generator
@@ -26,13 +27,14 @@ from reproduce.papers.chen2023.platform import (
     INSTRUMENT,
     SIGMAS,
     as_designed,
+    platform_of,
     square_ratio,
 )
 from reproduce.papers.posteriors import Declaration, File
 from reproduce.physics.attitude import Platform
 from reproduce.physics.attitude.diagnosis import diagnose_spots
 from reproduce.physics.validate import FloatArray
-from reproduce.printed.inputs import Inputs, load_inputs
+from reproduce.printed.inputs import Inputs
 from reproduce.store.points import DataTable
 from reproduce.store.spots import IMAGES, SPOTS, images_of
 from reproduce.units import ARCSEC_PER_RADIAN
@@ -88,14 +90,14 @@ def _misalignment(inputs: Inputs, drifts: bool = False) -> Model:
 
 
 def _your_model(
-    table: DataTable, drifts: bool, platform: Platform | None = None
+    table: DataTable, drifts: bool, platform: Platform | str | Path | None = None
 ) -> tuple[Model, list[str]]:
     """Return a misalignment, constant or with a drift in group 1, and remarks on the spots.
 
     The default platform is the platform of the paper. The remarks are the remarks of
     `reproduce.misalignment`.
     """
-    design = platform or as_designed(load_inputs(INSTRUMENT))
+    design = platform_of(platform)
     pair, _ = images_of(table, len(design.lasers))
     diagnosis = diagnose_spots(design, pair, drifts)
     remarks = [one.text for one in diagnosis.findings]
