@@ -22,7 +22,7 @@ def test_a_printed_fit_has_the_variance_of_rounding_and_noise():
     """The two parts add: a third of the squared half unit, and noise times error, squared."""
     likelihood = likelihood_of("camera-blue")
     exact = likelihood.exact(400_000, np.random.default_rng(5))
-    freedom = likelihood.counts.sum()
+    freedom = 2 * likelihood.points
     noise = (likelihood.residuals**2).mean() * freedom / (freedom - 2)
     errors = np.square(likelihood.errors).mean(axis=0)
     expected = likelihood.half_units**2 / 3 + noise * errors
@@ -43,8 +43,8 @@ def test_the_likelihood_of_a_printed_fit_is_a_probability():
             np.diff(stats.norm.cdf([low, high], values, noise * errors), axis=0).prod()
             for errors in likelihood.errors
         ]
-        scale = noise * np.sqrt(likelihood.per_mean / likelihood.counts)
-        chi = stats.chi.logpdf(likelihood.residuals, likelihood.counts, scale=scale)
+        scale = noise / np.sqrt(likelihood.points)
+        chi = stats.chi.logpdf(likelihood.residuals, likelihood.count, scale=scale)
         expected.append(np.log(np.mean(boxes)) + chi.sum())
     assert np.diff(likelihood(points)) == pytest.approx(np.diff(expected), rel=1e-9)
 

@@ -31,10 +31,9 @@ class PrintedFit(Likelihood):
     - `estimates`, (p,): printed estimates, in SI units or px.
     - `half_units`, (p,): half a unit of their last digits.
     - `errors`, (designs, p): standard deviation of each estimate per unit of noise.
-    - `residuals`, (r,): printed root mean squares of the residuals, in px.
-    - `counts`, (r,): number of residuals of one coordinate in each of them.
-    - `per_mean`: residuals of one coordinate in each square that is averaged: 2 if both coordinates
-      of a point are one residual, otherwise 1.
+    - `residuals`, (r,): printed root mean squares of the residuals of the points, in px: of each
+      coordinate, or one of both coordinates together.
+    - `points`: number of points.
     """
 
     observables = ("estimates", "residuals")
@@ -42,8 +41,12 @@ class PrintedFit(Likelihood):
     half_units: FloatArray
     errors: FloatArray
     residuals: FloatArray
-    counts: FloatArray
-    per_mean: float = 1.0
+    points: int
+
+    @property
+    def count(self) -> float:
+        """Number of residuals of one coordinate in each root mean square."""
+        return 2 * self.points / len(self.residuals)
 
     def __call__(self, parameters: FloatArray) -> FloatArray:
         """Return the log likelihood, shape (n,)."""
@@ -62,31 +65,29 @@ class PrintedFit(Likelihood):
             )
         estimates = logsumexp(boxes.sum(axis=2), axis=1) - np.log(len(self.errors))
         # The density of the root mean square of Gaussian residuals.
-        scaled = self.counts / self.per_mean * (self.residuals / noise) ** 2
-        return np.column_stack([estimates, -self.counts * np.log(noise) - scaled / 2])
+        scaled = self.points * (self.residuals / noise) ** 2
+        return np.column_stack([estimates, -self.count * np.log(noise) - scaled / 2])
 
     def simulate(self, parameters: FloatArray, generator: Generator) -> Self:
         """Return the likelihood of estimates and residuals drawn for one parameter vector."""
         *values, noise = parameters
         errors, unit = generator.choice(self.errors), 2 * self.half_units
         estimates = generator.normal(values, noise * errors)
-        squares = generator.chisquare(self.counts) / self.counts * self.per_mean
+        squares = generator.chisquare(self.count, self.residuals.shape) / self.points
         estimates = np.round(estimates / unit) * unit
         return replace(self, estimates=estimates, residuals=noise * np.sqrt(squares))
 
-    def _noise(self) -> tuple[float, float]:
-        """Return the number of residuals, and the noise that all residuals imply."""
-        squares = self.counts / self.per_mean * self.residuals**2
-        count = self.counts.sum()
-        return count, np.sqrt(squares.sum() / count)
+    @property
+    def _noise(self) -> float:
+        """The noise that all residuals imply."""
+        return np.sqrt(np.square(self.residuals).sum() / 2)
 
     def start(self) -> Estimate:
         """Return the printed estimates with the noise, and their errors, shape (p + 1,) each."""
-        count, noise = self._noise()
+        noise = self._noise
         errors = np.hypot(noise * self.errors.max(axis=0), self.half_units)
-        return np.append(self.estimates, noise), np.append(
-            errors, noise / np.sqrt(2 * count)
-        )
+        last = noise / np.sqrt(4 * self.points)
+        return np.append(self.estimates, noise), np.append(errors, last)
 
     def exact(self, count: int, generator: Generator) -> FloatArray:
         """Return independent draws, shape (count, p + 1).
@@ -95,8 +96,9 @@ class PrintedFit(Likelihood):
         uniform in its interval, and a parameter is normal about it. The noise follows from the
         residuals.
         """
-        freedom, rms = self._noise()
-        noise = rms * np.sqrt(freedom / generator.chisquare(freedom, (count, 1)))
+        freedom = 2 * self.points
+        scaled = freedom / generator.chisquare(freedom, (count, 1))
+        noise = self._noise * np.sqrt(scaled)
         errors = generator.choice(self.errors, count)
         rounding = self.half_units * generator.uniform(-1, 1, errors.shape)
         values = generator.normal(self.estimates + rounding, noise * errors)

@@ -90,16 +90,13 @@ def _model(inputs: Inputs, kind: str, channel: str) -> Model:
     angles = (simulation.arrangement(inputs, name) for name in patterns)
     fits = [_noise_free_fit(instrument(inputs), each, channel) for each in angles]
     errors = np.array([fit.standard_errors for fit in fits])
-    printed = inputs.array(residuals.format(channel))
-    # Section 4.3 has a residual of each axis.
-    axes = 2 // len(printed)
     likelihood = models.PrintedFit(
         np.array([inputs[cell] for cell in cells]),
         np.array([inputs.half_unit(cell) for cell in cells]),
         np.concatenate([errors / np.sqrt(count) for count in averaged]),
-        printed,
-        np.full(len(printed), axes * inputs.count(points)),
-        axes,
+        # Section 4.3 has a residual of each axis.
+        inputs.array(residuals.format(channel)),
+        inputs.count(points),
     )
     # The first pattern is the literal one.
     expected = fits[0].parameters[0]
