@@ -24,7 +24,4 @@ from reproduce.inference.model import (
     Quantity,
     Uniform,
 )
-from reproduce.inference.posterior import (
-    PosteriorSamples,
-    PredictiveCheck,
-)
+from reproduce.inference.posterior import PosteriorSamples

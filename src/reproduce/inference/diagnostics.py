@@ -188,7 +188,6 @@ class UnconvergedError(ArithmeticError):
 
     def __init__(self, factors: dict[str, float], taken: int) -> None:
         super().__init__(factors, taken)
-        self.taken = taken
         self.missed = sorted(factors, key=factors.__getitem__, reverse=True)
         hundreds = np.ceil(_STEPS_MARGIN * factors[self.missed[0]] * taken / 100)
         self.steps = int(hundreds) * 100 if np.isfinite(hundreds) else None

@@ -238,7 +238,7 @@ class Parameter:
     - `unit`: displayed unit.
     - `prior`: prior, in SI units or px.
     - `shown`: displayed units per SI unit, such as ARCSEC_PER_RADIAN.
-    - `natural`: bounds of the prior that are bounds of the quantity: draws may pile up there.
+    - `natural`: bound of the prior that is a bound of the quantity: draws may pile up there.
     - `scale`: scale in which ensembles move: empty for a linear scale, ``log`` for a parameter
       that ranges over decades, ``normal score`` for a fraction that may be close to zero. The
       posterior is nearly Gaussian in this scale. Draws and priors are not affected.
@@ -249,7 +249,7 @@ class Parameter:
     unit: str
     prior: Prior
     shown: float = 1.0
-    natural: tuple[float, ...] = ()
+    natural: float | None = None
     scale: str = ""
 
     @property

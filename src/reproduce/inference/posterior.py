@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.random import PCG64, Generator, SeedSequence
@@ -22,6 +22,9 @@ from reproduce.inference.diagnostics import Summary
 from reproduce.inference.model import LogUniform, Model, Uniform
 from reproduce.inference.modes import Modes, two_modes
 from reproduce.physics.validate import FloatArray
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 _Simulate = Callable[[FloatArray, Generator], Any]
 # Dimensions of the observed arrays of a saved file that have more than one dimension.
@@ -173,21 +176,25 @@ class PosteriorSamples:
         return tree
 
     @cached_property
-    def checks(self) -> list[PredictiveCheck]:
-        """Each number of `Likelihood.checks`, compared with simulations from the posterior."""
+    def checks(self) -> pd.DataFrame:
+        """Each number of `Likelihood.checks`, compared with simulations from the posterior.
+
+        It has one row per number: the observed value, the bounds of the central 95 % of the
+        predictions, and the two-sided tail probability of the observed value.
+        """
+        import pandas as pd
+
         likelihood, draws = self.model.likelihood, self.draws
         generator = Generator(PCG64(SeedSequence(self.seed, spawn_key=(99,))))
         rows = draws[np.linspace(0, len(draws) - 1, _REPLICATES).astype(int)]
-        simulated = (likelihood.repeat(row, generator) for row in rows)
-        predicted = np.array([[*likelihood.checks(one).values()] for one in simulated])
-        observed = likelihood.checks(likelihood)
-        values = np.array([*observed.values()])
-        # Two-sided. Ties count half.
-        excess = np.abs(np.sign(predicted - values).sum(axis=0))
-        tails = 1 - excess / _REPLICATES
-        low, high = np.quantile(predicted, diagnostics.ENDS, axis=0)
-        columns = (column.tolist() for column in (values, low, high, tails))
-        return list(map(PredictiveCheck, observed, *columns))
+        repeats = (likelihood.repeat(row, generator) for row in rows)
+        predicted = pd.DataFrame(map(likelihood.checks, repeats))
+        found = pd.DataFrame({"observed": likelihood.checks(likelihood)})
+        found["low"], found["high"] = np.quantile(predicted, diagnostics.ENDS, axis=0)
+        # Ties count half.
+        signs = (predicted - found["observed"]).apply(np.sign)
+        found["tail"] = 1 - signs.mean(skipna=False).abs()
+        return found.rename_axis("name")
 
     def warnings(self) -> Iterator[str]:
         """Yield warnings on priors, parameters with two modes, and wrong predictions."""
@@ -200,11 +207,9 @@ class PosteriorSamples:
                 "neither mode"
             )
         misfits = [
-            f"{one.name} is {one.observed:.3g}, in 95 % of its repeats {one.low:.3g} to "
-            f"{one.high:.3g}"
-            for one in self.checks
-            if not one.tail
-            >= _MISFIT_PROBABILITY / len(self.checks)  # NaN does not fit
+            f"{name} is {observed:.3g}, in 95 % of its repeats {low:.3g} to {high:.3g}"
+            for name, observed, low, high, tail in self.checks.itertuples()
+            if not tail >= _MISFIT_PROBABILITY / len(self.checks)  # NaN does not fit
         ]
         if misfits:
             yield f"the model does not fit: {'; '.join(misfits)}"
@@ -229,25 +234,8 @@ class PosteriorSamples:
                 reach = _BOUND_DISTANCE * values.std()
                 for bound in (one.prior.low, one.prior.high):
                     near = np.abs(values - scale(bound)) < reach
-                    if near.mean() > _BOUND_FRACTION and bound not in one.natural:
+                    if near.mean() > _BOUND_FRACTION and bound != one.natural:
                         yield (
                             f"{one.name} piles up at the bound {bound * one.shown:.4g}{unit} of "
                             f"{prior}: it is a limit, not an estimate"
                         )
-
-
-@dataclass(frozen=True)
-class PredictiveCheck:
-    """Comparison of one number of the data with simulated data.
-
-    - `name`: name of the number.
-    - `observed`: its value in the data.
-    - `low`, `high`: central 95 % of the predictions from the posterior.
-    - `tail`: two-sided tail probability of the observed value.
-    """
-
-    name: str
-    observed: float
-    low: float
-    high: float
-    tail: float

@@ -109,7 +109,7 @@ class Plan:
 
     def __post_init__(self) -> None:
         for name, number in vars(self).items():
-            whole_number(name, number, least=int(name in {"ensembles", "steps"}))
+            whole_number(name, number, least=int(name not in {"seed", "walkers"}))
 
     def walkers_for(self, dimension: int) -> int:
         """Return the walkers of an ensemble: half of them determine the covariance."""
@@ -213,10 +213,9 @@ def run_ensemble(model: Model, plan: Plan, ensemble: int) -> tuple[FloatArray, f
         model.coordinates(points),
         random_state=RandomState(MT19937(steps)).get_state(legacy=True),
     )
-    if plan.warmup:
-        state = warming.run_mcmc(
-            state, plan.warmup, skip_initial_state_check=True, store=False
-        )
+    state = warming.run_mcmc(
+        state, plan.warmup, skip_initial_state_check=True, store=False
+    )
     sampler.run_mcmc(state, plan.steps, skip_initial_state_check=True)
     chain = model.parameters_at(sampler.get_chain())
     return chain, float(sampler.acceptance_fraction.mean())

@@ -489,7 +489,7 @@ class Posterior(ResultView):
             "parameters": [asdict(row) for row in samples.summaries()],
             "priors": priors.to_dict("records"),
             "modes": {name: one._asdict() for name, one in samples.modes.items()},
-            "checks": [asdict(check) for check in samples.checks],
+            "checks": samples.checks.reset_index().to_dict("records"),
             "warnings": self.findings,
             "data": self.data_record,
             "versions": _versions(),

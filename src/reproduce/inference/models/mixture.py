@@ -103,9 +103,7 @@ class MixtureRegistration(GaussianRegistration):
     noise_scale = "log"
     # Without wrong matches the fraction would pile up at zero, but its score has no bound.
     extra = (
-        Parameter(
-            "false-share", "f", "1", _FRACTION_PRIOR, 1.0, (0.0,), "normal score"
-        ),
+        Parameter("false-share", "f", "1", _FRACTION_PRIOR, 1.0, 0.0, "normal score"),
     )
     corner: FloatArray
     side: float

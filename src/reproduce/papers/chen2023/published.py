@@ -48,7 +48,7 @@ def averaging(inputs: Inputs, axis: str) -> Model:
         f"averaging-{axis}",
         (
             Parameter("white", r"\sigma_w", "arcsec", _WHITE, ARCSEC_PER_RADIAN),
-            Parameter("floor", r"\sigma_f", "arcsec", floor, ARCSEC_PER_RADIAN, (0.0,)),
+            Parameter("floor", r"\sigma_f", "arcsec", floor, ARCSEC_PER_RADIAN, 0.0),
         ),
         likelihood,
     )
