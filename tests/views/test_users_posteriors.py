@@ -219,6 +219,13 @@ def test_one_wrong_match_is_a_misfit(stored):
         plain.stars()
 
 
+def test_stars_without_a_degree_of_freedom_give_no_warning():
+    """Two stars with known errors determine a similarity, and leave no residual."""
+    found = drawn(rp.posterior("registration", star_table(2).assign(sigma=0.1)).model)
+    assert found.checks.empty
+    assert [*found.warnings()] == []
+
+
 def test_wrong_matches_are_named_by_their_rows_and_draws_are_saved(stored, tmp_path):
     found = rp.posterior(MIXTURE, stored(wrong=8, count=40, noise=0.05))
     record = found.record()

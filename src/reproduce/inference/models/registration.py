@@ -229,8 +229,10 @@ class GaussianRegistration(Likelihood):
         """Return numbers of the residuals of the fit of `other`, in px.
 
         The mean radial and tangential residuals in the outer half of the field are zero only if
-        the model is right.
+        the model is right. Without a degree of freedom there are no residuals to check.
         """
+        if not other.fit.degrees_of_freedom:
+            return {}
         offsets, found = as_complex(other.source - other.pivot), other.fit.residuals
         residuals, radius = as_complex(found), np.abs(offsets)
         outer = radius >= np.median(radius)
