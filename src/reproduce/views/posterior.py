@@ -50,8 +50,8 @@ from reproduce.views.figure import figure_block
 from reproduce.views.intervals import FloatArray, correlated_pair, draw_intervals
 from reproduce.views.numbers import digits, moments
 
-# Arguments that replace numbers of the plan of the sampler.
-_PLAN = ("steps", "walkers", "seed")
+# Arguments that replace numbers of the book: seed of its data, and plan of the sampler.
+_NUMBERS = ("data_seed", "steps", "walkers", "seed")
 # Characters of the numbers of probably false stars in a sentence.
 _NAMES_WIDTH = 40
 
@@ -100,7 +100,7 @@ class Posterior(ResultView):
         self.declared, self._priors = posteriors()[name], _named(priors)
         settings = {key: one for key, one in settings.items() if one is not None}
         self._arguments = {"data": data, **settings}
-        plan = {key: settings.pop(key) for key in _PLAN if key in settings}
+        plan = {key: settings.pop(key) for key in _NUMBERS[1:] if key in settings}
         self.plan = self.declared.plan(**plan)
         self._table: DataTable | None = None
         self.remarks: list[str] = []
@@ -128,8 +128,9 @@ class Posterior(ResultView):
     def changes(self) -> str:
         """Arguments that differ from the posterior of the book, in one line."""
         changes = [f"prior of {name}" for name in self._priors]
-        names = (name for name in ("data_seed", *_PLAN) if name in self._arguments)
-        return ", ".join([*changes, *(f"{n} = {self._arguments[n]}" for n in names)])
+        given = self._arguments.items()
+        changes += [f"{name} = {value}" for name, value in given if name in _NUMBERS]
+        return ", ".join(changes)
 
     @property
     def inputs(self) -> tuple[str, ...]:
