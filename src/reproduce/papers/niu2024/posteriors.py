@@ -38,6 +38,8 @@ from reproduce.printed.inputs import Inputs
 from reproduce.store.points import STARS, DataTable
 from reproduce.units import ARCSEC_PER_RADIAN
 
+# Function that returns the likelihood of the stars of a problem.
+_Likelihood = Callable[[Problem], models.GaussianRegistration]
 # Fraction of stars that are matched wrongly on purpose.
 _FALSE_FRACTION = 0.3
 _TEST_POINTS = "niu2024/text-simulation#test-points"
@@ -94,9 +96,7 @@ def pivot(inputs: Inputs) -> FloatArray:
 
 def _model(
     inputs: Inputs,
-    kind: Callable[
-        [Problem], models.GaussianRegistration
-    ] = models.GaussianRegistration,
+    kind: _Likelihood = models.GaussianRegistration,
     true: Callable[[Inputs], dict[str, float]] = truth,
     wrong: float = 0.0,
 ) -> Model:
@@ -139,9 +139,7 @@ def _new_stars(inputs: Inputs, likelihood: models.GaussianRegistration) -> Deriv
 
 def _your_registration(
     table: DataTable,
-    kind: Callable[
-        [Problem], models.GaussianRegistration
-    ] = models.GaussianRegistration,
+    kind: _Likelihood = models.GaussianRegistration,
     pivot: ArrayLike | None = None,
     **settings: Any,
 ) -> tuple[Model, list[str]]:
@@ -152,14 +150,12 @@ def _your_registration(
     """
     robust = kind is not models.GaussianRegistration
     source, target = np.split(table.values, 2, axis=1)
-    centre = checked_pivot(pivot, source)
-    # The fit checks the settings.
-    fit = fit_registration(source, target, centre, **settings)
-    problem = fit.problem.rows(fit.weights > 0)
-    if not fit.errors_known:
-        problem = replace(problem, counts=problem.counts / problem.counts.mean())
-    model = models.fitted_model(kind(problem))
-    found, _ = diagnose_fit(fit_problem(fit.problem, robust))
+    problem = prepare(source, target, checked_pivot(pivot, source), **settings)
+    used = problem.rows(problem.counts > 0)
+    if not problem.errors_known:
+        used = replace(used, counts=used.counts / used.counts.mean())
+    model = models.fitted_model(kind(used))
+    found, _ = diagnose_fit(fit_problem(problem, robust))
     # The mixture reports wrong matches.
     hidden = {"sensitive"} | ({"mismatched", "dropped"} if robust else set())
     texts = (one.text for one in found if one.kind not in hidden)
