@@ -40,8 +40,6 @@ _NEWTON_STEPS = 4
 _MAX_DRAWS = 4000
 # Side of the square of the wrong matches over the extent of the stars: no star is on an edge.
 _SQUARE_RATIO = 1.01
-
-
 _DISTORTION_PRIOR = Normal(
     0.0,
     2.0,
@@ -158,7 +156,7 @@ class MixtureRegistration(GaussianRegistration):
 
     @cached_property
     def right(self) -> GaussianRegistration:
-        """The registration of these stars."""
+        """The registration of the stars that agree."""
         return GaussianRegistration(self.problem.rows(self.agreeing))
 
     def start(self) -> Estimate:

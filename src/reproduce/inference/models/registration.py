@@ -248,19 +248,16 @@ class GaussianRegistration(Likelihood):
         }
 
     def new_stars(
-        self,
-        parameters: FloatArray,
-        source: FloatArray,
-        registered: FloatArray,
-        arcsec_per_px: float,
+        self, parameters: FloatArray, source: FloatArray, arcsec_per_px: float
     ) -> dict[str, Quantity]:
         """Return consequences of a registration at new stars.
 
         They are the RMSE in px and as an angle, and the error at the outermost star. The new stars,
-        (points, 2), in px, are registered by the least-squares transform. The angle belongs to the
-        reference channel.
+        (points, 2), in px, are registered by the least-squares transform of the rightly matched
+        stars. The angle belongs to the reference channel.
         """
         generator = Generator(PCG64(_NOISE_SEED))
+        registered = self.right.fit.transform.apply(source)
         outermost = np.hypot(*(source - source.mean(axis=0)).T).argmax()
         errors, displacements = [], []
         for rows in self.parts(parameters):

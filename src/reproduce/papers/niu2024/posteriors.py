@@ -117,10 +117,7 @@ def _model(
 
 
 def _new_stars(inputs: Inputs, likelihood: models.GaussianRegistration) -> Derived:
-    """Return the consequences of the registration of red at the test points.
-
-    The transform in use is the least-squares transform of the correctly matched stars.
-    """
+    """Return the consequences of the registration of red at the test points."""
     generator = default_rng(inputs.seed(3, 0, 0))
     half, count = simulation.half_ranges(inputs), inputs.count(_TEST_POINTS)
     directions = generator.uniform(-half, half, (count, 2))
@@ -129,12 +126,7 @@ def _new_stars(inputs: Inputs, likelihood: models.GaussianRegistration) -> Deriv
     pitch = inputs["niu2024/text-optics#pixel-pitch-x"]
     focal_length = inputs["niu2024/table-1#focal-length.green"]
     angle = float(angle_from_pixels(1.0, pitch, focal_length)) * ARCSEC_PER_RADIAN
-    return partial(
-        likelihood.new_stars,
-        source=source,
-        registered=likelihood.right.fit.transform.apply(source),
-        arcsec_per_px=angle,
-    )
+    return partial(likelihood.new_stars, source=source, arcsec_per_px=angle)
 
 
 def _your_registration(
