@@ -45,6 +45,9 @@ def test_a_normal_prior_of_a_noise_is_truncated_at_zero():
     rows = np.repeat(model.start(np.random.default_rng(1), 1), 3, axis=0)
     rows[1:, 4:] *= [[-1, 1], [1, -1]]
     assert np.isfinite(model.log_posterior(rows)).tolist() == [True, False, False]
+    floor = rp.posterior("averaging-x", priors={"floor": Normal(0, 1, "a test")})
+    rows = floor.model.likelihood.start()[0] * [[1, 1], [1, -1]]
+    assert np.isfinite(floor.model.log_posterior(rows)).tolist() == [True, False]
     half = {"noise": Normal(0.0, 0.05, "half of a normal")}
     assert (
         rp.posterior("registration", priors=half).priors["why"]["noise"][:4] == "half"

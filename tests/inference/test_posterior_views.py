@@ -166,7 +166,12 @@ def test_simulated_data_have_a_separate_seed():
     assert (book.model.likelihood.source != again.model.likelihood.source).all()
     assert again.rerun(steps=50).changes == "data_seed = 1, steps = 50"
     assert book.truth == again.truth
-    with pytest.raises(ValueError, match="data_seed: "):
-        rp.posterior("registration", data_seed=1, data="stars.csv")
+    for name, settings in (
+        ("registration", {"data_seed": 1, "data": "stars.csv"}),
+        ("registration", {"data_seed": -1}),
+        ("averaging-x", {"data_seed": 1}),
+    ):
+        with pytest.raises(ValueError, match=r"^data_seed: "):
+            rp.posterior(name, **settings)
     with pytest.raises(TypeError, match=r"^name: "):
         rp.posterior(data="stars.csv")

@@ -148,7 +148,7 @@ def checked_values(key: str, changes: object) -> dict[str, float]:
     return values
 
 
-def check_randomness(
+def _check_randomness(
     key: str, random: bool, seed: int | None, replicates: int | None = None
 ) -> None:
     """Raise an error for a seed or a number of replicates that an object cannot take."""
@@ -230,7 +230,7 @@ class Rerun:
         if not random:  # perhaps between a change and the inputs
             above = filter(None, map(computation_for, changeable(key)))
             random = any(c.replicates and self._reaches(c.inputs) for c in above)
-        check_randomness(key, random, seed, replicates)
+        _check_randomness(key, random, seed, replicates)
 
     @property
     def is_reading(self) -> bool:

@@ -13,6 +13,7 @@ from typing import Any, Concatenate
 from reproduce.inference import Model
 from reproduce.inference.sampling import Plan
 from reproduce.locate import papers
+from reproduce.physics.validate import whole_number
 from reproduce.printed.inputs import ROOT_SEED, Inputs, load_inputs
 from reproduce.store.points import (
     STARS,
@@ -91,7 +92,15 @@ class Declaration:
 
     def model(self, data_seed: int | None = None) -> Model:
         """Return the model with its data, which may be simulated with another seed."""
-        return self.build(load_inputs(self.inputs, data_seed))
+        if data_seed is not None:
+            whole_number("data_seed", data_seed, least=0)
+        model = self.build(load_inputs(self.inputs, data_seed))
+        if data_seed is not None and not model.truth:
+            raise ValueError(
+                f"data_seed: expected none, because the data of {self.key} are printed. Leave it "
+                "out"
+            )
+        return model
 
     def sha256(self) -> str:
         """Return the hash of the printed cells of the model, which determine the data."""

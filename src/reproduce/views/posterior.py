@@ -34,7 +34,6 @@ from reproduce.inference.models import (
     GaussianRegistration,
     MixtureRegistration,
 )
-from reproduce.judge.rerun import check_randomness
 from reproduce.papers.posteriors import posteriors
 from reproduce.printed.cells import find
 from reproduce.printed.number import minus
@@ -110,13 +109,7 @@ class Posterior(ResultView):
             data_seed = settings.pop("data_seed", None)
             if settings:
                 raise ValueError(f"{min(settings)}: expected data with it, got none")
-            check_randomness(name, True, data_seed)
             model = self.declared.model(data_seed)
-            if data_seed is not None and not model.truth:
-                raise ValueError(
-                    f"data_seed: expected none, because the data of {name} are printed. Leave it "
-                    "out"
-                )
         own = {
             one.name: _prior(one, self._priors[one.name])
             for one in model.parameters
@@ -586,7 +579,7 @@ def _prior(parameter: Parameter, prior: Prior | tuple[float, float]) -> Prior:
         if not isinstance(prior, Prior):
             low, high = map(float, prior)
             prior = Uniform(low, high, "bounds given by the user")
-        if isinstance(parameter.prior, LogUniform):
+        if isinstance(parameter.prior, LogUniform) or parameter.natural == 0:
             prior = prior.above_zero()
     except (TypeError, ValueError) as error:
         raise ValueError(
