@@ -27,14 +27,13 @@ class Column:
     name : str
         Head, with the unit in brackets.
     form : str
-        Format specification for numbers, such as ``.2f``; empty for words; ``±`` for two
-        digits of the error; ``chance`` for a probability, small ones as a power of ten.
+        Format specification for numbers, such as ``.2f``; empty for words; ``chance``
+        for a probability, small ones as a power of ten.
     zero : float
         Smaller numbers are rounding noise and shown as 0. Smaller probabilities are shown as
         a bound.
     error : str
-        Name of the column with the standard error, which is shown after ± in this column's
-        form or with one digit.
+        Name of the column with the standard error, which is shown after ± in the same form.
     """
 
     name: str

@@ -11,17 +11,15 @@ if TYPE_CHECKING:
     from reproduce.papers.declare import Column, Fact
 
 
-def entry(
-    value: float | str, column: Column, error: tuple[float, str] | None = None
-) -> str:
-    """Return an entry of a column, with its error in the given format.
+def entry(value: float | str, column: Column, error: float | None = None) -> str:
+    """Return an entry of a column, with its error in the same format.
 
     An infinite value is ``any``. A value below the zero of the column is 0.
 
     Examples
     --------
     >>> from reproduce.papers.declare import Column
-    >>> entry(1.0, Column("RMSE (px)", "±"), (0.0423, "")), entry(2e-9, Column("p", "chance"))
+    >>> entry(1.0, Column("RMSE (px)", ".3f"), 0.0423), entry(2e-9, Column("p", "chance"))
     ('1.000 ± 0.042', '10⁻⁹')
     """
     if isinstance(value, str) or not column.form:
@@ -30,11 +28,9 @@ def entry(
         return ""
     if column.form == "chance":
         return _power(value, column.zero)
-    if column.form == "±" and error:
-        return moments(value, error[0])
     small, limit = abs(value) < column.zero, math.isinf(value)
     text = "0" if small else "any" if limit else minus(f"{value:{column.form}}")
-    return f"{text} ± {minus(format(error[0], error[1] or '.1g'))}" if error else text
+    return text if error is None else f"{text} ± {error:{column.form}}"
 
 
 def fact(quoted: Fact) -> str:

@@ -121,17 +121,9 @@ class StudyTable(Rerunnable):
         caption = f"{frame.attrs['caption']} {self._setting()}".rstrip()
         if text.folded:
             frame = frame[frame[text.folded] == frame[text.folded].iloc[0]]
-        forms = {column.name: column.form for column in text.columns}
         shown = [column for column in self._columns if column.name != text.folded]
         rows = [
-            [
-                numbers.entry(
-                    row[column.name],
-                    column,
-                    (row[column.error], forms[column.error]) if column.error else None,
-                )
-                for column in shown
-            ]
+            [numbers.entry(row[c.name], c, row.get(c.error)) for c in shown]
             for row in frame.to_dict("records")
         ]
         where = f"study-{anchor(self.key)}" + ("-changed" if self.changes else "")
