@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections import Counter
-from dataclasses import dataclass
+from collections.abc import Collection
 from typing import TYPE_CHECKING
 
 from reproduce import version
@@ -16,9 +15,8 @@ from reproduce.papers.declare import computations
 from reproduce.printed.cells import library
 from reproduce.printed.inputs import load_inputs
 from reproduce.printed.number import si_factor
-from reproduce.views import citations, keys
+from reproduce.views import citations, keys, verdicts
 from reproduce.views.blocks import rendered
-from reproduce.views.verdicts import weak
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -32,35 +30,15 @@ FORMS = {
 }
 
 
-@dataclass(frozen=True)
-class Item:
-    """A table, figure or group of quoted numbers with its judgement."""
-
-    key: str
-    records: tuple[Record, ...]
-
-    @property
-    def counts(self) -> Counter[str]:
-        """Number of results of each verdict."""
-        return Counter(one.verdict for one in self.records if one.role == "result")
-
-    @property
-    def text(self) -> str:
-        """The counts in words."""
-        counts = {**self.counts, "weak agreements": weak(self.records)}
-        listed = ", ".join(f"{word}: {n}" for word, n in counts.items() if n)
-        return listed or "inputs only"
-
-    @property
-    def outcome(self) -> str:
-        """Outcome as a replication. Weak agreement validates nothing."""
-        judged = {*self.counts} - {"unpublished"}
-        agrees = sum(self.counts[word] for word in AGREES) > weak(self.records)
-        if not judged:
-            return "not tested"
-        if agrees:
-            return "validated" if judged <= {*AGREES} else "partially supported"
-        return "contradicted" if judged == {"differs"} else "inconclusive"
+def outcome(results: Collection[Record]) -> str:
+    """Return the outcome of an item as a replication. Weak agreement validates nothing."""
+    judged = [record.verdict for record in results if record.verdict != "unpublished"]
+    agreeing = sum(verdict in AGREES for verdict in judged)
+    if not judged:
+        return "not tested"
+    if agreeing > verdicts.weak(results):
+        return "validated" if agreeing == len(judged) else "partially supported"
+    return "contradicted" if {*judged} == {"differs"} else "inconclusive"
 
 
 def report(paper: str, form: str) -> dict[str, str]:
@@ -92,17 +70,23 @@ def report(paper: str, form: str) -> dict[str, str]:
     """
     keys.check_paper(paper)
     named = [key for key in library() if key.startswith(f"{paper}/")]
+    results = {
+        key: [record for record in item_ledger(key).records if record.role == "result"]
+        for key in named
+    }
     whole, cited = json.loads(citations.cite(named[0], "csl"))
     values = {
         "central": f"{CENTRAL:.0%}",
         "cited": cited,
         "commit": version.package_commit(),
-        "items": [Item(key, item_ledger(key).records) for key in named],
         "keys": keys,
         "name": _name,
         "options": {key: options(key) for key in named},
         "open": {"differs", "ambiguous", "unpublished"},
+        "outcomes": {key: outcome(found) for key, found in results.items()},
         "paper": paper,
+        "results": results,
+        "verdicts": verdicts,
         "version": version,
         "whole": whole,
     }
