@@ -18,8 +18,8 @@ from reproduce.judge.ledger import Record, item_ledger
 from reproduce.locate import papers
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import PaperFunction, computation_for, study
-from reproduce.printed.cells import PAPERS, PrintedCell, anchor, find, library
-from reproduce.version import AUTHORS, NAME, RELEASED, content_id
+from reproduce.printed.cells import PAPERS, PrintedCell, anchor, library
+from reproduce.version import AUTHORS, content_id
 from reproduce.views import keys, verdicts
 from reproduce.views.blocks import rendered
 
@@ -146,7 +146,7 @@ def identifiers(address: str) -> dict[str, str]:
 
 def statement(record: Record, template: str = "statement.txt") -> str:
     """Return the place, the printed value, the computed value and the verdict of a cell."""
-    cell = find(record.cell)[0]
+    cell = record.printed_cell
     words, paper = in_words(cell), _et_al(record.key.partition("/")[0])
     text = rendered(
         template,
@@ -154,8 +154,8 @@ def statement(record: Record, template: str = "statement.txt") -> str:
         place=f"{words[:1].upper()}{words[1:]}, of {paper}",
         printed=verdicts.printed(cell),
         value=recomputed(record),
-        source=_author_year(),
         verdicts=verdicts,
+        version=version,
     )
     return str(text)
 
@@ -168,11 +168,6 @@ def recomputed(record: Record) -> str:
     what = "assumed" if "stand_in" in record.flags else "recomputed"
     ends = shown["allowed by rounded inputs"] or shown["predicted, central 99 %"]
     return f"{what} {shown['computed']}{ends and f' ({ends})'}"
-
-
-def _author_year() -> str:
-    """Return the reference to this package in a sentence."""
-    return f"({DEVELOPERS}, {RELEASED[:4]}; {NAME} {version.__version__})"
 
 
 def mark(statement: str) -> str:
@@ -203,7 +198,7 @@ def _written(
     """Return the entry of an address of the book, and the entries of its papers."""
     check_format(form, _FORMATS)
     if form == "sentence":
-        return f"{title} {_author_year()}."
+        return rendered("related.txt", title=title, version=version)
     context = {
         "name": name,
         "title": title,
