@@ -71,6 +71,11 @@ class Record(Comparison, _Printed):
     reply: _Reply = ""
     """state of the authors' reply to the question on the cell; empty without a question"""
 
+    @property
+    def printed_cell(self) -> PrintedCell:
+        """The printed cell."""
+        return find(self.cell)[0]
+
 
 class TableRecord(Frozen):
     """Joint comparison of the predicted cells of a table.

@@ -185,12 +185,11 @@ class Html(View):
 
 @dataclass(frozen=True, repr=False)
 class Fold(View):
-    """Content that a page shows on demand. With `page`, a terminal shows the summary only."""
+    """Content that a page shows on demand."""
 
     summary: Entry
     content: View
     opened: bool = False
-    page: bool = False
 
     @property
     def markup(self) -> Markup:
@@ -199,8 +198,7 @@ class Fold(View):
 
     def __rich_console__(self, _: Console, __: ConsoleOptions) -> RenderResult:
         yield Text(f"\n{plain(self.summary)}")
-        if not self.page:
-            yield self.content
+        yield self.content
 
 
 @dataclass(frozen=True, repr=False)

@@ -147,7 +147,7 @@ def _relations(audits: Sequence[Audit]) -> _Part:
         group_rows = [r for r in rows if (r["paper"], _group(r)) == (audit.name, group)]
         caption = f"The {len(group_rows)} relations of {audit.name} that {group}"
         table = _table("relations", caption, columns, group_rows)
-        folded = Fold(caption, table, page=True)
+        folded = Fold(caption, Html(table.markup))
         blocks.append(table if group == _GROUPS[0] else folded)
     return _Part(tuple(blocks), rows)
 

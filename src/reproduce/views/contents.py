@@ -10,7 +10,7 @@ from reproduce.judge.ledger import Ledger, build, changed_verdicts
 from reproduce.judge.verdicts import VERDICTS
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import drawing
-from reproduce.printed.cells import PAPERS, altered_files, find, library
+from reproduce.printed.cells import PAPERS, altered_files, library
 from reproduce.views import keys, verdicts
 from reproduce.views.blocks import (
     LOOKS,
@@ -125,7 +125,7 @@ class Contents(Display):
         columns = ("Number", "Place", "Printed", "Computed", "Verdict", "Why")
         rows = []
         for record in self._ledger.records:
-            shown, (cell,) = verdicts.texts(record), find(record.cell)
+            shown, cell = verdicts.texts(record), record.printed_cell
             shown["number"] = link(cell.anchor, cell.label)
             shown["place"] = f"{record.key.partition('/')[0]}, {record.place}"
             rows.append([shown[name.lower()] for name in columns])

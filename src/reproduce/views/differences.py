@@ -9,7 +9,6 @@ import pandas as pd
 
 from reproduce.judge.verdicts import AGREES
 from reproduce.papers.charts import is_narrow, set_size
-from reproduce.printed.cells import find
 from reproduce.views.blocks import Html
 from reproduce.views.computed import whole_ledger
 from reproduce.views.figure import figure_block
@@ -32,7 +31,7 @@ def distances(papers: Collection[str]) -> pd.DataFrame:
         judged = agrees or record.verdict == "differs"
         if paper in papers and judged and len(ends) == 4:
             low, high, lower, upper = ends
-            number = f"{record.place.partition(',')[0]}: {find(record.cell)[0].label}"
+            number = f"{record.place.partition(',')[0]}: {record.printed_cell.label}"
             if (width := high - low + upper - lower) > 0:
                 distance = (low + high - lower - upper) / width
                 rows.append((record.cell, paper, number, agrees, distance))

@@ -15,7 +15,7 @@ from reproduce.judge.ledger import Ledger, Record, item_ledger
 from reproduce.judge.verdicts import AGREES
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import changeable, computation_for
-from reproduce.printed.cells import PrintedCell, anchor, find, library
+from reproduce.printed.cells import PrintedCell, anchor, library
 from reproduce.printed.number import minus, symbol
 from reproduce.views import keys, verdicts
 from reproduce.views.base import Change, ItemView, ResultView, text_of
@@ -314,7 +314,7 @@ def _values(record: Record, form: str) -> dict[str, str]:
 
     In CSV unit, standard deviations and verdict have their own names.
     """
-    (cell,), computed = find(record.cell), verdicts.computed(record)
+    cell, computed = record.printed_cell, verdicts.computed(record)
     ends = [minus(cell.number.format(e, extra=1)) for e in record.interval or ()]
     low, high = ends if len({*ends}) > 1 else ("", "")
     texts = {

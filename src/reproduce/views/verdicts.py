@@ -17,7 +17,7 @@ from reproduce.judge.ledger import (
 from reproduce.judge.readings import ReadingSummary, evaluate
 from reproduce.judge.verdicts import AGREES, VERDICTS, Flag, Reading
 from reproduce.papers.declare import computation_for
-from reproduce.printed.cells import PAPERS, PrintedCell, anchor, find
+from reproduce.printed.cells import PAPERS, PrintedCell, anchor
 from reproduce.printed.number import minus, quantity, symbol
 from reproduce.views.blocks import Entry, badge, code, link
 from reproduce.views.computed import whole_ledger
@@ -44,11 +44,6 @@ NUMBERS = (
 )
 
 
-def _cell_of(record: Record) -> PrintedCell:
-    """Return the printed cell of a record."""
-    return find(record.cell)[0]
-
-
 def _with_unit(record: Record, text: str) -> str:
     """Return a number of a record with its unit; empty for an empty text."""
     return quantity(minus(text), symbol(record.unit or "1"))
@@ -61,7 +56,7 @@ def printed(cell: PrintedCell) -> str:
 
 def texts(record: Record) -> dict[str, Entry]:
     """Return the texts of a record by name of the column; empty texts do not apply."""
-    cell, interval = _cell_of(record), _interval(record, record.interval)
+    cell, interval = record.printed_cell, _interval(record, record.interval)
     is_drawn, known = record.probability is not None, expected(record.cell)
     shown: dict[str, Entry] = {
         "cell": link(cell.anchor, code(cell.name)),
@@ -120,14 +115,14 @@ def computed(record: Record, extra: int = 0) -> str:
         return ""
     is_near = not {"rounding", "tolerance"}.isdisjoint(record.flags)
     extra += is_near or record.verdict not in AGREES
-    return minus(_cell_of(record).number.format(record.computed, extra=extra))
+    return minus(record.printed_cell.number.format(record.computed, extra=extra))
 
 
 def _interval(record: Record, ends: Sequence[float | None] | None) -> str:
     """Return an interval of a record; empty if it is open or a point."""
     if not ends or None in ends or len({*ends}) == 1:
         return ""
-    number = _cell_of(record).number
+    number = record.printed_cell.number
     texts = (number.format(end or 0.0, extra=1) for end in ends)
     return _with_unit(record, " to ".join(texts))
 
@@ -216,7 +211,7 @@ def deciding(summary: ReadingSummary) -> str:
 def _read(record: Record, reading: Reading) -> str:
     """Return the computed value and the verdict of a cell under one reading."""
     extra = int(not reading.agrees or bool(flags(reading.flags)))
-    value = _cell_of(record).number.format(reading.computed, extra=extra)
+    value = record.printed_cell.number.format(reading.computed, extra=extra)
     return f"{_with_unit(record, value)}, {qualified(reading)}"
 
 
@@ -294,7 +289,7 @@ def facts_of(name: str) -> dict[str, str]:
     records = whole_ledger().records
     chosen = [r for r in records if name in {"all", r.key.partition("/")[0]}]
     open_ = [r for r in chosen if r.verdict in {"differs", "ambiguous", "unpublished"}]
-    numbers = [record for record in chosen if _cell_of(record).is_number]
+    numbers = [record for record in chosen if record.printed_cell.is_number]
     counted = {"cells": chosen, "numbers": numbers, "unsettled": open_}
     return _counts(chosen) | {what: str(len(part)) for what, part in counted.items()}
 
@@ -317,7 +312,7 @@ def filled(text: str) -> str:
 
 def _facts_of_cell(record: Record) -> dict[str, str]:
     facts = {
-        "printed": _cell_of(record).shown,
+        "printed": record.printed_cell.shown,
         "computed": _with_unit(record, computed(record)) or "nothing",
         "verdict": record.verdict,
         "probability": _probability(record) or "none",
@@ -325,7 +320,7 @@ def _facts_of_cell(record: Record) -> dict[str, str]:
     summary, made = record.readings, computation_for(record.cell)
     if not (summary and made):
         return facts
-    for reading in evaluate(made).cells[_cell_of(record).name]:
+    for reading in evaluate(made).cells[record.printed_cell.name]:
         changed = reading.choices.items() - made.literal.items()
         if len(changed) == 1:
             name = "-".join(("if", *next(iter(changed))))
