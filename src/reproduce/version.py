@@ -44,15 +44,11 @@ def build_record(root: Path) -> str:
     return "\n".join((commit(root), ADDRESS, DOI))
 
 
-def content_id(path: Path, lines: tuple[int, int] | None = None) -> str:
-    """Return the identifier of a file at Software Heritage, or of lines of it.
-
-    It contains the hash that Git computes for the contents of the file.
-    """
+def content_id(path: Path) -> str:
+    """Return the identifier of a file at Software Heritage, with the hash of Git."""
     content = path.read_bytes()
     header = f"blob {len(content)}\0".encode()
-    found = f"swh:1:cnt:{sha1(header + content, usedforsecurity=False).hexdigest()}"
-    return found + (f";lines={lines[0]}-{lines[1]}" if lines else "")
+    return f"swh:1:cnt:{sha1(header + content, usedforsecurity=False).hexdigest()}"
 
 
 @cache

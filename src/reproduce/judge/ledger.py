@@ -72,6 +72,11 @@ class Record(Comparison, _Printed):
     """state of the authors' reply to the question on the cell; empty without a question"""
 
     @property
+    def paper(self) -> str:
+        """Name of the paper."""
+        return self.key.partition("/")[0]
+
+    @property
     def printed_cell(self) -> PrintedCell:
         """The printed cell."""
         return find(self.cell)[0]

@@ -61,6 +61,11 @@ class Comparison(Frozen):
     error: float | None = None
     """Monte Carlo standard error of a predicted median"""
 
+    @property
+    def agrees(self) -> bool:
+        """Whether the printed number agrees."""
+        return self.verdict in AGREES
+
 
 class Reading(Comparison):
     """Comparison of a cell under one reading of the text."""
@@ -73,11 +78,6 @@ class Reading(Comparison):
     """results that rounded inputs allow, or the central 99 % of the prediction"""
     tolerance: float
     """half the printed interval, or half the predicted one"""
-
-    @property
-    def agrees(self) -> bool:
-        """Whether the printed number agrees with this reading."""
-        return self.verdict in AGREES
 
 
 def judge_value(

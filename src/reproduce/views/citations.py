@@ -139,15 +139,15 @@ def identifiers(address: str) -> dict[str, str]:
     if made:
         function = inspect.unwrap(made.function)
         lines, first = inspect.getsourcelines(function)
-        span = first, first + len(lines) - 1
-        found["function"] = content_id(Path(inspect.getfile(function)), span)
+        file = content_id(Path(inspect.getfile(function)))
+        found["function"] = f"{file};lines={first}-{first + len(lines) - 1}"
     return found
 
 
 def statement(record: Record, template: str = "statement.txt") -> str:
     """Return the place, the printed value, the computed value and the verdict of a cell."""
     cell = record.printed_cell
-    words, paper = in_words(cell), _et_al(record.key.partition("/")[0])
+    words, paper = in_words(cell), _et_al(record.paper)
     text = rendered(
         template,
         record=record,

@@ -127,7 +127,7 @@ class Contents(Display):
         for record in self._ledger.records:
             shown, cell = verdicts.texts(record), record.printed_cell
             shown["number"] = link(cell.anchor, cell.label)
-            shown["place"] = f"{record.key.partition('/')[0]}, {record.place}"
+            shown["place"] = f"{record.paper}, {record.place}"
             rows.append([shown[name.lower()] for name in columns])
         caption, kind = f"The {len(rows)} printed cells", "rp-small rp-sortable"
         return Grid(caption, columns, rows, kind=kind)
@@ -164,15 +164,15 @@ class Check(Display):
     Parameters
     ----------
     wanted : tuple of str
-        Items, or papers; all by default.
+        Items, or papers; all items if there are none.
     progress : callable, optional
         Called with the number of finished items and the number of all items.
     """
 
     def __init__(
         self,
-        items: tuple[str, ...] = (),
-        progress: Callable[[int, int], None] | None = None,
+        items: tuple[str, ...],
+        progress: Callable[[int, int], None] | None,
     ) -> None:
         listed: list[str] = []
         for key in items:

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 
-from reproduce.judge.verdicts import AGREES
 from reproduce.papers.charts import is_narrow, set_size
 from reproduce.views.blocks import Html
 from reproduce.views.computed import whole_ledger
@@ -25,16 +24,16 @@ def distances(papers: Collection[str]) -> pd.DataFrame:
     """
     rows = []
     for record in whole_ledger().records:
-        paper, agrees = record.key.partition("/")[0], record.verdict in AGREES
         both = *(record.stands_for or ()), *(record.interval or ())
         ends = [end for end in both if end is not None]  # a limit has one end
-        judged = agrees or record.verdict == "differs"
-        if paper in papers and judged and len(ends) == 4:
+        judged = record.agrees or record.verdict == "differs"
+        if record.paper in papers and judged and len(ends) == 4:
             low, high, lower, upper = ends
             number = f"{record.place.partition(',')[0]}: {record.printed_cell.label}"
             if (width := high - low + upper - lower) > 0:
                 distance = (low + high - lower - upper) / width
-                rows.append((record.cell, paper, number, agrees, distance))
+                fields = record.cell, record.paper, number, record.agrees, distance
+                rows.append(fields)
     columns = ["name", "paper", "number", "agrees", "distance"]
     return pd.DataFrame(rows, columns=columns).sort_values("agrees", kind="stable")
 

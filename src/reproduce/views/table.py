@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pandas as pd
 from markupsafe import Markup
 
 from reproduce.judge import rerun as rerunning
 from reproduce.judge.ledger import Ledger, Record, item_ledger
-from reproduce.judge.verdicts import AGREES
 from reproduce.papers.catalogue import catalogue
 from reproduce.papers.declare import changeable, computation_for
 from reproduce.printed.cells import PrintedCell, anchor, library
@@ -38,10 +37,8 @@ from reproduce.views.export import (
     toolbar,
 )
 from reproduce.views.readings import Readings, summary
+from reproduce.views.study import StudyTable
 from reproduce.views.sweep import Changed, Sweep
-
-if TYPE_CHECKING:
-    from reproduce.views.study import StudyTable
 
 
 def table(address: str) -> Table | Cell | StudyTable:
@@ -72,8 +69,6 @@ def table(address: str) -> Table | Cell | StudyTable:
     if name and key in library():
         return Cell(library()[key][name])
     if address in catalogue("studies"):
-        from reproduce.views.study import StudyTable
-
         return StudyTable(address)
     return Table(address)
 
@@ -356,7 +351,7 @@ def _judged(place: str, records: Sequence[Record]) -> Iterator[Block]:
     rows = [verdicts.texts(record) for record in records]
     columns, kind = ("cell", *verdicts.NUMBERS, "verdict"), "rp-small rp-numbers"
     yield Html(Grid.of(f"Details of {place}", columns, rows, kind=kind).markup)
-    reasons = [verdicts.texts(r) for r in records if r.verdict not in AGREES]
+    reasons = [verdicts.texts(r) for r in records if not r.agrees]
     if reasons:
         yield _grouped(f"Reasons, {place}", ["verdict", "why"], reasons)
     made = ["function", "equations", "seed"]

@@ -82,7 +82,7 @@ def texts(record: Record) -> dict[str, Entry]:
             replied(known.erratum, known.answer),
         )
     if made := computation_for(record.cell):
-        paper, name = record.key.partition("/")[0], made.function.__name__
+        paper, name = record.paper, made.function.__name__
         function = link(f"function-{anchor(record.key)}-{name}", made.name)
         equations = (link(f"equation-{paper}-{n}", f"({n})") for n in made.equations)
         shown["function"] = Markup("{} ({})").format(function, made.line)
@@ -114,7 +114,7 @@ def computed(record: Record, extra: int = 0) -> str:
     if record.computed is None:
         return ""
     is_near = not {"rounding", "tolerance"}.isdisjoint(record.flags)
-    extra += is_near or record.verdict not in AGREES
+    extra += is_near or not record.agrees
     return minus(record.printed_cell.number.format(record.computed, extra=extra))
 
 
@@ -223,8 +223,7 @@ def tally(records: Collection[Record]) -> dict[str, int]:
 
 def weak(records: Iterable[Record]) -> int:
     """Count the records that agree weakly."""
-    agreeing = (record for record in records if record.verdict in AGREES)
-    return sum(not {*WEAK}.isdisjoint(record.flags) for record in agreeing)
+    return sum(r.agrees and not {*WEAK}.isdisjoint(r.flags) for r in records)
 
 
 def flags(names: Iterable[Flag]) -> str:
@@ -287,7 +286,7 @@ def facts_of(name: str) -> dict[str, str]:
             f"name: expected an address, a key, 'all' or one of {PAPERS}, got {name!r}"
         )
     records = whole_ledger().records
-    chosen = [r for r in records if name in {"all", r.key.partition("/")[0]}]
+    chosen = [r for r in records if name in {"all", r.paper}]
     open_ = [r for r in chosen if r.verdict in {"differs", "ambiguous", "unpublished"}]
     numbers = [record for record in chosen if record.printed_cell.is_number]
     counted = {"cells": chosen, "numbers": numbers, "unsettled": open_}
