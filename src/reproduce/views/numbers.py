@@ -52,10 +52,8 @@ def _power(probability: float, least: float) -> str:
     """Return a probability, a small one as a power of ten, or a bound below `least`."""
     if probability >= 1e-3:
         return f"{probability:.1g}"
-    bound = round(math.log10(least or 1e-300))
-    power = round(math.log10(max(probability, 1e-300)))
-    sign = "" if power >= bound else "<\u202f"
-    return sign + powers(f"1e{max(power, bound)}")
+    power = powers(f"1e{round(math.log10(max(probability, least, 1e-300)))}")
+    return power if probability > least else f"<\u202f{power}"
 
 
 def digits(value: float, mcse: float) -> str:

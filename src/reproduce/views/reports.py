@@ -5,21 +5,20 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Collection
-from typing import TYPE_CHECKING
+from typing import Any
+
+import pandas as pd
 
 from reproduce import version
 from reproduce.judge.ledger import Record, item_ledger
 from reproduce.judge.rerun import options
-from reproduce.judge.verdicts import AGREES, CENTRAL
+from reproduce.judge.verdicts import CENTRAL
 from reproduce.papers.declare import computations
 from reproduce.printed.cells import library
 from reproduce.printed.inputs import load_inputs
 from reproduce.printed.number import si_factor
 from reproduce.views import citations, keys, verdicts
 from reproduce.views.blocks import rendered
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 # Files of each form.
 FORMS = {
@@ -33,7 +32,7 @@ FORMS = {
 def outcome(results: Collection[Record]) -> str:
     """Return the outcome of an item as a replication. Weak agreement validates nothing."""
     judged = [record.verdict for record in results if record.verdict != "unpublished"]
-    agreeing = sum(verdict in AGREES for verdict in judged)
+    agreeing = sum(record.agrees for record in results)
     if not judged:
         return "not tested"
     if agreeing > verdicts.weak(results):
@@ -97,18 +96,14 @@ def covariance(key: str) -> pd.DataFrame:
     """Return the covariance of the predicted cells of a table, in printed units.
 
     The prediction is that of the literal reading. The table is empty without predicted cells.
-    Computations with different random numbers have no common entries.
     """
-    import pandas as pd
-
-    parts = []
+    draws: dict[str, Any] = {}
     for made in computations(key):
         if made.replicates:
-            draws = made(load_inputs(made.inputs))
-            factors = [si_factor(library()[key][name].unit) for name in draws]
-            parts.append((pd.DataFrame(draws) / factors).cov())
-    whole = pd.concat(parts) if parts else pd.DataFrame()
-    whole.insert(0, "unit", [library()[key][str(name)].unit for name in whole.index])
+            draws |= made(load_inputs(made.inputs))
+    units = [library()[key][name].unit for name in draws]
+    whole = (pd.DataFrame(draws) / [*map(si_factor, units)]).cov()
+    whole.insert(0, "unit", units)
     return whole.rename_axis("cell").reset_index()
 
 
