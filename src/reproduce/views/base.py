@@ -13,6 +13,7 @@ import pandas as pd
 from reproduce.judge import rerun
 from reproduce.papers.declare import (
     Drawing,
+    PaperFunction,
     Schematic,
     Study,
     changeable,
@@ -91,8 +92,8 @@ class ItemView(ResultView):
     def source(self) -> str:
         """Source code of the functions that compute and draw it."""
         made = declarations(self.key)
-        functions = [getattr(one, "function", None) for one in made]
-        return "\n\n\n".join(map(text_of, filter(None, functions)))
+        functions = (one.function for one in made if isinstance(one, PaperFunction))
+        return "\n\n\n".join(map(text_of, functions))
 
 
 class Rerunnable(ItemView):
@@ -106,6 +107,11 @@ class Rerunnable(ItemView):
         Address of any cell in `inputs` to a value as printed.
     seed : int, optional
         Seed of the random number generator.
+
+    Attributes
+    ----------
+    changes : dict of str to str
+        Address or ``seed`` to the value as given.
     """
 
     def __init__(
@@ -114,7 +120,7 @@ class Rerunnable(ItemView):
         self.key, self.seed = key, seed
         random = self.random  # an unknown key raises an error
         self._rerun = rerun.Rerun(key, changes, seed=seed, random=random)
-        self._changes = dict(changes or {})
+        self.changes, self._changes = self._rerun.changes, dict(changes or {})
 
     @property
     @abstractmethod
@@ -137,11 +143,6 @@ class Rerunnable(ItemView):
     def random(self) -> bool:
         """Whether it draws random numbers."""
         return self._declared.random
-
-    @property
-    def changes(self) -> dict[str, str]:
-        """The changes: address or ``seed`` to the value as given."""
-        return self._rerun.changes
 
     def _setting(self, remark: str = "your setting") -> str:
         return (

@@ -235,7 +235,9 @@ class Grid(View):
         **looks: Any,
     ) -> Grid:
         """Return some columns of records, without empty columns."""
-        texts = {n: [_text(row.get(n, ""), digits) for row in rows] for n in columns}
+        texts = {
+            n: [entry_text(row.get(n, ""), digits) for row in rows] for n in columns
+        }
         shown = {name: column for name, column in texts.items() if any(column)}
         lines = [*zip(*shown.values(), strict=True)]
         return cls(caption, [*shown], lines, **looks)
@@ -269,14 +271,15 @@ class Grid(View):
             yield Padding(Text("\n".join(lines)), (0, 0, 0, 2))
 
 
-def _text(value: object, digits: int) -> Entry:
+def entry_text(value: object, digits: int) -> Entry:
+    """Return an entry as text; a float has some digits."""
     if isinstance(value, str):
         return value
     if isinstance(value, float):
         return minus(f"{value:z.{digits}g}")
     if isinstance(value, dict):
-        value = list(map(": ".join, value.items()))
-    return ", ".join(map(str, value)) if isinstance(value, list) else str(value)
+        return ", ".join(map(": ".join, value.items()))
+    return str(value)
 
 
 def _table(
@@ -344,6 +347,5 @@ def printable(text: str) -> str:
 def plain(entry: Entry) -> str:
     """Return the text of an entry, without HTML."""
     if isinstance(entry, Markup):
-        text = entry.replace("<br><small>", " ").replace("<br>", "; ")
-        entry = Markup(text).striptags()
+        entry = Markup(entry.replace("<br>", "; ")).striptags()
     return printable(entry)

@@ -13,10 +13,9 @@ from markupsafe import Markup
 from reproduce.judge.ledger import Record
 from reproduce.papers.declare import computations
 from reproduce.printed.cells import anchor, library
-from reproduce.printed.number import minus
 from reproduce.version import software
 from reproduce.views import verdicts
-from reproduce.views.blocks import rendered
+from reproduce.views.blocks import entry_text, rendered
 from reproduce.views.citations import check_format, cite
 from reproduce.views.tex import in_tex
 
@@ -74,10 +73,7 @@ def export_frame(
         return rendered("table.md", lines=lines, **texts)
     if len(frame) < _MAX_COLUMNS < len(frame.columns):
         lines = [list(column) for column in zip(*lines, strict=True)]
-    lines = [
-        [minus(f"{e:z.6g}" if isinstance(e, float) else str(e)) for e in line]
-        for line in lines
-    ]
+    lines = [[entry_text(entry, 6) for entry in line] for line in lines]
     columns = [
         rf">{{\raggedright\arraybackslash}}p{{{2 / (1 + len(lines[0])):.2f}\linewidth}}"
         if max(map(len, column)) > _SENTENCE_CHARACTERS

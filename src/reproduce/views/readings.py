@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from functools import partial
-from typing import TYPE_CHECKING
 
+import pandas as pd
 from markupsafe import Markup
 
 from reproduce.judge.ledger import Record
@@ -16,9 +16,6 @@ from reproduce.printed.cells import library
 from reproduce.printed.number import minus
 from reproduce.views import verdicts
 from reproduce.views.blocks import Block, Display, Grid
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 
 class Readings(Display):
@@ -43,8 +40,6 @@ class Readings(Display):
             its probability if it is predicted, and whether it agrees; the number of cells that
             agree; the joint probability of the predicted cells.
         """
-        import pandas as pd
-
         frame, table = pd.DataFrame({}), library()[self.key]
         for computation in sorted(
             computations(self.key), key=lambda each: len(each.options), reverse=True

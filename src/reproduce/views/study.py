@@ -95,8 +95,15 @@ class StudyTable(Rerunnable):
                 one[shown].to_numpy(float).ravel() for one in (after, before)
             )
             frame = pd.DataFrame({"cell": cells, "label": cells, "text": entries})
-            frame = frame.assign(computed=values, mark=mark, unit="")
-            return frame.assign(low=None, high=None, bottom=None, top=None)
+            return frame.assign(
+                computed=values,
+                mark=mark,
+                unit="",
+                low=None,
+                high=None,
+                bottom=None,
+                top=None,
+            )
 
         return Sweep(
             self.title, moved, values, compute, "values for the printed inputs"

@@ -77,9 +77,8 @@ class Changed(Display):
         frame = pd.DataFrame(rows, columns=columns.split(",")).set_index("cell")
         return frame if frame["verdict"].any() else frame.drop(columns="verdict")
 
-    @property
-    def grid(self) -> Grid:
-        """The numbers and the changes in the displayed format, without empty columns."""
+    def blocks(self) -> list[Grid]:
+        """Return the numbers and the changes, without empty columns."""
         value, remark = "changed", "your setting, without a verdict"
         if reading := self.result.is_reading:
             value = "computed"
@@ -97,7 +96,7 @@ class Changed(Display):
             printed = one.cell.label, minus(one.cell.text), before * (not reading)
             texts = (*printed, *numbers, one.verdict, symbol(one.cell.unit))
             rows.append(dict(zip(heads, texts, strict=True)))
-        return Grid.of(caption, heads, rows)
+        return [Grid.of(caption, heads, rows)]
 
     def rows(self) -> pd.DataFrame:
         """Return the rows of a step of a `Sweep`."""
@@ -111,10 +110,6 @@ class Changed(Display):
             rows.append((cell.label, text, cell.number.value, *cell.number.interval()))
         more = pd.DataFrame(rows, columns=["label", "text", "mark", "bottom", "top"])
         return frame.join(more)
-
-    def blocks(self) -> Iterator[Block]:
-        """Yield the table of the cells."""
-        yield self.grid
 
 
 class Sweep(Display):
