@@ -142,13 +142,6 @@ def _save(save: Callable[[Path], Any], out: Path) -> None:
         ) from error
 
 
-def _given(settings: dict[str, Any]) -> dict[str, Any]:
-    """Return the options with a value."""
-    return {
-        name: value for name, value in settings.items() if value not in (None, {}, "")
-    }
-
-
 def _item(address: str) -> Any:
     """Return the table, cell, supplementary table or figure of an address."""
     from reproduce.papers.catalogue import catalogue
@@ -328,7 +321,7 @@ def _show_item(
       ...
     """
     item = _item(address)
-    settings = _given(numbers)
+    settings = {name: number for name, number in numbers.items() if number is not None}
     if changes or options or settings:
         item = item.rerun(changes, **settings, **options)
     item.print()
@@ -616,7 +609,7 @@ def _posterior(
         return
     if name is None:
         raise click.UsageError("NAME: expected a posterior, got none. Use --list")
-    result = posteriors.posterior(name, **_given(settings))
+    result = posteriors.posterior(name, **settings)
     if out:
         result.check_file(out)
     with _bar("sampling") as progress:

@@ -53,27 +53,6 @@ class _Part(Blocks):
         return frame.set_index("name") if "name" in frame else frame
 
 
-def audit(paper: str | None = None) -> ConsistencyAudit:
-    """Return the consistency checks of the printed numbers, and the errata.
-
-    Parameters
-    ----------
-    paper : str, optional
-        Name such as ``chen2023``. Default: all papers.
-
-    Returns
-    -------
-    ConsistencyAudit
-        Relations between printed numbers, equations, and the errata.
-
-    Raises
-    ------
-    ValueError
-        If the paper is unknown.
-    """
-    return ConsistencyAudit(paper)
-
-
 class ConsistencyAudit(Display):
     """The audit of the printed numbers of papers, and the errata.
 
@@ -84,7 +63,12 @@ class ConsistencyAudit(Display):
     Parameters
     ----------
     paper : str, optional
-        One paper; all by default.
+        Name such as ``chen2023``. Default: all papers.
+
+    Raises
+    ------
+    ValueError
+        If the paper is unknown.
     """
 
     def __init__(self, paper: str | None = None) -> None:
@@ -108,6 +92,9 @@ class ConsistencyAudit(Display):
         """Yield every part."""
         for part in map(self.__getitem__, _PARTS):
             yield from part.blocks() if part.rows else ()
+
+
+audit = ConsistencyAudit  # the name of the public API
 
 
 @cache

@@ -30,18 +30,13 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-def contents(paper: str | None = None) -> Contents:
-    """Return all items of a paper, or of all papers, in their order, with their verdicts.
+class Contents(Display):
+    """The items of a paper, or of all papers, in printed order, with their verdicts.
 
     Parameters
     ----------
     paper : str, optional
         Name such as ``niu2024``. Default: all papers.
-
-    Returns
-    -------
-    Contents
-        Items with the number of cells by verdict.
 
     Raises
     ------
@@ -50,47 +45,8 @@ def contents(paper: str | None = None) -> Contents:
 
     Examples
     --------
-    >>> contents("niu2024").frame().loc["niu2024/table-1", "input"]
+    >>> Contents("niu2024").frame().loc["niu2024/table-1", "input"]
     np.int64(12)
-    """
-    return Contents(paper)
-
-
-def check(*keys: str, progress: Callable[[int, int], None] | None = None) -> Check:
-    """Recompute and judge items, and compare the verdicts with the frozen ones.
-
-    Parameters
-    ----------
-    *keys : str
-        Keys of items or names of papers. Default: all items.
-    progress : callable, optional
-        Function that receives the number of finished and of all items.
-
-    Returns
-    -------
-    Check
-        True if verdicts and files of printed numbers are unchanged.
-
-    Raises
-    ------
-    KeyError
-        If a key is unknown.
-
-    Examples
-    --------
-    >>> bool(check("niu2024/table-2"))
-    True
-    """
-    return Check(keys, progress)
-
-
-class Contents(Display):
-    """The items of both papers or of one paper, in printed order, with their verdicts.
-
-    Parameters
-    ----------
-    paper : str, optional
-        Name of a paper. Default: all papers.
     """
 
     def __init__(self, paper: str | None = None) -> None:
@@ -157,22 +113,30 @@ class Contents(Display):
 
 
 class Check(Display):
-    """Comparison of the verdicts with the frozen ones.
+    """Judgement of recomputed items, and comparison of the verdicts with the frozen ones.
 
     True if the verdicts and the files of printed numbers are unchanged.
 
     Parameters
     ----------
-    wanted : tuple of str
-        Items, or papers; all items if there are none.
+    *items : str
+        Keys of items or names of papers. Default: all items.
     progress : callable, optional
-        Called with the number of finished items and the number of all items.
+        Function that receives the number of finished and of all items.
+
+    Raises
+    ------
+    KeyError
+        If a key is unknown.
+
+    Examples
+    --------
+    >>> bool(Check("niu2024/table-2"))
+    True
     """
 
     def __init__(
-        self,
-        items: tuple[str, ...],
-        progress: Callable[[int, int], None] | None,
+        self, *items: str, progress: Callable[[int, int], None] | None = None
     ) -> None:
         listed: list[str] = []
         for key in items:
@@ -215,6 +179,10 @@ class Check(Display):
         listed = list(dict.fromkeys(record.key for record in records))
         unchanged = [f"All {len(records)} verdicts are as frozen."]
         return [_index(listed, self.ledger), *(self.faults() or unchanged)]
+
+
+# Names of the public API.
+contents, check = Contents, Check
 
 
 def _entry(key: str) -> dict[str, Any]:

@@ -22,10 +22,10 @@ def entry(value: float | str, column: Column, error: float | None = None) -> str
     >>> entry(1.0, Column("RMSE (px)", ".3f"), 0.0423), entry(2e-9, Column("p", "chance"))
     ('1.000 ± 0.042', '10⁻⁹')
     """
-    if isinstance(value, str) or not column.form:
-        return "" if value != value else str(value)
-    if math.isnan(value):
+    if value != value:  # NaN
         return ""
+    if isinstance(value, str) or not column.form:
+        return str(value)
     if column.form == "chance":
         return _power(value, column.zero)
     small, limit = abs(value) < column.zero, math.isinf(value)
