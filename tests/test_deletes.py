@@ -86,7 +86,7 @@ def test_a_damaged_or_planted_file_is_computed_again(tmp_path, monkeypatch, name
     for module, function in (
         (sampling, "sample"),
         (computed.ledger, "build"),
-        (figure, "draw"),
+        (figure.Figure, "compute"),
     ):
         monkeypatch.setattr(module, function, None)
     assert make() == first

@@ -5,7 +5,7 @@ import itertools
 import pytest
 
 from reproduce.papers.declare import Schematic, drawing
-from reproduce.views.figure import draw, drawable
+from reproduce.views.figure import Figure, drawable
 
 pytestmark = pytest.mark.browser
 # Width that a phone of 390 CSS pixels leaves for a figure, and the smallest label.
@@ -23,7 +23,7 @@ BOXES = """() => [...document.querySelectorAll('svg, text')].map(e => {
 def test_labels_are_whole_apart_and_large_enough(open_page):
     page = open_page(viewport={"width": PHONE, "height": 900})
     for key in (key for key in drawable() if isinstance(drawing(key), Schematic)):
-        page.set_content(STYLE + str(draw(key)))
+        page.set_content(STYLE + str(Figure(key).drawn))
         (_, left, right, top, bottom, _), *labels = page.evaluate(BOXES)
         assert labels
         for text, x0, x1, y0, y1, size in labels:

@@ -15,7 +15,7 @@ from matplotlib.path import Path
 import reproduce as rp
 from reproduce.locate import data_files
 from reproduce.printed.number import powers
-from reproduce.views.figure import draw, drawable
+from reproduce.views.figure import Figure, drawable
 
 # Background and text colour of the theme; black in a figure becomes the text colour.
 THEMES = (("#ffffff", "#222832"), ("#14181e", "#ced6dd"))
@@ -155,7 +155,7 @@ def test_every_graph_can_be_read(width):
     assert contrast("#777777", "white") == pytest.approx(4.48, abs=0.005)
     for key in drawable():
         if not data_files(f"schematics/{key}.svg"):  # these are tested in a browser
-            figure = draw(key, narrow=width == WIDTH_PHONE)
+            figure = Figure(key).compute(narrow=width == WIDTH_PHONE)
             FigureCanvasAgg(figure)
             figure.draw_without_rendering()
             assert list(faults(figure, width)) == [], key

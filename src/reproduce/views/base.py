@@ -128,15 +128,15 @@ class Rerunnable(ItemView):
         """The declaration of its key."""
 
     @abstractmethod
-    def _compute(self, inputs: Inputs) -> Any:
+    def compute(self, inputs: Inputs) -> Any:
         """Compute from the printed values, or from changed inputs."""
 
     @cached_property
     def _made(self) -> tuple[Any, dict[str, float]]:
         if not self.changes:
-            return self._compute(load_inputs(self._declared.inputs)), {}
+            return self.compute(load_inputs(self._declared.inputs)), {}
         with self._rerun.explained():
-            made = self._compute(self._rerun.inputs(self._declared.inputs))
+            made = self.compute(self._rerun.inputs(self._declared.inputs))
         return made, self._rerun.replaced
 
     @property

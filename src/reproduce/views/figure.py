@@ -59,16 +59,7 @@ def drawable() -> list[str]:
     return [key for key in (*catalogue(), *catalogue("drawings")) if drawing(key)]
 
 
-def _declared_drawing(key: str) -> Drawing | Schematic:
-    """Return the drawing of a key: of an item, or a supplementary one."""
-    if key not in catalogue("drawings"):
-        keys.check_key(key)
-    if found := drawing(key):
-        return found
-    raise ValueError(f"{key} has no figure; these have one: {', '.join(drawable())}")
-
-
-def _styled_figure(paint: _Paint, *, narrow: bool = False) -> MatplotlibFigure:
+def _styled_figure(paint: _Paint, *, narrow: bool) -> MatplotlibFigure:
     """Return a figure in the project's style, for a wide page or for a narrow one."""
     from matplotlib import style
     from matplotlib.figure import Figure as MatplotlibFigure
@@ -79,20 +70,6 @@ def _styled_figure(paint: _Paint, *, narrow: bool = False) -> MatplotlibFigure:
         )
         paint(figure)
     return figure
-
-
-def draw(key: str, inputs: Inputs | None = None, *, narrow: bool = False) -> _Drawn:
-    """Draw an item or a supplementary drawing, with its printed values."""
-    declared = _declared_drawing(key)
-    if isinstance(declared, Schematic):
-        shared = (data_folder() / "schematics/style.svg").read_text(encoding="utf-8")
-        style = shared[shared.index("<style") : shared.index("</svg>")].rstrip()
-        return filled(declared.text).replace(">", f">\n  {style}", 1)
-    patterns = [*([key] if key in library() else []), *declared.marks]
-    more = load_inputs(patterns), inputs or load_inputs(declared.inputs)
-    return _styled_figure(
-        lambda figure: declared.function(figure, *more), narrow=narrow
-    )
 
 
 def _curves(axes: Axes) -> Iterator[tuple[str, ArrayLike]]:
@@ -107,11 +84,10 @@ def _curves(axes: Axes) -> Iterator[tuple[str, ArrayLike]]:
         yield f"curve {number}" if name.startswith("_") else name, points
 
 
-def _content(figure: _Drawn, form: str, provenance: Mapping[str, str]) -> bytes:
+def _content(figure: _Drawn, form: str, note: str = "") -> bytes:
     """Return the file of a figure, without a date, so that builds are equal."""
     from matplotlib import style
 
-    note = "\n".join(provenance.values())
     if isinstance(figure, str):
         title = f"<metadata>{escape(note)}</metadata>\n  <title>"
         return (_XML + figure.replace("<title>", title, 1)).encode()
@@ -143,7 +119,7 @@ def write_figure(key: str, root: Path) -> None:
 
 def _vectors_of(*figures: _Drawn) -> list[str]:
     """Return figures as SVG without provenance."""
-    return [_content(one, "svg", {}).decode() for one in figures]
+    return [_content(one, "svg").decode() for one in figures]
 
 
 def _inline(
@@ -190,10 +166,27 @@ class Figure(Rerunnable):
 
     @property
     def _declared(self) -> Drawing | Schematic:
-        return _declared_drawing(self.key)
+        if self.key not in catalogue("drawings"):
+            keys.check_key(self.key)
+        if found := drawing(self.key):
+            return found
+        listed = ", ".join(drawable())
+        raise ValueError(f"{self.key} has no figure; these have one: {listed}")
 
-    def _compute(self, inputs: Inputs) -> _Drawn:
-        return draw(self.key, inputs)
+    def compute(self, inputs: Inputs | None = None, *, narrow: bool = False) -> _Drawn:
+        """Draw the figure with its printed values, for a wide page or for a narrow one."""
+        declared = self._declared
+        if isinstance(declared, Schematic):
+            file = data_folder() / "schematics/style.svg"
+            shared = file.read_text(encoding="utf-8")
+            style = shared[shared.index("<style") : shared.index("</svg>")].rstrip()
+            return filled(declared.text).replace(">", f">\n  {style}", 1)
+        own = [self.key] if self.key in library() else []
+        printed = load_inputs([*own, *declared.marks])
+        inputs = inputs or load_inputs(declared.inputs)
+        return _styled_figure(
+            lambda figure: declared.function(figure, printed, inputs), narrow=narrow
+        )
 
     @property
     def drawn(self) -> _Drawn:
@@ -220,7 +213,7 @@ class Figure(Rerunnable):
         def make() -> list[str]:
             # A schematic fits wide and narrow pages.
             is_schematic = isinstance(self.drawn, str)
-            narrow = [] if is_schematic else [draw(self.key, narrow=True)]
+            narrow = [] if is_schematic else [self.compute(narrow=True)]
             return _vectors_of(self.drawn, *narrow)
 
         name = f"figure-{anchor(self.key)}.json"
@@ -249,7 +242,8 @@ class Figure(Rerunnable):
     def save(self, path: str | Path) -> Path:
         """Write the figure as SVG, PDF or PNG, by the ending of `path`; a schematic as SVG."""
         path = check_target(path, self._endings)
-        content = _content(self.drawn, path.suffix[1:].lower(), self.provenance)
+        note = "\n".join(self.provenance.values())
+        content = _content(self.drawn, path.suffix[1:].lower(), note)
         with replacing(path) as part:
             part.write_bytes(content)
         return path

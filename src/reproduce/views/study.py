@@ -35,7 +35,8 @@ class StudyTable(Rerunnable):
     def _declared(self) -> Study:
         return study(self.key)
 
-    def _compute(self, inputs: Inputs) -> pd.DataFrame:
+    def compute(self, inputs: Inputs) -> pd.DataFrame:
+        """Compute the rows, from the printed or from changed inputs."""
         return self._declared(inputs)
 
     def sweep(
