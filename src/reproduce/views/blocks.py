@@ -178,10 +178,6 @@ class Html(View):
         if words := self.words:
             yield Text(plain(words)) if isinstance(words, str) else words
 
-    def __repr__(self) -> str:
-        """Return the words, if there are any."""
-        return super().__repr__() or "<HTML>"
-
 
 @dataclass(frozen=True, repr=False)
 class Fold(View):

@@ -13,7 +13,7 @@ import pandas as pd
 from reproduce.consistency.examine import RelationResult
 from reproduce.consistency.report import Audit, Erratum, audit_paper
 from reproduce.judge.ledger import entries, frozen, item_ledger
-from reproduce.printed.cells import PAPERS, anchor
+from reproduce.printed.cells import PAPERS
 from reproduce.printed.number import minus, quantity, si_factor, symbol
 from reproduce.version import __version__
 from reproduce.views import verdicts
@@ -109,7 +109,6 @@ def _table(part: str, caption: str, columns: Iterable[str], rows: list[_Row]) ->
         part,
         caption=caption,
         rows=rows,
-        anchor=anchor,
         digits=_digits,
         replied=verdicts.replied,
         version=__version__,
@@ -193,8 +192,13 @@ def _errata(audits: Sequence[Audit], *, supposed: bool) -> _Part:
                     "verdicts": {cell: _judged(cell) for cell in cells},
                 }
     # By conclusion; then those with most results, and those without a fault of our text.
-    rows.sort(key=lambda row: (-len(row["results"]), row["extraction"]))
-    rows.sort(key=lambda row: _CONCLUSIONS.index(row["conclusion"]))
+    rows.sort(
+        key=lambda row: (
+            _CONCLUSIONS.index(row["conclusion"]),
+            -len(row["results"]),
+            row["extraction"],
+        )
+    )
     kind = "that suppose something" if supposed else "by consequence"
     columns = (
         "name place problem printed sides verdicts library conclusion status reply"

@@ -53,5 +53,6 @@ def place(key: str) -> str:
         return "supplementary table"
     if key in catalogue("drawings"):
         return "Supplementary drawing"
-    figure = f"Figure {key.rpartition('-')[2]}"
-    return library()[key].place if key in library() else figure
+    if key in library():
+        return library()[key].place
+    return f"Figure {key.rpartition('-')[2]}"

@@ -43,8 +43,7 @@ class Changed(Display):
 
     def __init__(self, result: Rerun, names: Collection[str] = ()) -> None:
         self.result = result
-        self.changes, self.options = result.changes, result.options
-        self.replaced = result.replaced
+        self.changes = result.changes
         self.cells = [
             one for one in result.cells if not names or one.cell.name in names
         ]
@@ -79,21 +78,26 @@ class Changed(Display):
 
     def blocks(self) -> list[Grid]:
         """Return the numbers and the changes, without empty columns."""
-        value, remark = "changed", "your setting, without a verdict"
-        if reading := self.result.is_reading:
+        result, value = self.result, "changed"
+        remark = "your setting, without a verdict"
+        if result.is_reading:
             value = "computed"
             remark = "one reading of the text; the verdict of a cell is based on all readings"
-        changes = self.changes | self.options
-        caption = setting(f"{self.result.key} with", changes, self.replaced, remark)
+        changes = result.changes | result.options
+        caption = setting(f"{result.key} with", changes, result.replaced, remark)
         if any(one.interval for one in self.cells):
             caption += " From and to: the central 99 % of the prediction."
-        if self.result.joint:
-            caption += f" {verdicts.joint_sentence(self.result.joint)}"
+        if result.joint:
+            caption += f" {verdicts.joint_sentence(result.joint)}"
         heads = ("cell", "printed", "unchanged", value, "from", "to", "verdict", "unit")
         rows = []
         for one in self.cells:
             before, *numbers = one.texts
-            printed = one.cell.label, minus(one.cell.text), before * (not reading)
+            printed = (
+                one.cell.label,
+                minus(one.cell.text),
+                before * (not result.is_reading),
+            )
             texts = (*printed, *numbers, one.verdict, symbol(one.cell.unit))
             rows.append(dict(zip(heads, texts, strict=True)))
         return [Grid.of(caption, heads, rows)]

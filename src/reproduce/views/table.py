@@ -124,10 +124,6 @@ class Table(ItemView):
         lines = [[getattr(line, name) for line in part] for part in parts]
         return pd.MultiIndex.from_product(lines)
 
-    def cells(self) -> pd.DataFrame:
-        """Return one row per cell, with every field of the ledger."""
-        return full_frame(self._ledger.records)
-
     @property
     def rerun_code(self) -> str:
         """A line of code that computes it with another value of an input."""
@@ -247,7 +243,7 @@ class Table(ItemView):
 
     def blocks(self) -> Iterator[Block]:
         """Yield the table with its notes, readings, reasons and sources."""
-        table, records, where = self._printed, self._ledger.records, anchor(self.key)
+        table, records = self._printed, self._ledger.records
         results = [record for record in records if record.role == "result"]
         caption = f"{table.place}. {table.title}."
         if results and len(table.columns) > 1:
@@ -258,7 +254,6 @@ class Table(ItemView):
             records=dict(zip(table.by_name, records, strict=True)),
             verdicts=verdicts,
             notes=_notes,
-            anchor=where,
             caption=caption,
         )
         rows = [
@@ -271,7 +266,7 @@ class Table(ItemView):
                         None,
                         (
                             record.verdict,
-                            verdicts.flags(record.flags),
+                            verdicts.flags(record),
                             verdicts.replied_state(record),
                         ),
                     )
@@ -296,11 +291,15 @@ class Table(ItemView):
         if results:
             judged = Blocks(tuple(_judged(table.place, results)))
             yield Fold("How each cell was judged", judged)
-        inputs = rendered("inputs", table=self, cells=verdicts.linked(self.inputs))
-        shown, files = inputs if self.inputs else "", table_files(self.key)
+
+        def bar() -> Markup:
+            cells = verdicts.linked(self.inputs)
+            inputs = rendered("inputs", table=self, cells=cells) if cells else ""
+            files = table_files(self.key)
+            return toolbar(self.key, anchor(self.key), files, self.source, inputs)
+
         yield Html(
-            lambda: toolbar(self.key, where, files, self.source, shown),
-            f"{self.key}: reproduce show {self.key}#CELL shows all about a cell",
+            bar, f"{self.key}: reproduce show {self.key}#CELL shows all about a cell"
         )
 
 
@@ -408,11 +407,6 @@ class Cell(ResultView):
         """Source code of the function that computes the cell, empty for an input."""
         made = computation_for(self.address)
         return text_of(made.function) if made else ""
-
-    @property
-    def options(self) -> pd.DataFrame:
-        """Options of its table."""
-        return self.table.options
 
     @property
     def rerun_code(self) -> str:

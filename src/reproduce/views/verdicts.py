@@ -210,7 +210,7 @@ def deciding(summary: ReadingSummary) -> str:
 
 def _read(record: Record, reading: Reading) -> str:
     """Return the computed value and the verdict of a cell under one reading."""
-    extra = int(not reading.agrees or bool(flags(reading.flags)))
+    extra = int(not reading.agrees or bool(flags(reading)))
     value = record.printed_cell.number.format(reading.computed, extra=extra)
     return f"{_with_unit(record, value)}, {qualified(reading)}"
 
@@ -226,14 +226,14 @@ def weak(records: Iterable[Record]) -> int:
     return sum(r.agrees and not {*WEAK}.isdisjoint(r.flags) for r in records)
 
 
-def flags(names: Iterable[Flag]) -> str:
+def flags(record: Record | Reading) -> str:
     """Return the flags of a verdict in words."""
-    return ", ".join(_FLAGS[name] for name in names if name in _FLAGS)
+    return ", ".join(_FLAGS[name] for name in record.flags if name in _FLAGS)
 
 
 def qualified(record: Record | Reading) -> str:
     """Return a verdict with its flags."""
-    marks = flags(record.flags)
+    marks = flags(record)
     return f"{record.verdict} ({marks})" if marks else record.verdict
 
 
