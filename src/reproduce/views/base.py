@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import inspect
 from abc import abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import cached_property
 from typing import Any, Self
 
 import pandas as pd
+from markupsafe import Markup
 
 from reproduce.judge import rerun
 from reproduce.papers.declare import (
@@ -19,9 +20,10 @@ from reproduce.papers.declare import (
     changeable,
     declarations,
 )
+from reproduce.printed.cells import library
 from reproduce.printed.inputs import Inputs, load_inputs
 from reproduce.views import keys
-from reproduce.views.blocks import Display
+from reproduce.views.blocks import Display, rendered
 from reproduce.views.citations import cite
 from reproduce.views.export import export_frame, provenance_of
 
@@ -94,6 +96,35 @@ class ItemView(ResultView):
         made = declarations(self.key)
         functions = (one.function for one in made if isinstance(one, PaperFunction))
         return "\n\n\n".join(map(text_of, functions))
+
+    def _toolbar(
+        self, anchor: str, files: Iterable[str], source: str, inputs: str = ""
+    ) -> Markup:
+        """Return the toolbar below it on a page, with an anchor for each function.
+
+        Its links lead to files below the root of the built book, ``#tables/KEY.csv``.
+
+        Parameters
+        ----------
+        anchor : str
+            Its anchor on the page.
+        files : iterable of str
+            Paths of its data and figures below the root of the book.
+        source : str
+            Text of the functions that compute it; empty if there are none.
+        inputs : str
+            Inputs of the computation, as HTML; empty if there are none.
+        """
+        return rendered(
+            "bar",
+            key=self.key,
+            anchor=anchor,
+            files=files,
+            source=source,
+            inputs=inputs,
+            cite=cite,
+            library=library(),
+        )
 
 
 class Rerunnable(ItemView):

@@ -1,4 +1,4 @@
-"""Blocks of output: sentences, a `Grid`, a `Fold` around other blocks, and `Html`.
+"""Blocks of output: sentences, a `Grid`, and `Html`, such as a `fold` around other blocks.
 
 A template writes each block as HTML for a page, and rich writes it for a terminal.
 """
@@ -179,22 +179,12 @@ class Html(View):
             yield Text(plain(words)) if isinstance(words, str) else words
 
 
-@dataclass(frozen=True, repr=False)
-class Fold(View):
-    """Content that a page shows on demand."""
-
-    summary: Entry
-    content: View
-    opened: bool = False
-
-    @property
-    def markup(self) -> Markup:
-        """HTML of the fold."""
-        return rendered("fold", fold=self)
-
-    def __rich_console__(self, _: Console, __: ConsoleOptions) -> RenderResult:
-        yield Text(f"\n{plain(self.summary)}")
-        yield self.content
+def fold(summary: Entry, content: View, *, opened: bool = False) -> Html:
+    """Return content that a page shows on demand."""
+    return Html(
+        lambda: rendered("fold", summary=summary, content=content, opened=opened),
+        Blocks((f"\n{plain(summary)}", content)),
+    )
 
 
 @dataclass(frozen=True, repr=False)

@@ -21,10 +21,10 @@ from reproduce.views.blocks import (
     Block,
     Blocks,
     Display,
-    Fold,
     Grid,
     Html,
     code,
+    fold,
     rendered,
 )
 from reproduce.views.keys import check_paper
@@ -133,7 +133,7 @@ def _relations(audits: Sequence[Audit]) -> _Part:
         group_rows = [r for r in rows if (r["paper"], _group(r)) == (audit.name, group)]
         caption = f"The {len(group_rows)} relations of {audit.name} that {group}"
         table = _table("relations", caption, columns, group_rows)
-        folded = Fold(caption, Html(table.markup))
+        folded = fold(caption, Html(table.markup))
         blocks.append(table if group == _GROUPS[0] else folded)
     return _Part(tuple(blocks), rows)
 

@@ -17,9 +17,9 @@ from reproduce.views.blocks import (
     Block,
     Blocks,
     Display,
-    Fold,
     Grid,
     Html,
+    fold,
     link,
     rendered,
 )
@@ -109,7 +109,7 @@ class Contents(Display):
             verdicts=verdicts,
         )
         lists = Blocks((self.listed, self.index))
-        return Html(wall), Fold("The same in words", lists)
+        return Html(wall), fold("The same in words", lists)
 
 
 class Check(Display):

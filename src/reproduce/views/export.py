@@ -1,4 +1,4 @@
-"""Exports of tables and of the ledger with their provenance, and the toolbar of a page."""
+"""Exports of tables and of the ledger with their provenance."""
 
 from __future__ import annotations
 
@@ -8,11 +8,9 @@ from collections.abc import Iterable, Mapping
 from textwrap import indent
 from typing import TYPE_CHECKING
 
-from markupsafe import Markup
-
 from reproduce.judge.ledger import Record
 from reproduce.papers.declare import computations
-from reproduce.printed.cells import anchor, library
+from reproduce.printed.cells import anchor
 from reproduce.version import software
 from reproduce.views import verdicts
 from reproduce.views.blocks import entry_text, rendered
@@ -111,35 +109,3 @@ def full_frame(records: Iterable[Record]) -> pd.DataFrame:
             row[name] = " ".join(map(str, row[name] or ()))
         rows.append(row)
     return pd.DataFrame(rows)
-
-
-def toolbar(
-    key: str, anchor: str, files: Iterable[str], source: str, inputs: str = ""
-) -> Markup:
-    """Return the toolbar below a table or a figure of a page, with an anchor for each function.
-
-    Its links lead to files below the root of the built book, ``#tables/KEY.csv``.
-
-    Parameters
-    ----------
-    key : str
-        Key of the table or figure.
-    anchor : str
-        Its anchor on the page.
-    files : iterable of str
-        Paths of its data and figures below the root of the book.
-    source : str
-        Text of the functions that compute it; empty if there are none.
-    inputs : str
-        Inputs of the computation, as HTML; empty if there are none.
-    """
-    return rendered(
-        "bar",
-        key=key,
-        anchor=anchor,
-        files=files,
-        source=source,
-        inputs=inputs,
-        cite=cite,
-        library=library(),
-    )

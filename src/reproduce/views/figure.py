@@ -31,7 +31,6 @@ from reproduce.store.files import FIGURES, check_target, replacing, write_text
 from reproduce.views import computed, keys
 from reproduce.views.base import Rerunnable, text_of
 from reproduce.views.blocks import Block, Display, Html, rendered
-from reproduce.views.export import toolbar
 from reproduce.views.verdicts import filled
 
 if TYPE_CHECKING:
@@ -279,7 +278,7 @@ class Figure(Rerunnable):
         else:
             declared = self._declared
             source = text_of(declared.function) if isinstance(declared, Drawing) else ""
-            bar = toolbar(self.key, name, self.files, source)
+            bar = self._toolbar(name, self.files, source)
         page = _inline(self.vectors(), name, self.alternative, self.caption, bar)
         yield Html(page, text)
 

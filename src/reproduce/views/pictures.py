@@ -27,7 +27,7 @@ from reproduce.store.points import (
     covariances,
     read_table,
 )
-from reproduce.views.blocks import Block, Blocks, Display, Fold, Grid
+from reproduce.views.blocks import Block, Blocks, Display, Grid, fold
 from reproduce.views.measurements import RegistrationResult
 
 FloatArray = NDArray[np.float64]
@@ -326,4 +326,4 @@ class PairedRegistration(RegistrationResult):
     def blocks(self) -> Iterator[Block]:
         """Yield the blocks of a registration, and the log."""
         yield from super().blocks()
-        yield Fold("Detection of the stars, and dropped pairs", Blocks(tuple(self.log)))
+        yield fold("Detection of the stars, and dropped pairs", Blocks(tuple(self.log)))

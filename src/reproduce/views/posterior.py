@@ -42,7 +42,7 @@ from reproduce.store.points import DataTable
 from reproduce.version import __version__
 from reproduce.views import computed
 from reproduce.views.base import ResultView, text_of
-from reproduce.views.blocks import Block, Blocks, Fold, Grid, Html
+from reproduce.views.blocks import Block, Blocks, Grid, Html, fold
 from reproduce.views.citations import cite_related
 from reproduce.views.export import export_frame
 from reproduce.views.figure import figure_block
@@ -274,7 +274,7 @@ class Posterior(ResultView):
         title = f"Parameters and priors. Data {self.data_text}."
         grid = Grid.of_frame(title, self.priors, kind="rp-small")
         code = Markup('<pre class="rp-source">{}</pre>').format(self.source)
-        return Blocks((grid, Fold("The model as code", Html(code))))
+        return Blocks((grid, fold("The model as code", Html(code))))
 
     def frame(self) -> pd.DataFrame:
         """Return the summary: one row per parameter and consequence, in the displayed unit."""

@@ -13,8 +13,8 @@ from reproduce.printed.cells import anchor
 from reproduce.printed.inputs import Inputs
 from reproduce.views import numbers
 from reproduce.views.base import Change, Rerunnable
-from reproduce.views.blocks import Block, Fold, Grid, Html
-from reproduce.views.export import table_files, toolbar
+from reproduce.views.blocks import Block, Grid, Html, fold
+from reproduce.views.export import table_files
 from reproduce.views.sweep import Sweep
 
 
@@ -140,13 +140,13 @@ class StudyTable(Rerunnable):
     def blocks(self) -> Iterator[Block]:
         """Yield the table, or the first part of a folded table."""
         frame, grid, folded = self.frame(), self.grid, self._declared.text.folded
-        yield Fold(str(frame[folded].iloc[0]), grid, opened=True) if folded else grid
+        yield fold(str(frame[folded].iloc[0]), grid, opened=True) if folded else grid
         if omitted := len(frame) - len(grid.rows):
             yield f"{omitted:,} more rows, by {folded}, are in its files."
         if not self.changes:
             where = f"study-{anchor(self.key)}"
             yield Html(
-                toolbar(self.key, where, table_files(self.key), self.source), self.key
+                self._toolbar(where, table_files(self.key), self.source), self.key
             )
 
 

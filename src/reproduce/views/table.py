@@ -23,9 +23,9 @@ from reproduce.views.blocks import (
     Block,
     Blocks,
     Entry,
-    Fold,
     Grid,
     Html,
+    fold,
     plain,
     rendered,
 )
@@ -34,7 +34,6 @@ from reproduce.views.export import (
     full_frame,
     provenance_of,
     table_files,
-    toolbar,
 )
 from reproduce.views.readings import Readings, summary
 from reproduce.views.study import StudyTable
@@ -287,16 +286,16 @@ class Table(ItemView):
             yield summary(table.place, records)
             listed = f'rp.table("{self.key}").readings lists them'
             whole = Html(lambda: self.readings.markup, listed)
-            yield Fold("All readings of the text", whole)
+            yield fold("All readings of the text", whole)
         if results:
             judged = Blocks(tuple(_judged(table.place, results)))
-            yield Fold("How each cell was judged", judged)
+            yield fold("How each cell was judged", judged)
 
         def bar() -> Markup:
             cells = verdicts.linked(self.inputs)
             inputs = rendered("inputs", table=self, cells=cells) if cells else ""
             files = table_files(self.key)
-            return toolbar(self.key, anchor(self.key), files, self.source, inputs)
+            return self._toolbar(anchor(self.key), files, self.source, inputs)
 
         yield Html(
             bar, f"{self.key}: reproduce show {self.key}#CELL shows all about a cell"
