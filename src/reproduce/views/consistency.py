@@ -13,10 +13,11 @@ import pandas as pd
 from reproduce.consistency.examine import RelationResult
 from reproduce.consistency.report import Audit, Erratum, audit_paper
 from reproduce.judge.ledger import entries, frozen, item_ledger
+from reproduce.papers.declare import Column
 from reproduce.printed.cells import PAPERS
 from reproduce.printed.number import minus, quantity, si_factor, symbol
 from reproduce.version import __version__
-from reproduce.views import verdicts
+from reproduce.views import numbers, verdicts
 from reproduce.views.blocks import (
     Block,
     Blocks,
@@ -30,6 +31,8 @@ from reproduce.views.blocks import (
 from reproduce.views.keys import check_paper
 
 _Row = dict[Any, Any]
+# Format of both sides of an equation. Smaller numbers are rounding noise.
+_STYLE = Column("Value", ".5g", zero=1e-9)
 
 # Conclusions on the paper, in decreasing order of the consequence.
 _CONCLUSIONS = ("moves", "not supported as printed", "open", "stands")
@@ -109,7 +112,8 @@ def _table(part: str, caption: str, columns: Iterable[str], rows: list[_Row]) ->
         part,
         caption=caption,
         rows=rows,
-        digits=_digits,
+        entry=numbers.entry,
+        style=_STYLE,
         replied=verdicts.replied,
         version=__version__,
     )
@@ -245,10 +249,6 @@ def _differences(audits: Sequence[Audit]) -> _Part:
 
     found = differences.distances([audit.name for audit in audits])
     return _Part((differences.differences_block(found),), found.to_dict("records"))
-
-
-def _digits(value: float) -> str:
-    return minus(f"{0.0 if abs(value) < 1e-9 else value:.5g}")
 
 
 _PARTS: dict[str, Callable[[Sequence[Audit]], _Part]] = {

@@ -11,10 +11,10 @@ if TYPE_CHECKING:
     from reproduce.papers.declare import Column, Fact
 
 
-def entry(value: float | str, column: Column, error: float | None = None) -> str:
-    """Return an entry of a column, with its error in the same format.
+def entry(value: float | str, style: Column | Fact, error: float | None = None) -> str:
+    """Return a number with its error, both in the format of a column or of a fact.
 
-    An infinite value is ``any``. A value below the zero of the column is 0.
+    An infinite value is ``any``. A value below the zero of the style is 0.
 
     Examples
     --------
@@ -24,13 +24,13 @@ def entry(value: float | str, column: Column, error: float | None = None) -> str
     """
     if value != value:  # NaN
         return ""
-    if isinstance(value, str) or not column.form:
+    if isinstance(value, str) or not style.form:
         return str(value)
-    if column.form == "chance":
-        return _power(value, column.zero)
-    small, limit = abs(value) < column.zero, math.isinf(value)
-    text = "0" if small else "any" if limit else minus(f"{value:{column.form}}")
-    return text if error is None else f"{text} ± {error:{column.form}}"
+    if style.form == "chance":
+        return _power(value, style.zero)
+    small, limit = abs(value) < style.zero, math.isinf(value)
+    text = "0" if small else "any" if limit else minus(f"{value:{style.form}}")
+    return text if error is None else f"{text} ± {error:{style.form}}"
 
 
 def fact(quoted: Fact) -> str:
@@ -42,10 +42,7 @@ def fact(quoted: Fact) -> str:
     >>> fact(Fact(0.0432, ".2f", "px")), fact(Fact("Table 2"))
     ('0.04\u202fpx', 'Table 2')
     """
-    from reproduce.papers.declare import Column  # a fit of stars needs no paper
-
-    text = entry(quoted.value, Column("", quoted.form, quoted.zero))
-    return quantity(text, quoted.unit)
+    return quantity(entry(quoted.value, quoted), quoted.unit)
 
 
 def _power(probability: float, least: float) -> str:

@@ -122,32 +122,27 @@ class StudyTable(Rerunnable):
         frame: pd.DataFrame = self._made[0]
         return frame.copy()
 
-    @property
-    def grid(self) -> Grid:
-        """The formatted table; the first part of a folded table."""
+    def blocks(self) -> Iterator[Block]:
+        """Yield the formatted table, or the first part of a folded table."""
         text, frame = self._declared.text, self.frame()
         caption = f"{frame.attrs['caption']} {self._setting()}".rstrip()
-        if text.folded:
-            frame = frame[frame[text.folded] == frame[text.folded].iloc[0]]
+        part = frame[text.folded].iloc[0] if text.folded else ""
+        first = _selected(frame, {text.folded: part} if text.folded else {})
         shown = [column for column in self._columns if column.name != text.folded]
         rows = [
             [numbers.entry(row[c.name], c, row.get(c.error)) for c in shown]
-            for row in frame.to_dict("records")
+            for row in first.to_dict("records")
         ]
-        where = f"study-{anchor(self.key)}" + ("-changed" if self.changes else "")
-        return Grid(caption, [c.name for c in shown], rows, where, "rp-study")
-
-    def blocks(self) -> Iterator[Block]:
-        """Yield the table, or the first part of a folded table."""
-        frame, grid, folded = self.frame(), self.grid, self._declared.text.folded
-        yield fold(str(frame[folded].iloc[0]), grid, opened=True) if folded else grid
-        if omitted := len(frame) - len(grid.rows):
-            yield f"{omitted:,} more rows, by {folded}, are in its files."
+        where = f"study-{anchor(self.key)}"
+        identifier = f"{where}-changed" if self.changes else where
+        heads = [column.name for column in shown]
+        grid = Grid(caption, heads, rows, identifier, "rp-study")
+        yield fold(str(part), grid, opened=True) if text.folded else grid
+        if omitted := len(frame) - len(first):
+            yield f"{omitted:,} more rows, by {text.folded}, are in its files."
         if not self.changes:
-            where = f"study-{anchor(self.key)}"
-            yield Html(
-                self._toolbar(where, table_files(self.key), self.source), self.key
-            )
+            bar = self._toolbar(where, table_files(self.key), self.source)
+            yield Html(bar, self.key)
 
 
 def _selected(frame: pd.DataFrame, chosen: Mapping[str, Any]) -> pd.DataFrame:
