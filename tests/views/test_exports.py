@@ -140,6 +140,14 @@ def test_unknown_formats_are_named():
             call(b"niu2024/table-3")
 
 
+def test_exports_and_citations_are_plain_text():
+    """An addition to HTML would be escaped."""
+    texts = [rp.table(KEY).export(form) for form in FORMATS]
+    for form in ("bibtex", "ris", "csl", "text", "sentence"):
+        texts += [cite(KEY, form), cite(CELLS[0], form)]
+    assert {type(text) for text in texts} == {str}
+
+
 def test_citations_name_item_paper_and_authors():
     for key in catalogue():
         paper = key.split("/")[0]

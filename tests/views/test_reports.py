@@ -21,7 +21,7 @@ from reproduce.papers.declare import computations
 from reproduce.printed.cells import PAPERS, anchor, library
 from reproduce.printed.inputs import load_inputs
 from reproduce.views import reports
-from reproduce.views.blocks import rendered
+from reproduce.views.blocks import written
 from reproduce.views.citations import cite
 from reproduce.views.cli import main
 from reproduce.views.export import table_files
@@ -165,7 +165,7 @@ def test_a_covariance_is_that_of_the_draws():
 
 def test_a_file_without_a_value_is_an_error():
     with pytest.raises(UndefinedError, match="items"):
-        rendered("citation.ris")
+        written("citation.ris")
 
 
 def test_the_state_of_a_reply_is_in_ledger_table_card_and_citation(monkeypatch):

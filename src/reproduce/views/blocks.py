@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 from jinja2 import (
     ChoiceLoader,
@@ -78,10 +78,14 @@ def _templates() -> Environment:
     return made
 
 
+def written(template: str, **context: Any) -> str:
+    """Return the text of a template of the folder ``templates`` or of ``data/reports``."""
+    return _templates().get_template(template).render(context)
+
+
 def rendered(template: str, **context: Any) -> Markup:
-    """Return a template of the folder ``templates`` (HTML by default) or of ``data/reports``."""
-    name = template if "." in template else f"{template}.html"
-    return Markup(_templates().get_template(name).render(context))
+    """Return the HTML of a template of the folder ``templates``."""
+    return Markup(written(f"{template}.html", **context))
 
 
 def _powers_in_html(html: str) -> str:
@@ -120,8 +124,9 @@ class View(ABC):
     def __repr__(self) -> str:
         """Return the object as text without colour."""
         file = io.StringIO()
-        console = Console(file=file, width=_WIDTH_COLUMNS, no_color=True)
-        console.is_jupyter = False
+        console = Console(
+            file=file, width=_WIDTH_COLUMNS, no_color=True, force_jupyter=False
+        )
         console.print(self)
         return "\n".join(line.rstrip() for line in file.getvalue().splitlines())
 
@@ -291,8 +296,7 @@ def _table(
     )
     for (name, *texts), size in zip(columns, widths, strict=True):
         numeric = all(map(_NUMBER.match, texts))
-        justify: Literal["left", "right"] = "right" if numeric else "left"
-        table.add_column(name, justify=justify, width=size)
+        table.add_column(name, justify="right" if numeric else "left", width=size)
     for row in rows:
         looks = (LOOKS.get(text.partition(" ")[0], {}) for text in row)
         table.add_row(*map(Text, row, (look.get("style", "") for look in looks)))

@@ -21,7 +21,7 @@ from reproduce.papers.declare import PaperFunction, computation_for, study
 from reproduce.printed.cells import PAPERS, PrintedCell, anchor, library
 from reproduce.version import AUTHORS, content_id
 from reproduce.views import keys, verdicts
-from reproduce.views.blocks import rendered
+from reproduce.views.blocks import written
 
 _FORMATS = ("bibtex", "ris", "csl", "text", "sentence")
 # Field of BibTeX to its name in CSL.
@@ -148,7 +148,7 @@ def statement(record: Record, template: str = "statement.txt") -> str:
     """Return the place, the printed value, the computed value and the verdict of a cell."""
     cell = record.printed_cell
     words, paper = in_words(cell), _et_al(record.paper)
-    text = rendered(
+    return written(
         template,
         record=record,
         place=f"{words[:1].upper()}{words[1:]}, of {paper}",
@@ -157,7 +157,6 @@ def statement(record: Record, template: str = "statement.txt") -> str:
         verdicts=verdicts,
         version=version,
     )
-    return str(text)
 
 
 def recomputed(record: Record) -> str:
@@ -198,7 +197,7 @@ def _written(
     """Return the entry of an address of the book, and the entries of its papers."""
     check_format(form, _FORMATS)
     if form == "sentence":
-        return rendered("related.txt", title=title, version=version)
+        return written("related.txt", title=title, version=version)
     context = {
         "name": name,
         "title": title,
@@ -209,16 +208,16 @@ def _written(
     }
     if form == "text":
         # `verify` reads the statement of a cell between the year and the name of the software.
-        own = rendered("citation.txt", **context)
+        own = written("citation.txt", **context)
         return "\n".join((own, *map(_in_text, cited)))
-    text = rendered("citation.bib", **context)
+    text = written("citation.bib", **context)
     entries = [Entry.from_string(text, "bibtex"), *map(_paper, cited)]
     if form == "bibtex":
         return "\n".join(entry.to_string("bibtex") for entry in entries).strip()
     items = [*map(_csl, entries)]
     if form == "csl":
         return json.dumps(items, indent=2, ensure_ascii=False)
-    return rendered("citation.ris", items=items)
+    return written("citation.ris", items=items)
 
 
 @cache

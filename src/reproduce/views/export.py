@@ -13,7 +13,7 @@ from reproduce.papers.declare import computations
 from reproduce.printed.cells import anchor
 from reproduce.version import software
 from reproduce.views import verdicts
-from reproduce.views.blocks import entry_text, rendered
+from reproduce.views.blocks import entry_text, written
 from reproduce.views.citations import check_format, cite
 from reproduce.views.tex import in_tex
 
@@ -44,7 +44,7 @@ def provenance_of(cited: str = "", setting: str = "") -> dict[str, str]:
 def export_frame(
     frame: pd.DataFrame,
     form: str,
-    provenance: Mapping[str, str] | None = None,
+    provenance: Mapping[str, str],
     address: str = "",
     caption: str = "",
     legend: str = "",
@@ -55,7 +55,6 @@ def export_frame(
     of an address has a caption with citations. A legend is below it, also in Markdown.
     """
     check_format(form, FORMATS)
-    provenance = provenance or provenance_of()
     comment = "".join(f"{name}: {text}\n" for name, text in provenance.items())
     if form == "csv":
         # Words are quoted, since an address contains the sign of a comment.
@@ -68,7 +67,7 @@ def export_frame(
     lines = [[*frame.columns], *frame.to_numpy().tolist()]
     texts = {"caption": caption, "legend": legend, "comment": comment}
     if form == "markdown":
-        return rendered("table.md", lines=lines, **texts)
+        return written("table.md", lines=lines, **texts)
     if len(frame) < _MAX_COLUMNS < len(frame.columns):
         lines = [list(column) for column in zip(*lines, strict=True)]
     lines = [[entry_text(entry, 6) for entry in line] for line in lines]
@@ -78,7 +77,7 @@ def export_frame(
         else "lr"[any(text.strip("−")[:1].isdigit() for text in column)]
         for _, *column in zip(*lines, strict=True)
     ]
-    whole = rendered(
+    whole = written(
         "table.tex", lines=lines, columns=columns, address=address, cite=cite, **texts
     )
     return in_tex(whole)

@@ -131,9 +131,9 @@ class UserResult(Display):
 
     def export(self, form: str) -> str:
         """Return the numbers as csv, json, latex or markdown."""
-        from reproduce.views.export import export_frame  # it loads the ledger
+        from reproduce.views import export  # it loads the ledger
 
-        return export_frame(self.frame(), form)
+        return export.export_frame(self.frame(), form, export.provenance_of())
 
     def rerun(self, **changes: Any) -> Any:
         """Return the result of other arguments; the others stay the same."""

@@ -18,7 +18,7 @@ from reproduce.printed.cells import library
 from reproduce.printed.inputs import load_inputs
 from reproduce.printed.number import si_factor
 from reproduce.views import citations, keys, verdicts
-from reproduce.views.blocks import rendered
+from reproduce.views.blocks import written
 
 # Files of each form.
 FORMS = {
@@ -89,7 +89,7 @@ def report(paper: str, form: str) -> dict[str, str]:
         "version": version,
         "whole": whole,
     }
-    return {file: rendered(file, **values) for file in FORMS[form]}
+    return {file: written(file, **values) for file in FORMS[form]}
 
 
 def covariance(key: str) -> pd.DataFrame:

@@ -28,6 +28,7 @@ from reproduce.views.blocks import (
     fold,
     plain,
     rendered,
+    written,
 )
 from reproduce.views.export import (
     export_frame,
@@ -237,7 +238,7 @@ class Table(ItemView):
             if len({*places}) > 1:
                 frame["place"] = places
         caption = f"{table.place}. {table.title}."
-        legend = rendered("legend.txt", records=records)
+        legend = written("legend.txt", records=records)
         return export_frame(frame, form, self.provenance, self.key, caption, legend)
 
     def blocks(self) -> Iterator[Block]:
