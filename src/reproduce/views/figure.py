@@ -7,11 +7,11 @@ import json
 import re
 import textwrap
 import zlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 from xml.etree import ElementTree
 
 import numpy as np
@@ -29,7 +29,7 @@ from reproduce.printed.inputs import Inputs, load_inputs
 from reproduce.printed.number import powers
 from reproduce.store.files import FIGURES, check_target, replacing, write_text
 from reproduce.views import computed, keys
-from reproduce.views.base import Rerunnable, text_of
+from reproduce.views.base import Change, Rerunnable, text_of
 from reproduce.views.blocks import Block, Display, Html, rendered
 from reproduce.views.verdicts import filled
 
@@ -313,7 +313,7 @@ class Panels(Display, list[Figure]):
         return [panel.save(path.with_stem(path.stem + panel.key[-1])) for panel in self]
 
     def rerun(
-        self, changes: Mapping[str, Any] | None = None, *, seed: int | None = None
+        self, changes: Change | None = None, *, seed: int | None = None
     ) -> Panels:
         """Return the panels with changed inputs or another seed.
 

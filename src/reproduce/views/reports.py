@@ -77,11 +77,9 @@ def report(paper: str, form: str) -> dict[str, str]:
     values = {
         "central": f"{CENTRAL:.0%}",
         "cited": cited,
-        "commit": version.package_commit(),
         "keys": keys,
         "name": _name,
         "options": {key: options(key) for key in named},
-        "open": {"differs", "ambiguous", "unpublished"},
         "outcomes": {key: outcome(found) for key, found in results.items()},
         "paper": paper,
         "results": results,
