@@ -78,9 +78,9 @@ def cite(address: str, form: str = "bibtex") -> str:
     key, _, name = address.partition("#")
     paper, _, topic = key.partition("/")
     if key in catalogue("studies"):
-        return cite_related(form, "study", paper, key, "Supplementary table to")
+        return cite_related(form, "study-", paper, key, "Supplementary table to")
     if key in catalogue("drawings"):
-        return cite_related(form, "drawing", paper, key, "Supplementary figure to")
+        return cite_related(form, "drawing-", paper, key, "Supplementary figure to")
     keys.check_key(key)
     if not name:
         place = keys.place(key).partition(",")[0]
@@ -95,15 +95,15 @@ def cite(address: str, form: str = "bibtex") -> str:
 
 
 def cite_related(
-    form: str, kind: str, paper: str, name: str, relation: str, title: str = ""
+    form: str, prefix: str, paper: str, name: str, relation: str, title: str = ""
 ) -> str:
     """Return the citation of an object with its relation to its paper, and of the paper.
 
-    `name` is its key, whose title is the default, or the name of a posterior.
+    `name` is its key, whose title is the default, or the name of a posterior. The name of the
+    entry begins with `prefix`.
     """
     title = f"{relation} {_et_al(paper)}: {title or keys.title(name)}"
-    entry = "-".join(filter(None, (kind, anchor(name))))
-    return _written(form, entry, title, [paper], name)
+    return _written(form, f"{prefix}{anchor(name)}", title, [paper], name)
 
 
 def in_words(cell: PrintedCell) -> str:

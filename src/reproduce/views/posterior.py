@@ -452,7 +452,7 @@ class Posterior(ResultView):
         declared = self.declared
         return cite_related(
             form,
-            "posterior",
+            "posterior-",
             declared.paper,
             self.name,
             "Posterior of",

@@ -89,10 +89,10 @@ class Readings(Display):
 
 def summary(label: str, records: Iterable[Record]) -> Grid:
     """Return a summary of the readings of each cell."""
-    columns = ("cell", "printed", "readings that agree", "agrees with")
+    agreeing = "readings that agree", "agrees with", "closest reading"
     return Grid.of(
         f"Readings of {label}, cell by cell",
-        (*columns, "closest reading"),
+        ("cell", "printed", *agreeing),
         [verdicts.texts(record) for record in records if record.readings],
         kind="rp-small rp-readings",
     )
