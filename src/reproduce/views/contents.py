@@ -181,10 +181,6 @@ class Check(Display):
         return [_index(listed, self.ledger), *(self.faults() or unchanged)]
 
 
-# Names of the public API.
-contents, check = Contents, Check
-
-
 def _entry(key: str) -> dict[str, Any]:
     return {
         "key": key,
@@ -212,3 +208,7 @@ def _index(listed: Sequence[str], ledger: Ledger) -> Html:
     ]
     heads = ("key", *(LOOKS[name]["head"] for name in VERDICTS), "weak")
     return Html(page, Grid("Cells by verdict.", heads, lines))
+
+
+# Names of the public API.
+contents, check = Contents, Check
