@@ -157,13 +157,14 @@ class Sweep(Display):
             raise ValueError(
                 f"values: expected a list with {listed} for each step, got {values!r}"
             )
-        cells, self.printed, parts = [find(name)[0] for name in names], list[bool](), []
+        cells = [find(name)[0] for name in names]
+        self.printed, self.steps = list[bool](), list[pd.DataFrame]()
         for step in steps:
             numbers = map(si_value, cells, step)
             self.printed.append(all(map(isclose, numbers, (cell.si for cell in cells))))
             rows = compute(dict(zip(names, step, strict=True)))
-            parts.append(rows.assign(setting=", ".join(map(str, step))))
-        self.rows = pd.concat(parts, keys=range(len(parts)), names=["step", "number"])
+            self.steps.append(rows.assign(setting=", ".join(map(str, step))))
+        self.rows = pd.concat(self.steps)
         inputs = "an input" if len(names) == 1 else f"{len(names)} inputs"
         self.caption = f"{place}, for {len(steps)} values of {inputs}."
         if self.rows["low"].notna().any():
@@ -176,20 +177,14 @@ class Sweep(Display):
         frame = self.rows.set_index(["setting", "cell"])
         return frame[["computed", "low", "high", "unit"]]
 
-    @property
-    def grid(self) -> Grid:
-        """The numbers in the displayed format, one row per step."""
-        steps = [part for _, part in self.rows.groupby(level="step")]
+    def blocks(self) -> Iterator[Block]:
+        """Yield a table of the steps, on a page with a slider and a graph of each number."""
         lines = [
             (part["setting"].iloc[0] + " (printed)" * printed, *part["text"])
-            for printed, part in zip(self.printed, steps, strict=True)
+            for printed, part in zip(self.printed, self.steps, strict=True)
         ]
-        return Grid(self.caption, (self.label, *steps[0]["label"]), lines)
-
-    def blocks(self) -> Iterator[Block]:
-        """Yield the table, on a page with a slider and a graph of the numbers."""
-        grid = self.grid
-        numbers = [part for _, part in self.rows.groupby(level="number")]
+        grid = Grid(self.caption, (self.label, *self.steps[0]["label"]), lines)
+        numbers = [part for _, part in self.rows.groupby(level=0)]
 
         def paint(figure: Figure) -> None:
             set_size(figure, 6.4, 0.4 + _PANEL_INCHES * len(numbers))
