@@ -14,12 +14,10 @@ of the tracker is in the plane of Y and Z.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import reduce
 from typing import Annotated, Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from reproduce.physics.attitude import (
     Platform,
@@ -34,8 +32,8 @@ from reproduce.physics.validate import (
     Directions,
     FloatArray,
     Number,
+    Points,
     checked,
-    finite_array,
     valid,
 )
 
@@ -231,11 +229,18 @@ RETROREFLECTORS: dict[str, FloatArray | None] = {
 }
 
 
-@dataclass(frozen=True, eq=False)
-class LightPath:
-    """Lasers with their camera, retro-reflector, dichroic mirror and tracker.
+@checked
+def traced_spots(
+    platform: Platform,
+    boresight_angle: float,
+    retroreflector: FloatArray | None,
+    aperture: Points,
+    turn: Direction = _NO_TURN,
+    camera_turn: Direction = _NO_TURN,
+) -> FloatArray:
+    """Return the positions of the rays of each laser on the detector of the tracker.
 
-    Attributes
+    Parameters
     ----------
     platform : Platform
         Lasers, camera and tracker.
@@ -243,51 +248,38 @@ class LightPath:
         Angle between the two boresights, both outwards, in radians.
     retroreflector : ndarray, shape (3, 3), or None
         Train of the mirrors in front of the camera, from `RETROREFLECTORS`. `None` for a cone.
+    aperture : array_like, shape (n, 2)
+        Illuminated points of the lens of the camera, in metres.
     turn, camera_turn : array_like, shape (3,)
         Rotation vectors of the retro-reflector, for a cone about its tip, and of the camera with
         lasers and lens, about its lens.
+
+    Returns
+    -------
+    ndarray, shape (lasers, n, 2)
+        Positions, in px.
 
     Examples
     --------
     The spot of a laser at the centre is at the centre, for any part of the lens.
 
     >>> platform = Platform([[0, 0], [0.01, 0]], 2.0, 0.06, 13e-6, (0, 0))
-    >>> path = LightPath(platform, np.radians(120), RETROREFLECTORS["corner cube"])
-    >>> bool(np.abs(path.spots([[0.0, 0.02], [0.1, 0.05]])[0]).max() < 1e-9)
+    >>> lens = [[0.0, 0.02], [0.1, 0.05]]
+    >>> spots = traced_spots(platform, np.radians(120), mirror_train(CORNER), lens)
+    >>> bool(np.abs(spots[0]).max() < 1e-9)
     True
     """
-
-    platform: Platform
-    boresight_angle: float
-    retroreflector: FloatArray | None
-    turn: ArrayLike = _NO_TURN
-    camera_turn: ArrayLike = _NO_TURN
-
-    def spots(self, aperture: ArrayLike) -> FloatArray:
-        """Return the positions of the rays of each laser on the detector of the tracker.
-
-        Parameters
-        ----------
-        aperture : array_like, shape (rays, 2)
-            Illuminated points of the lens of the camera, in metres.
-
-        Returns
-        -------
-        ndarray, shape (n, rays, 2)
-            Positions, in px.
-        """
-        camera = rotation_from_vector(self.camera_turn)
-        light = self.platform.directions @ camera.T
-        holes = finite_array("aperture", aperture, shape=(None, 2))
-        lens = np.insert(holes, 2, 0.0, axis=-1) @ camera.T
-        # In the frame of the retro-reflector: rows times R are the columns R' x.
-        turn = rotation_from_vector(self.turn)
-        rays = np.repeat(light[:, None], len(lens), axis=1) @ turn
-        if self.retroreflector is None:
-            rays = reflected_by_cone((lens - _CONE_TIP) @ turn, rays)
-        else:
-            rays = rays @ self.retroreflector.T
-        rays = rays @ turn.T @ reflection(fold_mirror(self.boresight_angle))
-        # Directions in the tracker point to the source of the light.
-        sources = -rays @ rotation_from_vector([self.boresight_angle, 0.0, 0.0])
-        return received_spots(sources, *self.platform.tracker)
+    camera = rotation_from_vector(camera_turn)
+    light = platform.directions @ camera.T
+    lens = np.insert(aperture, 2, 0.0, axis=-1) @ camera.T
+    # In the frame of the retro-reflector: rows times R are the columns R' x.
+    turned = rotation_from_vector(turn)
+    rays = np.repeat(light[:, None], len(lens), axis=1) @ turned
+    if retroreflector is None:
+        rays = reflected_by_cone((lens - _CONE_TIP) @ turned, rays)
+    else:
+        rays = rays @ retroreflector.T
+    rays = rays @ turned.T @ reflection(fold_mirror(boresight_angle))
+    # Directions in the tracker point to the source of the light.
+    sources = -rays @ rotation_from_vector([boresight_angle, 0.0, 0.0])
+    return received_spots(sources, *platform.tracker)

@@ -17,9 +17,9 @@ from reproduce.physics.attitude import (
 )
 from reproduce.physics.raytrace import (
     RETROREFLECTORS,
-    LightPath,
     fold_mirror,
     reflection,
+    traced_spots,
 )
 
 CAMERA, TRACKER, BETWEEN = 2.0, 0.06, np.radians(120.0)
@@ -33,32 +33,31 @@ PITCH = 13e-6
 PLATFORM = Platform(LASERS, CAMERA, TRACKER, PITCH, (0, 0))
 
 
-def path(kind, **changes):
-    return LightPath(PLATFORM, BETWEEN, RETROREFLECTORS[kind], **changes)
+def traced(kind, platform=PLATFORM, angle=BETWEEN, **turns):
+    return traced_spots(platform, angle, RETROREFLECTORS[kind], APERTURE, **turns)
 
 
-def directions(light):
-    spots = light.spots(APERTURE).mean(axis=1)
-    return received_directions(spots, (0.0, 0.0), PITCH, TRACKER)
+def directions(spots):
+    return received_directions(spots.mean(axis=1), (0.0, 0.0), PITCH, TRACKER)
 
 
-def feigned(light, kind):
+def feigned(kind, **turns):
     """Return the angles of the camera that the tracker derives from the spots."""
     # A third reflection mirrors the pattern.
     flip = np.array([1.0, 1.0 if kind == ROOF else -1.0])
     camera = emitted_directions(LASERS * flip, CAMERA)
-    zero = laser_transform(camera, directions(path(kind)))
-    return misalignment_angles(misalignment(camera, directions(light), zero))
+    zero = laser_transform(camera, directions(traced(kind)))
+    seen = directions(traced(kind, **turns))
+    return misalignment_angles(misalignment(camera, seen, zero))
 
 
 def test_the_dichroic_mirror_folds_the_returned_light_onto_the_boresight():
     centred = replace(PLATFORM, lasers=LASERS - LASERS[0])
     for angle in np.radians([60.0, 90.0, 120.0, 150.0]):
-        light = replace(path(CORNER), boresight_angle=angle, platform=centred)
         boresight = rotation_from_vector([angle, 0, 0])[:, 2]
         folded = reflection(fold_mirror(angle)) @ [0, 0, -1.0]
         assert_allclose(folded, -boresight, atol=1e-12)
-        spots = PITCH * light.spots(APERTURE)[0]
+        spots = PITCH * traced(CORNER, centred, angle)[0]
         assert_allclose(spots, 0.0, atol=1e-15)
     normal = fold_mirror(BETWEEN)
     boresight = rotation_from_vector([BETWEEN, 0, 0])[:, 2]
@@ -67,7 +66,7 @@ def test_the_dichroic_mirror_folds_the_returned_light_onto_the_boresight():
 
 @pytest.mark.parametrize("kind", RETROREFLECTORS)
 def test_the_lit_part_of_the_lens_matters_only_to_a_cone(kind):
-    spots = PITCH * path(kind).spots(APERTURE)
+    spots = PITCH * traced(kind)
     blur = np.linalg.norm(spots - spots.mean(axis=1, keepdims=True), axis=-1).max()
     assert 1e-9 < blur < 13e-6 if kind == CONE else blur < 1e-15
 
@@ -77,25 +76,25 @@ def test_the_lit_part_of_the_lens_matters_only_to_a_cone(kind):
     [(CORNER, np.zeros((3, 3))), (ROOF, np.diag([2.0, 0.0, 2.0]))],
 )
 def test_turns_of_the_retroreflector_that_mimic_turns_of_the_camera(kind, expected):
-    found = [feigned(path(kind, turn=turn), kind) for turn in TURN * np.eye(3)]
+    found = [feigned(kind, turn=turn) for turn in TURN * np.eye(3)]
     assert_allclose(np.abs(found) / TURN, expected, atol=2e-4)
 
 
 @pytest.mark.parametrize("kind", [CORNER, ROOF])
 def test_a_turn_of_the_camera_is_seen_in_full(kind):
     for turn in TURN * np.eye(3):
-        found = feigned(path(kind, camera_turn=turn), kind)
+        found = feigned(kind, camera_turn=turn)
         assert_allclose(np.abs(found), turn, atol=1e-4 * TURN)
     # Two mirrors do not mirror the image, so the signs are right too.
     turn = TURN * np.array([0.3, -0.7, 0.5])
-    found = feigned(path(ROOF, camera_turn=turn), ROOF)
+    found = feigned(ROOF, camera_turn=turn)
     assert_allclose(found, turn, atol=1e-4 * TURN)
 
 
 def test_through_a_cone_a_tilt_mimics_a_roll():
     """The beam misses the tip along X. The effect is of second order: a false roll."""
     by_camera, by_cone = (
-        np.array([feigned(path(CONE, **{name: t}), CONE) for t in TURN * np.eye(3)])
+        np.array([feigned(CONE, **{name: t}) for t in TURN * np.eye(3)])
         for name in ("camera_turn", "turn")
     )
     by_camera, by_cone = by_camera / TURN, by_cone / TURN

@@ -13,8 +13,9 @@ of the averaged misalignment.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
+from functools import partial
 
 import numpy as np
 
@@ -33,10 +34,10 @@ from reproduce.physics.attitude import Platform
 from reproduce.physics.optics import field_of_view
 from reproduce.physics.raytrace import (
     RETROREFLECTORS,
-    LightPath,
     fold_mirror,
     fold_mirror_tilt,
     reflection,
+    traced_spots,
     turn_response,
 )
 from reproduce.physics.validate import FloatArray
@@ -130,14 +131,14 @@ def table_angle(inputs: Inputs) -> Results:
     return {"table-angle": np.arcsin(sine)}
 
 
-def _reported(design: Platform, rest: LightPath, **changes: Any) -> FloatArray:
-    """Return the rotation of the camera that the system reports when the light path changes.
+def _reported(
+    design: Platform, traced: Callable[..., FloatArray], **turns: FloatArray
+) -> FloatArray:
+    """Return the rotation of the camera that the system reports after a rotation of a part.
 
     Angles about X, Y and Z of the camera, shape (3,), in radians.
     """
-    zero, now = (
-        path.spots(_APERTURE).mean(axis=1) for path in (rest, replace(rest, **changes))
-    )
+    zero, now = (spots.mean(axis=1) for spots in (traced(), traced(**turns)))
     return design.misalignment(now, design.transform(zero))
 
 
@@ -160,16 +161,16 @@ def _retro_reflectors(inputs: Inputs) -> Rows:
     for kind, train in RETROREFLECTORS.items():
         # An odd number of reflections mirrors the image.
         is_mirrored = train is None or np.linalg.det(train) < 0
-        rest = LightPath(platform, inputs[BORESIGHT], train)
+        traced = partial(traced_spots, platform, inputs[BORESIGHT], train, _APERTURE)
         design = replace(
             platform, lasers=platform.lasers * [1, -1 if is_mirrored else 1]
         )
         responses: list[float] = []
         for turn in turns:
-            x, y, z = _reported(design, rest, turn=turn)
+            x, y, z = _reported(design, traced, turn=turn)
             responses += [np.hypot(x, y), abs(z)]
-        responses.append(abs(_reported(design, rest, camera_turn=turns[0])[2]))
-        spots = rest.spots(_APERTURE)
+        responses.append(abs(_reported(design, traced, camera_turn=turns[0])[2]))
+        spots = traced()
         offsets = spots - spots.mean(axis=1, keepdims=True)
         blur = np.linalg.norm(offsets, axis=-1).max()
         image = "mirrored" if is_mirrored else "upright"
